@@ -1,0 +1,1 @@
+"""Fits from measurements, written back into the robot file."""

@@ -1,0 +1,64 @@
+"""The ``contid`` command: a table of commands, each imported only when it is called."""
+
+from __future__ import annotations
+
+import sys
+from importlib import import_module
+from typing import Final, NoReturn
+
+import click
+
+from contid import __version__
+from contid.errors import ContidError
+
+#: Command -> (module that defines it as ``command``, one line for ``contid --help``).
+COMMANDS: Final[dict[str, tuple[str, str]]] = {
+    "check": ("contid.cli.check", "validate a robot file and print what it describes"),
+}
+
+
+class LazyGroup(click.Group):
+    """A group whose help needs none of its commands' imports: ``contid --help`` answers at once."""
+
+    def list_commands(self, ctx: click.Context) -> list[str]:
+        """Names in the order of the table."""
+        return list(COMMANDS)
+
+    def get_command(self, ctx: click.Context, cmd_name: str) -> click.Command | None:
+        """Import the module of one command."""
+        if cmd_name not in COMMANDS:
+            return None
+        command: click.Command = import_module(COMMANDS[cmd_name][0]).command
+        return command
+
+    def format_commands(self, ctx: click.Context, formatter: click.HelpFormatter) -> None:
+        """The table itself is the help."""
+        with formatter.section("Commands"):
+            formatter.write_dl([(name, line) for name, (_, line) in COMMANDS.items()])
+
+
+@click.group(cls=LazyGroup, context_settings={"help_option_names": ["-h", "--help"]})
+@click.version_option(__version__, prog_name="contid")
+def cli() -> None:
+    """Make continuum robots move: one YAML file from geometry to wire."""
+
+
+def main() -> NoReturn:
+    """Run the command line; every `ContidError` becomes one message and its exit code."""
+    try:
+        cli.main(standalone_mode=False)
+    except click.exceptions.Exit as done:
+        sys.exit(done.exit_code)
+    except click.Abort:
+        sys.exit(130)
+    except click.ClickException as usage:
+        usage.show()
+        sys.exit(2)
+    except ContidError as error:
+        click.echo(f"contid: {error}", err=True)
+        sys.exit(error.exit_code)
+    except BrokenPipeError:
+        # The reader of our output went away (``contid path ... | head``); that is not our failure.
+        sys.stderr.close()
+        sys.exit(0)
+    sys.exit(0)

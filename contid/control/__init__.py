@@ -1,0 +1,1 @@
+"""The tick, its limits and states, the control process and the daemon."""

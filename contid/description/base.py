@@ -1,0 +1,143 @@
+"""Pieces every robot description shares: strictness, base pose, axes, limits, stops.
+
+Keys carry their unit (``_mm``, ``_bar``, ``_deg``); properties without a unit suffix in the key's sense
+(``_m``, ``_pa``, ``_rad``) give the same quantity in SI to the rest of the house.
+"""
+
+from __future__ import annotations
+
+import enum
+import math
+from typing import Annotated, Literal, TypeAlias
+
+from pydantic import AfterValidator, BaseModel, ConfigDict, Field
+
+from contid.units import BAR, MM_PER_M
+
+
+class Strict(BaseModel):
+    """Base of every part of a robot file: unknown keys are refused, values never change after loading."""
+
+    model_config = ConfigDict(extra="forbid", frozen=True, allow_inf_nan=False)
+
+
+Positive: TypeAlias = Annotated[float, Field(gt=0)]
+NonNegative: TypeAlias = Annotated[float, Field(ge=0)]
+
+
+def _ordered(pair: tuple[float, float]) -> tuple[float, float]:
+    if not pair[0] < pair[1]:
+        raise ValueError(f"the first number must be less than the second, got {pair[0]:g} and {pair[1]:g}")
+    return pair
+
+
+#: ``[least, greatest]`` with least < greatest.
+Interval: TypeAlias = Annotated[tuple[float, float], AfterValidator(_ordered)]
+
+
+class Quantity(enum.StrEnum):
+    """What a robot's axes are: lengths [m] or pressures [Pa]."""
+
+    LENGTH = "length"
+    PRESSURE = "pressure"
+
+    @property
+    def per_si(self) -> float:
+        """Edge units per SI unit: 1000 mm per m, 1e-5 bar per Pa."""
+        return MM_PER_M if self is Quantity.LENGTH else 1.0 / BAR
+
+    @property
+    def unit(self) -> str:
+        """Suffix of keys and columns in this quantity."""
+        return "mm" if self is Quantity.LENGTH else "bar"
+
+
+class BasePose(Strict):
+    """Where a robot's base frame stands in the world frame: rotation Rz(yaw) Ry(pitch) Rx(roll), then shift.
+
+    ``mirror_x`` reflects the robot's own x before placing it: the right finger of a hand.
+    """
+
+    x_mm: float = 0.0
+    y_mm: float = 0.0
+    z_mm: float = 0.0
+    roll_deg: float = 0.0
+    pitch_deg: float = 0.0
+    yaw_deg: float = 0.0
+    mirror_x: bool = False
+
+    @property
+    def position_m(self) -> tuple[float, float, float]:
+        """Origin of the base frame in the world [m]."""
+        return (self.x_mm / MM_PER_M, self.y_mm / MM_PER_M, self.z_mm / MM_PER_M)
+
+    @property
+    def rotation(self) -> tuple[float, ...]:
+        """Row-major 3x3 matrix from base to world, including the mirror (then its determinant is -1)."""
+        cr, sr = _cos_sin_deg(self.roll_deg)
+        cp, sp = _cos_sin_deg(self.pitch_deg)
+        cy, sy = _cos_sin_deg(self.yaw_deg)
+        flip = -1.0 if self.mirror_x else 1.0
+        return (
+            flip * cy * cp, cy * sp * sr - sy * cr, cy * sp * cr + sy * sr,
+            flip * sy * cp, sy * sp * sr + cy * cr, sy * sp * cr - cy * sr,
+            flip * -sp, cp * sr, cp * cr,
+        )  # fmt: skip
+
+
+def _cos_sin_deg(angle_deg: float) -> tuple[float, float]:
+    """Cosine and sine, exact at the quarter turns that robot files are full of."""
+    exact = {0.0: (1.0, 0.0), 90.0: (0.0, 1.0), 180.0: (-1.0, 0.0), 270.0: (0.0, -1.0)}
+    angle_rad = math.radians(angle_deg)
+    return exact.get(angle_deg % 360.0, (math.cos(angle_rad), math.sin(angle_rad)))
+
+
+class StopPolicy(enum.StrEnum):
+    """How a robot stops: stay, move to the rest pose and stay, torque off, or pressure to zero at a rate."""
+
+    HOLD = "hold"
+    REST = "rest"
+    RELAX = "relax"
+    VENT = "vent"
+
+
+class Stops(Strict):
+    """One policy per reason to stop. ``estop`` is the second Ctrl-C and never moves the robot first."""
+
+    on_end: StopPolicy = StopPolicy.HOLD
+    on_interrupt: StopPolicy = StopPolicy.HOLD
+    on_fault: Literal[StopPolicy.HOLD, StopPolicy.RELAX, StopPolicy.VENT] = StopPolicy.HOLD
+    on_host_loss: Literal[StopPolicy.HOLD, StopPolicy.RELAX, StopPolicy.VENT] = StopPolicy.RELAX
+    estop: Literal[StopPolicy.RELAX, StopPolicy.VENT] = StopPolicy.RELAX
+
+
+class Rates(Strict):
+    """How fast actuators may go, per axis; compared with the last command, never with the measurement."""
+
+    velocity_mm_s: Positive | None = None
+    acceleration_mm_s2: Positive | None = None
+    jerk_mm_s3: Positive | None = None
+    velocity_bar_s: Positive | None = None
+    acceleration_bar_s2: Positive | None = None
+    jerk_bar_s3: Positive | None = None
+
+
+class AxisDescription(BaseModel):
+    """One axis of a robot: its bus and its transmission; further keys belong to the bus's driver.
+
+    The transmission turns the model's length or pressure into the device's angle [rad] or pressure [Pa]:
+
+    * ``mm_per_rev``: a pinion or spool on a rotary device,
+      ``angle = zero_deg + direction * 360 * length / mm_per_rev``;
+    * ``mm_to_bar``: a table of ``[length_mm, pressure_bar]`` rows, strictly monotone, interpolated by a
+      monotone cubic, for lengths driven by regulators;
+    * neither, for pressures on regulators: the same pressure.
+    """
+
+    model_config = ConfigDict(extra="allow", frozen=True, allow_inf_nan=False)
+
+    bus: str
+    mm_per_rev: Positive | None = None
+    zero_deg: float = 0.0
+    direction: Literal[1, -1] = 1
+    mm_to_bar: tuple[tuple[float, float], ...] | None = None

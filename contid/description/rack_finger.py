@@ -1,0 +1,91 @@
+"""Robot description of the two-rack finger (Morita et al.): a planar arc between two racks."""
+
+from __future__ import annotations
+
+import math
+from typing import ClassVar, Literal
+
+from contid.description.base import Interval, NonNegative, Positive, Quantity, Strict
+from contid.description.robot import RobotDescription
+from contid.targets import Actuation
+from contid.units import MM_PER_M
+
+
+class LinkGeometry(Strict):
+    """One rigid link of the chain inside the finger; only its curvature limit matters (Eq. 9).
+
+    Erratum A-9: the paper uses one w for the link's width and for the distance of the racks; these are two.
+    """
+
+    length_mm: Positive
+    width_mm: Positive
+    gap_mm: NonNegative
+
+    @property
+    def curvature_max_per_m(self) -> float:
+        """Curvature at which neighbouring links touch [1/m]: ``2 l / ((l + t) sqrt(l^2 + w^2))``.
+
+        Exactly Eq. 9 as typeset (erratum A-5), without its trigonometry.
+        """
+        length, width, gap = (v / MM_PER_M for v in (self.length_mm, self.width_mm, self.gap_mm))
+        return 2.0 * length / ((length + gap) * math.hypot(length, width))
+
+
+class RackFingerGeometry(Strict):
+    """Dimensions of the finger."""
+
+    rack_spacing_mm: Positive
+    tip_length_mm: NonNegative
+    link: LinkGeometry
+
+
+class RackFingerLimits(Strict):
+    """Eq. 8 with erratum A-4 (both bending signs)."""
+
+    length_mm: Interval
+    curvature_max_per_mm: Positive | None = None
+    arc_length_min_mm: Positive = 1.0
+
+
+class CurvatureCorrection(Strict):
+    """Measured curvature against commanded: ``k = k_d (1 + a S + b)``, S in mm (Eq. 5, 10, 11).
+
+    ``arc_length_mm`` is the range of S in which a and b were identified; outside it S is clamped.
+    """
+
+    a_per_mm: float
+    b: float
+    arc_length_mm: Interval
+
+
+class RackFinger(RobotDescription):
+    """A two-rack finger."""
+
+    quantity: ClassVar[Quantity] = Quantity.LENGTH
+    dimension: ClassVar[int] = 2
+
+    model: Literal["rack_finger"]
+    geometry: RackFingerGeometry
+    limits: RackFingerLimits
+    correction: CurvatureCorrection | None = None
+
+    @property
+    def axis_names(self) -> tuple[str, ...]:
+        """L1 is the left rack, L2 the right one, seen with the finger growing along +y."""
+        return ("left", "right")
+
+    @property
+    def lower(self) -> Actuation:
+        """Least rack lengths [m]."""
+        return (self.limits.length_mm[0] / MM_PER_M,) * 2
+
+    @property
+    def upper(self) -> Actuation:
+        """Greatest rack lengths [m]."""
+        return (self.limits.length_mm[1] / MM_PER_M,) * 2
+
+    @property
+    def curvature_max_per_m(self) -> float:
+        """The stated curvature limit, or the one of the links (Eq. 9) [1/m]."""
+        stated = self.limits.curvature_max_per_mm
+        return stated * MM_PER_M if stated is not None else self.geometry.link.curvature_max_per_m

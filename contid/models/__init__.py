@@ -1,0 +1,1 @@
+"""Kinematic and static models: pure arithmetic in SI."""

@@ -1,0 +1,1 @@
+"""What happened: record, read, replay, compare, export."""

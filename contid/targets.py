@@ -1,0 +1,84 @@
+"""What travels through the house: a target going in, a solution coming out of a model.
+
+Frames: positions of a `Target` given to a model are in that robot's *base frame*; the control loop moves
+targets from the world frame of the trajectory into it. Vectors are plain tuples of three floats (planar
+models use x and y and leave z at 0), so a target is immutable, hashable and cheap to build in the tick.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from types import MappingProxyType
+from typing import Final, TypeAlias
+
+Vec3: TypeAlias = tuple[float, float, float]
+#: Actuation of one robot in the order of its model's axes: lengths in m, pressures in Pa.
+Actuation: TypeAlias = tuple[float, ...]
+
+ZERO3: Final[Vec3] = (0.0, 0.0, 0.0)
+_NO_EXTRA: Final[Mapping[str, float]] = MappingProxyType({})
+
+
+@dataclass(frozen=True, slots=True)
+class Target:
+    """Where one robot shall be at one instant; exactly one of ``tip_m`` and ``actuation`` is set.
+
+    Attributes:
+        tip_m: tip position [m].
+        direction: unit tangent at the tip, or None when only the position matters.
+        mid_m: position of the mid-point (end of the first section) [m], or None.
+        actuation: the model's own axes in its own order [m or Pa].
+        load_n: known force on the tip [N], in the same frame as ``tip_m``.
+        extra: axes beyond the model's kinematics (wrist, gripper) by name, SI.
+    """
+
+    tip_m: Vec3 | None = None
+    direction: Vec3 | None = None
+    mid_m: Vec3 | None = None
+    actuation: Actuation | None = None
+    load_n: Vec3 = ZERO3
+    extra: Mapping[str, float] = field(default=_NO_EXTRA)
+
+
+@dataclass(frozen=True, slots=True)
+class Pose:
+    """Forward kinematics of one robot in its base frame.
+
+    Attributes:
+        tip_m: tip position [m].
+        rotation: orientation of the tip frame, row-major 3x3 (nine numbers); its third column is the
+            tangent for spatial models, its second column for planar ones, which grow along +y.
+        direction: unit tangent at the tip.
+        mid_m: end of the first section [m]; equals ``tip_m`` for robots of one section.
+        stable: False when the equilibrium found is not a minimum of energy (loaded rods only).
+    """
+
+    tip_m: Vec3
+    rotation: tuple[float, ...]
+    direction: Vec3
+    mid_m: Vec3
+    stable: bool = True
+
+
+@dataclass(frozen=True, slots=True)
+class Solution:
+    """Answer of an inverse model: always inside the limits, never an exception for an unreachable target.
+
+    Attributes:
+        actuation: the model's axes [m or Pa], inside every limit.
+        residual_m: distance between the target and what ``actuation`` reaches [m] (task rows that are not
+            lengths, such as a direction, are scaled by the model's stated length).
+        converged: True when the target is met within the model's tolerance.
+        limited_by: names of the limits that bind, e.g. ``("right.max",)`` or ``("curvature",)``; empty when
+            the target is met in the interior.
+        iterations: steps of the solver, 0 for closed forms.
+        note: one sentence for the user when something deserves it (by how much a limit is exceeded).
+    """
+
+    actuation: Actuation
+    residual_m: float
+    converged: bool
+    limited_by: tuple[str, ...] = ()
+    iterations: int = 0
+    note: str = ""

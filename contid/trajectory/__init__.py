@@ -1,0 +1,1 @@
+"""Targets over time: files and streams, shapes, sampling, jerk-limited approach and stop."""

@@ -1,0 +1,1 @@
+"""Pictures of a session or a running robot."""

@@ -1,0 +1,95 @@
+"""Fixtures for every test: nothing may be left behind.
+
+A test that leaves a thread, a child process, an open file descriptor or an asyncio task fails, whatever it
+asserted. pytest-asyncio runs each test in a loop of its own, so tasks are checked before that loop closes.
+"""
+
+from __future__ import annotations
+
+import asyncio
+import gc
+import threading
+import time
+from collections.abc import AsyncIterator, Iterator
+from pathlib import Path
+
+import psutil
+import pytest
+
+ROOT = Path(__file__).parent.parent
+# Threads that belong to the test runner itself, not to the code under test.
+RUNNER_THREADS = ("pytest_timeout", "execnet", "asyncio_", "ThreadPoolExecutor-pytest")
+
+
+def _descriptors() -> dict[int, str]:
+    found = {}
+    for entry in Path("/proc/self/fd").iterdir():
+        try:
+            found[int(entry.name)] = str(entry.readlink())
+        except OSError:
+            continue
+    return found
+
+
+def _left_behind(threads: set[int | None], children: set[int], descriptors: dict[int, str]) -> list[str]:
+    now_open = _descriptors()
+    return [
+        *(
+            f"thread {t.name}"
+            for t in threading.enumerate()
+            if t.ident not in threads and not t.name.startswith(RUNNER_THREADS)
+        ),
+        *(
+            f"child process {p.pid} {' '.join(p.cmdline()[:4])}"
+            for p in psutil.Process().children()
+            if p.pid not in children and "resource_tracker" not in " ".join(p.cmdline())
+        ),
+        *(
+            f"file descriptor {fd} ({what})"
+            for fd, what in now_open.items()
+            if descriptors.get(fd) != what and "/proc/" not in what
+        ),
+    ]
+
+
+@pytest.fixture(autouse=True)
+def nothing_left_behind() -> Iterator[None]:
+    """Fail a test that leaves threads, child processes or file descriptors."""
+    threads = {t.ident for t in threading.enumerate()}
+    children = {p.pid for p in psutil.Process().children()}
+    # multiprocessing starts its resource tracker once per interpreter and keeps its pipe.
+    from multiprocessing import resource_tracker
+
+    resource_tracker.ensure_running()
+    children |= {p.pid for p in psutil.Process().children()}
+    descriptors = _descriptors()
+    yield
+    gc.collect()
+    # Threads and sockets may need a moment to end after their owner closed them.
+    deadline = time.monotonic() + 2.0
+    while (rest := _left_behind(threads, children, descriptors)) and time.monotonic() < deadline:
+        time.sleep(0.02)
+        gc.collect()
+    assert not rest, f"left behind: {rest}"
+
+
+@pytest.fixture
+async def no_tasks_left() -> AsyncIterator[None]:
+    """Fail an asyncio test that leaves tasks running."""
+    before = asyncio.all_tasks()
+    yield
+    left = {task for task in asyncio.all_tasks() - before if not task.done()}
+    assert not left, f"tasks left: {left}"
+
+
+def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
+    """Every coroutine test gets the task check."""
+    for item in items:
+        if isinstance(item, pytest.Function) and asyncio.iscoroutinefunction(item.function):
+            item.fixturenames.append("no_tasks_left")
+
+
+@pytest.fixture(scope="session")
+def configs() -> Path:
+    """Folder of the robot files that ship with contid."""
+    return ROOT / "configs"
