@@ -16,11 +16,17 @@ Life of a bus::
 
 Rules (the contract suite in ``tests/contract`` holds every bus to them):
 
-* no command is sent to an axis that is not enabled;
+* no command is sent to an axis that is not enabled: such commands are dropped and the others go out, so an
+  axis whose device disarmed itself costs nobody else; its sample says why;
+* a command that is not finite, or names no axis of the bus, is refused with `DeviceError` before anything of
+  that tick is sent;
+* `enable` is all or nothing, leaves axes alone that are enabled already, and raises `DeviceError` for an
+  axis that is silent or in a latched fault;
 * a failed read is never a number: the sample keeps the last good value, its time, ``valid=False``;
 * a lost device raises `DeviceLostError` out of `exchange` within one call, and every call after that too,
   until `open` succeeds again; an axis that is silent alone shows as ``valid=False`` and costs nobody else;
-* only a completed `exchange` feeds the dead-man of the devices;
+* only a completed `exchange` feeds the dead-man of the devices; a tripped one is latched: the axis rests,
+  ignores commands and names the trip in ``fault`` until `clear_fault`, then it needs `enable` again;
 * `open`, `disable` and `close` may be called in any state and twice.
 """
 
@@ -188,6 +194,10 @@ class Driver(Protocol):
 
     def mock_options(self, bus: BaseModel) -> Mapping[str, Any]:
         """Options of the ``sim`` bus that stands in for this bus under ``--mock``."""
+        ...
+
+    def mock_axis_options(self, axis: BaseModel) -> Mapping[str, Any]:
+        """Options of the ``sim`` axis that stands in for this axis, at least ``{"device": KIND}``."""
         ...
 
     def open_bus(self, name: str, options: BaseModel, axes: Sequence[AxisOnBus], clock: Clock) -> Bus:
