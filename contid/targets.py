@@ -2,7 +2,7 @@
 
 Frames: positions of a `Target` given to a model are in that robot's *base frame*; the control loop moves
 targets from the world frame of the trajectory into it. Vectors are plain tuples of three floats (planar
-models use x and y and leave z at 0), so a target is immutable, hashable and cheap to build in the tick.
+models use x and y and leave z at 0), so a target is immutable and cheap to build in the tick.
 """
 
 from __future__ import annotations
@@ -38,7 +38,7 @@ class Target:
     mid_m: Vec3 | None = None
     actuation: Actuation | None = None
     load_n: Vec3 = ZERO3
-    extra: Mapping[str, float] = field(default=_NO_EXTRA)
+    extra: Mapping[str, float] = field(default_factory=lambda: _NO_EXTRA)
 
 
 @dataclass(frozen=True, slots=True)
