@@ -33,10 +33,12 @@ Rules (the contract suite in ``tests/contract`` holds every bus to them):
 from __future__ import annotations
 
 import enum
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
+from contextlib import AbstractContextManager
 from dataclasses import dataclass
 from importlib.metadata import entry_points
-from typing import TYPE_CHECKING, Any, Final, Protocol, runtime_checkable
+from pathlib import Path
+from typing import TYPE_CHECKING, Any, Final, Protocol, TypeAlias, runtime_checkable
 
 from contid.errors import ContidError
 
@@ -44,6 +46,9 @@ if TYPE_CHECKING:
     from pydantic import BaseModel
 
 ENTRY_POINT_GROUP: Final = "contid.drivers"
+
+#: Takes one line about the progress of something slow.
+Say: TypeAlias = Callable[[str], None]
 
 #: Drivers of this distribution, found without installed metadata (a checkout on PYTHONPATH works too).
 BUILT_IN: Final[dict[str, str]] = {
@@ -202,6 +207,80 @@ class Driver(Protocol):
 
     def open_bus(self, name: str, options: BaseModel, axes: Sequence[AxisOnBus], clock: Clock) -> Bus:
         """Build a bus; touches no device."""
+        ...
+
+
+@dataclass(frozen=True, slots=True)
+class Homed:
+    """What homing one axis found.
+
+    Attributes:
+        axis: ``ROBOT.AXIS``.
+        value: the device's value at the reference [rad], on the scale `Sample.value` has from now on.
+        at_mm: the actuator's length or travel at the reference, as the robot file says.
+        how: how it was found, in words; it goes into the robot file beside the result.
+    """
+
+    axis: str
+    value: float
+    at_mm: float
+    how: str
+
+
+# What a driver may offer beyond `Driver`. A command looks the driver up and asks
+# ``isinstance(driver, Emulates)``; a driver without the capability is named in the message.
+
+
+@runtime_checkable
+class Emulates(Protocol):
+    """Has wire-level devices to stand in for hardware: ``contid emulate``."""
+
+    def emulator(
+        self, name: str, options: BaseModel, axes: Sequence[AxisOnBus], control: Path | None = None
+    ) -> AbstractContextManager[Sequence[str]]:
+        """The devices of one bus, alive at the port its options name for as long as the context lasts.
+
+        Args:
+            name: the bus.
+            options: the bus's own options; a port that is no real device becomes a link to a pty.
+            axes: its axes.
+            control: file the emulator follows; each line appended is one fault switch in JSON.
+
+        Returns:
+            A context manager; entering gives lines for the user: what stands where.
+        """
+        ...
+
+
+@runtime_checkable
+class Diagnoses(Protocol):
+    """Can look at a bus and its host and say what is wrong: ``contid doctor``."""
+
+    def doctor(self, name: str, options: BaseModel, axes: Sequence[AxisOnBus]) -> list[Finding]:
+        """Examine without moving anything; never raises for what it finds, it reports it."""
+        ...
+
+
+@runtime_checkable
+class Homes(Protocol):
+    """Can find the reference of its axes: ``contid home``."""
+
+    def home(
+        self, name: str, options: BaseModel, axes: Sequence[AxisOnBus], only: Sequence[str], say: Say
+    ) -> list[Homed]:
+        """Move axes to their reference, one after the other, and leave them at rest.
+
+        Args:
+            name: the bus.
+            options: the bus's own options.
+            axes: every axis of the bus, homed or not.
+            only: names of the axes to home.
+            say: takes a line about the progress.
+
+        Raises:
+            DeviceError: an axis has no homing method, or its reference was not found; nothing of it may be
+                written then.
+        """
         ...
 
 

@@ -1,0 +1,40 @@
+"""The entry point: options and factories; everything that touches a port is imported when it is needed."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from typing import TYPE_CHECKING, Any
+
+from contid.errors import DeviceNotFoundError
+from contid.hal import AxisOnBus, Bus, Clock, DeviceKind, Driver
+from contid_drivers.dynamixel.options import AxisOptions, BusOptions
+
+if TYPE_CHECKING:
+    from pydantic import BaseModel
+
+
+class DynamixelDriver:
+    """See `contid.hal.Driver`."""
+
+    bus_options: type[BaseModel] = BusOptions
+    axis_options: type[BaseModel] = AxisOptions
+
+    def kind(self, axis: BaseModel) -> DeviceKind:
+        """Every axis is a servo: rad at the boundary."""
+        return DeviceKind.SERVO
+
+    def address(self, axis: BaseModel) -> str:
+        """The servo's id."""
+        assert isinstance(axis, AxisOptions)
+        return f"id {axis.id}"
+
+    def mock_options(self, bus: BaseModel) -> Mapping[str, Any]:
+        """The simulated twin needs nothing of this bus's wire."""
+        return {}
+
+    def open_bus(self, name: str, options: BaseModel, axes: Sequence[AxisOnBus], clock: Clock) -> Bus:
+        """Build the bus; touches no device."""
+        raise DeviceNotFoundError(name, "this version validates Dynamixel buses but cannot open them yet")
+
+
+DRIVER: Driver = DynamixelDriver()
