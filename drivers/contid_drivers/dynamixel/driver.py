@@ -32,6 +32,10 @@ class DynamixelDriver:
         """The simulated twin needs nothing of this bus's wire."""
         return {}
 
+    def mock_axis_options(self, axis: BaseModel) -> Mapping[str, Any]:
+        """A simulated servo."""
+        return {"device": DeviceKind.SERVO.value}
+
     def open_bus(self, name: str, options: BaseModel, axes: Sequence[AxisOnBus], clock: Clock) -> Bus:
         """Build the bus; touches no device."""
         raise DeviceNotFoundError(name, "this version validates Dynamixel buses but cannot open them yet")
