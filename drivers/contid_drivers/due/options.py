@@ -1,0 +1,238 @@
+"""What a robot file says about a Due board and about each channel of it.
+
+Numbers of a motor are those of its *output shaft*; counts exist only inside the driver and the board.
+"""
+
+from __future__ import annotations
+
+import enum
+import itertools
+from typing import Annotated, Literal, TypeAlias
+
+from pydantic import Field, model_validator
+
+from contid.description.base import NonNegative, Positive, Strict
+from contid.hal import DeviceKind
+
+#: Most duty <-> pressure points the board keeps per regulator.
+MAX_CALIBRATION_POINTS = 8
+Percent: TypeAlias = Annotated[float, Field(ge=0, le=100)]
+PinMillivolt: TypeAlias = Annotated[float, Field(ge=0, le=3300)]
+
+
+class SafeState(enum.StrEnum):
+    """What an output does once nobody commands it.
+
+    Motors: brake (terminals shorted), coast (bridge off), hold (position kept, under power). Regulators: vent
+    (set-point falls to zero at ``vent_bar_s``), hold (set-point kept), close (command to zero at once).
+    """
+
+    BRAKE = "brake"
+    COAST = "coast"
+    HOLD = "hold"
+    VENT = "vent"
+    CLOSE = "close"
+
+
+class Role(enum.StrEnum):
+    """What the sketch on the board was built for."""
+
+    MOTOR = "motor"
+    PRESSURE = "pressure"
+
+
+class BusOptions(Strict):
+    """Keys of ``buses.NAME`` with ``driver: due``.
+
+    Attributes:
+        port: device path, best ``/dev/serial/by-id/...``, or a glob that matches exactly one device.
+        connection: ``native`` is the USB port of the SAM3X itself (fast, opening does not reset the board);
+            ``programming`` goes through the board's second chip at 250000 baud, and opening that resets the
+            board.
+        role: ``motor`` or ``pressure``, as the board's hello must say.
+        watchdog_ms: the board's dead-man: so long without a valid demand and every armed channel goes to its
+            safe state, latched.
+        latency_ms: how much later than on the wire an answer may arrive; added to every time-out.
+        hello_ms: how long `open` waits for the board to say hello (a reset and its start-up included).
+    """
+
+    port: str = Field(min_length=1)
+    connection: Literal["native", "programming"] = "native"
+    role: Role
+    watchdog_ms: int = Field(default=100, ge=5, le=10_000)
+    latency_ms: Annotated[float, Field(gt=0, le=200)] = 4.0
+    hello_ms: Annotated[float, Field(ge=100, le=20_000)] = 3000.0
+
+
+class EndStop(Strict):
+    """Homing: drive slowly against the end stop until the shaft stands still, set the count, back off.
+
+    Attributes:
+        direction: sense of the shaft's rotation towards the stop.
+        speed_deg_s: speed of the approach.
+        duty_percent: most duty while pushing, so that the stop is met gently.
+        at_deg: the shaft's angle when it touches the stop.
+        backoff_deg: how far it moves back afterwards.
+        timeout_s: longest search.
+    """
+
+    direction: Literal[1, -1]
+    speed_deg_s: Annotated[float, Field(gt=0, le=720)] = 45.0
+    duty_percent: Annotated[float, Field(gt=0, le=100)] = 40.0
+    at_deg: float = 0.0
+    backoff_deg: NonNegative = 5.0
+    timeout_s: Annotated[float, Field(gt=0, le=60)] = 30.0
+
+
+class MotorOptions(Strict):
+    """Keys of an axis on a channel ``m0`` .. ``m5``.
+
+    Attributes:
+        counts_per_rev: encoder counts (every edge of both tracks) per turn of the output shaft;
+            398:1 gear and 12 counts per motor turn by default.
+        velocity_deg_s, acceleration_deg_s2: limits of the board's own set-point, below which streamed
+            demands pass unchanged.
+        p_percent_per_deg, i_percent_per_deg_s, d_percent_s_per_deg: position gains, duty per angle.
+        no_load_deg_s: speed of the unloaded shaft at full duty; feeds the speed forward.
+        friction_percent: duty that just moves the shaft; added in the direction of motion.
+        deadband_deg: position error that is left alone, so that the shaft does not hunt.
+        stall_percent, stall_ms: so much duty for so long without a count is a stall (or a dead encoder).
+        stall_current_ma: motor current of a stall; 0 without a current sensor. Needs ``current_ma_per_v``.
+        current_ma_per_v: current per volt at the board's analogue input.
+        follow_deg: greatest distance between set-point and shaft.
+        encoder_reversed, motor_reversed: positive duty must count up; these turn either one around.
+        power_up_deg: the shaft's angle when the board is powered up (where the robot is parked).
+        homing: how the shaft finds its zero; without it ``power_up_deg`` is believed.
+    """
+
+    counts_per_rev: Annotated[float, Field(ge=4, le=1_000_000)] = 4776.0
+    velocity_deg_s: Positive = 460.0
+    acceleration_deg_s2: Positive = 4600.0
+    p_percent_per_deg: NonNegative = 8.0
+    i_percent_per_deg_s: NonNegative = 40.0
+    d_percent_s_per_deg: NonNegative = 0.05
+    no_load_deg_s: Positive = 575.0
+    friction_percent: Percent = 5.0
+    deadband_deg: NonNegative = 0.16
+    stall_percent: Percent = 40.0
+    stall_ms: int = Field(default=200, ge=10, le=10_000)
+    stall_current_ma: NonNegative = 0.0
+    current_ma_per_v: Positive = 1000.0
+    follow_deg: Positive = 45.0
+    encoder_reversed: bool = False
+    motor_reversed: bool = False
+    power_up_deg: float = 0.0
+    homing: EndStop | None = None
+
+
+class RegulatorOptions(Strict):
+    """Keys of an axis on a channel ``p0`` .. ``p5``.
+
+    Attributes:
+        calibration: rows ``[duty_percent, bar]``, both rising; the regulator's command, measured.
+        readback: two rows ``[mV at the analogue pin, bar]``; the regulator's pressure output, measured.
+        ceiling_bar: no demand passes it, and a reading well above it vents.
+        slew_bar_s: how fast the set-point may change.
+        vent_bar_s: how fast it falls to zero in the safe state ``vent``.
+        wire_break_mv: below it the sensor's wire is broken (540 for 4-20 mA over 150 ohm: 3.6 mA); 0 for
+            signals that start at 0 V, where a break shows as a leak.
+        leak_bar, leak_ms: so far below a steady set-point for so long is a leak.
+        trim_bar: how much an outer loop on the reading may add to the command; 0 leaves the regulator alone.
+        trim_per_s: how fast it does, per second and bar of error.
+    """
+
+    calibration: tuple[tuple[float, float], ...] | None = None
+    readback: tuple[tuple[PinMillivolt, float], tuple[PinMillivolt, float]] | None = None
+    ceiling_bar: Annotated[float, Field(gt=0, le=20)] | None = None
+    slew_bar_s: Annotated[float, Field(gt=0, le=100)] = 2.0
+    vent_bar_s: Annotated[float, Field(gt=0, le=100)] = 2.0
+    wire_break_mv: PinMillivolt = 0.0
+    leak_bar: Positive = 0.2
+    leak_ms: int = Field(default=500, ge=10, le=10_000)
+    trim_bar: NonNegative = 0.0
+    trim_per_s: NonNegative = 2.0
+
+
+class AxisOptions(MotorOptions, RegulatorOptions):
+    """Keys of an axis on a Due board, next to the common ones; the channel's letter says which of them apply.
+
+    Attributes:
+        channel: ``m0`` .. ``m5`` on a motor board, ``p0`` .. ``p5`` on a pressure board.
+        safe_state: ``brake`` (default), ``coast`` or ``hold`` for motors; ``vent`` (default), ``hold`` or
+            ``close`` for regulators.
+        start_state: what the wiring makes the output do while the board is not configured (in reset, without
+            host). The board refuses a configuration where it differs from the safe state.
+    """
+
+    channel: Literal["m0", "m1", "m2", "m3", "m4", "m5", "p0", "p1", "p2", "p3", "p4", "p5"]
+    safe_state: SafeState | None = None
+    start_state: SafeState | None = None
+
+    @property
+    def kind(self) -> DeviceKind:
+        """Motor or regulator."""
+        return DeviceKind.MOTOR if self.channel[0] == "m" else DeviceKind.REGULATOR
+
+    @property
+    def number(self) -> int:
+        """The channel's number on its board, 0..5."""
+        return int(self.channel[1])
+
+    @property
+    def safe(self) -> SafeState:
+        """The safe state, or the default of this kind."""
+        default = SafeState.BRAKE if self.kind is DeviceKind.MOTOR else SafeState.VENT
+        return self.safe_state or default
+
+    @property
+    def start(self) -> SafeState:
+        """The start state; the safe state unless the file says otherwise."""
+        return self.start_state or self.safe
+
+    @model_validator(mode="after")
+    def _fits_its_channel(self) -> AxisOptions:
+        motor = self.kind is DeviceKind.MOTOR
+        other = RegulatorOptions if motor else MotorOptions
+        foreign = sorted(self.model_fields_set & other.model_fields.keys())
+        if foreign:
+            what = "motor" if motor else "regulator"
+            raise ValueError(f"channel {self.channel} is a {what}; it has no {', '.join(foreign)}")
+        allowed = (
+            (SafeState.BRAKE, SafeState.COAST, SafeState.HOLD)
+            if motor
+            else (SafeState.VENT, SafeState.HOLD, SafeState.CLOSE)
+        )
+        for key, value in (("safe_state", self.safe), ("start_state", self.start)):
+            if value not in allowed:
+                raise ValueError(f"{key} of channel {self.channel} must be one of {', '.join(allowed)}")
+        if self.safe is not self.start:
+            raise ValueError(
+                f"start_state {self.start} differs from safe_state {self.safe}: the board would leave its "
+                "safe state whenever it resets, and refuses such a configuration"
+            )
+        if not motor:
+            self._check_regulator()
+        return self
+
+    def _check_regulator(self) -> None:
+        missing = [key for key in ("calibration", "readback", "ceiling_bar") if getattr(self, key) is None]
+        if missing:
+            raise ValueError(f"channel {self.channel} is a regulator and needs {', '.join(missing)}")
+        assert self.calibration is not None
+        assert self.readback is not None
+        assert self.ceiling_bar is not None
+        rows = self.calibration
+        if not 2 <= len(rows) <= MAX_CALIBRATION_POINTS:
+            raise ValueError(f"calibration has 2 to {MAX_CALIBRATION_POINTS} rows, got {len(rows)}")
+        if not all(0.0 <= duty <= 100.0 for duty, _ in rows):
+            raise ValueError("calibration: duty_percent is 0 to 100")
+        if not all(a[0] < b[0] and a[1] < b[1] for a, b in itertools.pairwise(rows)):
+            raise ValueError("calibration: duty_percent and bar must both rise from row to row")
+        if not rows[0][1] <= 0.0 <= self.ceiling_bar <= rows[-1][1]:
+            raise ValueError(
+                f"calibration must reach from 0 bar to ceiling_bar {self.ceiling_bar:g}, "
+                f"it covers {rows[0][1]:g} to {rows[-1][1]:g}"
+            )
+        (low_mv, low_bar), (high_mv, high_bar) = self.readback
+        if not (low_mv < high_mv and low_bar < high_bar):
+            raise ValueError("readback: mV and bar must both rise from the first row to the second")
