@@ -49,7 +49,7 @@ class RackFingerModel:
             self._gain_offset = correction.b
             least_mm, greatest_mm = correction.arc_length_mm
             self._gain_range_m = (least_mm / MM_PER_M, greatest_mm / MM_PER_M)
-        self._envelope = RackFingerEnvelope(
+        self.envelope = RackFingerEnvelope(
             rack_spacing_m=self.rack_spacing_m,
             length_min_m=self.lower[0],
             length_max_m=self.upper[0],
@@ -147,11 +147,11 @@ class RackFingerModel:
         if arc is None:
             return self._nearest(target.tip_m, ("no_arc",), "no arc of this finger ends there")
         arc_length_m, curvature = arc
-        exceeded = self._envelope.exceeded(arc_length_m, curvature)
+        exceeded = self.envelope.exceeded(arc_length_m, curvature)
         if exceeded:
             return self._nearest(target.tip_m, tuple(exceeded), "; ".join(exceeded.values()))
         bend = 0.5 * self.rack_spacing_m * curvature / self.curvature_gain(arc_length_m) * arc_length_m
-        actuation = self._envelope.snap((arc_length_m - bend, arc_length_m + bend))
+        actuation = self.envelope.snap((arc_length_m - bend, arc_length_m + bend))
         return Solution(actuation, self._distance(actuation, target.tip_m), converged=True)
 
     def _distance(self, actuation: Actuation, tip_m: Vec3) -> float:
@@ -160,7 +160,7 @@ class RackFingerModel:
 
     def _nearest(self, tip_m: Vec3, limits: tuple[str, ...], note: str) -> Solution:
         """The reachable point closest to a target out of reach: on the boundary of the limits."""
-        actuation = self._envelope.nearest(lambda candidate: self._distance(candidate, tip_m))
+        actuation = self.envelope.nearest(lambda candidate: self._distance(candidate, tip_m))
         residual = self._distance(actuation, tip_m)
         return Solution(
             actuation,
@@ -171,10 +171,10 @@ class RackFingerModel:
         )
 
     def _clamped(self, wanted: Actuation) -> Solution:
-        actuation = self._envelope.clamp(wanted)
+        actuation = self.envelope.clamp(wanted)
         off = max(abs(a - w) for a, w in zip(actuation, wanted, strict=True))
         reached, goal = self.forward(actuation).tip_m, self.forward(wanted).tip_m
-        names = () if off == 0.0 else self._envelope.binding(actuation)
+        names = () if off == 0.0 else self.envelope.binding(actuation)
         residual = 0.0 if off == 0.0 else math.dist(reached, goal)
         note = "" if off == 0.0 else f"racks moved by {m_to_mm(off):.6g} mm to stay inside the limits"
         return Solution(actuation, residual, converged=off == 0.0, limited_by=names, note=note)

@@ -137,6 +137,13 @@ class RackFingerEnvelope:
         widest = self.curvature_bound(least)
         yield lambda u: self.snap(self.racks(least, (2.0 * u - 1.0) * widest))
 
+    def outline(self, points: int) -> Iterator[Actuation]:
+        """Racks around the boundary, once and in order: out along +K, back along -K, across at least S."""
+        out, back, across = self._boundary()
+        yield from (out(i / points) for i in range(points))
+        yield from (back(1.0 - i / points) for i in range(points))
+        yield from (across(i / points) for i in range(points))
+
     def nearest(self, distance: Callable[[Actuation], float]) -> Actuation:
         """The point of the boundary with the least distance; ties go to the first curve, so it repeats."""
         best: tuple[float, Actuation] | None = None

@@ -1,1 +1,1 @@
-"""Where the robots of a file can go."""
+"""Where the robots of a file can go: exact regions in the plane, sampled volumes in space."""

@@ -115,7 +115,7 @@ def test_a_hundred_thousand_random_poses_round_trip() -> None:
         model = finger(h)
         left, right = rng.uniform(0.0, 0.1, (2, 20_000))
         for racks in zip(left.tolist(), right.tolist(), strict=True):
-            if model._envelope.clamp(racks) != racks:
+            if model.envelope.clamp(racks) != racks:
                 continue
             arc_length, theta = model.arc(racks)
             # G = 0 is the point (0, -h), where every curl ends: the reference restricts to G > 1 mm too.
@@ -157,7 +157,7 @@ def test_unreachable_targets_say_which_limit_and_by_how_much(x, y, h, limits, wo
     assert not solution.converged
     assert limits & set(solution.limited_by)
     assert words in solution.note
-    assert model._envelope.clamp(solution.actuation) == pytest.approx(solution.actuation, abs=1e-15)
+    assert model.envelope.clamp(solution.actuation) == pytest.approx(solution.actuation, abs=1e-15)
 
 
 @given(x=st.floats(-150, 150), y=st.floats(-120, 150), corrected=st.booleans())
@@ -177,7 +177,7 @@ def test_the_answer_is_always_inside_the_limits_and_the_nearest(x, y, corrected)
         return
     rng = np.random.default_rng(0)
     for _ in range(50):
-        racks = model._envelope.clamp(tuple(rng.uniform(0, 0.1, 2).tolist()))
+        racks = model.envelope.clamp(tuple(rng.uniform(0, 0.1, 2).tolist()))
         other = model.forward(racks).tip_m
         assert math.hypot(other[0] - x * MM, other[1] - y * MM) >= solution.residual_m - 1e-7
 
@@ -197,7 +197,7 @@ def test_the_jacobian_is_the_derivative_of_forward(left, bend, h, corrected) -> 
 
 def test_limits_of_equation_9_with_the_erratum() -> None:
     model = finger()
-    assert model._envelope.curvature_max_per_m == pytest.approx(76.1923959021358, rel=1e-13)
+    assert model.envelope.curvature_max_per_m == pytest.approx(76.1923959021358, rel=1e-13)
 
 
 def test_shape_starts_at_the_base_ends_at_the_tip_and_has_the_length() -> None:
@@ -248,7 +248,7 @@ def test_levenberg_marquardt_agrees_with_the_closed_form_where_it_converges() ->
     rng = np.random.default_rng(0)
     wrong = 0
     for _ in range(200):
-        racks = model._envelope.clamp(tuple(rng.uniform(0.02, 0.1, 2).tolist()))
+        racks = model.envelope.clamp(tuple(rng.uniform(0.02, 0.1, 2).tolist()))
         tip = model.forward(racks).tip_m
         found = solve(tip[0] * 1e3, tip[1] * 1e3, 22, start=(0.01, 50))
         exact = model.solve_arc(tip[0], tip[1])

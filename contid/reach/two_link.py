@@ -1,0 +1,58 @@
+"""The rigid two-link finger that Morita et al. compare with (section IV-B, Fig. 5 and 6).
+
+Both joints turn by at most A to either side: with the joints limited to one side ("0 to 120 degrees") the
+paper's "99 degrees" does not reproduce, with both sides it does (reference A3).
+"""
+
+from __future__ import annotations
+
+import math
+from typing import Final
+
+import numpy as np
+from shapely import Polygon
+from shapely.geometry.base import BaseGeometry
+
+_POINTS: Final = 2000
+
+
+def two_link_region(joint_limit_rad: float, link_m: float = 0.05) -> BaseGeometry:
+    """Region of the tip of two equal links growing along +y from the origin [m].
+
+    In polar coordinates around the base the elbow q2 sets the radius ``2 l cos(q2/2)`` and shifts the
+    direction by ``q2/2``: for elbows of one sign the region is a band between two spirals, and the two signs
+    mirror each other.
+    """
+    elbow = np.linspace(0.0, joint_limit_rad, _POINTS)
+    radius = 2.0 * link_m * np.cos(0.5 * elbow)
+    shoulder = np.linspace(-joint_limit_rad, joint_limit_rad, _POINTS)
+    direction = np.concatenate(
+        [
+            joint_limit_rad + 0.5 * elbow,
+            shoulder[::-1] + 0.5 * joint_limit_rad,
+            -joint_limit_rad + 0.5 * elbow[::-1],
+            shoulder,
+        ]
+    )
+    distance = np.concatenate(
+        [
+            radius,
+            np.full(_POINTS, 2.0 * link_m * math.cos(0.5 * joint_limit_rad)),
+            radius[::-1],
+            np.full(_POINTS, 2.0 * link_m),
+        ]
+    )
+    x, y = distance * np.sin(direction), distance * np.cos(direction)
+    one_sign: BaseGeometry = Polygon(np.column_stack([x, y])).buffer(0)
+    other_sign: BaseGeometry = Polygon(np.column_stack([-x, y])).buffer(0)
+    region: BaseGeometry = one_sign.union(other_sign)
+    return region
+
+
+def two_link_overlap(joint_limit_rad: float, spacing_m: float, link_m: float = 0.05) -> BaseGeometry:
+    """What two such fingers side by side can both reach [m]."""
+    from shapely.affinity import translate
+
+    region = two_link_region(joint_limit_rad, link_m)
+    overlap: BaseGeometry = region.intersection(translate(region, xoff=spacing_m))
+    return overlap
