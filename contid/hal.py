@@ -194,7 +194,7 @@ class Driver(Protocol):
         ...
 
     def address(self, axis: BaseModel) -> str:
-        """What must be unique on one bus, in words: ``id 3``, ``channel m2``."""
+        """What must be unique on one bus, in words: ``id 3``, ``channel m2``; "" when names suffice."""
         ...
 
     def mock_options(self, bus: BaseModel) -> Mapping[str, Any]:

@@ -1,0 +1,49 @@
+"""Simulated buses: servo, geared motor and pressure regulator on a clock of your choice."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from typing import TYPE_CHECKING, Any, Final
+
+from contid_drivers.sim.options import FaultKind, ScheduledFault, SimAxisOptions, SimBusOptions
+
+if TYPE_CHECKING:
+    from pydantic import BaseModel
+
+    from contid.hal import AxisOnBus, Bus, Clock, DeviceKind
+
+__all__ = ["DRIVER", "FaultKind", "ScheduledFault", "SimAxisOptions", "SimBusOptions", "SimDriver"]
+
+
+class SimDriver:
+    """The `contid.hal.Driver` of simulated buses."""
+
+    bus_options: type[BaseModel] = SimBusOptions
+    axis_options: type[BaseModel] = SimAxisOptions
+
+    def kind(self, axis: BaseModel) -> DeviceKind:
+        """The device the axis simulates."""
+        assert isinstance(axis, SimAxisOptions)
+        return axis.device
+
+    def address(self, axis: BaseModel) -> str:
+        """Simulated axes are told apart by their names alone."""
+        return ""
+
+    def mock_options(self, bus: BaseModel) -> Mapping[str, Any]:
+        """A simulated bus is its own stand-in."""
+        return bus.model_dump(exclude_unset=True)
+
+    def mock_axis_options(self, axis: BaseModel) -> Mapping[str, Any]:
+        """A simulated axis is its own stand-in."""
+        return axis.model_dump(exclude_unset=True)
+
+    def open_bus(self, name: str, options: BaseModel, axes: Sequence[AxisOnBus], clock: Clock) -> Bus:
+        """Build the bus and its devices, at rest at their start values."""
+        from contid_drivers.sim.bus import SimBus
+
+        assert isinstance(options, SimBusOptions)
+        return SimBus(name, options, axes, clock)
+
+
+DRIVER: Final = SimDriver()

@@ -1,0 +1,248 @@
+"""The simulated bus: the wire between a host that keeps the contract of `contid.hal` and its devices.
+
+Nothing runs in the background. Devices live on the clock given to the bus and are brought up to date at each
+call, event by event: the edges of faults and the trips of dead-men happen at their own instants, not when
+somebody looks. With a virtual clock and a seed everything is deterministic to the bit.
+"""
+
+from __future__ import annotations
+
+import math
+import time
+from collections.abc import Mapping, Sequence
+from dataclasses import replace
+from typing import Protocol, runtime_checkable
+
+from contid.errors import ContidError, DeviceError, DeviceLostError, DeviceNotFoundError
+from contid.hal import AxisOnBus, Clock, Rest, Sample
+from contid_drivers.sim.devices import SimDevice
+from contid_drivers.sim.faults import Switches
+from contid_drivers.sim.journal import Journal
+from contid_drivers.sim.options import FaultKind, ScheduledFault, SimAxisOptions, SimBusOptions
+
+
+@runtime_checkable
+class _Sleeper(Protocol):
+    """A clock that knows how to wait; virtual ones move themselves on."""
+
+    def sleep(self, seconds: float) -> None: ...
+
+
+class SimBus:
+    """A `contid.hal.Bus` of simulated devices."""
+
+    def __init__(self, name: str, options: SimBusOptions, axes: Sequence[AxisOnBus], clock: Clock) -> None:
+        self.name = name
+        self.axes = tuple(axis.name for axis in axes)
+        self._options = options
+        self._clock = clock
+        self._watchdog_s = options.watchdog_ms / 1e3
+        self._journal = Journal(options.journal_file)
+        self._switches = Switches()
+        self._scheduled = False
+        self._open = False
+        self._lost = ""
+        self._enabled: set[str] = set()
+        self._samples: dict[str, Sample] = {}
+        now = clock.now()
+        self.devices = {axis.name: _device(name, options, axis, now) for axis in axes}
+        for fault in options.faults:
+            if fault.axis is not None:
+                self._device(fault.axis)
+
+    # -- the contract ------------------------------------------------------------------------------------
+
+    def open(self) -> None:
+        """See `contid.hal.Bus.open`; a silent axis is a missing one."""
+        now = self._up_to_date()
+        if self._open:
+            return
+        if not self._scheduled:
+            self._scheduled = True
+            for fault in self._options.faults:
+                self._switches.schedule(fault, now)
+            self._up_to_date()
+        if self._switches.is_on(FaultKind.LOST):
+            raise DeviceNotFoundError(self.name, "the simulated bus is unplugged", "end the fault 'lost'")
+        missing = [axis for axis in self.axes if self._silent(axis)]
+        if missing:
+            raise DeviceNotFoundError(
+                self.name, f"expected {', '.join(self.axes)}; no answer from {', '.join(missing)}"
+            )
+        self._open, self._lost = True, ""
+        self._samples = {axis: Sample(None, now, False, 0.0) for axis in self.axes}
+        self._note("open", now)
+
+    def enable(self, axes: Sequence[str]) -> None:
+        """See `contid.hal.Bus.enable`."""
+        now = self._reach()
+        fresh = [axis for axis in axes if axis not in self._enabled]
+        for axis in fresh:
+            device = self._answering(axis)
+            if device.fault:
+                raise DeviceError(axis, device.fault, "clear the fault first")
+        for axis in fresh:
+            self.devices[axis].switch_on(now)
+            self._enabled.add(axis)
+        self._note("enable", now, ", ".join(axes))
+
+    def exchange(self, commands: Mapping[str, float]) -> Mapping[str, Sample]:
+        """See `contid.hal.Bus.exchange`."""
+        for axis, value in commands.items():
+            self._device(axis)
+            if not math.isfinite(value):
+                raise DeviceError(axis, f"a command must be finite, got {value!r}")
+        now = self._reach()
+        for axis, value in commands.items():
+            if axis in self._enabled and not self._silent(axis):
+                self.devices[axis].command(value)
+        for axis, device in self.devices.items():
+            if not self._silent(axis) and not self._switches.is_on(FaultKind.STALE, axis):
+                self._samples[axis] = device.read(now)
+        end = self._wait(now, self._options.latency_ms / 1e3 + self._switches.delay_s)
+        for axis, device in self.devices.items():
+            heard = not self._silent(axis)
+            if heard:
+                device.fed_at_s = end
+            sample = self._samples[axis]
+            valid = heard and sample.value is not None
+            if sample.time_s != end or sample.valid != valid:
+                self._samples[axis] = replace(sample, valid=valid, age_s=end - sample.time_s)
+        return dict(self._samples)
+
+    def disable(self, axes: Sequence[str], rest: Rest) -> None:
+        """See `contid.hal.Bus.disable`."""
+        for axis in axes:
+            self._device(axis)
+        self._enabled.difference_update(axes)
+        now = self._up_to_date()
+        if not self._open:
+            return
+        for axis in axes:
+            if not self._silent(axis):
+                self.devices[axis].settle(rest)
+        self._note("disable", now, ", ".join(axes))
+
+    def clear_fault(self, axes: Sequence[str]) -> None:
+        """See `contid.hal.Bus.clear_fault`."""
+        now = self._reach()
+        for axis in axes:
+            device = self._answering(axis)
+            if device.fault and self._switches.is_on(FaultKind.OVERLOAD, axis):
+                raise DeviceError(axis, f"{device.fault} persists")
+        for axis in axes:
+            if self.devices[axis].fault:
+                self.devices[axis].fault = ""
+                self._enabled.discard(axis)
+        self._note("clear_fault", now, ", ".join(axes))
+
+    def close(self) -> None:
+        """See `contid.hal.Bus.close`."""
+        now = self._up_to_date()
+        self._enabled.clear()
+        if self._open:
+            self._open = False
+            self._note("close", now)
+        self._lost = ""
+        self._journal.close()
+
+    # -- faults ------------------------------------------------------------------------------------------
+
+    def inject(
+        self, kind: FaultKind, axis: str | None = None, for_s: float | None = None, delay_ms: float = 20.0
+    ) -> None:
+        """Begin a fault now, for a while or until `heal`."""
+        if axis is not None:
+            self._device(axis)
+        fault = ScheduledFault(at_s=0.0, kind=kind, axis=axis, for_s=for_s, delay_ms=delay_ms)
+        self._switches.schedule(fault, self._clock.now())
+        self._up_to_date()
+
+    def heal(self, kind: FaultKind, axis: str | None = None) -> None:
+        """End a fault now; latched consequences stay until `clear_fault` or `open`."""
+        self._up_to_date()
+        self._switches.end(kind, axis or "")
+        if kind is FaultKind.STALL and axis is not None:
+            self._device(axis).motion.blocked = False
+
+    # -- inside ------------------------------------------------------------------------------------------
+
+    def _device(self, axis: str) -> SimDevice:
+        try:
+            return self.devices[axis]
+        except KeyError:
+            raise DeviceError(
+                axis, f"no such axis on bus {self.name}; there are {', '.join(self.axes)}"
+            ) from None
+
+    def _silent(self, axis: str) -> bool:
+        return self._switches.is_on(FaultKind.SILENT, axis) or self._switches.is_on(FaultKind.LOST)
+
+    def _answering(self, axis: str) -> SimDevice:
+        device = self._device(axis)
+        if self._silent(axis):
+            raise DeviceError(axis, "does not answer", "check its cable and its power")
+        return device
+
+    def _reach(self) -> float:
+        """Bring the devices up to date and make sure that the bus is open and there."""
+        now = self._up_to_date()
+        if not self._open:
+            raise DeviceLostError(self.name, self._lost or "the bus is not open")
+        return now
+
+    def _wait(self, now: float, seconds: float) -> float:
+        if seconds <= 0.0:
+            return now
+        if isinstance(self._clock, _Sleeper):
+            self._clock.sleep(seconds)
+        else:
+            time.sleep(seconds)
+        return self._up_to_date()
+
+    def _up_to_date(self) -> float:
+        now = self._clock.now()
+        while (edge_s := self._switches.next_s) <= now:
+            self._live(edge_s)
+            edge = self._switches.take()
+            if edge.kind is FaultKind.LOST and edge.on and self._open:
+                self._open, self._lost = False, "the simulated bus was unplugged"
+                self._enabled.clear()
+            elif edge.kind is FaultKind.OVERLOAD and edge.on:
+                self.devices[edge.axis].overload()
+            elif edge.kind is FaultKind.STALL:
+                self.devices[edge.axis].motion.blocked = edge.on
+            self._note(f"{edge.kind.value} {'begins' if edge.on else 'ends'}", edge_s, edge.axis)
+        self._live(now)
+        return now
+
+    def _live(self, to_s: float) -> None:
+        """Let every device live until ``to_s``, dead-men at their own instants included."""
+        while True:
+            armed = [(d.fed_at_s + self._watchdog_s, axis) for axis, d in self.devices.items() if d.on]
+            deadline, first = min(armed, default=(math.inf, ""))
+            step_s = min(deadline, to_s)
+            for axis, device in self.devices.items():
+                if device.advance(step_s):
+                    self._note(device.fault, step_s, axis)
+            if deadline >= to_s:
+                return
+            device = self.devices[first]
+            if device.on:
+                device.trip(self._watchdog_s)
+                self._note("trip", deadline, first)
+
+    def _note(self, event: str, t_s: float, subject: str = "") -> None:
+        self._journal.write(event, t_s, self.name, self.devices, subject)
+
+
+def _device(bus: str, options: SimBusOptions, axis: AxisOnBus, now: float) -> SimDevice:
+    if not isinstance(axis.options, SimAxisOptions):
+        raise ContidError(
+            f"{axis.name}: options of a simulated axis expected, got {type(axis.options).__name__}"
+        )
+    start = axis.options.start
+    if start is None:
+        low, high = axis.travel or (0.0, 0.0)
+        start = min(high, max(low, 0.0))
+    return SimDevice(axis.options, start, now, seed=f"{options.seed}:{bus}:{axis.name}")

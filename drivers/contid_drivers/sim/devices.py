@@ -1,0 +1,268 @@
+"""Simulated devices: an XL330 servo, a geared motor with encoder, a pressure regulator.
+
+All three are the same machine with other numbers: a goal quantised to the device's own steps, a profile
+towards it, a first-order response, a reading with noise and quantisation, and a set of ways to rest.
+The numbers below that no data sheet states are plausible choices, not measurements of any real device.
+"""
+
+from __future__ import annotations
+
+import math
+import random
+from dataclasses import dataclass
+from typing import Final
+
+from contid.hal import DeviceKind, Rest, Sample
+from contid.units import BAR
+from contid_drivers.sim.options import SimAxisOptions
+from contid_drivers.sim.profile import Motion
+
+RPM: Final = 2.0 * math.pi / 60.0
+AMBIENT_C: Final = 25.0
+
+
+@dataclass(frozen=True, slots=True)
+class Character:
+    """What distinguishes one kind of device from another; SI, rad or Pa.
+
+    Attributes:
+        quantum: step of goals and readings.
+        velocity_quantum: step of the reported velocity, 0 for none.
+        lowest, highest: goals are clamped between these by the device itself.
+        velocity, acceleration: limits of the profile.
+        vent_rate: speed towards zero while venting.
+        tau_s: first-order response.
+        noise: standard deviation of a reading before quantisation.
+        current_limit_a: 0 for devices that report no current.
+        overload_s: time at the current limit after which the device drops its torque.
+        overload: the device's words for that.
+        supply_v: voltage at rest, 0 for devices that report none.
+        dead_man: rest taken when the dead-man trips.
+    """
+
+    quantum: float
+    velocity_quantum: float
+    lowest: float
+    highest: float
+    velocity: float
+    acceleration: float
+    vent_rate: float
+    tau_s: float
+    noise: float
+    current_limit_a: float
+    overload_s: float
+    overload: str
+    supply_v: float
+    dead_man: Rest
+
+
+# XL330-M288-T at 5 V: 4096 ticks per turn, +-256 turns, 103 rpm, 1.47 A, velocity unit 0.229 rpm.
+_SERVO: Final = Character(
+    quantum=2.0 * math.pi / 4096.0,
+    velocity_quantum=0.229 * RPM,
+    lowest=-512.0 * math.pi,
+    highest=512.0 * math.pi,
+    velocity=103.0 * RPM,
+    acceleration=500.0,
+    vent_rate=math.inf,
+    tau_s=0.015,
+    noise=0.3 * 2.0 * math.pi / 4096.0,
+    current_limit_a=1.47,
+    overload_s=1.0,
+    overload="overload",
+    supply_v=5.0,
+    dead_man=Rest.HOLD,
+)
+# 398:1 gear, 12 edges per motor turn: 4776 counts per turn of the shaft, 100 mm/s on a pinion of 25 mm.
+_MOTOR: Final = Character(
+    quantum=2.0 * math.pi / 4776.0,
+    velocity_quantum=0.0,
+    lowest=-math.inf,
+    highest=math.inf,
+    velocity=8.0,
+    acceleration=80.0,
+    vent_rate=math.inf,
+    tau_s=0.03,
+    noise=0.0,
+    current_limit_a=1.0,
+    overload_s=0.5,
+    overload="stalled",
+    supply_v=12.0,
+    dead_man=Rest.HOLD,
+)
+# Proportional regulator behind a 12-bit converter over its ceiling.
+_REGULATOR: Final = Character(
+    quantum=3.0 * BAR / 4095.0,
+    velocity_quantum=0.0,
+    lowest=0.0,
+    highest=3.0 * BAR,
+    velocity=5.0 * BAR,
+    acceleration=math.inf,
+    vent_rate=2.0 * BAR,
+    tau_s=0.05,
+    noise=0.003 * BAR,
+    current_limit_a=0.0,
+    overload_s=math.inf,
+    overload="regulator fault",
+    supply_v=0.0,
+    dead_man=Rest.VENT,
+)
+_OF_KIND: Final = {
+    DeviceKind.SERVO: _SERVO,
+    DeviceKind.MOTOR: _MOTOR,
+    DeviceKind.REGULATOR: _REGULATOR,
+}
+
+
+def character_of(options: SimAxisOptions) -> Character:
+    """The numbers of one axis: those of its kind, with what the robot file says instead."""
+    base = _OF_KIND[options.device]
+    highest = base.highest if options.ceiling_bar is None else options.ceiling_bar * BAR
+    if options.device is DeviceKind.REGULATOR:
+        quantum = highest / 4095.0
+        velocity = base.velocity if options.slew_bar_s is None else options.slew_bar_s * BAR
+        noise = base.noise if options.noise_bar is None else options.noise_bar * BAR
+    else:
+        counts = options.counts_per_rev
+        quantum = base.quantum if counts is None else 2.0 * math.pi / counts
+        speed = options.velocity_deg_s
+        velocity = base.velocity if speed is None else math.radians(speed)
+        noise = base.noise if options.noise_deg is None else math.radians(options.noise_deg)
+    acceleration, limit = options.acceleration_deg_s2, options.current_limit_ma
+    return Character(
+        quantum=quantum,
+        velocity_quantum=base.velocity_quantum,
+        lowest=base.lowest,
+        highest=highest,
+        velocity=velocity,
+        acceleration=base.acceleration if acceleration is None else math.radians(acceleration),
+        vent_rate=base.vent_rate if options.vent_bar_s is None else options.vent_bar_s * BAR,
+        tau_s=base.tau_s if options.response_ms is None else options.response_ms / 1e3,
+        noise=noise,
+        current_limit_a=base.current_limit_a if limit is None else limit / 1e3,
+        overload_s=base.overload_s if options.overload_s is None else options.overload_s,
+        overload=base.overload,
+        supply_v=base.supply_v,
+        dead_man=base.dead_man if options.dead_man is None else options.dead_man,
+    )
+
+
+class SimDevice:
+    """One device at the far end of the wire; knows nothing of the bus and obeys only what reaches it."""
+
+    # Shares of the current limit: friction of the gear, and the lag of the response at full speed. Moving
+    # freely therefore never reaches the limit; only a shaft that is held does.
+    FRICTION_SHARE: Final = 0.05
+    FULL_SPEED_SHARE: Final = 0.5
+    THERMAL_TAU_S: Final = 120.0
+    HEATING_C_PER_A2: Final = 30.0
+
+    def __init__(self, options: SimAxisOptions, start: float, time_s: float, seed: str) -> None:
+        self.kind = options.device
+        self.character = character_of(options)
+        self.motion = Motion(time_s, start, self.character.tau_s)
+        self.goal = start
+        #: True while the device obeys goals: torque on, or regulator active.
+        self.on = False
+        self.rest = Rest.RELAX
+        self.fault = ""
+        self.fed_at_s = time_s
+        self._noise = random.Random(seed)
+        self._temperature_c = AMBIENT_C
+        self._saturated_s = 0.0
+        lag = max(self.character.velocity * self.character.tau_s, 10.0 * self.character.quantum)
+        self._amperes_per_lag = self.FULL_SPEED_SHARE * self.character.current_limit_a / lag
+
+    def advance(self, to_s: float) -> bool:
+        """Live until ``to_s``; True when the device dropped its torque on the way."""
+        dt = to_s - self.motion.time_s
+        if dt <= 0.0:
+            return False
+        self.motion.advance(to_s)
+        if self.character.current_limit_a <= 0.0:
+            return False
+        current = self.current_a
+        warmest = AMBIENT_C + self.HEATING_C_PER_A2 * current * current
+        self._temperature_c = warmest + (self._temperature_c - warmest) * math.exp(-dt / self.THERMAL_TAU_S)
+        saturated = abs(current) >= self.character.current_limit_a
+        self._saturated_s = self._saturated_s + dt if saturated else 0.0
+        if self._saturated_s >= self.character.overload_s:
+            self.overload()
+            return True
+        return False
+
+    @property
+    def current_a(self) -> float:
+        """Current the device draws: friction plus a share that grows with its lag, limited."""
+        if not self.on and self.rest is not Rest.HOLD:
+            return 0.0
+        motion, limit = self.motion, self.character.current_limit_a
+        pull = self._amperes_per_lag * (motion.reference[0] - motion.value)
+        current = pull + self.FRICTION_SHARE * limit * math.tanh(motion.velocity / 0.05)
+        return min(limit, max(-limit, current))
+
+    def switch_on(self, time_s: float) -> None:
+        """Goal := present, then obey; arms the dead-man."""
+        self.goal = self.motion.value
+        self.motion.freeze()
+        self.on = True
+        self.fed_at_s = time_s
+
+    def command(self, value: float) -> None:
+        """Head for a goal, in the device's own steps and inside its own range."""
+        if not self.on:
+            return
+        character = self.character
+        steps = round(min(character.highest, max(character.lowest, value)) / character.quantum)
+        self.goal = steps * character.quantum
+        self.motion.go(self.goal, character.velocity, character.acceleration)
+
+    def settle(self, rest: Rest) -> None:
+        """Rest: hold (keep position, or close the valve), relax, or vent at the vent rate.
+
+        A regulator without power vents, and an actuator without pressure cannot, so each of ``relax`` and
+        ``vent`` means what the device can do.
+        """
+        self.on = False
+        self.rest = rest
+        if self.kind is not DeviceKind.REGULATOR and not self.motion.blocked:
+            self.motion.stop()
+        elif self.kind is not DeviceKind.REGULATOR or rest is Rest.HOLD:
+            self.motion.freeze()
+        else:
+            self.motion.go(0.0, self.character.vent_rate, math.inf)
+
+    def trip(self, after_s: float) -> None:
+        """The dead-man fires: rest by itself, latched."""
+        self.settle(self.character.dead_man)
+        self.fault = f"dead-man tripped: no exchange for {after_s * 1e3:g} ms"
+
+    def overload(self) -> None:
+        """Drop the torque and say so, latched."""
+        self.settle(Rest.RELAX)
+        self.fault = self.character.overload
+        self._saturated_s = 0.0
+
+    def read(self, now_s: float) -> Sample:
+        """What the device answers now."""
+        character, motion = self.character, self.motion
+        noise = self._noise.gauss(0.0, character.noise) if character.noise > 0.0 else 0.0
+        value = round((motion.value + noise) / character.quantum) * character.quantum
+        velocity = motion.velocity
+        if character.velocity_quantum > 0.0:
+            velocity = round(velocity / character.velocity_quantum) * character.velocity_quantum
+        if self.kind is DeviceKind.REGULATOR:
+            duty = motion.reference[0] / character.highest
+            return Sample(max(0.0, value), now_s, True, 0.0, velocity, duty, None, None, self.fault)
+        current = self.current_a
+        return Sample(
+            value=value,
+            time_s=now_s,
+            valid=True,
+            age_s=0.0,
+            velocity=velocity,
+            effort=round(current, 3),
+            temperature_c=float(round(self._temperature_c)),
+            voltage_v=round(character.supply_v - 0.2 * abs(current), 1),
+            fault=self.fault,
+        )

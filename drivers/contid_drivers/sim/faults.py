@@ -1,0 +1,65 @@
+"""Which faults are on at an instant: from the schedule of the robot file, or switched by hand."""
+
+from __future__ import annotations
+
+import heapq
+from dataclasses import dataclass
+
+from contid_drivers.sim.options import FaultKind, ScheduledFault
+
+
+@dataclass(frozen=True, slots=True, order=True)
+class Edge:
+    """A fault begins or ends; the number keeps edges of one instant in the order of the file."""
+
+    time_s: float
+    number: int
+    on: bool
+    kind: FaultKind
+    axis: str
+    delay_s: float
+
+
+class Switches:
+    """The faults that are on, and the edges still to come. ``axis`` is "" for faults of the bus."""
+
+    def __init__(self) -> None:
+        self._edges: list[Edge] = []
+        self._number = 0
+        self._on: dict[tuple[FaultKind, str], float] = {}
+
+    def schedule(self, fault: ScheduledFault, origin_s: float) -> None:
+        """Plan the begin and the end of a fault; its times count from ``origin_s``."""
+        begin = origin_s + fault.at_s
+        ends = [] if fault.for_s is None else [(begin + fault.for_s, False)]
+        for time_s, on in [(begin, True), *ends]:
+            self._number += 1
+            edge = Edge(time_s, self._number, on, fault.kind, fault.axis or "", fault.delay_ms / 1e3)
+            heapq.heappush(self._edges, edge)
+
+    @property
+    def next_s(self) -> float:
+        """When the next edge comes, infinity when none does."""
+        return self._edges[0].time_s if self._edges else float("inf")
+
+    def take(self) -> Edge:
+        """Pass the next edge."""
+        edge = heapq.heappop(self._edges)
+        if edge.on:
+            self._on[edge.kind, edge.axis] = edge.delay_s
+        else:
+            self._on.pop((edge.kind, edge.axis), None)
+        return edge
+
+    def is_on(self, kind: FaultKind, axis: str = "") -> bool:
+        """True while the fault is on."""
+        return (kind, axis) in self._on
+
+    def end(self, kind: FaultKind, axis: str = "") -> None:
+        """End a fault now; one that is not on stays off."""
+        self._on.pop((kind, axis), None)
+
+    @property
+    def delay_s(self) -> float:
+        """How much longer replies take now."""
+        return self._on.get((FaultKind.LATE, ""), 0.0)

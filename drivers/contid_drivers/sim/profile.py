@@ -1,0 +1,139 @@
+"""Trapezoidal profile followed by a first-order response, both evaluated in closed form.
+
+The profile r(t) is the time-optimal motion to rest under ``|r'| <= v_max`` and ``|r''| <= a_max`` from any
+start position and velocity: at most four phases of constant acceleration. The device follows it as
+
+    tau x' = r - x
+
+whose solution over a phase ``r = r0 + v t + a t^2 / 2`` is, with the particular part
+``p(t) = r - tau r' + tau^2 r''``,
+
+    x(t) = p(t) + (x(0) - p(0)) exp(-t / tau).
+
+So a long step equals many short ones up to rounding: simulated devices do not depend on the tick rate.
+Units are those of the device: rad or Pa, and their derivatives by s.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+
+
+@dataclass(frozen=True, slots=True)
+class Phase:
+    """Constant acceleration from ``start_s`` on, until the next phase begins."""
+
+    start_s: float
+    position: float
+    velocity: float
+    acceleration: float
+
+    def at(self, t_s: float) -> tuple[float, float]:
+        """Position and velocity at a time inside the phase."""
+        dt = t_s - self.start_s
+        return (
+            self.position + dt * (self.velocity + 0.5 * dt * self.acceleration),
+            self.velocity + dt * self.acceleration,
+        )
+
+
+def plan(
+    t_s: float, position: float, velocity: float, goal: float, v_max: float, a_max: float
+) -> tuple[Phase, ...]:
+    """Fastest motion from ``(position, velocity)`` to rest at ``goal``; the last phase rests there.
+
+    Either limit may be infinite: without ``a_max`` the speed jumps, without both the goal is reached at once.
+    """
+    distance = goal - position
+    if math.isinf(a_max):
+        duration = 0.0 if math.isinf(v_max) else abs(distance) / v_max
+        if duration == 0.0:
+            return (Phase(t_s, goal, 0.0, 0.0),)
+        cruise = Phase(t_s, position, math.copysign(v_max, distance), 0.0)
+        return (cruise, Phase(t_s + duration, goal, 0.0, 0.0))
+
+    # Seen in the direction in which braking now would still fall short of the goal.
+    sign = 1.0 if distance >= velocity * abs(velocity) / (2.0 * a_max) else -1.0
+    length, speed = sign * distance, sign * velocity
+    top = min(v_max, math.sqrt(max(0.0, a_max * length + 0.5 * speed * speed)))
+    ramp = math.copysign(a_max, top - speed)
+    ramp_length = (top * top - speed * speed) / (2.0 * ramp)
+    cruise_length = max(0.0, length - ramp_length - top * top / (2.0 * a_max))
+    durations = (
+        (abs(top - speed) / a_max, ramp),
+        (cruise_length / top if top > 0.0 else 0.0, 0.0),
+        (top / a_max, -a_max),
+    )
+    phases = []
+    for duration, acceleration in durations:
+        if duration <= 0.0:
+            continue
+        phase = Phase(t_s, position, velocity, sign * acceleration)
+        phases.append(phase)
+        t_s += duration
+        position, velocity = phase.at(t_s)
+    return (*phases, Phase(t_s, goal, 0.0, 0.0))
+
+
+class Motion:
+    """State of one simulated actuator: where its profile is, and where it really is."""
+
+    __slots__ = ("_phases", "blocked", "tau_s", "time_s", "value")
+
+    def __init__(self, time_s: float, value: float, tau_s: float) -> None:
+        self.time_s = time_s
+        self.value = value
+        self.tau_s = tau_s
+        #: True while something holds the shaft: the profile goes on, the value does not.
+        self.blocked = False
+        self._phases: tuple[Phase, ...] = (Phase(time_s, value, 0.0, 0.0),)
+
+    @property
+    def reference(self) -> tuple[float, float]:
+        """Position and velocity of the profile now."""
+        return self._phases[0].at(self.time_s)
+
+    @property
+    def velocity(self) -> float:
+        """Velocity of the device itself."""
+        if self.blocked:
+            return 0.0
+        position, velocity = self.reference
+        return (position - self.value) / self.tau_s if self.tau_s > 0.0 else velocity
+
+    def go(self, goal: float, v_max: float, a_max: float) -> None:
+        """Head for a goal from wherever the profile is now, without a jump of its velocity."""
+        position, velocity = self.reference
+        self._phases = plan(self.time_s, position, velocity, goal, v_max, a_max)
+
+    def stop(self) -> None:
+        """End the profile where it is; the device settles there with its own response."""
+        self._phases = (Phase(self.time_s, self.reference[0], 0.0, 0.0),)
+
+    def freeze(self) -> None:
+        """Stand still exactly where the device is."""
+        self._phases = (Phase(self.time_s, self.value, 0.0, 0.0),)
+
+    def advance(self, to_s: float) -> None:
+        """Move on to a later time; an earlier one changes nothing."""
+        while self.time_s < to_s:
+            while len(self._phases) > 1 and self._phases[1].start_s <= self.time_s:
+                self._phases = self._phases[1:]
+            phase = self._phases[0]
+            end_s = min(to_s, self._phases[1].start_s) if len(self._phases) > 1 else to_s
+            if not self.blocked:
+                self.value = self._response(phase, end_s)
+            self.time_s = end_s
+        while len(self._phases) > 1 and self._phases[1].start_s <= self.time_s:
+            self._phases = self._phases[1:]
+
+    def _response(self, phase: Phase, end_s: float) -> float:
+        tau = self.tau_s
+        if tau <= 0.0:
+            return phase.at(end_s)[0]
+        bend = tau * tau * phase.acceleration
+        r0, v0 = phase.at(self.time_s)
+        r1, v1 = phase.at(end_s)
+        decay = math.exp(-(end_s - self.time_s) / tau)
+        return r1 - tau * v1 + bend + (self.value - (r0 - tau * v0 + bend)) * decay

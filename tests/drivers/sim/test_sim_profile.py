@@ -1,0 +1,112 @@
+"""The profile obeys its limits, ends at its goal, and does not care how often it is looked at."""
+
+from __future__ import annotations
+
+import itertools
+import math
+
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from contid_drivers.sim.profile import Motion, plan
+
+finite = st.floats(-50.0, 50.0)
+limit = st.floats(0.5, 40.0)
+
+
+@given(position=finite, velocity=st.floats(-30, 30), goal=finite, v_max=limit, a_max=st.floats(1.0, 500.0))
+def test_trapezoid_is_continuous_and_ends_at_rest_at_the_goal(position, velocity, goal, v_max, a_max):
+    phases = plan(2.0, position, velocity, goal, v_max, a_max)
+    assert phases[-1].position == goal
+    assert phases[-1].velocity == phases[-1].acceleration == 0.0
+    assert len(phases) <= 4
+    at, speed = position, velocity
+    for phase, after in itertools.pairwise(phases):
+        assert phase.position == pytest.approx(at, abs=1e-6)
+        assert phase.velocity == pytest.approx(speed, abs=1e-6)
+        assert abs(phase.acceleration) <= a_max * (1 + 1e-12)
+        assert after.start_s >= phase.start_s
+        at, speed = phase.at(after.start_s)
+        assert abs(speed) <= max(v_max, abs(velocity)) * (1 + 1e-9)
+    assert at == pytest.approx(goal, abs=1e-6)
+    # A vanishing last stretch leaves the square root of the rounding in its speed.
+    assert speed == pytest.approx(0.0, abs=1e-4)
+
+
+@given(goal=finite, v_max=limit, a_max=st.floats(1.0, 500.0))
+def test_from_rest_it_takes_the_time_of_the_textbook(goal, v_max, a_max):
+    distance = abs(goal)
+    if distance >= v_max**2 / a_max:
+        expected = distance / v_max + v_max / a_max
+    else:
+        expected = 2.0 * math.sqrt(distance / a_max)
+    assert plan(0.0, 0.0, 0.0, goal, v_max, a_max)[-1].start_s == pytest.approx(expected, rel=1e-9, abs=1e-12)
+
+
+def test_without_limits_the_goal_is_reached_at_once():
+    assert plan(1.0, 0.0, 0.0, 5.0, math.inf, math.inf)[0].position == 5.0
+    slew = plan(1.0, 0.0, 0.0, -6.0, 2.0, math.inf)
+    assert [phase.start_s for phase in slew] == [1.0, 4.0]
+
+
+@given(
+    goals=st.lists(finite, min_size=1, max_size=4),
+    tau_s=st.sampled_from([0.0, 0.005, 0.1]),
+    pieces=st.integers(1, 37),
+)
+def test_many_short_steps_equal_one_long_step(goals, tau_s, pieces):
+    whole, split = Motion(0.0, 1.0, tau_s), Motion(0.0, 1.0, tau_s)
+    for turn, goal in enumerate(goals, start=1):
+        for motion in (whole, split):
+            motion.go(goal, 5.0, 80.0)
+        for piece in range(1, pieces + 1):
+            split.advance(turn - 1 + piece / pieces)
+        whole.advance(float(turn))
+        assert split.value == pytest.approx(whole.value, abs=1e-9)
+
+
+def test_response_of_a_step_is_the_exponential():
+    motion = Motion(0.0, 0.0, 0.1)
+    motion.go(1.0, math.inf, math.inf)
+    motion.advance(0.25)
+    assert motion.value == pytest.approx(1.0 - math.exp(-2.5), rel=1e-14)
+
+
+def test_response_lags_a_ramp_by_tau():
+    motion = Motion(0.0, 0.0, 0.02)
+    motion.go(100.0, 5.0, math.inf)
+    motion.advance(1.0)
+    assert motion.value == pytest.approx(5.0 * (1.0 - 0.02), rel=1e-12)
+    assert motion.velocity == pytest.approx(5.0, rel=1e-12)
+
+
+def test_response_satisfies_its_differential_equation():
+    motion = Motion(0.0, 0.3, 0.05)
+    motion.go(2.0, 4.0, 30.0)
+    h = 1e-5
+    for step in range(1, 60):
+        motion.advance(step * 0.02 - h)
+        before = motion.value
+        motion.advance(step * 0.02)
+        derivative = motion.velocity
+        motion.advance(step * 0.02 + h)
+        # The third derivative jumps where phases meet, hence the tolerance of the difference quotient.
+        assert (motion.value - before) / (2 * h) == pytest.approx(derivative, abs=5e-3)
+
+
+def test_stop_and_freeze():
+    moving = Motion(0.0, 0.0, 0.02)
+    moving.go(10.0, 5.0, math.inf)
+    moving.advance(0.5)
+    stopped_at, was = moving.reference[0], moving.value
+    moving.stop()
+    moving.advance(2.0)
+    assert moving.value == pytest.approx(stopped_at)
+    assert stopped_at - was == pytest.approx(0.1)
+    moving.go(-10.0, 5.0, math.inf)
+    moving.advance(2.3)
+    moving.freeze()
+    here = moving.value
+    moving.advance(9.0)
+    assert moving.value == here
