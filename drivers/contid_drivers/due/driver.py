@@ -33,6 +33,11 @@ class DueDriver:
         """The simulated twin needs nothing of this bus's wire."""
         return {}
 
+    def mock_axis_options(self, axis: BaseModel) -> Mapping[str, Any]:
+        """The simulated twin of a channel."""
+        assert isinstance(axis, AxisOptions)
+        return {"device": axis.kind.value}
+
     def open_bus(self, name: str, options: BaseModel, axes: Sequence[AxisOnBus], clock: Clock) -> Bus:
         """Build the bus; touches no device."""
         raise DeviceNotFoundError(name, "the Due bus is not built yet", "use --mock")
