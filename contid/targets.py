@@ -31,6 +31,7 @@ class Target:
         actuation: the model's own axes in its own order [m or Pa].
         load_n: known force on the tip [N], in the same frame as ``tip_m``.
         extra: axes beyond the model's kinematics (wrist, gripper) by name, SI.
+        measured_tip_m: where an outside measurement saw the tip [m], or None; same frame as ``tip_m``.
     """
 
     tip_m: Vec3 | None = None
@@ -39,6 +40,7 @@ class Target:
     actuation: Actuation | None = None
     load_n: Vec3 = ZERO3
     extra: Mapping[str, float] = field(default_factory=lambda: _NO_EXTRA)
+    measured_tip_m: Vec3 | None = None
 
 
 @dataclass(frozen=True, slots=True)

@@ -51,8 +51,6 @@ class Model(Protocol):
 #: Value of ``model`` in a robot file -> "module:class"; the class is called with the robot's description.
 MODELS: Final[dict[str, str]] = {
     "rack_finger": "contid.models.rack_finger:RackFingerModel",
-    "tri_rack": "contid.models.section_model:SectionModel",
-    "tri_tube": "contid.models.section_model:SectionModel",
 }
 
 

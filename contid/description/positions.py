@@ -1,0 +1,192 @@
+"""A YAML document with the line and column of every key and value.
+
+Read from the parser's events, not through a YAML object loader: scalars follow the YAML 1.2 core schema (so
+``1e-3`` is a number and ``on`` is a word), and what makes YAML dangerous or ambiguous - tags, anchors,
+aliases, duplicate keys, bottomless nesting - is a finding instead of a surprise.
+"""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Iterator
+from dataclasses import dataclass, field
+from typing import Final, TypeAlias
+
+import yaml
+
+from contid.errors import BadInputError, Located
+
+#: Where something stands in a document: keys of mappings and indices of sequences from the root.
+Path: TypeAlias = tuple[str | int, ...]
+Data: TypeAlias = "str | int | float | bool | list[Data] | dict[str, Data] | None"
+
+#: A robot file is a page or two; the caps only keep a wrong file from eating the machine.
+MAX_CHARACTERS: Final = 1_000_000
+MAX_DEPTH: Final = 32
+
+_INTEGER: Final = re.compile(r"[-+]?[0-9]+")
+_FLOAT: Final = re.compile(r"[-+]?(\.[0-9]+|[0-9]+(\.[0-9]*)?)([eE][-+]?[0-9]+)?")
+_WORDS: Final[dict[str, bool | float | None]] = {
+    **dict.fromkeys(("", "~", "null", "Null", "NULL"), None),
+    **dict.fromkeys(("true", "True", "TRUE"), True),
+    **dict.fromkeys(("false", "False", "FALSE"), False),
+    **dict.fromkeys((".nan", ".NaN", ".NAN"), float("nan")),
+    **{sign + dot: float(sign + "inf") for sign in ("", "+", "-") for dot in (".inf", ".Inf", ".INF")},
+}
+
+
+@dataclass(slots=True)
+class Document:
+    """A parsed document: plain data, and positions by path (line and column count from 1)."""
+
+    file: str
+    data: Data = None
+    keys: dict[Path, tuple[int, int]] = field(default_factory=dict)
+    values: dict[Path, tuple[int, int]] = field(default_factory=dict)
+
+    def at_key(self, path: Path, message: str) -> Located:
+        """A finding at the key of ``path``, or at the nearest place above it that was written."""
+        return self._located(path, message, (self.keys, self.values))
+
+    def at_value(self, path: Path, message: str) -> Located:
+        """A finding at the value of ``path``, or at the nearest place above it that was written."""
+        return self._located(path, message, (self.values, self.keys))
+
+    def get(self, path: Path) -> Data:
+        """The data at ``path``; None when nothing is there."""
+        here = self.data
+        for step in path:
+            below = step_into(here, step)
+            if not below:
+                return None
+            here = below[0]
+        return here
+
+    def _located(self, path: Path, message: str, tables: tuple[dict[Path, tuple[int, int]], ...]) -> Located:
+        while True:
+            for table in tables:
+                if path in table:
+                    return Located(self.file, *table[path], message)
+            if not path:
+                return Located(self.file, 1, 1, message)
+            path, tables = path[:-1], (self.keys, self.values)
+
+
+def read_document(text: str, file: str) -> Document:
+    """Parse ``text``.
+
+    Raises:
+        BadInputError: not YAML, or with tags, anchors, aliases, duplicate keys or too deep; every finding.
+    """
+    if len(text) > MAX_CHARACTERS:
+        message = f"{len(text)} characters are no robot file; at most {MAX_CHARACTERS}"
+        raise BadInputError([Located(file, 1, 1, message)])
+    reader = _Reader(Document(file))
+    try:
+        reader.read(iter(yaml.parse(text, Loader=yaml.BaseLoader)))
+    except yaml.MarkedYAMLError as error:
+        mark = error.problem_mark or error.context_mark
+        line, column = (mark.line + 1, mark.column + 1) if mark else (1, 1)
+        what = " ".join(part for part in (error.context, error.problem) if part)
+        reader.findings.append(Located(file, line, column, f"not YAML: {what}"))
+    except yaml.reader.ReaderError as error:
+        line = text.count("\n", 0, error.position) + 1
+        column = error.position - (text.rfind("\n", 0, error.position) + 1) + 1
+        reader.findings.append(Located(file, line, column, f"not text: {error.reason}"))
+    if reader.findings:
+        raise BadInputError(reader.findings)
+    return reader.document
+
+
+class _Reader:
+    """Turns events into data, collecting what is refused on the way."""
+
+    def __init__(self, document: Document) -> None:
+        self.document = document
+        self.findings: list[Located] = []
+
+    def read(self, events: Iterator[yaml.Event]) -> None:
+        documents = 0
+        for event in events:
+            if isinstance(event, yaml.DocumentStartEvent):
+                documents += 1
+            elif not isinstance(event, (yaml.StreamStartEvent, yaml.StreamEndEvent, yaml.DocumentEndEvent)):
+                if documents > 1:
+                    self._refuse(event, "a second document begins here; a robot file is one document")
+                    return
+                self.document.data = self._value(event, events, ())
+
+    def _located(self, event: yaml.Event, message: str) -> Located:
+        return Located(self.document.file, *_place(event), message)
+
+    def _refuse(self, event: yaml.Event, message: str) -> None:
+        self.findings.append(self._located(event, message))
+
+    def _value(self, event: yaml.Event, events: Iterator[yaml.Event], path: Path) -> Data:
+        self.document.values.setdefault(path, _place(event))
+        if isinstance(event, yaml.AliasEvent):
+            self._refuse(event, f"aliases (*{event.anchor}) are not allowed; write the value out")
+            return None
+        anchor, tag = getattr(event, "anchor", None), getattr(event, "tag", None)
+        if anchor:
+            self._refuse(event, f"anchors (&{anchor}) are not allowed; write the value where it is used")
+        if tag:
+            self._refuse(event, f"tags ({tag}) are not allowed")
+        if isinstance(event, yaml.ScalarEvent):
+            return _scalar(event)
+        if len(path) >= MAX_DEPTH:
+            # The parser cannot skip; nothing below can be trusted, so stop here with this one finding.
+            raise BadInputError([self._located(event, f"nested deeper than {MAX_DEPTH} levels")])
+        if isinstance(event, yaml.SequenceStartEvent):
+            items: list[Data] = []
+            while not isinstance(event := next(events), yaml.SequenceEndEvent):
+                items.append(self._value(event, events, (*path, len(items))))
+            return items
+        return self._mapping(events, path)
+
+    def _mapping(self, events: Iterator[yaml.Event], path: Path) -> dict[str, Data]:
+        mapping: dict[str, Data] = {}
+        while not isinstance(event := next(events), yaml.MappingEndEvent):
+            if not isinstance(event, yaml.ScalarEvent):
+                self._refuse(event, "a key must be one word")
+                self._value(event, events, (*path, "?"))
+                self._value(next(events), events, (*path, "?"))
+                continue
+            here = (*path, event.value)
+            if event.value in mapping:
+                line = self.document.keys[here][0]
+                self._refuse(event, f"key {event.value!r} is already on line {line}; a key is written once")
+                self._value(next(events), events, (*path, "?"))
+                continue
+            self.document.keys[here] = _place(event)
+            mapping[event.value] = self._value(next(events), events, here)
+        return mapping
+
+
+def step_into(data: Data, step: str | int) -> tuple[Data] | tuple[()]:
+    """What is below ``data`` at one step of a path, as a tuple of one; empty when nothing is there."""
+    if isinstance(data, dict) and isinstance(step, str) and step in data:
+        return (data[step],)
+    if isinstance(data, list) and isinstance(step, int) and step < len(data):
+        return (data[step],)
+    return ()
+
+
+def _place(event: yaml.Event) -> tuple[int, int]:
+    """Line and column where an event begins, counted from 1."""
+    mark = event.start_mark
+    return (mark.line + 1, mark.column + 1) if mark is not None else (1, 1)
+
+
+def _scalar(event: yaml.ScalarEvent) -> Data:
+    """Value of a scalar by the YAML 1.2 core schema; quoted scalars are always text."""
+    text = event.value
+    if event.style is not None:
+        return str(text)
+    if text in _WORDS:
+        return _WORDS[text]
+    if _INTEGER.fullmatch(text) and len(text) < 40:
+        return int(text)
+    if _FLOAT.fullmatch(text):
+        return float(text)
+    return str(text)

@@ -1,0 +1,238 @@
+"""What the columns of a trajectory mean: names to robots, quantities and SI.
+
+A column is ``ROBOT.QUANTITY``; the robot's name may be left out when only one robot knows the quantity.
+``vocabulary`` is the one list of quantities; everything else - parsing, messages, ``contid path`` - uses it.
+"""
+
+from __future__ import annotations
+
+import difflib
+import math
+from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import dataclass
+from typing import Final
+
+from contid.description.base import Quantity
+from contid.description.robot import RobotDescription
+from contid.errors import BadInputError, Located
+from contid.targets import ZERO3, Target, Vec3
+
+TIME: Final = "t_s"
+_AXES: Final = ("x", "y", "z")
+#: Quantities that say where the robot goes; the others only travel along.
+MOVING: Final = frozenset({"tip", "direction", "mid", "actuation", "extra"})
+
+
+@dataclass(frozen=True, slots=True)
+class Meaning:
+    """One quantity of a robot: its group, its place in the group, and ``si = value * factor / divisor``.
+
+    Two numbers for one scale because 70 / 1000 is the nearest double to 0.07 and 70 * 0.001 is not.
+    """
+
+    group: str
+    place: int
+    factor: float = 1.0
+    divisor: float = 1.0
+
+
+def vocabulary(robot: RobotDescription) -> dict[str, Meaning]:
+    """Every column a robot understands, without its name in front."""
+    known: dict[str, Meaning] = {}
+    axes = _AXES[: robot.dimension]
+    positions = (("tip", "", "tip"), ("mid", "mid.", "mid"), ("tip", "meas.", "measured"))
+    for accepted, prefix, group in positions:
+        if accepted in robot.accepts:
+            for place, axis in enumerate(axes):
+                known[f"{prefix}{axis}_mm"] = Meaning(group, place, divisor=1e3)
+    if "direction" in robot.accepts:
+        known.update({f"a{axis}": Meaning("direction", place) for place, axis in enumerate(axes)})
+    if "load" in robot.accepts:
+        known.update({f"load.f{axis}_n": Meaning("load", place) for place, axis in enumerate(axes)})
+    unit = robot.quantity.unit
+    scale = {"divisor": 1e3} if robot.quantity is Quantity.LENGTH else {"factor": 1e5}
+    if "actuation" in robot.accepts:
+        for place, axis in enumerate(robot.axis_names):
+            known[f"{axis}_{unit}"] = Meaning("actuation", place, **scale)
+    for place, axis in enumerate(robot.extra_axis_names):
+        known[f"{axis}_{unit}"] = Meaning("extra", place, **scale)
+    return known
+
+
+@dataclass(frozen=True, slots=True)
+class RobotColumns:
+    """Where in a row the quantities of one robot stand: indices into the row, in the order of the group."""
+
+    robot: str
+    tip: tuple[int, ...] = ()
+    direction: tuple[int, ...] = ()
+    mid: tuple[int, ...] = ()
+    actuation: tuple[int, ...] = ()
+    load: tuple[int, ...] = ()
+    measured: tuple[int, ...] = ()
+    extra: tuple[tuple[str, int], ...] = ()
+
+    @property
+    def moving(self) -> tuple[int, ...]:
+        """Indices of everything that says where this robot goes."""
+        return (*self.tip, *self.direction, *self.mid, *self.actuation, *(index for _, index in self.extra))
+
+    def target(self, row: Sequence[float]) -> Target:
+        """The target a row of SI values holds for this robot; its direction becomes a unit vector."""
+        return Target(
+            tip_m=_vector(row, self.tip) if self.tip else None,
+            direction=unit_vector(_vector(row, self.direction)) if self.direction else None,
+            mid_m=_vector(row, self.mid) if self.mid else None,
+            actuation=tuple([row[index] for index in self.actuation]) if self.actuation else None,
+            load_n=_vector(row, self.load) if self.load else ZERO3,
+            extra={name: row[index] for name, index in self.extra},
+            measured_tip_m=_vector(row, self.measured) if self.measured else None,
+        )
+
+
+@dataclass(frozen=True, slots=True)
+class Layout:
+    """The meaning of every column of one trajectory.
+
+    Attributes:
+        names: the columns as written, in file order.
+        time: index of ``t_s``, or None for a stream.
+        factors, divisors: what makes each column SI.
+        robots: one entry per robot that has columns.
+    """
+
+    names: tuple[str, ...]
+    time: int | None
+    factors: tuple[float, ...]
+    divisors: tuple[float, ...]
+    robots: tuple[RobotColumns, ...]
+
+    def targets(self, row: Sequence[float]) -> dict[str, Target]:
+        """Targets by robot of one row of SI values, in the world frame."""
+        return {columns.robot: columns.target(row) for columns in self.robots}
+
+
+def read_layout(
+    names: Sequence[tuple[str, int]], file: str, line: int, robots: Mapping[str, RobotDescription]
+) -> Layout:
+    """Understand a header.
+
+    Args:
+        names: each column's name and where in the line it begins (from 1).
+        file: what messages call the source.
+        line: line of the header.
+        robots: descriptions by name.
+
+    Raises:
+        BadInputError: unknown, ambiguous, duplicate, missing or contradicting columns; every finding.
+    """
+    words = {robot: vocabulary(description) for robot, description in robots.items()}
+    findings: list[Located] = []
+    seen: dict[tuple[str, str, int], tuple[int, str]] = {}
+    factors, divisors = [1.0] * len(names), [1.0] * len(names)
+    for index, (name, column) in enumerate(names):
+        owner, message = _owner(name, words)
+        if message:
+            findings.append(Located(file, line, column, message))
+            continue
+        meaning = Meaning("time", 0) if name == TIME else words[owner][name.removeprefix(f"{owner}.")]
+        key = (owner, meaning.group, meaning.place)
+        if key in seen:
+            twice = f"column {name!r} is already there as {seen[key][1]!r}"
+            findings.append(Located(file, line, column, twice))
+            continue
+        seen[key] = (index, name)
+        factors[index], divisors[index] = meaning.factor, meaning.divisor
+    groups = []
+    for robot, known in words.items():
+        mine = {key[1:]: index for key, (index, _) in seen.items() if key[0] == robot}
+        if mine:
+            first = names[min(mine.values())][1]
+            findings += [Located(file, line, first, message) for message in _gaps(robot, known, mine, words)]
+            groups.append(_group(robot, robots[robot], mine))
+    if not groups and not findings:
+        findings.append(Located(file, line, 1, f"no column moves a robot; {_choices(words)}"))
+    if findings:
+        raise BadInputError(sorted(findings, key=lambda found: found.column))
+    time = seen.get(("", "time", 0))
+    names_only = tuple(name for name, _ in names)
+    return Layout(names_only, time[0] if time else None, tuple(factors), tuple(divisors), tuple(groups))
+
+
+def _owner(name: str, words: Mapping[str, Mapping[str, Meaning]]) -> tuple[str, str]:
+    """The robot a column belongs to ("" for the time), or a message."""
+    if name == TIME:
+        return "", ""
+    for robot, known in words.items():
+        if name.startswith(f"{robot}.") and name.removeprefix(f"{robot}.") in known:
+            return robot, ""
+    owners = [robot for robot, known in words.items() if name in known]
+    if len(owners) == 1:
+        return owners[0], ""
+    if owners:
+        choices = " or ".join(f"{robot}.{name}" for robot in owners)
+        return "", f"column {name!r} could belong to {len(owners)} robots; write {choices}"
+    if not name:
+        return "", "a column has no name"
+    return "", f"unknown column {name!r}; {_choices(words, name)}"
+
+
+def _choices(words: Mapping[str, Mapping[str, Meaning]], wrong: str = "") -> str:
+    alone = len(words) == 1
+    full = [f"{robot}.{name}" for robot, known in words.items() for name in known]
+    names = [TIME, *(name for known in words.values() for name in known)] if alone else [TIME, *full]
+    near = difflib.get_close_matches(wrong, [*names, *full], n=1)
+    return f"allowed: {', '.join(names)}" + (f"; did you mean {near[0]!r}?" if near else "")
+
+
+def _gaps(
+    robot: str,
+    known: Mapping[str, Meaning],
+    mine: Mapping[tuple[str, int], int],
+    words: Mapping[str, object],
+) -> Iterable[str]:
+    """What a robot's columns lack, or have too much of."""
+    front = f"{robot}." if len(words) > 1 else ""
+    groups = {group for group, _ in mine}
+    for group in sorted(groups - {"extra"}):
+        members = {name: meaning for name, meaning in known.items() if meaning.group == group}
+        there = [name for name, meaning in members.items() if (group, meaning.place) in mine]
+        lacking = [front + name for name in members if name not in there]
+        if lacking:
+            yield f"column {front + there[0]!r} needs {', '.join(repr(name) for name in lacking)} beside it"
+    if {"tip", "actuation"} <= groups:
+        yield f"robot {robot!r} has tip and actuation columns; allowed is one of them"
+    elif not groups & {"tip", "actuation"}:
+        yield f"robot {robot!r} has columns, but neither its tip nor its actuation"
+    elif "actuation" in groups and groups & {"direction", "mid"}:
+        yield f"robot {robot!r} has actuation columns; a direction or mid-point goes with a tip only"
+
+
+def _group(robot: str, description: RobotDescription, mine: Mapping[tuple[str, int], int]) -> RobotColumns:
+    def indices(group: str) -> tuple[int, ...]:
+        return tuple(index for (_, _), index in sorted((k, i) for k, i in mine.items() if k[0] == group))
+
+    names = description.extra_axis_names
+    extra = tuple((names[place], index) for (group, place), index in sorted(mine.items()) if group == "extra")
+    return RobotColumns(
+        robot,
+        tip=indices("tip"),
+        direction=indices("direction"),
+        mid=indices("mid"),
+        actuation=indices("actuation"),
+        load=indices("load"),
+        measured=indices("measured"),
+        extra=extra,
+    )
+
+
+def _vector(row: Sequence[float], indices: tuple[int, ...]) -> Vec3:
+    """Three components from two or three columns; planar robots leave z at 0."""
+    z = row[indices[2]] if len(indices) == 3 else 0.0
+    return (row[indices[0]], row[indices[1]], z)
+
+
+def unit_vector(vector: Vec3) -> Vec3 | None:
+    """The vector with length 1; None for the zero vector."""
+    length = math.hypot(*vector)
+    return (vector[0] / length, vector[1] / length, vector[2] / length) if length > 0.0 else None

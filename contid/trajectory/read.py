@@ -1,0 +1,109 @@
+"""Reading a whole trajectory: everything is checked before anything moves."""
+
+from __future__ import annotations
+
+from array import array
+from collections.abc import Mapping
+from typing import Final, TextIO
+
+import numpy as np
+
+from contid.description.robot import RobotDescription
+from contid.errors import BadInputError, Located
+from contid.trajectory.columns import TIME
+from contid.trajectory.rows import RowReader, is_comment, numbered_lines
+from contid.trajectory.spline import Floats
+from contid.trajectory.timed import Interpolation, Trajectory
+
+#: Reading stops after so many findings: a wrong file is usually wrong in every row.
+MAX_FINDINGS: Final = 50
+#: Two million rows are almost three hours at 200 Hz.
+MAX_ROWS: Final = 2_000_000
+#: Directions of neighbouring rows further apart than this (150 degrees) have no path between them.
+_MIN_COSINE: Final = -0.866
+
+
+def read_trajectory(
+    stream: TextIO,
+    name: str,
+    robots: Mapping[str, RobotDescription],
+    interpolation: Interpolation = Interpolation.CUBIC,
+) -> Trajectory:
+    """Read CSV or NDJSON with times.
+
+    Args:
+        stream: the text; read to its end.
+        name: what messages call it.
+        robots: descriptions by name.
+        interpolation: how to go from row to row.
+
+    Raises:
+        BadInputError: every finding (at most `MAX_FINDINGS`), each with line and column.
+    """
+    reader: RowReader | None = None
+    findings: list[Located] = []
+    values, lines = array("d"), array("q")
+    last_time: float | None = None
+    number = 0
+    for number, line in numbered_lines(stream):
+        if is_comment(line):
+            continue
+        try:
+            if reader is None:
+                reader = RowReader(line, number, name, robots)
+                if reader.layout.time is None:
+                    message = f"no column {TIME!r}: a trajectory with times begins with it"
+                    raise BadInputError([Located(name, number, 1, message)])
+                if not reader.is_json:
+                    continue
+            row = reader.row(line, number)
+            assert reader.layout.time is not None
+            time_s = row[reader.layout.time]
+            if last_time is not None and time_s <= last_time:
+                what = "repeats" if time_s == last_time else "runs backwards"
+                column = reader.column(line, reader.layout.time)
+                message = f"time {what}: {time_s!r} after {last_time!r} on line {lines[-1]}"
+                raise BadInputError([Located(name, number, column, message)])
+            last_time = time_s
+        except BadInputError as error:
+            findings += error.findings
+            if reader is None or reader.layout.time is None:
+                break
+            if len(findings) >= MAX_FINDINGS:
+                findings = findings[:MAX_FINDINGS]
+                findings.append(Located(name, number, 1, f"{MAX_FINDINGS} mistakes so far; not read further"))
+                break
+            continue
+        values.extend(row)
+        lines.append(number)
+        if len(lines) > MAX_ROWS:
+            findings.append(Located(name, number, 1, f"more than {MAX_ROWS} rows; split the trajectory"))
+            break
+    if reader is None and not findings:
+        findings.append(Located(name, max(number, 1), 1, "empty: a header and at least one row are needed"))
+    elif not findings and not lines:
+        findings.append(Located(name, max(number, 1), 1, "no rows after the header"))
+    if findings or reader is None:
+        raise BadInputError(findings)
+    rows = np.frombuffer(values, dtype=np.float64).reshape(len(lines), len(reader.layout.names))
+    _check_directions(reader, rows, lines, name)
+    rows.setflags(write=False)
+    return Trajectory(reader.layout, rows, lines, interpolation)
+
+
+def _check_directions(reader: RowReader, rows: Floats, lines: array[int], name: str) -> None:
+    """Make directions unit vectors in place; refuse neighbours that point to opposite sides."""
+    findings = []
+    for columns in reader.layout.robots:
+        if not columns.direction:
+            continue
+        index = list(columns.direction)
+        rows[:, index] /= np.linalg.norm(rows[:, index], axis=1)[:, None]
+        cosine = np.einsum("ij,ij->i", rows[1:, index], rows[:-1, index])
+        for row in np.flatnonzero(cosine < _MIN_COSINE)[:MAX_FINDINGS]:
+            what = (
+                f"the direction of {columns.robot!r} turns by more than 150 degrees since line {lines[row]}"
+            )
+            findings.append(Located(name, lines[row + 1], 1, f"{what}; rows between would say which way"))
+    if findings:
+        raise BadInputError(findings)

@@ -1,0 +1,199 @@
+"""Lines of CSV or NDJSON to rows of SI numbers, with the line and column of everything that is wrong."""
+
+from __future__ import annotations
+
+import json
+import math
+from collections.abc import Iterator, Mapping
+from typing import Final, TextIO
+
+from contid.description.robot import RobotDescription
+from contid.errors import BadInputError, Located
+from contid.trajectory.columns import Layout, read_layout
+
+#: A row of a sixteen-finger robot is about a thousand characters.
+MAX_LINE: Final = 65_536
+
+
+def numbered_lines(stream: TextIO) -> Iterator[tuple[int, str]]:
+    """Lines with their numbers from 1, without line ends; a line is never held beyond `MAX_LINE` + 1."""
+    number = 0
+    while line := stream.readline(MAX_LINE + 1):
+        number += 1
+        yield number, line.rstrip("\r\n").removeprefix("\ufeff" if number == 1 else "")
+        while len(line) > MAX_LINE and not line.endswith("\n"):
+            if not (line := stream.readline(MAX_LINE + 1)):
+                break
+
+
+def is_comment(line: str) -> bool:
+    """True for lines that carry nothing: blank, or beginning with ``#``."""
+    text = line.lstrip()
+    return not text or text.startswith("#")
+
+
+class RowReader:
+    """Understands one header and turns lines into rows.
+
+    The first line that is no comment decides: one that begins with ``{`` is NDJSON, where the first object
+    is header and first row in one; anything else is the header of a CSV.
+
+    Raises:
+        BadInputError: from the constructor, when the header is wrong.
+    """
+
+    def __init__(self, header: str, number: int, name: str, robots: Mapping[str, RobotDescription]) -> None:
+        self.name = name
+        self.is_json = header.lstrip().startswith("{")
+        if len(header) > MAX_LINE:
+            raise BadInputError([Located(name, number, 1, _too_long())])
+        if self.is_json:
+            pairs = self._object(header, number)
+            columns = [(key, _key_column(header, key)) for key, _ in pairs]
+        else:
+            columns = []
+            begin = 1
+            for cell in header.split(","):
+                columns.append((cell.strip().strip('"'), begin + len(cell) - len(cell.lstrip())))
+                begin += len(cell) + 1
+        self.layout: Layout = read_layout(columns, name, number, robots)
+
+    def row(self, line: str, number: int) -> list[float]:
+        """One row in SI.
+
+        Raises:
+            BadInputError: with every finding of this line.
+        """
+        if len(line) > MAX_LINE:
+            raise BadInputError([Located(self.name, number, 1, _too_long())])
+        values = self._json_values(line, number) if self.is_json else self._csv_values(line, number)
+        layout = self.layout
+        row = [
+            value * factor / divisor
+            for value, factor, divisor in zip(values, layout.factors, layout.divisors, strict=True)
+        ]
+        for columns in layout.robots:
+            if columns.direction and math.hypot(*(row[index] for index in columns.direction)) == 0.0:
+                index = columns.direction[0]
+                message = f"the direction at {layout.names[index]!r} is the zero vector; it needs a length"
+                raise BadInputError([Located(self.name, number, self.column(line, index), message)])
+        return row
+
+    def column(self, line: str, index: int) -> int:
+        """Where in ``line`` the value of column ``index`` begins, from 1."""
+        if self.is_json:
+            return _key_column(line, self.layout.names[index])
+        cells = line.split(",")
+        cell = cells[index]
+        return sum(len(before) + 1 for before in cells[:index]) + len(cell) - len(cell.lstrip()) + 1
+
+    def _csv_values(self, line: str, number: int) -> list[float]:
+        cells = line.split(",")
+        names = self.layout.names
+        if len(cells) != len(names):
+            what = f"the row has {len(cells)} values, the header {len(names)} columns"
+            column = len(line) + 1
+            if len(cells) < len(names):
+                what += f"; {names[len(cells)]!r} is the first without one"
+            else:
+                column = sum(len(cell) + 1 for cell in cells[: len(names)]) + 1
+            raise BadInputError([Located(self.name, number, column, what)])
+        try:
+            values = [float(cell) for cell in cells]
+        except ValueError:
+            values = []
+        if not values or not all(map(math.isfinite, values)) or "_" in line:
+            findings = []
+            for index, (name, cell) in enumerate(zip(names, cells, strict=True)):
+                wrong = _not_a_number(name, cell.strip())
+                if wrong:
+                    findings.append(Located(self.name, number, self.column(line, index), wrong))
+            raise BadInputError(findings)
+        return values
+
+    def _json_values(self, line: str, number: int) -> list[float]:
+        pairs = self._object(line, number)
+        names = self.layout.names
+        given = dict(pairs)
+        findings = [
+            Located(self.name, number, _key_column(line, key), f"{key!r} is not in the first row; it must be")
+            for key in given
+            if key not in names
+        ]
+        values = []
+        for name in names:
+            if name not in given:
+                findings.append(Located(self.name, number, 1, f"{name!r} is missing; the first row has it"))
+                continue
+            value = given[name]
+            if isinstance(value, bool) or not isinstance(value, (int, float)):
+                wrong = f"{name}: {json.dumps(value)[:40]} is not a number"
+            else:
+                value = _as_float(value)
+                wrong = "" if math.isfinite(value) else f"{name} is {value}; allowed are finite numbers"
+                values.append(value)
+            if wrong:
+                findings.append(Located(self.name, number, _key_column(line, name), wrong))
+        if findings:
+            raise BadInputError(findings)
+        return values
+
+    def _object(self, line: str, number: int) -> list[tuple[str, object]]:
+        """Keys and values of one JSON object, duplicates refused."""
+        try:
+            pairs = _JSON.decode(line.strip())
+        except json.JSONDecodeError as error:
+            column = error.colno + len(line) - len(line.lstrip())
+            raise BadInputError([Located(self.name, number, column, f"not JSON: {error.msg}")]) from error
+        except (RecursionError, ValueError) as error:
+            message = "not a row: nested too deeply or with numbers too long"
+            raise BadInputError([Located(self.name, number, 1, message)]) from error
+        if not isinstance(pairs, _Pairs):
+            message = 'not a row: a line is one object, {"t_s": ...}'
+            raise BadInputError([Located(self.name, number, 1, message)])
+        keys = [key for key, _ in pairs]
+        twice = [key for index, key in enumerate(keys) if key in keys[:index]]
+        if twice:
+            found = [
+                Located(self.name, number, _key_column(line, key, last=True), f"{key!r} is there twice")
+                for key in twice
+            ]
+            raise BadInputError(found)
+        return pairs
+
+
+class _Pairs(list[tuple[str, object]]):
+    """A JSON object as its keys and values in order, so that a duplicate key stays visible."""
+
+
+_JSON: Final = json.JSONDecoder(object_pairs_hook=_Pairs)
+
+
+def _too_long() -> str:
+    return f"the line is longer than {MAX_LINE} characters"
+
+
+def _not_a_number(name: str, cell: str) -> str:
+    """What is wrong with one cell, "" when nothing is."""
+    if not cell:
+        return f"{name} is empty; allowed are finite numbers"
+    try:
+        value = float(cell)
+    except ValueError:
+        value = None
+    if value is None or "_" in cell:
+        return f"{name}: {cell[:40]!r} is not a number"
+    return "" if math.isfinite(value) else f"{name} is {cell}; allowed are finite numbers"
+
+
+def _as_float(value: int | float) -> float:
+    try:
+        return float(value)
+    except OverflowError:
+        return math.inf
+
+
+def _key_column(line: str, key: str, last: bool = False) -> int:
+    """Where a key begins in a line of JSON, from 1; 1 when it is written with escapes."""
+    text = json.dumps(key, ensure_ascii=False)
+    return max(line.rfind(text) if last else line.find(text), 0) + 1

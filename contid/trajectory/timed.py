@@ -1,0 +1,100 @@
+"""A timed trajectory: rows read from a file, and the target between them at any instant."""
+
+from __future__ import annotations
+
+import enum
+from array import array
+from bisect import bisect_right
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field
+
+import numpy as np
+
+from contid.targets import Target
+from contid.trajectory.columns import Layout
+from contid.trajectory.spline import Floats, cubic, linear
+
+
+class Interpolation(enum.StrEnum):
+    """How the target moves from row to row."""
+
+    CUBIC = "cubic"
+    LINEAR = "linear"
+
+
+@dataclass(frozen=True, slots=True)
+class Trajectory:
+    """Rows and the curve through them. Built by `contid.trajectory.read.read_trajectory`.
+
+    Attributes:
+        layout: what the columns mean.
+        rows: SI values in the order of the columns, shape ``(n, columns)``.
+        lines: line in the file of every row.
+        interpolation: cubic or linear.
+    """
+
+    layout: Layout
+    rows: Floats
+    lines: Sequence[int]
+    interpolation: Interpolation = Interpolation.CUBIC
+    _times: array[float] = field(init=False, repr=False)
+    _coefficients: Floats = field(init=False, repr=False)
+
+    def __post_init__(self) -> None:
+        """Compute the curve once."""
+        assert self.layout.time is not None
+        times = self.rows[:, self.layout.time]
+        coefficients = np.zeros((0, 4, self.rows.shape[1]))
+        if len(times) > 1:
+            coefficients = linear(times, self.rows)
+            if self.interpolation is Interpolation.CUBIC:
+                # Known loads and measurements only travel along: between rows they go straight.
+                for robot in self.layout.robots:
+                    columns = list(robot.moving)
+                    coefficients[:, :, columns] = cubic(times, self.rows[:, columns])
+        object.__setattr__(self, "_times", array("d", times.tolist()))
+        object.__setattr__(self, "_coefficients", coefficients)
+
+    @property
+    def start_s(self) -> float:
+        """Time of the first row."""
+        return self._times[0]
+
+    @property
+    def end_s(self) -> float:
+        """Time of the last row."""
+        return self._times[-1]
+
+    @property
+    def columns(self) -> tuple[str, ...]:
+        """Names of the columns as written."""
+        return self.layout.names
+
+    def __len__(self) -> int:
+        """Number of rows."""
+        return len(self._times)
+
+    def line_of_row(self, index: int) -> int:
+        """Line in the file of row ``index``, for messages."""
+        return self.lines[index]
+
+    def row_at(self, time_s: float) -> int:
+        """Index of the last row at or before ``time_s``; the first row for any earlier time."""
+        return max(bisect_right(self._times, time_s) - 1, 0)
+
+    def targets_at(self, time_s: float) -> Mapping[str, Target]:
+        """Target of every robot that has columns, in the world frame.
+
+        Exactly a row at its own time; the first row before it, the last row after it.
+        """
+        index = bisect_right(self._times, time_s) - 1
+        if index < 0 or index >= len(self._coefficients):
+            return self.targets_of_row(0 if index < 0 else -1)
+        c0, c1, c2, c3 = self._coefficients[index]
+        u = time_s - self._times[index]
+        row: list[float] = (((c3 * u + c2) * u + c1) * u + c0).tolist()
+        return self.layout.targets(row)
+
+    def targets_of_row(self, index: int) -> Mapping[str, Target]:
+        """Targets exactly as row ``index`` has them."""
+        return self.layout.targets(self.rows[index].tolist())

@@ -1,0 +1,144 @@
+"""Robot files: what is refused, where, and that all of it is said at once."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import pytest
+
+from contid.description.load import load_robot_file, parse_robot_file, with_mock
+from contid.errors import BadInputError, ContidError, Located
+from contid.hal import DeviceKind, load_driver
+
+
+def findings(text: str) -> list[Located]:
+    with pytest.raises(BadInputError) as caught:
+        parse_robot_file(text, "robot.yaml")
+    return list(caught.value.findings)
+
+
+@pytest.fixture
+def finger(configs: Path) -> str:
+    return (configs / "finger.yaml").read_text()
+
+
+@pytest.mark.parametrize("name", ["finger", "hand"])
+def test_shipped_files_load_and_keep_their_text(configs: Path, name: str) -> None:
+    loaded = load_robot_file(configs / f"{name}.yaml")
+    assert loaded.text == (configs / f"{name}.yaml").read_text()
+    assert loaded.file.name == name
+    for bus in loaded.buses.values():
+        assert {axis for axis, _ in bus.axes} == {
+            f"{robot}.{axis}" for robot, each in loaded.file.robots.items() for axis in each.axes
+        }
+
+
+def test_the_mock_has_the_same_axes_on_simulated_devices(configs: Path) -> None:
+    loaded = load_robot_file(configs / "hand.yaml")
+    mock = with_mock(loaded)
+    sim = load_driver("sim")
+    for name, bus in mock.buses.items():
+        assert bus.driver == "sim"
+        assert [axis for axis, _ in bus.axes] == [axis for axis, _ in loaded.buses[name].axes]
+        assert {sim.kind(options) for _, options in bus.axes} == {DeviceKind.SERVO}
+    assert with_mock(mock).buses == mock.buses
+
+
+# One mistake each: what is written, what it becomes, where the finding points, what it says.
+MISTAKES = [
+    ("name: finger", "nam: finger", "nam:", "did you mean 'name'?"),
+    ("rate_hz: 200", "rate_hz: -5", "-5", "greater than 0"),
+    ("driver: dynamixel", "driver: dynamixl", "dynamixl", "did you mean 'dynamixel'?"),
+    ("baud: 1000000", "baud: 1000001", "1000001", "allowed: 9600"),
+    ("model: rack_finger", "model: rack_fingr", "rack_fingr", "did you mean 'rack_finger'?"),
+    ("tip_length_mm: 22", "tip_lenght_mm: 22", "tip_lenght_mm", "did you mean 'tip_length_mm'?"),
+    ("length_mm: [0, 100]", "length_mm: [100, 0]", "[100, 0]", "less than the second"),
+    ("a_per_mm: 0.0013", "a_per_mm: small", "small", "allowed is a number"),
+    ("b: -0.2774", "b: .inf", ".inf", "finite"),
+    ("on_end: hold", "on_end: rset", "rset", "did you mean 'rest'?"),
+    ("estop: relax", "estop: vent", "vent", "none"),
+    ("rest_mm: [60, 60]", "rest_mm: [60, 160]", "160", "outside its limits 0 to 100 mm"),
+    ("rest_mm: [60, 60]", "rest_mm: [60]", "[60]", "1 numbers; allowed: 2"),
+    ("jerk_mm_s3: 20000", "jerk_mm_s3: true", "true", "allowed is a number"),
+    ("      jerk_mm_s3: 20000\n", "", "rates:", "'jerk_mm_s3' is missing"),
+    ("      jerk_mm_s3: 20000\n", "      jerk_bar_s3: 2\n", "rates:", "'jerk_mm_s3' is missing"),
+    ("right: {bus: servos, id: 2,", "right: {bus: servos, id: 1,", "1, mm", "belongs to finger.left"),
+    ("right: {bus: servos, id: 2,", "right: {bus: servo, id: 2,", "servo,", "did you mean 'servos'?"),
+    ("right: {bus: servos, id: 2,", "right: {bus: servos, id: 300,", "300", "at most 252"),
+    ("right: {bus: servos, id: 2,", "right: {bus: servos, idd: 2,", "idd", "did you mean 'id'?"),
+    ("right: {bus: servos, id: 2,", "rigth: {bus: servos, id: 2,", "rigth", "did you mean 'right'?"),
+    ("id: 2, mm_per_rev: 37.69911184307752", "id: 2", "right: {", "mm_per_rev is missing"),
+    ("id: 2, mm_per_rev: 37.69911184307752", "id: 2, mm_per_rev: 0", "0}", "greater than 0"),
+    ("- rest_mm", "- resst_mm", "resst_mm", "names no key"),
+    ("contid: 1", "contid: 2", "2", "allowed: 1"),
+    ("gap_mm: 5", "gap_mm: 5, gap_mm: 6", "gap_mm: 6", "already on line"),
+    ("rate_hz: 200", "rate_hz: &r 200", "&r", "anchors"),
+    ("rate_hz: 200", "rate_hz: !!python/name:os.system 200", "!!python", "tags"),
+]  # fmt: skip
+
+
+@pytest.mark.parametrize(
+    ("old", "new", "at", "says"), MISTAKES, ids=[new.strip() or old for old, new, *_ in MISTAKES]
+)
+def test_a_mistake_is_found_where_it_stands(finger: str, old: str, new: str, at: str, says: str) -> None:
+    text = finger.replace(old, new, 1)
+    assert text != finger
+    found = findings(text)
+    begin = text.index(new) if new else 0
+    after = text.find(at, begin)
+    before = text[: after if after >= 0 else text.rindex(at, 0, begin)]
+    expected = (before.count("\n") + 1, len(before) - before.rfind("\n"))
+    assert any((each.line, each.column) == expected and says in each.message for each in found), found
+
+
+def test_twelve_different_mistakes_are_twelve_findings_in_the_order_of_the_file(finger: str) -> None:
+    edits = [
+        ("rate_hz: 200", "rate_hz: fast"),
+        ("baud: 1000000", "baudrate: 1000000"),
+        ("tip_length_mm: 22", "tip_length_mm: -22"),
+        ("gap_mm: 5}", "gap_mm: 5, pitch_mm: 3}"),
+        ("length_mm: [0, 100]", "length_mm: [100, 0]"),
+        ("      b: -0.2774\n", ""),
+        ("velocity_mm_s: 100", "velocity_mm: 100"),
+        ("rest_mm: [60, 60]", "rest_mm: [60, 60, 60]"),
+        ("on_fault: hold", "on_fault: rest"),
+        ("estop: relax", "estop: vent"),
+        ("left: {bus: servos, id: 1", "left: {bus: servo, id: 1"),
+        ("right: {bus: servos, id: 2, mm_per_rev: 37.69911184307752}", "right: {bus: servos, id: 2}"),
+    ]
+    text = finger
+    for old, new in edits:
+        assert old in text
+        text = text.replace(old, new, 1)
+    found = findings(text)
+    # The misspelt velocity is two findings: the key that is unknown and the one that is missing.
+    lines = {each.line for each in found}
+    assert len(found) == 13, "\n".join(map(str, found))
+    assert len(lines) >= 11
+    assert [(each.line, each.column) for each in found] == sorted((each.line, each.column) for each in found)
+
+
+def test_one_mistake_hides_no_other(finger: str) -> None:
+    text = finger.replace("rack_spacing_mm: 13", "rack_spacing_mm: wide").replace(
+        "rest_mm: [60, 60]", "rest_mm: [60]"
+    )
+    assert len(findings(text)) == 2
+
+
+def test_what_is_no_robot_file_is_refused() -> None:
+    assert "mapping" in findings("- 1\n")[0].message
+    assert "not YAML" in findings("a: [1, 2\nb: }")[0].message
+    assert "deeper" in findings("a: " + "[" * 2000)[0].message
+    assert "characters" in findings("a" * 1_000_001)[0].message
+    assert "aliases" in findings("a: &x 1\nb: *x\n")[1].message
+    assert "second document" in findings("contid: 1\n---\ncontid: 1\n")[0].message
+    missing = {each.message.split("'")[1] for each in findings("{}")}
+    assert missing == {"contid", "name", "rate_hz", "buses", "robots"}
+
+
+def test_a_file_that_cannot_be_read_says_so(tmp_path: Path) -> None:
+    with pytest.raises(ContidError, match="cannot read"):
+        load_robot_file(tmp_path / "none.yaml")
+    (tmp_path / "latin.yaml").write_bytes(b"name: \xe9")
+    with pytest.raises(ContidError, match="cannot read"):
+        load_robot_file(tmp_path / "latin.yaml")
