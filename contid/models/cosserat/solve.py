@@ -1,0 +1,256 @@
+"""Inverse statics: bounded least squares on the task, with equilibrium as a constraint (the specification).
+
+Unknowns are the base moment and the pressures. The moment balance e(M, P) = 0 is linearised and eliminated,
+
+    dM = -A^-1 (e + B dP),    r + J dP  with  J = D - C A^-1 B,
+
+so an unreachable target never costs equilibrium (erratum: eqs. 13-17 put both in one sum). What is left is
+a Gauss-Newton step on the task r inside the pressure limits and a trust box; where the task leaves freedom, a
+small weight draws the pressures to a stated centre, which makes the answer unique and repeatable.
+
+Units: mm, N, N·mm, bar.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from contid.models.cosserat.equilibrium import STATICS_TOLERANCE, newton
+from contid.models.cosserat.section import Rod
+from contid.models.cosserat.statics import Array, Loads, Sweep, hat, sweep
+
+#: Weight of the secondary goal [mm^2/bar^2]: small enough to displace a reachable tip by less than 1e-6 mm.
+CENTRE_WEIGHT = 1e-6
+#: A step of pressure that no longer matters [bar].
+STEP_TOLERANCE = 1e-9
+#: A step along the freedom the task leaves, below which the secondary goal counts as reached [bar].
+FREEDOM_TOLERANCE = 1e-4
+TRUST_START = 0.5
+
+
+@dataclass(frozen=True, slots=True)
+class Task:
+    """What the rod shall do; at least the tip position.
+
+    Attributes:
+        tip: tip position [mm].
+        mid: end of the first section [mm], or None (mode b).
+        direction: unit tangent of the tip, or None (mode c).
+        full_rotation: ask for the whole frame, twist-free about ``direction`` (mode d, eq. 17).
+        length: length that scales directions to mm.
+    """
+
+    tip: Array
+    mid: Array | None = None
+    direction: Array | None = None
+    full_rotation: bool = False
+    length: float = 42.0
+
+    @property
+    def rows(self) -> int:
+        """Independent rows."""
+        rotation = 0 if self.direction is None else (3 if self.full_rotation else 2)
+        return 3 + (0 if self.mid is None else 3) + rotation
+
+
+@dataclass(frozen=True, slots=True)
+class Limits:
+    """Bounds and centre of the pressures [bar], shape (3k,) each."""
+
+    lower: Array
+    upper: Array
+    centre: Array
+
+
+@dataclass(frozen=True, slots=True)
+class Outcome:
+    """Where the solver ended.
+
+    Attributes:
+        pressures: [bar], always inside the limits.
+        base_moment: [N·mm].
+        residual: norm of the task error [mm], directions scaled by the task's length.
+        statics: norm of the moment balance at the tip [N·mm].
+        met: True when task and equilibrium are met.
+        optimal: True when no feasible direction reduces the task error further (always when met).
+        iterations: sweeps with derivatives.
+        sweep: the last integration.
+    """
+
+    pressures: Array
+    base_moment: Array
+    residual: float
+    statics: float
+    met: bool
+    optimal: bool
+    iterations: int
+    sweep: Sweep
+
+
+def twist_free(direction: Array) -> Array:
+    """Rotation that tilts e3 to ``direction`` without twist, shape (3, 3): the R_d of mode (d)."""
+    from contid.models.cosserat.closed_form import minimal_rotation
+
+    return minimal_rotation(np.array([0.0, 0.0, 1.0]), direction)
+
+
+def residual(task: Task, found: Sweep) -> Array:
+    """Task error of a sweep [mm]."""
+    rows = [found.tip - task.tip]
+    if task.mid is not None:
+        rows.append(found.ends[0] - task.mid)
+    if task.direction is not None:
+        if task.full_rotation:
+            rows.append(task.length * 2.0 * _half_turn(task, found)[1])
+        else:
+            rows.append(task.length * (found.rotation[:, 2] - task.direction))
+    return np.concatenate(rows)
+
+
+def _half_turn(task: Task, found: Sweep) -> tuple[float, Array]:
+    """Quaternion (w, vector) of the rotation from the wanted to the found frame, w >= 0.
+
+    Unlike the (R^T R_d - R_d^T R) of eq. 17 its vector part vanishes only at zero, not at half a turn too.
+    """
+    assert task.direction is not None
+    q = found.rotation @ twist_free(task.direction).T
+    w = 0.5 * np.sqrt(max(0.0, 1.0 + float(np.trace(q))))
+    axis = np.array([q[2, 1] - q[1, 2], q[0, 2] - q[2, 0], q[1, 0] - q[0, 1]])
+    return w, axis / (4.0 * max(w, 1e-9))
+
+
+def jacobian(task: Task, found: Sweep) -> Array:
+    """Derivative of `residual` by (base moment, pressures), shape (rows, 3 + 3k)."""
+    tangents = found.tangents
+    assert tangents is not None
+    rows = [tangents.tip]
+    if task.mid is not None:
+        rows.append(tangents.ends[0])
+    if task.direction is not None:
+        if task.full_rotation:
+            w, vector = _half_turn(task, found)
+            rows.append(task.length * (w * np.eye(3) - hat(vector)) @ tangents.turn)
+        else:
+            rows.append(-task.length * hat(found.rotation[:, 2]) @ tangents.turn)
+    return np.vstack(rows)
+
+
+def box_step(H: Array, g: Array, low: Array, high: Array) -> Array:
+    """Minimum of ``d H d / 2 + g d`` with low <= d <= high by a primal active set; 0 must be inside.
+
+    H is positive definite, so the set changes finitely often; the cap only guards against rounding.
+    """
+    n = len(g)
+    step = np.zeros(n)
+    held = ((step <= low) & (g > 0.0)) | ((step >= high) & (g < 0.0))
+    for _ in range(4 * n + 4):
+        free = ~held
+        if free.any():
+            move = np.zeros(n)
+            gradient = g + H @ step
+            move[free] = np.linalg.solve(H[np.ix_(free, free)], -gradient[free])
+            room = np.ones(n)
+            up, down = free & (move > 0.0), free & (move < 0.0)
+            room[up] = (high[up] - step[up]) / move[up]
+            room[down] = (low[down] - step[down]) / move[down]
+            fraction = min(1.0, float(room.min()))
+            step = step + fraction * move
+            if fraction < 1.0:
+                blocking = int(room.argmin())
+                step[blocking] = high[blocking] if move[blocking] > 0.0 else low[blocking]
+                held[blocking] = True
+                continue
+        pull = g + H @ step
+        wrong = np.where(held, np.where(step <= low, -pull, pull), -np.inf)
+        worst = int(wrong.argmax())
+        if wrong[worst] <= 1e-12 * (1.0 + float(np.abs(g).max())):
+            break
+        held[worst] = False
+    return np.clip(step, low, high)
+
+
+def solve(
+    rod: Rod,
+    task: Task,
+    loads: Loads,
+    limits: Limits,
+    start: Array,
+    start_moment: Array,
+    elements: int = 3,
+    tolerance: float = 1e-5,
+    iterations: int = 60,
+) -> Outcome:
+    """One descent from one start.
+
+    Args:
+        rod, task, loads, limits: the problem.
+        start: pressures to start from [bar]; clamped into the limits.
+        start_moment: base moment to start from [N·mm].
+        elements: steps per section.
+        tolerance: task error that counts as met [mm].
+        iterations: sweeps with derivatives at most.
+    """
+    n = rod.pressures
+    weight = CENTRE_WEIGHT if task.rows < n else 0.0
+    # How far a base moment moves the tip, to weigh moments against millimetres.
+    first = rod.sections[0]
+    balance = (rod.reach**2 * 0.5 * first.inflated(np.zeros(3)).bend) ** 2
+    pressures = np.clip(np.array(start, float), limits.lower, limits.upper)
+    moment = np.array(start_moment, float)
+
+    def merit(r: Array, e: Array, p: Array) -> float:
+        away = p - limits.centre
+        return float(r @ r + weight * (away @ away) + balance * (e @ e))
+
+    found = sweep(rod, pressures, moment, loads, elements, tangents=True)
+    r = residual(task, found)
+    cost = merit(r, found.moment, pressures)
+    trust, damping = TRUST_START, 1.0
+    optimal = False
+    used = 0
+    for used in range(1, iterations + 1):
+        assert found.tangents is not None
+        both = jacobian(task, found)
+        A, B = found.tangents.moment[:, :3], found.tangents.moment[:, 3:]
+        try:
+            G = np.linalg.solve(A, np.column_stack([B, found.moment]))
+        except np.linalg.LinAlgError:
+            break
+        J = both[:, 3:] - both[:, :3] @ G[:, :-1]
+        ahead = r - damping * both[:, :3] @ G[:, -1]
+        H = J.T @ J
+        H[np.diag_indices(n)] += weight + 1e-13 * float(np.trace(H))
+        g = J.T @ ahead + weight * (pressures - limits.centre)
+        step = box_step(
+            H, g, np.maximum(limits.lower - pressures, -trust), np.minimum(limits.upper - pressures, trust)
+        )
+        size = float(np.abs(step).max())
+        balanced = float(np.linalg.norm(found.moment)) <= STATICS_TOLERANCE
+        good = float(np.linalg.norm(r)) <= tolerance
+        if balanced and (size <= STEP_TOLERANCE or (good and (not weight or size <= FREEDOM_TOLERANCE))):
+            optimal = True
+            break
+        new_pressures = np.clip(pressures + step, limits.lower, limits.upper)
+        new_moment = moment - damping * G[:, -1] - G[:, :-1] @ step
+        trial = sweep(rod, new_pressures, new_moment, loads, elements, tangents=True)
+        new_r = residual(task, trial)
+        new_cost = merit(new_r, trial.moment, new_pressures)
+        if new_cost < cost or (size < 1e-6 and new_cost < cost + 1e-14):
+            pressures, moment, found, r = new_pressures, new_moment, trial, new_r
+            if cost - new_cost > 0.5 * cost:
+                trust *= 2.0
+            cost, damping = new_cost, min(1.0, 2.0 * damping)
+        else:
+            trust, damping = 0.3 * min(trust, max(size, 1e-12)), 0.5 * damping
+            if trust < 1e-12:
+                break
+    balanced = float(np.linalg.norm(found.moment)) <= STATICS_TOLERANCE
+    if not balanced:
+        settled = newton(rod, pressures, moment, loads, elements)
+        moment, found = settled.base_moment, settled.sweep
+        r = residual(task, found)
+    error, statics = float(np.linalg.norm(r)), float(np.linalg.norm(found.moment))
+    met = error <= tolerance and statics <= STATICS_TOLERANCE
+    return Outcome(pressures, moment, error, statics, met, met or optimal, used, found)
