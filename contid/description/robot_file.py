@@ -7,10 +7,11 @@ from typing import Annotated, Literal, TypeAlias
 from pydantic import BaseModel, ConfigDict, Field
 
 from contid.description.base import Positive, Strict
+from contid.description.cosserat import Cosserat
 from contid.description.rack_finger import RackFinger
 
 #: One class per model; a robot file's ``model`` key decides which.
-AnyRobot: TypeAlias = Annotated[RackFinger, Field(discriminator="model")]
+AnyRobot: TypeAlias = Annotated[RackFinger | Cosserat, Field(discriminator="model")]
 
 
 class BusDescription(BaseModel):

@@ -50,6 +50,7 @@ class Model(Protocol):
 
 #: Value of ``model`` in a robot file -> "module:class"; the class is called with the robot's description.
 MODELS: Final[dict[str, str]] = {
+    "cosserat": "contid.models.cosserat.model:CosseratModel",
     "rack_finger": "contid.models.rack_finger:RackFingerModel",
 }
 

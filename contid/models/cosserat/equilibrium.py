@@ -30,7 +30,12 @@ class Equilibrium:
 
 
 def newton(
-    rod: Rod, pressures: Array, start: Array, loads: Loads, elements: int, tolerance: float = STATICS_TOLERANCE
+    rod: Rod,
+    pressures: Array,
+    start: Array,
+    loads: Loads,
+    elements: int,
+    tolerance: float = STATICS_TOLERANCE,
 ) -> Equilibrium:
     """Newton's method on the base moment, halving steps that make the balance worse."""
     moment = np.array(start, float)

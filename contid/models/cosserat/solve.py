@@ -65,6 +65,24 @@ class Limits:
 
 
 @dataclass(frozen=True, slots=True)
+class Problem:
+    """One inverse problem.
+
+    Attributes:
+        rod, loads, task, limits: what, under which loads, whereto, within which pressures.
+        elements: steps per section.
+        tolerance: task error that counts as met [mm].
+    """
+
+    rod: Rod
+    loads: Loads
+    task: Task
+    limits: Limits
+    elements: int = 3
+    tolerance: float = 1e-5
+
+
+@dataclass(frozen=True, slots=True)
 class Outcome:
     """Where the solver ended.
 
@@ -171,27 +189,17 @@ def box_step(H: Array, g: Array, low: Array, high: Array) -> Array:
     return np.clip(step, low, high)
 
 
-def solve(
-    rod: Rod,
-    task: Task,
-    loads: Loads,
-    limits: Limits,
-    start: Array,
-    start_moment: Array,
-    elements: int = 3,
-    tolerance: float = 1e-5,
-    iterations: int = 60,
-) -> Outcome:
+def solve(problem: Problem, start: Array, start_moment: Array, iterations: int = 60) -> Outcome:
     """One descent from one start.
 
     Args:
-        rod, task, loads, limits: the problem.
+        problem: what to solve.
         start: pressures to start from [bar]; clamped into the limits.
         start_moment: base moment to start from [N·mm].
-        elements: steps per section.
-        tolerance: task error that counts as met [mm].
         iterations: sweeps with derivatives at most.
     """
+    rod, loads, task, limits = problem.rod, problem.loads, problem.task, problem.limits
+    elements, tolerance = problem.elements, problem.tolerance
     n = rod.pressures
     weight = CENTRE_WEIGHT if task.rows < n else 0.0
     # How far a base moment moves the tip, to weigh moments against millimetres.
@@ -210,7 +218,8 @@ def solve(
     trust, damping = TRUST_START, 1.0
     optimal = False
     used = 0
-    for used in range(1, iterations + 1):
+    while used < iterations:
+        used += 1
         assert found.tangents is not None
         both = jacobian(task, found)
         A, B = found.tangents.moment[:, :3], found.tangents.moment[:, 3:]
@@ -229,7 +238,11 @@ def solve(
         size = float(np.abs(step).max())
         balanced = float(np.linalg.norm(found.moment)) <= STATICS_TOLERANCE
         good = float(np.linalg.norm(r)) <= tolerance
-        if balanced and (size <= STEP_TOLERANCE or (good and (not weight or size <= FREEDOM_TOLERANCE))):
+        # A small step ends the descent only where it no longer helps: near a target it still halves the error.
+        stuck = size <= STEP_TOLERANCE and float(np.linalg.norm(ahead + J @ step)) > 0.5 * float(
+            np.linalg.norm(r)
+        )
+        if balanced and (stuck or (good and (not weight or size <= FREEDOM_TOLERANCE))):
             optimal = True
             break
         new_pressures = np.clip(pressures + step, limits.lower, limits.upper)

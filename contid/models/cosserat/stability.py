@@ -13,9 +13,11 @@ left to the equilibrium and not counted.
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 
-from contid.models.cosserat.equilibrium import Equilibrium, equilibrium
+from contid.models.cosserat.equilibrium import equilibrium
 from contid.models.cosserat.section import Rod
 from contid.models.cosserat.statics import Array, Loads, State, cross, hat, link, step
 
@@ -25,9 +27,7 @@ def _negative(form: Array) -> int:
     return int(np.count_nonzero(np.linalg.eigvalsh(0.5 * (form + form.T)) < 0.0))
 
 
-def unstable_modes(
-    rod: Rod, pressures: Array, base_moment: Array, loads: Loads, elements: int = 3
-) -> int:
+def unstable_modes(rod: Rod, pressures: Array, base_moment: Array, loads: Loads, elements: int = 3) -> int:
     """Number of independent virtual motions that lower the energy; 0 means stable.
 
     Args:
@@ -72,29 +72,39 @@ def unstable_modes(
     return modes + _negative(moment @ np.linalg.inv(turn))
 
 
-def critical_factor(rod: Rod, pressures: Array, loads: Loads, most: float = 1.0, elements: int = 3) -> float | None:
-    """Least factor of the loads at which the branch from the unloaded shape loses its stability.
+def critical_factor(
+    rod: Rod,
+    pressures: Array,
+    loads: Loads,
+    most: float = 1.0,
+    elements: int = 3,
+) -> float | None:
+    """Least factor of the tip force at which the branch from the unloaded shape loses its stability.
 
     Args:
         rod: the sections.
         pressures: [bar].
-        loads: dead loads; all are scaled together.
+        loads: dead loads; only the tip force is scaled, the others act in full.
         most: the largest factor looked at.
         elements: steps per section.
 
     Returns:
-        The factor to about one part in a thousand, or None when the branch is stable up to ``most``.
+        The factor to about one part in a thousand, 0.0 when the others alone are too much, or None when
+        the branch is stable up to ``most``.
     """
 
     def stable(factor: float) -> bool:
-        found: Equilibrium = equilibrium(rod, pressures, loads.scaled(factor), elements)
+        acting = replace(loads, tip_force=factor * loads.tip_force)
+        found = equilibrium(rod, pressures, acting, elements)
         if not found.converged:
             return False
-        return unstable_modes(rod, pressures, found.base_moment, loads.scaled(factor), elements) == 0
+        return unstable_modes(rod, pressures, found.base_moment, acting, elements) == 0
 
     if stable(most):
         return None
     low, high = 0.0, most
+    if not stable(0.0):
+        return 0.0
     while high - low > 1e-3 * high:
         middle = 0.5 * (low + high)
         low, high = (middle, high) if stable(middle) else (low, middle)

@@ -106,7 +106,6 @@ class Sweep:
         moment: residual of the moment balance at the tip [N·mm]; zero in equilibrium.
         points: backbone at every element boundary and link end, shape (n, 3), base included.
         stations: reference length at the points.
-        nodes: frame, N and M at every element boundary, for the stability count.
         tangents: derivatives when they were asked for.
     """
 
@@ -185,9 +184,7 @@ def turn_rate(inflated: Inflated, e: Array, wrench: Array) -> Array:
 def shift_rate(inflated: Inflated, e: Array, V: Array, N: Array, turn: Array) -> Array:
     """Derivative of p' = R v under the rotation columns ``turn``: ``turn x V - R K R^T (turn x N)``."""
     x = -hat(N) @ turn
-    rate: Array = (
-        -hat(V) @ turn - inflated.shear * x - (inflated.axial - inflated.shear) * np.outer(e, e @ x)
-    )
+    rate: Array = -hat(V) @ turn - inflated.shear * x - (inflated.axial - inflated.shear) * np.outer(e, e @ x)
     return rate
 
 
@@ -212,8 +209,10 @@ def step(
     inflated: Inflated, start: State, N: Array, f: Array, h: float, own: slice | None, tangents: bool
 ) -> State:
     """One element of reference length h; N is the force at its start."""
-    rates = []
-    us, vs, mus = [], [], []
+    rates: list[tuple[Array, Array, Array]] = []
+    us: list[Array] = []
+    vs: list[Array] = []
+    mus: list[Array] = []
     stage = start
     half_frame: tuple[Array, Array] | None = None
     for index, c in enumerate((0.0, 0.5, 0.5, 1.0)):
@@ -228,7 +227,12 @@ def step(
                 du, dv = 0.5 * h * us[-1], 0.5 * h * vs[-1]
             R, shift = exponential(du, dv)
             stage = State(
-                base_R @ R, base_p + base_R @ shift, start.mu + c * h * mus[-1], start.turn, start.shift, start.dmu
+                base_R @ R,
+                base_p + base_R @ shift,
+                start.mu + c * h * mus[-1],
+                start.turn,
+                start.shift,
+                start.dmu,
             )
             if index == 1:
                 half_frame = (stage.R, stage.p)
@@ -294,7 +298,12 @@ def sweep(
     dmu = np.zeros((3, columns))
     dmu[:, :3] = np.eye(3)
     state = State(
-        np.eye(3), np.zeros(3), np.array(base_moment, float), np.zeros((3, columns)), np.zeros((3, columns)), dmu
+        np.eye(3),
+        np.zeros(3),
+        np.array(base_moment, float),
+        np.zeros((3, columns)),
+        np.zeros((3, columns)),
+        dmu,
     )
     N = loads.base_force(rod)
     points, stations = [state.p], [0.0]
@@ -328,9 +337,7 @@ def sweep(
         derived = Tangents(
             state.dmu + hat(loads.tip_force) @ state.shift, state.shift, state.turn, tuple(end_tangents)
         )
-    return Sweep(
-        state.p, state.R, tuple(ends), moment, np.array(points), np.array(stations), derived
-    )
+    return Sweep(state.p, state.R, tuple(ends), moment, np.array(points), np.array(stations), derived)
 
 
 def link(state: State, length: float, f: Array) -> State:

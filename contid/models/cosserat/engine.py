@@ -1,0 +1,120 @@
+"""The two ways a model computes: this NumPy engine, and the compiled kernel with the same methods.
+
+The kernel `contid.kernels._cosserat` (class ``Engine``) is chosen when it can be imported and
+``CONTID_PURE_PYTHON`` is not set. The NumPy engine does the same arithmetic in milliseconds instead of
+microseconds; it is the specification the kernel is tested against.
+
+Units: mm, N, N·mm, bar.
+"""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Sequence
+from dataclasses import dataclass
+from importlib import import_module
+from typing import Protocol, TypeAlias
+
+import numpy as np
+
+from contid.models.cosserat.equilibrium import equilibrium
+from contid.models.cosserat.search import search
+from contid.models.cosserat.section import Rod
+from contid.models.cosserat.solve import Limits, Problem, Task
+from contid.models.cosserat.stability import unstable_modes
+from contid.models.cosserat.statics import Array, Loads
+from contid.targets import Vec3
+
+#: pressures, residual [mm], met, optimal, stable, iterations, elements, statics residual [N·mm]
+InverseAnswer: TypeAlias = tuple[tuple[float, ...], float, bool, bool, bool, int, int, float]
+#: tip, rotation (row-major), end of the first section, stable, base moment
+ForwardAnswer: TypeAlias = tuple[
+    tuple[float, ...], tuple[float, ...], tuple[float, ...], bool, tuple[float, ...]
+]
+
+
+@dataclass(frozen=True)
+class Setup:
+    """What an engine is built from: the rod, its own weight, limits and solver settings."""
+
+    rod: Rod
+    weight: Loads
+    limits: Limits
+    elements: int
+    error: float
+    tolerance: float
+    direction_length: float
+    full_rotation: bool
+
+
+class Engine(Protocol):
+    """Forward and inverse statics of one rod."""
+
+    def inverse(
+        self, tip: Vec3, mid: Vec3 | None, direction: Vec3 | None, force: Vec3, seed: Sequence[float]
+    ) -> InverseAnswer:
+        """Pressures [bar] for a task [mm] under a force on the tip [N], from the last commanded pressures."""
+        ...
+
+    def forward(self, pressures: Sequence[float], force: Vec3) -> ForwardAnswer:
+        """Equilibrium of given pressures [bar] under a force on the tip [N]."""
+        ...
+
+
+class NumpyEngine:
+    """The specification."""
+
+    def __init__(self, setup: Setup) -> None:
+        self.setup = setup
+
+    def loads(self, force: Vec3) -> Loads:
+        """The arm's own weight and a force on the tip."""
+        own = self.setup.weight
+        return Loads(tip_force=np.array(force), weight=own.weight, link_weight=own.link_weight)
+
+    def inverse(
+        self, tip: Vec3, mid: Vec3 | None, direction: Vec3 | None, force: Vec3, seed: Sequence[float]
+    ) -> InverseAnswer:
+        """See `Engine`."""
+        s = self.setup
+        task = Task(
+            tip=np.array(tip),
+            mid=None if mid is None else np.array(mid),
+            direction=None if direction is None else np.array(direction),
+            full_rotation=s.full_rotation,
+            length=s.direction_length,
+        )
+        problem = Problem(s.rod, self.loads(force), task, s.limits, s.elements, s.tolerance)
+        found = search(problem, np.array(seed), s.error)
+        o = found.outcome
+        return (
+            tuple(o.pressures.tolist()), o.residual, o.met, o.optimal, found.stable, found.iterations,
+            found.elements, o.statics,
+        )  # fmt: skip
+
+    def forward(self, pressures: Sequence[float], force: Vec3) -> ForwardAnswer:
+        """See `Engine`."""
+        s = self.setup
+        loads = self.loads(force)
+        p: Array = np.array(pressures)
+        found = equilibrium(s.rod, p, loads, s.elements)
+        stable = found.converged
+        if stable and not loads.none:
+            stable = unstable_modes(s.rod, p, found.base_moment, loads, s.elements) == 0
+        end = found.sweep
+        return (
+            tuple(end.tip.tolist()), tuple(end.rotation.ravel().tolist()), tuple(end.ends[0].tolist()),
+            stable, tuple(found.base_moment.tolist()),
+        )  # fmt: skip
+
+
+def build_engine(setup: Setup) -> Engine:
+    """The kernel when there is one and it is wanted, else NumPy."""
+    if os.environ.get("CONTID_PURE_PYTHON"):
+        return NumpyEngine(setup)
+    try:
+        kernel = import_module("contid.kernels._cosserat")
+    except ImportError:
+        return NumpyEngine(setup)
+    engine: Engine = kernel.Engine(setup)
+    return engine

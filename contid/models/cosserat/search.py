@@ -1,0 +1,205 @@
+"""Where solves start: the last command, then the unloaded closed form, then a fixed list of further starts.
+
+A rod under load has several solutions for one target, some of them unstable, and least squares with bounds
+has local minima. So a solve that did not meet its target in a stable equilibrium is tried again from other
+starts; all of them are fixed, so the same question always gets the same answer.
+
+Units: mm, N, N·mm, bar.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from contid.models.cosserat.closed_form import (
+    mid_and_tip_pressures,
+    tip_and_direction_pressures,
+    tip_pressures,
+)
+from contid.models.cosserat.equilibrium import STATICS_TOLERANCE
+from contid.models.cosserat.section import Rod
+from contid.models.cosserat.solve import Limits, Outcome, Problem, Task, solve
+from contid.models.cosserat.stability import unstable_modes
+from contid.models.cosserat.statics import Array, Loads, cross, sweep
+
+#: Further starts after the closed form and the centre; each gets fewer iterations than the first.
+RESTARTS = 12
+ITERATIONS = 60
+RESTART_ITERATIONS = 25
+#: The load is ramped from the closed form in this many steps, the early ones solved roughly [mm].
+LOAD_STEPS = 3
+RAMP_TOLERANCE = 1e-2
+RAMP_ITERATIONS = 10
+MOST_ELEMENTS = 48
+_PRIMES = (2, 3, 5, 7, 11, 13, 17, 19, 23, 29, 31, 37, 41, 43, 47, 53, 59, 61, 67, 71, 73, 79, 83, 89)
+
+
+@dataclass(frozen=True, slots=True)
+class Found:
+    """The best outcome, whether it is stable, the elements it took, and all iterations spent."""
+
+    outcome: Outcome
+    stable: bool
+    elements: int
+    iterations: int
+
+
+def predicted_moment(rod: Rod, task: Task, loads: Loads) -> Array:
+    """Base moment of a rod whose tip is at the target; exact for tip loads, weights are put on the chord."""
+    moment = cross(task.tip, loads.tip_force) + loads.tip_moment
+    done = 0.0
+    for i, section in enumerate(rod.sections):
+        middle = (done + 0.5 * section.length) / rod.reach
+        end = (done + section.length) / rod.reach
+        link = (done + section.length + 0.5 * section.link) / rod.reach
+        moment = moment + cross(middle * task.tip, section.length * loads.weight.get(i, np.zeros(3)))
+        at_end = end * task.tip if task.mid is None or i > 0 else task.mid
+        moment = moment + cross(at_end, loads.joint_force.get(i, np.zeros(3)))
+        moment = moment + loads.joint_moment.get(i, np.zeros(3))
+        moment = moment + cross(link * task.tip, section.link * loads.link_weight.get(i, np.zeros(3)))
+        done += section.length + section.link
+    return moment
+
+
+def unloaded(rod: Rod, task: Task, limits: Limits) -> Array | None:
+    """Pressures of the closed form, clamped; for a tip direction the member nearest to the centre."""
+    n = len(rod.sections)
+    try:
+        with np.errstate(all="ignore"):
+            if n == 1:
+                return _usable(tip_pressures(rod.sections[0], task.tip), limits)
+            if n > 2:
+                return None
+            if task.mid is not None:
+                return _usable(mid_and_tip_pressures(rod, task.mid, task.tip), limits)
+            if task.direction is None:
+                return None
+            members = []
+            for d1 in np.linspace(0.3, 1.1, 9) * rod.sections[0].length:
+                member = _usable(
+                    tip_and_direction_pressures(rod, task.tip, task.direction, float(d1)), limits, clamp=False
+                )
+                if member is not None:
+                    members.append(member)
+    except (ZeroDivisionError, np.linalg.LinAlgError):
+        return None
+    if not members:
+        return None
+    best = min(members, key=lambda member: float(np.sum((member - limits.centre) ** 2)))
+    return np.clip(best, limits.lower, limits.upper)
+
+
+def _usable(pressures: Array, limits: Limits, clamp: bool = True) -> Array | None:
+    if not np.all(np.isfinite(pressures)):
+        return None
+    return np.clip(pressures, limits.lower, limits.upper) if clamp else pressures
+
+
+def radical_inverse(index: int, base: int) -> float:
+    """Van der Corput's sequence in [0, 1): digits of the index mirrored at the point."""
+    value, scale = 0.0, 1.0 / base
+    while index:
+        index, digit = divmod(index, base)
+        value += digit * scale
+        scale /= base
+    return value
+
+
+def starts(limits: Limits) -> Iterator[Array]:
+    """The centre, then Halton points of the box."""
+    yield limits.centre
+    for index in range(1, RESTARTS + 1):
+        share = np.array([radical_inverse(index, _PRIMES[axis]) for axis in range(len(limits.lower))])
+        yield limits.lower + share * (limits.upper - limits.lower)
+
+
+def search(problem: Problem, seed: Array, error: float = np.inf) -> Found:
+    """Solve from the seed; where that does not end on the target in a stable equilibrium, from elsewhere.
+
+    Args:
+        problem: what to solve; its elements are the least.
+        seed: the last commanded pressures [bar].
+        error: estimated discretisation error [mm] at which the elements are doubled.
+    """
+    guess = predicted_moment(problem.rod, problem.task, problem.loads)
+    spent = 0
+    best: Found | None = None
+
+    def attempt(start: Array, moment: Array, iterations: int) -> bool:
+        nonlocal best, spent
+        outcome = solve(problem, start, moment, iterations)
+        spent += outcome.iterations
+        candidate = Found(outcome, is_stable(problem, outcome), problem.elements, spent)
+        if best is None or _rank(candidate) < _rank(best):
+            best = candidate
+        return outcome.met and candidate.stable
+
+    if not attempt(seed, guess, ITERATIONS) and not _ramp(problem, attempt):
+        for start in starts(problem.limits):
+            if attempt(start, guess, RESTART_ITERATIONS):
+                break
+    assert best is not None
+    best = Found(best.outcome, best.stable, best.elements, spent)
+    if best.stable and not problem.loads.none:
+        best = refine(problem, best, error)
+    return best
+
+
+def is_stable(problem: Problem, outcome: Outcome) -> bool:
+    """True for an equilibrium that is a minimum of energy."""
+    if outcome.statics > STATICS_TOLERANCE:
+        return False
+    if problem.loads.none:
+        return True
+    return (
+        unstable_modes(problem.rod, outcome.pressures, outcome.base_moment, problem.loads, problem.elements)
+        == 0
+    )
+
+
+def _rank(found: Found) -> tuple[bool, bool, float]:
+    return (not found.stable, not found.outcome.met, found.outcome.residual)
+
+
+def _ramp(problem: Problem, attempt: Callable[[Array, Array, int], bool]) -> bool:
+    """From the unloaded closed form to the full load in steps, on one branch."""
+    rod, task, loads = problem.rod, problem.task, problem.loads
+    start = unloaded(rod, task, problem.limits)
+    if start is None:
+        return False
+    if not loads.none:
+        for k in range(1, LOAD_STEPS):
+            part = replace(problem, loads=loads.scaled(k / LOAD_STEPS), tolerance=RAMP_TOLERANCE)
+            start = solve(part, start, predicted_moment(rod, task, part.loads), RAMP_ITERATIONS).pressures
+    return attempt(start, predicted_moment(rod, task, loads), RESTART_ITERATIONS)
+
+
+def refine(problem: Problem, found: Found, error: float) -> Found:
+    """Double the elements until the tip no longer moves by more than ``error`` when they are doubled.
+
+    The difference of n and 2n elements is 15/16 of the error of n for a method of fourth order.
+    """
+    while found.elements < MOST_ELEMENTS:
+        here = replace(problem, elements=found.elements)
+        if _discretisation_error(here, found.outcome) <= error:
+            break
+        finer = replace(problem, elements=2 * found.elements)
+        outcome = solve(finer, found.outcome.pressures, found.outcome.base_moment, ITERATIONS)
+        stable = is_stable(finer, outcome)
+        found = Found(outcome, stable, finer.elements, found.iterations + outcome.iterations)
+        if not stable:
+            break
+    return found
+
+
+def _discretisation_error(problem: Problem, outcome: Outcome) -> float:
+    """Estimated error of the tip [mm], equilibrium of the finer rod included to first order."""
+    coarse = outcome.sweep
+    finer = sweep(problem.rod, outcome.pressures, outcome.base_moment, problem.loads, 2 * problem.elements)
+    assert coarse.tangents is not None
+    turn = np.linalg.solve(coarse.tangents.moment[:, :3], finer.moment - coarse.moment)
+    moved = finer.tip - coarse.tip - coarse.tangents.tip[:, :3] @ turn
+    return float(np.linalg.norm(moved)) * 16.0 / 15.0
