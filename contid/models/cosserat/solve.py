@@ -238,7 +238,7 @@ def solve(problem: Problem, start: Array, start_moment: Array, iterations: int =
         size = float(np.abs(step).max())
         balanced = float(np.linalg.norm(found.moment)) <= STATICS_TOLERANCE
         good = float(np.linalg.norm(r)) <= tolerance
-        # A small step ends the descent only where it no longer helps: near a target it still halves the error.
+        # A small step ends the descent only where it no longer helps; near a target it still does.
         stuck = size <= STEP_TOLERANCE and float(np.linalg.norm(ahead + J @ step)) > 0.5 * float(
             np.linalg.norm(r)
         )
