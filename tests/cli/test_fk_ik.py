@@ -1,0 +1,69 @@
+"""``contid fk`` and ``contid ik`` as filters: each reads what the other writes."""
+
+from __future__ import annotations
+
+import csv
+import io
+import json
+
+import pytest
+
+from tests.cli.command import contid
+
+
+def rows(text: str) -> list[dict[str, str]]:
+    return list(csv.DictReader(io.StringIO(text)))
+
+
+def test_ik_undoes_fk_and_passes_the_time_through() -> None:
+    racks = "t_s,left_mm,right_mm\n0,60,80\n0.5,70.25,61\n"
+    forward = contid("fk", "finger", stdin=racks)
+    assert forward.returncode == 0, forward.stderr
+    back = rows(contid("ik", "finger", stdin=forward.stdout).stdout)
+    assert [float(row["t_s"]) for row in back] == [0.0, 0.5]
+    assert [float(row["left_mm"]) for row in back] == pytest.approx([60, 70.25], abs=1e-9)
+    assert [float(row["right_mm"]) for row in back] == pytest.approx([80, 61], abs=1e-9)
+    assert all(row["converged"] == "true" and row["iterations"] == "0" for row in back)
+
+
+def test_both_fingers_of_the_hand_meet_in_the_world_frame() -> None:
+    point = "left.x_mm,left.y_mm,right.x_mm,right.y_mm\n60,70,60,70\n"
+    solved = contid("ik", "hand", stdin=point)
+    assert solved.returncode == 0, solved.stderr
+    racks = rows(solved.stdout)[0]
+    text = ",".join(name for name in racks if name.endswith(("left_mm", "right_mm")))
+    text += "\n" + ",".join(racks[name] for name in racks if name.endswith(("left_mm", "right_mm"))) + "\n"
+    tip = rows(contid("fk", "hand", stdin=text).stdout)[0]
+    assert [float(value) for value in tip.values()] == pytest.approx([60, 70, 60, 70], abs=1e-9)
+
+
+def test_a_target_out_of_reach_is_answered_and_says_what_limits_it() -> None:
+    answer = contid("ik", "finger", "--json", stdin="x_mm,y_mm\n0,200\n")
+    found = json.loads(answer.stdout)
+    assert found["converged"] is False
+    assert found["limited_by"] == "left.max right.max"
+    assert found["residual_mm"] == pytest.approx(78.0, abs=1e-6)
+    assert answer.returncode == 0
+
+
+@pytest.mark.parametrize(
+    ("command", "text", "place", "words"),
+    [
+        ("ik", "x_mm,y_mm\n10,60\n10,nan\n", "stdin:3:4:", "y_mm is nan"),
+        ("ik", "x_mm\n10\n", "stdin:1:", "y_mm"),
+        ("fk", "x_mm,y_mm\n10,60\n", "stdin:2:1:", "left_mm, right_mm"),
+        ("fk", "", "stdin:1:1:", "no rows"),
+    ],
+)
+def test_a_mistake_is_named_with_its_place(command: str, text: str, place: str, words: str) -> None:
+    done = contid(command, "finger", stdin=text)
+    assert done.returncode == 2
+    assert place in done.stderr
+    assert words in done.stderr
+    assert "Traceback" not in done.stderr
+
+
+def test_a_shipped_robot_file_is_found_by_name_and_a_wrong_name_gets_the_nearest() -> None:
+    done = contid("fk", "fingr", stdin="left_mm,right_mm\n60,60\n")
+    assert done.returncode == 2
+    assert "did you mean 'finger'" in done.stderr
