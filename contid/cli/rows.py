@@ -53,7 +53,9 @@ def _answers(loaded: LoadedFile, source: TextIO, answer: Answer) -> Iterator[dic
             raise
         except ValueError as error:
             raise BadInputError([Located(name, number, 1, str(error))]) from error
-        yield ({} if time is None else {"t_s": row[time]}) | cells
+        if time is not None:
+            cells = {"t_s": row[time], **cells}
+        yield cells
     if reader is None:
         raise BadInputError([Located(name, 1, 1, "no rows: the first line is a header such as x_mm,y_mm")])
 
