@@ -1,1 +1,24 @@
 """Compiled hot paths behind the models; each has a NumPy twin that specifies it."""
+
+from __future__ import annotations
+
+import os
+from importlib import import_module
+from types import ModuleType
+
+__all__ = ["load"]
+
+
+def load(name: str) -> ModuleType | None:
+    """The kernel ``contid.kernels._name``, or None: not compiled here, or ``CONTID_PURE_PYTHON`` is set.
+
+    The caller then uses its NumPy twin, which answers the same to the stated tolerance, only slower.
+    """
+    if os.environ.get("CONTID_PURE_PYTHON", "") not in ("", "0"):
+        return None
+    try:
+        return import_module(f"contid.kernels._{name}")
+    except ModuleNotFoundError as error:
+        if error.name != f"contid.kernels._{name}":
+            raise
+        return None

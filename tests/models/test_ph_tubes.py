@@ -1,0 +1,99 @@
+"""Tube lengths by shape: golden values, the independent offset curve, and the reference's error table."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from ph_golden import DISTANCE, GOLDEN, MM, PAPER_ANGLES, golden_lengths, two_section_pose
+
+from contid.models.ph_ends import hermite
+from contid.models.ph_inverse import TubeSection, ph_inverse
+from contid.models.ph_tubes import frames, section_bending, tube_lengths
+
+SECTIONS = [TubeSection(float(d), tuple(PAPER_ANGLES.tolist())) for d in DISTANCE]
+
+
+def wild_curve():  # type: ignore[no-untyped-def]
+    """A spatial curve that bends and twists much more than an arm."""
+    return hermite(np.zeros(3), np.ones(3), np.array([0, 0, 2.5]), np.array([0.5, -1.5, 1]), 0.3, -0.2)
+
+
+@pytest.mark.parametrize(("length", "name"), [(0.230, "S230"), (None, "Sunknown")])
+def test_golden_lengths(length: float | None, name: str) -> None:
+    ratio = GOLDEN["ph_ik"]["ratio"]
+    posture = GOLDEN["ph_len230"]
+    tip = tuple(np.array(posture["p1"]) * MM)
+    found = ph_inverse(tip, tuple(posture["t1"]), SECTIONS, (ratio, 1 - ratio), length)  # type: ignore[arg-type]
+    # 8 panels agree with the converged value to 8 decimals of a millimetre.
+    assert np.array(found.lengths_m) / MM == pytest.approx(GOLDEN["ph_ik"][name], abs=2e-8)
+    if length:
+        assert np.array(found.totals_m) / MM == pytest.approx(
+            [204.99937965, 245.42807943, 239.57254092], abs=2e-8
+        )
+
+
+def test_more_panels_change_nothing() -> None:
+    curve = wild_curve()
+    axis = np.array([1.0, 0.0, 0.0])
+    joints = np.array([0.0, 0.4, 1.0])
+    assert section_bending(curve, joints, axis) == pytest.approx(
+        section_bending(curve, joints, axis, 64), abs=2e-7
+    )
+
+
+def test_lengths_are_those_of_the_offset_curves() -> None:
+    """The offset curve, drawn point by point in a frame of its own, is as long as the formula says."""
+    curve, axis = wild_curve(), np.array([1.0, 0.0, 0.0])
+    d, angle = 0.04, 0.7
+    s = np.linspace(0.0, curve.length_m, 4001)
+    frame = frames(curve, s, axis)
+    offset = curve.point(curve.parameter_at(s)) + d * (
+        np.cos(angle) * frame[:, :, 0] + np.sin(angle) * frame[:, :, 1]
+    )
+    drawn = np.linalg.norm(np.diff(offset, axis=0), axis=1).sum()
+    bending = section_bending(curve, np.array([0.0, 1.0]), axis)
+    S = np.array([curve.length_m])
+    assert tube_lengths(S, bending, np.array([d]), np.array([[angle]]))[0, 0] == pytest.approx(
+        drawn, rel=1e-6
+    )
+
+
+def test_the_frame_does_not_spin() -> None:
+    curve, axis = wild_curve(), np.array([1.0, 0.0, 0.0])
+    s = np.linspace(0.0, curve.length_m, 2001)
+    U, V, T = np.moveaxis(frames(curve, s, axis), -1, 0)
+    assert U[0] == pytest.approx(axis, abs=1e-15)
+    assert np.cross(U, V) == pytest.approx(T, abs=1e-13)
+    spin = np.sum(np.gradient(U, s, axis=0)[1:-1] * V[1:-1], axis=1)
+    assert np.abs(spin).max() < 1e-4
+
+
+def errors(length_known: bool) -> tuple[np.ndarray, np.ndarray]:
+    truth = golden_lengths()
+    found = []
+    for row in truth:
+        tip, tangent, _ = two_section_pose(row)
+        first, second = row[:3].mean(), row[3:].mean()
+        split = first / (first + second) if length_known else 125 / 240
+        pose = (tuple(tip.tolist()), tuple(tangent.tolist()))
+        found.append(
+            ph_inverse(
+                *pose, SECTIONS, (split, 1 - split), first + second if length_known else None
+            ).lengths_m
+        )
+    six = np.abs(np.array(found) - truth)
+    totals = np.abs((np.array(found)[:, :3] + np.array(found)[:, 3:]) - (truth[:, :3] + truth[:, 3:]))
+    return six / MM, totals / MM
+
+
+def test_reference_table_with_length_and_split_known() -> None:
+    six, totals = errors(length_known=True)
+    assert totals.max(axis=0) == pytest.approx([0.50, 0.63, 0.71], abs=0.006)
+    assert totals.mean(axis=0) == pytest.approx([0.19, 0.19, 0.25], abs=0.006)
+    assert (six.max(), six.mean()) == pytest.approx((3.55, 0.99), abs=0.006)
+
+
+def test_reference_table_with_length_unknown() -> None:
+    _, totals = errors(length_known=False)
+    assert totals.max(axis=0) == pytest.approx([1.42, 0.94, 2.40], abs=0.006)
+    assert totals.mean(axis=0) == pytest.approx([0.42, 0.32, 0.43], abs=0.006)
