@@ -6,13 +6,13 @@ import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
-from ph_golden import GOLDEN, MM
 from scipy.integrate import quad
 from scipy.spatial.transform import Rotation
 
 from contid.models.ph_ends import BRANCHES, Ends, hermite, least_energy, through
 from contid.models.ph_lift import lift, product, turned
 from contid.models.ph_quintic import PhQuintic
+from tests.models.ph_golden import GOLDEN, MM
 
 Z = (0.0, 0.0, 1.0)
 
