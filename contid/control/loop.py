@@ -90,7 +90,7 @@ def tick(
 def watched(plan: RobotPlan, state: RobotState, samples: Sequence[Sample], now_s: float) -> RobotState:
     """The state after looking at the samples: misses counted, faults latched."""
     misses = state.misses
-    if any(misses) or not all([sample.valid for sample in samples]):
+    if any(misses) or not all(sample.valid for sample in samples):
         misses = tuple(
             0 if sample.valid else count + 1 for sample, count in zip(samples, misses, strict=True)
         )

@@ -82,7 +82,7 @@ class RobotPlan:
     period_s: float
 
     def to_base(self, target: Target) -> Target:
-        """A target of the world frame in this robot's base frame: ``R^T (p - o)``; loads and directions turn."""
+        """A target of the world frame in the base frame: ``R^T (p - o)``; loads and directions turn."""
         rotation = self.rotation
         origin = self.origin_in_world
         tip, mid, load = target.tip_m, target.mid_m, target.load_n

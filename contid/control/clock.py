@@ -1,0 +1,38 @@
+"""Where the time comes from: the monotonic clock of the machine, or one that a test moves.
+
+A bus gets one of these (`contid.hal.Clock`). Nothing in the tick reads any other clock, which is what makes
+a run in virtual time repeatable to the bit.
+"""
+
+from __future__ import annotations
+
+import time
+
+
+class RealClock:
+    """CLOCK_MONOTONIC: immune to the steps of the wall clock, the same for every process of the machine."""
+
+    def now(self) -> float:
+        """Seconds since the machine started."""
+        return time.monotonic()
+
+
+class VirtualClock:
+    """A clock that stands still until it is told the time."""
+
+    def __init__(self, now_s: float = 0.0) -> None:
+        self._now_s = now_s
+
+    def now(self) -> float:
+        """The time last set [s]."""
+        return self._now_s
+
+    def set(self, now_s: float) -> None:
+        """Move the clock forward to ``now_s``.
+
+        Raises:
+            ValueError: time would run backwards.
+        """
+        if now_s < self._now_s:
+            raise ValueError(f"time runs forward: {now_s} is before {self._now_s}")
+        self._now_s = now_s

@@ -1,0 +1,91 @@
+"""Every fault a robot can latch: one table for messages, ``--json`` and the documentation.
+
+A fault stops one robot by its ``stop.on_fault`` policy and stays until ``clear-fault``; the other robots go
+on. Numbers never change their meaning: 1xx the devices, 2xx the arithmetic, 3xx the host.
+"""
+
+from __future__ import annotations
+
+import enum
+from dataclasses import dataclass
+from typing import Final
+
+
+class Fault(enum.IntEnum):
+    """Numbers of the faults; 0 is none."""
+
+    NONE = 0
+    DEVICE_LOST = 101
+    AXIS_SILENT = 102
+    DEVICE_FAULT = 103
+    NO_SAMPLE = 104
+    ARM_REFUSED = 105
+    BUS_STALLED = 106
+    NOT_A_NUMBER = 201
+    INTERNAL = 202
+
+
+@dataclass(frozen=True, slots=True)
+class FaultPage:
+    """What a person needs to know about a fault.
+
+    Attributes:
+        cause: what happened.
+        reaction: what the robot did.
+        remedy: what to do next.
+    """
+
+    cause: str
+    reaction: str
+    remedy: str
+
+
+_BY_POLICY = "this robot stopped by its stop.on_fault policy; the others go on"
+
+PAGES: Final[dict[Fault, FaultPage]] = {
+    Fault.DEVICE_LOST: FaultPage(
+        "a bus that was open is gone: unplugged, switched off, or its port failed",
+        "every robot on that bus went to FAULT; its devices stop by their own dead-man; the others go on",
+        "check cable and supply; the bus is reopened by itself, then clear-fault and resume",
+    ),
+    Fault.AXIS_SILENT: FaultPage(
+        "an axis missed buses.NAME.tolerance_ticks exchanges in a row",
+        _BY_POLICY,
+        "check that device's cable, supply and id; then clear-fault and resume",
+    ),
+    Fault.DEVICE_FAULT: FaultPage(
+        "a device reports a fault of its own (overload, overheating, voltage, dead-man)",
+        _BY_POLICY,
+        "remove what blocks or overheats it; clear-fault also clears the device, then resume",
+    ),
+    Fault.NO_SAMPLE: FaultPage(
+        "no valid first sample came from every axis in time",
+        "nothing was commanded, torque was not touched",
+        "check the named axis with `contid scan` or `contid doctor`; then clear-fault and resume",
+    ),
+    Fault.ARM_REFUSED: FaultPage(
+        "the bus refused to make the axes ready to move",
+        "nothing was commanded",
+        "read the message of the device; then clear-fault and resume",
+    ),
+    Fault.BUS_STALLED: FaultPage(
+        "an exchange did not come back for tolerance_ticks ticks",
+        "every robot on that bus went to FAULT; its devices stop by their own dead-man; the others go on",
+        "lower rate_hz or the number of axes on this bus; `contid doctor` names slow ports",
+    ),
+    Fault.NOT_A_NUMBER: FaultPage(
+        "the model answered a target with something that is not a number",
+        _BY_POLICY,
+        "this is a defect of the model: report it with the recording",
+    ),
+    Fault.INTERNAL: FaultPage(
+        "the tick of this robot failed with an error of contid",
+        _BY_POLICY,
+        "this is a defect of contid: report it with the message and the recording",
+    ),
+}
+
+
+def describe(fault: Fault, words: str) -> str:
+    """One line for a log: number, name, what exactly, what to do."""
+    return f"fault {int(fault)} {fault.name.lower().replace('_', '-')}: {words}; {PAGES[fault].remedy}"

@@ -1,0 +1,153 @@
+"""What the daemon may tell the control process, and how it crosses the pipe.
+
+Messages are rare next to ticks (a row of a live stream, an order of a person), so they are pickled: both ends
+are the same program, and the pipe has no other writer. A frame is four bytes of length and the pickle.
+"""
+
+from __future__ import annotations
+
+import os
+import pickle
+import struct
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import Final, TypeAlias
+
+from contid.description.base import StopPolicy
+from contid.targets import Target
+from contid.trajectory.timed import Trajectory
+
+LENGTH: Final = struct.Struct("=I")
+CHUNK: Final = 1 << 18
+
+#: Robots an order is for; None for all of them.
+Who: TypeAlias = tuple[str, ...] | None
+
+
+@dataclass(frozen=True, slots=True)
+class Hold:
+    """Stop jerk-limited and stay; for all robots the trajectory pauses too."""
+
+    robots: Who = None
+
+
+@dataclass(frozen=True, slots=True)
+class Resume:
+    """Arm if need be and follow the source again."""
+
+    robots: Who = None
+
+
+@dataclass(frozen=True, slots=True)
+class Stop:
+    """Stop by a policy, or by the robot file's policy for a reason (``on_end``, ``on_interrupt``, ...)."""
+
+    robots: Who = None
+    policy: StopPolicy | None = None
+    reason: str = "on_interrupt"
+
+
+@dataclass(frozen=True, slots=True)
+class Estop:
+    """Relax or vent now."""
+
+    robots: Who = None
+
+
+@dataclass(frozen=True, slots=True)
+class ClearFault:
+    """Clear the devices and the latch; nothing moves."""
+
+    robots: Who = None
+
+
+@dataclass(frozen=True, slots=True)
+class Goto:
+    """Go to one target (world frame), then hold."""
+
+    robot: str
+    target: Target
+
+
+@dataclass(frozen=True, slots=True)
+class Rows:
+    """A row of a live stream: new targets by robot; None holds that robot until its next row."""
+
+    targets: Mapping[str, Target | None]
+
+
+@dataclass(frozen=True, slots=True)
+class Play:
+    """Follow a timed trajectory from its first row."""
+
+    trajectory: Trajectory
+
+
+@dataclass(frozen=True, slots=True)
+class End:
+    """The live stream ended."""
+
+
+@dataclass(frozen=True, slots=True)
+class Finish:
+    """Stop every robot (see `Stop`), then end the control process."""
+
+    policy: StopPolicy | None = None
+    reason: str = "on_interrupt"
+
+
+Message: TypeAlias = Hold | Resume | Stop | Estop | ClearFault | Goto | Rows | Play | End | Finish
+
+
+def frame(message: object) -> bytes:
+    """A message as it goes over the pipe."""
+    body = pickle.dumps(message, protocol=pickle.HIGHEST_PROTOCOL)
+    return LENGTH.pack(len(body)) + body
+
+
+class Inbox:
+    """The reading end of the pipe: never waits unless asked to, knows when the other side is gone."""
+
+    def __init__(self, descriptor: int) -> None:
+        self._descriptor = descriptor
+        self._buffer = bytearray()
+        self.closed = False
+
+    def poll(self) -> list[object]:
+        """Messages that have arrived completely; reads at most one chunk, so that a tick stays short."""
+        os.set_blocking(self._descriptor, False)
+        try:
+            chunk = os.read(self._descriptor, CHUNK)
+        except BlockingIOError:
+            return []
+        if not chunk:
+            self.closed = True
+        self._buffer += chunk
+        return self._complete()
+
+    def wait(self) -> object:
+        """The next message, waiting for it.
+
+        Raises:
+            EOFError: the other side closed the pipe instead.
+        """
+        os.set_blocking(self._descriptor, True)
+        while len(self._buffer) < LENGTH.size or len(self._buffer) < LENGTH.size + self._wanted():
+            chunk = os.read(self._descriptor, CHUNK)
+            if not chunk:
+                raise EOFError("the daemon is gone")
+            self._buffer += chunk
+        return self._complete(at_most=1)[0]
+
+    def _wanted(self) -> int:
+        return int(LENGTH.unpack_from(self._buffer)[0])
+
+    def _complete(self, at_most: int = 1 << 30) -> list[object]:
+        out: list[object] = []
+        while len(out) < at_most and len(self._buffer) >= LENGTH.size:
+            end = LENGTH.size + self._wanted()
+            if len(self._buffer) < end:
+                break
+            out.append(pickle.loads(self._buffer[LENGTH.size : end]))
+            del self._buffer[:end]
+        return out

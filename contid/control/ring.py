@@ -1,0 +1,226 @@
+"""A ring in shared memory: one writer that never waits, any number of readers that know what they missed.
+
+One file in ``/dev/shm`` (mode 0600) holds two rings of fixed slots: ticks (`contid.control.record`) and
+events (JSON lines). The writer stamps a slot with 0, fills it, stamps it with its sequence number (from 1)
+and then moves the head; a reader copies a slot and looks at the stamp again, so a slot that was overwritten
+meanwhile is noticed and counted, never misread. Readers attach by path, may outlive the writer's parent, and
+keep what is mapped after the file is unlinked.
+
+The layout of the file: 64 bytes of head (magic, sizes, two sequence numbers, closed flag), the JSON of the
+`RecordLayout`, tick slots, event slots. x86-64 keeps the order of stores; on ARM the interpreter's own
+locking between two Python statements does.
+"""
+
+from __future__ import annotations
+
+import json
+import mmap
+import os
+import secrets
+import struct
+import tempfile
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any, Final
+
+from contid.control.record import RecordLayout, TickRecord
+from contid.errors import ContidError
+
+MAGIC: Final = b"contidR1"
+HEAD: Final = struct.Struct("=8sQQQQQ")  # magic, bytes of JSON, tick slots, bytes per tick, event slots
+HEAD_BYTES: Final = 64
+TICKS_AT, EVENTS_AT, CLOSED_AT = 48, 56, 40
+EVENT_BYTES: Final = 2048
+EVENT_SLOTS: Final = 512
+SECONDS: Final = 8.0
+U64: Final = struct.Struct("=Q")
+EVENT: Final = struct.Struct("=QI")
+STAMP: Final = U64.size
+
+
+class RingError(ContidError):
+    """A ring cannot be attached: it is gone, or the file is something else."""
+
+
+def _directory() -> Path:
+    shared = Path("/dev/shm")
+    return shared if shared.is_dir() else Path(tempfile.gettempdir())
+
+
+def create(layout: RecordLayout, seconds: float = SECONDS) -> Path:
+    """Make the file of a ring that holds at least ``seconds`` of ticks; returns its path."""
+    text = layout.to_json().encode()
+    slots = max(int(seconds * layout.rate_hz), 256)
+    size = layout.packer().size + STAMP
+    total = _events_at(len(text), slots, size) + EVENT_SLOTS * EVENT_BYTES
+    path = _directory() / f"contid-{os.getpid()}-{secrets.token_hex(4)}.ring"
+    with os.fdopen(os.open(path, os.O_RDWR | os.O_CREAT | os.O_EXCL, 0o600), "r+b") as file:
+        file.truncate(total)
+        file.write(HEAD.pack(MAGIC, len(text), slots, size, EVENT_SLOTS, 0))
+        file.seek(HEAD_BYTES)
+        file.write(text)
+    return path
+
+
+def _slots_at(text_bytes: int) -> int:
+    return (HEAD_BYTES + text_bytes + 63) // 64 * 64
+
+
+def _events_at(text_bytes: int, slots: int, size: int) -> int:
+    return _slots_at(text_bytes) + slots * size
+
+
+class _Mapped:
+    """The file, mapped, with its layout."""
+
+    def __init__(self, path: Path) -> None:
+        self.path = path
+        try:
+            with path.open("r+b") as file:
+                self._map = mmap.mmap(file.fileno(), 0)
+        except (OSError, ValueError) as error:
+            raise RingError(f"{path}: no ring to attach to ({error}); is the daemon running?") from error
+        magic, text_bytes, self.slots, self.size, self.event_slots, _ = HEAD.unpack_from(self._map)
+        if magic != MAGIC:
+            self._map.close()
+            raise RingError(f"{path}: not a ring of this version of contid")
+        self.layout = RecordLayout.from_json(self._map[HEAD_BYTES : HEAD_BYTES + text_bytes].decode())
+        self._ticks_at = _slots_at(text_bytes)
+        self._events_at = _events_at(text_bytes, self.slots, self.size)
+        self._packer = self.layout.packer()
+
+    def close(self) -> None:
+        """Let the memory go; idempotent."""
+        self._map.close()
+
+
+class RingWriter(_Mapped):
+    """The one writer."""
+
+    def __init__(self, path: Path) -> None:
+        super().__init__(path)
+        self._ticks = 0
+        self._events = 0
+
+    def write(self, values: list[float]) -> None:
+        """Publish one tick: all values of the layout in order."""
+        number = self._ticks
+        at = self._ticks_at + number % self.slots * self.size
+        U64.pack_into(self._map, at, 0)
+        self._packer.pack_into(self._map, at + STAMP, *values)
+        self._ticks = number + 1
+        U64.pack_into(self._map, at, self._ticks)
+        U64.pack_into(self._map, TICKS_AT, self._ticks)
+
+    def event(self, kind: str, **fields: Any) -> None:
+        """Publish one event; a text too long for a slot loses its end."""
+        body = json.dumps({"event": kind, **fields}).encode()
+        if len(body) > EVENT_BYTES - EVENT.size:
+            longest = max(
+                (key for key in fields if isinstance(fields[key], str)), key=lambda k: len(fields[k])
+            )
+            keep = len(fields[longest]) - (len(body) - EVENT_BYTES + EVENT.size) - 8
+            body = json.dumps(
+                {"event": kind, **fields, longest: fields[longest][: max(keep, 0)] + "..."}
+            ).encode()
+        number = self._events
+        at = self._events_at + number % self.event_slots * EVENT_BYTES
+        EVENT.pack_into(self._map, at, 0, len(body))
+        self._map[at + EVENT.size : at + EVENT.size + len(body)] = body
+        self._events = number + 1
+        U64.pack_into(self._map, at, self._events)
+        U64.pack_into(self._map, EVENTS_AT, self._events)
+
+    def finish(self) -> None:
+        """Tell the readers that nothing more will come."""
+        U64.pack_into(self._map, CLOSED_AT, 1)
+
+
+@dataclass(slots=True)
+class _Cursor:
+    next: int = 0
+    missed: int = 0
+
+
+class RingReader(_Mapped):
+    """One of any number of readers, each with its own place.
+
+    Attributes:
+        missed_ticks: records overwritten before this reader came to them.
+        missed_events: the same for events.
+    """
+
+    def __init__(self, path: Path) -> None:
+        super().__init__(path)
+        self._tick = _Cursor()
+        self._event = _Cursor()
+
+    @property
+    def missed_ticks(self) -> int:
+        """Records overwritten before this reader came to them."""
+        return self._tick.missed
+
+    @property
+    def missed_events(self) -> int:
+        """Events overwritten before this reader came to them."""
+        return self._event.missed
+
+    @property
+    def finished(self) -> bool:
+        """True when the writer is done; what it wrote before can still be read."""
+        return bool(U64.unpack_from(self._map, CLOSED_AT)[0])
+
+    @property
+    def written(self) -> int:
+        """Records written so far."""
+        return int(U64.unpack_from(self._map, TICKS_AT)[0])
+
+    def ticks(self, at_most: int = 1 << 30) -> list[TickRecord]:
+        """Records not read yet, oldest first."""
+        out: list[TickRecord] = []
+        while len(out) < at_most and (raw := self._next(self._tick, TICKS_AT, self.slots, self._tick_slot)):
+            out.append(self.layout.decode(self._packer.unpack_from(raw, STAMP)))
+        return out
+
+    def newest(self) -> TickRecord | None:
+        """The newest record, without moving this reader's place."""
+        for _ in range(3):
+            number = self.written
+            if number == 0:
+                return None
+            raw = self._tick_slot(number - 1)
+            if U64.unpack_from(raw)[0] == number == U64.unpack_from(self._tick_slot(number - 1))[0]:
+                return self.layout.decode(self._packer.unpack_from(raw, STAMP))
+        return None
+
+    def events(self) -> list[dict[str, Any]]:
+        """Events not read yet, oldest first."""
+        out: list[dict[str, Any]] = []
+        while raw := self._next(self._event, EVENTS_AT, self.event_slots, self._event_slot):
+            _, length = EVENT.unpack_from(raw)
+            out.append(json.loads(raw[EVENT.size : EVENT.size + length]))
+        return out
+
+    def _tick_slot(self, number: int) -> bytes:
+        at = self._ticks_at + number % self.slots * self.size
+        return self._map[at : at + self.size]
+
+    def _event_slot(self, number: int) -> bytes:
+        at = self._events_at + number % self.event_slots * EVENT_BYTES
+        return self._map[at : at + EVENT_BYTES]
+
+    def _next(self, cursor: _Cursor, head_at: int, slots: int, slot: Any) -> bytes | None:
+        """Copy the next slot; jump over what was overwritten and count it."""
+        while True:
+            head = int(U64.unpack_from(self._map, head_at)[0])
+            if cursor.next >= head:
+                return None
+            oldest = head - slots + 1  # the slot after the newest may be under the pen
+            if cursor.next < oldest:
+                cursor.missed += oldest - cursor.next
+                cursor.next = oldest
+            number = cursor.next
+            raw: bytes = slot(number)
+            if U64.unpack_from(raw)[0] == U64.unpack_from(slot(number))[0] == number + 1:
+                cursor.next = number + 1
+                return raw

@@ -1,0 +1,111 @@
+"""What is written can be read, and a reader knows what it missed."""
+
+from __future__ import annotations
+
+import math
+import stat
+from collections.abc import Iterator
+from pathlib import Path
+
+import pytest
+
+from contid.control import ring
+from contid.control.record import AXIS_VALUES, HEAD_VALUES, ROBOT_VALUES, RecordLayout, RobotLayout
+
+LAYOUT = RecordLayout(
+    "hand",
+    100.0,
+    (RobotLayout("one", "rack_finger", "mm", ("left", "right")), RobotLayout("two", "x", "bar", ("p",))),
+)
+VALUES = HEAD_VALUES + 2 * ROBOT_VALUES + 3 * AXIS_VALUES
+
+
+def values(tick: int) -> list[float]:
+    out: list[float] = [tick, 0, tick * 0.01, 1e-5, 2e-4, math.pi]
+    for robot, axes in enumerate((2, 1)):
+        out += [5, 0, 7, 1 << 40, robot, *(k + 0.25 for k in range(14))]
+        for axis in range(axes):
+            out += [axis + 0.1 * k for k in range(AXIS_VALUES)]
+    return out
+
+
+@pytest.fixture
+def path() -> Iterator[Path]:
+    path = ring.create(LAYOUT, seconds=0.1)
+    yield path
+    path.unlink()
+
+
+def test_a_record_comes_back_exactly(path: Path) -> None:
+    writer, reader = ring.RingWriter(path), ring.RingReader(path)
+    assert len(values(0)) == VALUES
+    writer.write(values(3))
+    (record,) = reader.ticks()
+    assert reader.newest() == record
+    assert (record.tick, record.source_s) == (3, math.pi)
+    one, two = record.robots
+    assert one.limited_by == 1 << 40
+    assert (one.tip_m, one.direction, one.mid_m, one.load_n) == (
+        (0.25, 1.25, 2.25),
+        (3.25, 4.25, 5.25),
+        (6.25, 7.25, 8.25),
+        (9.25, 10.25, 11.25),
+    )
+    assert (one.residual_m, one.tip_error_m) == (12.25, 13.25)
+    assert list(two.axes[0]) == [0.1 * k for k in range(AXIS_VALUES)]
+    assert reader.layout == LAYOUT
+    assert reader.ticks() == []
+    writer.close()
+    reader.close()
+
+
+def test_readers_count_what_they_missed(path: Path) -> None:
+    writer, late, quick = ring.RingWriter(path), ring.RingReader(path), ring.RingReader(path)
+    seen = 0
+    for tick in range(1000):
+        writer.write(values(tick))
+        seen += len(quick.ticks())
+    assert (seen, quick.missed_ticks) == (1000, 0)
+    records = late.ticks()
+    assert records[-1].tick == 999
+    assert len(records) + late.missed_ticks == 1000
+    assert [r.tick for r in records] == list(range(late.missed_ticks, 1000))
+    for each in (writer, late, quick):
+        each.close()
+
+
+def test_events_are_json_and_bounded(path: Path) -> None:
+    writer, reader = ring.RingWriter(path), ring.RingReader(path)
+    writer.event("state", robot="one", mode="RUN")
+    writer.event("fault", words="x" * 10_000)
+    first, second = reader.events()
+    assert first == {"event": "state", "robot": "one", "mode": "RUN"}
+    assert second["words"].endswith("x...")
+    assert not reader.finished
+    writer.finish()
+    assert reader.finished
+    writer.close()
+    reader.close()
+
+
+def test_only_its_owner_may_read_it(path: Path) -> None:
+    assert stat.S_IMODE(path.stat().st_mode) == 0o600
+
+
+def test_a_reader_outlives_the_file() -> None:
+    path = ring.create(LAYOUT, seconds=0.1)
+    writer, reader = ring.RingWriter(path), ring.RingReader(path)
+    path.unlink()
+    writer.write(values(1))
+    assert reader.ticks()[0].tick == 1
+    writer.close()
+    reader.close()
+    with pytest.raises(ring.RingError, match="no ring to attach to"):
+        ring.RingReader(path)
+
+
+def test_other_files_are_refused(tmp_path: Path) -> None:
+    other = tmp_path / "other"
+    other.write_bytes(b"x" * 100)
+    with pytest.raises(ring.RingError, match="not a ring"):
+        ring.RingReader(other)
