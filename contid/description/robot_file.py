@@ -9,9 +9,11 @@ from pydantic import BaseModel, ConfigDict, Field
 from contid.description.base import Positive, Strict
 from contid.description.cosserat import Cosserat
 from contid.description.rack_finger import RackFinger
+from contid.description.tri_rack import TriRack
+from contid.description.tri_tube import TriTube
 
 #: One class per model; a robot file's ``model`` key decides which.
-AnyRobot: TypeAlias = Annotated[RackFinger | Cosserat, Field(discriminator="model")]
+AnyRobot: TypeAlias = Annotated[RackFinger | TriRack | TriTube | Cosserat, Field(discriminator="model")]
 
 
 class BusDescription(BaseModel):

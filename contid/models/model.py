@@ -52,6 +52,8 @@ class Model(Protocol):
 MODELS: Final[dict[str, str]] = {
     "cosserat": "contid.models.cosserat.model:CosseratModel",
     "rack_finger": "contid.models.rack_finger:RackFingerModel",
+    "tri_rack": "contid.models.section_model:SectionModel",
+    "tri_tube": "contid.models.section_model:SectionModel",
 }
 
 

@@ -1,0 +1,125 @@
+"""Newton-Raphson and damped least squares of Singh et al. (ROBIO 2017), and the trajectory to compare them.
+
+All methods work on the corrected kinematics (`contid.models.sections`). What is compared is the bookkeeping:
+
+* Newton-Raphson, Eq. 8-9: ``l <- l + J^T (J J^T)^-1 (target - FK(l))`` until the error is below a tolerance.
+  Eq. 9 has a minus because its J is dE/dl = -dP/dl (Eq. 7); the printed limits by "fmincon" are left out.
+* Damped least squares, Eq. 11-13: one step ``dl = J^T (J J^T + lambda^2 I)^-1 de`` per point. The paper takes
+  ``de`` from the previous *trajectory point*, not from where the arm is: an open loop, in which linearisation
+  error and the damping loss sigma^2/(sigma^2 + lambda^2) accumulate. Feeding back FK(l) is the cure; a
+  smaller lambda is not.
+"""
+
+from __future__ import annotations
+
+import itertools
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Final
+
+import numpy as np
+
+from contid.models.arc import Array
+from contid.models.sections import Sections, differentiate, forward
+
+# Constants of the golden trajectory (simulated; no robot data exist in either paper).
+_FA: Final = (1.3, 0.9, 1.7, 1.1, 0.7, 1.5)
+_PA: Final = (0.3, 2.1, 4.4, 5.2, 1.2, 3.3)
+_FB: Final = (2.3, 2.9, 1.9, 3.1, 2.7, 2.1)
+_PB: Final = (1.0, 0.2, 5.5, 2.6, 4.0, 0.9)
+LOWER_M: Final = (0.100,) * 3 + (0.090,) * 3
+UPPER_M: Final = (0.150,) * 3 + (0.140,) * 3
+
+
+def cbha_sections() -> Sections:
+    """The reference's CBHA: tubes at 180, 60, -60 degrees, 40 and 32 mm from the backbone (placeholders)."""
+    angles = (math.pi, math.pi / 3.0, -math.pi / 3.0)
+    return Sections((0.040, 0.032), (angles, angles), (0.0, 0.0))
+
+
+@dataclass(frozen=True, slots=True)
+class TubeTrajectory:
+    """Tube lengths ``(points, 6)`` and the tips ``(points, 3)`` they reach [m]."""
+
+    lengths_m: Array
+    tips_m: Array
+
+
+def trajectory(
+    fa: Sequence[float], pa: Sequence[float], fb: Sequence[float], pb: Sequence[float], points: int = 100
+) -> TubeTrajectory:
+    """A trajectory from pressures that are sums of two sines per tube.
+
+    ``p = 0.75 + 0.45 sin(2 pi FA tau + PA) + 0.25 sin(2 pi FB tau + PB)`` bar, tau from 0 to 1, and
+    ``l = lo + (hi - lo) s(p/1.5)`` with ``s(x) = x (1 + 0.3 (1 - x))``.
+    """
+    tau = np.arange(points)[:, None] / (points - 1)
+    pressure = 0.75 + 0.45 * np.sin(2.0 * np.pi * np.array(fa) * tau + np.array(pa))
+    pressure = pressure + 0.25 * np.sin(2.0 * np.pi * np.array(fb) * tau + np.array(pb))
+    lengths = lengths_at(pressure)
+    return TubeTrajectory(lengths, forward(cbha_sections(), lengths).tip)
+
+
+def lengths_at(pressure_bar: Array) -> Array:
+    """Tube lengths [m] for pressures from 0 to 1.5 bar, the reference's invented map."""
+    x = pressure_bar / 1.5
+    low, high = np.array(LOWER_M), np.array(UPPER_M)
+    lengths: Array = low + (high - low) * x * (1.0 + 0.3 * (1.0 - x))
+    return lengths
+
+
+def golden_trajectory() -> TubeTrajectory:
+    """The 100 points every method is compared on; mean step 4.2 mm."""
+    return trajectory(_FA, _PA, _FB, _PB)
+
+
+def random_trajectory(rng: np.random.Generator) -> TubeTrajectory:
+    """A trajectory of the same family with random frequencies and phases."""
+    slow, fast = rng.uniform(0.5, 2.0, 6).tolist(), rng.uniform(1.5, 3.5, 6).tolist()
+    phases = rng.uniform(0.0, 2.0 * np.pi, (2, 6)).tolist()
+    return trajectory(slow, phases[0], fast, phases[1])
+
+
+def newton_raphson(
+    sections: Sections, target_m: Array, lengths: Array, tolerance_m: float = 1e-6, most: int = 50
+) -> tuple[Array, int]:
+    """Eq. 8-9: lengths [m] and the number of updates; unbounded, as the paper's update is."""
+    for updates in range(most):
+        at = differentiate(sections, lengths)
+        error = target_m - at.frames.tip
+        if float(np.linalg.norm(error)) <= tolerance_m:
+            return lengths, updates
+        lengths = lengths + at.tip.T @ np.linalg.solve(at.tip @ at.tip.T, error)
+    return lengths, most
+
+
+def dls_step(sections: Sections, de_m: Array, lengths: Array, damping: float = 0.5) -> Array:
+    """Eq. 11-12: lengths [m] after one damped step for the displacement ``de_m``."""
+    J = differentiate(sections, lengths).tip
+    return lengths + J.T @ np.linalg.solve(J @ J.T + damping**2 * np.eye(3), de_m)
+
+
+def dls_as_printed(sections: Sections, tips_m: Array, lengths: Array, damping: float = 0.5) -> Array:
+    """Section III-B: one step per point, the previous trajectory point taken for the current one.
+
+    Returns:
+        Lengths along the trajectory, ``(points, 6)``; the first row is the start.
+    """
+    found = [lengths]
+    for previous, target in itertools.pairwise(tips_m):
+        found.append(dls_step(sections, target - previous, found[-1], damping))
+    return np.array(found)
+
+
+def dls_with_feedback(
+    sections: Sections, tips_m: Array, lengths: Array, damping: float = 0.5, steps: int = 1
+) -> Array:
+    """The same step with the error taken from FK of the present lengths; ``steps`` of them per point."""
+    found = [lengths]
+    for target in tips_m[1:]:
+        present = found[-1]
+        for _ in range(steps):
+            present = dls_step(sections, target - forward(sections, present).tip, present, damping)
+        found.append(present)
+    return np.array(found)
