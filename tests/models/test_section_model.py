@@ -9,7 +9,6 @@ from pathlib import Path
 import numpy as np
 import pytest
 import yaml
-from section_robots import GOLDEN, ROBOTS, one_segment, random_lengths
 
 from contid.description.robot_file import RobotFile
 from contid.description.tri_rack import TriRack
@@ -19,6 +18,7 @@ from contid.models.model import build_model
 from contid.models.section_model import SectionModel, Solver, build_solver
 from contid.models.sections import forward
 from contid.targets import Target
+from tests.models.section_robots import GOLDEN, ROBOTS, one_segment, random_lengths
 
 Build = Callable[[Feasible], Solver]
 

@@ -8,10 +8,10 @@ import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
-from section_robots import CCW, GOLDEN, PAPER, RACKS, ROBOTS, cbha_sections, random_lengths
 
 from contid.models import arc
 from contid.models.sections import Sections, backbone, differentiate, forward
+from tests.models.section_robots import CCW, GOLDEN, PAPER, RACKS, ROBOTS, cbha_sections, random_lengths
 
 ONE = Sections((0.035,), (RACKS,), (0.0,))
 TWO = Sections((0.035, 0.035), (RACKS, RACKS), (0.0, 0.0))
