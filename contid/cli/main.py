@@ -16,6 +16,7 @@ COMMANDS: Final[dict[str, tuple[str, str]]] = {
     "check": ("contid.cli.check", "validate a robot file and print what it describes"),
     "fk": ("contid.cli.fk", "actuation rows to tip positions"),
     "ik": ("contid.cli.ik", "target rows to actuation"),
+    "reach": ("contid.cli.reach", "where the tips can go: areas, volumes, overlaps, plots"),
 }
 
 
