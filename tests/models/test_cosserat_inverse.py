@@ -6,7 +6,6 @@ import math
 
 import numpy as np
 import pytest
-from cosserat_cases import GOLDEN, GRAM, hanging, lean, limits, one, section, two
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from scipy.optimize import lsq_linear
@@ -24,6 +23,7 @@ from contid.models.cosserat.section import Rod, Section
 from contid.models.cosserat.solve import Problem, Task, box_step, solve
 from contid.models.cosserat.stability import critical_factor, unstable_modes
 from contid.models.cosserat.statics import Loads
+from tests.models.cosserat_cases import GOLDEN, GRAM, hanging, lean, limits, one, section, two
 
 SINGLE = [case for case in GOLDEN["ik"] if case["name"] != "pose family"]
 FAMILY = [case for case in GOLDEN["ik"] if case["name"] == "pose family"]

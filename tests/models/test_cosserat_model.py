@@ -9,13 +9,13 @@ from typing import Any
 import numpy as np
 import pytest
 import yaml
-from cosserat_cases import GRAM
 
 from contid.description.cosserat import Cosserat
 from contid.models.cosserat.model import ROLL_NOTE, CosseratModel
 from contid.models.model import build_model
 from contid.targets import Target
 from contid.units import BAR
+from tests.models.cosserat_cases import GRAM
 
 
 def describe(configs: Path, name: str, **changes: Any) -> Cosserat:

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
-from cosserat_cases import GOLDEN, hanging, loads_of, one, rod_of, section, two
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
@@ -12,6 +11,7 @@ from contid.models.cosserat.equilibrium import equilibrium, newton
 from contid.models.cosserat.section import Rod, Section
 from contid.models.cosserat.shape import backbone
 from contid.models.cosserat.statics import Array, Loads, exponential, sweep
+from tests.models.cosserat_cases import GOLDEN, hanging, loads_of, one, rod_of, section, two
 
 FK = GOLDEN["fk"]
 

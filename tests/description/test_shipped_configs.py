@@ -1,0 +1,24 @@
+"""Every robot file that ships with contid loads, and every model in it can be built."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import pytest
+
+from contid.description.load import load_robot_file, with_mock
+from contid.models.model import build_model
+
+CONFIGS = sorted((Path(__file__).parent.parent.parent / "configs").glob("*.yaml"))
+
+
+@pytest.mark.parametrize("path", CONFIGS, ids=lambda path: path.stem)
+def test_a_shipped_robot_file_loads_and_its_rest_pose_is_a_fixed_point(path: Path) -> None:
+    loaded = load_robot_file(path)
+    assert all(bus.driver == "sim" for bus in with_mock(loaded).buses.values())
+    for robot in loaded.file.robots.values():
+        if robot.passive:
+            continue
+        model = build_model(robot)
+        tip = model.forward(robot.rest).tip_m
+        assert all(abs(value) < 10.0 for value in tip)
