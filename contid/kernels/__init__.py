@@ -5,8 +5,12 @@ from __future__ import annotations
 import os
 from importlib import import_module
 from types import ModuleType
+from typing import Final
 
-__all__ = ["load"]
+__all__ = ["PURE_PYTHON", "load", "native"]
+
+#: Set to anything but 0 to leave the compiled kernels aside.
+PURE_PYTHON: Final = "CONTID_PURE_PYTHON"
 
 
 def load(name: str) -> ModuleType | None:
@@ -14,7 +18,7 @@ def load(name: str) -> ModuleType | None:
 
     The caller then uses its NumPy twin, which answers the same to the stated tolerance, only slower.
     """
-    if os.environ.get("CONTID_PURE_PYTHON", "") not in ("", "0"):
+    if os.environ.get(PURE_PYTHON, "") not in ("", "0"):
         return None
     try:
         return import_module(f"contid.kernels._{name}")
@@ -22,3 +26,7 @@ def load(name: str) -> ModuleType | None:
         if error.name != f"contid.kernels._{name}":
             raise
         return None
+
+
+#: The same function under the name the arms of sections use.
+native = load

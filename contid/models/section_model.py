@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from contid.description.sections import SectionRobot
-from contid.kernels import load as native
+from contid.kernels import native
 from contid.models.feasible import Feasible
 from contid.models.sections import Sections, backbone
 from contid.models.solve import Answer, SectionSolver, Tuning, tuning_for, vec3
