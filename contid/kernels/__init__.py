@@ -17,6 +17,7 @@ def load(name: str) -> ModuleType | None:
     """The kernel ``contid.kernels._name``, or None: not compiled here, or ``CONTID_PURE_PYTHON`` is set.
 
     The caller then uses its NumPy twin, which answers the same to the stated tolerance, only slower.
+    Asked when a model is built, so that one process can hold both kinds (tests compare them).
     """
     if os.environ.get(PURE_PYTHON, "") not in ("", "0"):
         return None
@@ -29,4 +30,7 @@ def load(name: str) -> ModuleType | None:
 
 
 #: The same function under the name the arms of sections use.
+native = load
+
+
 native = load
