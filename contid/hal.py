@@ -133,6 +133,10 @@ class Clock(Protocol):
         """Seconds; only differences mean anything."""
         ...
 
+    def sleep(self, seconds: float) -> None:
+        """Let time pass; a virtual clock just moves on, so a late bus makes a late tick there as well."""
+        ...
+
 
 @runtime_checkable
 class Bus(Protocol):

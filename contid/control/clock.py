@@ -16,6 +16,10 @@ class RealClock:
         """Seconds since the machine started."""
         return time.monotonic()
 
+    def sleep(self, seconds: float) -> None:
+        """Wait [s]."""
+        time.sleep(seconds)
+
 
 class VirtualClock:
     """A clock that stands still until it is told the time."""
@@ -36,3 +40,7 @@ class VirtualClock:
         if now_s < self._now_s:
             raise ValueError(f"time runs forward: {now_s} is before {self._now_s}")
         self._now_s = now_s
+
+    def sleep(self, seconds: float) -> None:
+        """Move the clock forward by ``seconds``: what a device that answers late does to the tick."""
+        self.set(self._now_s + seconds)

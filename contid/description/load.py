@@ -196,7 +196,8 @@ class _Loader:
             return WiredAxis(at, common, None)
         owner = f"{at[1]}.{at[3]}"
         address = driver.address(options)
-        first = self.addresses.setdefault((bus, address), owner)
+        # A driver whose axes need no address of their own says "".
+        first = self.addresses.setdefault((bus, address), owner) if address else owner
         if first != owner:
             message = f"{address} on bus {bus!r} already belongs to {first}"
             self.findings.append(self.document.at_value((*at, address.partition(" ")[0]), message))

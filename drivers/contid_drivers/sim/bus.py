@@ -8,24 +8,15 @@ somebody looks. With a virtual clock and a seed everything is deterministic to t
 from __future__ import annotations
 
 import math
-import time
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
-from typing import Protocol, runtime_checkable
 
 from contid.errors import ContidError, DeviceError, DeviceLostError, DeviceNotFoundError
-from contid.hal import AxisOnBus, Clock, Rest, Sample
+from contid.hal import AxisOnBus, Clock, DeviceKind, Rest, Sample
 from contid_drivers.sim.devices import SimDevice
 from contid_drivers.sim.faults import Switches
 from contid_drivers.sim.journal import Journal
 from contid_drivers.sim.options import FaultKind, ScheduledFault, SimAxisOptions, SimBusOptions
-
-
-@runtime_checkable
-class _Sleeper(Protocol):
-    """A clock that knows how to wait; virtual ones move themselves on."""
-
-    def sleep(self, seconds: float) -> None: ...
 
 
 class SimBus:
@@ -194,10 +185,7 @@ class SimBus:
     def _wait(self, now: float, seconds: float) -> float:
         if seconds <= 0.0:
             return now
-        if isinstance(self._clock, _Sleeper):
-            self._clock.sleep(seconds)
-        else:
-            time.sleep(seconds)
+        self._clock.sleep(seconds)
         return self._up_to_date()
 
     def _up_to_date(self) -> float:
@@ -244,5 +232,6 @@ def _device(bus: str, options: SimBusOptions, axis: AxisOnBus, now: float) -> Si
     start = axis.options.start
     if start is None:
         low, high = axis.travel or (0.0, 0.0)
-        start = min(high, max(low, 0.0))
+        without_pressure = axis.options.device is DeviceKind.REGULATOR
+        start = min(high, max(low, 0.0)) if without_pressure else 0.5 * (low + high)
     return SimDevice(axis.options, start, now, seed=f"{options.seed}:{bus}:{axis.name}")

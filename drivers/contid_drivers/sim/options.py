@@ -80,7 +80,8 @@ KEYS_OF: Final[dict[DeviceKind, frozenset[str]]] = {
 class SimAxisOptions(Strict):
     """A simulated device; keys left out take the defaults of its kind (see `devices`).
 
-    Without ``start_deg`` or ``start_bar`` an axis starts at 0, or at the end of its travel nearest to 0.
+    Without ``start_deg`` a shaft starts in the middle of its travel, which is a pose that every robot has;
+    without ``start_bar`` a regulator starts without pressure, or as near to that as its travel allows.
     ``dead_man`` is what the device does when nobody feeds it any more.
     """
 

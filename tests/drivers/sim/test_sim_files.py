@@ -1,0 +1,99 @@
+"""Simulated buses in robot files: written out, and as the stand-in under --mock."""
+
+from __future__ import annotations
+
+import pytest
+
+from contid.description.load import load_robot_file, parse_robot_file, with_mock
+from contid.errors import BadInputError, ContidError
+from contid.hal import AxisOnBus, DeviceKind, load_driver
+from contid_drivers.sim import SimBusOptions
+
+BUS = """driver: dynamixel
+    port: /dev/serial/by-id/usb-FTDI_USB__-__Serial_Converter_XXXXXXXX-if00-port0
+    baud: 1000000"""
+
+
+class Still:
+    def now(self):
+        return 0.0
+
+    def sleep(self, seconds):
+        raise AssertionError("nothing here may wait")
+
+
+@pytest.fixture
+def finger(configs):
+    """finger.yaml on a simulated bus with a campaign of faults."""
+
+    def text(bus="seed: 7", left=""):
+        source = (configs / "finger.yaml").read_text()
+        assert BUS in source
+        source = source.replace(BUS, f"driver: sim\n    {bus}")
+        return source.replace("id: 1,", f"device: servo, {left}").replace("id: 2,", "device: servo,")
+
+    return text
+
+
+def test_a_file_may_ask_for_simulation(finger):
+    fault = "faults: [{at_s: 1.0, axis: finger.left, kind: silent, for_s: 0.2}]"
+    loaded = parse_robot_file(finger(fault, left="start_deg: 300,"), "x.yaml")
+    wiring = loaded.buses["servos"]
+    assert wiring.options.faults[0].for_s == 0.2
+    assert [axis for axis, _ in wiring.axes] == ["finger.left", "finger.right"]
+    assert wiring.axes[0][1].start == pytest.approx(5.2359877559)
+    assert with_mock(loaded).buses == loaded.buses
+
+
+@pytest.mark.parametrize(
+    ("keys", "message"),
+    [
+        ({"bus": "faults: [{at_s: 1.0, kind: silent}]"}, "kind silent needs axis"),
+        ({"bus": "faults: [{at_s: 1.0, kind: lost, axis: finger.left}]"}, "takes no axis"),
+        ({"bus": "watchdog_ms: 1"}, "watchdog_ms"),
+        ({"left": "ceiling_bar: 2,"}, "ceiling_bar means nothing for a simulated servo"),
+        ({"left": "dead_man: vent,"}, "cannot vent"),
+    ],
+)
+def test_what_makes_no_sense_is_refused_where_it_stands(finger, keys, message):
+    with pytest.raises(BadInputError, match=message):
+        parse_robot_file(finger(**keys), "x.yaml")
+
+
+def test_a_fault_of_an_unknown_axis_is_refused_before_anything_is_opened(finger):
+    wiring = parse_robot_file(finger("faults: [{at_s: 1, axis: hand.left, kind: stale}]"), "x.yaml").buses[
+        "servos"
+    ]
+    axes = [AxisOnBus(name, options) for name, options in wiring.axes]
+    with pytest.raises(ContidError, match=r"hand\.left: no such axis .* finger\.left, finger\.right"):
+        load_driver("sim").open_bus("servos", wiring.options, axes, Still())
+
+
+@pytest.mark.parametrize("name", ["finger", "hand", "trirack"])
+def test_every_shipped_robot_has_simulated_twins(configs, name):
+    loaded = load_robot_file(configs / f"{name}.yaml")
+    mock = with_mock(loaded)
+    for bus, wiring in mock.buses.items():
+        assert wiring.driver == "sim"
+        assert isinstance(wiring.options, SimBusOptions)
+        kinds = [options.device for _, options in wiring.axes]
+        real = load_driver(loaded.buses[bus].driver)
+        assert kinds == [real.kind(options) for _, options in loaded.buses[bus].axes]
+        assert [axis for axis, _ in wiring.axes] == [axis for axis, _ in loaded.buses[bus].axes]
+
+
+@pytest.mark.parametrize(
+    ("device", "travel", "start"),
+    [
+        (DeviceKind.SERVO, (1.0, 3.0), 2.0),
+        (DeviceKind.MOTOR, None, 0.0),
+        (DeviceKind.REGULATOR, (0.0, 1e5), 0.0),
+        (DeviceKind.REGULATOR, (2e4, 1e5), 2e4),
+    ],
+)
+def test_where_an_axis_starts(device, travel, start):
+    driver = load_driver("sim")
+    options = driver.axis_options(device=device)
+    bus = driver.open_bus("b", SimBusOptions(), [AxisOnBus("r.a", options, travel)], Still())
+    bus.open()
+    assert bus.exchange({})["r.a"].value == pytest.approx(start, abs=2e-3 if device != "regulator" else 2e3)
