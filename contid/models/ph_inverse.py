@@ -11,11 +11,13 @@ for six tubes); the sums over the sections nearly can.
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
 
+from contid.kernels import load
 from contid.models.ph_ends import Ends, PhFit, through
 from contid.models.ph_lift import Array
 from contid.models.ph_tubes import section_bending, tube_lengths
@@ -58,7 +60,7 @@ def ph_inverse(
     split: Sequence[float],
     length_m: float | None = None,
 ) -> ShapeSolution:
-    """Tube lengths of an arm that stands on its base along +z.
+    """Tube lengths of an arm that stands on its base along +z, in NumPy: the specification of the kernel.
 
     Args:
         tip_m: tip position in the base frame [m].
@@ -76,6 +78,38 @@ def ph_inverse(
         tuple((float(u), float(v)) for u, v in bending),
         fit.length_met,
     )
+
+
+class ShapeInverse:
+    """`ph_inverse` for one arm, prepared: in the kernel where it is compiled, else in NumPy.
+
+    The lengths of both agree to 1e-12 m.
+    """
+
+    def __init__(self, sections: Sequence[TubeSection], split: Sequence[float]) -> None:
+        self._sections = tuple(sections)
+        self._split = tuple(split)
+        kernel = load("ph_curve")
+        self._kernel = kernel and kernel.ShapeInverse(
+            [section.distance_m for section in sections],
+            [list(section.angles_rad) for section in sections],
+            list(split),
+        )
+
+    @property
+    def compiled(self) -> bool:
+        """True when the kernel answers."""
+        return self._kernel is not None
+
+    def solve(self, tip_m: Vec3, direction: Vec3, length_m: float | None = None) -> ShapeSolution:
+        """Tube lengths for the pose of the tip; see `ph_inverse`."""
+        if self._kernel is None:
+            return ph_inverse(tip_m, direction, self._sections, self._split, length_m)
+        lengths, totals, backbone, bending, met = self._kernel.solve(
+            *tip_m, *direction, math.nan if length_m is None else length_m
+        )
+        pairs = tuple(zip(bending[::2], bending[1::2], strict=True))
+        return ShapeSolution(lengths, totals, backbone, pairs, met)
 
 
 def _offsets(fit: PhFit, sections: Sequence[TubeSection], split: Array) -> tuple[Array, Array, Array]:
