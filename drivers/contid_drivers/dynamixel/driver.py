@@ -3,9 +3,10 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
+from contextlib import AbstractContextManager
+from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from contid.errors import DeviceNotFoundError
 from contid.hal import AxisOnBus, Bus, Clock, DeviceKind, Driver
 from contid_drivers.dynamixel.options import AxisOptions, BusOptions
 
@@ -38,7 +39,19 @@ class DynamixelDriver:
 
     def open_bus(self, name: str, options: BaseModel, axes: Sequence[AxisOnBus], clock: Clock) -> Bus:
         """Build the bus; touches no device."""
-        raise DeviceNotFoundError(name, "this version validates Dynamixel buses but cannot open them yet")
+        from contid_drivers.dynamixel.bus import DynamixelBus
+
+        assert isinstance(options, BusOptions)
+        return DynamixelBus(name, options, axes, clock)
+
+    def emulator(
+        self, name: str, options: BaseModel, axes: Sequence[AxisOnBus], control: Path | None = None
+    ) -> AbstractContextManager[Sequence[str]]:
+        """See `contid.hal.Emulates`."""
+        from contid_drivers.dynamixel.emulator.bench import Bench
+
+        assert isinstance(options, BusOptions)
+        return Bench(name, options, axes, control)
 
 
 DRIVER: Driver = DynamixelDriver()

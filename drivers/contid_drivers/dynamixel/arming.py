@@ -1,0 +1,224 @@
+"""Handshake and arming: who is there, are they set as the robot file says, and torque on without a jump."""
+
+from __future__ import annotations
+
+import logging
+import math
+from collections.abc import Sequence
+from typing import Final
+
+from contid.errors import DeviceError, DeviceNotFoundError
+from contid_drivers.dynamixel import registers as reg
+from contid_drivers.dynamixel import turns
+from contid_drivers.dynamixel.axis import Axis
+from contid_drivers.dynamixel.cyclic import INDIRECT_ORDER
+from contid_drivers.dynamixel.options import BusOptions
+from contid_drivers.dynamixel.packets import sync_write
+from contid_drivers.dynamixel.protocol import NoAnswerError, RefusedError, ServoClient
+from contid_drivers.dynamixel.registers import Register
+
+log = logging.getLogger(__name__)
+
+#: How far outside the robot file's travel a position may be before it is another turn or another zero.
+TRAVEL_SLACK_RAD: Final = math.radians(20.0)
+
+
+def handshake(client: ServoClient, axes: Sequence[Axis], options: BusOptions) -> None:
+    """Find every servo and read what the exchange depends on.
+
+    Raises:
+        DeviceNotFoundError: expected against found, when they differ.
+    """
+    lines = []
+    for axis in axes:
+        model = client.ping(axis.device)
+        found = "nothing" if model is None else reg.MODELS.get(model, f"model {model}")
+        if found != axis.options.model:
+            lines.append(f"id {axis.device} ({axis.name}): expected {axis.options.model}, found {found}")
+    if lines:
+        present = client.broadcast_ping() or {}
+        known = ", ".join(
+            f"id {device} {reg.MODELS.get(model, f'model {model}')} firmware {firmware}"
+            for device, (model, firmware) in sorted(present.items())
+        )
+        raise DeviceNotFoundError(
+            client.bus,
+            f"at {options.baud} baud: " + "; ".join(lines) + f"; on the bus: {known or 'nobody'}",
+            "check power, ids and baud rate with `contid scan`",
+        )
+    for axis in axes:
+        axis.firmware = client.firmware(axis.device)
+        axis.return_delay_s = client.read(axis.device, reg.RETURN_DELAY) * 2e-6
+        if client.read(axis.device, reg.STATUS_RETURN_LEVEL) != reg.STATUS_RETURN_LEVEL.default:
+            client.write(axis.device, reg.STATUS_RETURN_LEVEL, reg.STATUS_RETURN_LEVEL.default)
+
+
+def map_block(client: ServoClient, device: int) -> bool:
+    """Point the indirect addresses at the block of the exchange; False when the servo has none."""
+    size = 2 * len(INDIRECT_ORDER)
+    wanted = b"".join(address.to_bytes(2, "little") for address in INDIRECT_ORDER)
+    try:
+        if client.read_block(device, reg.INDIRECT_ADDRESS, size) == wanted:
+            return True
+        for i, address in enumerate(INDIRECT_ORDER):
+            register = next(r for r in reg.TABLE if r.address == reg.INDIRECT_ADDRESS + 2 * i)
+            client.write(device, register, address)
+        return client.read_block(device, reg.INDIRECT_ADDRESS, size) == wanted
+    except RefusedError:
+        return False
+
+
+def settings(axis: Axis, options: BusOptions) -> list[tuple[Register, int]]:
+    """What the servo's registers have to be, EEPROM first; changing the mode resets what follows it."""
+    a = axis.options
+    wanted: list[tuple[Register, int | None]] = [
+        (reg.RETURN_DELAY, options.return_delay_us // 2),
+        (reg.DRIVE_MODE, 0),
+        (reg.OPERATING_MODE, axis.operating_mode),
+        (reg.HOMING_OFFSET, 0),
+        (reg.CURRENT_LIMIT, a.current_limit_ma),
+        (reg.PROFILE_VELOCITY, round(a.profile_velocity_deg_s / reg.DEG_S_PER_UNIT)),
+        (reg.PROFILE_ACCELERATION, round(a.profile_acceleration_deg_s2 / reg.DEG_S2_PER_UNIT)),
+        (reg.GOAL_CURRENT, a.goal_current_ma),
+        (reg.POSITION_P, a.position_p),
+        (reg.POSITION_I, a.position_i),
+        (reg.POSITION_D, a.position_d),
+    ]
+    return [(register, value) for register, value in wanted if value is not None]
+
+
+def configure(client: ServoClient, axis: Axis, options: BusOptions) -> None:
+    """Write the settings that differ.
+
+    Raises:
+        DeviceError: one differs that cannot be changed while torque is on.
+    """
+    device = axis.device
+    torque = client.read(device, reg.TORQUE_ENABLE)
+    for register, value in settings(axis, options):
+        found = client.read(device, register)
+        if found == value:
+            continue
+        if register.eeprom and torque:
+            raise DeviceError(
+                client.name(device),
+                f"{register.name} is {found}, the robot file wants {value}, and torque is on",
+                "it can only be changed without torque: support the robot and relax it first",
+            )
+        log.info(
+            "%s: %s %d -> %d%s",
+            client.name(device),
+            register.name,
+            found,
+            value,
+            " under torque" if torque else "",
+        )
+        client.write(device, register, value)
+    axis.return_delay_s = options.return_delay_us / 1e6
+
+
+def plausible(client: ServoClient, axis: Axis, position: int) -> None:
+    """Refuse a position outside the axis's travel.
+
+    Raises:
+        DeviceError: it is; a wrong turn or a wrong zero, and the first command would be a long way off.
+    """
+    if axis.travel is None:
+        return
+    angle, (low, high) = axis.to_rad(position), axis.travel
+    if not low - TRAVEL_SLACK_RAD <= angle <= high + TRAVEL_SLACK_RAD:
+        raise DeviceError(
+            client.name(axis.device),
+            f"{axis.name} stands at {math.degrees(angle):.1f} deg, outside its travel of "
+            f"{math.degrees(low):.1f}..{math.degrees(high):.1f} deg",
+            "a wrong turn or a wrong zero_deg: run `contid home`, or bring it inside by hand",
+        )
+
+
+def arm(client: ServoClient, axis: Axis, watchdog: int) -> None:
+    """Goal := present, torque on, watchdog on; every step is checked on the servo.
+
+    Raises:
+        DeviceError: silent, faulty, or a step did not take.
+    """
+    device = axis.device
+    if bits := client.read(device, reg.HARDWARE_ERROR):
+        raise DeviceError(
+            client.name(device),
+            f"hardware error: {reg.hardware_error_in_words(bits)}",
+            "clear-fault reboots it",
+        )
+    plausible(client, axis, client.read(device, reg.PRESENT_POSITION))
+    hold_here(client, axis)
+    client.write(device, reg.TORQUE_ENABLE, 1)
+    if client.read(device, reg.TORQUE_ENABLE) != 1:
+        raise DeviceError(client.name(device), "torque does not come on")
+    client.write(device, reg.BUS_WATCHDOG, watchdog)
+    axis.armed, axis.enabled = watchdog, True
+
+
+def hold_here(client: ServoClient, axis: Axis) -> None:
+    """Disarm the watchdog, tripped or not, and make the present position the goal in the same breath.
+
+    Both go out in one write: a servo that still had torque and an old goal has no time to go there.
+    """
+    device = axis.device
+    position = client.read(device, reg.PRESENT_POSITION)
+    release = sync_write(reg.BUS_WATCHDOG.address, 1, [(device, b"\0")])
+    stay = sync_write(reg.GOAL_POSITION.address, 4, [(device, reg.GOAL_POSITION.encode(position))])
+    client.port.flush()
+    client.port.send(release + stay)
+    axis.armed = 0
+    if client.read(device, reg.GOAL_POSITION) != position:
+        client.write(device, reg.BUS_WATCHDOG, 0)
+        client.write(device, reg.GOAL_POSITION, position)
+
+
+def torque_off(client: ServoClient, axes: Sequence[Axis]) -> list[str]:
+    """Torque off, then watchdog off, for all at once; names those that did not confirm."""
+    packet = sync_write(reg.TORQUE_ENABLE.address, 1, [(axis.device, b"\0") for axis in axes])
+    silent = list(axes)
+    for _ in range(3):
+        client.port.flush()
+        client.port.send(packet)
+        silent = [axis for axis in silent if not _reads_zero(client, axis, reg.TORQUE_ENABLE)]
+        if not silent:
+            break
+    for axis in axes:
+        axis.enabled, axis.armed = False, 0
+        if axis not in silent:
+            client.write(axis.device, reg.BUS_WATCHDOG, 0)
+    return [axis.name for axis in silent]
+
+
+def _reads_zero(client: ServoClient, axis: Axis, register: Register) -> bool:
+    try:
+        return client.read_block(axis.device, register.address, register.size, tries=1) == b"\0"
+    except NoAnswerError:
+        return False
+
+
+def revive(client: ServoClient, axis: Axis) -> None:
+    """Bring a faulty servo back to a state that can be armed, without moving it.
+
+    Raises:
+        DeviceError: the fault persists, or its turn count cannot be inferred.
+    """
+    device = axis.device
+    if client.read(device, reg.HARDWARE_ERROR):
+        if axis.value is not None:
+            axis.value = axis.to_rad(client.read(device, reg.PRESENT_POSITION))
+        client.reboot(device)
+        if bits := client.read(device, reg.HARDWARE_ERROR):
+            raise DeviceError(
+                client.name(device),
+                f"hardware error persists: {reg.hardware_error_in_words(bits)}",
+                "remove its cause",
+            )
+    if client.read(device, reg.STATUS_RETURN_LEVEL) != reg.STATUS_RETURN_LEVEL.default:
+        client.write(device, reg.STATUS_RETURN_LEVEL, reg.STATUS_RETURN_LEVEL.default)
+    map_block(client, device)
+    turns.settle(client, axis)
+    if client.read(device, reg.BUS_WATCHDOG) != 0:
+        hold_here(client, axis)
+    axis.armed, axis.hardware_error, axis.fault, axis.misses = 0, 0, "", 0

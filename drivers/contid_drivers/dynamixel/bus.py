@@ -1,0 +1,282 @@
+"""Dynamixel servos as a `contid.hal.Bus`."""
+
+from __future__ import annotations
+
+import logging
+import math
+import time
+from collections.abc import Mapping, Sequence
+from typing import Final
+
+from contid.errors import DeviceError, DeviceLostError
+from contid.hal import AxisOnBus, Clock, Rest, Sample
+from contid_drivers.dynamixel import arming, turns
+from contid_drivers.dynamixel import registers as reg
+from contid_drivers.dynamixel.axis import Axis
+from contid_drivers.dynamixel.cyclic import INDIRECT, PLAIN, Cyclic, Layout, Reading
+from contid_drivers.dynamixel.options import BusOptions
+from contid_drivers.dynamixel.port import BlockingPort, UsbIdentity, find_port, identity_of
+from contid_drivers.dynamixel.protocol import NoAnswerError, ServoClient
+
+log = logging.getLogger(__name__)
+
+#: Exchanges without a miss before fast reads are tried again after one.
+FAST_AGAIN: Final = 200
+
+
+class DynamixelBus:
+    """See `contid.hal.Bus`; one serial port, its servos, and the state the host keeps of them."""
+
+    def __init__(
+        self,
+        name: str,
+        options: BusOptions,
+        axes: Sequence[AxisOnBus],
+        clock: Clock,
+        layout: Layout | None = None,
+    ) -> None:
+        self.name = name
+        self.axes = tuple(axis.name for axis in axes)
+        self.options = options
+        self._clock = clock
+        self._states = {axis.name: Axis.of(axis, options) for axis in axes}
+        self._by_id = {axis.device: axis for axis in self._states.values()}
+        self._wanted_layout = layout
+        self._identity: UsbIdentity | None = None
+        self._port: BlockingPort | None = None
+        self._client: ServoClient | None = None
+        self._cyclic: Cyclic | None = None
+        self._lost: DeviceLostError | None = None
+        self._count = 0
+        self._clean = 0
+
+    # -- life ----------------------------------------------------------------------------------------------
+
+    def open(self) -> None:
+        """See `contid.hal.Bus.open`."""
+        if self._cyclic is not None and self._lost is None:
+            return
+        self.close()
+        options = self.options
+        path = find_port(self.name, options.port, self._identity)
+        port = BlockingPort(self.name, path, options.baud, options.usb_latency_ms / 1e3)
+        port.open()
+        try:
+            client = ServoClient(self.name, port)
+            states = tuple(self._states.values())
+            arming.handshake(client, states, options)
+            mapped = [arming.map_block(client, axis.device) for axis in states]
+            layout = self._wanted_layout or (INDIRECT if all(mapped) else PLAIN)
+            for axis in states:
+                turns.recall(client, axis)
+                axis.enabled, axis.misses = False, 0
+            port.return_delay_s = max(axis.return_delay_s for axis in states)
+            self._cyclic = Cyclic(port, [axis.device for axis in states], layout, fast=False)
+        except BaseException:
+            port.close()
+            raise
+        self._port, self._client, self._lost = port, client, None
+        self._identity = identity_of(path) or self._identity
+        if not all(mapped):
+            log.warning(
+                "%s: no indirect addresses; reading %d bytes per servo instead", self.name, PLAIN.full
+            )
+        self._cyclic.fast = self._probe_fast()
+
+    def _probe_fast(self) -> bool:
+        if self.options.fast_read == "off":
+            return False
+        old = [axis for axis in self._states.values() if axis.firmware < reg.FAST_READ_FIRMWARE]
+        if old:
+            which = ", ".join(f"id {axis.device} has {axis.firmware}" for axis in old)
+            log.warning(
+                "%s: Fast Sync Read needs firmware %d, %s; using Sync Read, which is slower",
+                self.name, reg.FAST_READ_FIRMWARE, which,
+            )  # fmt: skip
+            return False
+        assert self._cyclic is not None
+        for _ in range(3):
+            if len(self._cyclic.run({}, full=True, fast=True)) == len(self._by_id):
+                return True
+        log.warning("%s: Fast Sync Read is not answered; using Sync Read, which is slower", self.name)
+        return False
+
+    def close(self) -> None:
+        """See `contid.hal.Bus.close`."""
+        if self._port is not None:
+            self._port.close()
+        self._port = self._client = self._cyclic = self._lost = None
+
+    # -- the tick ------------------------------------------------------------------------------------------
+
+    def exchange(self, commands: Mapping[str, float]) -> Mapping[str, Sample]:
+        """See `contid.hal.Bus.exchange`."""
+        cyclic = self._opened()
+        goals = self._goals(commands)
+        self._count += 1
+        full = self._count % self.options.telemetry_every == 0 or self._count == 1
+        started = time.monotonic()
+        try:
+            readings = cyclic.run(goals, full)
+            if len(readings) < len(self._by_id):
+                self._ask_again(cyclic, readings, full, started)
+            else:
+                self._missed_nothing(cyclic)
+            now = self._clock.now()
+            samples = {}
+            for name, axis in self._states.items():
+                reading = readings.get(axis.device)
+                before = axis.fault
+                samples[name] = axis.missed(now) if reading is None else axis.take(reading, now)
+                if axis.fault != before:
+                    samples[name] = self._explained(axis, reading, now, samples[name])
+        except DeviceLostError as error:
+            raise self._gone(error) from None
+        return samples
+
+    def _goals(self, commands: Mapping[str, float]) -> dict[int, int]:
+        """Commands of the enabled axes in ticks by id; nothing is sent when one of them is wrong."""
+        goals: dict[int, int] = {}
+        for name, angle in commands.items():
+            axis = self._states.get(name)
+            if axis is None:
+                raise DeviceError(self.name, f"no axis {name!r}; there are {', '.join(self.axes)}")
+            if not math.isfinite(angle):
+                raise DeviceError(self.name, f"{name}: {angle} is no angle")
+            goal = axis.to_ticks(angle)
+            if not reg.GOAL_POSITION.low <= goal <= reg.GOAL_POSITION.high:
+                raise DeviceError(self.name, f"{name}: {angle:g} rad is beyond the 256 turns of a servo")
+            if axis.enabled:
+                goals[axis.device] = goal
+        return goals
+
+    def _ask_again(self, cyclic: Cyclic, readings: dict[int, Reading], full: bool, started: float) -> None:
+        """Retry servos that were there in the last exchange, within the time the options give.
+
+        A servo that stays silent is asked once per exchange only, or it would cost its budget every tick.
+        """
+        fast, cyclic.fast, self._clean = cyclic.fast, False, 0
+        until = started + cyclic.timeout_s(full) + self.options.retry_ms / 1e3
+        if fast:
+            log.debug(
+                "%s: fast read incomplete; plain reads for the next %d exchanges", self.name, FAST_AGAIN
+            )
+            until = time.monotonic() + cyclic.timeout_s(full) + self.options.retry_ms / 1e3
+        for device, axis in self._by_id.items():
+            if device in readings or (axis.misses and not fast) or not self.options.retry_ms:
+                continue
+            reading = cyclic.again(device, full, until)
+            if reading is not None:
+                readings[device] = reading
+
+    def _missed_nothing(self, cyclic: Cyclic) -> None:
+        if cyclic.fast or self.options.fast_read == "off":
+            return
+        self._clean += 1
+        if self._clean == FAST_AGAIN:
+            cyclic.fast = self._probe_fast()
+
+    def _explained(self, axis: Axis, reading: Reading | None, now: float, sample: Sample) -> Sample:
+        """A new fault: find its cause where the block did not hold it, and say it once."""
+        if reading is not None and reading.alert and not axis.hardware_error and self._client is not None:
+            try:
+                axis.hardware_error = self._client.read(axis.device, reg.HARDWARE_ERROR)
+                axis.fault = ""
+                sample = axis.take(reading, now)
+            except NoAnswerError:
+                pass
+        log.error("%s: %s", axis.name, axis.fault)
+        return sample
+
+    def _opened(self) -> Cyclic:
+        if self._lost is not None:
+            raise DeviceLostError(self.name, self._lost.message, self._lost.remedy)
+        if self._cyclic is None:
+            raise DeviceLostError(self.name, "the bus is not open")
+        return self._cyclic
+
+    def _gone(self, error: DeviceLostError) -> DeviceLostError:
+        self._lost = error
+        for axis in self._states.values():
+            axis.enabled = False
+        return error
+
+    # -- torque --------------------------------------------------------------------------------------------
+
+    def enable(self, axes: Sequence[str]) -> None:
+        """See `contid.hal.Bus.enable`."""
+        self._opened()
+        client = self._client
+        assert client is not None
+        wanted = [axis for axis in self._named(axes) if not axis.enabled]
+        for axis in wanted:
+            if axis.fault:
+                raise DeviceError(self.name, f"{axis.name}: {axis.fault}", "clear the fault first")
+        started: list[Axis] = []
+        try:
+            for axis in wanted:
+                turns.settle(client, axis)
+                arming.configure(client, axis, self.options)
+            assert self._port is not None
+            self._port.return_delay_s = max(axis.return_delay_s for axis in self._states.values())
+            for axis in wanted:
+                if not client.read(axis.device, reg.TORQUE_ENABLE):
+                    started.append(axis)
+                arming.arm(client, axis, self.options.watchdog_ms // reg.WATCHDOG_MS_PER_UNIT)
+        except DeviceLostError as error:
+            raise self._gone(error) from None
+        except DeviceError:
+            self._back_out(wanted, started)
+            raise
+
+    def _back_out(self, wanted: Sequence[Axis], started: Sequence[Axis]) -> None:
+        """All or nothing: torque that this call switched on goes off again, what was held stays held."""
+        assert self._client is not None
+        if started:
+            arming.torque_off(self._client, started)
+        for axis in wanted:
+            axis.enabled = False
+            if axis.armed and axis not in started:
+                arming.hold_here(self._client, axis)
+
+    def disable(self, axes: Sequence[str], rest: Rest) -> None:
+        """See `contid.hal.Bus.disable`; servos cannot vent, so that is relaxing them."""
+        named = self._named(axes)
+        client = self._client
+        if client is None or self._lost is not None:
+            return
+        try:
+            if rest is not Rest.HOLD:
+                if silent := arming.torque_off(client, named):
+                    log.error("%s: torque off not confirmed by %s", self.name, ", ".join(silent))
+                return
+            for axis in named:
+                axis.enabled = False
+                try:
+                    arming.hold_here(client, axis)
+                except DeviceLostError:
+                    raise
+                except DeviceError as error:
+                    # Its watchdog stays armed and stops it where it is, which is what holding means.
+                    log.error("%s", error)
+        except DeviceLostError as error:
+            self._gone(error)
+        except DeviceError as error:
+            log.error("%s", error)
+
+    def clear_fault(self, axes: Sequence[str]) -> None:
+        """See `contid.hal.Bus.clear_fault`."""
+        self._opened()
+        assert self._client is not None
+        try:
+            for axis in self._named(axes):
+                if axis.fault or not axis.enabled:
+                    arming.revive(self._client, axis)
+        except DeviceLostError as error:
+            raise self._gone(error) from None
+
+    def _named(self, axes: Sequence[str]) -> list[Axis]:
+        unknown = [name for name in axes if name not in self._states]
+        if unknown:
+            raise DeviceError(self.name, f"no axis {unknown[0]!r}; there are {', '.join(self.axes)}")
+        return [self._states[name] for name in axes]

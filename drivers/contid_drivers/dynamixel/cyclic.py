@@ -1,0 +1,177 @@
+"""One exchange with every servo: goals out in a sync write, a block of registers back from each.
+
+Written without the SDK, because the tick has a budget: both packets leave in one write, the answers are
+waited for in select, nothing is copied twice. The time-out is computed from the bytes on the wire, the return
+delays and the adapter's latency, once for all servos; a silent one costs that and nobody's data.
+
+The block holds, through indirect addresses where the servo has them::
+
+    98 watchdog | 126 current 2, velocity 4, position 4 | 144 voltage, low byte  <- every exchange
+    70 hardware error | 145 voltage, high byte | 146 temperature                 <- every n-th as well
+
+The voltage is never 0 on a living servo, but indirect data of one that reset itself is: it shows that the
+mapping is gone. Without indirect addresses the plain block 98..146 is read.
+"""
+
+from __future__ import annotations
+
+import struct
+import time
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from typing import Final
+
+from contid_drivers.dynamixel import registers as reg
+from contid_drivers.dynamixel.packets import (
+    STATUS_OVERHEAD,
+    Instruction,
+    build,
+    fast_parts,
+    read_parameters,
+    sync_read,
+    sync_write,
+    take,
+)
+from contid_drivers.dynamixel.port import BlockingPort
+
+#: Registers bytes in the order of the indirect block.
+INDIRECT_ORDER: Final = (98, *range(126, 136), 144, 70, 145, 146)
+
+
+@dataclass(frozen=True, slots=True)
+class Reading:
+    """A block, decoded; None for what this exchange did not ask."""
+
+    current_ma: int
+    velocity: int
+    position: int
+    alert: bool
+    watchdog: int | None = None
+    voltage_low: int | None = None
+    voltage: int | None = None
+    hardware_error: int | None = None
+    temperature: int | None = None
+
+
+@dataclass(frozen=True, slots=True)
+class Layout:
+    """Where the block is: its address, and how many bytes of it an exchange reads."""
+
+    address: int
+    lean: int
+    full: int
+
+    def decode(self, data: bytes, alert: bool) -> Reading:
+        """Values of a block read by this layout."""
+        if self is INDIRECT:
+            watchdog, current, velocity, position, low = _LEAN.unpack_from(data)
+            if len(data) == self.lean:
+                return Reading(current, velocity, position, alert, watchdog, low)
+            error, high, temperature = data[12:15]
+            return Reading(
+                current, velocity, position, alert, watchdog, low, low | high << 8, error, temperature
+            )
+        if self is PLAIN:
+            watchdog, current, velocity, position, voltage, temperature = _PLAIN.unpack(data)
+            return Reading(current, velocity, position, alert, watchdog, None, voltage, None, temperature)
+        current, velocity, position = _MOTION.unpack(data)
+        return Reading(current, velocity, position, alert)
+
+
+_LEAN: Final = struct.Struct("<BhiiB")
+_PLAIN: Final = struct.Struct("<B27xhii8xHB")
+_MOTION: Final = struct.Struct("<hii")
+INDIRECT: Final = Layout(reg.INDIRECT_DATA, _LEAN.size, len(INDIRECT_ORDER))
+PLAIN: Final = Layout(98, _PLAIN.size, _PLAIN.size)
+#: Only current, velocity and position: the comparison of the benchmarks, no watchdog read back.
+MOTION: Final = Layout(126, _MOTION.size, _MOTION.size)
+
+
+class Cyclic:
+    """The exchange of one bus; see the module."""
+
+    def __init__(self, port: BlockingPort, ids: Sequence[int], layout: Layout, fast: bool) -> None:
+        self.port = port
+        self.ids = tuple(ids)
+        self.layout = layout
+        self.fast = fast
+        self._reads = {
+            (size, fast): sync_read(layout.address, size, self.ids, fast)
+            for size in (layout.lean, layout.full)
+            for fast in (False, True)
+        }
+
+    def timeout_s(self, full: bool = True) -> float:
+        """Time-out of the answers, counted from the end of the instruction [s]."""
+        size = self.layout.full if full else self.layout.lean
+        return self._answers_s(size, self.fast) + self.port.latency_s
+
+    def _answers_s(self, size: int, fast: bool) -> float:
+        count = len(self.ids)
+        if fast:
+            return float((8 + count * (size + 4)) * self.port.byte_s + self.port.return_delay_s)
+        return float(count * ((size + STATUS_OVERHEAD) * self.port.byte_s + self.port.return_delay_s))
+
+    def run(self, goals: Mapping[int, int], full: bool, fast: bool | None = None) -> dict[int, Reading]:
+        """Send goals [ticks by id] and read every servo.
+
+        Returns:
+            What came back intact, by id.
+
+        Raises:
+            DeviceLostError: the port failed.
+        """
+        fast = self.fast if fast is None else fast
+        size = self.layout.full if full else self.layout.lean
+        wire = self._reads[size, fast]
+        if goals:
+            encode = reg.GOAL_POSITION.encode
+            wire = sync_write(116, 4, ((device, encode(goal)) for device, goal in goals.items())) + wire
+        self.port.flush()
+        deadline = self.port.send(wire) + self._answers_s(size, fast) + self.port.latency_s
+        return self._fast(size, deadline) if fast else self._collect(set(self.ids), size, deadline)
+
+    def again(self, device: int, full: bool, until: float) -> Reading | None:
+        """Ask one servo once more, if its answer can be there before ``until`` [monotonic s]."""
+        size = self.layout.full if full else self.layout.lean
+        port = self.port
+        wire = build(device, Instruction.READ, read_parameters(self.layout.address, size))
+        answer_s = (size + STATUS_OVERHEAD) * port.byte_s + port.return_delay_s
+        if time.monotonic() + len(wire) * port.byte_s + answer_s > until:
+            return None
+        port.flush()
+        deadline = min(port.send(wire) + answer_s + port.latency_s, until)
+        return self._collect({device}, size, deadline).get(device)
+
+    def _collect(self, waiting: set[int], size: int, deadline: float) -> dict[int, Reading]:
+        found: dict[int, Reading] = {}
+        stream = bytearray()
+        receive, decode = self.port.receive, self.layout.decode
+        while waiting:
+            data = receive(deadline)
+            stream += data
+            while (packet := take(stream, final=not data)) is not None:
+                # Echoes are instructions, copies of an answer are not waited for any more.
+                if (
+                    packet.instruction == Instruction.STATUS
+                    and packet.device in waiting
+                    and len(packet.parameters) == size
+                ):
+                    waiting.discard(packet.device)
+                    found[packet.device] = decode(packet.parameters, packet.error >= 0x80)
+            if not data:
+                break
+        return found
+
+    def _fast(self, size: int, deadline: float) -> dict[int, Reading]:
+        sizes = [size] * len(self.ids)
+        stream = bytearray()
+        whole = 8 + sum(sizes) + 4 * len(sizes)
+        parts = []
+        while data := self.port.receive(deadline):
+            stream += data
+            if len(stream) >= whole and len(parts := fast_parts(stream, self.ids, sizes)) == len(sizes):
+                break
+        else:
+            parts = fast_parts(stream, self.ids, sizes)
+        return {part.device: self.layout.decode(part.data, part.error >= 0x80) for part in parts}

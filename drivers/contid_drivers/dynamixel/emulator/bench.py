@@ -1,0 +1,61 @@
+"""The servos of one bus of a robot file, powered up on a bench: what ``contid emulate`` starts."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from pathlib import Path
+from types import TracebackType
+from typing import Final
+
+from contid.hal import AxisOnBus
+from contid_drivers.dynamixel import registers as reg
+from contid_drivers.dynamixel.emulator.servo import Servo
+from contid_drivers.dynamixel.emulator.wire import Emulator
+from contid_drivers.dynamixel.options import AxisOptions, BusOptions, SingleTurn
+
+#: The mechanical end of an axis, beyond the travel the robot file allows.
+BEYOND_TRAVEL_RAD: Final = math.radians(10.0)
+_MODEL_NUMBERS: Final = {name: number for number, name in reg.MODELS.items()}
+
+
+def servo_of(axis: AxisOnBus, baud: int) -> Servo:
+    """The servo of an axis: parked at its stored pose, or at the lower end of its travel."""
+    options = axis.options
+    assert isinstance(options, AxisOptions)
+    low, high = axis.travel or (-math.inf, math.inf)
+    start = low if math.isfinite(low) else math.pi
+    if isinstance(options.homing, SingleTurn):
+        start = math.radians(options.homing.pose_deg)
+    stops = (low - BEYOND_TRAVEL_RAD) / reg.RAD_PER_TICK, (high + BEYOND_TRAVEL_RAD) / reg.RAD_PER_TICK
+    return Servo(
+        options.id,
+        baud=baud,
+        model=_MODEL_NUMBERS[options.model],
+        position_ticks=float(round(start / reg.RAD_PER_TICK)),
+        stops_ticks=stops,
+    )
+
+
+class Bench:
+    """Context manager: the bus is alive at the port of the robot file while it lasts."""
+
+    def __init__(
+        self, name: str, options: BusOptions, axes: Sequence[AxisOnBus], control: Path | None = None
+    ) -> None:
+        self._name = name
+        self._control = control
+        servos = [servo_of(axis, options.baud) for axis in axes]
+        self.emulator = Emulator(servos, options.port, control)
+
+    def __enter__(self) -> Sequence[str]:
+        """Start; gives what stands where."""
+        self.emulator.start()
+        ids = ", ".join(str(servo.device) for servo in self.emulator.servos)
+        lines = [f"{self._name}: {self.emulator.port}, servos {ids}"]
+        if self._control is not None:
+            lines.append(f"{self._name}: fault switches from {self._control}, one JSON object per line")
+        return lines
+
+    def __exit__(self, kind: type[BaseException] | None, error: object, trace: TracebackType | None) -> None:
+        self.emulator.stop()

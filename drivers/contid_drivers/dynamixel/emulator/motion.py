@@ -1,0 +1,83 @@
+"""Motion of an emulated servo: a trapezoid profile towards a goal, a current, and hard stops to push against.
+
+Deliberately simple; it has what the driver and homing depend on: finite speed, standing still at a stop
+while the current rises to its limit, and an overload after pushing too hard for too long.
+"""
+
+from __future__ import annotations
+
+import math
+from typing import Final
+
+#: No-load speed at 5 V, 103 rpm [ticks/s], and the acceleration of a free servo without a profile.
+SPEED_MAX: Final = 103.0 / 60.0 * 4096.0
+ACCELERATION_MAX: Final = 200_000.0
+#: Ticks per second and tick of error near the goal, where the profile ends and the position loop holds.
+STIFFNESS: Final = 60.0
+FRICTION_MA: Final = 40.0
+MA_PER_TICK: Final = 8.0
+#: Pushing with more than this against a stop for so long is an overload.
+OVERLOAD_MA: Final = 900.0
+OVERLOAD_S: Final = 0.5
+
+
+class Motion:
+    """Shaft of a servo; positions in ticks over all turns, currents in mA."""
+
+    def __init__(self, position: float, stops: tuple[float, float]) -> None:
+        self.position = self.goal = position
+        self.stops = stops
+        self.velocity = 0.0
+        self.current = 0.0
+        self._speed = SPEED_MAX
+        self._acceleration = ACCELERATION_MAX
+        self._current_limit = 1750.0
+        self._pushed_s = 0.0
+
+    def limit(self, speed: float, acceleration: float, current: float) -> None:
+        """Limits of the profile [ticks/s, ticks/s^2; 0 is none] and of the current [mA]."""
+        self._speed = min(speed, SPEED_MAX)
+        self._acceleration = min(acceleration, ACCELERATION_MAX) if acceleration else ACCELERATION_MAX
+        self._current_limit = current
+
+    def release(self) -> None:
+        """Torque off: the shaft stays where it is (a worm-like load), nothing drives it."""
+        self.velocity = self.current = self._pushed_s = 0.0
+        self.goal = self.position
+
+    @property
+    def overloaded(self) -> bool:
+        """True once the overload time is over."""
+        return self._pushed_s > OVERLOAD_S
+
+    def step(self, dt: float) -> None:
+        """Advance by ``dt`` [s] under torque."""
+        error = self.goal - self.position
+        if error == 0.0 and self.velocity == 0.0:
+            self.current = 0.0
+            self._pushed_s = 0.0
+            return
+        wanted = min(
+            self._speed,
+            math.sqrt(2.0 * self._acceleration * abs(error)),
+            STIFFNESS * abs(error),
+            abs(error) / dt,
+        )
+        wanted = math.copysign(wanted, error)
+        if self._current_limit < FRICTION_MA:
+            wanted = 0.0
+        change = self._acceleration * dt
+        self.velocity += max(-change, min(change, wanted - self.velocity))
+        moved = self.position + self.velocity * dt
+        free = max(self.stops[0], min(self.stops[1], moved))
+        if moved != free:
+            self.velocity = 0.0
+            push = min(self._current_limit, FRICTION_MA + MA_PER_TICK * abs(self.goal - free))
+            self.current = math.copysign(push, error)
+            self._pushed_s = self._pushed_s + dt if push > OVERLOAD_MA else 0.0
+        else:
+            self._pushed_s = 0.0
+            self.current = math.copysign(min(self._current_limit, FRICTION_MA), self.velocity)
+        if abs(error) < 0.5 and moved == free and abs(self.velocity) * dt < 0.5:
+            free, self.velocity, self.current = self.goal, 0.0, 0.0
+        self.position = free

@@ -1,0 +1,175 @@
+"""What the servos of a bus answer to an instruction packet, and when, without any port.
+
+Times count from the end of the instruction on the wire. Servos answer a sync or bulk read in the order of
+their ids in it; one that is missing costs the next one a slot. Two servos with one id talk at the same time:
+what arrives is the AND of their levels.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Final
+
+from contid_drivers.dynamixel import registers as reg
+from contid_drivers.dynamixel.emulator.servo import Servo
+from contid_drivers.dynamixel.packets import (
+    BROADCAST,
+    HEADER,
+    Instruction,
+    Packet,
+    StatusError,
+    build_status,
+    crc16,
+)
+
+#: How long the next servo of a sync read waits for one that does not talk (assumed; the manual is silent).
+SLOT_S: Final = 100e-6
+_FAST: Final = (Instruction.FAST_SYNC_READ, Instruction.FAST_BULK_READ)
+_READS: Final = (Instruction.PING, Instruction.READ)
+
+
+@dataclass(frozen=True, slots=True)
+class Answer:
+    """Bytes on the wire and the end of their sending, after the end of the instruction [s]."""
+
+    device: int
+    wire: bytes
+    at_s: float
+
+
+def answers(packet: Packet, servos: Sequence[Servo], byte_s: float) -> list[Answer]:
+    """Let servos act on an instruction and give what they answer.
+
+    Args:
+        packet: the instruction.
+        servos: those that hear it (right baud rate, powered, not silent).
+        byte_s: time of one byte on the wire.
+    """
+    instruction = packet.instruction
+    if instruction in (Instruction.SYNC_READ, Instruction.FAST_SYNC_READ):
+        start, size = _word(packet.parameters, 0), _word(packet.parameters, 2)
+        return _reads(
+            instruction, [(device, start, size) for device in packet.parameters[4:]], servos, byte_s
+        )
+    if instruction in (Instruction.BULK_READ, Instruction.FAST_BULK_READ):
+        p = packet.parameters
+        wanted = [(p[i], _word(p, i + 1), _word(p, i + 3)) for i in range(0, len(p) - 4, 5)]
+        return _reads(instruction, wanted, servos, byte_s)
+    if instruction == Instruction.SYNC_WRITE:
+        _sync_write(packet.parameters, servos)
+        return []
+    if instruction == Instruction.BULK_WRITE:
+        _bulk_write(packet.parameters, servos)
+        return []
+    at_s = 0.0
+    found: list[Answer] = []
+    for servo in sorted(servos, key=lambda each: each.device):
+        if packet.device not in (servo.device, BROADCAST):
+            continue
+        device, delay_s, level = servo.device, servo.return_delay_s, servo.get(reg.STATUS_RETURN_LEVEL)
+        error, data = _act(packet, servo)
+        broadcast = packet.device == BROADCAST
+        if broadcast and instruction != Instruction.PING:
+            continue
+        if level == 2 or instruction == Instruction.PING or (level == 1 and instruction in _READS):
+            wire = build_status(device, error | servo.alert, data)
+            if found and found[-1].device == device:
+                found[-1] = Answer(device, _collide(found[-1].wire, wire), found[-1].at_s)
+                continue
+            at_s += delay_s + len(wire) * byte_s
+            found.append(Answer(device, wire, at_s))
+    return found
+
+
+def _act(packet: Packet, servo: Servo) -> tuple[int, bytes]:
+    p = packet.parameters
+    match packet.instruction:
+        case Instruction.PING:
+            return 0, servo.read(0, 2) + servo.read(reg.FIRMWARE.address, 1)
+        case Instruction.READ if len(p) == 4:
+            return 0, servo.read(_word(p, 0), _word(p, 2))
+        case Instruction.WRITE if len(p) > 2:
+            return servo.write(_word(p, 0), p[2:]), b""
+        case Instruction.REG_WRITE if len(p) > 2:
+            return servo.register_write(_word(p, 0), p[2:]), b""
+        case Instruction.ACTION:
+            return servo.action(), b""
+        case Instruction.FACTORY_RESET if len(p) == 1:
+            # From firmware 42 on a broadcast does not reset everything.
+            refused = packet.device == BROADCAST and p[0] == 0xFF
+            return StatusError.NONE if refused else servo.factory_reset(p[0]), b""
+        case Instruction.REBOOT:
+            servo.reboot()
+            return 0, b""
+        case Instruction.CLEAR:
+            return servo.clear(p), b""
+    return StatusError.INSTRUCTION, b""
+
+
+def _reads(
+    instruction: int, wanted: list[tuple[int, int, int]], servos: Sequence[Servo], byte_s: float
+) -> list[Answer]:
+    by_id: dict[int, list[Servo]] = {}
+    for servo in servos:
+        by_id.setdefault(servo.device, []).append(servo)
+    if instruction in _FAST:
+        return _fast(wanted, by_id, byte_s)
+    at_s = 0.0
+    found: list[Answer] = []
+    for device, start, size in wanted:
+        talking = [s for s in by_id.get(device, ()) if s.get(reg.STATUS_RETURN_LEVEL) > 0]
+        if not talking:
+            at_s += SLOT_S
+            continue
+        wires = [build_status(device, servo.alert, servo.read(start, size)) for servo in talking]
+        wire = wires[0]
+        for other in wires[1:]:
+            wire = _collide(wire, other)
+        at_s += talking[0].return_delay_s + len(wire) * byte_s
+        found.append(Answer(device, wire, at_s))
+    return found
+
+
+def _fast(wanted: list[tuple[int, int, int]], by_id: dict[int, list[Servo]], byte_s: float) -> list[Answer]:
+    """One packet; whoever is missing ends it, because the next one waits for its bytes in vain."""
+    length = 3 + sum(size + 4 for _, _, size in wanted) - 2
+    wire = bytearray(HEADER + bytes((BROADCAST, length & 0xFF, length >> 8, Instruction.STATUS)))
+    at_s = 0.0
+    for i, (device, start, size) in enumerate(wanted):
+        servo = next(iter(by_id.get(device, ())), None)
+        if servo is None or servo.get(reg.FIRMWARE) < reg.FAST_READ_FIRMWARE:
+            if i == 0:
+                return []
+            break
+        if i == 0:
+            at_s = servo.return_delay_s
+        wire += bytes((servo.alert, device)) + servo.read(start, size)
+        wire += crc16(wire).to_bytes(2, "little")
+    return [Answer(BROADCAST, bytes(wire), at_s + len(wire) * byte_s)] if wanted else []
+
+
+def _sync_write(p: bytes, servos: Sequence[Servo]) -> None:
+    start, size = _word(p, 0), _word(p, 2)
+    for i in range(4, len(p) - size, size + 1):
+        for servo in servos:
+            if servo.device == p[i]:
+                servo.write(start, p[i + 1 : i + 1 + size])
+
+
+def _bulk_write(p: bytes, servos: Sequence[Servo]) -> None:
+    i = 0
+    while i + 5 <= len(p):
+        device, start, size = p[i], _word(p, i + 1), _word(p, i + 3)
+        for servo in servos:
+            if servo.device == device:
+                servo.write(start, p[i + 5 : i + 5 + size])
+        i += 5 + size
+
+
+def _word(data: bytes, at: int) -> int:
+    return data[at] | data[at + 1] << 8 if len(data) >= at + 2 else 0
+
+
+def _collide(one: bytes, other: bytes) -> bytes:
+    return bytes(a & b for a, b in zip(one, other, strict=False))

@@ -1,0 +1,348 @@
+"""One emulated XL330: a register table, the rules of writing to it, its motion and its ways to fail.
+
+A state machine without a clock of its own: `advance` moves it to a given time, so a test can run it in
+virtual time and the wire can run it in real time. It keeps the traps of the real servo: goals stay where
+they were while torque is off, so torque on jumps unless the goal was set first; the turn count is lost at a
+reboot; a tripped Bus Watchdog ignores goals until 0 is written, and with a Homing Offset it moves the motor
+when it trips (DynamixelSDK issue 584).
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+from typing import Final
+
+from contid_drivers.dynamixel import registers as reg
+from contid_drivers.dynamixel.emulator.motion import Motion
+from contid_drivers.dynamixel.packets import ALERT, StatusError
+from contid_drivers.dynamixel.registers import Register
+
+MEMORY_SIZE: Final = 256
+BOOT_S: Final = 0.1
+#: Longest step of the motion; the watchdog is looked at in every one.
+STEP_S: Final = 0.002
+_EXTENDED_MODES: Final = (4, 5)
+_GAINS: Final = (
+    "velocity i gain",
+    "velocity p gain",
+    "position d gain",
+    "position i gain",
+    "position p gain",
+)
+_CLEAR_MULTI_TURN: Final = b"\x01\x44\x58\x4c\x22"
+
+_BY_ADDRESS: Final[dict[int, Register]] = {
+    register.address + i: register for register in reg.TABLE for i in range(register.size)
+}
+_BY_NAME: Final = {register.name: register for register in reg.TABLE}
+
+
+@dataclass(slots=True)
+class Registered:
+    """A REG WRITE that waits for its ACTION."""
+
+    address: int
+    data: bytes
+
+
+class Servo:
+    """An emulated servo; see the module."""
+
+    def __init__(
+        self,
+        device: int,
+        *,
+        baud: int = 1000000,
+        firmware: int = 52,
+        model: int = 1200,
+        position_ticks: float = 2048.0,
+        stops_ticks: tuple[float, float] = (-math.inf, math.inf),
+    ) -> None:
+        self.memory = bytearray(MEMORY_SIZE)
+        self.motion = Motion(position_ticks, stops_ticks)
+        self.now = 0.0
+        self.booted_at = 0.0
+        self.heard_at = 0.0
+        self.tripped_goal: float | None = None
+        self.registered: Registered | None = None
+        #: Whole turns the servo forgot when it lost power.
+        self.forgotten_ticks = 0
+        self.supply_decivolt = 50
+        for register in reg.TABLE:
+            self.put(register, register.default)
+        code = next(code for code, rate in reg.BAUD_CODES.items() if rate == baud)
+        for register, value in ((reg.ID, device), (reg.BAUD, code), (reg.FIRMWARE, firmware)):
+            self.put(register, value)
+        self.put(reg.MODEL_NUMBER, model)
+        self._power_up()
+
+    # -- registers -----------------------------------------------------------------------------------------
+
+    def get(self, register: Register) -> int:
+        """Value of a register."""
+        return register.decode(self.memory[register.address : register.address + register.size])
+
+    def put(self, register: Register, value: int) -> None:
+        """Set a register from the inside, without the rules of the wire."""
+        self.memory[register.address : register.address + register.size] = register.encode(value)
+
+    @property
+    def device(self) -> int:
+        """Id on the bus."""
+        return self.memory[reg.ID.address]
+
+    @property
+    def baud(self) -> int:
+        """Rate at which it hears."""
+        return reg.BAUD_CODES[self.memory[reg.BAUD.address]]
+
+    @property
+    def torque(self) -> bool:
+        """True while the motor is driven."""
+        return self.memory[reg.TORQUE_ENABLE.address] == 1
+
+    @property
+    def tripped(self) -> bool:
+        """True from a Bus Watchdog trip until 0 is written to it."""
+        return self.memory[reg.BUS_WATCHDOG.address] == reg.WATCHDOG_TRIPPED
+
+    @property
+    def return_delay_s(self) -> float:
+        """Between the end of an instruction and the start of its answer."""
+        return self.memory[reg.RETURN_DELAY.address] * 2e-6
+
+    @property
+    def alert(self) -> int:
+        """Alert bit of the status error."""
+        return ALERT if self.memory[reg.HARDWARE_ERROR.address] else 0
+
+    @property
+    def position_ticks(self) -> float:
+        """Where the shaft really is, over all turns."""
+        return self.motion.position
+
+    @property
+    def answers(self) -> bool:
+        """False while it boots."""
+        return self.now >= self.booted_at
+
+    def read(self, address: int, size: int) -> bytes:
+        """Bytes of the control table, indirect data resolved."""
+        self._report()
+        memory = self.memory
+        if address + size > MEMORY_SIZE:
+            return bytes(size)
+        if address < reg.INDIRECT_DATA:
+            return bytes(memory[address : address + size])
+        return bytes(memory[self._resolve(address + i)] for i in range(size))
+
+    def _resolve(self, address: int) -> int:
+        entry = address - reg.INDIRECT_DATA
+        if not 0 <= entry < reg.INDIRECT_COUNT:
+            return address
+        at = reg.INDIRECT_ADDRESS + 2 * entry
+        return min(self.memory[at] | self.memory[at + 1] << 8, MEMORY_SIZE - 1)
+
+    def write(self, address: int, data: bytes) -> StatusError:
+        """Write as the wire does: whole registers, in range, not read-only, EEPROM only without torque."""
+        if self._mapped(address, len(data)):
+            for i, byte in enumerate(data):
+                self.memory[self._resolve(address + i)] = byte
+            return StatusError.NONE
+        writes: list[tuple[Register, int]] = []
+        at = 0
+        while at < len(data):
+            register = _BY_ADDRESS.get(address + at)
+            if register is None or not register.writable:
+                return StatusError.ACCESS
+            if register.address != address + at or at + register.size > len(data):
+                return StatusError.DATA_LENGTH
+            value = register.decode(data[at : at + register.size])
+            if error := self._refuses(register, value):
+                return error
+            writes.append((register, value))
+            at += register.size
+        for register, value in writes:
+            self._accept(register, value)
+        return StatusError.NONE
+
+    def _mapped(self, address: int, size: int) -> bool:
+        inside = address >= reg.INDIRECT_DATA and address + size <= reg.INDIRECT_DATA + reg.INDIRECT_COUNT
+        return inside and any(self._resolve(address + i) != address + i for i in range(size))
+
+    def _refuses(self, register: Register, value: int) -> StatusError:
+        if register.eeprom and self.torque:
+            return StatusError.ACCESS
+        if not register.low <= value <= register.high or (register is reg.BUS_WATCHDOG and value < 0):
+            return StatusError.DATA_RANGE
+        if self.tripped and (_is_goal(register) or (register is reg.BUS_WATCHDOG and value != 0)):
+            return StatusError.DATA_RANGE
+        if register is reg.TORQUE_ENABLE and value and self.memory[reg.HARDWARE_ERROR.address]:
+            return StatusError.RESULT_FAIL
+        if register is reg.GOAL_CURRENT and abs(value) > self.get(reg.CURRENT_LIMIT):
+            return StatusError.DATA_LIMIT
+        mode = self.memory[reg.OPERATING_MODE.address]
+        if register is reg.GOAL_POSITION and mode not in _EXTENDED_MODES:
+            limits = self.get(reg.MIN_POSITION), self.get(reg.MAX_POSITION)
+            return StatusError.NONE if limits[0] <= value <= limits[1] else StatusError.DATA_LIMIT
+        return StatusError.NONE
+
+    def _accept(self, register: Register, value: int) -> None:
+        changed_mode = register is reg.OPERATING_MODE and value != self.get(register)
+        self.put(register, value)
+        if changed_mode:
+            self._reset_control()
+        elif register is reg.BUS_WATCHDOG:
+            self.heard_at = self.now
+            if value == 0 and self.tripped_goal is not None:
+                # The stale goal stays in its register; the motor stays where it stopped until a new one.
+                self.tripped_goal = None
+                self.motion.goal = self.motion.position
+        elif register is reg.GOAL_POSITION or (register is reg.TORQUE_ENABLE and value):
+            self.motion.goal = self.get(reg.GOAL_POSITION) - self._count_offset()
+        elif register is reg.TORQUE_ENABLE:
+            self.motion.release()
+
+    def _count_offset(self) -> int:
+        """Reported position minus real position [ticks]."""
+        return self.get(reg.HOMING_OFFSET) - self.forgotten_ticks
+
+    # -- instructions --------------------------------------------------------------------------------------
+
+    def heard(self, now: float) -> None:
+        """Any instruction packet on the bus feeds the Bus Watchdog."""
+        self.advance(now)
+        self.heard_at = now
+
+    def register_write(self, address: int, data: bytes) -> StatusError:
+        """REG WRITE."""
+        self.registered = Registered(address, data)
+        self.put(reg.REGISTERED, 1)
+        return StatusError.NONE
+
+    def action(self) -> StatusError:
+        """ACTION."""
+        waiting, self.registered = self.registered, None
+        self.put(reg.REGISTERED, 0)
+        return self.write(waiting.address, waiting.data) if waiting else StatusError.NONE
+
+    def clear(self, parameters: bytes) -> StatusError:
+        """CLEAR: forget the turns; only at rest."""
+        if parameters != _CLEAR_MULTI_TURN:
+            return StatusError.DATA_RANGE
+        if self.motion.velocity:
+            return StatusError.RESULT_FAIL
+        self._forget_turns()
+        self.put(reg.GOAL_POSITION, self._present())
+        return StatusError.NONE
+
+    def factory_reset(self, option: int) -> StatusError:
+        """FACTORY RESET: 0xFF everything, 1 all but the id, 2 all but id and baud rate."""
+        if option not in (0x01, 0x02, 0xFF):
+            return StatusError.DATA_RANGE
+        if self.torque:
+            return StatusError.ACCESS
+        kept = {reg.MODEL_NUMBER, reg.FIRMWARE, *(((), (reg.ID,), (reg.ID, reg.BAUD))[option % 0xFF])}
+        for register in reg.TABLE:
+            if register.eeprom and register not in kept:
+                self.put(register, register.default)
+        self.reboot()
+        return StatusError.NONE
+
+    def reboot(self) -> None:
+        """REBOOT, or a brown-out: RAM and turn count are gone, torque is off, and it is deaf for a while."""
+        self.booted_at = self.now + BOOT_S
+        self._power_up()
+
+    def _power_up(self) -> None:
+        for register in reg.TABLE:
+            if not register.eeprom:
+                self.put(register, register.default)
+        self.motion.release()
+        self.registered = self.tripped_goal = None
+        self._reset_control()
+        self._forget_turns()
+        self.put(reg.GOAL_POSITION, 0)
+
+    def _reset_control(self) -> None:
+        for name in _GAINS:
+            self.put(_BY_NAME[name], _BY_NAME[name].default)
+        for register in (reg.PROFILE_VELOCITY, reg.PROFILE_ACCELERATION, reg.GOAL_VELOCITY):
+            self.put(register, 0)
+        self.put(reg.GOAL_CURRENT, self.get(reg.CURRENT_LIMIT))
+
+    def _forget_turns(self) -> None:
+        self.forgotten_ticks = math.floor(self.motion.position / reg.TICKS_PER_REV) * reg.TICKS_PER_REV
+
+    # -- time ----------------------------------------------------------------------------------------------
+
+    def advance(self, now: float) -> None:
+        """Move on to ``now`` [s]."""
+        while self.now < now:
+            step = min(STEP_S, now - self.now)
+            self.now += step
+            self._watch()
+            if self.torque:
+                self._limits()
+                self.motion.step(step)
+                if self.motion.overloaded:
+                    self.fail(0x20)
+            elif self.motion.velocity:
+                self.motion.release()
+            if now - self.now > 1.0 and not self.motion.velocity:
+                # Nobody looked for a long time and nothing moves: skip ahead.
+                self.now = now - 1.0
+
+    def _watch(self) -> None:
+        armed = self.memory[reg.BUS_WATCHDOG.address]
+        if not self.torque or not 1 <= armed <= 127:
+            return
+        if self.now - self.heard_at > armed * reg.WATCHDOG_MS_PER_UNIT / 1e3:
+            self.trip()
+
+    def trip(self) -> None:
+        """Bus Watchdog trip: stop, and ignore goals until 0 is written."""
+        self.put(reg.BUS_WATCHDOG, reg.WATCHDOG_TRIPPED)
+        if self.torque:
+            self.motion.velocity = 0.0
+            self.tripped_goal = self.motion.position + self.get(reg.HOMING_OFFSET)
+            self.motion.goal = self.tripped_goal
+
+    def fail(self, bits: int) -> None:
+        """Hardware error; those in the shutdown mask drop the torque."""
+        self.put(reg.HARDWARE_ERROR, self.get(reg.HARDWARE_ERROR) | bits)
+        if bits & self.get(reg.SHUTDOWN):
+            self.put(reg.TORQUE_ENABLE, 0)
+            self.motion.release()
+
+    def _limits(self) -> None:
+        ticks_per_unit = reg.RAD_S_PER_UNIT / reg.RAD_PER_TICK
+        profile = self.get(reg.PROFILE_VELOCITY) or self.get(reg.VELOCITY_LIMIT)
+        acceleration = self.get(reg.PROFILE_ACCELERATION) * reg.DEG_S2_PER_UNIT / 360.0 * reg.TICKS_PER_REV
+        current = self.get(reg.CURRENT_LIMIT)
+        if self.memory[reg.OPERATING_MODE.address] == 5:
+            current = min(current, abs(self.get(reg.GOAL_CURRENT)))
+        self.motion.limit(profile * ticks_per_unit, acceleration, current)
+
+    def _present(self) -> int:
+        return round(self.motion.position) + self._count_offset()
+
+    def _report(self) -> None:
+        """Bring the read-only registers up to date."""
+        motion = self.motion
+        memory = self.memory
+        current, velocity = int(motion.current), int(motion.velocity * reg.RAD_PER_TICK / reg.RAD_S_PER_UNIT)
+        memory[126:128] = (current & 0xFFFF).to_bytes(2, "little")
+        memory[128:132] = (velocity & 0xFFFFFFFF).to_bytes(4, "little")
+        memory[132:136] = (self._present() & 0xFFFFFFFF).to_bytes(4, "little")
+        memory[144] = self.supply_decivolt
+        memory[122] = 1 if velocity else 0
+        memory[120:122] = (int(self.now * 1e3) % 32768).to_bytes(2, "little")
+
+
+def _is_goal(register: Register) -> bool:
+    return reg.GOAL_PWM.address <= register.address <= reg.GOAL_POSITION.address and register not in (
+        reg.PROFILE_ACCELERATION,
+        reg.PROFILE_VELOCITY,
+    )

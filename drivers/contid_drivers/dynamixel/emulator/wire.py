@@ -1,0 +1,267 @@
+"""The wire of an emulated bus: a pseudo terminal that paces answers the way a serial line does.
+
+A pty takes any baud rate and transfers at once, so the time of every byte is kept here: an instruction ends
+its bytes' time after it came, each answer is handed over when its last byte would have arrived. The rate is
+the one the host set on its side; a servo with another one hears nothing.
+"""
+
+from __future__ import annotations
+
+import contextlib
+import heapq
+import os
+import select
+import termios
+import threading
+import time
+import tty
+from collections.abc import Sequence
+from pathlib import Path
+from types import TracebackType
+from typing import Final, Self
+
+from contid.errors import DeviceNotFoundError
+from contid_drivers.dynamixel import registers as reg
+from contid_drivers.dynamixel.emulator.faults import ControlFile, Fault, FaultSwitches, FaultSyntaxError
+from contid_drivers.dynamixel.emulator.replies import answers
+from contid_drivers.dynamixel.emulator.servo import Servo
+from contid_drivers.dynamixel.packets import Packet, take
+
+#: The last part of a wait is spent spinning, because a sleep is late by about as much.
+SPIN_S: Final = 120e-6
+#: Servos are moved on (and watchdogs looked at) at least so often.
+IDLE_S: Final = 0.01
+BITS_PER_BYTE: Final = 10
+_RATES: Final = {getattr(termios, f"B{rate}"): rate for rate in reg.BAUD_CODES.values()}
+
+
+class Emulator:
+    """A bus of emulated servos on a pty, served by a thread of its own between `start` and `stop`.
+
+    Args:
+        servos: the servos.
+        port: name under which hosts find the pty (a symbolic link), None for the pty's own name.
+        control: file of fault switches to follow.
+        paced: False answers as fast as the host's machine can, for tests that do not look at time.
+    """
+
+    def __init__(
+        self,
+        servos: Sequence[Servo],
+        port: Path | str | None = None,
+        control: Path | None = None,
+        paced: bool = True,
+    ) -> None:
+        self.servos = tuple(servos)
+        self.faults = FaultSwitches()
+        self.complaints: list[str] = []
+        self._link = Path(port).expanduser() if port is not None else None
+        self._control = ControlFile(control) if control is not None else None
+        self._paced = paced
+        self._lock = threading.Lock()
+        self._stop = threading.Event()
+        self._thread: threading.Thread | None = None
+        self._master = self._slave = -1
+        self._received = bytearray()
+        self._due: list[tuple[float, int, bytes]] = []
+        self._sent = 0
+        self._line_free = 0.0
+        self._wake_r, self._wake_w = -1, -1
+        self.instructions = 0
+
+    # -- life ----------------------------------------------------------------------------------------------
+
+    def start(self) -> None:
+        """Make the pty and serve it."""
+        now = time.monotonic()
+        for servo in self.servos:
+            servo.now = servo.booted_at = servo.heard_at = now
+        self._wake_r, self._wake_w = os.pipe()
+        self._plug(self._link)
+        self._stop.clear()
+        self._thread = threading.Thread(target=self._serve, name="dynamixel-emulator", daemon=True)
+        self._thread.start()
+
+    def stop(self) -> None:
+        """End the thread and remove the port."""
+        if self._thread is None:
+            return
+        self._stop.set()
+        self._wake()
+        self._thread.join()
+        self._thread = None
+        self._unplug()
+        os.close(self._wake_r)
+        os.close(self._wake_w)
+
+    def __enter__(self) -> Self:
+        self.start()
+        return self
+
+    def __exit__(self, kind: type[BaseException] | None, error: object, trace: TracebackType | None) -> None:
+        self.stop()
+
+    @property
+    def port(self) -> str:
+        """What a host opens."""
+        return str(self._link) if self._link is not None else os.ttyname(self._slave)
+
+    def servo(self, device: int) -> Servo:
+        """The (first) servo with an id, at its present state."""
+        with self._lock:
+            servo = next(each for each in self.servos if each.device == device)
+            servo.advance(time.monotonic())
+            return servo
+
+    def set(self, kind: str, device: int | None = None, **values: object) -> None:
+        """Operate a fault switch; its fields are those of `Fault`."""
+        self.apply(Fault(kind, device, **values))  # type: ignore[arg-type]  # a dataclass checks nothing here
+
+    def apply(self, fault: Fault) -> None:
+        """Operate a fault switch."""
+        with self._lock:
+            self._apply(fault)
+        self._wake()
+
+    def _apply(self, fault: Fault) -> None:
+        if self.faults.set(fault):
+            return
+        if fault.kind == "unplug":
+            self._unplug()
+        elif fault.kind == "replug":
+            self._unplug()
+            self._plug(Path(fault.port).expanduser() if fault.port is not None else self._link)
+        now = time.monotonic()
+        for servo in self.servos:
+            if fault.device is not None and servo.device != fault.device:
+                continue
+            servo.advance(now)
+            if fault.kind in ("alert", "overload"):
+                servo.fail(fault.bits if fault.kind == "alert" else 0x20)
+            elif fault.kind == "brownout":
+                servo.reboot()
+            elif fault.kind == "trip":
+                servo.trip()
+
+    # -- port ----------------------------------------------------------------------------------------------
+
+    def _plug(self, link: Path | None) -> None:
+        master, slave = os.openpty()
+        tty.setraw(slave)
+        os.set_blocking(master, False)
+        if link is not None:
+            if link.is_symlink():
+                link.unlink()
+            elif link.exists():
+                os.close(master)
+                os.close(slave)
+                raise DeviceNotFoundError(
+                    str(link), "is a real file or device", "give the emulator a new name"
+                )
+            link.parent.mkdir(parents=True, exist_ok=True)
+            link.symlink_to(os.ttyname(slave))
+        self._link, self._master, self._slave = link, master, slave
+        self._received.clear()
+        self._due.clear()
+
+    def _unplug(self) -> None:
+        if self._master < 0:
+            return
+        os.close(self._master)
+        os.close(self._slave)
+        self._master = self._slave = -1
+        if self._link is not None:
+            self._link.unlink(missing_ok=True)
+
+    def _wake(self) -> None:
+        if self._wake_w >= 0:
+            os.write(self._wake_w, b"!")
+
+    def _byte_s(self) -> tuple[int, float]:
+        speed = termios.tcgetattr(self._master)[5]
+        rate = _RATES.get(speed, 0)
+        return rate, BITS_PER_BYTE / rate if rate and self._paced else 0.0
+
+    # -- serving -------------------------------------------------------------------------------------------
+
+    def _serve(self) -> None:
+        while not self._stop.is_set():
+            with self._lock:
+                watched = [self._wake_r] if self._master < 0 else [self._master, self._wake_r]
+                until = self._due[0][0] if self._due else None
+            wait = IDLE_S if until is None else max(0.0, until - time.monotonic() - SPIN_S)
+            ready, _, _ = select.select(watched, [], [], min(wait, IDLE_S))
+            with self._lock:
+                if self._wake_r in ready:
+                    os.read(self._wake_r, 64)
+                if self._master >= 0 and self._master in ready:
+                    self._receive()
+                if not ready and until is None:
+                    self._idle()
+                self._deliver()
+
+    def _idle(self) -> None:
+        now = time.monotonic()
+        for servo in self.servos:
+            servo.advance(now)
+        for line in self._control.news() if self._control is not None else ():
+            try:
+                self._apply(Fault.parse(line))
+            except (FaultSyntaxError, TypeError, DeviceNotFoundError) as error:
+                self.complaints.append(str(error))
+
+    def _receive(self) -> None:
+        try:
+            chunk = os.read(self._master, 65536)
+        except OSError:
+            return
+        now = time.monotonic()
+        rate, byte_s = self._byte_s()
+        self._line_free = max(self._line_free, now) if byte_s else now
+        if self.faults.echo:
+            self._schedule(self._line_free + len(chunk) * byte_s, chunk)
+        self._received += chunk
+        while (packet := take(self._received)) is not None:
+            self._line_free += len(packet.wire) * byte_s
+            self._answer(packet, now, rate, byte_s)
+
+    def _answer(self, packet: Packet, now: float, rate: int, byte_s: float) -> None:
+        self.instructions += 1
+        hearing = []
+        for servo in self.servos:
+            if servo.baud == rate and servo.device not in self.faults.silent:
+                servo.advance(now)
+                if servo.answers:
+                    servo.heard(now)
+                    hearing.append(servo)
+        end = self._line_free
+        for answer in answers(packet, hearing, byte_s):
+            device, wire = answer.device, answer.wire
+            at = end + answer.at_s
+            self._line_free = max(self._line_free, at)
+            if self.faults.spent("drop", device):
+                continue
+            if self.faults.spent("corrupt", device):
+                # A bit in the middle, so that header, id and length still look right.
+                wire = wire[:-3] + bytes((wire[-3] ^ 0x10,)) + wire[-2:]
+            late = self.faults.delay_s.get(device, 0.0)
+            self._schedule(at + late, wire)
+            if self.faults.spent("duplicate", device):
+                self._schedule(at + late + len(wire) * byte_s, wire)
+
+    def _schedule(self, at: float, wire: bytes) -> None:
+        self._sent += 1
+        heapq.heappush(self._due, (at, self._sent, wire))
+
+    def _deliver(self) -> None:
+        while self._due and self._master >= 0:
+            at, _, wire = self._due[0]
+            left = at - time.monotonic()
+            if left > SPIN_S:
+                return
+            while self._paced and time.monotonic() < at:
+                pass
+            heapq.heappop(self._due)
+            # Nobody reads and the buffer is full: a serial line would lose it as well.
+            with contextlib.suppress(BlockingIOError):
+                os.write(self._master, wire)

@@ -1,0 +1,180 @@
+"""Control table of the XL330: what is where, how wide, what it starts as, what it may be, in which unit.
+
+Source: e-manual of the XL330-M288-T (control table) and the facts measured around it; addresses below 64
+are EEPROM, which survives power-off and is locked while torque is on. Goal Current counts 1 mA on this
+model, whatever one include of the manual says.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+from typing import Final
+
+TICKS_PER_REV: Final = 4096
+RAD_PER_TICK: Final = 2.0 * math.pi / TICKS_PER_REV
+#: Present and Goal Velocity, Profile Velocity: 0.229 rev/min.
+RAD_S_PER_UNIT: Final = 0.229 * 2.0 * math.pi / 60.0
+DEG_S_PER_UNIT: Final = 0.229 * 360.0 / 60.0
+#: Profile Acceleration: 214.577 rev/min^2.
+DEG_S2_PER_UNIT: Final = 214.577 * 360.0 / 3600.0
+WATCHDOG_MS_PER_UNIT: Final = 20
+EEPROM_END: Final = 64
+
+
+@dataclass(frozen=True, slots=True)
+class Register:
+    """One item of the control table.
+
+    Attributes:
+        address, size: where it is, and its width in bytes (little endian).
+        default: value of a new servo (EEPROM) or after a reboot (RAM).
+        low, high: what may be written; equal to the width's range when the manual gives none.
+        signed: two's complement.
+        writable: False for what only the servo writes.
+        unit: what one count is.
+    """
+
+    name: str
+    address: int
+    size: int
+    default: int
+    low: int
+    high: int
+    signed: bool
+    writable: bool
+    unit: str
+
+    @property
+    def eeprom(self) -> bool:
+        """Kept at power-off, locked under torque."""
+        return self.address < EEPROM_END
+
+    def encode(self, value: int) -> bytes:
+        """Bytes on the wire."""
+        return (value & ((1 << (8 * self.size)) - 1)).to_bytes(self.size, "little")
+
+    def decode(self, data: bytes | bytearray | memoryview) -> int:
+        """Value of bytes from the wire."""
+        return int.from_bytes(data, "little", signed=self.signed)
+
+
+def _rw(name: str, address: int, size: int, default: int, low: int, high: int, unit: str = "") -> Register:
+    return Register(name, address, size, default, low, high, low < 0, True, unit)
+
+
+def _ro(name: str, address: int, size: int, default: int, unit: str = "", signed: bool = False) -> Register:
+    return Register(name, address, size, default, 0, 0, signed, False, unit)
+
+
+_TURNS = 256 * TICKS_PER_REV
+
+MODEL_NUMBER = _ro("model number", 0, 2, 1200)
+FIRMWARE = _ro("firmware version", 6, 1, 52)
+ID = _rw("id", 7, 1, 1, 0, 252)
+BAUD = _rw("baud rate", 8, 1, 1, 0, 6)
+RETURN_DELAY = _rw("return delay time", 9, 1, 250, 0, 254, "2 us")
+DRIVE_MODE = _rw("drive mode", 10, 1, 0, 0, 13)
+OPERATING_MODE = _rw("operating mode", 11, 1, 3, 0, 16)
+HOMING_OFFSET = _rw("homing offset", 20, 4, 0, -1044479, 1044479, "tick")
+MAX_VOLTAGE = _rw("max voltage limit", 32, 2, 70, 31, 70, "0.1 V")
+MIN_VOLTAGE = _rw("min voltage limit", 34, 2, 35, 31, 70, "0.1 V")
+CURRENT_LIMIT = _rw("current limit", 38, 2, 1750, 0, 1750, "mA")
+VELOCITY_LIMIT = _rw("velocity limit", 44, 4, 445, 0, 2047, "0.229 rpm")
+MAX_POSITION = _rw("max position limit", 48, 4, 4095, 0, 4095, "tick")
+MIN_POSITION = _rw("min position limit", 52, 4, 0, 0, 4095, "tick")
+SHUTDOWN = _rw("shutdown", 63, 1, 0x35, 0, 0x35)
+TORQUE_ENABLE = _rw("torque enable", 64, 1, 0, 0, 1)
+STATUS_RETURN_LEVEL = _rw("status return level", 68, 1, 2, 0, 2)
+REGISTERED = _ro("registered instruction", 69, 1, 0)
+HARDWARE_ERROR = _ro("hardware error status", 70, 1, 0)
+POSITION_D = _rw("position d gain", 80, 2, 0, 0, 16383)
+POSITION_I = _rw("position i gain", 82, 2, 0, 0, 16383)
+POSITION_P = _rw("position p gain", 84, 2, 400, 0, 16383)
+BUS_WATCHDOG = _rw("bus watchdog", 98, 1, 0, -1, 127, "20 ms")
+GOAL_PWM = _rw("goal pwm", 100, 2, 885, -885, 885, "0.113 %")
+GOAL_CURRENT = _rw("goal current", 102, 2, 1750, -1750, 1750, "mA")
+GOAL_VELOCITY = _rw("goal velocity", 104, 4, 0, -2047, 2047, "0.229 rpm")
+PROFILE_ACCELERATION = _rw("profile acceleration", 108, 4, 0, 0, 32767, "214.577 rev/min2")
+PROFILE_VELOCITY = _rw("profile velocity", 112, 4, 0, 0, 32767, "0.229 rpm")
+GOAL_POSITION = _rw("goal position", 116, 4, 0, -_TURNS, _TURNS, "tick")
+REALTIME_TICK = _ro("realtime tick", 120, 2, 0, "ms")
+MOVING = _ro("moving", 122, 1, 0)
+PRESENT_CURRENT = _ro("present current", 126, 2, 0, "mA", signed=True)
+PRESENT_VELOCITY = _ro("present velocity", 128, 4, 0, "0.229 rpm", signed=True)
+PRESENT_POSITION = _ro("present position", 132, 4, 0, "tick", signed=True)
+PRESENT_VOLTAGE = _ro("present input voltage", 144, 2, 50, "0.1 V")
+PRESENT_TEMPERATURE = _ro("present temperature", 146, 1, 25, "deg C")
+
+#: Indirect addressing: entry i (2 bytes at 168 + 2 i) names the register byte that 208 + i stands for.
+INDIRECT_COUNT: Final = 20
+INDIRECT_ADDRESS: Final = 168
+INDIRECT_DATA: Final = 208
+INDIRECT_LOW: Final = 64
+INDIRECT_HIGH: Final = 227
+
+TABLE: Final[tuple[Register, ...]] = (
+    MODEL_NUMBER,
+    _ro("model information", 2, 4, 0),
+    FIRMWARE, ID, BAUD, RETURN_DELAY, DRIVE_MODE, OPERATING_MODE,
+    _rw("secondary id", 12, 1, 255, 0, 255),
+    _rw("protocol type", 13, 1, 2, 2, 22),
+    HOMING_OFFSET,
+    _rw("moving threshold", 24, 4, 10, 0, 1023, "0.229 rpm"),
+    _rw("temperature limit", 31, 1, 70, 0, 100, "deg C"),
+    MAX_VOLTAGE, MIN_VOLTAGE,
+    _rw("pwm limit", 36, 2, 885, 0, 885, "0.113 %"),
+    CURRENT_LIMIT, VELOCITY_LIMIT, MAX_POSITION, MIN_POSITION,
+    _rw("startup configuration", 60, 1, 0, 0, 3),
+    _rw("pwm slope", 62, 1, 140, 1, 255, "1.977 mV/ms"),
+    SHUTDOWN, TORQUE_ENABLE,
+    _rw("led", 65, 1, 0, 0, 1),
+    STATUS_RETURN_LEVEL, REGISTERED, HARDWARE_ERROR,
+    _rw("velocity i gain", 76, 2, 1600, 0, 16383),
+    _rw("velocity p gain", 78, 2, 180, 0, 16383),
+    POSITION_D, POSITION_I, POSITION_P,
+    _rw("feedforward 2nd gain", 88, 2, 0, 0, 16383),
+    _rw("feedforward 1st gain", 90, 2, 0, 0, 16383),
+    BUS_WATCHDOG, GOAL_PWM, GOAL_CURRENT, GOAL_VELOCITY,
+    PROFILE_ACCELERATION, PROFILE_VELOCITY, GOAL_POSITION,
+    REALTIME_TICK, MOVING,
+    _ro("moving status", 123, 1, 0),
+    _ro("present pwm", 124, 2, 0, "0.113 %", signed=True),
+    PRESENT_CURRENT, PRESENT_VELOCITY, PRESENT_POSITION,
+    _ro("velocity trajectory", 136, 4, 0, "0.229 rpm", signed=True),
+    _ro("position trajectory", 140, 4, 0, "tick", signed=True),
+    PRESENT_VOLTAGE, PRESENT_TEMPERATURE,
+    _ro("backup ready", 147, 1, 1),
+    *(_rw(f"indirect address {i + 1}", INDIRECT_ADDRESS + 2 * i, 2, INDIRECT_DATA + i, INDIRECT_LOW,
+          INDIRECT_HIGH) for i in range(INDIRECT_COUNT)),
+    *(_rw(f"indirect data {i + 1}", INDIRECT_DATA + i, 1, 0, 0, 255) for i in range(INDIRECT_COUNT)),
+)  # fmt: skip
+
+BAUD_CODES: Final[dict[int, int]] = {
+    0: 9600, 1: 57600, 2: 115200, 3: 1000000, 4: 2000000, 5: 3000000, 6: 4000000,
+}  # fmt: skip
+MODELS: Final[dict[int, str]] = {1190: "xl330-m077", 1200: "xl330-m288"}
+MODE_NUMBERS: Final[dict[str, int]] = {"extended_position": 4, "current_based_position": 5}
+MODE_NAMES: Final[dict[int, str]] = {
+    0: "current", 1: "velocity", 3: "position", 4: "extended position", 5: "current-based position",
+    16: "PWM",
+}  # fmt: skip
+#: Fast Sync Read answers from this firmware on; older ones stay silent.
+FAST_READ_FIRMWARE: Final = 46
+
+HARDWARE_ERRORS: Final[dict[int, str]] = {
+    0x01: "input voltage out of its limits",
+    0x04: "overheated",
+    0x08: "encoder fault",
+    0x10: "electrical shock or too little power",
+    0x20: "overload",
+}
+WATCHDOG_TRIPPED: Final = 0xFF
+
+
+def hardware_error_in_words(bits: int) -> str:
+    """Hardware Error Status (register 70) in words, "" when there is none."""
+    known = [words for bit, words in HARDWARE_ERRORS.items() if bits & bit]
+    if unknown := bits & ~sum(HARDWARE_ERRORS):
+        known.append(f"unknown bits 0x{unknown:02x}")
+    return ", ".join(known)
