@@ -1,6 +1,6 @@
 """The bounded step: a strictly convex quadratic programme over a convex set, by the dual active-set method.
 
-    minimise  |J d - e|^2 + w |d - z|^2   subject to   l + d feasible
+    minimise  1/2 (d - d0)^T H (d - d0)   subject to   l + d feasible,   d0 the step without limits
 
 Goldfarb and Idnani (1983): start at the unconstrained minimum, add the limit exceeded most, drop limits whose
 multiplier would change sign, until nothing is exceeded. The limits are asked for one by one, at the present
@@ -25,13 +25,31 @@ _ROUNDING_M: Final = 1e-12
 _LIMITS_TRIED: Final = 40
 
 
-def convex_step(J: Array, e: Array, weight: float, z: Array, at: Array, feasible: Feasible) -> Array:
-    """The best step ``d`` from ``at``; shapes ``(m, N)``, ``(m,)``, scalar, ``(N,)``, ``(N,)``."""
+def cholesky(H: Array) -> Array:
+    """Lower factor; raises ``np.linalg.LinAlgError`` unless H is positive definite."""
+    return np.asarray(np.linalg.cholesky(H), dtype=np.float64)
+
+
+def damped_step(J: Array, e: Array, weight: float, z: Array, at: Array, feasible: Feasible) -> Array:
+    """Minimise ``|J d - e|^2 + weight |d - z|^2`` within the limits.
+
+    Shapes ``(m, N)``, ``(m,)``, scalar, ``(N,)``, ``(N,)``. Without limits the answer takes one factor of the
+    size of the task, ``d = z + J^T (J J^T + w)^-1 (e - J z)``, which also keeps the digits of the part of z
+    that leaves the task alone; only a limit in the way costs a factor of the size of the arm.
+    """
     d: Array = z + J.T @ np.linalg.solve(J @ J.T + weight * np.eye(len(e)), e - J @ z)
+    if feasible.worst(at + d, ())[0] <= _ROUNDING_M:
+        return d
+    factor = cholesky(J.T @ J + weight * np.eye(len(at)))
+    return bounded_step(factor, d, at, feasible)
+
+
+def bounded_step(factor: Array, d: Array, at: Array, feasible: Feasible) -> Array:
+    """The step closest to ``d`` in the metric H within the limits; ``factor``: H's lower Cholesky factor."""
     excess, normal, number = feasible.worst(at + d, ())
     if excess <= _ROUNDING_M:
         return d
-    whiten = np.linalg.inv(np.linalg.cholesky(J.T @ J + weight * np.eye(len(at))))
+    whiten = np.linalg.inv(factor)
     held: list[int] = []
     normals = np.empty((0, len(at)))  # of the held limits, whitened
     multipliers = np.empty(0)

@@ -96,6 +96,11 @@ class Feasible:
             if number < 2 * size + 3:
                 excess[number] = -math.inf
         number = int(np.argmax(excess))
+        return float(excess[number]), self.normal(lengths, number), number
+
+    def normal(self, lengths: Array, number: int) -> Array:
+        """Gradient of one limit's excess at these lengths, shape ``(3 n,)``."""
+        size = len(lengths)
         normal = np.zeros(size)
         if number < 2 * size:
             normal[number % size] = 1.0 if number >= size else -1.0
@@ -107,7 +112,7 @@ class Feasible:
             theta = math.hypot(u, v) or 1.0
             along = np.array([u / theta, v / theta, -self.curvature_max])
             normal[3 * s : 3 * s + 3] = self.sections.radius_m[s] * (along @ self.sections.to_arc[s])
-        return float(excess[number]), normal, number
+        return normal
 
     def pulled(self, lengths: Array | Sequence[float]) -> Array:
         """The first feasible point on the way from ``lengths`` (clipped to their intervals) to `home`."""

@@ -10,9 +10,11 @@ from numpy.typing import NDArray
 
 from contid.description.sections import SectionRobot
 from contid.kernels import native
+from contid.models.arc import Array
+from contid.models.descent import Tuning, tuning_for
 from contid.models.feasible import Feasible
 from contid.models.sections import Sections, backbone
-from contid.models.solve import Answer, SectionSolver, Tuning, tuning_for, vec3
+from contid.models.solve import Answer, SectionSolver, vec3
 from contid.targets import ZERO3, Actuation, Pose, Solution, Target, Vec3
 from contid.units import m_to_mm
 
@@ -24,8 +26,8 @@ class Solver(Protocol):
         """Tip [m], rotation row by row, end of the first section [m]."""
         ...
 
-    def jacobian(self, lengths: Actuation) -> NDArray[np.float64]:
-        """Tip by lengths, shape (3, 3 n)."""
+    def differentiate(self, lengths: Actuation, tip: Array, spin: Array, mid: Array) -> None:
+        """Jacobians of tip, orientation and mid-point, into arrays ``(3, 3 n)`` the caller made."""
         ...
 
     def solve(self, tip: Vec3, direction: Vec3 | None, mid: Vec3 | None, seed: Actuation) -> Answer:
@@ -88,7 +90,9 @@ class SectionModel:
 
     def jacobian(self, actuation: Actuation, load_n: Vec3 = ZERO3) -> NDArray[np.float64]:
         """Tip by lengths, shape (3, 3 n); regular on the straight arm."""
-        return self.solver.jacobian(actuation)
+        tip, spin, mid = np.empty((3, 3, len(self.axis_names)))
+        self.solver.differentiate(actuation, tip, spin, mid)
+        return tip
 
     def shape(self, actuation: Actuation, points: int, load_n: Vec3 = ZERO3) -> NDArray[np.float64]:
         """Backbone at equal arc length, rigid pieces included, shape (points, 3) [m]."""
