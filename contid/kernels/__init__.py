@@ -7,7 +7,7 @@ from importlib import import_module
 from types import ModuleType
 from typing import Final
 
-__all__ = ["PURE_PYTHON", "load", "native"]
+__all__ = ["PURE_PYTHON", "load"]
 
 #: Set to anything but 0 to leave the compiled kernels aside.
 PURE_PYTHON: Final = "CONTID_PURE_PYTHON"
@@ -27,10 +27,3 @@ def load(name: str) -> ModuleType | None:
         if error.name != f"contid.kernels._{name}":
             raise
         return None
-
-
-#: The same function under the name the arms of sections use.
-native = load
-
-
-native = load

@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from contid.description.sections import SectionRobot
-from contid.kernels import native
+from contid.kernels import load
 from contid.models.arc import Array
 from contid.models.descent import Tuning, tuning_for
 from contid.models.feasible import Feasible
@@ -51,7 +51,7 @@ def feasible_of(robot: SectionRobot) -> Feasible:
 def build_solver(feasible: Feasible, tuning: Tuning | None = None) -> Solver:
     """The native solver where it is built and not switched off, its NumPy twin otherwise."""
     tuning = tuning or tuning_for(feasible)
-    kernel = native("arc")
+    kernel = load("arc")
     if kernel is None:
         return SectionSolver(feasible, tuning)
     solver: Solver = kernel.SectionSolver(

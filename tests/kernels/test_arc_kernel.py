@@ -8,17 +8,17 @@ import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
-from section_robots import ROBOTS, random_lengths
 
-from contid.kernels import native
+from contid.kernels import load
 from contid.models.descent import tuning_for
 from contid.models.feasible import Feasible
 from contid.models.section_model import Solver, build_solver
 from contid.models.sections import Sections, differentiate, forward
 from contid.models.solve import SectionSolver
+from tests.models.section_robots import ROBOTS, random_lengths
 
 pytestmark = pytest.mark.skipif(
-    native("arc") is None, reason="the kernel is not built, or CONTID_PURE_PYTHON is set"
+    load("arc") is None, reason="the kernel is not built, or CONTID_PURE_PYTHON is set"
 )
 
 

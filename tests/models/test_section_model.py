@@ -12,7 +12,7 @@ import yaml
 
 from contid.description.robot_file import RobotFile
 from contid.description.tri_rack import TriRack
-from contid.kernels import PURE_PYTHON, native
+from contid.kernels import PURE_PYTHON, load
 from contid.models.feasible import Feasible
 from contid.models.model import build_model
 from contid.models.section_model import SectionModel, Solver, build_solver
@@ -28,7 +28,7 @@ def backend(request: pytest.FixtureRequest, monkeypatch: pytest.MonkeyPatch) -> 
     """Every test here runs on the kernel and on its NumPy twin."""
     if request.param == "numpy":
         monkeypatch.setenv(PURE_PYTHON, "1")
-    elif native("arc") is None:
+    elif load("arc") is None:
         pytest.skip("the kernel is not built, or CONTID_PURE_PYTHON is set")
     return str(request.param)
 
@@ -127,7 +127,7 @@ def test_closed_paths_close_in_the_lengths(backend):
     assert np.abs(there - back).max() < 1e-5
 
 
-def load(configs: Path, name: str) -> SectionModel:
+def shipped(configs: Path, name: str) -> SectionModel:
     file = RobotFile.model_validate(yaml.safe_load((configs / f"{name}.yaml").read_text()))
     (robot,) = file.robots.values()
     model = build_model(robot)
@@ -137,7 +137,7 @@ def load(configs: Path, name: str) -> SectionModel:
 
 @pytest.mark.parametrize("name", ["trirack", "trirack2", "cbha"])
 def test_models_of_the_shipped_files(backend, configs, name):
-    model = load(configs, name)
+    model = shipped(configs, name)
     home = tuple(model.feasible.home.tolist())
     pose = model.forward(home)
     solution = model.inverse(Target(tip_m=pose.tip_m), model.lower)
@@ -159,7 +159,7 @@ def test_models_of_the_shipped_files(backend, configs, name):
 def test_table_one_envelope(configs):
     """5 to 65 cm for one segment, 5 to 82 cm for two, platform included."""
     for name, shortest, longest in (("trirack", 0.05, 0.65), ("trirack2", 0.05, 0.82)):
-        model = load(configs, name)
+        model = shipped(configs, name)
         for z, wanted in ((0.0, shortest), (2.0, longest)):
             found = model.inverse(Target(tip_m=(0.0, 0.0, z)), tuple(model.feasible.home.tolist()))
             np.testing.assert_allclose(model.forward(found.actuation).tip_m, (0, 0, wanted), atol=1e-6)
@@ -183,7 +183,7 @@ def test_motors_of_two_segments(configs, coupling, lengths, motors):
 
 
 def test_bend_radius_is_kept_and_named(backend, configs):
-    model = load(configs, "trirack")
+    model = shipped(configs, "trirack")
     seed = tuple(model.feasible.home.tolist())
     solution = model.inverse(Target(tip_m=(0.1, 0.0, 0.05)), seed)
     assert not solution.converged

@@ -13,7 +13,7 @@ from contid.models.feasible import Feasible
 from contid.models.sections import Sections
 
 GOLDEN: dict[str, Any] = json.loads(
-    (Path(__file__).parent / "reference" / "cbha-and-ph-golden.json").read_text()
+    (Path(__file__).parents[1] / "reference" / "cbha-and-ph-golden.json").read_text()
 )
 PAPER = (math.pi, math.pi / 3, -math.pi / 3)
 CCW = (0.0, 2 * math.pi / 3, 4 * math.pi / 3)
