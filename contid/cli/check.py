@@ -1,12 +1,38 @@
-"""``contid check``."""
+"""``contid check``: validate a robot file and say what it describes."""
 
 from __future__ import annotations
+
+import json
 
 import click
 
 
 @click.command()
-@click.argument("robot_file", type=click.Path(exists=True, dir_okay=False))
-def command(robot_file: str) -> None:
-    """Validate ROBOT_FILE and print what it describes."""
-    raise click.ClickException("not there yet")
+@click.argument("robot_file")
+@click.option("--json", "as_json", is_flag=True, help="One JSON object; of a bad file one per mistake.")
+def command(robot_file: str, as_json: bool) -> None:
+    """Validate ROBOT_FILE (or a shipped one by its name) and print what it describes.
+
+    A bad file ends with exit code 2 and every mistake as file:line:column: what; allowed; nearest name.
+    """
+    from contid.description.load import load_robot_file
+    from contid.description.shipped import find_robot_file
+    from contid.description.summary import summarise
+    from contid.errors import BadInputError
+
+    try:
+        loaded = load_robot_file(find_robot_file(robot_file))
+    except BadInputError as error:
+        if not as_json:
+            raise
+        for found in error.findings:
+            where = {"file": found.file, "line": found.line, "column": found.column}
+            click.echo(json.dumps({**where, "message": found.message}))
+        raise SystemExit(error.exit_code) from error
+    report = summarise(loaded)
+    if as_json:
+        click.echo(json.dumps(report))
+        return
+    from contid.cli.check_table import print_report
+
+    print_report(report)

@@ -14,6 +14,8 @@ from contid.errors import ContidError
 #: Command -> (module that defines it as ``command``, one line for ``contid --help``).
 COMMANDS: Final[dict[str, tuple[str, str]]] = {
     "check": ("contid.cli.check", "validate a robot file and print what it describes"),
+    "schema": ("contid.cli.schema", "print the JSON Schema of the robot file"),
+    "path": ("contid.cli.path", "print a trajectory: circle, line, square, spiral and others"),
     "fk": ("contid.cli.fk", "actuation rows to tip positions"),
     "ik": ("contid.cli.ik", "target rows to actuation"),
     "reach": ("contid.cli.reach", "where the tips can go: areas, volumes, overlaps, plots"),

@@ -55,7 +55,10 @@ class Quantity(enum.StrEnum):
 class BasePose(Strict):
     """Where a robot's base frame stands in the world frame: rotation Rz(yaw) Ry(pitch) Rx(roll), then shift.
 
-    ``mirror_x`` reflects the robot's own x before placing it: the right finger of a hand.
+    Attributes:
+        x_mm, y_mm, z_mm: origin of the base frame in the world.
+        roll_deg, pitch_deg, yaw_deg: rotation about the world's x, then y, then z.
+        mirror_x: reflect the robot's own x before placing it: the right finger of a hand.
     """
 
     x_mm: float = 0.0
@@ -102,7 +105,17 @@ class StopPolicy(enum.StrEnum):
 
 
 class Stops(Strict):
-    """One policy per reason to stop. ``estop`` is the second Ctrl-C and never moves the robot first."""
+    """One policy per reason to stop.
+
+    ``hold`` stays, ``rest`` goes to the rest pose, ``relax`` lets torque go, ``vent`` lets pressure go.
+
+    Attributes:
+        on_end: the trajectory is at its end.
+        on_interrupt: the first Ctrl-C, SIGTERM, or a stop over the socket.
+        on_fault: a fault stopped the robot.
+        on_host_loss: the daemon died.
+        estop: the second Ctrl-C; never moves the robot first.
+    """
 
     on_end: StopPolicy = StopPolicy.HOLD
     on_interrupt: StopPolicy = StopPolicy.HOLD
@@ -112,7 +125,12 @@ class Stops(Strict):
 
 
 class Rates(Strict):
-    """How fast actuators may go, per axis; compared with the last command, never with the measurement."""
+    """How fast actuators may go, per axis; compared with the last command, never with the measurement.
+
+    Attributes:
+        velocity_mm_s, acceleration_mm_s2, jerk_mm_s3: needed by robots whose axes are lengths.
+        velocity_bar_s, acceleration_bar_s2, jerk_bar_s3: needed by robots whose axes are pressures.
+    """
 
     velocity_mm_s: Positive | None = None
     acceleration_mm_s2: Positive | None = None
@@ -125,13 +143,17 @@ class Rates(Strict):
 class AxisDescription(BaseModel):
     """One axis of a robot: its bus and its transmission; further keys belong to the bus's driver.
 
-    The transmission turns the model's length or pressure into the device's angle [rad] or pressure [Pa]:
+    The transmission turns the model's length or pressure into the device's angle [rad] or pressure [Pa].
+    Pressures on regulators need none: they are the same pressure.
 
-    * ``mm_per_rev``: a pinion or spool on a rotary device,
-      ``angle = zero_deg + direction * 360 * length / mm_per_rev``;
-    * ``mm_to_bar``: a table of ``[length_mm, pressure_bar]`` rows, strictly monotone, interpolated by a
-      monotone cubic, for lengths driven by regulators;
-    * neither, for pressures on regulators: the same pressure.
+    Attributes:
+        bus: name of the bus it is wired to.
+        mm_per_rev: a pinion or spool on a rotary device:
+            ``angle = zero_deg + direction * 360 * length / mm_per_rev``.
+        zero_deg: the device's angle at length 0.
+        direction: sense of rotation that makes the length grow.
+        mm_to_bar: for lengths driven by regulators: rows ``[length_mm, pressure_bar]``, strictly monotone,
+            interpolated by a monotone cubic.
     """
 
     model_config = ConfigDict(extra="allow", frozen=True, allow_inf_nan=False)

@@ -1,8 +1,9 @@
 """A YAML document with the line and column of every key and value.
 
 Read from the parser's events, not through a YAML object loader: scalars follow the YAML 1.2 core schema (so
-``1e-3`` is a number and ``on`` is a word), and what makes YAML dangerous or ambiguous - tags, anchors,
-aliases, duplicate keys, bottomless nesting - is a finding instead of a surprise.
+``1e-3`` is a number and ``on`` is a word), and what makes YAML dangerous or ambiguous - tags, duplicate keys,
+bottomless nesting, aliases that multiply - is a finding instead of a surprise. An anchored value may be
+repeated by its alias; a mistake inside it is located where it was written, once.
 """
 
 from __future__ import annotations
@@ -23,6 +24,7 @@ Data: TypeAlias = "str | int | float | bool | list[Data] | dict[str, Data] | Non
 #: A robot file is a page or two; the caps only keep a wrong file from eating the machine.
 MAX_CHARACTERS: Final = 1_000_000
 MAX_DEPTH: Final = 32
+MAX_VALUES: Final = 50_000
 
 _INTEGER: Final = re.compile(r"[-+]?[0-9]+")
 _FLOAT: Final = re.compile(r"[-+]?(\.[0-9]+|[0-9]+(\.[0-9]*)?)([eE][-+]?[0-9]+)?")
@@ -76,7 +78,7 @@ def read_document(text: str, file: str) -> Document:
     """Parse ``text``.
 
     Raises:
-        BadInputError: not YAML, or with tags, anchors, aliases, duplicate keys or too deep; every finding.
+        BadInputError: not YAML, or with tags, duplicate keys, too deep or too large; every finding.
     """
     if len(text) > MAX_CHARACTERS:
         message = f"{len(text)} characters are no robot file; at most {MAX_CHARACTERS}"
@@ -104,6 +106,9 @@ class _Reader:
     def __init__(self, document: Document) -> None:
         self.document = document
         self.findings: list[Located] = []
+        self.anchors: dict[str, Path] = {}
+        self.anchored: dict[str, Data] = {}
+        self.values = 0
 
     def read(self, events: Iterator[yaml.Event]) -> None:
         documents = 0
@@ -124,12 +129,46 @@ class _Reader:
 
     def _value(self, event: yaml.Event, events: Iterator[yaml.Event], path: Path) -> Data:
         self.document.values.setdefault(path, _place(event))
+        self._count(event)
         if isinstance(event, yaml.AliasEvent):
-            self._refuse(event, f"aliases (*{event.anchor}) are not allowed; write the value out")
+            return self._repeat(event, path)
+        value = self._new_value(event, events, path)
+        anchor = getattr(event, "anchor", None)
+        if anchor in self.anchors:
+            self._refuse(event, f"anchor &{anchor} is used twice; an anchor names one value")
+        elif anchor:
+            # Only now: a value cannot contain itself.
+            self.anchors[anchor] = path
+            self.anchored[anchor] = value
+        return value
+
+    def _count(self, event: yaml.Event) -> None:
+        self.values += 1
+        if self.values > MAX_VALUES:
+            raise BadInputError([self._located(event, f"more than {MAX_VALUES} values, aliases written out")])
+
+    def _repeat(self, event: yaml.AliasEvent, path: Path) -> Data:
+        """The value an alias stands for, with the positions of where it was written."""
+        if event.anchor not in self.anchors:
+            self._refuse(event, f"alias *{event.anchor} repeats nothing: no value above has &{event.anchor}")
             return None
-        anchor, tag = getattr(event, "anchor", None), getattr(event, "tag", None)
-        if anchor:
-            self._refuse(event, f"anchors (&{anchor}) are not allowed; write the value where it is used")
+        origin = self.anchors[event.anchor]
+
+        def copied(value: Data, below: Path) -> Data:
+            self._count(event)
+            for table in (self.document.keys, self.document.values):
+                if below and origin + below in table:
+                    table[path + below] = table[origin + below]
+            if isinstance(value, dict):
+                return {key: copied(each, (*below, key)) for key, each in value.items()}
+            if isinstance(value, list):
+                return [copied(each, (*below, index)) for index, each in enumerate(value)]
+            return value
+
+        return copied(self.anchored[event.anchor], ())
+
+    def _new_value(self, event: yaml.Event, events: Iterator[yaml.Event], path: Path) -> Data:
+        tag = getattr(event, "tag", None)
         if tag:
             self._refuse(event, f"tags ({tag}) are not allowed")
         if isinstance(event, yaml.ScalarEvent):

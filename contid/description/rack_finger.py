@@ -15,6 +15,10 @@ class LinkGeometry(Strict):
     """One rigid link of the chain inside the finger; only its curvature limit matters (Eq. 9).
 
     Erratum A-9: the paper uses one w for the link's width and for the distance of the racks; these are two.
+
+    Attributes:
+        length_mm, width_mm: of one link.
+        gap_mm: between neighbouring links when the finger is straight.
     """
 
     length_mm: Positive
@@ -32,7 +36,13 @@ class LinkGeometry(Strict):
 
 
 class RackFingerGeometry(Strict):
-    """Dimensions of the finger."""
+    """Dimensions of the finger.
+
+    Attributes:
+        rack_spacing_mm: distance between the two racks.
+        tip_length_mm: rigid tip body, straight on from the end of the arc.
+        link: one link of the chain between the racks.
+    """
 
     rack_spacing_mm: Positive
     tip_length_mm: NonNegative
@@ -40,7 +50,13 @@ class RackFingerGeometry(Strict):
 
 
 class RackFingerLimits(Strict):
-    """Eq. 8 with erratum A-4 (both bending signs)."""
+    """Eq. 8 with erratum A-4 (both bending signs).
+
+    Attributes:
+        length_mm: least and greatest length of a rack between base and tip body.
+        curvature_max_per_mm: greatest curvature to either side; the one of the links (Eq. 9) by default.
+        arc_length_min_mm: shortest arc; near zero the curvature is ill-conditioned.
+    """
 
     length_mm: Interval
     curvature_max_per_mm: Positive | None = None
@@ -50,7 +66,9 @@ class RackFingerLimits(Strict):
 class CurvatureCorrection(Strict):
     """Measured curvature against commanded: ``k = k_d (1 + a S + b)``, S in mm (Eq. 5, 10, 11).
 
-    ``arc_length_mm`` is the range of S in which a and b were identified; outside it S is clamped.
+    Attributes:
+        a_per_mm, b: as above.
+        arc_length_mm: range of S in which a and b were identified; outside it S is clamped.
     """
 
     a_per_mm: float
@@ -59,7 +77,14 @@ class CurvatureCorrection(Strict):
 
 
 class RackFinger(RobotDescription):
-    """A two-rack finger."""
+    """A planar finger between two racks; it grows along +y and bends to +x when the right rack is longer.
+
+    Attributes:
+        model: ``rack_finger``.
+        geometry: dimensions.
+        limits: of racks and curvature.
+        correction: measured curvature against commanded; none by default.
+    """
 
     quantity: ClassVar[Quantity] = Quantity.LENGTH
     dimension: ClassVar[int] = 2

@@ -16,10 +16,11 @@ class RobotDescription(Strict):
 
     Attributes:
         base: pose of the base frame in the world.
-        axes: one entry per name of `axis_names` (and of `extra_axis_names`), wired to a bus.
+        axes: one entry per axis of the model, wired to a bus.
         rates: velocity, acceleration and jerk of the actuators.
         stop: what to do for every reason to stop.
-        rest_mm, rest_bar: the rest pose in the order of `axis_names`, in the robot's own quantity.
+        rest_mm: the rest pose of a robot whose axes are lengths, in the order of its axes.
+        rest_bar: the same for pressures.
         placeholder: dotted keys whose numbers no one measured, e.g. ``geometry.tip_length_mm``.
     """
 
@@ -72,11 +73,13 @@ class RobotDescription(Strict):
 
     @property
     def rest(self) -> Actuation:
-        """The rest pose [m or Pa]; the middle of the range clipped to what is given, if none is written."""
+        """The rest pose [m or Pa]: as written, else half-way for lengths and the least pressures."""
         written = self.rest_mm if self.quantity is Quantity.LENGTH else self.rest_bar
         if written is not None:
             return tuple(value / self.quantity.per_si for value in written)
-        return tuple(low for low in self.lower)
+        if self.quantity is Quantity.PRESSURE:
+            return self.lower
+        return tuple((low + high) / 2.0 for low, high in zip(self.lower, self.upper, strict=True))
 
     @property
     def velocity_limit(self) -> float:

@@ -2,11 +2,11 @@
 
 from __future__ import annotations
 
-from typing import Annotated, Literal, TypeAlias
+from typing import Annotated, Final, Literal, TypeAlias
 
 from pydantic import BaseModel, ConfigDict, Field
 
-from contid.description.base import Positive, Strict
+from contid.description.base import Strict
 from contid.description.cosserat import Cosserat
 from contid.description.rack_finger import RackFinger
 from contid.description.tri_rack import TriRack
@@ -15,11 +15,16 @@ from contid.description.tri_tube import TriTube
 #: One class per model; a robot file's ``model`` key decides which.
 AnyRobot: TypeAlias = Annotated[RackFinger | TriRack | TriTube | Cosserat, Field(discriminator="model")]
 
+#: Beyond a thousand ticks per second a tick has no time left for a serial bus.
+MAX_RATE_HZ: Final = 1000.0
+
 
 class BusDescription(BaseModel):
     """One bus: its driver, how patient to be, and the driver's own keys.
 
-    ``tolerance_ticks`` is how many exchanges in a row an axis may miss before its robot goes to FAULT.
+    Attributes:
+        driver: who speaks to the devices.
+        tolerance_ticks: exchanges in a row an axis may miss before its robot goes to FAULT.
     """
 
     model_config = ConfigDict(extra="allow", frozen=True, allow_inf_nan=False)
@@ -29,10 +34,18 @@ class BusDescription(BaseModel):
 
 
 class RobotFile(Strict):
-    """A robot file after validation."""
+    """A robot file after validation.
+
+    Attributes:
+        contid: version of this format.
+        name: of the whole; goes into recordings.
+        rate_hz: ticks per second of the control loop.
+        buses: by name.
+        robots: by name.
+    """
 
     contid: Literal[1]
     name: str
-    rate_hz: Positive
+    rate_hz: Annotated[float, Field(gt=0, le=MAX_RATE_HZ)]
     buses: dict[str, BusDescription]
     robots: dict[str, AnyRobot]

@@ -72,7 +72,7 @@ MISTAKES = [
     ("- rest_mm", "- resst_mm", "resst_mm", "names no key"),
     ("contid: 1", "contid: 2", "2", "allowed: 1"),
     ("gap_mm: 5", "gap_mm: 5, gap_mm: 6", "gap_mm: 6", "already on line"),
-    ("rate_hz: 200", "rate_hz: &r 200", "&r", "anchors"),
+    ("rate_hz: 200", "rate_hz: *r", "*r", "repeats nothing"),
     ("rate_hz: 200", "rate_hz: !!python/name:os.system 200", "!!python", "tags"),
 ]  # fmt: skip
 
@@ -130,7 +130,6 @@ def test_what_is_no_robot_file_is_refused() -> None:
     assert "not YAML" in findings("a: [1, 2\nb: }")[0].message
     assert "deeper" in findings("a: " + "[" * 2000)[0].message
     assert "characters" in findings("a" * 1_000_001)[0].message
-    assert "aliases" in findings("a: &x 1\nb: *x\n")[1].message
     assert "second document" in findings("contid: 1\n---\ncontid: 1\n")[0].message
     missing = {each.message.split("'")[1] for each in findings("{}")}
     assert missing == {"contid", "name", "rate_hz", "buses", "robots"}
@@ -142,3 +141,22 @@ def test_a_file_that_cannot_be_read_says_so(tmp_path: Path) -> None:
     (tmp_path / "latin.yaml").write_bytes(b"name: \xe9")
     with pytest.raises(ContidError, match="cannot read"):
         load_robot_file(tmp_path / "latin.yaml")
+
+
+def test_an_alias_repeats_a_value_and_keeps_its_place(finger: str) -> None:
+    text = finger.replace(
+        "{bus: servos, id: 1, mm_per_rev: 37.69911184307752}", "{bus: servos, id: 1, mm_per_rev: &p -3}"
+    )
+    text = text.replace("id: 2, mm_per_rev: 37.69911184307752", "id: 2, mm_per_rev: *p")
+    found = findings(text)
+    assert ["greater than 0, not -3" in each.message for each in found] == [True, True]
+    good = parse_robot_file(text.replace("&p -3", "&p 37.5"), "robot.yaml")
+    assert [axis.mm_per_rev for axis in good.file.robots["finger"].axes.values()] == [37.5, 37.5]
+
+
+def test_aliases_cannot_eat_the_machine() -> None:
+    bomb = "a0: &a0 [1, 1, 1, 1, 1, 1, 1, 1, 1, 1]\n"
+    for level in range(1, 12):
+        bomb += f"a{level}: &a{level} [{', '.join([f'*a{level - 1}'] * 10)}]\n"
+    assert "aliases written out" in findings(bomb)[0].message
+    assert "repeats nothing" in findings("a: &x [*x]\n")[0].message

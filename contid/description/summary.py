@@ -1,0 +1,122 @@
+"""What a robot file describes, in plain data: the report of ``contid check``."""
+
+from __future__ import annotations
+
+from typing import TypedDict
+
+from contid.description.load import BusWiring, LoadedFile
+from contid.description.robot import RobotDescription
+from contid.hal import load_driver
+
+
+class AxisReport(TypedDict):
+    """One axis: its limits in the unit of its robot, and where it is wired."""
+
+    name: str
+    least: float | None
+    greatest: float | None
+    bus: str
+    device: str
+    address: str
+
+
+class RobotReport(TypedDict):
+    """One robot; ``limits`` are of every axis, in ``unit`` and seconds."""
+
+    name: str
+    model: str
+    unit: str
+    passive: bool
+    accepts: list[str]
+    base_mm: list[float]
+    velocity: float | None
+    acceleration: float | None
+    jerk: float | None
+    axes: list[AxisReport]
+    stop: dict[str, str]
+    placeholders: list[str]
+
+
+class BusReport(TypedDict):
+    """One bus."""
+
+    name: str
+    driver: str
+    port: str
+    axes: int
+    tolerance_ticks: int
+
+
+class FileReport(TypedDict):
+    """The whole file."""
+
+    file: str
+    name: str
+    rate_hz: float
+    robots: list[RobotReport]
+    buses: list[BusReport]
+
+
+def summarise(loaded: LoadedFile) -> FileReport:
+    """The report of a file that passed every check."""
+    return {
+        "file": str(loaded.path),
+        "name": loaded.file.name,
+        "rate_hz": loaded.file.rate_hz,
+        "robots": [_robot(loaded, name, robot) for name, robot in loaded.file.robots.items()],
+        "buses": [_bus(bus) for bus in loaded.buses.values()],
+    }
+
+
+def _robot(loaded: LoadedFile, name: str, robot: RobotDescription) -> RobotReport:
+    per_si = robot.quantity.per_si
+    limits = {
+        axis: (low * per_si, high * per_si)
+        for axis, low, high in zip(robot.axis_names, robot.lower, robot.upper, strict=True)
+    }
+    axes: list[AxisReport] = []
+    for axis, description in robot.axes.items():
+        bus = loaded.buses[description.bus]
+        options = dict(bus.axes)[f"{name}.{axis}"]
+        driver = load_driver(bus.driver)
+        least, greatest = limits.get(axis, (None, None))
+        axes.append(
+            {
+                "name": axis,
+                "least": _rounded(least),
+                "greatest": _rounded(greatest),
+                "bus": bus.name,
+                "device": driver.kind(options).value,
+                "address": driver.address(options),
+            }
+        )
+    unit = robot.quantity.unit
+    return {
+        "name": name,
+        "model": str(robot.model),  # type: ignore[attr-defined]  # every leaf class has it
+        "unit": unit,
+        "passive": robot.passive,
+        "accepts": sorted(robot.accepts),
+        "base_mm": [robot.base.x_mm, robot.base.y_mm, robot.base.z_mm],
+        "velocity": getattr(robot.rates, f"velocity_{unit}_s"),
+        "acceleration": getattr(robot.rates, f"acceleration_{unit}_s2"),
+        "jerk": getattr(robot.rates, f"jerk_{unit}_s3"),
+        "axes": axes,
+        "stop": {key: value.value for key, value in robot.stop},
+        "placeholders": list(robot.placeholder),
+    }
+
+
+def _bus(bus: BusWiring) -> BusReport:
+    return {
+        "name": bus.name,
+        "driver": bus.driver,
+        "port": str(getattr(bus.options, "port", "")),
+        "axes": len(bus.axes),
+        "tolerance_ticks": bus.tolerance_ticks,
+    }
+
+
+def _rounded(value: float | None) -> float | None:
+    """Edge units again, without the last bit that the way through SI may have cost."""
+    return None if value is None else float(f"{value:.12g}")

@@ -1,0 +1,84 @@
+"""``contid path``: columns for the robots it is for, and usage that is refused."""
+
+from __future__ import annotations
+
+import io
+from pathlib import Path
+
+import pytest
+from click.testing import CliRunner
+
+from contid.cli.path import command
+from contid.description.load import load_robot_file
+from contid.trajectory.read import read_trajectory
+
+
+def path(*arguments: str) -> str:
+    done = CliRunner().invoke(command, arguments)
+    assert done.exit_code == 0, done.output
+    return done.stdout
+
+
+def test_the_circle_of_the_paper_for_both_fingers(configs: Path) -> None:
+    text = path("circle", "--center", "50,70", "--radius", "20", "--period", "4", "--for", "hand")
+    robots = load_robot_file(configs / "hand.yaml").file.robots
+    trajectory = read_trajectory(io.StringIO(text), "stdin", robots)
+    assert (trajectory.start_s, trajectory.end_s) == (0.0, 4.0)
+    targets = trajectory.targets_at(1.0)
+    assert targets["left"].tip_m == targets["right"].tip_m == (0.05, 0.09, 0.0)
+
+
+def test_a_single_robot_needs_no_name() -> None:
+    assert path("line", "--size", "80", "--rate", "1").startswith("t_s,x_mm,y_mm\n")
+    assert path("line", "--size", "80", "--for", "finger").startswith("t_s,x_mm,y_mm\n")
+    named = path("line", "--size", "80", "--robots", "a, b")
+    assert named.startswith("t_s,a.x_mm,a.y_mm,b.x_mm,b.y_mm\n")
+
+
+def test_spatial_paths_with_direction_and_mid_point() -> None:
+    text = path(
+        *("spiral", "--radius", "30", "--height", "120", "--lean", "45", "--rate", "10"),
+        *("--mid", "0,0,60", "--for", "stiffflop2"),
+    )
+    header, first, *_ = text.splitlines()
+    assert header == "t_s,x_mm,y_mm,z_mm,ax,ay,az,mid.x_mm,mid.y_mm,mid.z_mm"
+    assert first.endswith(",0.0,0.0,60.0")
+    moving = path("circle", "--radius", "30", "--center", "0,0,116", "--mid", "square:20:60", "--rate", "10")
+    assert moving.splitlines()[1] == "0.0,30.0,0.0,116.0,10.0,-10.0,60.0"
+    assert path("box", "--size", "20", "--height", "50", "--rate", "2").splitlines()[5].endswith(",60.0")
+
+
+@pytest.mark.parametrize(
+    ("arguments", "says"),
+    [
+        (["circle"], "--size or --radius"),
+        (["circle", "--size", "1", "--radius", "1"], "not both"),
+        (["square", "--radius", "1"], "has no radius"),
+        (["circle", "--radius", "1", "--center", "1"], "2 or 3 numbers"),
+        (["circle", "--radius", "1", "--center", "1,nan"], "2 or 3 numbers"),
+        (["circle", "--radius", "1", "--for", "stiffflop2"], "needs --height"),
+        (["circle", "--radius", "1", "--lean", "3"], "needs --height"),
+        (["circle", "--radius", "1", "--center", "1,2,3", "--height", "3"], "one of them"),
+        (["circle", "--radius", "1", "--for", "a", "--robots", "b"], "not both"),
+        (["circle", "--radius", "1", "--height", "1", "--mid", "what:1:2"], "neither x,y,z"),
+        (["cirle"], "cirle"),
+    ],
+)
+def test_usage_that_is_refused(arguments: list[str], says: str) -> None:
+    done = CliRunner().invoke(command, arguments)
+    assert done.exit_code == 2
+    assert says in done.output
+
+
+@pytest.mark.parametrize(
+    ("arguments", "says"),
+    [
+        (["--for", "hnd"], "did you mean 'hand'"),
+        (["--for", "hand", "--height", "1", "--lean", "3"], "left takes no direction"),
+        (["--for", "hand", "--height", "1", "--mid", "1,2,3"], "left takes no mid"),
+        (["--period", "0"], "period_s"),
+    ],
+)
+def test_robots_that_cannot_follow(arguments: list[str], says: str) -> None:
+    done = CliRunner().invoke(command, ["circle", "--radius", "1", *arguments])
+    assert says in str(done.exception)

@@ -1,0 +1,104 @@
+"""Approach and stop: limits are kept, everything arrives, from any state."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from contid.trajectory.approach import Approach, MotionError, stopping
+
+VELOCITY, ACCELERATION, JERK = 0.1, 1.0, 20.0
+lengths = st.integers(0, 200_000).map(lambda micrometres: micrometres / 1e6)
+
+
+def derivatives(motion: Approach, rate: float = 2000.0) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """Position, velocity and its numeric derivative (acceleration) on a fine grid."""
+    times = np.arange(0.0, motion.duration_s, 1.0 / rate)
+    positions, velocities = (np.array(each) for each in zip(*[motion.at(t) for t in times], strict=True))
+    return positions, velocities, np.diff(velocities, axis=0) * rate
+
+
+@settings(max_examples=60, deadline=None)
+@given(start=st.tuples(lengths, lengths, lengths), goal=st.tuples(lengths, lengths, lengths))
+def test_an_approach_starts_and_ends_at_rest_within_its_limits(
+    start: tuple[float, ...], goal: tuple[float, ...]
+) -> None:
+    motion = Approach(start, (0.0,) * 3, goal, VELOCITY, ACCELERATION, JERK)
+    assert start == goal or motion.at(0.0) == (start, (0.0,) * 3)
+    assert motion.at(motion.duration_s) == motion.at(1e9) == (goal, (0.0,) * 3)
+    if motion.duration_s < 2e-3:
+        return
+    positions, velocities, accelerations = derivatives(motion)
+    assert np.abs(velocities).max() <= VELOCITY * (1 + 1e-9)
+    assert np.abs(accelerations).max() <= ACCELERATION * (1 + 1e-6)
+    assert np.abs(np.diff(accelerations, axis=0)).max(initial=0.0) * 2000 <= JERK * (1 + 1e-4)
+    low, high = np.minimum(start, goal), np.maximum(start, goal)
+    assert np.all(positions >= low - 1e-12)
+    assert np.all(positions <= high + 1e-12)
+    # Just before the end everything is still arriving together, and close.
+    almost = motion.at(motion.duration_s - 1e-6)[0]
+    assert np.allclose(almost, goal, atol=1e-9)
+
+
+speeds, pushes = st.floats(-0.3, 0.3), st.floats(-3.0, 3.0)
+
+
+@settings(max_examples=60, deadline=None)
+@given(velocity=st.tuples(speeds, speeds), acceleration=st.tuples(pushes, pushes))
+def test_a_stop_ends_at_rest_from_any_state(
+    velocity: tuple[float, float], acceleration: tuple[float, float]
+) -> None:
+    motion = stopping((0.05, 0.06), velocity, acceleration, ACCELERATION, JERK)
+    assert motion.at(0.0) == ((0.05, 0.06), velocity)
+    assert motion.at(motion.duration_s)[1] == (0.0, 0.0)
+    assert motion.goal == motion.at(motion.duration_s + 1)[0]
+    # No jump at the hand-over to rest.
+    before, speed = motion.at(motion.duration_s - 1e-7)
+    assert np.allclose(before, motion.goal, atol=1e-9)
+    assert np.abs(speed).max() < 1e-6
+
+
+def test_a_robot_at_rest_stops_at_once() -> None:
+    motion = stopping((0.05, 0.06), (0.0, 0.0), (0.0, 0.0), ACCELERATION, JERK)
+    assert motion.duration_s == 0.0
+    assert motion.at(0.0) == ((0.05, 0.06), (0.0, 0.0))
+
+
+def test_an_approach_may_begin_in_motion() -> None:
+    motion = Approach((0.05,), (0.08,), (0.05,), VELOCITY, ACCELERATION, JERK, start_acceleration=(0.5,))
+    assert motion.at(0.0)[1] == (0.08,)
+    assert motion.at(motion.duration_s) == ((0.05,), (0.0,))
+    assert max(motion.at(t)[0][0] for t in np.linspace(0, motion.duration_s, 100)) > 0.05
+
+
+def test_axes_arrive_together_and_pressures_behave_as_lengths() -> None:
+    millimetres = Approach((0.0, 0.0), (0.0, 0.0), (0.1, 0.01), VELOCITY, ACCELERATION, JERK)
+    pascals = Approach((0.0, 0.0), (0.0, 0.0), (1e5, 1e4), VELOCITY * 1e6, ACCELERATION * 1e6, JERK * 1e6)
+    assert pascals.duration_s == pytest.approx(millimetres.duration_s, rel=1e-9)
+    half = millimetres.duration_s / 2
+    assert np.allclose(np.array(pascals.at(half)[0]) / 1e6, millimetres.at(half)[0], atol=1e-12)
+    # Time-synchronised: the short way is still under way when the long one is nearly there.
+    assert millimetres.at(0.95 * millimetres.duration_s)[0][1] < 0.01
+
+
+def test_the_same_numbers_give_the_same_bits() -> None:
+    def samples() -> list[object]:
+        motion = Approach((0.0, 0.1), (0.01, 0.0), (0.1, 0.01), VELOCITY, ACCELERATION, JERK)
+        return [motion.at(i / 200) for i in range(400)]
+
+    assert samples() == samples()
+
+
+@pytest.mark.parametrize("limits", [(0.0, 1.0, 1.0), (1.0, -1.0, 1.0), (1.0, 1.0, float("nan"))])
+def test_limits_that_are_none_are_refused(limits: tuple[float, float, float]) -> None:
+    with pytest.raises(MotionError, match="must be positive"):
+        Approach((0.0,), (0.0,), (1.0,), *limits)
+
+
+def test_numbers_that_are_none_are_refused() -> None:
+    with pytest.raises(MotionError, match="no motion"):
+        Approach((float("nan"),), (0.0,), (1.0,), 1.0, 1.0, 1.0)
+    with pytest.raises(MotionError):
+        stopping((0.0,), (float("inf"),), (0.0,), 1.0, 1.0)
