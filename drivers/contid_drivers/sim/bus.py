@@ -67,14 +67,14 @@ class SimBus:
     def enable(self, axes: Sequence[str]) -> None:
         """See `contid.hal.Bus.enable`."""
         now = self._reach()
-        fresh = [axis for axis in axes if axis not in self._enabled]
-        for axis in fresh:
+        for axis in axes:
             device = self._answering(axis)
             if device.fault:
                 raise DeviceError(axis, device.fault, "clear the fault first")
-        for axis in fresh:
-            self.devices[axis].switch_on(now)
-            self._enabled.add(axis)
+        for axis in axes:
+            if axis not in self._enabled:
+                self.devices[axis].switch_on(now)
+                self._enabled.add(axis)
         self._note("enable", now, ", ".join(axes))
 
     def exchange(self, commands: Mapping[str, float]) -> Mapping[str, Sample]:
@@ -155,6 +155,10 @@ class SimBus:
         self._switches.end(kind, axis or "")
         if kind is FaultKind.STALL and axis is not None:
             self._device(axis).motion.blocked = False
+
+    def refresh(self) -> None:
+        """Bring `devices` up to the clock's now, for whoever looks at them directly."""
+        self._up_to_date()
 
     # -- inside ------------------------------------------------------------------------------------------
 

@@ -1,0 +1,32 @@
+"""Every test of this folder runs once per harness."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+
+import pytest
+
+from tests.contract.harness import HARNESSES, BusUnderTest, harness
+
+
+@pytest.fixture(params=sorted(HARNESSES))
+def rig(request: pytest.FixtureRequest) -> Iterator[BusUnderTest]:
+    """A bus that was never opened, closed again whatever the test did."""
+    with harness(request.param) as made:
+        yield made
+        made.bus.close()
+
+
+@pytest.fixture
+def ready(rig: BusUnderTest) -> BusUnderTest:
+    """An open bus with valid samples; nothing enabled."""
+    rig.bus.open()
+    rig.pump(0.0)
+    return rig
+
+
+@pytest.fixture
+def enabled(ready: BusUnderTest) -> BusUnderTest:
+    """An open bus with every axis enabled; nothing commanded yet."""
+    ready.bus.enable(ready.bus.axes)
+    return ready
