@@ -2,9 +2,11 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from typing import Final, Protocol
 
+from contid.control.ease import ease_ticks, played
+from contid.control.plan import RobotPlan
 from contid.control.state import RobotState
 from contid.control.supervisor import Mode
 from contid.targets import Target
@@ -44,15 +46,18 @@ class Timed:
 
     Its clock starts when every robot that follows it has arrived at the first row (a robot in FAULT, or held
     by an order, is not waited for), and counts ticks: time ``start + n/rate``, so a row written at a tick is
-    met exactly, and skipped ticks are skipped here too.
+    met exactly, and skipped ticks are skipped here too. Starts and ends at speed are eased (`ease`).
     """
 
-    def __init__(self, trajectory: Trajectory, rate_hz: float) -> None:
+    def __init__(self, trajectory: Trajectory, rate_hz: float, plans: Sequence[RobotPlan]) -> None:
         self._trajectory = trajectory
         self._rate_hz = rate_hz
+        self._plans = tuple(plans)
         self._robots = tuple(trajectory.targets_of_row(0))
+        self._length = (trajectory.end_s - trajectory.start_s) * rate_hz
         self._origin: int | None = None
-        self._played = 0  # ticks before the last pause
+        self._base = 0.0  # ticks of the trajectory before the last pause
+        self._lead = self._tail = 0
         self._paused = False
         self._ended_at: int | None = None
         self.time_s: float | None = trajectory.start_s
@@ -60,14 +65,15 @@ class Timed:
 
     def targets(self, tick: int) -> Mapping[str, Target | None]:
         """Targets at the time of this tick."""
-        played = self._played + (tick - self._origin if self._origin is not None else 0)
-        time_s = self._trajectory.start_s + played / self._rate_hz
-        if time_s >= self._trajectory.end_s:
-            time_s = self._trajectory.end_s
-            if self._ended_at is None:
-                self._ended_at = tick
+        trajectory = self._trajectory
+        position = self._position(tick)
+        if self._origin is not None and position >= self._length and self._ended_at is None:
+            self._ended_at = tick
+        time_s = trajectory.start_s + position / self._rate_hz
+        if position >= self._length:
+            time_s = trajectory.end_s
         self.time_s = time_s
-        return self._trajectory.targets_at(time_s)
+        return trajectory.targets_at(time_s)
 
     def watch(self, tick: int, states: Mapping[str, RobotState]) -> None:
         """Start the clock when everybody is there; notice the end."""
@@ -77,17 +83,30 @@ class Timed:
             self.finished = still or tick - self._ended_at > SETTLE_S * self._rate_hz
         elif self._origin is None and not self._paused and followers:
             arrived = all(state.mode is Mode.RUN for state in followers)
-            self._origin = tick if arrived else None
+            if arrived:
+                self._begin(tick)
 
     def pause(self, tick: int) -> None:
         """Stand still at the time reached."""
-        if self._origin is not None:
-            self._played += tick - self._origin
+        self._base = self._position(tick)
         self._origin, self._paused = None, True
 
     def resume(self) -> None:
         """Go on as soon as the robots are back at the time reached."""
         self._paused = False
+
+    def _position(self, tick: int) -> float:
+        """Ticks of the trajectory played by now."""
+        if self._origin is None:
+            return self._base
+        return self._base + played(tick - self._origin, self._length - self._base, self._lead, self._tail)
+
+    def _begin(self, tick: int) -> None:
+        trajectory, room = self._trajectory, int(self._length - self._base) // 2 * 2
+        now_s = trajectory.start_s + self._base / self._rate_hz
+        self._lead = min(ease_ticks(self._plans, trajectory, now_s, ahead=True), room)
+        self._tail = min(ease_ticks(self._plans, trajectory, trajectory.end_s, ahead=False), room)
+        self._origin = tick
 
 
 class Live:

@@ -1,0 +1,382 @@
+"""One cycle of the whole robot file: targets, the tick of every robot, the buses, what came of it.
+
+The control process calls `Engine.cycle` at every deadline, virtual mode in a plain loop; everything that
+differs between them (time, threads, where records go) is given to the constructor.
+"""
+
+from __future__ import annotations
+
+import enum
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
+from typing import Any, Final, Protocol
+
+from contid.control import messages as msg
+from contid.control import state as change
+from contid.control.faults import Fault, describe
+from contid.control.loop import Outcome, tick
+from contid.control.plan import RobotPlan
+from contid.control.ports import Answer, Job, Port
+from contid.control.recording import Recorder
+from contid.control.sources import Live, Source, Timed
+from contid.control.state import Effect, OrderRefusedError, RobotState
+from contid.control.statistics import RobotTally
+from contid.control.supervisor import MOVING, REST_OF, Mode
+from contid.description.base import StopPolicy
+from contid.hal import Sample
+from contid.targets import Target
+from contid.trajectory.timed import Trajectory
+
+#: Between two attempts to open a lost bus again.
+RETRY_S: Final = 1.0
+
+
+class OnEnd(enum.StrEnum):
+    """What happens when the trajectory or the stream ends."""
+
+    STOP = "stop"  # the robot file's stop.on_end, then the run ends
+    REST = "rest"  # move to the rest pose, hold there, then the run ends
+    HOLD = "hold"  # keep holding until somebody says otherwise
+
+
+class Sink(Protocol):
+    """Where records and events go: a ring, a log, or both."""
+
+    def write(self, values: list[float]) -> None:
+        """One tick, all values of the layout in order."""
+        ...
+
+    def event(self, kind: str, **fields: Any) -> None:
+        """One event."""
+        ...
+
+
+@dataclass(frozen=True, slots=True)
+class Timing:
+    """How one cycle stands in time.
+
+    Attributes:
+        tick: its number.
+        elapsed: periods since the cycle before; more than 1 after skipped ticks.
+        skipped: ticks skipped since the start.
+        deadline_s: when it should have started, on the clock of the buses.
+        lateness_s: how much later it did.
+        end_s: until when the buses may take, on the clock of the buses.
+    """
+
+    tick: int
+    elapsed: int
+    skipped: int
+    deadline_s: float
+    lateness_s: float = 0.0
+    end_s: float = 0.0
+
+
+class Engine:
+    """The robots, their buses and what they follow."""
+
+    def __init__(
+        self,
+        plans: Sequence[RobotPlan],
+        ports: Mapping[str, Port],
+        rate_hz: float,
+        sink: Sink,
+        now: Any,
+        *,
+        trajectory: Trajectory | None = None,
+        on_end: OnEnd = OnEnd.STOP,
+        attended: bool = False,
+    ) -> None:
+        """Prepare; nothing is touched.
+
+        Args:
+            plans: of the robots, in file order.
+            ports: by bus name; already open.
+            rate_hz: of the tick.
+            sink: takes records and events.
+            now: the clock of the buses, as a function.
+            trajectory: what to follow, None to wait for rows or orders.
+            on_end: what to do when the source ends.
+            attended: somebody may give orders: do not end because every robot is in FAULT.
+        """
+        self.plans = tuple(plans)
+        self.states = [RobotState() for _ in plans]
+        self.tallies = [RobotTally() for _ in plans]
+        self.source: Source | None = None
+        if trajectory is not None:
+            self.source = Timed(trajectory, rate_hz, plans)
+        self.finished = False
+        self._index = {plan.name: index for index, plan in enumerate(plans)}
+        self._ports = dict(ports)
+        self._rate_hz = rate_hz
+        self._sink = sink
+        self._now = now
+        self._on_end = on_end
+        self._attended = attended
+        self._finishing = False
+        self._ended = False
+        self._samples: dict[str, Sample] = {}
+        port_of = {axis: name for name, port in ports.items() for axis in port.bus.axes}
+        self._buses = [sorted({port_of[axis] for axis in plan.axes}) for plan in plans]
+        self._axes_on = [
+            {bus: tuple(axis for axis in plan.axes if port_of[axis] == bus) for bus in buses}
+            for plan, buses in zip(self.plans, self._buses, strict=True)
+        ]
+        self._port_of = port_of
+        self._queued: dict[str, list[tuple[int, Effect, tuple[str, ...]]]] = {name: [] for name in ports}
+        self._outstanding: list[set[str]] = [set() for _ in plans]
+        self._recorder = Recorder(self.plans, sink)
+
+    @property
+    def moving(self) -> bool:
+        """True while any robot may be in motion."""
+        return any(state.mode in MOVING or any(state.steps) for state in self.states)
+
+    @property
+    def armed(self) -> bool:
+        """True when no robot is on its way to its first command any more."""
+        waiting = (Mode.OFF, Mode.CONNECTING, Mode.READY, Mode.ARMING)
+        return not any(state.mode in waiting and state.wanted for state in self.states)
+
+    @property
+    def ended(self) -> bool:
+        """True when what was followed has ended."""
+        return self._ended
+
+    def arm(self) -> None:
+        """Connect, arm and follow, every robot: what `contid run` begins with."""
+        for index, plan in enumerate(self.plans):
+            self.states[index] = change.resume(plan, self.states[index], 0.0)
+            self._sink.event("state", robot=plan.name, mode=self.states[index].mode.name, tick=0)
+
+    # -- orders ------------------------------------------------------------------------------------------
+
+    def obey(self, message: object, tick_number: int) -> None:
+        """Carry out a message of the daemon; what is refused becomes an event."""
+        now_s = tick_number / self._rate_hz
+        match message:
+            case msg.Rows(targets):
+                if not isinstance(self.source, Live):
+                    self.source = Live()
+                self.source.put(targets)
+            case msg.End():
+                if isinstance(self.source, Live):
+                    self.source.end()
+            case msg.Play(trajectory):
+                self.source, self._ended = Timed(trajectory, self._rate_hz, self.plans), False
+            case msg.Goto(robot, target):
+                self._each((robot,), lambda p, s: change.goto(p, s, target, now_s))
+            case msg.Hold(robots):
+                if robots is None and self.source is not None:
+                    self.source.pause(tick_number)
+                self._each(robots, lambda p, s: change.hold(p, s, now_s))
+            case msg.Resume(robots):
+                if robots is None and self.source is not None:
+                    self.source.resume()
+                self._each(robots, lambda p, s: change.resume(p, s, now_s))
+            case msg.Stop(robots, policy, reason):
+                self._each(robots, lambda p, s: change.stop(p, s, policy or getattr(p.stops, reason), now_s))
+            case msg.Estop(robots):
+                self._each(robots, lambda p, s: change.estop(p, s, now_s))
+            case msg.ClearFault(robots):
+                self._each(robots, self._begin_clear)
+            case msg.Finish(policy, reason):
+                self.finish(policy, reason, now_s)
+
+    def finish(self, policy: StopPolicy | None, reason: str, now_s: float) -> None:
+        """Stop every robot; `finished` becomes true when all of them rest."""
+        self._finishing = True
+        self.source = None
+        for index, plan in enumerate(self.plans):
+            state = self.states[index]
+            if state.mode is Mode.FAULT:
+                # It stopped by its policy already; now the devices shall stay so without a host.
+                if state.enabled:
+                    resting = Effect(REST_OF[plan.stops.on_fault])
+                    self.states[index] = replace(state, pending=resting, enabled=False)
+            elif state.mode is not Mode.OFF:
+                self.states[index] = change.stop(plan, state, policy or getattr(plan.stops, reason), now_s)
+
+    def _each(self, robots: msg.Who, order: Any) -> None:
+        unknown = [name for name in robots or () if name not in self._index]
+        for name in unknown:
+            self._sink.event(
+                "refused", robot=name, words=f"no robot {name!r}; there are {', '.join(self._index)}"
+            )
+        for name in robots if robots is not None else tuple(self._index):
+            if name in unknown:
+                continue
+            index = self._index[name]
+            try:
+                self.states[index] = order(self.plans[index], self.states[index])
+            except OrderRefusedError as error:
+                # An order to everybody is not refused by those it does not concern.
+                if robots is not None:
+                    self._sink.event("refused", robot=name, words=str(error))
+
+    @staticmethod
+    def _begin_clear(plan: RobotPlan, state: RobotState) -> RobotState:
+        if state.mode is not Mode.FAULT:
+            return change.clear(plan, state, (), 0.0)
+        return replace(state, pending=Effect.CLEAR)
+
+    # -- the cycle ---------------------------------------------------------------------------------------
+
+    def cycle(self, timing: Timing) -> None:
+        """One tick of everything."""
+        number = timing.tick
+        now_s = number / self._rate_hz
+        before = [state.mode for state in self.states]
+        source = self.source
+        targets: Mapping[str, Target | None] = {} if source is None else source.targets(number)
+        commands: dict[str, dict[str, float]] = {name: {} for name in self._ports}
+        outcomes: list[Outcome] = []
+        port_of = self._port_of
+        for index, plan in enumerate(self.plans):
+            state = self.states[index]
+            outcome = tick(plan, state, now_s, self._samples_of(plan), targets.get(plan.name), timing.elapsed)
+            state = outcome.state
+            if state.pending is not Effect.NONE:
+                state = self._ask(index, state)
+            for axis, value in zip(plan.axes, outcome.device, strict=False):
+                commands[port_of[axis]][axis] = value
+            self.states[index] = state
+            outcomes.append(outcome)
+            if outcome.solution is not None:
+                self.tallies[index].add(outcome.tip_error_m, outcome.solution.converged)
+            for bits in outcome.limits:
+                if bits:
+                    self.tallies[index].limited[bits] += 1
+        self._exchange(commands, timing, now_s)
+        self._watch_source(number, now_s)
+        for plan, mode, state in zip(self.plans, before, self.states, strict=True):
+            if state.mode is not mode:
+                self._announce(plan, state, number)
+        self._recorder.record(timing, source, targets, outcomes, self.states, self._samples, self._now)
+        if self._finishing and not self.finished:
+            self.finished = all(
+                state.mode in (Mode.OFF, Mode.FAULT) and state.pending is Effect.NONE for state in self.states
+            ) and not any(port.busy and not port.lost for port in self._ports.values())
+
+    def _samples_of(self, plan: RobotPlan) -> tuple[Sample, ...]:
+        samples = self._samples
+        try:
+            return tuple([samples[axis] for axis in plan.axes])
+        except KeyError:  # before the first exchange of one of its buses
+            return ()
+
+    def _ask(self, index: int, state: RobotState) -> RobotState:
+        """Queue what a robot wants of its devices."""
+        for bus, axes in self._axes_on[index].items():
+            if self._ports[bus].lost:
+                continue
+            self._queued[bus].append((index, state.pending, axes))
+            self._outstanding[index].add(bus)
+        return replace(state, pending=Effect.NONE)
+
+    def _exchange(self, commands: Mapping[str, dict[str, float]], timing: Timing, now_s: float) -> None:
+        asked = set()
+        for name, port in self._ports.items():
+            if port.busy:
+                continue
+            if port.lost:
+                if timing.tick >= port.retry_at:
+                    port.retry_at = timing.tick + max(int(RETRY_S * self._rate_hz), 1)
+                    port.start(Job({}, reopen=True))
+                continue
+            effects, self._queued[name] = tuple(self._queued[name]), []
+            if effects:
+                asked.add(name)
+            port.start(Job(commands[name], effects))
+        for name, port in self._ports.items():
+            patience_s = timing.end_s - self._now() if port.threaded else 0.0
+            if port.busy and (answer := port.take(patience_s)) is not None:
+                self._digest(name, port, answer, now_s)
+            elif port.busy and not port.lost:
+                self._stalled(name, port, now_s, asked)
+
+    def _digest(self, name: str, port: Port, answer: Answer, now_s: float) -> None:
+        if answer.lost:
+            if not port.lost:
+                self._lose(name, port, Fault.DEVICE_LOST, answer.lost, now_s)
+            return
+        if port.lost:
+            port.lost = ""
+            self._sink.event("bus", bus=name, words=f"{name} is back; clear-fault, then resume")
+        assert answer.samples is not None
+        self._samples.update(answer.samples)
+        for index, effect in answer.done:
+            self._outstanding[index].discard(name)
+            if not self._outstanding[index]:
+                self._done(index, effect, now_s)
+        for index, effect, words in answer.refused:
+            self._outstanding[index].discard(name)
+            plan, state = self.plans[index], self.states[index]
+            if effect is Effect.ENABLE:
+                self.states[index] = change.fail(plan, state, Fault.ARM_REFUSED, words, now_s)
+            else:
+                self._sink.event("refused", robot=plan.name, words=words)
+
+    def _done(self, index: int, effect: Effect, now_s: float) -> None:
+        plan, state = self.plans[index], self.states[index]
+        if effect is Effect.ENABLE and state.mode is Mode.ARMING:
+            self.states[index] = replace(state, enabled=True)
+        elif effect is Effect.CLEAR:
+            try:
+                self.states[index] = change.clear(plan, state, self._samples_of(plan), now_s)
+            except OrderRefusedError as error:
+                self._sink.event("refused", robot=plan.name, words=str(error))
+
+    def _lose(self, name: str, port: Port, fault: Fault, words: str, now_s: float) -> None:
+        """A bus is gone: so are its robots; they keep nothing queued on any bus."""
+        port.lost = words
+        port.retry_at = 0
+        self._queued[name] = []
+        for axis in port.bus.axes:
+            if axis in self._samples:
+                self._samples[axis] = replace(self._samples[axis], valid=False)
+        for index, plan in enumerate(self.plans):
+            if name in self._axes_on[index]:
+                self._outstanding[index].discard(name)
+                if self.states[index].mode is not Mode.OFF:
+                    self.states[index] = change.fail(plan, self.states[index], fault, words, now_s)
+
+    def _stalled(self, name: str, port: Port, now_s: float, asked: set[str]) -> None:
+        """A worker is not back in time: a missed exchange for its robots, lost when it goes on."""
+        for axis in port.bus.axes:
+            if axis in self._samples:
+                self._samples[axis] = replace(self._samples[axis], valid=False)
+        armed = any(self.states[i].enabled and name in self._axes_on[i] for i in range(len(self.plans)))
+        patience = max(min(p.tolerance) for i, p in enumerate(self.plans) if name in self._axes_on[i])
+        if armed and name not in asked and port.stalls > patience:
+            words = f"{name}: no answer for {port.stalls} ticks"
+            self._lose(name, port, Fault.BUS_STALLED, words, now_s)
+
+    def _watch_source(self, number: int, now_s: float) -> None:
+        if self._finishing:
+            return
+        source = self.source
+        alive = any(state.mode is not Mode.FAULT for state in self.states)
+        if source is not None:
+            source.watch(number, {p.name: s for p, s in zip(self.plans, self.states, strict=True)})
+            if source.finished and not self._ended:
+                self._ended = True
+                self._sink.event("end", tick=number, on_end=self._on_end.value)
+                if self._on_end is not OnEnd.HOLD:
+                    rest = StopPolicy.REST if self._on_end is OnEnd.REST else None
+                    self.finish(rest, "on_end", now_s)
+        if not alive and not self._attended and not self._finishing:
+            self.finish(None, "on_fault", now_s)
+
+    def _announce(self, plan: RobotPlan, state: RobotState, number: int) -> None:
+        if state.mode is Mode.FAULT:
+            words = describe(state.fault, state.words)
+            self._sink.event(
+                "fault",
+                robot=plan.name,
+                fault=int(state.fault),
+                name=state.fault.name,
+                words=words,
+                tick=number,
+            )
+        self._sink.event("state", robot=plan.name, mode=state.mode.name, tick=number)

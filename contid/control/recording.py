@@ -1,0 +1,115 @@
+"""From what a cycle decided to the flat list of numbers of a record."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping, Sequence
+from typing import TYPE_CHECKING, Any
+
+from contid.control.record import CONVERGED, ENABLED, HAS_TARGET, NAN3
+from contid.targets import Target
+
+if TYPE_CHECKING:
+    from contid.control.engine import Sink, Timing
+    from contid.control.loop import Outcome
+    from contid.control.plan import RobotPlan
+    from contid.control.sources import Source
+    from contid.control.state import RobotState
+    from contid.hal import Sample
+
+_NAN = math.nan
+_NO_SAMPLE = (_NAN, _NAN, 0.0, _NAN, _NAN, _NAN, _NAN, _NAN)
+#: Bits that a float64 of the record keeps exactly.
+_MAX_NAMES = 52
+
+
+class Recorder:
+    """Packs cycles for a sink; knows which bit stands for which name in ``limited_by``."""
+
+    def __init__(self, plans: Sequence[RobotPlan], sink: Sink) -> None:
+        self._plans = plans
+        self._sink = sink
+        self._bits: list[dict[str, int]] = [{} for _ in plans]
+
+    def record(
+        self,
+        timing: Timing,
+        source: Source | None,
+        targets: Mapping[str, Target | None],
+        outcomes: Sequence[Outcome],
+        states: Sequence[RobotState],
+        samples: Mapping[str, Sample],
+        now: Any,
+    ) -> None:
+        """One record of a cycle."""
+        source_s = None if source is None else source.time_s
+        values: list[float] = [
+            timing.tick, timing.skipped, timing.deadline_s, timing.lateness_s, 0.0,
+            _NAN if source_s is None else source_s,
+        ]  # fmt: skip
+        for index, plan in enumerate(self._plans):
+            self._robot(values, index, plan, outcomes[index], states[index], targets.get(plan.name), samples)
+        values[4] = now() - timing.deadline_s - timing.lateness_s
+        self._sink.write(values)
+
+    def _robot(
+        self,
+        values: list[float],
+        index: int,
+        plan: RobotPlan,
+        outcome: Outcome,
+        state: RobotState,
+        target: Target | None,
+        samples: Mapping[str, Sample],
+    ) -> None:
+        solution = outcome.solution
+        flags = ENABLED if state.enabled else 0
+        bits = iterations = 0
+        residual_m = _NAN
+        solved: Sequence[float] = ()
+        if solution is not None:
+            flags |= CONVERGED if solution.converged else 0
+            iterations, residual_m, solved = solution.iterations, solution.residual_m, solution.actuation
+            for name in solution.limited_by:
+                bits |= self._bit(index, name)
+        tip = direction = mid = load = NAN3
+        wanted: Sequence[float] = ()
+        if target is not None:
+            flags |= HAS_TARGET
+            tip, direction, mid = target.tip_m or NAN3, target.direction or NAN3, target.mid_m or NAN3
+            load, wanted = target.load_n, target.actuation or ()
+        values += (state.mode, state.fault, flags, bits, iterations)
+        values += tip
+        values += direction
+        values += mid
+        values += load
+        values += (residual_m, outcome.tip_error_m)
+        command, device, limits = state.command, outcome.device, outcome.limits
+        for axis, name in enumerate(plan.axes):
+            values += (
+                wanted[axis] if wanted else _NAN,
+                solved[axis] if solved else _NAN,
+                command[axis] if command else _NAN,
+                limits[axis] if limits else 0,
+                device[axis] if device else _NAN,
+            )
+            sample = samples.get(name)
+            if sample is None:
+                values += _NO_SAMPLE
+                continue
+            value, velocity, effort = sample.value, sample.velocity, sample.effort
+            temperature, voltage = sample.temperature_c, sample.voltage_v
+            values += (
+                _NAN if value is None else value, sample.time_s, sample.valid, sample.age_s,
+                _NAN if velocity is None else velocity, _NAN if effort is None else effort,
+                _NAN if temperature is None else temperature, _NAN if voltage is None else voltage,
+            )  # fmt: skip
+
+    def _bit(self, index: int, name: str) -> int:
+        """The bit of a limit's name; a new one is announced in an event."""
+        bits = self._bits[index]
+        if name not in bits:
+            number = min(len(bits), _MAX_NAMES)
+            bits[name] = 1 << number
+            self._sink.event("limit_name", robot=self._plans[index].name, bit=number, name=name)
+        return bits[name]
