@@ -99,7 +99,7 @@ def test_twelve_different_mistakes_are_twelve_findings_in_the_order_of_the_file(
         ("gap_mm: 5}", "gap_mm: 5, pitch_mm: 3}"),
         ("length_mm: [0, 100]", "length_mm: [100, 0]"),
         ("      b: -0.2774\n", ""),
-        ("velocity_mm_s: 100", "velocity_mm: 100"),
+        ("velocity_mm_s: 60", "velocity_mm: 60"),
         ("rest_mm: [60, 60]", "rest_mm: [60, 60, 60]"),
         ("on_fault: hold", "on_fault: rest"),
         ("estop: relax", "estop: vent"),

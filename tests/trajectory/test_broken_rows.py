@@ -1,0 +1,48 @@
+"""Random text: a trajectory is read, or refused with places; nothing else can happen."""
+
+from __future__ import annotations
+
+import io
+from pathlib import Path
+
+import pytest
+from hypothesis import HealthCheck, given, settings
+from hypothesis import strategies as st
+
+from contid.description.load import load_robot_file
+from contid.description.robot import RobotDescription
+from contid.errors import BadInputError
+from contid.trajectory.read import read_trajectory
+
+CELLS = st.sampled_from(
+    ["1", "-2.5", "1e3", "nan", "inf", "", " 7 ", "x", "1_0", "٣", "1e999", "0x10", '"1"', "#"]
+)
+ROWS = st.lists(st.lists(CELLS, min_size=1, max_size=5).map(",".join), max_size=6)
+
+
+@pytest.fixture(scope="module")
+def hand() -> dict[str, RobotDescription]:
+    return dict(load_robot_file(Path(__file__).parent.parent.parent / "configs" / "hand.yaml").file.robots)
+
+
+@settings(max_examples=150, deadline=None, suppress_health_check=[HealthCheck.function_scoped_fixture])
+@given(rows=ROWS)
+def test_rows_of_anything(hand: dict[str, RobotDescription], rows: list[str]) -> None:
+    text = "t_s,left.x_mm,left.y_mm\n" + "\n".join(rows)
+    try:
+        trajectory, found = read_trajectory(io.StringIO(text), "t.csv", hand), ()
+    except BadInputError as error:
+        trajectory, found = None, error.findings
+    if trajectory is None:
+        assert found
+        assert all(1 <= each.line <= len(rows) + 1 for each in found)
+    else:
+        assert len(trajectory) == sum(1 for row in rows if row.strip() and not row.lstrip().startswith("#"))
+
+
+@settings(max_examples=150, deadline=None, suppress_health_check=[HealthCheck.function_scoped_fixture])
+@given(text=st.text(max_size=200))
+def test_any_text(hand: dict[str, RobotDescription], text: str) -> None:
+    with pytest.raises(BadInputError) as caught:
+        read_trajectory(io.StringIO(text), "t.csv", hand)
+    assert caught.value.findings
