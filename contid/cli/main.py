@@ -13,6 +13,7 @@ from contid.errors import ContidError
 
 #: Command -> (module that defines it as ``command``, one line for ``contid --help``).
 COMMANDS: Final[dict[str, tuple[str, str]]] = {
+    "run": ("contid.cli.run", "make the robots follow a trajectory"),
     "check": ("contid.cli.check", "validate a robot file and print what it describes"),
     "schema": ("contid.cli.schema", "print the JSON Schema of the robot file"),
     "path": ("contid.cli.path", "print a trajectory: circle, line, square, spiral and others"),

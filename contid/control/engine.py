@@ -160,8 +160,9 @@ class Engine:
                     self.source = Live()
                 self.source.put(targets)
             case msg.End():
-                if isinstance(self.source, Live):
-                    self.source.end()
+                if not isinstance(self.source, Live):
+                    self.source = Live()
+                self.source.end()
             case msg.Play(trajectory):
                 self.source, self._ended = Timed(trajectory, self._rate_hz, self.plans), False
             case msg.Goto(robot, target):
@@ -196,6 +197,9 @@ class Engine:
                     self.states[index] = replace(state, pending=resting, enabled=False)
             elif state.mode is not Mode.OFF:
                 self.states[index] = change.stop(plan, state, policy or getattr(plan.stops, reason), now_s)
+        motions = [state.motion for state in self.states if state.mode is Mode.STOPPING]
+        seconds = max((motion.duration_s for motion in motions if motion is not None), default=0.0)
+        self._sink.event("stopping", reason=reason, seconds=seconds)
 
     def _each(self, robots: msg.Who, order: Any) -> None:
         unknown = [name for name in robots or () if name not in self._index]
@@ -289,7 +293,7 @@ class Engine:
                 asked.add(name)
             port.start(Job(commands[name], effects))
         for name, port in self._ports.items():
-            patience_s = timing.end_s - self._now() if port.threaded else 0.0
+            patience_s = timing.end_s - self._now() if port.threaded and not port.lost else 0.0
             if port.busy and (answer := port.take(patience_s)) is not None:
                 self._digest(name, port, answer, now_s)
             elif port.busy and not port.lost:
@@ -329,8 +333,7 @@ class Engine:
 
     def _lose(self, name: str, port: Port, fault: Fault, words: str, now_s: float) -> None:
         """A bus is gone: so are its robots; they keep nothing queued on any bus."""
-        port.lost = words
-        port.retry_at = 0
+        port.lose(words)
         self._queued[name] = []
         for axis in port.bus.axes:
             if axis in self._samples:

@@ -85,10 +85,19 @@ class Port:
         bus: the bus; only this port touches it while open.
         lost: why it is gone, "" while it is there.
         stalls: ticks in a row that ended before the bus was back.
+        retry_at: tick of the next attempt to open a lost bus.
     """
 
-    def __init__(self, bus: Bus, threaded: bool) -> None:
+    def __init__(self, bus: Bus, threaded: bool, reopen_aside: bool = False) -> None:
+        """Take a bus.
+
+        Args:
+            bus: already open.
+            threaded: a worker does the jobs from the start.
+            reopen_aside: a worker takes over when the bus is lost, because opening it again may take long.
+        """
         self.bus = bus
+        self._reopen_aside = reopen_aside
         self.lost = ""
         self.stalls = 0
         self.retry_at = 0
@@ -110,8 +119,15 @@ class Port:
         """True when a worker thread does the jobs."""
         return self._worker is not None
 
+    def lose(self, words: str) -> None:
+        """The bus is gone; whoever reopens it must not hold up the tick."""
+        self.lost = words
+        self.retry_at = 0
+        if self._reopen_aside:
+            self.hand_over()
+
     def hand_over(self) -> None:
-        """From now on a worker does the jobs: reopening a lost bus may take long."""
+        """From now on a worker does the jobs."""
         if self._worker is None:
             self._worker = threading.Thread(target=self._work, name=f"bus {self.bus.name}", daemon=True)
             self._worker.start()

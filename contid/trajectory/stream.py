@@ -39,6 +39,11 @@ class StreamParser:
         """Names of the columns as written."""
         return self._reader.layout.names
 
+    @property
+    def robots(self) -> tuple[str, ...]:
+        """Robots that have columns."""
+        return tuple(columns.robot for columns in self._reader.layout.robots)
+
     def parse(self, line: str, number: int) -> Mapping[str, Target] | None:
         """Targets by robot in the world frame, or None for a comment or blank line.
 

@@ -1,0 +1,76 @@
+"""``contid run``: the daemon."""
+
+from __future__ import annotations
+
+import sys
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+import click
+
+if TYPE_CHECKING:
+    from contid.control.report import Report
+
+
+@click.command()
+@click.argument("robot_file")
+@click.option("--mock", is_flag=True, help="Run on simulated devices instead of the real ones.")
+@click.option("--trajectory", type=click.Path(exists=True, dir_okay=False), help="Timed rows; else stdin.")
+@click.option("--rate", type=click.FloatRange(1.0, 2000.0), help="Ticks per second instead of rate_hz.")
+@click.option(
+    "--on-end",
+    type=click.Choice(["stop", "rest", "hold"]),
+    default="stop",
+    show_default=True,
+    help="When the input ends: stop by the file's stop.on_end and exit, rest and exit, or hold until told.",
+)
+@click.option(
+    "--unreachable",
+    type=click.Choice(["refuse", "nearest"]),
+    default="refuse",
+    show_default=True,
+    help="Targets out of reach: refuse the file (hold, on a live stream), or go to the nearest point.",
+)
+@click.option("--virtual", is_flag=True, help="Simulated devices in virtual time; repeatable to the bit.")
+@click.option("--log", type=click.Path(dir_okay=False), help="Write every command to a CSV, exact floats.")
+@click.option("--json", "as_json", is_flag=True, help="Print the final report as JSON.")
+def command(
+    robot_file: str,
+    mock: bool,
+    trajectory: str | None,
+    rate: float | None,
+    on_end: str,
+    unreachable: str,
+    virtual: bool,
+    log: str | None,
+    as_json: bool,
+) -> None:
+    """Make the robots of ROBOT_FILE follow a trajectory.
+
+    The trajectory is read from --trajectory or from stdin: timed with a column t_s, else a live stream whose
+    newest row is the target. At a terminal, without input, the robots hold until interrupted.
+    """
+    from contid.control.run import RunRequest, run
+
+    request = RunRequest(
+        robot_file=robot_file,
+        mock=mock or virtual,
+        trajectory=trajectory,
+        rate_hz=rate,
+        on_end=on_end,
+        unreachable=unreachable,
+        virtual=virtual,
+        log=None if log is None else Path(log),
+    )
+    finish(run(request), as_json)
+
+
+def finish(report: Report, as_json: bool) -> None:
+    """Print the report and leave with its exit code."""
+    if as_json:
+        import json
+
+        click.echo(json.dumps(report.as_dict()))
+    else:
+        click.echo(str(report))
+    sys.exit(report.exit_code)

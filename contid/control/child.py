@@ -1,0 +1,95 @@
+"""The daemon's hold on the control process: start it early, talk without waiting, end it for certain."""
+
+from __future__ import annotations
+
+import os
+import subprocess
+import sys
+from contextlib import suppress
+from pathlib import Path
+from typing import Final
+
+from contid.control import ring
+from contid.control.messages import frame
+from contid.control.record import RecordLayout
+from contid.control.setup import Setup
+
+#: A control process that ignores its pipe must not make the daemon's memory grow.
+MAX_BACKLOG: Final = 64 << 20
+
+
+class ControlChild:
+    """A control process, from the start of its interpreter to its last status.
+
+    The constructor starts it at once, so that it imports while the daemon still reads the robot file.
+    """
+
+    def __init__(self) -> None:
+        inside, self._pipe = os.pipe()
+        command = [sys.executable, "-m", "contid.control.process", str(inside), str(os.getpid())]
+        try:
+            # A session of its own: Ctrl-C and a closed terminal reach the daemon only.
+            self._process = subprocess.Popen(
+                command, pass_fds=[inside], stdin=subprocess.DEVNULL, start_new_session=True
+            )
+        finally:
+            os.close(inside)
+        self.reader: ring.RingReader | None = None
+        self._path: Path | None = None
+        self._backlog = bytearray()
+
+    @property
+    def pid(self) -> int:
+        """Process id."""
+        return self._process.pid
+
+    @property
+    def status(self) -> int | None:
+        """Exit status, None while it runs."""
+        return self._process.poll()
+
+    def create_ring(self, layout: RecordLayout) -> Path:
+        """Make the shared memory of this run and attach to it."""
+        self._path = ring.create(layout)
+        self.reader = ring.RingReader(self._path)
+        return self._path
+
+    def begin(self, setup: Setup) -> None:
+        """Hand over what it needs; waits until it has taken it."""
+        body = memoryview(frame(setup))
+        os.set_blocking(self._pipe, True)
+        with suppress(BrokenPipeError):
+            while body:
+                body = body[os.write(self._pipe, body) :]
+        os.set_blocking(self._pipe, False)
+
+    def send(self, message: object) -> None:
+        """Send a message; never waits, keeps what the pipe does not take yet for `flush`."""
+        if len(self._backlog) < MAX_BACKLOG:
+            self._backlog += frame(message)
+        self.flush()
+
+    def flush(self) -> None:
+        """Send what is kept."""
+        with suppress(BlockingIOError, BrokenPipeError):
+            while self._backlog:
+                del self._backlog[: os.write(self._pipe, self._backlog)]
+
+    def kill(self) -> None:
+        """End it now; the devices' own dead-man is what stops them then."""
+        self._process.kill()
+
+    def close(self) -> None:
+        """Close the pipe (a running control process then stops by ``on_host_loss``), wait, clean up."""
+        if self._pipe >= 0:
+            os.close(self._pipe)
+            self._pipe = -1
+        try:
+            self._process.wait(4.0)
+        except subprocess.TimeoutExpired:
+            self._process.kill()
+            self._process.wait()
+        if self.reader is not None:
+            self.reader.close()
+        if self._path is not None:
+            self._path.unlink(missing_ok=True)

@@ -1,0 +1,307 @@
+"""The daemon: supervises one run of the control process; may be late without anybody noticing.
+
+Everything it does goes through `Orders`, the one small interface for whoever commands a run: signals and the
+stream on stdin here, the socket of `contid.remote` later. Observers (recorder, viewer) get the path of the
+ring and read at their own pace.
+"""
+
+from __future__ import annotations
+
+import asyncio
+import signal
+import sys
+from collections.abc import Callable, Mapping, Sequence
+from contextlib import suppress
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any, Final, Protocol
+
+from contid.control.child import ControlChild
+from contid.control.command_log import CommandLog
+from contid.control.engine import OnEnd
+from contid.control.inputs import Stream
+from contid.control.messages import End, Estop, Finish, Message
+from contid.control.preflight import Preflight, Unreachable
+from contid.control.record import TickRecord
+from contid.control.report import Report
+from contid.control.setup import Setup
+from contid.control.streaming import follow_stream
+from contid.control.supervisor import Mode
+from contid.control.wiring import build_plans, record_layout
+from contid.description.load import LoadedFile
+from contid.trajectory.timed import Trajectory
+
+#: How often events are fetched from the ring.
+POLL_S: Final = 0.02
+#: How much longer than its motion a stop may take, and how long an emergency stop may.
+PATIENCE_S: Final = 2.0
+
+
+def say(words: str) -> None:
+    """A message for a person; the line of progress at a terminal makes room for it."""
+    clear = "\r\x1b[K" if sys.stderr.isatty() else ""
+    sys.stderr.write(f"{clear}contid: {words}\n")
+    sys.stderr.flush()
+
+
+class Orders(Protocol):
+    """What a source of commands may do with a run."""
+
+    @property
+    def loaded(self) -> LoadedFile:
+        """The robot file."""
+        ...
+
+    def send(self, message: Message) -> None:
+        """Give an order to the control process."""
+        ...
+
+    def newest(self) -> TickRecord | None:
+        """The newest record."""
+        ...
+
+    def listen(self, listener: Callable[[Mapping[str, Any]], None]) -> None:
+        """Call ``listener`` with every further event."""
+        ...
+
+    def interrupt(self) -> None:
+        """End the run: orderly the first time, relax or vent now the second."""
+        ...
+
+
+class Commands(Protocol):
+    """A source of commands, such as the socket."""
+
+    async def serve(self, orders: Orders) -> None:
+        """Take commands until cancelled."""
+        ...
+
+
+class Observer(Protocol):
+    """Something that reads the ring, such as a recorder in its own process."""
+
+    def attach(self, ring: Path, loaded: LoadedFile) -> None:
+        """Begin; called before the first tick."""
+        ...
+
+    def detach(self) -> None:
+        """The ring is finished: read the rest and end, within a bounded time."""
+        ...
+
+
+@dataclass(slots=True)
+class RunOptions:
+    """How to run.
+
+    Attributes:
+        rate_hz: of the tick.
+        on_end: what to do when the input ends.
+        unreachable: what to do with unreachable rows of a stream.
+        log: where to write the command log.
+        commands: sources of commands; with any of them the run waits for orders.
+        observers: readers of the ring.
+        say: takes messages for a person.
+    """
+
+    rate_hz: float
+    on_end: OnEnd = OnEnd.STOP
+    unreachable: Unreachable = Unreachable.REFUSE
+    log: Path | None = None
+    commands: Sequence[Commands] = ()
+    observers: Sequence[Observer] = ()
+    say: Callable[[str], None] = say
+
+
+class Daemon:
+    """One run."""
+
+    def __init__(
+        self,
+        loaded: LoadedFile,
+        source: Trajectory | Stream | None,
+        options: RunOptions,
+        child: ControlChild,
+    ) -> None:
+        self.loaded = loaded
+        self._source = source
+        self._options = options
+        self._child = child
+        self._listeners: list[Callable[[Mapping[str, Any]], None]] = []
+        self._report = Report(ending="the input ended", rate_hz=options.rate_hz)
+        self._interrupts = 0
+        self._give_up_s: float | None = None
+        self._end_s: float | None = None
+        self._last: TickRecord | None = None
+        self._log: CommandLog | None = None
+        self._terminal = sys.stderr.isatty()
+
+    # -- orders ------------------------------------------------------------------------------------------
+
+    def send(self, message: Message) -> None:
+        """See `Orders.send`."""
+        self._child.send(message)
+
+    def newest(self) -> TickRecord | None:
+        """See `Orders.newest`."""
+        return self._child.reader.newest() if self._child.reader else None
+
+    def listen(self, listener: Callable[[Mapping[str, Any]], None]) -> None:
+        """See `Orders.listen`."""
+        self._listeners.append(listener)
+
+    def interrupt(self) -> None:
+        """See `Orders.interrupt`."""
+        self._interrupts += 1
+        self._report.ending, self._report.exit_code = "interrupted", 130
+        loop = asyncio.get_running_loop()
+        if self._interrupts == 1:
+            self._options.say("stopping; once more to relax at once")
+            self.send(Finish())
+            # Until the control process tells how long the motion takes.
+            self._give_up_s = loop.time() + PATIENCE_S
+        else:
+            self._options.say("relaxing now")
+            self._emergency()
+
+    def _emergency(self) -> None:
+        self.send(Estop())
+        self.send(Finish())
+        self._give_up_s = None
+        self._end_s = asyncio.get_running_loop().time() + PATIENCE_S
+
+    # -- the run -----------------------------------------------------------------------------------------
+
+    async def run(self) -> Report:
+        """Run to the end and report; never leaves the control process behind."""
+        options = self._options
+        layout = record_layout(self.loaded, options.rate_hz)
+        path = self._child.create_ring(layout)
+        tasks: list[asyncio.Task[None]] = []
+        attached: list[Observer] = []
+        loop = asyncio.get_running_loop()
+        try:
+            self._log = None if options.log is None else CommandLog(options.log, layout)
+            for observer in options.observers:
+                observer.attach(path, self.loaded)
+                attached.append(observer)
+            for number in (signal.SIGINT, signal.SIGTERM):
+                loop.add_signal_handler(number, self.interrupt)
+            timed = self._source if isinstance(self._source, Trajectory) else None
+            # Whoever may give orders later is waited for; a source alone ends the run when it ends.
+            attended = bool(options.commands) or self._source is None
+            self._child.begin(Setup(self.loaded, options.rate_hz, path, timed, options.on_end, attended))
+            tasks += [asyncio.create_task(commands.serve(self)) for commands in options.commands]
+            if isinstance(self._source, Stream):
+                tasks.append(asyncio.create_task(self._follow(self._source)))
+            await self._supervise()
+        finally:
+            for number in (signal.SIGINT, signal.SIGTERM):
+                loop.remove_signal_handler(number)
+            for task in tasks:
+                task.cancel()
+            await asyncio.gather(*tasks, return_exceptions=True)
+            self._conclude()
+            for observer in attached:
+                with suppress(Exception):
+                    observer.detach()
+            self._child.close()
+            if self._log is not None:
+                self._log.close()
+        return self._report
+
+    async def _follow(self, stream: Stream) -> None:
+        preflight = None
+        if self._options.unreachable is Unreachable.REFUSE:
+            preflight = Preflight(build_plans(self.loaded, self._options.rate_hz))
+        await follow_stream(stream, self.send, preflight, self._options.say)
+        self.send(End())
+
+    async def _supervise(self) -> None:
+        """Fetch events until the control process is gone; press on when it does not stop in time."""
+        loop = asyncio.get_running_loop()
+        while self._child.status is None:
+            await asyncio.sleep(POLL_S)
+            self._child.flush()
+            self._fetch()
+            if self._give_up_s is not None and loop.time() > self._give_up_s:
+                self._report.problems.append("the orderly stop took too long; relaxed at once")
+                self._emergency()
+            if self._end_s is not None and loop.time() > self._end_s:
+                self._report.problems.append(
+                    "the control process did not end and was killed; the devices stop by their own dead-man"
+                )
+                self._child.kill()
+                break
+            self._progress()
+
+    def _fetch(self) -> None:
+        reader = self._child.reader
+        assert reader is not None
+        for event in reader.events():
+            self._notice(event)
+            for listener in self._listeners:
+                listener(event)
+        if self._log is not None:
+            for record in reader.ticks():
+                self._log.add(record)
+
+    def _notice(self, event: Mapping[str, Any]) -> None:
+        """What an event means for the report and for the person at the terminal."""
+        report, say = self._report, self._options.say
+        match event["event"]:
+            case "fault":
+                say(f"{event['robot']}: {event['words']}")
+            case "refused":
+                say(f"refused: {event['words']}")
+            case "bus":
+                say(event["words"])
+            case "skipped":
+                say(f"{event['ticks']} ticks skipped ({event['total']} in all)")
+            case "stopping" if self._give_up_s is not None:
+                self._give_up_s = asyncio.get_running_loop().time() + event["seconds"] + PATIENCE_S
+            case "started":
+                report.realtime = event["realtime"]
+                if event["words"]:
+                    say(event["words"])
+            case "failed":
+                report.ending, report.exit_code = event["words"], event["exit_code"]
+            case "robot":
+                report.robots[event["robot"]] = event["told"]
+            case "report":
+                for name in ("ticks", "late", "skipped", "waited", "lateness"):
+                    setattr(report, name, event[name])
+
+    def _conclude(self) -> None:
+        """The last events, and what they mean for the exit code."""
+        self._fetch()
+        report, status = self._report, self._child.status
+        if self._terminal:
+            sys.stderr.write("\r\x1b[K")
+        if report.faulted():
+            report.ending = "a fault stopped a robot" if report.exit_code != 130 else report.ending
+            report.exit_code = 3
+        elif status not in (None, 0) and report.exit_code in (0, 130):
+            report.ending, report.exit_code = f"the control process ended with status {status}", 3
+        reader = self._child.reader
+        if self._log is not None and reader is not None and reader.missed_ticks:
+            report.problems.append(f"{reader.missed_ticks} ticks are missing in the command log")
+
+    def _progress(self) -> None:
+        """One line at a terminal."""
+        if not self._terminal:
+            return
+        record = self.newest()
+        if record is None or (
+            self._last is not None and record.tick - self._last.tick < self._options.rate_hz / 5.0
+        ):
+            return
+        self._last = record
+        names = [robot.name for robot in self._child.reader.layout.robots] if self._child.reader else []
+        modes = ", ".join(
+            f"{name} {Mode(robot.mode).name}" for name, robot in zip(names, record.robots, strict=True)
+        )
+        end = f"/{self._source.end_s:.1f}" if isinstance(self._source, Trajectory) else ""
+        at = "" if record.source_s != record.source_s else f"  t {record.source_s:.1f}{end} s"
+        skipped = f"  {record.skipped} skipped" if record.skipped else ""
+        sys.stderr.write(f"\r\x1b[K{modes}{at}{skipped}")
+        sys.stderr.flush()

@@ -1,0 +1,98 @@
+"""What `contid run` follows: a timed trajectory read to its end, or the lines of a live stream.
+
+Which of the two is decided by the header: with ``t_s`` it is timed. A file is always timed; a live stream is
+read from a pipe, a socket or a terminal, where a line arrives when it is meant.
+"""
+
+from __future__ import annotations
+
+import io
+import os
+import stat
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass
+from pathlib import Path
+from typing import TextIO
+
+from contid.description.robot import RobotDescription
+from contid.errors import BadInputError, ContidError, Located
+from contid.trajectory.read import read_trajectory
+from contid.trajectory.stream import StreamParser
+from contid.trajectory.timed import Trajectory
+
+
+@dataclass(frozen=True, slots=True)
+class Stream:
+    """A live stream whose header was read.
+
+    Attributes:
+        parser: of its lines.
+        name: what messages call it.
+        descriptor: where its further bytes come from.
+        pending: lines read already, with their numbers.
+        number: of the last line read.
+        rest: bytes read beyond the last whole line.
+    """
+
+    parser: StreamParser
+    name: str
+    descriptor: int
+    pending: tuple[tuple[int, str], ...]
+    number: int
+    rest: bytes = b""
+
+
+def read_file(path: str, robots: Mapping[str, RobotDescription]) -> Trajectory:
+    """The timed trajectory of a file; ``-`` is not one."""
+    try:
+        with Path(path).open(encoding="utf-8") as file:
+            return read_trajectory(file, path, robots)
+    except (OSError, UnicodeDecodeError) as error:
+        raise ContidError(f"{path}: cannot read it: {error}") from error
+
+
+def read_stdin(stdin: TextIO, robots: Mapping[str, RobotDescription]) -> Trajectory | Stream | None:
+    """What stdin holds; None when there is nothing at all (``< /dev/null``).
+
+    Raises:
+        BadInputError: a wrong header, or a trajectory with mistakes.
+    """
+    descriptor = stdin.fileno()
+    name = "stdin"
+    skipped: list[str] = []
+    for number, raw in _lines(descriptor):
+        line = raw.decode("utf-8", errors="replace")
+        if not line.strip() or line.lstrip().startswith("#"):
+            skipped.append(line)
+            continue
+        parser = StreamParser(line, name, robots, number)
+        if parser.timed:
+            return _read_timed(descriptor, "".join(skipped) + line, robots)
+        if stat.S_ISREG(os.fstat(descriptor).st_mode):
+            words = "no column 't_s': a file needs times; a live stream comes through a pipe"
+            raise BadInputError([Located(name, number, 1, words)])
+        pending = ((number, line),) if parser.first_line_is_row else ()
+        return Stream(parser, name, descriptor, pending, number)
+    return None
+
+
+def _read_timed(descriptor: int, head: str, robots: Mapping[str, RobotDescription]) -> Trajectory:
+    with os.fdopen(os.dup(descriptor), "rb") as file:
+        try:
+            rest = file.read().decode("utf-8")
+        except UnicodeDecodeError as error:
+            raise ContidError(f"stdin: not UTF-8 text: {error}") from error
+    return read_trajectory(io.StringIO(head + rest), "stdin", robots)
+
+
+def _lines(descriptor: int) -> Iterator[tuple[int, bytes]]:
+    """Lines byte by byte: what comes after the header belongs to whoever reads on."""
+    line, number = bytearray(), 1
+    while byte := os.read(descriptor, 1):
+        line += byte
+        if byte == b"\n":
+            yield number, bytes(line)
+            line.clear()
+            number += 1
+    if line:
+        yield number, bytes(line)

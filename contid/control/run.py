@@ -1,0 +1,161 @@
+"""One run from its request to its report: the order in which things are read, checked, started and ended.
+
+The control process is started first and imports while the robot file and the trajectory are read; nothing is
+handed to it, and nothing moves, before both were found good.
+"""
+
+from __future__ import annotations
+
+import asyncio
+import sys
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from contextlib import ExitStack
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Final
+
+from contid.control.child import ControlChild
+from contid.control.command_log import CommandLog
+from contid.control.daemon import Commands, Daemon, Observer, RunOptions, say
+from contid.control.engine import OnEnd, Sink
+from contid.control.inputs import Stream, read_file, read_stdin
+from contid.control.messages import Message, Rows
+from contid.control.preflight import Preflight, Unreachable
+from contid.control.report import Report
+from contid.control.streaming import take_row
+from contid.control.virtual import run_virtual
+from contid.control.wiring import build_plans, driven_robots, record_layout
+from contid.description.load import LoadedFile, load_robot_file, with_mock
+from contid.description.shipped import find_robot_file
+from contid.errors import ContidError
+from contid.targets import Target
+from contid.trajectory.timed import Trajectory
+
+#: A trajectory with more rows than this shows how far its check has come.
+LONG: Final = 20_000
+
+
+@dataclass(frozen=True, slots=True)
+class RunRequest:
+    """What the command line asked for, as it said it.
+
+    Attributes:
+        robot_file: path or name of a shipped one.
+        mock: simulated devices.
+        trajectory: file of timed rows; None for stdin.
+        rate_hz: instead of the file's.
+        on_end: `contid.control.engine.OnEnd`.
+        unreachable: `contid.control.preflight.Unreachable`.
+        virtual: in virtual time.
+        log: where to write every command.
+        commands: further sources of orders.
+        observers: readers of the ring.
+    """
+
+    robot_file: str
+    mock: bool = False
+    trajectory: str | None = None
+    rate_hz: float | None = None
+    on_end: str = "stop"
+    unreachable: str = "refuse"
+    virtual: bool = False
+    log: Path | None = None
+    commands: Sequence[Commands] = ()
+    observers: Sequence[Observer] = ()
+
+
+def run(request: RunRequest) -> Report:
+    """Run to the end.
+
+    Raises:
+        ContidError: nothing was started: a wrong file, an unreachable row.
+    """
+    if request.virtual:
+        loaded, source = read(request)
+        return _virtual(request, loaded, source)
+    with ExitStack() as stack:
+        child = ControlChild()
+        stack.callback(child.close)
+        loaded, source = read(request)
+        options = RunOptions(
+            rate_hz=request.rate_hz or loaded.file.rate_hz,
+            on_end=OnEnd(request.on_end),
+            unreachable=Unreachable(request.unreachable),
+            log=request.log,
+            commands=request.commands,
+            observers=request.observers,
+        )
+        return asyncio.run(Daemon(loaded, source, options, child).run())
+
+
+def read(request: RunRequest) -> tuple[LoadedFile, Trajectory | Stream | None]:
+    """The robot file and what to follow, both checked."""
+    loaded = load_robot_file(find_robot_file(request.robot_file))
+    if request.mock:
+        loaded = with_mock(loaded)
+    robots = driven_robots(loaded)
+    source: Trajectory | Stream | None = None
+    if request.trajectory is not None:
+        source = read_file(request.trajectory, robots)
+    elif not sys.stdin.isatty():
+        source = read_stdin(sys.stdin, robots)
+    if isinstance(source, Trajectory) and request.unreachable == Unreachable.REFUSE:
+        plans = build_plans(loaded, request.rate_hz or loaded.file.rate_hz)
+        name = request.trajectory or "stdin"
+        Preflight(plans).trajectory(source, name, _progress(len(source)))
+    return loaded, source
+
+
+def _progress(rows: int) -> Callable[[int, int], None] | None:
+    if rows < LONG or not sys.stderr.isatty():
+        return None
+
+    def show(done: int, total: int) -> None:
+        sys.stderr.write(f"\r\x1b[Kchecking the trajectory: {100 * done // total} %")
+        sys.stderr.flush()
+
+    return show
+
+
+def _virtual(request: RunRequest, loaded: LoadedFile, source: Trajectory | Stream | None) -> Report:
+    """In virtual time; a stream gives one row per tick."""
+    rate_hz = request.rate_hz or loaded.file.rate_hz
+    with ExitStack() as stack:
+        sinks: list[Sink] = [Messages()]
+        if request.log is not None:
+            log = CommandLog(request.log, record_layout(loaded, rate_hz))
+            stack.callback(log.close)
+            sinks.append(log)
+        on_end = OnEnd(request.on_end)
+        if isinstance(source, Stream):
+            refuse = request.unreachable == Unreachable.REFUSE
+            rows = _rows(source, Preflight(build_plans(loaded, rate_hz)) if refuse else None)
+            return run_virtual(loaded, rate_hz, None, sinks=sinks, on_end=on_end, rows=rows)
+        if source is None:
+            raise ContidError("--virtual has nothing to follow: give --trajectory, or a trajectory on stdin")
+        return run_virtual(loaded, rate_hz, source, sinks=sinks, on_end=on_end)
+
+
+class Messages:
+    """A sink that tells a person about faults and refusals."""
+
+    def write(self, values: list[float]) -> None:
+        """Records are for others."""
+
+    def event(self, kind: str, **fields: object) -> None:
+        """See `contid.control.engine.Sink`."""
+        if kind in ("fault", "refused", "bus"):
+            say(str(fields["words"]))
+
+
+def _rows(stream: Stream, preflight: Preflight | None) -> Iterator[Mapping[str, Target | None]]:
+    """Rows of a stream as they are read, waiting for each."""
+    taken: list[Message] = []
+    lines = [*stream.pending]
+    with open(stream.descriptor, encoding="utf-8", errors="replace", closefd=False) as file:
+        for number, line in [*lines, *enumerate(file, stream.number + 1)]:
+            take_row(stream, line, number, taken.append, preflight, say, stream.parser.robots)
+            for message in taken:
+                if isinstance(message, Rows):
+                    yield message.targets
+            taken.clear()
