@@ -135,7 +135,6 @@ class SimBus:
             self._open = False
             self._note("close", now)
         self._lost = ""
-        self._journal.close()
 
     # -- faults ------------------------------------------------------------------------------------------
 

@@ -15,11 +15,13 @@ from contid_drivers.sim.devices import SimDevice
 
 
 class Journal:
-    """Appends to a file with one system call per line, so that a killed process leaves whole lines."""
+    """Appends to a file with one system call per line, so that a killed process leaves whole lines.
+
+    The file is open only while a line is written: events are rare, and devices go on after `Bus.close`.
+    """
 
     def __init__(self, path: str | None) -> None:
         self._path = path
-        self._fd = -1
 
     def write(
         self, event: str, t_s: float, bus: str, devices: Mapping[str, SimDevice], subject: str = ""
@@ -27,8 +29,6 @@ class Journal:
         """One line: what happened, when, to what, and how every axis stood."""
         if self._path is None:
             return
-        if self._fd < 0:
-            self._fd = os.open(self._path, os.O_WRONLY | os.O_CREAT | os.O_APPEND | os.O_CLOEXEC, 0o644)
         line = {
             "event": event,
             "t_s": t_s,
@@ -36,13 +36,11 @@ class Journal:
             "subject": subject,
             "axes": {name: _state(device) for name, device in devices.items()},
         }
-        os.write(self._fd, json.dumps(line).encode() + b"\n")
-
-    def close(self) -> None:
-        """Let the file go; the next line opens it again."""
-        if self._fd >= 0:
-            os.close(self._fd)
-            self._fd = -1
+        fd = os.open(self._path, os.O_WRONLY | os.O_CREAT | os.O_APPEND | os.O_CLOEXEC, 0o644)
+        try:
+            os.write(fd, json.dumps(line).encode() + b"\n")
+        finally:
+            os.close(fd)
 
 
 def _state(device: SimDevice) -> dict[str, object]:
