@@ -10,6 +10,7 @@ import json
 import os
 from collections.abc import Mapping
 
+from contid.errors import DeviceError
 from contid.hal import DeviceKind
 from contid_drivers.sim.devices import SimDevice
 
@@ -36,11 +37,14 @@ class Journal:
             "subject": subject,
             "axes": {name: _state(device) for name, device in devices.items()},
         }
-        fd = os.open(self._path, os.O_WRONLY | os.O_CREAT | os.O_APPEND | os.O_CLOEXEC, 0o644)
         try:
-            os.write(fd, json.dumps(line).encode() + b"\n")
-        finally:
-            os.close(fd)
+            fd = os.open(self._path, os.O_WRONLY | os.O_CREAT | os.O_APPEND | os.O_CLOEXEC, 0o644)
+            try:
+                os.write(fd, json.dumps(line).encode() + b"\n")
+            finally:
+                os.close(fd)
+        except OSError as error:
+            raise DeviceError(bus, f"cannot write journal_file {self._path}: {error.strerror}") from error
 
 
 def _state(device: SimDevice) -> dict[str, object]:

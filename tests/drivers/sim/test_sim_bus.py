@@ -9,7 +9,7 @@ import math
 import pytest
 
 from contid.control.clock import VirtualClock
-from contid.errors import DeviceLostError
+from contid.errors import DeviceError, DeviceLostError
 from contid.hal import AxisOnBus, Rest
 from contid_drivers.sim import DRIVER, FaultKind, SimAxisOptions, SimBusOptions
 
@@ -250,6 +250,12 @@ def test_without_a_journal_no_file_is_written(tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)
     Rig({"device": "servo"}).start().bus.close()
     assert list(tmp_path.iterdir()) == []
+
+
+def test_a_journal_that_cannot_be_written_is_named(tmp_path):
+    rig = Rig({"device": "servo"}, journal_file=str(tmp_path / "missing" / "j.jsonl"))
+    with pytest.raises(DeviceError, match=r"bus: cannot write journal_file .*missing"):
+        rig.bus.open()
 
 
 @pytest.mark.parametrize(
