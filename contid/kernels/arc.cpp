@@ -59,7 +59,8 @@ void make(SectionSolver* self, nb::handle radius, nb::handle to_arc, nb::handle 
   self->tuning = {nb::cast<double>(tuning.attr("ell_m")), nb::cast<double>(tuning.attr("tolerance_m")),
                     nb::cast<double>(tuning.attr("home_tolerance_m")),
                     nb::cast<double>(tuning.attr("weight")), nb::cast<double>(tuning.attr("near")),
-                    nb::cast<int>(tuning.attr("home_steps")), nb::cast<double>(tuning.attr("slow")),
+                    nb::cast<int>(tuning.attr("home_steps")), nb::cast<double>(tuning.attr("contraction")),
+                    nb::cast<double>(tuning.attr("slow")),
                     nb::cast<int>(tuning.attr("iterations")), nb::cast<int>(tuning.attr("settling")),
                     nb::cast<int>(tuning.attr("starts"))};
   self->prepare();

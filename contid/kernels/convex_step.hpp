@@ -155,6 +155,13 @@ inline void solve_upper(const double* f, int n, int stride, double* x) {
   }
 }
 
+struct IdentityFactor {
+  double entries[kMostLengths * kMostLengths] = {};
+  IdentityFactor() {
+    for (int i = 0; i < kMostLengths; ++i) entries[i * kMostLengths + i] = 1.0;
+  }
+};
+
 inline double dot(const double* a, const double* b, int n) {
   double sum = 0.0;
   for (int i = 0; i < n; ++i) sum += a[i] * b[i];
@@ -163,58 +170,64 @@ inline double dot(const double* a, const double* b, int n) {
 
 constexpr double kRounding = 1e-12;  // excess that counts as rounding [m]
 
-// The step closest to d in the metric H with l + d feasible, in place; `whiten` is H's lower Cholesky factor.
+// The best step with l + d feasible, in place, from the best one without limits; `whiten` is the lower Cholesky
+// factor of the metric. `task` (may be null) are whitened rows of a task whose error counts 1/weight: each is
+// held as an equation with a slack, (row, sqrt(weight) e_a), so a stiff task brings no large numbers.
 // Goldfarb and Idnani, with the limits asked for one by one at the present point.
-inline void bounded_step(const double* whiten, const double* at, const Feasible& feasible, double* d) {
-  const int n = feasible.size();
+inline void bounded_step(const double* whiten, const double* at, const Feasible& feasible,
+                         const double (*task)[kMostLengths], int rows, double weight, double* d) {
+  constexpr int kMost = kMostLengths + kMostRows;
+  const int n = feasible.size(), wide = n + rows;
   double trial[kMostLengths];
   for (int i = 0; i < n; ++i) trial[i] = at[i] + d[i];
   int number;
   double excess = feasible.worst(trial, 0, number);
   if (excess <= kRounding) return;
-  double normals[kMostLengths][kMostLengths];  // of the held limits, whitened
-  double multipliers[kMostLengths];
-  int numbers[kMostLengths];
-  int held = 0;
+  double normals[kMost][kMost];  // of what is held, whitened: first the task, then limits
+  for (int a = 0; a < rows; ++a) {
+    std::memcpy(normals[a], task[a], n * sizeof(double));
+    for (int b = 0; b < rows; ++b) normals[a][n + b] = a == b ? std::sqrt(weight) : 0.0;
+  }
+  double multipliers[kMost];
+  int numbers[kMost];
+  int held = rows;
   std::uint64_t mask = 0;
   for (int tried = 0; tried < 40; ++tried) {
-    double v[kMostLengths], added = 0.0;
+    double v[kMost] = {}, added = 0.0;
     feasible.normal(trial, number, v);
     solve_lower(whiten, n, kMostLengths, v);
     for (;;) {
-      double gram[kMostLengths * kMostLengths], r[kMostLengths], move[kMostLengths];
+      double gram[kMost * kMost], r[kMost], move[kMost];
       for (int a = 0; a < held; ++a) {
-        for (int b = 0; b <= a; ++b) gram[a * kMostLengths + b] = dot(normals[a], normals[b], n);
-        r[a] = dot(normals[a], v, n);
+        for (int b = 0; b <= a; ++b) gram[a * kMost + b] = dot(normals[a], normals[b], wide);
+        r[a] = dot(normals[a], v, wide);
       }
       if (held > 0) {
-        if (!factor(gram, held, kMostLengths)) return;
-        solve_lower(gram, held, kMostLengths, r);
-        solve_upper(gram, held, kMostLengths, r);
+        if (!factor(gram, held, kMost)) return;
+        solve_lower(gram, held, kMost, r);
+        solve_upper(gram, held, kMost, r);
       }
-      for (int i = 0; i < n; ++i) {
+      for (int i = 0; i < wide; ++i) {
         move[i] = v[i];
         for (int a = 0; a < held; ++a) move[i] -= normals[a][i] * r[a];
       }
-      const double gain = dot(move, move, n);
-      const double full = gain > 1e-14 * dot(v, v, n) && held < n ? excess / gain : kInfinity;
+      const double gain = dot(move, move, wide);
+      const double full = gain > 1e-14 * dot(v, v, wide) && held < wide ? excess / gain : kInfinity;
       double partial = kInfinity;
       int blocking = -1;
-      for (int a = 0; a < held; ++a)
+      for (int a = rows; a < held; ++a)
         if (r[a] > 0.0 && multipliers[a] / r[a] < partial) partial = multipliers[a] / r[a], blocking = a;
       const double t = full < partial ? full : partial;
-      if (t == kInfinity) return;  // depends on the held limits: what is left of it is rounding
-      for (int a = 0; a < held; ++a) multipliers[a] -= t * r[a];
+      if (t == kInfinity) return;  // depends on what is held: what is left of it is rounding
+      for (int a = rows; a < held; ++a) multipliers[a] -= t * r[a];
       added += t;
       if (full < kInfinity) {
-        double back[kMostLengths];
-        for (int i = 0; i < n; ++i) back[i] = move[i];
-        solve_upper(whiten, n, kMostLengths, back);
-        for (int i = 0; i < n; ++i) d[i] -= t * back[i];
+        solve_upper(whiten, n, kMostLengths, move);
+        for (int i = 0; i < n; ++i) d[i] -= t * move[i];
         excess -= t * gain;
       }
       if (full <= partial) {
-        for (int i = 0; i < n; ++i) normals[held][i] = v[i];
+        std::memcpy(normals[held], v, wide * sizeof(double));
         multipliers[held] = added;
         numbers[held++] = number;
         if (number < feasible.flat()) mask |= std::uint64_t{1} << number;
@@ -223,7 +236,7 @@ inline void bounded_step(const double* whiten, const double* at, const Feasible&
       if (numbers[blocking] < feasible.flat()) mask &= ~(std::uint64_t{1} << numbers[blocking]);
       --held;
       for (int a = blocking; a < held; ++a) {
-        std::memcpy(normals[a], normals[a + 1], sizeof normals[a]);
+        std::memcpy(normals[a], normals[a + 1], wide * sizeof(double));
         multipliers[a] = multipliers[a + 1];
         numbers[a] = numbers[a + 1];
       }
@@ -234,37 +247,33 @@ inline void bounded_step(const double* whiten, const double* at, const Feasible&
   }
 }
 
-// minimise |J d - e|^2 + w |d - z|^2 with l + d feasible.
+// minimise |J d - e|^2 + weight (d^T W d - 2 z^T d) with l + d feasible; y are the multipliers of the task.
+// `metric` is the lower Cholesky factor of W; null for the identity.
 inline void damped_step(const Feasible& feasible, const double (*J)[kMostLengths], const double* e, int rows,
-                        double weight, const double* z, const double* at, double* d) {
+                        double weight, const double* z, const double* at, const double* metric, double* d,
+                        double* y) {
+  static const IdentityFactor identity;
   const int n = feasible.size();
-  double gram[kMostRows * kMostRows], y[kMostRows];
-  for (int a = 0; a < rows; ++a) {
-    for (int b = 0; b <= a; ++b) gram[a * kMostRows + b] = dot(J[a], J[b], n);
-    gram[a * kMostRows + a] += weight;
-    y[a] = e[a] - dot(J[a], z, n);
+  double gram[kMostRows * kMostRows], K[kMostRows][kMostLengths];
+  std::memcpy(d, z, n * sizeof(double));
+  for (int a = 0; a < rows; ++a) std::memcpy(K[a], J[a], n * sizeof(double));
+  if (metric) {
+    solve_lower(metric, n, kMostLengths, d);
+    for (int a = 0; a < rows; ++a) solve_lower(metric, n, kMostLengths, K[a]);
   }
-  for (int i = 0; i < n; ++i) d[i] = z[i];
+  for (int a = 0; a < rows; ++a) {
+    for (int b = 0; b <= a; ++b) gram[a * kMostRows + b] = dot(K[a], K[b], n);
+    gram[a * kMostRows + a] += weight;
+    y[a] = e[a] - dot(K[a], d, n);
+  }
   if (factor(gram, rows, kMostRows)) {
     solve_lower(gram, rows, kMostRows, y);
     solve_upper(gram, rows, kMostRows, y);
     for (int a = 0; a < rows; ++a)
-      for (int i = 0; i < n; ++i) d[i] += J[a][i] * y[a];
+      for (int i = 0; i < n; ++i) d[i] += K[a][i] * y[a];
   }
-  double trial[kMostLengths];
-  for (int i = 0; i < n; ++i) trial[i] = at[i] + d[i];
-  int number;
-  if (feasible.worst(trial, 0, number) <= kRounding) return;
-  double whiten[kMostLengths * kMostLengths];
-  for (int i = 0; i < n; ++i) {
-    for (int j = 0; j <= i; ++j) {
-      double sum = 0.0;
-      for (int a = 0; a < rows; ++a) sum += J[a][i] * J[a][j];
-      whiten[i * kMostLengths + j] = sum;
-    }
-    whiten[i * kMostLengths + i] += weight;
-  }
-  if (factor(whiten, n, kMostLengths)) bounded_step(whiten, at, feasible, d);
+  if (metric) solve_upper(metric, n, kMostLengths, d);
+  bounded_step(metric ? metric : identity.entries, at, feasible, K, rows, weight, d);
 }
 
 }  // namespace contid

@@ -14,6 +14,7 @@ constexpr int kLibrary = 256;
 struct Tuning {
   double ell, tolerance, home_tolerance, weight, near;
   int home_steps;
+  double contraction;
   double slow;
   int iterations, settling, starts;
 };
@@ -116,8 +117,10 @@ class SectionSolver {
       return false;
     }
     for (int i = 0; i < s.count; ++i) s.lengths(i, arcs + 3 * i, lengths);
+    double sum = 0.0;  // not finite when a length is not: a target on the rim of what arcs can reach
+    for (int i = 0; i < s.size(); ++i) sum += lengths[i];
     int number;
-    return feasible.worst(lengths, 0, number) <= 1e-12;
+    return std::isfinite(sum) && feasible.worst(lengths, 0, number) <= 1e-12;
   }
 
   // One more start; true when the search can end: the target is met, or three starts agree.
@@ -242,6 +245,9 @@ class SectionSolver {
     look(lengths, aim, tasks[0]);
     double boost = 1.0, reach = t.ell;
     int homes_left = t.home_steps;
+    bool curved = false;
+    double metric[kMostLengths * kMostLengths];
+    double last_step = kInfinity;
     for (int iteration = 0; iteration < t.iterations; ++iteration) {
       ++iterations;
       const Task& task = tasks[now];
@@ -256,7 +262,8 @@ class SectionSolver {
       } else {
         damping += boost * task.error * task.error / (2.0 * t.ell * t.ell);
       }
-      damped_step(feasible, task.J, task.e, task.rows, damping, z, lengths, d);
+      double y[kMostRows];
+      damped_step(feasible, task.J, task.e, task.rows, damping, z, lengths, homing && curved ? metric : nullptr, d, y);
       const double step = moved(lengths, d, trial);
       Task& next = tasks[1 - now];
       look(trial, aim, next);
@@ -272,11 +279,43 @@ class SectionSolver {
       const bool slow = next.error > t.slow * task.error;
       std::memcpy(lengths, trial, n * sizeof(double));
       now = 1 - now;
+      if (homing && step > t.contraction * last_step) {
+        home_metric(lengths, aim, next, y, metric);
+        curved = true;
+      }
+      last_step = homing ? step : kInfinity;
       if (!homing) boost = std::max(0.25 * boost, 1e-6);
       if (next.error <= t.tolerance && (!homing || step <= t.home_tolerance)) return next.error;
       if (!homing && slow && next.error > t.tolerance) return next.error;
     }
     return tasks[now].error;
+  }
+
+  // Second derivatives of |l - home|^2/2 - y^T task, shifted until positive definite: their factor.
+  void home_metric(const double* lengths, const Aim& aim, const Task& task, const double* y,
+                   double* metric) const {
+    constexpr double kForward = 1e-6;  // [m]
+    const int n = feasible.size();
+    double rows[kMostLengths][kMostLengths], at[kMostLengths];
+    std::memcpy(at, lengths, n * sizeof(double));
+    for (int k = 0; k < n; ++k) {
+      Task moved;
+      at[k] = lengths[k] + kForward;
+      look(at, aim, moved);
+      at[k] = lengths[k];
+      for (int i = 0; i < n; ++i) {
+        double change = 0.0;
+        for (int a = 0; a < task.rows; ++a) change += (moved.J[a][i] - task.J[a][i]) * y[a];
+        rows[k][i] = (k == i) - change / kForward;
+      }
+    }
+    for (double shift = 0.5, added = 0.0;; added = shift, shift *= 4.0) {
+      for (int i = 0; i < n; ++i) {
+        for (int j = 0; j <= i; ++j) metric[i * kMostLengths + j] = 0.5 * (rows[i][j] + rows[j][i]);
+        metric[i * kMostLengths + i] += added;
+      }
+      if (factor(metric, n, kMostLengths)) return;
+    }
   }
 
   // Newton's method on |e|^2/2 for a target that is not met, to the minimum on the limits.
@@ -305,7 +344,7 @@ class SectionSolver {
       std::memcpy(d, push, sizeof d);
       solve_lower(whiten, n, kMostLengths, d);
       solve_upper(whiten, n, kMostLengths, d);
-      bounded_step(whiten, lengths, feasible, d);
+      bounded_step(whiten, lengths, feasible, nullptr, 0, 0.0, d);
       const double step = moved(lengths, d, trial);
       Task& next = tasks[1 - now];
       look(trial, aim, next);

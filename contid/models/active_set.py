@@ -30,47 +30,77 @@ def cholesky(H: Array) -> Array:
     return np.asarray(np.linalg.cholesky(H), dtype=np.float64)
 
 
-def damped_step(J: Array, e: Array, weight: float, z: Array, at: Array, feasible: Feasible) -> Array:
-    """Minimise ``|J d - e|^2 + weight |d - z|^2`` within the limits.
+def solve(matrix: Array, right: Array) -> Array:
+    """``matrix^-1 right``."""
+    return np.asarray(np.linalg.solve(matrix, right), dtype=np.float64)
 
-    Shapes ``(m, N)``, ``(m,)``, scalar, ``(N,)``, ``(N,)``. Without limits the answer takes one factor of the
-    size of the task, ``d = z + J^T (J J^T + w)^-1 (e - J z)``, which also keeps the digits of the part of z
-    that leaves the task alone; only a limit in the way costs a factor of the size of the arm.
+
+def damped_step(
+    J: Array, e: Array, weight: float, z: Array, at: Array, feasible: Feasible, metric: Array | None = None
+) -> tuple[Array, Array]:
+    """Minimise ``|J d - e|^2 + weight (d^T W d - 2 z^T d)`` within the limits; W defaults to the identity.
+
+    Shapes ``(m, N)``, ``(m,)``, scalar, ``(N,)``, ``(N,)``, ``(N, N)``. Without limits in the way
+    ``d = W^-1 (z + J^T y)`` with ``(J W^-1 J^T + weight) y = e - J W^-1 z``. The factor has the size of the
+    task, not of the arm, and the part of z that leaves the task alone keeps its digits.
+
+    Returns:
+        The step, and the multipliers y of the task.
     """
-    d: Array = z + J.T @ np.linalg.solve(J @ J.T + weight * np.eye(len(e)), e - J @ z)
-    if feasible.worst(at + d, ())[0] <= _ROUNDING_M:
-        return d
-    factor = cholesky(J.T @ J + weight * np.eye(len(at)))
-    return bounded_step(factor, d, at, feasible)
+    factor = cholesky(np.eye(len(at)) if metric is None else metric)
+    K, zeta = solve(factor, J.T).T, solve(factor, z)
+    y = solve(K @ K.T + weight * np.eye(len(e)), e - K @ zeta)
+    d = solve(factor.T, zeta + K.T @ y)
+    return bounded_step(factor, d, at, feasible, K, weight), y
 
 
-def bounded_step(factor: Array, d: Array, at: Array, feasible: Feasible) -> Array:
-    """The step closest to ``d`` in the metric H within the limits; ``factor``: H's lower Cholesky factor."""
+def bounded_step(
+    factor: Array, d: Array, at: Array, feasible: Feasible, rows: Array | None = None, weight: float = 0.0
+) -> Array:
+    """The best step within the limits, from the best one without.
+
+    Args:
+        factor: lower Cholesky factor of the metric.
+        d: the step without limits.
+        at: where it starts, inside the limits.
+        feasible: the limits.
+        rows: Jacobian of a task, whitened by the factor, whose error counts ``1/weight``. Each row is held as
+            an
+            equation with a slack: in whitened coordinates ``(row, sqrt(weight) e_a)``. The large numbers of a
+            stiff task never enter a matrix this way.
+        weight: see ``rows``.
+    """
     excess, normal, number = feasible.worst(at + d, ())
     if excess <= _ROUNDING_M:
         return d
-    whiten = np.linalg.inv(factor)
+    size = len(at)
+    fixed = 0 if rows is None else len(rows)
+    normals = np.zeros((fixed, size + fixed))  # of what is held, whitened
+    if rows is not None:
+        normals[:, :size] = rows
+        normals[:, size:] = math.sqrt(weight) * np.eye(fixed)
     held: list[int] = []
-    normals = np.empty((0, len(at)))  # of the held limits, whitened
     multipliers = np.empty(0)
     for _ in range(_LIMITS_TRIED):
-        v = whiten @ normal
+        v = np.concatenate((solve(factor, normal), np.zeros(fixed)))
         added = 0.0
         while True:
-            r = np.linalg.solve(normals @ normals.T, normals @ v) if held else np.empty(0)
+            r = solve(normals @ normals.T, normals @ v) if len(normals) else np.empty(0)
             move = v - normals.T @ r
             gain = float(move @ move)
-            full = excess / gain if gain > 1e-14 * float(v @ v) and len(held) < len(at) else math.inf
-            ratios = np.where(r > 0.0, multipliers / np.where(r > 0.0, r, 1.0), math.inf)
-            blocking = int(np.argmin(ratios)) if held else -1
-            partial = float(ratios[blocking]) if held else math.inf
+            room = len(normals) < size + fixed
+            full = excess / gain if room and gain > 1e-14 * float(v @ v) else math.inf
+            partial, blocking = math.inf, -1
+            for k, ratio in enumerate(r[fixed:]):
+                if ratio > 0.0 and multipliers[k] / ratio < partial:
+                    partial, blocking = float(multipliers[k] / ratio), k
             t = min(full, partial)
             if t == math.inf:  # this limit depends on the held ones: what is left of it is rounding
                 return d
-            multipliers = multipliers - t * r
+            multipliers = multipliers - t * r[fixed:]
             added += t
             if full < math.inf:
-                d = d - t * (whiten.T @ move)
+                d = d - t * solve(factor.T, move[:size])
                 excess -= t * gain
             if full <= partial:
                 held.append(number)
@@ -78,7 +108,7 @@ def bounded_step(factor: Array, d: Array, at: Array, feasible: Feasible) -> Arra
                 multipliers = np.append(multipliers, added)
                 break
             held.pop(blocking)
-            normals = np.delete(normals, blocking, axis=0)
+            normals = np.delete(normals, fixed + blocking, axis=0)
             multipliers = np.delete(multipliers, blocking)
         excess, normal, number = feasible.worst(at + d, held)
         if excess <= _ROUNDING_M:

@@ -4,7 +4,7 @@ The rows of a task are lengths: tip error, mid-point error, and ``ell (t_target 
 solves a quadratic programme over the limits (`active_set`), never clips:
 
 * far from the target:   min |J d - e|^2 + (w + mu |e|^2 / (2 ell^2)) |d|^2        (Sugihara's damping)
-* near the target:       min |J d - e|^2 + w |d - z|^2,  z towards the home posture
+* near the target:       min |J d - e|^2 + w (d^T W d - 2 z^T d),  z towards the home posture
 * not met:               min 1/2 d^T H d - (J^T e)^T d,  H the second derivative of |e|^2/2
 
 Both dampings are dimensionless because J is: they are scaled by the length ``ell``, a fifth of the arm. With
@@ -28,6 +28,8 @@ from contid.targets import Vec3
 
 # Central differences of the gradient [m]: 1e-10 of truncation, 1e-11 of rounding.
 _DIFFERENCE_M: Final = 1e-5
+# Forward differences of J^T y, which need few digits.
+_FORWARD_M: Final = 1e-6
 _LEAST_SHIFT: Final = 1e-3
 
 
@@ -42,6 +44,7 @@ class Tuning:
         weight: w, least damping and weight of homing; leaves ``w * 0.5 m / sigma``, below 1e-8 m, on the tip.
         near: homing starts below ``near * ell_m`` of error.
         home_steps: greatest number of homing steps.
+        contraction: homing steps that shrink less than by this factor are given the curvature of the task.
         slow: a damped step that leaves more than this share of the error ends the approach.
         iterations: greatest number of damped steps per start.
         settling: greatest number of Newton steps per start, for targets that are not met.
@@ -50,10 +53,11 @@ class Tuning:
 
     ell_m: float
     tolerance_m: float = 1e-6
-    home_tolerance_m: float = 2e-5
+    home_tolerance_m: float = 1e-9
     weight: float = 1e-8
     near: float = 0.3
-    home_steps: int = 20
+    home_steps: int = 30
+    contraction: float = 0.3
     slow: float = 0.95
     iterations: int = 60
     settling: int = 80
@@ -115,6 +119,8 @@ class Descent:
         e, J = self._task(lengths, aim)
         error = float(np.linalg.norm(e))
         boost, reach, homes_left = 1.0, t.ell_m, t.home_steps
+        metric: Array | None = None
+        last_step = float("inf")
         for iteration in range(1, t.iterations + 1):
             homing = homes_left > 0 and error < t.near * t.ell_m
             if homing:
@@ -125,7 +131,7 @@ class Descent:
             else:
                 damping = t.weight + boost * error * error / (2.0 * t.ell_m * t.ell_m)
                 z = np.zeros(len(lengths))
-            d = damped_step(J, e, damping, z, lengths, self.feasible)
+            d, y = damped_step(J, e, damping, z, lengths, self.feasible, metric if homing else None)
             trial = self.feasible.pulled(lengths + d)
             step = float(np.abs(trial - lengths).max())
             e_trial, J_trial = self._task(trial, aim)
@@ -140,6 +146,9 @@ class Descent:
                 continue
             slow = trial_error > t.slow * error
             lengths, e, J, error = trial, e_trial, J_trial, trial_error
+            if homing and step > t.contraction * last_step:
+                metric = self._home_metric(lengths, aim, y)
+            last_step = step if homing else float("inf")
             if not homing:
                 boost = max(0.25 * boost, 1e-6)
             if error <= t.tolerance_m and (not homing or step <= t.home_tolerance_m):
@@ -147,6 +156,23 @@ class Descent:
             if not homing and slow and error > t.tolerance_m:
                 return lengths, error, iteration
         return lengths, error, t.iterations
+
+    def _home_metric(self, lengths: Array, aim: Aim, y: Array) -> Array:
+        """Second derivatives of ``|l - home|^2/2 - y^T task``, shifted until they are positive definite.
+
+        A homing step with the identity for a metric ignores that the set of lengths that meet the task is
+        curved; where it bends as sharply as 1/distance from home, such steps do not converge.
+        """
+        size = len(lengths)
+        base = self._task(lengths, aim)[1].T @ y
+        metric = np.eye(size)
+        for k in range(size):
+            moved = lengths.copy()
+            moved[k] += _FORWARD_M
+            metric[k] -= (self._task(moved, aim)[1].T @ y - base) / _FORWARD_M
+        metric = 0.5 * (metric + metric.T)
+        _, shift = _shifted_factor(metric, 0.0, least=0.5)
+        return metric + shift * np.eye(size)
 
     def _settle(self, lengths: Array, aim: Aim) -> tuple[Array, float, int]:
         """Newton's method on ``|e|^2/2`` for a target that is not met, to the minimum on the limits.
@@ -203,12 +229,12 @@ class Descent:
         return H
 
 
-def _shifted_factor(H: Array, shift: float) -> tuple[Array, float]:
+def _shifted_factor(H: Array, shift: float, least: float = _LEAST_SHIFT) -> tuple[Array, float]:
     """Lower Cholesky factor of ``H + shift``, the shift raised until there is one, and the shift."""
     while True:
         try:
             factor = cholesky(H + (shift + 1e-12) * np.eye(len(H)))
         except np.linalg.LinAlgError:
-            shift = max(4.0 * shift, _LEAST_SHIFT)
+            shift = max(4.0 * shift, least)
         else:
             return factor, shift
