@@ -288,6 +288,46 @@ class Homes(Protocol):
         ...
 
 
+@dataclass(frozen=True, slots=True)
+class FoundDevice:
+    """A device that answered a scan: where, at which baud rate, its address there, and what it says it is."""
+
+    port: str
+    baud: int
+    address: int
+    model: str
+    firmware: int
+
+
+@runtime_checkable
+class Scans(Protocol):
+    """Can look for its devices without a robot file: ``contid scan``."""
+
+    def scan(self, ports: Sequence[str], bauds: Sequence[int], say: Say) -> list[FoundDevice]:
+        """Devices on ``ports`` (empty: every likely one) at ``bauds`` (empty: every possible one)."""
+        ...
+
+
+@runtime_checkable
+class Commissions(Protocol):
+    """Can give a single device its id and baud rate: ``contid servo``.
+
+    Every method raises `DeviceError` when the device is silent, under torque, or refuses.
+    """
+
+    def set_id(self, port: str, baud: int, device: int, new: int) -> None:
+        """Give a device another id."""
+        ...
+
+    def set_baud(self, port: str, baud: int, device: int, new: int) -> None:
+        """Give a device another baud rate."""
+        ...
+
+    def reboot(self, port: str, baud: int, device: int) -> None:
+        """Restart a device; its torque is off then."""
+        ...
+
+
 class UnknownDriverError(ContidError):
     """The robot file names a driver that is not installed."""
 

@@ -20,6 +20,11 @@ COMMANDS: Final[dict[str, tuple[str, str]]] = {
     "fk": ("contid.cli.fk", "actuation rows to tip positions"),
     "ik": ("contid.cli.ik", "target rows to actuation"),
     "reach": ("contid.cli.reach", "where the tips can go: areas, volumes, overlaps, plots"),
+    "emulate": ("contid.cli.emulate", "wire-level devices on ptys: the real drivers without hardware"),
+    "scan": ("contid.cli.scan", "find devices on serial ports"),
+    "servo": ("contid.cli.servo", "give a servo its id or baud rate, or restart it"),
+    "doctor": ("contid.cli.doctor", "what is wrong with buses and host, and the remedy"),
+    "home": ("contid.cli.home", "find the zero of axes and write it into the robot file"),
 }
 
 

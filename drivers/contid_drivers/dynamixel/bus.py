@@ -68,8 +68,13 @@ class DynamixelBus:
             mapped = [arming.map_block(client, axis.device) for axis in states]
             layout = self._wanted_layout or (INDIRECT if all(mapped) else PLAIN)
             for axis in states:
-                turns.recall(client, axis)
                 axis.enabled, axis.misses = False, 0
+                try:
+                    turns.settle(client, axis)
+                except NoAnswerError:
+                    raise
+                except DeviceError as error:
+                    axis.latch(f"{error.message}; {error.remedy}")
             port.return_delay_s = max(axis.return_delay_s for axis in states)
             self._cyclic = Cyclic(port, [axis.device for axis in states], layout, fast=False)
         except BaseException:
@@ -215,7 +220,6 @@ class DynamixelBus:
         started: list[Axis] = []
         try:
             for axis in wanted:
-                turns.settle(client, axis)
                 arming.configure(client, axis, self.options)
             assert self._port is not None
             self._port.return_delay_s = max(axis.return_delay_s for axis in self._states.values())

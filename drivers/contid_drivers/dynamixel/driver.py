@@ -7,7 +7,7 @@ from contextlib import AbstractContextManager
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from contid.hal import AxisOnBus, Bus, Clock, DeviceKind, Driver
+from contid.hal import AxisOnBus, Bus, Clock, DeviceKind, Driver, Finding, FoundDevice, Homed, Say
 from contid_drivers.dynamixel.options import AxisOptions, BusOptions
 
 if TYPE_CHECKING:
@@ -52,6 +52,46 @@ class DynamixelDriver:
 
         assert isinstance(options, BusOptions)
         return Bench(name, options, axes, control)
+
+    def doctor(self, name: str, options: BaseModel, axes: Sequence[AxisOnBus]) -> list[Finding]:
+        """See `contid.hal.Diagnoses`."""
+        from contid_drivers.dynamixel.doctor import examine
+
+        assert isinstance(options, BusOptions)
+        return examine(name, options, axes)
+
+    def home(
+        self, name: str, options: BaseModel, axes: Sequence[AxisOnBus], only: Sequence[str], say: Say
+    ) -> list[Homed]:
+        """See `contid.hal.Homes`."""
+        from contid_drivers.dynamixel.homing import home
+
+        assert isinstance(options, BusOptions)
+        return home(name, options, axes, only, say)
+
+    def scan(self, ports: Sequence[str], bauds: Sequence[int], say: Say) -> list[FoundDevice]:
+        """See `contid.hal.Scans`."""
+        from contid_drivers.dynamixel import commission
+
+        return commission.scan(ports, bauds, say)
+
+    def set_id(self, port: str, baud: int, device: int, new: int) -> None:
+        """See `contid.hal.Commissions`."""
+        from contid_drivers.dynamixel import commission
+
+        commission.set_id(port, baud, device, new)
+
+    def set_baud(self, port: str, baud: int, device: int, new: int) -> None:
+        """See `contid.hal.Commissions`."""
+        from contid_drivers.dynamixel import commission
+
+        commission.set_baud(port, baud, device, new)
+
+    def reboot(self, port: str, baud: int, device: int) -> None:
+        """See `contid.hal.Commissions`."""
+        from contid_drivers.dynamixel import commission
+
+        commission.reboot(port, baud, device)
 
 
 DRIVER: Driver = DynamixelDriver()

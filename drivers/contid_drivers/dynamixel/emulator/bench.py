@@ -20,11 +20,11 @@ _MODEL_NUMBERS: Final = {name: number for number, name in reg.MODELS.items()}
 
 
 def servo_of(axis: AxisOnBus, baud: int) -> Servo:
-    """The servo of an axis: parked at its stored pose, or at the lower end of its travel."""
+    """The servo of an axis: parked at its stored pose, or in the first turn of its travel."""
     options = axis.options
     assert isinstance(options, AxisOptions)
     low, high = axis.travel or (-math.inf, math.inf)
-    start = low if math.isfinite(low) else math.pi
+    start = low + min(math.pi, 0.5 * (high - low)) if math.isfinite(low) else math.pi
     if isinstance(options.homing, SingleTurn):
         start = math.radians(options.homing.pose_deg)
     stops = (low - BEYOND_TRAVEL_RAD) / reg.RAD_PER_TICK, (high + BEYOND_TRAVEL_RAD) / reg.RAD_PER_TICK

@@ -185,6 +185,7 @@ class Emulator:
     # -- serving -------------------------------------------------------------------------------------------
 
     def _serve(self) -> None:
+        looked = 0.0
         while not self._stop.is_set():
             with self._lock:
                 watched = [self._wake_r] if self._master < 0 else [self._master, self._wake_r]
@@ -196,11 +197,12 @@ class Emulator:
                     os.read(self._wake_r, 64)
                 if self._master >= 0 and self._master in ready:
                     self._receive()
-                if not ready and until is None:
-                    self._idle()
                 self._deliver()
+                if not self._due and time.monotonic() - looked >= IDLE_S:
+                    self._look_around()
+                    looked = time.monotonic()
 
-    def _idle(self) -> None:
+    def _look_around(self) -> None:
         now = time.monotonic()
         for servo in self.servos:
             servo.advance(now)

@@ -1,0 +1,44 @@
+"""``contid doctor``: what is wrong, and what to do about it."""
+
+from __future__ import annotations
+
+import dataclasses
+import json
+import sys
+
+import click
+
+from contid.description.load import load_robot_file
+from contid.description.shipped import find_robot_file
+from contid.hal import Diagnoses, Finding
+
+
+@click.command()
+@click.argument("robot_file")
+@click.option("--json", "as_json", is_flag=True, help="One JSON object per finding.")
+def command(robot_file: str, as_json: bool) -> None:
+    """Examine the buses and devices of ROBOT_FILE without moving anything; exit 4 when something is wrong."""
+    from contid.cli.wired import wired_buses
+
+    well = True
+    for bus in wired_buses(load_robot_file(find_robot_file(robot_file))):
+        wiring = bus.wiring
+        if isinstance(bus.driver, Diagnoses):
+            findings = bus.driver.doctor(wiring.name, wiring.options, bus.axes)
+        else:
+            findings = [Finding(wiring.name, True, f"driver {wiring.driver!r} examines nothing")]
+        for finding in findings:
+            well = well and finding.ok
+            _print(finding, as_json)
+    if not well:
+        sys.exit(4)
+
+
+def _print(finding: Finding, as_json: bool) -> None:
+    if as_json:
+        click.echo(json.dumps(dataclasses.asdict(finding)))
+        return
+    mark = click.style("ok   ", fg="green") if finding.ok else click.style("WRONG", fg="red")
+    click.echo(f"{mark} {finding.subject}: {finding.message}")
+    if finding.remedy:
+        click.echo(f"      -> {finding.remedy}")

@@ -1,0 +1,51 @@
+"""``contid emulate``: wire-level devices where the ports of a robot file should be."""
+
+from __future__ import annotations
+
+from contextlib import ExitStack
+from pathlib import Path
+
+import click
+
+from contid.description.load import load_robot_file
+from contid.description.shipped import find_robot_file
+from contid.errors import ContidError
+from contid.hal import Emulates
+
+
+@click.command()
+@click.argument("driver")
+@click.argument("robot_file")
+@click.option(
+    "--faults",
+    type=click.Path(path_type=Path, dir_okay=False),
+    help="File to follow: each line appended to it is one fault switch in JSON.",
+)
+def command(driver: str, robot_file: str, faults: Path | None) -> None:
+    """Stand in for the devices of DRIVER in ROBOT_FILE, until Ctrl-C.
+
+    The port a bus names becomes a link to a pseudo terminal; run contid with the same file in another
+    terminal, from the same folder.
+    """
+    import signal
+
+    from contid.cli.wired import wired_buses
+
+    chosen = [
+        bus
+        for bus in wired_buses(load_robot_file(find_robot_file(robot_file)))
+        if bus.wiring.driver == driver
+    ]
+    if not chosen:
+        raise ContidError(f"{robot_file}: no bus with axes has driver {driver!r}")
+    with ExitStack() as stack:
+        for bus in chosen:
+            emulates = bus.capable(Emulates, "emulate")  # type: ignore[type-abstract]  # a runtime protocol
+            context = emulates.emulator(bus.wiring.name, bus.wiring.options, bus.axes, faults)
+            for line in stack.enter_context(context):
+                click.echo(line)
+        click.echo("ready; Ctrl-C ends it", err=True)
+        # A terminal closes with SIGTERM or SIGHUP as well; the links must not stay behind.
+        ends = {signal.SIGINT, signal.SIGTERM, signal.SIGHUP}
+        signal.pthread_sigmask(signal.SIG_BLOCK, ends)
+        signal.sigwait(ends)

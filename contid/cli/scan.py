@@ -1,0 +1,35 @@
+"""``contid scan``: who is on the serial ports."""
+
+from __future__ import annotations
+
+import dataclasses
+import json
+
+import click
+
+from contid.errors import ContidError
+from contid.hal import Scans, driver_names, load_driver
+
+
+@click.command()
+@click.argument("ports", nargs=-1)
+@click.option("--baud", "bauds", type=int, multiple=True, help="Only these rates; default: every one.")
+@click.option("--json", "as_json", is_flag=True, help="One JSON object per device.")
+def command(ports: tuple[str, ...], bauds: tuple[int, ...], as_json: bool) -> None:
+    """Ask for devices on PORTS (default: every USB serial port) at every baud rate."""
+    count = 0
+    for name in driver_names():
+        driver = load_driver(name)
+        if not isinstance(driver, Scans):
+            continue
+        for found in driver.scan(ports, bauds, lambda line: click.echo(line, err=True)):
+            count += 1
+            if as_json:
+                click.echo(json.dumps({"driver": name, **dataclasses.asdict(found)}))
+            else:
+                where = f"{found.port}  {found.baud} baud  id {found.address}"
+                click.echo(f"{where}  {found.model}  firmware {found.firmware}")
+    if not count:
+        raise ContidError(
+            "nobody answered; is the power on, is the adapter plugged in, does anybody else hold the port?"
+        )

@@ -1,0 +1,116 @@
+"""Writing single values back into a robot file: comments and order stay, and the file is never half written.
+
+The new text is made in memory, written beside the file, flushed to the disk and renamed over it; whatever
+interrupts that leaves the old file whole. Anchors, quotes and flow style survive (ruamel.yaml round trip).
+"""
+
+from __future__ import annotations
+
+import os
+import tempfile
+from collections.abc import Sequence
+from dataclasses import dataclass
+from io import StringIO
+from pathlib import Path
+from typing import Any, TypeAlias
+
+from contid.errors import ContidError
+
+Value: TypeAlias = float | int | str | bool | list[float]
+
+
+class EditError(ContidError):
+    """A key of a robot file cannot be written."""
+
+
+@dataclass(frozen=True, slots=True)
+class Change:
+    """One value to write: a dotted key, its new value, and where it comes from (written as a comment)."""
+
+    key: str
+    value: Value
+    comment: str = ""
+
+
+def set_value(path: Path, key: str, value: Value, comment: str = "") -> None:
+    """Write one value; see `set_values`."""
+    set_values(path, [Change(key, value, comment)])
+
+
+def set_values(path: Path, changes: Sequence[Change]) -> None:
+    """Write values into a YAML file, all of them or none.
+
+    A last part of a key that is missing is added; the mapping it belongs to has to be there.
+
+    Raises:
+        EditError: a key's mapping is not in the file, or the file cannot be written.
+    """
+    try:
+        text = edited(path.read_text(encoding="utf-8"), changes)
+        replace_whole(path, text)
+    except OSError as error:
+        raise EditError(f"{path}: cannot be written: {error}") from error
+
+
+def edited(text: str, changes: Sequence[Change]) -> str:
+    """The text with the changes made."""
+    from ruamel.yaml import YAML
+
+    yaml = YAML()
+    yaml.preserve_quotes = True
+    yaml.width = 4096
+    yaml.indent(mapping=2, sequence=4, offset=2)
+    document: Any = yaml.load(text)
+    for change in changes:
+        *parents, last = change.key.split(".")
+        node = document
+        for i, parent in enumerate(parents):
+            if not isinstance(node, dict) or parent not in node:
+                there = ".".join(parents[: i + 1])
+                raise EditError(f"{change.key}: there is no {there} in the file")
+            node = node[parent]
+        if not isinstance(node, dict):
+            raise EditError(f"{change.key}: {'.'.join(parents)} is no mapping")
+        node[last] = change.value
+        if change.comment:
+            _comment(document, node, parents, last, change.comment)
+    out = StringIO()
+    yaml.dump(document, out)
+    return out.getvalue()
+
+
+def _comment(document: Any, node: Any, parents: list[str], last: str, comment: str) -> None:
+    """Behind the value, or behind the whole mapping when that is written on one line."""
+    while node.fa.flow_style() and parents:
+        *parents, last = parents
+        node = document
+        for parent in parents:
+            node = node[parent]
+    items = node.ca.items.get(last)
+    if items is not None and items[2] is not None and items[2].value.lstrip().startswith("#"):
+        # Keep what follows the comment in the same token: blank lines and the next key's own comment.
+        _, _, rest = items[2].value.partition("\n")
+        items[2].value = f"# {comment}\n{rest}"
+    else:
+        node.yaml_add_eol_comment(comment, last)
+
+
+def replace_whole(path: Path, text: str) -> None:
+    """Write a file so that it is either the old one or the new one, whatever happens."""
+    path = path.resolve()
+    handle, name = tempfile.mkstemp(prefix=f".{path.name}.", dir=path.parent)
+    try:
+        with os.fdopen(handle, "w", encoding="utf-8") as file:
+            file.write(text)
+            file.flush()
+            os.fsync(file.fileno())
+        Path(name).chmod(path.stat().st_mode & 0o777)
+        Path(name).replace(path)
+    except BaseException:
+        Path(name).unlink(missing_ok=True)
+        raise
+    folder = os.open(path.parent, os.O_RDONLY)
+    try:
+        os.fsync(folder)
+    finally:
+        os.close(folder)

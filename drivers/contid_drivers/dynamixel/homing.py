@@ -1,0 +1,146 @@
+"""Homing: find the reference of an axis, against a hard stop with little current or by its stored pose.
+
+Against a stop: current-based position mode with a small Goal Current, a slow profile, the Bus Watchdog armed,
+and a goal beyond the stop. The stop is where the servo stands still with its current at the limit; a servo
+that only starts slowly moves, one that is blocked half-way stands still as well, so the search refuses a stop
+before it has moved at all. Torque goes off afterwards, however it ended. The port's lock keeps it from
+running while anybody else moves a robot of the same bus.
+"""
+
+from __future__ import annotations
+
+import math
+import time
+from collections.abc import Sequence
+from typing import Final
+
+from contid.errors import DeviceError
+from contid.hal import AxisOnBus, Homed, Say
+from contid_drivers.dynamixel import arming, turns
+from contid_drivers.dynamixel import registers as reg
+from contid_drivers.dynamixel.axis import Axis
+from contid_drivers.dynamixel.options import BusOptions, HardStop, SingleTurn
+from contid_drivers.dynamixel.port import BlockingPort, find_port
+from contid_drivers.dynamixel.protocol import ServoClient
+
+POLL_S: Final = 0.01
+#: Standing still: fewer ticks per poll than this, for so long, with this part of the current.
+STILL_TICKS: Final = 3
+STILL_S: Final = 0.25
+PUSHING: Final = 0.8
+_CURRENT_BASED: Final = reg.MODE_NUMBERS["current_based_position"]
+
+
+def home(
+    name: str, options: BusOptions, axes: Sequence[AxisOnBus], only: Sequence[str], say: Say
+) -> list[Homed]:
+    """See `contid.hal.Homes.home`."""
+    states = [Axis.of(axis, options) for axis in axes]
+    chosen = [axis for axis in states if axis.name in only]
+    for axis in chosen:
+        if axis.options.homing is None:
+            raise DeviceError(
+                name, f"{axis.name} has no homing", "add `homing: {method: hard_stop, ...}` to the axis"
+            )
+    port = BlockingPort(name, find_port(name, options.port), options.baud, options.usb_latency_ms / 1e3)
+    port.open()
+    try:
+        client = ServoClient(name, port)
+        arming.handshake(client, states, options)
+        for axis in states:
+            if client.read(axis.device, reg.TORQUE_ENABLE) and client.read(axis.device, reg.MOVING):
+                raise DeviceError(client.name(axis.device), f"{axis.name} is moving", "stop its robot first")
+        return [_home_one(client, axis, options, say) for axis in chosen]
+    finally:
+        port.close()
+
+
+def _home_one(client: ServoClient, axis: Axis, options: BusOptions, say: Say) -> Homed:
+    homing = axis.options.homing
+    if isinstance(homing, SingleTurn):
+        return _by_pose(client, axis, homing, say)
+    assert isinstance(homing, HardStop)
+    try:
+        return _by_stop(client, axis, homing, options, say)
+    finally:
+        arming.torque_off(client, [axis])
+
+
+def _by_pose(client: ServoClient, axis: Axis, homing: SingleTurn, say: Say) -> Homed:
+    axis.value = None
+    client.write(axis.device, turns.MARKER, turns.MARKER.default)
+    turns.settle(client, axis)
+    value = axis.to_rad(client.read(axis.device, reg.PRESENT_POSITION))
+    off_deg = math.degrees(value) - homing.pose_deg
+    say(f"{axis.name}: {math.degrees(value):.2f} deg, {off_deg:+.2f} deg from its stored pose")
+    return Homed(axis.name, value, homing.at_mm, f"stored pose, {off_deg:+.2f} deg from it")
+
+
+def _by_stop(client: ServoClient, axis: Axis, homing: HardStop, options: BusOptions, say: Say) -> Homed:
+    device, name = axis.device, client.name(axis.device)
+    if arming.torque_off(client, [axis]):
+        raise DeviceError(name, "torque off is not confirmed")
+    for register, value in (
+        (reg.HOMING_OFFSET, 0),
+        (reg.DRIVE_MODE, 0),
+        (reg.OPERATING_MODE, _CURRENT_BASED),
+        (reg.PROFILE_VELOCITY, max(1, round(homing.speed_deg_s / reg.DEG_S_PER_UNIT))),
+        (reg.PROFILE_ACCELERATION, 0),
+        (reg.GOAL_CURRENT, homing.current_ma),
+    ):
+        if client.read(device, register) != value:
+            client.write(device, register, value)
+    axis.turns, axis.travel = 0, None
+    start = client.read(device, reg.PRESENT_POSITION)
+    arming.arm(client, axis, options.watchdog_ms // reg.WATCHDOG_MS_PER_UNIT)
+    reach = homing.speed_deg_s * homing.timeout_s / 360.0 * reg.TICKS_PER_REV
+    client.write(device, reg.GOAL_POSITION, start + homing.direction * round(reach))
+    say(f"{axis.name}: searching its stop with {homing.current_ma} mA")
+    stop = _until_blocked(client, axis, homing, start)
+    say(f"{axis.name}: stop at {math.degrees(stop * reg.RAD_PER_TICK):.2f} deg")
+    back = stop - homing.direction * round(homing.backoff_deg / 360.0 * reg.TICKS_PER_REV)
+    client.write(device, reg.GOAL_POSITION, back)
+    _wait_there(client, axis, back, homing.backoff_deg / homing.speed_deg_s + 1.0)
+    turns.store(client, axis, 0)
+    travelled = abs(stop - start) * 360.0 / reg.TICKS_PER_REV
+    return Homed(
+        axis.name,
+        stop * reg.RAD_PER_TICK,
+        homing.at_mm,
+        f"hard stop with {homing.current_ma} mA after {travelled:.0f} deg",
+    )
+
+
+def _until_blocked(client: ServoClient, axis: Axis, homing: HardStop, start: int) -> int:
+    device, name = axis.device, client.name(axis.device)
+    until = time.monotonic() + homing.timeout_s
+    still_since, last = time.monotonic(), start
+    while True:
+        time.sleep(POLL_S)
+        if bits := client.read(device, reg.HARDWARE_ERROR):
+            raise DeviceError(name, f"hardware error while homing: {reg.hardware_error_in_words(bits)}")
+        if client.read(device, reg.BUS_WATCHDOG) != axis.armed:
+            raise DeviceError(name, "its watchdog tripped or it reset itself while homing", "home again")
+        position = client.read(device, reg.PRESENT_POSITION)
+        current = abs(client.read(device, reg.PRESENT_CURRENT))
+        now = time.monotonic()
+        if abs(position - last) >= STILL_TICKS or current < PUSHING * homing.current_ma:
+            still_since, last = now, position
+        elif now - still_since >= STILL_S:
+            return position
+        if now > until:
+            went_deg = (position - start) * 360.0 / reg.TICKS_PER_REV
+            raise DeviceError(
+                name,
+                f"{axis.name} met no stop within {homing.timeout_s:g} s: it went {went_deg:+.0f} deg "
+                f"with {current} of {homing.current_ma} mA",
+                "check direction, speed and current of its homing",
+            )
+
+
+def _wait_there(client: ServoClient, axis: Axis, goal: int, timeout_s: float) -> None:
+    until = time.monotonic() + timeout_s
+    while time.monotonic() < until:
+        time.sleep(POLL_S)
+        if abs(client.read(axis.device, reg.PRESENT_POSITION) - goal) <= STILL_TICKS:
+            return

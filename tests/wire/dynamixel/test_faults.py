@@ -1,0 +1,264 @@
+"""Every fault switch, the state the axis must be in, and within how many exchanges."""
+
+from __future__ import annotations
+
+import json
+import time
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+from contid.errors import DeviceError, DeviceLostError, DeviceNotFoundError
+from contid.hal import Rest
+from contid_drivers.dynamixel import port as port_module
+from contid_drivers.dynamixel import registers as reg
+from contid_drivers.dynamixel.emulator import Fault
+from contid_drivers.dynamixel.emulator.faults import FaultSyntaxError
+
+TICK = reg.RAD_PER_TICK
+Make = Callable[..., Any]
+ALL = ["r.a1", "r.a2", "r.a3"]
+
+
+@pytest.fixture(params=["auto", "off"], ids=["fast", "plain"])
+def running(rig: Make, request: pytest.FixtureRequest) -> Any:
+    """Three enabled servos, exchanging, with fast and with plain reads."""
+    r = rig(3, fast_read=request.param)
+    r.bus.open()
+    r.bus.enable(ALL)
+    r.tick(2)
+    return r
+
+
+@pytest.mark.parametrize("kind", ["drop", "corrupt"])
+def test_a_lost_answer_is_asked_for_again_within_the_same_exchange(running: Any, kind: str) -> None:
+    # A fast read has one answer for all, from nobody in particular.
+    running.emulator.set(kind, 254 if running.options.fast_read == "auto" else 2, count=1)
+    samples = running.tick()
+    assert all(sample.valid for sample in samples.values())
+
+
+@pytest.mark.parametrize("kind", ["drop", "corrupt"])
+def test_without_a_retry_a_lost_answer_is_an_invalid_sample_of_that_axis_only(rig: Make, kind: str) -> None:
+    r = rig(3, fast_read="off", retry_ms=0)
+    r.bus.open()
+    before = r.tick()
+    r.emulator.set(kind, 2, count=1)
+    samples = r.tick()
+    assert [sample.valid for sample in samples.values()] == [True, False, True]
+    assert samples["r.a2"].value == before["r.a2"].value
+    assert samples["r.a2"].age_s > 0
+    assert all(sample.valid for sample in r.tick().values())
+
+
+def test_a_duplicated_answer_changes_nothing(running: Any) -> None:
+    for device in (1, 2, 3, 254):
+        running.emulator.set("duplicate", device)
+    for _ in range(3):
+        samples = running.tick()
+        assert [s.value for s in samples.values()] == pytest.approx([1000 * TICK, 2000 * TICK, 3000 * TICK])
+        assert all(s.valid for s in samples.values())
+
+
+def test_an_echoing_adapter_changes_nothing(running: Any) -> None:
+    running.emulator.set("echo")
+    for _ in range(3):
+        assert all(s.valid for s in running.tick().values())
+    running.bus.disable(ALL, Rest.RELAX)
+    assert not any(servo.torque for servo in running.emulator.servos)
+
+
+def test_a_silent_servo_is_invalid_at_once_and_the_others_stay_valid(running: Any) -> None:
+    running.emulator.set("silent", 2)
+    for _ in range(4):
+        assert [s.valid for s in running.tick().values()] == [True, False, True]
+    running.emulator.set("silent", 2, on=False)
+    assert all(s.valid for s in running.tick().values())
+
+
+def test_a_late_answer_is_a_miss_and_never_taken_for_the_next_one(rig: Make) -> None:
+    r = rig(2, fast_read="off", usb_latency_ms=5.0, retry_ms=0)
+    r.bus.open()
+    r.tick()
+    r.emulator.set("delay", 2, ms=60)
+    samples = [r.tick()["r.a2"] for _ in range(3)]
+    assert not any(sample.valid for sample in samples)
+    r.emulator.set("delay", 2, ms=0)
+    time.sleep(0.1)
+    r.until(lambda: r.tick()["r.a2"].valid)
+
+
+@pytest.mark.parametrize(
+    ("kind", "bits", "words"),
+    [("alert", 0x04, "overheated"), ("alert", 0x01, "input voltage"), ("overload", 0x20, "overload")],
+)
+def test_a_hardware_error_is_a_fault_in_words_within_one_exchange(
+    running: Any, kind: str, bits: int, words: str
+) -> None:
+    running.emulator.set(kind, 2, bits=bits)
+    samples = running.tick(a1=1100 * TICK, a2=2100 * TICK)
+    assert words in samples["r.a2"].fault
+    assert samples["r.a2"].valid
+    assert samples["r.a1"].fault == samples["r.a3"].fault == ""
+    before = running.emulator.servo(2).position_ticks
+    running.tick(5, a1=1100 * TICK, a2=2500 * TICK)
+    running.until(lambda: abs(running.emulator.servo(1).position_ticks - 1100) < 1)
+    assert running.emulator.servo(2).position_ticks == before
+    with pytest.raises(DeviceError, match=words):
+        running.bus.enable(["r.a2"])
+    running.bus.clear_fault(["r.a2"])
+    assert running.tick()["r.a2"].fault == ""
+    assert not running.emulator.servo(2).torque
+    running.bus.enable(["r.a2"])
+    running.tick(3)
+    assert running.emulator.servo(2).position_ticks == before
+
+
+def test_a_tripped_watchdog_is_a_latched_fault_and_comes_back_without_a_jump(running: Any) -> None:
+    running.tick(a1=9000 * TICK)
+    running.tick(3)
+    running.emulator.set("trip", 1)
+    stopped = running.emulator.servo(1).position_ticks
+    assert "Bus Watchdog tripped" in running.tick(a1=9000 * TICK)["r.a1"].fault
+    running.tick(20, a1=9000 * TICK)
+    assert running.emulator.servo(1).position_ticks == stopped
+    running.bus.clear_fault(["r.a1"])
+    running.bus.enable(["r.a1"])
+    running.tick(10)
+    assert abs(running.emulator.servo(1).position_ticks - stopped) < 1
+    running.tick(a1=stopped * TICK + 100 * TICK)
+    running.until(lambda: abs(running.emulator.servo(1).position_ticks - stopped - 100) < 1)
+
+
+def test_the_watchdog_stops_a_servo_the_host_forgot(rig: Make) -> None:
+    r = rig(2, watchdog_ms=60)
+    r.bus.open()
+    r.bus.enable(["r.a1", "r.a2"])
+    r.bus.exchange({"r.a1": 100000 * TICK, "r.a2": 100000 * TICK})
+    time.sleep(0.3)
+    stopped = [r.emulator.servo(i).position_ticks for i in (1, 2)]
+    assert all(r.emulator.servo(i).tripped for i in (1, 2))
+    time.sleep(0.05)
+    assert [r.emulator.servo(i).position_ticks for i in (1, 2)] == stopped
+    # 60 ms and a poll of the emulator at 103 rpm; far from the goal.
+    assert max(stopped) < 5000
+
+
+@pytest.mark.parametrize("armed", [True, False])
+def test_a_brown_out_is_a_fault_within_two_exchanges_and_never_a_wrong_position(
+    rig: Make, armed: bool
+) -> None:
+    r = rig(2, made=None, servo={"position_ticks": 3 * 4096 + 500.0}, axis={"homing": None})
+    r.bus.open()
+    if armed:
+        r.bus.enable(["r.a1", "r.a2"])
+    known = r.tick()["r.a1"].value
+    r.emulator.set("brownout", 1)
+    deadline = time.monotonic() + 5
+    while not (sample := r.tick()["r.a1"]).fault:
+        assert not sample.valid
+        assert time.monotonic() < deadline
+        time.sleep(0.01)
+    assert "reset itself" in sample.fault
+    assert not sample.valid
+    assert sample.value == known
+    with pytest.raises(DeviceError):
+        r.bus.enable(["r.a1"])
+    r.bus.clear_fault(["r.a1"])
+    # The count is gone, the shaft is where it was: the turn is taken from where it was last seen.
+    assert r.tick()["r.a1"].value == pytest.approx(known)
+    r.bus.enable(["r.a1"])
+    before = r.emulator.servo(1).position_ticks
+    r.tick(a1=known + 50 * TICK)
+    r.until(lambda: abs(r.emulator.servo(1).position_ticks - before - 50) < 1)
+
+
+def test_a_servo_that_moved_while_it_was_reset_has_to_be_homed(rig: Make) -> None:
+    r = rig(1)
+    r.bus.open()
+    r.tick()
+    r.emulator.set("brownout", 1)
+    r.emulator.servo(1).motion.position += 1500
+    r.until(lambda: r.tick()["r.a1"].fault != "")
+    with pytest.raises(DeviceError, match="contid home"):
+        r.bus.clear_fault(["r.a1"])
+
+
+@pytest.mark.parametrize("name", [None, "renamed.pty"])
+def test_unplugging_is_a_lost_device_at_once_and_plugging_in_needs_no_restart(
+    rig: Make, tmp_path: Path, name: str | None
+) -> None:
+    r = rig(2, port=str(tmp_path / "*.pty"))
+    r.bus.open()
+    r.bus.enable(["r.a1", "r.a2"])
+    r.tick(3, a1=1010 * TICK)
+    r.emulator.set("unplug")
+    for _ in range(3):
+        with pytest.raises(DeviceLostError):
+            r.tick(a1=1020 * TICK)
+    with pytest.raises(DeviceLostError):
+        r.bus.enable(["r.a1"])
+    r.bus.disable(["r.a1", "r.a2"], Rest.RELAX)
+    with pytest.raises(DeviceNotFoundError):
+        r.bus.open()
+    r.emulator.set("replug", port=str(tmp_path / name) if name else None)
+    r.bus.open()
+    before = [servo.position_ticks for servo in r.emulator.servos]
+    r.tick(10, a1=5000 * TICK, a2=5000 * TICK)
+    # At most the rest of the last command is still under way; nothing new is taken.
+    assert [servo.position_ticks for servo in r.emulator.servos] == pytest.approx(before, abs=12)
+    r.bus.clear_fault(["r.a1", "r.a2"])
+    r.bus.enable(["r.a1", "r.a2"])
+    r.tick(10)
+    assert [servo.position_ticks for servo in r.emulator.servos] == pytest.approx(before, abs=12)
+
+
+def test_the_watchdog_that_tripped_during_an_unplug_is_reported_and_not_armed_over(
+    rig: Make, tmp_path: Path
+) -> None:
+    r = rig(1, watchdog_ms=40)
+    r.bus.open()
+    r.bus.enable(["r.a1"])
+    r.tick(a1=1010 * TICK)
+    r.emulator.set("unplug")
+    with pytest.raises(DeviceLostError):
+        r.tick()
+    time.sleep(0.2)
+    r.emulator.set("replug")
+    r.bus.open()
+    assert "Bus Watchdog tripped" in r.tick()["r.a1"].fault
+    with pytest.raises(DeviceError, match="Bus Watchdog"):
+        r.bus.enable(["r.a1"])
+    r.bus.clear_fault(["r.a1"])
+    r.bus.enable(["r.a1"])
+
+
+def test_an_adapter_is_found_again_by_its_serial_number(monkeypatch: pytest.MonkeyPatch) -> None:
+    class Port:
+        device, vid, pid, serial_number = "/dev/ttyUSB7", 0x0403, 0x6014, "FT123"
+
+    monkeypatch.setattr(port_module.list_ports, "comports", lambda: [Port])
+    known = port_module.identity_of("/dev/ttyUSB7")
+    assert known is not None
+    assert port_module.find_port("servos", "/dev/ttyUSB0-gone", known) == "/dev/ttyUSB7"
+    with pytest.raises(DeviceNotFoundError, match="/dev/ttyUSB7"):
+        port_module.find_port("servos", "/dev/ttyUSB0-gone")
+
+
+def test_the_control_file_operates_the_same_switches(rig: Make, tmp_path: Path) -> None:
+    r = rig(2, retry_ms=0)
+    r.bus.open()
+    with (tmp_path / "faults.jsonl").open("a") as file:
+        file.write(json.dumps({"fault": "overload", "id": 2}) + "\n" + '{"fault": "nonsense"}\n')
+    r.until(lambda: "overload" in r.tick()["r.a2"].fault)
+    r.until(lambda: any("nonsense" in line for line in r.emulator.complaints))
+
+
+@pytest.mark.parametrize(
+    "line", ["{", "[]", '{"fault": "drop"}', '{"fault": "echo", "id": 1}', '{"fault": "melt"}']
+)
+def test_wrong_fault_switches_are_refused(line: str) -> None:
+    with pytest.raises(FaultSyntaxError):
+        Fault.parse(line)

@@ -1,0 +1,187 @@
+"""Homing, turn keeping, and commissioning on the emulated bus."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable
+from typing import Any
+
+import pytest
+
+from contid.errors import DeviceError, DeviceNotFoundError
+from contid_drivers.dynamixel import DRIVER
+from contid_drivers.dynamixel import registers as reg
+from contid_drivers.dynamixel.commission import reboot, scan, set_baud, set_id
+from contid_drivers.dynamixel.emulator import Servo
+
+TICK = reg.RAD_PER_TICK
+Make = Callable[..., Any]
+STOP = {
+    "method": "hard_stop", "direction": -1, "current_ma": 120, "speed_deg_s": 360, "at_mm": 5, "timeout_s": 6,
+}  # fmt: skip
+POSE = {"method": "single_turn", "pose_deg": 3 * 360 + 30, "plausible_deg": 20, "at_mm": 60}
+
+
+def quiet(line: str) -> None:
+    """Nobody looks."""
+
+
+def home(r: Any, *only: str) -> Any:
+    return DRIVER.home("servos", r.options, r.axes, only or ("r.a1",), quiet)  # type: ignore[attr-defined]
+
+
+def test_a_hard_stop_is_found_with_little_current_and_left_relaxed(rig: Make) -> None:
+    r = rig(1, axis={"homing": STOP}, servo={"stops_ticks": (-300.0, 1e9), "position_ticks": 700.0})
+    (found,) = home(r)
+    assert found.value == pytest.approx(-300 * TICK, abs=2 * TICK)
+    assert found.at_mm == 5
+    servo = r.emulator.servo(1)
+    assert not servo.torque
+    assert servo.position_ticks > -300
+    assert servo.get(reg.HARDWARE_ERROR) == 0
+
+
+def test_no_stop_is_an_error_and_torque_is_off(rig: Make) -> None:
+    r = rig(1, axis={"homing": {**STOP, "timeout_s": 0.5}})
+    with pytest.raises(DeviceError, match="met no stop"):
+        home(r)
+    assert not r.emulator.servo(1).torque
+
+
+def test_an_interrupt_leaves_torque_off(rig: Make, monkeypatch: pytest.MonkeyPatch) -> None:
+    from contid_drivers.dynamixel import homing
+
+    def interrupted(*_: object) -> int:
+        raise KeyboardInterrupt
+
+    monkeypatch.setattr(homing, "_until_blocked", interrupted)
+    r = rig(1, axis={"homing": STOP})
+    with pytest.raises(KeyboardInterrupt):
+        home(r)
+    assert not r.emulator.servo(1).torque
+
+
+def test_homing_is_refused_while_somebody_owns_the_bus(rig: Make) -> None:
+    r = rig(2, axis={"homing": STOP})
+    r.bus.open()
+    with pytest.raises(DeviceNotFoundError, match="in use by"):
+        home(r)
+
+
+def test_an_axis_without_homing_says_what_to_add(rig: Make) -> None:
+    with pytest.raises(DeviceError, match="hard_stop"):
+        home(rig(1))
+
+
+def test_an_axis_with_a_stop_is_refused_until_it_was_homed_since_power_up(rig: Make) -> None:
+    r = rig(1, axis={"homing": STOP}, servo={"stops_ticks": (-300.0, 1e9)})
+    r.bus.open()
+    assert "not homed" in r.tick()["r.a1"].fault
+    with pytest.raises(DeviceError, match="contid home"):
+        r.bus.enable(["r.a1"])
+    r.bus.close()
+    home(r)
+    r.bus.open()
+    r.bus.clear_fault(["r.a1"])
+    r.bus.enable(["r.a1"])
+    r.tick()
+    assert r.emulator.servo(1).torque
+
+
+def test_a_stored_pose_tells_the_turn(rig: Make) -> None:
+    real = 3 * 4096 + 400.0
+    r = rig(1, axis={"homing": POSE}, servo={"position_ticks": real})
+    r.bus.open()
+    assert r.tick()["r.a1"].value == pytest.approx(real * TICK)
+    r.bus.enable(["r.a1"])
+    r.tick(a1=(real + 5000) * TICK)
+    r.until(lambda: abs(r.emulator.servo(1).position_ticks - real - 5000) < 1)
+    r.bus.close()
+    # A new process finds the turn in the servo, wherever it stands now.
+    r.bus._states["r.a1"].turns = 0
+    r.bus.open()
+    there = r.emulator.servo(1).position_ticks
+    assert r.tick()["r.a1"].value == pytest.approx(there * TICK, abs=2 * TICK)
+
+
+def test_an_implausible_pose_is_refused_in_words(rig: Make) -> None:
+    r = rig(1, axis={"homing": POSE}, servo={"position_ticks": 3 * 4096 + 1500.0})
+    r.bus.open()
+    assert "lost its turn count" in r.tick()["r.a1"].fault
+    r.bus.close()
+    with pytest.raises(DeviceError, match="turn count"):
+        home(r)
+
+
+def test_a_position_outside_the_travel_is_refused(rig: Make) -> None:
+    r = rig(1, servo={"position_ticks": 3000.0}, travel=(0.0, math.pi / 2))
+    r.bus.open()
+    with pytest.raises(DeviceError, match="outside its travel"):
+        r.bus.enable(["r.a1"])
+
+
+def test_scan_finds_ids_models_and_rates(rig: Make) -> None:
+    made = [Servo(1), Servo(4, model=1190), Servo(9, baud=57600)]
+    r = rig(1, made=made)
+    found = scan([r.emulator.port], [1000000, 57600], quiet)
+    assert [(f.baud, f.address, f.model) for f in found] == [
+        (1000000, 1, "xl330-m288"),
+        (1000000, 4, "xl330-m077"),
+        (57600, 9, "xl330-m288"),
+    ]
+
+
+def test_servos_get_ids_and_rates_and_are_restarted(rig: Make) -> None:
+    r = rig(2, made=[Servo(1), Servo(2)])
+    port = r.emulator.port
+    with pytest.raises(DeviceError, match="id 2 is taken"):
+        set_id(port, 1000000, 1, 2)
+    set_id(port, 1000000, 1, 5)
+    assert r.emulator.servo(5).device == 5
+    set_baud(port, 1000000, 5, 57600)
+    with pytest.raises(DeviceError, match="no answer"):
+        reboot(port, 1000000, 5)
+    reboot(port, 57600, 5)
+    r.emulator.servo(2).put(reg.TORQUE_ENABLE, 1)
+    with pytest.raises(DeviceError, match="relax it first"):
+        set_id(port, 1000000, 2, 7)
+
+
+def doctor(r: Any) -> dict[str, Any]:
+    findings = DRIVER.doctor("servos", r.options, r.axes)  # type: ignore[attr-defined]
+    return {finding.subject: finding for finding in findings}
+
+
+def test_doctor_names_what_is_wrong_and_the_remedy(rig: Make) -> None:
+    made = [Servo(1), Servo(2, firmware=44), Servo(2, position_ticks=77.0), Servo(8)]
+    for servo in made[1:]:
+        servo.put(reg.RETURN_DELAY, 0)
+    r = rig(3, made=made)
+    r.emulator.set("overload", 1)
+    r.emulator.servo(1).supply_decivolt = 36
+    said = doctor(r)
+    wrong = {subject for subject, finding in said.items() if not finding.ok}
+    assert (
+        wrong
+        == {
+            "id 1 return delay",
+            "id 1 voltage",
+            "id 1 hardware error",
+            "id 2 firmware",
+            "id 2 answers",
+            "id 3 (r.a3)",
+        }
+        or "id 2 (r.a2)" in wrong
+    )
+    assert all(finding.remedy for finding in said.values() if not finding.ok)
+    assert "8" in said["servos others"].message
+
+
+def test_doctor_finds_nothing_wrong_with_a_good_bus(rig: Make) -> None:
+    assert all(finding.ok for finding in doctor(rig(2)).values())
+
+
+def test_doctor_says_who_holds_the_port(rig: Make) -> None:
+    r = rig(1)
+    r.bus.open()
+    assert "in use" in doctor(r)["servos port"].message
