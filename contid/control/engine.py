@@ -125,6 +125,7 @@ class Engine:
         self._port_of = port_of
         self._queued: dict[str, list[tuple[int, Effect, tuple[str, ...]]]] = {name: [] for name in ports}
         self._outstanding: list[set[str]] = [set() for _ in plans]
+        self._told = [Mode.OFF for _ in plans]
         self._recorder = Recorder(self.plans, sink)
 
     @property
@@ -147,7 +148,8 @@ class Engine:
         """Connect, arm and follow, every robot: what `contid run` begins with."""
         for index, plan in enumerate(self.plans):
             self.states[index] = change.resume(plan, self.states[index], 0.0)
-            self._sink.event("state", robot=plan.name, mode=self.states[index].mode.name, tick=0)
+            self._told[index] = self.states[index].mode
+            self._announce(plan, self.states[index], 0)
 
     # -- orders ------------------------------------------------------------------------------------------
 
@@ -230,7 +232,6 @@ class Engine:
         """One tick of everything."""
         number = timing.tick
         now_s = number / self._rate_hz
-        before = [state.mode for state in self.states]
         source = self.source
         targets: Mapping[str, Target | None] = {} if source is None else source.targets(number)
         commands: dict[str, dict[str, float]] = {name: {} for name in self._ports}
@@ -253,9 +254,10 @@ class Engine:
                     self.tallies[index].limited[bits] += 1
         self._exchange(commands, timing, now_s)
         self._watch_source(number, now_s)
-        for plan, mode, state in zip(self.plans, before, self.states, strict=True):
-            if state.mode is not mode:
-                self._announce(plan, state, number)
+        for index, state in enumerate(self.states):
+            if state.mode is not self._told[index]:
+                self._told[index] = state.mode
+                self._announce(self.plans[index], state, number)
         self._recorder.record(timing, source, targets, outcomes, self.states, self._samples, self._now)
         if self._finishing and not self.finished:
             self.finished = all(

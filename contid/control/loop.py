@@ -78,7 +78,8 @@ def tick(
         elif mode is Mode.HOLD:
             wanted = state.goto if state.goto is not None else target if state.follow else None
             if wanted is not None:
-                state = _approach(plan, moved(plan, state, Event.FOLLOW, now_s), wanted, now_s)
+                following = moved(plan, state, Event.FOLLOW, now_s)
+                state = _approach(plan, following, wanted, now_s, now_s - plan.period_s)
         if state.mode not in _DRIVEN or not state.enabled:
             return Outcome(state)
         return _move(plan, state, now_s, elapsed)
@@ -126,19 +127,19 @@ def _arming(
         state = replace(state, command=present, aim=present, steps=still, motion=None)
         if target is None or not state.follow:
             return moved(plan, state, Event.HOLD, now_s)
-        return _approach(plan, moved(plan, state, Event.ARMED, now_s), target, now_s)
+        return _approach(plan, moved(plan, state, Event.ARMED, now_s), target, now_s, now_s)
     return state
 
 
-def _approach(plan: RobotPlan, state: RobotState, target: Target, now_s: float) -> RobotState:
-    """Begin the jerk-limited way from the last command to a target."""
+def _approach(plan: RobotPlan, state: RobotState, target: Target, now_s: float, start_s: float) -> RobotState:
+    """Begin the jerk-limited way from the last command, given at ``start_s``, to a target."""
     from contid.trajectory.approach import Approach
 
     goal = plan.model.inverse(plan.to_base(target), state.command).actuation
     if not all(map(math.isfinite, goal)):
         return fail(plan, state, Fault.NOT_A_NUMBER, f"the model answered {goal}", now_s)
     motion = Approach(state.command, speed(plan, state), goal, plan.velocity, plan.acceleration, plan.jerk)
-    return replace(state, motion=motion, motion_s=now_s)
+    return replace(state, motion=motion, motion_s=start_s)
 
 
 def _follow(plan: RobotPlan, state: RobotState, now_s: float, target: Target, elapsed: int) -> Outcome:

@@ -63,8 +63,8 @@ class RobotState:
         command: last commanded actuation; empty before arming.
         steps: last command minus the one before.
         aim: last actuation before the limits.
-        motion: running approach or stop, started at ``motion_s``.
-        motion_s: see ``motion``.
+        motion: running approach or stop.
+        motion_s: when it started: at the command before, so that the next tick is one period into it.
         policy: of the stop that runs.
         misses: exchanges in a row that each axis missed.
         pending: what the devices shall do.
@@ -152,7 +152,7 @@ def stop(plan: RobotPlan, state: RobotState, policy: StopPolicy, now_s: float) -
         motion = Approach(
             state.command, speed(plan, state), plan.rest, plan.velocity, plan.acceleration, plan.jerk
         )
-        return replace(after, policy=policy, motion=motion, motion_s=now_s)
+        return replace(after, policy=policy, motion=motion, motion_s=now_s - plan.period_s)
     return braking(plan, replace(after, policy=policy), now_s)
 
 
@@ -225,7 +225,7 @@ def braking(plan: RobotPlan, state: RobotState, now_s: float) -> RobotState:
 
     rest = (0.0,) * len(state.command)
     motion = stopping(state.command, speed(plan, state), rest, plan.acceleration, plan.jerk)
-    return replace(state, motion=motion, motion_s=now_s)
+    return replace(state, motion=motion, motion_s=now_s - plan.period_s)
 
 
 def _effect(policy: StopPolicy) -> Effect:

@@ -1,0 +1,213 @@
+"""`contid run` as a user meets it: exit codes, signals, bad input, a killed daemon."""
+
+from __future__ import annotations
+
+import json
+import signal
+import subprocess
+import sys
+import time
+from collections.abc import Callable, Iterator
+from pathlib import Path
+from typing import Any
+
+import psutil
+import pytest
+
+from tests.cli.command import contid
+from tests.control.fingers import circle_csv, fingers
+
+
+@pytest.fixture
+def robot(tmp_path: Path) -> Callable[..., Path]:
+    """A robot file whose simulated bus keeps a journal of what its devices did."""
+
+    def write(count: int = 1, options: str = "", **keys: Any) -> Path:
+        path = tmp_path / "fingers.yaml"
+        lines = f"journal_file: {tmp_path / 'journal.jsonl'}\n{options}"
+        path.write_text(fingers(count, options=lines, **keys))
+        return path
+
+    return write
+
+
+def journal(folder: Path) -> list[dict[str, Any]]:
+    path = folder / "journal.jsonl"
+    return [json.loads(line) for line in path.read_text().splitlines()] if path.exists() else []
+
+
+@pytest.fixture
+def started() -> Iterator[Callable[..., subprocess.Popen[str]]]:
+    """Start `contid run`; whatever is left of it afterwards is ended."""
+    running: list[subprocess.Popen[str]] = []
+
+    def start(*arguments: str) -> subprocess.Popen[str]:
+        process = subprocess.Popen(
+            [sys.executable, "-m", "contid", "run", *arguments],
+            stdin=subprocess.PIPE,
+            stdout=subprocess.PIPE,
+            stderr=subprocess.PIPE,
+            text=True,
+        )
+        running.append(process)
+        return process
+
+    yield start
+    for process in running:
+        process.kill()
+        process.communicate()
+
+
+def until(condition: Callable[[], bool], what: str) -> None:
+    """Wait for something that will happen; only a hang fails."""
+    deadline = time.monotonic() + 30.0
+    while not condition():
+        assert time.monotonic() < deadline, f"never: {what}"
+        time.sleep(0.02)
+
+
+def enabled(folder: Path) -> Callable[[], bool]:
+    return lambda: any(line["event"] == "enable" for line in journal(folder))
+
+
+def test_real_time_follows_a_circle_and_reports(robot: Callable[..., Path]) -> None:
+    done = contid("run", str(robot(2)), "--json", stdin=circle_csv(2, period_s=0.5))
+    report = json.loads(done.stdout)
+    assert (done.returncode, report["exit_code"]) == (0, 0), done.stderr
+    for told in report["robots"].values():
+        assert told["mode"] == "OFF"
+        assert told["ticks_followed"] > 50
+    assert set(report["lateness"]) == {"p50_us", "p99_us", "p99_9_us", "max_us"}
+
+
+def test_virtual_and_real_time_command_the_same(robot: Callable[..., Path], tmp_path: Path) -> None:
+    """Tick by tick the same bytes, as far as no tick was skipped on this machine."""
+    path, given = str(robot(1)), circle_csv(1, period_s=0.5)
+    logs, skipped = [], 0
+    for virtual in (["--virtual"], []):
+        log = tmp_path / f"log{len(logs)}.csv"
+        done = contid("run", path, *virtual, "--log", str(log), "--json", stdin=given)
+        assert done.returncode == 0, done.stderr
+        skipped += json.loads(done.stdout)["skipped"]
+        logs.append([line.split(",", 1)[1] for line in log.read_text().splitlines()])
+    if skipped == 0:
+        assert logs[0] == logs[1]
+
+
+BAD = {
+    "nan": ("t_s,f0.x_mm,f0.y_mm\n0,50,75\n1,nan,75\n", "3:3"),
+    "inf": ("t_s,f0.x_mm,f0.y_mm\n0,50,75\n1,50,inf\n", "3:6"),
+    "missing column": ("t_s,f0.x_mm\n0,50\n", "1:"),
+    "missing cell": ("t_s,f0.x_mm,f0.y_mm\n0,50,75\n1,50\n", "3:"),
+    "time backwards": ("t_s,f0.x_mm,f0.y_mm\n0,50,75\n2,50,75\n1,50,75\n", "4:1"),
+    "unreachable": ("t_s,f0.x_mm,f0.y_mm\n0,50,75\n1,500,75\n", "3:1"),
+    "unknown robot": ("t_s,thumb.x_mm,thumb.y_mm\n0,50,75\n", "1:5"),
+    "empty": ("t_s,f0.x_mm,f0.y_mm\n", "1:1"),
+}
+
+
+@pytest.mark.parametrize("name", list(BAD))
+def test_bad_input_is_named_and_nothing_moves(name: str, robot: Callable[..., Path], tmp_path: Path) -> None:
+    given, place = BAD[name]
+    done = contid("run", str(robot(1)), stdin=given)
+    assert done.returncode == 2
+    assert f"stdin:{place}" in done.stderr
+    assert journal(tmp_path) == []
+
+
+def test_an_unreachable_point_says_which_limit_and_by_how_much(robot: Callable[..., Path]) -> None:
+    done = contid("run", str(robot(1)), stdin=BAD["unreachable"][0])
+    assert "f0: tip (500, 75, 0) mm is out of reach by" in done.stderr
+    assert "left.max" in done.stderr
+
+
+def test_nearest_goes_there_all_the_same(robot: Callable[..., Path]) -> None:
+    given = "t_s,f0.x_mm,f0.y_mm\n0,50,75\n2,60,120\n"
+    done = contid("run", str(robot(1)), "--virtual", "--unreachable", "nearest", "--json", stdin=given)
+    report = json.loads(done.stdout)
+    assert done.returncode == 0, done.stderr
+    assert report["robots"]["f0"]["ticks_unreachable"] > 0
+
+
+def test_a_stream_reports_a_bad_row_and_goes_on(robot: Callable[..., Path]) -> None:
+    rows = ["f0.x_mm,f0.y_mm", "50,75", "51,x", "52,75", "500,75", "53,75"]
+    done = contid("run", str(robot(1)), "--virtual", "--json", stdin="\n".join(rows))
+    assert done.returncode == 0, done.stderr
+    assert "stdin:3:4" in done.stderr
+    assert "stdin:5:1" in done.stderr
+
+
+def test_a_device_that_is_not_there_is_exit_code_4(robot: Callable[..., Path]) -> None:
+    path = robot(1, options="faults: [{at_s: 0.0, kind: lost}]")
+    done = contid("run", str(path), stdin=circle_csv(1))
+    assert done.returncode == 4
+    assert "bus0" in done.stdout
+
+
+def test_a_fault_is_exit_code_3_and_reports(robot: Callable[..., Path]) -> None:
+    path = robot(2, options="faults: [{at_s: 0.3, kind: overload, axis: f0.left}]")
+    done = contid("run", str(path), "--json", stdin=circle_csv(2, period_s=0.2))
+    report = json.loads(done.stdout)
+    assert done.returncode == 3
+    assert report["robots"]["f0"]["fault"] == 103
+    assert "clear-fault" in report["robots"]["f0"]["words"]
+    assert report["ticks"] > 0
+
+
+@pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM])
+def test_one_signal_is_an_orderly_stop(
+    number: signal.Signals, robot: Callable[..., Path], tmp_path: Path, started: Callable[..., Any]
+) -> None:
+    process = started(str(robot(1, on_interrupt="rest")), "--on-end", "hold")
+    process.stdin.write(circle_csv(1, period_s=60.0))
+    process.stdin.close()
+    process.stdin = None
+    until(enabled(tmp_path), "armed")
+    time.sleep(0.3)
+    process.send_signal(number)
+    out, _ = process.communicate(timeout=30)
+    assert process.returncode == 130
+    assert "run: interrupted" in out
+    last = journal(tmp_path)[-1]
+    assert last["event"] == "close"
+    for axis in last["axes"].values():
+        assert axis["rest"] == "hold"
+        assert axis["goal_rad"] == pytest.approx(60.0 / 37.7 * 2 * 3.141592653589793, abs=1e-3)
+
+
+def test_the_second_signal_relaxes_at_once(
+    robot: Callable[..., Path], tmp_path: Path, started: Callable[..., Any]
+) -> None:
+    process = started(str(robot(1, on_interrupt="rest")))
+    process.stdin.write(circle_csv(1, period_s=60.0))
+    process.stdin.close()
+    process.stdin = None
+    until(enabled(tmp_path), "armed")
+    time.sleep(0.4)
+    process.send_signal(signal.SIGINT)
+    time.sleep(0.1)
+    process.send_signal(signal.SIGINT)
+    process.communicate(timeout=30)
+    assert process.returncode == 130
+    rests = {axis["rest"] for line in journal(tmp_path)[-1:] for axis in line["axes"].values()}
+    assert rests == {"relax"}
+
+
+def test_killing_the_daemon_brings_the_robot_to_on_host_loss(
+    robot: Callable[..., Path], tmp_path: Path, started: Callable[..., Any]
+) -> None:
+    process = started(str(robot(1)))
+    process.stdin.write(circle_csv(1, period_s=60.0))
+    process.stdin.close()
+    process.stdin = None
+    until(enabled(tmp_path), "armed")
+    time.sleep(0.3)
+    (control,) = psutil.Process(process.pid).children()
+    process.kill()
+    process.wait()
+    control.wait(timeout=10)
+    last = journal(tmp_path)[-1]
+    assert last["event"] == "close"
+    assert {axis["rest"] for axis in last["axes"].values()} == {"relax"}
+    assert not any("trip" in line["event"] for line in journal(tmp_path))
+    assert not list(Path("/dev/shm").glob(f"contid-{process.pid}-*"))

@@ -1,0 +1,227 @@
+"""Whole runs in virtual time: what the robots do, bit for bit, well and with every fault."""
+
+from __future__ import annotations
+
+import math
+from itertools import pairwise
+from pathlib import Path
+
+import pytest
+
+from contid.control import messages as msg
+from contid.control.command_log import CommandLog
+from contid.control.engine import OnEnd
+from contid.control.faults import Fault
+from contid.control.record import TickRecord
+from contid.control.supervisor import Mode
+from contid.control.virtual import run_virtual
+from contid.control.wiring import record_layout
+from contid.description.base import StopPolicy
+from contid.targets import Target
+from tests.control.fingers import Collector, circle, load
+
+RATE = 200.0
+
+
+@pytest.mark.parametrize("count", [1, 2, 16])
+def test_the_same_input_gives_the_same_bytes(count: int, tmp_path: Path) -> None:
+    logs = []
+    for attempt in range(2):
+        loaded = load(count)
+        log = CommandLog(tmp_path / f"{attempt}.csv", record_layout(loaded, RATE))
+        report = run_virtual(loaded, RATE, circle(loaded), sinks=[log])
+        log.close()
+        logs.append((tmp_path / f"{attempt}.csv").read_bytes())
+        assert report.exit_code == 0
+        assert len(logs[-1].splitlines()) == report.ticks + 1
+    assert logs[0] == logs[1]
+
+
+def test_it_follows_to_rounding_and_takes_the_way_of_states() -> None:
+    loaded = load(2)
+    seen = Collector(loaded)
+    report = run_virtual(loaded, RATE, circle(loaded), sinks=[seen])
+    for name in ("f0", "f1"):
+        assert report.robots[name]["tip_error_max_mm"] < 1e-9
+        assert report.robots[name]["ticks_limited"] == {}
+        # READY is passed within the tick that saw the first samples.
+        assert seen.modes(name) == ["CONNECTING", "ARMING", "APPROACH", "RUN", "STOPPING", "OFF"]
+
+
+def axis_path(seen: Collector, robot: int = 0, axis: int = 0) -> list[float]:
+    records = [r for r in seen.records if isinstance(r, TickRecord)]
+    values = [r.robots[robot].axes[axis].command for r in records]
+    return [v for v in values if not math.isnan(v)]
+
+
+@pytest.mark.parametrize("interrupt_at", [None, 60, 260, 300])
+def test_commands_never_jump(interrupt_at: int | None) -> None:
+    """Velocity, acceleration and, over the whole run, no step that the limits do not allow."""
+    loaded = load(1, on_interrupt="rest")
+    seen = Collector(loaded)
+    orders = {} if interrupt_at is None else {interrupt_at: [msg.Finish()]}
+    run_virtual(loaded, RATE, circle(loaded), sinks=[seen], orders=orders)
+    path = axis_path(seen)
+    steps = [b - a for a, b in pairwise(path)]
+    assert max(map(abs, steps)) <= 0.100 / RATE * (1 + 1e-9)
+    changes = [b - a for a, b in zip([0.0, *steps], [*steps, 0.0], strict=True)]
+    assert max(map(abs, changes)) <= 1.0 / RATE**2 * (1 + 1e-6)
+    if interrupt_at is not None and interrupt_at > 2:
+        assert path[-1] == pytest.approx(0.060, abs=1e-12)
+
+
+def test_the_first_command_is_where_the_robot_is() -> None:
+    loaded = load(1)
+    seen = Collector(loaded)
+    run_virtual(loaded, RATE, circle(loaded), sinks=[seen])
+    records = [r for r in seen.records if isinstance(r, TickRecord)]
+    first = next(i for i, r in enumerate(records) if not math.isnan(r.robots[0].axes[0].device))
+    commanded = records[first].robots[0].axes[0].device
+    # One tick into a jerk-limited start: below the resolution of any servo.
+    assert commanded == pytest.approx(records[first - 1].robots[0].axes[0].value, abs=2e-3)
+    assert all(math.isnan(r.robots[0].axes[0].device) for r in records[:first])
+
+
+@pytest.mark.parametrize(
+    ("options", "fault"),
+    [
+        ("faults: [{at_s: 1.0, kind: silent, axis: f0.left}]", Fault.AXIS_SILENT),
+        ("faults: [{at_s: 1.0, kind: overload, axis: f0.left}]", Fault.DEVICE_FAULT),
+    ],
+)
+def test_a_fault_of_one_robot_leaves_the_other_alone(options: str, fault: Fault) -> None:
+    loaded = load(2, options=options)
+    seen = Collector(loaded)
+    report = run_virtual(loaded, RATE, circle(loaded), sinks=[seen])
+    assert report.exit_code == 3
+    assert report.robots["f0"]["fault"] == fault
+    assert "f0.left" in report.robots["f0"]["words"]
+    assert report.robots["f1"]["fault"] == 0
+    assert seen.modes("f1")[-3:] == ["RUN", "STOPPING", "OFF"]
+    assert report.robots["f1"]["tip_error_max_mm"] < 1e-9
+
+
+def test_misses_within_the_tolerance_are_no_fault() -> None:
+    loaded = load(1, tolerance=5, options="faults: [{at_s: 1.0, kind: silent, axis: f0.left, for_s: 0.015}]")
+    assert run_virtual(loaded, RATE, circle(loaded)).exit_code == 0
+
+
+def test_a_lost_bus_stops_its_robots_only_and_comes_back_without_moving() -> None:
+    loaded = load(2, buses=2, options="faults: [{at_s: 1.0, kind: lost, for_s: 0.5}]")
+    seen = Collector(loaded)
+    orders = {
+        500: [msg.ClearFault(("f0",))],
+        520: [msg.Resume(("f0",))],
+    }
+    report = run_virtual(loaded, RATE, circle(loaded, period_s=4.0), sinks=[seen], orders=orders)
+    modes = seen.modes("f0")
+    assert modes[modes.index("FAULT") :] == [
+        "FAULT", "READY", "ARMING", "APPROACH", "RUN", "STOPPING", "OFF",
+    ]  # fmt: skip
+    assert "FAULT" not in seen.modes("f1")
+    records = [r for r in seen.records if isinstance(r, TickRecord)]
+    # Nothing is commanded between the loss and the order to go on.
+    lost = next(r.tick for r in records if r.robots[0].mode == Mode.FAULT)
+    assert all(math.isnan(r.robots[0].axes[0].device) for r in records if lost < r.tick <= 520)
+    assert report.exit_code == 0
+
+
+def test_clear_fault_refuses_while_something_is_wrong() -> None:
+    loaded = load(2, options="faults: [{at_s: 1.0, kind: silent, axis: f0.left}]")
+    seen = Collector(loaded)
+    orders = {300: [msg.ClearFault(("f0",))]}
+    run_virtual(loaded, RATE, circle(loaded, period_s=3.0), sinks=[seen], orders=orders)
+    assert [e["robot"] for e in seen.events if e["event"] == "refused"] == ["f0"]
+    assert seen.modes("f0")[-1] == "FAULT"
+
+
+@pytest.mark.parametrize(("policy", "rest"), [("relax", True), ("hold", False)])
+def test_on_fault_is_a_policy(policy: str, rest: bool) -> None:
+    loaded = load(1, on_fault=policy, options="faults: [{at_s: 1.4, kind: silent, axis: f0.left}]")
+    seen = Collector(loaded)
+    run_virtual(loaded, RATE, circle(loaded, period_s=3.0), sinks=[seen])
+    records = [r for r in seen.records if isinstance(r, TickRecord)]
+    first = next(i for i, r in enumerate(records) if r.robots[0].mode == Mode.FAULT)
+    assert math.isnan(records[first].robots[0].axes[0].device) == rest
+
+
+def test_hold_pauses_the_trajectory_and_resume_goes_on() -> None:
+    loaded = load(2)
+    seen = Collector(loaded)
+    orders = {300: [msg.Hold()], 500: [msg.Resume()]}
+    report = run_virtual(loaded, RATE, circle(loaded, period_s=2.0), sinks=[seen], orders=orders)
+    assert report.exit_code == 0
+    for name in ("f0", "f1"):
+        modes = seen.modes(name)
+        assert modes[modes.index("HOLD") - 1 :] == ["RUN", "HOLD", "APPROACH", "RUN", "STOPPING", "OFF"]
+        assert report.robots[name]["tip_error_max_mm"] < 1e-9
+    records = [r for r in seen.records if isinstance(r, TickRecord)]
+    times = [r.source_s for r in records if not math.isnan(r.source_s)]
+    assert times == sorted(times)
+    assert times[-1] == 2.0
+
+
+def test_goto_then_hold() -> None:
+    loaded = load(1)
+    seen = Collector(loaded)
+    target = Target(tip_m=(0.040, 0.080, 0.0))
+    orders = {10: [msg.Goto("f0", target)]}
+    run_virtual(loaded, RATE, None, sinks=[seen], orders=orders, ticks=600)
+    assert seen.modes("f0")[-2:] == ["APPROACH", "HOLD"]
+    plan_tip = [r for r in seen.records if isinstance(r, TickRecord)][-1].robots[0]
+    assert plan_tip.mode == Mode.HOLD
+
+
+def test_orders_that_do_not_fit_are_refused_in_words() -> None:
+    loaded = load(1)
+    seen = Collector(loaded)
+    orders = {0: [msg.ClearFault(("f0",)), msg.Hold(("thumb",))]}
+    run_virtual(loaded, RATE, None, sinks=[seen], orders=orders, ticks=5)
+    words = [str(e["words"]) for e in seen.events if e["event"] == "refused"]
+    assert "cannot clear while CONNECTING" in words[0]
+    assert "no robot 'thumb'; there are f0" in words[1]
+
+
+@pytest.mark.parametrize("on_end", list(OnEnd))
+def test_the_end_is_a_choice(on_end: OnEnd) -> None:
+    loaded = load(1)
+    seen = Collector(loaded)
+    report = run_virtual(loaded, RATE, circle(loaded), sinks=[seen], on_end=on_end)
+    assert report.exit_code == 0
+    assert seen.modes("f0")[-1] == ("RUN" if on_end is OnEnd.HOLD else "OFF")
+    if on_end is OnEnd.REST:
+        assert axis_path(seen)[-1] == pytest.approx(0.060, abs=1e-12)
+
+
+def test_estop_at_once_from_motion() -> None:
+    loaded = load(2)
+    seen = Collector(loaded)
+    run_virtual(loaded, RATE, circle(loaded), sinks=[seen], orders={300: [msg.Estop(), msg.Finish()]})
+    ticks = [e["tick"] for e in seen.events if e["event"] == "state" and e["mode"] == "OFF"]
+    assert ticks == [300, 300]
+
+
+def test_a_stream_holds_on_a_bad_row_and_goes_on() -> None:
+    loaded = load(1)
+    seen = Collector(loaded)
+    good, other = Target(tip_m=(0.050, 0.075, 0.0)), Target(tip_m=(0.052, 0.075, 0.0))
+    rows = [{"f0": good}] * 400 + [{"f0": None}] * 50 + [{"f0": other}] * 200
+    report = run_virtual(loaded, RATE, None, sinks=[seen], rows=rows)
+    modes = seen.modes("f0")
+    assert modes[modes.index("RUN") :] == ["RUN", "HOLD", "APPROACH", "RUN", "STOPPING", "OFF"]
+    assert report.exit_code == 0
+
+
+def test_every_robot_in_fault_ends_the_run() -> None:
+    loaded = load(1, options="faults: [{at_s: 0.5, kind: silent, axis: f0.left}]")
+    report = run_virtual(loaded, RATE, circle(loaded, period_s=100.0))
+    assert report.exit_code == 3
+    assert report.ticks < 1000
+
+
+def test_stop_policies_override() -> None:
+    loaded = load(1)
+    seen = Collector(loaded)
+    orders = {300: [msg.Stop(("f0",), StopPolicy.RELAX)], 400: [msg.Finish()]}
+    run_virtual(loaded, RATE, circle(loaded), sinks=[seen], orders=orders)
+    assert seen.modes("f0")[-2:] == ["STOPPING", "OFF"]
