@@ -6,4 +6,4 @@ cd "$(dirname "$0")/.."
 python=${1:-python3}
 cmake -S . -B build/kernels -DPython_EXECUTABLE="$(command -v "$python")" -DCMAKE_BUILD_TYPE=Release >/dev/null
 cmake --build build/kernels
-cmake --install build/kernels --prefix .
+cmake --install build/kernels --prefix . --component kernels
