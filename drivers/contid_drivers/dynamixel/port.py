@@ -30,6 +30,9 @@ from contid.errors import DeviceLostError, DeviceNotFoundError
 BITS_PER_BYTE: Final = 10
 #: Return Delay Time is at most 254 x 2 us; used until the servos were asked.
 RETURN_DELAY_MAX_S: Final = 508e-6
+#: Outside the tick a time-out may be long, and has to be: an answer that comes after it would be taken for the
+#: answer to the next request of the same servo.
+ACYCLIC_LATENCY_S: Final = 0.03
 
 
 @dataclass(frozen=True, slots=True)
@@ -234,7 +237,8 @@ class BlockingPort(PortHandler):  # type: ignore[misc]  # the SDK has no types
     def setPacketTimeout(self, packet_length: int) -> None:
         """Time-out of one answer: rest of the sending, return delay, its bytes, and the adapter's latency."""
         start = max(self._sent_until, time.monotonic())
-        self._deadline = start + self.return_delay_s + packet_length * self.byte_s + self.latency_s
+        self._deadline = start + self.return_delay_s + packet_length * self.byte_s
+        self._deadline += max(self.latency_s, ACYCLIC_LATENCY_S)
 
     def setPacketTimeoutMillis(self, msec: float) -> None:
         """Time-out by the SDK's own reckoning (broadcast ping)."""

@@ -64,6 +64,7 @@ class Servo:
         self.now = 0.0
         self.booted_at = 0.0
         self.heard_at = 0.0
+        self.stopped_at = 0.0
         self.tripped_goal: float | None = None
         self.registered: Registered | None = None
         #: Whole turns the servo forgot when it lost power.
@@ -304,6 +305,7 @@ class Servo:
     def trip(self) -> None:
         """Bus Watchdog trip: stop, and ignore goals until 0 is written."""
         self.put(reg.BUS_WATCHDOG, reg.WATCHDOG_TRIPPED)
+        self.stopped_at = self.now
         if self.torque:
             self.motion.velocity = 0.0
             self.tripped_goal = self.motion.position + self.get(reg.HOMING_OFFSET)

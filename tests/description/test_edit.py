@@ -1,0 +1,91 @@
+"""Values written back into a robot file: comments stay, and the file is the old or the new one."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import pytest
+
+from contid.description import edit
+from contid.description.edit import Change, EditError, edited, set_value, set_values
+from contid.description.load import load_robot_file
+
+TEXT = """\
+# A hand.
+contid: 1
+robots:
+  left:   # the left finger
+    axes:
+      # A pinion of 15 teeth.
+      left: {bus: servos, id: 1, mm_per_rev: 37.699}
+      right:
+        bus: servos   # the only one
+        zero_deg: 1.5 # measured with a ruler
+
+        # Counted on the pinion.
+        mm_per_rev: 37.699
+"""
+
+
+def test_comments_order_and_style_survive() -> None:
+    key = "robots.left.axes.right.zero_deg"
+    text = edited(TEXT, [Change(key, -12.25, "homed")])
+    assert text == TEXT.replace("zero_deg: 1.5 # measured with a ruler", "zero_deg: -12.25 # homed")
+
+
+def test_a_missing_last_key_is_added_also_in_flow_style() -> None:
+    text = edited(TEXT, [Change("robots.left.axes.left.zero_deg", 7.5, "homed")])
+    assert "left: {bus: servos, id: 1, mm_per_rev: 37.699, zero_deg: 7.5}" in text
+    assert "# homed" in text
+    assert "# A pinion of 15 teeth." in text
+    assert edited(text, [Change("robots.left.axes.left.zero_deg", 7.5, "homed")]) == text
+
+
+def test_a_missing_mapping_is_named() -> None:
+    with pytest.raises(EditError, match=r"there is no robots\.right"):
+        edited(TEXT, [Change("robots.right.axes.left.zero_deg", 1.0)])
+
+
+def test_all_or_none(tmp_path: Path) -> None:
+    path = tmp_path / "hand.yaml"
+    path.write_text(TEXT)
+    good = Change("robots.left.axes.right.zero_deg", 3.0)
+    with pytest.raises(EditError):
+        set_values(path, [good, Change("robots.none.axes", 1.0)])
+    assert path.read_text() == TEXT
+
+
+def test_an_interrupted_write_leaves_the_old_file_and_nothing_else(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    path = tmp_path / "hand.yaml"
+    path.write_text(TEXT)
+
+    def interrupted(handle: int) -> None:
+        raise KeyboardInterrupt
+
+    monkeypatch.setattr(edit.os, "fsync", interrupted)
+    with pytest.raises(KeyboardInterrupt):
+        set_value(path, "robots.left.axes.right.zero_deg", 3.0)
+    assert path.read_text() == TEXT
+    assert list(tmp_path.iterdir()) == [path]
+
+
+def test_the_mode_of_the_file_and_a_link_to_it_survive(tmp_path: Path) -> None:
+    path, link = tmp_path / "hand.yaml", tmp_path / "link.yaml"
+    path.write_text(TEXT)
+    path.chmod(0o640)
+    link.symlink_to(path)
+    set_value(link, "robots.left.axes.right.zero_deg", 3.0)
+    assert link.is_symlink()
+    assert path.stat().st_mode & 0o777 == 0o640
+    assert "zero_deg: 3.0 #" in path.read_text()
+
+
+def test_a_shipped_robot_file_is_valid_after_an_edit(configs: Path, tmp_path: Path) -> None:
+    path = tmp_path / "hand.yaml"
+    path.write_text((configs / "hand.yaml").read_text())
+    set_value(path, "robots.left.axes.right.zero_deg", 12.5, "homed")
+    assert load_robot_file(path).file.robots["left"].axes["right"].zero_deg == 12.5
+    before, after = (configs / "hand.yaml").read_text().splitlines(), path.read_text().splitlines()
+    assert len([line for line in after if line not in before]) == 1
