@@ -91,6 +91,7 @@ class BusUnderTest(Protocol):
 
 #: Name in the test's id -> "module:function"; the function is a context manager without arguments.
 HARNESSES: Final[dict[str, str]] = {
+    "dynamixel": "tests.contract.dynamixel_harness:servo",
     "sim-servo": "tests.contract.sim_harness:servo",
     "sim-motor": "tests.contract.sim_harness:motor",
     "sim-regulator": "tests.contract.sim_harness:regulator",

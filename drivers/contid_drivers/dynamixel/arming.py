@@ -129,7 +129,7 @@ def plausible(client: ServoClient, axis: Axis, position: int) -> None:
     if not low - TRAVEL_SLACK_RAD <= angle <= high + TRAVEL_SLACK_RAD:
         raise DeviceError(
             client.name(axis.device),
-            f"{axis.name} stands at {math.degrees(angle):.1f} deg, outside its travel of "
+            f"it stands at {math.degrees(angle):.1f} deg, outside its travel of "
             f"{math.degrees(low):.1f}..{math.degrees(high):.1f} deg",
             "a wrong turn or a wrong zero_deg: run `contid home`, or bring it inside by hand",
         )

@@ -62,7 +62,7 @@ class DynamixelBus:
         port = BlockingPort(self.name, path, options.baud, options.usb_latency_ms / 1e3)
         port.open()
         try:
-            client = ServoClient(self.name, port)
+            client = ServoClient(self.name, port, {axis.device: name for name, axis in self._states.items()})
             states = tuple(self._states.values())
             arming.handshake(client, states, options)
             mapped = [arming.map_block(client, axis.device) for axis in states]

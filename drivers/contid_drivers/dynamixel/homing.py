@@ -45,11 +45,11 @@ def home(
     port = BlockingPort(name, find_port(name, options.port), options.baud, options.usb_latency_ms / 1e3)
     port.open()
     try:
-        client = ServoClient(name, port)
+        client = ServoClient(name, port, {axis.device: axis.name for axis in states})
         arming.handshake(client, states, options)
         for axis in states:
             if client.read(axis.device, reg.TORQUE_ENABLE) and client.read(axis.device, reg.MOVING):
-                raise DeviceError(client.name(axis.device), f"{axis.name} is moving", "stop its robot first")
+                raise DeviceError(client.name(axis.device), "it is moving", "stop its robot first")
         return [_home_one(client, axis, options, say) for axis in chosen]
     finally:
         port.close()
@@ -132,7 +132,7 @@ def _until_blocked(client: ServoClient, axis: Axis, homing: HardStop, start: int
             went_deg = (position - start) * 360.0 / reg.TICKS_PER_REV
             raise DeviceError(
                 name,
-                f"{axis.name} met no stop within {homing.timeout_s:g} s: it went {went_deg:+.0f} deg "
+                f"it met no stop within {homing.timeout_s:g} s: it went {went_deg:+.0f} deg "
                 f"with {current} of {homing.current_ma} mA",
                 "check direction, speed and current of its homing",
             )

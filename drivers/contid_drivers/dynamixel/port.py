@@ -30,8 +30,8 @@ from contid.errors import DeviceLostError, DeviceNotFoundError
 BITS_PER_BYTE: Final = 10
 #: Return Delay Time is at most 254 x 2 us; used until the servos were asked.
 RETURN_DELAY_MAX_S: Final = 508e-6
-#: Outside the tick a time-out may be long, and has to be: an answer that comes after it would be taken for the
-#: answer to the next request of the same servo.
+#: Outside the tick a time-out may be long, and has to be: an answer that comes after it would be taken for
+#: the answer to the next request of the same servo.
 ACYCLIC_LATENCY_S: Final = 0.03
 
 

@@ -10,6 +10,7 @@ length. The rest of it is used as it is.
 from __future__ import annotations
 
 import time
+from collections.abc import Mapping
 from typing import Any, Final
 
 from dynamixel_sdk import COMM_PORT_BUSY, COMM_RX_CORRUPT, COMM_RX_TIMEOUT, COMM_SUCCESS
@@ -78,14 +79,16 @@ class HardenedProtocol(Protocol2PacketHandler):  # type: ignore[misc]  # the SDK
 class ServoClient:
     """Reads and writes registers of single servos: handshake, settings, commissioning, homing."""
 
-    def __init__(self, bus: str, port: BlockingPort) -> None:
+    def __init__(self, bus: str, port: BlockingPort, names: Mapping[int, str] | None = None) -> None:
         self.bus = bus
         self.port = port
+        self._names = names or {}
         self._sdk: Any = HardenedProtocol()
 
     def name(self, device: int) -> str:
         """How messages call a servo."""
-        return f"{self.bus}, servo {device}"
+        axis = f" ({self._names[device]})" if device in self._names else ""
+        return f"{self.bus}, servo {device}{axis}"
 
     def ping(self, device: int, tries: int = TRIES) -> int | None:
         """Model number of a servo, None when it is silent."""

@@ -67,7 +67,7 @@ def settle(client: ServoClient, axis: Axis) -> None:
         tolerance, what = math.radians(homing.plausible_deg), "it is parked at"
     elif isinstance(homing, HardStop):
         raise DeviceError(
-            name, f"{axis.name} has lost its turn count (power was off) and is not homed", "run `contid home`"
+            name, "it has lost its turn count (power was off) and is not homed", "run `contid home`"
         )
     else:
         store(client, axis, 0)
@@ -77,7 +77,7 @@ def settle(client: ServoClient, axis: Axis) -> None:
     if abs(off) > tolerance:
         raise DeviceError(
             name,
-            f"{axis.name} lost its turn count and stands {math.degrees(off):+.0f} deg from where {what} "
+            f"it lost its turn count and stands {math.degrees(off):+.0f} deg from where {what} "
             f"({math.degrees(expected):.0f} deg); {math.degrees(tolerance):.0f} deg are believed",
             "bring it there by hand, or run `contid home`",
         )

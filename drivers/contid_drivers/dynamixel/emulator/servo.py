@@ -70,6 +70,8 @@ class Servo:
         #: Whole turns the servo forgot when it lost power.
         self.forgotten_ticks = 0
         self.supply_decivolt = 50
+        #: Hardware error that comes back after every reboot, until its cause ends.
+        self.cause = 0
         for register in reg.TABLE:
             self.put(register, register.default)
         code = next(code for code, rate in reg.BAUD_CODES.items() if rate == baud)
@@ -255,6 +257,8 @@ class Servo:
         """REBOOT, or a brown-out: RAM and turn count are gone, torque is off, and it is deaf for a while."""
         self.booted_at = self.now + BOOT_S
         self._power_up()
+        if self.cause:
+            self.fail(self.cause)
 
     def _power_up(self) -> None:
         for register in reg.TABLE:

@@ -1,0 +1,85 @@
+"""The Dynamixel driver under the contract: emulated servos on a pty, in real time."""
+
+from __future__ import annotations
+
+import tempfile
+import time
+from collections.abc import Iterator, Mapping
+from contextlib import contextmanager
+from pathlib import Path
+
+from contid.hal import AxisOnBus, DeviceKind, Rest, Sample
+from contid_drivers.dynamixel import registers as reg
+from contid_drivers.dynamixel.bus import DynamixelBus
+from contid_drivers.dynamixel.emulator import Emulator, Servo
+from contid_drivers.dynamixel.options import AxisOptions, BusOptions
+from tests.contract.harness import Facts
+
+TICK_S = 0.005
+AXES = ("left.a", "left.b", "right.a")
+STEP = reg.RAD_PER_TICK
+OVERLOAD = 0x20
+
+
+class RealClock:
+    def now(self) -> float:
+        return time.monotonic()
+
+
+class DynamixelRig:
+    """A `tests.contract.harness.BusUnderTest` of emulated servos."""
+
+    def __init__(self, port: Path) -> None:
+        self.facts = Facts(DeviceKind.SERVO, STEP, 3 * STEP, 0.5, 30.0, 0.5, 0.3, 0.0, Rest.HOLD)
+        self.emulator = Emulator(
+            [Servo(i + 1, position_ticks=1000.0 * (i + 1)) for i in range(len(AXES))], port
+        )
+        self._ids = {axis: i + 1 for i, axis in enumerate(AXES)}
+        axes = [AxisOnBus(axis, AxisOptions(id=device)) for axis, device in self._ids.items()]
+        options = BusOptions(port=str(port), watchdog_ms=300, usb_latency_ms=30.0, retry_ms=50.0)
+        self.bus = DynamixelBus("servos", options, axes, RealClock())
+
+    def pump(self, seconds: float, commands: Mapping[str, float] | None = None) -> Mapping[str, Sample]:
+        until = time.monotonic() + seconds
+        while True:
+            samples = self.bus.exchange(commands or {})
+            if time.monotonic() >= until:
+                return samples
+            time.sleep(TICK_S)
+
+    def wait(self, seconds: float) -> None:
+        time.sleep(seconds)
+
+    def value(self, axis: str) -> float:
+        return self._servo(axis).position_ticks * STEP
+
+    def powered(self, axis: str) -> bool:
+        return self._servo(axis).torque
+
+    def silence(self, axis: str, silent: bool) -> None:
+        self.emulator.set("silent", self._ids[axis], on=silent)
+
+    def unplug(self) -> None:
+        self.emulator.set("unplug")
+
+    def plug(self) -> None:
+        self.emulator.set("replug")
+
+    def break_device(self, axis: str) -> None:
+        self._servo(axis).cause = OVERLOAD
+        self.emulator.set("overload", self._ids[axis])
+
+    def mend_device(self, axis: str) -> None:
+        self._servo(axis).cause = 0
+
+    def _servo(self, axis: str) -> Servo:
+        return self.emulator.servo(self._ids[axis])
+
+
+@contextmanager
+def servo() -> Iterator[DynamixelRig]:
+    with tempfile.TemporaryDirectory() as folder:
+        rig = DynamixelRig(Path(folder) / "servos.pty")
+        with rig.emulator:
+            yield rig
+            rig.bus.close()
