@@ -20,6 +20,8 @@ COMMANDS: Final[dict[str, tuple[str, str]]] = {
     "fk": ("contid.cli.fk", "actuation rows to tip positions"),
     "ik": ("contid.cli.ik", "target rows to actuation"),
     "reach": ("contid.cli.reach", "where the tips can go: areas, volumes, overlaps, plots"),
+    "bench": ("contid.cli.bench", "the figures of the documentation, on this machine"),
+    "train": ("contid.cli.train", "train the neural network of `contid bench ik`"),
     "emulate": ("contid.cli.emulate", "wire-level devices on ptys: the real drivers without hardware"),
     "scan": ("contid.cli.scan", "find devices on serial ports"),
     "servo": ("contid.cli.servo", "give a servo its id or baud rate, or restart it"),

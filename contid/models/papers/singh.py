@@ -12,7 +12,6 @@ All methods work on the corrected kinematics (`contid.models.sections`). What is
 
 from __future__ import annotations
 
-import itertools
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -81,35 +80,60 @@ def random_trajectory(rng: np.random.Generator) -> TubeTrajectory:
     return trajectory(slow, phases[0], fast, phases[1])
 
 
+def damped(J: Array, error: Array, damping: float = 0.0) -> Array:
+    """``J^T (J J^T + damping^2 I)^-1 error``, for one posture or many: ``(..., 3, 6)`` and ``(..., 3)``."""
+    turned = np.swapaxes(J, -1, -2)
+    return (turned @ np.linalg.solve(J @ turned + damping**2 * np.eye(3), error[..., None]))[..., 0]
+
+
 def newton_raphson(
     sections: Sections, target_m: Array, lengths: Array, tolerance_m: float = 1e-6, most: int = 50
 ) -> tuple[Array, int]:
-    """Eq. 8-9: lengths [m] and the number of updates; unbounded, as the paper's update is."""
+    """Eq. 8-9 for one target: lengths [m] and the number of updates; unbounded, as the paper's update is."""
     for updates in range(most):
         at = differentiate(sections, lengths)
         error = target_m - at.frames.tip
         if float(np.linalg.norm(error)) <= tolerance_m:
             return lengths, updates
-        lengths = lengths + at.tip.T @ np.linalg.solve(at.tip @ at.tip.T, error)
+        lengths = lengths + damped(at.tip, error)
     return lengths, most
 
 
-def dls_step(sections: Sections, de_m: Array, lengths: Array, damping: float = 0.5) -> Array:
-    """Eq. 11-12: lengths [m] after one damped step for the displacement ``de_m``."""
-    J = differentiate(sections, lengths).tip
-    return lengths + J.T @ np.linalg.solve(J @ J.T + damping**2 * np.eye(3), de_m)
+def newton_raphson_path(
+    sections: Sections, tips_m: Array, lengths: Array, tolerance_m: float = 1e-6, most: int = 50
+) -> Array:
+    """Eq. 8-9 along paths ``(..., points, 3)``, each point from the one before: ``(..., points, 6)``."""
+    found = [lengths]
+    for k in range(1, tips_m.shape[-2]):
+        present = found[-1]
+        for _ in range(most):
+            at = differentiate(sections, present)
+            error = tips_m[..., k, :] - at.frames.tip
+            wrong = np.linalg.norm(error, axis=-1) > tolerance_m
+            if not wrong.any():
+                break
+            present = np.where(wrong[..., None], present + damped(at.tip, error), present)
+        found.append(present)
+    return np.stack(found, axis=-2)
 
 
 def dls_as_printed(sections: Sections, tips_m: Array, lengths: Array, damping: float = 0.5) -> Array:
     """Section III-B: one step per point, the previous trajectory point taken for the current one.
 
+    Args:
+        sections: the arm.
+        tips_m: one path ``(points, 3)`` or many ``(..., points, 3)`` [m].
+        lengths: lengths at the first point, ``(..., 6)`` [m].
+        damping: lambda; the paper has 0.5.
+
     Returns:
-        Lengths along the trajectory, ``(points, 6)``; the first row is the start.
+        Lengths along the path, ``(..., points, 6)``; the first is the start.
     """
     found = [lengths]
-    for previous, target in itertools.pairwise(tips_m):
-        found.append(dls_step(sections, target - previous, found[-1], damping))
-    return np.array(found)
+    for k in range(1, tips_m.shape[-2]):
+        step = tips_m[..., k, :] - tips_m[..., k - 1, :]
+        found.append(found[-1] + damped(differentiate(sections, found[-1]).tip, step, damping))
+    return np.stack(found, axis=-2)
 
 
 def dls_with_feedback(
@@ -117,9 +141,10 @@ def dls_with_feedback(
 ) -> Array:
     """The same step with the error taken from FK of the present lengths; ``steps`` of them per point."""
     found = [lengths]
-    for target in tips_m[1:]:
+    for k in range(1, tips_m.shape[-2]):
         present = found[-1]
         for _ in range(steps):
-            present = dls_step(sections, target - forward(sections, present).tip, present, damping)
+            at = differentiate(sections, present)
+            present = present + damped(at.tip, tips_m[..., k, :] - at.frames.tip, damping)
         found.append(present)
-    return np.array(found)
+    return np.stack(found, axis=-2)
