@@ -69,19 +69,28 @@ def run_virtual(
     engine = Engine(plans, ports, rate_hz, sink, clock.now, trajectory=trajectory, on_end=on_end)
     report = Report(rate_hz=rate_hz, virtual=True, ending="the input ended")
     queue = iter(rows) if rows is not None else iter(())
-    number = 0
+    number, last, cycles, skipped = 0, -1, 0, 0
     try:
         engine.arm()
         while not engine.finished and (ticks is None or number < ticks):
-            clock.set(number / rate_hz)
-            for message in (orders or {}).get(number, ()):
-                engine.obey(message, number)
+            # Only a simulated device that answers late gets ahead of the deadline; ticks are skipped as in
+            # real time, never caught up.
+            late_s = max(0.0, clock.now() - number / rate_hz)
+            if late_s * rate_hz >= 1.0:
+                missed = int(late_s * rate_hz)
+                number, skipped = number + missed, skipped + missed
+                sink.event("skipped", ticks=missed, total=skipped)
+            deadline_s = number / rate_hz
+            clock.set(max(deadline_s, clock.now()))
+            for before in range(last + 1, number + 1):
+                for message in (orders or {}).get(before, ()):
+                    engine.obey(message, number)
             if rows is not None and engine.armed and not engine.ended:
                 row = next(queue, None)
                 engine.obey(End() if row is None else Rows(row), number)
-            engine.cycle(Timing(number, 1, 0, clock.now()))
-            number += 1
-            if progress is not None and number % 1000 == 0:
+            engine.cycle(Timing(number, number - last, skipped, deadline_s, clock.now() - deadline_s))
+            last, number, cycles = number, number + 1, cycles + 1
+            if progress is not None and cycles % 1000 == 0:
                 progress(number)
             if engine.ended and on_end is OnEnd.HOLD:
                 break
@@ -90,7 +99,7 @@ def run_virtual(
     finally:
         for port in ports.values():
             port.close(1.0)
-    report.ticks = number
+    report.ticks, report.skipped = cycles, skipped
     report.robots = robot_reports(engine)
     if report.faulted() and not report.exit_code:
         report.ending, report.exit_code = "a fault stopped a robot", 3
