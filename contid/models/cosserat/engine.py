@@ -21,7 +21,7 @@ from contid.models.cosserat.equilibrium import equilibrium
 from contid.models.cosserat.search import search
 from contid.models.cosserat.section import Rod
 from contid.models.cosserat.solve import Limits, Problem, Task
-from contid.models.cosserat.stability import unstable_modes
+from contid.models.cosserat.stability import critical_factor, unstable_modes
 from contid.models.cosserat.statics import Array, Loads
 from contid.targets import Vec3
 
@@ -31,6 +31,9 @@ InverseAnswer: TypeAlias = tuple[tuple[float, ...], float, bool, bool, bool, int
 ForwardAnswer: TypeAlias = tuple[
     tuple[float, ...], tuple[float, ...], tuple[float, ...], bool, tuple[float, ...]
 ]
+
+#: The kernel is compiled for one to this many sections.
+KERNEL_SECTIONS = 4
 
 
 @dataclass(frozen=True)
@@ -58,6 +61,10 @@ class Engine(Protocol):
 
     def forward(self, pressures: Sequence[float], force: Vec3) -> ForwardAnswer:
         """Equilibrium of given pressures [bar] under a force on the tip [N]."""
+        ...
+
+    def critical(self, pressures: Sequence[float], force: Vec3, most: float) -> float | None:
+        """Least factor of the force at which the arm buckles; see `stability.critical_factor`."""
         ...
 
 
@@ -107,10 +114,16 @@ class NumpyEngine:
             stable, tuple(found.base_moment.tolist()),
         )  # fmt: skip
 
+    def critical(self, pressures: Sequence[float], force: Vec3, most: float) -> float | None:
+        """See `Engine`."""
+        return critical_factor(
+            self.setup.rod, np.array(pressures), self.loads(force), most, self.setup.elements
+        )
+
 
 def build_engine(setup: Setup) -> Engine:
     """The kernel when there is one and it is wanted, else NumPy."""
-    if os.environ.get("CONTID_PURE_PYTHON"):
+    if os.environ.get("CONTID_PURE_PYTHON") or len(setup.rod.sections) > KERNEL_SECTIONS:
         return NumpyEngine(setup)
     try:
         kernel = import_module("contid.kernels._cosserat")

@@ -13,7 +13,6 @@ from contid.models.cosserat.engine import NumpyEngine, Setup, build_engine
 from contid.models.cosserat.section import Rod, Section
 from contid.models.cosserat.shape import backbone
 from contid.models.cosserat.solve import Limits
-from contid.models.cosserat.stability import critical_factor
 from contid.models.cosserat.statics import Loads, sweep
 from contid.targets import ZERO3, Actuation, Pose, Solution, Target, Vec3
 from contid.units import BAR, MM_PER_M, mm_to_m
@@ -157,8 +156,7 @@ class CosseratModel:
         The arm's own weight acts in full. None when it stays stable up to ``most`` times ``load_n``; 0.0 when
         it does not even carry itself.
         """
-        p = np.array(actuation) / BAR
-        factor = critical_factor(self.setup.rod, p, self._spec.loads(load_n), most, self.setup.elements)
+        factor = self.engine.critical([p / BAR for p in actuation], load_n, most)
         return None if factor is None else factor * math.hypot(*load_n)
 
     def _binding(self, actuation: Actuation) -> tuple[str, ...]:

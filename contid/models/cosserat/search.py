@@ -19,9 +19,8 @@ from contid.models.cosserat.closed_form import (
     tip_and_direction_pressures,
     tip_pressures,
 )
-from contid.models.cosserat.equilibrium import STATICS_TOLERANCE
 from contid.models.cosserat.section import Rod
-from contid.models.cosserat.solve import Limits, Outcome, Problem, Task, solve
+from contid.models.cosserat.solve import BALANCE_TOLERANCE, Limits, Outcome, Problem, Task, solve
 from contid.models.cosserat.stability import unstable_modes
 from contid.models.cosserat.statics import Array, Loads, cross, sweep
 
@@ -150,7 +149,7 @@ def search(problem: Problem, seed: Array, error: float = np.inf) -> Found:
 
 def is_stable(problem: Problem, outcome: Outcome) -> bool:
     """True for an equilibrium that is a minimum of energy."""
-    if outcome.statics > STATICS_TOLERANCE:
+    if outcome.statics > BALANCE_TOLERANCE:
         return False
     if problem.loads.none:
         return True
