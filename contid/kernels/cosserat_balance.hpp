@@ -10,7 +10,7 @@ constexpr int kNewtonSteps = 25;
 
 inline bool finite(Vec a) { return std::isfinite(a.x) && std::isfinite(a.y) && std::isfinite(a.z); }
 
-template <int K> Mat by_base_moment(const double (&rows)[3][Rod<K>::columns]) {
+template <int C> Mat first_columns(const double (&rows)[3][C]) {
     Mat a;
     for (int i = 0; i < 3; ++i)
         for (int j = 0; j < 3; ++j) a.m[i][j] = rows[i][j];
@@ -26,7 +26,7 @@ bool newton(const Rod<K> &rod, const double *pressures, Vec &moment, Vec tip_for
         const double error = norm(out.moment);
         if (error <= kStatics) return true;
         Mat inv;
-        if (!std::isfinite(error) || !inverse(by_base_moment<K>(out.residual), inv)) return false;
+        if (!std::isfinite(error) || !inverse(first_columns(out.residual), inv)) return false;
         const Vec full = inv * out.moment, from = moment;
         bool better = false;
         for (double fraction = 1.0; fraction > 0.05 && !better; fraction *= 0.5) {
@@ -67,42 +67,39 @@ bool equilibrium(const Rod<K> &rod, const double *pressures, Vec tip_force, doub
     return reached >= 1.0;
 }
 
-// Negative eigenvalues of the symmetric part: all roots of the characteristic polynomial are real, so
-// Descartes' count of sign changes is exact.
+// Negative roots of det(x - a) when all three are real: Descartes' count of sign changes is then exact.
 inline int negative(const Mat &a) {
-    const double s01 = 0.5 * (a.m[0][1] + a.m[1][0]), s02 = 0.5 * (a.m[0][2] + a.m[2][0]),
-                 s12 = 0.5 * (a.m[1][2] + a.m[2][1]);
-    const double x = a.m[0][0], y = a.m[1][1], z = a.m[2][2];
-    const double sign[4] = {1.0, x + y + z, x * y - s01 * s01 + x * z - s02 * s02 + y * z - s12 * s12,
-                            x * (y * z - s12 * s12) - s01 * (s01 * z - s12 * s02) + s02 * (s01 * s12 - y * s02)};
+    const auto &m = a.m;
+    const double c0 = m[1][1] * m[2][2] - m[1][2] * m[2][1], c1 = m[1][0] * m[2][2] - m[1][2] * m[2][0],
+                 c2 = m[1][0] * m[2][1] - m[1][1] * m[2][0];
+    const double sign[3] = {m[0][0] + m[1][1] + m[2][2],
+                            c0 + m[0][0] * m[2][2] - m[0][2] * m[2][0] + m[0][0] * m[1][1] - m[0][1] * m[1][0],
+                            m[0][0] * c0 - m[0][1] * c1 + m[0][2] * c2};
     int changes = 0;
-    double last = 1.0;
-    for (int i = 1; i < 4; ++i)
-        if (sign[i] != 0.0) {
-            changes += (sign[i] > 0.0) != (last > 0.0);
-            last = sign[i];
-        }
+    bool last = true;
+    for (double value : sign) {
+        if (value == 0.0) continue;
+        changes += (value > 0.0) != last;
+        last = value > 0.0;
+    }
     return changes;
 }
 
-template <int C> Mat columns_of(const double (&rows)[3][C], int first) {
-    Mat a;
-    for (int i = 0; i < 3; ++i)
-        for (int j = 0; j < 3; ++j) a.m[i][j] = rows[i][first + j];
-    return a;
-}
-
-// Independent virtual motions that lower the energy; 0 means stable.
+// Independent virtual motions that lower the energy; 0 means stable. Three columns suffice (a fourth, zero, fills
+// the vector registers).
 template <int K>
 int unstable_modes(const Rod<K> &rod, const double *pressures, Vec base_moment, Vec tip_force, double share,
                    int elements) {
-    State<6> state;
+    constexpr int C = 4;
+    State<C> state;
     state.R = identity();
     state.p = {0, 0, 0};
     state.mu = base_moment;
+    clear(state.by);
+    for (int i = 0; i < 3; ++i) state.by.dmu[i][i] = 1.0;
     Vec N = tip_force;
     for (int i = 0; i < K; ++i) N = N + share * own_weight(rod.sections[i]);
-    Mat turn{}, moment = identity(), turn_inverse;
+    Mat before = identity();
     int modes = 0;
     bool first = true;
     for (int i = 0; i < K; ++i) {
@@ -112,48 +109,25 @@ int unstable_modes(const Rod<K> &rod, const double *pressures, Vec base_moment, 
         const bool weighs = dot(f, f) > 0.0;
         const double h = section.length / elements;
         for (int k = 0; k < elements; ++k) {
-            // Columns 0..2 continue the fields that start at the base, 3..5 start at this element.
-            clear(state.by);
-            for (int a = 0; a < 3; ++a) {
-                for (int b = 0; b < 3; ++b) {
-                    state.by.turn[a][b] = turn.m[a][b];
-                    state.by.dmu[a][b] = moment.m[a][b];
-                }
-                state.by.dmu[a][3 + a] = 1.0;
-            }
-            step<6, true>(inflated, state, N, f, weighs, h, -1, 6);
+            step<C, true>(inflated, state, N, f, weighs, h, -1, C);
             if (weighs) N = N - h * f;
-            const Mat next = columns_of<6>(state.by.turn, 0);
-            Mat local;
-            if (!first) {
-                if (!inverse(turn, turn_inverse) || !inverse(columns_of<6>(state.by.turn, 3), local)) return 3 * K;
-                modes += negative(local * next * turn_inverse);
-            }
+            const Mat turn = first_columns(state.by.turn);
+            if (!first) modes += negative(turn * before);
             first = false;
-            turn = next;
-            const Mat shifted = hat(N) * columns_of<6>(state.by.shift, 0);
-            moment = columns_of<6>(state.by.dmu, 0);
-            for (int a = 0; a < 3; ++a)
-                for (int b = 0; b < 3; ++b) moment.m[a][b] += shifted.m[a][b];
+            if (!inverse(turn, before)) return 3 * K;
         }
         if (section.link > 0.0) {
             const Vec lf = share * section.link_weight;
-            clear(state.by);
-            for (int a = 0; a < 3; ++a)
-                for (int b = 0; b < 3; ++b) {
-                    state.by.turn[a][b] = turn.m[a][b];
-                    state.by.dmu[a][b] = moment.m[a][b];
-                }
-            link<6, true>(state, section.link, lf, 6);
+            link<C, true>(state, section.link, lf, C);
             N = N - section.link * lf;
-            const Mat shifted = hat(N) * columns_of<6>(state.by.shift, 0);
-            moment = columns_of<6>(state.by.dmu, 0);
-            for (int a = 0; a < 3; ++a)
-                for (int b = 0; b < 3; ++b) moment.m[a][b] += shifted.m[a][b];
         }
     }
-    if (!inverse(turn, turn_inverse)) return 3 * K;
-    return modes + negative(moment * turn_inverse);
+    add_cross(tip_force, state.by.shift, state.by.dmu, C);
+    Mat stiffness = first_columns(state.by.dmu) * before;
+    for (int i = 0; i < 3; ++i)
+        for (int j = 0; j < i; ++j)
+            stiffness.m[i][j] = stiffness.m[j][i] = 0.5 * (stiffness.m[i][j] + stiffness.m[j][i]);
+    return modes + negative(stiffness);
 }
 
 // Least factor of the tip force at which the branch from the unloaded shape stops being stable; -1 when it is

@@ -33,6 +33,8 @@ template <int K> struct Outcome {
     double residual, statics;
     bool met, optimal;
     int iterations;
+    Vec tip, balance;  // of the last sweep
+    Mat tip_by_balance;  // how the tip follows the moment balance, for the error estimate
 };
 
 // Rotation that takes e3 to d the short way.
@@ -182,6 +184,7 @@ Outcome<K> solve(const Rod<K> &rod, const Task &task, Vec tip_force, double shar
 
     Outcome<K> out{};
     double *p = out.pressures;
+    const auto keep = [&out](const Sweep<K> &s) { out.tip = s.tip.p, out.balance = s.moment; };
     for (int i = 0; i < n; ++i) p[i] = std::min(std::max(start[i], limits.lower[i]), limits.upper[i]);
 
     const auto square = [](const double *r, int count) {
@@ -200,6 +203,7 @@ Outcome<K> solve(const Rod<K> &rod, const Task &task, Vec tip_force, double shar
     sweep<K, true>(rod, p, moment, tip_force, share, elements, here);
     double r[9], J[9][C], reduced[9][n], along_e[9], H[n][n], g[n], low[n], high[n], d[n], G[3][n];
     Mat inverse_A;
+    keep(here);
     residual(task, here, r);
     double cost = merit(r, here.moment, p), trust = kTrustStart, damping = 1.0;
     Vec e = here.moment;
@@ -210,7 +214,7 @@ Outcome<K> solve(const Rod<K> &rod, const Task &task, Vec tip_force, double shar
         if (!factored) {
             ++out.iterations;
             jacobian(task, here, J);
-            if (!inverse(by_base_moment<K>(here.residual), inverse_A)) break;
+            if (!inverse(first_columns(here.residual), inverse_A)) break;
             for (int i = 0; i < 3; ++i)
                 for (int j = 0; j < n; ++j)
                     G[i][j] = inverse_A.m[i][0] * here.residual[0][3 + j] + inverse_A.m[i][1] * here.residual[1][3 + j] +
@@ -227,6 +231,7 @@ Outcome<K> solve(const Rod<K> &rod, const Task &task, Vec tip_force, double shar
                     if (i == j) trace += sum;
                 }
             for (int i = 0; i < n; ++i) H[i][i] += weight + 1e-13 * trace;
+            out.tip_by_balance = first_columns(here.tip.by.shift) * inverse_A;
             factored = true;
         }
         const Vec Ge = inverse_A * e;
@@ -278,12 +283,17 @@ Outcome<K> solve(const Rod<K> &rod, const Task &task, Vec tip_force, double shar
             std::copy(next_r, next_r + rows, r);
             moment = next_moment;
             e = trial.moment;
+            keep(trial);
             const bool well = next_cost < 0.01 * cost;
             if (next_cost < 0.5 * cost) trust *= 2.0;
             cost = next_cost;
             damping = std::fmin(1.0, 2.0 * damping);
             fresh = false;
             const bool done = norm(e) <= kBalance && square(r, rows) <= tolerance * tolerance;
+            if (done && weight == 0.0) {
+                out.optimal = true;
+                break;
+            }
             if ((done || well) && ++chords <= kChords) continue;
             sweep<K, true>(rod, p, moment, tip_force, share, elements, here);
             fresh = true, factored = false, chords = 0;
@@ -301,6 +311,7 @@ Outcome<K> solve(const Rod<K> &rod, const Task &task, Vec tip_force, double shar
     out.met = out.residual <= tolerance && out.statics <= kBalance;
     if (!out.met) {
         newton<K>(rod, p, moment, tip_force, share, elements, here);
+        keep(here);
         residual(task, here, r);
         out.statics = norm(here.moment);
         out.residual = std::sqrt(square(r, rows));

@@ -3,9 +3,13 @@
 Dead loads do not depend on the shape, so positions can be eliminated and the energy is a functional of the
 rotation alone, fixed at the base and free at the tip. Its second variation along the rod is Jacobi's linear
 equation for (turn, change of moment). Cut at the element boundaries it becomes a block-tridiagonal quadratic
-form with one 3x3 pivot a boundary; by Sylvester's law the negative eigenvalues of all pivots together are the
-number of independent ways down. Unlike the sign of det(dM_tip/dM_0), which an axisymmetric rod's double root
-leaves unchanged, the count sees every mode (conjugate points with their multiplicity).
+form; by Sylvester's law the negative eigenvalues of its 3x3 pivots add up to the number of independent ways
+down. With W_i the turns at boundary i of the three fields that leave the base with a unit change of moment,
+the pivot there is ``local^-1 W_(i+1) W_i^-1``: local, the response of the element by itself, is positive
+definite for an element short enough to be stable alone, so the signs are those of the eigenvalues of
+``W_(i+1) W_i^-1``. The last pivot is the stiffness ``m W^-1`` seen at the tip. A negative sign between two
+boundaries is a conjugate point between them, with its multiplicity; the sign of det(dM_tip/dM_0) misses it
+where an axisymmetric rod's double root leaves the sign unchanged.
 
 It holds for dead forces; a dead moment does not derive from an energy in three dimensions, so moments are
 left to the equilibrium and not counted.
@@ -14,17 +18,13 @@ left to the equilibrium and not counted.
 from __future__ import annotations
 
 from dataclasses import replace
+from itertools import pairwise
 
 import numpy as np
 
 from contid.models.cosserat.equilibrium import equilibrium
 from contid.models.cosserat.section import Rod
-from contid.models.cosserat.statics import Array, Loads, State, cross, hat, link, step
-
-
-def _negative(form: Array) -> int:
-    """Negative eigenvalues of the symmetric part; the other part is rounding and discretisation."""
-    return int(np.count_nonzero(np.linalg.eigvalsh(0.5 * (form + form.T)) < 0.0))
+from contid.models.cosserat.statics import Array, Loads, sweep
 
 
 def unstable_modes(rod: Rod, pressures: Array, base_moment: Array, loads: Loads, elements: int = 3) -> int:
@@ -37,39 +37,15 @@ def unstable_modes(rod: Rod, pressures: Array, base_moment: Array, loads: Loads,
         loads: dead loads.
         elements: steps per section; each must be short enough to be stable by itself.
     """
+    found = sweep(rod, pressures, base_moment, loads, elements, tangents=True)
+    assert found.tangents is not None
     modes = 0
-    N = loads.base_force(rod)
-    eye, zero = np.eye(3), np.zeros((3, 3))
-    turn, moment = zero, eye
-    state = State(eye, np.zeros(3), np.array(base_moment, float), zero, zero, zero)
-    first = True
-    for i, section in enumerate(rod.sections):
-        inflated = section.inflated(pressures[3 * i : 3 * i + 3])
-        f = loads.weight.get(i, np.zeros(3))
-        h = section.length / elements
-        for _ in range(elements):
-            # Columns 0..2 continue the fields that start at the base, 3..5 start at this element.
-            state.turn = np.hstack([turn, zero])
-            state.shift = np.zeros((3, 6))
-            state.dmu = np.hstack([moment, eye])
-            state = step(inflated, state, N, f, h, None, True)
-            N = N - h * f
-            ahead, local = state.turn[:, :3], state.turn[:, 3:]
-            if not first:
-                modes += _negative(np.linalg.solve(local, ahead) @ np.linalg.inv(turn))
-            first = False
-            turn = ahead
-            moment = state.dmu[:, :3] + hat(N) @ state.shift[:, :3]
-        force = loads.joint_force.get(i, np.zeros(3))
-        state.mu = state.mu - loads.joint_moment.get(i, np.zeros(3)) - cross(state.p, force)
-        N = N - force
-        if section.link > 0.0:
-            f = loads.link_weight.get(i, np.zeros(3))
-            state.turn, state.shift, state.dmu = turn, zero, moment - hat(N) @ zero
-            state = link(state, section.link, f)
-            N = N - section.link * f
-            moment = state.dmu + hat(N) @ state.shift
-    return modes + _negative(moment @ np.linalg.inv(turn))
+    for before, after in pairwise(found.turns[1:]):
+        # Real eigenvalues up to rounding: the ratio is a positive definite matrix times a symmetric one.
+        ratio = np.linalg.eigvals(after @ np.linalg.inv(before))
+        modes += int(np.count_nonzero(ratio.real < 0.0))
+    stiffness = found.tangents.moment[:, :3] @ np.linalg.inv(found.tangents.turn[:, :3])
+    return modes + int(np.count_nonzero(np.linalg.eigvalsh(0.5 * (stiffness + stiffness.T)) < 0.0))
 
 
 def critical_factor(

@@ -106,6 +106,8 @@ class Sweep:
         moment: residual of the moment balance at the tip [N·mm]; zero in equilibrium.
         points: backbone at every element boundary and link end, shape (n, 3), base included.
         stations: reference length at the points.
+        turns: turn of the frame by the base moment at every element boundary, base included, shape (3, 3)
+            each; empty without tangents.
         tangents: derivatives when they were asked for.
     """
 
@@ -115,6 +117,7 @@ class Sweep:
     moment: Array
     points: Array
     stations: Array
+    turns: tuple[Array, ...]
     tangents: Tangents | None
 
 
@@ -306,7 +309,7 @@ def sweep(
         dmu,
     )
     N = loads.base_force(rod)
-    points, stations = [state.p], [0.0]
+    points, stations, turns = [state.p], [0.0], [state.turn[:, :3]]
     ends: list[Array] = []
     end_tangents: list[Array] = []
     for i, section in enumerate(rod.sections):
@@ -319,6 +322,7 @@ def sweep(
             N = N - h * f
             points.append(state.p)
             stations.append(stations[-1] + h)
+            turns.append(state.turn[:, :3])
         ends.append(state.p)
         end_tangents.append(state.shift)
         if i in loads.joint_force or i in loads.joint_moment:
@@ -337,7 +341,16 @@ def sweep(
         derived = Tangents(
             state.dmu + hat(loads.tip_force) @ state.shift, state.shift, state.turn, tuple(end_tangents)
         )
-    return Sweep(state.p, state.R, tuple(ends), moment, np.array(points), np.array(stations), derived)
+    return Sweep(
+        state.p,
+        state.R,
+        tuple(ends),
+        moment,
+        np.array(points),
+        np.array(stations),
+        tuple(turns) if tangents else (),
+        derived,
+    )
 
 
 def link(state: State, length: float, f: Array) -> State:
