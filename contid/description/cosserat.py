@@ -121,7 +121,7 @@ class CosseratSolver(Strict):
         orientation: see `Orientation`.
         elements: steps of the integration per section.
         error_mm: estimated discretisation error at which a solve under load doubles its elements.
-        tolerance_mm: task error that counts as met.
+        tolerance_mm: task error that counts as met; the preference for ``centre_bar`` costs up to 2e-7.
         centre_bar: pressures that are preferred where the target leaves a choice; the middle by default.
         direction_length_mm: how many mm of position one unit of direction is worth in a least-squares sense.
     """
@@ -129,7 +129,7 @@ class CosseratSolver(Strict):
     orientation: Orientation = Orientation.DIRECTION
     elements: Annotated[int, Field(ge=1, le=64)] = 3
     error_mm: Positive = 0.03
-    tolerance_mm: Positive = 1e-4
+    tolerance_mm: Annotated[float, Field(ge=1e-6)] = 1e-4
     centre_bar: float | None = None
     direction_length_mm: Positive = 42.0
 

@@ -7,9 +7,9 @@
 
 namespace contid {
 
-constexpr int kIterations = 60, kRestarts = 12, kRestartIterations = 25, kLoadSteps = 3, kRampIterations = 10,
+constexpr int kIterations = 60, kRestarts = 20, kRestartIterations = 25, kLoadSteps = 3, kRampIterations = 10,
               kMostElements = 48, kMembers = 9;
-constexpr double kRampTolerance = 1e-2;
+constexpr double kRampTolerance = 1e-2, kTracking = 0.05;
 
 inline double average_pressure(const Section &s, double stretch) {
     const double push = 3.0 * s.pair_force / s.area, wanted = stretch - 1.0, top = s.modulus_up_to;
@@ -193,7 +193,13 @@ Found<K> search(const Rod<K> &rod, const Task &task, Vec tip_force, const Limits
             if (attempt(start, kRestartIterations)) return;
         }
     };
-    if (!attempt(seed, kIterations)) everywhere();
+    // A bounded optimum next to the last command is where tracking has led: looking elsewhere would only jump.
+    const auto tracked = [&] {
+        double moved = 0.0;
+        for (int i = 0; i < n; ++i) moved = std::fmax(moved, std::fabs(best.outcome.pressures[i] - seed[i]));
+        return best.stable && best.outcome.optimal && moved <= kTracking;
+    };
+    if (!attempt(seed, kIterations) && !tracked()) everywhere();
     best.iterations = spent;
     while (weighs && best.stable && best.elements < kMostElements) {
         const Outcome<K> &o = best.outcome;

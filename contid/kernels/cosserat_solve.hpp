@@ -10,7 +10,8 @@
 
 namespace contid {
 
-constexpr double kCentreWeight = 1e-6, kStepTolerance = 1e-9, kFreedomTolerance = 1e-4, kTrustStart = 0.5;
+constexpr double kCentreWeight = 1e-6, kStepTolerance = 1e-9, kFreedomTolerance = 1e-4, kTrustStart = 0.5,
+                 kSideways = 0.3;
 constexpr double kBalance = 1e-6;  // [N*mm], inside a descent
 constexpr int kChords = 3;
 
@@ -192,11 +193,12 @@ Outcome<K> solve(const Rod<K> &rod, const Task &task, Vec tip_force, double shar
         for (int i = 0; i < count; ++i) sum += r[i] * r[i];
         return sum;
     };
-    const auto merit = [&](const double *r, Vec e, const double *at) {
+    const auto task_cost = [&](const double *r, Vec e) { return square(r, rows) + balance * dot(e, e); };
+    const auto distance = [&](const double *at) {
         double away = 0.0;
         if (weight > 0.0)
             for (int i = 0; i < n; ++i) away += (at[i] - limits.centre[i]) * (at[i] - limits.centre[i]);
-        return square(r, rows) + weight * away + balance * dot(e, e);
+        return weight * away;
     };
 
     Sweep<K> here;
@@ -205,7 +207,7 @@ Outcome<K> solve(const Rod<K> &rod, const Task &task, Vec tip_force, double shar
     Mat inverse_A;
     keep(here);
     residual(task, here, r);
-    double cost = merit(r, here.moment, p), trust = kTrustStart, damping = 1.0;
+    double cost = task_cost(r, here.moment), away = distance(p), trust = kTrustStart, damping = 1.0;
     Vec e = here.moment;
     bool fresh = true;  // derivatives belong to the present point
     bool factored = false;
@@ -277,16 +279,19 @@ Outcome<K> solve(const Rod<K> &rod, const Task &task, Vec tip_force, double shar
         sweep<K, false>(rod, next, next_moment, tip_force, share, elements, trial);
         double next_r[9];
         residual(task, trial, next_r);
-        const double next_cost = merit(next_r, trial.moment, next);
-        if (next_cost < cost || (size < 1e-6 && next_cost < cost + 1e-14)) {
+        const double next_cost = task_cost(next_r, trial.moment), next_away = distance(next);
+        // Along the freedom the task leaves, a straight step costs task error until the next one mends it.
+        const bool sideways = weight > 0.0 && next_cost <= kSideways * kSideways && next_away < away;
+        if (next_cost + next_away < cost + away || sideways || (size < 1e-6 && next_cost < cost + 1e-14)) {
             std::copy(next, next + n, p);
             std::copy(next_r, next_r + rows, r);
             moment = next_moment;
             e = trial.moment;
             keep(trial);
             const bool well = next_cost < 0.01 * cost;
-            if (next_cost < 0.5 * cost) trust *= 2.0;
+            if (sideways || next_cost < 0.5 * cost) trust *= 2.0;
             cost = next_cost;
+            away = next_away;
             damping = std::fmin(1.0, 2.0 * damping);
             fresh = false;
             const bool done = norm(e) <= kBalance && square(r, rows) <= tolerance * tolerance;

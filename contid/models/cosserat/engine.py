@@ -9,14 +9,13 @@ Units: mm, N, N·mm, bar.
 
 from __future__ import annotations
 
-import os
 from collections.abc import Sequence
 from dataclasses import dataclass
-from importlib import import_module
 from typing import Protocol, TypeAlias
 
 import numpy as np
 
+from contid.kernels import load
 from contid.models.cosserat.equilibrium import equilibrium
 from contid.models.cosserat.search import search
 from contid.models.cosserat.section import Rod
@@ -123,11 +122,8 @@ class NumpyEngine:
 
 def build_engine(setup: Setup) -> Engine:
     """The kernel when there is one and it is wanted, else NumPy."""
-    if os.environ.get("CONTID_PURE_PYTHON") or len(setup.rod.sections) > KERNEL_SECTIONS:
-        return NumpyEngine(setup)
-    try:
-        kernel = import_module("contid.kernels._cosserat")
-    except ImportError:
+    kernel = load("cosserat") if len(setup.rod.sections) <= KERNEL_SECTIONS else None
+    if kernel is None:
         return NumpyEngine(setup)
     engine: Engine = kernel.Engine(setup)
     return engine

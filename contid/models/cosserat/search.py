@@ -25,9 +25,11 @@ from contid.models.cosserat.stability import unstable_modes
 from contid.models.cosserat.statics import Array, Loads, cross, sweep
 
 #: Further starts after the closed form and the centre; each gets fewer iterations than the first.
-RESTARTS = 12
+RESTARTS = 20
 ITERATIONS = 60
 RESTART_ITERATIONS = 25
+#: An optimum this close to the seed continues a motion [bar].
+TRACKING = 0.05
 #: The load is ramped from the closed form in this many steps, the early ones solved roughly [mm].
 LOAD_STEPS = 3
 RAMP_TOLERANCE = 1e-2
@@ -136,7 +138,8 @@ def search(problem: Problem, seed: Array, error: float = np.inf) -> Found:
             best = candidate
         return outcome.met and candidate.stable
 
-    if not attempt(seed, guess, ITERATIONS) and not _ramp(problem, attempt):
+    # A bounded optimum next to the last command is where tracking has led: looking elsewhere would only jump.
+    if not attempt(seed, guess, ITERATIONS) and not _tracked(best, seed) and not _ramp(problem, attempt):
         for start in starts(problem.limits):
             if attempt(start, guess, RESTART_ITERATIONS):
                 break
@@ -157,6 +160,12 @@ def is_stable(problem: Problem, outcome: Outcome) -> bool:
         unstable_modes(problem.rod, outcome.pressures, outcome.base_moment, problem.loads, problem.elements)
         == 0
     )
+
+
+def _tracked(found: Found | None, seed: Array) -> bool:
+    assert found is not None
+    moved = float(np.abs(found.outcome.pressures - seed).max())
+    return found.stable and found.outcome.optimal and moved <= TRACKING
 
 
 def _rank(found: Found) -> tuple[bool, bool, float]:

@@ -29,6 +29,9 @@ BALANCE_TOLERANCE = 1e-6
 STEP_TOLERANCE = 1e-9
 #: A step along the freedom the task leaves, below which the secondary goal counts as reached [bar].
 FREEDOM_TOLERANCE = 1e-4
+#: Task error a step towards the centre may cost for the moment [mm].
+SIDEWAYS = 0.3
+#: First largest step of a pressure [bar].
 TRUST_START = 0.5
 
 
@@ -210,13 +213,13 @@ def solve(problem: Problem, start: Array, start_moment: Array, iterations: int =
     pressures = np.clip(np.array(start, float), limits.lower, limits.upper)
     moment = np.array(start_moment, float)
 
-    def merit(r: Array, e: Array, p: Array) -> float:
+    def measures(r: Array, e: Array, p: Array) -> tuple[float, float]:
         away = p - limits.centre
-        return float(r @ r + weight * (away @ away) + balance * (e @ e))
+        return float(r @ r + balance * (e @ e)), weight * float(away @ away)
 
     found = sweep(rod, pressures, moment, loads, elements, tangents=True)
     r = residual(task, found)
-    cost = merit(r, found.moment, pressures)
+    cost, away = measures(r, found.moment, pressures)
     trust, damping = TRUST_START, 1.0
     optimal = False
     used = 0
@@ -251,12 +254,15 @@ def solve(problem: Problem, start: Array, start_moment: Array, iterations: int =
         new_moment = moment - damping * G[:, -1] - G[:, :-1] @ step
         trial = sweep(rod, new_pressures, new_moment, loads, elements, tangents=True)
         new_r = residual(task, trial)
-        new_cost = merit(new_r, trial.moment, new_pressures)
-        if new_cost < cost or (size < 1e-6 and new_cost < cost + 1e-14):
+        new_cost, new_away = measures(new_r, trial.moment, new_pressures)
+        # Along the freedom the task leaves, a straight step costs task error until the next one mends it.
+        sideways = new_cost <= SIDEWAYS**2 and new_away < away
+        better = new_cost + new_away < cost + away
+        if better or sideways or (size < 1e-6 and new_cost < cost + 1e-14):
             pressures, moment, found, r = new_pressures, new_moment, trial, new_r
-            if cost - new_cost > 0.5 * cost:
+            if sideways or new_cost < 0.5 * cost:
                 trust *= 2.0
-            cost, damping = new_cost, min(1.0, 2.0 * damping)
+            cost, away, damping = new_cost, new_away, min(1.0, 2.0 * damping)
         else:
             trust, damping = 0.3 * min(trust, max(size, 1e-12)), 0.5 * damping
             if trust < 1e-12:

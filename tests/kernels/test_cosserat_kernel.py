@@ -1,0 +1,156 @@
+"""The pneumatic rod's kernel against its specification in NumPy, to the last digits."""
+
+from __future__ import annotations
+
+import dataclasses
+import sys
+import threading
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from contid.kernels import load
+from contid.models.cosserat.engine import Engine, NumpyEngine, Setup
+from contid.models.cosserat.section import Rod
+from contid.models.cosserat.statics import Loads
+from tests.models.cosserat_cases import GRAM, lean, limits, section
+
+pytestmark = pytest.mark.skipif(
+    load("cosserat") is None, reason="the kernel is not built, or CONTID_PURE_PYTHON is set"
+)
+
+
+def setup(sections: int, weighs: bool = False, tip_link: float = 0.0, **changes: object) -> Setup:
+    parts = tuple(
+        section(i % 2, 5.0 if i < sections - 1 else tip_link, first_pair_rad=0.3 * i) for i in range(sections)
+    )
+    w = np.array([1e-4, -2e-4, 1e-3])
+    weight = Loads(weight=dict.fromkeys(range(sections), w), link_weight={0: 2.0 * w}) if weighs else Loads()
+    whole = Setup(Rod(parts), weight, limits(sections), 3, 1e9, 1e-7, 42.0, False)
+    return dataclasses.replace(whole, **changes)  # type: ignore[arg-type]
+
+
+def both(setup: Setup) -> tuple[Engine, Engine]:
+    kernel = load("cosserat")
+    assert kernel is not None
+    return NumpyEngine(setup), kernel.Engine(setup)
+
+
+PRESSURES = st.lists(st.floats(0.0, 1.5), min_size=12, max_size=12)
+FORCES = st.tuples(st.floats(-0.02, 0.02), st.floats(-0.02, 0.02), st.floats(-0.01, 0.1))
+
+
+@settings(max_examples=25, deadline=None)
+@given(st.integers(1, 4), st.booleans(), st.sampled_from([0.0, 3.0]), PRESSURES, FORCES)
+def test_forward(
+    sections: int, weighs: bool, tip_link: float, pressures: list[float], force: tuple[float, float, float]
+) -> None:
+    if sections > 2:
+        # Long arms under load have many equilibria, where the two may follow different ones.
+        force, weighs = (0.05 * force[0], 0.05 * force[1], 0.05 * force[2]), False
+    numpy, kernel = both(setup(sections, weighs, tip_link))
+    p = pressures[: 3 * sections]
+    a, b = numpy.forward(p, force), kernel.forward(p, force)
+    assert a[3] == b[3]
+    if a[3]:
+        for one, other in zip((*a[:3], a[4]), (*b[:3], b[4]), strict=True):
+            assert np.abs(np.array(one) - other).max() < 1e-8
+
+
+@settings(max_examples=20, deadline=None)
+@given(st.integers(1, 2), st.booleans(), st.sampled_from("abc"), PRESSURES, st.floats(0.0, 5.0))
+def test_inverse(sections: int, weighs: bool, mode: str, pressures: list[float], grams: float) -> None:
+    """Reachable targets, started from near the pressures that reach them."""
+    numpy, kernel = both(setup(sections, weighs, tolerance=1e-6))
+    force = (0.0, 0.0, grams * GRAM)
+    p = pressures[: 3 * sections]
+    tip, R, mid, stable, _ = kernel.forward(p, force)
+    if not stable:
+        return
+    two = sections == 2
+    given_mid = mid if two and mode == "b" else None
+    direction = (R[2], R[5], R[8]) if two and mode == "c" else None
+    seed = [0.9 * x + 0.05 for x in p]
+    a = numpy.inverse(tip, given_mid, direction, force, seed)  # type: ignore[arg-type]
+    b = kernel.inverse(tip, given_mid, direction, force, seed)  # type: ignore[arg-type]
+    assert a[2]
+    assert b[2]
+    assert a[4] == b[4]
+    if given_mid is not None or not two:
+        assert np.abs(np.array(a[0]) - b[0]).max() < 1e-6
+
+
+def test_out_of_reach_ends_at_the_same_bounds() -> None:
+    numpy, kernel = both(setup(2))
+    for force in ((0.0, 0.0, 0.0), (0.0, 0.0, 5 * GRAM)):
+        a = numpy.inverse((-20.0, 15.0, 120.0), (8.0, -5.0, 60.0), None, force, [0.5] * 6)
+        b = kernel.inverse((-20.0, 15.0, 120.0), (8.0, -5.0, 60.0), None, force, [0.5] * 6)
+        assert not b[2]
+        assert b[3]
+        assert b[7] < 1e-9
+        assert b[1] == pytest.approx(a[1], abs=1e-6)
+        assert np.abs(np.array(a[0]) - b[0]).max() < 1e-4
+
+
+@pytest.mark.parametrize("degrees", [0.0, 20.0])
+def test_freedom_is_spent_alike(degrees: float) -> None:
+    numpy, kernel = both(setup(2, tolerance=1e-6))
+    tip = np.array([20.0, -15.0, 118.0])
+    t = lean(tip, degrees)
+    for grams in (0.0, 5.0):
+        arguments = (tuple(tip), None, tuple(t), (0.0, 0.0, grams * GRAM), [0.7] * 6)
+        a, b = numpy.inverse(*arguments), kernel.inverse(*arguments)  # type: ignore[arg-type]
+        assert a[2]
+        assert b[2]
+        assert np.abs(np.array(a[0]) - b[0]).max() < 1e-3
+
+
+def test_critical_factors() -> None:
+    numpy, kernel = both(setup(2))
+    for bar in (0.0, 0.5):
+        a = numpy.critical([bar] * 6, (0.0, 0.0, -30 * GRAM), 1.0)
+        b = kernel.critical([bar] * 6, (0.0, 0.0, -30 * GRAM), 1.0)
+        assert a is not None
+        assert b == pytest.approx(a, rel=1e-6)
+    assert kernel.critical([0.5] * 6, (0.0, 0.0, 10 * GRAM), 1.0) is None
+
+
+def test_bad_calls_are_errors_not_crashes() -> None:
+    _, kernel = both(setup(2))
+    with pytest.raises(ValueError, match="three pressures per section"):
+        kernel.inverse((0.0, 0.0, 100.0), None, None, (0.0, 0.0, 0.0), [0.5] * 3)
+    with pytest.raises(TypeError):
+        kernel.inverse((0.0, 0.0), None, None, (0.0, 0.0, 0.0), [0.5] * 6)  # type: ignore[arg-type]
+    for tip in ((float("nan"), 0.0, 100.0), (0.0, 0.0, 0.0), (0.0, 0.0, -1e300), (1e300, 0.0, 0.0)):
+        answer = kernel.inverse(tip, None, None, (0.0, 0.0, 0.0), [0.5] * 6)
+        assert not answer[2]
+        assert all(0.0 <= p <= 1.5 for p in answer[0])
+    huge = kernel.inverse((0.0, 0.0, 100.0), None, None, (1e3, 0.0, 0.0), [0.5] * 6)
+    assert not (huge[2] and not huge[4])
+
+
+def test_the_lock_is_held() -> None:
+    """A solve never lets another thread in: waiting to get the lock back costs switch intervals."""
+    _, kernel = both(setup(2))
+    turns, stop = [0], False
+
+    def busy() -> None:
+        while not stop:
+            turns[0] += 1
+
+    thread = threading.Thread(target=busy)
+    usual = sys.getswitchinterval()
+    thread.start()
+    try:
+        # From here on the busy thread gets the lock only where it is let go.
+        sys.setswitchinterval(5.0)
+        before = turns[0]
+        for _ in range(20):
+            kernel.inverse((-8.0, 12.0, 118.0), None, None, (0.0, 0.0, 0.0), [0.5] * 6)
+        assert turns[0] == before
+    finally:
+        sys.setswitchinterval(usual)
+        stop = True
+        thread.join()
