@@ -20,7 +20,7 @@ class CommandLog:
 
     def __init__(self, path: Path, layout: RecordLayout) -> None:
         self._layout = layout
-        self._file = path.open("w", encoding="ascii", newline="\n")
+        self._file = path.open("w", encoding="ascii", newline="\n", buffering=1)
         columns = ["tick", "source_s"]
         for robot in layout.robots:
             columns.append(f"{robot.name}.mode")

@@ -43,19 +43,22 @@ def ease_ticks(plans: Sequence[RobotPlan], trajectory: Trajectory, time_s: float
     0 when the speed there is one that the acceleration limit can take in one tick.
     """
     ticks = 0
+    if not plans:
+        return 0
+    period_s = plans[0].period_s
+    here = trajectory.targets_at(time_s)
+    beside = trajectory.targets_at(time_s + (period_s if ahead else -period_s))
     for plan in plans:
-        h = plan.period_s if ahead else -plan.period_s
-        here, next_ = trajectory.targets_at(time_s), trajectory.targets_at(time_s + h)
         if plan.name not in here:
             continue
         start = plan.model.inverse(plan.to_base(here[plan.name]), plan.rest).actuation
-        after = plan.model.inverse(plan.to_base(next_[plan.name]), start).actuation
+        after = plan.model.inverse(plan.to_base(beside[plan.name]), start).actuation
         step = max(abs(b - a) for a, b in zip(start, after, strict=True))
         if not step > plan.limits[0].change * _SHARE:
             continue
-        speed = step / plan.period_s
+        speed = step / period_s
         # Peak acceleration of the easing is 1.5 v/T, its peak jerk 6 v/T^2.
         by_acceleration = 1.5 * speed / (_SHARE * plan.acceleration)
         by_jerk = math.sqrt(6.0 * speed / (_SHARE * plan.jerk))
-        ticks = max(ticks, math.ceil(max(by_acceleration, by_jerk) / plan.period_s))
+        ticks = max(ticks, math.ceil(max(by_acceleration, by_jerk) / period_s))
     return ticks + ticks % 2

@@ -31,6 +31,10 @@ from contid.trajectory.timed import Trajectory
 RETRY_S: Final = 1.0
 
 
+#: Share of the period that a bus with its own worker is always waited for.
+LEAST_SHARE: Final = 0.25
+
+
 class OnEnd(enum.StrEnum):
     """What happens when the trajectory or the stream ends."""
 
@@ -281,7 +285,6 @@ class Engine:
         return replace(state, pending=Effect.NONE)
 
     def _exchange(self, commands: Mapping[str, dict[str, float]], timing: Timing, now_s: float) -> None:
-        asked = set()
         for name, port in self._ports.items():
             if port.busy:
                 continue
@@ -291,15 +294,16 @@ class Engine:
                     port.start(Job({}, reopen=True))
                 continue
             effects, self._queued[name] = tuple(self._queued[name]), []
-            if effects:
-                asked.add(name)
             port.start(Job(commands[name], effects))
         for name, port in self._ports.items():
-            patience_s = timing.end_s - self._now() if port.threaded and not port.lost else 0.0
+            patience_s = 0.0
+            if port.threaded and not port.lost:
+                # A tick that is late by itself is no reason to give up on a bus that was asked just now.
+                patience_s = max(timing.end_s - self._now(), LEAST_SHARE / self._rate_hz)
             if port.busy and (answer := port.take(patience_s)) is not None:
                 self._digest(name, port, answer, now_s)
             elif port.busy and not port.lost:
-                self._stalled(name, port, now_s, asked)
+                self._stalled(name, port, now_s)
 
     def _digest(self, name: str, port: Port, answer: Answer, now_s: float) -> None:
         if answer.lost:
@@ -346,14 +350,16 @@ class Engine:
                 if self.states[index].mode is not Mode.OFF:
                     self.states[index] = change.fail(plan, self.states[index], fault, words, now_s)
 
-    def _stalled(self, name: str, port: Port, now_s: float, asked: set[str]) -> None:
+    def _stalled(self, name: str, port: Port, now_s: float) -> None:
         """A worker is not back in time: a missed exchange for its robots, lost when it goes on."""
+        if port.exempt:
+            return
         for axis in port.bus.axes:
             if axis in self._samples:
                 self._samples[axis] = replace(self._samples[axis], valid=False)
         armed = any(self.states[i].enabled and name in self._axes_on[i] for i in range(len(self.plans)))
-        patience = max(min(p.tolerance) for i, p in enumerate(self.plans) if name in self._axes_on[i])
-        if armed and name not in asked and port.stalls > patience:
+        patience = min(min(p.tolerance) for i, p in enumerate(self.plans) if name in self._axes_on[i])
+        if armed and port.stalls >= patience:
             words = f"{name}: no answer for {port.stalls} ticks"
             self._lose(name, port, Fault.BUS_STALLED, words, now_s)
 

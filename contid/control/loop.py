@@ -20,6 +20,7 @@ from contid.control.state import Effect, RobotState, fail, moved, speed, stay, s
 from contid.control.supervisor import Event, Mode
 from contid.hal import Sample
 from contid.targets import Actuation, Solution, Target
+from contid.trajectory.approach import Approach
 
 #: How long a robot waits for a first valid sample of every axis, and for one after arming.
 PATIENCE_S: Final = 2.0
@@ -133,8 +134,6 @@ def _arming(
 
 def _approach(plan: RobotPlan, state: RobotState, target: Target, now_s: float, start_s: float) -> RobotState:
     """Begin the jerk-limited way from the last command, given at ``start_s``, to a target."""
-    from contid.trajectory.approach import Approach
-
     goal = plan.model.inverse(plan.to_base(target), state.command).actuation
     if not all(map(math.isfinite, goal)):
         return fail(plan, state, Fault.NOT_A_NUMBER, f"the model answered {goal}", now_s)

@@ -6,12 +6,14 @@ are the same program, and the pipe has no other writer. A frame is four bytes of
 
 from __future__ import annotations
 
+import copyreg
 import os
 import pickle
 import struct
 from collections.abc import Mapping
 from dataclasses import dataclass
-from typing import Final, TypeAlias
+from types import MappingProxyType
+from typing import Any, Final, TypeAlias
 
 from contid.description.base import StopPolicy
 from contid.targets import Target
@@ -99,6 +101,18 @@ class Finish:
 Message: TypeAlias = Hold | Resume | Stop | Estop | ClearFault | Goto | Rows | Play | End | Finish
 
 
+def _proxy(plain: dict[Any, Any]) -> MappingProxyType[Any, Any]:
+    return MappingProxyType(plain)
+
+
+def _proxy_parts(proxy: MappingProxyType[Any, Any]) -> tuple[Any, ...]:
+    return _proxy, (dict(proxy),)
+
+
+# A target without extras shares one read-only mapping, which pickle does not know by itself.
+copyreg.pickle(MappingProxyType, _proxy_parts)
+
+
 def frame(message: object) -> bytes:
     """A message as it goes over the pipe."""
     body = pickle.dumps(message, protocol=pickle.HIGHEST_PROTOCOL)
@@ -119,7 +133,8 @@ class Inbox:
         try:
             chunk = os.read(self._descriptor, CHUNK)
         except BlockingIOError:
-            return []
+            # What came together with the message that `wait` took is still here.
+            return self._complete()
         if not chunk:
             self.closed = True
         self._buffer += chunk

@@ -84,6 +84,7 @@ class Port:
     Attributes:
         bus: the bus; only this port touches it while open.
         lost: why it is gone, "" while it is there.
+        exempt: the job under way may take longer than a tick: it arms, clears or opens something.
         stalls: ticks in a row that ended before the bus was back.
         retry_at: tick of the next attempt to open a lost bus.
     """
@@ -100,6 +101,7 @@ class Port:
         self._reopen_aside = reopen_aside
         self.lost = ""
         self.stalls = 0
+        self.exempt = False
         self.retry_at = 0
         self._answer: Answer | None = None
         self._busy = False
@@ -135,6 +137,7 @@ class Port:
     def start(self, job: Job) -> None:
         """Begin a job; `take` gives the answer."""
         self._busy = True
+        self.exempt = job.reopen or bool(job.effects)
         if self._worker is None:
             self._answer = perform(self.bus, job)
         else:

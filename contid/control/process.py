@@ -26,7 +26,14 @@ from contid.control.messages import Inbox
 from contid.control.ports import Port
 from contid.control.report import robot_reports
 from contid.control.ring import RingWriter
-from contid.control.setup import Setup, ask_for_real_time, die_with_parent, sleep_until, stop_collecting
+from contid.control.setup import (
+    Setup,
+    ask_for_real_time,
+    die_with_parent,
+    sleep_until,
+    stop_collecting,
+    warm_up,
+)
 from contid.control.statistics import Lateness
 from contid.control.wiring import build_plans, open_buses
 from contid.errors import ContidError
@@ -132,6 +139,7 @@ def main(descriptor: int, parent: int) -> int:
     signal.signal(signal.SIGTERM, orphan)
     if not die_with_parent(parent):
         return 0
+    warm_up()  # while the daemon still reads its files
     inbox = Inbox(descriptor)
     try:
         setup = inbox.wait()

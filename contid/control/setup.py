@@ -14,6 +14,7 @@ from typing import Final
 
 from contid.control.engine import OnEnd
 from contid.description.load import LoadedFile
+from contid.trajectory.approach import Approach
 from contid.trajectory.timed import Trajectory
 
 PRIORITY: Final = 50
@@ -62,6 +63,11 @@ def ask_for_real_time() -> str:
             "run as root, or give CAP_SYS_NICE or LimitRTPRIO"
         )
     return ""
+
+
+def warm_up() -> None:
+    """Import what the first approach needs, and solve one, before a tick has to."""
+    Approach((0.0,), (0.0,), (1.0,), 1.0, 1.0, 1.0).at(0.5)
 
 
 def stop_collecting() -> None:

@@ -57,6 +57,9 @@ class Timed:
         self._length = (trajectory.end_s - trajectory.start_s) * rate_hz
         self._origin: int | None = None
         self._base = 0.0  # ticks of the trajectory before the last pause
+        # Known before the first tick: with many robots this takes longer than a tick may.
+        self._start_lead = ease_ticks(self._plans, trajectory, trajectory.start_s, ahead=True)
+        self._end_tail = ease_ticks(self._plans, trajectory, trajectory.end_s, ahead=False)
         self._lead = self._tail = 0
         self._paused = False
         self._ended_at: int | None = None
@@ -103,9 +106,11 @@ class Timed:
 
     def _begin(self, tick: int) -> None:
         trajectory, room = self._trajectory, int(self._length - self._base) // 2 * 2
-        now_s = trajectory.start_s + self._base / self._rate_hz
-        self._lead = min(ease_ticks(self._plans, trajectory, now_s, ahead=True), room)
-        self._tail = min(ease_ticks(self._plans, trajectory, trajectory.end_s, ahead=False), room)
+        lead = self._start_lead
+        if self._base > 0.0:
+            now_s = trajectory.start_s + self._base / self._rate_hz
+            lead = ease_ticks(self._plans, trajectory, now_s, ahead=True)
+        self._lead, self._tail = min(lead, room), min(self._end_tail, room)
         self._origin = tick
 
 

@@ -17,6 +17,7 @@ from contid.description.base import StopPolicy
 from contid.errors import ContidError
 from contid.hal import Rest, Sample
 from contid.targets import Actuation, Target
+from contid.trajectory.approach import Approach, stopping
 
 
 class Motion(Protocol):
@@ -147,8 +148,6 @@ def stop(plan: RobotPlan, state: RobotState, policy: StopPolicy, now_s: float) -
     if not state.command or policy is StopPolicy.VENT:
         return stopped(plan, replace(after, policy=policy), now_s)
     if policy is StopPolicy.REST:
-        from contid.trajectory.approach import Approach
-
         motion = Approach(
             state.command, speed(plan, state), plan.rest, plan.velocity, plan.acceleration, plan.jerk
         )
@@ -221,8 +220,6 @@ def braking(plan: RobotPlan, state: RobotState, now_s: float) -> RobotState:
     """The state with a jerk-limited stop from its present motion; none is needed at standstill."""
     if not any(state.steps):
         return replace(state, motion=None, aim=state.command)
-    from contid.trajectory.approach import stopping
-
     rest = (0.0,) * len(state.command)
     motion = stopping(state.command, speed(plan, state), rest, plan.acceleration, plan.jerk)
     return replace(state, motion=motion, motion_s=now_s - plan.period_s)

@@ -137,6 +137,36 @@ def test_a_stream_reports_a_bad_row_and_goes_on(robot: Callable[..., Path]) -> N
     assert "stdin:5:1" in done.stderr
 
 
+def test_a_live_stream_in_real_time_holds_on_bad_rows_and_ends_with_its_input(
+    robot: Callable[..., Path], tmp_path: Path, started: Callable[..., Any]
+) -> None:
+    log = tmp_path / "log.csv"
+    process = started(str(robot(1)), "--log", str(log))
+    process.stdin.write("f0.x_mm,f0.y_mm\n50,75\n")
+    process.stdin.flush()
+    until(enabled(tmp_path), "armed")
+
+    def modes() -> list[str]:
+        rows = [line.split(",")[2] for line in log.read_text().splitlines()[1:] if line.count(",") == 6]
+        return [mode for mode, before in zip(rows, ["", *rows], strict=False) if mode != before]
+
+    for row, mode in (
+        ("", "RUN"),
+        ("51,oops", "HOLD"),
+        ("51,75", "RUN"),
+        ("999,75", "HOLD"),
+        ("50,75", "RUN"),
+    ):
+        process.stdin.write(row + "\n" if row else "")
+        process.stdin.flush()
+        until(lambda mode=mode: modes()[-1:] == [mode], mode)  # type: ignore[misc]
+    out, err = process.communicate(timeout=30)
+    assert process.returncode == 0, out + err
+    assert "stdin:3:4" in err
+    assert "stdin:5:1" in err
+    assert modes()[-1] == "OFF"
+
+
 def test_a_device_that_is_not_there_is_exit_code_4(robot: Callable[..., Path]) -> None:
     path = robot(1, options="faults: [{at_s: 0.0, kind: lost}]")
     done = contid("run", str(path), stdin=circle_csv(1))

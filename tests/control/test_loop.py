@@ -1,0 +1,153 @@
+"""The tick is a pure function: same arguments, same answer, nothing else touched."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import replace
+from typing import Any
+
+import pytest
+
+from contid.control import state as change
+from contid.control.faults import Fault
+from contid.control.loop import tick
+from contid.control.plan import RobotPlan
+from contid.control.state import Effect, OrderRefusedError, RobotState
+from contid.control.supervisor import Mode
+from contid.control.wiring import build_plans
+from contid.description.base import StopPolicy
+from contid.hal import Sample
+from contid.targets import Solution, Target
+from tests.control.fingers import load
+
+
+@pytest.fixture
+def plan() -> RobotPlan:
+    return build_plans(load(2), 200.0)[1]
+
+
+TARGET = Target(tip_m=(0.050, 0.075, 0.0))
+
+
+def sampled(plan: RobotPlan, actuation: tuple[float, ...] = (0.06, 0.06), **keys: Any) -> tuple[Sample, ...]:
+    device = plan.transmission.to_device(actuation)
+    return tuple(replace(Sample(value, 0.0, True, 0.0), **keys) for value in device)
+
+
+def running(plan: RobotPlan) -> RobotState:
+    """A robot that stands exactly on the target, in RUN."""
+    here = plan.model.inverse(plan.to_base(TARGET), plan.rest).actuation
+    return RobotState(
+        mode=Mode.RUN, enabled=True, wanted=True, follow=True, command=here, aim=here,
+        steps=(0.0, 0.0), misses=(0, 0),
+    )  # fmt: skip
+
+
+def test_the_same_arguments_give_the_same_outcome(plan: RobotPlan) -> None:
+    state, samples = running(plan), sampled(plan)
+    moved = Target(tip_m=(0.0501, 0.0751, 0.0))
+    assert tick(plan, state, 1.0, samples, moved) == tick(plan, state, 1.0, samples, moved)
+
+
+def test_on_its_target_the_tip_error_is_rounding(plan: RobotPlan) -> None:
+    out = tick(plan, running(plan), 1.0, sampled(plan), TARGET)
+    assert out.tip_error_m < 1e-15
+    assert out.state.command == running(plan).command
+    assert out.device == plan.transmission.to_device(out.state.command)
+
+
+def test_directions_and_loads_are_mirrored_with_the_robot(plan: RobotPlan) -> None:
+    target = Target(tip_m=(0.09, 0.07, 0.0), direction=(0.6, 0.8, 0.0), load_n=(1.0, 2.0, 3.0))
+    base = plan.to_base(target)
+    assert base.tip_m == pytest.approx((0.01, 0.07, 0.0))
+    assert base.direction == pytest.approx((-0.6, 0.8, 0.0))
+    assert base.load_n == pytest.approx((-1.0, 2.0, 3.0))
+
+
+def test_no_command_before_a_valid_sample_of_every_axis(plan: RobotPlan) -> None:
+    state = change.resume(plan, RobotState(), 0.0)
+    one_silent = (sampled(plan)[0], Sample(None, 0.0, False, 0.0))
+    for samples in ((), one_silent):
+        out = tick(plan, state, 0.1, samples, TARGET)
+        assert (out.state.mode, out.device) == (Mode.CONNECTING, ())
+    out = tick(plan, state, 3.0, one_silent, TARGET)
+    assert (out.state.fault, out.state.enabled) == (Fault.NO_SAMPLE, False)
+    assert "f1.right" in out.state.words
+
+
+def test_arming_starts_from_what_is_measured(plan: RobotPlan) -> None:
+    state = tick(plan, change.resume(plan, RobotState(), 0.0), 0.1, sampled(plan), TARGET).state
+    assert (state.mode, state.pending, state.command) == (Mode.ARMING, Effect.ENABLE, ())
+    armed = replace(state, enabled=True, pending=Effect.NONE)
+    state = tick(plan, armed, 0.2, sampled(plan, (0.031, 0.047)), TARGET).state
+    assert state.mode is Mode.APPROACH
+    assert state.command == pytest.approx((0.031, 0.047), abs=1e-15)
+
+
+@pytest.mark.parametrize("enabled", [True, False])
+def test_a_failed_read_is_never_a_position(plan: RobotPlan, enabled: bool) -> None:
+    """Samples do not steer: a silent axis changes counters, not the command."""
+    state = replace(running(plan), enabled=enabled)
+    silent = (sampled(plan)[0], replace(sampled(plan)[1], valid=False, value=0.0))
+    out = tick(plan, state, 1.0, silent, TARGET)
+    assert out.state.command == state.command
+    assert out.state.misses == (0, 1)
+
+
+def test_a_model_that_answers_nan_is_a_fault_and_no_command(plan: RobotPlan) -> None:
+    class Wild:
+        def __getattr__(self, name: str) -> Any:
+            return getattr(plan.model, name)
+
+        def inverse(self, target: Target, seed: tuple[float, ...]) -> Solution:
+            return Solution((math.nan, 0.05), 0.0, True)
+
+    out = tick(replace(plan, model=Wild()), running(plan), 1.0, sampled(plan), TARGET)  # type: ignore[arg-type]
+    assert out.state.fault is Fault.NOT_A_NUMBER
+    assert all(map(math.isfinite, out.device))
+
+
+def test_an_error_in_one_tick_is_that_robots_fault(plan: RobotPlan) -> None:
+    class Broken:
+        def __getattr__(self, name: str) -> Any:
+            raise ZeroDivisionError("oh")
+
+    out = tick(replace(plan, model=Broken()), running(plan), 1.0, sampled(plan), TARGET)  # type: ignore[arg-type]
+    assert out.state.fault is Fault.INTERNAL
+    assert "ZeroDivisionError" in out.state.words
+
+
+def test_the_first_fault_stays(plan: RobotPlan) -> None:
+    state = change.fail(plan, running(plan), Fault.AXIS_SILENT, "first", 1.0)
+    again = change.fail(plan, state, Fault.DEVICE_FAULT, "second", 2.0)
+    assert (again.fault, again.words) == (Fault.AXIS_SILENT, "first")
+
+
+def test_clear_looks_again_and_never_moves(plan: RobotPlan) -> None:
+    state = change.fail(plan, running(plan), Fault.DEVICE_FAULT, "hot", 1.0)
+    for samples in ((), sampled(plan, fault="hot"), sampled(plan, valid=False)):
+        with pytest.raises(OrderRefusedError):
+            change.clear(plan, state, samples, 2.0)
+    cleared = change.clear(plan, state, sampled(plan), 2.0)
+    assert (cleared.mode, cleared.fault) == (Mode.READY, Fault.NONE)
+    out = tick(plan, cleared, 3.0, sampled(plan), TARGET)
+    assert (out.state.mode, out.device, out.state.pending) == (Mode.READY, (), Effect.NONE)
+
+
+@pytest.mark.parametrize("policy", list(StopPolicy))
+def test_a_stop_ends_in_the_rest_of_its_policy(plan: RobotPlan, policy: StopPolicy) -> None:
+    state = change.stop(plan, running(plan), policy, 1.0)
+    now_s = 1.0
+    while state.mode is Mode.STOPPING and now_s < 20.0:
+        state = tick(plan, state, now_s, sampled(plan), TARGET).state
+        now_s += plan.period_s
+    expected = {"hold": Effect.HOLD, "rest": Effect.HOLD, "relax": Effect.RELAX, "vent": Effect.VENT}
+    assert (state.mode, state.pending, state.enabled) == (Mode.OFF, expected[policy.value], False)
+    if policy is StopPolicy.REST:
+        assert state.command == pytest.approx(plan.rest, abs=1e-15)
+
+
+@pytest.mark.parametrize("mode", list(Mode))
+def test_estop_is_never_refused(plan: RobotPlan, mode: Mode) -> None:
+    state = change.estop(plan, replace(running(plan), mode=mode), 1.0)
+    assert (state.mode, state.pending, state.enabled) == (Mode.OFF, Effect.RELAX, False)

@@ -1,0 +1,112 @@
+"""A slow or dying bus costs its own robots, never the tick of the others."""
+
+from __future__ import annotations
+
+import threading
+from collections.abc import Mapping, Sequence
+
+from contid.control.engine import Engine, Timing
+from contid.control.faults import Fault
+from contid.control.ports import Job, Port, perform
+from contid.control.state import Effect
+from contid.control.supervisor import Mode
+from contid.control.wiring import build_plans, open_buses
+from contid.errors import DeviceError
+from contid.hal import Bus, Rest, Sample
+from tests.control.fingers import Collector, load
+
+
+class Blocking:
+    """A real simulated bus whose exchange can be held up, as a stuck port would."""
+
+    def __init__(self, bus: Bus) -> None:
+        self.bus = bus
+        self.name = bus.name
+        self.axes = bus.axes
+        self.free = threading.Event()
+        self.free.set()
+
+    def open(self) -> None:
+        self.bus.open()
+
+    def enable(self, axes: Sequence[str]) -> None:
+        self.bus.enable(axes)
+
+    def exchange(self, commands: Mapping[str, float]) -> Mapping[str, Sample]:
+        self.free.wait()
+        return self.bus.exchange(commands)
+
+    def disable(self, axes: Sequence[str], rest: Rest) -> None:
+        self.bus.disable(axes, rest)
+
+    def clear_fault(self, axes: Sequence[str]) -> None:
+        self.bus.clear_fault(axes)
+
+    def close(self) -> None:
+        self.bus.close()
+
+
+class Ticking:
+    """A clock that shows the time it is told; the bus is real, the waiting is not."""
+
+    def __init__(self) -> None:
+        self.now_s = 0.0
+
+    def now(self) -> float:
+        return self.now_s
+
+
+def test_a_stuck_bus_faults_its_robot_and_the_other_runs_on() -> None:
+    loaded = load(2, buses=2)
+    clock = Ticking()
+    buses = {name: Blocking(bus) for name, bus in open_buses(loaded, clock).items()}
+    ports = {name: Port(bus, threaded=True) for name, bus in buses.items()}
+    seen = Collector()
+    engine = Engine(build_plans(loaded, 200.0), ports, 200.0, seen, clock.now, attended=True)
+    engine.arm()
+    try:
+        for tick in range(60):
+            clock.now_s = tick / 200.0
+            if tick == 40:
+                buses["bus0"].free.clear()
+            # The end is far away for a healthy bus and near for the stuck one: no timing is asserted.
+            patience_s = 5.0 if tick < 40 else 0.05
+            engine.cycle(Timing(tick, 1, 0, clock.now_s, 0.0, clock.now_s + patience_s))
+        assert engine.states[0].mode is Mode.FAULT
+        assert engine.states[0].fault is Fault.BUS_STALLED
+        assert engine.states[1].mode is Mode.HOLD
+    finally:
+        buses["bus0"].free.set()
+        for port in ports.values():
+            port.close(5.0)
+
+
+def test_a_refusal_of_one_robot_is_not_a_loss_of_the_bus() -> None:
+    loaded = load(2)
+    (bus,) = open_buses(loaded, Ticking()).values()
+
+    class Refusing(Blocking):
+        def enable(self, axes: Sequence[str]) -> None:
+            if "f0.left" in axes:
+                raise DeviceError("f0.left", "not today")
+            super().enable(axes)
+
+    effects = tuple((i, Effect.ENABLE, (f"f{i}.left", f"f{i}.right")) for i in range(2))
+    answer = perform(Refusing(bus), Job({}, effects))
+    assert answer.lost == ""
+    assert answer.samples is not None
+    assert [(robot, words) for robot, _, words in answer.refused] == [(0, "f0.left: not today")]
+    assert answer.done == [(1, Effect.ENABLE)]
+    bus.close()
+
+
+def test_a_defect_of_a_driver_is_told_as_a_lost_bus() -> None:
+    loaded = load(1)
+    (bus,) = open_buses(loaded, Ticking()).values()
+
+    class Broken(Blocking):
+        def exchange(self, commands: Mapping[str, float]) -> Mapping[str, Sample]:
+            raise ZeroDivisionError("oh")
+
+    assert perform(Broken(bus), Job({})).lost == "bus0: ZeroDivisionError: oh"
+    bus.close()
