@@ -26,6 +26,7 @@ COMMANDS: Final[dict[str, tuple[str, str]]] = {
     "scan": ("contid.cli.scan", "find devices on serial ports"),
     "servo": ("contid.cli.servo", "give a servo its id or baud rate, or restart it"),
     "doctor": ("contid.cli.doctor", "what is wrong with buses and host, and the remedy"),
+    "calibrate": ("contid.cli.calibrate", "fit a model's parameters to measurements"),
     "home": ("contid.cli.home", "find the zero of axes and write it into the robot file"),
 }
 

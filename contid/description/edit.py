@@ -25,7 +25,10 @@ class EditError(ContidError):
 
 @dataclass(frozen=True, slots=True)
 class Change:
-    """One value to write: a dotted key, its new value, and where it comes from (written as a comment)."""
+    """One value to write: a dotted key, its new value, and where it comes from (written as a comment).
+
+    Parts of lists are numbered from 0: ``robots.arm.geometry.sections.0.modulus_pa``.
+    """
 
     key: str
     value: Value
@@ -65,18 +68,28 @@ def edited(text: str, changes: Sequence[Change]) -> str:
         *parents, last = change.key.split(".")
         node = document
         for i, parent in enumerate(parents):
-            if not isinstance(node, dict) or parent not in node:
+            try:
+                node = _below(node, parent)
+            except (LookupError, ValueError, TypeError):
                 there = ".".join(parents[: i + 1])
-                raise EditError(f"{change.key}: there is no {there} in the file")
-            node = node[parent]
+                raise EditError(f"{change.key}: there is no {there} in the file") from None
         if not isinstance(node, dict):
             raise EditError(f"{change.key}: {'.'.join(parents)} is no mapping")
-        node[last] = change.value
+        old = node.get(last)
+        if isinstance(change.value, list) and isinstance(old, list):
+            old[:] = change.value  # keeps the list on its line, if it was written on one
+        else:
+            node[last] = change.value
         if change.comment:
             _comment(document, node, parents, last, change.comment)
     out = StringIO()
     yaml.dump(document, out)
     return out.getvalue()
+
+
+def _below(node: Any, part: str) -> Any:
+    """One step down a dotted key: a name in a mapping, a number in a list."""
+    return node[int(part)] if isinstance(node, list) else node[part]
 
 
 def _comment(document: Any, node: Any, parents: list[str], last: str, comment: str) -> None:
@@ -85,7 +98,7 @@ def _comment(document: Any, node: Any, parents: list[str], last: str, comment: s
         *parents, last = parents
         node = document
         for parent in parents:
-            node = node[parent]
+            node = _below(node, parent)
     items = node.ca.items.get(last)
     if items is not None and items[2] is not None and items[2].value.lstrip().startswith("#"):
         # Keep what follows the comment in the same token: blank lines and the next key's own comment.

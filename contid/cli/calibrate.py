@@ -1,0 +1,19 @@
+"""``contid calibrate``: parameters of models from measurements."""
+
+from __future__ import annotations
+
+from typing import Final
+
+from contid.cli.table import TableGroup
+
+#: Calibration -> (module that defines it as ``command``, one line for ``contid calibrate --help``).
+CALIBRATIONS: Final[dict[str, tuple[str, str]]] = {
+    "modulus": (
+        "contid.cli.calibrate_modulus",
+        "a pneumatic section's modulus from elongation, its bending gain from angles",
+    ),
+}
+
+command = TableGroup(
+    CALIBRATIONS, "Calibrations", "Fit a model's parameters to measurements and write them back."
+)

@@ -1,0 +1,170 @@
+"""Modulus and bending gain from data made with known ones."""
+
+from __future__ import annotations
+
+import json
+import math
+import shutil
+from dataclasses import replace
+from io import BytesIO
+from pathlib import Path
+
+import numpy as np
+import pytest
+from click.testing import CliRunner
+
+from contid.calibrate.elongation_data import Reading, read_readings
+from contid.calibrate.modulus import CalibrationError, bending_deg, fit, growing_range
+from contid.cli.calibrate import command
+from contid.description.load import load_robot_file
+from contid.errors import BadInputError, ContidError
+from contid.models.cosserat.section import Section
+from tests.models.cosserat_cases import MODULI, section
+
+LEVELS = np.linspace(0.1, 1.5, 15)
+
+
+def readings(made: Section, number: int = 1, noise_mm: float = 0.0, bends: bool = False) -> list[Reading]:
+    """Five trials of elongation, like the paper's, and bending with one and with two pairs."""
+    rng = np.random.default_rng(4)
+    rows = []
+    for trial in range(5):
+        for x in LEVELS:
+            stretch = made.inflated(np.full(3, x)).strain * made.length
+            measured = stretch + noise_mm * float(rng.normal())
+            rows.append(Reading(len(rows) + 2, number, str(trial), (x, x, x), measured, None))
+    for x in LEVELS if bends else ():
+        for p in ((x, 0.0, 0.0), (0.0, x, x)):
+            rows.append(Reading(len(rows) + 2, number, "", p, None, bending_deg(made, np.array(p))))
+    return rows
+
+
+@pytest.mark.parametrize("kind", [0, 1])
+def test_exact_data_give_the_polynomial_back(kind: int) -> None:
+    found = fit(section(0), 1, readings(section(kind)))
+    assert np.allclose(found.modulus_pa, MODULI[kind], rtol=1e-8)
+    assert found.rmse_elongation_mm < 1e-9
+    assert found.rmse_modulus_pa < 1e-6
+    assert found.trials == 5
+    assert found.levels == 15
+    assert found.bending_gain is None
+
+
+@pytest.mark.parametrize("kind", [0, 1])
+def test_noisy_data_give_the_paper_s_quality(kind: int) -> None:
+    """With 0.2 mm of spread the fit predicts elongations to well below it."""
+    true = section(kind)
+    found = fit(section(0), 1, readings(true, noise_mm=0.2))
+    assert found.rmse_elongation_mm < 0.25
+    refitted = replace(true, modulus_pa=found.modulus_pa)
+    for x in LEVELS:
+        error = (refitted.inflated(np.full(3, x)).strain - true.inflated(np.full(3, x)).strain) * 42.0
+        assert abs(error) < 0.25
+
+
+def test_range_where_elongation_grows() -> None:
+    """Segment 2's printed polynomial is usable up to 1.996 bar, segment 1's beyond 3."""
+    assert growing_range(np.array(MODULI[1]), 3.0) == pytest.approx(1.996, abs=1e-3)
+    assert growing_range(np.array(MODULI[0]), 3.0) == math.inf
+
+
+def test_bending_gain() -> None:
+    true = section(0, bending_gain=1.393)
+    found = fit(section(0), 1, readings(true, bends=True))
+    assert found.bending_gain == pytest.approx(1.393, abs=1e-9)
+    assert found.bends == 30
+    assert found.rmse_bend_deg == pytest.approx(0.0, abs=1e-9)
+    # The reference's variant B: at this gain one pair at 1.5 bar bends segment 1 by 205.9 degrees.
+    assert bending_deg(true, np.array([1.5, 0.0, 0.0])) == pytest.approx(205.92, abs=0.02)
+
+
+def test_what_cannot_be_fitted_is_said() -> None:
+    rows = readings(section(0))
+    with pytest.raises(CalibrationError, match="4 different pressures"):
+        fit(section(0), 1, [row for row in rows if row.average_bar < 0.45])
+    with pytest.raises(CalibrationError, match="check the zero"):
+        fit(section(0), 1, [replace(rows[0], elongation_mm=-0.1), *rows[1:]])
+    equal = Reading(99, 1, "", (0.5, 0.5, 0.5), None, 30.0)
+    with pytest.raises(CalibrationError, match="unequal pressures"):
+        fit(section(0), 1, [*rows, equal])
+
+
+def test_wrong_rows_are_named() -> None:
+    text = (
+        "p1_bar,p2_bar,p3_bar,elongation_mm,bend_deg,section\n"
+        "0.5,0.5,0.5,9.4,,1\n"
+        "0.5,0.5,0.1,9.4,,1\n"
+        "0.5,0.5,0.5,long,,1\n"
+        "-0.5,0.5,0.5,,4,1\n"
+        "0.5,0.5,0.5,9.4,,0\n"
+        "0.5,0.5\n"
+    )
+    with pytest.raises(BadInputError) as caught:
+        read_readings(text.splitlines(), "data.csv")
+    assert [(f.line, f.column) for f in caught.value.findings] == [(3, 4), (4, 4), (5, 1), (6, 6), (7, 1)]
+    for bad, what in (
+        ("p1_bar,p2_bar,p3_bar", "nothing measured"),
+        ("p1_bar,pressure", "unknown column"),
+        ("", "empty"),
+    ):
+        with pytest.raises(BadInputError, match=what):
+            read_readings([bad], "data.csv")
+
+
+def write_csv(path: Path) -> None:
+    rows = [*readings(section(0, bending_gain=1.2), 1, bends=True), *readings(section(1), 2)]
+    lines = ["# made for a test", "section,trial,p1_bar,p2_bar,p3_bar,elongation_mm,bend_deg"]
+    for row in rows:
+        cells = [row.section, row.trial, *row.pressures_bar, row.elongation_mm, row.bend_deg]
+        lines.append(",".join("" if cell is None else str(cell) for cell in cells))
+    path.write_text("\n".join(lines) + "\n", encoding="utf-8")
+
+
+@pytest.fixture(scope="module")
+def fonts() -> None:
+    """Matplotlib keeps the files of its fonts open for good; open them before descriptors are counted."""
+    from matplotlib.figure import Figure
+
+    figure = Figure()
+    figure.text(0.5, 0.5, "text")
+    figure.savefig(BytesIO())
+
+
+def test_command_writes_back_with_its_origin(tmp_path: Path, configs: Path, fonts: None) -> None:
+    data, robot, figure = tmp_path / "data.csv", tmp_path / "robot.yaml", tmp_path / "fit.png"
+    write_csv(data)
+    shutil.copy(configs / "stiffflop2.yaml", robot)
+    text = robot.read_text(encoding="utf-8").replace("bending_gain: 1.0", "bending_gain: 0.9")
+    robot.write_text(text.replace("-65410", "-60000"), encoding="utf-8")
+    arguments = ["modulus", str(data), "--write", str(robot), "--plot", str(figure)]
+    done = CliRunner().invoke(command, arguments)
+    assert done.exit_code == 0, done.output
+    assert "bending_gain 1.2000" in done.output
+    first, second = load_robot_file(robot).file.robots["arm"].geometry.sections  # type: ignore[union-attr]
+    assert np.allclose(first.modulus_pa, MODULI[0], atol=2e-3)
+    assert np.allclose(second.modulus_pa, MODULI[1], atol=2e-3)
+    assert first.bending_gain == pytest.approx(1.2, abs=1e-5)
+    assert second.bending_gain == 0.9
+    assert second.modulus_up_to_bar == pytest.approx(1.5)
+    written = robot.read_text(encoding="utf-8")
+    assert written.count("calibrated 20") >= 3
+    assert "from data.csv" in written
+    assert "# Camozzi" in written
+    assert figure.read_bytes()[:4] == b"\x89PNG"
+
+
+def test_command_prints_json_and_refuses_what_does_not_fit(tmp_path: Path, configs: Path) -> None:
+    data = tmp_path / "data.csv"
+    write_csv(data)
+    done = CliRunner().invoke(command, ["modulus", str(data), "--for", "stiffflop2", "--json"])
+    assert done.exit_code == 0, done.output
+    first, second = (json.loads(line) for line in done.output.splitlines())
+    assert first["grows_to_bar"] is None
+    assert second["grows_to_bar"] == pytest.approx(1.996, abs=1e-3)
+    one = CliRunner().invoke(command, ["modulus", str(data), "--for", "stiffflop1"])
+    assert one.exit_code != 0
+    assert "the robot has 1" in one.output
+    neither = CliRunner().invoke(command, ["modulus", str(data)])
+    assert neither.exit_code == 2
+    with pytest.raises(ContidError, match="0 pneumatic arms"):
+        CliRunner().invoke(command, ["modulus", str(data), "--for", "hand"], catch_exceptions=False)
