@@ -30,13 +30,13 @@ class DynamixelRig:
     """A `tests.contract.harness.BusUnderTest` of emulated servos."""
 
     def __init__(self, port: Path) -> None:
-        self.facts = Facts(DeviceKind.SERVO, STEP, 3 * STEP, 0.5, 30.0, 0.5, 0.3, 0.0, Rest.HOLD)
+        self.facts = Facts(DeviceKind.SERVO, STEP, 3 * STEP, 0.5, 30.0, 0.3, 0.2, 0.0, Rest.HOLD)
         self.emulator = Emulator(
             [Servo(i + 1, position_ticks=1000.0 * (i + 1)) for i in range(len(AXES))], port
         )
         self._ids = {axis: i + 1 for i, axis in enumerate(AXES)}
         axes = [AxisOnBus(axis, AxisOptions(id=device)) for axis, device in self._ids.items()]
-        options = BusOptions(port=str(port), watchdog_ms=300, usb_latency_ms=30.0, retry_ms=50.0)
+        options = BusOptions(port=str(port), watchdog_ms=200, usb_latency_ms=30.0, retry_ms=50.0)
         self.bus = DynamixelBus("servos", options, axes, RealClock())
 
     def pump(self, seconds: float, commands: Mapping[str, float] | None = None) -> Mapping[str, Sample]:

@@ -120,11 +120,10 @@ class DynamixelBus:
         goals = self._goals(commands)
         self._count += 1
         full = self._count % self.options.telemetry_every == 0 or self._count == 1
-        started = time.monotonic()
         try:
             readings = cyclic.run(goals, full)
             if len(readings) < len(self._by_id):
-                self._ask_again(cyclic, readings, full, started)
+                self._ask_again(cyclic, readings, full)
             else:
                 self._missed_nothing(cyclic)
             now = self._clock.now()
@@ -155,24 +154,26 @@ class DynamixelBus:
                 goals[axis.device] = goal
         return goals
 
-    def _ask_again(self, cyclic: Cyclic, readings: dict[int, Reading], full: bool, started: float) -> None:
-        """Retry servos that were there in the last exchange, within the time the options give.
+    def _ask_again(self, cyclic: Cyclic, readings: dict[int, Reading], full: bool) -> None:
+        """Ask those that did not answer once more, together, within the time the options give.
 
-        A servo that stays silent is asked once per exchange only, or it would cost its budget every tick.
+        A servo that was silent in the last exchange as well is not asked twice, or it would cost the budget
+        in every tick. A fast read that broke off says nothing about who is there: everybody behind the break
+        is asked plainly, and the next exchanges are plain ones.
         """
         fast, cyclic.fast, self._clean = cyclic.fast, False, 0
-        until = started + cyclic.timeout_s(full) + self.options.retry_ms / 1e3
+        missing = [
+            device
+            for device, axis in self._by_id.items()
+            if device not in readings and (fast or not axis.misses)
+        ]
+        if not missing or not self.options.retry_ms:
+            return
+        until = time.monotonic() + self.options.retry_ms / 1e3
         if fast:
-            log.debug(
-                "%s: fast read incomplete; plain reads for the next %d exchanges", self.name, FAST_AGAIN
-            )
-            until = time.monotonic() + cyclic.timeout_s(full) + self.options.retry_ms / 1e3
-        for device, axis in self._by_id.items():
-            if device in readings or (axis.misses and not fast) or not self.options.retry_ms:
-                continue
-            reading = cyclic.again(device, full, until)
-            if reading is not None:
-                readings[device] = reading
+            log.debug("%s: fast read broke off; plain reads for %d exchanges", self.name, FAST_AGAIN)
+            until += cyclic.timeout_s(full)
+        readings.update(cyclic.again(missing, full, until))
 
     def _missed_nothing(self, cyclic: Cyclic) -> None:
         if cyclic.fast or self.options.fast_read == "off":

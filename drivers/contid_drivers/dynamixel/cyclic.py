@@ -25,9 +25,7 @@ from contid_drivers.dynamixel import registers as reg
 from contid_drivers.dynamixel.packets import (
     STATUS_OVERHEAD,
     Instruction,
-    build,
     fast_parts,
-    read_parameters,
     sync_read,
     sync_write,
     take,
@@ -131,17 +129,17 @@ class Cyclic:
         deadline = self.port.send(wire) + self._answers_s(size, fast) + self.port.latency_s
         return self._fast(size, deadline) if fast else self._collect(set(self.ids), size, deadline)
 
-    def again(self, device: int, full: bool, until: float) -> Reading | None:
-        """Ask one servo once more, if its answer can be there before ``until`` [monotonic s]."""
+    def again(self, devices: Sequence[int], full: bool, until: float) -> dict[int, Reading]:
+        """Ask some servos once more, if their answers can be there before ``until`` [monotonic s]."""
         size = self.layout.full if full else self.layout.lean
         port = self.port
-        wire = build(device, Instruction.READ, read_parameters(self.layout.address, size))
-        answer_s = (size + STATUS_OVERHEAD) * port.byte_s + port.return_delay_s
-        if time.monotonic() + len(wire) * port.byte_s + answer_s > until:
-            return None
+        wire = sync_read(self.layout.address, size, devices)
+        answers_s = len(devices) * ((size + STATUS_OVERHEAD) * port.byte_s + port.return_delay_s)
+        if time.monotonic() + len(wire) * port.byte_s + answers_s > until:
+            return {}
         port.flush()
-        deadline = min(port.send(wire) + answer_s + port.latency_s, until)
-        return self._collect({device}, size, deadline).get(device)
+        deadline = min(port.send(wire) + answers_s + port.latency_s, until)
+        return self._collect(set(devices), size, deadline)
 
     def _collect(self, waiting: set[int], size: int, deadline: float) -> dict[int, Reading]:
         found: dict[int, Reading] = {}

@@ -64,6 +64,16 @@ def test_goals_made_of_header_bytes_arrive_intact(rig: Make, goal: int) -> None:
     assert [r.emulator.servo(i).get(reg.GOAL_POSITION) for i in (1, 2)] == [goal, goal]
 
 
+def test_the_hardened_sdk_stuffs_what_it_sends_and_unstuffs_what_it_reads(rig: Make) -> None:
+    r = rig(1, servo={"firmware": 52})
+    r.bus.open()
+    r.bus.enable(["r.a1"])
+    client = r.bus._client
+    for goal in (-131073, -1, 0x0FDFFF):
+        client.write(1, reg.GOAL_POSITION, goal)
+        assert client.read(1, reg.GOAL_POSITION) == r.emulator.servo(1).get(reg.GOAL_POSITION) == goal
+
+
 def test_answers_made_of_header_bytes_are_read_right(rig: Make) -> None:
     r = rig(1)
     servo = r.emulator.servos[0]

@@ -22,7 +22,7 @@ from contid_drivers.dynamixel.emulator.bench import Bench
 
 ROOT = Path(__file__).parents[3]
 IDS = (1, 2, 3, 4)
-WATCHDOG_S = 0.1
+WATCHDOG_S = 0.4
 
 
 def contid(*words: str) -> Sequence[str]:
@@ -39,7 +39,8 @@ def hand(tmp_path: Path, configs: Path) -> Path:
     text = (configs / "hand.emulated.yaml").read_text()
     text = text.replace("./hand.tty", str(tmp_path / "hand.tty"))
     text = text.replace(
-        "    baud: 1000000\n", "    baud: 1000000\n    usb_latency_ms: 30\n    tolerance_ticks: 50\n"
+        "    baud: 1000000\n",
+        "    baud: 1000000\n    usb_latency_ms: 15\n    watchdog_ms: 400\n    tolerance_ticks: 20\n",
     )
     (tmp_path / "hand.yaml").write_text(text)
     return tmp_path / "hand.yaml"
@@ -60,7 +61,7 @@ def running(hand: Path, emulator: Emulator) -> Iterator[Callable[..., subprocess
 
     def start(laps: int) -> subprocess.Popen[str]:
         circle = hand.with_name("circle.csv")
-        shape = ("path", "circle", "--center", "50,70", "--size", "20", "--period", "2", "--laps", str(laps))
+        shape = ("path", "circle", "--center", "50,70", "--size", "20", "--period", "1", "--laps", str(laps))
         circle.write_text(
             subprocess.run(
                 contid(*shape, "--for", str(hand)),
@@ -133,15 +134,25 @@ def test_kill_9_of_daemon_and_control_process_stops_every_servo(
     assert [emulator.servo(i).position_ticks for i in IDS] == stopped
 
 
-def test_an_overload_faults_its_whole_robot_and_the_other_one_finishes(
-    running: Callable[..., subprocess.Popen[str]], emulator: Emulator
+@pytest.mark.parametrize(
+    ("kind", "words"),
+    [
+        ("overload", "overload"),
+        ("silent", ""),
+        ("trip", "Bus Watchdog tripped"),
+        ("brownout", "reset itself"),
+    ],
+)
+def test_a_servo_in_trouble_faults_its_whole_robot_and_the_other_one_finishes(
+    running: Callable[..., subprocess.Popen[str]], emulator: Emulator, kind: str, words: str
 ) -> None:
     process = running(2)
-    emulator.set("overload", 3)
+    emulator.set(kind, 3)
     report = report_of(process)
     assert report["exit_code"] == process.returncode == 3
     right, left = report["robots"]["right"], report["robots"]["left"]
-    assert "overload" in right["words"]
+    assert right["words"]
+    assert words in right["words"]
     assert left["words"] == ""
     assert left["ticks_followed"] > right["ticks_followed"]
 

@@ -23,6 +23,8 @@ BOOT_S: Final = 0.1
 #: Longest step of the motion; the watchdog is looked at in every one.
 STEP_S: Final = 0.002
 _EXTENDED_MODES: Final = (4, 5)
+#: Modes in which the emulated motor moves; in the others it stands still.
+_POSITION_MODES: Final = (3, 4, 5)
 _GAINS: Final = (
     "velocity i gain",
     "velocity p gain",
@@ -181,6 +183,8 @@ class Servo:
             return StatusError.DATA_RANGE
         if self.tripped and (_is_goal(register) or (register is reg.BUS_WATCHDOG and value != 0)):
             return StatusError.DATA_RANGE
+        if register is reg.OPERATING_MODE and value not in reg.MODE_NAMES:
+            return StatusError.DATA_RANGE
         if register is reg.TORQUE_ENABLE and value and self.memory[reg.HARDWARE_ERROR.address]:
             return StatusError.RESULT_FAIL
         if register is reg.GOAL_CURRENT and abs(value) > self.get(reg.CURRENT_LIMIT):
@@ -288,7 +292,7 @@ class Servo:
             step = min(STEP_S, now - self.now)
             self.now += step
             self._watch()
-            if self.torque:
+            if self.torque and self.memory[reg.OPERATING_MODE.address] in _POSITION_MODES:
                 self._limits()
                 self.motion.step(step)
                 if self.motion.overloaded:
