@@ -15,6 +15,7 @@ constexpr double kInfinity = std::numeric_limits<double>::infinity();
 struct Feasible {
   Sections sections;
   double low[kMostLengths], high[kMostLengths], home[kMostLengths];
+  double metric[kMostLengths * kMostLengths];  // what counts as far from home
   double rack = kInfinity;           // greatest sum of one rack's lengths [m]
   double curvature_max = kInfinity;  // [1/m]
 
@@ -88,6 +89,20 @@ struct Feasible {
       const double* m = sections.to_arc[s];
       for (int j = 0; j < 3; ++j)
         out[3 * s + j] = sections.radius[s] * (along[0] * m[j] + along[1] * m[3 + j] + along[2] * m[6 + j]);
+    }
+  }
+
+  // metric: 3 (L - L0)^2 + max(1.5 d^2, L0^2/2) theta^2 per section.
+  void weigh_home() {
+    for (double& entry : metric) entry = 0.0;
+    for (int s = 0; s < sections.count; ++s) {
+      const double d = sections.radius[s], L = home[3 * s];
+      const double bend = std::fmax(1.5 * d * d, 0.5 * L * L);
+      const double* m = sections.to_arc[s];
+      for (int i = 0; i < 3; ++i)
+        for (int j = 0; j < 3; ++j)
+          metric[(3 * s + i) * kMostLengths + 3 * s + j] =
+              bend * (m[i] * m[j] + m[3 + i] * m[3 + j]) + 3.0 * m[6 + i] * m[6 + j];
     }
   }
 

@@ -55,6 +55,9 @@ class SectionSolver {
   Tuning tuning;
 
   void prepare() {
+    feasible.weigh_home();
+    std::memcpy(home_factor_, feasible.metric, sizeof home_factor_);
+    factor(home_factor_, feasible.size(), kMostLengths);
     static constexpr int kPrimes[kMostLengths] = {2, 3, 5, 7, 11, 13, 17, 19, 23, 29, 31, 37};
     for (int k = 0; k < kLibrary; ++k) {
       for (int i = 0; i < feasible.size(); ++i)
@@ -100,6 +103,7 @@ class SectionSolver {
 
   double library_[kLibrary][kMostLengths];
   Frames frames_[kLibrary];
+  double home_factor_[kMostLengths * kMostLengths];
 
   void finish(Answer& out) const {
     out.converged = out.residual <= tuning.tolerance;
@@ -245,7 +249,7 @@ class SectionSolver {
     look(lengths, aim, tasks[0]);
     double boost = 1.0, reach = t.ell;
     int homes_left = t.home_steps;
-    bool curved = false;
+    const double* home_factor = home_factor_;
     double metric[kMostLengths * kMostLengths];
     double last_step = kInfinity;
     for (int iteration = 0; iteration < t.iterations; ++iteration) {
@@ -257,13 +261,15 @@ class SectionSolver {
         --homes_left;
         for (int i = 0; i < n; ++i) z[i] = feasible.home[i] - lengths[i];
         const double far = std::sqrt(dot(z, z, n));
-        if (far > reach)
-          for (int i = 0; i < n; ++i) z[i] *= reach / far;
+        const double share = far > reach ? reach / far : 1.0;
+        double away[kMostLengths];
+        for (int i = 0; i < n; ++i) away[i] = share * z[i];
+        for (int i = 0; i < n; ++i) z[i] = dot(feasible.metric + i * kMostLengths, away, n);
       } else {
         damping += boost * task.error * task.error / (2.0 * t.ell * t.ell);
       }
       double y[kMostRows];
-      damped_step(feasible, task.J, task.e, task.rows, damping, z, lengths, homing && curved ? metric : nullptr, d, y);
+      damped_step(feasible, task.J, task.e, task.rows, damping, z, lengths, homing ? home_factor : nullptr, d, y);
       const double step = moved(lengths, d, trial);
       Task& next = tasks[1 - now];
       look(trial, aim, next);
@@ -281,7 +287,7 @@ class SectionSolver {
       now = 1 - now;
       if (homing && step > t.contraction * last_step) {
         home_metric(lengths, aim, next, y, metric);
-        curved = true;
+        home_factor = metric;
       }
       last_step = homing ? step : kInfinity;
       if (!homing) boost = std::max(0.25 * boost, 1e-6);
@@ -306,7 +312,7 @@ class SectionSolver {
       for (int i = 0; i < n; ++i) {
         double change = 0.0;
         for (int a = 0; a < task.rows; ++a) change += (moved.J[a][i] - task.J[a][i]) * y[a];
-        rows[k][i] = (k == i) - change / kForward;
+        rows[k][i] = feasible.metric[k * kMostLengths + i] - change / kForward;
       }
     }
     for (double shift = 0.5, added = 0.0;; added = shift, shift *= 4.0) {

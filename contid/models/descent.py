@@ -53,7 +53,7 @@ class Tuning:
 
     ell_m: float
     tolerance_m: float = 1e-6
-    home_tolerance_m: float = 1e-9
+    home_tolerance_m: float = 1e-8
     weight: float = 1e-8
     near: float = 0.3
     home_steps: int = 30
@@ -119,7 +119,7 @@ class Descent:
         e, J = self._task(lengths, aim)
         error = float(np.linalg.norm(e))
         boost, reach, homes_left = 1.0, t.ell_m, t.home_steps
-        metric: Array | None = None
+        metric = self.feasible.metric
         last_step = float("inf")
         for iteration in range(1, t.iterations + 1):
             homing = homes_left > 0 and error < t.near * t.ell_m
@@ -127,7 +127,7 @@ class Descent:
                 homes_left -= 1
                 damping = t.weight
                 z = self.feasible.home - lengths
-                z = z * min(1.0, reach / max(float(np.linalg.norm(z)), 1e-300))
+                z = self.feasible.metric @ (z * min(1.0, reach / max(float(np.linalg.norm(z)), 1e-300)))
             else:
                 damping = t.weight + boost * error * error / (2.0 * t.ell_m * t.ell_m)
                 z = np.zeros(len(lengths))
@@ -160,12 +160,12 @@ class Descent:
     def _home_metric(self, lengths: Array, aim: Aim, y: Array) -> Array:
         """Second derivatives of ``|l - home|^2/2 - y^T task``, shifted until they are positive definite.
 
-        A homing step with the identity for a metric ignores that the set of lengths that meet the task is
+        A homing step in the metric of home alone ignores that the set of lengths that meet the task is
         curved; where it bends as sharply as 1/distance from home, such steps do not converge.
         """
         size = len(lengths)
         base = self._task(lengths, aim)[1].T @ y
-        metric = np.eye(size)
+        metric = self.feasible.metric.copy()
         for k in range(size):
             moved = lengths.copy()
             moved[k] += _FORWARD_M

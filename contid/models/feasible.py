@@ -38,6 +38,11 @@ class Feasible:
         rack_m: greatest sum of one rack's lengths over the sections [m], may be inf.
         curvature_max: greatest curvature of the backbone in every section [1/m], may be inf.
         home: the posture the redundancy is drawn to: straight, in the middle of the range.
+        metric: what counts as far from home, ``(3 n, 3 n)``: ``3 (L - L0)^2 + max(1.5 d^2, L0^2/2) theta^2``
+            per section. With the plain distance of the lengths, 3 and 1.5 d^2 for tubes at 120 degrees, a
+            thin
+            arm would rather buckle than shorten: straight is the nearest only while the weight of theta^2
+            exceeds (L0 - L) L, at most L0^2/4.
     """
 
     sections: Sections
@@ -48,6 +53,7 @@ class Feasible:
     low: Array = field(init=False)
     high: Array = field(init=False)
     home: Array = field(init=False)
+    metric: Array = field(init=False)
 
     def __post_init__(self) -> None:
         low, high = np.repeat(self.lower, 3), np.repeat(self.upper, 3)
@@ -57,6 +63,15 @@ class Feasible:
         if not part > 0.0:
             raise ValueError("the racks are shorter than the retracted arm")
         object.__setattr__(self, "home", low + part * (high - low))
+        object.__setattr__(self, "metric", self._home_metric())
+
+    def _home_metric(self) -> Array:
+        metric = np.zeros((len(self.low), len(self.low)))
+        for i, d in enumerate(self.sections.radius_m):
+            bend = max(1.5 * d * d, 0.5 * self.home[3 * i] ** 2)
+            to_arc, block = self.sections.to_arc[i], slice(3 * i, 3 * i + 3)
+            metric[block, block] = to_arc.T @ np.diag((bend, bend, 3.0)) @ to_arc
+        return metric
 
     @property
     def names(self) -> tuple[str, ...]:
