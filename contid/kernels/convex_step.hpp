@@ -23,6 +23,13 @@ struct Feasible {
   int flat() const { return 2 * size() + 3; }  // limits before the cones
   int limits() const { return flat() + sections.count; }
 
+  // No tip is farther from the base than this.
+  double longest() const {
+    double sum = 0.0, rigid = 0.0;
+    for (int s = 0; s < sections.count; ++s) sum += high[3 * s], rigid += sections.rigid[s];
+    return std::fmin(sum, rack) + rigid;
+  }
+
   double rack_excess(const double* l, int j) const {
     double sum = 0.0;
     for (int i = j; i < size(); i += 3) sum += l[i];

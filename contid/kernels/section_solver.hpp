@@ -16,7 +16,7 @@ struct Tuning {
   int home_steps;
   double contraction;
   double slow;
-  int iterations, settling, starts;
+  int iterations, settling, starts, agreeing;
 };
 
 struct Aim {
@@ -88,7 +88,9 @@ class SectionSolver {
     if (out.residual > tuning.tolerance) {
       int agreeing = 1;
       const bool biarcs = feasible.sections.count == 2 && aim.direction && !aim.mid;
-      if (!biarcs || !try_biarcs(aim, out, agreeing)) try_library(aim, out, agreeing);
+      const double far = std::sqrt(dot(aim.tip, aim.tip, 3));
+      const int enough = far > feasible.longest() ? tuning.agreeing : 2 * kLibrary;
+      if (!biarcs || !try_biarcs(aim, out, enough, agreeing)) try_library(aim, out, enough, agreeing);
     }
     finish(out);
   }
@@ -127,8 +129,8 @@ class SectionSolver {
     return std::isfinite(sum) && feasible.worst(lengths, 0, number) <= 1e-12;
   }
 
-  // One more start; true when the search can end: the target is met, or three starts agree.
-  bool try_start(double* start, const Aim& aim, Answer& out, int& agreeing) const {
+  // One more start; true when the search can end: the target is met, or enough starts agree.
+  bool try_start(double* start, const Aim& aim, Answer& out, int enough, int& agreeing) const {
     const double left = descend(start, aim, out.iterations);
     ++out.starts;
     // A clear gain only, so that noise does not make the answer jump between equal minima.
@@ -139,10 +141,10 @@ class SectionSolver {
     } else if (left < 1.001 * out.residual) {
       ++agreeing;
     }
-    return out.residual <= tuning.tolerance || agreeing == 3;
+    return out.residual <= tuning.tolerance || agreeing >= enough;
   }
 
-  bool try_biarcs(const Aim& aim, Answer& out, int& agreeing) const {
+  bool try_biarcs(const Aim& aim, Answer& out, int enough, int& agreeing) const {
     constexpr int kLegs = 64, kBest = 3;
     const Sections& s = feasible.sections;
     const int n = feasible.size();
@@ -172,12 +174,12 @@ class SectionSolver {
       double start[kMostLengths];
       std::memcpy(start, lengths[order[k]], n * sizeof(double));
       feasible.pull(start);
-      if (try_start(start, aim, out, agreeing)) return true;
+      if (try_start(start, aim, out, enough, agreeing)) return true;
     }
     return false;
   }
 
-  void try_library(const Aim& aim, Answer& out, int& agreeing) const {
+  void try_library(const Aim& aim, Answer& out, int enough, int& agreeing) const {
     double distance[kLibrary];
     int order[kLibrary];
     for (int k = 0; k < kLibrary; ++k) {
@@ -190,14 +192,13 @@ class SectionSolver {
       if (aim.mid) distance[k] += squared_distance(f.mid, aim.mid);
       order[k] = k;
     }
-    const int most = std::min(tuning.starts, kLibrary);
-    std::partial_sort(order, order + most, order + kLibrary, [&](int a, int b) {
+    std::sort(order, order + kLibrary, [&](int a, int b) {
       return distance[a] < distance[b] || (distance[a] == distance[b] && a < b);
     });
-    for (int k = 0; k < most; ++k) {
+    for (int k = 0; k < tuning.starts; ++k) {  // the nearest ones, then ever farther ones
       double start[kMostLengths];
-      std::memcpy(start, library_[order[k]], sizeof start);
-      if (try_start(start, aim, out, agreeing)) return;
+      std::memcpy(start, library_[order[std::min(k * (k + 7) / 8, kLibrary - 1)]], sizeof start);
+      if (try_start(start, aim, out, enough, agreeing)) return;
     }
   }
 
@@ -232,23 +233,25 @@ class SectionSolver {
 
   // One start, in place: the error left [m]; steps taken are added to `iterations`.
   double descend(double* lengths, const Aim& aim, int& iterations) const {
-    double error = approach(lengths, aim, iterations);
+    double error = approach(lengths, aim, tuning.home_steps, iterations);
+    if (error > tuning.tolerance) error = approach(lengths, aim, 0, iterations);
     if (error > tuning.tolerance) {
       error = settle(lengths, aim, iterations);
-      if (error <= tuning.tolerance) error = approach(lengths, aim, iterations);
+      if (error <= tuning.tolerance) error = approach(lengths, aim, tuning.home_steps, iterations);
     }
     return error;
   }
 
-  // Damped steps and homing, until the target is met or progress ends.
-  double approach(double* lengths, const Aim& aim, int& iterations) const {
+  // Damped steps and homing, until the target is met or progress ends; the best lengths on the way, in place.
+  double approach(double* best, const Aim& aim, int homes_left, int& iterations) const {
     const int n = feasible.size();
     const Tuning& t = tuning;
     Task tasks[2];
     int now = 0;
+    double lengths[kMostLengths];
+    std::memcpy(lengths, best, n * sizeof(double));
     look(lengths, aim, tasks[0]);
-    double boost = 1.0, reach = t.ell;
-    int homes_left = t.home_steps;
+    double boost = 1.0, reach = t.ell, least = tasks[0].error;
     const double* home_factor = home_factor_;
     double metric[kMostLengths * kMostLengths];
     double last_step = kInfinity;
@@ -278,13 +281,17 @@ class SectionSolver {
         continue;
       }
       if (!homing && next.error >= task.error && task.error > t.tolerance) {
-        if (step < 1e-9) return task.error;
+        if (step < 1e-9) return least;
         boost *= 4.0;
         continue;
       }
       const bool slow = next.error > t.slow * task.error;
       std::memcpy(lengths, trial, n * sizeof(double));
       now = 1 - now;
+      if (next.error < least || next.error <= t.tolerance) {
+        std::memcpy(best, trial, n * sizeof(double));
+        least = next.error;
+      }
       if (homing && step > t.contraction * last_step) {
         home_metric(lengths, aim, next, y, metric);
         home_factor = metric;
@@ -292,9 +299,9 @@ class SectionSolver {
       last_step = homing ? step : kInfinity;
       if (!homing) boost = std::max(0.25 * boost, 1e-6);
       if (next.error <= t.tolerance && (!homing || step <= t.home_tolerance)) return next.error;
-      if (!homing && slow && next.error > t.tolerance) return next.error;
+      if (!homing && slow && next.error > t.tolerance) return least;
     }
-    return tasks[now].error;
+    return least;
   }
 
   // Second derivatives of |l - home|^2/2 - y^T task, shifted until positive definite: their factor.

@@ -48,7 +48,9 @@ class Tuning:
         slow: a damped step that leaves more than this share of the error ends the approach.
         iterations: greatest number of damped steps per start.
         settling: greatest number of Newton steps per start, for targets that are not met.
-        starts: starts after the seed for a target that is not met; fewer when three agree on the best answer.
+        starts: starts after the seed for a target that is not met.
+        agreeing: for targets beyond the length of the arm, so many starts that end at the best answer end the
+            search; within its length every start is tried.
     """
 
     ell_m: float
@@ -61,7 +63,8 @@ class Tuning:
     slow: float = 0.95
     iterations: int = 60
     settling: int = 80
-    starts: int = 12
+    starts: int = 32
+    agreeing: int = 3
 
 
 def tuning_for(feasible: Feasible) -> Tuning:
@@ -91,12 +94,16 @@ class Descent:
 
     def run(self, lengths: Array, aim: Aim) -> tuple[Array, float, int]:
         """One start: lengths, error [m] and steps taken."""
-        lengths, error, steps = self._approach(lengths, aim)
+        homes = self.tuning.home_steps
+        lengths, error, steps = self._approach(lengths, aim, homes)
+        if error > self.tuning.tolerance_m:
+            lengths, error, more = self._approach(lengths, aim, 0)
+            steps += more
         if error > self.tuning.tolerance_m:
             lengths, error, more = self._settle(lengths, aim)
             steps += more
             if error <= self.tuning.tolerance_m:
-                lengths, error, more = self._approach(lengths, aim)
+                lengths, error, more = self._approach(lengths, aim, homes)
                 steps += more
         return lengths, error, steps
 
@@ -113,12 +120,17 @@ class Descent:
             rows.append(at.mid)
         return np.concatenate(errors), np.vstack(rows)
 
-    def _approach(self, lengths: Array, aim: Aim) -> tuple[Array, float, int]:
-        """Damped steps and homing, until the target is met or progress ends."""
+    def _approach(self, lengths: Array, aim: Aim, homes_left: int) -> tuple[Array, float, int]:
+        """Damped steps and homing, until the target is met or progress ends; the best lengths on the way.
+
+        Homing may lift the error for some steps; along limits at the rim of the workspace it may not settle,
+        and must not lose a target that was met.
+        """
         t = self.tuning
         e, J = self._task(lengths, aim)
         error = float(np.linalg.norm(e))
-        boost, reach, homes_left = 1.0, t.ell_m, t.home_steps
+        boost, reach = 1.0, t.ell_m
+        best, least = lengths, error
         metric = self.feasible.metric
         last_step = float("inf")
         for iteration in range(1, t.iterations + 1):
@@ -141,11 +153,13 @@ class Descent:
                 continue
             if not homing and trial_error >= error and error > t.tolerance_m:
                 if step < 1e-9:
-                    return lengths, error, iteration
+                    return best, least, iteration
                 boost *= 4.0
                 continue
             slow = trial_error > t.slow * error
             lengths, e, J, error = trial, e_trial, J_trial, trial_error
+            if error < least or error <= t.tolerance_m:
+                best, least = lengths, error
             if homing and step > t.contraction * last_step:
                 metric = self._home_metric(lengths, aim, y)
             last_step = step if homing else float("inf")
@@ -154,8 +168,8 @@ class Descent:
             if error <= t.tolerance_m and (not homing or step <= t.home_tolerance_m):
                 return lengths, error, iteration
             if not homing and slow and error > t.tolerance_m:
-                return lengths, error, iteration
-        return lengths, error, t.iterations
+                return best, least, iteration
+        return best, least, t.iterations
 
     def _home_metric(self, lengths: Array, aim: Aim, y: Array) -> Array:
         """Second derivatives of ``|l - home|^2/2 - y^T task``, shifted until they are positive definite.

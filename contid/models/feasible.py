@@ -84,6 +84,11 @@ class Feasible:
             *(f"s{s + 1}.bend_radius" for s in range(self.sections.count)),
         )
 
+    @property
+    def longest_m(self) -> float:
+        """No tip is farther from the base than this [m]: the straight arm at its longest."""
+        return min(sum(self.upper), self.rack_m) + sum(self.sections.rigid_m)
+
     def excess(self, lengths: Array) -> Array:
         """By how much every limit is exceeded [m], negative inside, in the order of `names`."""
         arcs = self.sections.arcs(lengths)

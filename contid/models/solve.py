@@ -89,6 +89,8 @@ class SectionSolver:
             return self._answer(lengths, error, 0, 0)
         best, error, iterations = self._descent.run(self.feasible.pulled(seed), aim)
         tried = agreeing = 1
+        beyond = math.dist(aim.tip, (0.0, 0.0, 0.0)) > self.feasible.longest_m
+        enough = self.tuning.agreeing if beyond else 2 * LIBRARY
         if error > self.tuning.tolerance_m:
             for start in self._starts(aim):
                 lengths, left, steps = self._descent.run(start, aim)
@@ -99,7 +101,7 @@ class SectionSolver:
                     best, error, agreeing = lengths, left, 1
                 elif left < 1.001 * error:
                     agreeing += 1
-                if error <= self.tuning.tolerance_m or agreeing == 3:
+                if error <= self.tuning.tolerance_m or agreeing >= enough:
                     break
         return self._answer(best, error, iterations, tried)
 
@@ -137,8 +139,9 @@ class SectionSolver:
             distance += self.tuning.ell_m**2 * ((frames.rotation[:, :, 2] - aim.direction) ** 2).sum(axis=-1)
         if aim.mid is not None:
             distance += ((frames.mid - aim.mid) ** 2).sum(axis=-1)
-        for k in np.argsort(distance, kind="stable")[: self.tuning.starts]:
-            yield self._library[k]
+        order = np.argsort(distance, kind="stable")
+        for k in range(self.tuning.starts):  # the nearest ones, then ever farther ones
+            yield self._library[order[min(k * (k + 7) // 8, LIBRARY - 1)]]
 
     def _biarc_starts(self, aim: Aim) -> Iterator[Array]:
         """The three biarcs that exceed the limits least, out of 64 control legs."""
