@@ -50,6 +50,7 @@ class ControlChild:
 
     def create_ring(self, layout: RecordLayout) -> Path:
         """Make the shared memory of this run and attach to it."""
+        ring.sweep()
         self._path = ring.create(layout)
         self.reader = ring.RingReader(self._path)
         return self._path

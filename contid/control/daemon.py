@@ -23,7 +23,7 @@ from contid.control.inputs import Stream
 from contid.control.messages import End, Estop, Finish, Message
 from contid.control.preflight import Preflight, Unreachable
 from contid.control.record import TickRecord
-from contid.control.report import Report
+from contid.control.report import Report, complete_from_records
 from contid.control.setup import Setup
 from contid.control.streaming import follow_stream
 from contid.control.supervisor import Mode
@@ -231,6 +231,7 @@ class Daemon:
                     "the control process did not end and was killed; the devices stop by their own dead-man"
                 )
                 self._child.kill()
+                self._report.exit_code = 3
                 break
             self._progress()
 
@@ -274,6 +275,12 @@ class Daemon:
     def _conclude(self) -> None:
         """The last events, and what they mean for the exit code."""
         self._fetch()
+        reader = self._child.reader
+        missed = 0
+        if reader is not None:
+            missed = reader.missed_ticks if self._log is not None else 0
+            reader.rewind()
+            complete_from_records(self._report, reader.layout, reader.written, reader.ticks())
         report, status = self._report, self._child.status
         if self._terminal:
             sys.stderr.write("\r\x1b[K")
@@ -282,9 +289,8 @@ class Daemon:
             report.exit_code = 3
         elif status not in (None, 0) and report.exit_code in (0, 130):
             report.ending, report.exit_code = f"the control process ended with status {status}", 3
-        reader = self._child.reader
-        if self._log is not None and reader is not None and reader.missed_ticks:
-            report.problems.append(f"{reader.missed_ticks} ticks are missing in the command log")
+        if missed:
+            report.problems.append(f"{missed} ticks are missing in the command log")
 
     def _progress(self) -> None:
         """One line at a terminal."""

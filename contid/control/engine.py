@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import enum
 from collections.abc import Mapping, Sequence
+from contextlib import suppress
 from dataclasses import dataclass, replace
 from typing import Any, Final, Protocol
 
@@ -206,6 +207,16 @@ class Engine:
         motions = [state.motion for state in self.states if state.mode is Mode.STOPPING]
         seconds = max((motion.duration_s for motion in motions if motion is not None), default=0.0)
         self._sink.event("stopping", reason=reason, seconds=seconds)
+
+    def abandon(self) -> None:
+        """After a defect of contid itself: bring the devices to their ``on_host_loss`` rest, best effort."""
+        for index, plan in enumerate(self.plans):
+            for name, axes in self._axes_on[index].items():
+                port = self._ports[name]
+                rest = REST_OF[plan.stops.on_host_loss]
+                if not port.busy and self.states[index].enabled:
+                    with suppress(Exception):
+                        port.bus.disable(axes, rest)
 
     def _each(self, robots: msg.Who, order: Any) -> None:
         unknown = [name for name in robots or () if name not in self._index]

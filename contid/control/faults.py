@@ -1,7 +1,7 @@
 """Every fault a robot can latch: one table for messages, ``--json`` and the documentation.
 
 A fault stops one robot by its ``stop.on_fault`` policy and stays until ``clear-fault``; the other robots go
-on. Numbers never change their meaning: 1xx the devices, 2xx the arithmetic, 3xx the host.
+on. Numbers never change their meaning: 1xx the devices, 2xx the arithmetic.
 """
 
 from __future__ import annotations
@@ -89,3 +89,20 @@ PAGES: Final[dict[Fault, FaultPage]] = {
 def describe(fault: Fault, words: str) -> str:
     """One line for a log: number, name, what exactly, what to do."""
     return f"fault {int(fault)} {fault.name.lower().replace('_', '-')}: {words}; {PAGES[fault].remedy}"
+
+
+def markdown() -> str:
+    """The table as the page docs/faults.md."""
+    lines = [
+        "# Faults",
+        "",
+        "A fault stops one robot, stays until `contid clear-fault`, and makes `contid run` end with exit code 3.",
+        "Numbers never change their meaning: 1xx devices, 2xx arithmetic.",
+        "",
+        "| number | name | cause | what the robot did | what to do |",
+        "|---|---|---|---|---|",
+    ]
+    for fault, page in PAGES.items():
+        name = fault.name.lower().replace("_", "-")
+        lines.append(f"| {int(fault)} | {name} | {page.cause} | {page.reaction} | {page.remedy} |")
+    return "\n".join(lines) + "\n"

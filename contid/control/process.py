@@ -158,7 +158,11 @@ def main(descriptor: int, parent: int) -> int:
         running.append(process)
         process.orphaned = gone[0]
         stop_collecting()
-        process.run()
+        try:
+            process.run()
+        except BaseException:
+            process.engine.abandon()
+            raise
         for name, told in robot_reports(process.engine).items():
             ring.event("robot", robot=name, told=told)
     except ContidError as error:

@@ -2,11 +2,14 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass, field
 from typing import Any
 
 from contid.control.engine import Engine
-from contid.control.faults import describe
+from contid.control.faults import Fault, describe
+from contid.control.record import CONVERGED, RecordLayout, TickRecord
+from contid.control.statistics import Lateness, RobotTally
 from contid.control.supervisor import Mode
 
 
@@ -85,3 +88,30 @@ def robot_reports(engine: Engine) -> dict[str, dict[str, Any]]:
             **tally.as_dict(),
         }
     return out
+
+
+def complete_from_records(
+    report: Report, layout: RecordLayout, written: int, records: Sequence[TickRecord]
+) -> None:
+    """What the ring still tells of a control process that did not live to report by itself.
+
+    Counts are complete; lateness and tip errors are those of the records that are left, the last seconds.
+    """
+    if report.ticks or not records:
+        return
+    lateness, tallies = Lateness(), [RobotTally() for _ in layout.robots]
+    for record in records:
+        lateness.add(record.lateness_s)
+        for robot, tally in zip(record.robots, tallies, strict=True):
+            if robot.tip_error_m == robot.tip_error_m:
+                tally.add(robot.tip_error_m, bool(robot.flags & CONVERGED))
+    last = records[-1]
+    report.ticks, report.skipped, report.lateness = written, last.skipped, lateness.as_dict()
+    for name, robot, tally in zip(layout.robots, last.robots, tallies, strict=True):
+        fault = Fault(robot.fault)
+        report.robots[name.name] = {
+            "mode": Mode(robot.mode).name,
+            "fault": robot.fault,
+            "words": describe(fault, fault.name) if fault else "",
+            **tally.as_dict(),
+        }

@@ -13,12 +13,15 @@ locking between two Python statements does.
 
 from __future__ import annotations
 
+import fcntl
 import json
 import mmap
 import os
 import secrets
 import struct
 import tempfile
+import time
+from contextlib import suppress
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, Final
@@ -33,6 +36,8 @@ TICKS_AT, EVENTS_AT, CLOSED_AT = 48, 56, 40
 EVENT_BYTES: Final = 2048
 EVENT_SLOTS: Final = 512
 SECONDS: Final = 8.0
+#: A ring younger than this may belong to a run that is just about to open it.
+STALE_S: Final = 60.0
 U64: Final = struct.Struct("=Q")
 EVENT: Final = struct.Struct("=QI")
 STAMP: Final = U64.size
@@ -45,6 +50,15 @@ class RingError(ContidError):
 def _directory() -> Path:
     shared = Path("/dev/shm")
     return shared if shared.is_dir() else Path(tempfile.gettempdir())
+
+
+def sweep() -> None:
+    """Remove the rings of runs that were killed: nobody has them open any more."""
+    for path in _directory().glob("contid-*.ring"):
+        with suppress(OSError), path.open("rb") as file:
+            if time.time() - os.fstat(file.fileno()).st_mtime > STALE_S:
+                fcntl.flock(file, fcntl.LOCK_EX | fcntl.LOCK_NB)
+                path.unlink()
 
 
 def create(layout: RecordLayout, seconds: float = SECONDS) -> Path:
@@ -76,13 +90,15 @@ class _Mapped:
     def __init__(self, path: Path) -> None:
         self.path = path
         try:
-            with path.open("r+b") as file:
-                self._map = mmap.mmap(file.fileno(), 0)
-        except (OSError, ValueError) as error:
+            self._file = path.open("r+b")
+        except OSError as error:
             raise RingError(f"{path}: no ring to attach to ({error}); is the daemon running?") from error
+        # Shared by everybody who has the ring open; `sweep` tries for the exclusive one.
+        fcntl.flock(self._file, fcntl.LOCK_SH)
+        self._map = mmap.mmap(self._file.fileno(), 0)
         magic, text_bytes, self.slots, self.size, self.event_slots, _ = HEAD.unpack_from(self._map)
         if magic != MAGIC:
-            self._map.close()
+            self.close()
             raise RingError(f"{path}: not a ring of this version of contid")
         self.layout = RecordLayout.from_json(self._map[HEAD_BYTES : HEAD_BYTES + text_bytes].decode())
         self._ticks_at = _slots_at(text_bytes)
@@ -92,6 +108,7 @@ class _Mapped:
     def close(self) -> None:
         """Let the memory go; idempotent."""
         self._map.close()
+        self._file.close()
 
 
 class RingWriter(_Mapped):
@@ -174,6 +191,10 @@ class RingReader(_Mapped):
     def written(self) -> int:
         """Records written so far."""
         return int(U64.unpack_from(self._map, TICKS_AT)[0])
+
+    def rewind(self) -> None:
+        """Back to the oldest record that is still there."""
+        self._tick = _Cursor(max(self.written - self.slots + 1, 0))
 
     def ticks(self, at_most: int = 1 << 30) -> list[TickRecord]:
         """Records not read yet, oldest first."""

@@ -241,3 +241,22 @@ def test_killing_the_daemon_brings_the_robot_to_on_host_loss(
     assert {axis["rest"] for axis in last["axes"].values()} == {"relax"}
     assert not any("trip" in line["event"] for line in journal(tmp_path))
     assert not list(Path("/dev/shm").glob(f"contid-{process.pid}-*"))
+
+
+def test_a_control_process_that_hangs_is_ended_all_the_same(
+    robot: Callable[..., Path], tmp_path: Path, started: Callable[..., Any]
+) -> None:
+    """A bus that never comes back holds up the tick for ever; Ctrl-C still ends the run, and it reports."""
+    late = "faults: [{at_s: 0.6, kind: late, delay_ms: 600000}]"
+    process = started(str(robot(1, options=late)), "--json")
+    process.stdin.write(circle_csv(1, period_s=60.0))
+    process.stdin.close()
+    process.stdin = None
+    until(lambda: any("late" in line["event"] for line in journal(tmp_path)), "stuck")
+    process.send_signal(signal.SIGINT)
+    out, _ = process.communicate(timeout=30)
+    report = json.loads(out)
+    assert process.returncode == report["exit_code"] == 3
+    assert report["ticks"] > 0
+    assert report["robots"]["f0"]["mode"] in ("APPROACH", "RUN")
+    assert any("dead-man" in problem for problem in report["problems"])

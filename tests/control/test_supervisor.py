@@ -3,10 +3,11 @@
 from __future__ import annotations
 
 from itertools import product
+from pathlib import Path
 
 import pytest
 
-from contid.control.faults import PAGES, Fault, describe
+from contid.control.faults import PAGES, Fault, describe, markdown
 from contid.control.supervisor import MOVES, REST_OF, Event, Mode, allowed, move
 from contid.description.base import StopPolicy
 
@@ -98,3 +99,8 @@ def test_every_fault_has_its_page(fault: Fault) -> None:
     assert page.cause
     assert page.reaction
     assert describe(fault, "left is silent").startswith(f"fault {int(fault)} ")
+
+
+def test_the_page_of_the_faults_is_up_to_date() -> None:
+    page = Path(__file__).parent.parent.parent / "docs" / "faults.md"
+    assert page.read_text(encoding="utf-8") == markdown()
