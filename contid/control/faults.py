@@ -21,6 +21,7 @@ class Fault(enum.IntEnum):
     NO_SAMPLE = 104
     ARM_REFUSED = 105
     BUS_STALLED = 106
+    AXIS_STALE = 107
     NOT_A_NUMBER = 201
     INTERNAL = 202
 
@@ -73,6 +74,11 @@ PAGES: Final[dict[Fault, FaultPage]] = {
         "every robot on that bus went to FAULT; its devices stop by their own dead-man; the others go on",
         "lower rate_hz or the number of axes on this bus; `contid doctor` names slow ports",
     ),
+    Fault.AXIS_STALE: FaultPage(
+        "an axis answers, but with a measurement that is older than tolerance_ticks ticks and 0.1 s",
+        _BY_POLICY,
+        "its device repeats old data: reset or replace it; then clear-fault and resume",
+    ),
     Fault.NOT_A_NUMBER: FaultPage(
         "the model answered a target with something that is not a number",
         _BY_POLICY,
@@ -96,7 +102,7 @@ def markdown() -> str:
     lines = [
         "# Faults",
         "",
-        "A fault stops one robot, stays until `contid clear-fault`, and makes `contid run` end with exit code 3.",
+        "A fault stops one robot and stays until `contid clear-fault`; `contid run` then ends with exit code 3.",
         "Numbers never change their meaning: 1xx devices, 2xx arithmetic.",
         "",
         "| number | name | cause | what the robot did | what to do |",

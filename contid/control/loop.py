@@ -97,9 +97,12 @@ def watched(plan: RobotPlan, state: RobotState, samples: Sequence[Sample], now_s
             0 if sample.valid else count + 1 for sample, count in zip(samples, misses, strict=True)
         )
         state = replace(state, misses=misses)
-    for sample, axis in zip(samples, plan.axes, strict=True):
+    for sample, axis, stale_s in zip(samples, plan.axes, plan.stale_s, strict=True):
         if sample.fault:
             return fail(plan, state, Fault.DEVICE_FAULT, f"{axis}: {sample.fault}", now_s)
+        if sample.valid and sample.age_s > stale_s:
+            words = f"{axis} repeats a measurement that is {sample.age_s:.3g} s old"
+            return fail(plan, state, Fault.AXIS_STALE, words, now_s)
     for count, tolerance, axis in zip(misses, plan.tolerance, plan.axes, strict=True):
         if count >= tolerance:
             words = f"{axis} did not answer {count} times in a row"

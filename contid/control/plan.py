@@ -4,13 +4,16 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass
-from typing import Protocol
+from typing import Final, Protocol
 
 from contid.control.limits import AxisLimits, axis_limits
 from contid.description.base import Quantity, StopPolicy, Stops
 from contid.description.robot import RobotDescription
 from contid.models.model import Model, build_model
 from contid.targets import Actuation, Target, Vec3
+
+#: Data younger than this are never stale: a slow regulator measures at 20 Hz or so.
+STALE_S: Final = 0.1
 
 
 class Transmission(Protocol):
@@ -60,6 +63,7 @@ class RobotPlan:
         stops: policy per reason.
         velocity, acceleration, jerk: greatest rates of an axis [1/s, 1/s^2, 1/s^3].
         tolerance: exchanges in a row each axis may miss.
+        stale_s: age at which the data of each axis are no longer believed [s].
         period_s: of the tick.
     """
 
@@ -79,6 +83,7 @@ class RobotPlan:
     acceleration: float
     jerk: float
     tolerance: tuple[int, ...]
+    stale_s: tuple[float, ...]
     period_s: float
 
     def to_base(self, target: Target) -> Target:
@@ -118,6 +123,7 @@ def plan_robot(
 ) -> RobotPlan:
     """The plan of one robot of a file at a rate [Hz]."""
     model = build_model(robot)
+    tolerance = tuple(tolerance_of_bus[robot.axes[axis].bus] for axis in robot.axis_names)
     period_s = 1.0 / rate_hz
     return RobotPlan(
         name=name,
@@ -137,6 +143,7 @@ def plan_robot(
         velocity=robot.velocity_limit,
         acceleration=robot.acceleration_limit,
         jerk=robot.jerk_limit,
-        tolerance=tuple(tolerance_of_bus[robot.axes[axis].bus] for axis in robot.axis_names),
+        tolerance=tolerance,
+        stale_s=tuple(max(ticks * period_s, STALE_S) for ticks in tolerance),
         period_s=period_s,
     )

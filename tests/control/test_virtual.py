@@ -86,6 +86,7 @@ def test_the_first_command_is_where_the_robot_is() -> None:
     ("options", "fault"),
     [
         ("faults: [{at_s: 1.0, kind: silent, axis: f0.left}]", Fault.AXIS_SILENT),
+        ("faults: [{at_s: 1.0, kind: stale, axis: f0.left}]", Fault.AXIS_STALE),
         ("faults: [{at_s: 1.0, kind: overload, axis: f0.left}]", Fault.DEVICE_FAULT),
     ],
 )
