@@ -18,8 +18,8 @@ import sys
 import time
 
 from contid.control.child import ControlChild
+from contid.control.cycle import OnEnd
 from contid.control.daemon import Daemon, Orders, RunOptions
-from contid.control.engine import OnEnd
 from contid.control.messages import Finish
 from contid.control.setup import ask_for_real_time, sleep_until, stop_collecting
 from contid.control.statistics import Lateness

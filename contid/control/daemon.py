@@ -18,7 +18,7 @@ from typing import Any, Final, Protocol
 
 from contid.control.child import ControlChild
 from contid.control.command_log import CommandLog
-from contid.control.engine import OnEnd
+from contid.control.cycle import OnEnd
 from contid.control.inputs import Stream
 from contid.control.messages import End, Estop, Finish, Message
 from contid.control.preflight import Preflight, Unreachable

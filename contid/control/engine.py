@@ -6,14 +6,14 @@ differs between them (time, threads, where records go) is given to the construct
 
 from __future__ import annotations
 
-import enum
 from collections.abc import Mapping, Sequence
 from contextlib import suppress
-from dataclasses import dataclass, replace
-from typing import Any, Final, Protocol
+from dataclasses import replace
+from typing import Any, Final
 
 from contid.control import messages as msg
 from contid.control import state as change
+from contid.control.cycle import OnEnd, Sink, Timing
 from contid.control.faults import Fault, describe
 from contid.control.loop import Outcome, tick
 from contid.control.plan import RobotPlan
@@ -34,47 +34,6 @@ RETRY_S: Final = 1.0
 
 #: Share of the period that a bus with its own worker is always waited for.
 LEAST_SHARE: Final = 0.25
-
-
-class OnEnd(enum.StrEnum):
-    """What happens when the trajectory or the stream ends."""
-
-    STOP = "stop"  # the robot file's stop.on_end, then the run ends
-    REST = "rest"  # move to the rest pose, hold there, then the run ends
-    HOLD = "hold"  # keep holding until somebody says otherwise
-
-
-class Sink(Protocol):
-    """Where records and events go: a ring, a log, or both."""
-
-    def write(self, values: list[float]) -> None:
-        """One tick, all values of the layout in order."""
-        ...
-
-    def event(self, kind: str, **fields: Any) -> None:
-        """One event."""
-        ...
-
-
-@dataclass(frozen=True, slots=True)
-class Timing:
-    """How one cycle stands in time.
-
-    Attributes:
-        tick: its number.
-        elapsed: periods since the cycle before; more than 1 after skipped ticks.
-        skipped: ticks skipped since the start.
-        deadline_s: when it should have started, on the clock of the buses.
-        lateness_s: how much later it did.
-        end_s: until when the buses may take, on the clock of the buses.
-    """
-
-    tick: int
-    elapsed: int
-    skipped: int
-    deadline_s: float
-    lateness_s: float = 0.0
-    end_s: float = 0.0
 
 
 class Engine:

@@ -102,7 +102,7 @@ def markdown() -> str:
     lines = [
         "# Faults",
         "",
-        "A fault stops one robot and stays until `contid clear-fault`; `contid run` then ends with exit code 3.",
+        "A fault stops one robot and stays until `contid clear-fault`; a run with one ends with exit code 3.",
         "Numbers never change their meaning: 1xx devices, 2xx arithmetic.",
         "",
         "| number | name | cause | what the robot did | what to do |",

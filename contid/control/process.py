@@ -21,7 +21,8 @@ from types import FrameType
 from typing import Final
 
 from contid.control.clock import RealClock
-from contid.control.engine import Engine, Timing
+from contid.control.cycle import Timing
+from contid.control.engine import Engine
 from contid.control.messages import Inbox
 from contid.control.ports import Port
 from contid.control.report import robot_reports

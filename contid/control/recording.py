@@ -10,7 +10,7 @@ from contid.control.record import CONVERGED, ENABLED, HAS_TARGET, NAN3
 from contid.targets import Target
 
 if TYPE_CHECKING:
-    from contid.control.engine import Sink, Timing
+    from contid.control.cycle import Sink, Timing
     from contid.control.loop import Outcome
     from contid.control.plan import RobotPlan
     from contid.control.sources import Source

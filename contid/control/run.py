@@ -16,8 +16,8 @@ from typing import Final
 
 from contid.control.child import ControlChild
 from contid.control.command_log import CommandLog
+from contid.control.cycle import OnEnd, Sink
 from contid.control.daemon import Commands, Daemon, Observer, RunOptions, say
-from contid.control.engine import OnEnd, Sink
 from contid.control.inputs import Stream, read_file, read_stdin
 from contid.control.messages import Message, Rows
 from contid.control.preflight import Preflight, Unreachable

@@ -12,7 +12,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Final
 
-from contid.control.engine import OnEnd
+from contid.control.cycle import OnEnd
 from contid.description.load import LoadedFile
 from contid.trajectory.approach import Approach
 from contid.trajectory.timed import Trajectory

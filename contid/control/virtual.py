@@ -6,7 +6,8 @@ from collections.abc import Callable, Iterable, Mapping, Sequence
 from typing import Any
 
 from contid.control.clock import VirtualClock
-from contid.control.engine import Engine, OnEnd, Sink, Timing
+from contid.control.cycle import OnEnd, Sink, Timing
+from contid.control.engine import Engine
 from contid.control.messages import End, Message, Rows
 from contid.control.ports import Port
 from contid.control.report import Report, robot_reports

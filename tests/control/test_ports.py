@@ -5,7 +5,8 @@ from __future__ import annotations
 import threading
 from collections.abc import Mapping, Sequence
 
-from contid.control.engine import Engine, Timing
+from contid.control.cycle import Timing
+from contid.control.engine import Engine
 from contid.control.faults import Fault
 from contid.control.ports import Job, Port, perform
 from contid.control.state import Effect

@@ -10,7 +10,7 @@ import pytest
 
 from contid.control import messages as msg
 from contid.control.command_log import CommandLog
-from contid.control.engine import OnEnd
+from contid.control.cycle import OnEnd
 from contid.control.faults import Fault
 from contid.control.record import TickRecord
 from contid.control.supervisor import Mode
