@@ -1,0 +1,98 @@
+"""Curvature calibration: circles at any curvature, the paper's line from synthetic markers, mistakes."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+import pytest
+
+from contid.calibrate.circle import fit_circle
+from contid.calibrate.curvature import CurvatureFit, fit_curvature, read_postures
+from contid.errors import BadInputError, ContidError
+from contid.models.planar_arc import cosc, sinc
+
+A, B = 0.0013, -0.2774
+PX_PER_MM = 5.0  # 250 pixels correspond to 50 mm
+
+
+def markers(arc_length_mm: float, curvature_per_mm: float, count: int = 12) -> np.ndarray:
+    s = np.linspace(0, arc_length_mm, count)
+    return np.array([[v * cosc(curvature_per_mm * v), v * sinc(curvature_per_mm * v)] for v in s])
+
+
+def photograph(noise_px: float, seed: int = 3) -> str:
+    """Markers of the paper's protocol: k_d = 0.01..0.05 at S = 40..100 mm, in a turned and shifted camera."""
+    rng = np.random.default_rng(seed)
+    lines = ["posture,left_mm,right_mm,x_px,y_px"]
+    turn = np.array([[math.cos(0.3), -math.sin(0.3)], [math.sin(0.3), math.cos(0.3)]])
+    for s in (40, 55, 70, 85, 100):
+        for k_d in (0.01, 0.02, 0.03, 0.04, 0.05):
+            racks = f"{s * (1 - k_d * 6.5)!r},{s * (1 + k_d * 6.5)!r}"
+            points = markers(s, k_d * (1 + A * s + B)) @ turn.T * PX_PER_MM + (700, 400)
+            points = points + rng.normal(0, noise_px, points.shape)
+            lines += [f"S{s} k{k_d},{racks},{x!r},{y!r}" for x, y in points.tolist()]
+    return "\n".join(lines) + "\n"
+
+
+def fitted(noise_px: float) -> CurvatureFit:
+    text = photograph(noise_px).splitlines()
+    return fit_curvature(read_postures(text, "m.csv", rack_spacing_mm=13, mm_per_px=1 / PX_PER_MM))
+
+
+@pytest.mark.parametrize("curvature", [0.0, 1e-9, 1e-5, 0.01, 0.05, 0.2])
+def test_a_circle_fit_is_exact_from_straight_to_curled(curvature: float) -> None:
+    fit = fit_circle(markers(60, curvature) * (1, -1) + (300, -20))
+    assert fit.curvature == pytest.approx(curvature, abs=1e-9)
+    assert fit.rms < 1e-9
+
+
+def test_a_circle_fit_knows_its_own_error() -> None:
+    rng = np.random.default_rng(1)
+    curvatures, errors = [], []
+    for _ in range(200):
+        fit = fit_circle(markers(80, 0.03) + rng.normal(0, 0.2, (12, 2)))
+        curvatures.append(fit.curvature)
+        errors.append(fit.curvature_error)
+    assert np.std(curvatures) == pytest.approx(np.mean(errors), rel=0.2)
+    assert np.mean(curvatures) == pytest.approx(0.03, rel=5e-3)
+
+
+def test_the_papers_line_comes_back_exactly_without_noise() -> None:
+    fit = fitted(0.0)
+    assert fit.a_per_mm == pytest.approx(A, rel=1e-9)
+    assert fit.b == pytest.approx(B, rel=1e-9)
+    assert fit.arc_length_mm == pytest.approx((40, 100))
+
+
+def test_the_papers_line_lies_in_the_confidence_interval_with_noise() -> None:
+    fit = fitted(0.5)
+    assert abs(fit.a_per_mm - A) < fit.a_half_width_per_mm < 5e-4
+    assert abs(fit.b - B) < fit.b_half_width < 0.05
+    assert 0 < fit.rms_epsilon < 0.05
+
+
+@pytest.mark.parametrize(
+    ("edit", "words"),
+    [
+        (lambda t: t.replace("x_px", "x_pix"), "unknown column 'x_pix'"),
+        (lambda t: t.replace("posture,", "pose,"), "column posture is missing"),
+        (lambda t: t.replace("S40 k0.01,", "S40 k0.01,nan"), "is no number"),
+        (lambda t: "\n".join(t.splitlines()[:3]), "a circle needs three different points"),
+        (lambda t: "", "empty"),
+    ],
+)
+def test_mistakes_in_the_data_are_named(edit, words: str) -> None:
+    with pytest.raises(BadInputError, match=words):
+        read_postures(edit(photograph(0)).splitlines(), "m.csv", rack_spacing_mm=13, mm_per_px=0.2)
+
+
+def test_pixels_need_their_size() -> None:
+    with pytest.raises(BadInputError, match="--mm-per-px"):
+        read_postures(photograph(0).splitlines(), "m.csv", rack_spacing_mm=13, mm_per_px=None)
+
+
+def test_one_arc_length_does_not_determine_a_line() -> None:
+    text = [line for line in photograph(0).splitlines() if line.startswith(("posture", "S40"))]
+    with pytest.raises(ContidError, match="do not determine a line"):
+        fit_curvature(read_postures(text, "m.csv", rack_spacing_mm=13, mm_per_px=0.2))
