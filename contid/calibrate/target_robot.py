@@ -1,25 +1,68 @@
-"""The robot of a file that a calibration is for."""
+"""The robot of a file that a calibration is for, and writing its result back."""
 
 from __future__ import annotations
 
-from contid.description.cosserat import Cosserat
-from contid.description.load import load_robot_file
+from collections.abc import Sequence
+from pathlib import Path
+from typing import TypeVar
+
+from contid.description.edit import Change, edited, replace_whole
+from contid.description.load import load_robot_file, parse_robot_file
+from contid.description.robot import RobotDescription
 from contid.description.shipped import find_robot_file
 from contid.errors import ContidError
 
+_Kind = TypeVar("_Kind", bound=RobotDescription)
 
-def find_cosserat(file: str, name: str | None) -> tuple[str, Cosserat]:
-    """Name and description of the pneumatic arm in a robot file; ``name`` chooses where there are several.
+
+def find_robot(file: str, name: str | None, kind: type[_Kind], words: str) -> tuple[str, _Kind]:
+    """Name and description of the one robot of a kind in a robot file.
+
+    Args:
+        file: path, or name of a shipped robot file.
+        name: chooses where there are several.
+        kind: class of the description.
+        words: what messages call the kind, "pneumatic arm".
 
     Raises:
         ContidError: no such robot, none of this kind, or several and no name.
     """
     robots = load_robot_file(find_robot_file(file)).file.robots
-    arms = {key: robot for key, robot in robots.items() if isinstance(robot, Cosserat)}
+    found = {key: robot for key, robot in robots.items() if isinstance(robot, kind)}
     if name is not None:
-        if name not in arms:
-            raise ContidError(f"{file}: no pneumatic arm {name!r}; there are {', '.join(arms) or 'none'}")
-        return name, arms[name]
-    if len(arms) != 1:
-        raise ContidError(f"{file}: {len(arms)} pneumatic arms ({', '.join(arms)}); choose one with --robot")
-    return next(iter(arms.items()))
+        if name not in found:
+            raise ContidError(f"{file}: no {words} {name!r}; there are {', '.join(found) or 'none'}")
+        return name, found[name]
+    if len(found) != 1:
+        names = ", ".join(found) or "none"
+        raise ContidError(
+            f"{file}: it has {len(found)} robots of kind {words} ({names}); choose with --robot"
+        )
+    return next(iter(found.items()))
+
+
+def write_back(path: Path, robot: str, changes: Sequence[Change]) -> None:
+    """Write calibrated values below ``robots.ROBOT``; they are no placeholders any more.
+
+    The new text is checked as a robot file before it replaces the old one, which is never half written.
+
+    Args:
+        path: of the robot file.
+        robot: its name.
+        changes: keys relative to the robot, ``correction.b``.
+
+    Raises:
+        BadInputError: the file would not load any more; it is left as it was.
+        EditError: a key's mapping is not in the file.
+    """
+    loaded = load_robot_file(path)
+    written = [change.key for change in changes]
+    marked = loaded.file.robots[robot].placeholder
+    rest = [key for key in marked if key not in written]
+    front = f"robots.{robot}."
+    edits = [Change(front + change.key, change.value, change.comment) for change in changes]
+    if len(rest) < len(marked):
+        edits.append(Change(front + "placeholder", rest))
+    text = edited(loaded.text, edits)
+    parse_robot_file(text, str(path))
+    replace_whole(path, text)

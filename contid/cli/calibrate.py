@@ -8,6 +8,10 @@ from contid.cli.table import TableGroup
 
 #: Calibration -> (module that defines it as ``command``, one line for ``contid calibrate --help``).
 CALIBRATIONS: Final[dict[str, tuple[str, str]]] = {
+    "curvature": (
+        "contid.cli.calibrate_curvature",
+        "a rack finger's curvature correction from photographed markers",
+    ),
     "modulus": (
         "contid.cli.calibrate_modulus",
         "a pneumatic section's modulus from elongation, its bending gain from angles",

@@ -43,12 +43,13 @@ def command(
     """
     from contid.calibrate.elongation_data import read_readings
     from contid.calibrate.modulus import fit
-    from contid.calibrate.target_robot import find_cosserat
+    from contid.calibrate.target_robot import find_robot
+    from contid.description.cosserat import Cosserat
     from contid.models.cosserat.model import build_section
 
     if (robot_file is None) == (write is None):
         raise click.UsageError("name the robot's file: --write FILE to change it, --for FILE to only read it")
-    name, robot = find_cosserat(str(write or robot_file), robot_name)
+    name, robot = find_robot(str(write or robot_file), robot_name, Cosserat, "pneumatic arm")
     sections = robot.geometry.sections
     readings = read_readings(data, getattr(data, "name", "stdin").strip("<>"))
     numbers = sorted({reading.section for reading in readings})
@@ -91,12 +92,12 @@ def _words(found: ModulusFit) -> str:
 
 
 def _write(path: Path, robot: str, fits: list[ModulusFit], source: str) -> None:
-    from contid.description.edit import Change, set_values
-    from contid.description.load import load_robot_file
+    from contid.calibrate.target_robot import write_back
+    from contid.description.edit import Change
 
     changes = []
     for found in fits:
-        at = f"robots.{robot}.geometry.sections.{found.section - 1}"
+        at = f"geometry.sections.{found.section - 1}"
         note = f"calibrated {date.today().isoformat()} from {source}"
         fitted = f"{note}, RMSE {found.rmse_elongation_mm:.3f} mm"
         changes.append(Change(f"{at}.modulus_pa", [round(b, 3) for b in found.modulus_pa], fitted))
@@ -104,6 +105,5 @@ def _write(path: Path, robot: str, fits: list[ModulusFit], source: str) -> None:
         if found.bending_gain is not None:
             bent = f"{note}, RMSE {found.rmse_bend_deg:.2f} deg"
             changes.append(Change(f"{at}.bending_gain", round(found.bending_gain, 5), bent))
-    set_values(path, changes)
-    load_robot_file(path)
+    write_back(path, robot, changes)
     click.echo(f"written to {path}", err=True)

@@ -16,7 +16,7 @@ from typing import Any, TypeAlias
 
 from contid.errors import ContidError
 
-Value: TypeAlias = float | int | str | bool | list[float]
+Value: TypeAlias = float | int | str | bool | list[float] | list[str]
 
 
 class EditError(ContidError):

@@ -166,5 +166,5 @@ def test_command_prints_json_and_refuses_what_does_not_fit(tmp_path: Path, confi
     assert "the robot has 1" in one.output
     neither = CliRunner().invoke(command, ["modulus", str(data)])
     assert neither.exit_code == 2
-    with pytest.raises(ContidError, match="0 pneumatic arms"):
+    with pytest.raises(ContidError, match="0 robots of kind pneumatic arm"):
         CliRunner().invoke(command, ["modulus", str(data), "--for", "hand"], catch_exceptions=False)

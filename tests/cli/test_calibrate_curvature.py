@@ -1,0 +1,66 @@
+"""``contid calibrate curvature``: from a CSV of markers to numbers in the robot file."""
+
+from __future__ import annotations
+
+import json
+import shutil
+from pathlib import Path
+
+import pytest
+
+from contid.description.load import load_robot_file
+from tests.calibrate.test_curvature import photograph
+from tests.cli.command import contid
+
+
+@pytest.fixture
+def data(tmp_path: Path) -> Path:
+    path = tmp_path / "markers.csv"
+    path.write_text(photograph(0.3))
+    return path
+
+
+def test_the_fit_is_written_with_its_provenance_and_nothing_else_changes(
+    data: Path, tmp_path: Path, configs: Path
+) -> None:
+    robot_file = tmp_path / "finger.yaml"
+    shutil.copy(configs / "finger.yaml", robot_file)
+    before = robot_file.read_text()
+    plot = tmp_path / "fit.png"
+    done = contid(
+        "calibrate", "curvature", str(data), "--mm-per-px", "0.2", "--write", str(robot_file),
+        "--plot", str(plot),
+    )  # fmt: skip
+    assert done.returncode == 0, done.stderr
+    finger = load_robot_file(robot_file).file.robots["finger"]
+    assert finger.correction.a_per_mm == pytest.approx(0.0013, abs=3e-4)
+    assert finger.correction.b == pytest.approx(-0.2774, abs=0.02)
+    assert finger.correction.arc_length_mm == (40, 100)
+    assert "correction.arc_length_mm" not in finger.placeholder
+    text = robot_file.read_text()
+    assert "from markers.csv" in text
+    changed = [line for line in before.splitlines() if line not in text.splitlines()]
+    assert all("a_per_mm" in s or "b:" in s or "arc_length_mm" in s for s in changed), changed
+    assert plot.stat().st_size > 5000
+
+
+def test_json_carries_every_posture(data: Path) -> None:
+    done = contid("calibrate", "curvature", str(data), "--mm-per-px", "0.2", "--for", "finger", "--json")
+    found = json.loads(done.stdout)
+    assert len(found["postures"]) == 25
+    assert found["confidence"] == 0.95
+
+
+@pytest.mark.parametrize(
+    ("arguments", "words"),
+    [
+        (["--for", "finger"], "--mm-per-px"),
+        (["--mm-per-px", "0.2"], "--write FILE"),
+        (["--for", "hand", "--mm-per-px", "0.2"], "choose with --robot"),
+        (["--for", "stiffflop1", "--mm-per-px", "0.2"], "0 robots of kind rack finger"),
+    ],
+)
+def test_mistakes_are_explained(data: Path, arguments: list[str], words: str) -> None:
+    done = contid("calibrate", "curvature", str(data), *arguments)
+    assert done.returncode == 2
+    assert words in done.stderr
