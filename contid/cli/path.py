@@ -12,6 +12,8 @@ import click
 if TYPE_CHECKING:
     from contid.trajectory.shapes import Path
 
+#: Not a shape but the curve through the points the CBHA's methods are compared on (`contid bench ik`).
+GOLDEN = "cbha-golden"
 SHAPES = ("line", "circle", "ellipse", "square", "box", "spiral", "corners", "traverse", "diagonal")
 
 
@@ -29,7 +31,7 @@ def numbers(text: str, *counts: int) -> tuple[float, ...]:
 
 
 @click.command()
-@click.argument("shape", type=click.Choice(SHAPES))
+@click.argument("shape", type=click.Choice((*SHAPES, GOLDEN)))
 @click.option("--center", "center_text", default="0,0", help="Centre x,y or x,y,z in the world [mm].")
 @click.option("--radius", type=float, help="Greatest radius of circle, ellipse and spiral [mm].")
 @click.option("--size", type=float, help="Side of squares, length of lines, diameter of round shapes [mm].")
@@ -69,6 +71,11 @@ def command(
 
     Positions are in the world frame, so robots that share a target get equal columns.
     """
+    if shape == GOLDEN:
+        if any(value is not None for value in (radius, size, height, dz, lean, mid_text)):
+            raise click.UsageError(f"{GOLDEN} has its own place and size; it takes --period, --laps, --rate")
+        _golden(period, laps, rate, robot_file, robots)
+        return
     from contid.trajectory.shapes import Path, Shape
     from contid.trajectory.table import Who, owners_in_file, write_path
 
@@ -112,6 +119,23 @@ def command(
     path = with_shape(kind, size_mm, height or 0.0, rise, lean)
     mid = _mid(mid_text, with_shape) if mid_text else None
     write_path(sys.stdout, path, who, mid)
+
+
+def _golden(period: float, laps: float, rate: float, robot_file: str | None, robots: str | None) -> None:
+    """The golden trajectory of the CBHA, for every robot named or of the file."""
+    from contid.models.papers.singh import golden_rows
+    from contid.trajectory.table import owners_in_file
+    from contid.units import m_to_mm
+
+    if not (min(period, laps, rate) > 0.0 and math.isfinite(period * laps * rate)):
+        raise click.UsageError("--period, --laps and --rate are greater than 0")
+    fronts = [f"{name.strip()}." for name in robots.split(",")] if robots else [""]
+    if robot_file is not None:
+        fronts = [who.front for who in owners_in_file(robot_file)]
+    sys.stdout.write(",".join(["t_s"] + [f"{front}{axis}_mm" for front in fronts for axis in "xyz"]) + "\n")
+    for time_s, tip in golden_rows(period, laps, rate):
+        point = [m_to_mm(value) for value in tip] * len(fronts)
+        sys.stdout.write(",".join(map(repr, [time_s, *point])) + "\n")
 
 
 def _mid(text: str, with_shape: Callable[..., Path]) -> Path | tuple[float, float, float]:

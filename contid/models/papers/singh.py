@@ -13,7 +13,7 @@ All methods work on the corrected kinematics (`contid.models.sections`). What is
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from typing import Final
 
@@ -21,6 +21,7 @@ import numpy as np
 
 from contid.models.arc import Array
 from contid.models.sections import Sections, differentiate, forward
+from contid.targets import Vec3
 
 # Constants of the golden trajectory (simulated; no robot data exist in either paper).
 _FA: Final = (1.3, 0.9, 1.7, 1.1, 0.7, 1.5)
@@ -46,16 +47,20 @@ class TubeTrajectory:
 
 
 def trajectory(
-    fa: Sequence[float], pa: Sequence[float], fb: Sequence[float], pb: Sequence[float], points: int = 100
+    fa: Sequence[float],
+    pa: Sequence[float],
+    fb: Sequence[float],
+    pb: Sequence[float],
+    tau: Array | None = None,
 ) -> TubeTrajectory:
     """A trajectory from pressures that are sums of two sines per tube.
 
-    ``p = 0.75 + 0.45 sin(2 pi FA tau + PA) + 0.25 sin(2 pi FB tau + PB)`` bar, tau from 0 to 1, and
+    ``p = 0.75 + 0.45 sin(2 pi FA tau + PA) + 0.25 sin(2 pi FB tau + PB)`` bar, tau in [0, 1], and
     ``l = lo + (hi - lo) s(p/1.5)`` with ``s(x) = x (1 + 0.3 (1 - x))``.
     """
-    tau = np.arange(points)[:, None] / (points - 1)
-    pressure = 0.75 + 0.45 * np.sin(2.0 * np.pi * np.array(fa) * tau + np.array(pa))
-    pressure = pressure + 0.25 * np.sin(2.0 * np.pi * np.array(fb) * tau + np.array(pb))
+    turn = 2.0 * np.pi * (np.arange(100) / 99 if tau is None else tau)[:, None]
+    pressure = 0.75 + 0.45 * np.sin(np.array(fa) * turn + np.array(pa))
+    pressure = pressure + 0.25 * np.sin(np.array(fb) * turn + np.array(pb))
     lengths = lengths_at(pressure)
     return TubeTrajectory(lengths, forward(cbha_sections(), lengths).tip)
 
@@ -68,9 +73,19 @@ def lengths_at(pressure_bar: Array) -> Array:
     return lengths
 
 
-def golden_trajectory() -> TubeTrajectory:
-    """The 100 points every method is compared on; mean step 4.2 mm."""
-    return trajectory(_FA, _PA, _FB, _PB)
+def golden_trajectory(tau: Array | None = None) -> TubeTrajectory:
+    """The 100 points every method is compared on, mean step 4.2 mm; or the same curve at other ``tau``."""
+    return trajectory(_FA, _PA, _FB, _PB, tau)
+
+
+def golden_rows(period_s: float, laps: float, rate_hz: float) -> Iterator[tuple[float, Vec3]]:
+    """The golden trajectory to follow: times [s] and tips [m], there in odd laps and back in even ones."""
+    last = math.ceil(laps * period_s * rate_hz - 1e-9)
+    times = np.arange(last + 1) / rate_hz
+    within = np.minimum(times / period_s, laps) % 2.0
+    tips = golden_trajectory(np.where(within <= 1.0, within, 2.0 - within)).tips_m
+    for time_s, tip in zip(times.tolist(), tips.tolist(), strict=True):
+        yield time_s, (tip[0], tip[1], tip[2])
 
 
 def random_trajectory(rng: np.random.Generator) -> TubeTrajectory:
