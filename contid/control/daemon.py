@@ -80,12 +80,20 @@ class Commands(Protocol):
 class Observer(Protocol):
     """Something that reads the ring, such as a recorder in its own process."""
 
-    def attach(self, ring: Path, loaded: LoadedFile) -> None:
-        """Begin; called before the first tick."""
+    def attach(self, setup: Setup, pid: int) -> None:
+        """Begin: ``setup`` names the ring, ``pid`` is its writer; called before the first tick.
+
+        Raises:
+            ContidError: it cannot; nothing is started then.
+        """
         ...
 
-    def detach(self) -> None:
-        """The ring is finished: read the rest and end, within a bounded time."""
+    def detach(self) -> Sequence[str]:
+        """The ring is finished: read the rest and end, within a bounded time.
+
+        Returns:
+            What went wrong, in words for the report.
+        """
         ...
 
 
@@ -181,15 +189,16 @@ class Daemon:
         loop = asyncio.get_running_loop()
         try:
             self._log = None if options.log is None else CommandLog(options.log, layout)
-            for observer in options.observers:
-                observer.attach(path, self.loaded)
-                attached.append(observer)
-            for number in (signal.SIGINT, signal.SIGTERM):
-                loop.add_signal_handler(number, self.interrupt)
             timed = self._source if isinstance(self._source, Trajectory) else None
             # Whoever may give orders later is waited for; a source alone ends the run when it ends.
             attended = bool(options.commands) or self._source is None
-            self._child.begin(Setup(self.loaded, options.rate_hz, path, timed, options.on_end, attended))
+            setup = Setup(self.loaded, options.rate_hz, path, timed, options.on_end, attended)
+            for observer in options.observers:
+                observer.attach(setup, self._child.pid)
+                attached.append(observer)
+            for number in (signal.SIGINT, signal.SIGTERM):
+                loop.add_signal_handler(number, self.interrupt)
+            self._child.begin(setup)
             tasks += [asyncio.create_task(commands.serve(self)) for commands in options.commands]
             if isinstance(self._source, Stream):
                 tasks.append(asyncio.create_task(self._follow(self._source)))
@@ -201,10 +210,10 @@ class Daemon:
                 task.cancel()
             await asyncio.gather(*tasks, return_exceptions=True)
             self._conclude()
+            self._child.close()
             for observer in attached:
                 with suppress(Exception):
-                    observer.detach()
-            self._child.close()
+                    self._report.problems += observer.detach()
             if self._log is not None:
                 self._log.close()
         return self._report

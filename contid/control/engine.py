@@ -15,6 +15,7 @@ from contid.control import messages as msg
 from contid.control import state as change
 from contid.control.cycle import OnEnd, Sink, Timing
 from contid.control.faults import Fault, describe
+from contid.control.journal import answer_event, order_events
 from contid.control.loop import Outcome, tick
 from contid.control.plan import RobotPlan
 from contid.control.ports import Answer, Job, Port
@@ -90,6 +91,8 @@ class Engine:
         self._queued: dict[str, list[tuple[int, Effect, tuple[str, ...]]]] = {name: [] for name in ports}
         self._outstanding: list[set[str]] = [set() for _ in plans]
         self._told = [Mode.OFF for _ in plans]
+        self._device_faults: dict[str, str] = {}
+        self._tick = 0
         self._recorder = Recorder(self.plans, sink)
 
     @property
@@ -120,6 +123,8 @@ class Engine:
     def obey(self, message: object, tick_number: int) -> None:
         """Carry out a message of the daemon; what is refused becomes an event."""
         now_s = tick_number / self._rate_hz
+        for fields in order_events(message):
+            self._sink.event("order", tick=tick_number, **fields)
         match message:
             case msg.Rows(targets):
                 if not isinstance(self.source, Live):
@@ -204,7 +209,7 @@ class Engine:
 
     def cycle(self, timing: Timing) -> None:
         """One tick of everything."""
-        number = timing.tick
+        number = self._tick = timing.tick
         now_s = number / self._rate_hz
         source = self.source
         targets: Mapping[str, Target | None] = {} if source is None else source.targets(number)
@@ -276,6 +281,8 @@ class Engine:
                 self._stalled(name, port, now_s)
 
     def _digest(self, name: str, port: Port, answer: Answer, now_s: float) -> None:
+        if answer.lost or answer.done or answer.refused or port.lost:
+            self._sink.event("answer", tick=self._tick, bus=name, **answer_event(answer))
         if answer.lost:
             if not port.lost:
                 self._lose(name, port, Fault.DEVICE_LOST, answer.lost, now_s)
@@ -285,6 +292,10 @@ class Engine:
             self._sink.event("bus", bus=name, words=f"{name} is back; clear-fault, then resume")
         assert answer.samples is not None
         self._samples.update(answer.samples)
+        for axis, sample in answer.samples.items():
+            if sample.fault != self._device_faults.get(axis, ""):
+                self._device_faults[axis] = sample.fault
+                self._sink.event("device", tick=self._tick, axis=axis, fault=sample.fault)
         for index, effect in answer.done:
             self._outstanding[index].discard(name)
             if not self._outstanding[index]:
@@ -322,6 +333,7 @@ class Engine:
 
     def _stalled(self, name: str, port: Port, now_s: float) -> None:
         """A worker is not back in time: a missed exchange for its robots, lost when it goes on."""
+        self._sink.event("stall", tick=self._tick, bus=name)
         if port.exempt:
             return
         for axis in port.bus.axes:

@@ -23,7 +23,7 @@ from typing import Final
 from contid.control.clock import RealClock
 from contid.control.cycle import Timing
 from contid.control.engine import Engine
-from contid.control.messages import Inbox
+from contid.control.messages import Finish, Inbox
 from contid.control.ports import Port
 from contid.control.report import robot_reports
 from contid.control.ring import RingWriter
@@ -97,7 +97,7 @@ class ControlProcess:
                 self.engine.obey(message, tick)
             if (self._inbox.closed or self.orphaned) and not orphaned:
                 orphaned, stop_by_s = True, start_s + ORPHAN_S
-                self.engine.finish(None, "on_host_loss", tick / self._rate_hz)
+                self.engine.obey(Finish(None, "on_host_loss"), tick)
             self.engine.cycle(
                 Timing(
                     tick,

@@ -1,0 +1,125 @@
+"""What a replay needs beside the records of the ticks: orders and what buses answered, as events and back.
+
+A record holds what was sampled in a tick, not how it came about. Everything else that reaches a tick from
+outside is rare, and becomes an event with the number of its tick:
+
+* ``order``: a message of the daemon, obeyed before that tick;
+* ``answer``: a bus that is gone or back, or that did or refused what was asked of it;
+* ``stall``: a bus that was not back by the end of that tick;
+* ``device``: an axis whose own fault changed.
+
+A bus without ``answer`` and ``stall`` in a tick simply answered with the samples of the record.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping
+from typing import Any, Final
+
+from contid.control import messages as msg
+from contid.control.ports import Answer
+from contid.control.state import Effect
+from contid.description.base import StopPolicy
+from contid.errors import ContidError
+from contid.targets import ZERO3, Target
+
+_FOR_ROBOTS: Final[dict[str, type[msg.Hold | msg.Resume | msg.Estop | msg.ClearFault]]] = {
+    "hold": msg.Hold,
+    "resume": msg.Resume,
+    "estop": msg.Estop,
+    "clear_fault": msg.ClearFault,
+}
+_NAMES: Final[dict[type, str]] = {kind: name for name, kind in _FOR_ROBOTS.items()}
+
+
+def order_events(message: object) -> Iterator[dict[str, Any]]:
+    """A message as the fields of ``order`` events: one per robot of a row, so that each fits its slot."""
+    match message:
+        case msg.Rows(targets):
+            if not targets:
+                yield {"order": "rows"}
+            for robot, target in targets.items():
+                yield {"order": "rows", "robot": robot, "target": _target(target)}
+        case msg.Goto(robot, target):
+            yield {"order": "goto", "robot": robot, "target": _target(target)}
+        case msg.Stop(robots, policy, reason):
+            yield {"order": "stop", "robots": robots, "policy": policy, "reason": reason}
+        case msg.Finish(policy, reason):
+            yield {"order": "finish", "policy": policy, "reason": reason}
+        case msg.Hold(robots) | msg.Resume(robots) | msg.Estop(robots) | msg.ClearFault(robots):
+            yield {"order": _NAMES[type(message)], "robots": robots}
+        case msg.End():
+            yield {"order": "end"}
+        case msg.Play(trajectory):
+            yield {"order": "play", "rows": len(trajectory)}
+
+
+def order_of(event: Mapping[str, Any]) -> msg.Message:
+    """The message of an ``order`` event.
+
+    Raises:
+        ContidError: this version does not know it, or an event does not hold it (a second trajectory).
+    """
+    kind = event["order"]
+    policy = event.get("policy")
+    stop = None if policy is None else StopPolicy(policy)
+    robots = event.get("robots")
+    if kind in _FOR_ROBOTS:
+        return _FOR_ROBOTS[kind](None if robots is None else tuple(robots))
+    match kind:
+        case "rows":
+            return msg.Rows({event["robot"]: target_of(event["target"])} if "robot" in event else {})
+        case "goto":
+            target = target_of(event["target"])
+            if target is not None:
+                return msg.Goto(event["robot"], target)
+        case "stop":
+            return msg.Stop(None if robots is None else tuple(robots), stop, event["reason"])
+        case "finish":
+            return msg.Finish(stop, event["reason"])
+        case "end":
+            return msg.End()
+    raise ContidError(f"tick {event.get('tick')}: the order {kind!r} cannot be repeated from a recording")
+
+
+def answer_event(answer: Answer) -> dict[str, Any]:
+    """An answer without its samples, as the fields of an ``answer`` event."""
+    return {
+        "lost": answer.lost,
+        "done": [[robot, effect.name] for robot, effect in answer.done],
+        "refused": [[robot, effect.name, words] for robot, effect, words in answer.refused],
+    }
+
+
+def answer_of(event: Mapping[str, Any]) -> Answer:
+    """The answer of an ``answer`` event; its samples are in the record of the tick."""
+    return Answer(
+        None,
+        event["lost"],
+        [(robot, Effect[name]) for robot, name in event["done"]],
+        [(robot, Effect[name], words) for robot, name, words in event["refused"]],
+    )
+
+
+def _target(target: Target | None) -> dict[str, Any] | None:
+    """A target by what it has; floats survive JSON exactly."""
+    if target is None:
+        return None
+    fields = {
+        "tip_m": target.tip_m,
+        "direction": target.direction,
+        "mid_m": target.mid_m,
+        "actuation": target.actuation,
+        "load_n": target.load_n if target.load_n != ZERO3 else None,
+        "extra": dict(target.extra) or None,
+        "measured_tip_m": target.measured_tip_m,
+    }
+    return {name: value for name, value in fields.items() if value is not None}
+
+
+def target_of(fields: Mapping[str, Any] | None) -> Target | None:
+    """The target of an ``order`` event."""
+    if fields is None:
+        return None
+    values: dict[str, Any] = {n: tuple(v) if isinstance(v, list) else v for n, v in fields.items()}
+    return Target(**values)

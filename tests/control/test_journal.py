@@ -1,0 +1,51 @@
+"""Orders and answers survive the way into an event and back, exactly."""
+
+from __future__ import annotations
+
+import json
+
+import pytest
+
+from contid.control import messages as msg
+from contid.control.journal import answer_event, answer_of, order_events, order_of
+from contid.control.ports import Answer
+from contid.control.state import Effect
+from contid.description.base import StopPolicy
+from contid.errors import ContidError
+from contid.targets import Target
+
+TARGET = Target(
+    tip_m=(0.1, 1 / 3, -0.0), direction=(0.0, 0.0, 1.0), mid_m=(1e-300, 0.2, 0.3), load_n=(0.0, 0.0, -0.1),
+    extra={"wrist": 0.07}, measured_tip_m=(0.1, 0.3, 0.0),
+)  # fmt: skip
+
+
+@pytest.mark.parametrize(
+    "message",
+    [
+        msg.Hold(), msg.Hold(("thumb",)), msg.Resume(), msg.Estop(("a", "b")), msg.ClearFault(),
+        msg.Stop(("thumb",), StopPolicy.REST, "on_end"), msg.Stop(), msg.Finish(), msg.End(),
+        msg.Finish(StopPolicy.RELAX, "on_host_loss"), msg.Goto("thumb", TARGET),
+        msg.Goto("thumb", Target(actuation=(0.07, 0.03))), msg.Rows({"thumb": TARGET}),
+        msg.Rows({"thumb": None}), msg.Rows({}),
+    ],
+    ids=repr,
+)  # fmt: skip
+def test_an_order_comes_back(message: msg.Message) -> None:
+    events = [json.loads(json.dumps(fields)) for fields in order_events(message)]
+    assert [order_of(event) for event in events] == [message]
+
+
+def test_a_row_of_several_robots_is_several_events() -> None:
+    events = list(order_events(msg.Rows({"a": TARGET, "b": None})))
+    assert [order_of(event) for event in events] == [msg.Rows({"a": TARGET}), msg.Rows({"b": None})]
+
+
+def test_an_unknown_order_is_refused() -> None:
+    with pytest.raises(ContidError, match="tick 7: the order 'play'"):
+        order_of({"order": "play", "tick": 7})
+
+
+def test_an_answer_comes_back() -> None:
+    answer = Answer(None, "gone", [(0, Effect.ENABLE)], [(1, Effect.CLEAR, "still hot")])
+    assert answer_of(json.loads(json.dumps(answer_event(answer)))) == answer
