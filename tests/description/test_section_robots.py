@@ -1,0 +1,98 @@
+"""What tri-rack and tube arms may say in their files, and what follows from it."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+import pytest
+import yaml
+from pydantic import ValidationError
+
+from contid.description.tri_rack import TriRack
+from contid.description.tri_tube import TriTube, lengths_from_totals, mean_radius_m, totals_from_lengths
+
+
+@pytest.fixture
+def cbha(configs):
+    return yaml.safe_load((configs / "cbha.yaml").read_text())["robots"]["cbha"]
+
+
+@pytest.fixture
+def trirack2(configs):
+    return yaml.safe_load((configs / "trirack2.yaml").read_text())["robots"]["arm"]
+
+
+def test_axes_are_named_by_section_and_tube(cbha):
+    robot = TriTube.model_validate(cbha)
+    assert robot.axis_names == ("s1.l1", "s1.l2", "s1.l3", "s2.l1", "s2.l2", "s2.l3")
+    assert robot.extra_axis_names == ("wrist", "gripper")
+    assert robot.lower == (0.1,) * 3 + (0.09,) * 3
+    assert robot.radius_m == (0.04, 0.032)
+    assert robot.coupling is None
+    assert {"tip", "direction", "mid", "actuation"} == robot.accepts
+
+
+def test_layouts_of_tubes(cbha):
+    assert TriTube.model_validate(cbha).tube_angles_deg == ((180.0, 60.0, -60.0),) * 2
+    cbha["geometry"]["layout"] = "ccw"
+    assert TriTube.model_validate(cbha).tube_angles_deg[0] == (0.0, 120.0, 240.0)
+    cbha["geometry"]["angles_deg"] = [10, 130, 250]
+    assert TriTube.model_validate(cbha).tube_angles_deg[1] == (10.0, 130.0, 250.0)
+    cbha["geometry"]["angles_deg"] = [10, 370, 250]
+    with pytest.raises(ValidationError, match="different azimuths"):
+        TriTube.model_validate(cbha)
+
+
+@pytest.mark.parametrize(("key", "value"), [("radius_mm", [40, 32, 20]), ("rigid_mm", [1, 2, 3])])
+def test_numbers_per_section_are_one_or_all(cbha, key, value):
+    cbha["geometry"][key] = value
+    with pytest.raises(ValidationError, match="allowed: 1 or 2"):
+        TriTube.model_validate(cbha)
+
+
+def test_conventions_of_racks_are_mirror_images(trirack2):
+    clockwise = TriRack.model_validate(trirack2)
+    trirack2["geometry"]["convention"] = "counterclockwise"
+    other = TriRack.model_validate(trirack2)
+    for a, b in zip(clockwise.tube_angles_deg[0], other.tube_angles_deg[0], strict=True):
+        assert math.cos(math.radians(a)) == pytest.approx(math.cos(math.radians(b)))
+        assert math.sin(math.radians(a)) == pytest.approx(-math.sin(math.radians(b)))
+
+
+def test_racks_must_reach_the_retracted_arm(trirack2):
+    trirack2["limits"]["rack_length_mm"] = 20
+    with pytest.raises(ValidationError, match="retracted"):
+        TriRack.model_validate(trirack2)
+
+
+def test_lengths_are_not_negative(trirack2):
+    trirack2["limits"]["length_mm"] = [[-1, 650], [10, 650]]
+    with pytest.raises(ValidationError, match="not negative"):
+        TriRack.model_validate(trirack2)
+
+
+def test_single_segments_take_no_direction(configs):
+    raw = yaml.safe_load((configs / "trirack.yaml").read_text())["robots"]["arm"]
+    robot = TriRack.model_validate(raw)
+    assert robot.accepts == {"tip", "actuation"}
+    assert robot.coupling is None
+    assert robot.rack_m == math.inf
+
+
+def test_potentiometers_of_the_second_section_read_totals():
+    """The readings of a public data file at rest, in mm: section 2 is 88 to 95 mm long."""
+    lengths = lengths_from_totals((109.9, 100.63, 104.0, 198.1, 195.9, 192.3))
+    np.testing.assert_allclose(lengths, (109.9, 100.63, 104.0, 88.2, 95.27, 88.3), atol=1e-9)
+    np.testing.assert_allclose(totals_from_lengths(lengths), (109.9, 100.63, 104.0, 198.1, 195.9, 192.3))
+    three = (1.0, 2.0, 3.0, 4.0, 5.0, 6.0, 7.0, 8.0, 9.0)
+    np.testing.assert_allclose(lengths_from_totals(totals_from_lengths(three)), three)
+
+
+def test_the_mean_radius_of_a_taper_gives_the_offset_tubes_length():
+    """Integrate a tube beside an arc while it tapers; the slope lengthens all tubes nearly alike."""
+    start, end, theta, length = 0.044, 0.036, 0.9, 0.125
+    s = (np.arange(20_000) + 0.5) / 20_000
+    inner = np.hypot(length - (start + (end - start) * s) * theta, end - start).mean()
+    straight = math.hypot(length, end - start)
+    assert inner - straight == pytest.approx(-mean_radius_m(44, 36) * theta, rel=4e-3)
