@@ -1,6 +1,6 @@
 """Cycles of a Dynamixel bus: stock SDK, this driver and the wire limit, side by side from one run.
 
-    python benchmarks/dynamixel_bus.py [--seconds 2] [--servos 4] [--baud 1000000 --baud 4000000] [--json]
+    python benchmarks/dynamixel_bus.py [--seconds 2] [--servos 4] [--baud 1000000] [--fifo] [--json]
 
 A cycle is a sync write of every goal and a (fast) sync read of every servo. The bus is emulated in a process
 of its own and paced at the baud rate; CPU is that of the driver's process over the wall time, of one core.
@@ -8,6 +8,9 @@ Rows with a block of 10 bytes read what the stock SDK reads (current, velocity, 
 and 15 bytes are what contid runs with: the watchdog read back and a proof that the mapping is intact in every
 exchange, voltage, temperature and hardware error in every one (15) or every n-th (12). The last rows are the
 same with one servo silent.
+
+The emulated wire runs with real-time priority where that is permitted, because a wire is not preempted. With
+--fifo so does contid, as its control process does; the stock SDK never, because it spins.
 """
 
 from __future__ import annotations
@@ -16,6 +19,7 @@ import argparse
 import json
 import math
 import multiprocessing
+import os
 import statistics
 import sys
 import time
@@ -40,9 +44,19 @@ class RealClock:
         return time.monotonic()
 
 
+def real_time(on: bool) -> bool:
+    """SCHED_FIFO for this process, or back; False when that is not permitted."""
+    try:
+        os.sched_setscheduler(0, os.SCHED_FIFO if on else os.SCHED_OTHER, os.sched_param(50 if on else 0))
+    except PermissionError:
+        return False
+    return True
+
+
 def serve(pipe: Connection, count: int, baud: int) -> None:
     from contid_drivers.dynamixel.emulator import Emulator, Servo
 
+    real_time(True)
     servos = [Servo(i + 1, baud=baud) for i in range(count)]
     for servo in servos:
         servo.memory[9] = 0
@@ -171,16 +185,20 @@ def driver(
     bus = DynamixelBus("servos", options, axes, RealClock(), layout)
     bus.open()
     goal = goals()
+    size = layout.full if every == 1 else layout.lean
+    name = f"contid{', fast read' if fast else ''}{note}"
     try:
         bus.enable(bus.axes)
 
         def cycle() -> int:
             angle = next(goal)
             samples = bus.exchange(dict.fromkeys(bus.axes, angle))
+            if faults := [sample.fault for sample in samples.values() if sample.fault]:
+                raise SystemExit(
+                    f"{name}: {faults[0]}; its goals are no longer sent, so the row would flatter"
+                )
             return sum(not sample.valid for sample in samples.values())
 
-        size = layout.full if every == 1 else layout.lean
-        name = f"contid{', fast read' if fast else ''}{note}"
         if mute is not None:
             mute()
         row = measure(name, baud, size, wire_limit(count, size, baud, fast), seconds, cycle)
@@ -197,7 +215,8 @@ def show(row: Row) -> None:
     part = 100 * row.cycles_per_s / row.wire_limit_per_s
     print(
         f"{row.what:34s} {row.baud / 1e6:3g}M {row.bytes_read:3d} B {row.cycles_per_s:7.0f}/s"
-        f" of {row.wire_limit_per_s:5.0f} ({part:3.0f} %)  cpu {row.cpu_percent:5.1f} %"
+        f", {1e3 / row.p50_ms:5.0f}/s by the median, of {row.wire_limit_per_s:5.0f} ({part:3.0f} %)"
+        f"  cpu {row.cpu_percent:5.1f} %"
         f"  p50 {row.p50_ms:6.3f}  p99 {row.p99_ms:6.3f} ms  invalid {row.invalid}"
     )
 
@@ -207,6 +226,7 @@ def main() -> None:
     parser.add_argument("--seconds", type=float, default=2.0)
     parser.add_argument("--servos", type=int, default=4)
     parser.add_argument("--baud", type=int, action="append")
+    parser.add_argument("--fifo", action="store_true")
     parser.add_argument("--json", action="store_true")
     given = parser.parse_args()
     rows: list[Row] = []
@@ -223,7 +243,10 @@ def main() -> None:
     for baud in given.baud or [1000000, 4000000]:
         with emulated(n, baud) as (port, silent):
             for fast in (False, True):
+                real_time(False)
                 done(stock(port, n, baud, seconds, fast))
+                if given.fifo and not real_time(True):
+                    print("SCHED_FIFO is not permitted", file=sys.stderr)
                 done(driver(port, n, baud, seconds, fast, MOTION))
                 done(driver(port, n, baud, seconds, fast, INDIRECT, every=25))
                 done(driver(port, n, baud, seconds, fast, INDIRECT))

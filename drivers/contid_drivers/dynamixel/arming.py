@@ -14,7 +14,7 @@ from contid_drivers.dynamixel.axis import Axis
 from contid_drivers.dynamixel.cyclic import INDIRECT_ORDER
 from contid_drivers.dynamixel.options import BusOptions
 from contid_drivers.dynamixel.packets import sync_write
-from contid_drivers.dynamixel.protocol import NoAnswerError, RefusedError, ServoClient
+from contid_drivers.dynamixel.protocol import TRIES, NoAnswerError, RefusedError, ServoClient
 from contid_drivers.dynamixel.registers import Register
 
 log = logging.getLogger(__name__)
@@ -162,8 +162,10 @@ def hold_here(client: ServoClient, axis: Axis) -> None:
 
     Both go out in one write: a servo that still had torque and an old goal has no time to go there.
     """
-    device = axis.device
-    position = client.read(device, reg.PRESENT_POSITION)
+    device, present = axis.device, reg.PRESENT_POSITION
+    # A servo that is silent already must not cost the others on its bus more than one time-out.
+    tries = 1 if axis.misses else TRIES
+    position = present.decode(client.read_block(device, present.address, present.size, tries))
     release = sync_write(reg.BUS_WATCHDOG.address, 1, [(device, b"\0")])
     stay = sync_write(reg.GOAL_POSITION.address, 4, [(device, reg.GOAL_POSITION.encode(position))])
     client.port.flush()

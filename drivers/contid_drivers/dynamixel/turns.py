@@ -12,6 +12,7 @@ nobody has found the turn since power-up; 145 + n means n turns to add).
 
 from __future__ import annotations
 
+import logging
 import math
 from typing import Final
 
@@ -20,6 +21,8 @@ from contid_drivers.dynamixel import registers as reg
 from contid_drivers.dynamixel.axis import Axis
 from contid_drivers.dynamixel.options import HardStop, SingleTurn
 from contid_drivers.dynamixel.protocol import ServoClient
+
+log = logging.getLogger(__name__)
 
 MARKER: Final = next(r for r in reg.TABLE if r.name == f"indirect address {reg.INDIRECT_COUNT}")
 _CENTRE: Final = 145
@@ -70,6 +73,7 @@ def settle(client: ServoClient, axis: Axis) -> None:
             name, "it has lost its turn count (power was off) and is not homed", "run `contid home`"
         )
     else:
+        log.warning("%s: powered up since, and it has no homing: its count of turns is believed", name)
         store(client, axis, 0)
         return
     turns = round((expected - raw) / _TURN)

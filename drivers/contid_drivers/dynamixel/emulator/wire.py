@@ -29,6 +29,9 @@ from contid_drivers.dynamixel.packets import Packet, take
 
 #: The last part of a wait is spent spinning, because a sleep is late by about as much.
 SPIN_S: Final = 120e-6
+#: After its last answer the wire listens without sleeping for so long: a cycle's next instruction comes then,
+#: and the time this process takes to wake up is none a wire has.
+ALERT_S: Final = 150e-6
 #: Servos are moved on (and watchdogs looked at) at least so often.
 IDLE_S: Final = 0.01
 BITS_PER_BYTE: Final = 10
@@ -76,8 +79,8 @@ class Emulator:
         now = time.monotonic()
         for servo in self.servos:
             servo.now = servo.booted_at = servo.heard_at = now
-        self._wake_r, self._wake_w = os.pipe()
         self._plug(self._link)
+        self._wake_r, self._wake_w = os.pipe()
         self._stop.clear()
         self._thread = threading.Thread(target=self._serve, name="dynamixel-emulator", daemon=True)
         self._thread.start()
@@ -185,19 +188,23 @@ class Emulator:
     # -- serving -------------------------------------------------------------------------------------------
 
     def _serve(self) -> None:
-        looked = 0.0
+        looked = alert_until = 0.0
         while not self._stop.is_set():
             with self._lock:
                 watched = [self._wake_r] if self._master < 0 else [self._master, self._wake_r]
                 until = self._due[0][0] if self._due else None
-            wait = IDLE_S if until is None else max(0.0, until - time.monotonic() - SPIN_S)
+            now = time.monotonic()
+            wait = IDLE_S if until is None else max(0.0, until - now - SPIN_S)
+            if now < alert_until:
+                wait = 0.0
             ready, _, _ = select.select(watched, [], [], min(wait, IDLE_S))
             with self._lock:
                 if self._wake_r in ready:
                     os.read(self._wake_r, 64)
                 if self._master >= 0 and self._master in ready:
                     self._receive()
-                self._deliver()
+                if self._deliver() and self._paced:
+                    alert_until = time.monotonic() + ALERT_S
                 if not self._due and time.monotonic() - looked >= IDLE_S:
                     self._look_around()
                     looked = time.monotonic()
@@ -255,15 +262,19 @@ class Emulator:
         self._sent += 1
         heapq.heappush(self._due, (at, self._sent, wire))
 
-    def _deliver(self) -> None:
+    def _deliver(self) -> bool:
+        """Hand over what is due; True when that was something."""
+        delivered = False
         while self._due and self._master >= 0:
             at, _, wire = self._due[0]
             left = at - time.monotonic()
             if left > SPIN_S:
-                return
+                break
             while self._paced and time.monotonic() < at:
                 pass
             heapq.heappop(self._due)
+            delivered = True
             # Nobody reads and the buffer is full: a serial line would lose it as well.
             with contextlib.suppress(BlockingIOError):
                 os.write(self._master, wire)
+        return delivered
