@@ -30,6 +30,13 @@ def help_s() -> float:
     return time.monotonic() - start
 
 
+def floor_s() -> float:
+    """What this machine needs just now to start Python with numpy and pydantic: the floor of any start."""
+    start = time.monotonic()
+    subprocess.run([sys.executable, "-c", "import numpy, pydantic"], check=True)
+    return time.monotonic() - start
+
+
 def heavy_imports() -> list[str]:
     code = (
         "import sys; from contid.cli.main import cli; "
@@ -84,6 +91,8 @@ def main() -> None:
     made = subprocess.run([*path, "--for", chosen.robot], check=True, capture_output=True, text=True)
     helps = [help_s() for _ in range(chosen.runs)]
     firsts = [first_command_s(chosen.robot, made.stdout) for _ in range(chosen.runs)]
+    floors = [floor_s() for _ in range(chosen.runs)]
+    print(f"python with numpy and pydantic, just now: median {statistics.median(floors):.3f} s")
     for what, times, bar in (
         ("contid --help", helps, HELP_BAR_S),
         ("first command of contid run --mock", firsts, COMMAND_BAR_S),

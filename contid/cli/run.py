@@ -50,6 +50,10 @@ def command(
     The trajectory is read from --trajectory or from stdin: timed with a column t_s, else a live stream whose
     newest row is the target. At a terminal, without input, the robots hold until interrupted.
     """
+    from contid.control.spawn import spawn
+
+    # First of all: its imports take as long as ours.
+    spawned = None if virtual else spawn()
     from contid.control.run import RunRequest, run
 
     request = RunRequest(
@@ -62,7 +66,7 @@ def command(
         virtual=virtual,
         log=None if log is None else Path(log),
     )
-    finish(run(request), as_json)
+    finish(run(request, spawned), as_json)
 
 
 def finish(report: Report, as_json: bool) -> None:

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import os
 import subprocess
-import sys
 from contextlib import suppress
 from pathlib import Path
 from typing import Final
@@ -13,27 +12,18 @@ from contid.control import ring
 from contid.control.messages import frame
 from contid.control.record import RecordLayout
 from contid.control.setup import Setup
+from contid.control.spawn import Spawned, spawn
 
 #: A control process that ignores its pipe must not make the daemon's memory grow.
 MAX_BACKLOG: Final = 64 << 20
 
 
 class ControlChild:
-    """A control process, from the start of its interpreter to its last status.
+    """A control process, from the start of its interpreter to its last status."""
 
-    The constructor starts it at once, so that it imports while the daemon still reads the robot file.
-    """
-
-    def __init__(self) -> None:
-        inside, self._pipe = os.pipe()
-        command = [sys.executable, "-m", "contid.control.process", str(inside), str(os.getpid())]
-        try:
-            # A session of its own: Ctrl-C and a closed terminal reach the daemon only.
-            self._process = subprocess.Popen(
-                command, pass_fds=[inside], stdin=subprocess.DEVNULL, start_new_session=True
-            )
-        finally:
-            os.close(inside)
+    def __init__(self, spawned: Spawned | None = None) -> None:
+        spawned = spawned or spawn()
+        self._process, self._pipe = spawned.process, spawned.pipe
         self.reader: ring.RingReader | None = None
         self._path: Path | None = None
         self._backlog = bytearray()

@@ -22,6 +22,7 @@ from contid.control.inputs import Stream, read_file, read_stdin
 from contid.control.messages import Message, Rows
 from contid.control.preflight import Preflight, Unreachable
 from contid.control.report import Report
+from contid.control.spawn import Spawned
 from contid.control.streaming import take_row
 from contid.control.virtual import run_virtual
 from contid.control.wiring import build_plans, driven_robots, record_layout
@@ -64,8 +65,8 @@ class RunRequest:
     observers: Sequence[Observer] = ()
 
 
-def run(request: RunRequest) -> Report:
-    """Run to the end.
+def run(request: RunRequest, spawned: Spawned | None = None) -> Report:
+    """Run to the end, with a control process that was started already, or a new one.
 
     Raises:
         ContidError: nothing was started: a wrong file, an unreachable row.
@@ -74,7 +75,7 @@ def run(request: RunRequest) -> Report:
         loaded, source = read(request)
         return _virtual(request, loaded, source)
     with ExitStack() as stack:
-        child = ControlChild()
+        child = ControlChild(spawned)
         stack.callback(child.close)
         loaded, source = read(request)
         options = RunOptions(
