@@ -13,6 +13,10 @@ BENCHES: Final[dict[str, tuple[str, str]]] = {
         "contid.cli.bench_ik",
         "inverse kinematics of the CBHA: the paper's Table I beside today's figures",
     ),
+    "cosserat": (
+        "contid.cli.bench_cosserat",
+        "the pneumatic arm of Shi et al.: solve times, experiments 1-4 simulated",
+    ),
 }
 
 

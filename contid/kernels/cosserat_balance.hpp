@@ -85,11 +85,11 @@ inline int negative(const Mat &a) {
     return changes;
 }
 
-// Independent virtual motions that lower the energy; 0 means stable. Three columns suffice (a fourth, zero, fills
-// the vector registers).
+// A sweep that also counts the independent virtual motions that lower the energy; 0 means stable. Three columns
+// suffice (a fourth, zero, fills the vector registers). The count means something in equilibrium only.
 template <int K>
-int unstable_modes(const Rod<K> &rod, const double *pressures, Vec base_moment, Vec tip_force, double share,
-                   int elements) {
+int count_modes(const Rod<K> &rod, const double *pressures, Vec base_moment, Vec tip_force, double share, int elements,
+                Ends &ends) {
     constexpr int C = 4;
     State<C> state;
     state.R = identity();
@@ -101,7 +101,7 @@ int unstable_modes(const Rod<K> &rod, const double *pressures, Vec base_moment, 
     for (int i = 0; i < K; ++i) N = N + share * own_weight(rod.sections[i]);
     Mat before = identity();
     int modes = 0;
-    bool first = true;
+    bool first = true, regular = true;
     for (int i = 0; i < K; ++i) {
         const Section &section = rod.sections[i];
         const Inflated inflated = inflate(section, pressures + 3 * i);
@@ -114,20 +114,39 @@ int unstable_modes(const Rod<K> &rod, const double *pressures, Vec base_moment, 
             const Mat turn = first_columns(state.by.turn);
             if (!first) modes += negative(turn * before);
             first = false;
-            if (!inverse(turn, before)) return 3 * K;
+            regular = inverse(turn, before) && regular;
         }
+        if (i == 0) ends.mid = state.p;
         if (section.link > 0.0) {
             const Vec lf = share * section.link_weight;
             link<C, true>(state, section.link, lf, C);
             N = N - section.link * lf;
         }
     }
+    ends.R = state.R;
+    ends.p = state.p;
+    ends.moment = state.mu - cross(state.p, tip_force);
+    if (!regular) return 3 * K;
     add_cross(tip_force, state.by.shift, state.by.dmu, C);
     Mat stiffness = first_columns(state.by.dmu) * before;
     for (int i = 0; i < 3; ++i)
         for (int j = 0; j < i; ++j)
             stiffness.m[i][j] = stiffness.m[j][i] = 0.5 * (stiffness.m[i][j] + stiffness.m[j][i]);
     return modes + negative(stiffness);
+}
+
+template <int K>
+int unstable_modes(const Rod<K> &rod, const double *pressures, Vec base_moment, Vec tip_force, double share,
+                   int elements) {
+    Ends ends;
+    return count_modes<K>(rod, pressures, base_moment, tip_force, share, elements, ends);
+}
+
+// True when anything acts on the rod; without load every equilibrium is stable and the strains are constant.
+template <int K> bool loaded(const Rod<K> &rod, Vec tip_force) {
+    bool any = norm(tip_force) > 0.0;
+    for (int i = 0; i < K; ++i) any = any || norm(own_weight(rod.sections[i])) > 0.0;
+    return any;
 }
 
 // Least factor of the tip force at which the branch from the unloaded shape stops being stable; -1 when it is

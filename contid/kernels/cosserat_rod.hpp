@@ -306,12 +306,19 @@ template <int K> struct Rod {
     double reach;
 };
 
+// Where a sweep ends: frame and position of the tip, end of the first section, moment residual.
+struct Ends {
+    Mat R;
+    Vec p, mid, moment;
+};
+
 // Result of a sweep: tip, frame, end of the first section, moment residual, and derivatives of all four.
 template <int K> struct Sweep {
     static constexpr int C = Rod<K>::columns;
     State<C> tip;
     Vec mid, moment;
     double mid_shift[3][C], residual[3][C];
+    Ends ends() const { return {tip.R, tip.p, mid, moment}; }
 };
 
 inline Vec own_weight(const Section &s) { return s.length * s.weight + s.link * s.link_weight; }

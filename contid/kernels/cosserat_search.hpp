@@ -133,10 +133,10 @@ struct Settings {
 
 // Estimated error of the tip from a sweep with fewer elements (n and m differ by (n/m)^4 - 1 times the error of n).
 template <int K> double discretisation_error(const Rod<K> &rod, const Outcome<K> &o, Vec tip_force, int n) {
-    const int m = n > 1 ? std::max(1, 2 * n / 3) : 2;
+    const int m = n > 1 ? std::max(1, n / 3) : 2;
     Sweep<K> other;
     sweep<K, false>(rod, o.pressures, o.moment, tip_force, 1.0, m, other);
-    const Vec moved = other.tip.p - o.tip - o.tip_by_balance * (other.moment - o.balance);
+    const Vec moved = other.tip.p - o.ends.p - o.tip_by_balance * (other.moment - o.ends.moment);
     const double ratio = static_cast<double>(n) / m;
     return norm(moved) / std::fabs(ratio * ratio * ratio * ratio - 1.0);
 }
@@ -146,15 +146,15 @@ Found<K> search(const Rod<K> &rod, const Task &task, Vec tip_force, const Limits
                 const Settings &settings) {
     constexpr int n = 3 * K;
     static constexpr int primes[] = {2, 3, 5, 7, 11, 13, 17, 19, 23, 29, 31, 37};
-    bool weighs = norm(tip_force) > 0.0;
-    for (int i = 0; i < K; ++i) weighs = weighs || norm(own_weight(rod.sections[i])) > 0.0;
+    const bool weighs = loaded<K>(rod, tip_force);
     const Vec guess = predicted_moment<K>(rod, task, tip_force, 1.0);
     Found<K> best{};
     bool any = false;
     int spent = 0;
     const auto stable = [&](const Outcome<K> &o, int elements) {
-        return o.statics <= kBalance &&
-               (!weighs || unstable_modes<K>(rod, o.pressures, o.moment, tip_force, 1.0, elements) == 0);
+        if (o.statics > kBalance) return false;
+        if (!weighs || o.modes >= 0) return !weighs || o.modes == 0;
+        return unstable_modes<K>(rod, o.pressures, o.moment, tip_force, 1.0, elements) == 0;
     };
     const auto better = [](const Found<K> &a, const Found<K> &b) {
         if (a.stable != b.stable) return a.stable;

@@ -34,7 +34,8 @@ template <int K> struct Outcome {
     double residual, statics;
     bool met, optimal;
     int iterations;
-    Vec tip, balance;  // of the last sweep
+    Ends ends;  // of the last sweep
+    int modes;  // ways down the energy at the last sweep, -1 when it did not count them
     Mat tip_by_balance;  // how the tip follows the moment balance, for the error estimate
 };
 
@@ -59,17 +60,17 @@ inline double half_turn(const Task &task, const Mat &R, Vec &vector) {
 
 inline void put(double *r, Vec a) { r[0] = a.x, r[1] = a.y, r[2] = a.z; }
 
-template <int K> void residual(const Task &task, const Sweep<K> &s, double *r) {
-    put(r, s.tip.p - task.tip);
+inline void residual(const Task &task, const Ends &s, double *r) {
+    put(r, s.p - task.tip);
     r += 3;
     if (task.has_mid) put(r, s.mid - task.mid), r += 3;
     if (task.has_direction) {
         if (task.full_rotation) {
             Vec vector;
-            half_turn(task, s.tip.R, vector);
+            half_turn(task, s.R, vector);
             put(r, 2.0 * task.length * vector);
         } else {
-            put(r, task.length * (column(s.tip.R, 2) - task.direction));
+            put(r, task.length * (column(s.R, 2) - task.direction));
         }
     }
 }
@@ -185,7 +186,8 @@ Outcome<K> solve(const Rod<K> &rod, const Task &task, Vec tip_force, double shar
 
     Outcome<K> out{};
     double *p = out.pressures;
-    const auto keep = [&out](const Sweep<K> &s) { out.tip = s.tip.p, out.balance = s.moment; };
+    const bool carries = loaded<K>(rod, tip_force);
+    out.modes = -1;
     for (int i = 0; i < n; ++i) p[i] = std::min(std::max(start[i], limits.lower[i]), limits.upper[i]);
 
     const auto square = [](const double *r, int count) {
@@ -201,12 +203,12 @@ Outcome<K> solve(const Rod<K> &rod, const Task &task, Vec tip_force, double shar
         return weight * away;
     };
 
-    Sweep<K> here;
+    Sweep<K> here, scratch;
     sweep<K, true>(rod, p, moment, tip_force, share, elements, here);
     double r[9], J[9][C], reduced[9][n], along_e[9], H[n][n], g[n], low[n], high[n], d[n], G[3][n];
     Mat inverse_A;
-    keep(here);
-    residual(task, here, r);
+    out.ends = here.ends();
+    residual(task, out.ends, r);
     double cost = task_cost(r, here.moment), away = distance(p), trust = kTrustStart, damping = 1.0;
     Vec e = here.moment;
     bool fresh = true;  // derivatives belong to the present point
@@ -275,8 +277,15 @@ Outcome<K> solve(const Rod<K> &rod, const Task &task, Vec tip_force, double shar
         Vec turn = damping * Ge;
         for (int j = 0; j < n; ++j) turn = turn + d[j] * Vec{G[0][j], G[1][j], G[2][j]};
         const Vec next_moment = moment - turn;
-        Sweep<K> trial;
-        sweep<K, false>(rod, next, next_moment, tip_force, share, elements, trial);
+        Ends trial;
+        int modes = -1;
+        if (carries && !fresh) {
+            // Most likely the last one: its count of unstable modes is then at hand.
+            modes = count_modes<K>(rod, next, next_moment, tip_force, share, elements, trial);
+        } else {
+            sweep<K, false>(rod, next, next_moment, tip_force, share, elements, scratch);
+            trial = scratch.ends();
+        }
         double next_r[9];
         residual(task, trial, next_r);
         const double next_cost = task_cost(next_r, trial.moment), next_away = distance(next);
@@ -287,7 +296,8 @@ Outcome<K> solve(const Rod<K> &rod, const Task &task, Vec tip_force, double shar
             std::copy(next_r, next_r + rows, r);
             moment = next_moment;
             e = trial.moment;
-            keep(trial);
+            out.ends = trial;
+            out.modes = modes;
             const bool well = next_cost < 0.01 * cost;
             if (sideways || next_cost < 0.5 * cost) trust *= 2.0;
             cost = next_cost;
@@ -316,8 +326,9 @@ Outcome<K> solve(const Rod<K> &rod, const Task &task, Vec tip_force, double shar
     out.met = out.residual <= tolerance && out.statics <= kBalance;
     if (!out.met) {
         newton<K>(rod, p, moment, tip_force, share, elements, here);
-        keep(here);
-        residual(task, here, r);
+        out.ends = here.ends();
+        out.modes = -1;
+        residual(task, out.ends, r);
         out.statics = norm(here.moment);
         out.residual = std::sqrt(square(r, rows));
         out.met = out.residual <= tolerance && out.statics <= kBalance;
