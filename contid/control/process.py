@@ -80,7 +80,8 @@ class ControlProcess:
         while not self.engine.finished:
             deadline_s = base_s + tick * period_s
             start_s = sleep_until(deadline_s)
-            if start_s - deadline_s >= period_s:
+            waited_s = start_s - deadline_s
+            if waited_s >= period_s:
                 missed = int((start_s - deadline_s) / period_s)
                 if self.engine.moving:
                     tick += missed
@@ -88,9 +89,11 @@ class ControlProcess:
                 else:
                     base_s += missed * period_s
                     self._waited += missed
+                    waited_s -= missed * period_s
                 deadline_s = base_s + tick * period_s
             lateness_s = max(start_s - deadline_s, 0.0)
-            self._lateness.add(lateness_s)
+            # The histogram keeps the whole delay, also the part that is told as skipped ticks.
+            self._lateness.add(max(waited_s, 0.0))
             self._ticks += 1
             self._late += lateness_s > LATE * period_s
             for message in self._inbox.poll():
