@@ -38,6 +38,10 @@ def command(driver: str, robot_file: str, faults: Path | None) -> None:
     ]
     if not chosen:
         raise ContidError(f"{robot_file}: no bus with axes has driver {driver!r}")
+    # A terminal closes with SIGTERM or SIGHUP as well, and the links must not stay behind. Blocked before any
+    # thread starts, so that every thread inherits it and the signal waits for `sigwait`.
+    ends = {signal.SIGINT, signal.SIGTERM, signal.SIGHUP}
+    signal.pthread_sigmask(signal.SIG_BLOCK, ends)
     with ExitStack() as stack:
         for bus in chosen:
             emulates = bus.capable(Emulates, "emulate")  # type: ignore[type-abstract]  # a runtime protocol
@@ -45,7 +49,4 @@ def command(driver: str, robot_file: str, faults: Path | None) -> None:
             for line in stack.enter_context(context):
                 click.echo(line)
         click.echo("ready; Ctrl-C ends it", err=True)
-        # A terminal closes with SIGTERM or SIGHUP as well; the links must not stay behind.
-        ends = {signal.SIGINT, signal.SIGTERM, signal.SIGHUP}
-        signal.pthread_sigmask(signal.SIG_BLOCK, ends)
         signal.sigwait(ends)
