@@ -33,6 +33,8 @@ RETURN_DELAY_MAX_S: Final = 508e-6
 #: Outside the tick a time-out may be long, and has to be: an answer that comes after it would be taken for
 #: the answer to the next request of the same servo.
 ACYCLIC_LATENCY_S: Final = 0.03
+#: Longest wait for leftovers on the wire.
+DRAIN_S: Final = 0.01
 
 
 @dataclass(frozen=True, slots=True)
@@ -136,6 +138,8 @@ class BlockingPort(PortHandler):  # type: ignore[misc]  # the SDK has no types
         except (OSError, ValueError, termios.error) as error:
             raise self._not_opened(error) from error
         self.fd = int(self.ser.fileno())
+        # Answers to a process that held the port a moment ago may still be on their way.
+        self.drain()
         self.is_open = True
         self.is_using = False
         self.tx_time_per_byte = 1e3 * self.byte_s
@@ -178,6 +182,11 @@ class BlockingPort(PortHandler):  # type: ignore[misc]  # the SDK has no types
             termios.tcflush(self.fd, termios.TCIFLUSH)
         except (OSError, termios.error, TypeError, ValueError) as error:
             raise self.lost(error) from error
+
+    def drain(self) -> None:
+        """Let what is under way arrive and throw it away, or it is taken for an answer to what follows."""
+        time.sleep(min(self.latency_s, DRAIN_S))
+        self.flush()
 
     def send(self, wire: bytes) -> float:
         """Write; returns when the last byte will have left, on the monotonic clock [s]."""

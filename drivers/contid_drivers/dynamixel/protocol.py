@@ -18,12 +18,22 @@ from dynamixel_sdk.protocol2_packet_handler import Protocol2PacketHandler
 
 from contid.errors import DeviceError
 from contid_drivers.dynamixel import registers as reg
-from contid_drivers.dynamixel.packets import ALERT, STATUS_ERROR_WORDS, Instruction, build, take
+from contid_drivers.dynamixel.packets import (
+    ALERT,
+    BROADCAST,
+    STATUS_ERROR_WORDS,
+    STATUS_OVERHEAD,
+    Instruction,
+    build,
+    take,
+)
 from contid_drivers.dynamixel.port import BlockingPort
 from contid_drivers.dynamixel.registers import Register
 
 #: Tries of one acyclic read or write before the servo counts as silent.
 TRIES: Final = 3
+#: Model number and firmware in the answer to a ping.
+PING_PARAMETERS: Final = 3
 #: A servo that reboots answers again within this time.
 REBOOT_S: Final = 2.0
 
@@ -75,6 +85,33 @@ class HardenedProtocol(Protocol2PacketHandler):  # type: ignore[misc]  # the SDK
         finally:
             port.is_using = False
 
+    def txRxPacket(self, port: BlockingPort, txpacket: list[int]) -> tuple[list[int] | None, int, int]:
+        """Send and wait for the answer to just this: from the same servo and of the right length.
+
+        An answer that comes after its time-out, or was meant for a process that is gone, would be taken for
+        this one otherwise; the stock SDK reads a model number out of a stale acknowledgement.
+        """
+        result = self.txPacket(port, txpacket)
+        if result != COMM_SUCCESS:
+            return None, result, 0
+        device, instruction = txpacket[4], txpacket[7]
+        if device == BROADCAST:
+            port.is_using = False
+            return None, int(COMM_SUCCESS), 0
+        size = 0
+        if instruction == Instruction.READ:
+            size = txpacket[10] | txpacket[11] << 8
+        elif instruction == Instruction.PING:
+            size = PING_PARAMETERS
+        port.setPacketTimeout(size + STATUS_OVERHEAD)
+        while True:
+            answer, result = self.rxPacket(port, False)
+            if result != COMM_SUCCESS:
+                return None, result, 0
+            error = answer[8]
+            if answer[4] == device and (len(answer) == size + STATUS_OVERHEAD or error & ~ALERT):
+                return answer, result, error
+
 
 class ServoClient:
     """Reads and writes registers of single servos: handshake, settings, commissioning, homing."""
@@ -96,6 +133,7 @@ class ServoClient:
             model, result, _ = self._sdk.ping(self.port, device)
             if result == COMM_SUCCESS:
                 return int(model)
+            self.port.drain()
         return None
 
     def broadcast_ping(self) -> dict[int, tuple[int, int]]:
@@ -115,6 +153,7 @@ class ServoClient:
             if result == COMM_SUCCESS and (error & ~ALERT or len(data) == size):
                 self._refused(device, f"reading register {address}", error)
                 return bytes(data)
+            self.port.drain()
         raise NoAnswerError(self.name(device), f"no answer (reading register {address})", "is it powered?")
 
     def read(self, device: int, register: Register) -> int:
@@ -129,6 +168,7 @@ class ServoClient:
             if result == COMM_SUCCESS:
                 self._refused(device, f"writing {value} to {register.name}", error)
                 return
+            self.port.drain()
         raise NoAnswerError(self.name(device), f"no answer (writing {register.name})", "is it powered?")
 
     def _refused(self, device: int, what: str, error: int) -> None:

@@ -90,6 +90,20 @@ def test_a_late_answer_is_a_miss_and_never_taken_for_the_next_one(rig: Make) -> 
     r.until(lambda: r.tick()["r.a2"].valid)
 
 
+def test_a_stale_answer_is_not_taken_for_the_answer_to_another_request(rig: Make) -> None:
+    r = rig(1)
+    r.bus.open()
+    client = r.bus._client
+    # The acknowledgement of this write comes only after its time-out, in the middle of what follows.
+    r.emulator.set("delay", 1, ms=45)
+    client.port.latency_s = 0.0
+    client._sdk.write1ByteTxRx(client.port, 1, 65, 1)
+    r.emulator.set("delay", 1, ms=0)
+    assert client.ping(1) == 1200
+    assert client.read(1, reg.TORQUE_ENABLE) == 0
+    assert client.read(1, reg.PRESENT_VOLTAGE) == 50
+
+
 @pytest.mark.parametrize(
     ("kind", "bits", "words"),
     [("alert", 0x04, "overheated"), ("alert", 0x01, "input voltage"), ("overload", 0x20, "overload")],
