@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from abc import abstractmethod
+from collections.abc import Mapping
 from typing import ClassVar
 
 from pydantic import Field
@@ -45,6 +46,11 @@ class RobotDescription(Strict):
     def extra_axis_names(self) -> tuple[str, ...]:
         """Axes beyond the kinematics (wrist, gripper), driven straight from their columns."""
         return ()
+
+    @property
+    def extra_limits(self) -> Mapping[str, tuple[float, float]]:
+        """Least and greatest value of every extra axis [m or Pa]; an axis that is missing is open."""
+        return {}
 
     @property
     def accepts(self) -> frozenset[str]:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from typing import Annotated, Literal
 
 from pydantic import Field, model_validator
@@ -57,6 +57,11 @@ class TriTube(SectionRobot):
     def extra_axis_names(self) -> tuple[str, ...]:
         """Wrist, gripper and whatever else has a stroke in ``extra_mm``."""
         return tuple(self.extra_mm)
+
+    @property
+    def extra_limits(self) -> Mapping[str, tuple[float, float]]:
+        """Strokes of wrist, gripper and others [m]."""
+        return {name: (low / MM_PER_M, high / MM_PER_M) for name, (low, high) in self.extra_mm.items()}
 
     @property
     def radius_m(self) -> tuple[float, ...]:

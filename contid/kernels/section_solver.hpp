@@ -10,6 +10,7 @@
 namespace contid {
 
 constexpr int kLibrary = 256;
+constexpr double kHopeless = 1e12;  // a shift that makes any Hessian of an arm positive definite
 
 struct Tuning {
   double ell, tolerance, home_tolerance, weight, near;
@@ -82,6 +83,13 @@ class SectionSolver {
     double trial[kMostLengths];
     std::memcpy(trial, seed, n * sizeof(double));
     feasible.pull(trial);
+    Task task;
+    look(trial, aim, task);
+    if (!(task.error < 1e6)) {  // not a number, or no place of this world: nothing to descend
+      std::memcpy(out.lengths, trial, n * sizeof(double));
+      out.residual = task.error;
+      return finish(out);
+    }
     out.residual = descend(trial, aim, out.iterations);
     out.starts = 1;
     std::memcpy(out.lengths, trial, sizeof trial);
@@ -327,7 +335,7 @@ class SectionSolver {
         for (int j = 0; j <= i; ++j) metric[i * kMostLengths + j] = 0.5 * (rows[i][j] + rows[j][i]);
         metric[i * kMostLengths + i] += added;
       }
-      if (factor(metric, n, kMostLengths)) return;
+      if (factor(metric, n, kMostLengths) || added > kHopeless) return;
     }
   }
 
@@ -352,6 +360,7 @@ class SectionSolver {
         for (int i = 0; i < n; ++i) whiten[i * kMostLengths + i] += shift + 1e-12;
         if (factor(whiten, n, kMostLengths)) break;
         shift = std::max(4.0 * shift, kLeastShift);
+        if (shift > kHopeless) return task.error;
       }
       double d[kMostLengths], trial[kMostLengths];
       std::memcpy(d, push, sizeof d);

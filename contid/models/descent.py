@@ -30,6 +30,8 @@ from contid.targets import Vec3
 _DIFFERENCE_M: Final = 1e-5
 # Forward differences of J^T y, which need few digits.
 _FORWARD_M: Final = 1e-6
+# A shift that makes any Hessian of an arm positive definite.
+_HOPELESS: Final = 1e12
 _LEAST_SHIFT: Final = 1e-3
 
 
@@ -250,5 +252,7 @@ def _shifted_factor(H: Array, shift: float, least: float = _LEAST_SHIFT) -> tupl
             factor = cholesky(H + (shift + 1e-12) * np.eye(len(H)))
         except np.linalg.LinAlgError:
             shift = max(4.0 * shift, least)
+            if shift > _HOPELESS:
+                raise
         else:
             return factor, shift

@@ -22,6 +22,8 @@ from contid.models.sections import differentiate, forward
 from contid.targets import Vec3
 
 LIBRARY: Final = 256
+# An error no arm of this world has [m]; its square still fits a double many times over.
+ABSURD_M: Final = 1e6
 _PRIMES: Final = (2, 3, 5, 7, 11, 13, 17, 19, 23, 29, 31, 37)
 
 
@@ -87,7 +89,11 @@ class SectionSolver:
             lengths = np.clip(exact, self.feasible.low, self.feasible.high)
             error = self._descent.error(lengths, aim)
             return self._answer(lengths, error, 0, 0)
-        best, error, iterations = self._descent.run(self.feasible.pulled(seed), aim)
+        start = self.feasible.pulled(seed)
+        away = self._descent.error(start, aim)
+        if not away < ABSURD_M:  # not a number included: nothing to descend
+            return self._answer(start, away, 0, 0)
+        best, error, iterations = self._descent.run(start, aim)
         tried = agreeing = 1
         beyond = math.dist(aim.tip, (0.0, 0.0, 0.0)) > self.feasible.longest_m
         enough = self.tuning.agreeing if beyond else 2 * LIBRARY

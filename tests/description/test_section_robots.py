@@ -27,6 +27,7 @@ def test_axes_are_named_by_section_and_tube(cbha):
     robot = TriTube.model_validate(cbha)
     assert robot.axis_names == ("s1.l1", "s1.l2", "s1.l3", "s2.l1", "s2.l2", "s2.l3")
     assert robot.extra_axis_names == ("wrist", "gripper")
+    assert robot.extra_limits == {"wrist": (0.0, 0.02), "gripper": (0.0, 0.01)}
     assert robot.lower == (0.1,) * 3 + (0.09,) * 3
     assert robot.radius_m == (0.04, 0.032)
     assert robot.coupling is None

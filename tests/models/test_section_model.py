@@ -190,3 +190,19 @@ def test_bend_radius_is_kept_and_named(backend, configs):
     assert solution.limited_by == ("s1.bend_radius",)
     u, v, length = model.sections.arcs(solution.actuation)[0]
     assert length / math.hypot(u, v) == pytest.approx(0.120, abs=1e-9)
+
+
+@pytest.mark.parametrize("name", ["trirack", "trirack2", "cbha"])
+def test_no_target_leads_outside_the_limits(backend, configs, name):
+    """Points no arc reaches, points of no size, points that are no points."""
+    model = shipped(configs, name)
+    home = tuple(model.feasible.home.tolist())
+    tiny, huge = 5e-324, 1e150
+    points = [(0, 0, 0), (tiny, 0, 0), (1e-309, 0, -0.02), (0, 0, -0.1), (1e-200, 0, -0.1), (huge, 0, huge)]
+    if backend == "numpy":
+        points = points[-2:]  # an unreachable target near the base takes NumPy seconds
+    for point in [*points, (0, huge, 0), (math.nan, 0, 0.2), (0, math.inf, 0)]:
+        solution = model.inverse(Target(tip_m=point), home)
+        assert solution.converged == (solution.residual_m <= 1e-6)  # two segments can curl back to the base
+        assert np.isfinite(solution.actuation).all()
+        assert model.feasible.excess(np.array(solution.actuation)).max() <= 1e-12
