@@ -79,11 +79,7 @@ def test_eeprom_is_locked_under_torque(bus: Emulator, port: Any) -> None:
 
 def test_registered_writes_wait_for_the_action(bus: Emulator, port: Any) -> None:
     for device in (1, 2):
-        assert (
-            protocol.regWrite1ByteTxRx(port, device, 65, 1) == (sdk.COMM_SUCCESS, 0)
-            if hasattr(protocol, "regWrite1ByteTxRx")
-            else protocol.regWriteTxRx(port, device, 65, 1, [1]) == (sdk.COMM_SUCCESS, 0)
-        )
+        assert protocol.regWriteTxRx(port, device, 65, 1, [1]) == (sdk.COMM_SUCCESS, 0)
         assert protocol.read1ByteTxRx(port, device, 69)[0] == 1
         assert protocol.read1ByteTxRx(port, device, 65)[0] == 0
     protocol.action(port, 1)
