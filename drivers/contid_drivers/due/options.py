@@ -92,7 +92,8 @@ class MotorOptions(Strict):
             398:1 gear and 12 counts per motor turn by default.
         velocity_deg_s, acceleration_deg_s2: limits of the board's own set-point, below which streamed
             demands pass unchanged.
-        p_percent_per_deg, i_percent_per_deg_s, d_percent_s_per_deg: position gains, duty per angle.
+        position_gain_per_s: speed per position error.
+        speed_gain_percent_s_per_deg, integral_percent_per_deg: duty per speed error, and per integral of it.
         no_load_deg_s: speed of the unloaded shaft at full duty; feeds the speed forward.
         friction_percent: duty that just moves the shaft; added in the direction of motion.
         deadband_deg: position error that is left alone, so that the shaft does not hunt.
@@ -107,10 +108,10 @@ class MotorOptions(Strict):
 
     counts_per_rev: Annotated[float, Field(ge=4, le=1_000_000)] = 4776.0
     velocity_deg_s: Positive = 460.0
-    acceleration_deg_s2: Positive = 4600.0
-    p_percent_per_deg: NonNegative = 8.0
-    i_percent_per_deg_s: NonNegative = 40.0
-    d_percent_s_per_deg: NonNegative = 0.05
+    acceleration_deg_s2: Positive = 2300.0
+    position_gain_per_s: Annotated[float, Field(ge=0, le=1000)] = 20.0
+    speed_gain_percent_s_per_deg: NonNegative = 0.4
+    integral_percent_per_deg: NonNegative = 2.0
     no_load_deg_s: Positive = 575.0
     friction_percent: Percent = 5.0
     deadband_deg: NonNegative = 0.16

@@ -1,0 +1,101 @@
+// One board: states of its channels, dead-man, messages. No heap, no clock of its own, no Arduino.
+//
+// Two contexts call it. The 1 kHz timer interrupt calls tick(); nothing else moves an output, and the dead-man
+// lives there. loop() calls answer() with frames from the wire; what it changes is changed with the tick masked.
+#ifndef CONTID_BOARD_H
+#define CONTID_BOARD_H
+
+#include "config.h"
+#include "motor.h"
+#include "regulator.h"
+
+namespace contid {
+
+// Facts about this start of this board, for hello and telemetry.
+struct Identity {
+  Role role;
+  uint16_t boot;  // counts starts, kept over resets
+  ResetCause cause;
+  uint8_t capabilities[CHANNELS];
+  const char* pins;  // the pin map in words
+};
+
+struct Inputs {
+  int32_t count[CHANNELS];
+  int32_t analog[CHANNELS];  // 12 bit
+};
+
+struct Outputs {
+  Output channel[CHANNELS];
+};
+
+class Board {
+ public:
+  // `mask_tick` and `unmask_tick` keep the timer interrupt out for a moment; null where it cannot interrupt.
+  void start(const Identity& identity, void (*mask_tick)(), void (*unmask_tick)());
+
+  void tick(const Inputs& in, Outputs& out);
+
+  // Answers one request (header and body, CRC checked and removed). Returns the size of the answer.
+  size_t answer(const uint8_t* request, size_t size, uint8_t* out, size_t capacity);
+
+  // Frames that were no frames, and answers nobody made room for: only counted.
+  void count_bad_frame() { ++bad_frames_; }
+  void count_dropped_answer() { ++dropped_; }
+
+  uint32_t uptime_ms() const { return now_; }
+  State state(uint8_t channel) const { return channel_[channel].state; }
+  Reason reason(uint8_t channel) const { return channel_[channel].reason; }
+  int32_t position(uint8_t channel) const;
+  int32_t velocity(uint8_t channel) const;
+  // Time since the last demand that fed the dead-man.
+  uint32_t silence_ms() const { return now_ - fed_; }
+  Role role() const { return identity_.role; }
+
+ private:
+  struct Channel {
+    State state;
+    Reason reason;
+    Rest rest;
+  };
+
+  Verdict configure(Reader& in);
+  Verdict arm(Reader& in);
+  Verdict demand(Reader& in);
+  Verdict clear(Reader& in);
+  Verdict stop(Reader& in);
+  Verdict home(Reader& in);
+  Verdict check_crc(Reader& in) const;
+  Verdict check_mask(uint8_t mask) const;
+  Verdict may_arm(uint8_t channel) const;
+
+  size_t say_hello(uint8_t* out, size_t capacity) const;
+  size_t say_telemetry(uint8_t* out, size_t capacity);
+
+  void trip(uint8_t channel, Reason reason);
+  Output drive_motor(uint8_t channel);
+  Output drive_regulator(uint8_t channel);
+  void keep_tick_out() {
+    if (mask_tick_ != nullptr) mask_tick_();
+  }
+  void let_tick_in() {
+    if (unmask_tick_ != nullptr) unmask_tick_();
+  }
+
+  Identity identity_;
+  void (*mask_tick_)();
+  void (*unmask_tick_)();
+  BoardConfig config_, staged_;
+  uint16_t config_crc_;
+  Channel channel_[CHANNELS];
+  Motor motor_[CHANNELS];
+  Regulator regulator_[CHANNELS];
+  volatile uint32_t now_;
+  uint32_t fed_, demanded_;
+  bool stale_;
+  uint16_t bad_frames_, dropped_;
+};
+
+}  // namespace contid
+
+#endif

@@ -1,0 +1,141 @@
+#include "config.h"
+
+namespace contid {
+
+namespace {
+
+const uint8_t ENCODER_REVERSED = 1;
+const uint8_t MOTOR_REVERSED = 2;
+const uint8_t HOMING_GIVEN = 4;
+const uint8_t HOME_UP = 8;
+
+// Counts a board may be asked to go to: a margin to the ends of int32 keeps every difference inside it.
+const int32_t COUNT_LIMIT = 1000000000;
+const int32_t RATE_LIMIT = 1000000;
+const int32_t ACCELERATION_LEAST = 16;  // one step of the set-point's fixed point arithmetic
+const int32_t GAIN_LIMIT = 1 << 24;
+const int32_t PRESSURE_LIMIT = 2000000;
+const int32_t PRESSURE_STEP = 100;  // neighbouring points of a table at least this far apart [Pa]
+
+// Range checks; the offset of the first value out of range is kept.
+class Checker {
+ public:
+  explicit Checker(Reader& in) : in_(in), bad_at_(0), bad_(false) {}
+
+  int32_t within(int32_t value, int32_t least, int32_t most) {
+    if (value < least || value > most) fail();
+    return value;
+  }
+  void require(bool condition) {
+    if (!condition) fail();
+  }
+  bool bad() const { return bad_; }
+  uint16_t bad_at() const { return bad_at_; }
+
+ private:
+  void fail() {
+    if (!bad_) bad_at_ = static_cast<uint16_t>(in_.at());
+    bad_ = true;
+  }
+
+  Reader& in_;
+  uint16_t bad_at_;
+  bool bad_;
+};
+
+void read_motor(Reader& in, Checker& check, MotorConfig& m) {
+  const uint8_t flags = in.u8();
+  check.within(flags, 0, 15);
+  m.encoder_reversed = (flags & ENCODER_REVERSED) != 0;
+  m.motor_reversed = (flags & MOTOR_REVERSED) != 0;
+  m.homing = (flags & HOMING_GIVEN) != 0;
+  m.home_up = (flags & HOME_UP) != 0;
+  m.low = check.within(in.i32(), -COUNT_LIMIT, COUNT_LIMIT);
+  m.high = check.within(in.i32(), m.low, COUNT_LIMIT);
+  m.velocity = check.within(in.i32(), 1, RATE_LIMIT);
+  m.acceleration = check.within(in.i32(), ACCELERATION_LEAST, 100 * RATE_LIMIT);
+  m.kp = check.within(in.i32(), 0, GAIN_LIMIT);
+  m.ks = check.within(in.i32(), 0, GAIN_LIMIT);
+  m.ki = check.within(in.i32(), 0, GAIN_LIMIT);
+  m.kv = check.within(in.i32(), 0, GAIN_LIMIT);
+  m.friction = check.within(in.i16(), 0, DUTY_FULL);
+  m.deadband = check.within(in.i32(), 0, COUNT_LIMIT);
+  m.stall_duty = check.within(in.i16(), 1, DUTY_FULL);
+  m.stall_ms = check.within(in.u16(), 1, 10000);
+  m.stall_current_ma = in.u16();
+  m.full_scale_ma = in.u16();
+  m.follow = check.within(in.i32(), 1, COUNT_LIMIT);
+  m.power_up = check.within(in.i32(), -COUNT_LIMIT, COUNT_LIMIT);
+  m.home_velocity = check.within(in.i32(), m.homing ? 1 : 0, RATE_LIMIT);
+  m.home_duty = check.within(in.i16(), m.homing ? 1 : 0, DUTY_FULL);
+  m.home_at = check.within(in.i32(), -COUNT_LIMIT, COUNT_LIMIT);
+  m.home_backoff = check.within(in.i32(), 0, COUNT_LIMIT);
+  m.home_timeout_ms = check.within(in.u16(), m.homing ? 1 : 0, 60000);
+}
+
+void read_regulator(Reader& in, Checker& check, RegulatorConfig& r) {
+  r.ceiling = check.within(in.i32(), PRESSURE_STEP, PRESSURE_LIMIT);
+  r.slew = check.within(in.i32(), 1000, 10 * PRESSURE_LIMIT);
+  r.vent = check.within(in.i32(), 1000, 10 * PRESSURE_LIMIT);
+  r.raw_low = check.within(in.u16(), 0, 4095);
+  r.low = check.within(in.i32(), -PRESSURE_LIMIT, PRESSURE_LIMIT);
+  r.raw_high = check.within(in.u16(), r.raw_low + 64, 4095);
+  r.high = check.within(in.i32(), r.low + PRESSURE_STEP, PRESSURE_LIMIT);
+  r.wire_raw = check.within(in.u16(), 0, 4095);
+  r.leak = check.within(in.i32(), 1, PRESSURE_LIMIT);
+  r.leak_ms = check.within(in.u16(), 1, 10000);
+  r.trim = check.within(in.i32(), 0, PRESSURE_LIMIT);
+  r.trim_rate = check.within(in.i32(), 0, 100 * 256);
+  r.points = check.within(in.u8(), 2, TABLE_POINTS);
+  if (check.bad()) return;
+  for (int32_t i = 0; i < r.points; ++i) {
+    r.duty[i] = check.within(in.u16(), i == 0 ? 0 : r.duty[i - 1] + 1, DUTY_FULL);
+    r.pressure[i] =
+        check.within(in.i32(), i == 0 ? -PRESSURE_LIMIT : r.pressure[i - 1] + PRESSURE_STEP, PRESSURE_LIMIT);
+  }
+  // The table must reach from no pressure to the ceiling: nothing is ever extrapolated.
+  check.require(r.pressure[0] <= 0 && r.pressure[r.points - 1] >= r.ceiling);
+}
+
+bool fits_role(Safe safe, Role role) {
+  if (safe == Safe::HOLD) return true;
+  const bool of_motor = safe == Safe::BRAKE || safe == Safe::COAST;
+  return of_motor == (role == Role::MOTOR);
+}
+
+}  // namespace
+
+Verdict read_config(Reader& in, Role role, BoardConfig& out) {
+  const uint8_t wanted = in.u8();
+  if (in.ok() && wanted != static_cast<uint8_t>(role)) {
+    return Verdict{Refusal::WRONG_ROLE, static_cast<uint16_t>(role)};
+  }
+  Checker check(in);
+  out.mask = 0;
+  out.watchdog_ms = check.within(in.u16(), 5, 10000);
+  const int32_t count = check.within(in.u8(), 1, CHANNELS);
+  for (int32_t i = 0; i < count && in.ok() && !check.bad(); ++i) {
+    const uint8_t channel = in.u8();
+    const uint8_t safe = in.u8();
+    const uint8_t start = in.u8();
+    if (!in.ok()) break;
+    if (channel >= CHANNELS || (out.mask & (1u << channel)) != 0) return Verdict{Refusal::BAD_CHANNEL, channel};
+    if (safe != start) return Verdict{Refusal::SAFE_IS_NOT_START, channel};
+    check.within(safe, 0, static_cast<int32_t>(Safe::CLOSE));
+    check.require(fits_role(static_cast<Safe>(safe), role));
+    out.mask = static_cast<uint8_t>(out.mask | (1u << channel));
+    if (role == Role::MOTOR) {
+      out.motor[channel].safe = static_cast<Safe>(safe);
+      read_motor(in, check, out.motor[channel]);
+    } else {
+      out.regulator[channel].safe = static_cast<Safe>(safe);
+      read_regulator(in, check, out.regulator[channel]);
+    }
+  }
+  if (!in.ok()) return Verdict{Refusal::WRONG_LENGTH, static_cast<uint16_t>(in.at())};
+  if (check.bad()) return Verdict{Refusal::BAD_VALUE, check.bad_at()};
+  if (!in.finished()) return Verdict{Refusal::WRONG_LENGTH, static_cast<uint16_t>(in.at())};
+  return accepted();
+}
+
+}  // namespace contid

@@ -1,0 +1,57 @@
+// The whole configuration of a board, as the host sends it.
+#ifndef CONTID_CONFIG_H
+#define CONTID_CONFIG_H
+
+#include "bytes.h"
+#include "protocol.h"
+
+namespace contid {
+
+struct MotorConfig {
+  Safe safe;
+  bool encoder_reversed, motor_reversed, homing, home_up;
+  int32_t low, high;               // travel [counts]
+  int32_t velocity, acceleration;  // [counts/s], [counts/s2]
+  int32_t kp;                      // speed per position error [1/s] times 256
+  int32_t ks, ki, kv;              // duty (full = 32767) times 256 per count/s of error, per count of it, per count/s
+  int32_t friction;                // duty
+  int32_t deadband;                // [counts]
+  int32_t stall_duty, stall_ms;
+  int32_t stall_current_ma;  // 0: no sensor
+  int32_t full_scale_ma;     // current at the top of the analogue input
+  int32_t follow;            // [counts]
+  int32_t power_up;          // [counts]
+  int32_t home_velocity, home_duty, home_at, home_backoff, home_timeout_ms;
+};
+
+struct RegulatorConfig {
+  Safe safe;
+  int32_t ceiling, slew, vent;             // [Pa], [Pa/s], [Pa/s]
+  int32_t raw_low, low, raw_high, high;    // read-back: two points, ADC steps and Pa
+  int32_t wire_raw;                        // below: broken wire; 0: cannot tell
+  int32_t leak, leak_ms;                   // [Pa]
+  int32_t trim, trim_rate;                 // outer loop: most it adds [Pa]; 1/s times 256
+  int32_t points;                          // calibration: duty at pressure
+  int32_t duty[TABLE_POINTS], pressure[TABLE_POINTS];
+};
+
+struct BoardConfig {
+  uint8_t mask;
+  int32_t watchdog_ms;
+  MotorConfig motor[CHANNELS];
+  RegulatorConfig regulator[CHANNELS];
+};
+
+struct Verdict {
+  Refusal refusal;
+  uint16_t detail;
+};
+
+inline Verdict accepted() { return Verdict{Refusal::NONE, 0}; }
+
+// Reads and checks a configuration for a board of this role.
+Verdict read_config(Reader& in, Role role, BoardConfig& out);
+
+}  // namespace contid
+
+#endif

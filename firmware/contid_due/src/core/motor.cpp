@@ -1,0 +1,180 @@
+#include "motor.h"
+
+#include "fixed.h"
+
+namespace contid {
+
+namespace {
+const int32_t STILL_MS = 50;     // against the end stop: pushing so long without a count
+const int32_t SETTLE_MS = 2000;  // after backing off: longest wait for the shaft
+const int32_t REVERSED_MS = 15;  // running away from the set-point for so long
+const int32_t SILENT_MS = 20;    // following error with a count that stood still for so long
+
+// Differences of counts wrap like the hardware counters do.
+int32_t minus(int32_t a, int32_t b) {
+  return static_cast<int32_t>(static_cast<uint32_t>(a) - static_cast<uint32_t>(b));
+}
+int32_t plus(int32_t a, int32_t b) {
+  return static_cast<int32_t>(static_cast<uint32_t>(a) + static_cast<uint32_t>(b));
+}
+}  // namespace
+
+void Motor::configure(const MotorConfig& config) {
+  config_ = &config;
+  set_.limit(config.velocity, config.acceleration);
+  ki_tick_ = static_cast<int32_t>(static_cast<int64_t>(config.ki) * 65536 / static_cast<int32_t>(TICK_HZ));
+  if (!referenced_) {
+    const int32_t counted = config.encoder_reversed ? minus(0, raw_) : raw_;
+    offset_ = minus(config.power_up, counted);
+    referenced_ = true;
+  }
+  position_ = plus(config.encoder_reversed ? minus(0, raw_) : raw_, offset_);
+  for (uint32_t i = 0; i < WINDOW; ++i) history_[i] = position_;
+  set_.start(position_);
+  speed_q8_ = 0;
+  sum_q16_ = 0;
+  duty_ = 0;
+  fault_ = Reason::NONE;
+  phase_ = Phase::IDLE;
+}
+
+void Motor::sense(int32_t raw_count, int32_t raw_analog) {
+  raw_ = raw_count;
+  if (config_ == nullptr) return;
+  position_ = plus(config_->encoder_reversed ? minus(0, raw_) : raw_, offset_);
+  moved_ = minus(position_, history_[at_]);
+  history_[at_] = position_;
+  at_ = (at_ + 1) % WINDOW;
+  const int64_t speed_q8 =
+      static_cast<int64_t>(moved_) * (256 * static_cast<int32_t>(TICK_HZ) / static_cast<int32_t>(WINDOW));
+  speed_q8_ += (speed_q8 - speed_q8_) / 4;
+  current_ = raw_analog * config_->full_scale_ma / 4095;
+}
+
+void Motor::arm() {
+  set_.start(position_);
+  sum_q16_ = 0;
+  duty_ = 0;
+  stall_ticks_ = 0;
+  reversed_ticks_ = 0;
+  fault_ = Reason::NONE;
+  limited_ = false;
+}
+
+void Motor::demand(int32_t goal, uint32_t since) {
+  const int32_t allowed = clamp(goal, config_->low, config_->high);
+  limited_ = allowed != goal;
+  set_.demand(allowed, since);
+}
+
+void Motor::hold() { set_.stop(); }
+
+void Motor::home() {
+  arm();
+  homed_ = false;
+  phase_ = Phase::APPROACH;
+  phase_ticks_ = 0;
+  still_ticks_ = 0;
+  set_.limit(config_->home_velocity, config_->acceleration);
+}
+
+Output Motor::rest(Drive drive) {
+  set_.start(position_);
+  sum_q16_ = 0;
+  duty_ = 0;
+  return Output{drive, 0};
+}
+
+Output Motor::follow() {
+  set_.tick();
+  return law(DUTY_FULL);
+}
+
+// v = v* + kp e, no faster than the velocity limit;  duty = kv v + ks (v - v_measured) + ki int (v - v_measured)
+// + friction sign(v).  The inner speed loop is what keeps a shaft that catches up below the limit.
+Output Motor::law(int32_t most) {
+  const int64_t error_q8 = clamp64((set_.position_q16() - static_cast<int64_t>(position_) * 65536) >> 8,
+                                   -(static_cast<int64_t>(1) << 30), static_cast<int64_t>(1) << 30);
+  const bool near = magnitude64(error_q8) <= static_cast<int64_t>(config_->deadband) * 256;
+  // At rest inside the dead band nothing is corrected: the integrator would hunt against the friction.
+  const bool resting = !set_.moving() && near && moved_ == 0;
+  const int64_t catching_up = resting ? 0 : (config_->kp * error_q8) >> 16;
+  const int32_t wanted = static_cast<int32_t>(
+      clamp64(set_.velocity() + catching_up, -config_->velocity, config_->velocity));
+  const int64_t e = resting ? 0 : wanted - velocity();
+
+  int64_t duty = sum_q16_ >> 16;
+  duty += (static_cast<int64_t>(config_->kv) * wanted) >> 8;
+  duty += (config_->ks * e) >> 8;
+  duty += config_->friction * sign(wanted);
+
+  const int64_t limited = clamp64(duty, -most, most);
+  const bool winds_up = duty != limited && sign(e) == sign(duty);
+  if (!winds_up) {
+    const int64_t full = static_cast<int64_t>(DUTY_FULL) * 65536;
+    sum_q16_ = clamp64(sum_q16_ + ((ki_tick_ * e) >> 8), -full, full);
+  }
+  duty_ = static_cast<int32_t>(limited);
+  watch(error_q8);
+  return Output{Drive::RUN, config_->motor_reversed ? -duty_ : duty_};
+}
+
+void Motor::watch(int64_t error_q8) {
+  const bool pushing = magnitude(duty_) >= config_->stall_duty;
+  stall_ticks_ = (pushing && moved_ == 0) ? stall_ticks_ + 1 : 0;
+
+  const int64_t follow_q8 = static_cast<int64_t>(config_->follow) * 256;
+  const bool away = magnitude64(error_q8) > follow_q8 / 8 && moved_ != 0 && sign(moved_) != sign(error_q8) &&
+                    sign(duty_) == sign(error_q8);
+  reversed_ticks_ = away ? reversed_ticks_ + 1 : 0;
+
+  if (phase_ == Phase::APPROACH) return;  // there, standing still under drive is what is looked for
+  const bool lost = magnitude64(error_q8) > follow_q8;
+  if (reversed_ticks_ >= REVERSED_MS) {
+    fault_ = Reason::ENCODER_REVERSED;
+  } else if (stall_ticks_ >= config_->stall_ms || (lost && stall_ticks_ >= SILENT_MS)) {
+    // A shaft that is held draws the stall current; one that turns unseen does not.
+    const bool seen = config_->stall_current_ma == 0 || current_ >= config_->stall_current_ma;
+    fault_ = seen ? Reason::STALLED : Reason::ENCODER_SILENT;
+  } else if (lost) {
+    fault_ = Reason::FOLLOWING;
+  }
+}
+
+Output Motor::search() {
+  const int32_t towards = config_->home_up ? 1 : -1;
+  ++phase_ticks_;
+  if (phase_ == Phase::APPROACH) {
+    // Always a little ahead of the shaft: it moves at the homing speed and never gathers a large error.
+    set_.demand(plus(position_, towards * (config_->home_velocity / 8 + config_->deadband + 64)), 0);
+    set_.tick();
+    const Output out = law(config_->home_duty);
+    const bool pushing = magnitude(duty_) * 20 >= config_->home_duty * 19;
+    still_ticks_ = (pushing && moved_ == 0 && sign(duty_) == towards) ? still_ticks_ + 1 : 0;
+    if (reversed_ticks_ >= REVERSED_MS) fault_ = Reason::ENCODER_REVERSED;
+    if (phase_ticks_ >= config_->home_timeout_ms) fault_ = Reason::HOME_FAILED;
+    if (still_ticks_ < STILL_MS) return out;
+    offset_ = plus(offset_, minus(config_->home_at, position_));
+    position_ = config_->home_at;
+    for (uint32_t i = 0; i < WINDOW; ++i) history_[i] = position_;
+    arm();
+    set_.demand(minus(position_, towards * config_->home_backoff), 0);
+    phase_ = Phase::BACK_OFF;
+    still_ticks_ = 0;
+    return Output{Drive::BRAKE, 0};
+  }
+  const Output out = follow();
+  const bool arrived = !set_.moving() && set_.position() == set_.goal();
+  const int64_t off = static_cast<int64_t>(set_.goal()) - position_;
+  still_ticks_ = arrived ? still_ticks_ + 1 : 0;
+  if (arrived && magnitude64(off) <= config_->deadband + 1) {
+    phase_ = Phase::FOUND;
+    homed_ = true;
+    set_.limit(config_->velocity, config_->acceleration);
+  } else if (still_ticks_ >= SETTLE_MS) {
+    fault_ = Reason::HOME_FAILED;
+  }
+  return out;
+}
+
+}  // namespace contid

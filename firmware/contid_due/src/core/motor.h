@@ -1,0 +1,71 @@
+// A geared motor with encoder: position law, faults, homing. Counts and ticks only; no floating point.
+#ifndef CONTID_MOTOR_H
+#define CONTID_MOTOR_H
+
+#include "config.h"
+#include "setpoint.h"
+
+namespace contid {
+
+enum class Drive : uint8_t { COAST = 0, BRAKE = 1, RUN = 2 };
+
+struct Output {
+  Drive drive;
+  int32_t duty;  // signed for motors, 0 .. DUTY_FULL for regulators
+};
+
+class Motor {
+ public:
+  // `power_up` gives the count its value once after a reset; a later configuration keeps the count.
+  void configure(const MotorConfig& config);
+  void sense(int32_t raw_count, int32_t raw_analog);
+
+  void arm();
+  void demand(int32_t goal, uint32_t since);
+  void hold();
+  void home();
+
+  // One step of the position law under power.
+  Output follow();
+  Output rest(Drive drive);
+  // One step of homing; done() or a reason says how it ended.
+  Output search();
+  bool search_done() const { return phase_ == Phase::FOUND; }
+
+  // What is wrong while under power.
+  Reason fault() const { return fault_; }
+
+  int32_t position() const { return position_; }
+  int32_t velocity() const { return static_cast<int32_t>(speed_q8_ >> 8); }
+  int32_t duty() const { return duty_; }
+  int32_t current_ma() const { return current_; }
+  bool homed() const { return homed_; }
+  bool limited() const { return limited_; }
+  const MotorConfig& config() const { return *config_; }
+
+ private:
+  enum class Phase : uint8_t { IDLE, APPROACH, BACK_OFF, FOUND };
+  static const uint32_t WINDOW = 8;
+
+  Output law(int32_t most);
+  void watch(int64_t error_q8);
+
+  const MotorConfig* config_;
+  SetPoint set_;
+  int32_t raw_, offset_, position_;
+  int32_t history_[WINDOW];
+  uint32_t at_;
+  int32_t moved_;     // counts in the last WINDOW ticks
+  int64_t speed_q8_;  // filtered [counts/s] times 256
+  int64_t sum_q16_;   // integrator, duty times 65536
+  int32_t ki_tick_;
+  int32_t duty_, current_;
+  int32_t stall_ticks_, reversed_ticks_, phase_ticks_, still_ticks_;
+  Phase phase_;
+  Reason fault_;
+  bool referenced_, homed_, limited_;
+};
+
+}  // namespace contid
+
+#endif

@@ -1,0 +1,103 @@
+// The words of the wire; firmware/PROTOCOL.md is their specification.
+#ifndef CONTID_PROTOCOL_H
+#define CONTID_PROTOCOL_H
+
+#include <stddef.h>
+#include <stdint.h>
+
+namespace contid {
+
+const uint8_t PROTOCOL_VERSION = 1;
+const uint8_t FIRMWARE_MAJOR = 1;
+const uint8_t FIRMWARE_MINOR = 0;
+const uint8_t FIRMWARE_PATCH = 0;
+
+const uint8_t CHANNELS = 6;
+const uint8_t TABLE_POINTS = 8;
+
+// Header (version, type, sequence number) and CRC around a body.
+const size_t HEADER_SIZE = 3;
+const size_t CRC_SIZE = 2;
+const size_t MAX_PAYLOAD = 640;
+const size_t MAX_ANSWER = 400;
+
+enum Message : uint8_t {
+  HELLO = 0x01,
+  CONFIGURE = 0x02,
+  ARM = 0x03,
+  DEMAND = 0x04,
+  CLEAR = 0x05,
+  STOP = 0x06,
+  HOME = 0x07,
+  HELLO_ANSWER = 0x81,
+  CONFIGURED = 0x82,
+  TELEMETRY = 0x84,
+  REFUSED = 0xFF,
+};
+
+enum class Role : uint8_t { MOTOR = 0, PRESSURE = 1 };
+
+enum class Rest : uint8_t { HOLD = 0, RELAX = 1, VENT = 2 };
+
+enum class Safe : uint8_t { BRAKE = 0, COAST = 1, HOLD = 2, VENT = 3, CLOSE = 4 };
+
+enum class State : uint8_t {
+  OFF = 0,      // not configured; the output is off
+  READY = 1,    // configured, never armed: the start state
+  ARMED = 2,    // follows demands, under the dead-man
+  HOMING = 3,   // looks for its end stop, under the dead-man
+  STOPPED = 4,  // rests the way the host asked
+  SAFE = 5,     // safe state, latched with its reason
+};
+
+enum class Reason : uint8_t {
+  NONE = 0,
+  DEAD_MAN = 1,
+  STALLED = 2,
+  ENCODER_SILENT = 3,
+  ENCODER_REVERSED = 4,
+  FOLLOWING = 5,
+  HOME_FAILED = 6,
+  SENSOR_WIRE = 7,
+  LEAK = 8,
+  OVER_PRESSURE = 9,
+};
+
+enum class Refusal : uint8_t {
+  NONE = 0,
+  UNKNOWN_MESSAGE = 1,
+  WRONG_VERSION = 2,   // detail: the board's version
+  WRONG_LENGTH = 3,    // detail: bytes of body received
+  WRONG_CRC = 4,       // detail: the board's configuration CRC
+  NOT_CONFIGURED = 5,
+  BAD_CHANNEL = 6,     // detail: the channel or mask
+  BAD_VALUE = 7,       // detail: offset in the configuration after the offending field
+  SAFE_IS_NOT_START = 8,  // detail: the channel
+  WRONG_ROLE = 9,      // detail: the board's role
+  ARMED_NOW = 10,
+  LATCHED = 11,        // detail: the channel; clear first
+  NOT_HOMED = 12,      // detail: the channel
+  NO_SENSOR = 13,      // detail: the channel
+  NO_HOMING = 14,      // detail: the channel
+  PERSISTS = 15,       // detail: the channel
+};
+
+enum class ResetCause : uint8_t { POWER_UP = 0, BACKUP = 1, WATCHDOG = 2, SOFTWARE = 3, PIN = 4, BROWN_OUT = 5 };
+
+// Bits beside the state in telemetry.
+const uint8_t CHANNEL_HOMED = 0x10;
+const uint8_t CHANNEL_LIMITED = 0x20;
+const uint8_t CHANNEL_SENSOR_OK = 0x40;
+
+// Board flags in telemetry.
+const uint8_t BOARD_CONFIGURED = 0x01;
+const uint8_t BOARD_DEMAND_STALE = 0x02;
+
+// Full duty in either direction; the board layer scales it to its PWM period.
+const int32_t DUTY_FULL = 32767;
+
+const uint32_t TICK_HZ = 1000;
+
+}  // namespace contid
+
+#endif

@@ -1,0 +1,124 @@
+#include "regulator.h"
+
+#include "fixed.h"
+
+namespace contid {
+
+namespace {
+const int32_t WIRE_MS = 20;
+const int32_t OVER_MS = 20;
+const int32_t ADC_TOP = 4090;  // a reading at the rail says nothing
+}  // namespace
+
+void Regulator::configure(const RegulatorConfig& config) {
+  config_ = &config;
+  const int32_t span = (config.raw_high - config.raw_low) * static_cast<int32_t>(WINDOW);
+  slope_q16_ = static_cast<int32_t>(static_cast<int64_t>(config.high - config.low) * 65536 / span);
+  for (int32_t i = 0; i + 1 < config.points; ++i) {
+    const int64_t rise = static_cast<int64_t>(config.duty[i + 1] - config.duty[i]) << 20;
+    duty_slope_q20_[i] = static_cast<int32_t>(rise / (config.pressure[i + 1] - config.pressure[i]));
+  }
+  slew_q8_ = static_cast<int32_t>(static_cast<int64_t>(config.slew) * 256 / static_cast<int32_t>(TICK_HZ));
+  vent_q8_ = static_cast<int32_t>(static_cast<int64_t>(config.vent) * 256 / static_cast<int32_t>(TICK_HZ));
+  trim_tick_q16_ = static_cast<int64_t>(config.trim_rate) * 256 / static_cast<int32_t>(TICK_HZ);
+  trim_q16_ = 0;
+  fault_ = Reason::NONE;
+  leak_ticks_ = 0;
+  over_ticks_ = 0;
+  // A set-point that stands (a host that came back) stays, below the new ceiling.
+  set_q8_ = clamp64(set_q8_, 0, static_cast<int64_t>(config.ceiling) * 256);
+  demand_ = static_cast<int32_t>(set_q8_ >> 8);
+}
+
+void Regulator::sense(int32_t raw_analog) {
+  raw_ = raw_analog;
+  reading_sum_ += raw_analog - readings_[at_];
+  readings_[at_] = raw_analog;
+  at_ = (at_ + 1) % WINDOW;
+  if (config_ == nullptr) return;
+  const int64_t steps = reading_sum_ - config_->raw_low * static_cast<int32_t>(WINDOW);
+  pressure_ = config_->low + static_cast<int32_t>((steps * slope_q16_) >> 16);
+  const int64_t change = static_cast<int64_t>(pressure_) - past_[past_at_];
+  rate_ = static_cast<int32_t>(clamp64(change * (static_cast<int32_t>(TICK_HZ) / static_cast<int32_t>(RATE_WINDOW)),
+                                       INT32_MIN, INT32_MAX));
+  past_[past_at_] = pressure_;
+  past_at_ = (past_at_ + 1) % RATE_WINDOW;
+  const bool broken = (config_->wire_raw > 0 && raw_ < config_->wire_raw) || raw_ >= ADC_TOP;
+  wire_ticks_ = broken ? (wire_ticks_ < WIRE_MS ? wire_ticks_ + 1 : WIRE_MS) : 0;
+}
+
+// The set-point stays where it is: arming never changes the pressure.
+void Regulator::arm() {
+  demand_ = static_cast<int32_t>(set_q8_ >> 8);
+  trim_q16_ = 0;
+  leak_ticks_ = 0;
+  over_ticks_ = 0;
+  fault_ = Reason::NONE;
+  limited_ = false;
+}
+
+void Regulator::demand(int32_t pressure) {
+  demand_ = clamp(pressure, 0, config_->ceiling);
+  limited_ = demand_ != pressure;
+}
+
+Output Regulator::follow() {
+  const int64_t error = static_cast<int64_t>(demand_) * 256 - set_q8_;
+  set_q8_ += clamp64(error, -slew_q8_, slew_q8_);
+  watch();
+  return command(true);
+}
+
+Output Regulator::hold() {
+  watch();
+  return command(true);
+}
+
+Output Regulator::vent() {
+  set_q8_ = set_q8_ > vent_q8_ ? set_q8_ - vent_q8_ : 0;
+  trim_q16_ = 0;
+  return set_q8_ == 0 ? close() : command(false);
+}
+
+Output Regulator::close() {
+  set_q8_ = 0;
+  trim_q16_ = 0;
+  duty_ = 0;
+  return Output{Drive::COAST, 0};
+}
+
+// duty = table(set-point + trim); the trim integrates the error of the reading, inside its own limit.
+Output Regulator::command(bool trim) {
+  const int32_t set = static_cast<int32_t>(set_q8_ >> 8);
+  if (trim && config_->trim > 0 && sensor_ok()) {
+    const int64_t most = static_cast<int64_t>(config_->trim) * 65536;
+    trim_q16_ = clamp64(trim_q16_ + trim_tick_q16_ * (set - pressure_), -most, most);
+  }
+  const int32_t total = clamp(set + static_cast<int32_t>(trim_q16_ >> 16), 0, config_->ceiling);
+  duty_ = duty_at(set == 0 ? 0 : total);
+  return Output{Drive::RUN, duty_};
+}
+
+int32_t Regulator::duty_at(int32_t pressure) const {
+  int32_t i = 0;
+  while (i + 2 < config_->points && pressure >= config_->pressure[i + 1]) ++i;
+  const int64_t above = pressure - config_->pressure[i];
+  const int64_t duty = config_->duty[i] + ((above * duty_slope_q20_[i]) >> 20);
+  return static_cast<int32_t>(clamp64(duty, 0, DUTY_FULL));
+}
+
+void Regulator::watch() {
+  const int32_t set = static_cast<int32_t>(set_q8_ >> 8);
+  const int32_t margin = config_->leak > config_->ceiling / 20 ? config_->leak : config_->ceiling / 20;
+  leak_ticks_ = pressure_ < set - config_->leak ? leak_ticks_ + 1 : 0;
+  over_ticks_ = pressure_ > config_->ceiling + margin ? over_ticks_ + 1 : 0;
+  if (wire_ticks_ >= WIRE_MS) {
+    fault_ = Reason::SENSOR_WIRE;
+  } else if (over_ticks_ >= OVER_MS) {
+    fault_ = Reason::OVER_PRESSURE;
+  } else if (leak_ticks_ >= config_->leak_ms) {
+    fault_ = Reason::LEAK;
+  }
+}
+
+}  // namespace contid

@@ -1,0 +1,64 @@
+// A proportional pressure regulator: slew, calibration, ceiling, read-back faults, optional outer loop.
+#ifndef CONTID_REGULATOR_H
+#define CONTID_REGULATOR_H
+
+#include "config.h"
+#include "motor.h"
+
+namespace contid {
+
+class Regulator {
+ public:
+  void configure(const RegulatorConfig& config);
+  void sense(int32_t raw_analog);
+
+  void arm();
+  void demand(int32_t pressure);
+
+  // The set-point goes to the demand at the slew rate, stays, or falls to zero at the venting rate.
+  Output follow();
+  Output hold();
+  Output vent();
+  // The command to zero at once.
+  Output close();
+
+  // What is wrong while pressure may stand in the chamber.
+  Reason fault() const { return fault_; }
+  bool sensor_ok() const { return wire_ticks_ == 0; }
+
+  int32_t pressure() const { return pressure_; }
+  int32_t rate() const { return rate_; }
+  int32_t duty() const { return duty_; }
+  int32_t raw() const { return raw_; }
+  bool limited() const { return limited_; }
+
+ private:
+  static const uint32_t WINDOW = 8;
+  static const uint32_t RATE_WINDOW = 16;
+
+  Output command(bool trim);
+  void watch();
+  int32_t duty_at(int32_t pressure) const;
+
+  const RegulatorConfig* config_;
+  int32_t slope_q16_;  // Pa per step of the summed reading, times 65536
+  int32_t duty_slope_q20_[TABLE_POINTS];
+  int32_t slew_q8_, vent_q8_;  // Pa times 256 per tick
+  int64_t trim_tick_q16_;
+  int32_t readings_[WINDOW];
+  int32_t reading_sum_;
+  int32_t past_[RATE_WINDOW];
+  uint32_t at_, past_at_;
+  int32_t raw_, pressure_, rate_;
+  int32_t demand_;
+  int64_t set_q8_;
+  int64_t trim_q16_;
+  int32_t duty_;
+  int32_t wire_ticks_, leak_ticks_, over_ticks_;
+  Reason fault_;
+  bool limited_;
+};
+
+}  // namespace contid
+
+#endif

@@ -1,0 +1,81 @@
+#include "setpoint.h"
+
+#include "fixed.h"
+#include "protocol.h"
+
+namespace contid {
+
+namespace {
+// Demands further apart than this [ticks] are steps, not a stream.
+const uint32_t STREAM_GAP = 100;
+// Distances beyond it brake no earlier; keeps 8 a d inside 64 bit.
+const int64_t FAR = static_cast<int64_t>(1) << 34;
+}  // namespace
+
+void SetPoint::limit(int32_t velocity, int32_t acceleration) {
+  most_ = static_cast<int32_t>(static_cast<int64_t>(velocity) * 65536 / static_cast<int32_t>(TICK_HZ));
+  step_ = static_cast<int32_t>(static_cast<int64_t>(acceleration) * 65536 / (TICK_HZ * TICK_HZ));
+}
+
+void SetPoint::start(int32_t position) {
+  position_ = static_cast<int64_t>(position) * 65536;
+  reference_ = position_;
+  rate_ = 0;
+  velocity_ = 0;
+  left_ = 0;
+  goal_ = position;
+}
+
+void SetPoint::demand(int32_t goal, uint32_t since) {
+  const int64_t target = static_cast<int64_t>(goal) * 65536;
+  goal_ = goal;
+  // A quarter more than the velocity limit lets a jittering host still be a stream.
+  const int64_t reach = static_cast<int64_t>(most_ + most_ / 4) * since;
+  if (since >= 1 && since <= STREAM_GAP && magnitude64(target - reference_) <= reach) {
+    rate_ = (target - reference_) / static_cast<int32_t>(since);
+    left_ = since;
+  } else {
+    reference_ = target;
+    rate_ = 0;
+    left_ = 0;
+  }
+}
+
+void SetPoint::stop() {
+  const int64_t distance = static_cast<int64_t>(velocity_) * velocity_ / (2 * static_cast<int64_t>(step_));
+  reference_ = position_ + sign(velocity_) * distance;
+  goal_ = static_cast<int32_t>(reference_ >> 16);
+  rate_ = 0;
+  left_ = 0;
+}
+
+// Fastest speed from which steps v, v - a, v - 2a, .. do not pass the distance: v (v + a) = 2 a d.
+int64_t SetPoint::stopping_speed(int64_t distance) const {
+  const int64_t d = distance < FAR ? distance : FAR;
+  const int64_t a = step_;
+  const int64_t root = square_root(static_cast<uint64_t>(a * a + 8 * a * d));
+  const int64_t speed = (root - a) / 2;
+  // Nearer than one step the formula would overshoot; there the distance itself is the speed.
+  return speed < d ? speed : d;
+}
+
+void SetPoint::tick() {
+  int64_t rate = 0;
+  if (left_ != 0) {
+    rate = rate_;
+    reference_ += rate_;
+    if (--left_ == 0) reference_ = static_cast<int64_t>(goal_) * 65536;
+  }
+  const int64_t error = reference_ - position_;
+  // The part of the error the moving reference makes this tick is covered by its rate.
+  const int64_t behind = error - rate;
+  const int64_t wanted = clamp64(rate + sign(behind) * stopping_speed(magnitude64(behind)), -most_, most_);
+  velocity_ = static_cast<int32_t>(clamp64(wanted, velocity_ - step_, velocity_ + step_));
+  position_ += velocity_;
+}
+
+int32_t SetPoint::velocity() const {
+  return static_cast<int32_t>((static_cast<int64_t>(velocity_) * static_cast<int32_t>(TICK_HZ)) >> 16);
+}
+
+}  // namespace contid

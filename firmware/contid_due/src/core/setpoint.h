@@ -1,0 +1,43 @@
+// The set-point of a motor: goes to the demand within velocity and acceleration limits, one step a tick.
+#ifndef CONTID_SETPOINT_H
+#define CONTID_SETPOINT_H
+
+#include <stdint.h>
+
+namespace contid {
+
+class SetPoint {
+ public:
+  // Limits in counts/s and counts/s2.
+  void limit(int32_t velocity, int32_t acceleration);
+  // Stand still at a position [counts].
+  void start(int32_t position);
+  // A new demand [counts], `since` ticks after the one before. Demands that follow each other within the
+  // velocity limit are joined by a straight line over that time, so a stream of them is a smooth motion.
+  void demand(int32_t goal, uint32_t since);
+  // Come to rest as soon as the acceleration allows, from wherever it is.
+  void stop();
+  void tick();
+
+  int64_t position_q16() const { return position_; }
+  int32_t position() const { return static_cast<int32_t>(position_ >> 16); }
+  // [counts/s]
+  int32_t velocity() const;
+  int32_t goal() const { return goal_; }
+  bool moving() const { return velocity_ != 0; }
+
+ private:
+  int64_t stopping_speed(int64_t distance) const;
+
+  int64_t position_;   // counts times 65536
+  int64_t reference_;  // where the demand is now, on its line
+  int64_t rate_;       // of the reference, per tick
+  int32_t velocity_;   // counts times 65536 per tick
+  int32_t most_, step_;
+  uint32_t left_;  // ticks of the line still to go
+  int32_t goal_;
+};
+
+}  // namespace contid
+
+#endif

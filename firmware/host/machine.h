@@ -1,0 +1,55 @@
+// An emulated Due: the sketch's core, its plant, its resets, and a journal of what happened when.
+#ifndef CONTID_MACHINE_H
+#define CONTID_MACHINE_H
+
+#include <cstdio>
+#include <string>
+#include <vector>
+
+#include "../contid_due/src/core/link.h"
+#include "plant.h"
+
+namespace contid {
+
+class Machine {
+ public:
+  Machine(Role role, FILE* journal) : role_(role), journal_(journal) { boot(ResetCause::POWER_UP); }
+
+  // The timer interrupt and one millisecond of the world.
+  void tick();
+  // A byte for the sketch; answers are appended to `reply`. A board that starts or whose loop() is frozen hears
+  // nothing: the caller keeps the byte.
+  void take(uint8_t byte, std::vector<uint8_t>& reply);
+  bool hears() const { return starting_ms_ == 0 && frozen_ms_ == 0; }
+
+  void reset(ResetCause cause);
+  // loop() stands still: after the watchdog's 250 ms the board resets, as the hardware would.
+  void freeze(uint32_t ms) { frozen_ms_ = ms; }
+  void count_dropped() { board_.count_dropped_answer(); }
+
+  // One command line (see firmware/host/README.md); answers are written to `out`. False: not understood.
+  bool command(const std::string& line, std::string& out);
+
+  Plant plant;
+
+ private:
+  void boot(ResetCause cause);
+  void note();
+
+  Role role_;
+  FILE* journal_;
+  Board board_;
+  Link link_;
+  Outputs outputs_ = Outputs();
+  uint16_t boots_ = 0;
+  uint64_t world_ms_ = 0;
+  uint32_t starting_ms_ = 0, frozen_ms_ = 0, starved_ms_ = 0;
+  bool watchdog_fires_ = true;
+  State state_[CHANNELS] = {};
+  Reason reason_[CHANNELS] = {};
+  bool resting_[CHANNELS] = {};
+};
+
+}  // namespace contid
+
+#endif

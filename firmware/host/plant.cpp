@@ -1,0 +1,64 @@
+#include "plant.h"
+
+namespace contid {
+
+namespace {
+const int SUBSTEPS = 4;
+}
+
+bool Plant::set(int channel, const std::string& name, double value) {
+  MotorPlant& m = motor[channel];
+  RegulatorPlant& r = regulator[channel];
+  struct {
+    const char* name;
+    double* value;
+  } const numbers[] = {
+      {"no_load", &m.no_load},     {"tau", &m.tau},           {"friction", &m.friction},
+      {"low", &m.low},             {"high", &m.high},         {"stall_ma", &m.stall_ma},
+      {"shaft", &m.shaft},         {"full_scale_ma", &m.full_scale_ma},
+      {"full_pa", &r.full_pa},     {"lag", &r.tau},           {"swelling", &r.swelling},
+      {"flow", &r.flow},           {"raw_low", &r.raw_low},   {"low_pa", &r.low_pa},
+      {"raw_high", &r.raw_high},   {"high_pa", &r.high_pa},   {"pressure", &r.pressure},
+  };
+  for (const auto& number : numbers) {
+    if (name == number.name) {
+      *number.value = value;
+      return true;
+    }
+  }
+  struct {
+    const char* name;
+    bool* value;
+  } const switches[] = {
+      {"stall", &m.stalled},
+      {"encoder_stuck", &m.stuck},
+      {"encoder_reversed", &m.reversed},
+      {"leak", &r.leaking},
+      {"wire", &r.wire_broken},
+  };
+  for (const auto& one : switches) {
+    if (name == one.name) {
+      *one.value = value != 0.0;
+      return true;
+    }
+  }
+  return false;
+}
+
+void Plant::step(const Outputs& out, bool motors) {
+  if (off) return;
+  for (int i = 0; i < CHANNELS; ++i) {
+    for (int s = 0; s < SUBSTEPS; ++s) {
+      const double dt = 1.0 / TICK_HZ / SUBSTEPS;
+      if (motors) {
+        motor[i].step(out.channel[i], dt);
+      } else {
+        regulator[i].step(out.channel[i], dt);
+      }
+    }
+    inputs.count[i] = motor[i].count();
+    inputs.analog[i] = motors ? motor[i].analog() : regulator[i].analog();
+  }
+}
+
+}  // namespace contid

@@ -1,0 +1,105 @@
+// What hangs on an emulated board: a geared motor with encoder, or a regulator with a soft chamber.
+#ifndef CONTID_PLANT_H
+#define CONTID_PLANT_H
+
+#include <cmath>
+#include <cstdint>
+#include <string>
+
+#include "../contid_due/src/core/board.h"
+
+namespace contid {
+
+// First order motor behind a gear that friction can hold:
+// tau dv/dt = duty v0 - v - friction v0 sign(v); brake: duty 0; coast: only friction acts.
+struct MotorPlant {
+  double no_load = 7630.0;  // speed at full duty [counts/s]
+  double tau = 0.04;        // [s]
+  double friction = 0.05;   // of the full duty
+  double low = -1e12, high = 1e12;  // end stops [counts]
+  double stall_ma = 1600.0;
+  double full_scale_ma = 3300.0;
+
+  double shaft = 0.0;  // [counts], the true position
+  double speed = 0.0;
+  double current_ma = 0.0;
+  double encoder = 0.0;
+  bool stalled = false, stuck = false, reversed = false;
+
+  void step(const Output& out, double dt) {
+    const double duty = out.drive == Drive::RUN ? static_cast<double>(out.duty) / DUTY_FULL : 0.0;
+    const double before = shaft;
+    const double emf = out.drive == Drive::COAST ? 0.0 : duty * no_load - speed;
+    double push = emf;
+    const double hold = friction * no_load;
+    if (speed == 0.0 && std::fabs(push) <= hold) {
+      push = 0.0;
+    } else {
+      push -= std::copysign(hold, speed == 0.0 ? push : speed);
+    }
+    const double next = speed + push * dt / tau;
+    // Friction stops a shaft; it never turns it around.
+    speed = (speed != 0.0 && next * speed < 0.0 && std::fabs(emf) <= hold) ? 0.0 : next;
+    if (stalled) speed = 0.0;
+    shaft += speed * dt;
+    if (shaft < low || shaft > high) {
+      shaft = shaft < low ? low : high;
+      speed = 0.0;
+    }
+    current_ma = out.drive == Drive::COAST ? 0.0 : std::fabs(emf) / no_load * stall_ma;
+    if (!stuck) encoder += reversed ? before - shaft : shaft - before;
+  }
+
+  int32_t count() const { return static_cast<int32_t>(std::floor(encoder)); }
+  int32_t analog() const {
+    const double raw = current_ma / full_scale_ma * 4095.0;
+    return static_cast<int32_t>(raw > 4095.0 ? 4095.0 : raw);
+  }
+  void lose_count() { encoder = 0.0; }
+};
+
+// The regulator follows its command with a lag that grows with the chamber it fills, no faster than its valve.
+struct RegulatorPlant {
+  double full_pa = 300000.0;  // at full duty
+  double tau = 0.03;          // [s]
+  double swelling = 0.3;      // more volume per bar
+  double flow = 1.0e6;        // [Pa/s]
+  double leak_per_s = 20.0;   // while leaking
+  double raw_low = 0.0, low_pa = 0.0, raw_high = 4095.0, high_pa = 300000.0;
+
+  double pressure = 0.0;
+  double rate = 0.0;
+  bool leaking = false, wire_broken = false;
+
+  void step(const Output& out, double dt) {
+    const double wanted = out.drive == Drive::RUN ? full_pa * out.duty / DUTY_FULL : 0.0;
+    const double lag = tau * (1.0 + swelling * pressure / 1e5);
+    double rise = (wanted - pressure) / lag;
+    if (rise > flow) rise = flow;
+    if (rise < -flow) rise = -flow;
+    if (leaking) rise -= leak_per_s * pressure;
+    rate = rise;
+    pressure += rise * dt;
+  }
+
+  int32_t analog() const {
+    if (wire_broken) return 0;
+    const double raw = raw_low + (pressure - low_pa) / (high_pa - low_pa) * (raw_high - raw_low);
+    return static_cast<int32_t>(raw < 0.0 ? 0.0 : (raw > 4095.0 ? 4095.0 : raw));
+  }
+};
+
+struct Plant {
+  MotorPlant motor[CHANNELS];
+  RegulatorPlant regulator[CHANNELS];
+  bool off = false;  // inputs are set by hand
+  Inputs inputs = Inputs();
+
+  // Sets one parameter by name; false when there is none of that name.
+  bool set(int channel, const std::string& name, double value);
+  void step(const Outputs& out, bool motors);
+};
+
+}  // namespace contid
+
+#endif
