@@ -3,11 +3,12 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
+from contextlib import AbstractContextManager
+from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from contid.errors import DeviceNotFoundError
-from contid.hal import AxisOnBus, Bus, Clock, DeviceKind, Driver
-from contid_drivers.due.options import AxisOptions, BusOptions
+from contid.hal import AxisOnBus, Bus, Clock, DeviceKind, Driver, Finding, Homed, Say
+from contid_drivers.due.options import AxisOptions, BusOptions, SafeState
 
 if TYPE_CHECKING:
     from pydantic import BaseModel
@@ -30,17 +31,60 @@ class DueDriver:
         return f"channel {axis.channel}"
 
     def mock_options(self, bus: BaseModel) -> Mapping[str, Any]:
-        """The simulated twin needs nothing of this bus's wire."""
-        return {}
+        """The simulated twin has the same dead-man."""
+        assert isinstance(bus, BusOptions)
+        return {"watchdog_ms": max(bus.watchdog_ms, 10)}
 
     def mock_axis_options(self, axis: BaseModel) -> Mapping[str, Any]:
-        """The simulated twin of a channel."""
+        """The simulated twin of a channel, with its limits and its safe state."""
         assert isinstance(axis, AxisOptions)
-        return {"device": axis.kind.value}
+        if axis.kind is DeviceKind.MOTOR:
+            return {
+                "device": axis.kind.value,
+                "dead_man": "hold" if axis.safe is SafeState.HOLD else "relax",
+                "start_deg": axis.power_up_deg,
+                "velocity_deg_s": axis.velocity_deg_s,
+                "acceleration_deg_s2": axis.acceleration_deg_s2,
+            }
+        return {
+            "device": axis.kind.value,
+            "dead_man": {SafeState.HOLD: "hold", SafeState.CLOSE: "relax"}.get(axis.safe, "vent"),
+            "slew_bar_s": axis.slew_bar_s,
+            "vent_bar_s": axis.vent_bar_s,
+            "ceiling_bar": axis.ceiling_bar,
+        }
 
     def open_bus(self, name: str, options: BaseModel, axes: Sequence[AxisOnBus], clock: Clock) -> Bus:
         """Build the bus; touches no device."""
-        raise DeviceNotFoundError(name, "the Due bus is not built yet", "use --mock")
+        from contid_drivers.due.bus import DueBus
+
+        assert isinstance(options, BusOptions)
+        return DueBus(name, options, axes, clock)
+
+    def emulator(
+        self, name: str, options: BaseModel, axes: Sequence[AxisOnBus], control: Path | None = None
+    ) -> AbstractContextManager[Sequence[str]]:
+        """The firmware itself on a pty; see `contid.hal.Emulates`."""
+        from contid_drivers.due.emulator import emulated
+
+        assert isinstance(options, BusOptions)
+        return emulated(name, options, axes, control)
+
+    def doctor(self, name: str, options: BaseModel, axes: Sequence[AxisOnBus]) -> list[Finding]:
+        """Port, hello, configuration, timing; see `contid.hal.Diagnoses`."""
+        from contid_drivers.due.service import doctor
+
+        assert isinstance(options, BusOptions)
+        return doctor(name, options, axes)
+
+    def home(
+        self, name: str, options: BaseModel, axes: Sequence[AxisOnBus], only: Sequence[str], say: Say
+    ) -> list[Homed]:
+        """Homing against end stops, done by the board; see `contid.hal.Homes`."""
+        from contid_drivers.due.service import home
+
+        assert isinstance(options, BusOptions)
+        return home(name, options, axes, only, say)
 
 
 DRIVER: Driver = DueDriver()

@@ -72,7 +72,9 @@ def build_host(extra_flags: Sequence[str] = (), main: str = "main.cpp") -> Path:
     compiler = shutil.which("g++")
     if compiler is None:
         raise DeviceError(
-            "due emulator", "it is the firmware built for this computer, and there is no g++", "apt install g++"
+            "due emulator",
+            "it is the firmware built for this computer, and there is no g++",
+            "apt install g++",
         )
     program.parent.mkdir(parents=True, exist_ok=True)
     fresh = program.with_name(f"{program.name}.{os.getpid()}")

@@ -298,4 +298,6 @@ def _read_telemetry(body: bytes) -> Telemetry:
         )
     if at != len(body):
         raise BadAnswerError(f"telemetry of {len(body)} bytes, expected {at}")
-    return Telemetry(uptime, boot, ResetCause(cause), crc, bool(flags & 1), bool(flags & 2), bad, dropped, channels)
+    return Telemetry(
+        uptime, boot, ResetCause(cause), crc, bool(flags & 1), bool(flags & 2), bad, dropped, channels
+    )

@@ -71,7 +71,8 @@ class EndStop(Strict):
         direction: sense of the shaft's rotation towards the stop.
         speed_deg_s: speed of the approach.
         duty_percent: most duty while pushing, so that the stop is met gently.
-        at_deg: the shaft's angle when it touches the stop.
+        at_deg: the shaft's angle when it touches the stop, on the scale the axis's ``zero_deg`` uses.
+        at_mm: the actuator's length (or travel) there.
         backoff_deg: how far it moves back afterwards.
         timeout_s: longest search.
     """
@@ -80,6 +81,7 @@ class EndStop(Strict):
     speed_deg_s: Annotated[float, Field(gt=0, le=720)] = 45.0
     duty_percent: Annotated[float, Field(gt=0, le=100)] = 40.0
     at_deg: float = 0.0
+    at_mm: float = 0.0
     backoff_deg: NonNegative = 5.0
     timeout_s: Annotated[float, Field(gt=0, le=60)] = 30.0
 
@@ -90,11 +92,12 @@ class MotorOptions(Strict):
     Attributes:
         counts_per_rev: encoder counts (every edge of both tracks) per turn of the output shaft;
             398:1 gear and 12 counts per motor turn by default.
-        velocity_deg_s, acceleration_deg_s2: limits of the board's own set-point, below which streamed
-            demands pass unchanged.
+        velocity_deg_s, acceleration_deg_s2: limits of the shaft; streamed demands below them pass unchanged
+            (the last 2 % of the velocity are kept for catching up).
         position_gain_per_s: speed per position error.
         speed_gain_percent_s_per_deg, integral_percent_per_deg: duty per speed error, and per integral of it.
         no_load_deg_s: speed of the unloaded shaft at full duty; feeds the speed forward.
+        time_constant_ms: in which the loaded shaft takes up a speed; feeds the acceleration forward.
         friction_percent: duty that just moves the shaft; added in the direction of motion.
         deadband_deg: position error that is left alone, so that the shaft does not hunt.
         stall_percent, stall_ms: so much duty for so long without a count is a stall (or a dead encoder).
@@ -107,12 +110,13 @@ class MotorOptions(Strict):
     """
 
     counts_per_rev: Annotated[float, Field(ge=4, le=1_000_000)] = 4776.0
-    velocity_deg_s: Positive = 460.0
+    velocity_deg_s: Positive = 470.0
     acceleration_deg_s2: Positive = 2300.0
     position_gain_per_s: Annotated[float, Field(ge=0, le=1000)] = 20.0
     speed_gain_percent_s_per_deg: NonNegative = 0.4
     integral_percent_per_deg: NonNegative = 2.0
     no_load_deg_s: Positive = 575.0
+    time_constant_ms: Annotated[float, Field(ge=0, le=2000)] = 40.0
     friction_percent: Percent = 5.0
     deadband_deg: NonNegative = 0.16
     stall_percent: Percent = 40.0

@@ -24,8 +24,8 @@ _SAFE: Final = {
 _ROLE: Final = {Role.MOTOR: 0, Role.PRESSURE: 1}
 #: Travel of an axis whose robot file leaves it open [counts].
 _OPEN: Final = 1_000_000_000
-_MOTOR = struct.Struct("<BBBBiiiiiiiihihHHHiiihiiH")
-_REGULATOR = struct.Struct("<BBBiiiHiHiHiHiiB")
+_MOTOR = struct.Struct("<4B9ihih3H3ih2iH")
+_REGULATOR = struct.Struct("<3B3iHiHiHiH2iB")
 
 
 def axis_options(axis: AxisOnBus) -> AxisOptions:
@@ -95,6 +95,7 @@ def _motor(axis: AxisOnBus, o: AxisOptions) -> bytes:
         gain(o.speed_gain_percent_s_per_deg),
         gain(o.integral_percent_per_deg),
         gain(100.0 / o.no_load_deg_s),
+        round(o.time_constant_ms / 1000.0 * DUTY_FULL / (o.no_load_deg_s * per_deg) * 65536.0),
         _duty(o.friction_percent),
         round(o.deadband_deg * per_deg),
         max(1, _duty(o.stall_percent)),

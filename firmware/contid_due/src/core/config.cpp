@@ -58,6 +58,7 @@ void read_motor(Reader& in, Checker& check, MotorConfig& m) {
   m.ks = check.within(in.i32(), 0, GAIN_LIMIT);
   m.ki = check.within(in.i32(), 0, GAIN_LIMIT);
   m.kv = check.within(in.i32(), 0, GAIN_LIMIT);
+  m.ka = check.within(in.i32(), 0, GAIN_LIMIT);
   m.friction = check.within(in.i16(), 0, DUTY_FULL);
   m.deadband = check.within(in.i32(), 0, COUNT_LIMIT);
   m.stall_duty = check.within(in.i16(), 1, DUTY_FULL);

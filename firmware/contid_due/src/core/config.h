@@ -14,6 +14,7 @@ struct MotorConfig {
   int32_t velocity, acceleration;  // [counts/s], [counts/s2]
   int32_t kp;                      // speed per position error [1/s] times 256
   int32_t ks, ki, kv;              // duty (full = 32767) times 256 per count/s of error, per count of it, per count/s
+  int32_t ka;                      // duty times 65536 per count/s2
   int32_t friction;                // duty
   int32_t deadband;                // [counts]
   int32_t stall_duty, stall_ms;

@@ -90,7 +90,7 @@ Output Motor::follow() {
   return law(DUTY_FULL);
 }
 
-// v = v* + kp e, no faster than the velocity limit;  duty = kv v + ks (v - v_measured) + ki int (v - v_measured)
+// v = v* + kp e, no faster than the velocity limit;  duty = kv v + ka a* + ks (v - v_measured) + ki int (v - v_measured)
 // + friction sign(v).  The inner speed loop is what keeps a shaft that catches up below the limit.
 Output Motor::law(int32_t most) {
   const int64_t error_q8 = clamp64((set_.position_q16() - static_cast<int64_t>(position_) * 65536) >> 8,
@@ -105,6 +105,7 @@ Output Motor::law(int32_t most) {
 
   int64_t duty = sum_q16_ >> 16;
   duty += (static_cast<int64_t>(config_->kv) * wanted) >> 8;
+  duty += (static_cast<int64_t>(config_->ka) * set_.acceleration()) >> 16;
   duty += (config_->ks * e) >> 8;
   duty += config_->friction * sign(wanted);
 

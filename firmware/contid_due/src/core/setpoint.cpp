@@ -14,6 +14,7 @@ const int64_t FAR = static_cast<int64_t>(1) << 34;
 
 void SetPoint::limit(int32_t velocity, int32_t acceleration) {
   most_ = static_cast<int32_t>(static_cast<int64_t>(velocity) * 65536 / static_cast<int32_t>(TICK_HZ));
+  most_ -= most_ / 64;  // the rest of the limit is left to the shaft that catches up
   step_ = static_cast<int32_t>(static_cast<int64_t>(acceleration) * 65536 / (TICK_HZ * TICK_HZ));
 }
 
@@ -22,6 +23,7 @@ void SetPoint::start(int32_t position) {
   reference_ = position_;
   rate_ = 0;
   velocity_ = 0;
+  change_ = 0;
   left_ = 0;
   goal_ = position;
 }
@@ -70,12 +72,18 @@ void SetPoint::tick() {
   // The part of the error the moving reference makes this tick is covered by its rate.
   const int64_t behind = error - rate;
   const int64_t wanted = clamp64(rate + sign(behind) * stopping_speed(magnitude64(behind)), -most_, most_);
-  velocity_ = static_cast<int32_t>(clamp64(wanted, velocity_ - step_, velocity_ + step_));
+  change_ = static_cast<int32_t>(clamp64(wanted - velocity_, -step_, step_));
+  velocity_ += change_;
   position_ += velocity_;
 }
 
 int32_t SetPoint::velocity() const {
   return static_cast<int32_t>((static_cast<int64_t>(velocity_) * static_cast<int32_t>(TICK_HZ)) >> 16);
+}
+
+int32_t SetPoint::acceleration() const {
+  const int64_t ticks2 = static_cast<int64_t>(TICK_HZ) * TICK_HZ;
+  return static_cast<int32_t>((change_ * ticks2) >> 16);
 }
 
 }  // namespace contid

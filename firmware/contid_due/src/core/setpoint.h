@@ -21,8 +21,9 @@ class SetPoint {
 
   int64_t position_q16() const { return position_; }
   int32_t position() const { return static_cast<int32_t>(position_ >> 16); }
-  // [counts/s]
+  // [counts/s], [counts/s2]
   int32_t velocity() const;
+  int32_t acceleration() const;
   int32_t goal() const { return goal_; }
   bool moving() const { return velocity_ != 0; }
 
@@ -33,6 +34,7 @@ class SetPoint {
   int64_t reference_;  // where the demand is now, on its line
   int64_t rate_;       // of the reference, per tick
   int32_t velocity_;   // counts times 65536 per tick
+  int32_t change_;     // of it in the last tick
   int32_t most_, step_;
   uint32_t left_;  // ticks of the line still to go
   int32_t goal_;

@@ -1,0 +1,188 @@
+"""A Due on a pty: the firmware itself, built for this computer, with a plant behind it."""
+
+from __future__ import annotations
+
+import contextlib
+import json
+import math
+import subprocess
+import threading
+from collections.abc import Iterator, Sequence
+from pathlib import Path
+from typing import Final, Self
+
+from contid.errors import DeviceError
+from contid.hal import AxisOnBus, DeviceKind
+from contid.units import BAR
+from contid_drivers.due.firmware import build_host
+from contid_drivers.due.messages import ADC_MV, ADC_STEPS
+from contid_drivers.due.options import AxisOptions, BusOptions
+from contid_drivers.due.wiring import axis_options
+
+#: Switches of one channel, on or off: ``{"fault": "leak", "channel": 2, "on": true}``.
+CHANNEL_FAULTS: Final = ("stall", "encoder_stuck", "encoder_reversed", "leak", "wire")
+#: Switches of the line, on or off: ``{"fault": "garbage", "on": true}``.
+LINE_FAULTS: Final = ("garbage", "mute")
+#: Events: ``{"fault": "freeze", "ms": 400}``; without ``ms`` for good.
+BOARD_FAULTS: Final = ("reset", "brown_out", "freeze", "unplug", "plug")
+#: How far the emulated end stops lie beyond the travel or the homing angle.
+_STOP_MARGIN_DEG: Final = 30.0
+#: How often the control file is looked at.
+_FOLLOW_S: Final = 0.02
+
+
+def fault_command(entry: object) -> str:
+    """One JSON fault switch as the emulator's own command line.
+
+    Raises:
+        DeviceError: there is no such switch; the message lists them.
+    """
+    known = ", ".join((*CHANNEL_FAULTS, *LINE_FAULTS, *BOARD_FAULTS))
+    if not isinstance(entry, dict) or "fault" not in entry:
+        raise DeviceError("due emulator", f'a fault switch is {{"fault": NAME, ...}}; names: {known}')
+    name, on = entry["fault"], 1 if entry.get("on", True) else 0
+    if name in CHANNEL_FAULTS:
+        return f"set {int(entry.get('channel', 0))} {name} {on}"
+    if name in LINE_FAULTS:
+        return f"{name} {on}"
+    if name in BOARD_FAULTS:
+        return f"{name} {int(entry['ms'])}" if "ms" in entry else str(name)
+    raise DeviceError("due emulator", f"no fault switch {name!r}; there are {known}")
+
+
+def plant_commands(axis: AxisOnBus) -> list[str]:
+    """What hangs on one channel, taken from what the robot file says of it."""
+    options = axis_options(axis)
+    channel = options.number
+    numbers = _motor(axis, options) if options.kind is DeviceKind.MOTOR else _regulator(options)
+    return [f"set {channel} {name} {value:.9g}" for name, value in numbers.items()]
+
+
+def _motor(axis: AxisOnBus, o: AxisOptions) -> dict[str, float]:
+    per_deg = o.counts_per_rev / 360.0
+    numbers = {
+        "no_load": o.no_load_deg_s * per_deg,
+        "tau": max(o.time_constant_ms, 1.0) / 1000.0,
+        "friction": o.friction_percent / 100.0,
+        "shaft": o.power_up_deg * per_deg,
+        "full_scale_ma": o.current_ma_per_v * ADC_MV / 1000.0,
+        "stall_ma": o.stall_current_ma * 1.5 or 1600.0,
+    }
+    margin = _STOP_MARGIN_DEG * per_deg
+    if axis.travel is not None:
+        per_rad = o.counts_per_rev / math.tau
+        numbers["low"] = axis.travel[0] * per_rad - margin
+        numbers["high"] = axis.travel[1] * per_rad + margin
+    if o.homing is not None:
+        numbers["high" if o.homing.direction > 0 else "low"] = o.homing.at_deg * per_deg
+    return numbers
+
+
+def _regulator(o: AxisOptions) -> dict[str, float]:
+    assert o.calibration is not None
+    assert o.readback is not None
+    (first_duty, first_bar), (last_duty, last_bar) = o.calibration[0], o.calibration[-1]
+    (low_mv, low_bar), (high_mv, high_bar) = o.readback
+    return {
+        "full_pa": (last_bar - first_bar) / (last_duty - first_duty) * 100.0 * BAR,
+        "raw_low": low_mv / ADC_MV * ADC_STEPS,
+        "low_pa": low_bar * BAR,
+        "raw_high": high_mv / ADC_MV * ADC_STEPS,
+        "high_pa": high_bar * BAR,
+    }
+
+
+class Emulator:
+    """One running emulated board. Use it as a context manager."""
+
+    def __init__(self, options: BusOptions, axes: Sequence[AxisOnBus], journal: Path | None = None) -> None:
+        self.port = Path(options.port)
+        self._lock = threading.Lock()
+        self._command = [str(build_host()), options.role.value, "--pty", options.port]
+        if journal is not None:
+            self._command += ["--journal", str(journal)]
+        if options.connection == "programming":
+            self._command.append("--reset-on-open")
+        self._plant = [line for axis in axes for line in plant_commands(axis)]
+
+    def __enter__(self) -> Self:
+        """Start the board; it answers when this returns."""
+        self.port.parent.mkdir(parents=True, exist_ok=True)
+        self._process = subprocess.Popen(
+            self._command, stdin=subprocess.PIPE, stdout=subprocess.PIPE, text=True, bufsize=1
+        )
+        assert self._process.stdout is not None
+        if self._process.stdout.readline().strip() != "ready":
+            self.__exit__()
+            raise DeviceError("due emulator", f"cannot make a pty at {self.port}")
+        for line in self._plant:
+            self.tell(line)
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        """End the board; its link goes with it."""
+        assert self._process.stdin is not None
+        assert self._process.stdout is not None
+        with contextlib.suppress(BrokenPipeError):
+            self._process.stdin.close()
+        self._process.stdout.close()
+        self._process.wait(timeout=10)
+
+    def tell(self, line: str) -> str:
+        """Give the board's world one command, and return its answer."""
+        assert self._process.stdin is not None
+        assert self._process.stdout is not None
+        with self._lock:
+            self._process.stdin.write(line + "\n")
+            self._process.stdin.flush()
+            answer = self._process.stdout.readline().strip()
+        if not answer.startswith("ok"):
+            raise DeviceError("due emulator", f"it does not understand {line!r}")
+        return answer[3:]
+
+    def fault(self, name: str, **details: int | bool) -> None:
+        """Throw one fault switch (see `fault_command`)."""
+        self.tell(fault_command({"fault": name, **details}))
+
+
+def _follow(emulator: Emulator, control: Path, ended: threading.Event) -> None:
+    """Hand every line appended to the control file to the emulator."""
+    at = control.stat().st_size if control.exists() else 0
+    while not ended.wait(_FOLLOW_S):
+        if not control.exists():
+            continue
+        with control.open() as stream:
+            stream.seek(at)
+            while (line := stream.readline()).endswith("\n"):
+                at += len(line.encode())
+                if line.strip():
+                    # A wrong line is the user's to see, not the board's end.
+                    try:
+                        emulator.tell(fault_command(json.loads(line)))
+                    except (DeviceError, ValueError) as error:
+                        control.with_name(control.name + ".errors").open("a").write(
+                            f"{line.strip()}: {error}\n"
+                        )
+
+
+@contextlib.contextmanager
+def emulated(
+    name: str, options: BusOptions, axes: Sequence[AxisOnBus], control: Path | None = None
+) -> Iterator[Sequence[str]]:
+    """The board of one bus at the port its options name; see `contid.hal.Emulates`."""
+    path = Path(options.port)
+    if path.exists() and path.is_char_device() and not path.is_symlink():
+        raise DeviceError(name, f"{path} is a real device", "name a path that does not exist yet")
+    ended = threading.Event()
+    with Emulator(options, axes) as board:
+        follower = None
+        if control is not None:
+            follower = threading.Thread(target=_follow, args=(board, control, ended), daemon=True)
+            follower.start()
+        channels = ", ".join(f"{axis_options(axis).channel} {axis.name}" for axis in axes)
+        try:
+            yield [f"{name}: {options.role} board at {options.port}: {channels}"]
+        finally:
+            ended.set()
+            if follower is not None:
+                follower.join()

@@ -1,0 +1,104 @@
+"""The serial port of a Due: opened exclusively, read with a deadline, lost in one way only."""
+
+from __future__ import annotations
+
+import contextlib
+import glob
+import os
+import select
+import termios
+import time
+
+import serial
+
+from contid.errors import DeviceLostError, DeviceNotFoundError
+from contid_drivers.due.frames import FrameReader, seal
+
+#: The one rate that is exact on both chips of the programming port; the native port ignores it.
+BAUD = 250_000
+#: What an unplugged port raises, depending on where the call was.
+PORT_ERRORS = (OSError, serial.SerialException, termios.error)
+
+
+def find_port(device: str, pattern: str) -> str:
+    """The one device a path or glob names.
+
+    Raises:
+        DeviceNotFoundError: none, or several.
+    """
+    found = sorted(glob.glob(pattern))  # noqa: PTH207 - an absolute pattern, which Path.glob refuses
+    if len(found) == 1:
+        return found[0]
+    if not found:
+        near = sorted([*glob.glob("/dev/serial/by-id/*"), *glob.glob("/dev/ttyACM*")])  # noqa: PTH207
+        there = f"there are {', '.join(near)}" if near else "no serial device is plugged in"
+        raise DeviceNotFoundError(device, f"no port {pattern}", there)
+    raise DeviceNotFoundError(device, f"{pattern} matches {', '.join(found)}", "name one of them")
+
+
+class Port:
+    """Frames over a serial device. Every failure of the device closes it and raises `DeviceLostError`."""
+
+    def __init__(self, device: str, path: str) -> None:
+        """Open the port.
+
+        Raises:
+            DeviceNotFoundError: it cannot be opened; permission and other owners are named.
+        """
+        self._device = device
+        self.path = path
+        self.reader = FrameReader()
+        try:
+            # Non-blocking: waiting is done with select, against a deadline.
+            self._serial = serial.Serial(path, BAUD, timeout=0, write_timeout=0, exclusive=True)
+        except PORT_ERRORS as error:
+            raise DeviceNotFoundError(
+                device, f"cannot open {path}: {error}", "permission? (group dialout) another program on it?"
+            ) from error
+        self._fd = self._serial.fileno()
+
+    def wire_seconds(self, size: int) -> float:
+        """Time ``size`` bytes take on the slowest part of the way."""
+        return size * 10 / BAUD
+
+    def ask(self, payload: bytes, deadline: float) -> bytes | None:
+        """Send a request and return the payload of the answer with its sequence number, or None in time.
+
+        Args:
+            payload: the request; its third byte is the sequence number.
+            deadline: on `time.monotonic`.
+
+        Raises:
+            DeviceLostError: the device is gone.
+        """
+        sequence = payload[2]
+        try:
+            self._write(seal(payload), deadline)
+            while (left := deadline - time.monotonic()) > 0:
+                ready, _, _ = select.select([self._fd], [], [], left)
+                if not ready:
+                    break
+                data = os.read(self._fd, 4096)
+                if not data:
+                    raise OSError("end of file")
+                answers = [one for one in self.reader.feed(data) if len(one) > 2 and one[2] == sequence]
+                if answers:
+                    return answers[-1]
+        except PORT_ERRORS as error:
+            self.close()
+            raise DeviceLostError(
+                self._device, f"{self.path} is gone: {error}", "plug it in again"
+            ) from error
+        return None
+
+    def _write(self, data: bytes, deadline: float) -> None:
+        while data:
+            _, ready, _ = select.select([], [self._fd], [], max(0.0, deadline - time.monotonic()))
+            if not ready:
+                return  # nobody takes it; the time-out says the rest
+            data = data[os.write(self._fd, data) :]
+
+    def close(self) -> None:
+        """Let the device go; idempotent."""
+        with contextlib.suppress(*PORT_ERRORS):
+            self._serial.close()

@@ -1,0 +1,134 @@
+"""What ``contid doctor`` and ``contid home`` do with a Due board."""
+
+from __future__ import annotations
+
+import math
+import time
+from collections.abc import Sequence
+from pathlib import Path
+
+from contid.errors import ContidError, DeviceError
+from contid.hal import AxisOnBus, Finding, Homed, Rest, Say
+from contid_drivers.due.bus import DueBus
+from contid_drivers.due.options import BusOptions
+from contid_drivers.due.port import find_port
+from contid_drivers.due.wiring import axis_options
+
+#: Exchanges timed by the doctor.
+_EXCHANGES = 50
+_TICK_S = 0.005
+
+
+class _Monotonic:
+    """The real clock."""
+
+    def now(self) -> float:
+        return time.monotonic()
+
+
+def doctor(name: str, options: BusOptions, axes: Sequence[AxisOnBus]) -> list[Finding]:
+    """Port, hello, configuration and the time of an exchange; arms nothing and moves nothing."""
+    findings: list[Finding] = []
+    try:
+        path = find_port(name, options.port)
+    except ContidError as error:
+        return [
+            Finding(
+                f"{name} port", False, str(error), "plug the board in, or correct buses." + name + ".port"
+            )
+        ]
+    findings.append(Finding(f"{name} port", True, f"{path} -> {Path(path).resolve()}"))
+    bus = DueBus(name, options, axes, _Monotonic())
+    try:
+        bus.open()
+        hello = bus.hello
+        version = ".".join(map(str, hello.firmware))
+        findings.append(
+            Finding(
+                f"{name} board",
+                True,
+                f"firmware {version}, started {hello.boot} times, last by {hello.cause.words}, up for "
+                f"{hello.uptime_ms / 1000:.1f} s; pins {hello.pins}",
+            )
+        )
+        findings.append(
+            Finding(f"{name} configuration", True, f"taken, safe state = start state on {len(axes)} axes")
+        )
+        findings.extend(_timing(name, options, bus))
+    except ContidError as error:
+        findings.append(Finding(f"{name} board", False, str(error), "see the message"))
+    finally:
+        bus.close()
+    return findings
+
+
+def _timing(name: str, options: BusOptions, bus: DueBus) -> list[Finding]:
+    times = []
+    missed = 0
+    samples = {}
+    for _ in range(_EXCHANGES):
+        start = time.monotonic()
+        samples = dict(bus.exchange({}))
+        times.append(time.monotonic() - start)
+        missed += not all(sample.valid for sample in samples.values())
+    times.sort()
+    median_ms, worst_ms = times[len(times) // 2] * 1e3, times[-1] * 1e3
+    well = missed == 0 and worst_ms < options.watchdog_ms / 2
+    findings = [
+        Finding(
+            f"{name} exchange",
+            well,
+            f"median {median_ms:.2f} ms, worst {worst_ms:.2f} ms, {missed} of {_EXCHANGES} incomplete",
+            "" if well else "native port instead of programming? a USB hub? more latency_ms?",
+        )
+    ]
+    findings.extend(
+        Finding(
+            axis,
+            not sample.fault,
+            sample.fault or f"reads {sample.value}",
+            "" if not sample.fault else "clear",
+        )
+        for axis, sample in samples.items()
+    )
+    return findings
+
+
+def home(
+    name: str, options: BusOptions, axes: Sequence[AxisOnBus], only: Sequence[str], say: Say
+) -> list[Homed]:
+    """Let the board look for the end stop of each axis in turn; see `contid.hal.Homes`."""
+    by_name = {axis.name: axis for axis in axes}
+    for axis in only:
+        if axis_options(by_name[axis]).homing is None:
+            raise DeviceError(
+                f"{name}: {axis}", "it has no homing", "add homing: {direction: ...} to the axis"
+            )
+    bus = DueBus(name, options, axes, _Monotonic())
+    homed = []
+    bus.open()
+    try:
+        for axis in only:
+            homed.append(_home_one(bus, by_name[axis], say))
+    finally:
+        bus.disable(list(only), Rest.RELAX)
+        bus.close()
+    return homed
+
+
+def _home_one(bus: DueBus, axis: AxisOnBus, say: Say) -> Homed:
+    method = axis_options(axis).homing
+    assert method is not None
+    say(f"{axis.name}: towards its end stop at {method.speed_deg_s:g} deg/s")
+    bus.home([axis.name])
+    while True:
+        sample = bus.exchange({})[axis.name]
+        if sample.fault:
+            raise DeviceError(
+                f"{bus.name}: {axis.name}", sample.fault, "clear the way, check direction and duty_percent"
+            )
+        if not bus.homing(axis.name):
+            break
+        time.sleep(_TICK_S)
+    say(f"{axis.name}: stop found, backed off to {sample.value:.3f} rad")
+    return Homed(axis.name, math.radians(method.at_deg), method.at_mm, "end stop, met by the Due board")

@@ -1,0 +1,146 @@
+"""The conversation with one board: hello, configuration, requests with time-outs, and noticing a reset."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Sequence
+
+from contid.errors import DeviceError, DeviceLostError, DeviceNotFoundError
+from contid.hal import AxisOnBus
+from contid_drivers.due import messages
+from contid_drivers.due.frames import crc16
+from contid_drivers.due.messages import Answer, Configured, Hello, Refusal, Refused, Telemetry, Type
+from contid_drivers.due.options import BusOptions, Role
+from contid_drivers.due.port import Port, find_port
+from contid_drivers.due.wiring import board_config, config_body
+
+#: How often hello is repeated while a board starts.
+_HELLO_EVERY_S = 0.05
+#: Bytes of the longest telemetry frame, for its time on the wire.
+_TELEMETRY_BYTES = 112
+_ROLES = {0: Role.MOTOR, 1: Role.PRESSURE}
+
+
+class Session:
+    """One connection to one board, from hello to its loss."""
+
+    def __init__(self, name: str, options: BusOptions, axes: Sequence[AxisOnBus]) -> None:
+        self._name = name
+        self._options = options
+        self._blob = board_config(name, options, axes)
+        self.config_crc = crc16(self._blob)
+        self._sequence = 0
+        self._port = Port(name, find_port(name, options.port))
+        self.heard_ms = 0
+        try:
+            self.hello = self._wait_for_hello()
+            self._check_role()
+            self._configure()
+        except BaseException:
+            self.close()
+            raise
+
+    def _request(self, kind: Type, body: bytes, seconds: float) -> Answer | None:
+        self._sequence = (self._sequence + 1) & 0xFF
+        payload = self._port.ask(messages.request(kind, self._sequence, body), time.monotonic() + seconds)
+        return None if payload is None else messages.read_answer(payload)[1]
+
+    def _wait_for_hello(self) -> Hello:
+        options = self._options
+        deadline = time.monotonic() + options.hello_ms / 1000.0
+        while time.monotonic() < deadline:
+            answer = self._request(Type.HELLO, b"", _HELLO_EVERY_S)
+            if isinstance(answer, Hello):
+                self.heard_ms = answer.uptime_ms
+                return answer
+            if isinstance(answer, Refused):
+                self._refuse("hello", answer)
+        raise DeviceNotFoundError(
+            self._name,
+            f"no hello from {self._port.path} within {options.hello_ms:g} ms",
+            "is the contid sketch on the board? (contid firmware flash); is this the right port?",
+        )
+
+    def _check_role(self) -> None:
+        found = _ROLES.get(self.hello.role)
+        if found is not self._options.role:
+            raise DeviceNotFoundError(
+                self._name,
+                f"expected a {self._options.role} board at {self._port.path}, found a {found or self.hello.role} board",
+                "swap the ports in the robot file, or flash the other role",
+            )
+
+    def _configure(self) -> None:
+        body = config_body(self._blob)
+        seconds = self._port.wire_seconds(len(body)) + 0.2
+        answer = self._request(Type.CONFIGURE, body, seconds) or self._request(Type.CONFIGURE, body, seconds)
+        if isinstance(answer, Refused):
+            self._refuse("configuration", answer)
+        if not isinstance(answer, Configured) or answer.config_crc != self.config_crc:
+            raise DeviceNotFoundError(
+                self._name, f"the board did not confirm configuration {self.config_crc:#06x}, got {answer}"
+            )
+
+    def _refuse(self, what: str, answer: Refused) -> None:
+        remedy = ""
+        if answer.refusal == Refusal.WRONG_VERSION:
+            remedy = (
+                f"the board speaks protocol {answer.detail}, this contid {messages.PROTOCOL_VERSION}: "
+                "contid firmware flash"
+            )
+        elif answer.refusal == Refusal.ARMED_NOW:
+            remedy = "another host armed it with another configuration; its dead-man will disarm it"
+        raise DeviceNotFoundError(self._name, f"{what} refused: {answer.words}", remedy)
+
+    def command(self, kind: Type, body: bytes) -> Telemetry | Refused | None:
+        """One request whose answer is a telemetry; None when it did not come in time.
+
+        Raises:
+            DeviceLostError: the port is gone, or the board was reset since hello.
+        """
+        # On the native port the bytes take no time worth counting; the slower port bounds both.
+        size = len(body) + 8 + _TELEMETRY_BYTES
+        seconds = self._port.wire_seconds(size) + self._options.latency_ms / 1000.0
+        answer = self._request(kind, body, seconds)
+        if isinstance(answer, Refused) and answer.refusal in (Refusal.NOT_CONFIGURED, Refusal.WRONG_CRC):
+            hello = self._request(Type.HELLO, b"", seconds)
+            cause = hello.cause.words if isinstance(hello, Hello) else "unknown"
+            self._lost_by_reset(cause)
+        if isinstance(answer, Telemetry):
+            if answer.boot != self.hello.boot or answer.uptime_ms < self.heard_ms:
+                self._lost_by_reset(answer.cause.words)
+            self.heard_ms = answer.uptime_ms
+            return answer
+        return answer if isinstance(answer, Refused) else None
+
+    def _lost_by_reset(self, cause: str) -> None:
+        self.close()
+        raise DeviceLostError(
+            self._name, f"the board was reset (cause: {cause}); its configuration and counts are gone"
+        )
+
+    @property
+    def damaged(self) -> int:
+        """Frames that arrived damaged."""
+        return self._port.reader.damaged
+
+    def close(self) -> None:
+        """Let the port go; idempotent, the board notices through its dead-man."""
+        self._port.close()
+
+
+def refused(name: str, what: str, axes: Sequence[str], answer: Refused | None) -> DeviceError:
+    """The error for a request the board did not grant."""
+    words = "no answer" if answer is None else answer.words
+    remedy = {
+        Refusal.LATCHED: "clear the fault first",
+        Refusal.NOT_HOMED: "contid home",
+        Refusal.NO_SENSOR: "look at the pressure signal's wire",
+        Refusal.PERSISTS: "its cause is still there",
+    }.get(
+        Refusal(answer.refusal)
+        if answer is not None and answer.refusal in set(Refusal)
+        else Refusal.BAD_VALUE,
+        "",
+    )
+    return DeviceError(name, f"{what} {', '.join(axes)}: {words}", remedy)
