@@ -93,7 +93,7 @@ class DueBus:
         self._heard_s = -math.inf
 
     def open(self) -> None:
-        """Wait for hello, check role, version and configuration; a board that kept all of it goes on as it is."""
+        """Wait for hello, check role, version and configuration; a board that kept all goes on as it is."""
         self.close()
         session = Session(self.name, self._options, self._given)
         self._session = session

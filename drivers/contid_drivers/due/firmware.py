@@ -1,4 +1,4 @@
-"""The sketch's sources, and the same core built for this computer (kept in a cache by the sources' content)."""
+"""The sketch's sources, and the same core built for this computer (cached by the sources' content)."""
 
 from __future__ import annotations
 

@@ -66,7 +66,8 @@ class Session:
         if found is not self._options.role:
             raise DeviceNotFoundError(
                 self._name,
-                f"expected a {self._options.role} board at {self._port.path}, found a {found or self.hello.role} board",
+                f"expected a {self._options.role} board at {self._port.path}, "
+                f"found a {found or self.hello.role} board",
                 "swap the ports in the robot file, or flash the other role",
             )
 

@@ -66,7 +66,8 @@ Output Regulator::follow() {
   const int64_t error = static_cast<int64_t>(demand_) * 256 - set_q8_;
   set_q8_ += clamp64(error, -slew_q8_, slew_q8_);
   watch();
-  return command(true);
+  // While the set-point moves, the error is the regulator's lag; the outer loop is for what stays.
+  return command(error == 0);
 }
 
 Output Regulator::hold() {
@@ -88,9 +89,9 @@ Output Regulator::close() {
 }
 
 // duty = table(set-point + trim); the trim integrates the error of the reading, inside its own limit.
-Output Regulator::command(bool trim) {
+Output Regulator::command(bool settle) {
   const int32_t set = static_cast<int32_t>(set_q8_ >> 8);
-  if (trim && config_->trim > 0 && sensor_ok()) {
+  if (settle && config_->trim > 0 && sensor_ok()) {
     const int64_t most = static_cast<int64_t>(config_->trim) * 65536;
     trim_q16_ = clamp64(trim_q16_ + trim_tick_q16_ * (set - pressure_), -most, most);
   }

@@ -36,7 +36,7 @@ class Regulator {
   static const uint32_t WINDOW = 8;
   static const uint32_t RATE_WINDOW = 16;
 
-  Output command(bool trim);
+  Output command(bool settle);
   void watch();
   int32_t duty_at(int32_t pressure) const;
 

@@ -8,6 +8,9 @@ namespace contid {
 namespace {
 // Demands further apart than this [ticks] are steps, not a stream.
 const uint32_t STREAM_GAP = 100;
+// Ticks over which the acceleration of a stream is averaged before it is fed forward: rounded demands jitter,
+// and the drive would rattle with them. A step's own acceleration is clean and is fed forward at once.
+const int32_t SMOOTH = 32;
 // Distances beyond it brake no earlier; keeps 8 a d inside 64 bit.
 const int64_t FAR = static_cast<int64_t>(1) << 34;
 }  // namespace
@@ -23,7 +26,7 @@ void SetPoint::start(int32_t position) {
   reference_ = position_;
   rate_ = 0;
   velocity_ = 0;
-  change_ = 0;
+  smooth_ = 0;
   left_ = 0;
   goal_ = position;
 }
@@ -32,10 +35,12 @@ void SetPoint::demand(int32_t goal, uint32_t since) {
   const int64_t target = static_cast<int64_t>(goal) * 65536;
   goal_ = goal;
   // A quarter more than the velocity limit lets a jittering host still be a stream.
-  const int64_t reach = static_cast<int64_t>(most_ + most_ / 4) * since;
+  const int64_t reach = static_cast<int64_t>(most_ + most_ / 4) * 2 * since;
   if (since >= 1 && since <= STREAM_GAP && magnitude64(target - reference_) <= reach) {
-    rate_ = (target - reference_) / static_cast<int32_t>(since);
-    left_ = since;
+    // Spread over two intervals: what the host's jitter and the rounding to counts add to one is taken back in
+    // the next, and the reference does not stand still when a demand is a tick late.
+    left_ = 2 * since;
+    rate_ = (target - reference_) / static_cast<int32_t>(left_);
   } else {
     reference_ = target;
     rate_ = 0;
@@ -72,8 +77,9 @@ void SetPoint::tick() {
   // The part of the error the moving reference makes this tick is covered by its rate.
   const int64_t behind = error - rate;
   const int64_t wanted = clamp64(rate + sign(behind) * stopping_speed(magnitude64(behind)), -most_, most_);
-  change_ = static_cast<int32_t>(clamp64(wanted - velocity_, -step_, step_));
-  velocity_ += change_;
+  const int32_t change = static_cast<int32_t>(clamp64(wanted - velocity_, -step_, step_));
+  velocity_ += change;
+  smooth_ += (static_cast<int64_t>(change) * SMOOTH - smooth_) / (rate != 0 ? SMOOTH : 1);
   position_ += velocity_;
 }
 
@@ -83,7 +89,7 @@ int32_t SetPoint::velocity() const {
 
 int32_t SetPoint::acceleration() const {
   const int64_t ticks2 = static_cast<int64_t>(TICK_HZ) * TICK_HZ;
-  return static_cast<int32_t>((change_ * ticks2) >> 16);
+  return static_cast<int32_t>((smooth_ / SMOOTH * ticks2) >> 16);
 }
 
 }  // namespace contid

@@ -34,7 +34,7 @@ class SetPoint {
   int64_t reference_;  // where the demand is now, on its line
   int64_t rate_;       // of the reference, per tick
   int32_t velocity_;   // counts times 65536 per tick
-  int32_t change_;     // of it in the last tick
+  int64_t smooth_;     // its change per tick, averaged, times 32
   int32_t most_, step_;
   uint32_t left_;  // ticks of the line still to go
   int32_t goal_;

@@ -1,0 +1,244 @@
+"""Every fault switch: which state, why, and when; in virtual time, so every figure is exact to the tick."""
+
+import pytest
+
+from contid_drivers.due.messages import Reason, Refused, ResetCause, State, Telemetry, Type
+
+MOVING = 6081  # counts/s at 10 cm/s
+
+
+def _run(board, values, ms, every=5):
+    for _ in range(ms // every):
+        board.demand(values(board.telemetry.uptime_ms))
+        board.step(every)
+
+
+def _moving_motor(board, **options):
+    motors = board("motor")
+    motors.configure({"m0": options})
+    motors.arm(0)
+    start = motors.telemetry.uptime_ms
+    ramp = lambda now: {0: round((now - start) * MOVING / 1000)}  # noqa: E731 - one line is what it is
+    _run(motors, ramp, 600)
+    assert motors.truth(0)[1] == pytest.approx(MOVING, rel=0.05)
+    return motors, ramp
+
+
+def _pressed(board, **options):
+    air = board("pressure")
+    air.configure({"p0": options})
+    air.arm(0)
+    _run(air, lambda now: {0: 150_000}, 1500)
+    assert air.truth(0)[2] == pytest.approx(150_000, abs=1500)
+    return air
+
+
+@pytest.mark.parametrize("safe", ["brake", "coast", "hold"])
+def test_dead_man_stops_a_motor_at_10_cm_s(board, safe):
+    motors, _ = _moving_motor(board, safe_state=safe)
+    motors.step(400 if safe != "coast" else 1500)
+    trip = motors.trip()
+    assert (trip["reason"], trip["silence_ms"]) == ("dead_man", 100)
+    rest = next(e for e in motors.journal("rest") if e["world_ms"] >= trip["world_ms"])
+    assert rest["world_ms"] - trip["world_ms"] <= {"brake": 150, "coast": 1000, "hold": 400}[safe]
+    drive = motors.truth(0)[4]
+    assert drive == {"brake": 1, "coast": 0, "hold": 2}[safe]
+
+
+@pytest.mark.parametrize(("safe", "longest_ms"), [("vent", 1000), ("close", 400)])
+def test_dead_man_vents_1_5_bar(board, safe, longest_ms):
+    air = _pressed(board, safe_state=safe, vent_bar_s=2.0)
+    air.step(1500)
+    trip = air.trip()
+    assert (trip["reason"], trip["silence_ms"]) == ("dead_man", 100)
+    vented = next(e for e in air.journal("rest") if e["world_ms"] > trip["world_ms"])
+    assert vented["world_ms"] - trip["world_ms"] <= longest_ms
+    assert air.truth(0)[4:] == [0, 0]
+
+
+def test_dead_man_that_holds_keeps_the_pressure(board):
+    air = _pressed(board, safe_state="hold")
+    air.step(1500)
+    assert air.trip()["reason"] == "dead_man"
+    assert air.truth(0)[2] == pytest.approx(150_000, abs=1500)
+
+
+def test_latched_until_cleared_then_armed_where_it_stands(board):
+    motors, _ = _moving_motor(board)
+    motors.step(300)
+    stood = motors.demand({0: 60_000}).channels[0]
+    assert (stood.state, stood.reason) == (State.SAFE, Reason.DEAD_MAN)
+    refused = motors.masked(Type.ARM, 0)
+    assert isinstance(refused, Refused)
+    assert motors.masked(Type.CLEAR, 0).channels[0].state is State.READY
+    assert motors.masked(Type.ARM, 0).channels[0].state is State.ARMED
+    motors.step(50)
+    assert abs(motors.demand().channels[0].position - stood.position) <= 1
+
+
+def test_a_host_that_does_not_hear_does_not_feed(board):
+    motors, ramp = _moving_motor(board)
+    deaf_since = motors.telemetry.uptime_ms
+    for _ in range(60):  # demands keep coming, but always name the same old telemetry
+        motors.demand(ramp(deaf_since), heard_ms=deaf_since)
+        motors.step(5)
+    trip = motors.trip()
+    # The last demand that counts is one that heard the board less than 100 ms ago.
+    assert trip["reason"] == "dead_man"
+    assert trip["world_ms"] - deaf_since <= 2 * 100
+    assert motors.demand(heard_ms=deaf_since).stale
+
+
+def test_stalled_motor(board):
+    motors, ramp = _moving_motor(board, stall_ms=100)
+    motors.tell("set 0 stall 1")
+    began = motors.telemetry.uptime_ms
+    _run(motors, ramp, 300)
+    trip = motors.trip()
+    assert trip["reason"] == "stalled"
+    assert trip["world_ms"] - began <= 130
+
+
+@pytest.mark.parametrize(("switch", "reason"), [("encoder_stuck", "encoder_silent"), ("stall", "stalled")])
+def test_current_tells_a_dead_encoder_from_a_stall(board, switch, reason):
+    motors, ramp = _moving_motor(board, stall_ms=100, stall_current_ma=1000)
+    motors.tell(f"set 0 {switch} 1")
+    began = motors.telemetry.uptime_ms
+    _run(motors, ramp, 300)
+    assert motors.trip()["reason"] == reason
+    assert motors.trip()["world_ms"] - began <= 130
+
+
+def test_reversed_encoder_while_moving(board):
+    motors, ramp = _moving_motor(board)
+    motors.tell("set 0 encoder_reversed 1")
+    began = motors.telemetry.uptime_ms
+    _run(motors, ramp, 300)
+    assert motors.trip()["reason"] == "encoder_reversed"
+    assert motors.trip()["world_ms"] - began <= 100
+
+
+def test_reversed_encoder_at_the_first_motion(board):
+    motors = board("motor")
+    motors.configure({"m0": {}})
+    motors.tell("set 0 encoder_reversed 1")
+    motors.arm(0)
+    began = motors.telemetry.uptime_ms
+    _run(motors, lambda now: {0: 6000}, 400)
+    assert motors.trip()["reason"] == "encoder_reversed"
+    assert motors.trip()["world_ms"] - began <= 250
+    assert abs(motors.truth(0)[0]) < 20 * 60.8  # it ran away by less than 20 mm
+
+
+def test_motor_or_encoder_turned_around_by_configuration(board):
+    motors = board("motor")
+    motors.configure({"m0": {"encoder_reversed": True}})
+    motors.tell("set 0 encoder_reversed 1")
+    motors.arm(0)
+    _run(motors, lambda now: {0: 3000}, 1500)
+    assert motors.demand().channels[0].position == pytest.approx(3000, abs=5)
+
+
+def test_leak(board):
+    air = _pressed(board, leak_ms=300)
+    air.tell("set 0 leak 1")
+    began = air.telemetry.uptime_ms
+    _run(air, lambda now: {0: 150_000}, 800)
+    trip = air.trip()
+    assert trip["reason"] == "leak"
+    assert trip["world_ms"] - began <= 400
+    air.step(1000)
+    assert air.truth(0)[5] == 0  # it does not feed the leak
+
+
+def test_broken_sensor_wire(board):
+    air = _pressed(board)
+    air.tell("set 0 wire 1")
+    began = air.telemetry.uptime_ms
+    _run(air, lambda now: {0: 150_000}, 100)
+    trip = air.trip()
+    assert trip["reason"] == "sensor_wire"
+    assert trip["world_ms"] - began <= 30
+    assert not air.telemetry.channels[0].sensor_ok
+    assert isinstance(air.masked(Type.CLEAR, 0), Refused)  # it persists
+    air.tell("set 0 wire 0")
+    air.step(2)
+    assert isinstance(air.masked(Type.CLEAR, 0), Telemetry)
+
+
+def test_broken_wire_of_a_0_to_10_v_signal_shows_as_a_leak(board):
+    air = _pressed(board, readback=[[0, 0], [3125, 3]], wire_break_mv=0)
+    air.tell("set 0 wire 1")
+    _run(air, lambda now: {0: 150_000}, 800)
+    assert air.trip()["reason"] == "leak"
+
+
+def test_over_pressure_vents_even_when_the_safe_state_holds(board):
+    air = _pressed(board, safe_state="hold")
+    air.tell("set 0 full_pa 600000")  # the regulator's gain doubles
+    began = air.telemetry.uptime_ms
+    _run(air, lambda now: {0: 150_000}, 300)
+    trip = air.trip()
+    assert trip["reason"] == "over_pressure"
+    assert trip["world_ms"] - began <= 100
+    air.step(1500)
+    assert air.truth(0)[2] < 2000
+
+
+@pytest.mark.parametrize(("command", "cause"), [("reset", "PIN"), ("brown_out", "BROWN_OUT")])
+def test_reset_leaves_outputs_off_and_is_told(board, command, cause):
+    motors, _ = _moving_motor(board)
+    motors.tell(command)
+    motors.step(1)
+    assert motors.truth(0)[4:] == [0, 0]
+    motors.step(30)
+    hello = motors.ask(Type.HELLO)
+    assert (hello.cause, hello.boot, hello.configured) == (ResetCause[cause], 2, False)
+
+
+def test_frozen_loop_dead_man_first_then_the_hardware_watchdog(board):
+    motors, _ = _moving_motor(board)
+    began = motors.telemetry.uptime_ms
+    motors.tell("freeze")
+    motors.step(400)
+    trip = motors.trip()
+    assert trip["reason"] == "dead_man"
+    assert trip["world_ms"] - began <= 100 + 5
+    boot = motors.journal("boot")[-1]
+    assert (boot["cause"], boot["world_ms"] - began <= 260) == ("watchdog", True)
+
+
+def test_garbage_on_the_line_is_counted_and_answered_by_nothing(board):
+    motors, ramp = _moving_motor(board)
+    before = motors.telemetry.bad_frames
+    for noise in (b"\xff" * 2000 + b"\0", bytes(range(1, 255)) + b"\0", b"\x05\x01\0", b"\0\0\0"):
+        assert motors.wire(noise) == b""
+    _run(motors, ramp, 50)
+    assert motors.telemetry.bad_frames == before + 3
+    assert motors.telemetry.channels[0].state is State.ARMED
+
+
+def test_homing_finds_the_end_stop(board):
+    motors = board("motor")
+    homing = {"direction": -1, "speed_deg_s": 90, "at_deg": 30.0, "backoff_deg": 10.0}
+    motors.configure({"m0": {"homing": homing}})
+    motors.tell("set 0 low -2000")
+    assert isinstance(motors.arm(0), Refused)
+    motors.masked(Type.HOME, 0)
+    _run(motors, lambda now: {}, 6000)
+    report = motors.demand().channels[0]
+    assert (report.state, report.homed) == (State.STOPPED, True)
+    # 30 degrees at the stop (-2000 on the plant), then 10 degrees back.
+    assert report.position == pytest.approx(40.0 / 360.0 * 4776, abs=6)
+    assert motors.truth(0)[0] == pytest.approx(-2000 + 10.0 / 360.0 * 4776, abs=12)
+    assert isinstance(motors.arm(0), Telemetry)
+
+
+def test_homing_without_end_stop_gives_up(board):
+    motors = board("motor")
+    motors.configure({"m0": {"homing": {"direction": 1, "timeout_s": 0.5}}})
+    motors.tell("set 0 high 1e9")
+    motors.demand()
+    motors.masked(Type.HOME, 0)
+    _run(motors, lambda now: {}, 700)
+    assert motors.trip()["reason"] == "home_failed"
