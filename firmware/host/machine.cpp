@@ -14,7 +14,7 @@ const double VENTED_PA = 2000.0;
 
 const char* const STATES[] = {"off", "ready", "armed", "homing", "stopped", "safe"};
 const char* const REASONS[] = {"none",      "dead_man",    "stalled",     "encoder_silent", "encoder_reversed",
-                               "following", "home_failed", "sensor_wire", "leak",           "over_pressure"};
+                               "following", "home_failed", "sensor_wire", "leak",           "over_pressure", "bridge"};
 const char* const CAUSES[] = {"power_up", "backup", "watchdog", "software", "pin", "brown_out"};
 
 }  // namespace
@@ -25,7 +25,7 @@ void Machine::boot(ResetCause cause) {
   identity.role = role_;
   identity.boot = boots_;
   identity.cause = cause;
-  for (uint8_t& capability : identity.capabilities) capability = role_ == Role::MOTOR ? 2 : 4;
+  for (uint8_t& capability : identity.capabilities) capability = this->capability();
   identity.pins = "emulated";
   board_.start(identity, nullptr, nullptr);
   link_.start();
@@ -112,7 +112,12 @@ bool Machine::command(const std::string& line, std::string& out) {
   }
   if (verb == "watchdog") return in >> watchdog_fires_, true;
   if (verb == "set" && in >> channel >> name >> value && channel >= 0 && channel < CHANNELS) {
-    return plant.set(channel, name, value);
+    const bool known = plant.set(channel, name, value);
+    plant.read(role_ == Role::MOTOR);
+    return known;
+  }
+  if (verb == "silent" && in >> channel >> value && channel >= 0 && channel < CHANNELS) {
+    return board_.fit(static_cast<uint8_t>(channel), value != 0.0 ? 0 : capability()), true;
   }
   if (verb == "input" && in >> name >> channel >> value && channel >= 0 && channel < CHANNELS) {
     plant.off = true;

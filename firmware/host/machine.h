@@ -35,6 +35,7 @@ class Machine {
  private:
   void boot(ResetCause cause);
   void note();
+  uint8_t capability() const { return role_ == Role::MOTOR ? contid::CURRENT_SENSE | contid::BRIDGE_FAULT : contid::READ_BACK; }
 
   Role role_;
   FILE* journal_;

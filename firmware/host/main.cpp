@@ -1,6 +1,6 @@
 // contid_due_host: the sketch's core on this computer.
 //
-//   contid_due_host motor|pressure --pty LINK [--journal FILE] [--reset-on-open]   in real time, on a pty
+//   contid_due_host motor|pressure --pty LINK [--journal FILE] [--reset-on-open] [--world "set ..."]   in real time, on a pty
 //   contid_due_host motor|pressure --lockstep [--journal FILE]                     time moves when told
 //
 // Both take commands on stdin (firmware/host/README.md); the end of stdin ends the program.
@@ -241,11 +241,13 @@ int run_on_pty(Machine& machine, const std::string& link, bool reset_on_open) {
 
 int main(int argc, char** argv) {
   std::string link, journal = "/dev/null";
+  std::vector<std::string> world;  // commands that describe the plant before the board is powered
   bool lockstep = false, reset_on_open = false;
   for (int i = 2; i < argc; ++i) {
     const std::string word = argv[i];
     if (word == "--lockstep") lockstep = true;
     if (word == "--reset-on-open") reset_on_open = true;
+    if (word == "--world" && i + 1 < argc) world.push_back(argv[++i]);
     if (word == "--pty" && i + 1 < argc) link = argv[++i];
     if (word == "--journal" && i + 1 < argc) journal = argv[++i];
   }
@@ -263,6 +265,10 @@ int main(int argc, char** argv) {
   int code = 0;
   {
     static Machine machine(motor ? contid::Role::MOTOR : contid::Role::PRESSURE, file);
+    for (const std::string& line : world) {
+      std::string out;
+      if (!machine.command(line, out)) std::fprintf(stderr, "not understood: %s\n", line.c_str());
+    }
     code = lockstep ? run_lockstep(machine) : run_on_pty(machine, link, reset_on_open);
   }
   std::fclose(file);

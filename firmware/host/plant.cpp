@@ -31,6 +31,7 @@ bool Plant::set(int channel, const std::string& name, double value) {
     bool* value;
   } const switches[] = {
       {"stall", &m.stalled},
+      {"bridge", &m.bridge},
       {"encoder_stuck", &m.stuck},
       {"encoder_reversed", &m.reversed},
       {"leak", &r.leaking},
@@ -56,6 +57,15 @@ void Plant::step(const Outputs& out, bool motors) {
         regulator[i].step(out.channel[i], dt);
       }
     }
+  }
+  read(motors);
+}
+
+void Plant::read(bool motors) {
+  if (off) return;
+  inputs.bridge_faults = 0;
+  for (int i = 0; i < CHANNELS; ++i) {
+    if (motor[i].bridge) inputs.bridge_faults = static_cast<uint8_t>(inputs.bridge_faults | (1u << i));
     inputs.count[i] = motor[i].count();
     inputs.analog[i] = motors ? motor[i].analog() : regulator[i].analog();
   }

@@ -24,7 +24,7 @@ struct MotorPlant {
   double speed = 0.0;
   double current_ma = 0.0;
   double encoder = 0.0;
-  bool stalled = false, stuck = false, reversed = false;
+  bool stalled = false, bridge = false, stuck = false, reversed = false;
 
   void step(const Output& out, double dt) {
     const double duty = out.drive == Drive::RUN ? static_cast<double>(out.duty) / DUTY_FULL : 0.0;
@@ -98,6 +98,8 @@ struct Plant {
   // Sets one parameter by name; false when there is none of that name.
   bool set(int channel, const std::string& name, double value);
   void step(const Outputs& out, bool motors);
+  // What the board reads of it now.
+  void read(bool motors);
 };
 
 }  // namespace contid

@@ -91,6 +91,8 @@ class BusUnderTest(Protocol):
 
 #: Name in the test's id -> "module:function"; the function is a context manager without arguments.
 HARNESSES: Final[dict[str, str]] = {
+    "due-motor": "tests.contract.due_harness:motors",
+    "due-regulator": "tests.contract.due_harness:regulators",
     "dynamixel": "tests.contract.dynamixel_harness:servo",
     "sim-servo": "tests.contract.sim_harness:servo",
     "sim-motor": "tests.contract.sim_harness:motor",

@@ -36,6 +36,8 @@ class _Axis:
         self.time_s = -math.inf
         self.report: Report | None = None
         self.reference_lost = False
+        self.enabled = False
+        self.silent = True
 
     @property
     def fault(self) -> str:
@@ -52,6 +54,7 @@ class _Axis:
     def take(self, report: Report, now: float) -> None:
         """Keep what the board says of this axis; a reading without sensor is no reading."""
         self.report = report
+        self.silent = False
         if report.sensor_ok:
             self.value = self.scale.from_board(report.position)
             self.time_s = now
@@ -69,7 +72,7 @@ class _Axis:
         return Sample(
             value=self.value,
             time_s=self.time_s,
-            valid=fresh and report.sensor_ok,
+            valid=fresh and report.sensor_ok and not self.silent,
             age_s=now - self.time_s,
             velocity=self.scale.from_board(report.velocity),
             effort=effort,
@@ -115,6 +118,8 @@ class DueBus:
             self._session.close()
         self._session = None
         self._lost = "it is closed"
+        for axis in self._by_name.values():
+            axis.enabled = False
 
     def exchange(self, commands: Mapping[str, float]) -> Mapping[str, Sample]:
         """One demand with the values of this tick, one telemetry."""
@@ -138,10 +143,20 @@ class DueBus:
         for axis in wanted:
             if axis.fault:
                 raise DeviceError(f"{self.name}: {axis.name}", axis.fault, "clear the fault first")
+            if axis.silent or axis.value is None:
+                raise DeviceError(f"{self.name}: {axis.name}", "it is silent")
+        stray = [axis.name for axis in wanted if axis.armed and not axis.enabled]
+        if stray:
+            # Armed by a host that is gone, with that host's goal: from rest it is armed where it stands.
+            self.disable(stray, Rest.HOLD)
         self._grant(session, Type.ARM, "cannot enable", [axis for axis in wanted if not axis.armed])
+        for axis in wanted:
+            axis.enabled = True
 
     def disable(self, axes: Sequence[str], rest: Rest) -> None:
         """Stop channels: motors hold or coast, regulators hold, close or vent. Best effort."""
+        for name in axes:
+            self._axis(name).enabled = False
         session = self._session
         if session is None or self._lost:
             return
@@ -199,6 +214,7 @@ class DueBus:
         self._heard_s = now
         for axis in self._by_name.values():
             report = answer.channels.get(axis.channel)
+            axis.silent = report is None
             if report is not None:
                 axis.take(report, now)
         return True
@@ -209,7 +225,7 @@ class DueBus:
             axis = self._axis(name)
             if not math.isfinite(value):
                 raise DeviceError(f"{self.name}: {name}", f"command {value} is not finite")
-            if axis.armed and not axis.fault:
+            if axis.enabled and axis.armed and not axis.fault:
                 values[axis.channel] = max(-_MOST, min(_MOST, axis.scale.to_board(value)))
         return values
 

@@ -20,7 +20,9 @@ from contid_drivers.due.options import AxisOptions, BusOptions
 from contid_drivers.due.wiring import axis_options
 
 #: Switches of one channel, on or off: ``{"fault": "leak", "channel": 2, "on": true}``.
-CHANNEL_FAULTS: Final = ("stall", "encoder_stuck", "encoder_reversed", "leak", "wire")
+CHANNEL_FAULTS: Final = ("stall", "bridge", "encoder_stuck", "encoder_reversed", "leak", "wire")
+#: One channel falls out of the board, on or off: ``{"fault": "silent", "channel": 2, "on": true}``.
+SILENT: Final = "silent"
 #: Switches of the line, on or off: ``{"fault": "garbage", "on": true}``.
 LINE_FAULTS: Final = ("garbage", "mute")
 #: Events: ``{"fault": "freeze", "ms": 400}``; without ``ms`` for good.
@@ -37,12 +39,14 @@ def fault_command(entry: object) -> str:
     Raises:
         DeviceError: there is no such switch; the message lists them.
     """
-    known = ", ".join((*CHANNEL_FAULTS, *LINE_FAULTS, *BOARD_FAULTS))
+    known = ", ".join((*CHANNEL_FAULTS, SILENT, *LINE_FAULTS, *BOARD_FAULTS))
     if not isinstance(entry, dict) or "fault" not in entry:
         raise DeviceError("due emulator", f'a fault switch is {{"fault": NAME, ...}}; names: {known}')
     name, on = entry["fault"], 1 if entry.get("on", True) else 0
     if name in CHANNEL_FAULTS:
         return f"set {int(entry.get('channel', 0))} {name} {on}"
+    if name == SILENT:
+        return f"silent {int(entry.get('channel', 0))} {on}"
     if name in LINE_FAULTS:
         return f"{name} {on}"
     if name in BOARD_FAULTS:
@@ -103,7 +107,9 @@ class Emulator:
             self._command += ["--journal", str(journal)]
         if options.connection == "programming":
             self._command.append("--reset-on-open")
-        self._plant = [line for axis in axes for line in plant_commands(axis)]
+        for axis in axes:
+            for line in plant_commands(axis):
+                self._command += ["--world", line]
 
     def __enter__(self) -> Self:
         """Start the board; it answers when this returns."""
@@ -115,8 +121,6 @@ class Emulator:
         if self._process.stdout.readline().strip() != "ready":
             self.__exit__()
             raise DeviceError("due emulator", f"cannot make a pty at {self.port}")
-        for line in self._plant:
-            self.tell(line)
         return self
 
     def __exit__(self, *_: object) -> None:

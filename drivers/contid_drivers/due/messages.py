@@ -59,6 +59,7 @@ class Reason(enum.IntEnum):
     SENSOR_WIRE = 7
     LEAK = 8
     OVER_PRESSURE = 9
+    BRIDGE = 10
 
     @property
     def words(self) -> str:
@@ -77,6 +78,7 @@ _REASON_WORDS: Final = {
     Reason.SENSOR_WIRE: "pressure signal out of range: broken wire",
     Reason.LEAK: "pressure stays below its set-point: leak, no supply or no signal",
     Reason.OVER_PRESSURE: "pressure above the ceiling",
+    Reason.BRIDGE: "the H-bridge reports a fault of its own (heat, current or supply)",
 }
 
 

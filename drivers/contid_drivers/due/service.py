@@ -23,7 +23,12 @@ class _Monotonic:
     """The real clock."""
 
     def now(self) -> float:
+        """Seconds of the monotonic clock."""
         return time.monotonic()
+
+    def sleep(self, seconds: float) -> None:
+        """Wait."""
+        time.sleep(seconds)
 
 
 def doctor(name: str, options: BusOptions, axes: Sequence[AxisOnBus]) -> list[Finding]:

@@ -12,7 +12,7 @@ from contid_drivers.due.frames import crc16
 from contid_drivers.due.messages import Answer, Configured, Hello, Refusal, Refused, Telemetry, Type
 from contid_drivers.due.options import BusOptions, Role
 from contid_drivers.due.port import Port, find_port
-from contid_drivers.due.wiring import board_config, config_body
+from contid_drivers.due.wiring import axis_options, board_config, config_body
 
 #: How often hello is repeated while a board starts.
 _HELLO_EVERY_S = 0.05
@@ -35,6 +35,7 @@ class Session:
         try:
             self.hello = self._wait_for_hello()
             self._check_role()
+            self._check_channels(axes)
             self._configure()
         except BaseException:
             self.close()
@@ -69,6 +70,17 @@ class Session:
                 f"expected a {self._options.role} board at {self._port.path}, "
                 f"found a {found or self.hello.role} board",
                 "swap the ports in the robot file, or flash the other role",
+            )
+
+    def _check_channels(self, axes: Sequence[AxisOnBus]) -> None:
+        fitted = [i for i, capability in enumerate(self.hello.capabilities) if capability]
+        missing = [axis.name for axis in axes if axis_options(axis).number not in fitted]
+        if missing:
+            raise DeviceNotFoundError(
+                self._name,
+                f"expected channels of {', '.join(missing)}, "
+                f"found channels {', '.join(map(str, fitted)) or 'none'}",
+                "the pin map in hello (contid doctor) says what the board was built for",
             )
 
     def _configure(self) -> None:

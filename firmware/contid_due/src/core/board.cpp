@@ -27,6 +27,7 @@ int32_t Board::velocity(uint8_t channel) const {
 
 void Board::tick(const Inputs& in, Outputs& out) {
   now_ = now_ + 1;
+  bridge_faults_ = in.bridge_faults;
   const bool motors = identity_.role == Role::MOTOR;
   for (uint8_t i = 0; i < CHANNELS; ++i) {
     if (motors) {
@@ -88,8 +89,9 @@ Output Board::drive_motor(uint8_t i) {
       out = motor.rest(motor.config().safe == Safe::COAST ? Drive::COAST : Drive::BRAKE);
       break;
   }
-  if (powered && motor.fault() != Reason::NONE) {
-    trip(i, motor.fault());
+  const bool bridge = (bridge_faults_ & (1u << i)) != 0;
+  if (powered && (bridge || motor.fault() != Reason::NONE)) {
+    trip(i, bridge ? Reason::BRIDGE : motor.fault());
     return motor.rest(motor.config().safe == Safe::COAST ? Drive::COAST : Drive::BRAKE);
   }
   return out;
@@ -208,6 +210,7 @@ Verdict Board::configure(Reader& in) {
   // A host that comes back with the same file finds everything as it left it.
   if (config_.mask != 0 && crc == config_crc_) return accepted();
   for (uint8_t i = 0; i < CHANNELS; ++i) {
+    if ((staged_.mask & (1u << i)) != 0 && !fitted(i)) return Verdict{Refusal::BAD_CHANNEL, i};
     const State state = channel_[i].state;
     if (state == State::ARMED || state == State::HOMING) return Verdict{Refusal::ARMED_NOW, i};
   }
@@ -233,6 +236,8 @@ Verdict Board::configure(Reader& in) {
 
 Verdict Board::may_arm(uint8_t i) const {
   if (channel_[i].state == State::SAFE) return Verdict{Refusal::LATCHED, i};
+  if (!fitted(i)) return Verdict{Refusal::BAD_CHANNEL, i};
+  if ((bridge_faults_ & (1u << i)) != 0) return Verdict{Refusal::PERSISTS, i};
   if (identity_.role == Role::MOTOR) {
     if (channel_[i].state == State::HOMING) return Verdict{Refusal::ARMED_NOW, i};
     if (config_.motor[i].homing && !motor_[i].homed()) return Verdict{Refusal::NOT_HOMED, i};
@@ -310,7 +315,8 @@ Verdict Board::clear(Reader& in) {
   if (verdict.refusal != Refusal::NONE) return verdict;
   for (uint8_t i = 0; i < CHANNELS; ++i) {
     const bool wire = channel_[i].reason == Reason::SENSOR_WIRE && !regulator_[i].sensor_ok();
-    if ((mask & (1u << i)) != 0 && wire) return Verdict{Refusal::PERSISTS, i};
+    const bool bridge = channel_[i].reason == Reason::BRIDGE && (bridge_faults_ & (1u << i)) != 0;
+    if ((mask & (1u << i)) != 0 && (wire || bridge)) return Verdict{Refusal::PERSISTS, i};
   }
   keep_tick_out();
   for (uint8_t i = 0; i < CHANNELS; ++i) {
@@ -399,9 +405,13 @@ size_t Board::say_telemetry(uint8_t* out, size_t capacity) {
   to.u8((config_.mask != 0 ? BOARD_CONFIGURED : 0u) | (stale_ ? BOARD_DEMAND_STALE : 0u));
   to.u16(bad_frames_);
   to.u16(dropped_);
-  to.u8(config_.mask);
+  uint8_t told = 0;
   for (uint8_t i = 0; i < CHANNELS; ++i) {
-    if ((config_.mask & (1u << i)) == 0) continue;
+    if ((config_.mask & (1u << i)) != 0 && fitted(i)) told = static_cast<uint8_t>(told | (1u << i));
+  }
+  to.u8(told);
+  for (uint8_t i = 0; i < CHANNELS; ++i) {
+    if ((told & (1u << i)) == 0) continue;
     const Motor& m = motor_[i];
     const Regulator& r = regulator_[i];
     const bool motor = identity_.role == Role::MOTOR;

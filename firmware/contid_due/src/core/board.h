@@ -16,13 +16,14 @@ struct Identity {
   Role role;
   uint16_t boot;  // counts starts, kept over resets
   ResetCause cause;
-  uint8_t capabilities[CHANNELS];
+  uint8_t capabilities[CHANNELS];  // 0: the channel is not fitted
   const char* pins;  // the pin map in words
 };
 
 struct Inputs {
   int32_t count[CHANNELS];
   int32_t analog[CHANNELS];  // 12 bit
+  uint8_t bridge_faults;     // one bit per channel whose H-bridge reports a fault
 };
 
 struct Outputs {
@@ -38,6 +39,9 @@ class Board {
 
   // Answers one request (header and body, CRC checked and removed). Returns the size of the answer.
   size_t answer(const uint8_t* request, size_t size, uint8_t* out, size_t capacity);
+
+  // A channel that is not fitted, or fell out, tells nothing and cannot be armed.
+  void fit(uint8_t channel, uint8_t capabilities) { identity_.capabilities[channel] = capabilities; }
 
   // Frames that were no frames, and answers nobody made room for: only counted.
   void count_bad_frame() { ++bad_frames_; }
@@ -72,6 +76,7 @@ class Board {
   size_t say_hello(uint8_t* out, size_t capacity) const;
   size_t say_telemetry(uint8_t* out, size_t capacity);
 
+  bool fitted(uint8_t channel) const { return identity_.capabilities[channel] != 0; }
   void trip(uint8_t channel, Reason reason);
   Output drive_motor(uint8_t channel);
   Output drive_regulator(uint8_t channel);
@@ -94,6 +99,7 @@ class Board {
   uint32_t fed_, demanded_;
   bool stale_;
   uint16_t bad_frames_, dropped_;
+  uint8_t bridge_faults_;
 };
 
 }  // namespace contid

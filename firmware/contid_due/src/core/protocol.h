@@ -61,6 +61,7 @@ enum class Reason : uint8_t {
   SENSOR_WIRE = 7,
   LEAK = 8,
   OVER_PRESSURE = 9,
+  BRIDGE = 10,  // the H-bridge reports a fault of its own
 };
 
 enum class Refusal : uint8_t {
@@ -83,6 +84,13 @@ enum class Refusal : uint8_t {
 };
 
 enum class ResetCause : uint8_t { POWER_UP = 0, BACKUP = 1, WATCHDOG = 2, SOFTWARE = 3, PIN = 4, BROWN_OUT = 5 };
+
+// What hello says of a channel; 0 is a channel that is not fitted.
+const uint8_t HARDWARE_DECODER = 1;
+const uint8_t EDGE_DECODER = 2;
+const uint8_t CURRENT_SENSE = 4;
+const uint8_t BRIDGE_FAULT = 8;
+const uint8_t READ_BACK = 16;
 
 // Bits beside the state in telemetry.
 const uint8_t CHANNEL_HOMED = 0x10;

@@ -25,6 +25,8 @@ void Regulator::configure(const RegulatorConfig& config) {
   fault_ = Reason::NONE;
   leak_ticks_ = 0;
   over_ticks_ = 0;
+  measure();
+  for (uint32_t i = 0; i < RATE_WINDOW; ++i) past_[i] = pressure_;
   // A set-point that stands (a host that came back) stays, below the new ceiling.
   set_q8_ = clamp64(set_q8_, 0, static_cast<int64_t>(config.ceiling) * 256);
   demand_ = static_cast<int32_t>(set_q8_ >> 8);
@@ -32,12 +34,17 @@ void Regulator::configure(const RegulatorConfig& config) {
 
 void Regulator::sense(int32_t raw_analog) {
   raw_ = raw_analog;
+  if (!primed_) {
+    // The average starts with the first reading, not with the zeros of a fresh memory.
+    for (uint32_t i = 0; i < WINDOW; ++i) readings_[i] = raw_analog;
+    reading_sum_ = raw_analog * static_cast<int32_t>(WINDOW);
+    primed_ = true;
+  }
   reading_sum_ += raw_analog - readings_[at_];
   readings_[at_] = raw_analog;
   at_ = (at_ + 1) % WINDOW;
   if (config_ == nullptr) return;
-  const int64_t steps = reading_sum_ - config_->raw_low * static_cast<int32_t>(WINDOW);
-  pressure_ = config_->low + static_cast<int32_t>((steps * slope_q16_) >> 16);
+  measure();
   const int64_t change = static_cast<int64_t>(pressure_) - past_[past_at_];
   rate_ = static_cast<int32_t>(clamp64(change * (static_cast<int32_t>(TICK_HZ) / static_cast<int32_t>(RATE_WINDOW)),
                                        INT32_MIN, INT32_MAX));
@@ -45,6 +52,11 @@ void Regulator::sense(int32_t raw_analog) {
   past_at_ = (past_at_ + 1) % RATE_WINDOW;
   const bool broken = (config_->wire_raw > 0 && raw_ < config_->wire_raw) || raw_ >= ADC_TOP;
   wire_ticks_ = broken ? (wire_ticks_ < WIRE_MS ? wire_ticks_ + 1 : WIRE_MS) : 0;
+}
+
+void Regulator::measure() {
+  const int64_t steps = reading_sum_ - config_->raw_low * static_cast<int32_t>(WINDOW);
+  pressure_ = config_->low + static_cast<int32_t>((steps * slope_q16_) >> 16);
 }
 
 // The set-point stays where it is: arming never changes the pressure.

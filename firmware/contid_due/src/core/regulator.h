@@ -37,6 +37,7 @@ class Regulator {
   static const uint32_t RATE_WINDOW = 16;
 
   Output command(bool settle);
+  void measure();
   void watch();
   int32_t duty_at(int32_t pressure) const;
 
@@ -56,7 +57,7 @@ class Regulator {
   int32_t duty_;
   int32_t wire_ticks_, leak_ticks_, over_ticks_;
   Reason fault_;
-  bool limited_;
+  bool limited_, primed_;
 };
 
 }  // namespace contid

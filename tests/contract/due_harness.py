@@ -1,0 +1,118 @@
+"""The Due driver under the contract: the firmware itself on a pty with its plant, in real time."""
+
+from __future__ import annotations
+
+import math
+import tempfile
+import time
+from collections.abc import Iterator, Mapping
+from contextlib import contextmanager
+from pathlib import Path
+from typing import Any
+
+from contid.hal import AxisOnBus, DeviceKind, Rest, Sample
+from contid_drivers.due.bus import DueBus
+from contid_drivers.due.emulator import Emulator
+from contid_drivers.due.options import AxisOptions, BusOptions
+from tests.contract.harness import Facts
+
+TICK_S = 0.005
+COUNT = math.tau / 4776.0
+MOTORS = Facts(DeviceKind.MOTOR, 2 * COUNT, 12 * COUNT, 0.5, 60.0, 0.7, 0.2, 0.0, Rest.RELAX)
+# 3 bar on 12 bit are 75 Pa a step.
+REGULATORS = Facts(DeviceKind.REGULATOR, 300.0, 1500.0, 20_000.0, 150_000.0, 0.5, 0.2, 1.0, Rest.VENT)
+REGULATOR = {
+    "calibration": [[0, 0], [100, 3]],
+    "readback": [[600, 0], [3000, 3]],
+    "wire_break_mv": 540,
+    "ceiling_bar": 2.0,
+    "slew_bar_s": 2.0,
+    "vent_bar_s": 2.0,
+}
+
+
+class RealClock:
+    def now(self) -> float:
+        return time.monotonic()
+
+
+class DueRig:
+    """A `tests.contract.harness.BusUnderTest` of one emulated board."""
+
+    def __init__(self, port: Path, facts: Facts, letter: str, axis_keys: Mapping[str, Any]) -> None:
+        self.facts = facts
+        self.port = port
+        self._channels = {"left.a": 0, "left.b": 3, "right.a": 5}
+        axes = [
+            AxisOnBus(axis, AxisOptions(channel=f"{letter}{number}", **axis_keys))
+            for axis, number in self._channels.items()
+        ]
+        role = "motor" if letter == "m" else "pressure"
+        options = BusOptions(port=str(port), role=role, watchdog_ms=200, latency_ms=60.0)
+        self.emulator = Emulator(options, axes)
+        self.bus = DueBus("board", options, axes, RealClock())
+
+    def pump(self, seconds: float, commands: Mapping[str, float] | None = None) -> Mapping[str, Sample]:
+        until = time.monotonic() + seconds
+        while True:
+            samples = self.bus.exchange(commands or {})
+            if time.monotonic() >= until:
+                return samples
+            time.sleep(TICK_S)
+
+    def wait(self, seconds: float) -> None:
+        time.sleep(seconds)
+
+    def _truth(self, axis: str) -> list[float]:
+        return [float(number) for number in self.emulator.tell(f"get {self._channels[axis]}").split()]
+
+    def value(self, axis: str) -> float:
+        truth = self._truth(axis)
+        return truth[0] * COUNT if self.facts.kind is DeviceKind.MOTOR else truth[2]
+
+    def powered(self, axis: str) -> bool:
+        return self._truth(axis)[4] == 2  # the output drives
+
+    def silence(self, axis: str, silent: bool) -> None:
+        self.emulator.fault("silent", channel=self._channels[axis], on=silent)
+
+    def unplug(self) -> None:
+        self.emulator.fault("unplug")
+        while self.port.is_symlink():
+            time.sleep(0.001)
+
+    def plug(self) -> None:
+        self.emulator.fault("plug")
+        while not self.port.exists():
+            time.sleep(0.001)
+
+    def break_device(self, axis: str) -> None:
+        self._fault(axis, True)
+
+    def mend_device(self, axis: str) -> None:
+        self._fault(axis, False)
+
+    def _fault(self, axis: str, on: bool) -> None:
+        name = "bridge" if self.facts.kind is DeviceKind.MOTOR else "wire"
+        self.emulator.fault(name, channel=self._channels[axis], on=on)
+
+
+@contextmanager
+def _rig(facts: Facts, letter: str, axis_keys: Mapping[str, Any]) -> Iterator[DueRig]:
+    with tempfile.TemporaryDirectory() as folder:
+        rig = DueRig(Path(folder) / "board.pty", facts, letter, axis_keys)
+        with rig.emulator:
+            yield rig
+            rig.bus.close()
+
+
+@contextmanager
+def motors() -> Iterator[DueRig]:
+    with _rig(MOTORS, "m", {}) as rig:
+        yield rig
+
+
+@contextmanager
+def regulators() -> Iterator[DueRig]:
+    with _rig(REGULATORS, "p", REGULATOR) as rig:
+        yield rig
