@@ -128,8 +128,8 @@ bool Machine::command(const std::string& line, std::string& out) {
     char text[200];
     const MotorPlant& m = plant.motor[channel];
     const Output& o = outputs_.channel[channel];
-    std::snprintf(text, sizeof text, "%.6f %.6f %.3f %.3f %d %d", m.shaft, m.speed,
-                  plant.regulator[channel].pressure, plant.regulator[channel].rate, static_cast<int>(o.drive), o.duty);
+    std::snprintf(text, sizeof text, "%.6f %.6f %.3f %.3f %d %d %llu", m.shaft, m.speed,
+                  plant.regulator[channel].pressure, plant.regulator[channel].rate, static_cast<int>(o.drive), o.duty, static_cast<unsigned long long>(world_ms_));
     out = text;
     return true;
   }

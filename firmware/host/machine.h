@@ -17,10 +17,10 @@ class Machine {
 
   // The timer interrupt and one millisecond of the world.
   void tick();
-  // A byte for the sketch; answers are appended to `reply`. A board that starts or whose loop() is frozen hears
-  // nothing: the caller keeps the byte.
+  // A byte for the sketch; answers are appended to `reply`. A board that starts (until its first tick) or whose
+  // loop() is frozen hears nothing: the caller keeps the byte.
   void take(uint8_t byte, std::vector<uint8_t>& reply);
-  bool hears() const { return starting_ms_ == 0 && frozen_ms_ == 0; }
+  bool hears() const { return starting_ms_ == 0 && frozen_ms_ == 0 && board_.uptime_ms() > 0; }
 
   void reset(ResetCause cause);
   // loop() stands still: after the watchdog's 250 ms the board resets, as the hardware would.

@@ -64,6 +64,13 @@ class DueRig:
         time.sleep(seconds)
 
     def _truth(self, axis: str) -> list[float]:
+        """Of a tick that began after the question: what the board was asked has reached its outputs."""
+        asked = self._get(axis)
+        while (now := self._get(axis))[-1] < asked[-1] + 2:
+            time.sleep(0.0005)
+        return now
+
+    def _get(self, axis: str) -> list[float]:
         return [float(number) for number in self.emulator.tell(f"get {self._channels[axis]}").split()]
 
     def value(self, axis: str) -> float:

@@ -40,6 +40,7 @@ class VirtualBoard:
         self._sequence = 0
         self.crc = 0
         self.telemetry: Telemetry | None = None
+        self.step()  # a board listens after its first tick
 
     def close(self) -> None:
         assert self._process.stdin is not None
@@ -110,7 +111,7 @@ class VirtualBoard:
         return self.ask(kind, messages.masked(self.crc, channels))
 
     def truth(self, channel: int) -> list[float]:
-        """Shaft [counts], speed [counts/s], pressure [Pa], its rate [Pa/s], drive, duty."""
+        """Shaft [counts], speed [counts/s], pressure [Pa], rate [Pa/s], drive, duty, world time [ms]."""
         return [float(number) for number in self.tell(f"get {channel}").split()]
 
     def journal(self, event: str) -> list[dict[str, Any]]:

@@ -24,7 +24,7 @@ class Regulator {
 
   // What is wrong while pressure may stand in the chamber.
   Reason fault() const { return fault_; }
-  bool sensor_ok() const { return wire_ticks_ == 0; }
+  bool sensor_ok() const { return primed_ && wire_ticks_ == 0; }
 
   int32_t pressure() const { return pressure_; }
   int32_t rate() const { return rate_; }
