@@ -18,7 +18,7 @@ from typing import Any, Final, Protocol
 
 from contid.control.child import ControlChild
 from contid.control.command_log import CommandLog
-from contid.control.cycle import OnEnd
+from contid.control.cycle import OnEnd, Sink
 from contid.control.inputs import Stream
 from contid.control.messages import End, Estop, Finish, Message
 from contid.control.preflight import Preflight, Unreachable
@@ -86,6 +86,10 @@ class Observer(Protocol):
         Raises:
             ContidError: it cannot; nothing is started then.
         """
+        ...
+
+    def follow(self, setup: Setup) -> Sink:
+        """The same for a run in virtual time, which has no ring: a sink within this process."""
         ...
 
     def detach(self) -> Sequence[str]:

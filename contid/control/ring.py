@@ -203,6 +203,13 @@ class RingReader(_Mapped):
             out.append(self.layout.decode(self._packer.unpack_from(raw, STAMP)))
         return out
 
+    def raw_ticks(self, at_most: int) -> list[tuple[float, ...]]:
+        """As `ticks`, but the bare values of the records, for whoever only passes them on."""
+        out: list[tuple[float, ...]] = []
+        while len(out) < at_most and (raw := self._next(self._tick, TICKS_AT, self.slots, self._tick_slot)):
+            out.append(self._packer.unpack_from(raw, STAMP))
+        return out
+
     def newest(self) -> TickRecord | None:
         """The newest record, without moving this reader's place."""
         for _ in range(3):

@@ -1,0 +1,232 @@
+"""From a session as it was written to one as it is kept: compressed chunks, an index, statistics.
+
+Message records are copied as bytes; only their heads are looked at. The new file stands beside the old one
+until it is complete, then takes its place in one step, so that there is a readable session at every instant.
+"""
+
+from __future__ import annotations
+
+import os
+import struct
+import zlib
+from collections import defaultdict
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any, BinaryIO, Final
+
+from contid.session import mcap_records as mcap
+from contid.session.channels import TICK_CHANNELS
+from contid.session.mcap_records import MESSAGE_INSIDE, RECORD, RecordStream
+
+CHUNK_BYTES: Final = 1 << 20
+LEVEL: Final = 3
+_PAIR: Final = struct.Struct("<QQ")
+
+
+@dataclass(slots=True)
+class _Summary:
+    """What is known when everything was copied."""
+
+    schemas: list[Any] = field(default_factory=list)
+    channels: list[Any] = field(default_factory=list)
+    chunks: list[Any] = field(default_factory=list)
+    attachments: list[Any] = field(default_factory=list)
+    metadata: list[Any] = field(default_factory=list)
+    counts: dict[int, int] = field(default_factory=lambda: defaultdict(int))
+    start_ns: int = 0
+    end_ns: int = 0
+
+
+def compact(
+    source: Path, target: Path | None = None, note: Mapping[str, Mapping[str, str]] | None = None
+) -> Path:
+    """Rewrite a session, whole or truncated, as an indexed and compressed one.
+
+    Args:
+        source: the session.
+        target: where to; None replaces ``source``.
+        note: metadata to add, by name.
+
+    Returns:
+        The new file.
+    """
+    target = target or source
+    beside = target.with_name(f".{target.name}.{os.getpid()}.tmp")
+    try:
+        with source.open("rb") as old, beside.open("xb") as new:
+            _Compactor(new).copy(RecordStream(old), note or {})
+            new.flush()
+            os.fsync(new.fileno())
+        os.replace(beside, target)
+    except BaseException:
+        beside.unlink(missing_ok=True)
+        raise
+    return target
+
+
+class _Compactor:
+    """One copy."""
+
+    def __init__(self, out: BinaryIO) -> None:
+        self._out = out
+        self._summary = _Summary()
+        self._parts: list[bytes] = []
+        self._size = 0
+        self._index: dict[int, list[tuple[int, int]]] = defaultdict(list)
+        # A tick that was cut off is not kept: what came of it waits here until its last message.
+        self._held: list[bytes] = []
+        self._first = self._last = -1
+
+    def copy(self, stream: RecordStream, note: Mapping[str, Mapping[str, str]]) -> None:
+        """Copy every whole record and tick, and finish the file."""
+        self._out.write(mcap.MAGIC)
+        from mcap import records
+
+        known: set[tuple[int, int]] = set()
+        for opcode, body in stream:
+            if opcode == mcap.MESSAGE:
+                self._hold(body)
+                continue
+            if opcode in (mcap.SCHEMA, mcap.CHANNEL):
+                key = (opcode, int.from_bytes(body[:2], "little"))
+                if key in known:
+                    continue
+                known.add(key)
+            self._rare(opcode, body)
+        for name, texts in note.items():
+            body = mcap.built(records.Metadata(name=name, metadata=dict(texts)))
+            self._rare(mcap.METADATA, body[RECORD.size :])
+        self._chunk()
+        self._finish()
+
+    def _hold(self, body: bytes) -> None:
+        channel = int.from_bytes(body[:2], "little")
+        if channel == self._first:
+            self._held = [body]
+        elif channel == self._last:
+            for each in (*self._held, body):
+                self._message(each)
+            self._held = []
+        elif self._held:
+            self._held.append(body)
+        else:
+            self._message(body)
+
+    def _message(self, body: bytes) -> None:
+        channel, _, time_ns, _ = MESSAGE_INSIDE.unpack_from(body)
+        self._index[channel].append((time_ns, self._size))
+        self._parts += (RECORD.pack(mcap.MESSAGE, len(body)), body)
+        self._size += RECORD.size + len(body)
+        if self._size >= CHUNK_BYTES:
+            self._chunk()
+
+    def _rare(self, opcode: int, body: bytes) -> None:
+        from mcap import records
+
+        summary, at = self._summary, self._out.tell()
+        self._out.write(RECORD.pack(opcode, len(body)) + body)
+        if opcode == mcap.SCHEMA:
+            summary.schemas.append(mcap.understood(opcode, body))
+        elif opcode == mcap.CHANNEL:
+            channel = mcap.understood(opcode, body)
+            summary.channels.append(channel)
+            self._first = channel.id if channel.topic == TICK_CHANNELS[0] else self._first
+            self._last = channel.id if channel.topic == TICK_CHANNELS[-1] else self._last
+        elif opcode == mcap.METADATA:
+            name = mcap.understood(opcode, body).name
+            index = records.MetadataIndex(offset=at, length=RECORD.size + len(body), name=name)
+            summary.metadata.append(index)
+        elif opcode == mcap.ATTACHMENT:
+            file = mcap.understood(opcode, body)
+            summary.attachments.append(
+                records.AttachmentIndex(
+                    offset=at,
+                    length=RECORD.size + len(body),
+                    log_time=file.log_time,
+                    create_time=file.create_time,
+                    data_size=len(file.data),
+                    name=file.name,
+                    media_type=file.media_type,
+                )
+            )
+
+    def _chunk(self) -> None:
+        """Write what has gathered as one chunk and its index."""
+        if not self._parts:
+            return
+        import zstandard
+        from mcap import records
+
+        body = b"".join(self._parts)
+        packed = zstandard.ZstdCompressor(level=LEVEL).compress(body)
+        times = [time_ns for pairs in self._index.values() for time_ns, _ in pairs]
+        start_ns, end_ns = min(times), max(times)
+        at = self._out.tell()
+        self._out.write(
+            mcap.built(records.Chunk("zstd", packed, end_ns, start_ns, zlib.crc32(body), len(body)))
+        )
+        index_at = self._out.tell()
+        offsets = {}
+        for channel, pairs in self._index.items():
+            offsets[channel] = self._out.tell()
+            entries = b"".join([_PAIR.pack(*pair) for pair in pairs])
+            inside = struct.pack("<HI", channel, len(entries)) + entries
+            self._out.write(RECORD.pack(mcap.INDEX, len(inside)) + inside)
+            self._summary.counts[channel] += len(pairs)
+        summary = self._summary
+        summary.start_ns = min(start_ns, summary.start_ns) if summary.chunks else start_ns
+        summary.end_ns = max(end_ns, summary.end_ns)
+        summary.chunks.append(
+            records.ChunkIndex(
+                chunk_length=index_at - at,
+                chunk_start_offset=at,
+                compression="zstd",
+                compressed_size=len(packed),
+                message_end_time=end_ns,
+                message_index_length=self._out.tell() - index_at,
+                message_index_offsets=offsets,
+                message_start_time=start_ns,
+                uncompressed_size=len(body),
+            )
+        )
+        self._parts, self._size, self._index = [], 0, defaultdict(list)
+
+    def _finish(self) -> None:
+        """Data end, summary, footer."""
+        from mcap import records
+        from mcap.opcode import Opcode
+
+        summary = self._summary
+        self._out.write(mcap.built(records.DataEnd(0)))
+        statistics = records.Statistics(
+            attachment_count=len(summary.attachments),
+            channel_count=len(summary.channels),
+            channel_message_counts=dict(summary.counts),
+            chunk_count=len(summary.chunks),
+            message_count=sum(summary.counts.values()),
+            metadata_count=len(summary.metadata),
+            message_start_time=summary.start_ns,
+            message_end_time=summary.end_ns,
+            schema_count=len(summary.schemas),
+        )
+        groups = (
+            (Opcode.SCHEMA, summary.schemas),
+            (Opcode.CHANNEL, summary.channels),
+            (Opcode.STATISTICS, [statistics]),
+            (Opcode.CHUNK_INDEX, summary.chunks),
+            (Opcode.ATTACHMENT_INDEX, summary.attachments),
+            (Opcode.METADATA_INDEX, summary.metadata),
+        )
+        start = self._out.tell()
+        body, offsets = b"", []
+        for opcode, some in groups:
+            if some:
+                part = mcap.built(*some)
+                offsets.append(records.SummaryOffset(opcode, start + len(body), len(part)))
+                body += part
+        offsets_at = start + len(body)
+        body += mcap.built(*offsets)
+        head = struct.pack("<BQQQ", mcap.FOOTER, 8 + 8 + 4, start, offsets_at)
+        crc = zlib.crc32(head, zlib.crc32(body))
+        self._out.write(body + mcap.built(records.Footer(start, offsets_at, crc)) + mcap.MAGIC)

@@ -1,0 +1,145 @@
+"""MCAP records as bytes: what is written in every tick, and a reader that no truncation stops.
+
+The ``mcap`` package writes 24 us per message and buffers, and its readers give up on a file without a footer
+or lose the chunk under way. A message record is 31 bytes of head and the JSON; a whole tick goes out in one
+``write``. Rare records are built by ``mcap`` itself. Format: https://mcap.dev/spec.
+"""
+
+from __future__ import annotations
+
+import io
+import struct
+import zlib
+from collections.abc import Iterator
+from typing import Any, BinaryIO, Final
+
+MAGIC: Final = b"\x89MCAP0\r\n"
+LIBRARY: Final = "contid"
+HEADER, FOOTER, SCHEMA, CHANNEL, MESSAGE, CHUNK, INDEX = 1, 2, 3, 4, 5, 6, 7
+ATTACHMENT, METADATA, DATA_END = 0x09, 0x0C, 0x0F
+RECORD: Final = struct.Struct("<BQ")
+#: opcode, length, channel, sequence, log time [ns], publish time [ns].
+MESSAGE_HEAD: Final = struct.Struct("<BQHIQQ")
+MESSAGE_INSIDE: Final = struct.Struct("<HIQQ")
+_CHUNK_HEAD: Final = struct.Struct("<QQQI")
+_READ: Final = 1 << 20
+#: No record of a session is longer; a length beyond it is damage.
+_LONGEST: Final = 1 << 32
+
+
+def message(channel: int, sequence: int, time_ns: int, data: bytes) -> bytes:
+    """One message record."""
+    length = MESSAGE_INSIDE.size + len(data)
+    return MESSAGE_HEAD.pack(MESSAGE, length, channel, sequence & 0xFFFFFFFF, time_ns, time_ns) + data
+
+
+def built(*records: Any) -> bytes:
+    """Records of the ``mcap`` package as bytes."""
+    from mcap.data_stream import RecordBuilder
+
+    builder = RecordBuilder()
+    for record in records:
+        record.write(builder)
+    return bytes(builder.end())
+
+
+def understood(opcode: int, body: bytes) -> Any:
+    """The record of the ``mcap`` package that a body holds (schema, channel, attachment, metadata)."""
+    from mcap import records
+    from mcap.data_stream import ReadDataStream
+
+    kinds = {
+        SCHEMA: records.Schema,
+        CHANNEL: records.Channel,
+        ATTACHMENT: records.Attachment,
+        METADATA: records.Metadata,
+    }
+    return kinds[opcode].read(ReadDataStream(io.BytesIO(body)))
+
+
+class RecordStream:
+    """Records of a file in their order, those inside chunks too, up to the first that is not whole.
+
+    Attributes:
+        clean: after the last record: the file ends as MCAP demands.
+        chunked: a chunk was seen: the file was compacted.
+    """
+
+    def __init__(self, file: BinaryIO) -> None:
+        self._file = file
+        self.clean = False
+        self.chunked = False
+
+    def __iter__(self) -> Iterator[tuple[int, bytes]]:
+        """Opcode and body of every record of the data section."""
+        if self._file.read(len(MAGIC)) != MAGIC:
+            return
+        ended = False
+        for opcode, body in _records(self._file):
+            if opcode == CHUNK:
+                self.chunked = True
+                try:
+                    inside = _unpacked(body)
+                except ValueError:
+                    return
+                yield from _records(io.BytesIO(inside))
+            elif opcode == DATA_END:
+                ended = True
+            elif opcode == FOOTER:
+                self.clean = ended and self._file_ends()
+                return
+            elif opcode != INDEX and not ended:
+                yield opcode, body
+
+    def _file_ends(self) -> bool:
+        self._file.seek(-len(MAGIC), io.SEEK_END)
+        return self._file.read() == MAGIC
+
+
+def _records(file: BinaryIO) -> Iterator[tuple[int, bytes]]:
+    """Whole records; stops at the first that is not."""
+    data, at, head = b"", 0, RECORD.size
+    while True:
+        while len(data) - at >= head:
+            opcode, length = RECORD.unpack_from(data, at)
+            if opcode == 0 or length > _LONGEST:
+                return  # zeros of a block that never reached the disk, or other damage
+            end = at + head + length
+            if end > len(data):
+                break
+            yield opcode, data[at + head : end]
+            at = end
+        wanted = _READ
+        if len(data) - at >= head:
+            wanted = max(_READ, head + RECORD.unpack_from(data, at)[1] - (len(data) - at))
+        more = file.read(wanted)
+        if not more:
+            return
+        data, at = data[at:] + more, 0
+
+
+def _unpacked(body: bytes) -> bytes:
+    """What a chunk holds.
+
+    Raises:
+        ValueError: it is damaged.
+    """
+    size, crc = _CHUNK_HEAD.unpack_from(body)[2:]
+    at = _CHUNK_HEAD.size
+    length = int.from_bytes(body[at : at + 4], "little")
+    compression = body[at + 4 : at + 4 + length].decode()
+    data = body[at + 4 + length + 8 :]
+    try:
+        if compression == "zstd":
+            import zstandard
+
+            data = zstandard.ZstdDecompressor().decompress(data, max_output_size=size)
+        elif compression == "lz4":
+            import lz4.frame
+
+            data = lz4.frame.decompress(data)
+    except Exception as error:  # each library has errors of its own for damaged data
+        raise ValueError(str(error)) from error
+    if crc and zlib.crc32(data) != crc:
+        raise ValueError("a chunk has another checksum than it says")
+    return data
