@@ -33,6 +33,11 @@ if TYPE_CHECKING:
 )
 @click.option("--virtual", is_flag=True, help="Simulated devices in virtual time; repeatable to the bit.")
 @click.option("--log", type=click.Path(dir_okay=False), help="Write every command to a CSV, exact floats.")
+@click.option(
+    "--record",
+    type=click.Path(dir_okay=False),
+    help="Record everything into a session (MCAP); `contid replay` runs it again.",
+)
 @click.option("--json", "as_json", is_flag=True, help="Print the final report as JSON.")
 def command(
     robot_file: str,
@@ -43,6 +48,7 @@ def command(
     unreachable: str,
     virtual: bool,
     log: str | None,
+    record: str | None,
     as_json: bool,
 ) -> None:
     """Make the robots of ROBOT_FILE follow a trajectory.
@@ -56,6 +62,12 @@ def command(
     spawned = None if virtual else spawn()
     from contid.control.run import RunRequest, run
 
+    observers = []
+    if record is not None:
+        from contid.session.record import Recording
+
+        asked = {"mock": mock or virtual, "unreachable": unreachable, "input": trajectory or "stdin"}
+        observers.append(Recording(Path(record), {name: str(value) for name, value in asked.items()}))
     request = RunRequest(
         robot_file=robot_file,
         mock=mock or virtual,
@@ -65,6 +77,7 @@ def command(
         unreachable=unreachable,
         virtual=virtual,
         log=None if log is None else Path(log),
+        observers=observers,
     )
     finish(run(request, spawned), as_json)
 

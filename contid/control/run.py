@@ -22,6 +22,7 @@ from contid.control.inputs import Stream, read_file, read_stdin
 from contid.control.messages import Message, Rows
 from contid.control.preflight import Preflight, Unreachable
 from contid.control.report import Report
+from contid.control.setup import Setup
 from contid.control.spawn import Spawned
 from contid.control.streaming import take_row
 from contid.control.virtual import run_virtual
@@ -128,12 +129,17 @@ def _virtual(request: RunRequest, loaded: LoadedFile, source: Trajectory | Strea
             stack.callback(log.close)
             sinks.append(log)
         on_end = OnEnd(request.on_end)
+        if source is None:
+            raise ContidError("--virtual has nothing to follow: give --trajectory, or a trajectory on stdin")
+        timed = source if isinstance(source, Trajectory) else None
+        setup = Setup(loaded, rate_hz, Path(), timed, on_end, attended=False)
+        for observer in request.observers:
+            sinks.append(observer.follow(setup))
+            stack.callback(observer.detach)
         if isinstance(source, Stream):
             refuse = request.unreachable == Unreachable.REFUSE
             rows = _rows(source, Preflight(build_plans(loaded, rate_hz)) if refuse else None)
             return run_virtual(loaded, rate_hz, None, sinks=sinks, on_end=on_end, rows=rows)
-        if source is None:
-            raise ContidError("--virtual has nothing to follow: give --trajectory, or a trajectory on stdin")
         return run_virtual(loaded, rate_hz, source, sinks=sinks, on_end=on_end)
 
 

@@ -101,8 +101,10 @@ def fields(layout: RecordLayout, device_units: Mapping[str, str], channel: str) 
             elif channel in _ACTUATION:
                 place, words = _ACTUATION[channel]
                 yield Field((*front, f"{key}_{unit}"), (start + place,), "number", words)
-            if channel == "command":
-                path = (*front, "device", f"{key}_{device}")
+        if channel == "command":
+            for number, axis in enumerate(robot.axes):
+                start, key = axis_at(layout, index, number), key_of(axis)
+                path = (*front, "device", f"{key}_{device_units[f'{robot.name}.{axis}']}")
                 yield Field(path, (start + DEVICE,), "number", "value sent to the device")
                 words = "bits: 1 position, 2 velocity, 4 acceleration, 8 refused"
                 yield Field((*front, "limits", key), (start + LIMITS,), "integer", words)

@@ -58,7 +58,7 @@ def compact(
             _Compactor(new).copy(RecordStream(old), note or {})
             new.flush()
             os.fsync(new.fileno())
-        os.replace(beside, target)
+        beside.replace(target)
     except BaseException:
         beside.unlink(missing_ok=True)
         raise

@@ -1,42 +1,12 @@
-"""What a session says before its first tick: robot file, versions, host, options, clock, input.
-
-All of it is plain text and bytes, so that the recorder's process needs neither models nor drivers, and a
-reader needs nothing but the file.
-"""
+"""The head of a session as plain texts and bytes: all the recorder's process needs, and quick to import."""
 
 from __future__ import annotations
 
-import hashlib
-import io
-import json
-import platform
-import socket
-import sys
-import time
-import zipfile
 from collections.abc import Mapping
 from dataclasses import dataclass
-from datetime import UTC, datetime
-from importlib.metadata import version
-from pkgutil import iter_modules
-from typing import Any, Final
+from pathlib import Path
 
-import numpy as np
-
-from contid import __version__, kernels
 from contid.control.record import RecordLayout
-from contid.control.setup import Setup
-from contid.control.wiring import driven_robots, record_layout
-from contid.description.load import LoadedFile
-from contid.errors import ContidError
-from contid.hal import DeviceKind, load_driver
-from contid.trajectory.columns import read_layout
-from contid.trajectory.timed import Interpolation, Trajectory
-
-#: Grows when a reader of the version before would misunderstand a file.
-FORMAT: Final = "1"
-TRAJECTORY: Final = "trajectory.npz"
-_ROWS: Final = "rows.npy"
 
 
 @dataclass(frozen=True, slots=True)
@@ -64,115 +34,18 @@ class Header:
         return self.wall_ns + round((deadline_s - self.monotonic_s) * 1e9)
 
 
-def describe(setup: Setup, options: Mapping[str, str], virtual: bool, host: str | None = None) -> Header:
-    """The head of a session of a run.
+@dataclass(frozen=True, slots=True)
+class Job:
+    """What to record.
 
-    Args:
-        setup: of the run.
-        options: further options, for the reader.
-        virtual: the ticks count virtual time from 0.
-        host: instead of this machine's name.
+    Attributes:
+        path: of the session.
+        ring: path of the ring.
+        pid: of the ring's writer.
+        header: of the session.
     """
-    loaded = setup.loaded
-    layout = record_layout(loaded, setup.rate_hz)
-    units = device_units(loaded)
-    wall_ns, monotonic_s = time.time_ns(), 0.0 if virtual else time.monotonic()
-    metadata: dict[str, dict[str, str]] = {
-        "contid": {
-            "format": FORMAT,
-            "contid": __version__,
-            "python": platform.python_version(),
-            "numpy": version("numpy"),
-            "kernels": ", ".join(compiled_kernels()) or "none (NumPy)",
-            "host": host or socket.gethostname(),
-            "kernel": f"{platform.system()} {platform.release()}",
-            "machine": platform.machine(),
-            "created": datetime.fromtimestamp(wall_ns / 1e9, UTC).isoformat(timespec="milliseconds"),
-        },
-        "robot_file": {
-            "name": str(loaded.path),
-            "text": loaded.text,
-            "sha256": hashlib.sha256(loaded.text.encode()).hexdigest(),
-        },
-        "options": {
-            "rate_hz": repr(setup.rate_hz),
-            "on_end": setup.on_end.value,
-            "attended": json.dumps(setup.attended),
-            "virtual": json.dumps(virtual),
-            **options,
-        },
-        "clock": {
-            "wall_ns": str(wall_ns),
-            "monotonic_s": repr(monotonic_s),
-            "log_time": "wall_ns + (deadline_s - monotonic_s) * 1e9",
-        },
-        "layout": {"record": layout.to_json(), "device_units": json.dumps(units)},
-    }
-    attachments: tuple[tuple[str, str, bytes], ...] = ()
-    if setup.trajectory is not None:
-        data = _packed(setup.trajectory)
-        attachments = ((TRAJECTORY, "application/x-npz", data),)
-        metadata["trajectory"] = {
-            "columns": json.dumps(list(setup.trajectory.columns)),
-            "interpolation": setup.trajectory.interpolation.value,
-            "rows": str(len(setup.trajectory)),
-            "units": "SI in the order of the columns",
-            "sha256": hashlib.sha256(setup.trajectory.rows.tobytes()).hexdigest(),
-        }
-    return Header(layout, units, metadata, attachments, wall_ns, monotonic_s)
 
-
-def compiled_kernels() -> list[str]:
-    """Kernels that models use here instead of their NumPy twins."""
-    names = [each.name.removeprefix("_") for each in iter_modules(kernels.__path__) if each.name[0] == "_"]
-    return sorted(name for name in names if kernels.load(name) is not None)
-
-
-def device_units(loaded: LoadedFile) -> dict[str, str]:
-    """``rad`` or ``pa`` of every axis: the unit of its device."""
-    units = {}
-    for bus in loaded.buses.values():
-        driver = load_driver(bus.driver)
-        for axis, options in bus.axes:
-            units[axis] = "pa" if driver.kind(options) is DeviceKind.REGULATOR else "rad"
-    return units
-
-
-def _packed(trajectory: Trajectory) -> bytes:
-    """The rows as an ``.npz``: SI float64, shape (rows, columns); fast rather than small."""
-    out = io.BytesIO()
-    with zipfile.ZipFile(out, "w", zipfile.ZIP_DEFLATED, compresslevel=1) as archive:
-        with archive.open(_ROWS, "w", force_zip64=True) as file:
-            np.save(file, trajectory.rows, allow_pickle=False)
-    return out.getvalue()
-
-
-def unpacked(data: bytes, about: Mapping[str, str], loaded: LoadedFile) -> Trajectory:
-    """The recorded trajectory, bit for bit.
-
-    Raises:
-        BadInputError: the robots do not have its columns.
-        ContidError: the attachment is damaged.
-    """
-    names: list[str] = json.loads(about["columns"])
-    layout = read_layout([(name, 1) for name in names], "the recorded trajectory", 1, driven_robots(loaded))
-    try:
-        with np.load(io.BytesIO(data), allow_pickle=False) as archive:
-            rows: Any = archive[_ROWS.removesuffix(".npy")]
-    except (OSError, ValueError, KeyError, zipfile.BadZipFile) as error:
-        raise ContidError(f"the recorded trajectory is damaged: {error}") from error
-    if hashlib.sha256(rows.tobytes()).hexdigest() != about["sha256"]:
-        raise ContidError("the recorded trajectory is damaged: another checksum than its metadata says")
-    rows.setflags(write=False)
-    return Trajectory(layout, rows, range(1, len(rows) + 1), Interpolation(about["interpolation"]))
-
-
-def versions() -> dict[str, str]:
-    """What a replay compares with the recorded ``contid`` metadata."""
-    return {
-        "contid": __version__,
-        "python": f"{sys.version_info.major}.{sys.version_info.minor}.{sys.version_info.micro}",
-        "numpy": version("numpy"),
-        "kernels": ", ".join(compiled_kernels()) or "none (NumPy)",
-        "machine": platform.machine(),
-    }
+    path: Path
+    ring: Path
+    pid: int
+    header: Header

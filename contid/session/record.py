@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 import pickle
 import subprocess
 import sys
@@ -11,10 +12,12 @@ from typing import Final
 
 from contid.control.cycle import Sink
 from contid.control.setup import Setup
+from contid.control.spawn import ENVIRONMENT
 from contid.errors import ContidError
+from contid.session.about import describe
 from contid.session.compact import compact
-from contid.session.header import describe
-from contid.session.recorder import READY, Job
+from contid.session.header import Job
+from contid.session.recorder import READY
 from contid.session.write import SessionSink, SessionWriter
 
 #: How long the end of a run waits for the file to become small; 45 minutes of a hand need a tenth of it.
@@ -52,8 +55,10 @@ class Recording:
             stdin=subprocess.PIPE,
             stdout=subprocess.PIPE,
             start_new_session=True,
+            env={**os.environ, **ENVIRONMENT},
         )
-        assert process.stdin is not None and process.stdout is not None
+        assert process.stdin is not None
+        assert process.stdout is not None
         header = describe(setup, self._options, virtual=False, host=self._host)
         try:
             pickle.dump(Job(self.path.absolute(), setup.ring, pid, header), process.stdin)
@@ -91,7 +96,8 @@ class Recording:
     def _close(self, patience_s: float) -> tuple[tuple[str, ...], bool]:
         """What the recorder said since, and whether it ended in time."""
         process, self._process = self._process, None
-        assert process is not None and process.stdout is not None
+        assert process is not None
+        assert process.stdout is not None
         try:
             process.wait(patience_s)
         except subprocess.TimeoutExpired:

@@ -19,14 +19,12 @@ import signal
 import sys
 import time
 from contextlib import suppress
-from dataclasses import dataclass
-from pathlib import Path
 from typing import Final
 
 from contid.control.ring import RingReader
 from contid.errors import ContidError
 from contid.session.compact import compact
-from contid.session.header import Header
+from contid.session.header import Job
 from contid.session.write import SessionWriter
 
 READY: Final = "ready"
@@ -35,23 +33,6 @@ _AT_ONCE: Final = 256
 #: Share of a period after a deadline at which its record is fetched.
 _AFTER: Final = 0.5
 _SHORTEST_S: Final = 5e-4
-
-
-@dataclass(frozen=True, slots=True)
-class Job:
-    """What to record.
-
-    Attributes:
-        path: of the session.
-        ring: path of the ring.
-        pid: of the ring's writer.
-        header: of the session.
-    """
-
-    path: Path
-    ring: Path
-    pid: int
-    header: Header
 
 
 class Recorder:
@@ -151,7 +132,7 @@ def main() -> int:
         recorder.run()
     except ContidError as error:
         _answer(str(error))
-        print(f"contid: {error}", file=sys.stderr)
+        sys.stderr.write(f"contid: {error}\n")
         return error.exit_code
     finally:
         recorder.close()
