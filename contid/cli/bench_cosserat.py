@@ -12,6 +12,7 @@ import click
 if TYPE_CHECKING:
     from rich.console import Console
 
+    from contid.models.papers.shi_cold import Cold
     from contid.models.papers.shi_experiments import Row
     from contid.models.papers.shi_speed import Speed
 
@@ -31,9 +32,21 @@ _Item = TypeVar("_Item")
     "--trials", default=10, show_default=True, type=click.IntRange(1), help="Trials per trajectory."
 )
 @click.option("--samples", default=100, show_default=True, type=click.IntRange(10), help="Points of a trial.")
+@click.option("--cold/--no-cold", default=True, help="Random reachable targets from a fixed start.")
+@click.option(
+    "--targets", default=2000, show_default=True, type=click.IntRange(10), help="Cold starts a mode."
+)
 @click.option("--json", "as_json", is_flag=True, help="One JSON object per line.")
 def command(
-    speed: bool, errors: bool, points: int, paper_points: int, trials: int, samples: int, as_json: bool
+    speed: bool,
+    errors: bool,
+    cold: bool,
+    points: int,
+    paper_points: int,
+    targets: int,
+    trials: int,
+    samples: int,
+    as_json: bool,
 ) -> None:
     """Time the pneumatic arm's inverse statics and repeat Shi et al.'s experiments 1-4 in simulation.
 
@@ -41,12 +54,14 @@ def command(
     and 0.03 bar of pressure error; the paper's figures beside them were measured on a robot.
     """
     from contid.cli.progress import counting
+    from contid.models.papers.shi_cold import campaign
     from contid.models.papers.shi_experiments import experiments
     from contid.models.papers.shi_paths import runs
     from contid.models.papers.shi_speed import measure_all
 
     with counting("trajectories") as report:
         speeds = _collect(measure_all(points, paper_points), report) if speed else []
+        colds = _collect(campaign(targets), report) if cold else []
         rows = _collect(experiments(runs(samples), trials), report) if errors else []
     if as_json:
         for entry in speeds:
@@ -55,11 +70,15 @@ def command(
                     {"kind": "speed", **asdict(entry), "ratio": entry.ratio, "scipy_ratio": entry.scipy_ratio}
                 )
             )
+        for start in colds:
+            click.echo(json.dumps({"kind": "cold", **asdict(start)}))
         for row in rows:
             click.echo(json.dumps({"kind": "experiment", **asdict(row)}))
         return
     if speeds:
         _print_speeds(speeds)
+    if colds:
+        _print_colds(colds)
     if rows:
         _print_rows(rows, trials)
 
@@ -85,6 +104,20 @@ def _print_speeds(speeds: list[Speed]) -> None:
             s.name, f"{s.grams:g}", f"{s.median_us:.1f}", f"{s.p99_us:.1f}", f"{s.best_p99_us:.1f}",
             f"{s.worst_us:.0f}", str(s.unmet), f"{s.paper_us:.0f} ({s.paper_met}/{s.paper_points} met)",
             f"{s.ratio:.0f}x", f"{s.scipy_us:.0f}", f"{s.scipy_ratio:.0f}x",
+        )  # fmt: skip
+    _console().print(table)
+
+
+def _print_colds(colds: list[Cold]) -> None:
+    from rich.table import Table
+
+    table = Table(title="Cold starts from 0.5 bar: random reachable targets, loads tip down")
+    for heading in ("mode", "g", "targets", "not met", "wrong claims", "median us", "p99 us", "max us"):
+        table.add_column(heading, justify="left" if heading == "mode" else "right")
+    for c in colds:
+        table.add_row(
+            c.mode, f"{c.grams:g}", str(c.targets), str(c.failures), f"{c.wrong_claims} of {c.checked}",
+            f"{c.median_us:.0f}", f"{c.p99_us:.0f}", f"{c.worst_us:.0f}",
         )  # fmt: skip
     _console().print(table)
 

@@ -238,11 +238,14 @@ Outcome<K> solve(const Rod<K> &rod, const Task &task, Vec tip_force, double shar
             out.tip_by_balance = first_columns(here.tip.by.shift) * inverse_A;
             factored = true;
         }
+        // The secondary goal converges linearly where the task is strongly curved; the second half of the
+        // iterations therefore belongs to the task alone.
+        const double pull = out.iterations <= iterations / 2 ? weight : 0.0;
         const Vec Ge = inverse_A * e;
         for (int a = 0; a < rows; ++a)
             along_e[a] = r[a] - damping * (J[a][0] * Ge.x + J[a][1] * Ge.y + J[a][2] * Ge.z);
         for (int j = 0; j < n; ++j) {
-            g[j] = weight * (p[j] - limits.centre[j]);
+            g[j] = pull * (p[j] - limits.centre[j]);
             for (int a = 0; a < rows; ++a) g[j] += reduced[a][j] * along_e[a];
             low[j] = std::max(limits.lower[j] - p[j], -trust);
             high[j] = std::min(limits.upper[j] - p[j], trust);
@@ -252,7 +255,7 @@ Outcome<K> solve(const Rod<K> &rod, const Task &task, Vec tip_force, double shar
         for (int j = 0; j < n; ++j) size = std::fmax(size, std::fabs(d[j]));
         const double error2 = square(r, rows);
         const bool balanced = norm(e) <= kBalance, good = error2 <= tolerance * tolerance;
-        if (balanced && good && (weight == 0.0 || size <= kFreedomTolerance)) {
+        if (balanced && good && (pull == 0.0 || size <= kFreedomTolerance)) {
             out.optimal = true;
             break;
         }
@@ -290,8 +293,9 @@ Outcome<K> solve(const Rod<K> &rod, const Task &task, Vec tip_force, double shar
         residual(task, trial, next_r);
         const double next_cost = task_cost(next_r, trial.moment), next_away = distance(next);
         // Along the freedom the task leaves, a straight step costs task error until the next one mends it.
-        const bool sideways = weight > 0.0 && next_cost <= kSideways * kSideways && next_away < away;
-        if (next_cost + next_away < cost + away || sideways || (size < 1e-6 && next_cost < cost + 1e-14)) {
+        const bool sideways = pull > 0.0 && next_cost <= kSideways * kSideways && next_away < away;
+        const bool better = next_cost + next_away < cost + away || (pull < weight && next_cost < cost);
+        if (better || sideways || (size < 1e-6 && next_cost < cost + 1e-14)) {
             std::copy(next, next + n, p);
             std::copy(next_r, next_r + rows, r);
             moment = next_moment;

@@ -154,3 +154,32 @@ def test_the_lock_is_held() -> None:
         sys.setswitchinterval(usual)
         stop = True
         thread.join()
+
+
+@pytest.mark.parametrize("grams", [0.0, 5.0])
+def test_out_of_reach_no_pressure_helps_further(grams: float) -> None:
+    """First-order optimality inside the bounds, by differences; statics to 1e-9 N·mm."""
+    _, kernel = both(setup(2, tolerance=1e-6))
+    rng = np.random.default_rng(11)
+    force, unmet = (0.0, 0.0, grams * GRAM), 0
+    for _ in range(25):
+        tip = rng.uniform((-40.0, -40.0, 90.0), (40.0, 40.0, 150.0))
+        mid = rng.uniform((-20.0, -20.0, 45.0), (20.0, 20.0, 75.0))
+        answer = kernel.inverse(tuple(tip), tuple(mid), None, force, [0.5] * 6)  # type: ignore[arg-type]
+        if answer[2] or not (answer[3] and answer[4]):
+            continue
+        unmet += 1
+        assert answer[7] < 1e-9
+        p = np.array(answer[0])
+
+        def cost(at: np.ndarray, tip: np.ndarray = tip, mid: np.ndarray = mid) -> float:
+            reached = kernel.forward(at.tolist(), force)
+            return float(
+                np.sum((np.array(reached[0]) - tip) ** 2) + np.sum((np.array(reached[2]) - mid) ** 2)
+            )
+
+        slope = np.array([(cost(p + d) - cost(p - d)) / 2e-5 for d in 1e-5 * np.eye(6)])
+        # A pressure at its lower end may want to fall, one at its upper end to rise.
+        wrong = np.where(p <= 0.0, np.minimum(slope, 0.0), np.where(p >= 1.5, np.maximum(slope, 0.0), slope))
+        assert np.abs(wrong).max() < 0.01 * (answer[1] * 60.0)
+    assert unmet > 10

@@ -9,9 +9,11 @@ import pytest
 from click.testing import CliRunner
 
 from contid.cli.bench import command
+from contid.kernels import load
 from contid.models.cosserat.equilibrium import newton
 from contid.models.cosserat.statics import Loads
 from contid.models.papers.shi import PAPER_ELEMENTS, forward, inverse, unknowns
+from contid.models.papers.shi_cold import MODES, cold_starts
 from contid.models.papers.shi_experiments import Plant, arm, experiment
 from contid.models.papers.shi_paths import runs
 from tests.models.cosserat_cases import GOLDEN, GRAM, rod_of
@@ -88,10 +90,21 @@ def test_every_run_of_the_paper_is_reached_by_the_model() -> None:
 def test_bench_prints_one_json_object_per_row() -> None:
     done = CliRunner().invoke(
         command,
-        ["cosserat", "--no-speed", "--trials", "1", "--samples", "12", "--json"],
+        ["cosserat", "--no-speed", "--no-cold", "--trials", "1", "--samples", "12", "--json"],
         catch_exceptions=False,
     )
     rows = [json.loads(line) for line in done.output.splitlines()]
     assert len(rows) == 44
     assert all(row["unmet"] == 0 for row in rows)
     assert max(row["tip_median"] for row in rows) < 10.0
+
+
+@pytest.mark.skipif(load("cosserat") is None, reason="too slow without the kernel")
+@pytest.mark.parametrize("mode", list(MODES))
+@pytest.mark.parametrize("grams", [0.0, 5.0, 10.0])
+def test_cold_starts_meet_reachable_targets(mode: str, grams: float) -> None:
+    """A short form of `contid bench cosserat`: allowed there are 0, 1 and 2 of 2000."""
+    found = cold_starts(mode, grams, 300)
+    assert found.failures <= {"one segment, tip": 0, "mid + tip": 1, "tip + direction": 2}[mode]
+    assert found.wrong_claims == 0
+    assert found.checked > 10

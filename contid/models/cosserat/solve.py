@@ -236,7 +236,10 @@ def solve(problem: Problem, start: Array, start_moment: Array, iterations: int =
         ahead = r - damping * both[:, :3] @ G[:, -1]
         H = J.T @ J
         H[np.diag_indices(n)] += weight + 1e-13 * float(np.trace(H))
-        g = J.T @ ahead + weight * (pressures - limits.centre)
+        # The secondary goal converges linearly where the task is strongly curved; the second half of the
+        # iterations therefore belongs to the task alone.
+        pull = weight if used <= iterations // 2 else 0.0
+        g = J.T @ ahead + pull * (pressures - limits.centre)
         step = box_step(
             H, g, np.maximum(limits.lower - pressures, -trust), np.minimum(limits.upper - pressures, trust)
         )
@@ -247,7 +250,7 @@ def solve(problem: Problem, start: Array, start_moment: Array, iterations: int =
         stuck = size <= STEP_TOLERANCE and float(np.linalg.norm(ahead + J @ step)) > 0.5 * float(
             np.linalg.norm(r)
         )
-        if balanced and (stuck or (good and (not weight or size <= FREEDOM_TOLERANCE))):
+        if balanced and (stuck or (good and (not pull or size <= FREEDOM_TOLERANCE))):
             optimal = True
             break
         new_pressures = np.clip(pressures + step, limits.lower, limits.upper)
@@ -256,8 +259,8 @@ def solve(problem: Problem, start: Array, start_moment: Array, iterations: int =
         new_r = residual(task, trial)
         new_cost, new_away = measures(new_r, trial.moment, new_pressures)
         # Along the freedom the task leaves, a straight step costs task error until the next one mends it.
-        sideways = new_cost <= SIDEWAYS**2 and new_away < away
-        better = new_cost + new_away < cost + away
+        sideways = pull > 0.0 and new_cost <= SIDEWAYS**2 and new_away < away
+        better = new_cost + new_away < cost + away or (pull < weight and new_cost < cost)
         if better or sideways or (size < 1e-6 and new_cost < cost + 1e-14):
             pressures, moment, found, r = new_pressures, new_moment, trial, new_r
             if sideways or new_cost < 0.5 * cost:
