@@ -23,6 +23,8 @@ MESSAGE_HEAD: Final = struct.Struct("<BQHIQQ")
 MESSAGE_INSIDE: Final = struct.Struct("<HIQQ")
 _CHUNK_HEAD: Final = struct.Struct("<QQQI")
 _READ: Final = 1 << 20
+#: Stands for a chunk that has no end.
+_CUT_CHUNK: Final = -1
 #: No record of a session is longer; a length beyond it is damage.
 _LONGEST: Final = 1 << 32
 
@@ -76,10 +78,10 @@ class RecordStream:
             return
         ended = False
         for opcode, body in _records(self._file):
-            if opcode == CHUNK:
+            if opcode in (CHUNK, _CUT_CHUNK):
                 self.chunked = True
                 try:
-                    inside = _unpacked(body)
+                    inside = _unpacked(body) if opcode == CHUNK else _begun(body)
                 except ValueError:
                     return
                 yield from _records(io.BytesIO(inside))
@@ -97,7 +99,7 @@ class RecordStream:
 
 
 def _records(file: BinaryIO) -> Iterator[tuple[int, bytes]]:
-    """Whole records; stops at the first that is not."""
+    """Whole records, up to the first that is not; of a chunk that was cut off, what there is."""
     data, at, head = b"", 0, RECORD.size
     while True:
         while len(data) - at >= head:
@@ -114,6 +116,8 @@ def _records(file: BinaryIO) -> Iterator[tuple[int, bytes]]:
             wanted = max(_READ, head + RECORD.unpack_from(data, at)[1] - (len(data) - at))
         more = file.read(wanted)
         if not more:
+            if data[at : at + 1] == bytes([CHUNK]):
+                yield _CUT_CHUNK, data[at + head :]
             return
         data, at = data[at:] + more, 0
 
@@ -125,10 +129,7 @@ def _unpacked(body: bytes) -> bytes:
         ValueError: it is damaged.
     """
     size, crc = _CHUNK_HEAD.unpack_from(body)[2:]
-    at = _CHUNK_HEAD.size
-    length = int.from_bytes(body[at : at + 4], "little")
-    compression = body[at + 4 : at + 4 + length].decode()
-    data = body[at + 4 + length + 8 :]
+    compression, data = _packed(body)
     try:
         if compression == "zstd":
             import zstandard
@@ -143,3 +144,25 @@ def _unpacked(body: bytes) -> bytes:
     if crc and zlib.crc32(data) != crc:
         raise ValueError("a chunk has another checksum than it says")
     return data
+
+
+def _begun(body: bytes) -> bytes:
+    """What can be had of a chunk that was cut off: its whole blocks."""
+    if len(body) < _CHUNK_HEAD.size + 4:
+        return b""
+    compression, data = _packed(body)
+    if compression != "zstd" or not data:
+        return b""
+    import zstandard
+
+    try:
+        return zstandard.ZstdDecompressor().decompressobj().decompress(data)
+    except zstandard.ZstdError as error:
+        raise ValueError(str(error)) from error
+
+
+def _packed(body: bytes) -> tuple[str, bytes]:
+    """Name of the compression and compressed bytes of a chunk."""
+    at = _CHUNK_HEAD.size
+    length = int.from_bytes(body[at : at + 4], "little")
+    return body[at + 4 : at + 4 + length].decode(errors="replace"), body[at + 4 + length + 8 :]

@@ -1,0 +1,64 @@
+"""``contid replay``: a recording through today's code."""
+
+from __future__ import annotations
+
+import json
+import sys
+import time
+from pathlib import Path
+
+import click
+
+
+@click.command()
+@click.argument("session_file", type=click.Path(exists=True, dir_okay=False))
+@click.option("--robot", help="Robot file instead of the recorded one; what differs is named.")
+@click.option(
+    "--tolerance",
+    type=click.FloatRange(0.0),
+    default=0.0,
+    show_default=True,
+    help="Let commands differ by so many mm or bar; 0 compares bit for bit.",
+)
+@click.option("--hardware", is_flag=True, help="Send the recorded commands to the real buses.")
+@click.option("--json", "as_json", is_flag=True, help="Print the result as JSON.")
+def command(session_file: str, robot: str | None, tolerance: float, hardware: bool, as_json: bool) -> None:
+    """Run the recorded inputs of SESSION_FILE through today's code and compare every command.
+
+    Exit code 1 and the first divergence when one differs.
+    """
+    from contid.description.load import load_robot_file, parse_robot_file
+    from contid.description.shipped import find_robot_file
+    from contid.session import verdict
+    from contid.session.differences import differences
+    from contid.session.read import Session
+    from contid.session.replay import replay
+
+    session = Session(Path(session_file))
+    loaded = load_robot_file(find_robot_file(robot)) if robot is not None else session.robot_file()
+    if hardware:
+        from contid.cli.run import finish
+        from contid.session.hardware import run_on_hardware
+
+        about = session.about["robot_file"]
+        recorded = parse_robot_file(about["text"], about["name"])
+        finish(run_on_hardware(session, recorded, loaded if robot is not None else recorded), as_json)
+    changed = differences(session.about["robot_file"]["text"], loaded.text)
+    start_s = time.perf_counter()
+    replayed = replay(session, loaded, tolerance, _progress)
+    took_s = time.perf_counter() - start_s
+    if sys.stderr.isatty():
+        sys.stderr.write("\r\x1b[K")
+    result = verdict.as_json(session, replayed, changed, took_s)
+    if as_json:
+        click.echo(json.dumps(result))
+    else:
+        click.echo("\n".join(verdict.as_words(session, replayed, changed, took_s)))
+    sys.exit(0 if result["same"] else 1)
+
+
+def _progress(ticks: int) -> None:
+    """Ticks replayed so far, on a terminal."""
+    if sys.stderr.isatty():
+        sys.stderr.write(f"\r\x1b[K{ticks} ticks replayed")
+        sys.stderr.flush()

@@ -1,0 +1,159 @@
+"""Comparing a replayed tick with the recorded one: bit for bit, or within a tolerance; the first difference.
+
+Looked at in the order of cause and effect: target, solution, command, limits, device, then the state of the
+robot. What only describes (iterations, residuals, timing) is not compared.
+"""
+
+from __future__ import annotations
+
+import math
+import struct
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from operator import itemgetter
+from typing import Any, Final
+
+from contid.control.faults import Fault
+from contid.control.record import RecordLayout
+from contid.control.supervisor import Mode
+from contid.session.channels import COMMAND, DEVICE, LIMITS, SI, SOLUTION, TARGET, axis_at, robot_at
+
+#: Values of a robot that are compared: name and place in its part of a record.
+_OF_ROBOT: Final = (
+    *((f"target {axis}", 5 + place) for place, axis in enumerate("xyz")),
+    *((f"target direction {axis}", 8 + place) for place, axis in enumerate("xyz")),
+    *((f"target mid-point {axis}", 11 + place) for place, axis in enumerate("xyz")),
+    *((f"target load {axis}", 14 + place) for place, axis in enumerate("xyz")),
+)
+_OF_AXIS: Final = (("target", TARGET), ("solution", SOLUTION), ("command", COMMAND), ("limits", LIMITS),
+                   ("device", DEVICE))  # fmt: skip
+_PER_SI: Final = {"mm": 1e3, "bar": 1e-5}
+
+
+@dataclass(frozen=True, slots=True)
+class Divergence:
+    """The first value that came out differently.
+
+    Attributes:
+        tick: its number.
+        time_s: of the tick since the start.
+        source_s: time in the trajectory, NaN without one.
+        robot: its name.
+        axis: of the robot, "" for a value of the whole robot.
+        what: which value.
+        recorded: then.
+        replayed: now.
+        unit: of both.
+        last_equal: what the robot's values were in the last tick that came out the same.
+    """
+
+    tick: int
+    time_s: float
+    source_s: float
+    robot: str
+    axis: str
+    what: str
+    recorded: float
+    replayed: float
+    unit: str
+    last_equal: Mapping[str, Any]
+
+    @property
+    def where(self) -> str:
+        """``robot.axis``."""
+        return f"{self.robot}.{self.axis}" if self.axis else self.robot
+
+
+@dataclass(frozen=True, slots=True)
+class _Value:
+    """One compared value."""
+
+    slot: int
+    robot: int
+    axis: str
+    what: str
+    unit: str
+
+
+class Comparison:
+    """Compares ticks in their order.
+
+    Attributes:
+        largest: greatest difference of a command so far [m or Pa].
+    """
+
+    def __init__(self, layout: RecordLayout, device_units: Mapping[str, str], tolerance: float) -> None:
+        """Prepare; ``tolerance`` is in mm or bar, 0 for bit for bit."""
+        self._layout = layout
+        self._tolerance = tolerance
+        self._values = list(_compared(layout, device_units, exact=tolerance == 0.0))
+        slots = [value.slot for value in self._values]
+        self._pick = itemgetter(*slots)
+        self._pack = struct.Struct(f"{len(slots)}d").pack
+        self._previous: Sequence[float] | None = None
+        self.largest = 0.0
+
+    def check(self, recorded: Sequence[float], replayed: Sequence[float]) -> Divergence | None:
+        """The first difference of a tick."""
+        then, now = self._pick(recorded), self._pick(replayed)
+        if self._pack(*then) != self._pack(*now):
+            for value, old, new in zip(self._values, then, now, strict=True):
+                if not self._same(value, old, new):
+                    return self._divergence(value, old, new, recorded)
+        self._previous = recorded
+        return None
+
+    def _same(self, value: _Value, old: float, new: float) -> bool:
+        if old == new:
+            # 0.0 and -0.0 are equal but not the same bits.
+            return self._tolerance > 0.0 or math.copysign(1.0, old) == math.copysign(1.0, new)
+        if old != old or new != new:
+            return old != old and new != new
+        if value.what != "command":
+            return False
+        difference = abs(old - new)
+        self.largest = max(self.largest, difference)
+        per_si = _PER_SI[self._layout.robots[value.robot].quantity]
+        return difference * per_si <= self._tolerance
+
+    def _divergence(self, value: _Value, old: float, new: float, recorded: Sequence[float]) -> Divergence:
+        tick = int(recorded[0])
+        robot = self._layout.robots[value.robot]
+        last: dict[str, Any] = {}
+        if self._previous is not None:
+            last = {"tick": int(self._previous[0]), **self._state(value.robot, self._previous)}
+        return Divergence(
+            tick, tick / self._layout.rate_hz, recorded[5], robot.name, value.axis, value.what, old, new,
+            value.unit, last,
+        )  # fmt: skip
+
+    def _state(self, index: int, values: Sequence[float]) -> dict[str, Any]:
+        """A robot's values in a tick, for a person."""
+        robot, at = self._layout.robots[index], robot_at(self._layout, index)
+        state: dict[str, Any] = {"mode": Mode(int(values[at])).name, "fault": Fault(int(values[at + 1])).name}
+        for number, axis in enumerate(robot.axes):
+            start = axis_at(self._layout, index, number)
+            state[axis] = {
+                name: values[start + place] for name, place in _OF_AXIS if name in ("solution", "command")
+            }
+        return state
+
+
+def _compared(layout: RecordLayout, device_units: Mapping[str, str], exact: bool) -> list[_Value]:
+    """What is compared, in the order of cause and effect; a tolerance looks at commands and modes only."""
+    out = []
+    for index, robot in enumerate(layout.robots):
+        at, unit = robot_at(layout, index), SI[robot.quantity]
+        if exact:
+            for what, place in _OF_ROBOT:
+                of = "n" if "load" in what else "" if "direction" in what else "m"
+                out.append(_Value(at + place, index, "", what, of))
+        for what, place in _OF_AXIS:
+            for number, axis in enumerate(robot.axes):
+                if exact or what == "command":
+                    device = device_units[f"{robot.name}.{axis}"]
+                    of = device if what == "device" else "" if what == "limits" else unit
+                    out.append(_Value(axis_at(layout, index, number) + place, index, axis, what, of))
+        out.append(_Value(at, index, "", "mode", ""))
+        out.append(_Value(at + 1, index, "", "fault", ""))
+    return out

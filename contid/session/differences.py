@@ -1,0 +1,85 @@
+"""What differs between two robot files, key by key; and whether one may take the other's commands."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import dataclass
+from typing import Any
+
+import yaml
+
+from contid.description.load import LoadedFile
+from contid.errors import ContidError
+
+
+@dataclass(frozen=True, slots=True)
+class Difference:
+    """One key with another value.
+
+    Attributes:
+        key: dotted path, list entries by number.
+        recorded: its value then, as text; "" when it was absent.
+        now: its value now.
+    """
+
+    key: str
+    recorded: str
+    now: str
+
+    def __str__(self) -> str:
+        """``key: then -> now``."""
+        return f"{self.key}: {self.recorded or 'absent'} -> {self.now or 'absent'}"
+
+
+def differences(recorded: str, now: str) -> list[Difference]:
+    """Keys of two YAML texts that differ; comments and layout do not count."""
+    then, today = dict(_leaves(yaml.safe_load(recorded))), dict(_leaves(yaml.safe_load(now)))
+    keys = [*then, *(key for key in today if key not in then)]
+    return [
+        Difference(key, then.get(key, ""), today.get(key, ""))
+        for key in keys
+        if then.get(key, "") != today.get(key, "")
+    ]
+
+
+def _leaves(data: Any, path: str = "") -> Iterator[tuple[str, str]]:
+    front = f"{path}." if path else ""
+    if isinstance(data, dict):
+        for key, value in data.items():
+            yield from _leaves(value, f"{front}{key}")
+    elif isinstance(data, list):
+        for number, value in enumerate(data):
+            yield from _leaves(value, f"{front}{number}")
+    else:
+        yield path, repr(data)
+
+
+def refuse_another_robot(recorded: LoadedFile, now: LoadedFile) -> None:
+    """Commands of one robot file may be sent by another only when it is the same machine.
+
+    Names, models, limits, rates and all about the axes (bus, id, direction, zero, pinion) must be equal; the
+    port of a bus may be another one, and geometry has no say in actuator space.
+
+    Raises:
+        ContidError: with every key that stands in the way.
+    """
+    wrong = [
+        each for each in differences(recorded.text, now.text) if _binding(each.key, set(recorded.file.robots))
+    ]
+    if wrong:
+        lines = "\n".join(f"  {each}" for each in wrong)
+        raise ContidError(
+            f"{now.path}: not the robot that was recorded; its commands are not sent. Different:\n{lines}"
+        )
+
+
+def _binding(key: str, robots: set[str]) -> bool:
+    if key == "name":
+        return True
+    top, _, rest = key.partition(".")
+    if top != "robots":
+        return False
+    robot, _, part = rest.partition(".")
+    if robot not in robots:
+        return True
+    return part.split(".")[0] in ("model", "limits", "rates", "extra_mm", "axes")

@@ -1,0 +1,135 @@
+"""A session as CSV: one file per channel, or one table of everything; the units of robot files.
+
+Tip positions have the columns of a trajectory (``ROBOT.x_mm``); a joined table puts the channel in front.
+Numbers keep the fewest digits that read back to the same value; what is absent is an empty cell.
+"""
+
+from __future__ import annotations
+
+import csv
+import json
+from collections.abc import Callable, Iterator, Sequence
+from contextlib import ExitStack
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any, Final
+
+from contid.session.channels import TICK_CHANNELS, Field, fields
+from contid.session.read import Session
+
+_VECTORS: Final = {
+    "tip_m": ("x_mm", "y_mm", "z_mm"),
+    "direction": ("ax", "ay", "az"),
+    "mid_m": ("mid.x_mm", "mid.y_mm", "mid.z_mm"),
+    "load_n": ("load.fx_n", "load.fy_n", "load.fz_n"),
+}
+
+
+@dataclass(frozen=True, slots=True)
+class Column:
+    """One column.
+
+    Attributes:
+        name: with its unit.
+        slot: place in a record.
+        scale: from SI to the unit; None for whole numbers.
+    """
+
+    name: str
+    slot: int
+    scale: Callable[[float], float] | None
+
+
+def columns(session: Session, channel: str) -> list[Column]:
+    """The columns of a channel after ``tick`` and ``t_s``."""
+    out: list[Column] = []
+    for each in fields(session.layout, session.device_units, channel):
+        if each.path != ("tick",):
+            out += _columns(each)
+    return out
+
+
+def _columns(each: Field) -> Iterator[Column]:
+    front = ".".join(each.path[1:-1] if each.path[0] == "robots" else each.path[:-1])
+    front += "." if front else ""
+    key = each.path[-1]
+    if each.kind == "array":
+        scale = _to_mm if key.endswith("_m") else _same
+        for name, slot in zip(_VECTORS[key], each.slots, strict=True):
+            yield Column(front + name, slot, scale)
+        return
+    for end, new, scale in _UNITS:
+        if key.endswith(end):
+            yield Column(front + key.removesuffix(end) + new, each.slots[0], scale)
+            return
+    whole = each.kind in ("integer", "boolean")
+    yield Column(front + key, each.slots[0], None if whole else _same)
+
+
+def _same(value: float) -> float:
+    return value
+
+
+def _to_mm(value: float) -> float:
+    return value * 1e3
+
+
+def _to_bar(value: float) -> float:
+    return value / 1e5
+
+
+#: End of a key in SI -> end in a file, and how to get there.
+_UNITS: Final = (("_pa_s", "_bar_s", _to_bar), ("_pa", "_bar", _to_bar), ("_m", "_mm", _to_mm))
+
+
+def export_channels(session: Session, folder: Path) -> list[Path]:
+    """One CSV per channel into a folder, which is made; returns the files."""
+    folder.mkdir(parents=True, exist_ok=True)
+    tables = {channel: columns(session, channel) for channel in TICK_CHANNELS}
+    paths = [folder / f"{channel}.csv" for channel in (*TICK_CHANNELS, "event")]
+    with ExitStack() as stack:
+        *ticks, events = [
+            csv.writer(stack.enter_context(path.open("w", encoding="utf-8", newline=""))) for path in paths
+        ]
+        for writer, table in zip(ticks, tables.values(), strict=True):
+            writer.writerow(["tick", "t_s", *(column.name for column in table)])
+        events.writerow(["t_s", "event", "tick", "details"])
+        start_ns = int(session.about["clock"]["wall_ns"])
+        for entry in session.entries():
+            if entry.values is not None:
+                for writer, table in zip(ticks, tables.values(), strict=True):
+                    writer.writerow(_row(session, entry.values, table))
+            elif entry.event is not None:
+                rest = {key: value for key, value in entry.event.items() if key not in ("event", "tick")}
+                kind, tick = entry.event["event"], entry.event.get("tick", "")
+                time_s = tick / session.rate_hz if tick != "" else (entry.time_ns - start_ns) / 1e9
+                events.writerow([time_s, kind, tick, json.dumps(rest)])
+    return paths
+
+
+def export_joined(session: Session, path: Path) -> None:
+    """Every tick channel in one table, one row per tick."""
+    names, table = ["tick", "t_s"], []
+    for channel in TICK_CHANNELS:
+        for column in columns(session, channel):
+            names.append(f"{channel}.{column.name}")
+            table.append(column)
+    with path.open("w", encoding="utf-8", newline="") as file:
+        writer = csv.writer(file)
+        writer.writerow(names)
+        for entry in session.entries():
+            if entry.values is not None:
+                writer.writerow(_row(session, entry.values, table))
+
+
+def _row(session: Session, values: Sequence[float], table: Sequence[Column]) -> list[Any]:
+    cells: list[Any] = [int(values[0]), values[0] / session.rate_hz]
+    for column in table:
+        value = values[column.slot]
+        if value != value:
+            cells.append("")
+        elif column.scale is None:
+            cells.append(int(value))
+        else:
+            cells.append(repr(column.scale(value)))
+    return cells

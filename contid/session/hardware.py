@@ -1,0 +1,87 @@
+"""Sending recorded commands to real buses: as a timed trajectory in actuator space, like any other.
+
+So they go the one way every target goes: checked before anything moves, a jerk-limited approach to the first,
+the limiter at every tick, the stop policies of the robot file at the end.
+"""
+
+from __future__ import annotations
+
+import asyncio
+import math
+from array import array
+
+import numpy as np
+
+from contid.control.child import ControlChild
+from contid.control.daemon import Daemon, RunOptions
+from contid.control.preflight import Preflight
+from contid.control.report import Report
+from contid.control.wiring import build_plans, driven_robots
+from contid.description.load import LoadedFile
+from contid.errors import ContidError
+from contid.session.channels import COMMAND, axis_at
+from contid.session.differences import refuse_another_robot
+from contid.session.read import Session
+from contid.trajectory.columns import TIME, read_layout
+from contid.trajectory.timed import Interpolation, Trajectory
+
+
+def recorded_commands(session: Session, loaded: LoadedFile) -> Trajectory:
+    """The commands of a session as a trajectory: one row per tick, time 0 at the first command.
+
+    A robot that was armed later than others waits at its first command.
+
+    Raises:
+        ContidError: there is none, or a robot cannot be given actuation.
+    """
+    names = [TIME]
+    slots = []
+    for index, robot in enumerate(session.layout.robots):
+        for number, axis in enumerate(robot.axes):
+            names.append(f"{robot.name}.{axis}_{robot.quantity}")
+            slots.append(axis_at(session.layout, index, number) + COMMAND)
+    rows, first = array("d"), -1
+    for entry in session.entries():
+        if entry.values is None:
+            continue
+        commands = [entry.values[slot] for slot in slots]
+        if all(map(math.isnan, commands)):
+            continue
+        first = int(entry.values[0]) if first < 0 else first
+        rows.append((int(entry.values[0]) - first) / session.rate_hz)
+        rows.extend(commands)
+    if first < 0:
+        raise ContidError(f"{session.path}: no robot was ever commanded")
+    table = np.frombuffer(rows, dtype=np.float64).reshape(-1, len(names)).copy()
+    for column in range(1, len(names)):
+        known = np.flatnonzero(~np.isnan(table[:, column]))
+        if not len(known):
+            raise ContidError(f"{session.path}: {names[column]} was never commanded")
+        # Forward from the last known value, and backward from the first.
+        last = np.maximum.accumulate(np.where(np.isnan(table[:, column]), -1, np.arange(len(table))))
+        table[:, column] = table[np.where(last < 0, known[0], last), column]
+    layout = read_layout([(name, 1) for name in names], str(session.path), 1, driven_robots(loaded))
+    table.setflags(write=False)
+    return Trajectory(layout, table, range(1, len(table) + 1), Interpolation.LINEAR)
+
+
+def run_on_hardware(session: Session, recorded: LoadedFile, loaded: LoadedFile) -> Report:
+    """Send the commands of a session to the buses of a robot file.
+
+    Args:
+        session: the recording.
+        recorded: its robot file, as it was.
+        loaded: the robot file whose buses are used.
+
+    Raises:
+        ContidError: another robot, other ids or limits; nothing is opened then.
+    """
+    refuse_another_robot(recorded, loaded)
+    trajectory = recorded_commands(session, loaded)
+    rate_hz = session.rate_hz
+    Preflight(build_plans(loaded, rate_hz)).trajectory(trajectory, str(session.path))
+    child = ControlChild()
+    try:
+        return asyncio.run(Daemon(loaded, trajectory, RunOptions(rate_hz), child).run())
+    finally:
+        child.close()

@@ -1,0 +1,141 @@
+"""What a session is about, from one pass through it."""
+
+from __future__ import annotations
+
+from collections import Counter
+from dataclasses import asdict, dataclass, field
+from datetime import UTC, datetime
+from typing import Any
+
+from contid.session.read import Session
+
+#: Events that a summary shows one by one; of the others it says how many.
+_TOLD = ("fault", "refused", "bus", "overrun", "skipped", "recorder", "failed", "end", "stopping")
+_MOST = 20
+
+
+@dataclass(slots=True)
+class Info:
+    """A summary.
+
+    Attributes:
+        file: path.
+        bytes: size of the file.
+        state: ``clean`` or why not.
+        compacted: indexed and compressed.
+        began: UTC, ISO 8601.
+        duration_s: from the first tick to the last.
+        ticks: recorded.
+        rate_hz: of the ticks.
+        virtual: in virtual time.
+        late: started more than a tenth of a period after their deadline; always 0 in virtual time.
+        skipped: never started.
+        lost: ticks the recorder was overrun by.
+        robots: model, axes and last mode by name.
+        input: what was followed.
+        faults: in words.
+        events: how many of each kind.
+        told: the ones worth reading, with their tick.
+        versions: of everything that took part.
+    """
+
+    file: str
+    bytes: int = 0
+    state: str = ""
+    compacted: bool = False
+    began: str = ""
+    duration_s: float = 0.0
+    ticks: int = 0
+    rate_hz: float = 0.0
+    virtual: bool = False
+    late: int = 0
+    skipped: int = 0
+    lost: int = 0
+    robots: dict[str, dict[str, Any]] = field(default_factory=dict)
+    input: str = ""
+    faults: list[str] = field(default_factory=list)
+    events: dict[str, int] = field(default_factory=dict)
+    told: list[str] = field(default_factory=list)
+    versions: dict[str, str] = field(default_factory=dict)
+
+    def as_dict(self) -> dict[str, Any]:
+        """For ``--json``."""
+        return asdict(self)
+
+    def __str__(self) -> str:
+        """For a person."""
+        size = f"{self.bytes / 1e6:.3g} MB" + (", compacted" if self.compacted else "")
+        lines = [
+            f"{self.file}: {self.state}, {size}",
+            f"began {self.began}, {self.duration_s:.2f} s{' of virtual time' if self.virtual else ''}",
+            f"ticks: {self.ticks} at {self.rate_hz:g} Hz, {self.late} late, {self.skipped} skipped"
+            + (f", {self.lost} not recorded" if self.lost else ""),
+            f"input: {self.input}",
+        ]
+        for name, robot in self.robots.items():
+            lines.append(f"{name}: {robot['model']}, axes {', '.join(robot['axes'])}; last {robot['mode']}")
+        lines += [f"fault: {words}" for words in self.faults] or ["no fault"]
+        lines.append("events: " + (", ".join(f"{n} {kind}" for kind, n in self.events.items()) or "none"))
+        lines += [f"  {line}" for line in self.told]
+        lines.append(", ".join(f"{name} {value}" for name, value in self.versions.items()))
+        return "\n".join(lines)
+
+
+def summarize(session: Session) -> Info:
+    """Read a session once."""
+    from contid.control.supervisor import Mode
+    from contid.session.channels import robot_at
+
+    about = session.about["contid"]
+    info = Info(str(session.path), session.path.stat().st_size, rate_hz=session.rate_hz)
+    info.began, info.virtual, info.input = about["created"], session.virtual, _input(session)
+    info.versions = {name: text for name, text in about.items() if name not in ("format", "created")}
+    kinds: Counter[str] = Counter()
+    first_ns = last_ns = 0
+    last: list[float] | None = None
+    late_s = 0.1 / session.rate_hz
+    for entry in session.entries():
+        if entry.values is None:
+            _notice(info, kinds, entry.event or {})
+            continue
+        last = entry.values
+        first_ns, last_ns = first_ns or entry.time_ns, entry.time_ns
+        info.ticks += 1
+        info.late += last[3] > late_s
+        info.skipped = int(last[1])
+    info.duration_s = (last_ns - first_ns) / 1e9
+    info.events = dict(sorted(kinds.items()))
+    info.compacted = session.chunked
+    info.state = (
+        "clean" if session.clean else f"cut off ({session.cut}); `contid session repair` makes it whole"
+    )
+    if "repaired" in session.about:
+        info.state += f", repaired {session.about['repaired'].get('when', '')}".rstrip()
+    for index, robot in enumerate(session.layout.robots):
+        mode = "never seen" if last is None else Mode(int(last[robot_at(session.layout, index)])).name
+        info.robots[robot.name] = {"model": robot.model, "axes": list(robot.axes), "mode": mode}
+    return info
+
+
+def _input(session: Session) -> str:
+    about = session.about.get("trajectory")
+    name = session.option("input") or "none"
+    return f"{name}, live" if about is None else f"{name}, {about['rows']} rows"
+
+
+def _notice(info: Info, kinds: Counter[str], event: Any) -> None:
+    kind = str(event.get("event"))
+    kinds[kind] += 1
+    if kind == "fault":
+        info.faults.append(f"tick {event.get('tick')}: {event.get('robot')}: {event.get('words')}")
+    elif kind == "overrun":
+        info.lost += int(event["missed_ticks"])
+    if kind in _TOLD and kind != "fault" and len(info.told) < _MOST:
+        rest = ", ".join(f"{key} {value}" for key, value in event.items() if key not in ("event", "tick"))
+        tick = f"tick {event['tick']}: " if "tick" in event else ""
+        info.told.append(f"{tick}{kind}: {rest}")
+
+
+def today() -> str:
+    """Now, for the note of a repair."""
+    return datetime.now(UTC).isoformat(timespec="seconds")

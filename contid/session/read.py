@@ -1,0 +1,168 @@
+"""Reading a session, whole or cut off at any byte: its head, then ticks and events in their order.
+
+Every order and answer that a tick saw comes before that tick (the recorder fetches events first), so a reader
+that goes through once, forward, knows at each tick all that its replay needs.
+"""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+from contid.control.record import RecordLayout, TickRecord
+from contid.description.load import LoadedFile, parse_robot_file, with_mock
+from contid.errors import ContidError
+from contid.session import mcap_records as mcap
+from contid.session.about import FORMAT, TRAJECTORY, unpacked
+from contid.session.channels import EVENT, TICK_CHANNELS, Decoder
+from contid.session.mcap_records import MESSAGE_INSIDE, RecordStream
+from contid.trajectory.timed import Trajectory
+
+
+class SessionError(ContidError):
+    """A file is no session, or one that this version cannot use."""
+
+
+@dataclass(frozen=True, slots=True)
+class Entry:
+    """One tick or one event.
+
+    Attributes:
+        time_ns: time of day since 1970.
+        values: of the record, None for an event.
+        event: its fields, None for a tick.
+    """
+
+    time_ns: int
+    values: list[float] | None = None
+    event: Mapping[str, Any] | None = None
+
+
+class Session:
+    """One file.
+
+    Attributes:
+        path: of the file.
+        about: texts by group and name, as `contid.session.about` writes them.
+        layout: of the records.
+        device_units: ``rad`` or ``pa`` by ``ROBOT.AXIS``.
+        rate_hz: of the ticks.
+        clean: after `entries` came to the end: the file ends as it should.
+        chunked: the same: it was compacted.
+        cut: the same: what was found where it ends before its end, "" when it is clean.
+    """
+
+    def __init__(self, path: Path) -> None:
+        """Read the head.
+
+        Raises:
+            SessionError: the file is no session, or its head is cut off.
+        """
+        self.path = path
+        self.about: dict[str, dict[str, str]] = {}
+        self.clean = self.chunked = False
+        self.cut = ""
+        self._attachments: dict[str, bytes] = {}
+        self._topics: dict[int, str] = {}
+        try:
+            with path.open("rb") as file:
+                if file.read(len(mcap.MAGIC)) != mcap.MAGIC:
+                    raise SessionError(f"{path}: not an MCAP file")
+                file.seek(0)
+                self._read_head(RecordStream(file))
+        except OSError as error:
+            raise SessionError(f"{path}: cannot read it: {error.strerror}") from error
+        version = self.about.get("contid", {}).get("format")
+        if version is None or set(self._topics.values()) < {*TICK_CHANNELS, EVENT}:
+            raise SessionError(f"{path}: not a session of contid, or cut off before its first tick")
+        if version != FORMAT:
+            raise SessionError(f"{path}: format {version}; this contid reads format {FORMAT}")
+        self.layout = RecordLayout.from_json(self.about["layout"]["record"])
+        self.device_units: dict[str, str] = json.loads(self.about["layout"]["device_units"])
+        self.rate_hz = self.layout.rate_hz
+
+    def _read_head(self, stream: RecordStream) -> None:
+        for opcode, body in stream:
+            if opcode == mcap.METADATA:
+                record = mcap.understood(opcode, body)
+                self.about[record.name] = dict(record.metadata)
+            elif opcode == mcap.ATTACHMENT:
+                record = mcap.understood(opcode, body)
+                self._attachments[record.name] = record.data
+            elif opcode == mcap.CHANNEL:
+                record = mcap.understood(opcode, body)
+                self._topics[record.id] = record.topic
+            elif opcode == mcap.MESSAGE:
+                return
+
+    def option(self, name: str) -> str:
+        """What the run was asked for; "" when it was not said."""
+        return self.about.get("options", {}).get(name, "")
+
+    @property
+    def virtual(self) -> bool:
+        """True for a run in virtual time."""
+        return self.option("virtual") == "true"
+
+    def robot_file(self) -> LoadedFile:
+        """The robot file of the run, its buses simulated when they were so.
+
+        Raises:
+            BadInputError: today's contid does not take it any more.
+        """
+        about = self.about["robot_file"]
+        loaded = parse_robot_file(about["text"], about["name"])
+        return with_mock(loaded) if self.option("mock") == "True" else loaded
+
+    def trajectory(self, loaded: LoadedFile) -> Trajectory | None:
+        """The timed trajectory that was followed, bit for bit; None when there was none."""
+        if TRAJECTORY not in self._attachments:
+            return None
+        return unpacked(self._attachments[TRAJECTORY], self.about["trajectory"], loaded)
+
+    def entries(self) -> Iterator[Entry]:
+        """Ticks and events in their order; a tick that is not whole is left out."""
+        decoder = Decoder(self.layout, self.device_units)
+        topics, first, last = self._topics, TICK_CHANNELS[0], TICK_CHANNELS[-1]
+        inside, head = MESSAGE_INSIDE, MESSAGE_INSIDE.size
+        values: list[float] | None = None
+        with self.path.open("rb") as file:
+            stream = RecordStream(file)
+            for opcode, body in stream:
+                if opcode != mcap.MESSAGE:
+                    continue
+                channel, _, time_ns, _ = inside.unpack_from(body)
+                topic = topics.get(channel)
+                try:
+                    if topic == EVENT:
+                        yield Entry(time_ns, None, json.loads(body[head:]))
+                        continue
+                    if topic == first:
+                        values = decoder.blank()
+                    if values is None or topic is None:
+                        continue
+                    decoder.fill(values, topic, body[head:])
+                except (ValueError, KeyError, TypeError):
+                    self.cut = "a message is damaged"
+                    return
+                if topic == last:
+                    yield Entry(time_ns, values)
+                    values = None
+            self.clean, self.chunked = stream.clean, stream.chunked
+        if not self.clean:
+            self.cut = "the last tick is not whole" if values is not None else "it has no end"
+
+    def ticks(self) -> Iterator[TickRecord]:
+        """Records of the ticks."""
+        for entry in self.entries():
+            if entry.values is not None:
+                yield self.layout.decode(tuple(entry.values))
+
+    def events(self) -> Iterator[Mapping[str, Any]]:
+        """Events alone."""
+        for entry in self.entries():
+            if entry.event is not None:
+                yield entry.event

@@ -1,0 +1,235 @@
+"""Running a recording again: recorded inputs, today's code, every command compared.
+
+    command(n) = engine(robot file, trajectory, orders up to n, samples and answers up to n - 1)
+
+The simulated drivers of a replay are the recording itself: a bus answers in every tick what it answered
+then, so commands depend on recorded inputs only, whether the devices were real or simulated and whatever time
+they ran in. Nothing waits; a tick takes as long as its arithmetic.
+"""
+
+from __future__ import annotations
+
+import math
+from collections import defaultdict
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass
+from typing import Any
+
+from contid.control.cycle import OnEnd, Timing
+from contid.control.engine import Engine
+from contid.control.journal import answer_of, order_of
+from contid.control.ports import Answer, Job
+from contid.control.wiring import build_plans, driven_robots, record_layout
+from contid.description.load import LoadedFile
+from contid.errors import ContidError
+from contid.hal import Sample
+from contid.session.channels import VALUE, axis_at
+from contid.session.compare import Comparison, Divergence
+from contid.session.read import Session
+
+
+@dataclass(frozen=True, slots=True)
+class Replayed:
+    """What came of a replay.
+
+    Attributes:
+        ticks: compared.
+        divergence: the first one, None when every command was the same.
+        largest: greatest difference of a command met [m or Pa].
+        stopped: why not every recorded tick was compared, "" when every one was.
+    """
+
+    ticks: int
+    divergence: Divergence | None
+    largest: float
+    stopped: str = ""
+
+
+class _Wires:
+    """The axes of a recorded bus; nothing ever calls it."""
+
+    def __init__(self, name: str, axes: tuple[str, ...]) -> None:
+        self.name = name
+        self.axes = axes
+
+
+class RecordedPort:
+    """Stands in for `contid.control.ports.Port`: answers as the bus did in the same tick."""
+
+    threaded = False
+
+    def __init__(self, name: str, slots: Mapping[str, int], told: _Told) -> None:
+        self.bus = _Wires(name, tuple(slots))
+        self.lost = ""
+        self.stalls = 0
+        self.retry_at = 0
+        self.exempt = False
+        self.busy = False
+        self._slots = dict(slots)
+        self._told = told
+
+    def lose(self, words: str) -> None:
+        """See `Port.lose`."""
+        self.lost, self.retry_at = words, 0
+
+    def start(self, job: Job) -> None:
+        """See `Port.start`; the commands are compared in the record."""
+        self.busy, self.exempt = True, job.reopen or bool(job.effects)
+
+    def take(self, timeout_s: float) -> Answer | None:
+        """The recorded answer; None in a tick that ended without one."""
+        told, name = self._told, self.bus.name
+        answer = told.answers.pop(name, None)
+        if answer is None:
+            if self.lost or name in told.stalls:
+                self.stalls += 1
+                return None
+            answer = Answer()
+        self.busy, self.stalls = False, 0
+        if not answer.lost:
+            answer.samples = self._samples()
+        return answer
+
+    def close(self, patience_s: float) -> None:
+        """See `Port.close`."""
+
+    def _samples(self) -> dict[str, Sample]:
+        values, faults = self._told.values, self._told.faults
+        out = {}
+        for axis, at in self._slots.items():
+            value, time_s, valid, age_s, velocity, effort, temperature, voltage = values[at : at + 8]
+            out[axis] = Sample(
+                None if value != value else value, time_s, bool(valid), age_s,
+                None if velocity != velocity else velocity, None if effort != effort else effort,
+                None if temperature != temperature else temperature,
+                None if voltage != voltage else voltage, faults.get(axis, ""),
+            )  # fmt: skip
+        return out
+
+
+class _Told:
+    """What the recording says about the tick under way."""
+
+    def __init__(self) -> None:
+        self.values: Sequence[float] = ()
+        self.answers: dict[str, Answer] = {}
+        self.stalls: set[str] = set()
+        self.faults: dict[str, str] = {}
+
+
+class _Sink:
+    """Takes the record of a replayed tick."""
+
+    def __init__(self) -> None:
+        self.values: list[float] = []
+
+    def write(self, values: list[float]) -> None:
+        self.values = values
+
+    def event(self, kind: str, **fields: Any) -> None:
+        """What the engine says again is in the recording already."""
+
+
+def replay(
+    session: Session,
+    loaded: LoadedFile,
+    tolerance: float = 0.0,
+    progress: Callable[[int], None] | None = None,
+) -> Replayed:
+    """Run a session again, up to its first divergence.
+
+    Args:
+        session: the recording.
+        loaded: robot file; the recorded one, or another with the same robots and axes.
+        tolerance: greatest difference of a command that is let pass [mm or bar]; 0 compares bit for bit.
+        progress: called with the number of ticks now and then.
+
+    Raises:
+        ContidError: the robot file has other robots or axes, or the trajectory no longer fits it.
+    """
+    _same_robots(session, loaded)
+    told, sink = _Told(), _Sink()
+    ports = {
+        bus.name: RecordedPort(bus.name, _slots(session, [axis for axis, _ in bus.axes]), told)
+        for bus in loaded.buses.values()
+        if bus.axes
+    }
+    engine = Engine(
+        build_plans(loaded, session.rate_hz),
+        ports,  # type: ignore[arg-type]  # a port by behaviour
+        session.rate_hz,
+        sink,
+        lambda: 0.0,
+        trajectory=session.trajectory(loaded),
+        on_end=OnEnd(session.option("on_end") or "stop"),
+        attended=session.option("attended") == "true",
+    )
+    comparison = Comparison(session.layout, session.device_units, tolerance)
+    by_tick: dict[int, list[Mapping[str, Any]]] = defaultdict(list)
+    engine.arm()
+    last, last_skipped, count = -1, 0, 0
+    for entry in session.entries():
+        if entry.event is not None:
+            _note(entry.event, by_tick)
+            continue
+        values = entry.values
+        assert values is not None
+        tick, skipped = int(values[0]), int(values[1])
+        if tick - last != 1 + skipped - last_skipped:
+            words = f"ticks {last + 1} to {tick - 1} were not recorded (the recorder was overrun)"
+            return Replayed(count, None, comparison.largest, words)
+        told.values, told.stalls = values, set()
+        for event in by_tick.pop(tick, ()):
+            try:
+                _apply(event, told, engine, tick)
+            except ContidError as error:
+                return Replayed(count, None, comparison.largest, str(error))
+        engine.cycle(Timing(tick, tick - last, skipped, math.nan))
+        divergence = comparison.check(values, sink.values)
+        if divergence is not None:
+            return Replayed(count, divergence, comparison.largest)
+        last, last_skipped, count = tick, skipped, count + 1
+        if progress is not None and count % 1000 == 0:
+            progress(count)
+    return Replayed(count, None, comparison.largest)
+
+
+def _note(event: Mapping[str, Any], by_tick: dict[int, list[Mapping[str, Any]]]) -> None:
+    if event["event"] in ("order", "answer", "stall", "device"):
+        by_tick[event["tick"]].append(event)
+
+
+def _apply(event: Mapping[str, Any], told: _Told, engine: Engine, tick: int) -> None:
+    """Give the tick under way what an event says about it."""
+    match event["event"]:
+        case "order":
+            engine.obey(order_of(event), tick)
+        case "answer":
+            told.answers[event["bus"]] = answer_of(event)
+        case "stall":
+            told.stalls.add(event["bus"])
+        case "device":
+            told.faults[event["axis"]] = event["fault"]
+
+
+def _slots(session: Session, axes: Sequence[str]) -> dict[str, int]:
+    """Where the samples of a bus's axes begin in a record."""
+    slots = {}
+    for index, robot in enumerate(session.layout.robots):
+        for number, axis in enumerate(robot.axes):
+            slots[f"{robot.name}.{axis}"] = axis_at(session.layout, index, number) + VALUE
+    return {axis: slots[axis] for axis in axes if axis in slots}
+
+
+def _same_robots(session: Session, loaded: LoadedFile) -> None:
+    then = {(r.name, r.axes) for r in session.layout.robots}
+    now = {(r.name, r.axes) for r in record_layout(loaded, session.rate_hz).robots}
+    if then != now or len(driven_robots(loaded)) != len(session.layout.robots):
+        raise ContidError(
+            f"{loaded.path}: other robots or axes than were recorded: "
+            f"recorded {_named(then)}; here {_named(now)}"
+        )
+
+
+def _named(robots: set[tuple[str, tuple[str, ...]]]) -> str:
+    return "; ".join(f"{name} ({', '.join(axes)})" for name, axes in sorted(robots))
