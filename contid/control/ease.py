@@ -51,8 +51,8 @@ def ease_ticks(plans: Sequence[RobotPlan], trajectory: Trajectory, time_s: float
     for plan in plans:
         if plan.name not in here:
             continue
-        start = plan.model.inverse(plan.to_base(here[plan.name]), plan.rest).actuation
-        after = plan.model.inverse(plan.to_base(beside[plan.name]), start).actuation
+        start = plan.model.inverse(plan.frame.target_in_base(here[plan.name]), plan.rest).actuation
+        after = plan.model.inverse(plan.frame.target_in_base(beside[plan.name]), start).actuation
         step = max(abs(b - a) for a, b in zip(start, after, strict=True))
         if not step > plan.limits[0].change * _SHARE:
             continue

@@ -24,6 +24,7 @@ from contid.control.sources import Live, Source, Timed
 from contid.control.state import Effect, OrderRefusedError, RobotState
 from contid.control.statistics import RobotTally
 from contid.control.supervisor import MOVING, REST_OF, Mode
+from contid.control.tip_feedback import Measurement
 from contid.description.base import StopPolicy
 from contid.hal import Sample
 from contid.targets import Target
@@ -81,6 +82,7 @@ class Engine:
         self._finishing = False
         self._ended = False
         self._samples: dict[str, Sample] = {}
+        self._measured: dict[str, Measurement] = {}
         port_of = {axis: name for name, port in ports.items() for axis in port.bus.axes}
         self._buses = [sorted({port_of[axis] for axis in plan.axes}) for plan in plans]
         self._axes_on = [
@@ -130,6 +132,11 @@ class Engine:
                 if not isinstance(self.source, Live):
                     self.source = Live()
                 self.source.put(targets)
+                for robot, target in targets.items():
+                    if target is not None and target.measured_tip_m is not None:
+                        self._measured[robot] = Measurement(target.measured_tip_m, now_s)
+            case msg.Measured(robot, tip_in_world):
+                self._measured[robot] = Measurement(tip_in_world, now_s)
             case msg.End():
                 if not isinstance(self.source, Live):
                     self.source = Live()
@@ -213,12 +220,17 @@ class Engine:
         now_s = number / self._rate_hz
         source = self.source
         targets: Mapping[str, Target | None] = {} if source is None else source.targets(number)
+        source_is_timed = isinstance(source, Timed)
         commands: dict[str, dict[str, float]] = {name: {} for name in self._ports}
         outcomes: list[Outcome] = []
         port_of = self._port_of
         for index, plan in enumerate(self.plans):
             state = self.states[index]
-            outcome = tick(plan, state, now_s, self._samples_of(plan), targets.get(plan.name), timing.elapsed)
+            target = targets.get(plan.name)
+            if target is not None and target.measured_tip_m is not None and source_is_timed:
+                self._measured[plan.name] = Measurement(target.measured_tip_m, now_s)
+            measured = self._measured.get(plan.name)
+            outcome = tick(plan, state, now_s, self._samples_of(plan), target, timing.elapsed, measured)
             state = outcome.state
             if state.pending is not Effect.NONE:
                 state = self._ask(index, state)

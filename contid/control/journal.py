@@ -42,6 +42,8 @@ def order_events(message: object) -> Iterator[dict[str, Any]]:
                 yield {"order": "rows", "robot": robot, "target": _target(target)}
         case msg.Goto(robot, target):
             yield {"order": "goto", "robot": robot, "target": _target(target)}
+        case msg.Measured(robot, tip_in_world):
+            yield {"order": "measured", "robot": robot, "tip_m": list(tip_in_world)}
         case msg.Stop(robots, policy, reason):
             yield {"order": "stop", "robots": robots, "policy": policy, "reason": reason}
         case msg.Finish(policy, reason):
@@ -69,6 +71,9 @@ def order_of(event: Mapping[str, Any]) -> msg.Message:
     match kind:
         case "rows":
             return msg.Rows({event["robot"]: target_of(event["target"])} if "robot" in event else {})
+        case "measured":
+            x, y, z = event["tip_m"]
+            return msg.Measured(event["robot"], (x, y, z))
         case "goto":
             target = target_of(event["target"])
             if target is not None:

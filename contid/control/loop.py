@@ -18,6 +18,7 @@ from contid.control.limits import limit
 from contid.control.plan import RobotPlan
 from contid.control.state import Effect, RobotState, fail, moved, speed, stay, stopped
 from contid.control.supervisor import Event, Mode
+from contid.control.tip_feedback import Measurement, corrected, observed
 from contid.hal import Sample
 from contid.targets import Actuation, Solution, Target
 from contid.trajectory.approach import Approach
@@ -37,7 +38,7 @@ class Outcome:
         state: after the tick.
         device: commanded device values in the order of the axes, empty when nothing is commanded.
         solution: the model's answer when it was asked.
-        tip_error_m: distance of the commanded model's tip from the target; NaN without a target to follow.
+        tip_error_m: distance of the commanded model's tip from the (corrected) target; NaN without a target.
         limits: bits of `contid.control.limits` per axis, empty when nothing was limited.
     """
 
@@ -52,9 +53,10 @@ def tick(
     plan: RobotPlan,
     state: RobotState,
     now_s: float,
-    samples: Sequence[Sample],
+    samples: tuple[Sample, ...],
     target: Target | None,
     elapsed: int = 1,
+    measurement: Measurement | None = None,
 ) -> Outcome:
     """Decide what one robot does in this tick.
 
@@ -65,12 +67,17 @@ def tick(
         samples: newest of every axis, in the order of the plan; empty before the first.
         target: what the source wants of this robot now, in the world frame.
         elapsed: periods since the previous tick; more than 1 after skipped ones.
+        measurement: newest measured tip, if anybody measures.
     """
     try:
         if state.mode in _WATCHED and samples:
             state = watched(plan, state, samples, now_s)
         mode = state.mode
         if mode is Mode.RUN and target is not None and state.follow:
+            if plan.feedback is not None:
+                load_n = plan.frame.vector_in_base(target.load_n)
+                learnt = observed(plan, plan.feedback, state.correction, now_s, samples, measurement, load_n)
+                state = replace(state, correction=learnt)
             return _follow(plan, state, now_s, target, elapsed)
         if mode in (Mode.CONNECTING, Mode.READY, Mode.ARMING):
             return Outcome(_arming(plan, state, now_s, samples, target))
@@ -137,7 +144,8 @@ def _arming(
 
 def _approach(plan: RobotPlan, state: RobotState, target: Target, now_s: float, start_s: float) -> RobotState:
     """Begin the jerk-limited way from the last command, given at ``start_s``, to a target."""
-    goal = plan.model.inverse(plan.to_base(target), state.command).actuation
+    wanted = corrected(state.correction, plan.frame.target_in_base(target))
+    goal = plan.model.inverse(wanted, state.command).actuation
     if not all(map(math.isfinite, goal)):
         return fail(plan, state, Fault.NOT_A_NUMBER, f"the model answered {goal}", now_s)
     motion = Approach(state.command, speed(plan, state), goal, plan.velocity, plan.acceleration, plan.jerk)
@@ -146,7 +154,7 @@ def _approach(plan: RobotPlan, state: RobotState, target: Target, now_s: float, 
 
 def _follow(plan: RobotPlan, state: RobotState, now_s: float, target: Target, elapsed: int) -> Outcome:
     """RUN: the model answers the target, the limiter has the last word."""
-    in_base = plan.to_base(target)
+    in_base = corrected(state.correction, plan.frame.target_in_base(target))
     solution = plan.model.inverse(in_base, state.command)
     if not all(map(math.isfinite, solution.actuation)):
         words = f"the model answered {solution.actuation} to {in_base}"
@@ -155,7 +163,7 @@ def _follow(plan: RobotPlan, state: RobotState, now_s: float, target: Target, el
     tip = plan.model.forward(after.command, in_base.load_n).tip_m
     wanted = in_base.tip_m
     if wanted is None:
-        wanted = plan.model.forward(in_base.actuation or (), in_base.load_n).tip_m
+        wanted = plan.model.forward(in_base.actuation or after.command, in_base.load_n).tip_m
     return Outcome(after, plan.transmission.to_device(after.command), solution, math.dist(tip, wanted), flags)
 
 
@@ -201,6 +209,6 @@ def _limited(
     after = RobotState(
         state.mode, state.since_s, state.fault, state.words, state.enabled, state.wanted, state.follow,
         state.goto, command, steps, aim, state.motion, state.motion_s, state.policy, state.misses,
-        state.pending,
+        state.pending, state.correction,
     )  # fmt: skip
     return after, flags if any(flags) else ()

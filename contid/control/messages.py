@@ -16,7 +16,7 @@ from types import MappingProxyType
 from typing import Any, Final, TypeAlias
 
 from contid.description.base import StopPolicy
-from contid.targets import Target
+from contid.targets import Target, Vec3
 from contid.trajectory.timed import Trajectory
 
 LENGTH: Final = struct.Struct("=I")
@@ -79,6 +79,14 @@ class Rows:
 
 
 @dataclass(frozen=True, slots=True)
+class Measured:
+    """Where a tracker sees the tip of one robot (world frame, m); see `contid.control.tip_feedback`."""
+
+    robot: str
+    tip_in_world: Vec3
+
+
+@dataclass(frozen=True, slots=True)
 class Play:
     """Follow a timed trajectory from its first row."""
 
@@ -98,7 +106,7 @@ class Finish:
     reason: str = "on_interrupt"
 
 
-Message: TypeAlias = Hold | Resume | Stop | Estop | ClearFault | Goto | Rows | Play | End | Finish
+Message: TypeAlias = Hold | Resume | Stop | Estop | ClearFault | Goto | Rows | Measured | Play | End | Finish
 
 
 def _proxy(plain: dict[Any, Any]) -> MappingProxyType[Any, Any]:

@@ -7,10 +7,13 @@ from dataclasses import dataclass
 from typing import Final, Protocol
 
 from contid.control.limits import AxisLimits, axis_limits
+from contid.control.tip_feedback import FeedbackPlan
 from contid.description.base import Quantity, StopPolicy, Stops
 from contid.description.robot import RobotDescription
-from contid.models.model import Model, build_model
-from contid.targets import Actuation, Target, Vec3
+from contid.models.extra_axes import build_whole_model
+from contid.models.frames import BaseFrame
+from contid.models.model import Model
+from contid.targets import Actuation
 
 #: Data younger than this are never stale: a slow regulator measures at 20 Hz or so.
 STALE_S: Final = 0.1
@@ -52,12 +55,12 @@ class RobotPlan:
         name: in the robot file.
         kind: its model's name.
         quantity: lengths or pressures.
-        model: kinematics in the base frame.
-        rotation: row-major 3x3, base to world (with the mirror).
-        origin_in_world: of the base frame [m].
+        model: kinematics in the base frame; its axes include the extra ones.
+        frame: the base frame in the world.
         limits: per axis, per tick.
         transmission: actuation to device values and back.
-        axis_names: of the model.
+        axis_names: of the model, then of the extra axes.
+        extra_axes: how many of them are extra.
         axes: names on the buses, in the same order.
         rest: the rest pose.
         stops: policy per reason.
@@ -65,17 +68,18 @@ class RobotPlan:
         tolerance: exchanges in a row each axis may miss.
         stale_s: age at which the data of each axis are no longer believed [s].
         period_s: of the tick.
+        feedback: closed loop on the tip, None when off.
     """
 
     name: str
     kind: str
     quantity: Quantity
     model: Model
-    rotation: tuple[float, ...]
-    origin_in_world: Vec3
+    frame: BaseFrame
     limits: tuple[AxisLimits, ...]
     transmission: Transmission
     axis_names: tuple[str, ...]
+    extra_axes: int
     axes: tuple[str, ...]
     rest: Actuation
     stops: StopPlan
@@ -85,33 +89,7 @@ class RobotPlan:
     tolerance: tuple[int, ...]
     stale_s: tuple[float, ...]
     period_s: float
-
-    def to_base(self, target: Target) -> Target:
-        """A target of the world frame in the base frame: ``R^T (p - o)``; loads and directions turn."""
-        rotation = self.rotation
-        origin = self.origin_in_world
-        tip, mid, load = target.tip_m, target.mid_m, target.load_n
-        return Target(
-            None if tip is None else _turned(rotation, tip, origin),
-            None if target.direction is None else _turned(rotation, target.direction),
-            None if mid is None else _turned(rotation, mid, origin),
-            target.actuation,
-            load if load == _ZERO else _turned(rotation, load),
-            target.extra,
-        )
-
-
-_ZERO: Vec3 = (0.0, 0.0, 0.0)
-
-
-def _turned(rotation: tuple[float, ...], vector: Vec3, origin: Vec3 = _ZERO) -> Vec3:
-    x, y, z = vector[0] - origin[0], vector[1] - origin[1], vector[2] - origin[2]
-    r = rotation
-    return (
-        r[0] * x + r[3] * y + r[6] * z,
-        r[1] * x + r[4] * y + r[7] * z,
-        r[2] * x + r[5] * y + r[8] * z,
-    )
+    feedback: FeedbackPlan | None = None
 
 
 def plan_robot(
@@ -122,23 +100,25 @@ def plan_robot(
     tolerance_of_bus: Mapping[str, int],
 ) -> RobotPlan:
     """The plan of one robot of a file at a rate [Hz]."""
-    model = build_model(robot)
-    tolerance = tuple(tolerance_of_bus[robot.axes[axis].bus] for axis in robot.axis_names)
+    model = build_whole_model(robot)
+    names = robot.all_axis_names
+    tolerance = tuple(tolerance_of_bus[robot.axes[axis].bus] for axis in names)
     period_s = 1.0 / rate_hz
     return RobotPlan(
         name=name,
         kind=robot.model,  # type: ignore[attr-defined]  # every leaf class has it
         quantity=robot.quantity,
         model=model,
-        rotation=robot.base.rotation,
-        origin_in_world=robot.base.position_m,
+        frame=BaseFrame.of(robot.base),
         limits=axis_limits(
-            robot.lower, robot.upper, robot.velocity_limit, robot.acceleration_limit, period_s
+            model.lower, model.upper, robot.velocity_limit, robot.acceleration_limit, period_s
         ),
         transmission=transmission,
-        axis_names=robot.axis_names,
-        axes=tuple(f"{name}.{axis}" for axis in robot.axis_names),
-        rest=robot.rest,
+        axis_names=names,
+        extra_axes=len(robot.extra_axis_names),
+        axes=tuple(f"{name}.{axis}" for axis in names),
+        # Extra axes rest at their least value: without pressure, open.
+        rest=(*robot.rest, *model.lower[len(robot.axis_names) :]),
         stops=StopPlan.of(robot.stop),
         velocity=robot.velocity_limit,
         acceleration=robot.acceleration_limit,
@@ -146,4 +126,5 @@ def plan_robot(
         tolerance=tolerance,
         stale_s=tuple(max(ticks * period_s, STALE_S) for ticks in tolerance),
         period_s=period_s,
+        feedback=None if robot.feedback is None else FeedbackPlan.of(robot.feedback),
     )

@@ -37,7 +37,7 @@ class Preflight:
             if plan is None or target is None:
                 continue
             try:
-                solution = plan.model.inverse(plan.to_base(target), self._seeds[name])
+                solution = plan.model.inverse(plan.frame.target_in_base(target), self._seeds[name])
             except ValueError as error:
                 wrong[name] = f"{name}: {error}"
                 continue

@@ -77,7 +77,7 @@ class Recorder:
         if target is not None:
             flags |= HAS_TARGET
             tip, direction, mid = target.tip_m or NAN3, target.direction or NAN3, target.mid_m or NAN3
-            load, wanted = target.load_n, target.actuation or ()
+            load, wanted = target.load_n, _wanted(plan, target)
         values += (state.mode, state.fault, flags, bits, iterations)
         values += tip
         values += direction
@@ -87,7 +87,7 @@ class Recorder:
         command, device, limits = state.command, outcome.device, outcome.limits
         for axis, name in enumerate(plan.axes):
             values += (
-                wanted[axis] if wanted else _NAN,
+                wanted[axis] if axis < len(wanted) else _NAN,
                 solved[axis] if solved else _NAN,
                 command[axis] if command else _NAN,
                 limits[axis] if limits else 0,
@@ -113,3 +113,11 @@ class Recorder:
             bits[name] = 1 << number
             self._sink.event("limit_name", robot=self._plans[index].name, bit=number, name=name)
         return bits[name]
+
+
+def _wanted(plan: RobotPlan, target: Target) -> Sequence[float]:
+    """What a target asks of every axis itself, NaN where the model decides; empty for tips alone."""
+    if not target.extra:
+        return target.actuation or ()
+    own = target.actuation or (_NAN,) * (len(plan.axes) - plan.extra_axes)
+    return (*own, *(target.extra.get(name, _NAN) for name in plan.axis_names[len(own) :]))

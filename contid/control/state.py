@@ -13,11 +13,14 @@ from typing import Protocol
 from contid.control.faults import Fault
 from contid.control.plan import RobotPlan
 from contid.control.supervisor import REST_OF, Event, Mode, allowed, move
+from contid.control.tip_feedback import Correction
 from contid.description.base import StopPolicy
 from contid.errors import ContidError
 from contid.hal import Rest, Sample
 from contid.targets import Actuation, Target
 from contid.trajectory.approach import Approach, stopping
+
+NO_CORRECTION = Correction()
 
 
 class Motion(Protocol):
@@ -69,6 +72,7 @@ class RobotState:
         policy: of the stop that runs.
         misses: exchanges in a row that each axis missed.
         pending: what the devices shall do.
+        correction: of the closed loop on the tip.
     """
 
     mode: Mode = Mode.OFF
@@ -87,6 +91,7 @@ class RobotState:
     policy: StopPolicy | None = None
     misses: tuple[int, ...] = ()
     pending: Effect = Effect.NONE
+    correction: Correction = NO_CORRECTION
 
 
 def moved(plan: RobotPlan, state: RobotState, event: Event, now_s: float) -> RobotState:

@@ -11,7 +11,7 @@ tuples: for the two to twelve axes of a robot that is faster than NumPy.
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from typing import Final, Protocol, TypeAlias
 
 import numpy as np
@@ -28,6 +28,8 @@ _Sparse: TypeAlias = tuple[tuple[tuple[int, float], ...], ...]
 
 #: A table may fall short of the limits by the rounding of its units, not by more.
 _TABLE_SLACK: Final = 1e-9
+#: Range of an extra axis whose stroke nobody states.
+_OPEN: Final = (-math.inf, math.inf)
 
 
 class TransmissionError(ContidError):
@@ -106,10 +108,9 @@ class RobotTransmission:
     """All axes of one robot.
 
     Attributes:
-        axis_names: the model's axes, the order of every tuple here.
-        maps: one `AxisMap` per name.
-        extra: maps of the axes beyond the kinematics by name; without ``mm_per_rev`` their device value is
-            their column's value.
+        axis_names: the model's axes, then the axes beyond the kinematics: the order of every tuple here.
+        maps: one `AxisMap` per name. The coupling mixes the model's axes only; an extra axis without
+            ``mm_per_rev`` or table has the value of its column.
 
     Raises:
         TransmissionError: an axis is missing, has a map that does not fit the robot's quantity, or a table
@@ -117,21 +118,28 @@ class RobotTransmission:
     """
 
     def __init__(self, description: RobotDescription) -> None:
-        self.axis_names = description.axis_names
+        self.axis_names = description.all_axis_names
         axes = description.axes
-        missing = [name for name in (*self.axis_names, *description.extra_axis_names) if name not in axes]
+        missing = [name for name in self.axis_names if name not in axes]
         if missing:
             raise TransmissionError(
                 f"axes: {', '.join(missing)} missing; the robot has {', '.join(axes) or 'none'}"
             )
-        for name in self.axis_names:
+        for name in description.axis_names:
             _refuse_misfit(name, axes[name], description.quantity)
         self.maps: tuple[AxisMap, ...] = tuple(axis_map(name, axes[name]) for name in self.axis_names)
-        self.extra: Mapping[str, AxisMap] = {
-            name: axis_map(name, axes[name]) for name in description.extra_axis_names
-        }
-        self._forward, self._backward = _coupling(description.coupling, len(self.axis_names))
-        self._driven = _image_of_box(self._forward, description.lower, description.upper)
+        coupled = len(description.axis_names)
+        extra = range(coupled, len(self.axis_names))
+        self._forward, self._backward = (
+            None if rows is None else (*rows, *(((axis, 1.0),) for axis in extra))
+            for rows in _coupling(description.coupling, coupled)
+        )
+        strokes = [description.extra_limits.get(name, _OPEN) for name in description.extra_axis_names]
+        self._driven = _image_of_box(
+            self._forward,
+            (*description.lower, *(low for low, _ in strokes)),
+            (*description.upper, *(high for _, high in strokes)),
+        )
         for name, one, (low, high) in zip(self.axis_names, self.maps, self._driven, strict=True):
             if isinstance(one, Table):
                 _refuse_short_table(name, one, low, high)

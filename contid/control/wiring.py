@@ -39,7 +39,7 @@ def build_buses(loaded: LoadedFile, clock: Clock) -> dict[str, Bus]:
     travel: dict[str, tuple[float, float]] = {}
     for name, robot in driven_robots(loaded).items():
         ranges = RobotTransmission(robot).travel()
-        travel |= {f"{name}.{axis}": ends for axis, ends in zip(robot.axis_names, ranges, strict=True)}
+        travel |= {f"{name}.{axis}": ends for axis, ends in zip(robot.all_axis_names, ranges, strict=True)}
     buses = {}
     for wiring in loaded.buses.values():
         if not wiring.axes:
@@ -65,7 +65,7 @@ def record_layout(loaded: LoadedFile, rate_hz: float) -> RecordLayout:
             name,
             robot.model,  # type: ignore[attr-defined]  # every leaf class has it
             robot.quantity.unit,
-            robot.axis_names,
+            robot.all_axis_names,
         )
         for name, robot in driven_robots(loaded).items()
     )

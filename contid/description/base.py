@@ -140,6 +140,23 @@ class Rates(Strict):
     jerk_bar_s3: Positive | None = None
 
 
+class TipFeedback(Strict):
+    """Closed loop on the tip: measured tip positions correct what the model gets wrong.
+
+    Attributes:
+        gain_per_s: how fast the estimate of the model's error follows the measurements; its time constant is
+            the inverse.
+        limit_mm: greatest correction; a larger error is a wrong measurement or a wrong model.
+        stale_ms: without a measurement for this long the correction begins to fade.
+        fade_ms: how long it takes to fade; with ``stale_ms`` at most one second.
+    """
+
+    gain_per_s: Annotated[float, Field(gt=0, le=50)] = 5.0
+    limit_mm: Positive = 20.0
+    stale_ms: Annotated[float, Field(gt=0, le=500)] = 200.0
+    fade_ms: Annotated[float, Field(gt=0, le=500)] = 500.0
+
+
 class AxisDescription(BaseModel):
     """One axis of a robot: its bus and its transmission; further keys belong to the bus's driver.
 

@@ -8,7 +8,15 @@ from typing import ClassVar
 
 from pydantic import Field
 
-from contid.description.base import AxisDescription, BasePose, Quantity, Rates, Stops, Strict
+from contid.description.base import (
+    AxisDescription,
+    BasePose,
+    Quantity,
+    Rates,
+    Stops,
+    Strict,
+    TipFeedback,
+)
 from contid.targets import Actuation
 
 
@@ -22,6 +30,7 @@ class RobotDescription(Strict):
         stop: what to do for every reason to stop.
         rest_mm: the rest pose of a robot whose axes are lengths, in the order of its axes.
         rest_bar: the same for pressures.
+        feedback: closed loop on measured tip positions; off when left out.
         placeholder: dotted keys whose numbers no one measured, e.g. ``geometry.tip_length_mm``.
     """
 
@@ -35,6 +44,7 @@ class RobotDescription(Strict):
     stop: Stops = Stops()
     rest_mm: tuple[float, ...] | None = None
     rest_bar: tuple[float, ...] | None = None
+    feedback: TipFeedback | None = None
     placeholder: tuple[str, ...] = ()
 
     @property
@@ -46,6 +56,11 @@ class RobotDescription(Strict):
     def extra_axis_names(self) -> tuple[str, ...]:
         """Axes beyond the kinematics (wrist, gripper), driven straight from their columns."""
         return ()
+
+    @property
+    def all_axis_names(self) -> tuple[str, ...]:
+        """The model's axes, then the extra ones: the order of every command and sample."""
+        return (*self.axis_names, *self.extra_axis_names)
 
     @property
     def extra_limits(self) -> Mapping[str, tuple[float, float]]:

@@ -129,9 +129,11 @@ class RackFingerModel:
             half = sinc(0.5 * theta)
             # x = 0 below the base: atan2 gives a half turn of zero radius, which no arc has.
             return (d / (rho * half), curvature) if abs(theta) < 2.0 * math.pi else None
-        if x_m == 0.0:
-            return None
-        return (theta - math.copysign(2.0 * math.pi, x_m)) / curvature, curvature
+        # A curled tip on the y axis needs an arc of infinite length; next to it, one longer than any double.
+        arc_length_m = (
+            (theta - math.copysign(2.0 * math.pi, x_m)) / curvature if curvature != 0.0 else math.inf
+        )
+        return (arc_length_m, curvature) if math.isfinite(arc_length_m) else None
 
     def inverse(self, target: Target, seed: Actuation) -> Solution:
         """Rack lengths for a tip position, closed form; the nearest reachable point when it is out of reach.

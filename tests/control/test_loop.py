@@ -36,7 +36,7 @@ def sampled(plan: RobotPlan, actuation: tuple[float, ...] = (0.06, 0.06), **keys
 
 def running(plan: RobotPlan) -> RobotState:
     """A robot that stands exactly on the target, in RUN."""
-    here = plan.model.inverse(plan.to_base(TARGET), plan.rest).actuation
+    here = plan.model.inverse(plan.frame.target_in_base(TARGET), plan.rest).actuation
     return RobotState(
         mode=Mode.RUN, enabled=True, wanted=True, follow=True, command=here, aim=here,
         steps=(0.0, 0.0), misses=(0, 0),
@@ -58,7 +58,7 @@ def test_on_its_target_the_tip_error_is_rounding(plan: RobotPlan) -> None:
 
 def test_directions_and_loads_are_mirrored_with_the_robot(plan: RobotPlan) -> None:
     target = Target(tip_m=(0.09, 0.07, 0.0), direction=(0.6, 0.8, 0.0), load_n=(1.0, 2.0, 3.0))
-    base = plan.to_base(target)
+    base = plan.frame.target_in_base(target)
     assert base.tip_m == pytest.approx((0.01, 0.07, 0.0))
     assert base.direction == pytest.approx((-0.6, 0.8, 0.0))
     assert base.load_n == pytest.approx((-1.0, 2.0, 3.0))

@@ -143,10 +143,19 @@ def test_pressures_pass_unchanged_bit_for_bit():
 def test_extra_axes_have_maps_of_their_own():
     axes = {"a": {"mm_per_rev": 40.0}, "wrist": {"direction": -1, "zero_deg": 180.0}}
     transmission = RobotTransmission(robot(axes, extras=("wrist",)))
-    wrist = transmission.extra["wrist"]
-    assert wrist.to_device(0.5) == pytest.approx(math.pi - 0.5)
-    assert wrist.to_driven(wrist.to_device(0.5)) == pytest.approx(0.5)
-    assert len(transmission.to_device((0.1,))) == 1
+    angle, wrist = transmission.to_device((0.1, 0.5))
+    assert wrist == pytest.approx(math.pi - 0.5)
+    assert transmission.to_actuation((angle, wrist)) == pytest.approx((0.1, 0.5))
+    assert transmission.axis_names == ("a", "wrist")
+
+
+def test_the_coupling_leaves_extra_axes_alone():
+    axes = SIX | {"grip": {}}
+    transmission = RobotTransmission(robot(axes, extras=("grip",), matrix=BASE_FIXED))
+    lengths = (0.3, 0.28, 0.32, 0.25, 0.26, 0.24, 0.007)
+    device = transmission.to_device(lengths)
+    assert device == pytest.approx((0.3, 0.28, 0.32, 0.55, 0.54, 0.56, 0.007))
+    assert transmission.to_actuation(device) == pytest.approx(lengths)
 
 
 @pytest.mark.parametrize(

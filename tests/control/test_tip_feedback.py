@@ -1,0 +1,197 @@
+"""Closed loop on the tip, on simulated plants whose real curvature or modulus is 10 % off the model's."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable
+from pathlib import Path
+
+import numpy as np
+import pytest
+import yaml
+
+from contid.control import messages as msg
+from contid.control.clock import VirtualClock
+from contid.control.cycle import Timing
+from contid.control.engine import Engine
+from contid.control.ports import Port
+from contid.control.wiring import build_plans, open_buses
+from contid.description.load import LoadedFile, parse_robot_file, with_mock
+from contid.models.frames import BaseFrame
+from contid.models.model import Model, build_model
+from contid.targets import Target
+from tests.control.fingers import Collector
+
+CONFIGS = Path(__file__).parent.parent.parent / "configs"
+RATE_HZ = 200.0
+
+
+def load(name: str, change: Callable[[dict], None]) -> LoadedFile:
+    data = yaml.safe_load((CONFIGS / f"{name}.yaml").read_text())
+    change(data)
+    return with_mock(parse_robot_file(yaml.safe_dump(data), name))
+
+
+class Rig:
+    """A robot on simulated actuators whose true kinematics are another model's, and its tracker."""
+
+    def __init__(self, loaded: LoadedFile, truth: Model, tracker_hz: float = 50.0, noise_mm: float = 0.0):
+        self.seen = Collector(loaded)
+        self.clock = VirtualClock()
+        self.buses = open_buses(loaded, self.clock)
+        ports = {name: Port(bus, threaded=False) for name, bus in self.buses.items()}
+        self.plan = build_plans(loaded, RATE_HZ)[0]
+        self.engine = Engine([self.plan], ports, RATE_HZ, self.seen, self.clock.now, attended=True)
+        self.engine.arm()
+        self.truth = truth
+        self.every = round(RATE_HZ / tracker_hz)
+        self.rng = np.random.default_rng(5)
+        self.noise_m = noise_mm / 1e3
+        self.tick = 0
+        self.tips: list[tuple[float, float, float]] = []
+        self.tracking = True
+
+    def tip(self) -> tuple[float, float, float]:
+        """Where the plant's tip really is: the true model at the measured actuation."""
+        samples = self.engine._samples
+        actuation = self.plan.transmission.to_actuation([samples[axis].value for axis in self.plan.axes])
+        return self.plan.frame.point_in_world(self.truth.forward(actuation).tip_m)
+
+    def run(self, seconds: float, target: Target | None = None) -> None:
+        if target is not None:
+            self.engine.obey(msg.Rows({self.plan.name: target}), self.tick)
+        for _ in range(round(seconds * RATE_HZ)):
+            self.clock.set(self.tick / RATE_HZ)
+            if self.tracking and self.tips and self.tick % self.every == 0:
+                shaken = np.array(self.tips[-1]) + self.rng.normal(0, self.noise_m, 3)
+                self.engine.obey(msg.Measured(self.plan.name, tuple(shaken.tolist())), self.tick)
+            now_s = self.tick / RATE_HZ
+            self.engine.cycle(Timing(self.tick, 1, 0, now_s, 0.0))
+            self.tick += 1
+            if self.engine._samples:
+                self.tips.append(self.tip())
+
+    def close(self) -> None:
+        for bus in self.buses.values():
+            bus.close()
+
+
+def finger(feedback: dict | None, curvature_gain: float = 1.1) -> tuple[LoadedFile, Model]:
+    def change(data: dict) -> None:
+        robot = data["robots"]["finger"]
+        robot.pop("correction")
+        robot["placeholder"] = []
+        if feedback is not None:
+            robot["feedback"] = feedback
+
+    def wrong(data: dict) -> None:
+        change(data)
+        # Another rack spacing is another curvature: k = (L2 - L1) / (w S).
+        data["robots"]["finger"]["geometry"]["rack_spacing_mm"] /= curvature_gain
+        data["robots"]["finger"]["limits"]["curvature_max_per_mm"] = 0.2
+
+    truth = build_model(load("finger", wrong).file.robots["finger"])
+    return load("finger", change), truth
+
+
+def arm(feedback: dict | None) -> tuple[LoadedFile, Model]:
+    def change(data: dict) -> None:
+        if feedback is not None:
+            data["robots"]["arm"]["feedback"] = feedback
+
+    def wrong(data: dict) -> None:
+        for section in data["robots"]["arm"]["geometry"]["sections"]:
+            section["modulus_pa"] = [1.1 * b for b in section["modulus_pa"]]
+
+    truth = build_model(load("stiffflop1", wrong).file.robots["arm"])
+    return load("stiffflop1", change), truth
+
+
+CASES = {
+    "finger": (finger, (0.030, 0.070, 0.0), (0.045, 0.060, 0.0)),
+    "arm": (arm, (0.012, 0.005, 0.055), (-0.008, 0.010, 0.055)),
+}
+
+
+@pytest.mark.parametrize("case", CASES)
+def test_the_static_error_of_a_wrong_model_is_removed_without_overshoot(case: str) -> None:
+    build, first, second = CASES[case]
+    errors = {}
+    for feedback in (None, {}):
+        loaded, truth = build(feedback)
+        rig = Rig(loaded, truth)
+        rig.run(8.0, Target(tip_m=first))
+        start = np.mean(rig.tips[-100:], axis=0)
+        began = len(rig.tips)
+        rig.run(8.0, Target(tip_m=second))
+        rig.close()
+        # The regulators are noisy: the static error is that of the mean.
+        rest = np.mean(rig.tips[-400:], axis=0)
+        errors[feedback is not None] = math.dist(rest, second)
+        way = np.array(second) - np.array(start)
+        along = (np.array(rig.tips[began:]) - np.array(start)) @ way / (way @ way)
+        overshoot = along.max() - max(along[-1], 1.0) if feedback is not None else 0.0
+        assert overshoot < 0.10, f"overshoot {overshoot:.1%}"
+    assert errors[False] > 5e-4, "the plant must be wrong enough to matter"
+    # Quantised actuators leave a rest; 95 % of the static error has to go.
+    assert errors[True] < 0.05 * errors[False]
+
+
+def test_without_the_tracker_it_falls_back_to_the_open_loop_within_a_second_and_without_a_jump() -> None:
+    loaded, truth = finger({})
+    rig = Rig(loaded, truth)
+    rig.run(6.0, Target(tip_m=(0.030, 0.070, 0.0)))
+    open_loop = rig.plan.model.inverse(Target(tip_m=(0.030, 0.070, 0.0)), rig.plan.rest).actuation
+    before = rig.engine.states[0].command
+    assert max(abs(a - b) for a, b in zip(before, open_loop, strict=True)) > 1e-4
+    rig.tracking = False
+    commands = [before]
+    for _ in range(int(RATE_HZ)):
+        rig.run(1 / RATE_HZ)
+        commands.append(rig.engine.states[0].command)
+    rig.close()
+    assert commands[-1] == pytest.approx(open_loop, abs=1e-12)
+    steps = np.abs(np.diff(np.array(commands), axis=0))
+    assert steps.max() <= rig.plan.velocity / RATE_HZ
+    assert np.abs(np.diff(steps, axis=0)).max() <= rig.plan.acceleration / RATE_HZ**2 * (1 + 1e-9)
+
+
+def test_noise_of_the_tracker_is_filtered_and_a_wild_measurement_is_bounded() -> None:
+    loaded, truth = finger({"limit_mm": 5.0})
+    rig = Rig(loaded, truth, noise_mm=0.3)
+    rig.run(8.0, Target(tip_m=(0.030, 0.070, 0.0)))
+    settled = np.array(rig.tips[-400:])
+    assert settled.std(axis=0).max() < 0.15e-3
+    rig.tracking = False
+    rig.engine.obey(msg.Measured(rig.plan.name, (5.0, 5.0, 0.0)), rig.tick)
+    rig.run(0.2)
+    error = rig.engine.states[0].correction.error_m
+    rig.close()
+    assert math.hypot(*error) <= 5e-3 + 1e-12
+
+
+def test_it_is_off_by_default() -> None:
+    loaded, truth = finger(None)
+    rig = Rig(loaded, truth)
+    rig.run(3.0, Target(tip_m=(0.030, 0.070, 0.0)))
+    rig.close()
+    assert rig.engine.states[0].correction.error_m == (0.0, 0.0, 0.0)
+
+
+def test_a_mirrored_base_measures_in_the_world() -> None:
+    loaded, truth = finger({})
+    robot = loaded.file.robots["finger"]
+    mirrored = robot.model_copy(
+        update={"base": robot.base.model_copy(update={"x_mm": 100.0, "mirror_x": True})}
+    )
+    loaded = LoadedFile(
+        loaded.path,
+        loaded.text,
+        loaded.file.model_copy(update={"robots": {"finger": mirrored}}),
+        loaded.buses,
+    )
+    rig = Rig(loaded, truth)
+    target = BaseFrame.of(mirrored.base).point_in_world((0.030, 0.070, 0.0))
+    rig.run(8.0, Target(tip_m=target))
+    rig.close()
+    assert math.dist(rig.tips[-1], target) < 1e-4

@@ -1,0 +1,47 @@
+"""Axes beyond the kinematics: they follow their columns, keep their strokes and leave the tip alone."""
+
+from __future__ import annotations
+
+import io
+from pathlib import Path
+
+import pytest
+
+from contid.control.virtual import run_virtual
+from contid.description.load import load_robot_file, with_mock
+from contid.models.extra_axes import build_whole_model
+from contid.targets import Target
+from contid.trajectory.read import read_trajectory
+from tests.control.fingers import Collector
+
+
+def test_extra_axes_follow_their_columns_inside_their_strokes(configs: Path) -> None:
+    robot = load_robot_file(configs / "cbha.yaml").file.robots["cbha"]
+    model = build_whole_model(robot)
+    assert model.axis_names[-2:] == ("wrist", "gripper")
+    seed = (*robot.rest, 0.001, 0.002)
+    tip = model.forward(seed).tip_m
+    kept = model.inverse(Target(tip_m=tip, extra={"gripper": 0.007}), seed)
+    assert kept.converged
+    assert kept.actuation[-2:] == (0.001, 0.007)
+    beyond = model.inverse(Target(tip_m=tip, extra={"gripper": 0.02, "wrist": -1.0}), seed)
+    assert not beyond.converged
+    assert beyond.actuation[-2:] == (0.0, 0.01)
+    assert {"gripper.max", "wrist.min"} <= set(beyond.limited_by)
+    alone = model.inverse(Target(extra={"wrist": 0.003}), seed)
+    assert alone.actuation == (*robot.rest, 0.003, 0.002)
+    assert (model.jacobian(seed)[:, -2:] == 0).all()
+
+
+def test_a_gripper_moves_through_the_whole_chain(configs: Path) -> None:
+    loaded = with_mock(load_robot_file(configs / "cbha.yaml"))
+    text = "t_s,x_mm,y_mm,z_mm,gripper_mm\n0,20,0,240,0\n2,30,10,240,8\n"
+    trajectory = read_trajectory(io.StringIO(text), "t.csv", loaded.file.robots)
+    seen = Collector(loaded)
+    report = run_virtual(loaded, 100.0, trajectory, sinks=[seen])
+    assert report.exit_code == 0
+    last = seen.records[-1].robots[0].axes[-1]
+    assert last.command == pytest.approx(0.008, abs=1e-6)
+    assert last.target == pytest.approx(0.008, abs=1e-6)
+    assert last.valid == 1.0
+    assert last.value == pytest.approx(last.device, rel=0.05)
