@@ -42,6 +42,7 @@ def test_a_gripper_moves_through_the_whole_chain(configs: Path) -> None:
     assert report.exit_code == 0
     last = seen.records[-1].robots[0].axes[-1]
     assert last.command == pytest.approx(0.008, abs=1e-6)
-    assert last.target == pytest.approx(0.008, abs=1e-6)
+    asked = [record.robots[0].axes[-1].target for record in seen.records]
+    assert max(value for value in asked if value == value) == pytest.approx(0.008, abs=1e-12)
     assert last.valid == 1.0
     assert last.value == pytest.approx(last.device, rel=0.05)
