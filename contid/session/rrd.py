@@ -100,4 +100,4 @@ def _backbone(plan: RobotPlan, actuation: tuple[float, ...]) -> Any:
     if np.isnan(actuation).any():
         return np.zeros((0, 3))
     points = plan.model.shape(actuation, POINTS)
-    return points @ np.array(plan.rotation).reshape(3, 3).T + np.array(plan.origin_in_world)
+    return points @ np.array(plan.frame.rotation).reshape(3, 3).T + np.array(plan.frame.origin_in_world)
