@@ -7,6 +7,7 @@ from importlib import import_module
 from typing import Final, NoReturn
 
 import click
+from click.utils import PacifyFlushWrapper
 
 from contid import __version__
 from contid.errors import ContidError
@@ -73,8 +74,10 @@ def main() -> NoReturn:
     except ContidError as error:
         click.echo(f"contid: {error}", err=True)
         sys.exit(error.exit_code)
-    except BrokenPipeError:
-        # The reader of our output went away (``contid path ... | head``); that is not our failure.
-        sys.stderr.close()
-        sys.exit(0)
+    except SystemExit:
+        # Click ends a command whose reader went away (``contid path ... | head``) with 1, which means a
+        # failed comparison here; it leaves this wrapper behind, and nothing else does.
+        if type(sys.stdout) is PacifyFlushWrapper:
+            sys.exit(0)
+        raise
     sys.exit(0)

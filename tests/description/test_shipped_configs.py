@@ -22,3 +22,21 @@ def test_a_shipped_robot_file_loads_and_its_rest_pose_is_a_fixed_point(path: Pat
         model = build_model(robot)
         tip = model.forward(robot.rest).tip_m
         assert all(abs(value) < 10.0 for value in tip)
+
+
+@pytest.mark.parametrize(
+    "twin", [path for path in CONFIGS if path.name.endswith(".emulated.yaml")], ids=lambda path: path.stem
+)
+def test_an_emulated_twin_differs_from_its_robot_only_in_names_and_ports(twin: Path) -> None:
+    real = load_robot_file(twin.with_name(twin.name.replace(".emulated", "")))
+    emulated = load_robot_file(twin)
+    assert emulated.file.robots == real.file.robots
+    assert emulated.file.rate_hz == real.file.rate_hz
+    for name, bus in emulated.buses.items():
+        other = real.buses[name]
+        assert (bus.driver, bus.axes, bus.tolerance_ticks) == (
+            other.driver,
+            other.axes,
+            other.tolerance_ticks,
+        )
+        assert bus.options.model_copy(update={"port": ""}) == other.options.model_copy(update={"port": ""})

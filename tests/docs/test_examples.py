@@ -1,0 +1,68 @@
+"""Every ``sh`` block of the README and of the first hour runs as it is printed."""
+
+from __future__ import annotations
+
+import os
+import re
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+
+ROOT = Path(__file__).parent.parent.parent
+PAGES = ("README.md", "docs/first-hour.md")
+
+
+def blocks(page: str) -> list[str]:
+    return re.findall(r"^```sh\n(.*?)^```", (ROOT / page).read_text(), re.MULTILINE | re.DOTALL)
+
+
+@pytest.mark.parametrize("page", PAGES)
+def test_the_commands_of_a_page_run(page: str, tmp_path: Path) -> None:
+    commands = tmp_path / "bin"
+    commands.mkdir()
+    shim = commands / "contid"
+    shim.write_text(f'#!/bin/sh\nexec "{sys.executable}" -m contid "$@"\n')
+    shim.chmod(0o755)
+    work = tmp_path / "work"
+    work.mkdir()
+    source = [str(ROOT), str(ROOT / "drivers")]
+    environment = {
+        **os.environ,
+        "PATH": f"{commands}:{os.environ['PATH']}",
+        "PYTHONPATH": os.pathsep.join([*source, os.environ.get("PYTHONPATH", "")]),
+        "CONFIGS": str(ROOT / "configs"),
+        "XDG_RUNTIME_DIR": str(tmp_path),
+    }
+    found = blocks(page)
+    assert found, f"{page} has no sh block"
+    # One shell for the page: later blocks use the files of earlier ones. Ctrl-C reaches a background job.
+    script = "set -eo pipefail\nset -m\ntrap 'kill $(jobs -p) 2>/dev/null || true' EXIT\n" + "\n".join(found)
+    # stdin must be empty, not pytest's: `contid run` reads a trajectory from it.
+    done = subprocess.run(
+        ["bash", "-c", script],
+        cwd=work,
+        env=environment,
+        capture_output=True,
+        text=True,
+        timeout=240,
+        stdin=subprocess.DEVNULL,
+        check=False,
+    )
+    assert done.returncode == 0, done.stdout[-2000:] + done.stderr[-4000:]
+    assert "Traceback" not in done.stderr
+
+
+def test_the_readme_is_short_and_its_links_lead_somewhere() -> None:
+    text = (ROOT / "README.md").read_text()
+    assert len(text.splitlines()) <= 150
+    for page in (*PAGES, *(str(p.relative_to(ROOT)) for p in (ROOT / "docs").glob("*.md"))):
+        for link in re.findall(r"\]\(([^)#]+)(?:#[^)]*)?\)", (ROOT / page).read_text()):
+            if "://" not in link:
+                assert ((ROOT / page).parent / link).exists(), f"{page}: {link}"
+
+
+def test_ci_runs_exactly_the_test_command_of_the_readme() -> None:
+    command = next(s for s in (ROOT / "README.md").read_text().splitlines() if "pytest" in s)
+    assert command in (ROOT / ".ci" / "run").read_text().splitlines()
