@@ -361,9 +361,15 @@ Verdict Board::home(Reader& in) {
   verdict = check_mask(mask);
   for (uint8_t i = 0; i < CHANNELS && verdict.refusal == Refusal::NONE; ++i) {
     if ((mask & (1u << i)) == 0) continue;
-    if (identity_.role != Role::MOTOR || !config_.motor[i].homing) verdict = Verdict{Refusal::NO_HOMING, i};
-    if (channel_[i].state == State::SAFE) verdict = Verdict{Refusal::LATCHED, i};
-    if (channel_[i].state == State::ARMED) verdict = Verdict{Refusal::ARMED_NOW, i};
+    if (identity_.role != Role::MOTOR || !config_.motor[i].homing) {
+      verdict = Verdict{Refusal::NO_HOMING, i};
+    } else if (channel_[i].state == State::SAFE) {
+      verdict = Verdict{Refusal::LATCHED, i};
+    } else if (channel_[i].state == State::ARMED) {
+      verdict = Verdict{Refusal::ARMED_NOW, i};
+    } else if (!fitted(i) || (bridge_faults_ & (1u << i)) != 0) {
+      verdict = Verdict{Refusal::PERSISTS, i};
+    }
   }
   if (verdict.refusal != Refusal::NONE) return verdict;
   keep_tick_out();

@@ -1,0 +1,103 @@
+"""The core as Cortex-M3 code, built by the clang in PyPI's ``ziglang``: its size here, its run in the tests.
+
+The Arduino IDE's own compiler is gcc 4.8; the sizes here are those of another compiler and without the
+Arduino core itself (about 21 KB of flash and 2.6 KB of RAM), so they are estimates.
+"""
+
+from __future__ import annotations
+
+import hashlib
+import os
+import struct
+import subprocess
+import sys
+from collections.abc import Mapping
+from dataclasses import dataclass
+from importlib.util import find_spec
+from pathlib import Path
+from typing import Final
+
+from contid.errors import DeviceError
+from contid_drivers.due.firmware import SKETCH_STANDARD, cache_dir, core_sources, firmware_dir
+
+#: What the Arduino core brings along, measured for a small sketch (reference: hardware facts, section 1).
+ARDUINO_FLASH: Final = 21 * 1024
+ARDUINO_RAM: Final = 2662
+FLASH_BYTES: Final = 512 * 1024
+RAM_BYTES: Final = 96 * 1024
+FLASH_START: Final = 0x0008_0000
+RAM_START: Final = 0x2007_0000
+
+_FLAGS: Final = (
+    "-target", "thumb-freestanding-eabi", "-mcpu=cortex_m3", SKETCH_STANDARD, "-Os", "-g",
+    "-ffunction-sections", "-fdata-sections", "-fno-exceptions", "-fno-rtti", "-fno-builtin",
+    "-fno-sanitize=undefined", "-fno-threadsafe-statics", "-Wall", "-Wextra", "-Werror", "-Wconversion",
+    "-Wl,--gc-sections",
+)  # fmt: skip
+
+
+@dataclass(frozen=True)
+class Image:
+    """A linked program: what is loaded where, and where its functions are."""
+
+    segments: tuple[tuple[int, bytes], ...]
+    symbols: Mapping[str, int]
+    flash: int
+    ram: int
+
+
+def build_m3() -> Path:
+    """The ELF file of the core for Cortex-M3, built when its sources changed.
+
+    Raises:
+        DeviceError: ``ziglang`` is not installed, or refuses the sources.
+    """
+    if find_spec("ziglang") is None:
+        raise DeviceError("firmware", "the Cortex-M3 build needs the package ziglang", "pip install ziglang")
+    m3 = firmware_dir() / "m3"
+    sources = [m3 / "entry.cpp", *core_sources()]
+    digest = hashlib.sha256(" ".join(_FLAGS).encode())
+    for path in (*sources, *sorted(sources[1].parent.glob("*.h")), *sorted(m3.iterdir())):
+        digest.update(path.name.encode() + b"\0" + path.read_bytes())
+    program = cache_dir() / f"m3-{digest.hexdigest()[:16]}.elf"
+    if program.is_file():
+        return program
+    program.parent.mkdir(parents=True, exist_ok=True)
+    fresh = program.with_name(f"{program.name}.{os.getpid()}")
+    command = [
+        *(sys.executable, "-m", "ziglang", "c++", *_FLAGS, "-I", str(m3), f"-Wl,-T,{m3 / 'due.ld'}"),
+        *("-o", str(fresh), *map(str, sources)),
+    ]
+    done = subprocess.run(command, capture_output=True, text=True, check=False)
+    if done.returncode != 0:
+        raise DeviceError("firmware", f"the Cortex-M3 build fails:\n{done.stderr.strip()}")
+    fresh.replace(program)
+    return program
+
+
+def read_elf(path: Path) -> Image:
+    """Read a 32-bit little-endian ELF file: loadable segments, symbols, and the memory they take."""
+    data = path.read_bytes()
+    phoff, shoff = struct.unpack_from("<II", data, 28)
+    phentsize, phnum, shentsize, shnum = struct.unpack_from("<HHHH", data, 42)
+    segments = []
+    for i in range(phnum):
+        kind, offset, vaddr, _, filesz, memsz = struct.unpack_from("<6I", data, phoff + i * phentsize)
+        if kind == 1 and memsz:
+            segments.append((vaddr, data[offset : offset + filesz] + bytes(memsz - filesz)))
+    sections = [struct.unpack_from("<10I", data, shoff + i * shentsize) for i in range(shnum)]
+    symbols: dict[str, int] = {}
+    flash = ram = 0
+    for _, kind, flags, address, offset, size, link, _, _, _ in sections:
+        if kind == 2:  # the symbol table; `link` is its string table
+            names = sections[link][4]
+            for at in range(offset, offset + size, 16):
+                name, value = struct.unpack_from("<II", data, at)
+                end = data.index(b"\0", names + name)
+                symbols[data[names + name : end].decode()] = value
+        if flags & 2:  # takes memory on the device
+            in_ram = address >= RAM_START
+            ram += size if in_ram else 0
+            # What starts with a value lies in flash as well, to be copied from.
+            flash += size if not in_ram or kind != 8 else 0
+    return Image(tuple(segments), symbols, flash, ram)

@@ -1,0 +1,96 @@
+"""The shared vectors of the protocol: Python's codec, the core on this computer, the core on a Cortex-M3."""
+
+from __future__ import annotations
+
+import subprocess
+
+import pytest
+
+from contid_drivers.due import frames, messages
+from contid_drivers.due.cortex import build_m3, read_elf
+from contid_drivers.due.firmware import build_host, firmware_dir
+from tests.firmware.cortex_m3 import M3Board
+
+SANITIZE = ["-fsanitize=address,undefined", "-fno-sanitize-recover=all", "-g"]
+
+
+def lines() -> list[list[str]]:
+    text = (firmware_dir() / "vectors" / "vectors.txt").read_text()
+    return [line.split() for line in text.splitlines()]
+
+
+def test_python_codec():
+    checked = 0
+    for word, *rest in lines():
+        if word == "frame":
+            payload, wire = map(bytes.fromhex, rest)
+            assert frames.seal(payload) == wire
+            assert frames.unseal(wire[:-1]) == payload
+            checked += 1
+        elif word == "noise":
+            assert frames.unseal(bytes.fromhex(rest[0])) is None
+            checked += 1
+        elif word == "<" and rest:
+            messages.read_answer(bytes.fromhex(rest[0]))
+            checked += 1
+    assert checked > 100
+
+
+def test_every_message_and_refusal_is_in_the_vectors():
+    answers = [
+        messages.read_answer(bytes.fromhex(rest[0]))[1] for word, *rest in lines() if word == "<" and rest
+    ]
+    refusals = {messages.Refusal(one.refusal) for one in answers if isinstance(one, messages.Refused)}
+    assert refusals == set(messages.Refusal) - {messages.Refusal.NO_SENSOR}
+    requests = {bytes.fromhex(rest[0])[1] for word, *rest in lines() if word == ">" and len(rest[0]) > 4}
+    assert requests >= {kind for kind in messages.Type if kind < 0x80}
+    assert {type(one) for one in answers} == {
+        messages.Hello, messages.Configured, messages.Telemetry, messages.Refused,
+    }  # fmt: skip
+
+
+def test_core_on_this_computer():
+    program = build_host(SANITIZE, "vectors.cpp")
+    path = firmware_dir() / "vectors" / "vectors.txt"
+    done = subprocess.run([str(program), str(path)], capture_output=True, text=True, check=False)
+    assert done.returncode == 0, done.stdout + done.stderr
+
+
+def test_core_on_cortex_m3():
+    board = M3Board(read_elf(build_m3()))
+    answer: bytes | None = None
+    checked = 0
+    for number, (word, *rest) in enumerate(lines(), 1):
+        if word == "board":
+            board.start(rest[0])
+        elif word == "tick":
+            for _ in range(int(rest[0])):
+                board.tick()
+        elif word == "count":
+            board.set_count(int(rest[0]), int(rest[1]))
+        elif word == "analog":
+            board.set_analog(int(rest[0]), int(rest[1]))
+        elif word == ">":
+            wire = board.wire(frames.seal(bytes.fromhex(rest[0])))
+            answer = frames.unseal(wire[:-1]) if wire else b""
+        elif word == "<":
+            expected = bytes.fromhex(rest[0]) if rest else b""
+            assert answer == expected, f"vectors.txt:{number}"
+            checked += 1
+    assert checked > 80
+
+
+@pytest.mark.parametrize("standard", ["-std=gnu++11"])
+def test_core_compiles_as_the_arduino_ide_compiles_it(standard, tmp_path):
+    flags = [
+        standard,
+        "-Wall",
+        "-Wextra",
+        "-Werror",
+        "-Wconversion",
+        "-Wshadow",
+        "-fno-exceptions",
+        "-fno-rtti",
+    ]
+    for source in sorted((firmware_dir() / "contid_due" / "src" / "core").glob("*.cpp")):
+        subprocess.run(["g++", *flags, "-c", "-o", str(tmp_path / "x.o"), str(source)], check=True)
