@@ -30,6 +30,7 @@ COMMANDS: Final[dict[str, tuple[str, str]]] = {
     "servo": ("contid.cli.servo", "give a servo its id or baud rate, or restart it"),
     "doctor": ("contid.cli.doctor", "what is wrong with buses and host, and the remedy"),
     "calibrate": ("contid.cli.calibrate", "fit a model's parameters to measurements"),
+    "firmware": ("contid.cli.firmware", "build, flash and look at the sketch of the Due boards"),
     "home": ("contid.cli.home", "find the zero of axes and write it into the robot file"),
 }
 

@@ -164,9 +164,8 @@ def _follow(emulator: Emulator, control: Path, ended: threading.Event) -> None:
                     try:
                         emulator.tell(fault_command(json.loads(line)))
                     except (DeviceError, ValueError) as error:
-                        control.with_name(control.name + ".errors").open("a").write(
-                            f"{line.strip()}: {error}\n"
-                        )
+                        with control.with_name(control.name + ".errors").open("a") as errors:
+                            errors.write(f"{line.strip()}: {error}\n")
 
 
 @contextlib.contextmanager

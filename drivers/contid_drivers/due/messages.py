@@ -141,6 +141,11 @@ class Hello:
     capabilities: tuple[int, ...]
     pins: str
 
+    @property
+    def role_name(self) -> str:
+        """The role as the robot file writes it."""
+        return {0: "motor", 1: "pressure"}.get(self.role, f"{self.role}?")
+
 
 @dataclass(frozen=True, slots=True)
 class Report:

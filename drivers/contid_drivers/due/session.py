@@ -21,6 +21,52 @@ _TELEMETRY_BYTES = 112
 _ROLES = {0: Role.MOTOR, 1: Role.PRESSURE}
 
 
+def ask_hello(name: str, options: BusOptions) -> Hello:
+    """What the board at the port says of itself; nothing else is said to it.
+
+    Raises:
+        DeviceNotFoundError: the port is missing, or nobody says hello.
+    """
+    port = Port(name, find_port(name, options.port))
+    try:
+        return _wait_for_hello(name, options, port)
+    finally:
+        port.close()
+
+
+def _wait_for_hello(name: str, options: BusOptions, port: Port) -> Hello:
+    deadline = time.monotonic() + options.hello_ms / 1000.0
+    sequence = 0
+    while time.monotonic() < deadline:
+        sequence = (sequence + 1) & 0xFF
+        payload = port.ask(messages.request(Type.HELLO, sequence), time.monotonic() + _HELLO_EVERY_S)
+        try:
+            answer = None if payload is None else messages.read_answer(payload)[1]
+        except messages.BadAnswerError as error:
+            raise DeviceNotFoundError(name, str(error), "contid firmware flash") from error
+        if isinstance(answer, Hello):
+            return answer
+        if isinstance(answer, Refused):
+            raise _refusal(name, "hello", answer)
+    raise DeviceNotFoundError(
+        name,
+        f"no hello from {port.path} within {options.hello_ms:g} ms",
+        "is the contid sketch on the board? (contid firmware flash); is this the right port?",
+    )
+
+
+def _refusal(name: str, what: str, answer: Refused) -> DeviceNotFoundError:
+    remedy = ""
+    if answer.refusal == Refusal.WRONG_VERSION:
+        remedy = (
+            f"the board speaks protocol {answer.detail}, this contid {messages.PROTOCOL_VERSION}: "
+            "contid firmware flash"
+        )
+    elif answer.refusal == Refusal.ARMED_NOW:
+        remedy = "another host armed it with another configuration; its dead-man will disarm it"
+    return DeviceNotFoundError(name, f"{what} refused: {answer.words}", remedy)
+
+
 class Session:
     """One connection to one board, from hello to its loss."""
 
@@ -33,7 +79,8 @@ class Session:
         self._port = Port(name, find_port(name, options.port))
         self.heard_ms = 0
         try:
-            self.hello = self._wait_for_hello()
+            self.hello = _wait_for_hello(name, options, self._port)
+            self.heard_ms = self.hello.uptime_ms
             self._check_role()
             self._check_channels(axes)
             self._configure()
@@ -44,23 +91,11 @@ class Session:
     def _request(self, kind: Type, body: bytes, seconds: float) -> Answer | None:
         self._sequence = (self._sequence + 1) & 0xFF
         payload = self._port.ask(messages.request(kind, self._sequence, body), time.monotonic() + seconds)
-        return None if payload is None else messages.read_answer(payload)[1]
-
-    def _wait_for_hello(self) -> Hello:
-        options = self._options
-        deadline = time.monotonic() + options.hello_ms / 1000.0
-        while time.monotonic() < deadline:
-            answer = self._request(Type.HELLO, b"", _HELLO_EVERY_S)
-            if isinstance(answer, Hello):
-                self.heard_ms = answer.uptime_ms
-                return answer
-            if isinstance(answer, Refused):
-                self._refuse("hello", answer)
-        raise DeviceNotFoundError(
-            self._name,
-            f"no hello from {self._port.path} within {options.hello_ms:g} ms",
-            "is the contid sketch on the board? (contid firmware flash); is this the right port?",
-        )
+        try:
+            return None if payload is None else messages.read_answer(payload)[1]
+        except messages.BadAnswerError:
+            # Garbage with a good CRC happens once in 65536 times; it is no answer.
+            return None
 
     def _check_role(self) -> None:
         found = _ROLES.get(self.hello.role)
@@ -69,7 +104,7 @@ class Session:
                 self._name,
                 f"expected a {self._options.role} board at {self._port.path}, "
                 f"found a {found or self.hello.role} board",
-                "swap the ports in the robot file, or flash the other role",
+                "swap the ports in the robot file, or set the board's jumper (docs/due.md)",
             )
 
     def _check_channels(self, axes: Sequence[AxisOnBus]) -> None:
@@ -88,22 +123,11 @@ class Session:
         seconds = self._port.wire_seconds(len(body)) + 0.2
         answer = self._request(Type.CONFIGURE, body, seconds) or self._request(Type.CONFIGURE, body, seconds)
         if isinstance(answer, Refused):
-            self._refuse("configuration", answer)
+            raise _refusal(self._name, "configuration", answer)
         if not isinstance(answer, Configured) or answer.config_crc != self.config_crc:
             raise DeviceNotFoundError(
                 self._name, f"the board did not confirm configuration {self.config_crc:#06x}, got {answer}"
             )
-
-    def _refuse(self, what: str, answer: Refused) -> None:
-        remedy = ""
-        if answer.refusal == Refusal.WRONG_VERSION:
-            remedy = (
-                f"the board speaks protocol {answer.detail}, this contid {messages.PROTOCOL_VERSION}: "
-                "contid firmware flash"
-            )
-        elif answer.refusal == Refusal.ARMED_NOW:
-            remedy = "another host armed it with another configuration; its dead-man will disarm it"
-        raise DeviceNotFoundError(self._name, f"{what} refused: {answer.words}", remedy)
 
     def command(self, kind: Type, body: bytes) -> Telemetry | Refused | None:
         """One request whose answer is a telemetry; None when it did not come in time.
@@ -120,7 +144,9 @@ class Session:
             cause = hello.cause.words if isinstance(hello, Hello) else "unknown"
             self._lost_by_reset(cause)
         if isinstance(answer, Telemetry):
-            if answer.boot != self.hello.boot or answer.uptime_ms < self.heard_ms:
+            # The uptime wraps after 49 days; half of its range tells later from earlier.
+            earlier = (answer.uptime_ms - self.heard_ms) & 0xFFFF_FFFF > 0x8000_0000
+            if answer.boot != self.hello.boot or earlier:
                 self._lost_by_reset(answer.cause.words)
             self.heard_ms = answer.uptime_ms
             return answer

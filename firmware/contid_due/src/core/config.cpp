@@ -23,8 +23,9 @@ class Checker {
   explicit Checker(Reader& in) : in_(in), bad_at_(0), bad_(false) {}
 
   int32_t within(int32_t value, int32_t least, int32_t most) {
-    if (value < least || value > most) fail();
-    return value;
+    if (value >= least && value <= most) return value;
+    fail();
+    return 0;  // what is computed from it until the refusal stays small
   }
   void require(bool condition) {
     if (!condition) fail();

@@ -51,6 +51,12 @@ void Motor::sense(int32_t raw_count, int32_t raw_analog) {
   current_ = raw_analog * config_->full_scale_ma / 4095;
 }
 
+int32_t Motor::velocity() const {
+  // A counter that jumps (a cable, a reset chip) must not overflow what is computed from its speed.
+  const int64_t most = 1 << 24;
+  return static_cast<int32_t>(clamp64(speed_q8_ >> 8, -most, most));
+}
+
 void Motor::arm() {
   set_.start(position_);
   sum_q16_ = 0;

@@ -36,7 +36,7 @@ class Motor {
   Reason fault() const { return fault_; }
 
   int32_t position() const { return position_; }
-  int32_t velocity() const { return static_cast<int32_t>(speed_q8_ >> 8); }
+  int32_t velocity() const;
   int32_t duty() const { return duty_; }
   int32_t current_ma() const { return current_; }
   bool homed() const { return homed_; }

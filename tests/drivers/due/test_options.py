@@ -1,0 +1,94 @@
+"""Options of a Due board: what is refused, and what reaches the board."""
+
+from __future__ import annotations
+
+import math
+import struct
+
+import pytest
+from pydantic import ValidationError
+
+from contid.errors import DeviceError
+from contid.hal import AxisOnBus, DeviceKind, Emulates, load_driver
+from contid_drivers.due.emulator import fault_command
+from contid_drivers.due.options import AxisOptions, BusOptions, EndStop
+from contid_drivers.due.wiring import Scale, board_config
+
+REGULATOR = {"calibration": [[0, 0], [100, 3]], "readback": [[600, 0], [3000, 3]], "ceiling_bar": 1.6}
+BAD = [
+    ({"channel": "m6"}, "channel"),
+    ({"channel": "m0", "safe_state": "vent"}, "brake, coast, hold"),
+    ({"channel": "p0", **REGULATOR, "safe_state": "coast"}, "vent, hold, close"),
+    ({"channel": "m0", "safe_state": "hold", "start_state": "brake"}, "start_state brake differs"),
+    ({"channel": "m0", "ceiling_bar": 2}, "is a motor; it has no ceiling_bar"),
+    ({"channel": "p0", **REGULATOR, "stall_ms": 100}, "is a regulator; it has no stall_ms"),
+    ({"channel": "p0"}, "needs calibration, readback, ceiling_bar"),
+    ({"channel": "p0", **REGULATOR, "ceiling_bar": 3.5}, "must reach from 0 bar to ceiling_bar 3.5"),
+    ({"channel": "p0", **REGULATOR, "calibration": [[0, 0], [0, 3]]}, "must both rise"),
+    ({"channel": "p0", **REGULATOR, "calibration": [[0, 0], [101, 3]]}, "0 to 100"),
+    ({"channel": "p0", **REGULATOR, "readback": [[600, 3], [3000, 0]]}, "readback"),
+    ({"channel": "p0", **REGULATOR, "calibration": [[i, i] for i in range(9)]}, "2 to 8 rows"),
+]
+
+
+@pytest.mark.parametrize(("options", "says"), BAD)
+def test_refused(options, says):
+    with pytest.raises(ValidationError, match=says):
+        AxisOptions.model_validate(options)
+
+
+def test_counts_of_a_turn_and_of_650_mm():
+    scale = Scale(AxisOptions(channel="m0"))
+    assert scale.to_board(math.tau) == 4776
+    assert scale.to_board(650.0 / (math.pi * 25.0) * math.tau) == 39526
+    assert scale.from_board(39526) == pytest.approx(650.0 / (math.pi * 25.0) * math.tau, abs=math.tau / 4776)
+
+
+def test_the_configuration_is_in_the_boards_units():
+    motor = AxisOnBus("a.x", AxisOptions(channel="m2", homing=EndStop(direction=-1)), (0.0, math.tau))
+    blob = board_config("b", BusOptions(port="x", role="motor", watchdog_ms=80), [motor])
+    assert struct.unpack_from("<BHB", blob) == (0, 80, 1)
+    channel, safe, start, flags, low, high, velocity, acceleration = struct.unpack_from("<4B4i", blob, 4)
+    assert (channel, safe, start, flags) == (2, 0, 0, 4)
+    assert (low, high) == (0, 4776)
+    assert velocity == round(470.0 / 360.0 * 4776)
+    assert acceleration == round(2300.0 / 360.0 * 4776)
+
+
+def test_a_motor_on_a_pressure_board_is_refused_by_name():
+    motor = AxisOnBus("arm.s1.l1", AxisOptions(channel="m0"), None)
+    with pytest.raises(DeviceError, match=r"arm\.s1\.l1.*no channel of a pressure board"):
+        board_config("air", BusOptions(port="x", role="pressure"), [motor])
+
+
+def test_driver_protocol():
+    driver = load_driver("due")
+    assert isinstance(driver, Emulates)
+    motor, regulator = AxisOptions(channel="m3"), AxisOptions(channel="p1", **REGULATOR)
+    assert (driver.kind(motor), driver.address(motor)) == (DeviceKind.MOTOR, "channel m3")
+    assert (driver.kind(regulator), driver.address(regulator)) == (DeviceKind.REGULATOR, "channel p1")
+    sim = load_driver("sim")
+    for axis in (motor, regulator):
+        sim.axis_options.model_validate(driver.mock_axis_options(axis))
+    sim.bus_options.model_validate(driver.mock_options(BusOptions(port="x", role="motor")))
+
+
+@pytest.mark.parametrize(
+    ("entry", "command"),
+    [
+        ({"fault": "leak", "channel": 2}, "set 2 leak 1"),
+        ({"fault": "wire", "channel": 2, "on": False}, "set 2 wire 0"),
+        ({"fault": "silent", "channel": 1}, "silent 1 1"),
+        ({"fault": "garbage"}, "garbage 1"),
+        ({"fault": "freeze", "ms": 400}, "freeze 400"),
+        ({"fault": "brown_out"}, "brown_out"),
+    ],
+)
+def test_fault_switches(entry, command):
+    assert fault_command(entry) == command
+
+
+@pytest.mark.parametrize("entry", [{"fault": "laek"}, {}, "leak"])
+def test_unknown_fault_switch_names_those_there_are(entry):
+    with pytest.raises(DeviceError, match="leak"):
+        fault_command(entry)

@@ -1,0 +1,265 @@
+"""The Due driver against the firmware on a pty: handshake, resets, line faults, homing, commands."""
+
+from __future__ import annotations
+
+import json
+import math
+import os
+import pty
+import time
+from collections.abc import Callable, Iterator
+from contextlib import ExitStack
+from pathlib import Path
+
+import pytest
+from click.testing import CliRunner
+
+from contid.cli.firmware import command as firmware_command
+from contid.errors import DeviceError, DeviceLostError, DeviceNotFoundError
+from contid.hal import AxisOnBus, Rest, load_driver
+from contid_drivers.due.bus import DueBus
+from contid_drivers.due.emulator import Emulator
+from contid_drivers.due.options import AxisOptions, BusOptions, EndStop
+from contid_drivers.due.service import doctor, home
+
+MOTORS = [AxisOnBus(f"arm.l{i}", AxisOptions(channel=f"m{i}", power_up_deg=90.0), None) for i in range(3)]
+AIR = {"calibration": [[0, 0], [100, 3]], "readback": [[600, 0], [3000, 3]], "ceiling_bar": 1.6}
+
+
+class RealClock:
+    def now(self) -> float:
+        return time.monotonic()
+
+    def sleep(self, seconds: float) -> None:
+        time.sleep(seconds)
+
+
+@pytest.fixture
+def world(tmp_path: Path) -> Iterator[Callable[..., tuple[DueBus, Emulator]]]:
+    """Makes a bus and the board behind it: ``world(axes, **bus options)``."""
+    with ExitStack() as stack:
+
+        def make(axes=MOTORS, role="motor", **keys) -> tuple[DueBus, Emulator]:
+            options = BusOptions(port=str(tmp_path / "board"), role=role, **{"latency_ms": 60.0, **keys})
+            emulator = stack.enter_context(Emulator(options, axes))
+            bus = DueBus("board", options, axes, RealClock())
+            stack.callback(bus.close)
+            return bus, emulator
+
+        yield make
+
+
+def settle(bus: DueBus, seconds: float, commands=None):
+    end = time.monotonic() + seconds
+    while True:
+        samples = bus.exchange(commands or {})
+        if time.monotonic() > end:
+            return samples
+        time.sleep(0.005)
+
+
+def test_hello_and_first_samples(world):
+    bus, _ = world()
+    bus.open()
+    assert bus.hello.role_name == "motor"
+    assert bus.hello.pins == "emulated"
+    samples = bus.exchange({})
+    assert all(sample.valid for sample in samples.values())
+    assert [sample.value for sample in samples.values()] == pytest.approx([math.pi / 2] * 3, abs=1e-3)
+
+
+def test_wrong_role_is_named(world):
+    _, emulator = world()
+    axes = [AxisOnBus("arm.p", AxisOptions(channel="p0", **AIR), None)]
+    options = BusOptions(port=str(emulator.port), role="pressure")
+    with pytest.raises(DeviceNotFoundError, match=r"expected a pressure board.*found a motor board"):
+        DueBus("air", options, axes, RealClock()).open()
+
+
+def test_no_port_and_no_board(tmp_path):
+    options = BusOptions(port=str(tmp_path / "none*"), role="motor", hello_ms=100)
+    with pytest.raises(DeviceNotFoundError, match="no port"):
+        DueBus("board", options, MOTORS, RealClock()).open()
+    master, slave = pty.openpty()
+    try:
+        options = BusOptions(port=os.ttyname(slave), role="motor", hello_ms=150)
+        with pytest.raises(DeviceNotFoundError, match=r"no hello .* within 150 ms .*contid firmware flash"):
+            DueBus("board", options, MOTORS, RealClock()).open()
+    finally:
+        os.close(master)
+        os.close(slave)
+
+
+@pytest.mark.parametrize(("fault", "cause"), [("reset", "pin"), ("brown_out", "brown-out")])
+def test_an_unannounced_reset_is_a_loss_and_the_position_must_be_confirmed(world, fault, cause):
+    bus, emulator = world()
+    bus.open()
+    bus.exchange({})
+    bus.enable(bus.axes)
+    settle(bus, 0.3, dict.fromkeys(bus.axes, 2.5))
+    emulator.fault(fault)
+    with pytest.raises(DeviceLostError, match=f"reset.*{cause}"):
+        settle(bus, 2.0, dict.fromkeys(bus.axes, 2.5))
+    with pytest.raises(DeviceLostError):
+        bus.exchange({})
+    bus.open()
+    samples = bus.exchange({})
+    assert all("position lost" in sample.fault for sample in samples.values())
+    with pytest.raises(DeviceError, match="position lost"):
+        bus.enable(bus.axes)
+    bus.clear_fault(bus.axes)
+    bus.enable(bus.axes)
+    assert not any(sample.fault for sample in bus.exchange({}).values())
+
+
+def test_a_reset_by_the_watchdog_after_a_frozen_loop(world):
+    bus, emulator = world()
+    bus.open()
+    bus.exchange({})
+    bus.enable(bus.axes)
+    emulator.fault("freeze")
+    with pytest.raises(DeviceLostError, match="watchdog"):
+        settle(bus, 3.0)
+
+
+def test_a_loop_frozen_for_a_moment_costs_some_samples(world):
+    bus, emulator = world(latency_ms=5.0, watchdog_ms=400)
+    bus.open()
+    bus.exchange({})
+    bus.enable(bus.axes)
+    emulator.fault("freeze", ms=100)
+    end = time.monotonic() + 3.0
+    valid = []
+    while time.monotonic() < end and (False not in valid or not valid[-1]):
+        valid.append(all(sample.valid for sample in bus.exchange({}).values()))
+        time.sleep(0.002)
+    assert False in valid
+    assert not any(sample.fault for sample in settle(bus, 0.1).values())
+
+
+def test_garbage_on_the_line_costs_samples_and_never_moves(world):
+    bus, emulator = world(latency_ms=5.0, watchdog_ms=1000)
+    bus.open()
+    first = bus.exchange({})
+    bus.enable(bus.axes)
+    emulator.fault("garbage")
+    goals = {axis: sample.value for axis, sample in first.items()}
+    seen = [all(sample.valid for sample in bus.exchange(goals).values()) for _ in range(60)]
+    emulator.fault("garbage", on=False)
+    samples = settle(bus, 0.2, goals)
+    assert not all(seen)
+    assert all(sample.valid and not sample.fault for sample in samples.values())
+    for axis, goal in goals.items():
+        assert samples[axis].value == pytest.approx(goal, abs=0.02)
+
+
+def test_a_board_that_falls_silent_is_lost(world):
+    bus, emulator = world(latency_ms=5.0)
+    bus.open()
+    bus.exchange({})
+    emulator.fault("mute")
+    with pytest.raises(DeviceLostError, match="no answer"):
+        settle(bus, 5.0)
+
+
+def test_programming_port_resets_on_open_and_hello_is_awaited(world):
+    bus, _ = world(connection="programming")
+    bus.open()
+    assert bus.hello.boot >= 2
+    assert bus.hello.cause.words == "pin"
+    assert all(sample.valid for sample in bus.exchange({}).values())
+
+
+def test_coming_back_to_the_same_board_keeps_it_holding(world):
+    bus, emulator = world()
+    bus.open()
+    bus.exchange({})
+    bus.enable(bus.axes)
+    settle(bus, 0.5, dict.fromkeys(bus.axes, 2.0))
+    bus.disable(bus.axes, Rest.HOLD)
+    bus.close()
+    time.sleep(0.3)
+    bus.open()
+    samples = bus.exchange({})
+    assert [sample.value for sample in samples.values()] == pytest.approx([2.0] * 3, abs=0.01)
+    assert emulator.tell("get 0").split()[4] == "2"  # still under power
+
+
+def test_demand_beyond_the_travel_ends_at_it(world):
+    axes = [AxisOnBus("arm.l", AxisOptions(channel="m0"), (0.0, 1.0))]
+    bus, _ = world(axes)
+    bus.open()
+    bus.exchange({})
+    bus.enable(["arm.l"])
+    sample = settle(bus, 0.8, {"arm.l": 50.0})["arm.l"]
+    assert sample.value == pytest.approx(1.0, abs=0.01)
+
+
+def test_home_and_doctor(world):
+    homing = EndStop(direction=-1, at_deg=-20.0, at_mm=49.0, speed_deg_s=180.0)
+    axes = [
+        AxisOnBus("arm.l1", AxisOptions(channel="m0", homing=homing), None),
+        AxisOnBus("arm.l2", AxisOptions(channel="m1"), None),
+    ]
+    bus, emulator = world(axes)
+    options = BusOptions(port=str(emulator.port), role="motor", latency_ms=60.0)
+    assert all(finding.ok for finding in doctor("board", options, axes))
+    said: list[str] = []
+    (homed,) = home("board", options, axes, ["arm.l1"], said.append)
+    assert (homed.axis, homed.at_mm) == ("arm.l1", 49.0)
+    assert homed.value == pytest.approx(math.radians(-20.0))
+    assert said
+    with pytest.raises(DeviceError, match="no homing"):
+        home("board", options, axes, ["arm.l2"], said.append)
+    bus.open()
+    assert bus.exchange({})["arm.l1"].value == pytest.approx(math.radians(-15.0), abs=0.01)
+    bus.enable(bus.axes)
+
+
+def test_doctor_without_a_board(tmp_path):
+    options = BusOptions(port=str(tmp_path / "none"), role="motor")
+    (finding,) = doctor("board", options, MOTORS)
+    assert not finding.ok
+    assert finding.remedy
+
+
+def test_emulator_of_the_driver_follows_its_control_file(tmp_path):
+    driver = load_driver("due")
+    options = BusOptions(port=str(tmp_path / "board"), role="motor", latency_ms=60.0)
+    control = tmp_path / "faults"
+    control.touch()
+    with driver.emulator("motors", options, MOTORS, control) as said:
+        assert "m2 arm.l2" in said[0]
+        bus = driver.open_bus("motors", options, MOTORS, RealClock())
+        bus.open()
+        bus.exchange({})
+        bus.enable(bus.axes)
+        with control.open("a") as stream:
+            stream.write(json.dumps({"fault": "bridge", "channel": 1}) + "\nnonsense\n")
+        end = time.monotonic() + 10.0
+        while not (fault := bus.exchange({})["arm.l1"].fault) and time.monotonic() < end:
+            time.sleep(0.005)
+        assert "H-bridge" in fault
+        bus.close()
+    assert "nonsense" in (tmp_path / "faults.errors").read_text()
+    assert not Path(options.port).exists()
+
+
+def test_firmware_command(world, tmp_path, configs):
+    run = CliRunner().invoke
+    built = run(firmware_command, ["build"])
+    assert built.exit_code == 0, built.output
+    assert "KB flash" in built.output
+    flashing = run(firmware_command, ["flash", "/dev/ttyACM0", "--dry-run"])
+    assert "arduino-cli upload --fqbn arduino:sam:arduino_due_x_dbg --port /dev/ttyACM0" in flashing.output
+    binary = tmp_path / "contid_due.bin"
+    binary.touch()
+    flashing = run(firmware_command, ["flash", "/dev/ttyACM0", "--binary", str(binary), "--dry-run"])
+    assert "bossac --port=ttyACM0 -U false -e -w -v -b" in flashing.output
+    _, emulator = world()
+    file = tmp_path / "arm.yaml"
+    text = (configs / "trirack.emulated.yaml").read_text().replace("./trirack.tty", str(emulator.port))
+    file.write_text(text)
+    told = run(firmware_command, ["info", str(file)])
+    assert told.exit_code == 0, told.output
+    assert "role motor, firmware 1.0.0" in told.output
