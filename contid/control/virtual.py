@@ -34,6 +34,67 @@ class Tee:
             sink.event(kind, **fields)
 
 
+class VirtualProcess:
+    """What `contid.control.process` is in real time: the buses, the engine, and the number of the next tick.
+
+    Attributes:
+        buses: by name.
+        engine: turned by `turn`.
+        tick: number of the next tick.
+        skipped: ticks skipped so far, because a simulated device answered late.
+        cycles: ticks that were run.
+    """
+
+    def __init__(
+        self,
+        loaded: LoadedFile,
+        rate_hz: float,
+        sink: Sink,
+        *,
+        trajectory: Trajectory | None = None,
+        on_end: OnEnd = OnEnd.STOP,
+        attended: bool = False,
+    ) -> None:
+        """Open the buses; arguments as in `run_virtual` and `contid.control.engine.Engine`."""
+        self.clock = VirtualClock()
+        self.buses = open_buses(loaded, self.clock)
+        self._ports = {name: Port(bus, threaded=False) for name, bus in self.buses.items()}
+        self.engine = Engine(
+            build_plans(loaded, rate_hz), self._ports, rate_hz, sink, self.clock.now,
+            trajectory=trajectory, on_end=on_end, attended=attended,
+        )  # fmt: skip
+        self.tick = self.skipped = self.cycles = 0
+        self._last = -1
+        self._rate_hz = rate_hz
+        self._sink = sink
+
+    def begin(self) -> None:
+        """Move to the deadline of the next tick.
+
+        Only a simulated device that answers late gets ahead of it; ticks are skipped then as in real time,
+        never caught up.
+        """
+        late = max(0.0, self.clock.now() - self.tick / self._rate_hz) * self._rate_hz
+        if late >= 1.0:
+            missed = int(late)
+            self.tick, self.skipped = self.tick + missed, self.skipped + missed
+            self._sink.event("skipped", ticks=missed, total=self.skipped)
+        self.clock.set(max(self.tick / self._rate_hz, self.clock.now()))
+
+    def turn(self) -> None:
+        """One cycle, after the orders that arrived before it were given to the engine."""
+        number, deadline_s = self.tick, self.tick / self._rate_hz
+        self.engine.cycle(
+            Timing(number, number - self._last, self.skipped, deadline_s, self.clock.now() - deadline_s)
+        )
+        self._last, self.tick, self.cycles = number, number + 1, self.cycles + 1
+
+    def close(self) -> None:
+        """Let the buses go."""
+        for port in self._ports.values():
+            port.close(1.0)
+
+
 def run_virtual(
     loaded: LoadedFile,
     rate_hz: float,
@@ -62,45 +123,33 @@ def run_virtual(
     Returns:
         The report; a KeyboardInterrupt ends the run early and is told in it.
     """
-    clock = VirtualClock()
-    buses = open_buses(loaded, clock)
-    ports = {name: Port(bus, threaded=False) for name, bus in buses.items()}
-    sink = Tee(sinks)
-    plans = build_plans(loaded, rate_hz)
-    engine = Engine(plans, ports, rate_hz, sink, clock.now, trajectory=trajectory, on_end=on_end)
+    process = VirtualProcess(loaded, rate_hz, Tee(sinks), trajectory=trajectory, on_end=on_end)
+    engine = process.engine
     report = Report(rate_hz=rate_hz, virtual=True, ending="the input ended")
     queue = iter(rows) if rows is not None else iter(())
-    number, last, cycles, skipped = 0, -1, 0, 0
+    given = 0
     try:
         engine.arm()
-        while not engine.finished and (ticks is None or number < ticks):
-            # Only a simulated device that answers late gets ahead of the deadline; ticks are skipped as in
-            # real time, never caught up.
-            late_s = max(0.0, clock.now() - number / rate_hz)
-            if late_s * rate_hz >= 1.0:
-                missed = int(late_s * rate_hz)
-                number, skipped = number + missed, skipped + missed
-                sink.event("skipped", ticks=missed, total=skipped)
-            deadline_s = number / rate_hz
-            clock.set(max(deadline_s, clock.now()))
-            for before in range(last + 1, number + 1):
+        while not engine.finished and (ticks is None or process.tick < ticks):
+            process.begin()
+            number = process.tick
+            for before in range(given, number + 1):
                 for message in (orders or {}).get(before, ()):
                     engine.obey(message, number)
+            given = number + 1
             if rows is not None and engine.armed and not engine.ended:
                 row = next(queue, None)
                 engine.obey(End() if row is None else Rows(row), number)
-            engine.cycle(Timing(number, number - last, skipped, deadline_s, clock.now() - deadline_s))
-            last, number, cycles = number, number + 1, cycles + 1
-            if progress is not None and cycles % 1000 == 0:
-                progress(number)
+            process.turn()
+            if progress is not None and process.cycles % 1000 == 0:
+                progress(process.tick)
             if engine.ended and on_end is OnEnd.HOLD:
                 break
     except KeyboardInterrupt:
         report.ending, report.exit_code = "interrupted", 130
     finally:
-        for port in ports.values():
-            port.close(1.0)
-    report.ticks, report.skipped = cycles, skipped
+        process.close()
+    report.ticks, report.skipped = process.cycles, process.skipped
     report.robots = robot_reports(engine)
     if report.faulted() and not report.exit_code:
         report.ending, report.exit_code = "a fault stopped a robot", 3
