@@ -1,0 +1,256 @@
+"""What one case of the campaign consists of, and how it is drawn from a seed.
+
+A case is a robot file, a source, orders at random instants, and faults of the simulated buses. Every case
+ends alike: all faults are over, the robots are cleared and resumed, and everything is finished; or the host
+dies at a random instant instead.
+"""
+
+from __future__ import annotations
+
+import math
+import random
+from collections.abc import Mapping
+from dataclasses import dataclass, field, replace
+
+import numpy as np
+
+from benchmarks.lab import lab
+from contid.control import messages as msg
+from contid.control.plan import RobotPlan
+from contid.control.wiring import build_plans, driven_robots
+from contid.description.base import StopPolicy
+from contid.description.load import LoadedFile, load_robot_file, with_mock
+from contid.description.shipped import configs_folder
+from contid.targets import Target
+from contid.trajectory.columns import parse_header
+from contid.trajectory.timed import Trajectory
+from contid_drivers.sim.options import OF_AN_AXIS, FaultKind, ScheduledFault
+
+#: All faults are over by then; what follows shows that the robots can be had back.
+SCRIPT_S = 1.2
+#: A lost bus is tried again once a second, and a fault may end at the end of the script.
+HEALED_S = SCRIPT_S + 1.2
+RESUMED_S = HEALED_S + 0.5
+FINISH_S = RESUMED_S + 0.1
+
+
+@dataclass(frozen=True)
+class Machine:
+    """A robot file on simulated buses, with what a case needs to know of it."""
+
+    name: str
+    loaded: LoadedFile
+    rate_hz: float
+    plans: tuple[RobotPlan, ...]
+
+    @property
+    def bus_of(self) -> dict[str, str]:
+        """Bus by axis."""
+        return {axis: bus.name for bus in self.loaded.buses.values() for axis, _ in bus.axes}
+
+
+def machines() -> list[Machine]:
+    """Every shipped robot file with actuators, and the laboratory that joins three of them."""
+    files = [
+        load_robot_file(path)
+        for path in sorted(configs_folder().glob("*.yaml"))
+        if not path.stem.endswith(".emulated")
+    ]
+    out = []
+    for loaded in [*files, lab()]:
+        if driven_robots(loaded):
+            rate = loaded.file.rate_hz
+            out.append(Machine(loaded.file.name, with_mock(loaded), rate, build_plans(loaded, rate)))
+    return out
+
+
+@dataclass(frozen=True)
+class Fault:
+    """One fault; it is on for the exchanges of ``ticks`` ticks from ``tick`` on."""
+
+    kind: FaultKind
+    bus: str
+    axis: str | None
+    tick: int
+    ticks: int
+    delay_ms: float = 20.0
+
+    def scheduled(self, rate_hz: float) -> ScheduledFault:
+        """As the simulated bus takes it; edges lie between two ticks."""
+        return ScheduledFault(
+            at_s=(self.tick - 0.5) / rate_hz, kind=self.kind, axis=self.axis,
+            for_s=self.ticks / rate_hz, delay_ms=self.delay_ms,
+        )  # fmt: skip
+
+    def touches(self, machine: Machine, plan: RobotPlan) -> bool:
+        """True when the robot may notice it."""
+        if self.axis is not None:
+            return self.axis in plan.axes
+        return any(machine.bus_of[axis] == self.bus for axis in plan.axes)
+
+
+@dataclass(frozen=True)
+class Case:
+    """One run of the engine."""
+
+    machine: Machine
+    number: int
+    armed: bool
+    trajectory: Trajectory | None
+    orders: Mapping[int, tuple[msg.Message, ...]]
+    faults: tuple[Fault, ...] = ()
+    dies_at: int | None = None
+    #: The newest fault, and the state of its robot in the case without it.
+    hits: tuple[tuple[str, str], ...] = ()
+
+    @property
+    def coupled(self) -> bool:
+        """True when robots wait for each other: a timed trajectory starts once all of them are there."""
+        return self.trajectory is not None or any(
+            isinstance(message, msg.Play) for given in self.orders.values() for message in given
+        )
+
+    def loaded(self) -> LoadedFile:
+        """The robot file with the faults on its buses."""
+        buses = {}
+        for name, bus in self.machine.loaded.buses.items():
+            faults = tuple(f.scheduled(self.machine.rate_hz) for f in self.faults if f.bus == name)
+            options = bus.options.model_copy(update={"faults": faults, "seed": self.number})
+            buses[name] = replace(bus, options=options)
+        return replace(self.machine.loaded, buses=buses)
+
+
+@dataclass
+class Script:
+    """Draws cases from one seed."""
+
+    machine: Machine
+    number: int
+    seed: int
+    random: random.Random = field(init=False)
+
+    def __post_init__(self) -> None:
+        self.random = random.Random(f"{self.seed}:{self.number}")
+
+    def tick(self, seconds: float) -> int:
+        return round(seconds * self.machine.rate_hz)
+
+    def case(self) -> Case:
+        """A case without faults."""
+        draw, plans = self.random, self.machine.plans
+        source = draw.choice(("timed", "live", "live", "none"))
+        trajectory = self._trajectory() if source == "timed" else None
+        orders: dict[int, list[msg.Message]] = {}
+        armed = draw.random() < 0.85
+        if not armed:
+            orders.setdefault(draw.randint(1, self.tick(0.2)), []).append(msg.Resume())
+        for _ in range(draw.randint(0, 8)):
+            tick = draw.randint(0, self.tick(SCRIPT_S))
+            orders.setdefault(tick, []).append(self._order(source))
+        if source == "live":
+            for _ in range(draw.randint(1, 12)):
+                tick = draw.randint(0, self.tick(SCRIPT_S))
+                some = [p for p in plans if draw.random() < 0.8]
+                row = {p.name: None if draw.random() < 0.1 else self._target(p) for p in some}
+                orders.setdefault(tick, []).append(msg.Rows(row))
+        for seconds in (HEALED_S, RESUMED_S - 0.1):
+            orders.setdefault(self.tick(seconds), []).append(msg.ClearFault())
+            orders.setdefault(self.tick(seconds) + 2, []).append(msg.Resume())
+        orders.setdefault(self.tick(FINISH_S), []).append(msg.Finish())
+        given = {tick: tuple(messages) for tick, messages in orders.items()}
+        return Case(self.machine, self.number, armed, trajectory, given)
+
+    def with_fault(self, case: Case, modes: Mapping[str, list[str]]) -> Case:
+        """The case with one more fault, at an instant drawn evenly over the states, not over time.
+
+        Args:
+            case: as it was run before.
+            modes: per robot the state after every tick of that run.
+        """
+        draw, machine = self.random, self.machine
+        plan = draw.choice(machine.plans)
+        first, last = 1, self.tick(SCRIPT_S) - 1
+        ticks_of: dict[str, list[int]] = {}
+        for tick, mode in enumerate(modes[plan.name][first - 1 : last], first):
+            ticks_of.setdefault(mode, []).append(tick)
+        mode = draw.choice(sorted(ticks_of))
+        tick = draw.choice(ticks_of[mode])
+        kind = draw.choice(list(FaultKind))
+        axis = draw.choice(plan.axes)
+        longest = max(self.tick(SCRIPT_S) - tick, 1)
+        ticks = min(draw.choice((1, 2, 3, 4, 5, 20, 60, longest)), longest)
+        fault = Fault(
+            kind, machine.bus_of[axis], axis if kind in OF_AN_AXIS else None, tick, ticks,
+            delay_ms=draw.choice((0.5, 3.0, 20.0, 150.0)),
+        )  # fmt: skip
+        orders = {tick: list(given) for tick, given in case.orders.items()}
+        for order in (msg.ClearFault((plan.name,)), msg.Resume((plan.name,))):
+            if draw.random() < 0.6:
+                orders.setdefault(draw.randint(tick, self.tick(SCRIPT_S)), []).append(order)
+        given = {tick: tuple(messages) for tick, messages in orders.items()}
+        dies_at = draw.randint(tick, self.tick(SCRIPT_S)) if draw.random() < 0.1 else None
+        hits = (*case.hits, (kind.value, mode))
+        return replace(case, faults=(*case.faults, fault), orders=given, dies_at=dies_at, hits=hits)
+
+    def _order(self, source: str) -> msg.Message:
+        draw, plans = self.random, self.machine.plans
+        who = None if draw.random() < 0.4 else (draw.choice(plans).name,)
+        kind = draw.choice(("hold", "resume", "resume", "stop", "estop", "goto", "clear", "play"))
+        match kind:
+            case "hold":
+                return msg.Hold(who)
+            case "resume":
+                return msg.Resume(who)
+            case "stop":
+                return msg.Stop(who, draw.choice((None, StopPolicy.HOLD, StopPolicy.REST, StopPolicy.RELAX)))
+            case "estop":
+                return msg.Estop(who)
+            case "clear":
+                return msg.ClearFault(who)
+            case "play" if source == "timed":
+                return msg.Play(self._trajectory())
+        plan = draw.choice(plans)
+        return msg.Goto(plan.name, self._target(plan))
+
+    def _actuation(self, plan: RobotPlan, beyond: float) -> list[float]:
+        return [
+            self.random.uniform(a.lower - beyond * (a.upper - a.lower), a.upper + beyond * (a.upper - a.lower))
+            for a in plan.limits[: len(plan.axes) - plan.extra_axes]
+        ]
+
+    def _target(self, plan: RobotPlan) -> Target:
+        """Actuation or tip, now and then out of reach."""
+        draw = self.random
+        actuation = tuple(self._actuation(plan, draw.choice((0.0, 0.0, 0.3))))
+        if draw.random() < 0.5:
+            return Target(actuation=actuation)
+        inside = plan.model.forward((*plan.rest,)).tip_m
+        x, y, z = (value + draw.gauss(0.0, 0.03) for value in inside)
+        flat = plan.kind == "rack_finger"
+        return plan_in_world(plan, Target(tip_m=(x, y, 0.0 if flat else z)))
+
+    def _trajectory(self) -> Trajectory:
+        """A smooth walk of every robot in actuator space, from a first row to a last at speed."""
+        plans, unit = self.machine.plans, {p.name: p.quantity for p in self.machine.plans}
+        names = ["t_s"]
+        for plan in plans:
+            own = plan.axis_names[: len(plan.axes) - plan.extra_axes]
+            names += [f"{plan.name}.{axis}_{unit[plan.name].unit}" for axis in own]
+        layout = parse_header(",".join(names), "walk.csv", driven_robots(self.machine.loaded))
+        rows = 12
+        table = np.zeros((rows, len(names)))
+        table[:, 0] = np.linspace(0.0, self.random.choice((0.3, 1.0, 3.0)), rows)
+        column = 1
+        for plan in plans:
+            ends = [self._actuation(plan, 0.0) for _ in range(2)]
+            for a, b in zip(*ends, strict=True):
+                blend = 0.5 - 0.5 * np.cos(np.linspace(0.0, self.random.uniform(0.5, 2.0) * math.pi, rows))
+                table[:, column] = a + self.random.uniform(0.02, 0.3) * (b - a) * blend
+                column += 1
+        return Trajectory(layout, table, list(range(2, rows + 2)))
+
+
+def plan_in_world(plan: RobotPlan, target: Target) -> Target:
+    """A tip target of the base frame in the world frame."""
+    assert target.tip_m is not None
+    return Target(tip_m=plan.frame.point_in_world(target.tip_m))
