@@ -39,6 +39,7 @@ class VirtualProcess:
 
     Attributes:
         buses: by name.
+        ports: their owners, by the same names.
         engine: turned by `turn`.
         tick: number of the next tick.
         skipped: ticks skipped so far, because a simulated device answered late.
@@ -58,9 +59,9 @@ class VirtualProcess:
         """Open the buses; arguments as in `run_virtual` and `contid.control.engine.Engine`."""
         self.clock = VirtualClock()
         self.buses = open_buses(loaded, self.clock)
-        self._ports = {name: Port(bus, threaded=False) for name, bus in self.buses.items()}
+        self.ports = {name: Port(bus, threaded=False) for name, bus in self.buses.items()}
         self.engine = Engine(
-            build_plans(loaded, rate_hz), self._ports, rate_hz, sink, self.clock.now,
+            build_plans(loaded, rate_hz), self.ports, rate_hz, sink, self.clock.now,
             trajectory=trajectory, on_end=on_end, attended=attended,
         )  # fmt: skip
         self.tick = self.skipped = self.cycles = 0
@@ -91,7 +92,7 @@ class VirtualProcess:
 
     def close(self) -> None:
         """Let the buses go."""
-        for port in self._ports.values():
+        for port in self.ports.values():
             port.close(1.0)
 
 

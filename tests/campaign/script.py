@@ -7,12 +7,11 @@ dies at a random instant instead.
 
 from __future__ import annotations
 
+import io
 import math
 import random
 from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
-
-import numpy as np
 
 from benchmarks.lab import lab
 from contid.control import messages as msg
@@ -22,7 +21,7 @@ from contid.description.base import StopPolicy
 from contid.description.load import LoadedFile, load_robot_file, with_mock
 from contid.description.shipped import configs_folder
 from contid.targets import Target
-from contid.trajectory.columns import parse_header
+from contid.trajectory.read import read_trajectory
 from contid.trajectory.timed import Trajectory
 from contid_drivers.sim.options import OF_AN_AXIS, FaultKind, ScheduledFault
 
@@ -213,44 +212,38 @@ class Script:
         return msg.Goto(plan.name, self._target(plan))
 
     def _actuation(self, plan: RobotPlan, beyond: float) -> list[float]:
+        """Any value of every axis, extra ones included; ``beyond`` is a share of the range outside of it."""
+        draw = self.random
         return [
-            self.random.uniform(a.lower - beyond * (a.upper - a.lower), a.upper + beyond * (a.upper - a.lower))
-            for a in plan.limits[: len(plan.axes) - plan.extra_axes]
+            draw.uniform(a.lower - beyond * (a.upper - a.lower), a.upper + beyond * (a.upper - a.lower))
+            for a in plan.limits
         ]
 
     def _target(self, plan: RobotPlan) -> Target:
         """Actuation or tip, now and then out of reach."""
-        draw = self.random
-        actuation = tuple(self._actuation(plan, draw.choice((0.0, 0.0, 0.3))))
+        draw, own = self.random, len(plan.axes) - plan.extra_axes
+        values = self._actuation(plan, draw.choice((0.0, 0.0, 0.3)))
+        extra = dict(zip(plan.axis_names[own:], values[own:], strict=True)) if draw.random() < 0.5 else {}
         if draw.random() < 0.5:
-            return Target(actuation=actuation)
-        inside = plan.model.forward((*plan.rest,)).tip_m
-        x, y, z = (value + draw.gauss(0.0, 0.03) for value in inside)
-        flat = plan.kind == "rack_finger"
-        return plan_in_world(plan, Target(tip_m=(x, y, 0.0 if flat else z)))
+            return Target(actuation=tuple(values[:own]), extra=extra)
+        x, y, z = (value + draw.gauss(0.0, 0.03) for value in plan.model.forward(plan.rest).tip_m)
+        tip = (x, y, 0.0 if plan.kind == "rack_finger" else z)
+        return Target(tip_m=plan.frame.point_in_world(tip), extra=extra)
 
     def _trajectory(self) -> Trajectory:
-        """A smooth walk of every robot in actuator space, from a first row to a last at speed."""
-        plans, unit = self.machine.plans, {p.name: p.quantity for p in self.machine.plans}
-        names = ["t_s"]
-        for plan in plans:
-            own = plan.axis_names[: len(plan.axes) - plan.extra_axes]
-            names += [f"{plan.name}.{axis}_{unit[plan.name].unit}" for axis in own]
-        layout = parse_header(",".join(names), "walk.csv", driven_robots(self.machine.loaded))
-        rows = 12
-        table = np.zeros((rows, len(names)))
-        table[:, 0] = np.linspace(0.0, self.random.choice((0.3, 1.0, 3.0)), rows)
-        column = 1
-        for plan in plans:
-            ends = [self._actuation(plan, 0.0) for _ in range(2)]
-            for a, b in zip(*ends, strict=True):
-                blend = 0.5 - 0.5 * np.cos(np.linspace(0.0, self.random.uniform(0.5, 2.0) * math.pi, rows))
-                table[:, column] = a + self.random.uniform(0.02, 0.3) * (b - a) * blend
-                column += 1
-        return Trajectory(layout, table, list(range(2, rows + 2)))
-
-
-def plan_in_world(plan: RobotPlan, target: Target) -> Target:
-    """A tip target of the base frame in the world frame."""
-    assert target.tip_m is not None
-    return Target(tip_m=plan.frame.point_in_world(target.tip_m))
+        """A smooth walk of every axis, from a first row to a last at speed."""
+        draw, rows = self.random, 12
+        names, columns = ["t_s"], []
+        length_s = draw.choice((0.3, 1.0, 3.0))
+        columns.append([length_s * row / (rows - 1) for row in range(rows)])
+        for plan in self.machine.plans:
+            names += [f"{plan.name}.{axis}_{plan.quantity.unit}" for axis in plan.axis_names]
+            begins, ends = self._actuation(plan, 0.0), self._actuation(plan, 0.0)
+            for begin, end in zip(begins, ends, strict=True):
+                share, turn = draw.uniform(0.02, 0.3), draw.uniform(0.5, 2.0) * math.pi / rows
+                way = [share * (0.5 - 0.5 * math.cos(turn * row)) for row in range(rows)]
+                columns.append([(begin + (end - begin) * part) * plan.quantity.per_si for part in way])
+        lines = [",".join(names), *(",".join(map(repr, row)) for row in zip(*columns, strict=True))]
+        return read_trajectory(
+            io.StringIO("\n".join(lines) + "\n"), "walk.csv", driven_robots(self.machine.loaded)
+        )

@@ -1,0 +1,260 @@
+"""What must hold in every case, whatever happened; each check yields one line per violation."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Iterator
+from itertools import pairwise
+
+from contid.control import messages as msg
+from contid.control.plan import STALE_S, RobotPlan
+from contid.control.record import ENABLED
+from contid.control.supervisor import Mode
+from contid_drivers.sim.options import FaultKind
+from tests.campaign.script import RESUMED_S
+from tests.campaign.watch import Seen
+
+#: Rounding of float64 in lengths of metres and pressures of 1e5 Pa, with room for a few operations.
+ROUNDING = 1e-9
+
+_DRIVEN = (Mode.APPROACH, Mode.RUN, Mode.HOLD, Mode.STOPPING, Mode.FAULT)
+_WATCHED = (Mode.READY, Mode.ARMING, Mode.APPROACH, Mode.RUN, Mode.HOLD, Mode.STOPPING)
+
+
+def _robots(seen: Seen) -> Iterator[tuple[int, RobotPlan]]:
+    yield from enumerate(seen.case.machine.plans)
+
+
+def _commands(seen: Seen, robot: int) -> Iterator[tuple[int, tuple[float, ...], tuple[float, ...]]]:
+    """Place in the records, actuation and device values of every tick that commanded something."""
+    for place, record in enumerate(seen.records):
+        axes = record.robots[robot].axes
+        device = tuple(axis.device for axis in axes)
+        if not all(map(math.isnan, device)):
+            yield place, tuple(axis.command for axis in axes), device
+
+
+def position(seen: Seen) -> Iterator[str]:
+    """Commands are numbers and inside the limits; an arm found outside only moves inwards."""
+    for robot, plan in _robots(seen):
+        slack = [ROUNDING * max(abs(a.lower), abs(a.upper)) for a in plan.limits]
+        before: tuple[int, tuple[float, ...]] | None = None
+        for place, command, device in _commands(seen, robot):
+            if not all(map(math.isfinite, (*command, *device))):
+                yield f"{plan.name}: command {command} at {place}"
+                return
+            first = tuple(axis.command for axis in seen.records[place - 1].robots[robot].axes)
+            last = before[1] if before is not None and before[0] == place - 1 else first
+            for axis, value, old, room in zip(plan.limits, command, last, slack, strict=True):
+                if not min(axis.lower, old) - room <= value <= max(axis.upper, old) + room:
+                    yield f"{plan.name}: {value} outside {axis.lower}..{axis.upper} at {place}"
+                    return
+            before = place, command
+
+
+def rates(seen: Seen) -> Iterator[str]:
+    """Velocity and acceleration between consecutive commands, from standstill at the first."""
+    for robot, plan in _robots(seen):
+        before, steps = -2, (0.0,) * len(plan.axes)
+        for place, command, _ in _commands(seen, robot):
+            last = tuple(axis.command for axis in seen.records[place - 1].robots[robot].axes)
+            if before != place - 1:
+                steps = (0.0,) * len(plan.axes)
+            now = tuple(a - b for a, b in zip(command, last, strict=True))
+            for axis, step, old in zip(plan.limits, now, steps, strict=True):
+                room = ROUNDING * max(abs(axis.lower), abs(axis.upper))
+                if abs(step) > axis.step + room:
+                    yield f"{plan.name}: step {step} beyond {axis.step} at {place}"
+                    return
+                if abs(step - old) > axis.change + 2.0 * room:
+                    yield f"{plan.name}: change of step {step - old} beyond {axis.change} at {place}"
+                    return
+            before, steps = place, now
+
+
+def no_jump(seen: Seen) -> Iterator[str]:
+    """The first command after arming is what was measured, to rounding; no command without arming."""
+    for robot, plan in _robots(seen):
+        armed = False
+        for place, (was, now) in enumerate(pairwise(seen.records), 1):
+            old, new = was.robots[robot], now.robots[robot]
+            if old.mode == Mode.ARMING and new.mode in _DRIVEN and not armed and new.flags & ENABLED:
+                armed = True
+                measured = tuple(axis.value for axis in old.axes)
+                present = plan.transmission.to_device(tuple(axis.command for axis in new.axes))
+                for a, b in zip(present, measured, strict=True):
+                    if not abs(a - b) <= _quantum(seen, plan):
+                        yield f"{plan.name}: begins at {a}, measured {b}, at {place}"
+                        return
+            commanded = not all(math.isnan(axis.device) for axis in new.axes)
+            if commanded and not armed:
+                yield f"{plan.name}: commanded without arming at {place}"
+                return
+            if not new.flags & ENABLED:
+                armed = False
+
+
+def _quantum(seen: Seen, plan: RobotPlan) -> float:
+    """Resolution of the coarsest simulated device [rad or Pa]."""
+    from contid_drivers.sim.devices import character_of
+
+    wiring = [
+        bus for bus in seen.case.machine.loaded.buses.values() for axis, _ in bus.axes if axis in plan.axes
+    ]
+    return max(
+        character_of(options).quantum for bus in wiring for axis, options in bus.axes if axis in plan.axes
+    )
+
+
+def detected(seen: Seen) -> Iterator[str]:
+    """A robot that watches its devices is in FAULT within the stated ticks of what ails them."""
+    case = seen.case
+    if any(fault.kind is FaultKind.LATE for fault in case.faults):
+        return  # late exchanges move every edge in time
+    rate_hz = case.machine.rate_hz
+    for fault in case.faults:
+        for robot, plan in _robots(seen):
+            if not fault.touches(case.machine, plan) or fault.kind is FaultKind.STALL:
+                continue
+            tolerance = max(plan.tolerance)
+            allowed = {
+                FaultKind.SILENT: tolerance + 1,
+                FaultKind.STALE: math.ceil(max(tolerance, STALE_S * rate_hz)) + 2,
+                FaultKind.OVERLOAD: 2,
+                FaultKind.LOST: 2,
+            }[fault.kind]
+            hiding = [
+                other
+                for other in case.faults
+                if other is not fault and (other.kind is FaultKind.LOST or other.axis == fault.axis)
+            ]
+            ticks = 0
+            for record in seen.records:
+                on = fault.tick <= record.tick < fault.tick + fault.ticks
+                hidden = any(other.tick <= record.tick < other.tick + other.ticks + 2 for other in hiding)
+                watching = record.robots[robot].mode in _WATCHED
+                ticks = ticks + 1 if on and watching and not hidden else 0
+                if ticks > allowed:
+                    yield f"{plan.name}: {fault.kind} unnoticed for {ticks} ticks at {record.tick}"
+                    return
+
+
+def latched(seen: Seen) -> Iterator[str]:
+    """A fault stays until an order ends it, and every one is told."""
+    orders = (msg.ClearFault, msg.Stop, msg.Estop, msg.Finish)
+    told = {(e["robot"], e["tick"]) for e in seen.events if e["event"] == "fault"}
+    for robot, plan in _robots(seen):
+        for was, now in pairwise(seen.records):
+            old, new = was.robots[robot].mode, now.robots[robot].mode
+            given = [
+                message
+                for tick in range(was.tick + 1, now.tick + 1)
+                for message in seen.case.orders.get(tick, ())
+                if isinstance(message, orders)
+            ]
+            if old == Mode.FAULT != new and not given:
+                yield f"{plan.name}: FAULT left without an order at {now.tick}"
+                return
+            if old != Mode.FAULT == new and (plan.name, now.tick) not in told:
+                yield f"{plan.name}: FAULT at {now.tick} was not told"
+                return
+
+
+def estop(seen: Seen) -> Iterator[str]:
+    """After an emergency stop nothing is commanded in that very tick, and no device that hears has power."""
+    case = seen.case
+    place_of = {record.tick: place for place, record in enumerate(seen.records)}
+    for tick, messages in case.orders.items():
+        place = place_of.get(tick)
+        for at, message in enumerate(messages):
+            if place is None or not isinstance(message, msg.Estop) or messages[at + 1 :]:
+                continue
+            for robot, plan in _robots(seen):
+                if message.robots is not None and plan.name not in message.robots:
+                    continue
+                state = seen.records[place].robots[robot]
+                if state.mode != Mode.OFF or not all(math.isnan(axis.device) for axis in state.axes):
+                    yield f"{plan.name}: {Mode(state.mode).name} after estop at {tick}"
+                deaf = {
+                    axis
+                    for fault in case.faults
+                    if fault.tick <= tick < fault.tick + fault.ticks and fault.touches(case.machine, plan)
+                    for axis in ([fault.axis] if fault.axis else plan.axes)
+                } | {axis for axis in plan.axes if case.machine.bus_of[axis] in seen.lost[place]}
+                if still := seen.powered[place] & (set(plan.axes) - deaf):
+                    yield f"{plan.name}: {', '.join(sorted(still))} powered after estop at {tick}"
+
+
+def complete(seen: Seen) -> Iterator[str]:
+    """Every tick has a record or was counted as skipped; every change of state is an event."""
+    ticks = [record.tick for record in seen.records]
+    missing = (ticks[-1] + 1 - len(ticks)) if ticks else 0
+    counted = seen.records[-1].skipped if ticks else 0
+    if sorted(set(ticks)) != ticks or missing != counted:
+        yield f"{missing} ticks without a record, {counted} counted as skipped"
+    for robot, plan in _robots(seen):
+        told = [e for e in seen.events if e["event"] == "state" and e["robot"] == plan.name]
+        mode, modes = Mode.OFF, {e["tick"]: Mode[e["mode"]] for e in told}
+        for record in seen.records:
+            mode = modes.get(record.tick, mode)
+            if record.robots[robot].mode != mode:
+                was = Mode(record.robots[robot].mode).name
+                yield f"{plan.name}: {was} at {record.tick}, told {mode.name}"
+                return
+
+
+def controllable(seen: Seen) -> Iterator[str]:
+    """With the faults over, clear and resume bring every robot back; then the run ends by itself."""
+    if seen.case.dies_at is not None:
+        return
+    if not seen.finished:
+        yield f"not finished after {len(seen.records)} ticks"
+        return
+    finish = next(
+        tick for tick, given in seen.case.orders.items() if any(isinstance(m, msg.Finish) for m in given)
+    )
+    resumed = round((RESUMED_S - 0.1) * seen.case.machine.rate_hz) + 2
+    before = next(r for r in reversed(seen.records) if r.tick < resumed)
+    record = next(r for r in reversed(seen.records) if r.tick < finish)
+    for robot, plan in _robots(seen):
+        state = record.robots[robot]
+        if before.robots[robot].mode == Mode.STOPPING:
+            continue  # a stop that was ordered is not resumed; it ends in OFF
+        if state.mode not in (Mode.APPROACH, Mode.RUN, Mode.HOLD, Mode.STOPPING):
+            yield f"{plan.name}: {Mode(state.mode).name} (fault {state.fault}) after clear and resume"
+
+
+def dead_man(seen: Seen) -> Iterator[str]:
+    """Whatever way the host went, no device obeys once its dead-man's time is over."""
+    if seen.powered_at_end:
+        yield f"{', '.join(sorted(seen.powered_at_end))} powered without a host"
+
+
+def unaffected(seen: Seen, reference: Seen) -> Iterator[str]:
+    """Robots that no fault touches get the very bytes they get without the faults."""
+    case = seen.case
+    late = any(fault.kind is FaultKind.LATE for fault in case.faults)
+    if late or case.coupled or seen is reference:
+        return
+    for robot, plan in _robots(seen):
+        if any(fault.touches(case.machine, plan) for fault in case.faults):
+            continue
+        for mine, theirs in zip(seen.records, reference.records, strict=False):
+            for a, b in zip(mine.robots[robot].axes, theirs.robots[robot].axes, strict=True):
+                if a.device.hex() != b.device.hex():
+                    yield f"{plan.name}: {a.device} instead of {b.device} at {mine.tick}"
+                    return
+
+
+ALONE: dict[str, Callable[[Seen], Iterator[str]]] = {
+    "position limits": position,
+    "velocity and acceleration limits": rates,
+    "no jump on arming": no_jump,
+    "fault within the stated ticks": detected,
+    "faults latch and are told": latched,
+    "estop within the tick": estop,
+    "records and events complete": complete,
+    "controllable, and ends": controllable,
+    "no power without a host": dead_man,
+}
+UNAFFECTED = "other robots unaffected"

@@ -1,0 +1,126 @@
+"""Deliberate bugs: each disables one protection, so that the campaign can be seen to notice.
+
+Every entry names the invariant that must be violated. The bugs exist only while a test patches them in.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, replace
+from typing import Any
+
+import pytest
+
+from contid.control import loop
+from contid.control import state as state_changes
+from contid.control.cycle import Timing
+from contid.control.engine import Engine
+from contid.control.limits import AxisLimits
+from contid.control.plan import RobotPlan
+from contid.control.state import Effect, RobotState, estop, stay
+from contid.control.supervisor import Mode
+from contid.hal import Sample
+from contid_drivers.sim.devices import SimDevice
+
+
+@dataclass(frozen=True)
+class Mutation:
+    """One bug.
+
+    Attributes:
+        breaks: name of the invariant that finds it.
+        seed: of a campaign that meets it soon.
+        apply: puts it in place.
+    """
+
+    breaks: str
+    seed: int
+    apply: Callable[[pytest.MonkeyPatch], None]
+
+
+def _no_limiter(patch: pytest.MonkeyPatch) -> None:
+    """Targets go to the devices as they are."""
+
+    def unlimited(
+        _limits: Any, _last: Any, _steps: Any, targets: Sequence[float], _pace: Any
+    ) -> tuple[tuple[float, ...], tuple[int, ...]]:
+        return tuple(targets), (0,) * len(targets)
+
+    patch.setattr(loop, "limit", unlimited)
+
+
+def _gain(patch: pytest.MonkeyPatch) -> None:
+    """A gain between model and devices, where the limiter was: the model alone keeps no command inside."""
+
+    def amplified(
+        limits: Sequence[AxisLimits], _last: Any, _steps: Any, targets: Sequence[float], _pace: Any
+    ) -> tuple[tuple[float, ...], tuple[int, ...]]:
+        beyond = [1.3 * min(target, axis.upper) for axis, target in zip(limits, targets, strict=True)]
+        return tuple(beyond), (0,) * len(targets)
+
+    patch.setattr(loop, "limit", amplified)
+
+
+def _no_tolerance(patch: pytest.MonkeyPatch) -> None:
+    """Samples are not looked at any more."""
+
+    def blind(_plan: RobotPlan, state: RobotState, _samples: Sequence[Sample], _now_s: float) -> RobotState:
+        return state
+
+    patch.setattr(loop, "watched", blind)
+
+
+def _no_dead_man(patch: pytest.MonkeyPatch) -> None:
+    """Devices go on without a host."""
+
+    def deaf(device: SimDevice, after_s: float) -> None:
+        device.fed_at_s += after_s
+
+    patch.setattr(SimDevice, "trip", deaf)
+
+
+def _old_goal(patch: pytest.MonkeyPatch) -> None:
+    """Arming goes on from the last command instead of from where the robot is."""
+    arming = loop._arming
+
+    def rearmed(plan: RobotPlan, state: RobotState, *rest: Any) -> RobotState:
+        after = arming(plan, state, *rest)
+        if state.mode is Mode.ARMING and after.mode is not Mode.ARMING and state.command:
+            return replace(after, command=state.command, aim=state.command, motion=None)
+        return after
+
+    patch.setattr(loop, "_arming", rearmed)
+
+
+def _powered_stop(patch: pytest.MonkeyPatch) -> None:
+    """An emergency stop that forgets the devices."""
+
+    def forgetful(*arguments: Any) -> RobotState:
+        return replace(estop(*arguments), pending=Effect.NONE)
+
+    patch.setattr(state_changes, "estop", forgetful)
+
+
+def _shared_fate(patch: pytest.MonkeyPatch) -> None:
+    """A fault of one robot makes the others hold."""
+    cycle = Engine.cycle
+
+    def cycling(engine: Engine, timing: Timing) -> None:
+        cycle(engine, timing)
+        if any(state.mode is Mode.FAULT for state in engine.states):
+            for index, (plan, state) in enumerate(zip(engine.plans, engine.states, strict=True)):
+                if state.mode in (Mode.APPROACH, Mode.RUN):
+                    engine.states[index] = stay(plan, state, timing.tick * plan.period_s)
+
+    patch.setattr(Engine, "cycle", cycling)
+
+
+MUTATIONS: dict[str, Mutation] = {
+    "limiter replaced by a gain": Mutation("position limits", 1, _gain),
+    "limiter removed": Mutation("velocity and acceleration limits", 2, _no_limiter),
+    "tolerance ignored": Mutation("fault within the stated ticks", 2, _no_tolerance),
+    "dead-man disabled": Mutation("no power without a host", 6, _no_dead_man),
+    "re-arm without goal := present": Mutation("no jump on arming", 2, _old_goal),
+    "estop forgets the devices": Mutation("estop within the tick", 1, _powered_stop),
+    "a fault slows everybody": Mutation("other robots unaffected", 1, _shared_fate),
+}

@@ -1,0 +1,31 @@
+"""The short form of the fault campaign, and the deliberate bugs that it has to find.
+
+``CONTID_CAMPAIGN_CASES=5000 pytest tests/campaign`` or ``python -m tests.campaign`` run the long form.
+"""
+
+from __future__ import annotations
+
+import os
+
+import pytest
+
+from tests.campaign.campaign import campaign
+from tests.campaign.mutations import MUTATIONS
+from tests.campaign.script import machines
+
+CASES = int(os.environ.get("CONTID_CAMPAIGN_CASES", "24"))
+
+
+def test_no_fault_in_any_state_makes_anything_unsafe() -> None:
+    tally = campaign(CASES, seed=int(os.environ.get("CONTID_CAMPAIGN_SEED", "1")))
+    print(tally.table())
+    assert tally.cases == CASES
+    assert not sum(tally.violations.values()), "\n".join(tally.words)
+
+
+@pytest.mark.parametrize("bug", MUTATIONS)
+def test_a_deliberate_bug_is_found(bug: str, monkeypatch: pytest.MonkeyPatch) -> None:
+    MUTATIONS[bug].apply(monkeypatch)
+    fast = [machine for machine in machines() if machine.name == "hand"]
+    tally = campaign(60, seed=MUTATIONS[bug].seed, on=fast, until=MUTATIONS[bug].breaks)
+    assert tally.violations[MUTATIONS[bug].breaks], tally.table()

@@ -1,0 +1,106 @@
+"""One case through the real engine in virtual time, and everything that was seen on the way."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+from typing import Any
+
+from contid.control import messages as msg
+from contid.control.cycle import OnEnd
+from contid.control.record import TickRecord
+from contid.control.virtual import VirtualProcess
+from contid.control.wiring import record_layout
+from contid.hal import Bus
+from contid_drivers.sim.bus import SimBus
+from tests.campaign.script import Case
+
+#: However long a stop takes by itself, a run that does not end so much later is taken as stuck.
+STUCK_S = 2.0
+
+
+@dataclass
+class Seen:
+    """What a run left behind; also the sink of its engine.
+
+    Attributes:
+        case: what was run.
+        records: of every tick.
+        events: kind and fields, in order.
+        powered: per tick the axes whose device obeys commands, as the device itself knows.
+        lost: per tick the buses that are gone.
+        finished: the engine came to its end by itself.
+        skipped: ticks skipped.
+        powered_at_end: axes still obeying after the host was gone for longer than any dead-man takes.
+    """
+
+    case: Case
+    records: list[TickRecord] = field(default_factory=list)
+    events: list[dict[str, Any]] = field(default_factory=list)
+    powered: list[frozenset[str]] = field(default_factory=list)
+    lost: list[frozenset[str]] = field(default_factory=list)
+    finished: bool = False
+    skipped: int = 0
+    powered_at_end: frozenset[str] = frozenset()
+
+    def __post_init__(self) -> None:
+        self._layout = record_layout(self.case.machine.loaded, self.case.machine.rate_hz)
+
+    def write(self, values: list[float]) -> None:
+        self.records.append(self._layout.decode(tuple(values)))
+
+    def event(self, kind: str, **fields: Any) -> None:
+        self.events.append({"event": kind, **fields})
+
+    def modes(self) -> dict[str, list[int]]:
+        """States of every robot, by tick of the record."""
+        return {
+            plan.name: [record.robots[index].mode for record in self.records]
+            for index, plan in enumerate(self.case.machine.plans)
+        }
+
+
+def _powered(buses: dict[str, Bus]) -> frozenset[str]:
+    out = set()
+    for bus in buses.values():
+        assert isinstance(bus, SimBus)
+        out |= {axis for axis, device in bus.devices.items() if device.on}
+    return frozenset(out)
+
+
+def watch(case: Case) -> Seen:
+    """Run a case to its end."""
+    seen = Seen(case)
+    rate_hz = case.machine.rate_hz
+    process = VirtualProcess(
+        case.loaded(), rate_hz, seen, trajectory=case.trajectory, on_end=OnEnd.HOLD, attended=True
+    )
+    buses = dict(process.buses)
+    given, give_up = 0, None
+    try:
+        if case.armed:
+            process.engine.arm()
+        while not process.engine.finished and (give_up is None or process.tick < give_up):
+            process.begin()
+            for before in range(given, process.tick + 1):
+                for message in case.orders.get(before, ()):
+                    process.engine.obey(message, process.tick)
+                    if isinstance(message, msg.Finish):
+                        stopping = next(e for e in reversed(seen.events) if e["event"] == "stopping")
+                        give_up = process.tick + round((stopping["seconds"] + STUCK_S) * rate_hz)
+            given = process.tick + 1
+            if case.dies_at is not None and process.tick >= case.dies_at:
+                break
+            process.turn()
+            seen.powered.append(_powered(buses))
+            seen.lost.append(frozenset(name for name, port in process.ports.items() if port.lost))
+        seen.finished, seen.skipped = process.engine.finished, process.skipped
+        # From here on nobody feeds the devices.
+        longest_s = max(bus.options.watchdog_ms for bus in case.machine.loaded.buses.values()) / 1e3
+        process.clock.sleep(longest_s + 1.0 / rate_hz)
+        for bus in buses.values():
+            assert isinstance(bus, SimBus)
+            bus.refresh()
+        seen.powered_at_end = _powered(buses)
+    finally:
+        process.close()
+    return seen
