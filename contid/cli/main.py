@@ -20,6 +20,7 @@ COMMANDS: Final[dict[str, tuple[str, str]]] = {
     "path": ("contid.cli.path", "print a trajectory: circle, line, square, spiral and others"),
     "fk": ("contid.cli.fk", "actuation rows to tip positions"),
     "ik": ("contid.cli.ik", "target rows to actuation"),
+    "shape": ("contid.cli.shape", "backbone points from actuation rows, or from measured poses of the tip"),
     "replay": ("contid.cli.replay", "run a recording through today's code and compare every command"),
     "session": ("contid.cli.session", "a recording: summary, export to CSV or .rrd, repair"),
     "reach": ("contid.cli.reach", "where the tips can go: areas, volumes, overlaps, plots"),

@@ -1,10 +1,12 @@
-"""What ``fk`` and ``ik`` share: rows of a CSV or NDJSON in, one answer per row out, as they come."""
+"""What ``fk``, ``ik`` and ``shape`` share: rows of a CSV or NDJSON in, answers out, as they come."""
 
 from __future__ import annotations
 
 import json
 import sys
 from collections.abc import Callable, Iterator, Mapping
+from contextlib import contextmanager
+from dataclasses import replace
 from typing import TextIO
 
 import click
@@ -35,7 +37,14 @@ def answer_rows(loaded: LoadedFile, source: TextIO, answer: Answer, as_json: boo
         click.echo(",".join(_text(value) for value in cells.values()))
 
 
-def _answers(loaded: LoadedFile, source: TextIO, answer: Answer) -> Iterator[dict[str, Cell]]:
+def read_rows(
+    loaded: LoadedFile, source: TextIO
+) -> Iterator[tuple[Located, float | None, Mapping[str, Target]]]:
+    """Where each row stands, its time if it has one, and its targets in the world frame.
+
+    Raises:
+        BadInputError: at the first wrong row.
+    """
     name = getattr(source, "name", "stdin").strip("<>")
     reader: RowReader | None = None
     for number, line in numbered_lines(source):
@@ -47,17 +56,26 @@ def _answers(loaded: LoadedFile, source: TextIO, answer: Answer) -> Iterator[dic
                 continue
         row = reader.row(line, number)
         time = reader.layout.time
-        try:
-            cells = answer(reader.layout.targets(row))
-        except BadInputError:
-            raise
-        except ValueError as error:
-            raise BadInputError([Located(name, number, 1, str(error))]) from error
-        if time is not None:
-            cells = {"t_s": row[time], **cells}
-        yield cells
+        time_s = None if time is None else row[time]
+        yield Located(name, number, 1, ""), time_s, reader.layout.targets(row)
     if reader is None:
         raise BadInputError([Located(name, 1, 1, "no rows: the first line is a header such as x_mm,y_mm")])
+
+
+def _answers(loaded: LoadedFile, source: TextIO, answer: Answer) -> Iterator[dict[str, Cell]]:
+    for place, time_s, targets in read_rows(loaded, source):
+        with blamed_on(place):
+            cells = answer(targets)
+        yield cells if time_s is None else {"t_s": time_s, **cells}
+
+
+@contextmanager
+def blamed_on(place: Located) -> Iterator[None]:
+    """A ValueError while a row is answered is a mistake of that row."""
+    try:
+        yield
+    except ValueError as error:
+        raise BadInputError([replace(place, message=str(error))]) from error
 
 
 def front(loaded: LoadedFile, robot: str) -> str:
@@ -76,5 +94,5 @@ def open_rows(path: str | None) -> TextIO:
     if path is not None and path != "-":
         return click.open_file(path, encoding="utf-8")  # type: ignore[return-value]  # text mode
     if sys.stdin.isatty():
-        raise click.UsageError("give rows on stdin or name a file: contid fk ROBOT.yaml rows.csv")
+        raise click.UsageError("give rows on stdin or name a file, or pipe them in")
     return sys.stdin

@@ -1,0 +1,83 @@
+"""The shape of a body in the world: by its model from an actuation, or by a quintic from its measured ends.
+
+The reconstruction knows nothing of the model: base and tip, the directions there and perhaps the length
+(Singh et al., IROS 2018). What it is worth is in docs/ph-curves.md.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Final
+
+import numpy as np
+
+from contid.models.frames import BaseFrame
+from contid.models.model import Model
+from contid.models.ph_ends import Ends, least_energy, through
+from contid.models.ph_lift import Array
+from contid.targets import ZERO3, Actuation, Vec3
+
+#: Enough segments that a polyline, extrapolated, has the length of the curve to a millionth.
+FINE: Final = 1024
+#: Where a planar body (2) and a spatial one (3) grow along in their base frame.
+GROWS_ALONG: Final[dict[int, Vec3]] = {2: (0.0, 1.0, 0.0), 3: (0.0, 0.0, 1.0)}
+
+
+@dataclass(frozen=True, eq=False)
+class BodyShape:
+    """A backbone.
+
+    Attributes:
+        points_in_world: at equal arc length from base to tip, shape ``(n, 3)`` [m].
+        length_m: of the backbone [m].
+        note: one sentence when the wish could not be met.
+    """
+
+    points_in_world: Array
+    length_m: float
+    note: str = ""
+
+    @property
+    def s_m(self) -> Array:
+        """Arc length of every point [m]."""
+        return np.linspace(0.0, self.length_m, len(self.points_in_world))
+
+
+def by_model(
+    model: Model, frame: BaseFrame, actuation: Actuation, points: int, load_in_world: Vec3 = ZERO3
+) -> BodyShape:
+    """What the model says for an actuation [m or Pa] and a known force on the tip [N]."""
+    load = frame.vector_in_base(load_in_world)
+    fine = model.shape(actuation, FINE + 1, load)
+    # Chords are short by the square of their size: two polylines give the curve (Richardson).
+    length = (4.0 * _polyline(fine) - _polyline(fine[::2])) / 3.0
+    return BodyShape(in_world(frame, model.shape(actuation, points, load)), length)
+
+
+def from_pose(
+    frame: BaseFrame,
+    tip_in_world: Vec3,
+    direction_in_world: Vec3,
+    points: int,
+    length_m: float | None = None,
+    dimension: int = 3,
+) -> BodyShape:
+    """The quintic from the base to a measured pose of the tip.
+
+    With a length, the branch of least energy (needed above 180 degrees); without one, the curve whose end
+    speed is its mean speed, which is good up to some 150 degrees.
+    """
+    tip, direction = frame.point_in_base(tip_in_world), frame.vector_in_base(direction_in_world)
+    ends = Ends(ZERO3, tip, GROWS_ALONG[dimension], direction)
+    fit = through(ends) if length_m is None else least_energy(ends, length_m)
+    return BodyShape(in_world(frame, fit.curve.evenly(points)), fit.curve.length_m, fit.note)
+
+
+def in_world(frame: BaseFrame, points_in_base: Array) -> Array:
+    """Points ``(n, 3)`` of a base frame [m] in the world."""
+    moved: Array = points_in_base @ np.array(frame.rotation).reshape(3, 3).T + frame.origin_in_world
+    return moved
+
+
+def _polyline(points: Array) -> float:
+    return float(np.linalg.norm(np.diff(points, axis=0), axis=1).sum())
