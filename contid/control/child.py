@@ -4,12 +4,13 @@ from __future__ import annotations
 
 import os
 import subprocess
+from collections import deque
 from contextlib import suppress
 from pathlib import Path
 from typing import Final
 
 from contid.control import ring
-from contid.control.messages import frame
+from contid.control.messages import frame, parts
 from contid.control.record import RecordLayout
 from contid.control.setup import Setup
 from contid.control.spawn import Spawned, spawn
@@ -27,6 +28,7 @@ class ControlChild:
         self.reader: ring.RingReader | None = None
         self._path: Path | None = None
         self._backlog = bytearray()
+        self._bulk: deque[bytes] = deque()
 
     @property
     def pid(self) -> int:
@@ -60,10 +62,18 @@ class ControlChild:
             self._backlog += frame(message)
         self.flush()
 
+    def send_bulk(self, message: object) -> None:
+        """Send a long message in parts; whatever is sent meanwhile overtakes what is left of it."""
+        if sum(map(len, self._bulk)) < MAX_BACKLOG:
+            self._bulk += parts(message)
+        self.flush()
+
     def flush(self) -> None:
         """Send what is kept."""
         with suppress(BlockingIOError, BrokenPipeError):
-            while self._backlog:
+            while self._backlog or self._bulk:
+                if not self._backlog:
+                    self._backlog += self._bulk.popleft()
                 del self._backlog[: os.write(self._pipe, self._backlog)]
 
     def kill(self) -> None:

@@ -93,6 +93,7 @@ class Engine:
         self._queued: dict[str, list[tuple[int, Effect, tuple[str, ...]]]] = {name: [] for name in ports}
         self._outstanding: list[set[str]] = [set() for _ in plans]
         self._told = [Mode.OFF for _ in plans]
+        self._going: list[Target | None] = [None for _ in plans]
         self._device_faults: dict[str, str] = {}
         self._tick = 0
         self._recorder = Recorder(self.plans, sink)
@@ -127,6 +128,8 @@ class Engine:
         now_s = tick_number / self._rate_hz
         for fields in order_events(message):
             self._sink.event("order", tick=tick_number, **fields)
+        # Whoever gives orders is waited for, also when every robot is in FAULT.
+        self._attended = self._attended or not isinstance(message, msg.Rows | msg.Measured | msg.End)
         match message:
             case msg.Rows(targets):
                 if not isinstance(self.source, Live):
@@ -142,25 +145,43 @@ class Engine:
                     self.source = Live()
                 self.source.end()
             case msg.Play(trajectory):
-                self.source, self._ended = Timed(trajectory, self._rate_hz, self.plans), False
+                self._replace(Timed(trajectory, self._rate_hz, self.plans), now_s)
+            case msg.Begin():
+                self._replace(Live(), now_s)
+            case msg.Mark(number):
+                self._sink.event("mark", number=number, tick=tick_number)
             case msg.Goto(robot, target):
                 self._each((robot,), lambda p, s: change.goto(p, s, target, now_s))
             case msg.Hold(robots):
-                if robots is None and self.source is not None:
-                    self.source.pause(tick_number)
+                self._pause(robots, tick_number)
                 self._each(robots, lambda p, s: change.hold(p, s, now_s))
             case msg.Resume(robots):
                 if robots is None and self.source is not None:
                     self.source.resume()
                 self._each(robots, lambda p, s: change.resume(p, s, now_s))
             case msg.Stop(robots, policy, reason):
+                self._pause(robots, tick_number)
                 self._each(robots, lambda p, s: change.stop(p, s, policy or getattr(p.stops, reason), now_s))
             case msg.Estop(robots):
+                self._pause(robots, tick_number)
                 self._each(robots, lambda p, s: change.estop(p, s, now_s))
             case msg.ClearFault(robots):
                 self._each(robots, self._begin_clear)
             case msg.Finish(policy, reason):
                 self.finish(policy, reason, now_s)
+
+    def _pause(self, robots: msg.Who, tick_number: int) -> None:
+        """What stops everybody stops the time of the trajectory too."""
+        if robots is None and self.source is not None:
+            self.source.pause(tick_number)
+
+    def _replace(self, source: Source, now_s: float) -> None:
+        """Another source takes over: whoever followed the old one approaches the new one, or holds."""
+        self.source, self._ended, self._on_end = source, False, OnEnd.HOLD
+        for index, plan in enumerate(self.plans):
+            state = self.states[index]
+            if state.mode is Mode.RUN or (state.mode is Mode.APPROACH and state.goto is None):
+                self.states[index] = change.stay(plan, state, now_s)
 
     def finish(self, policy: StopPolicy | None, reason: str, now_s: float) -> None:
         """Stop every robot; `finished` becomes true when all of them rest."""
@@ -230,12 +251,19 @@ class Engine:
             if target is not None and target.measured_tip_m is not None and source_is_timed:
                 self._measured[plan.name] = Measurement(target.measured_tip_m, now_s)
             measured = self._measured.get(plan.name)
+            going = state.goto
+            if self._going[index] is not None and self._going[index] is not going:
+                self._sink.event("goto", robot=plan.name, arrived=False, tick=number)
             outcome = tick(plan, state, now_s, self._samples_of(plan), target, timing.elapsed, measured)
             state = outcome.state
             if state.pending is not Effect.NONE:
                 state = self._ask(index, state)
             for axis, value in zip(plan.axes, outcome.device, strict=False):
                 commands[port_of[axis]][axis] = value
+            if going is not None and state.goto is None:
+                arrived = state.mode is Mode.HOLD
+                self._sink.event("goto", robot=plan.name, arrived=arrived, tick=number)
+            self._going[index] = state.goto
             self.states[index] = state
             outcomes.append(outcome)
             if outcome.solution is not None:
@@ -382,6 +410,7 @@ class Engine:
                 fault=int(state.fault),
                 name=state.fault.name,
                 words=words,
+                detail=state.words,
                 tick=number,
             )
         self._sink.event("state", robot=plan.name, mode=state.mode.name, tick=number)

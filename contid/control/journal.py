@@ -52,6 +52,8 @@ def order_events(message: object) -> Iterator[dict[str, Any]]:
             yield {"order": _NAMES[type(message)], "robots": robots}
         case msg.End():
             yield {"order": "end"}
+        case msg.Begin():
+            yield {"order": "begin"}
         case msg.Play(trajectory):
             yield {"order": "play", "rows": len(trajectory)}
 
@@ -84,6 +86,8 @@ def order_of(event: Mapping[str, Any]) -> msg.Message:
             return msg.Finish(stop, event["reason"])
         case "end":
             return msg.End()
+        case "begin":
+            return msg.Begin()
     raise ContidError(f"tick {event.get('tick')}: the order {kind!r} cannot be repeated from a recording")
 
 

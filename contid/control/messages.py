@@ -21,6 +21,8 @@ from contid.trajectory.timed import Trajectory
 
 LENGTH: Final = struct.Struct("=I")
 CHUNK: Final = 1 << 18
+#: Bytes of a part: an order that comes after it is read in the same tick.
+PART: Final = 1 << 15
 
 #: Robots an order is for; None for all of them.
 Who: TypeAlias = tuple[str, ...] | None
@@ -88,9 +90,21 @@ class Measured:
 
 @dataclass(frozen=True, slots=True)
 class Play:
-    """Follow a timed trajectory from its first row."""
+    """Follow a timed trajectory from its first row; the run goes on after its last."""
 
     trajectory: Trajectory
+
+
+@dataclass(frozen=True, slots=True)
+class Begin:
+    """A new live stream begins: the rows before are forgotten; the run goes on after its last."""
+
+
+@dataclass(frozen=True, slots=True)
+class Mark:
+    """Answered with an event ``mark``: everything sent before it was obeyed, or refused by an event."""
+
+    number: int
 
 
 @dataclass(frozen=True, slots=True)
@@ -106,7 +120,17 @@ class Finish:
     reason: str = "on_interrupt"
 
 
-Message: TypeAlias = Hold | Resume | Stop | Estop | ClearFault | Goto | Rows | Measured | Play | End | Finish
+@dataclass(frozen=True, slots=True)
+class Part:
+    """A piece of a message that is too long to keep others waiting; ``last`` completes it."""
+
+    body: bytes
+    last: bool
+
+
+Message: TypeAlias = (
+    Hold | Resume | Stop | Estop | ClearFault | Goto | Rows | Measured | Play | Begin | Mark | End | Finish
+)
 
 
 def _proxy(plain: dict[Any, Any]) -> MappingProxyType[Any, Any]:
@@ -127,12 +151,20 @@ def frame(message: object) -> bytes:
     return LENGTH.pack(len(body)) + body
 
 
+def parts(message: object) -> list[bytes]:
+    """A long message as frames between which others may go; the inbox puts it together again."""
+    body = pickle.dumps(message, protocol=pickle.HIGHEST_PROTOCOL)
+    pieces = [body[at : at + PART] for at in range(0, len(body), PART)]
+    return [frame(Part(piece, index == len(pieces) - 1)) for index, piece in enumerate(pieces)]
+
+
 class Inbox:
     """The reading end of the pipe: never waits unless asked to, knows when the other side is gone."""
 
     def __init__(self, descriptor: int) -> None:
         self._descriptor = descriptor
         self._buffer = bytearray()
+        self._parts: list[bytes] = []
         self.closed = False
 
     def poll(self) -> list[object]:
@@ -171,6 +203,13 @@ class Inbox:
             end = LENGTH.size + self._wanted()
             if len(self._buffer) < end:
                 break
-            out.append(pickle.loads(self._buffer[LENGTH.size : end]))
+            message = pickle.loads(self._buffer[LENGTH.size : end])
             del self._buffer[:end]
+            if not isinstance(message, Part):
+                out.append(message)
+                continue
+            self._parts.append(message.body)
+            if message.last:
+                out.append(pickle.loads(b"".join(self._parts)))
+                self._parts.clear()
         return out

@@ -137,17 +137,17 @@ def stay(plan: RobotPlan, state: RobotState, now_s: float) -> RobotState:
 
 
 def goto(plan: RobotPlan, state: RobotState, target: Target, now_s: float) -> RobotState:
-    """Go to one target, then hold; needs an armed robot."""
-    if move(state.mode, Event.FOLLOW) is None:
+    """Go to one target, then hold; needs an armed robot, which may be on its way elsewhere."""
+    if state.mode is not Mode.APPROACH and move(state.mode, Event.FOLLOW) is None:
         return moved(plan, state, Event.FOLLOW, now_s)
     state = state if state.mode is Mode.HOLD else stay(plan, state, now_s)
     return replace(state, follow=False, goto=target)
 
 
 def stop(plan: RobotPlan, state: RobotState, policy: StopPolicy, now_s: float) -> RobotState:
-    """Begin to stop by a policy; a robot in FAULT or not armed has nothing to move and ends in OFF."""
+    """Begin to stop by a policy; a robot in FAULT or not armed has nothing to move, its devices rest now."""
     after = replace(moved(plan, state, Event.STOP, now_s), wanted=False, follow=False, goto=None)
-    if after.mode is Mode.OFF:
+    if after.mode in (Mode.OFF, Mode.FAULT):
         resting = _effect(policy) if state.command else Effect.NONE
         return replace(after, pending=resting, enabled=False, motion=None)
     if not state.command or policy is StopPolicy.VENT:
@@ -168,7 +168,7 @@ def stopped(plan: RobotPlan, state: RobotState, now_s: float) -> RobotState:
 
 
 def estop(plan: RobotPlan, state: RobotState, now_s: float) -> RobotState:
-    """Relax or vent now, from any state; OFF afterwards. Never refused."""
+    """Relax or vent now, from any state; OFF afterwards, a latched fault stays. Never refused."""
     if state.mode is not Mode.OFF:
         state = moved(plan, state, Event.ESTOP, now_s)
     return replace(

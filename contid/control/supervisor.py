@@ -4,7 +4,8 @@
 
 In READY every axis has given a valid sample and nothing was commanded; ARMING makes goal := present and
 torque on; APPROACH is the jerk-limited way to the first target. A fault is latched: only CLEAR leaves it, to
-READY, without motion; from there the robot is armed again and approaches from where it is.
+READY, without motion; from there the robot is armed again and approaches from where it is. A stop or an
+emergency stop of a robot in FAULT brings its devices to rest, and leaves it there.
 """
 
 from __future__ import annotations
@@ -68,8 +69,9 @@ MOVES: Final[dict[tuple[Mode, Event], Mode]] = {
     (Mode.STOPPING, Event.STOPPED): Mode.OFF,
     (Mode.STOPPING, Event.STOP): Mode.STOPPING,
     (Mode.FAULT, Event.CLEAR): Mode.READY,
-    (Mode.FAULT, Event.STOP): Mode.OFF,
-    **{(mode, Event.ESTOP): Mode.OFF for mode in Mode if mode is not Mode.OFF},
+    (Mode.FAULT, Event.STOP): Mode.FAULT,
+    **{(mode, Event.ESTOP): Mode.OFF for mode in Mode if mode not in (Mode.OFF, Mode.FAULT)},
+    (Mode.FAULT, Event.ESTOP): Mode.FAULT,
     **{(mode, Event.FAULT): Mode.FAULT for mode in Mode if mode is not Mode.FAULT},
 }
 

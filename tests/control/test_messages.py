@@ -6,7 +6,7 @@ import os
 
 import pytest
 
-from contid.control.messages import End, Goto, Hold, Inbox, Rows, frame
+from contid.control.messages import PART, End, Estop, Goto, Hold, Inbox, Rows, frame, parts
 from contid.control.statistics import Lateness, RobotTally
 from contid.targets import Target
 
@@ -25,6 +25,25 @@ def test_messages_come_whole_however_the_bytes_arrive() -> None:
     os.close(write)
     inbox.poll()
     assert inbox.closed
+    os.close(read)
+
+
+def test_an_order_overtakes_the_rest_of_a_long_message() -> None:
+    read, write = os.pipe()
+    inbox = Inbox(read)
+    long = Rows({f"r{i}": Target(tip_m=(float(i), 0.5, 0.25)) for i in range(2000)})
+    first, *others = parts(long)
+    assert others
+    assert len(first) < 2 * PART
+    for piece in (first, frame(Estop())):
+        os.write(write, piece)
+    assert inbox.poll() == [Estop()]
+    got: list[object] = []
+    for piece in others:
+        os.write(write, piece)
+        got += inbox.poll()
+    assert got == [long]
+    os.close(write)
     os.close(read)
 
 

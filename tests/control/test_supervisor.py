@@ -58,7 +58,7 @@ EXPECTED = {
         Event.ESTOP: Mode.OFF,
         Event.FAULT: Mode.FAULT,
     },
-    Mode.FAULT: {Event.CLEAR: Mode.READY, Event.STOP: Mode.OFF, Event.ESTOP: Mode.OFF},
+    Mode.FAULT: {Event.CLEAR: Mode.READY, Event.STOP: Mode.FAULT, Event.ESTOP: Mode.FAULT},
 }
 
 
@@ -69,7 +69,7 @@ def test_every_state_and_event(mode: Mode, event: Event) -> None:
 
 def test_only_clear_leaves_a_fault_towards_motion_and_never_moves() -> None:
     leaving = {event: mode for (start, event), mode in MOVES.items() if start is Mode.FAULT}
-    assert leaving == {Event.CLEAR: Mode.READY, Event.STOP: Mode.OFF, Event.ESTOP: Mode.OFF}
+    assert leaving == {Event.CLEAR: Mode.READY, Event.STOP: Mode.FAULT, Event.ESTOP: Mode.FAULT}
 
 
 def test_motion_is_reached_through_arming_only() -> None:

@@ -1,0 +1,118 @@
+"""Orders of a person or a client while a run goes on, in virtual time."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Mapping, Sequence
+from pathlib import Path
+
+import pytest
+
+from contid.control.messages import (
+    Begin,
+    ClearFault,
+    Estop,
+    Goto,
+    Hold,
+    Mark,
+    Message,
+    Play,
+    Resume,
+    Rows,
+    Stop,
+)
+from contid.control.supervisor import Mode
+from contid.description.base import StopPolicy
+from contid.targets import Target
+from tests.control.fingers import Collector, circle, load, run_virtual
+
+HERE = Target(tip_m=(0.05, 0.075, 0.0))
+THERE = Target(tip_m=(0.045, 0.08, 0.0))
+SILENT = "faults:\n  - {at_s: 1.0, for_s: 0.2, kind: silent, axis: f0.left}\n"
+
+OVERLOAD = "faults:\n  - {at_s: 4.0, for_s: 0.2, kind: overload, axis: f0.left}\n"
+
+
+def run(
+    orders: Mapping[int, Sequence[Message]], ticks: int, options: str = "", on_fault: str = "hold"
+) -> Collector:
+    loaded = load(1, options=options)
+    collector = Collector(loaded)
+    run_virtual(loaded, 200.0, None, sinks=[collector], orders=orders, ticks=ticks)
+    return collector
+
+
+def told(collector: Collector, kind: str) -> list[dict[str, object]]:
+    return [event for event in collector.events if event["event"] == kind]
+
+
+def test_a_goto_says_when_it_arrived_or_was_dropped() -> None:
+    went = run(
+        {50: [Goto("f0", HERE)], 600: [Goto("f0", THERE)], 620: [Hold()], 800: [Goto("f0", HERE)]}, 1400
+    )
+    assert [event["arrived"] for event in told(went, "goto")] == [True, False, True]
+
+
+def test_a_goto_to_where_it_is_arrives_too() -> None:
+    went = run({50: [Goto("f0", HERE)], 600: [Goto("f0", HERE)]}, 700)
+    assert [event["arrived"] for event in told(went, "goto")] == [True, True]
+
+
+def test_a_goto_replaces_the_one_before() -> None:
+    went = run({50: [Goto("f0", HERE)], 53: [Goto("f0", THERE)]}, 700)
+    assert [event["arrived"] for event in told(went, "goto")] == [False, True]
+
+
+def test_a_played_trajectory_and_a_stream_end_without_ending_the_run() -> None:
+    loaded = load(1)
+    collector = Collector(loaded)
+    orders = {
+        50: [Play(circle(loaded, period_s=0.5)), Resume(("f0",))],
+        700: [Begin(), Rows({"f0": THERE}), Resume(("f0",)), Mark(7)],
+    }
+    run_virtual(loaded, 200.0, None, sinks=[collector], orders=orders, ticks=1000)
+    assert [event["event"] for event in collector.events if event["event"] in ("end", "stopping")] == ["end"]
+    assert told(collector, "mark") == [{"event": "mark", "number": 7, "tick": 700}]
+    assert collector.modes("f0")[-2:] == ["APPROACH", "RUN"]
+    last = collector.records[-1].robots[0]  # type: ignore[attr-defined]
+    assert last.tip_error_m == pytest.approx(0.0, abs=1e-6)
+
+
+@pytest.mark.parametrize("order", [Stop(), Estop()])
+def test_a_stopped_robot_in_fault_stays_there_until_it_is_cleared(order: Message) -> None:
+    """Torque goes as the policy says, the latch stays: resume is refused before clear-fault."""
+    orders = {
+        100: [Hold()], 300: [order], 320: [Resume(("f0",))],
+        340: [ClearFault()], 360: [Resume(("f0",))],
+    }  # fmt: skip
+    went = run(orders, 500, SILENT)
+    assert went.modes("f0")[-5:] == ["HOLD", "FAULT", "READY", "ARMING", "HOLD"]
+    assert "cannot arm while FAULT" in str(told(went, "refused")[0]["words"])
+
+
+def test_estop_rests_the_devices_in_the_tick_it_comes_in_every_state(tmp_path: Path) -> None:
+    """The journal of the devices says so: at the deadline of that very tick every axis is off."""
+    seen: set[int] = set()
+    for at in (*range(9), *range(9, 900, 31)):
+        path = tmp_path / f"{at}.jsonl"
+        loaded = load(1, options=f"journal_file: {path}\n{OVERLOAD}")
+        collector = Collector(loaded)
+        script: dict[int, list[Message]] = {
+            30: [Play(circle(loaded, period_s=0.8)), Resume(("f0",))],
+            300: [Hold()],
+            340: [Goto("f0", THERE)],
+            440: [Resume(("f0",))],
+            460: [Stop(policy=StopPolicy.REST)],
+            700: [Resume(("f0",))],
+        }
+        orders = {**{tick: sent for tick, sent in script.items() if tick < at}, at: [Estop()]}
+        run_virtual(loaded, 200.0, None, sinks=[collector], orders=orders, ticks=at + 3)
+        before = [record for record in collector.records if record.tick == at - 1]  # type: ignore[attr-defined]
+        mode = before[0].robots[0].mode if before else int(Mode.CONNECTING)  # type: ignore[attr-defined]
+        seen.add(mode)
+        lines = [json.loads(line) for line in path.read_text().splitlines()]
+        resting = [line for line in lines if line["event"] == "disable"]
+        assert resting, f"tick {at} in {Mode(mode).name}"
+        assert resting[-1]["t_s"] == pytest.approx(at / 200.0, abs=1e-9)
+        assert not any(axis["on"] for axis in lines[-1]["axes"].values())
+    assert seen >= set(Mode) - {Mode.READY}, "READY passes within a tick"
