@@ -242,3 +242,48 @@ def test_homing_without_end_stop_gives_up(board):
     motors.masked(Type.HOME, 0)
     _run(motors, lambda now: {}, 700)
     assert motors.trip()["reason"] == "home_failed"
+
+
+def test_bridge_fault(board):
+    motors, ramp = _moving_motor(board)
+    motors.tell("set 0 bridge 1")
+    began = motors.telemetry.uptime_ms
+    _run(motors, ramp, 20)
+    assert motors.trip()["reason"] == "bridge"
+    assert motors.trip()["world_ms"] - began <= 5 + 2
+    assert isinstance(motors.masked(Type.CLEAR, 0), Refused)
+    motors.tell("set 0 bridge 0")
+    motors.step()
+    assert motors.masked(Type.CLEAR, 0).channels[0].state is State.READY
+
+
+def test_a_channel_that_falls_out_tells_nothing_and_cannot_be_armed(board):
+    motors = board("motor")
+    motors.configure({"m0": {}, "m1": {}})
+    motors.tell("silent 1 1")
+    assert set(motors.demand().channels) == {0}
+    assert isinstance(motors.arm(0, 1), Refused)
+    assert isinstance(motors.arm(0), Telemetry)
+
+
+def test_homing_is_under_the_dead_man(board):
+    motors = board("motor")
+    motors.configure({"m0": {"homing": {"direction": 1}}})
+    motors.demand()
+    motors.masked(Type.HOME, 0)
+    motors.step(150)
+    trip = motors.trip()
+    assert (trip["reason"], trip["silence_ms"]) == ("dead_man", 100)
+    assert motors.truth(0)[4] == 1  # it brakes
+
+
+def test_frozen_loop_of_a_pressure_board(board):
+    air = _pressed(board, vent_bar_s=4.0)
+    began = air.telemetry.uptime_ms
+    air.tell("freeze")
+    air.step(1500)
+    assert air.trip()["reason"] == "dead_man"
+    assert air.trip()["world_ms"] - began <= 100 + 5
+    # Venting had begun when the watchdog restarted the board; its start state goes on letting the air out.
+    assert air.journal("boot")[-1]["cause"] == "watchdog"
+    assert air.truth(0)[2] < 2000

@@ -50,8 +50,6 @@ class Board {
   uint32_t uptime_ms() const { return now_; }
   State state(uint8_t channel) const { return channel_[channel].state; }
   Reason reason(uint8_t channel) const { return channel_[channel].reason; }
-  int32_t position(uint8_t channel) const;
-  int32_t velocity(uint8_t channel) const;
   // Time since the last demand that fed the dead-man.
   uint32_t silence_ms() const { return now_ - fed_; }
   Role role() const { return identity_.role; }

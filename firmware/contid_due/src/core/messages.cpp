@@ -1,0 +1,323 @@
+// The board in loop(): what it answers, and what that changes.
+#include <string.h>
+
+#include "board.h"
+#include "fixed.h"
+
+namespace contid {
+
+size_t Board::answer(const uint8_t* request, size_t size, uint8_t* out, size_t capacity) {
+  Reader in(request, size);
+  const uint8_t version = in.u8();
+  const uint8_t type = in.u8();
+  const uint8_t sequence = in.u8();
+  if (!in.ok()) {
+    count_bad_frame();
+    return 0;
+  }
+  const size_t body = in.left();
+  Verdict verdict = accepted();
+  if (version != PROTOCOL_VERSION) {
+    verdict = Verdict{Refusal::WRONG_VERSION, PROTOCOL_VERSION};
+  } else {
+    switch (type) {
+      case HELLO:
+        if (body != 0) verdict = Verdict{Refusal::WRONG_LENGTH, static_cast<uint16_t>(body)};
+        break;
+      case CONFIGURE:
+        verdict = configure(in);
+        break;
+      case ARM:
+        verdict = arm(in);
+        break;
+      case DEMAND:
+        verdict = demand(in);
+        break;
+      case CLEAR:
+        verdict = clear(in);
+        break;
+      case STOP:
+        verdict = stop(in);
+        break;
+      case HOME:
+        verdict = home(in);
+        break;
+      default:
+        verdict = Verdict{Refusal::UNKNOWN_MESSAGE, type};
+        break;
+    }
+  }
+
+  Writer head(out, capacity);
+  head.u8(PROTOCOL_VERSION);
+  if (verdict.refusal != Refusal::NONE) {
+    head.u8(REFUSED);
+    head.u8(sequence);
+    head.u8(type);
+    head.u8(static_cast<uint8_t>(verdict.refusal));
+    head.u16(verdict.detail);
+    return head.size();
+  }
+  head.u8(type == HELLO ? HELLO_ANSWER : (type == CONFIGURE ? CONFIGURED : TELEMETRY));
+  head.u8(sequence);
+  uint8_t* rest = out + head.size();
+  const size_t room = capacity - head.size();
+  if (type == HELLO) return head.size() + say_hello(rest, room);
+  if (type == CONFIGURE) {
+    head.u16(config_crc_);
+    return head.size();
+  }
+  return head.size() + say_telemetry(rest, room);
+}
+
+Verdict Board::check_crc(Reader& in) const {
+  const uint16_t crc = in.u16();
+  if (config_.mask == 0) return Verdict{Refusal::NOT_CONFIGURED, 0};
+  if (!in.ok() || crc != config_crc_) return Verdict{Refusal::WRONG_CRC, config_crc_};
+  return accepted();
+}
+
+Verdict Board::check_mask(uint8_t mask) const {
+  if ((mask & ~static_cast<uint32_t>(config_.mask)) != 0) return Verdict{Refusal::BAD_CHANNEL, mask};
+  return accepted();
+}
+
+Verdict Board::configure(Reader& in) {
+  const size_t body = in.left();
+  if (body < CRC_SIZE) return Verdict{Refusal::WRONG_LENGTH, static_cast<uint16_t>(body)};
+  const uint16_t crc = in.u16();
+  const uint16_t computed = in.crc_of_rest();
+  if (crc != computed) return Verdict{Refusal::WRONG_CRC, computed};
+  memset(static_cast<void*>(&staged_), 0, sizeof(staged_));
+  const Verdict verdict = read_config(in, identity_.role, staged_);
+  if (verdict.refusal != Refusal::NONE) return verdict;
+  // A host that comes back with the same file finds everything as it left it.
+  if (config_.mask != 0 && crc == config_crc_) return accepted();
+  for (uint8_t i = 0; i < CHANNELS; ++i) {
+    if ((staged_.mask & (1u << i)) != 0 && !fitted(i)) return Verdict{Refusal::BAD_CHANNEL, i};
+    const State state = channel_[i].state;
+    if (state == State::ARMED || state == State::HOMING) return Verdict{Refusal::ARMED_NOW, i};
+  }
+  keep_tick_out();
+  config_ = staged_;
+  config_crc_ = crc;
+  for (uint8_t i = 0; i < CHANNELS; ++i) {
+    if ((config_.mask & (1u << i)) == 0) {
+      channel_[i] = Channel{State::OFF, Reason::NONE, Rest::RELAX};
+      continue;
+    }
+    // A latched channel stays latched: a new configuration is no acknowledgement.
+    if (channel_[i].state == State::OFF) channel_[i] = Channel{State::READY, Reason::NONE, Rest::RELAX};
+    if (identity_.role == Role::MOTOR) {
+      motor_[i].configure(config_.motor[i]);
+    } else {
+      regulator_[i].configure(config_.regulator[i]);
+    }
+  }
+  let_tick_in();
+  return accepted();
+}
+
+Verdict Board::may_arm(uint8_t i) const {
+  if (channel_[i].state == State::SAFE) return Verdict{Refusal::LATCHED, i};
+  if (!fitted(i)) return Verdict{Refusal::BAD_CHANNEL, i};
+  if ((bridge_faults_ & (1u << i)) != 0) return Verdict{Refusal::PERSISTS, i};
+  if (identity_.role == Role::MOTOR) {
+    if (channel_[i].state == State::HOMING) return Verdict{Refusal::ARMED_NOW, i};
+    if (config_.motor[i].homing && !motor_[i].homed()) return Verdict{Refusal::NOT_HOMED, i};
+  } else if (!regulator_[i].sensor_ok()) {
+    return Verdict{Refusal::NO_SENSOR, i};
+  }
+  return accepted();
+}
+
+Verdict Board::arm(Reader& in) {
+  Verdict verdict = check_crc(in);
+  if (verdict.refusal != Refusal::NONE) return verdict;
+  const uint8_t mask = in.u8();
+  if (!in.finished()) return Verdict{Refusal::WRONG_LENGTH, static_cast<uint16_t>(in.at())};
+  verdict = check_mask(mask);
+  for (uint8_t i = 0; i < CHANNELS && verdict.refusal == Refusal::NONE; ++i) {
+    if ((mask & (1u << i)) != 0) verdict = may_arm(i);
+  }
+  if (verdict.refusal != Refusal::NONE) return verdict;
+  keep_tick_out();
+  fed_ = now_;
+  demanded_ = now_;
+  for (uint8_t i = 0; i < CHANNELS; ++i) {
+    if ((mask & (1u << i)) == 0 || channel_[i].state == State::ARMED) continue;
+    if (identity_.role == Role::MOTOR) {
+      motor_[i].arm();
+    } else {
+      regulator_[i].arm();
+    }
+    channel_[i] = Channel{State::ARMED, Reason::NONE, Rest::HOLD};
+  }
+  let_tick_in();
+  return accepted();
+}
+
+Verdict Board::demand(Reader& in) {
+  Verdict verdict = check_crc(in);
+  if (verdict.refusal != Refusal::NONE) return verdict;
+  const uint32_t heard = in.u32();
+  const uint8_t mask = in.u8();
+  int32_t value[CHANNELS] = {0, 0, 0, 0, 0, 0};
+  for (uint8_t i = 0; i < CHANNELS; ++i) {
+    if ((mask & (1u << i)) != 0) value[i] = in.i32();
+  }
+  if (!in.finished()) return Verdict{Refusal::WRONG_LENGTH, static_cast<uint16_t>(in.at())};
+  verdict = check_mask(mask);
+  if (verdict.refusal != Refusal::NONE) return verdict;
+  keep_tick_out();
+  // The host tells which telemetry it heard last. One that no longer hears the board (it does not read, or this
+  // demand waited in some buffer) commands nothing and does not feed the dead-man.
+  stale_ = now_ - heard >= static_cast<uint32_t>(config_.watchdog_ms);
+  if (!stale_) {
+    const uint32_t since = now_ - demanded_;
+    for (uint8_t i = 0; i < CHANNELS; ++i) {
+      if ((mask & (1u << i)) == 0 || channel_[i].state != State::ARMED) continue;
+      if (identity_.role == Role::MOTOR) {
+        motor_[i].demand(value[i], since);
+      } else {
+        regulator_[i].demand(value[i]);
+      }
+    }
+    fed_ = now_;
+    if (mask != 0) demanded_ = now_;
+  }
+  let_tick_in();
+  return accepted();
+}
+
+Verdict Board::clear(Reader& in) {
+  Verdict verdict = check_crc(in);
+  if (verdict.refusal != Refusal::NONE) return verdict;
+  const uint8_t mask = in.u8();
+  if (!in.finished()) return Verdict{Refusal::WRONG_LENGTH, static_cast<uint16_t>(in.at())};
+  verdict = check_mask(mask);
+  if (verdict.refusal != Refusal::NONE) return verdict;
+  for (uint8_t i = 0; i < CHANNELS; ++i) {
+    const bool wire = channel_[i].reason == Reason::SENSOR_WIRE && !regulator_[i].sensor_ok();
+    const bool bridge = channel_[i].reason == Reason::BRIDGE && (bridge_faults_ & (1u << i)) != 0;
+    if ((mask & (1u << i)) != 0 && (wire || bridge)) return Verdict{Refusal::PERSISTS, i};
+  }
+  keep_tick_out();
+  for (uint8_t i = 0; i < CHANNELS; ++i) {
+    if ((mask & (1u << i)) == 0 || channel_[i].state != State::SAFE) continue;
+    const Safe safe = identity_.role == Role::MOTOR ? config_.motor[i].safe : config_.regulator[i].safe;
+    // What held goes on holding: clearing moves nothing.
+    const bool holding = safe == Safe::HOLD && channel_[i].reason == Reason::DEAD_MAN;
+    channel_[i] = Channel{holding ? State::STOPPED : State::READY, Reason::NONE, Rest::HOLD};
+  }
+  let_tick_in();
+  return accepted();
+}
+
+Verdict Board::stop(Reader& in) {
+  if (config_.mask == 0) return Verdict{Refusal::NOT_CONFIGURED, 0};
+  const uint8_t mask = in.u8();
+  const uint8_t rest = in.u8();
+  if (!in.finished()) return Verdict{Refusal::WRONG_LENGTH, static_cast<uint16_t>(in.at())};
+  if (rest > static_cast<uint8_t>(Rest::VENT)) return Verdict{Refusal::BAD_VALUE, rest};
+  const Verdict verdict = check_mask(mask);
+  if (verdict.refusal != Refusal::NONE) return verdict;
+  keep_tick_out();
+  for (uint8_t i = 0; i < CHANNELS; ++i) {
+    const State state = channel_[i].state;
+    // What was never armed, or is safe already, rests better than any wish.
+    if ((mask & (1u << i)) == 0 || state == State::READY || state == State::SAFE) continue;
+    if (identity_.role == Role::MOTOR && state != State::STOPPED) motor_[i].hold();
+    const bool limp = state == State::STOPPED && channel_[i].rest != Rest::HOLD;
+    // A limp motor is not caught again by `hold`, and a venting chamber goes on venting.
+    if (limp && rest == static_cast<uint8_t>(Rest::HOLD)) continue;
+    channel_[i] = Channel{State::STOPPED, Reason::NONE, static_cast<Rest>(rest)};
+  }
+  let_tick_in();
+  return accepted();
+}
+
+Verdict Board::home(Reader& in) {
+  Verdict verdict = check_crc(in);
+  if (verdict.refusal != Refusal::NONE) return verdict;
+  const uint8_t mask = in.u8();
+  if (!in.finished()) return Verdict{Refusal::WRONG_LENGTH, static_cast<uint16_t>(in.at())};
+  verdict = check_mask(mask);
+  for (uint8_t i = 0; i < CHANNELS && verdict.refusal == Refusal::NONE; ++i) {
+    if ((mask & (1u << i)) == 0) continue;
+    if (identity_.role != Role::MOTOR || !config_.motor[i].homing) {
+      verdict = Verdict{Refusal::NO_HOMING, i};
+    } else if (channel_[i].state == State::SAFE) {
+      verdict = Verdict{Refusal::LATCHED, i};
+    } else if (channel_[i].state == State::ARMED) {
+      verdict = Verdict{Refusal::ARMED_NOW, i};
+    } else if (!fitted(i) || (bridge_faults_ & (1u << i)) != 0) {
+      verdict = Verdict{Refusal::PERSISTS, i};
+    }
+  }
+  if (verdict.refusal != Refusal::NONE) return verdict;
+  keep_tick_out();
+  fed_ = now_;
+  for (uint8_t i = 0; i < CHANNELS; ++i) {
+    if ((mask & (1u << i)) == 0 || channel_[i].state == State::HOMING) continue;
+    motor_[i].home();
+    channel_[i] = Channel{State::HOMING, Reason::NONE, Rest::HOLD};
+  }
+  let_tick_in();
+  return accepted();
+}
+
+size_t Board::say_hello(uint8_t* out, size_t capacity) const {
+  Writer to(out, capacity);
+  to.u8(static_cast<uint8_t>(identity_.role));
+  to.u8(CHANNELS);
+  to.u8(FIRMWARE_MAJOR);
+  to.u8(FIRMWARE_MINOR);
+  to.u8(FIRMWARE_PATCH);
+  to.u16(identity_.boot);
+  to.u32(now_);
+  to.u8(static_cast<uint8_t>(identity_.cause));
+  to.u8(config_.mask != 0 ? BOARD_CONFIGURED : 0);
+  to.u16(config_crc_);
+  for (uint8_t i = 0; i < CHANNELS; ++i) to.u8(identity_.capabilities[i]);
+  for (const char* c = identity_.pins; c != nullptr && *c != '\0'; ++c) to.u8(static_cast<uint8_t>(*c));
+  return to.size();
+}
+
+size_t Board::say_telemetry(uint8_t* out, size_t capacity) {
+  Writer to(out, capacity);
+  // All numbers of one answer are of one tick.
+  keep_tick_out();
+  to.u32(now_);
+  to.u16(identity_.boot);
+  to.u8(static_cast<uint8_t>(identity_.cause));
+  to.u16(config_crc_);
+  to.u8((config_.mask != 0 ? BOARD_CONFIGURED : 0u) | (stale_ ? BOARD_DEMAND_STALE : 0u));
+  to.u16(bad_frames_);
+  to.u16(dropped_);
+  uint8_t told = 0;
+  for (uint8_t i = 0; i < CHANNELS; ++i) {
+    if ((config_.mask & (1u << i)) != 0 && fitted(i)) told = static_cast<uint8_t>(told | (1u << i));
+  }
+  to.u8(told);
+  for (uint8_t i = 0; i < CHANNELS; ++i) {
+    if ((told & (1u << i)) == 0) continue;
+    const Motor& m = motor_[i];
+    const Regulator& r = regulator_[i];
+    const bool motor = identity_.role == Role::MOTOR;
+    uint32_t state = static_cast<uint32_t>(channel_[i].state);
+    if (motor ? m.limited() : r.limited()) state |= CHANNEL_LIMITED;
+    if (motor && m.homed()) state |= CHANNEL_HOMED;
+    if (motor || r.sensor_ok()) state |= CHANNEL_SENSOR_OK;
+    to.u8(state);
+    to.u8(static_cast<uint32_t>(channel_[i].reason));
+    to.i32(motor ? m.position() : r.pressure());
+    to.i32(motor ? m.velocity() : r.rate());
+    to.i16(motor ? m.duty() : r.duty());
+    to.i16(motor ? clamp(m.current_ma(), -32767, 32767) : r.raw());
+  }
+  let_tick_in();
+  return to.size();
+}
+
+}  // namespace contid
