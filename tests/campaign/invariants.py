@@ -78,7 +78,9 @@ def no_jump(seen: Seen) -> Iterator[str]:
         armed = False
         for place, (was, now) in enumerate(pairwise(seen.records), 1):
             old, new = was.robots[robot], now.robots[robot]
-            if old.mode == Mode.ARMING and new.mode in _DRIVEN and not armed and new.flags & ENABLED:
+            began = old.mode == Mode.ARMING and new.mode in _DRIVEN and not armed and new.flags & ENABLED
+            # A fault between torque and first command: the devices hold by themselves, nothing is sent.
+            if began and not math.isnan(new.axes[0].command):
                 armed = True
                 measured = tuple(axis.value for axis in old.axes)
                 present = plan.transmission.to_device(tuple(axis.command for axis in new.axes))
@@ -161,7 +163,7 @@ def latched(seen: Seen) -> Iterator[str]:
 
 
 def estop(seen: Seen) -> Iterator[str]:
-    """After an emergency stop nothing is commanded in that very tick, and no device that hears has power."""
+    """After an emergency stop: OFF (a fault stays), no command in that tick, no power in what hears."""
     case = seen.case
     place_of = {record.tick: place for place, record in enumerate(seen.records)}
     for tick, messages in case.orders.items():
@@ -173,7 +175,9 @@ def estop(seen: Seen) -> Iterator[str]:
                 if message.robots is not None and plan.name not in message.robots:
                     continue
                 state = seen.records[place].robots[robot]
-                if state.mode != Mode.OFF or not all(math.isnan(axis.device) for axis in state.axes):
+                before = seen.records[place - 1].robots[robot].mode if place else Mode.OFF
+                resting = state.mode == Mode.OFF or state.mode == before == Mode.FAULT
+                if not resting or not all(math.isnan(axis.device) for axis in state.axes):
                     yield f"{plan.name}: {Mode(state.mode).name} after estop at {tick}"
                 deaf = {
                     axis
