@@ -23,9 +23,9 @@ def print_report(report: FileReport) -> None:
         say(f"\n{robot['name']}: {robot['model']} at ({base}) mm")
         if robot["passive"]:
             say("  passive: it has no actuators of its own")
-        else:
-            console.print(_axes(robot))
-            say(f"  rates: {_rates(robot)}")
+            continue
+        console.print(_axes(robot))
+        say(f"  rates: {_rates(robot)}")
         say(f"  takes: {', '.join(robot['accepts'])}")
         say(f"  stops: {', '.join(f'{key} {value}' for key, value in robot['stop'].items())}")
         if robot["placeholders"]:

@@ -52,6 +52,9 @@ def check_robot(
 ) -> Iterator[Located]:
     """Everything that must agree inside one robot, apart from what its class already checked."""
     yield from _check_axes(document, at, robot, wired)
+    if robot.passive:
+        yield from _check_passive(document, at, robot)
+        return
     yield from _check_rates(document, at, robot)
     yield from _check_rest(document, at, robot)
     yield from _check_stops(document, at, robot, wired)
@@ -83,6 +86,14 @@ def _check_axes(
             yield from _check_transmission(
                 document, axis.at, axis.description, axis.kind, robot.quantity, driven.get(name)
             )
+
+
+def _check_passive(document: Document, at: Path, robot: RobotDescription) -> Iterator[Located]:
+    """Keys that only a robot with actuators can use."""
+    for key in ("base", "rates", "stop", "rest_mm", "rest_bar", "feedback"):
+        if key in robot.model_fields_set:
+            message = f"{key} has no meaning here: {at[-1]!r} has no actuators of its own"
+            yield document.at_key((*at, key), message)
 
 
 def driven_range(robot: RobotDescription) -> tuple[tuple[float, float], ...]:
@@ -157,7 +168,7 @@ def _check_rates(document: Document, at: Path, robot: RobotDescription) -> Itera
     unit = robot.quantity.unit
     for what, per in (("velocity", "s"), ("acceleration", "s2"), ("jerk", "s3")):
         key = f"{what}_{unit}_{per}"
-        if not robot.passive and getattr(robot.rates, key) is None:
+        if getattr(robot.rates, key) is None:
             yield document.at_key((*at, "rates"), f"key {key!r} is missing; this robot's axes are in {unit}")
         other = f"{what}_{'bar' if unit == 'mm' else 'mm'}_{per}"
         if getattr(robot.rates, other) is not None:

@@ -11,6 +11,7 @@ from typing import Final, TypeVar, get_args
 from pydantic import BaseModel, ValidationError
 
 from contid.description.base import AxisDescription
+from contid.description.chain import Chain, check_chain
 from contid.description.checks import WiredAxis, check_name, check_robot
 from contid.description.findings import allowed_names, explain, shown
 from contid.description.mend import mended
@@ -126,8 +127,10 @@ class _Loader:
         buses, robots = _mapping(data.get("buses")), _mapping(data.get("robots"))
         self.axes = {name: [] for name in buses}
         wirings = {name: self._bus(name, raw) for name, raw in buses.items()}
-        for name, raw in robots.items():
-            self._robot(name, raw)
+        described = {name: self._robot(name, raw) for name, raw in robots.items()}
+        for name, robot in described.items():
+            if isinstance(robot, Chain):
+                self.findings += check_chain(self.document, ("robots", name), robot, described)
         return {name: replace(bus, axes=tuple(self.axes[name])) for name, bus in wirings.items() if bus}
 
     def _validated(self, kind: type[_Part], data: Data, at: Place, also: Sequence[str] = ()) -> _Part | None:
@@ -156,13 +159,13 @@ class _Loader:
             return None
         return BusWiring(name, common.driver, options, (), common.tolerance_ticks)
 
-    def _robot(self, name: str, raw: Data) -> None:
+    def _robot(self, name: str, raw: Data) -> RobotDescription | None:
         at: Place = ("robots", name)
         self.findings += check_name(self.document, at)
         if not isinstance(raw, dict):
             message = f"{name}: a robot is a mapping of keys to values, not {shown(raw)}"
             self.findings.append(self.document.at_value(at, message))
-            return
+            return None
         wired = {
             axis: self._axis((*at, "axes", axis), each) for axis, each in _mapping(raw.get("axes")).items()
         }
@@ -172,12 +175,13 @@ class _Loader:
             what = f"model: {shown(model)} is not possible" if "model" in raw else "key 'model' is missing"
             message = f"{what}; {allowed_names(kinds, str(model))}"
             self.findings.append(self.document.at_value((*at, "model"), message))
-            return
+            return None
         # The axes were validated one by one, with the keys of their drivers.
         axes: Data = {} if isinstance(raw.get("axes"), dict) else raw.get("axes", {})
         robot = self._validated(kinds[model], {**raw, "axes": axes}, at)
         if robot is not None:
             self.findings += check_robot(self.document, at, robot, wired)
+        return robot
 
     def _axis(self, at: Place, raw: Data) -> WiredAxis:
         """One axis: its common keys, its bus, its driver's keys, and that its address is its own."""

@@ -7,13 +7,16 @@ from typing import Annotated, Final, Literal, TypeAlias
 from pydantic import BaseModel, ConfigDict, Field
 
 from contid.description.base import Strict
+from contid.description.chain import Chain
 from contid.description.cosserat import Cosserat
 from contid.description.rack_finger import RackFinger
 from contid.description.tri_rack import TriRack
 from contid.description.tri_tube import TriTube
 
 #: One class per model; a robot file's ``model`` key decides which.
-AnyRobot: TypeAlias = Annotated[RackFinger | TriRack | TriTube | Cosserat, Field(discriminator="model")]
+AnyRobot: TypeAlias = Annotated[
+    RackFinger | TriRack | TriTube | Cosserat | Chain, Field(discriminator="model")
+]
 
 #: Beyond a thousand ticks per second a tick has no time left for a serial bus.
 MAX_RATE_HZ: Final = 1000.0
