@@ -83,6 +83,7 @@ class Engine:
         self._ended = False
         self._samples: dict[str, Sample] = {}
         self._measured: dict[str, Measurement] = {}
+        self._step = -1
         port_of = {axis: name for name, port in ports.items() for axis in port.bus.axes}
         self._buses = [sorted({port_of[axis] for axis in plan.axes}) for plan in plans]
         self._axes_on = [
@@ -125,7 +126,8 @@ class Engine:
 
     def obey(self, message: object, tick_number: int) -> None:
         """Carry out a message of the daemon; what is refused becomes an event."""
-        now_s = tick_number / self._rate_hz
+        step = self._step + 1
+        now_s = step / self._rate_hz
         for fields in order_events(message):
             self._sink.event("order", tick=tick_number, **fields)
         # Whoever gives orders is waited for, also when every robot is in FAULT.
@@ -153,7 +155,7 @@ class Engine:
             case msg.Goto(robot, target):
                 self._each((robot,), lambda p, s: change.goto(p, s, target, now_s))
             case msg.Hold(robots):
-                self._pause(robots, tick_number)
+                self._pause(robots, step)
                 self._each(robots, lambda p, s: change.hold(p, s, now_s))
             case msg.Resume(robots):
                 if robots is None and self.source is not None:
@@ -238,9 +240,11 @@ class Engine:
     def cycle(self, timing: Timing) -> None:
         """One tick of everything."""
         number = self._tick = timing.tick
-        now_s = number / self._rate_hz
+        # Robots live in steps, ticks that ran: skipped ones have not happened for them.
+        step = self._step = timing.tick - timing.skipped
+        now_s = step / self._rate_hz
         source = self.source
-        targets: Mapping[str, Target | None] = {} if source is None else source.targets(number)
+        targets: Mapping[str, Target | None] = {} if source is None else source.targets(step)
         source_is_timed = isinstance(source, Timed)
         commands: dict[str, dict[str, float]] = {name: {} for name in self._ports}
         outcomes: list[Outcome] = []
@@ -254,7 +258,7 @@ class Engine:
             going = state.goto
             if self._going[index] is not None and self._going[index] is not going:
                 self._sink.event("goto", robot=plan.name, arrived=False, tick=number)
-            outcome = tick(plan, state, now_s, self._samples_of(plan), target, timing.elapsed, measured)
+            outcome = tick(plan, state, now_s, self._samples_of(plan), target, measured)
             state = outcome.state
             if state.pending is not Effect.NONE:
                 state = self._ask(index, state)
@@ -272,7 +276,7 @@ class Engine:
                 if bits:
                     self.tallies[index].limited[bits] += 1
         self._exchange(commands, timing, now_s)
-        self._watch_source(number, now_s)
+        self._watch_source(number, step, now_s)
         for index, state in enumerate(self.states):
             if state.mode is not self._told[index]:
                 self._told[index] = state.mode
@@ -385,13 +389,13 @@ class Engine:
             words = f"{name}: no answer for {port.stalls} ticks"
             self._lose(name, port, Fault.BUS_STALLED, words, now_s)
 
-    def _watch_source(self, number: int, now_s: float) -> None:
+    def _watch_source(self, number: int, step: int, now_s: float) -> None:
         if self._finishing:
             return
         source = self.source
         alive = any(state.mode is not Mode.FAULT for state in self.states)
         if source is not None:
-            source.watch(number, {p.name: s for p, s in zip(self.plans, self.states, strict=True)})
+            source.watch(step, {p.name: s for p, s in zip(self.plans, self.states, strict=True)})
             if source.finished and not self._ended:
                 self._ended = True
                 self._sink.event("end", tick=number, on_end=self._on_end.value)

@@ -55,7 +55,6 @@ def tick(
     now_s: float,
     samples: tuple[Sample, ...],
     target: Target | None,
-    elapsed: int = 1,
     measurement: Measurement | None = None,
 ) -> Outcome:
     """Decide what one robot does in this tick.
@@ -63,10 +62,9 @@ def tick(
     Args:
         plan: what is fixed about the robot.
         state: after the previous tick and the orders since.
-        now_s: deadline of this tick.
+        now_s: time of the robot, one period per tick that ran.
         samples: newest of every axis, in the order of the plan; empty before the first.
         target: what the source wants of this robot now, in the world frame.
-        elapsed: periods since the previous tick; more than 1 after skipped ones.
         measurement: newest measured tip, if anybody measures.
     """
     try:
@@ -78,7 +76,7 @@ def tick(
                 load_n = plan.frame.vector_in_base(target.load_n)
                 learnt = observed(plan, plan.feedback, state.correction, now_s, samples, measurement, load_n)
                 state = replace(state, correction=learnt)
-            return _follow(plan, state, now_s, target, elapsed)
+            return _follow(plan, state, now_s, target)
         if mode in (Mode.CONNECTING, Mode.READY, Mode.ARMING):
             return Outcome(_arming(plan, state, now_s, samples, target))
         if mode in (Mode.RUN, Mode.APPROACH) and state.goto is None and (target is None or not state.follow):
@@ -90,7 +88,7 @@ def tick(
                 state = _approach(plan, following, wanted, now_s, now_s - plan.period_s)
         if state.mode not in _DRIVEN or not state.enabled:
             return Outcome(state)
-        return _move(plan, state, now_s, elapsed)
+        return _move(plan, state, now_s)
     except Exception as error:  # one robot's defect is that robot's fault, never the end of the others
         failed = fail(plan, state, Fault.INTERNAL, f"{type(error).__name__}: {error}", now_s)
         return Outcome(replace(failed, motion=None, aim=failed.command))
@@ -152,14 +150,14 @@ def _approach(plan: RobotPlan, state: RobotState, target: Target, now_s: float, 
     return replace(state, motion=motion, motion_s=start_s)
 
 
-def _follow(plan: RobotPlan, state: RobotState, now_s: float, target: Target, elapsed: int) -> Outcome:
+def _follow(plan: RobotPlan, state: RobotState, now_s: float, target: Target) -> Outcome:
     """RUN: the model answers the target, the limiter has the last word."""
     in_base = corrected(state.correction, plan.frame.target_in_base(target))
     solution = plan.model.inverse(in_base, state.command)
     if not all(map(math.isfinite, solution.actuation)):
         words = f"the model answered {solution.actuation} to {in_base}"
-        return _move(plan, fail(plan, state, Fault.NOT_A_NUMBER, words, now_s), now_s, elapsed)
-    after, flags = _limited(plan, state, solution.actuation, elapsed)
+        return _move(plan, fail(plan, state, Fault.NOT_A_NUMBER, words, now_s), now_s)
+    after, flags = _limited(plan, state, solution.actuation)
     tip = plan.model.forward(after.command, in_base.load_n).tip_m
     wanted = in_base.tip_m
     if wanted is None:
@@ -167,7 +165,7 @@ def _follow(plan: RobotPlan, state: RobotState, now_s: float, target: Target, el
     return Outcome(after, plan.transmission.to_device(after.command), solution, math.dist(tip, wanted), flags)
 
 
-def _move(plan: RobotPlan, state: RobotState, now_s: float, elapsed: int) -> Outcome:
+def _move(plan: RobotPlan, state: RobotState, now_s: float) -> Outcome:
     """Follow the running motion, or stand still, and take the step its end calls for."""
     aim = state.aim
     over = True
@@ -175,9 +173,9 @@ def _move(plan: RobotPlan, state: RobotState, now_s: float, elapsed: int) -> Out
         since_s = now_s - state.motion_s
         aim = state.motion.at(since_s)[0]
         over = since_s >= state.motion.duration_s
-    after, flags = _limited(plan, state, aim, elapsed)
+    after, flags = _limited(plan, state, aim)
     device = plan.transmission.to_device(after.command)
-    # The limiter may lag behind (a motion that ends outside a limit, a skipped tick): wait for standstill.
+    # The limiter may lag behind (a motion that ends outside a limit): wait for standstill.
     if over and not any(after.steps):
         after = replace(after, motion=None, aim=after.command)
         if after.mode is Mode.APPROACH:
@@ -193,16 +191,10 @@ def _arrived(plan: RobotPlan, state: RobotState, now_s: float) -> RobotState:
     return replace(moved(plan, state, Event.HOLD, now_s), goto=None)
 
 
-def _limited(
-    plan: RobotPlan, state: RobotState, aim: Actuation, elapsed: int
-) -> tuple[RobotState, tuple[int, ...]]:
-    """The state with its next command, and what limited it.
-
-    The limits count in periods whatever happened to the ticks between: after skipped ones the robot catches
-    up under its limits, not in a burst.
-    """
+def _limited(plan: RobotPlan, state: RobotState, aim: Actuation) -> tuple[RobotState, tuple[int, ...]]:
+    """The state with its next command, and what limited it; limits count in ticks that ran."""
     last = state.command
-    pace = [(new - old) / elapsed for new, old in zip(aim, state.aim, strict=True)]
+    pace = [new - old for new, old in zip(aim, state.aim, strict=True)]
     command, flags = limit(plan.limits, last, state.steps, aim, pace)
     steps = tuple([new - old for new, old in zip(command, last, strict=True)])
     # Written out: `replace` costs three times as much, and this runs for every robot in every tick.

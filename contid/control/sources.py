@@ -46,7 +46,8 @@ class Timed:
 
     Its clock starts when every robot that follows it has arrived at the first row (a robot in FAULT, or held
     by an order, is not waited for), and counts ticks: time ``start + n/rate``, so a row written at a tick is
-    met exactly, and skipped ticks are skipped here too. Starts and ends at speed are eased (`ease`).
+    met exactly. Skipped ticks are not counted: nobody leaves the path for them. Starts and ends at speed are
+    eased (`ease`).
     """
 
     def __init__(self, trajectory: Trajectory, rate_hz: float, plans: Sequence[RobotPlan]) -> None:
