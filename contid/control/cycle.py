@@ -33,7 +33,6 @@ class Timing:
 
     Attributes:
         tick: its number.
-        elapsed: periods since the cycle before; more than 1 after skipped ticks.
         skipped: ticks skipped since the start.
         deadline_s: when it should have started, on the clock of the buses.
         lateness_s: how much later it did.
@@ -41,7 +40,6 @@ class Timing:
     """
 
     tick: int
-    elapsed: int
     skipped: int
     deadline_s: float
     lateness_s: float = 0.0

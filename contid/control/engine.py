@@ -162,20 +162,20 @@ class Engine:
                     self.source.resume()
                 self._each(robots, lambda p, s: change.resume(p, s, now_s))
             case msg.Stop(robots, policy, reason):
-                self._pause(robots, tick_number)
+                self._pause(robots, step)
                 self._each(robots, lambda p, s: change.stop(p, s, policy or getattr(p.stops, reason), now_s))
             case msg.Estop(robots):
-                self._pause(robots, tick_number)
+                self._pause(robots, step)
                 self._each(robots, lambda p, s: change.estop(p, s, now_s))
             case msg.ClearFault(robots):
                 self._each(robots, self._begin_clear)
             case msg.Finish(policy, reason):
                 self.finish(policy, reason, now_s)
 
-    def _pause(self, robots: msg.Who, tick_number: int) -> None:
+    def _pause(self, robots: msg.Who, step: int) -> None:
         """What stops everybody stops the time of the trajectory too."""
         if robots is None and self.source is not None:
-            self.source.pause(tick_number)
+            self.source.pause(step)
 
     def _replace(self, source: Source, now_s: float) -> None:
         """Another source takes over: whoever followed the old one approaches the new one, or holds."""

@@ -76,7 +76,6 @@ class ControlProcess:
         now, period_s = self._clock.now, self._period_s
         base_s = now() + 2.0 * period_s
         tick, stop_by_s, orphaned = 0, 0.0, False
-        last = -1
         while not self.engine.finished:
             deadline_s = base_s + tick * period_s
             start_s = sleep_until(deadline_s)
@@ -104,14 +103,12 @@ class ControlProcess:
             self.engine.cycle(
                 Timing(
                     tick,
-                    tick - last,
                     self._skipped,
                     deadline_s,
                     lateness_s,
                     deadline_s + BUS_SHARE * period_s,
                 )
             )
-            last = tick
             tick += 1
             if orphaned and start_s > stop_by_s:
                 break

@@ -65,7 +65,6 @@ class VirtualProcess:
             trajectory=trajectory, on_end=on_end, attended=attended,
         )  # fmt: skip
         self.tick = self.skipped = self.cycles = 0
-        self._last = -1
         self._rate_hz = rate_hz
         self._sink = sink
 
@@ -85,10 +84,8 @@ class VirtualProcess:
     def turn(self) -> None:
         """One cycle, after the orders that arrived before it were given to the engine."""
         number, deadline_s = self.tick, self.tick / self._rate_hz
-        self.engine.cycle(
-            Timing(number, number - self._last, self.skipped, deadline_s, self.clock.now() - deadline_s)
-        )
-        self._last, self.tick, self.cycles = number, number + 1, self.cycles + 1
+        self.engine.cycle(Timing(number, self.skipped, deadline_s, self.clock.now() - deadline_s))
+        self.tick, self.cycles = number + 1, self.cycles + 1
 
     def close(self) -> None:
         """Let the buses go."""

@@ -184,7 +184,7 @@ def replay(
                 _apply(event, told, engine, tick)
             except ContidError as error:
                 return Replayed(count, None, comparison.largest, str(error))
-        engine.cycle(Timing(tick, tick - last, skipped, math.nan))
+        engine.cycle(Timing(tick, skipped, math.nan))
         divergence = comparison.check(values, sink.values)
         if divergence is not None:
             return Replayed(count, divergence, comparison.largest)

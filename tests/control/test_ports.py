@@ -72,7 +72,7 @@ def test_a_stuck_bus_faults_its_robot_and_the_other_runs_on() -> None:
                 buses["bus0"].free.clear()
             # The end is far away for a healthy bus and near for the stuck one: no timing is asserted.
             patience_s = 5.0 if tick < 40 else 0.05
-            engine.cycle(Timing(tick, 1, 0, clock.now_s, 0.0, clock.now_s + patience_s))
+            engine.cycle(Timing(tick, 0, clock.now_s, 0.0, clock.now_s + patience_s))
         assert engine.states[0].mode is Mode.FAULT
         assert engine.states[0].fault is Fault.BUS_STALLED
         assert engine.states[1].mode is Mode.HOLD

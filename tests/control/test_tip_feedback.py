@@ -66,7 +66,7 @@ class Rig:
                 shaken = np.array(self.tips[-1]) + self.rng.normal(0, self.noise_m, 3)
                 self.engine.obey(msg.Measured(self.plan.name, tuple(shaken.tolist())), self.tick)
             now_s = self.tick / RATE_HZ
-            self.engine.cycle(Timing(self.tick, 1, 0, now_s, 0.0))
+            self.engine.cycle(Timing(self.tick, 0, now_s))
             self.tick += 1
             if self.engine._samples:
                 self.tips.append(self.tip())
