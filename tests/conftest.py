@@ -15,8 +15,12 @@ from pathlib import Path
 
 import psutil
 import pytest
+from hypothesis import settings
 
 ROOT = Path(__file__).parent.parent
+# Time is measured in benchmarks/, on a machine that may be busy.
+settings.register_profile("contid", deadline=None)
+settings.load_profile("contid")
 # Threads that belong to the test runner itself, not to the code under test.
 RUNNER_THREADS = ("pytest_timeout", "execnet", "asyncio_", "ThreadPoolExecutor-pytest")
 
