@@ -18,16 +18,16 @@ from tests.contract.harness import Facts
 
 TICK_S = 0.005
 COUNT = math.tau / 4776.0
-MOTORS = Facts(DeviceKind.MOTOR, 2 * COUNT, 12 * COUNT, 0.5, 60.0, 0.7, 0.2, 0.0, Rest.RELAX)
+MOTORS = Facts(DeviceKind.MOTOR, 2 * COUNT, 12 * COUNT, 0.2, 60.0, 0.45, 0.2, 0.0, Rest.RELAX)
 # 3 bar on 12 bit are 75 Pa a step.
-REGULATORS = Facts(DeviceKind.REGULATOR, 300.0, 1500.0, 20_000.0, 150_000.0, 0.5, 0.2, 1.0, Rest.VENT)
+REGULATORS = Facts(DeviceKind.REGULATOR, 300.0, 1500.0, 15_000.0, 150_000.0, 0.4, 0.2, 0.3, Rest.VENT)
 REGULATOR = {
     "calibration": [[0, 0], [100, 3]],
     "readback": [[600, 0], [3000, 3]],
     "wire_break_mv": 540,
     "ceiling_bar": 2.0,
-    "slew_bar_s": 2.0,
-    "vent_bar_s": 2.0,
+    "slew_bar_s": 1.0,
+    "vent_bar_s": 4.0,
 }
 
 
