@@ -17,11 +17,16 @@ from contid.hal import Diagnoses, Finding
 @click.argument("robot_file")
 @click.option("--json", "as_json", is_flag=True, help="One JSON object per finding.")
 def command(robot_file: str, as_json: bool) -> None:
-    """Examine the buses and devices of ROBOT_FILE without moving anything; exit 4 when something is wrong."""
+    """Examine the machine and the buses and devices of ROBOT_FILE; moves nothing; exit 4 if not well."""
     from contid.cli.wired import wired_buses
+    from contid.control.machine import examine
 
+    loaded = load_robot_file(find_robot_file(robot_file))
     well = True
-    for bus in wired_buses(load_robot_file(find_robot_file(robot_file))):
+    for finding in examine():
+        well = well and finding.ok
+        _print(finding, as_json)
+    for bus in wired_buses(loaded):
         wiring = bus.wiring
         if isinstance(bus.driver, Diagnoses):
             findings = bus.driver.doctor(wiring.name, wiring.options, bus.axes)

@@ -32,6 +32,11 @@ if TYPE_CHECKING:
     help="Targets out of reach: refuse the file (hold, on a live stream), or go to the nearest point.",
 )
 @click.option("--virtual", is_flag=True, help="Simulated devices in virtual time; repeatable to the bit.")
+@click.option(
+    "--disarmed",
+    is_flag=True,
+    help="Connect, read, and wait without torque until `contid resume`: for services that restart.",
+)
 @click.option("--log", type=click.Path(dir_okay=False), help="Write every command to a CSV, exact floats.")
 @click.option(
     "--record",
@@ -47,6 +52,7 @@ def command(
     on_end: str,
     unreachable: str,
     virtual: bool,
+    disarmed: bool,
     log: str | None,
     record: str | None,
     as_json: bool,
@@ -76,6 +82,7 @@ def command(
         on_end=on_end,
         unreachable=unreachable,
         virtual=virtual,
+        disarmed=disarmed,
         log=None if log is None else Path(log),
         observers=observers,
     )

@@ -21,6 +21,7 @@ from contid.control.command_log import CommandLog
 from contid.control.cycle import OnEnd, Sink
 from contid.control.inputs import Stream
 from contid.control.messages import End, Estop, Finish, Message
+from contid.control.notify import Notifier
 from contid.control.preflight import Preflight, Unreachable
 from contid.control.record import TickRecord
 from contid.control.report import Report, complete_from_records
@@ -110,6 +111,7 @@ class RunOptions:
         on_end: what to do when the input ends.
         unreachable: what to do with unreachable rows of a stream.
         log: where to write the command log.
+        armed: arm at once; False to wait for `resume`.
         commands: sources of commands; with any of them the run waits for orders.
         observers: readers of the ring.
         say: takes messages for a person.
@@ -119,6 +121,7 @@ class RunOptions:
     on_end: OnEnd = OnEnd.STOP
     unreachable: Unreachable = Unreachable.REFUSE
     log: Path | None = None
+    armed: bool = True
     commands: Sequence[Commands] = ()
     observers: Sequence[Observer] = ()
     say: Callable[[str], None] = say
@@ -146,6 +149,7 @@ class Daemon:
         self._last: TickRecord | None = None
         self._log: CommandLog | None = None
         self._terminal = sys.stderr.isatty()
+        self._notifier = Notifier()
 
     # -- orders ------------------------------------------------------------------------------------------
 
@@ -195,8 +199,8 @@ class Daemon:
             self._log = None if options.log is None else CommandLog(options.log, layout)
             timed = self._source if isinstance(self._source, Trajectory) else None
             # Whoever may give orders later is waited for; a source alone ends the run when it ends.
-            attended = bool(options.commands) or self._source is None
-            setup = Setup(self.loaded, options.rate_hz, path, timed, options.on_end, attended)
+            attended = bool(options.commands) or self._source is None or not options.armed
+            setup = Setup(self.loaded, options.rate_hz, path, timed, options.on_end, attended, options.armed)
             for observer in options.observers:
                 observer.attach(setup, self._child.pid)
                 attached.append(observer)
@@ -236,6 +240,8 @@ class Daemon:
             await asyncio.sleep(POLL_S)
             self._child.flush()
             self._fetch()
+            if self._child.reader is not None:
+                self._notifier.ticked(self._child.reader.written, loop.time())
             if self._give_up_s is not None and loop.time() > self._give_up_s:
                 self._report.problems.append("the orderly stop took too long; relaxed at once")
                 self._emergency()
@@ -262,6 +268,8 @@ class Daemon:
     def _notice(self, event: Mapping[str, Any]) -> None:
         """What an event means for the report and for the person at the terminal."""
         report, say = self._report, self._options.say
+        if event["event"] in ("stopping", "failed", "report"):
+            self._notifier.stopping()
         match event["event"]:
             case "fault":
                 say(f"{event['robot']}: {event['words']}")

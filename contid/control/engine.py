@@ -6,7 +6,7 @@ differs between them (time, threads, where records go) is given to the construct
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from contextlib import suppress
 from dataclasses import replace
 from typing import Any, Final
@@ -117,8 +117,15 @@ class Engine:
 
     def arm(self) -> None:
         """Connect, arm and follow, every robot: what `contid run` begins with."""
+        self._begin(change.resume)
+
+    def connect(self) -> None:
+        """Connect every robot and leave it READY, without torque, until it is resumed."""
+        self._begin(change.connect)
+
+    def _begin(self, how: Callable[[RobotPlan, RobotState, float], RobotState]) -> None:
         for index, plan in enumerate(self.plans):
-            self.states[index] = change.resume(plan, self.states[index], 0.0)
+            self.states[index] = how(plan, self.states[index], 0.0)
             self._told[index] = self.states[index].mode
             self._announce(plan, self.states[index], 0)
 

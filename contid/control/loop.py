@@ -129,7 +129,9 @@ def _arming(
             words = f"no valid sample of {', '.join(silent or plan.axes)} within {PATIENCE_S:g} s"
             return fail(plan, state, Fault.NO_SAMPLE, words, now_s)
     if state.mode is Mode.READY and state.wanted:
-        return replace(moved(plan, state, Event.ARM, now_s), pending=Effect.ENABLE, enabled=False)
+        # Commands of the time before are forgotten: whatever interrupts the arming must not go back to them.
+        forgetful = replace(state, command=(), steps=(), aim=(), motion=None)
+        return replace(moved(plan, forgetful, Event.ARM, now_s), pending=Effect.ENABLE, enabled=False)
     if state.mode is Mode.ARMING and state.enabled and sampled:
         present = plan.transmission.to_actuation(tuple(sample.value or 0.0 for sample in samples))
         still = (0.0,) * len(present)

@@ -59,6 +59,7 @@ class ControlProcess:
         self._ring = ring
         self._period_s = 1.0 / setup.rate_hz
         self._rate_hz = setup.rate_hz
+        self._armed = setup.armed
         plans = build_plans(setup.loaded, setup.rate_hz)
         self.engine = Engine(
             plans, ports, setup.rate_hz, ring, self._clock.now,
@@ -72,7 +73,10 @@ class ControlProcess:
 
     def run(self) -> None:
         """Cycle until every robot rests."""
-        self.engine.arm()
+        if self._armed:
+            self.engine.arm()
+        else:
+            self.engine.connect()
         now, period_s = self._clock.now, self._period_s
         base_s = now() + 2.0 * period_s
         tick, stop_by_s, orphaned = 0, 0.0, False

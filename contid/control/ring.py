@@ -47,14 +47,15 @@ class RingError(ContidError):
     """A ring cannot be attached: it is gone, or the file is something else."""
 
 
-def _directory() -> Path:
+def folder() -> Path:
+    """Where rings lie: shared memory, or the temporary folder of a machine without it."""
     shared = Path("/dev/shm")
     return shared if shared.is_dir() else Path(tempfile.gettempdir())
 
 
 def sweep() -> None:
     """Remove the rings of runs that were killed: nobody has them open any more."""
-    for path in _directory().glob("contid-*.ring"):
+    for path in folder().glob("contid-*.ring"):
         with suppress(OSError), path.open("rb") as file:
             if time.time() - os.fstat(file.fileno()).st_mtime > STALE_S:
                 fcntl.flock(file, fcntl.LOCK_EX | fcntl.LOCK_NB)
@@ -67,7 +68,7 @@ def create(layout: RecordLayout, seconds: float = SECONDS) -> Path:
     slots = max(int(seconds * layout.rate_hz), 256)
     size = layout.packer().size + STAMP
     total = _events_at(len(text), slots, size) + EVENT_SLOTS * EVENT_BYTES
-    path = _directory() / f"contid-{os.getpid()}-{secrets.token_hex(4)}.ring"
+    path = folder() / f"contid-{os.getpid()}-{secrets.token_hex(4)}.ring"
     with os.fdopen(os.open(path, os.O_RDWR | os.O_CREAT | os.O_EXCL, 0o600), "r+b") as file:
         file.truncate(total)
         file.write(HEAD.pack(MAGIC, len(text), slots, size, EVENT_SLOTS, 0))

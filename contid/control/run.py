@@ -50,6 +50,7 @@ class RunRequest:
         unreachable: `contid.control.preflight.Unreachable`.
         virtual: in virtual time.
         log: where to write every command.
+        disarmed: connect only; arm on `resume`.
         commands: further sources of orders.
         observers: readers of the ring.
     """
@@ -62,6 +63,7 @@ class RunRequest:
     unreachable: str = "refuse"
     virtual: bool = False
     log: Path | None = None
+    disarmed: bool = False
     commands: Sequence[Commands] = ()
     observers: Sequence[Observer] = ()
 
@@ -72,6 +74,8 @@ def run(request: RunRequest, spawned: Spawned | None = None) -> Report:
     Raises:
         ContidError: nothing was started: a wrong file, an unreachable row.
     """
+    if request.virtual and request.disarmed:
+        raise ContidError("--disarmed waits for orders, and --virtual has nobody to give them: leave one out")
     if request.virtual:
         loaded, source = read(request)
         return _virtual(request, loaded, source)
@@ -84,6 +88,7 @@ def run(request: RunRequest, spawned: Spawned | None = None) -> Report:
             on_end=OnEnd(request.on_end),
             unreachable=Unreachable(request.unreachable),
             log=request.log,
+            armed=not request.disarmed,
             commands=request.commands,
             observers=request.observers,
         )

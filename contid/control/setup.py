@@ -35,6 +35,7 @@ class Setup:
         trajectory: timed rows to follow, or None.
         on_end: what to do at its end.
         attended: orders may come: do not end because every robot is in FAULT.
+        armed: arm at once; False to connect and wait for `resume`.
     """
 
     loaded: LoadedFile
@@ -43,6 +44,7 @@ class Setup:
     trajectory: Trajectory | None
     on_end: OnEnd
     attended: bool
+    armed: bool = True
 
 
 def die_with_parent(parent: int) -> bool:

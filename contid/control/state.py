@@ -188,7 +188,7 @@ def fail(plan: RobotPlan, state: RobotState, fault: Fault, words: str, now_s: fl
     if fault in (Fault.DEVICE_LOST, Fault.BUS_STALLED) or not state.enabled:
         # Nobody listens, or nothing holds: the devices' own dead-man is what is left.
         return replace(after, enabled=False, pending=Effect.NONE)
-    if plan.stops.on_fault is StopPolicy.HOLD:
+    if plan.stops.on_fault is StopPolicy.HOLD and state.command:
         return braking(plan, replace(after, pending=Effect.NONE), now_s)
     return replace(after, enabled=False, pending=_effect(plan.stops.on_fault))
 

@@ -72,6 +72,7 @@ def describe(setup: Setup, options: Mapping[str, str], virtual: bool, host: str 
             "rate_hz": repr(setup.rate_hz),
             "on_end": setup.on_end.value,
             "attended": json.dumps(setup.attended),
+            "armed": json.dumps(setup.armed),
             "virtual": json.dumps(virtual),
             **options,
         },

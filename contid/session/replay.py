@@ -166,7 +166,10 @@ def replay(
     )
     comparison = Comparison(session.layout, session.device_units, tolerance)
     by_tick: dict[int, list[Mapping[str, Any]]] = defaultdict(list)
-    engine.arm()
+    if session.option("armed") == "false":
+        engine.connect()
+    else:
+        engine.arm()
     last, last_skipped, count = -1, 0, 0
     for entry in session.entries():
         if entry.event is not None:

@@ -20,6 +20,7 @@ from contid.control.plan import RobotPlan
 from contid.control.state import Effect, RobotState, estop, stay
 from contid.control.supervisor import Mode
 from contid.hal import Sample
+from contid.targets import Actuation
 from contid_drivers.sim.devices import SimDevice
 
 
@@ -82,11 +83,14 @@ def _no_dead_man(patch: pytest.MonkeyPatch) -> None:
 def _old_goal(patch: pytest.MonkeyPatch) -> None:
     """Arming goes on from the last command instead of from where the robot is."""
     arming = loop._arming
+    before: dict[str, Actuation] = {}
 
     def rearmed(plan: RobotPlan, state: RobotState, *rest: Any) -> RobotState:
+        if state.command:
+            before[plan.name] = state.command
         after = arming(plan, state, *rest)
-        if state.mode is Mode.ARMING and after.mode is not Mode.ARMING and state.command:
-            return replace(after, command=state.command, aim=state.command, motion=None)
+        if state.mode is Mode.ARMING and after.mode is not Mode.ARMING and plan.name in before:
+            return replace(after, command=before[plan.name], aim=before[plan.name], motion=None)
         return after
 
     patch.setattr(loop, "_arming", rearmed)

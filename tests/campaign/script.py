@@ -174,8 +174,11 @@ class Script:
             ticks_of.setdefault(mode, []).append(tick)
         mode = draw.choice(sorted(ticks_of))
         tick = draw.choice(ticks_of[mode])
-        kind = draw.choice(list(FaultKind))
         axis = draw.choice(plan.axes)
+        # The end of a fault ends every other one of its kind in the same place.
+        taken = {(f.kind, f.axis or f.bus) for f in case.faults}
+        kinds = [k for k in FaultKind if not taken & {(k, axis), (k, machine.bus_of[axis])}]
+        kind = draw.choice(kinds)
         longest = max(self.tick(SCRIPT_S) - tick, 1)
         ticks = min(draw.choice((1, 2, 3, 4, 5, 20, 60, longest)), longest)
         fault = Fault(

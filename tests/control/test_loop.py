@@ -94,6 +94,27 @@ def test_a_failed_read_is_never_a_position(plan: RobotPlan, enabled: bool) -> No
     assert out.state.misses == (0, 1)
 
 
+@pytest.mark.parametrize("interruption", ["fault", "stop"])
+def test_an_arming_that_is_interrupted_does_not_go_back_to_old_commands(
+    plan: RobotPlan, interruption: str
+) -> None:
+    """The robot was moved by hand since its last command; torque is on, but nothing was commanded yet."""
+    ready = replace(running(plan), mode=Mode.READY, enabled=False)
+    arming = tick(plan, ready, 1.0, sampled(plan, (0.09, 0.03)), TARGET).state
+    assert arming.mode is Mode.ARMING
+    state = replace(arming, enabled=True, pending=Effect.NONE)
+    if interruption == "stop":
+        state = change.stop(plan, state, StopPolicy.HOLD, 1.005)
+    for number in range(5):
+        broken = sampled(plan, (0.09, 0.03), fault="overload" if interruption == "fault" else "")
+        out = tick(plan, state, 1.005 + 0.005 * number, broken, TARGET)
+        assert out.device == ()
+        state = out.state
+    assert state.mode is (Mode.FAULT if interruption == "fault" else Mode.OFF)
+    assert state.pending is Effect.HOLD
+    assert not state.enabled
+
+
 def test_a_model_that_answers_nan_is_a_fault_and_no_command(plan: RobotPlan) -> None:
     class Wild:
         def __getattr__(self, name: str) -> Any:

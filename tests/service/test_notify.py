@@ -1,0 +1,134 @@
+"""The daemon as a service: what the manager is told, and that a restart never arms."""
+
+from __future__ import annotations
+
+import os
+import signal
+import socket
+import subprocess
+import sys
+from collections.abc import Iterator
+from contextlib import contextmanager, suppress
+from pathlib import Path
+
+import psutil
+import pytest
+
+from contid.control import messages as msg
+from contid.control.notify import Notifier
+from contid.control.record import ENABLED, TickRecord
+from contid.control.supervisor import Mode
+from contid.control.virtual import VirtualProcess
+from tests.control.fingers import Collector, load
+
+ROOT = Path(__file__).parents[2]
+
+
+@contextmanager
+def manager(address: str) -> Iterator[socket.socket]:
+    with socket.socket(socket.AF_UNIX, socket.SOCK_DGRAM) as end:
+        end.bind("\0" + address[1:] if address.startswith("@") else address)
+        end.settimeout(30.0)
+        yield end
+
+
+def said(end: socket.socket) -> list[str]:
+    end.setblocking(False)
+    out = []
+    with suppress(BlockingIOError):
+        while True:
+            out.append(end.recv(4096).decode())
+    return out
+
+
+@pytest.mark.parametrize("abstract", [False, True])
+def test_ready_once_then_alive_by_ticks_only(tmp_path: Path, abstract: bool) -> None:
+    address = f"@contid-test-{os.getpid()}" if abstract else str(tmp_path / "notify")
+    with manager(address) as end:
+        notifier = Notifier({"NOTIFY_SOCKET": address, "WATCHDOG_USEC": "2000000"})
+        notifier.ticked(0, 100.0)
+        assert said(end) == []
+        notifier.ticked(1, 100.1)
+        assert said(end) == ["READY=1", "WATCHDOG=1"]
+        notifier.ticked(50, 100.2)
+        assert said(end) == []  # not yet due
+        notifier.ticked(150, 100.7)
+        assert said(end) == ["WATCHDOG=1"]
+        for seconds in range(200, 300):
+            notifier.ticked(150, float(seconds))
+        assert said(end) == []  # time alone is no sign of life
+        notifier.stopping()
+        notifier.stopping()
+        assert said(end) == ["STOPPING=1"]
+
+
+def test_a_watchdog_of_another_process_is_not_fed(tmp_path: Path) -> None:
+    address = str(tmp_path / "notify")
+    with manager(address) as end:
+        environment = {"NOTIFY_SOCKET": address, "WATCHDOG_USEC": "2000000", "WATCHDOG_PID": "1"}
+        Notifier(environment, pid=2).ticked(5, 100.0)
+        assert said(end) == ["READY=1"]
+
+
+def test_nobody_to_tell() -> None:
+    for environment in ({}, {"NOTIFY_SOCKET": "/nowhere/at/all", "WATCHDOG_USEC": "soon"}):
+        notifier = Notifier(environment)
+        notifier.ticked(1, 0.0)
+        notifier.stopping()
+
+
+def test_a_disarmed_robot_waits_for_resume_without_torque() -> None:
+    seen = Collector(load(1))
+    process = VirtualProcess(load(1), 200.0, seen, attended=True)
+    process.engine.connect()
+    for order in (None, msg.Resume()):
+        if order is not None:
+            process.engine.obey(order, process.tick)
+        for _ in range(50):
+            process.begin()
+            process.turn()
+    process.close()
+    records = [r.robots[0] for r in seen.records if isinstance(r, TickRecord)]
+    assert {Mode(r.mode) for r in records[1:50]} == {Mode.READY}
+    assert not any(r.flags & ENABLED for r in records[:50])
+    assert records[-1].mode == Mode.HOLD
+
+
+def test_a_control_process_that_stands_still_is_not_called_alive(tmp_path: Path) -> None:
+    """The real daemon: ready, alive, silent while its ticks stand still, alive again, stopping."""
+    address = str(tmp_path / "notify")
+    with manager(address) as end:
+        process = subprocess.Popen(
+            [sys.executable, "-m", "contid", "run", "finger", "--mock", "--disarmed"],
+            stdin=subprocess.DEVNULL,
+            stdout=subprocess.PIPE,
+            stderr=subprocess.PIPE,
+            env={
+                **os.environ,
+                "PYTHONPATH": os.pathsep.join((str(ROOT), str(ROOT / "drivers"))),
+                "NOTIFY_SOCKET": address,
+                "WATCHDOG_USEC": "200000",
+            },
+        )
+        try:
+            assert end.recv(4096) == b"READY=1"
+            for _ in range(3):
+                assert end.recv(4096) == b"WATCHDOG=1"
+            (child,) = psutil.Process(process.pid).children()
+            child.send_signal(signal.SIGSTOP)
+            # What was completed before may still be told once or twice.
+            end.settimeout(1.0)
+            with pytest.raises(TimeoutError):
+                assert [end.recv(4096) for _ in range(4)] == []
+            child.send_signal(signal.SIGCONT)
+            end.settimeout(30.0)
+            assert end.recv(4096) == b"WATCHDOG=1"
+            process.send_signal(signal.SIGTERM)
+            while end.recv(4096) != b"STOPPING=1":
+                pass
+            out, _ = process.communicate(timeout=20)
+            assert process.returncode == 130
+            assert b"finger" in out
+        finally:
+            process.kill()
+            process.communicate()
