@@ -46,7 +46,7 @@ def command(robot_file: Path, axes: tuple[str, ...], dry_run: bool) -> None:
     changes = []
     for found in homed:
         zero_deg = zero_of(loaded, found)
-        robot, axis = found.axis.split(".")
+        robot, axis = found.axis.split(".", 1)
         key = f"robots.{robot}.axes.{axis}.zero_deg"
         note = f"homed {datetime.now().astimezone():%Y-%m-%d %H:%M}: {found.how}"
         changes.append(Change(key, round(zero_deg, 4), note))
@@ -61,7 +61,7 @@ def zero_of(loaded: LoadedFile, found: Homed) -> float:
 
     ``angle = zero_deg + direction * 360 * length / mm_per_rev``, solved for ``zero_deg``.
     """
-    robot, name = found.axis.split(".")
+    robot, name = found.axis.split(".", 1)
     axis = loaded.file.robots[robot].axes[name]
     if axis.mm_per_rev is None:
         return math.degrees(found.value)

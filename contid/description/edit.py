@@ -65,7 +65,7 @@ def edited(text: str, changes: Sequence[Change]) -> str:
     yaml.indent(mapping=2, sequence=4, offset=2)
     document: Any = yaml.load(text)
     for change in changes:
-        *parents, last = change.key.split(".")
+        *parents, last = _path(document, change.key)
         node = document
         for i, parent in enumerate(parents):
             try:
@@ -85,6 +85,23 @@ def edited(text: str, changes: Sequence[Change]) -> str:
     out = StringIO()
     yaml.dump(document, out)
     return out.getvalue()
+
+
+def _path(document: Any, key: str) -> list[str]:
+    """The parts of a dotted key; axis names contain dots themselves, so the longest name there is counts."""
+    rest = key.split(".")
+    path: list[str] = []
+    node = document
+    while len(rest) > 1:
+        names = [".".join(rest[:count]) for count in range(len(rest) - 1, 0, -1)]
+        name = next((name for name in names if isinstance(node, dict) and name in node), rest[0])
+        try:
+            node = _below(node, name)
+        except (LookupError, ValueError, TypeError):
+            break
+        path.append(name)
+        rest = rest[name.count(".") + 1 :]
+    return [*path, *rest]
 
 
 def _below(node: Any, part: str) -> Any:

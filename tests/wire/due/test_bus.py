@@ -15,6 +15,8 @@ import pytest
 from click.testing import CliRunner
 
 from contid.cli.firmware import command as firmware_command
+from contid.cli.home import command as home_command
+from contid.description.load import load_robot_file
 from contid.errors import DeviceError, DeviceLostError, DeviceNotFoundError
 from contid.hal import AxisOnBus, Rest, load_driver
 from contid_drivers.due.bus import DueBus
@@ -23,6 +25,7 @@ from contid_drivers.due.options import AxisOptions, BusOptions, EndStop
 from contid_drivers.due.service import doctor, home
 
 MOTORS = [AxisOnBus(f"arm.l{i}", AxisOptions(channel=f"m{i}", power_up_deg=90.0), None) for i in range(3)]
+PARKED = {"power_up_deg": 229.2, "homing": {"direction": -1, "at_deg": 199.2}}
 AIR = {"calibration": [[0, 0], [100, 3]], "readback": [[600, 0], [3000, 3]], "ceiling_bar": 1.6}
 
 
@@ -263,3 +266,18 @@ def test_firmware_command(world, tmp_path, configs):
     told = run(firmware_command, ["info", str(file)])
     assert told.exit_code == 0, told.output
     assert "role motor, firmware 1.0.0" in told.output
+
+
+def test_home_command_writes_the_zero_of_an_axis_with_a_dotted_name(world, tmp_path, configs):
+    homing = "{direction: -1, at_deg: 199.2, at_mm: 43.5, speed_deg_s: 180}"
+    _, emulator = world(
+        [AxisOnBus("arm.s1.l1", AxisOptions.model_validate({"channel": "m0", **PARKED}), None)]
+    )
+    text = (configs / "trirack.emulated.yaml").read_text().replace("./trirack.tty", str(emulator.port))
+    file = tmp_path / "arm.yaml"
+    file.write_text(text.replace("channel: m0, ", f"channel: m0, homing: {homing}, "))
+    done = CliRunner().invoke(home_command, [str(file)], catch_exceptions=False)
+    assert done.exit_code == 0, done.output
+    axis = load_robot_file(file).file.robots["arm"].axes["s1.l1"]
+    # 360 * 43.5 / 78.54 is 199.39 degrees: what the stop's angle lacks of it is the zero.
+    assert axis.zero_deg == pytest.approx(199.2 - 360.0 * 43.5 / 78.53981633974483, abs=1e-3)
