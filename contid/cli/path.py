@@ -14,6 +14,8 @@ if TYPE_CHECKING:
 
 #: Not a shape but the curve through the points the CBHA's methods are compared on (`contid bench ik`).
 GOLDEN = "cbha-golden"
+#: Not of one robot: the two arms of a chain swing their rope.
+SWING = "swing"
 SHAPES = ("line", "circle", "ellipse", "square", "box", "spiral", "corners", "traverse", "diagonal")
 
 
@@ -31,14 +33,14 @@ def numbers(text: str, *counts: int) -> tuple[float, ...]:
 
 
 @click.command()
-@click.argument("shape", type=click.Choice((*SHAPES, GOLDEN)))
+@click.argument("shape", type=click.Choice((*SHAPES, SWING, GOLDEN)))
 @click.option("--center", "center_text", default="0,0", help="Centre x,y or x,y,z in the world [mm].")
 @click.option("--radius", type=float, help="Greatest radius of circle, ellipse and spiral [mm].")
 @click.option("--size", type=float, help="Side of squares, length of lines, diameter of round shapes [mm].")
 @click.option("--height", type=float, help="z of the shape [mm]; spatial robots need it.")
 @click.option("--dz", type=float, help="How much the height varies [mm]; 10 for a box, else 0.")
 @click.option("--turns", type=float, default=3.0, show_default=True, help="Turns of the spiral.")
-@click.option("--ratio", type=float, default=2.0 / 3.0, help="Second semi-axis of the ellipse [2/3].")
+@click.option("--ratio", type=float, default=2.0 / 3.0, help="Second semi-axis of ellipse and swing [2/3].")
 @click.option("--angle", type=float, default=0.0, help="Rotation about the centre [deg].")
 @click.option("--lean", type=float, help="Tilt of the tip's direction outward from +z [deg]: ax,ay,az.")
 @click.option("--mid", "mid_text", help="Mid-point: x,y,z, or SHAPE:SIZE:HEIGHT about the same centre [mm].")
@@ -75,6 +77,13 @@ def command(
         if any(value is not None for value in (radius, size, height, dz, lean, mid_text)):
             raise click.UsageError(f"{GOLDEN} has its own place and size; it takes --period, --laps, --rate")
         _golden(period, laps, rate, robot_file, robots)
+        return
+    if shape == SWING:
+        if any(value is not None for value in (radius, dz, lean, mid_text, robots)):
+            raise click.UsageError("swing takes --for, --size, --ratio, --height, --period, --laps, --rate")
+        if robot_file is None:
+            raise click.UsageError("swing needs --for ROBOT.yaml with a chain in it")
+        _swing(robot_file, size, ratio, height, period, laps, rate)
         return
     from contid.trajectory.shapes import Path, Shape
     from contid.trajectory.table import Who, owners_in_file, write_path
@@ -136,6 +145,40 @@ def _golden(period: float, laps: float, rate: float, robot_file: str | None, rob
     for time_s, tip in golden_rows(period, laps, rate):
         point = [m_to_mm(value) for value in tip] * len(fronts)
         sys.stdout.write(",".join(map(repr, [time_s, *point])) + "\n")
+
+
+def _swing(
+    robot_file: str,
+    size: float | None,
+    ratio: float,
+    height: float | None,
+    period: float,
+    laps: float,
+    rate: float,
+) -> None:
+    """The swing of the first chain of a file; at the height of its arms' rest pose when none is given."""
+    from contid.description.chain import Chain
+    from contid.description.load import load_robot_file
+    from contid.description.shipped import find_robot_file
+    from contid.models.frames import BaseFrame
+    from contid.models.model import build_model
+    from contid.trajectory.swing import Swing, write_swing
+    from contid.units import m_to_mm
+
+    found = load_robot_file(find_robot_file(robot_file)).file.robots
+    chain = next((robot for robot in found.values() if isinstance(robot, Chain)), None)
+    if chain is None:
+        raise click.UsageError(f"{robot_file} describes no chain; a swing needs one (model: chain)")
+    bases = [found[arm].base for arm in chain.arms]
+    if height is None:
+        first = found[chain.arms[0]]
+        tip = build_model(first).forward(first.rest).tip_m
+        height = m_to_mm(BaseFrame.of(first.base).point_in_world(tip)[2])
+    places = [(base.x_mm, base.y_mm, base.z_mm) for base in bases]
+    swing = Swing(
+        chain.arms, (places[0], places[1]), 80.0 if size is None else size, ratio, height, period, laps, rate
+    )
+    write_swing(sys.stdout, swing)
 
 
 def _mid(text: str, with_shape: Callable[..., Path]) -> Path | tuple[float, float, float]:

@@ -22,13 +22,13 @@ from contid.control.cycle import OnEnd, Sink
 from contid.control.inputs import Stream
 from contid.control.messages import End, Estop, Finish, Message
 from contid.control.notify import Notifier
-from contid.control.preflight import Preflight, Unreachable
+from contid.control.preflight import Unreachable
 from contid.control.record import TickRecord
 from contid.control.report import Report, complete_from_records
 from contid.control.setup import Setup
 from contid.control.streaming import follow_stream
 from contid.control.supervisor import Mode
-from contid.control.wiring import build_plans, record_layout
+from contid.control.wiring import build_preflight, record_layout
 from contid.description.load import LoadedFile
 from contid.trajectory.timed import Trajectory
 
@@ -227,9 +227,7 @@ class Daemon:
         return self._report
 
     async def _follow(self, stream: Stream) -> None:
-        preflight = None
-        if self._options.unreachable is Unreachable.REFUSE:
-            preflight = Preflight(build_plans(self.loaded, self._options.rate_hz))
+        preflight = build_preflight(self.loaded, self._options.rate_hz, self._options.unreachable)
         await follow_stream(stream, self.send, preflight, self._options.say)
         self.send(End())
 

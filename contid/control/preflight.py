@@ -3,16 +3,20 @@
 from __future__ import annotations
 
 import enum
+import math
 from collections.abc import Callable, Mapping, Sequence
 from typing import Final
 
 from contid.control.plan import RobotPlan
 from contid.errors import BadInputError, Located
-from contid.targets import Solution, Target
+from contid.models.chain import ChainGuard, Tip
+from contid.targets import ZERO3, Actuation, Solution, Target
 from contid.trajectory.timed import Trajectory
 from contid.units import m_to_mm
 
 MAX_FINDINGS: Final = 20
+#: A rope is looked at so often between rows; tips at 0.5 m/s move 10 mm meanwhile.
+LOOK_S: Final = 0.02
 
 
 class Unreachable(enum.StrEnum):
@@ -23,15 +27,31 @@ class Unreachable(enum.StrEnum):
 
 
 class Preflight:
-    """Asks the models, seeded with the answer before, exactly as the tick will."""
+    """Asks the models, seeded with the answer before, exactly as the tick will, and then the chains' guards.
 
-    def __init__(self, plans: Sequence[RobotPlan]) -> None:
+    Args:
+        plans: of the robots.
+        guards: of the closed chains among them.
+        unreachable: with NEAREST only the guards refuse, judging the reachable points.
+    """
+
+    def __init__(
+        self,
+        plans: Sequence[RobotPlan],
+        guards: Sequence[ChainGuard] = (),
+        unreachable: Unreachable = Unreachable.REFUSE,
+    ) -> None:
         self._plans = {plan.name: plan for plan in plans}
         self._seeds = {plan.name: plan.rest for plan in plans}
+        self._guards = guards
+        self._refuses = unreachable is Unreachable.REFUSE
+        # Where the arms of a chain are after the last row that was good; at rest before the first.
+        self._tips = {arm: self._tip(arm, self._seeds[arm]) for guard in guards for arm in guard.arms}
 
     def row(self, targets: Mapping[str, Target | None]) -> dict[str, str]:
         """Why which robots cannot follow this row; empty when all can."""
         wrong = {}
+        tips = dict(self._tips)
         for name, target in targets.items():
             plan = self._plans.get(name)
             if plan is None or target is None:
@@ -41,11 +61,49 @@ class Preflight:
             except ValueError as error:
                 wrong[name] = f"{name}: {error}"
                 continue
-            if solution.converged:
-                self._seeds[name] = solution.actuation
-            else:
+            if not solution.converged and self._refuses:
                 wrong[name] = explain(plan, target, solution)
+                continue
+            self._seeds[name] = solution.actuation
+            if name in tips:
+                tips[name] = self._tip(name, solution.actuation, target)
+        for guard in self._guards:
+            state = guard.check(tips)
+            if state.feasible:
+                continue
+            for arm in guard.arms:
+                if arm in targets:
+                    wrong.setdefault(arm, f"{guard.name}: {state.reason}")
+                tips[arm] = self._tips[arm]
+        self._tips = tips
         return wrong
+
+    def _tip(self, name: str, actuation: Actuation, target: Target | None = None) -> Tip:
+        """Tip and direction of an arm in the world."""
+        plan = self._plans[name]
+        load_in_base = ZERO3 if target is None else plan.frame.vector_in_base(target.load_n)
+        pose = plan.model.forward(actuation, load_in_base)
+        return plan.frame.point_in_world(pose.tip_m), plan.frame.vector_in_world(pose.direction)
+
+    def between_rows(self, trajectory: Trajectory, index: int) -> dict[str, str]:
+        """Why a chain forbids the way from the row before to this one; empty when it does not.
+
+        Rows may be far apart: a rope is looked at least every `LOOK_S`.
+        """
+        if not self._guards or index == 0:
+            return {}
+        start_s, end_s = trajectory.time_of_row(index - 1), trajectory.time_of_row(index)
+        looks = math.ceil((end_s - start_s) / LOOK_S)
+        seeds, tips, refuses = dict(self._seeds), self._tips, self._refuses
+        self._refuses = False  # a model's nearest point between two good rows is what the tick follows
+        try:
+            for k in range(1, looks):
+                wrong = self.row(trajectory.targets_at(start_s + (end_s - start_s) * k / looks))
+                if wrong:
+                    return {name: f"on the way to this row, {words}" for name, words in wrong.items()}
+        finally:
+            self._seeds, self._tips, self._refuses = seeds, tips, refuses
+        return {}
 
     def trajectory(
         self, trajectory: Trajectory, name: str, progress: Callable[[int, int], None] | None = None
@@ -53,17 +111,18 @@ class Preflight:
         """Check every row.
 
         Raises:
-            BadInputError: rows that cannot be reached, each with its line.
+            BadInputError: rows that cannot be reached or that a chain forbids, each with its line.
         """
         findings: list[Located] = []
         total = len(trajectory)
         for index in range(total):
             if progress is not None and index % 1000 == 0:
                 progress(index, total)
-            for words in self.row(trajectory.targets_of_row(index)).values():
+            wrong = self.between_rows(trajectory, index) or self.row(trajectory.targets_of_row(index))
+            for words in dict.fromkeys(wrong.values()):
                 findings.append(Located(name, trajectory.line_of_row(index), 1, words))
             if len(findings) >= MAX_FINDINGS:
-                words = f"{MAX_FINDINGS} unreachable targets so far; not checked further"
+                words = f"{MAX_FINDINGS} refused targets so far; not checked further"
                 findings.append(Located(name, trajectory.line_of_row(index), 1, words))
                 break
         if findings:

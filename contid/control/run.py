@@ -26,7 +26,7 @@ from contid.control.setup import Setup
 from contid.control.spawn import Spawned
 from contid.control.streaming import take_row
 from contid.control.virtual import run_virtual
-from contid.control.wiring import build_plans, driven_robots, record_layout
+from contid.control.wiring import build_preflight, driven_robots, record_layout
 from contid.description.load import LoadedFile, load_robot_file, with_mock
 from contid.description.shipped import find_robot_file
 from contid.errors import ContidError
@@ -106,10 +106,11 @@ def read(request: RunRequest) -> tuple[LoadedFile, Trajectory | Stream | None]:
         source = read_file(request.trajectory, robots)
     elif not sys.stdin.isatty():
         source = read_stdin(sys.stdin, robots)
-    if isinstance(source, Trajectory) and request.unreachable == Unreachable.REFUSE:
-        plans = build_plans(loaded, request.rate_hz or loaded.file.rate_hz)
-        name = request.trajectory or "stdin"
-        Preflight(plans).trajectory(source, name, _progress(len(source)))
+    if isinstance(source, Trajectory):
+        rate_hz = request.rate_hz or loaded.file.rate_hz
+        preflight = build_preflight(loaded, rate_hz, Unreachable(request.unreachable))
+        if preflight is not None:
+            preflight.trajectory(source, request.trajectory or "stdin", _progress(len(source)))
     return loaded, source
 
 
@@ -142,8 +143,7 @@ def _virtual(request: RunRequest, loaded: LoadedFile, source: Trajectory | Strea
             sinks.append(observer.follow(setup))
             stack.callback(observer.detach)
         if isinstance(source, Stream):
-            refuse = request.unreachable == Unreachable.REFUSE
-            rows = _rows(source, Preflight(build_plans(loaded, rate_hz)) if refuse else None)
+            rows = _rows(source, build_preflight(loaded, rate_hz, Unreachable(request.unreachable)))
             return run_virtual(loaded, rate_hz, None, sinks=sinks, on_end=on_end, rows=rows)
         return run_virtual(loaded, rate_hz, source, sinks=sinks, on_end=on_end)
 

@@ -28,7 +28,7 @@ async def follow_stream(
     Args:
         stream: with its header read.
         send: to the control process.
-        preflight: refuses rows out of reach; None lets the model answer the nearest point.
+        preflight: refuses rows out of reach and what a chain forbids; None lets everything pass.
         say: takes what is wrong with a row.
     """
     robots = stream.parser.robots
@@ -60,9 +60,9 @@ def take_row(
         return
     wrong = {} if preflight is None else preflight.row(row)
     targets: dict[str, Target | None] = dict(row)
-    for name, words in wrong.items():
+    for words in dict.fromkeys(wrong.values()):  # a chain says the same of both its arms
         say(f"{stream.name}:{number}:1: {words}; holding")
-        targets[name] = None
+    targets.update(dict.fromkeys(wrong))
     send(Rows(targets))
 
 

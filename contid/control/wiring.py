@@ -5,11 +5,14 @@ from __future__ import annotations
 from collections.abc import Mapping
 
 from contid.control.plan import RobotPlan, plan_robot
+from contid.control.preflight import Preflight, Unreachable
 from contid.control.record import RecordLayout, RobotLayout
 from contid.control.transmission import RobotTransmission
+from contid.description.chain import Chain
 from contid.description.load import LoadedFile
 from contid.description.robot import RobotDescription
 from contid.hal import AxisOnBus, Bus, Clock, load_driver
+from contid.models.chain import ChainGuard
 
 
 def driven_robots(loaded: LoadedFile) -> Mapping[str, RobotDescription]:
@@ -56,6 +59,15 @@ def build_plans(loaded: LoadedFile, rate_hz: float) -> tuple[RobotPlan, ...]:
         plan_robot(name, robot, RobotTransmission(robot), rate_hz, tolerance)
         for name, robot in driven_robots(loaded).items()
     )
+
+
+def build_preflight(loaded: LoadedFile, rate_hz: float, unreachable: Unreachable) -> Preflight | None:
+    """What rows must pass; None when nearest points will do and no chain watches."""
+    robots = loaded.file.robots.items()
+    guards = [ChainGuard(name, robot) for name, robot in robots if isinstance(robot, Chain)]
+    if unreachable is Unreachable.NEAREST and not guards:
+        return None
+    return Preflight(build_plans(loaded, rate_hz), guards, unreachable)
 
 
 def record_layout(loaded: LoadedFile, rate_hz: float) -> RecordLayout:

@@ -14,9 +14,9 @@ import numpy as np
 
 from contid.control.child import ControlChild
 from contid.control.daemon import Daemon, RunOptions
-from contid.control.preflight import Preflight
+from contid.control.preflight import Unreachable
 from contid.control.report import Report
-from contid.control.wiring import build_plans, driven_robots
+from contid.control.wiring import build_preflight, driven_robots
 from contid.description.load import LoadedFile
 from contid.errors import ContidError
 from contid.session.channels import COMMAND, axis_at
@@ -79,7 +79,9 @@ def run_on_hardware(session: Session, recorded: LoadedFile, loaded: LoadedFile) 
     refuse_another_robot(recorded, loaded)
     trajectory = recorded_commands(session, loaded)
     rate_hz = session.rate_hz
-    Preflight(build_plans(loaded, rate_hz)).trajectory(trajectory, str(session.path))
+    preflight = build_preflight(loaded, rate_hz, Unreachable.REFUSE)
+    if preflight is not None:
+        preflight.trajectory(trajectory, str(session.path))
     child = ControlChild()
     try:
         return asyncio.run(Daemon(loaded, trajectory, RunOptions(rate_hz), child).run())

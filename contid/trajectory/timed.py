@@ -74,6 +74,10 @@ class Trajectory:
         """Number of rows."""
         return len(self._times)
 
+    def time_of_row(self, index: int) -> float:
+        """Time of a row [s]."""
+        return self._times[index]
+
     def line_of_row(self, index: int) -> int:
         """Line in the file of row ``index``, for messages."""
         return self.lines[index]

@@ -44,5 +44,7 @@ def test_a_bad_file_as_json_is_one_line_per_mistake(tmp_path: Path, configs: Pat
     done = CliRunner().invoke(command, [str(bad), "--json"])
     assert done.exit_code == 2
     found = [json.loads(line) for line in done.stdout.splitlines()]
-    assert [each["line"] for each in found] == [5, 21]
+    lines = text.splitlines()
+    wrong = [lines[each["line"] - 1] for each in found]
+    assert ["rate_hz" in wrong[0], "gap_mm" in wrong[1]] == [True, True]
     assert all(each["file"] == str(bad) and each["column"] > 1 for each in found)

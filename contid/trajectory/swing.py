@@ -1,0 +1,86 @@
+"""The two tips of a closed chain that swing a rope, as rows by time: ``contid path swing``.
+
+Each tip goes round an ellipse over its own base, both in step: to the same side at the same time, and apart
+and together along the line between the bases,
+
+    ``tip = base + across cos(2 pi tau) n -+ along sin(2 pi tau) e``  at one height
+
+with e from the first base to the second, n level and square to it. The rope follows as a hanging one does
+when it is swung slowly; a skipping rope is another curve (a troposkein), which nobody here computes.
+
+Source: the video of Singh et al. (IROS 2018) shows such a swing without numbers; this form is ours.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator
+from dataclasses import dataclass
+from typing import TextIO
+
+from contid.errors import ContidError
+from contid.targets import Vec3
+from contid.trajectory.columns import TIME
+from contid.trajectory.shapes import Path, Shape
+
+
+@dataclass(frozen=True, slots=True)
+class Swing:
+    """A swing with its numbers.
+
+    Attributes:
+        arms: names of the two arms.
+        bases_mm: where they stand in the world.
+        size_mm: how far the tips go across, from end to end.
+        ratio: how far they go along the line between the bases, by that.
+        height_mm: of the tips in the world.
+        period_s: time of one lap.
+        laps: how many.
+        rate_hz: rows per second.
+    """
+
+    arms: tuple[str, str]
+    bases_mm: tuple[Vec3, Vec3]
+    size_mm: float
+    ratio: float
+    height_mm: float
+    period_s: float = 4.0
+    laps: float = 1.0
+    rate_hz: float = 50.0
+
+    def path(self) -> Path:
+        """The first tip's ellipse about its base."""
+        (x0, y0, _), (x1, y1, _) = self.bases_mm
+        if math.hypot(x1 - x0, y1 - y0) == 0.0:
+            raise ContidError(f"{self.arms[0]} and {self.arms[1]} stand on one spot; a swing needs two")
+        # The long axis lies across: angle 0 of the ellipse is n.
+        return Path(
+            Shape.ELLIPSE,
+            (0.0, 0.0),
+            self.size_mm,
+            height_mm=self.height_mm,
+            ratio=self.ratio,
+            angle_deg=math.degrees(math.atan2(y1 - y0, x1 - x0)) + 90.0,
+            period_s=self.period_s,
+            laps=self.laps,
+            rate_hz=self.rate_hz,
+        )
+
+    def rows_mm(self) -> Iterator[tuple[float, Vec3, Vec3]]:
+        """Time [s] and where the two tips are, in the world [mm]."""
+        path = self.path()
+        (x0, y0, _), (x1, y1, _) = self.bases_mm
+        distance = math.hypot(x1 - x0, y1 - y0)
+        ex, ey = (x1 - x0) / distance, (y1 - y0) / distance
+        for time_s in path.times():
+            x, y, z = path.point_mm(time_s)
+            along = 2.0 * (x * ex + y * ey)
+            yield time_s, (x0 + x, y0 + y, z), (x1 + x - along * ex, y1 + y - along * ey, z)
+
+
+def write_swing(stream: TextIO, swing: Swing) -> None:
+    """Write a swing as CSV."""
+    columns = [f"{arm}.{axis}_mm" for arm in swing.arms for axis in "xyz"]
+    stream.write(",".join([TIME, *columns]) + "\n")
+    for time_s, first, second in swing.rows_mm():
+        stream.write(",".join(map(repr, [time_s, *first, *second])) + "\n")
