@@ -1,0 +1,88 @@
+"""Record the golden sessions again: ``python -m tests.golden.make [NAME ...]`` in the root of the repository.
+
+One short session in virtual time per shipped robot file: from where the devices stand to the rest pose and
+through a few reachable tips around it, then stopped by the file's policy. Needed when a change of commands is
+meant, or a robot file changed; the replay of the old ones says first what changed and where.
+"""
+
+from __future__ import annotations
+
+import io
+import sys
+from pathlib import Path
+from typing import Final
+
+import numpy as np
+
+from contid.control.cycle import OnEnd
+from contid.control.plan import RobotPlan
+from contid.control.setup import Setup
+from contid.control.virtual import run_virtual
+from contid.control.wiring import build_plans, driven_robots
+from contid.description.load import LoadedFile, load_robot_file, with_mock
+from contid.session.record import Recording
+from contid.targets import Actuation
+from contid.trajectory.read import read_trajectory
+from contid.trajectory.timed import Trajectory
+
+FOLDER: Final = Path(__file__).parent
+CONFIGS: Final = Path("configs")
+#: Slow enough for small files, fast enough for every limit to have its say.
+RATE_HZ: Final = 100.0
+#: Rows, and how far around the rest pose they go, as a share of an axis's travel.
+TIMES_S: Final = (0.0, 0.2, 0.4, 0.6, 0.8)
+REACH: Final = 0.03
+
+
+def names() -> list[str]:
+    """Shipped robot files; emulated twins differ in their ports only."""
+    return sorted(path.stem for path in CONFIGS.glob("*.yaml") if not path.stem.endswith(".emulated"))
+
+
+def trajectory(loaded: LoadedFile, rate_hz: float) -> Trajectory:
+    """Tips of actuations around the rest pose, as CSV through the reader that users have."""
+    head, columns = ["t_s"], []
+    robots = driven_robots(loaded)
+    for plan in build_plans(loaded, rate_hz):
+        robot = robots[plan.name]
+        axes = "xyz"[: robot.dimension]
+        head += [f"{plan.name}.{axis}_mm" for axis in axes]
+        columns.append([_tip(plan, robot.dimension, k) for k in range(len(TIMES_S))])
+    lines = [",".join(head)]
+    for k, time_s in enumerate(TIMES_S):
+        cells = [repr(value) for column in columns for value in column[k]]
+        lines.append(",".join([repr(time_s), *cells]))
+    return read_trajectory(io.StringIO("\n".join(lines)), "golden.csv", robots)
+
+
+def _tip(plan: RobotPlan, dimension: int, k: int) -> list[float]:
+    """Tip number ``k`` in the world [mm]; the first one is that of the rest pose."""
+    model = plan.model
+    rest: Actuation = plan.rest[: len(model.lower)]
+    travel = np.subtract(model.upper, model.lower)
+    share = REACH * np.sin(k * (1.0 + np.arange(len(travel)))) if k else 0.0
+    actuation = np.clip(np.asarray(rest) + share * travel, model.lower, model.upper)
+    tip = plan.frame.point_in_world(model.forward(tuple(actuation.tolist())).tip_m)
+    return [1e3 * value for value in tip[:dimension]]
+
+
+def record(name: str, path: Path, robot_file: Path | None = None) -> None:
+    """Record one session."""
+    loaded = with_mock(load_robot_file(robot_file or CONFIGS / f"{name}.yaml"))
+    rows = trajectory(loaded, RATE_HZ)
+    recording = Recording(
+        path, {"mock": "True", "unreachable": "refuse", "input": "golden.csv"}, host="golden"
+    )
+    sink = recording.follow(Setup(loaded, RATE_HZ, Path(), rows, OnEnd.STOP, attended=False))
+    report = run_virtual(loaded, RATE_HZ, rows, sinks=[sink], on_end=OnEnd.STOP)
+    recording.detach()
+    if report.exit_code:
+        raise SystemExit(f"{name}: {report}")
+
+
+if __name__ == "__main__":
+    for chosen in sys.argv[1:] or names():
+        target = FOLDER / f"{chosen}.mcap"
+        target.unlink(missing_ok=True)
+        record(chosen, target)
+        print(f"{target}: {target.stat().st_size / 1e3:.0f} kB")

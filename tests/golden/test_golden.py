@@ -1,0 +1,84 @@
+"""Golden sessions: every shipped robot commands today what was recorded, and a change is noticed.
+
+Bounds on both sides. From above: commands stay within `TOLERANCE` of the recorded ones, whatever compiler,
+C library and processor the kernels were built for (with one and the same build replays are equal bit for bit:
+tests/session/test_replay.py). From below: with that tolerance, a thousandth of a millimetre in a geometry key
+fails. The NumPy twins get the same tolerance; measured between them and the kernels were 3.6e-8 mm and
+2.9e-8 bar, where the target decides everything.
+"""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import pytest
+
+from contid import kernels
+from contid.description.load import LoadedFile, parse_robot_file, with_mock
+from contid.session.read import Session
+from contid.session.replay import replay
+from tests.golden.make import FOLDER, names
+
+#: [mm or bar]; a fifth of the least that a mutation below moves a command by (5e-5 mm, cbha).
+TOLERANCE = 1e-5
+#: A geometry key of each file, a thousandth of a millimetre larger.
+MUTATIONS = {
+    "cbha": ("radius_mm: [40,", "radius_mm: [40.001,"),
+    "finger": ("rack_spacing_mm: 13", "rack_spacing_mm: 13.001"),
+    "hand": ("rack_spacing_mm: 13", "rack_spacing_mm: 13.001"),
+    "stiffflop1": ("length_mm: 42.0", "length_mm: 42.001"),
+    "stiffflop2": ("length_mm: 42.0", "length_mm: 42.001"),
+    "trirack": ("rack_radius_mm: 35", "rack_radius_mm: 35.001"),
+    "trirack2": ("rack_radius_mm: 35", "rack_radius_mm: 35.001"),
+}
+#: The NumPy twins of the others choose among equally good actuations differently, or take seconds per tick.
+PURE = ("cbha", "finger", "hand", "stiffflop1")
+
+
+def test_every_shipped_robot_file_has_one() -> None:
+    assert sorted(path.stem for path in FOLDER.glob("*.mcap")) == names() == sorted(MUTATIONS)
+
+
+@pytest.fixture(params=names())
+def session(request: pytest.FixtureRequest) -> Session:
+    """Each golden session; a build without kernels replays those whose twins can."""
+    if request.param not in PURE and kernels.load("arc") is None:
+        pytest.skip("needs compiled kernels")
+    return Session(FOLDER / f"{request.param}.mcap")
+
+
+def test_commands_are_those_that_were_recorded(session: Session) -> None:
+    result = replay(session, session.robot_file(), TOLERANCE)
+    assert session.clean
+    assert (result.divergence, result.stopped) == (None, "")
+    assert result.ticks > 80
+
+
+def test_a_thousandth_of_a_millimetre_is_noticed(session: Session) -> None:
+    result = replay(session, _changed(session), TOLERANCE)
+    assert result.divergence is not None
+    assert result.divergence.what == "command"
+    assert result.divergence.last_equal["tick"] < result.divergence.tick
+
+
+@pytest.mark.parametrize("name", PURE)
+def test_numpy_twins_give_the_same_commands(name: str, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setenv(kernels.PURE_PYTHON, "1")
+    session = Session(FOLDER / f"{name}.mcap")
+    result = replay(session, session.robot_file(), TOLERANCE)
+    assert (result.divergence, result.stopped) == (None, "")
+
+
+def test_they_are_small_and_name_no_machine() -> None:
+    for path in FOLDER.glob("*.mcap"):
+        assert path.stat().st_size < 150_000
+        session = Session(path)
+        assert session.about["contid"]["host"] == "golden"
+        assert not Path(session.about["robot_file"]["name"]).is_absolute()
+
+
+def _changed(session: Session) -> LoadedFile:
+    old, new = MUTATIONS[session.path.stem]
+    text = session.about["robot_file"]["text"]
+    assert old in text
+    return with_mock(parse_robot_file(text.replace(old, new, 1), "changed.yaml"))

@@ -1,0 +1,65 @@
+"""One recorded run in virtual time, and one in real time, for all tests of sessions."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from pathlib import Path
+
+import pytest
+
+from contid.control.cycle import OnEnd
+from contid.control.messages import Message
+from contid.control.setup import Setup
+from contid.control.virtual import run_virtual
+from contid.description.load import LoadedFile
+from contid.session.record import Recording
+from contid.session.write import SessionWriter
+from contid.trajectory.timed import Trajectory
+from tests.control.fingers import circle, load
+
+
+def record_virtual(
+    path: Path,
+    loaded: LoadedFile,
+    trajectory: Trajectory | None,
+    orders: Mapping[int, Sequence[Message]] | None = None,
+    ticks: int | None = None,
+    *,
+    on_end: OnEnd = OnEnd.STOP,
+) -> Path:
+    """Record a run in virtual time."""
+    recording = Recording(path, {"mock": "False", "input": "test"})
+    sink = recording.follow(Setup(loaded, 200.0, Path(), trajectory, on_end, attended=False))
+    run_virtual(loaded, 200.0, trajectory, sinks=[sink], orders=orders, ticks=ticks, on_end=on_end)
+    recording.detach()
+    return path
+
+
+@pytest.fixture(scope="session")
+def recorded(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """A circle of two fingers, compacted."""
+    loaded = load(2)
+    return record_virtual(tmp_path_factory.mktemp("recorded") / "s.mcap", loaded, circle(loaded))
+
+
+@pytest.fixture(scope="session")
+def growing(tmp_path_factory: pytest.TempPathFactory, recorded: Path) -> Path:
+    """The same session as it was before it was compacted: what a kill leaves, with all its ticks."""
+    from contid.control.wiring import record_layout
+    from contid.session.about import describe
+    from contid.session.read import Session
+
+    loaded = load(2)
+    setup = Setup(loaded, 200.0, Path(), circle(loaded), OnEnd.STOP, attended=False)
+    path = tmp_path_factory.mktemp("growing") / "s.mcap"
+    header = describe(setup, {"mock": "False", "input": "test"}, virtual=True)
+    writer = SessionWriter(path, header)
+    packer = record_layout(loaded, 200.0).packer()
+    for entry in Session(recorded).entries():
+        if entry.values is not None:
+            writer.tick(packer.unpack(packer.pack(*entry.values)))
+        elif entry.event is not None:
+            writer.event(entry.event)
+        writer.flush()
+    writer.finish()
+    return path

@@ -1,0 +1,188 @@
+"""Sessions as files: stock readers take them, any truncation opens and is repaired, exports are exact."""
+
+from __future__ import annotations
+
+import csv
+import json
+import os
+from collections import Counter
+from pathlib import Path
+
+import pytest
+
+from contid.errors import ContidError
+from contid.session.channels import CHANNELS, TICK_CHANNELS
+from contid.session.compact import compact
+from contid.session.export import export_channels, export_joined
+from contid.session.info import summarize
+from contid.session.read import Session, SessionError
+from contid.session.replay import replay
+from contid.session.write import SessionWriter
+
+#: Truncations tried per file; CI runs the short form, ``CONTID_CAMPAIGN=1`` forty times as many.
+CUTS = 4000 if os.environ.get("CONTID_CAMPAIGN") else 100
+
+
+def _values(path: Path) -> list[list[float]]:
+    return [entry.values for entry in Session(path).entries() if entry.values is not None]
+
+
+def _events(path: Path) -> list[object]:
+    return list(Session(path).events())
+
+
+def test_compaction_keeps_everything_and_is_smaller(recorded: Path, growing: Path) -> None:
+    assert repr(_values(recorded)) == repr(_values(growing))
+    assert _events(recorded) == _events(growing)
+    assert recorded.stat().st_size < growing.stat().st_size / 3
+
+
+@pytest.mark.parametrize("which", ["recorded", "growing"])
+def test_the_stock_reader_takes_it(which: str, request: pytest.FixtureRequest) -> None:
+    """What Foxglove relies on: channels, schemas, JSON, times in order, an index when compacted."""
+    from mcap.reader import NonSeekingReader, SeekingReader
+
+    path: Path = request.getfixturevalue(which)
+    ticks = len(_values(path))
+    with path.open("rb") as file:
+        reader = SeekingReader(file, validate_crcs=True) if which == "recorded" else NonSeekingReader(file)
+        messages = list(reader.iter_messages())
+        counts = Counter(channel.topic for _, channel, _ in messages)
+        assert counts == {**dict.fromkeys(TICK_CHANNELS, ticks), "event": len(_events(path))}
+        times = [message.log_time for _, _, message in messages]
+        assert times == sorted(times)
+        for schema, channel, message in messages:
+            assert schema is not None
+            assert (schema.encoding, channel.message_encoding) == ("jsonschema", "json")
+            assert json.loads(schema.data)["type"] == "object"
+            assert json.loads(message.data).get("tick", 0) >= 0
+    with path.open("rb") as file:
+        reader = SeekingReader(file) if which == "recorded" else NonSeekingReader(file)
+        metadata = {record.name: record.metadata for record in reader.iter_metadata()}
+    assert metadata["robot_file"]["text"].startswith("contid: 1")
+    assert {"contid", "python", "numpy", "host", "kernel", "kernels"} <= set(metadata["contid"])
+    if which == "recorded":
+        with path.open("rb") as file:
+            summary = SeekingReader(file).get_summary()
+            assert summary is not None
+            assert summary.statistics is not None
+            assert summary.statistics.message_count == len(messages)
+            assert {channel.topic for channel in summary.channels.values()} == set(CHANNELS)
+            assert [each.name for each in SeekingReader(file).iter_attachments()] == ["trajectory.npz"]
+
+
+@pytest.mark.parametrize("which", ["recorded", "growing"])
+def test_cut_anywhere_it_opens_is_repaired_and_replays(
+    which: str, request: pytest.FixtureRequest, tmp_path: Path
+) -> None:
+    path: Path = request.getfixturevalue(which)
+    data, whole = path.read_bytes(), _values(path)
+    ends = _tick_ends(path) if which == "growing" else []
+    cut = tmp_path / "cut.mcap"
+    for step in range(CUTS):
+        size = len(data) * step // CUTS + step % 7
+        cut.write_bytes(data[:size])
+        try:
+            session = Session(cut)
+        except SessionError:
+            assert size < 20_000  # within the head: there is no tick yet
+            continue
+        got = [entry.values for entry in session.entries() if entry.values is not None]
+        assert repr(got) == repr(whole[: len(got)])
+        assert not session.clean
+        assert session.cut
+        if which == "growing":
+            assert len(got) == sum(end <= size for end in ends)
+        if step % 10 == 0:
+            assert summarize(session).ticks == len(got)
+            repaired = compact(cut, tmp_path / "whole.mcap", {"repaired": {"when": "now"}})
+            assert repr(_values(repaired)) == repr(got)
+            fixed = Session(repaired)
+            assert summarize(fixed).state == "clean, repaired now"
+            if step % 30 == 0:
+                result = replay(fixed, fixed.robot_file())
+                assert (result.divergence, result.ticks) == (None, len(got))
+
+
+def _tick_ends(path: Path) -> list[int]:
+    """Where in an unchunked file the last message of every tick ends."""
+    from contid.session.mcap_records import MAGIC, MESSAGE, RECORD
+
+    data, at, ends = path.read_bytes(), len(MAGIC), []
+    last = TICK_CHANNELS.index("sample") + 1
+    while at + RECORD.size <= len(data) - len(MAGIC):
+        opcode, length = RECORD.unpack_from(data, at)
+        at += RECORD.size + length
+        if opcode == MESSAGE and data[at - length] == last:
+            ends.append(at)
+    return ends
+
+
+def test_zeros_where_the_disk_was_not_reached_end_the_session(growing: Path, tmp_path: Path) -> None:
+    data = growing.read_bytes()
+    cut = tmp_path / "zeros.mcap"
+    for keep in (len(data) // 2, len(data) // 2 + 100, len(data) // 2 + 1000):
+        cut.write_bytes(data[:keep] + bytes(8192))
+        session = Session(cut)
+        got = [entry.values for entry in session.entries() if entry.values is not None]
+        assert 0 < len(got) < len(_values(growing))
+        assert repr(got) == repr(_values(growing)[: len(got)])
+        assert not session.clean
+
+
+def test_other_files_are_refused(tmp_path: Path, recorded: Path) -> None:
+    other = tmp_path / "other.mcap"
+    other.write_text("t_s,x_mm\n0,1\n")
+    with pytest.raises(SessionError, match="not an MCAP file"):
+        Session(other)
+    other.write_bytes(recorded.read_bytes()[:100])
+    with pytest.raises(SessionError, match="cut off before its first tick"):
+        Session(other)
+
+
+def test_a_recording_is_never_overwritten(recorded: Path) -> None:
+    from contid.control.cycle import OnEnd
+    from contid.control.setup import Setup
+    from contid.session.about import describe
+    from tests.control.fingers import load
+
+    before = recorded.read_bytes()
+    setup = Setup(load(2), 200.0, Path(), None, OnEnd.STOP, attended=False)
+    with pytest.raises(ContidError, match="never overwritten"):
+        SessionWriter(recorded, describe(setup, {}, virtual=True))
+    assert recorded.read_bytes() == before
+
+
+def test_tables_hold_the_numbers_in_the_units_of_robot_files(recorded: Path, tmp_path: Path) -> None:
+    session = Session(recorded)
+    ticks = list(session.ticks())
+    paths = export_channels(session, tmp_path / "out")
+    assert [path.stem for path in paths] == list(CHANNELS)
+    tables = {path.stem: _table(path) for path in paths}
+    for row, record in zip(tables["command"], ticks, strict=True):
+        command = record.robots[1].axes[0].command
+        assert row["f1.left_mm"] == ("" if command != command else repr(command * 1e3))
+        assert float(row["t_s"]) == record.tick / 200.0
+    assert float(tables["target"][150]["f0.x_mm"]) == ticks[150].robots[0].tip_m[0] * 1e3
+    assert tables["tick"][150]["f0.mode"] == str(ticks[150].robots[0].mode)
+    assert {row["event"] for row in tables["event"]} >= {"state", "end", "answer"}
+    export_joined(session, tmp_path / "all.csv")
+    joined = _table(tmp_path / "all.csv")
+    assert [row["command.f1.left_mm"] for row in joined] == [row["f1.left_mm"] for row in tables["command"]]
+
+
+def _table(path: Path) -> list[dict[str, str]]:
+    with path.open(encoding="utf-8", newline="") as file:
+        return list(csv.DictReader(file))
+
+
+def test_the_summary_tells_what_happened(recorded: Path) -> None:
+    info = summarize(Session(recorded))
+    assert info.state == "clean"
+    assert info.compacted
+    assert info.virtual
+    assert (info.late, info.skipped, info.lost, info.faults) == (0, 0, 0, [])
+    assert {name: robot["mode"] for name, robot in info.robots.items()} == {"f0": "OFF", "f1": "OFF"}
+    assert info.duration_s == pytest.approx((info.ticks - 1) / 200.0, abs=1e-6)
+    assert info.input == "test, 51 rows"
+    json.dumps(info.as_dict())

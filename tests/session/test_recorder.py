@@ -1,0 +1,153 @@
+"""The recorder's process: loses nothing, bothers nobody, survives the daemon, says what it could not keep."""
+
+from __future__ import annotations
+
+import os
+import subprocess
+import sys
+import time
+from collections.abc import Iterator
+from pathlib import Path
+
+import pytest
+
+from contid.control import ring
+from contid.control.cycle import OnEnd
+from contid.control.setup import Setup
+from contid.control.wiring import record_layout
+from contid.errors import ContidError
+from contid.session.about import describe
+from contid.session.header import Job
+from contid.session.info import summarize
+from contid.session.read import Session
+from contid.session.record import Recording
+from contid.session.recorder import Recorder
+from contid.session.replay import replay
+from tests.cli.command import contid
+from tests.control.fingers import circle_csv, fingers, load
+from tests.session.kills import VICTIMS, kill_one
+
+KILLS = int(os.environ.get("CONTID_CAMPAIGN", "1"))
+
+
+@pytest.fixture
+def shared() -> Iterator[Path]:
+    """A ring for two fingers, with room for 256 ticks."""
+    path = ring.create(record_layout(load(2), 200.0), seconds=0.0)
+    yield path
+    path.unlink(missing_ok=True)
+
+
+def _job(path: Path, shared: Path, pid: int) -> Job:
+    setup = Setup(load(2), 200.0, shared, None, OnEnd.HOLD, attended=True)
+    return Job(path, shared, pid, describe(setup, {"mock": "False"}, virtual=False))
+
+
+def _values(writer: ring.RingWriter, tick: int) -> list[float]:
+    size = writer.layout.packer().size // 8
+    return [tick, 0, tick / 200.0, *([0] * (size - 3))]
+
+
+@pytest.mark.parametrize("buses", [1, 3])
+def test_a_run_in_real_time_is_recorded_whole_and_replays(buses: int, tmp_path: Path) -> None:
+    """With several buses each has a worker thread, and what was late or refused is in the events."""
+    robot, rows, path = tmp_path / "r.yaml", tmp_path / "t.csv", tmp_path / "s.mcap"
+    robot.write_text(fingers(3, buses=buses))
+    rows.write_text(circle_csv(3, period_s=0.5))
+    done = contid("run", str(robot), "--trajectory", str(rows), "--record", str(path), "--json")
+    assert done.returncode == 0, done.stderr
+    info = summarize(Session(path))
+    assert (info.state, info.compacted, info.lost) == ("clean", True, 0)
+    assert f'"ticks": {info.ticks},' in done.stdout
+    replayed = contid("replay", str(path))
+    assert replayed.returncode == 0, replayed.stdout
+    assert "every command is the same, bit for bit" in replayed.stdout
+
+
+@pytest.mark.parametrize("victim", VICTIMS)
+@pytest.mark.parametrize("number", range(KILLS))
+def test_a_kill_loses_at_most_the_last_tick(victim: str, number: int, tmp_path: Path) -> None:
+    left = kill_one(tmp_path, victim, 0.1 + 0.37 * number % 1.0)
+    if victim == "recorder":
+        assert left.recorded > 0  # how many may be missing depends on what else the machine does
+    else:
+        assert left.lost == 0
+        assert left.clean
+    assert left.recorded == left.repaired == left.replayed
+
+
+def test_a_file_that_exists_stops_the_run_before_it_moves(tmp_path: Path) -> None:
+    robot, rows, path = tmp_path / "r.yaml", tmp_path / "t.csv", tmp_path / "s.mcap"
+    robot.write_text(fingers(1, options=f"journal_file: {tmp_path / 'journal'}"))
+    rows.write_text(circle_csv(1))
+    path.write_text("precious")
+    for extra in ([], ["--virtual"]):
+        done = contid("run", str(robot), "--trajectory", str(rows), "--record", str(path), *extra)
+        assert done.returncode == 2
+        assert "never overwritten" in done.stderr
+        assert path.read_text() == "precious"
+    assert not (tmp_path / "journal").exists() or "enable" not in (tmp_path / "journal").read_text()
+
+
+def test_a_folder_that_is_not_there_is_named(tmp_path: Path, shared: Path) -> None:
+    recording = Recording(tmp_path / "missing" / "s.mcap", {})
+    setup = Setup(load(2), 200.0, shared, None, OnEnd.HOLD, attended=True)
+    with pytest.raises(ContidError, match=r"missing/s\.mcap: cannot record: No such file"):
+        recording.attach(setup, os.getpid())
+
+
+def test_being_lapped_is_counted(tmp_path: Path, shared: Path) -> None:
+    writer = ring.RingWriter(shared)
+    recorder = Recorder(_job(tmp_path / "s.mcap", shared, os.getpid()))
+    for tick in range(1000):
+        writer.write(_values(writer, tick))
+    writer.finish()
+    recorder.run()
+    recorder.close()
+    writer.close()
+    session = Session(tmp_path / "s.mcap")
+    info = summarize(session)
+    assert info.ticks + info.lost == 1000
+    assert info.lost > 700
+    assert any("overrun" in line for line in info.told)
+    assert replay(session, load(2)).stopped.startswith("ticks 0 to ")
+
+
+def test_it_ends_when_its_writer_is_gone(tmp_path: Path, shared: Path) -> None:
+    writer = ring.RingWriter(shared)
+    control = subprocess.Popen([sys.executable, "-c", "import time; time.sleep(60)"])
+    recorder = Recorder(_job(tmp_path / "s.mcap", shared, control.pid))
+    for tick in range(10):
+        writer.write(_values(writer, tick))
+    control.kill()
+    recorder.run()
+    control.wait()
+    recorder.close()
+    writer.close()
+    session = Session(tmp_path / "s.mcap")
+    assert summarize(session).ticks == 10
+    assert {"event": "recorder", "words": "the control process ended without a word"} in session.events()
+
+
+def test_it_sleeps_between_ticks(tmp_path: Path, shared: Path) -> None:
+    """Processor time, not time: however busy the machine is, an idle ring costs next to nothing."""
+    control = subprocess.Popen([sys.executable, "-c", "import time; time.sleep(0.5)"])
+    recorder = Recorder(_job(tmp_path / "s.mcap", shared, control.pid))
+    before_s, wall_s = time.process_time(), time.monotonic()
+    recorder.run()
+    control.wait()
+    recorder.close()
+    assert time.process_time() - before_s < 0.3 * (time.monotonic() - wall_s)
+
+
+def test_a_full_disk_is_said(tmp_path: Path, shared: Path) -> None:
+    recorder = Recorder(_job(tmp_path / "s.mcap", shared, os.getpid()))
+    full = os.open("/dev/full", os.O_WRONLY)
+    os.dup2(full, recorder._writer._file)
+    os.close(full)
+    writer = ring.RingWriter(shared)
+    writer.write(_values(writer, 0))
+    with pytest.raises(ContidError, match="recording stopped: No space left on device"):
+        recorder.run()
+    recorder.close()
+    writer.close()

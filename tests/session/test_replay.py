@@ -1,0 +1,145 @@
+"""A recording replays bit for bit, whatever its inputs were; what is different is found and named."""
+
+from __future__ import annotations
+
+import math
+from pathlib import Path
+
+import pytest
+
+from contid.control import messages as msg
+from contid.description.load import parse_robot_file
+from contid.errors import ContidError
+from contid.session.differences import differences
+from contid.session.read import Session
+from contid.session.replay import Replayed, replay
+from contid.targets import Target
+from tests.control.fingers import circle, fingers, load
+from tests.golden.make import names, record
+from tests.session.conftest import record_virtual
+
+
+def _same(path: Path) -> Replayed:
+    session = Session(path)
+    result = replay(session, session.robot_file())
+    assert (result.divergence, result.stopped) == (None, "")
+    assert result.ticks == sum(1 for _ in session.ticks()) > 0
+    return result
+
+
+def test_a_timed_trajectory(recorded: Path) -> None:
+    assert _same(recorded).largest == 0.0
+
+
+@pytest.mark.parametrize("name", names())
+def test_every_shipped_robot(name: str, tmp_path: Path) -> None:
+    path = tmp_path / f"{name}.mcap"
+    record(name, path)
+    _same(path)
+
+
+def test_orders_come_at_their_ticks(tmp_path: Path) -> None:
+    loaded = load(2)
+    goto = msg.Goto("f0", Target(tip_m=(0.051, 0.077, 0.0)))
+    orders = {
+        150: [msg.Hold()],
+        200: [msg.Resume()],
+        220: [msg.Hold(("f0",))],
+        260: [goto],
+        330: [msg.Resume(("f0",)), msg.Estop(("f1",))],
+        400: [msg.Finish()],
+    }
+    path = record_virtual(tmp_path / "s.mcap", loaded, circle(loaded, period_s=3.0), orders)
+    kinds = [event["order"] for event in Session(path).events() if event["event"] == "order"]
+    assert kinds == ["hold", "resume", "hold", "goto", "resume", "estop", "finish"]
+    _same(path)
+
+
+def test_rows_of_a_live_stream(tmp_path: Path) -> None:
+    loaded = load(2)
+    tips = [Target(tip_m=(0.05 + 0.004 * math.sin(n / 20), 0.075, 0.0)) for n in range(300)]
+    orders: dict[int, list[msg.Message]] = {10 + n: [msg.Rows({"f0": tip})] for n, tip in enumerate(tips)}
+    orders[40] += [msg.Rows({"f1": tips[0]})]
+    orders[90] += [msg.Rows({"f1": None})]
+    orders[310] = [msg.End()]
+    _same(record_virtual(tmp_path / "s.mcap", loaded, None, orders, ticks=500))
+
+
+@pytest.mark.parametrize(
+    "faults",
+    [
+        "{at_s: 0.8, kind: silent, axis: f0.left, for_s: 0.2}",
+        "{at_s: 0.8, kind: silent, axis: f0.left, for_s: 0.01}",
+        "{at_s: 0.8, kind: lost, for_s: 0.5}",
+        "{at_s: 0.8, kind: overload, axis: f0.right}",
+        "{at_s: 0.8, kind: late, for_s: 0.1, delay_ms: 12}",
+        "{at_s: 0.8, kind: stale, axis: f0.left, for_s: 0.2}",
+    ],
+)
+def test_faults_of_devices(faults: str, tmp_path: Path) -> None:
+    text = fingers(3, buses=2, options=f"faults:\n  - {faults}")
+    loaded = parse_robot_file(text, "fingers.yaml")
+    orders: dict[int, list[msg.Message]] = {300: [msg.ClearFault()], 320: [msg.Resume()], 600: [msg.Finish()]}
+    path = record_virtual(tmp_path / "s.mcap", loaded, circle(loaded, period_s=2.0), orders, ticks=700)
+    _same(path)
+
+
+def test_a_millionth_of_a_millimetre_is_found_and_named(recorded: Path) -> None:
+    session = Session(recorded)
+    text = session.about["robot_file"]["text"]
+    changed = parse_robot_file(
+        text.replace("tip_length_mm: 22", "tip_length_mm: 22.000001", 1), "changed.yaml"
+    )
+    (key,) = differences(text, changed.text)
+    assert str(key) == "robots.f0.geometry.tip_length_mm: 22 -> 22.000001"
+    result = replay(session, changed)
+    assert result.divergence is not None
+    assert result.divergence.robot == "f0"
+    assert 0.0 < abs(result.divergence.recorded - result.divergence.replayed) < 1e-8
+    assert result.divergence.last_equal["tick"] == result.divergence.tick - 1
+    assert replay(session, changed, tolerance=1e-4).divergence is None
+    assert replay(session, changed, tolerance=1e-9).divergence is not None
+
+
+def test_the_sign_of_zero_is_a_bit(recorded: Path) -> None:
+    from contid.session.channels import COMMAND, axis_at
+    from contid.session.compare import Comparison
+
+    session = Session(recorded)
+    values = next(entry.values for entry in session.entries() if entry.values is not None)
+    slot = axis_at(session.layout, 0, 0) + COMMAND
+    zero, minus = [*values], [*values]
+    zero[slot], minus[slot] = 0.0, -0.0
+    found = Comparison(session.layout, session.device_units, 0.0).check(zero, minus)
+    assert found is not None
+    assert found.where == "f0.left"
+    assert Comparison(session.layout, session.device_units, 0.0).check(zero, zero) is None
+    assert Comparison(session.layout, session.device_units, 1e-12).check(zero, minus) is None
+
+
+def test_other_robots_are_refused(recorded: Path) -> None:
+    with pytest.raises(ContidError, match="other robots or axes than were recorded"):
+        replay(Session(recorded), load(1))
+
+
+def test_a_gap_in_the_recording_ends_the_replay(recorded: Path, tmp_path: Path) -> None:
+    from contid.control.cycle import OnEnd
+    from contid.control.setup import Setup
+    from contid.control.wiring import record_layout
+    from contid.session.record import Recording
+
+    loaded = load(2)
+    recording = Recording(tmp_path / "gap.mcap", {"mock": "False"})
+    sink = recording.follow(Setup(loaded, 200.0, Path(), circle(loaded), OnEnd.STOP, attended=False))
+    assert record_layout(loaded, 200.0) == Session(recorded).layout
+    for entry in Session(recorded).entries():
+        if entry.event is not None:
+            fields = {key: value for key, value in entry.event.items() if key != "event"}
+            sink.event(entry.event["event"], **fields)
+        elif entry.values is not None and entry.values[0] not in (100, 101):
+            sink.write(entry.values)
+    recording.detach()
+    session = Session(tmp_path / "gap.mcap")
+    result = replay(session, loaded)
+    assert result.ticks == 100
+    assert result.stopped == "ticks 100 to 101 were not recorded (the recorder was overrun)"
