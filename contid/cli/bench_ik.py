@@ -1,4 +1,4 @@
-"""``contid bench ik``: Table I of Singh et al. beside today's figures."""
+"""``contid bench ik``: Table I of Singh et al. (2017) and II of 2018 beside today's figures."""
 
 from __future__ import annotations
 
@@ -13,6 +13,7 @@ import click
 
 if TYPE_CHECKING:
     from contid.models.papers.comparison import Drift, Row
+    from contid.models.papers.shape_comparison import ShapeRow
 
 
 @click.command(name="ik")
@@ -33,6 +34,7 @@ def command(network: Path | None, no_network: bool, random: int, as_json: bool) 
     from contid.cli.train import trained
     from contid.models.papers.comparison import compare, drift, methods
     from contid.models.papers.distal_learning import InverseNetwork, Recipe
+    from contid.models.papers.shape_comparison import compare_shapes
 
     net = None
     if not no_network:
@@ -41,13 +43,17 @@ def command(network: Path | None, no_network: bool, random: int, as_json: bool) 
     with _progress(len(table)) as report:
         rows = compare(table, random, report)
     drifts = drift()
+    shapes = compare_shapes()
     if as_json:
         for row in rows:
             click.echo(json.dumps({"kind": "method", **asdict(row)}))
         for entry in drifts:
             click.echo(json.dumps({"kind": "drift", **asdict(entry)}))
+        for shape in shapes:
+            click.echo(json.dumps({"kind": "shape", **asdict(shape)}))
         return
     _print(rows, drifts, random)
+    _print_shapes(shapes)
 
 
 def _print(rows: list[Row], drifts: list[Drift], random: int) -> None:
@@ -104,6 +110,33 @@ def _print(rows: list[Row], drifts: list[Drift], random: int) -> None:
             ),
         )
     console.print(why)
+
+
+def _print_shapes(rows: list[ShapeRow]) -> None:
+    """Tables II and III of the paper of 2018: lengths of the tubes, with what each method is given."""
+    from rich.console import Console
+    from rich.table import Table
+
+    table = Table(title="Tube lengths from the tip, golden trajectory (simulated; errors in mm, times in us)")
+    for name in (
+        "method", "is given", "totals max", "totals mean", "six max", "six mean", "time",
+        "paper max", "paper mean", "paper time",
+    ):  # fmt: skip
+        table.add_column(name, justify="left" if name in ("method", "is given") else "right")
+    for row in rows:
+        table.add_row(
+            row.name,
+            row.given,
+            ", ".join(map(_one, row.max_mm)),
+            ", ".join(map(_one, row.mean_mm)),
+            _one(row.six_max_mm),
+            _one(row.six_mean_mm),
+            f"{row.time_us:.1f}",
+            _three(row.paper_max_mm),
+            _three(row.paper_mean_mm),
+            "" if row.paper_us is None else f"{row.paper_us:.0f}",
+        )
+    Console(width=None if Console().is_terminal else 160).print(table)
 
 
 def _one(value: float | None) -> str:

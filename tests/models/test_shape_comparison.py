@@ -1,0 +1,25 @@
+"""The paper's Tables II and III, simulated: the reference's figures (part E.5) come out again."""
+
+from __future__ import annotations
+
+import pytest
+
+from contid.models.papers.shape_comparison import compare_shapes
+
+
+def test_the_reference_s_figures_on_the_golden_trajectory() -> None:
+    unknown, known, newton, biarc, bounded = compare_shapes()
+    assert max(unknown.max_mm) == pytest.approx(2.40, abs=0.01)
+    assert unknown.mean_mm == pytest.approx((0.42, 0.32, 0.43), abs=0.02)
+    assert known.mean_mm == pytest.approx((0.19, 0.19, 0.25), abs=0.01)
+    assert known.six_max_mm == pytest.approx(3.55, abs=0.01)
+    assert newton.mean_mm == pytest.approx((7.1, 5.1, 8.6), abs=0.1)
+    assert newton.six_max_mm == pytest.approx(33.9, abs=0.1)
+    # Given the direction too, constant curvature is better than a quintic where the arm has it.
+    assert max(biarc.mean_mm + bounded.mean_mm) < min(unknown.mean_mm)
+
+
+def test_noise_of_the_tracker_explains_the_paper_s_millimetres() -> None:
+    unknown = compare_shapes(noise_mm=1.0, noise_deg=1.0, laps=2)[0]
+    assert 0.8 < sum(unknown.mean_mm) / 3.0 < 1.3
+    assert max(unknown.max_mm) < 6.0
