@@ -1,0 +1,221 @@
+"""What a tick costs from 1 to 64 fingers and from 1 to 16 arms, and how many hold 200 Hz in real time.
+
+``python -m benchmarks.scale [--plot FILE.svg] [--real-time]``. Every tip follows a way of its own, so
+each tick asks every model; all robots are on one simulated bus. The cost of the simulated devices is
+measured apart: real ones live elsewhere, and their bus takes its own time instead. Medians and 99th
+percentiles of single ticks. Real time doubles the count until the rate is not held any more.
+"""
+
+from __future__ import annotations
+
+import argparse
+import copy
+import gc
+import io
+import json
+import math
+import subprocess
+import sys
+import tempfile
+import time
+from collections.abc import Mapping
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any, Final
+
+import yaml
+
+from contid.control.virtual import VirtualProcess
+from contid.control.wiring import build_plans, driven_robots
+from contid.description.load import LoadedFile, load_robot_file, parse_robot_file, with_mock
+from contid.description.shipped import find_robot_file
+from contid.hal import Sample
+from contid.trajectory.read import read_trajectory
+from contid_drivers.sim.bus import SimBus
+
+RATE_HZ: Final = 200.0
+COUNTS: Final = {"finger": (1, 2, 4, 8, 16, 32, 64), "trirack2": (1, 2, 4, 8, 16)}
+WHAT: Final = {"finger": "fingers (2 axes)", "trirack2": "arms (2 sections, 6 axes)"}
+TICKS: Final = 400
+#: A rate is held when at most this share of the ticks was skipped.
+HELD: Final = 0.005
+
+
+def many(name: str, count: int) -> LoadedFile:
+    """The one robot of a shipped file so many times, on one simulated bus."""
+    loaded = with_mock(load_robot_file(find_robot_file(name)))
+    raw = yaml.safe_load(loaded.text)
+    (robot,) = raw["robots"].values()
+    ((_, bus),) = loaded.buses.items()
+    keys = [key for key in dict(bus.axes[0][1]) if bus.axes[0][1].model_dump()[key] is not None]
+    robots = {}
+    for number in range(count):
+        one = copy.deepcopy(robot)
+        one.pop("placeholder", None)
+        for (_, options), axis in zip(bus.axes, one["axes"].values(), strict=True):
+            for key in ("id", "channel", "power_up_deg", "homing"):
+                axis.pop(key, None)
+            axis |= {"bus": "sim", **{key: options.model_dump(mode="json")[key] for key in keys}}
+        robots[f"r{number}"] = one
+    data: dict[str, Any] = {"contid": 1, "name": name, "rate_hz": RATE_HZ}
+    data |= {"buses": {"sim": {"driver": "sim"}}, "robots": robots}
+    return parse_robot_file(yaml.safe_dump(data, sort_keys=False), f"{name}s.yaml")
+
+
+def tips(loaded: LoadedFile, seconds: float) -> str:
+    """Every tip on a small way around the middle of what its robot reaches: each tick asks the model."""
+    plans = build_plans(loaded, RATE_HZ)
+    flat = plans[0].kind == "rack_finger"
+    header, columns = ["t_s"], []
+    rows = max(int(seconds * 20), 20)
+    columns.append([seconds * row / (rows - 1) for row in range(rows)])
+    for number, plan in enumerate(plans):
+        header += [f"{plan.name}.{axis}_mm" for axis in ("xy" if flat else "xyz")]
+        middle = [0.5 * (a.lower + a.upper) for a in plan.limits]
+        ways = []
+        for row in range(rows):
+            angle = 2.0 * math.pi * row / rows + number
+            turned = [
+                value * (1.0 + 0.05 * math.sin(angle + 2.0 * axis)) for axis, value in enumerate(middle)
+            ]
+            ways.append([1e3 * value for value in plan.model.forward(turned).tip_m])
+        columns += [[way[axis] for way in ways] for axis in range(2 if flat else 3)]
+    lines = [",".join(header), *(",".join(map(repr, row)) for row in zip(*columns, strict=True))]
+    return "\n".join(lines) + "\n"
+
+
+class Nowhere:
+    """A sink that keeps nothing."""
+
+    def write(self, values: list[float]) -> None:
+        """Dropped."""
+
+    def event(self, kind: str, **fields: Any) -> None:
+        """Dropped."""
+
+
+@dataclass(frozen=True)
+class Cost:
+    """Of one tick [us]: the engine's, median and 99th percentile, and the simulated devices' median."""
+
+    robots: int
+    engine_us: float
+    tail_us: float
+    devices_us: float
+
+
+def measure(name: str, count: int) -> Cost:
+    loaded = many(name, count)
+    trajectory = read_trajectory(io.StringIO(tips(loaded, 60.0)), "tips", driven_robots(loaded))
+    process = VirtualProcess(loaded, RATE_HZ, Nowhere(), trajectory=trajectory)
+    (bus,) = process.buses.values()
+    assert isinstance(bus, SimBus)
+    spent = [0.0]
+    exchange = bus.exchange
+
+    def timed(commands: Mapping[str, float]) -> Mapping[str, Sample]:
+        begin = time.perf_counter()
+        try:
+            return exchange(commands)
+        finally:
+            spent[0] = time.perf_counter() - begin
+
+    bus.exchange = timed  # type: ignore[method-assign]  # a stopwatch around it
+    process.engine.arm()
+    while process.engine.source is None or not (process.engine.source.time_s or 0.0) > 1.0:
+        process.begin()
+        process.turn()
+    gc.collect()
+    gc.disable()
+    engine, devices = [], []
+    for _ in range(TICKS):
+        process.begin()
+        begin = time.perf_counter()
+        process.turn()
+        total = time.perf_counter() - begin
+        engine.append((total - spent[0]) * 1e6)
+        devices.append(spent[0] * 1e6)
+    gc.enable()
+    process.close()
+    engine.sort()
+    devices.sort()
+    return Cost(count, engine[TICKS // 2], engine[int(0.99 * TICKS)], devices[TICKS // 2])
+
+
+def holds(name: str, count: int, seconds: float = 5.0) -> dict[str, Any]:
+    """A real run of so many robots: its report."""
+    loaded = many(name, count)
+    with tempfile.TemporaryDirectory() as folder:
+        robots, trajectory = Path(folder) / "robots.yaml", Path(folder) / "tips.csv"
+        robots.write_text(loaded.text)
+        trajectory.write_text(tips(loaded, seconds))
+        told = subprocess.run(
+            [sys.executable, "-m", "contid", "run", str(robots), "--trajectory", str(trajectory), "--json"],
+            capture_output=True, text=True,
+        )  # fmt: skip
+    if told.returncode:
+        raise SystemExit(told.stderr + told.stdout)
+    report: dict[str, Any] = json.loads(told.stdout)
+    return report
+
+
+def plot(costs: Mapping[str, list[Cost]], path: Path) -> None:
+    import matplotlib
+
+    matplotlib.use("svg")
+    from matplotlib import pyplot
+
+    matplotlib.rcParams["svg.hashsalt"] = "contid"
+    figure, axes = pyplot.subplots(figsize=(6.0, 3.6), layout="constrained")
+    for name, rows in costs.items():
+        counts = [row.robots for row in rows]
+        (line,) = axes.loglog(counts, [row.engine_us / 1e3 for row in rows], "o-", label=WHAT[name])
+        axes.loglog(counts, [row.tail_us / 1e3 for row in rows], ":", color=line.get_color())
+    axes.axhline(1e3 / RATE_HZ, color="0.4", linewidth=0.8)
+    axes.text(1, 1.08e3 / RATE_HZ, f"period at {RATE_HZ:g} Hz", fontsize=8, color="0.3")
+    axes.set(xlabel="robots in one file", ylabel="engine per tick [ms]")
+    axes.set_xticks([1, 2, 4, 8, 16, 32, 64], labels=["1", "2", "4", "8", "16", "32", "64"])
+    axes.minorticks_off()
+    axes.grid(alpha=0.3)
+    axes.legend(title="line: median, dots: 99 %", frameon=False, fontsize=8, title_fontsize=8)
+    path.parent.mkdir(parents=True, exist_ok=True)
+    figure.savefig(path, metadata={"Date": None})
+
+
+def main() -> None:
+    parser = argparse.ArgumentParser(prog="python -m benchmarks.scale", description=__doc__)
+    parser.add_argument("--plot", type=Path)
+    parser.add_argument("--real-time", action="store_true")
+    asked = parser.parse_args()
+    costs: dict[str, list[Cost]] = {}
+    print(
+        f"{'':<28}{'robots':>7}{'engine us':>11}{'per robot':>11}{'99 % us':>10}{'simulated devices us':>22}"
+    )
+    for name, counts in COUNTS.items():
+        costs[name] = []
+        for count in counts:
+            cost = measure(name, count)
+            costs[name].append(cost)
+            each = cost.engine_us / count
+            row = f"{cost.engine_us:>11.0f}{each:>11.1f}{cost.tail_us:>10.0f}{cost.devices_us:>22.0f}"
+            print(f"{WHAT[name]:<28}{count:>7}{row}", flush=True)
+    if asked.plot is not None:
+        plot(costs, asked.plot)
+    if asked.real_time:
+        print(f"\nreal time, {RATE_HZ:g} Hz, simulated devices in the same process:")
+        for name in COUNTS:
+            held, count = True, 4
+            while held:
+                report = holds(name, count)
+                held = report["skipped"] <= HELD * report["ticks"]
+                share = f"{report['late']} late, {report['skipped']} skipped of {report['ticks']} ticks"
+                tail = {
+                    key: value for key, value in report["lateness"].items() if "p99" in key or "max" in key
+                }
+                word = "holds" if held else "does not hold"
+                print(f"{WHAT[name]:<28}{count:>7}  {word}: {share}  {tail}", flush=True)
+                count *= 2
+
+
+if __name__ == "__main__":
+    main()
