@@ -21,6 +21,7 @@ from contid.description.chain import Chain
 from contid.models.catenary import Catenary, as_quintic, hang
 from contid.models.ph_ends import Ends, PhFit, through
 from contid.models.ph_lift import Array
+from contid.models.ph_spline import PhSpline
 from contid.targets import Vec3
 from contid.units import MM_PER_M, m_to_mm
 
@@ -98,17 +99,7 @@ class ChainGuard:
     def points(self, tips: Mapping[str, Tip], count: int) -> Array:
         """Points of the rope at equal arc length [m], shape ``(count, 3)``; empty when it does not reach."""
         fits = self.curves(tips)
-        if not fits:
-            return np.empty((0, 3))
-        s = np.linspace(0.0, 1.0, count) * sum(fit.curve.length_m for fit in fits)
-        parts, begin = [], 0.0
-        for index, fit in enumerate(fits):
-            stop = begin + fit.curve.length_m
-            mine = (s >= begin) if index else np.full(count, True)
-            mine &= (s < stop) if index + 1 < len(fits) else True
-            parts.append(fit.curve.point(fit.curve.parameter_at(s[mine] - begin)))
-            begin = stop
-        return np.concatenate(parts)
+        return PhSpline(tuple(fit.curve for fit in fits)).evenly(count) if fits else np.empty((0, 3))
 
     def _pieces(self, tips: Mapping[str, Tip], hanging: Catenary) -> tuple[PhFit, ...]:
         pinned, one = self._rope.ends == "pinned", self._rope.pieces == 1
