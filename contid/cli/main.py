@@ -7,7 +7,6 @@ from importlib import import_module
 from typing import Final, NoReturn
 
 import click
-from click.utils import PacifyFlushWrapper
 
 from contid import __version__
 from contid.errors import ContidError
@@ -79,7 +78,7 @@ def main() -> NoReturn:
     except SystemExit:
         # Click ends a command whose reader went away (``contid path ... | head``) with 1, which means a
         # failed comparison here; it leaves this wrapper behind, and nothing else does.
-        if type(sys.stdout) is PacifyFlushWrapper:
+        if type(sys.stdout).__name__ == "PacifyFlushWrapper":  # importing it warns since click 8.4
             sys.exit(0)
         raise
     sys.exit(0)

@@ -44,8 +44,11 @@ def command(
     """
     from contid.cli.path import numbers
     from contid.cli.rows import blamed_on, open_rows, read_rows
+    from contid.description.chain import Chain
     from contid.description.load import load_robot_file
     from contid.description.shipped import find_robot_file
+    from contid.models.body_shape import of_rope
+    from contid.models.chain import ChainGuard
     from contid.units import MM_PER_M
 
     length_m = None
@@ -58,12 +61,17 @@ def command(
         length_m = sum(lengths) / MM_PER_M
     loaded = load_robot_file(find_robot_file(robot_file))
     shaper = _by_pose(loaded, points, length_m) if from_poses else _by_model(loaded, points)
+    robots = loaded.file.robots.items()
+    guards = [ChainGuard(name, robot) for name, robot in robots if isinstance(robot, Chain)]
     with open_rows(rows) as source:
 
         def shapes() -> Iterator[ShapeRow]:
             for number, (place, time_s, targets) in enumerate(read_rows(loaded, source), start=1):
                 with blamed_on(place):
                     found = {name: shaper(name, target) for name, target in targets.items()}
+                    for guard in guards:
+                        if all(arm in found for arm in guard.arms):
+                            found[guard.name] = of_rope(guard, found, points)
                 for name, shape in found.items():
                     if shape.note:
                         click.echo(f"{place}{name}: {shape.note}", err=True)

@@ -6,11 +6,13 @@ The reconstruction knows nothing of the model: base and tip, the directions ther
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Final
 
 import numpy as np
 
+from contid.models.chain import ChainGuard
 from contid.models.frames import BaseFrame
 from contid.models.model import Model
 from contid.models.ph_ends import Ends, least_energy, through
@@ -30,12 +32,20 @@ class BodyShape:
     Attributes:
         points_in_world: at equal arc length from base to tip, shape ``(n, 3)`` [m].
         length_m: of the backbone [m].
+        tip_direction_in_world: unit tangent at the tip.
         note: one sentence when the wish could not be met.
     """
 
     points_in_world: Array
     length_m: float
+    tip_direction_in_world: Vec3
     note: str = ""
+
+    @property
+    def tip(self) -> tuple[Vec3, Vec3]:
+        """Tip [m] and direction there, in the world."""
+        x, y, z = self.points_in_world[-1].tolist()
+        return (x, y, z), self.tip_direction_in_world
 
     @property
     def s_m(self) -> Array:
@@ -51,7 +61,8 @@ def by_model(
     fine = model.shape(actuation, FINE + 1, load)
     # Chords are short by the square of their size: two polylines give the curve (Richardson).
     length = (4.0 * _polyline(fine) - _polyline(fine[::2])) / 3.0
-    return BodyShape(in_world(frame, model.shape(actuation, points, load)), length)
+    direction = frame.vector_in_world(model.forward(actuation, load).direction)
+    return BodyShape(in_world(frame, model.shape(actuation, points, load)), length, direction)
 
 
 def from_pose(
@@ -70,7 +81,24 @@ def from_pose(
     tip, direction = frame.point_in_base(tip_in_world), frame.vector_in_base(direction_in_world)
     ends = Ends(ZERO3, tip, GROWS_ALONG[dimension], direction)
     fit = through(ends) if length_m is None else least_energy(ends, length_m)
-    return BodyShape(in_world(frame, fit.curve.evenly(points)), fit.curve.length_m, fit.note)
+    return BodyShape(
+        in_world(frame, fit.curve.evenly(points)), fit.curve.length_m, direction_in_world, fit.note
+    )
+
+
+def of_rope(guard: ChainGuard, bodies: Mapping[str, BodyShape], points: int) -> BodyShape:
+    """The rope of a chain between the tips of its arms.
+
+    Raises:
+        ValueError: it does not reach.
+    """
+    tips = {arm: bodies[arm].tip for arm in guard.arms}
+    state, fits = guard.check(tips), guard.curves(tips)
+    if not fits:
+        raise ValueError(f"{guard.name}: {state.reason}")
+    x, y, z = fits[-1].curve.tangent(np.ones(1))[0].tolist()
+    length = sum(fit.curve.length_m for fit in fits)
+    return BodyShape(guard.points(tips, points), length, (x, y, z), state.reason)
 
 
 def in_world(frame: BaseFrame, points_in_base: Array) -> Array:

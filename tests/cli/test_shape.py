@@ -67,6 +67,25 @@ def test_robots_of_a_hand_stand_in_the_world_and_keep_their_time() -> None:
     ) == pytest.approx(0.0, abs=1e-5)
 
 
+def test_the_rope_of_a_chain_hangs_between_the_tips_of_its_arms() -> None:
+    poses = "left.x_mm,left.y_mm,left.z_mm,left.ax,left.ay,left.az,"
+    poses += poses.replace("left", "right").rstrip(",") + "\n0,0,240,0,0,1,700,0,240,0,0,1\n"
+    arguments = ("shape", "chain", "--from-poses", "--length-mm", "240", "--points", "5", "--json")
+    done = contid(*arguments, stdin=poses)
+    assert done.returncode == 0, done.stderr
+    found = json.loads(done.stdout)["robots"]
+    assert list(found) == ["left", "right", "rope"]
+    rope = found["rope"]
+    assert rope["length_mm"] == pytest.approx(1000.0)
+    assert rope["points_mm"][0] == found["left"]["points_mm"][-1]
+    assert rope["points_mm"][-1] == pytest.approx(found["right"]["points_mm"][-1], abs=2e-6)
+    assert rope["points_mm"][2][2] == pytest.approx(-78.5, abs=10.0)
+    # Too far apart: an answer with its place.
+    apart = contid(*arguments, stdin=poses.replace("700", "1010"))
+    assert apart.returncode == 2
+    assert "stdin:2:1: rope: the rope is 10 mm too short" in apart.stderr
+
+
 @pytest.mark.parametrize(
     ("arguments", "text", "words"),
     [
