@@ -14,6 +14,7 @@ import socket
 import sys
 import time
 import zipfile
+import zlib
 from collections.abc import Mapping
 from datetime import UTC, datetime
 from importlib.metadata import version
@@ -131,17 +132,21 @@ def unpacked(data: bytes, about: Mapping[str, str], loaded: LoadedFile) -> Traje
         BadInputError: the robots do not have its columns.
         ContidError: the attachment is damaged.
     """
-    names: list[str] = json.loads(about["columns"])
+    try:
+        names = [str(name) for name in json.loads(about["columns"])]
+        interpolation = Interpolation(about["interpolation"])
+    except (ValueError, TypeError) as error:
+        raise ContidError(f"the recorded trajectory is damaged: {error}") from error
     layout = read_layout([(name, 1) for name in names], "the recorded trajectory", 1, driven_robots(loaded))
     try:
         with np.load(io.BytesIO(data), allow_pickle=False) as archive:
             rows: Any = archive[_ROWS.removesuffix(".npy")]
-    except (OSError, ValueError, KeyError, zipfile.BadZipFile) as error:
+    except (OSError, ValueError, KeyError, EOFError, zlib.error, zipfile.BadZipFile) as error:
         raise ContidError(f"the recorded trajectory is damaged: {error}") from error
     if hashlib.sha256(rows.tobytes()).hexdigest() != about["sha256"]:
         raise ContidError("the recorded trajectory is damaged: another checksum than its metadata says")
     rows.setflags(write=False)
-    return Trajectory(layout, rows, range(1, len(rows) + 1), Interpolation(about["interpolation"]))
+    return Trajectory(layout, rows, range(1, len(rows) + 1), interpolation)
 
 
 def versions() -> dict[str, str]:

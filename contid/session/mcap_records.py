@@ -13,6 +13,8 @@ import zlib
 from collections.abc import Iterator
 from typing import Any, BinaryIO, Final
 
+from contid.errors import ContidError
+
 MAGIC: Final = b"\x89MCAP0\r\n"
 LIBRARY: Final = "contid"
 HEADER, FOOTER, SCHEMA, CHANNEL, MESSAGE, CHUNK, INDEX = 1, 2, 3, 4, 5, 6, 7
@@ -27,6 +29,12 @@ _READ: Final = 1 << 20
 _CUT_CHUNK: Final = -1
 #: No record of a session is longer; a length beyond it is damage.
 _LONGEST: Final = 1 << 32
+#: Nor is a chunk; what claims to unpack to more is damaged, or meant to fill the memory.
+_CHUNK_MOST: Final = 1 << 28
+
+
+class DamagedRecordError(ContidError):
+    """A record inside an MCAP file does not hold what its kind does."""
 
 
 def message(channel: int, sequence: int, time_ns: int, data: bytes) -> bytes:
@@ -46,9 +54,14 @@ def built(*records: Any) -> bytes:
 
 
 def understood(opcode: int, body: bytes) -> Any:
-    """The record of the ``mcap`` package that a body holds (schema, channel, attachment, metadata)."""
+    """The record of the ``mcap`` package that a body holds (schema, channel, attachment, metadata).
+
+    Raises:
+        DamagedRecordError: it is none.
+    """
     from mcap import records
     from mcap.data_stream import ReadDataStream
+    from mcap.exceptions import McapError
 
     kinds = {
         SCHEMA: records.Schema,
@@ -56,7 +69,10 @@ def understood(opcode: int, body: bytes) -> Any:
         ATTACHMENT: records.Attachment,
         METADATA: records.Metadata,
     }
-    return kinds[opcode].read(ReadDataStream(io.BytesIO(body)))
+    try:
+        return kinds[opcode].read(ReadDataStream(io.BytesIO(body)))
+    except (McapError, ValueError, struct.error) as error:
+        raise DamagedRecordError(f"a record ({kinds[opcode].__name__}) of the file is damaged") from error
 
 
 class RecordStream:
@@ -128,7 +144,11 @@ def _unpacked(body: bytes) -> bytes:
     Raises:
         ValueError: it is damaged.
     """
+    if len(body) < _CHUNK_HEAD.size + 4:
+        raise ValueError("a chunk has no head")
     size, crc = _CHUNK_HEAD.unpack_from(body)[2:]
+    if size > _CHUNK_MOST:
+        raise ValueError(f"a chunk claims to hold {size} bytes")
     compression, data = _packed(body)
     try:
         if compression == "zstd":

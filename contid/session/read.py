@@ -7,6 +7,7 @@ that goes through once, forward, knows at each tick all that its replay needs.
 from __future__ import annotations
 
 import json
+import struct
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 from pathlib import Path
@@ -18,7 +19,7 @@ from contid.errors import ContidError
 from contid.session import mcap_records as mcap
 from contid.session.about import FORMAT, TRAJECTORY, unpacked
 from contid.session.channels import EVENT, TICK_CHANNELS, Decoder
-from contid.session.mcap_records import MESSAGE_INSIDE, RecordStream
+from contid.session.mcap_records import MESSAGE_INSIDE, DamagedRecordError, RecordStream
 from contid.trajectory.timed import Trajectory
 
 
@@ -75,13 +76,20 @@ class Session:
                 self._read_head(RecordStream(file))
         except OSError as error:
             raise SessionError(f"{path}: cannot read it: {error.strerror}") from error
+        except DamagedRecordError as error:
+            raise SessionError(f"{path}: its head is damaged: {error}") from error
         version = self.about.get("contid", {}).get("format")
         if version is None or set(self._topics.values()) < {*TICK_CHANNELS, EVENT}:
             raise SessionError(f"{path}: not a session of contid, or cut off before its first tick")
         if version != FORMAT:
             raise SessionError(f"{path}: format {version}; this contid reads format {FORMAT}")
-        self.layout = RecordLayout.from_json(self.about["layout"]["record"])
-        self.device_units: dict[str, str] = json.loads(self.about["layout"]["device_units"])
+        try:
+            self.layout = RecordLayout.from_json(self.about["layout"]["record"])
+            self.device_units: dict[str, str] = json.loads(self.about["layout"]["device_units"])
+            # Whatever follows needs these to fit each other.
+            Decoder(self.layout, self.device_units)
+        except (ValueError, KeyError, TypeError, AttributeError) as error:
+            raise SessionError(f"{path}: its head is damaged: {type(error).__name__}: {error}") from error
         self.rate_hz = self.layout.rate_hz
 
     def _read_head(self, stream: RecordStream) -> None:
@@ -113,7 +121,9 @@ class Session:
         Raises:
             BadInputError: today's contid does not take it any more.
         """
-        about = self.about["robot_file"]
+        about = self.about.get("robot_file", {})
+        if not about.keys() >= {"text", "name"}:
+            raise SessionError(f"{self.path}: it holds no robot file")
         loaded = parse_robot_file(about["text"], about["name"])
         return with_mock(loaded) if self.option("mock") == "True" else loaded
 
@@ -121,7 +131,10 @@ class Session:
         """The timed trajectory that was followed, bit for bit; None when there was none."""
         if TRAJECTORY not in self._attachments:
             return None
-        return unpacked(self._attachments[TRAJECTORY], self.about["trajectory"], loaded)
+        about = self.about.get("trajectory", {})
+        if not about.keys() >= {"columns", "sha256", "interpolation"}:
+            raise SessionError(f"{self.path}: its trajectory has no columns")
+        return unpacked(self._attachments[TRAJECTORY], about, loaded)
 
     def entries(self) -> Iterator[Entry]:
         """Ticks and events in their order; a tick that is not whole is left out."""
@@ -134,9 +147,9 @@ class Session:
             for opcode, body in stream:
                 if opcode != mcap.MESSAGE:
                     continue
-                channel, _, time_ns, _ = inside.unpack_from(body)
-                topic = topics.get(channel)
                 try:
+                    channel, _, time_ns, _ = inside.unpack_from(body)
+                    topic = topics.get(channel)
                     if topic == EVENT:
                         yield Entry(time_ns, None, json.loads(body[head:]))
                         continue
@@ -145,7 +158,7 @@ class Session:
                     if values is None or topic is None:
                         continue
                     decoder.fill(values, topic, body[head:])
-                except (ValueError, KeyError, TypeError):
+                except (ValueError, KeyError, TypeError, struct.error):
                     self.cut = "a message is damaged"
                     return
                 if topic == last:

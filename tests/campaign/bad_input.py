@@ -1,0 +1,250 @@
+"""The bad input campaign: whatever bytes come in, the answer is data or a `ContidError`.
+
+``python -m tests.campaign.bad_input [--rounds N] [--seed N] [--target NAME]`` mutates a corpus at random
+and prints counts; ``--atheris SECONDS`` lets the coverage-guided fuzzer of that name (from PyPI, not a
+dependency) drive one target. The address space of the process is capped: memory without bound is a violation.
+"""
+
+from __future__ import annotations
+
+import argparse
+import io
+import random
+import resource
+import sys
+import tempfile
+import traceback
+from collections.abc import Callable
+from contextlib import ExitStack, suppress
+from functools import cache
+from pathlib import Path
+
+from contid.control.cycle import OnEnd
+from contid.control.setup import Setup
+from contid.control.virtual import run_virtual
+from contid.description.load import load_robot_file, parse_robot_file, with_mock
+from contid.description.shipped import configs_folder
+from contid.errors import ContidError
+from contid.session.read import Session
+from contid.session.record import Recording
+from contid.trajectory.read import read_trajectory
+from contid.trajectory.stream import StreamParser
+from contid_drivers.due.frames import FrameReader, seal
+from contid_drivers.dynamixel import packets
+
+#: Address space of a campaign [bytes]; imports take a quarter of it.
+CEILING = 4 << 30
+#: What a reader of a wire may keep for later.
+KEPT = 1 << 17
+TOKENS = (
+    *(
+        b"nan",
+        b"inf",
+        b"-1",
+        b"0",
+        b"1e999",
+        b"\x00",
+        b"\xff",
+        b"\xff\xff\xff\xff",
+        b"[",
+        b"{",
+        b"&a [*a]",
+        b"!!x",
+    ),
+    *(
+        b'"',
+        b",",
+        b"\n",
+        b"#",
+        b": ",
+        b"- ",
+        b"\xfd",
+        b"\xff\xff\xfd\x00",
+        b"9" * 40,
+        b"<<: *x",
+        b"\xe2\x80\xa8",
+    ),
+)
+
+
+@cache
+def hand() -> dict[str, object]:
+    return dict(load_robot_file(configs_folder() / "hand.yaml").file.robots)
+
+
+def robot_file(data: bytes) -> None:
+    parse_robot_file(data.decode(errors="replace"), "fuzz.yaml")
+
+
+def trajectory(data: bytes) -> None:
+    read_trajectory(io.StringIO(data.decode(errors="replace")), "fuzz.csv", hand())  # type: ignore[arg-type]
+
+
+def stream(data: bytes) -> None:
+    lines = data.decode(errors="replace").split("\n")
+    parser = StreamParser(lines[0], "fuzz", hand())  # type: ignore[arg-type]
+    for number, line in enumerate(lines[1:], 2):
+        with suppress(ContidError):
+            parser.parse(line, number)
+
+
+def dynamixel(data: bytes) -> None:
+    left = bytearray(data)
+    while packets.take(left) is not None:
+        pass
+    assert len(left) <= KEPT
+    packets.fast_parts(data, (1, 2, 3), (4, 10, 4))
+
+
+def due(data: bytes) -> None:
+    reader = FrameReader()
+    for at in range(0, len(data), 7):
+        for payload in reader.feed(data[at : at + 7]):
+            assert len(payload) <= KEPT
+    assert len(reader._buffer) <= KEPT
+
+
+def session(data: bytes) -> None:
+    with tempfile.NamedTemporaryFile(suffix=".mcap") as file:
+        file.write(data)
+        file.flush()
+        read = Session(Path(file.name))
+        for _ in read.entries():
+            pass
+        with suppress(ContidError):
+            read.trajectory(read.robot_file())
+
+
+TARGETS: dict[str, Callable[[bytes], None]] = {
+    target.__name__: target for target in (robot_file, trajectory, stream, dynamixel, due, session)
+}
+
+
+@cache
+def corpus(name: str) -> tuple[bytes, ...]:
+    """Good inputs to begin with."""
+    rows = b"t_s,left.x_mm,left.y_mm\n0,50,75\n0.5,51,75.5\n1,52,76\n"
+    lines = b'{"t_s": 0, "left.x_mm": 50, "left.y_mm": 75}\n{"t_s": 1, "left.x_mm": 51, "left.y_mm": 75}\n'
+    match name:
+        case "robot_file":
+            return tuple(path.read_bytes() for path in sorted(configs_folder().glob("*.yaml")))
+        case "trajectory":
+            return rows, lines
+        case "stream":
+            return rows.replace(b"t_s,", b""), lines.replace(b'"t_s": 0, ', b"").replace(b'"t_s": 1, ', b"")
+        case "dynamixel":
+            answers = b"".join(packets.build_status(i, 0, bytes(range(i, i + 14))) for i in range(3))
+            return (
+                answers,
+                packets.sync_read(126, 10, (1, 2, 3), fast=True),
+                packets.build(1, 2, b"\xff\xff\xfd\xfd"),
+            )
+        case "due":
+            return tuple(b"".join(seal(bytes(range(n))) for n in sizes) for sizes in ((0, 3, 40), (200,)))
+    return (_recorded(),)
+
+
+def _recorded() -> bytes:
+    loaded = with_mock(load_robot_file(configs_folder() / "finger.yaml"))
+    text = "t_s,x_mm,y_mm\n0,50,75\n0.1,50.5,75\n"
+    source = read_trajectory(io.StringIO(text), "t.csv", dict(loaded.file.robots))
+    with tempfile.TemporaryDirectory() as folder, ExitStack() as stack:
+        path = Path(folder) / "s.mcap"
+        recording = Recording(path, {"mock": "True"})
+        sink = recording.follow(Setup(loaded, 50.0, Path(), source, OnEnd.STOP, attended=False))
+        stack.callback(recording.detach)
+        run_virtual(loaded, 50.0, source, sinks=[sink])
+        stack.close()
+        return path.read_bytes()
+
+
+def mutated(data: bytes, dice: random.Random) -> bytes:
+    """One to eight changes: bits, bytes, tokens, cuts, repetitions, numbers."""
+    out = bytearray(data)
+    for _ in range(dice.randint(1, 8)):
+        at = dice.randrange(len(out) + 1)
+        width = min(dice.choice((1, 2, 4, 16, 64)), len(out) - at)
+        match dice.randrange(7):
+            case 0 if width:
+                out[at] ^= 1 << dice.randrange(8)
+            case 1:
+                del out[at : at + width]
+            case 2:
+                out[at:at] = dice.choice(TOKENS)
+            case 3:
+                out[at:at] = out[at : at + width] * dice.choice((1, 3, 200))
+            case 4:
+                out[at : at + width] = dice.randbytes(width)
+            case 5:
+                out[at : at + width] = dice.choice(TOKENS)
+            case 6 if dice.random() < 0.2:
+                del out[at:]
+    return bytes(out)
+
+
+def attempt(name: str, data: bytes) -> str:
+    """The traceback of what should not have happened, "" when all is well."""
+    try:
+        TARGETS[name](data)
+    except ContidError as error:
+        return "" if str(error).strip() else "an error without words"
+    except Exception:
+        return traceback.format_exc()
+    return ""
+
+
+def campaign(name: str, rounds: int, seed: int) -> list[tuple[bytes, str]]:
+    """Violations: the input and the traceback."""
+    dice, found = random.Random(f"{name}:{seed}"), []
+    for _ in range(rounds):
+        data = mutated(dice.choice(corpus(name)), dice)
+        if words := attempt(name, data):
+            found.append((data, words))
+    return found
+
+
+def main() -> int:
+    parser = argparse.ArgumentParser(prog="python -m tests.campaign.bad_input", description=__doc__)
+    parser.add_argument("--rounds", type=int, default=3000)
+    parser.add_argument("--seed", type=int, default=1)
+    parser.add_argument("--target", choices=sorted(TARGETS))
+    parser.add_argument("--atheris", type=int, metavar="SECONDS")
+    asked = parser.parse_args()
+    resource.setrlimit(resource.RLIMIT_AS, (CEILING, CEILING))
+    names = [asked.target] if asked.target else list(TARGETS)
+    if asked.atheris:
+        return guided(names[0], asked.atheris)
+    violations = 0
+    print(f"{'input':<14}{'cases':>8}{'violations':>12}")
+    for name in names:
+        found = campaign(name, asked.rounds, asked.seed)
+        violations += len(found)
+        print(f"{name:<14}{asked.rounds:>8}{len(found):>12}", flush=True)
+        for kind in sorted({words.strip().splitlines()[-1][:200] for _, words in found})[:10]:
+            example = next(words for _, words in found if words.strip().splitlines()[-1][:200] == kind)
+            print("    " + "\n    ".join(example.strip().splitlines()[-5:]))
+    return 1 if violations else 0
+
+
+def guided(name: str, seconds: int) -> int:
+    """Coverage-guided, until something is found or the time is over."""
+    import atheris  # not a dependency: pip install atheris
+
+    atheris.instrument_all()
+
+    def one(data: bytes) -> None:
+        with suppress(ContidError):
+            TARGETS[name](data)
+
+    with tempfile.TemporaryDirectory() as folder:
+        for number, data in enumerate(corpus(name)):
+            (Path(folder) / str(number)).write_bytes(data)
+        atheris.Setup(
+            [sys.argv[0], folder, f"-max_total_time={seconds}", "-rss_limit_mb=4096", "-max_len=65536"], one
+        )
+        atheris.Fuzz()
+    return 0
+
+
+if __name__ == "__main__":
+    sys.exit(main())

@@ -1,0 +1,64 @@
+"""The short form of the bad input campaign; robot files and trajectories have their own tests beside it."""
+
+from __future__ import annotations
+
+import os
+
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from contid.errors import ContidError
+from tests.campaign import bad_input
+
+ROUNDS = int(os.environ.get("CONTID_BAD_INPUTS", "60"))
+
+
+@pytest.mark.parametrize("name", bad_input.TARGETS)
+def test_mutated_input_is_answered(name: str) -> None:
+    found = bad_input.campaign(name, ROUNDS, seed=7)
+    assert not found, found[0][1]
+
+
+@pytest.mark.parametrize("name", ["stream", "dynamixel", "due", "session"])
+@settings(max_examples=60, deadline=None)
+@given(data=st.binary(max_size=600))
+def test_any_bytes_are_answered(name: str, data: bytes) -> None:
+    assert bad_input.attempt(name, data) == ""
+
+
+def test_a_defect_is_found(monkeypatch: pytest.MonkeyPatch) -> None:
+    def careless(data: bytes) -> None:
+        if b"nan" in data:
+            raise ValueError("could not convert")
+        raise ContidError("refused")
+
+    monkeypatch.setitem(bad_input.TARGETS, "stream", careless)
+    assert bad_input.campaign("stream", 300, seed=1)
+
+
+ALIASES = b"a: &a [x,x,x,x,x,x,x,x,x]\n" + b"".join(
+    b"%c: &%c [%s]\n" % (98 + depth, 98 + depth, b",".join([b"*%c" % (97 + depth)] * 9)) for depth in range(9)
+)
+
+
+@pytest.mark.parametrize(
+    ("name", "data"),
+    [
+        ("robot_file", ALIASES),
+        ("robot_file", b"[" * 50_000),
+        ("robot_file", b"{a: " * 20_000),
+        ("robot_file", b"rate_hz: " + b"9" * 5_000),
+        ("robot_file", b"!!python/object/apply:os.system ['true']"),
+        ("trajectory", b"[" * 100_000),
+        ("trajectory", b"t_s," + b"x" * 1_000_000),
+        ("trajectory", b't_s,left.x_mm,left.y_mm\n"' + b"9" * 5_000 + b'",1,1'),
+        ("stream", b'{"left.x_mm": 1, "left.y_mm": 2}\n{"left.x_mm": ' + b"[" * 100_000),
+        ("stream", b'{"left.x_mm": 1, "left.y_mm": 2}\n{"left.x_mm": ' + b"9" * 5_000 + b"}"),
+        ("dynamixel", b"\xff\xff\xfd\x00" * 5_000),
+        ("due", b"\x01" * 200_000),
+    ],
+    ids=lambda value: value if isinstance(value, str) else "",
+)
+def test_bombs_are_refused(name: str, data: bytes) -> None:
+    assert bad_input.attempt(name, data) == ""
