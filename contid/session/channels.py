@@ -221,48 +221,63 @@ def _picker(slots: Sequence[Any]) -> Callable[[Any], tuple[Any, ...]]:
 
 @dataclass(frozen=True, slots=True)
 class _Group:
-    """Values of one object of a message."""
+    """Values of one object of a message: first its numbers, then its vectors."""
 
     path: tuple[str, ...]
-    pick: Callable[[Any], tuple[Any, ...]]
-    slots: tuple[tuple[int, ...], ...]
+    numbers: Callable[[Any], tuple[Any, ...]] | None
+    vectors: tuple[str, ...]
+    slots: tuple[int, ...]
 
 
 class Decoder:
-    """Messages back to records."""
+    """Messages back to records: gathered as they come, put in order once per tick."""
 
     def __init__(self, layout: RecordLayout, device_units: Mapping[str, str]) -> None:
-        self._size = robot_at(layout, len(layout.robots))
         self._groups: dict[str, list[_Group]] = {}
+        order: dict[int, int] = {}
+        gathered = 0
         for channel in TICK_CHANNELS:
             by_path: dict[tuple[str, ...], list[Field]] = {}
             for each in fields(layout, device_units, channel):
                 by_path.setdefault(each.path[:-1], []).append(each)
-            self._groups[channel] = [
-                _Group(path, _picker([f.path[-1] for f in some]), tuple(f.slots for f in some))
-                for path, some in by_path.items()
-            ]
+            self._groups[channel] = [_group(path, some) for path, some in by_path.items()]
+            for group in self._groups[channel]:
+                order |= {slot: gathered + place for place, slot in enumerate(group.slots)}
+                gathered += len(group.slots)
+        self._arrange = itemgetter(*(order[slot] for slot in sorted(order)))
+        self._decode = json.JSONDecoder().decode
 
-    def blank(self) -> list[float]:
-        """A record of which nothing is known yet."""
-        return [_NAN] * self._size
-
-    def fill(self, values: list[float], channel: str, data: bytes) -> None:
-        """Put what a message holds into a record.
+    def gather(self, gathered: list[Any], channel: str, data: bytes) -> None:
+        """Add what a message holds; the messages of a tick in the order of `TICK_CHANNELS`.
 
         Raises:
-            ValueError, KeyError: it is not a message of this channel.
+            ValueError, KeyError, TypeError: it is not a message of this channel.
         """
-        message = json.loads(data)
+        message = self._decode(data.decode())
         for group in self._groups[channel]:
             part = message
             for key in group.path:
                 part = part[key]
-            for slots, value in zip(group.slots, group.pick(part), strict=True):
-                if value is None:
-                    continue
-                if len(slots) == 1:
-                    values[slots[0]] = value
-                else:
-                    for slot, each in zip(slots, value, strict=True):
-                        values[slot] = _NAN if each is None else each
+            if group.numbers is not None:
+                gathered += group.numbers(part)
+            for key in group.vectors:
+                gathered += part[key] or _NO_VECTOR
+
+    def record(self, gathered: Sequence[Any]) -> list[float]:
+        """The record of the gathered messages.
+
+        Raises:
+            IndexError: one is missing.
+        """
+        return [_NAN if value is None else value for value in self._arrange(gathered)]
+
+
+_NO_VECTOR: Final = (None, None, None)
+
+
+def _group(path: tuple[str, ...], some: Sequence[Field]) -> _Group:
+    numbers = [each for each in some if each.kind != "array"]
+    vectors = [each for each in some if each.kind == "array"]
+    slots = tuple(slot for each in (*numbers, *vectors) for slot in each.slots)
+    pick = _picker([each.path[-1] for each in numbers]) if numbers else None
+    return _Group(path, pick, tuple(each.path[-1] for each in vectors), slots)

@@ -141,7 +141,7 @@ class Session:
         decoder = Decoder(self.layout, self.device_units)
         topics, first, last = self._topics, TICK_CHANNELS[0], TICK_CHANNELS[-1]
         inside, head = MESSAGE_INSIDE, MESSAGE_INSIDE.size
-        values: list[float] | None = None
+        gathered: list[Any] | None = None
         with self.path.open("rb") as file:
             stream = RecordStream(file)
             for opcode, body in stream:
@@ -154,19 +154,21 @@ class Session:
                         yield Entry(time_ns, None, json.loads(body[head:]))
                         continue
                     if topic == first:
-                        values = decoder.blank()
-                    if values is None or topic is None:
+                        gathered = []
+                    if gathered is None or topic is None:
                         continue
-                    decoder.fill(values, topic, body[head:])
-                except (ValueError, KeyError, TypeError, struct.error):
+                    decoder.gather(gathered, topic, body[head:])
+                    if topic != last:
+                        continue
+                    values = decoder.record(gathered)
+                except (ValueError, KeyError, TypeError, IndexError, struct.error):
                     self.cut = "a message is damaged"
                     return
-                if topic == last:
-                    yield Entry(time_ns, values)
-                    values = None
+                yield Entry(time_ns, values)
+                gathered = None
             self.clean, self.chunked = stream.clean, stream.chunked
         if not self.clean:
-            self.cut = "the last tick is not whole" if values is not None else "it has no end"
+            self.cut = "the last tick is not whole" if gathered is not None else "it has no end"
 
     def ticks(self) -> Iterator[TickRecord]:
         """Records of the ticks."""

@@ -33,6 +33,8 @@ _AT_ONCE: Final = 256
 #: Share of a period after a deadline at which its record is fetched.
 _AFTER: Final = 0.5
 _SHORTEST_S: Final = 5e-4
+#: Nice value while recording: what is in the ring only is what a kill of this process loses.
+_PRIORITY: Final = -10
 
 
 class Recorder:
@@ -128,6 +130,7 @@ def main() -> int:
     _answer(READY)
     gc.collect()
     gc.freeze()
+    _ask_for(_PRIORITY)
     try:
         recorder.run()
     except ContidError as error:
@@ -136,6 +139,7 @@ def main() -> int:
         return error.exit_code
     finally:
         recorder.close()
+    _ask_for(-_PRIORITY)  # making the file small may take as long as it likes
     if os.getppid() != daemon:  # nobody else is left to clean up
         job.ring.unlink(missing_ok=True)
     try:
@@ -143,6 +147,12 @@ def main() -> int:
     except (OSError, ContidError) as error:
         _answer(f"{job.path}: complete, but not compacted: {error}")
     return 0
+
+
+def _ask_for(nice: int) -> None:
+    """Come sooner, or later, than others; without the right to it, as everybody."""
+    with suppress(PermissionError):
+        os.setpriority(os.PRIO_PROCESS, 0, nice)
 
 
 def _answer(words: str) -> None:

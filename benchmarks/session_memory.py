@@ -1,0 +1,108 @@
+"""Memory, processor and disk of a long recording, at an accelerated pace.
+
+    python benchmarks/session_memory.py [--minutes 45] [--speed 10]
+
+The recorder's real process reads a real ring; ``minutes`` of ticks of the hand at 200 Hz are written into it
+``speed`` times as fast as a run would (their numbers come from a short recording in virtual time). Prints the
+memory of the recorder's own (the ring is shared, it belongs to no one) in every tenth of the run, its share of a processor, what it missed, and the size
+of the file before and after it was compacted. Memory is flat when the last nine tenths differ by less than
+5 %; nothing may be missed.
+"""
+
+from __future__ import annotations
+
+import argparse
+import io
+import sys
+import tempfile
+import time
+from pathlib import Path
+
+import psutil
+from session_replay import circle
+
+from contid.control import ring
+from contid.control.cycle import OnEnd
+from contid.control.setup import Setup
+from contid.control.virtual import run_virtual
+from contid.control.wiring import driven_robots, record_layout
+from contid.description.load import load_robot_file, with_mock
+from contid.description.shipped import find_robot_file
+from contid.session.info import summarize
+from contid.session.read import Session
+from contid.session.record import Recording
+from contid.trajectory.read import read_trajectory
+
+FLAT = 1.05
+
+
+class Kept:
+    """A sink that keeps the records."""
+
+    def __init__(self) -> None:
+        self.records: list[list[float]] = []
+
+    def write(self, values: list[float]) -> None:
+        """See `contid.control.cycle.Sink`."""
+        self.records.append(values)
+
+    def event(self, kind: str, **fields: object) -> None:
+        """Events are rare."""
+
+
+def main() -> int:
+    """Write, watch, print."""
+    parser = argparse.ArgumentParser(description=(__doc__ or "").partition("\n")[0])
+    parser.add_argument("--minutes", type=float, default=45.0)
+    parser.add_argument("--speed", type=float, default=10.0)
+    chosen = parser.parse_args()
+    loaded = with_mock(load_robot_file(find_robot_file("hand")))
+    rows = read_trajectory(io.StringIO(circle(0.5)), "circle", driven_robots(loaded))
+    kept = Kept()
+    run_virtual(loaded, 200.0, rows, sinks=[kept])
+    rate_hz, total = 200.0 * chosen.speed, round(chosen.minutes * 60 * 200)
+    shared = ring.create(record_layout(loaded, rate_hz))
+    writer = ring.RingWriter(shared)
+    with tempfile.TemporaryDirectory() as folder:
+        path = Path(folder) / "long.mcap"
+        recording = Recording(path, {"mock": "True"})
+        recording.attach(
+            Setup(loaded, rate_hz, shared, rows, OnEnd.STOP, attended=False), psutil.Process().pid
+        )
+        recorder = next(p for p in psutil.Process().children() if "contid.session.recorder" in p.cmdline())
+        memory: list[int] = []
+        base_s, start_cpu = time.monotonic(), sum(recorder.cpu_times()[:2])
+        for tick in range(total):
+            deadline_s = base_s + tick / rate_hz
+            rest_s = deadline_s - time.monotonic()
+            if rest_s > 0.0:
+                time.sleep(rest_s)
+            record = kept.records[tick % len(kept.records)]
+            record[0], record[2], record[3] = tick, deadline_s, time.monotonic() - deadline_s
+            writer.write(record)
+            if tick % (total // 10) == total // 10 - 1:
+                memory.append(recorder.memory_full_info().uss)
+                print(f"{100 * (tick + 1) // total:3d} %: {memory[-1] / 1e6:.1f} MB", flush=True)
+        took_s, cpu_s = time.monotonic() - base_s, sum(recorder.cpu_times()[:2]) - start_cpu
+        before = path.stat().st_size
+        writer.finish()
+        start_s = time.monotonic()
+        problems = recording.detach()
+        closed_s = time.monotonic() - start_s
+        after = path.stat().st_size
+        info = summarize(Session(path))
+    writer.close()
+    shared.unlink()
+    flat = max(memory[1:]) / min(memory[1:])
+    print(f"{info.ticks} ticks ({chosen.minutes:g} min at 200 Hz) in {took_s:.0f} s, {info.lost} missed")
+    print(
+        f"recorder: {1e6 * cpu_s / total:.0f} us of processor per tick, {2e4 * cpu_s / total:.1f} % at 200 Hz"
+    )
+    print(f"memory: largest over smallest of the last nine tenths {flat:.3f}")
+    print(f"file: {before / 1e6:.0f} MB as it grew, {after / 1e6:.0f} MB compacted, in {closed_s:.1f} s")
+    print(f"{info.state}{'; '.join(['', *problems])}")
+    return 0 if flat < FLAT and info.lost == 0 and info.ticks == total else 1
+
+
+if __name__ == "__main__":
+    sys.exit(main())
