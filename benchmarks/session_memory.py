@@ -4,9 +4,9 @@
 
 The recorder's real process reads a real ring; ``minutes`` of ticks of the hand at 200 Hz are written into it
 ``speed`` times as fast as a run would (their numbers come from a short recording in virtual time). Prints the
-memory of the recorder's own (the ring is shared, it belongs to no one) in every tenth of the run, its share of a processor, what it missed, and the size
-of the file before and after it was compacted. Memory is flat when the last nine tenths differ by less than
-5 %; nothing may be missed.
+memory that is the recorder's own (the ring is shared) in every tenth of the run, its share of a processor,
+what it missed, and the size of the file before and after it was compacted. Memory is flat when the last nine
+tenths differ by less than 5 %; nothing may be missed.
 """
 
 from __future__ import annotations

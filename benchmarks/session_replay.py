@@ -61,7 +61,7 @@ def main() -> int:
         recorded_s = result.ticks / 200.0
         size = path.stat().st_size
         print(
-            f"{result.ticks} ticks, {recorded_s:.0f} s, replayed in {took_s:.1f} s ({cpu_s:.1f} s of processor)"
+            f"{result.ticks} ticks, {recorded_s:.0f} s, replayed in {took_s:.1f} s (processor {cpu_s:.1f} s)"
         )
         print(
             f"{recorded_s / took_s:.0f} times real time; {'equal' if not result.divergence else 'DIFFERENT'}"
