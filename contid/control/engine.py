@@ -139,6 +139,12 @@ class Engine:
             self._sink.event("order", tick=tick_number, **fields)
         # Whoever gives orders is waited for, also when every robot is in FAULT.
         self._attended = self._attended or not isinstance(message, msg.Rows | msg.Measured | msg.End)
+        if self._finishing and isinstance(message, msg.Rows | msg.Resume | msg.Goto | msg.Play):
+            # Nobody, and no script in a loop, holds up the end of a run.
+            if not isinstance(message, msg.Rows):
+                robot = message.robot if isinstance(message, msg.Goto) else ""
+                self._sink.event("refused", robot=robot, words="the run is ending; nothing moves any more")
+            return
         match message:
             case msg.Rows(targets):
                 if not isinstance(self.source, Live):

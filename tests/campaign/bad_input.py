@@ -1,8 +1,8 @@
 """The bad input campaign: whatever bytes come in, the answer is data or a `ContidError`.
 
 ``python -m tests.campaign.bad_input [--rounds N] [--seed N] [--target NAME]`` mutates a corpus at random
-and prints counts; ``--atheris SECONDS`` lets the coverage-guided fuzzer of that name (from PyPI, not a
-dependency) drive one target. The address space of the process is capped: memory without bound is a violation.
+and prints counts; `tests.campaign.guided` is the same, guided by coverage. The address space of the process
+is capped: memory without bound is a violation.
 """
 
 from __future__ import annotations
@@ -208,12 +208,9 @@ def main() -> int:
     parser.add_argument("--rounds", type=int, default=3000)
     parser.add_argument("--seed", type=int, default=1)
     parser.add_argument("--target", choices=sorted(TARGETS))
-    parser.add_argument("--atheris", type=int, metavar="SECONDS")
     asked = parser.parse_args()
     resource.setrlimit(resource.RLIMIT_AS, (CEILING, CEILING))
     names = [asked.target] if asked.target else list(TARGETS)
-    if asked.atheris:
-        return guided(names[0], asked.atheris)
     violations = 0
     print(f"{'input':<14}{'cases':>8}{'violations':>12}")
     for name in names:
@@ -224,26 +221,6 @@ def main() -> int:
             example = next(words for _, words in found if words.strip().splitlines()[-1][:200] == kind)
             print("    " + "\n    ".join(example.strip().splitlines()[-5:]))
     return 1 if violations else 0
-
-
-def guided(name: str, seconds: int) -> int:
-    """Coverage-guided, until something is found or the time is over."""
-    import atheris  # not a dependency: pip install atheris
-
-    atheris.instrument_all()
-
-    def one(data: bytes) -> None:
-        with suppress(ContidError):
-            TARGETS[name](data)
-
-    with tempfile.TemporaryDirectory() as folder:
-        for number, data in enumerate(corpus(name)):
-            (Path(folder) / str(number)).write_bytes(data)
-        atheris.Setup(
-            [sys.argv[0], folder, f"-max_total_time={seconds}", "-rss_limit_mb=4096", "-max_len=65536"], one
-        )
-        atheris.Fuzz()
-    return 0
 
 
 if __name__ == "__main__":

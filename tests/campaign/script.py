@@ -156,6 +156,9 @@ class Script:
             orders.setdefault(self.tick(seconds), []).append(msg.ClearFault())
             orders.setdefault(self.tick(seconds) + 2, []).append(msg.Resume())
         orders.setdefault(self.tick(FINISH_S), []).append(msg.Finish())
+        # A script in a loop that does not notice the end must not hold it up.
+        for later in range(1, 200, 7):
+            orders.setdefault(self.tick(FINISH_S) + later, []).append(msg.Resume())
         given = {tick: tuple(messages) for tick, messages in orders.items()}
         return Case(self.machine, self.number, armed, trajectory, given)
 
