@@ -226,3 +226,16 @@ def test_stop_policies_override() -> None:
     orders = {300: [msg.Stop(("f0",), StopPolicy.RELAX)], 400: [msg.Finish()]}
     run_virtual(loaded, RATE, circle(loaded), sinks=[seen], orders=orders)
     assert seen.modes("f0")[-2:] == ["STOPPING", "OFF"]
+
+
+def test_nothing_that_moves_is_obeyed_while_a_run_ends() -> None:
+    """One robot rests at once, the other takes its time: resume in between must not arm the first again."""
+    loaded = load(2, on_interrupt="rest")
+    seen = Collector(loaded)
+    orders = {200: [msg.Stop(("f0",), StopPolicy.HOLD)], 260: [msg.Finish()]}
+    orders |= {tick: [msg.Resume()] for tick in range(261, 2000, 5)}
+    report = run_virtual(loaded, RATE, circle(loaded), sinks=[seen], orders=orders, ticks=2000)
+    assert report.ticks < 1000
+    assert seen.modes("f0")[-1] == "OFF"
+    assert seen.modes("f1")[-2:] == ["STOPPING", "OFF"]
+    assert any(event["event"] == "refused" for event in seen.events)
