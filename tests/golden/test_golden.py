@@ -24,6 +24,7 @@ TOLERANCE = 1e-5
 #: A geometry key of each file, a thousandth of a millimetre larger.
 MUTATIONS = {
     "cbha": ("radius_mm: [40,", "radius_mm: [40.001,"),
+    "chain": ("radius_mm: [40,", "radius_mm: [40.001,"),
     "finger": ("rack_spacing_mm: 13", "rack_spacing_mm: 13.001"),
     "hand": ("rack_spacing_mm: 13", "rack_spacing_mm: 13.001"),
     "stiffflop1": ("length_mm: 42.0", "length_mm: 42.001"),

@@ -40,8 +40,8 @@ def hand(tmp_path: Path, configs: Path) -> Path:
     text = text.replace("./hand.tty", str(tmp_path / "hand.tty"))
     text = text.replace(
         "    baud: 1000000\n",
-        "    baud: 1000000\n    usb_latency_ms: 15\n    watchdog_ms: 400\n    tolerance_ticks: 20\n",
-    )
+        "    baud: 1000000\n    usb_latency_ms: 15\n    watchdog_ms: 400\n",
+    ).replace("tolerance_ticks: 10\n", "tolerance_ticks: 20\n")
     (tmp_path / "hand.yaml").write_text(text)
     return tmp_path / "hand.yaml"
 
