@@ -22,6 +22,7 @@ COMMANDS: Final[dict[str, tuple[str, str]]] = {
     "shape": ("contid.cli.shape", "backbone points from actuation rows, or from measured poses of the tip"),
     "replay": ("contid.cli.replay", "run a recording through today's code and compare every command"),
     "session": ("contid.cli.session", "a recording: summary, export to CSV or .rrd, repair"),
+    "view": ("contid.cli.view", "look at a recording: the robots, their axes, what happened"),
     "reach": ("contid.cli.reach", "where the tips can go: areas, volumes, overlaps, plots"),
     "bench": ("contid.cli.bench", "the figures of the documentation, on this machine"),
     "train": ("contid.cli.train", "train the neural network of `contid bench ik`"),

@@ -9,7 +9,9 @@ from typing import TYPE_CHECKING
 import click
 
 if TYPE_CHECKING:
+    from contid.control.daemon import Observer
     from contid.control.report import Report
+    from contid.view.where import Where
 
 
 @click.command()
@@ -43,6 +45,11 @@ if TYPE_CHECKING:
     type=click.Path(dir_okay=False),
     help="Record everything into a session (MCAP); `contid replay` runs it again.",
 )
+@click.option(
+    "--view",
+    metavar="spawn|serve|FILE.rrd",
+    help="Show the robots: in a window, on a page of this machine, or in a file for `contid view`.",
+)
 @click.option("--json", "as_json", is_flag=True, help="Print the final report as JSON.")
 def command(
     robot_file: str,
@@ -55,6 +62,7 @@ def command(
     disarmed: bool,
     log: str | None,
     record: str | None,
+    view: str | None,
     as_json: bool,
 ) -> None:
     """Make the robots of ROBOT_FILE follow a trajectory.
@@ -64,16 +72,21 @@ def command(
     """
     from contid.control.spawn import spawn
 
+    where = None if view is None else _where(view)
     # First of all: its imports take as long as ours.
     spawned = None if virtual else spawn()
     from contid.control.run import RunRequest, run
 
-    observers = []
+    observers: list[Observer] = []
     if record is not None:
         from contid.session.record import Recording
 
         asked = {"mock": mock or virtual, "unreachable": unreachable, "input": trajectory or "stdin"}
         observers.append(Recording(Path(record), {name: str(value) for name, value in asked.items()}))
+    if where is not None:
+        from contid.view.observer import Viewing
+
+        observers.append(Viewing(where))
     request = RunRequest(
         robot_file=robot_file,
         mock=mock or virtual,
@@ -87,6 +100,15 @@ def command(
         observers=observers,
     )
     finish(run(request, spawned), as_json)
+
+
+def _where(text: str) -> Where:
+    """The place of a picture, refused before anything is started."""
+    from contid.view.where import parse_where, require
+
+    where = parse_where(text)
+    require(where)
+    return where
 
 
 def finish(report: Report, as_json: bool) -> None:

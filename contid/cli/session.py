@@ -51,10 +51,11 @@ def export(session_file: str, csv_path: str | None, rrd_path: str | None, robot:
     if rrd_path is not None:
         from contid.description.load import load_robot_file
         from contid.description.shipped import find_robot_file
-        from contid.session.rrd import export_rrd
+        from contid.view.export import export_rrd
 
         loaded = session.robot_file() if robot is None else load_robot_file(find_robot_file(robot))
-        export_rrd(session, loaded, Path(rrd_path))
+        entries = ((entry.values, entry.event) for entry in session.entries())
+        export_rrd(entries, loaded, session.layout, Path(rrd_path))
         click.echo(rrd_path)
 
 

@@ -1,1 +1,1 @@
-"""Pictures of a session or a running robot."""
+"""Pictures of a running robot or of a session, drawn by Rerun in a process that nothing waits for."""

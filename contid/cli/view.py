@@ -1,0 +1,69 @@
+"""``contid view``: look at a recorded run."""
+
+from __future__ import annotations
+
+import signal
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+import click
+
+if TYPE_CHECKING:
+    from contid.view.host import Host, WebServer
+
+
+@click.command()
+@click.argument("recording", type=click.Path(exists=True, dir_okay=False))
+@click.option("--serve", is_flag=True, help="A page on this machine for a browser instead of a window.")
+@click.option("--robot", help="Robot file for the shapes instead of the recorded one.")
+def command(recording: str, serve: bool, robot: str | None) -> None:
+    """Show RECORDING: a session (.mcap) or what `--view FILE.rrd` wrote.
+
+    Nothing leaves this machine: the page is served on the loopback address, statistics are off.
+    """
+    from contid.view.where import Kind, Where, require
+
+    where = Where(Kind.SERVE if serve else Kind.SPAWN)
+    require(where)
+    if recording.endswith(".rrd"):
+        _show_file(recording, where.kind is Kind.SERVE)
+        return
+    from contid.description.load import load_robot_file
+    from contid.description.shipped import find_robot_file
+    from contid.session.read import Session
+    from contid.view.export import draw
+
+    session = Session(Path(recording))
+    loaded = session.robot_file() if robot is None else load_robot_file(find_robot_file(robot))
+    entries = ((entry.values, entry.event) for entry in session.entries())
+    draw(entries, loaded, session.layout, where, shown=_stay)
+
+
+def _show_file(path: str, serve: bool) -> None:
+    from contid.view.host import WebServer, start_rerun
+
+    if not serve:
+        start_rerun("--new", path, stays=True)
+        return
+    server = WebServer(path)
+    try:
+        _wait(server)
+    finally:
+        server.close()
+
+
+def _stay(host: Host) -> None:
+    if host.server is not None:
+        host.recording.flush()
+        _wait(host.server)
+
+
+def _wait(server: WebServer) -> None:
+    """Say where the page is and keep it until Ctrl-C or SIGTERM."""
+    signal.signal(signal.SIGTERM, signal.default_int_handler)
+    click.echo(server.url)
+    click.echo("contid: Ctrl-C ends the page", err=True)
+    try:
+        server.wait()
+    except KeyboardInterrupt:
+        return

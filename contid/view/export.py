@@ -1,0 +1,68 @@
+"""A recorded run as a picture: the same drawing, from records that are all there already."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterable, Mapping, Sequence
+from pathlib import Path
+from typing import Any
+
+from contid.control.record import RecordLayout
+from contid.control.wiring import build_plans
+from contid.description.load import LoadedFile
+from contid.view.frames import BATCH, FRAMES_HZ, Decimator, Frame
+from contid.view.host import Host
+from contid.view.scene import build_scenes
+from contid.view.where import Kind, Where
+
+#: Values of one record, or one event.
+Entry = tuple[Sequence[float] | None, Mapping[str, Any] | None]
+
+
+def draw(
+    entries: Iterable[Entry],
+    loaded: LoadedFile,
+    layout: RecordLayout,
+    where: Where,
+    frames_hz: float = FRAMES_HZ,
+    shown: Callable[[Host], None] = lambda host: None,
+) -> None:
+    """Draw a whole run.
+
+    Args:
+        entries: ticks and events in their order.
+        loaded: the robot file of the run.
+        layout: of the records.
+        where: the picture goes.
+        frames_hz: pictures per second of the run.
+        shown: called when all is drawn, before a served page ends.
+
+    Raises:
+        ViewError: it cannot be shown there.
+    """
+    scenes = build_scenes(build_plans(loaded, layout.rate_hz), loaded)
+    decimator = Decimator(layout, frames_hz)
+    with Host(where, loaded.file.name, scenes, layout.rate_hz, live=False) as host:
+        frames: list[Frame] = []
+        for values, event in entries:
+            if event is not None:
+                host.picture.event(event)
+            elif values is not None and (frame := decimator.add(values)) is not None:
+                frames.append(frame)
+                if len(frames) >= BATCH:
+                    host.picture.write(frames)
+                    frames.clear()
+        if (last := decimator.rest()) is not None:
+            frames.append(last)
+        host.picture.write(frames)
+        shown(host)
+
+
+def export_rrd(
+    entries: Iterable[Entry],
+    loaded: LoadedFile,
+    layout: RecordLayout,
+    path: Path,
+    frames_hz: float = FRAMES_HZ,
+) -> None:
+    """Write a run as a file for the viewer; replaces a file that is there."""
+    draw(entries, loaded, layout, Where(Kind.FILE, path), frames_hz)

@@ -1,0 +1,28 @@
+"""What the daemon hands to the viewer's process."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from pathlib import Path
+
+from contid.description.load import LoadedFile
+from contid.view.where import Where
+
+
+@dataclass(frozen=True, slots=True)
+class Job:
+    """What a viewer needs to know.
+
+    Attributes:
+        where: the picture goes.
+        ring: to read.
+        pid: of its writer.
+        loaded: the robot file.
+        rate_hz: of the ticks.
+    """
+
+    where: Where
+    ring: Path
+    pid: int
+    loaded: LoadedFile
+    rate_hz: float

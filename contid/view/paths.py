@@ -1,0 +1,23 @@
+"""Names of everything that is drawn: the picture writes these entities, the layout shows them."""
+
+from __future__ import annotations
+
+from typing import Final
+
+EVENTS: Final = "events"
+TIMING: Final = "plots/timing"
+TIMES: Final = ("worst lateness", "longest work")
+
+#: Timeline in seconds of the run, and the number of the tick.
+TIME: Final = "time"
+TICK: Final = "tick"
+
+
+def body(robot: str, part: str) -> str:
+    """Something in space: command, measured, frames, base, target, trail, reach."""
+    return f"robots/{robot}/{part}"
+
+
+def plot(robot: str, what: str) -> str:
+    """A curve or bars: command, measured, tip_error, range."""
+    return f"plots/{robot}/{what}"

@@ -1,0 +1,155 @@
+"""What a robot looks like: lines, frames and limits in the world frame, in mm, for any model.
+
+Only the model protocol is needed; planar fingers add the edges of their body and the outline of their reach.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass
+from itertools import pairwise
+from typing import Final
+
+import numpy as np
+from numpy.typing import NDArray
+
+from contid.control.plan import RobotPlan
+from contid.description.cosserat import Cosserat
+from contid.description.load import LoadedFile
+from contid.description.rack_finger import RackFinger
+from contid.description.robot import RobotDescription
+from contid.models.rack_finger import RackFingerModel
+from contid.targets import ZERO3, Actuation, Vec3
+from contid.units import MM_PER_M
+
+Array = NDArray[np.float64]
+#: Points of a backbone, and of each of the three curves around a finger's reach.
+POINTS: Final = 33
+OUTLINE: Final = 100
+#: Arms of a drawn frame, as part of the robot's length.
+ARM: Final = 0.08
+
+
+@dataclass(frozen=True, slots=True)
+class Look:
+    """One robot at one actuation.
+
+    Attributes:
+        strips: sections of the backbone from base to tip, then the edges of the body, each (n, 3) [mm].
+        frames: origin and three axes of length 1 as rows, (4, 3), of the mid-point (if any) and the tip.
+    """
+
+    strips: list[Array]
+    frames: list[Array]
+
+    @property
+    def tip(self) -> Array:
+        """Of the backbone [mm]."""
+        tip: Array = self.frames[-1][0]
+        return tip
+
+
+class Scene:
+    """One robot.
+
+    Attributes:
+        plan: of the robot.
+        length_mm: from base to tip at rest.
+        outline: closed line around the reach of a planar finger [mm], None for other robots.
+        corners: least and greatest coordinates the robot is likely to take, (2, 3) [mm].
+        up: what is up in the world for whoever looks at the robot: a hanging arm hangs.
+    """
+
+    def __init__(self, plan: RobotPlan, robot: RobotDescription) -> None:
+        self.plan = plan
+        self._rotation = np.array(plan.frame.rotation).reshape(3, 3)
+        self._origin = np.array(plan.frame.origin_in_world)
+        self._spacing_m = 0.0
+        self.outline: Array | None = None
+        self.up: Vec3 = (0.0, 0.0, 1.0)
+        line = plan.model.shape(plan.rest, POINTS)
+        self.length_mm = float(np.linalg.norm(np.diff(line, axis=0), axis=1).sum()) * MM_PER_M
+        seen = self._world(line)
+        if isinstance(robot, RackFinger):
+            self._spacing_m = robot.geometry.rack_spacing_mm / MM_PER_M
+            self.outline = self._outline(robot)
+            seen = np.vstack([seen, self.outline])
+        else:
+            reach_mm = 0.5 * self.length_mm
+            seen = np.vstack([self.base[:1], seen - reach_mm, seen + reach_mm])
+        if isinstance(robot, Cosserat):
+            x, y, z = plan.frame.vector_in_world(robot.geometry.gravity_unit)
+            self.up = (-x, -y, -z)
+        self.corners = np.array([seen.min(axis=0), seen.max(axis=0)])
+
+    @property
+    def planar(self) -> bool:
+        """True when the robot stays in its x-y plane."""
+        return self.plan.model.dimension == 2
+
+    @property
+    def base(self) -> Array:
+        """The base frame: origin and axes of length 1, (4, 3)."""
+        return np.vstack([self._world(np.zeros((1, 3))), self._rotation.T])
+
+    def look(self, actuation: Actuation, load_in_world: Vec3 = ZERO3) -> Look | None:
+        """The robot at an actuation and a known tip load; None where an axis is unknown."""
+        if not all(map(math.isfinite, actuation)):
+            return None
+        load = self.plan.frame.vector_in_base(load_in_world)
+        line = self.plan.model.shape(actuation, POINTS, load)
+        pose = self.plan.model.forward(actuation, load)
+        frames = [np.vstack([self._world(np.array([pose.tip_m])), self._turned(pose.rotation)])]
+        sections = [line]
+        cut = int(np.argmin(np.linalg.norm(line - np.array(pose.mid_m), axis=1)))
+        if 0 < cut < POINTS - 1:
+            sections = [line[: cut + 1], line[cut:]]
+            turned = self._turned(_carried(sections[0]).ravel().tolist())
+            frames.insert(0, np.vstack([self._world(line[cut : cut + 1]), turned]))
+        return Look([self._world(part) for part in (*sections, *self._edges(line))], frames)
+
+    def _edges(self, line: Array) -> Sequence[Array]:
+        """Left and right edge of a planar body."""
+        if not self._spacing_m:
+            return ()
+        along = np.gradient(line, axis=0)
+        along /= np.maximum(np.linalg.norm(along, axis=1, keepdims=True), 1e-12)
+        across = 0.5 * self._spacing_m * np.stack([-along[:, 1], along[:, 0], along[:, 2]], axis=1)
+        return (line + across, line - across)
+
+    def _outline(self, robot: RackFinger) -> Array:
+        model = RackFingerModel(robot)
+        racks = list(model.envelope.outline(OUTLINE))
+        return self._world(np.array([model.forward(pair).tip_m for pair in (*racks, racks[0])]))
+
+    def _turned(self, rotation: Sequence[float]) -> Array:
+        """Axes of a frame given in the base frame, as rows in the world."""
+        turned: Array = np.array(rotation).reshape(3, 3).T @ self._rotation.T
+        return turned
+
+    def _world(self, points_in_base: Array) -> Array:
+        """Points [m] in the base frame -> [mm] in the world."""
+        world: Array = (points_in_base @ self._rotation.T + self._origin) * MM_PER_M
+        return world
+
+
+def _carried(line: Array) -> Array:
+    """Rotation at the end of a line that starts along the frame's own axis and does not twist, (3, 3).
+
+    Every step turns the frame the short way from one tangent to the next: ``R = I + [w]x + [w]x^2 / (1 + c)``
+    with ``w`` the cross and ``c`` the dot product of the two.
+    """
+    along = np.gradient(line, axis=0)
+    along /= np.maximum(np.linalg.norm(along, axis=1, keepdims=True), 1e-12)
+    rotation = np.eye(3)
+    for before, after in pairwise(along):
+        w, c = np.cross(before, after), float(before @ after)
+        skew = np.array([[0.0, -w[2], w[1]], [w[2], 0.0, -w[0]], [-w[1], w[0], 0.0]])
+        rotation = (np.eye(3) + skew + skew @ skew / (1.0 + c)) @ rotation
+    return rotation
+
+
+def build_scenes(plans: Sequence[RobotPlan], loaded: LoadedFile) -> list[Scene]:
+    """One scene per driven robot, in the order of the records."""
+    return [Scene(plan, loaded.file.robots[plan.name]) for plan in plans]

@@ -1,0 +1,68 @@
+"""Where a picture goes: a window of the native viewer, a page on this machine, or a file."""
+
+from __future__ import annotations
+
+import enum
+import os
+from collections.abc import Mapping
+from dataclasses import dataclass
+from pathlib import Path
+
+from contid.errors import ContidError
+
+
+class ViewError(ContidError):
+    """A picture cannot be shown or written where it was asked for."""
+
+
+class Kind(enum.Enum):
+    """The three places."""
+
+    SPAWN = "spawn"
+    SERVE = "serve"
+    FILE = "file"
+
+
+@dataclass(frozen=True, slots=True)
+class Where:
+    """One place.
+
+    Attributes:
+        kind: which of the three.
+        path: of the file, None for the others.
+    """
+
+    kind: Kind
+    path: Path | None = None
+
+
+def parse_where(text: str) -> Where:
+    """The place that ``--view`` names.
+
+    Raises:
+        ViewError: it names none.
+    """
+    if text in (Kind.SPAWN.value, Kind.SERVE.value):
+        return Where(Kind(text))
+    if text.endswith(".rrd"):
+        return Where(Kind.FILE, Path(text).absolute())
+    raise ViewError(f"--view {text}: say spawn (a window), serve (a page on this machine) or FILE.rrd")
+
+
+def require(where: Where, environment: Mapping[str, str] = os.environ) -> None:
+    """Refuse now what could only fail later.
+
+    Raises:
+        ViewError: no display, no such folder, or a file that is there already.
+    """
+    if where.kind is Kind.SPAWN and not (environment.get("DISPLAY") or environment.get("WAYLAND_DISPLAY")):
+        raise ViewError(
+            "no display for the viewer's window (neither DISPLAY nor WAYLAND_DISPLAY is set); "
+            "--view serve gives a page for a browser, --view FILE.rrd a file for later"
+        )
+    if where.path is None:
+        return
+    if where.path.exists():
+        raise ViewError(f"{where.path}: is there already; a recording is never overwritten")
+    if not os.access(where.path.parent, os.W_OK):
+        raise ViewError(f"{where.path.parent}: no such folder, or it cannot be written")

@@ -1,0 +1,235 @@
+"""The viewer beside a real daemon: what it shows exists, and nothing it suffers moves a tick."""
+
+from __future__ import annotations
+
+import os
+import re
+import signal
+import subprocess
+import sys
+import threading
+import time
+import urllib.error
+import urllib.request
+from collections.abc import Callable
+from pathlib import Path
+
+import psutil
+import pytest
+
+from contid.control.ring import RingReader, RingWriter, create
+from contid.control.wiring import build_plans, record_layout
+from contid.description.load import load_robot_file
+from contid.view.host import rerun_program
+from contid.view.job import Job
+from contid.view.layout import build_layout, shown
+from contid.view.page import Page, policy
+from contid.view.process import Viewer
+from contid.view.scene import build_scenes
+from contid.view.where import Kind, Where
+from tests.cli.command import contid
+
+CIRCLE = {
+    "hand": ("--center", "50,70", "--radius", "20", "--period", "1"),
+    "stiffflop2": ("--center", "0,0,88", "--radius", "10", "--period", "1"),
+    "trirack2": ("--center", "0,0,250", "--radius", "30", "--period", "2"),
+}
+
+
+def circle(robot: str, *more: str) -> str:
+    done = contid("path", "circle", *CIRCLE[robot], *more, "--for", robot)
+    assert done.returncode == 0, done.stderr
+    return done.stdout
+
+
+def entities(path: Path) -> dict[str, int]:
+    """Rows of every entity of the recording itself, not of its layout."""
+    done = subprocess.run(
+        [rerun_program(), "rrd", "print", str(path)], capture_output=True, text=True, check=True, timeout=60
+    )
+    rows: dict[str, int] = {}
+    for count, entity in re.findall(r"with (\d+) rows? .*? - /(\S+) - ", done.stdout):
+        rows[entity] = rows.get(entity, 0) + int(count)
+    return rows
+
+
+@pytest.mark.parametrize("robot", ["hand", "stiffflop2"])
+def test_every_entity_of_the_layout_is_in_the_file(robot: str, tmp_path: Path, configs: Path) -> None:
+    path = tmp_path / "run.rrd"
+    done = contid("run", robot, "--virtual", "--view", str(path), stdin=circle(robot))
+    assert done.returncode == 0, done.stderr
+    assert done.stderr == ""
+    loaded = load_robot_file(configs / f"{robot}.yaml")
+    scenes = build_scenes(build_plans(loaded, loaded.file.rate_hz), loaded)
+    wanted = set(shown(build_layout(scenes, live=True)))
+    assert len(wanted) > 8
+    there = entities(path)
+    assert wanted <= set(there)
+    for name in loaded.file.robots:
+        assert there[f"robots/{name}/command"] >= 30  # a second of pictures
+        assert there[f"plots/{name}/tip_error"] >= 30
+
+
+def test_the_picture_of_a_real_run_has_its_events_and_no_more_pictures_than_an_eye_needs(
+    tmp_path: Path,
+) -> None:
+    path = tmp_path / "run.rrd"
+    done = contid("run", "hand", "--mock", "--view", str(path), stdin=circle("hand"))
+    assert done.returncode == 0, done.stderr
+    assert "viewer" not in done.stdout
+    there = entities(path)
+    assert there["events"] >= 4
+    assert 30 <= there["plots/timing"] <= 30 * 10
+
+
+def started(*arguments: str) -> subprocess.Popen[str]:
+    return subprocess.Popen(
+        [sys.executable, "-m", "contid", *arguments],
+        stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True,
+    )  # fmt: skip
+
+
+def children_with(process: subprocess.Popen[str], words: str) -> list[psutil.Process]:
+    with_words = []
+    for child in psutil.Process(process.pid).children(recursive=True):
+        try:
+            if words in " ".join(child.cmdline()):
+                with_words.append(child)
+        except psutil.NoSuchProcess:
+            continue
+    return with_words
+
+
+def until(condition: Callable[[], object], what: str) -> None:
+    deadline = time.monotonic() + 30.0
+    while not condition():
+        assert time.monotonic() < deadline, f"never: {what}"
+        time.sleep(0.02)
+
+
+def commands(log: Path) -> list[str]:
+    """Lines of a command log without the number of the tick, which says when the run began."""
+    return [line.partition(",")[2] for line in log.read_text().splitlines()]
+
+
+@pytest.mark.parametrize("harm", [signal.SIGSTOP, signal.SIGKILL])
+def test_a_stalled_or_killed_viewer_changes_no_command(harm: signal.Signals, tmp_path: Path) -> None:
+    """Without a skipped tick the commands of a real run are those of virtual time, bit for bit."""
+    trajectory, picture = tmp_path / "circle.csv", tmp_path / "run.rrd"
+    trajectory.write_text(circle("hand", "--turns", "3"))
+    alone, viewed = tmp_path / "alone.csv", tmp_path / "viewed.csv"
+    source = ["--trajectory", str(trajectory)]
+    assert contid("run", "hand", "--virtual", "--log", str(alone), *source).returncode == 0
+    process = started("run", "hand", "--mock", "--log", str(viewed), "--view", str(picture), *source)
+    until(picture.exists, "a file")
+    children_with(process, "contid.view.process")[0].send_signal(harm)
+    output, errors = process.communicate(timeout=60)
+    assert process.returncode == 0, errors
+    assert "the viewer" in output  # the report says what became of it
+    assert commands(viewed) == commands(alone)
+
+
+def test_a_viewer_that_comes_back_says_what_it_missed(tmp_path: Path, configs: Path) -> None:
+    loaded = load_robot_file(configs / "hand.yaml")
+    layout = record_layout(loaded, 200.0)
+    ring, picture = create(layout, seconds=1.0), tmp_path / "run.rrd"
+    reader, writer = RingReader(ring), RingWriter(ring)
+    viewer = Viewer(Job(Where(Kind.FILE, picture), ring, os.getpid(), loaded, 200.0), reader)
+    try:
+        blank = layout.packer().unpack(bytes(layout.packer().size))
+        for tick in range(1000):
+            writer.write([tick, *blank[1:]])
+        writer.finish()
+        viewer.run()
+    finally:
+        viewer.close()
+        reader.close()
+        writer.close()
+        ring.unlink()
+    there = entities(picture)
+    assert there["events"] == 1  # nobody else had anything to tell
+    assert 30 <= there["plots/timing"] <= 45  # the pictures of what the ring still had
+
+
+def test_the_served_page_is_on_loopback_and_locked_in(tmp_path: Path) -> None:
+    path = tmp_path / "run.rrd"
+    assert contid("run", "hand", "--virtual", "--view", str(path), stdin=circle("hand")).returncode == 0
+    process = started("view", "--serve", str(path))
+    assert process.stdout is not None
+    url = process.stdout.readline().strip()
+    assert url.startswith("http://127.0.0.1:")
+    family = [psutil.Process(process.pid), *psutil.Process(process.pid).children(recursive=True)]
+    listening = [c.laddr.ip for p in family for c in p.net_connections() if c.status == psutil.CONN_LISTEN]
+    assert len(listening) >= 3
+    assert set(listening) == {"127.0.0.1"}
+    with urllib.request.urlopen(url) as answer:
+        assert b"Rerun" in answer.read()
+        rules = answer.headers["Content-Security-Policy"]
+    data_port = int(re.findall(r"%3A(\d+)%2Fproxy", url)[0])
+    assert rules == policy(data_port)
+    assert "https" not in rules
+    process.send_signal(signal.SIGINT)
+    process.communicate(timeout=30)
+    assert process.returncode == 0
+    assert not [each for each in family if each.is_running() and each.status() != psutil.STATUS_ZOMBIE]
+
+
+def test_a_page_answers_for_what_is_not_there() -> None:
+    before = threading.active_count()
+    page = Page(0, 1, 2)  # nobody listens on port 1
+    try:
+        with pytest.raises(urllib.error.HTTPError, match="502") as caught:
+            urllib.request.urlopen(page.url)
+        caught.value.close()
+    finally:
+        page.close()
+    assert threading.active_count() == before
+
+
+def test_rerun_stays_out_of_a_run_without_a_picture() -> None:
+    """Neither the daemon nor what it imports for ``--view`` pays for Rerun."""
+    code = "import sys, contid.control.run, contid.view.observer; print('rerun' in sys.modules)"
+    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
+    assert done.stdout.strip() == "False"
+
+
+def test_wrong_places_are_refused_before_anything_starts(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.delenv("DISPLAY", raising=False)
+    monkeypatch.delenv("WAYLAND_DISPLAY", raising=False)
+    there = tmp_path / "there.rrd"
+    there.write_bytes(b"")
+    for view, words in (
+        ("spawn", "no display"),
+        ("window", "spawn"),
+        (str(there), "never overwritten"),
+        (str(tmp_path / "no" / "such.rrd"), "no such folder"),
+    ):
+        done = contid("run", "hand", "--mock", "--view", view, stdin=circle("hand"))
+        assert done.returncode == 2
+        assert words in done.stderr
+
+
+def test_a_page_of_a_running_robot(tmp_path: Path) -> None:
+    trajectory = tmp_path / "circle.csv"
+    trajectory.write_text(circle("hand", "--turns", "4"))
+    process = started("run", "hand", "--mock", "--view", "serve", "--trajectory", str(trajectory))
+    assert process.stderr is not None
+    line = process.stderr.readline()
+    assert "view: http://127.0.0.1:" in line
+    with urllib.request.urlopen(line.split("view: ")[1].strip()) as answer:
+        assert answer.status == 200
+    process.communicate(timeout=60)
+    assert process.returncode == 0
+    with pytest.raises(OSError, match="refused"):
+        urllib.request.urlopen(line.split("view: ")[1].strip())
+
+
+def test_the_environment_tells_rerun_to_be_silent() -> None:
+    assert Path(rerun_program()).name == "rerun"
+    done = subprocess.run(
+        [rerun_program(), "--version"],
+        capture_output=True, text=True, env={**os.environ, "CI": "1", "RUST_LOG": "re_analytics=debug"},
+    )  # fmt: skip
+    assert "Analytics disabled" in done.stdout + done.stderr
