@@ -4,16 +4,18 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from pathlib import Path
-from typing import Any
+from typing import Any, Final
 
 from contid.control.record import RecordLayout
 from contid.control.wiring import build_plans
 from contid.description.load import LoadedFile
-from contid.view.frames import BATCH, FRAMES_HZ, Decimator, Frame
+from contid.view.frames import Decimator, Frame
 from contid.view.host import Host
 from contid.view.scene import build_scenes
 from contid.view.where import Kind, Where
 
+#: Ticks that are written together.
+BATCH: Final = 1024
 #: Values of one record, or one event.
 Entry = tuple[Sequence[float] | None, Mapping[str, Any] | None]
 
@@ -23,7 +25,6 @@ def draw(
     loaded: LoadedFile,
     layout: RecordLayout,
     where: Where,
-    frames_hz: float = FRAMES_HZ,
     shown: Callable[[Host], None] = lambda host: None,
 ) -> None:
     """Draw a whole run.
@@ -33,14 +34,13 @@ def draw(
         loaded: the robot file of the run.
         layout: of the records.
         where: the picture goes.
-        frames_hz: pictures per second of the run.
         shown: called when all is drawn, before a served page ends.
 
     Raises:
         ViewError: it cannot be shown there.
     """
     scenes = build_scenes(build_plans(loaded, layout.rate_hz), loaded)
-    decimator = Decimator(layout, frames_hz)
+    decimator = Decimator(layout, curves=True)
     with Host(where, loaded.file.name, scenes, layout.rate_hz, live=False) as host:
         frames: list[Frame] = []
         for values, event in entries:
@@ -62,7 +62,6 @@ def export_rrd(
     loaded: LoadedFile,
     layout: RecordLayout,
     path: Path,
-    frames_hz: float = FRAMES_HZ,
 ) -> None:
     """Write a run as a file for the viewer; replaces a file that is there."""
-    draw(entries, loaded, layout, Where(Kind.FILE, path), frames_hz)
+    draw(entries, loaded, layout, Where(Kind.FILE, path))

@@ -13,6 +13,7 @@ import numpy as np
 import rerun as rr
 from numpy.typing import NDArray
 
+from contid.control.plan import RobotPlan
 from contid.control.record import RobotRecord
 from contid.targets import Vec3
 from contid.units import MM_PER_M
@@ -94,7 +95,11 @@ class Picture:
         timing = [[frame.lateness_s * US_PER_S, frame.work_s * US_PER_S] for frame in frames]
         self._scalars(paths.TIMING, ticks, timing)
         for index, scene in enumerate(self._scenes):
-            self._robot(index, scene, ticks, [frame.record.robots[index] for frame in frames])
+            records = [frame.record.robots[index] for frame in frames]
+            self._curves(scene, ticks, records)
+            drawn = [k for k, frame in enumerate(frames) if frame.drawn]
+            if drawn:
+                self._space(index, scene, [ticks[k] for k in drawn], [records[k] for k in drawn])
 
     def event(self, event: Mapping[str, Any]) -> None:
         """Add an event of the ring, unless it is for machines only."""
@@ -105,28 +110,26 @@ class Picture:
         columns = rr.TextLog.columns(text=[text], level=[LEVELS.get(kind, "INFO")])
         self._send(paths.EVENTS, [int(event.get("tick", self._tick))], columns)
 
-    def _robot(self, index: int, scene: Scene, ticks: Sequence[int], records: Sequence[RobotRecord]) -> None:
+    def _curves(self, scene: Scene, ticks: Sequence[int], records: Sequence[RobotRecord]) -> None:
+        """Lengths or pressures, commanded and measured, and the error of the tip."""
         plan = scene.plan
-        per_si = plan.quantity.per_si
-        commands = np.array([[axis.command for axis in record.axes] for record in records])
-        samples = [
-            plan.transmission.to_actuation(tuple(axis.value for axis in record.axes)) for record in records
-        ]
-        measured = np.array(samples)
-        self._scalars(paths.plot(plan.name, "command"), ticks, commands * per_si)
-        self._scalars(paths.plot(plan.name, "measured"), ticks, measured * per_si)
-        errors = np.array([[record.tip_error_m * MM_PER_M] for record in records])
+        for what, rows in (("command", _commands(records)), ("measured", _samples(plan, records))):
+            self._scalars(paths.plot(plan.name, what), ticks, rows * plan.quantity.per_si)
+        errors = [[record.tip_error_m * MM_PER_M] for record in records]
         self._scalars(paths.plot(plan.name, "tip_error"), ticks, errors)
+
+    def _space(self, index: int, scene: Scene, ticks: Sequence[int], records: Sequence[RobotRecord]) -> None:
+        """Backbones, frames, target and trail; bars."""
+        plan = scene.plan
+        commands, samples = _commands(records), _samples(plan, records)
         if not scene.planar:
             self._range(scene, ticks, commands)
         loads = [_known(record.load_n) for record in records]
-        wanted = [scene.look(tuple(row), load) for row, load in zip(commands.tolist(), loads, strict=True)]
-        seen = [scene.look(tuple(row), load) for row, load in zip(samples, loads, strict=True)]
-        first, second = SECTIONS[index % len(SECTIONS)]
-        self._body(scene, "command", ticks, wanted, (first, second), 2.5)
+        wanted = [scene.look(tuple(q), load) for q, load in zip(commands.tolist(), loads, strict=True)]
+        seen = [scene.look(tuple(q), load) for q, load in zip(samples.tolist(), loads, strict=True)]
+        self._body(scene, "backbone", ticks, wanted, SECTIONS[index % len(SECTIONS)], 2.5)
         self._body(scene, "measured", ticks, seen, (MEASURED, MEASURED), 1.0)
-        best = [a or b for a, b in zip(wanted, seen, strict=True)]
-        self._frames(scene, ticks, best)
+        self._frames(scene, ticks, [a or b for a, b in zip(wanted, seen, strict=True)])
         targets = [np.array([record.tip_m]) * MM_PER_M for record in records]
         self._points(paths.body(plan.name, "target"), ticks, targets, TARGET, 5.0)
         tips = [np.full((1, 3), np.nan) if look is None else look.tip[None] for look in seen]
@@ -236,6 +239,17 @@ def _arrows(frames: Sequence[NDArray[np.float64]], length_mm: float) -> rr.Arrow
         vectors=stacked[:, 1:].reshape(-1, 3) * length_mm,
         colors=[*AXES] * len(frames),
     )
+
+
+def _commands(records: Sequence[RobotRecord]) -> NDArray[np.float64]:
+    """What was commanded [m or Pa], a row per record."""
+    return np.array([[axis.command for axis in record.axes] for record in records])
+
+
+def _samples(plan: RobotPlan, records: Sequence[RobotRecord]) -> NDArray[np.float64]:
+    """The actuation [m or Pa] that was measured, a row per record."""
+    values = (tuple(axis.value for axis in record.axes) for record in records)
+    return np.array([plan.transmission.to_actuation(each) for each in values])
 
 
 def _known(load_n: Vec3) -> Vec3:

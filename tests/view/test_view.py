@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 import os
 import re
 import signal
@@ -66,7 +67,7 @@ def test_every_entity_of_the_layout_is_in_the_file(robot: str, tmp_path: Path, c
     there = entities(path)
     assert wanted <= set(there)
     for name in loaded.file.robots:
-        assert there[f"robots/{name}/command"] >= 30  # a second of pictures
+        assert there[f"robots/{name}/backbone"] >= 30  # a second of pictures
         assert there[f"plots/{name}/tip_error"] >= 30
 
 
@@ -80,6 +81,16 @@ def test_the_picture_of_a_real_run_has_its_events_and_no_more_pictures_than_an_e
     there = entities(path)
     assert there["events"] >= 4
     assert 30 <= there["plots/timing"] <= 30 * 10
+
+
+def test_a_recorded_session_keeps_every_tick_in_its_curves(tmp_path: Path) -> None:
+    session, picture = tmp_path / "run.mcap", tmp_path / "run.rrd"
+    assert contid("run", "hand", "--virtual", "--record", str(session), stdin=circle("hand")).returncode == 0
+    assert contid("session", "export", str(session), "--rrd", str(picture)).returncode == 0
+    ticks = json.loads(contid("session", "info", "--json", str(session)).stdout)["ticks"]
+    there = entities(picture)
+    assert there["plots/timing"] == ticks + 1  # and the names of the curves
+    assert there["robots/left/backbone"] <= ticks * 30 / 200 + 2
 
 
 def started(*arguments: str) -> subprocess.Popen[str]:
@@ -116,7 +127,7 @@ def commands(log: Path) -> list[str]:
 def test_a_stalled_or_killed_viewer_changes_no_command(harm: signal.Signals, tmp_path: Path) -> None:
     """Without a skipped tick the commands of a real run are those of virtual time, bit for bit."""
     trajectory, picture = tmp_path / "circle.csv", tmp_path / "run.rrd"
-    trajectory.write_text(circle("hand", "--turns", "3"))
+    trajectory.write_text(circle("hand"))
     alone, viewed = tmp_path / "alone.csv", tmp_path / "viewed.csv"
     source = ["--trajectory", str(trajectory)]
     assert contid("run", "hand", "--virtual", "--log", str(alone), *source).returncode == 0
