@@ -54,8 +54,13 @@ def test_the_commands_of_a_page_run(page: str, tmp_path: Path) -> None:
     assert "Traceback" not in done.stderr
 
 
-def test_the_readme_is_short() -> None:
-    assert len((ROOT / "README.md").read_text().splitlines()) <= 150
+def test_the_readme_is_short_and_its_links_lead_somewhere() -> None:
+    text = (ROOT / "README.md").read_text()
+    assert len(text.splitlines()) <= 150
+    for page in (*PAGES, *(str(p.relative_to(ROOT)) for p in (ROOT / "docs").glob("*.md"))):
+        for link in re.findall(r"\]\(([^)#]+)(?:#[^)]*)?\)", (ROOT / page).read_text()):
+            if "://" not in link:
+                assert ((ROOT / page).parent / link).exists(), f"{page}: {link}"
 
 
 def test_ci_runs_exactly_the_test_command_of_the_readme() -> None:
