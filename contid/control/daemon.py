@@ -20,7 +20,7 @@ from contid.control.child import ControlChild
 from contid.control.command_log import CommandLog
 from contid.control.cycle import OnEnd, Sink
 from contid.control.inputs import Stream
-from contid.control.messages import End, Estop, Finish, Message
+from contid.control.messages import End, Estop, Finish, Message, Play
 from contid.control.notify import Notifier
 from contid.control.preflight import Unreachable
 from contid.control.record import TickRecord
@@ -93,6 +93,10 @@ class Observer(Protocol):
         """The same for a run in virtual time, which has no ring: a sink within this process."""
         ...
 
+    def told(self, message: Message) -> None:
+        """An order is about to go to the control process; of a `Play`, events do not hold the content."""
+        ...
+
     def detach(self) -> Sequence[str]:
         """The ring is finished: read the rest and end, within a bounded time.
 
@@ -155,7 +159,14 @@ class Daemon:
 
     def send(self, message: Message) -> None:
         """See `Orders.send`."""
+        self._tell(message)
         self._child.send(message)
+
+    def _tell(self, message: Message) -> None:
+        """Let the observers know of a long order before anybody obeys it."""
+        if isinstance(message, Play):
+            for observer in self._options.observers:
+                observer.told(message)
 
     def newest(self) -> TickRecord | None:
         """See `Orders.newest`."""

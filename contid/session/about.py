@@ -29,13 +29,13 @@ from contid.control.wiring import driven_robots, record_layout
 from contid.description.load import LoadedFile
 from contid.errors import ContidError
 from contid.hal import DeviceKind, load_driver
-from contid.session.header import Header
+from contid.session.header import NPZ, Header
 from contid.trajectory.columns import read_layout
 from contid.trajectory.timed import Interpolation, Trajectory
 
 #: Grows when a reader of the version before would misunderstand a file.
 FORMAT: Final = "1"
-TRAJECTORY: Final = "trajectory.npz"
+TRAJECTORY: Final = "trajectory"
 _ROWS: Final = "rows.npy"
 
 
@@ -86,15 +86,8 @@ def describe(setup: Setup, options: Mapping[str, str], virtual: bool, host: str 
     }
     attachments: tuple[tuple[str, str, bytes], ...] = ()
     if setup.trajectory is not None:
-        data = _packed(setup.trajectory)
-        attachments = ((TRAJECTORY, "application/x-npz", data),)
-        metadata["trajectory"] = {
-            "columns": json.dumps(list(setup.trajectory.columns)),
-            "interpolation": setup.trajectory.interpolation.value,
-            "rows": str(len(setup.trajectory)),
-            "units": "SI in the order of the columns",
-            "sha256": hashlib.sha256(setup.trajectory.rows.tobytes()).hexdigest(),
-        }
+        attachments = ((f"{TRAJECTORY}.npz", NPZ, packed(setup.trajectory)),)
+        metadata[TRAJECTORY] = about_trajectory(setup.trajectory)
     return Header(layout, units, metadata, attachments, wall_ns, monotonic_s)
 
 
@@ -114,11 +107,23 @@ def device_units(loaded: LoadedFile) -> dict[str, str]:
     return units
 
 
-def _packed(trajectory: Trajectory) -> bytes:
-    """The rows as an ``.npz``: SI float64, shape (rows, columns); fast rather than small."""
+def about_trajectory(trajectory: Trajectory) -> dict[str, str]:
+    """The metadata of an attached trajectory."""
+    return {
+        "columns": json.dumps(list(trajectory.columns)),
+        "interpolation": trajectory.interpolation.value,
+        "rows": str(len(trajectory)),
+        "units": "SI in the order of the columns",
+        "sha256": hashlib.sha256(trajectory.rows.tobytes()).hexdigest(),
+    }
+
+
+def packed(trajectory: Trajectory, at_once: bool = False) -> bytes:
+    """The rows as an ``.npz``: SI float64, shape (rows, columns); ``at_once`` does not compress them."""
     out = io.BytesIO()
+    kind = zipfile.ZIP_STORED if at_once else zipfile.ZIP_DEFLATED
     with (
-        zipfile.ZipFile(out, "w", zipfile.ZIP_DEFLATED, compresslevel=1) as archive,
+        zipfile.ZipFile(out, "w", kind, compresslevel=None if at_once else 1) as archive,
         archive.open(_ROWS, "w", force_zip64=True) as file,
     ):
         np.save(file, trajectory.rows, allow_pickle=False)

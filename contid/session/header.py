@@ -2,11 +2,15 @@
 
 from __future__ import annotations
 
+import json
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import asdict, dataclass
 from pathlib import Path
+from typing import Final
 
 from contid.control.record import RecordLayout
+
+NPZ: Final = "application/x-npz"
 
 
 @dataclass(frozen=True, slots=True)
@@ -32,6 +36,25 @@ class Header:
     def time_ns(self, deadline_s: float) -> int:
         """Time of day of an instant on the clock of the ticks."""
         return self.wall_ns + round((deadline_s - self.monotonic_s) * 1e9)
+
+
+@dataclass(frozen=True, slots=True)
+class Attached:
+    """A trajectory that came during the run; one line of JSON from the daemon to the recorder.
+
+    Attributes:
+        name: of its attachment and its metadata.
+        about: its metadata.
+        path: file with its rows, for the recorder to take and remove.
+    """
+
+    name: str
+    about: Mapping[str, str]
+    path: str
+
+    def line(self) -> bytes:
+        """For the pipe."""
+        return json.dumps(asdict(self)).encode() + b"\n"
 
 
 @dataclass(frozen=True, slots=True)

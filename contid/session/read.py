@@ -94,17 +94,21 @@ class Session:
 
     def _read_head(self, stream: RecordStream) -> None:
         for opcode, body in stream:
-            if opcode == mcap.METADATA:
-                record = mcap.understood(opcode, body)
-                self.about[record.name] = dict(record.metadata)
-            elif opcode == mcap.ATTACHMENT:
-                record = mcap.understood(opcode, body)
-                self._attachments[record.name] = record.data
-            elif opcode == mcap.CHANNEL:
-                record = mcap.understood(opcode, body)
-                self._topics[record.id] = record.topic
-            elif opcode == mcap.MESSAGE:
+            if opcode == mcap.MESSAGE:
                 return
+            self._keep(opcode, body)
+
+    def _keep(self, opcode: int, body: bytes) -> None:
+        """Take a record that is no message; trajectories may come between those."""
+        if opcode not in (mcap.METADATA, mcap.ATTACHMENT, mcap.CHANNEL):
+            return
+        record = mcap.understood(opcode, body)
+        if opcode == mcap.METADATA:
+            self.about[record.name] = dict(record.metadata)
+        elif opcode == mcap.ATTACHMENT:
+            self._attachments[record.name] = record.data
+        else:
+            self._topics[record.id] = record.topic
 
     def option(self, name: str) -> str:
         """What the run was asked for; "" when it was not said."""
@@ -127,14 +131,20 @@ class Session:
         loaded = parse_robot_file(about["text"], about["name"])
         return with_mock(loaded) if self.option("mock") == "True" else loaded
 
-    def trajectory(self, loaded: LoadedFile) -> Trajectory | None:
-        """The timed trajectory that was followed, bit for bit; None when there was none."""
-        if TRAJECTORY not in self._attachments:
+    def trajectory(self, loaded: LoadedFile, played: int = 0) -> Trajectory | None:
+        """A timed trajectory, bit for bit; None when there is none.
+
+        Args:
+            loaded: whose columns they are.
+            played: 0 for the one the run began with; n for the n-th that came later, once `entries` is there.
+        """
+        name = f"{TRAJECTORY}-{played}" if played else TRAJECTORY
+        if f"{name}.npz" not in self._attachments:
             return None
-        about = self.about.get("trajectory", {})
+        about = self.about.get(name, {})
         if not about.keys() >= {"columns", "sha256", "interpolation"}:
             raise SessionError(f"{self.path}: its trajectory has no columns")
-        return unpacked(self._attachments[TRAJECTORY], about, loaded)
+        return unpacked(self._attachments[f"{name}.npz"], about, loaded)
 
     def entries(self) -> Iterator[Entry]:
         """Ticks and events in their order; a tick that is not whole is left out."""
@@ -145,9 +155,10 @@ class Session:
         with self.path.open("rb") as file:
             stream = RecordStream(file)
             for opcode, body in stream:
-                if opcode != mcap.MESSAGE:
-                    continue
                 try:
+                    if opcode != mcap.MESSAGE:
+                        self._keep(opcode, body)
+                        continue
                     channel, _, time_ns, _ = inside.unpack_from(body)
                     topic = topics.get(channel)
                     if topic == EVENT:
@@ -161,7 +172,7 @@ class Session:
                     if topic != last:
                         continue
                     values = decoder.record(gathered)
-                except (ValueError, KeyError, TypeError, IndexError, struct.error):
+                except (ValueError, KeyError, TypeError, IndexError, struct.error, DamagedRecordError):
                     self.cut = "a message is damaged"
                     return
                 yield Entry(time_ns, values)

@@ -6,17 +6,21 @@ import os
 import pickle
 import subprocess
 import sys
+import tempfile
 from collections.abc import Mapping, Sequence
+from contextlib import suppress
 from pathlib import Path
 from typing import Final
 
 from contid.control.cycle import Sink
+from contid.control.messages import Message, Play
+from contid.control.ring import folder
 from contid.control.setup import Setup
 from contid.control.spawn import ENVIRONMENT
 from contid.errors import ContidError
-from contid.session.about import describe
+from contid.session.about import TRAJECTORY, about_trajectory, describe, packed
 from contid.session.compact import compact
-from contid.session.header import Job
+from contid.session.header import NPZ, Attached, Job
 from contid.session.recorder import READY
 from contid.session.write import SessionSink, SessionWriter
 
@@ -40,6 +44,7 @@ class Recording:
         self._host = host
         self._process: subprocess.Popen[bytes] | None = None
         self._writer: SessionWriter | None = None
+        self._played = 0
 
     def attach(self, setup: Setup, pid: int) -> None:
         """Start the recorder's process and wait until its file is there.
@@ -62,7 +67,7 @@ class Recording:
         header = describe(setup, self._options, virtual=False, host=self._host)
         try:
             pickle.dump(Job(self.path.absolute(), setup.ring, pid, header), process.stdin)
-            process.stdin.close()
+            process.stdin.flush()
             answer = process.stdout.readline().decode().strip()
         except BrokenPipeError:
             answer = ""
@@ -79,6 +84,24 @@ class Recording:
         header = describe(setup, self._options, virtual=True, host=self._host)
         self._writer = SessionWriter(self.path, header)
         return SessionSink(self._writer, header.layout.packer())
+
+    def told(self, message: Message) -> None:
+        """Hand the trajectory of an order over to the recorder; of other orders events hold everything."""
+        if not isinstance(message, Play):
+            return
+        self._played += 1
+        name, about = f"{TRAJECTORY}-{self._played}", about_trajectory(message.trajectory)
+        data = packed(message.trajectory, at_once=True)
+        if self._writer is not None:
+            self._writer.attach(name, NPZ, data, about)
+        elif self._process is not None and self._process.stdin is not None:
+            # Through a file: a pipe would hold the daemon up for as long as the recorder takes to read.
+            descriptor, path = tempfile.mkstemp(".npz", "contid-", folder())
+            with os.fdopen(descriptor, "wb") as file:
+                file.write(data)
+            with suppress(BrokenPipeError):
+                self._process.stdin.write(Attached(name, about, path).line())
+                self._process.stdin.flush()
 
     def detach(self) -> Sequence[str]:
         """Wait until the session is whole; returns what went wrong."""
@@ -97,7 +120,10 @@ class Recording:
         """What the recorder said since, and whether it ended in time."""
         process, self._process = self._process, None
         assert process is not None
+        assert process.stdin is not None
         assert process.stdout is not None
+        with suppress(BrokenPipeError):
+            process.stdin.close()
         try:
             process.wait(patience_s)
         except subprocess.TimeoutExpired:

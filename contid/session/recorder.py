@@ -12,6 +12,7 @@ footer, compacts. SIGTERM and SIGINT are ignored for that reason (a service mana
 from __future__ import annotations
 
 import gc
+import json
 import os
 import pickle
 import select
@@ -19,12 +20,13 @@ import signal
 import sys
 import time
 from contextlib import suppress
+from pathlib import Path
 from typing import Final
 
 from contid.control.ring import RingReader
 from contid.errors import ContidError
 from contid.session.compact import compact
-from contid.session.header import Job
+from contid.session.header import NPZ, Attached, Job
 from contid.session.write import SessionWriter
 
 READY: Final = "ready"
@@ -51,6 +53,8 @@ class Recorder:
         self._next_s = 0.0
         self._taken = 0
         self._missed = (0, 0)
+        self._inbox = -1
+        self._lines = b""
         try:
             self._pidfd = os.pidfd_open(job.pid)
         except ProcessLookupError:
@@ -75,6 +79,11 @@ class Recorder:
             self._writer.event({"event": "recorder", "words": "the control process ended without a word"})
         self._writer.finish()
 
+    def listen(self, descriptor: int) -> None:
+        """Take trajectories that come during the run from the daemon's pipe."""
+        os.set_blocking(descriptor, False)
+        self._inbox = descriptor
+
     def close(self) -> None:
         """Let file and ring go."""
         self._writer.close()
@@ -85,8 +94,10 @@ class Recorder:
     def _drain(self) -> bool:
         """Write what is new, at most `_AT_ONCE` ticks; True when there may be more."""
         reader, writer = self._reader, self._writer
-        # Events of a tick are in the ring before its record: fetched in this order, they are in the file too.
         written = reader.written
+        if self._inbox >= 0:
+            self._take_attached()  # sent here before its order was sent, so it is here when its event is
+        # Events of a tick are in the ring before its record: fetched in this order, they are in the file too.
         for event in reader.events():
             writer.event(event)
         wanted = min(written - self._taken, _AT_ONCE)
@@ -105,6 +116,22 @@ class Recorder:
         if writer.pending:
             writer.flush()
         return self._taken < written
+
+    def _take_attached(self) -> None:
+        try:
+            chunk = os.read(self._inbox, 1 << 16)
+        except BlockingIOError:
+            return
+        if not chunk:  # the daemon is gone, or has nothing more to say
+            self._inbox = -1
+            return
+        *lines, self._lines = (self._lines + chunk).split(b"\n")
+        for line in lines:
+            told = Attached(**json.loads(line))
+            path = Path(told.path)
+            with suppress(OSError):
+                self._writer.attach(told.name, NPZ, path.read_bytes(), told.about)
+                path.unlink()
 
     def _sleep(self) -> bool:
         """Until the next record should be there; True when its writer is gone."""
@@ -131,6 +158,7 @@ def main() -> int:
     gc.collect()
     gc.freeze()
     _ask_for(_PRIORITY)
+    recorder.listen(sys.stdin.fileno())
     try:
         recorder.run()
     except ContidError as error:

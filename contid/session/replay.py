@@ -18,6 +18,7 @@ from typing import Any
 from contid.control.cycle import OnEnd, Timing
 from contid.control.engine import Engine
 from contid.control.journal import answer_of, order_of
+from contid.control.messages import Play
 from contid.control.ports import Answer, Job
 from contid.control.wiring import build_plans, driven_robots, record_layout
 from contid.description.load import LoadedFile
@@ -170,7 +171,7 @@ def replay(
         engine.connect()
     else:
         engine.arm()
-    last, last_skipped, count = -1, 0, 0
+    last, last_skipped, count, played = -1, 0, 0, 0
     for entry in session.entries():
         if entry.event is not None:
             _note(entry.event, by_tick)
@@ -184,6 +185,9 @@ def replay(
         told.values, told.stalls = values, set()
         for event in by_tick.pop(tick, ()):
             try:
+                if event.get("order") == "play":
+                    played += 1
+                    event = {**event, "trajectory": session.trajectory(loaded, played)}
                 _apply(event, told, engine, tick)
             except ContidError as error:
                 return Replayed(count, None, comparison.largest, str(error))
@@ -206,7 +210,8 @@ def _apply(event: Mapping[str, Any], told: _Told, engine: Engine, tick: int) -> 
     """Give the tick under way what an event says about it."""
     match event["event"]:
         case "order":
-            engine.obey(order_of(event), tick)
+            known = event.get("trajectory")
+            engine.obey(order_of(event) if known is None else Play(known), tick)
         case "answer":
             told.answers[event["bus"]] = answer_of(event)
         case "stall":

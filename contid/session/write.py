@@ -63,6 +63,15 @@ class SessionWriter:
         data = json.dumps(event, separators=(",", ":")).encode()
         self._buffer += mcap.message(_EVENT_ID, self._sequence, self._time_ns, data)
 
+    def attach(self, name: str, media: str, data: bytes, about: Mapping[str, str]) -> None:
+        """Add a file and what is to be known about it."""
+        from mcap.records import Attachment, Metadata
+
+        self._buffer += mcap.built(
+            Metadata(name=name, metadata=dict(about)),
+            Attachment(self._time_ns, self._time_ns, f"{name}.npz", media, data),
+        )
+
     def flush(self) -> None:
         """Hand everything to the operating system.
 

@@ -30,6 +30,9 @@ def record_virtual(
     """Record a run in virtual time."""
     recording = Recording(path, {"mock": "False", "input": "test"})
     sink = recording.follow(Setup(loaded, 200.0, Path(), trajectory, on_end, attended=False))
+    for messages in (orders or {}).values():
+        for message in messages:
+            recording.told(message)
     run_virtual(loaded, 200.0, trajectory, sinks=[sink], orders=orders, ticks=ticks, on_end=on_end)
     recording.detach()
     return path

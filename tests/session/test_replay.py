@@ -3,15 +3,21 @@
 from __future__ import annotations
 
 import math
+import os
 from pathlib import Path
 
 import pytest
 
 from contid.control import messages as msg
+from contid.control import ring
+from contid.control.cycle import OnEnd
+from contid.control.setup import Setup
+from contid.control.wiring import record_layout
 from contid.description.load import parse_robot_file
 from contid.errors import ContidError
 from contid.session.differences import differences
 from contid.session.read import Session
+from contid.session.record import Recording
 from contid.session.replay import Replayed, replay
 from contid.targets import Target
 from tests.control.fingers import circle, fingers, load
@@ -123,11 +129,6 @@ def test_other_robots_are_refused(recorded: Path) -> None:
 
 
 def test_a_gap_in_the_recording_ends_the_replay(recorded: Path, tmp_path: Path) -> None:
-    from contid.control.cycle import OnEnd
-    from contid.control.setup import Setup
-    from contid.control.wiring import record_layout
-    from contid.session.record import Recording
-
     loaded = load(2)
     recording = Recording(tmp_path / "gap.mcap", {"mock": "False"})
     sink = recording.follow(Setup(loaded, 200.0, Path(), circle(loaded), OnEnd.STOP, attended=False))
@@ -143,3 +144,43 @@ def test_a_gap_in_the_recording_ends_the_replay(recorded: Path, tmp_path: Path) 
     result = replay(session, loaded)
     assert result.ticks == 100
     assert result.stopped == "ticks 100 to 101 were not recorded (the recorder was overrun)"
+
+
+def test_a_trajectory_that_came_during_the_run(tmp_path: Path) -> None:
+    loaded = load(2)
+    first, second = circle(loaded, period_s=0.5), circle(loaded, period_s=0.8, radius_mm=3.0)
+    orders: dict[int, list[msg.Message]] = {
+        150: [msg.Hold()], 200: [msg.Play(second), msg.Resume()], 500: [msg.Hold()],
+        520: [msg.Play(first), msg.Resume()], 800: [msg.Finish()],
+    }  # fmt: skip
+    path = record_virtual(tmp_path / "s.mcap", loaded, first, orders, on_end=OnEnd.HOLD)
+    _same(path)
+    session = Session(path)
+    list(session.entries())
+    again = session.trajectory(loaded, 1)
+    assert again is not None
+    assert again.rows.tobytes() == second.rows.tobytes()
+    assert session.trajectory(loaded, 3) is None
+
+
+def test_the_recorder_takes_a_trajectory_that_came_during_the_run(tmp_path: Path) -> None:
+    """The way through the daemon's observer and the recorder's process, before the order is in the ring."""
+    loaded = load(2)
+    shared = ring.create(record_layout(loaded, 200.0))
+    writer = ring.RingWriter(shared)
+    recording = Recording(tmp_path / "s.mcap", {"mock": "False"})
+    recording.attach(Setup(loaded, 200.0, shared, None, OnEnd.HOLD, attended=True), os.getpid())
+    second = circle(loaded, period_s=0.8)
+    recording.told(msg.Play(second))
+    recording.told(msg.Hold())
+    writer.event("order", tick=0, order="play", rows=len(second))
+    writer.finish()
+    assert recording.detach() == ()
+    writer.close()
+    shared.unlink()
+    session = Session(tmp_path / "s.mcap")
+    assert [event["order"] for event in session.events()] == ["play"]
+    again = session.trajectory(loaded, 1)
+    assert again is not None
+    assert again.rows.tobytes() == second.rows.tobytes()
+    assert not list(ring.folder().glob("contid-*.npz"))
