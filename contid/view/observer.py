@@ -11,6 +11,7 @@ from contextlib import suppress
 from typing import TYPE_CHECKING, Any, Final
 
 from contid.control.cycle import Sink
+from contid.control.messages import Message
 from contid.control.setup import Setup
 from contid.control.spawn import ENVIRONMENT
 from contid.control.wiring import build_plans, record_layout
@@ -57,6 +58,9 @@ class Viewing:
         """Draw a run in virtual time within this process."""
         self._sink = DrawingSink(self._where, setup)
         return self._sink
+
+    def told(self, message: Message) -> None:
+        """A viewer shows what comes of orders."""
 
     def detach(self) -> Sequence[str]:
         """Wait for the last pictures, but not for long; returns what went wrong."""
