@@ -1,1 +1,1 @@
-"""The local socket: server and client."""
+"""The local socket: the daemon's server, what crosses it, and the clients behind `contid.client`."""

@@ -1,0 +1,88 @@
+"""How old the data of a bus are: health from the age of what was measured, never from a flag.
+
+    tier = first of (fresh, late, stale, old, lost) whose bound is not exceeded
+
+Bounds 15, 50, 200 and 1000 ms (those of orca_core's joint loop), none of them shorter than three periods of
+the tick: at 20 Hz data of 150 ms are fresh.
+"""
+
+from __future__ import annotations
+
+import enum
+import math
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from typing import Final
+
+from contid.control.record import RecordLayout, TickRecord
+
+
+class Tier(enum.StrEnum):
+    """How far the data of a bus can be trusted."""
+
+    FRESH = "fresh"
+    LATE = "late"
+    STALE = "stale"
+    OLD = "old"
+    LOST = "lost"
+
+
+BOUNDS_S: Final[tuple[tuple[float, Tier], ...]] = (
+    (0.015, Tier.FRESH),
+    (0.050, Tier.LATE),
+    (0.200, Tier.STALE),
+    (1.000, Tier.OLD),
+)
+#: Periods of the tick that no bound is shorter than.
+LEAST_PERIODS: Final = 3.0
+
+
+@dataclass(frozen=True, slots=True)
+class BusHealth:
+    """The data of one bus.
+
+    Attributes:
+        tier: of the oldest of its axes.
+        age_s: age of that data now; infinite while nothing valid was ever read.
+        silent: axes that the newest exchange did not read.
+    """
+
+    tier: Tier
+    age_s: float
+    silent: tuple[str, ...]
+
+
+def tier_of(age_s: float, period_s: float) -> Tier:
+    """The tier of an age."""
+    for bound_s, tier in BOUNDS_S:
+        if age_s <= max(bound_s, LEAST_PERIODS * period_s):
+            return tier
+    return Tier.LOST
+
+
+def bus_health(
+    layout: RecordLayout, record: TickRecord, axes_of: Mapping[str, Sequence[str]], now_s: float
+) -> dict[str, BusHealth]:
+    """The health of every bus.
+
+    Args:
+        layout: of the record.
+        record: the newest one.
+        axes_of: axes by bus, as ``ROBOT.AXIS``.
+        now_s: the time now, on the clock of the record.
+    """
+    times: dict[str, float] = {}
+    valid: dict[str, bool] = {}
+    for robot, values in zip(layout.robots, record.robots, strict=True):
+        for axis, sample in zip(robot.axes, values.axes, strict=True):
+            # A value that was never read is older than anything.
+            times[f"{robot.name}.{axis}"] = -math.inf if math.isnan(sample.value) else sample.time_s
+            valid[f"{robot.name}.{axis}"] = sample.valid == 1.0
+    period_s = 1.0 / layout.rate_hz
+    health = {}
+    for bus, axes in axes_of.items():
+        known = [axis for axis in axes if axis in times]
+        age_s = max((now_s - times[axis] for axis in known), default=math.inf)
+        silent = tuple(axis for axis in known if not valid[axis])
+        health[bus] = BusHealth(tier_of(age_s, period_s), max(age_s, 0.0), silent)
+    return health

@@ -1,0 +1,180 @@
+"""What crosses the socket: newline-delimited JSON objects, their limits and their errors.
+
+A request is ``{"id": 7, "verb": "hold", ...}``; its answer carries the same id and ``"ok": true`` with a
+``result``, or ``"ok": false`` with an ``error`` (a code of `Code`, a message, and the faults of the robots
+concerned). Objects with ``"event"`` come unasked. The first line of the server is its hello.
+"""
+
+from __future__ import annotations
+
+import enum
+import json
+from collections.abc import Mapping
+from typing import Any, Final, TypeAlias
+
+from contid.errors import ContidError
+
+#: Grows when an old client would misunderstand a new server, or the other way round.
+PROTOCOL: Final = 1
+#: Bytes of one line, its end included; a row of a sixteen-finger robot is about a thousand.
+MAX_LINE: Final = 1 << 16
+#: Clients at a time; one more displaces the one that was idle longest.
+MAX_CLIENTS: Final = 64
+
+Fields: TypeAlias = dict[str, Any]
+
+
+class Code(enum.StrEnum):
+    """Why a request was not carried out; programs may rely on these words."""
+
+    BAD_REQUEST = "bad-request"  # not JSON, not an object, a field that is missing or of the wrong kind
+    UNKNOWN_VERB = "unknown-verb"
+    UNKNOWN_ROBOT = "unknown-robot"
+    PROTOCOL = "protocol"  # another version
+    HELD = "held"  # somebody else has the motion right
+    STOPPED = "stopped"  # somebody else stopped the robots since; take the right again
+    BAD_TARGET = "bad-target"  # wrong columns or numbers
+    UNREACHABLE = "unreachable"
+    NOT_ARMED = "not-armed"
+    FAULT = "fault"  # a robot concerned is in FAULT
+    REFUSED = "refused"  # its state does not allow it
+    NO_CREDIT = "no-credit"  # more rows than were granted
+    NO_ANSWER = "no-answer"  # the control process did not confirm in time; the order was sent
+
+
+class RemoteError(ContidError):
+    """The daemon refused a request.
+
+    Attributes:
+        code: why, for programs.
+        faults: per robot in FAULT its number, name, cause, what it did and what to do.
+    """
+
+    def __init__(self, code: Code | str, message: str, faults: Mapping[str, Fields] | None = None) -> None:
+        self.code = str(code)
+        self.faults = dict(faults or {})
+        super().__init__(message)
+        self.exit_code = 3 if self.faults else 2
+
+    def as_fields(self) -> Fields:
+        """The ``error`` of an answer."""
+        told: Fields = {"code": self.code, "message": str(self)}
+        return {**told, "faults": self.faults} if self.faults else told
+
+    @classmethod
+    def of(cls, error: Mapping[str, Any]) -> RemoteError:
+        """The error of an answer, as an exception again."""
+        return cls(str(error.get("code", "")), str(error.get("message", "")), error.get("faults"))
+
+
+class NoDaemonError(ContidError):
+    """There is no daemon to talk to, or more than one to choose from."""
+
+
+class ConnectionLostError(ContidError):
+    """The connection ended: the daemon is gone, or sent this client away."""
+
+
+def encode(fields: Mapping[str, Any]) -> bytes:
+    """One line; numbers that are not finite become null, which JSON has a word for."""
+    try:
+        text = json.dumps(fields, separators=(",", ":"), allow_nan=False)
+    except ValueError:
+        text = json.dumps(_finite(fields), separators=(",", ":"), allow_nan=False)
+    return text.encode() + b"\n"
+
+
+def _finite(value: Any) -> Any:
+    if isinstance(value, float):
+        return value if value - value == 0.0 else None
+    if isinstance(value, Mapping):
+        return {key: _finite(item) for key, item in value.items()}
+    if isinstance(value, list | tuple):
+        return [_finite(item) for item in value]
+    return value
+
+
+def _no_constant(name: str) -> float:
+    raise ValueError(f"{name} is not a number that JSON knows")
+
+
+def decode(line: bytes) -> Fields:
+    """One line back.
+
+    Raises:
+        RemoteError: it is not a JSON object in UTF-8; also for what only looks like one, such as brackets
+            nested deeper than the parser goes.
+    """
+    try:
+        fields = json.loads(line.decode("utf-8"), parse_constant=_no_constant)
+    except (ValueError, RecursionError) as error:
+        words = str(error) or "nested too deeply"
+        raise RemoteError(Code.BAD_REQUEST, f"not a JSON object: {words}") from None
+    if not isinstance(fields, dict):
+        raise RemoteError(Code.BAD_REQUEST, f"an object is expected, got {type(fields).__name__}")
+    return fields
+
+
+class Take:
+    """The fields of a request, taken one by one with their kind checked; what is left over is an error."""
+
+    def __init__(self, fields: Mapping[str, Any]) -> None:
+        self._fields = {key: value for key, value in fields.items() if key not in ("id", "verb")}
+
+    def text(self, name: str, default: str) -> str:
+        """A text of at most 200 characters."""
+        value = self._fields.pop(name, default)
+        if not isinstance(value, str) or len(value) > 200:
+            raise _wrong(name, "a text of at most 200 characters", value)
+        return value
+
+    def number(self, name: str, default: float, least: float, greatest: float) -> float:
+        """A number in a range."""
+        value = self._fields.pop(name, default)
+        if isinstance(value, bool) or not isinstance(value, int | float) or not least <= value <= greatest:
+            raise _wrong(name, f"a number from {least:g} to {greatest:g}", value)
+        return float(value)
+
+    def flag(self, name: str) -> bool:
+        """True or false; false when absent."""
+        value = self._fields.pop(name, False)
+        if not isinstance(value, bool):
+            raise _wrong(name, "true or false", value)
+        return value
+
+    def names(self, name: str) -> tuple[str, ...] | None:
+        """A list of texts, or None when absent."""
+        value = self._fields.pop(name, None)
+        if value is None:
+            return None
+        if not isinstance(value, list) or not all(isinstance(item, str) for item in value):
+            raise _wrong(name, "a list of names", value)
+        return tuple(value)
+
+    def mapping(self, name: str) -> Fields | None:
+        """An object, or None when absent."""
+        value = self._fields.pop(name, None)
+        if value is not None and not isinstance(value, dict):
+            raise _wrong(name, "an object", value)
+        return value
+
+    def rows(self, name: str) -> list[list[float]]:
+        """A list of rows of numbers."""
+        value = self._fields.pop(name, None)
+        if not isinstance(value, list) or not all(
+            isinstance(row, list)
+            and all(isinstance(cell, int | float) and not isinstance(cell, bool) for cell in row)
+            for row in value
+        ):
+            raise _wrong(name, "a list of rows of numbers", value)
+        return value
+
+    def end(self) -> None:
+        """Refuse what nobody asked for: a misspelt key shall not be ignored."""
+        if self._fields:
+            raise RemoteError(Code.BAD_REQUEST, f"unknown field {', '.join(map(repr, self._fields))}")
+
+
+def _wrong(name: str, wanted: str, value: object) -> RemoteError:
+    shown = repr(value)
+    return RemoteError(Code.BAD_REQUEST, f"{name}: {wanted} is expected, got {shown[:60]}")
