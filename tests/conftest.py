@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import asyncio
 import gc
+import tempfile
 import threading
 import time
 from collections.abc import AsyncIterator, Iterator
@@ -82,7 +83,7 @@ async def no_tasks_left() -> AsyncIterator[None]:
     """Fail an asyncio test that leaves tasks running."""
     before = asyncio.all_tasks()
     yield
-    left = {task for task in asyncio.all_tasks() - before if not task.done()}
+    left = {task for task in asyncio.all_tasks() - before - {asyncio.current_task()} if not task.done()}
     assert not left, f"tasks left: {left}"
 
 
@@ -98,6 +99,15 @@ def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
             item.add_marker(pytest.mark.flaky(reruns=2))
         if isinstance(item, pytest.Function) and asyncio.iscoroutinefunction(item.function):
             item.fixturenames.append("no_tasks_left")
+
+
+@pytest.fixture(scope="session", autouse=True)
+def own_sockets() -> Iterator[None]:
+    """Daemons of this run put their sockets where no other run looks."""
+    # Short: the path of a socket has 107 bytes.
+    with tempfile.TemporaryDirectory(prefix="contid-") as folder, pytest.MonkeyPatch.context() as patch:
+        patch.setenv("XDG_RUNTIME_DIR", folder)
+        yield
 
 
 @pytest.fixture(scope="session")

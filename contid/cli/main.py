@@ -14,6 +14,14 @@ from contid.errors import ContidError
 #: Command -> (module that defines it as ``command``, one line for ``contid --help``).
 COMMANDS: Final[dict[str, tuple[str, str]]] = {
     "run": ("contid.cli.run", "make the robots follow a trajectory"),
+    "status": ("contid.cli.status", "robots, buses and faults of a running daemon; --watch for a live view"),
+    "move": ("contid.cli.move", "send robots of a running daemon to a point, or along a trajectory"),
+    "hold": ("contid.cli.hold", "make robots stop and stay where they are"),
+    "resume": ("contid.cli.resume", "arm robots and go on with what they followed"),
+    "stop": ("contid.cli.stop", "stop robots by the policy of the robot file"),
+    "estop": ("contid.cli.estop", "relax or vent robots now"),
+    "clear-fault": ("contid.cli.clear_fault", "look at everything again and leave FAULT; never moves"),
+    "fault": ("contid.cli.fault", "what a fault means and what to do"),
     "check": ("contid.cli.check", "validate a robot file and print what it describes"),
     "schema": ("contid.cli.schema", "print the JSON Schema of the robot file"),
     "path": ("contid.cli.path", "print a trajectory: circle, line, square, spiral and others"),

@@ -50,6 +50,12 @@ if TYPE_CHECKING:
     metavar="spawn|serve|FILE.rrd",
     help="Show the robots: in a window, on a page of this machine, or in a file for `contid view`.",
 )
+@click.option(
+    "--socket",
+    type=click.Path(dir_okay=False),
+    help="Where clients talk to this daemon. Default: $XDG_RUNTIME_DIR/contid/NAME.sock, or "
+    "contid-UID/NAME.sock in the system's temporary folder; NAME is the robot file's name without .yaml.",
+)
 @click.option("--json", "as_json", is_flag=True, help="Print the final report as JSON.")
 def command(
     robot_file: str,
@@ -63,12 +69,14 @@ def command(
     log: str | None,
     record: str | None,
     view: str | None,
+    socket: str | None,
     as_json: bool,
 ) -> None:
     """Make the robots of ROBOT_FILE follow a trajectory.
 
     The trajectory is read from --trajectory or from stdin: timed with a column t_s, else a live stream whose
-    newest row is the target. At a terminal, without input, the robots hold until interrupted.
+    newest row is the target. Without input (at a terminal, or < /dev/null) the robots hold and wait for
+    orders over the socket: `contid move`, `contid status`, contid.client.
     """
     from contid.control.spawn import spawn
 
@@ -87,6 +95,14 @@ def command(
         from contid.view.observer import Viewing
 
         observers.append(Viewing(where))
+    commands, endpoint = [], None
+    if not virtual:
+        from contid.remote.place import Endpoint, default_path
+        from contid.remote.server import SocketServer
+
+        path = default_path(robot_file) if socket is None else Path(socket)
+        endpoint = Endpoint(path, default=socket is None)
+        commands.append(SocketServer(endpoint))
     request = RunRequest(
         robot_file=robot_file,
         mock=mock or virtual,
@@ -98,8 +114,14 @@ def command(
         disarmed=disarmed,
         log=None if log is None else Path(log),
         observers=observers,
+        commands=commands,
     )
-    finish(run(request, spawned), as_json)
+    try:
+        report = run(request, spawned)
+    finally:
+        if endpoint is not None:
+            endpoint.close()
+    finish(report, as_json)
 
 
 def _where(text: str) -> Where:

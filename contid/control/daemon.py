@@ -1,7 +1,7 @@
 """The daemon: supervises one run of the control process; may be late without anybody noticing.
 
 Everything it does goes through `Orders`, the one small interface for whoever commands a run: signals and the
-stream on stdin here, the socket of `contid.remote` later. Observers (recorder, viewer) get the path of the
+stream on stdin here, the socket of `contid.remote`. Observers (recorder, viewer) get the path of the
 ring and read at their own pace.
 """
 
@@ -20,7 +20,7 @@ from contid.control.child import ControlChild
 from contid.control.command_log import CommandLog
 from contid.control.cycle import OnEnd, Sink
 from contid.control.inputs import Stream
-from contid.control.messages import End, Estop, Finish, Message, Play
+from contid.control.messages import Begin, End, Estop, Finish, Hold, Message, Play
 from contid.control.notify import Notifier
 from contid.control.preflight import Unreachable
 from contid.control.record import TickRecord
@@ -53,12 +53,34 @@ class Orders(Protocol):
         """The robot file."""
         ...
 
+    @property
+    def options(self) -> RunOptions:
+        """How the run was asked for."""
+        ...
+
+    @property
+    def input_moves(self) -> bool:
+        """True while stdin or --trajectory is what the robots follow."""
+        ...
+
+    def displace_input(self) -> None:
+        """Hold, and follow the input of the run no more."""
+        ...
+
     def send(self, message: Message) -> None:
         """Give an order to the control process."""
         ...
 
+    def send_bulk(self, message: Message) -> None:
+        """Give a long order in parts, which every other one overtakes."""
+        ...
+
     def newest(self) -> TickRecord | None:
         """The newest record."""
+        ...
+
+    def lateness(self, ticks: int) -> list[float]:
+        """How late the newest ticks started [s]."""
         ...
 
     def listen(self, listener: Callable[[Mapping[str, Any]], None]) -> None:
@@ -116,7 +138,7 @@ class RunOptions:
         unreachable: what to do with unreachable rows of a stream.
         log: where to write the command log.
         armed: arm at once; False to wait for `resume`.
-        commands: sources of commands; with any of them the run waits for orders.
+        commands: sources of commands beside the input, such as the socket.
         observers: readers of the ring.
         say: takes messages for a person.
     """
@@ -143,7 +165,8 @@ class Daemon:
     ) -> None:
         self.loaded = loaded
         self._source = source
-        self._options = options
+        self.options = self._options = options
+        self.input_moves = source is not None
         self._child = child
         self._listeners: list[Callable[[Mapping[str, Any]], None]] = []
         self._report = Report(ending="the input ended", rate_hz=options.rate_hz)
@@ -171,6 +194,25 @@ class Daemon:
     def newest(self) -> TickRecord | None:
         """See `Orders.newest`."""
         return self._child.reader.newest() if self._child.reader else None
+
+    def send_bulk(self, message: Message) -> None:
+        """See `Orders.send_bulk`."""
+        self._child.send_bulk(message)
+
+    def lateness(self, ticks: int) -> list[float]:
+        """See `Orders.lateness`."""
+        return self._child.reader.lateness(ticks) if self._child.reader else []
+
+    def displace_input(self) -> None:
+        """See `Orders.displace_input`."""
+        self.input_moves = False
+        self.send(Hold())
+        self.send(Begin())
+
+    def _send_input(self, message: Message) -> None:
+        """A row of the stream on stdin, unless somebody took over."""
+        if self.input_moves:
+            self.send(message)
 
     def listen(self, listener: Callable[[Mapping[str, Any]], None]) -> None:
         """See `Orders.listen`."""
@@ -209,8 +251,8 @@ class Daemon:
         try:
             self._log = None if options.log is None else CommandLog(options.log, layout)
             timed = self._source if isinstance(self._source, Trajectory) else None
-            # Whoever may give orders later is waited for; a source alone ends the run when it ends.
-            attended = bool(options.commands) or self._source is None or not options.armed
+            # A run with an input ends with it, or with a fault of every robot; others wait for orders.
+            attended = self._source is None or options.on_end is OnEnd.HOLD or not options.armed
             setup = Setup(self.loaded, options.rate_hz, path, timed, options.on_end, attended, options.armed)
             for observer in options.observers:
                 observer.attach(setup, self._child.pid)
@@ -239,8 +281,8 @@ class Daemon:
 
     async def _follow(self, stream: Stream) -> None:
         preflight = build_preflight(self.loaded, self._options.rate_hz, self._options.unreachable)
-        await follow_stream(stream, self.send, preflight, self._options.say)
-        self.send(End())
+        await follow_stream(stream, self._send_input, preflight, self._options.say)
+        self._send_input(End())
 
     async def _supervise(self) -> None:
         """Fetch events until the control process is gone; press on when it does not stop in time."""
@@ -288,6 +330,8 @@ class Daemon:
                 say(event["words"])
             case "skipped":
                 say(f"{event['ticks']} ticks skipped ({event['total']} in all)")
+            case "end":
+                self.input_moves = False
             case "stopping" if self._give_up_s is not None:
                 self._give_up_s = asyncio.get_running_loop().time() + event["seconds"] + PATIENCE_S
             case "started":

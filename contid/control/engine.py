@@ -309,8 +309,13 @@ class Engine:
 
     def _ask(self, index: int, state: RobotState) -> RobotState:
         """Queue what a robot wants of its devices."""
+        lost = [bus for bus in self._axes_on[index] if self._ports[bus].lost]
+        if lost and state.pending is Effect.CLEAR:
+            words = f"{self.plans[index].name}: not cleared, {self._ports[lost[0]].lost}"
+            self._sink.event("refused", robot=self.plans[index].name, words=words)
+            return replace(state, pending=Effect.NONE)
         for bus, axes in self._axes_on[index].items():
-            if self._ports[bus].lost:
+            if bus in lost:
                 continue
             self._queued[bus].append((index, state.pending, axes))
             self._outstanding[index].add(bus)

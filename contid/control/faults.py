@@ -110,5 +110,6 @@ def markdown() -> str:
     ]
     for fault, page in PAGES.items():
         name = fault.name.lower().replace("_", "-")
-        lines.append(f"| {int(fault)} | {name} | {page.cause} | {page.reaction} | {page.remedy} |")
+        link = f"[{int(fault)}](faults/{int(fault)}.md)"
+        lines.append(f"| {link} | {name} | {page.cause} | {page.reaction} | {page.remedy} |")
     return "\n".join(lines) + "\n"

@@ -33,6 +33,7 @@ class Preflight:
         plans: of the robots.
         guards: of the closed chains among them.
         unreachable: with NEAREST only the guards refuse, judging the reachable points.
+        seeds: where robots are now; without one a robot is at its rest pose.
     """
 
     def __init__(
@@ -40,9 +41,10 @@ class Preflight:
         plans: Sequence[RobotPlan],
         guards: Sequence[ChainGuard] = (),
         unreachable: Unreachable = Unreachable.REFUSE,
+        seeds: Mapping[str, Actuation] | None = None,
     ) -> None:
         self._plans = {plan.name: plan for plan in plans}
-        self._seeds = {plan.name: plan.rest for plan in plans}
+        self._seeds = {plan.name: plan.rest for plan in plans} | dict(seeds or {})
         self._guards = guards
         self._refuses = unreachable is Unreachable.REFUSE
         # Where the arms of a chain are after the last row that was good; at rest before the first.

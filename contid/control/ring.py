@@ -39,6 +39,7 @@ SECONDS: Final = 8.0
 #: A ring younger than this may belong to a run that is just about to open it.
 STALE_S: Final = 60.0
 U64: Final = struct.Struct("=Q")
+F64: Final = struct.Struct("=d")
 EVENT: Final = struct.Struct("=QI")
 STAMP: Final = U64.size
 
@@ -221,6 +222,13 @@ class RingReader(_Mapped):
             if U64.unpack_from(raw)[0] == number == U64.unpack_from(self._tick_slot(number - 1))[0]:
                 return self.layout.decode(self._packer.unpack_from(raw, STAMP))
         return None
+
+    def lateness(self, ticks: int) -> list[float]:
+        """How late the newest ticks started [s], without moving this reader's place."""
+        written = self.written
+        newest = range(max(written - min(ticks, self.slots - 1), 0), written)
+        at = struct.calcsize("=QQd")
+        return [F64.unpack_from(self._tick_slot(number), STAMP + at)[0] for number in newest]
 
     def events(self) -> list[dict[str, Any]]:
         """Events not read yet, oldest first."""

@@ -61,10 +61,15 @@ def build_plans(loaded: LoadedFile, rate_hz: float) -> tuple[RobotPlan, ...]:
     )
 
 
+def chain_guards(loaded: LoadedFile) -> list[ChainGuard]:
+    """The guards of the closed chains of a file."""
+    robots = loaded.file.robots.items()
+    return [ChainGuard(name, robot) for name, robot in robots if isinstance(robot, Chain)]
+
+
 def build_preflight(loaded: LoadedFile, rate_hz: float, unreachable: Unreachable) -> Preflight | None:
     """What rows must pass; None when nearest points will do and no chain watches."""
-    robots = loaded.file.robots.items()
-    guards = [ChainGuard(name, robot) for name, robot in robots if isinstance(robot, Chain)]
+    guards = chain_guards(loaded)
     if unreachable is Unreachable.NEAREST and not guards:
         return None
     return Preflight(build_plans(loaded, rate_hz), guards, unreachable)

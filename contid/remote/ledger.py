@@ -38,16 +38,26 @@ class Ledger:
     def __init__(self, send: Callable[[Message], None]) -> None:
         self._send = send
         self._number = 0
+        self._open: int | None = None
         self._waiting: dict[int, tuple[Outcome, asyncio.Future[Outcome]]] = {}
 
     def order(self, orders: Sequence[Message]) -> asyncio.Future[Outcome]:
         """Send orders at once; the future tells what became of them."""
         number = self._number = self._number + 2
-        # One mark before, too: refusals of a stream on stdin are not ours.
+        # One mark before, too: what is refused outside of the two is not ours.
         self._send(Mark(number - 1))
         for order in orders:
             self._send(order)
         self._send(Mark(number))
+        return self._expect(number)
+
+    def mark_bulk(self, send_bulk: Callable[[Message], None]) -> asyncio.Future[Outcome]:
+        """The future of what was sent in bulk before."""
+        number = self._number = self._number + 2
+        send_bulk(Mark(number))
+        return self._expect(number)
+
+    def _expect(self, number: int) -> asyncio.Future[Outcome]:
         future: asyncio.Future[Outcome] = asyncio.get_running_loop().create_future()
         self._waiting[number] = (Outcome(), future)
         return future
@@ -68,17 +78,14 @@ class Ledger:
         """An event of the ring."""
         if event["event"] == "mark":
             number = int(event["number"])
-            if number % 2:
-                if number + 1 in self._waiting:
-                    self._waiting[number + 1][0].refused.clear()
-                return
-            outcome, future = self._waiting.pop(number, (Outcome(), None))
-            outcome.tick = int(event["tick"])
-            if future is not None and not future.done():
-                future.set_result(outcome)
-        elif event["event"] == "refused" and self._waiting:
-            first = min(self._waiting)
-            self._waiting[first][0].refused[str(event.get("robot", ""))] = str(event["words"])
+            self._open = number + 1 if number % 2 else None
+            if number % 2 == 0:
+                outcome, future = self._waiting.pop(number, (Outcome(), None))
+                outcome.tick = int(event["tick"])
+                if future is not None and not future.done():
+                    future.set_result(outcome)
+        elif event["event"] == "refused" and self._open in self._waiting:
+            self._waiting[self._open][0].refused[str(event.get("robot", ""))] = str(event["words"])
 
     def close(self) -> None:
         """Nobody will confirm any more."""

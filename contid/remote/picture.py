@@ -237,4 +237,3 @@ def _ms(seconds: float) -> float | None:
 
 def _number(value: float) -> float | None:
     return value if math.isfinite(value) else None
-

@@ -116,7 +116,9 @@ class Endpoint:
         if default:
             private_directory()
         if len(os.fsencode(self.path)) > MAX_PATH:
-            raise SocketError(f"{self.path}: a socket's path has at most {MAX_PATH} bytes; give a shorter one")
+            raise SocketError(
+                f"{self.path}: a socket's path has at most {MAX_PATH} bytes; give a shorter one"
+            )
         self.socket = socket.socket(socket.AF_UNIX, socket.SOCK_STREAM)
         try:
             # The folder's lock makes looking and binding one step for two daemons that start together.

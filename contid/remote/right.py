@@ -134,7 +134,8 @@ class MotionRight:
         name = "the daemon's own input" if self.holder.client == 0 else f"client {self.holder.name!r}"
         since_s = now_s - self.holder.since_s
         return RemoteError(
-            Code.HELD, f"{name} has the motion right since {since_s:.1f} s; take it over explicitly (takeover)"
+            Code.HELD,
+            f"{name} has the motion right since {since_s:.1f} s; take it over explicitly (takeover)",
         )
 
     def as_fields(self, now_s: float) -> Fields:

@@ -1,0 +1,21 @@
+"""Talking to a running daemon from a script or a notebook.
+
+    from contid.client import Client
+
+    with Client() as robot:                       # the only daemon that runs, or Client("PATH.sock")
+        robot.resume()
+        robot.move({"x_mm": 40, "y_mm": 75})      # returns when the tip is there
+        for frame in robot.telemetry(rate_hz=20):
+            print(frame["robots"])
+
+`AsyncClient` is the same with ``await``. Needs nothing beyond the standard library at run time.
+
+A client never reconnects by itself: when the connection ends, every call raises `ConnectionLostError`, the
+motion right is lost and the robots hold. Make a new client, look at `status`, and go on from there.
+"""
+
+from contid.remote.async_client import AsyncClient
+from contid.remote.protocol import Code, ConnectionLostError, NoDaemonError, RemoteError
+from contid.remote.sync_client import Client
+
+__all__ = ["AsyncClient", "Client", "Code", "ConnectionLostError", "NoDaemonError", "RemoteError"]

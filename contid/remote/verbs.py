@@ -1,0 +1,331 @@
+"""What a client may ask for, one method per verb.
+
+Everybody may read, and everybody may hold, stop and estop; those orders go out before anything else is looked
+at. Moving needs the motion right (`contid.remote.right`). A stop by somebody else takes the right from its
+holder, who has to take it again explicitly: a script in a loop does not undo the stop of a person.
+"""
+
+from __future__ import annotations
+
+import asyncio
+import time
+from collections.abc import Awaitable, Callable, Mapping, Sequence
+from typing import Any, Final, Protocol
+
+from contid import __version__
+from contid.control.daemon import Orders
+from contid.control.messages import ClearFault, Estop, Hold, Message, Resume, Stop
+from contid.control.supervisor import Mode
+from contid.remote.ledger import PATIENCE_S, Ledger
+from contid.remote.moves import Moves
+from contid.remote.picture import DEFAULT_FIELDS, FIELDS, Picture
+from contid.remote.protocol import PROTOCOL, Code, Fields, RemoteError, Take
+from contid.remote.right import GREATEST_TIMEOUT_S, LEAST_TIMEOUT_S, TIMEOUT_S, Holder, MotionRight
+
+#: Ticks that the lateness in ``status`` looks back.
+LOOK_BACK: Final = 200
+#: Frames per second that one client can get.
+GREATEST_RATE_HZ: Final = 200.0
+
+
+class Caller(Protocol):
+    """The client that asks."""
+
+    number: int
+    name: str
+
+    def tell(self, fields: Mapping[str, Any]) -> None:
+        """Send it a notice."""
+        ...
+
+    def subscribe(self, rate_hz: float, robots: Sequence[str], fields: Sequence[str], events: bool) -> None:
+        """Send it telemetry from now on."""
+        ...
+
+    def unsubscribe(self) -> None:
+        """No more telemetry, no more events."""
+        ...
+
+
+class Verbs:
+    """The desk at which every client is served."""
+
+    def __init__(self, orders: Orders, tell: Callable[[int, Mapping[str, Any]], None]) -> None:
+        """Serve a run; ``tell`` sends a notice to the client with a number."""
+        self._orders = orders
+        self._tell = tell
+        self._began_s = time.monotonic()
+        self._ended = False
+        self._refusals: dict[str, str] = {}
+        self._realtime: bool | None = None
+        self.picture = Picture(orders.loaded, orders.options.rate_hz)
+        self.ledger = Ledger(orders.send)
+        self.moves = Moves(orders, self.picture, self.ledger)
+        self.right = MotionRight(self._began_s, orders.input_moves)
+        self.clients: Callable[[], int] = lambda: 0
+        self._verbs: dict[str, Callable[[Caller, Take], Awaitable[Fields]]] = {
+            "hello": self._hello, "ping": self._ping, "status": self._status, "describe": self._describe,
+            "subscribe": self._subscribe, "unsubscribe": self._unsubscribe,
+            "hold": self._hold, "stop": self._stop, "estop": self._estop,
+            "take": self._take, "release": self._release, "resume": self._resume,
+            "clear_fault": self._clear_fault, "move": self._move, "rows": self._rows, "end": self._end,
+        }  # fmt: skip
+
+    async def serve(self, caller: Caller, fields: Mapping[str, Any]) -> Fields:
+        """Carry out one request.
+
+        Raises:
+            RemoteError: it was refused.
+        """
+        verb = fields.get("verb")
+        if not isinstance(verb, str) or verb not in self._verbs:
+            words = f"unknown verb {str(verb)[:60]!r}; there are {', '.join(self._verbs)}"
+            raise RemoteError(Code.UNKNOWN_VERB, words)
+        self.right.refresh(caller.number, time.monotonic())
+        return await self._verbs[verb](caller, Take(fields))
+
+    def notice(self, event: Mapping[str, Any]) -> None:
+        """An event of the ring."""
+        kind = event["event"]
+        if kind == "refused":
+            self._refusals[str(event.get("robot", ""))] = str(event["words"])
+        elif kind == "started":
+            self._realtime = bool(event["realtime"])
+        elif kind == "end" and self.right.input_holds:
+            self.right.holder = None
+        self.picture.notice(event)
+        self.ledger.notice(event)
+        self.moves.notice(event)
+
+    @property
+    def streaming(self) -> bool:
+        """True while rows may be waited for."""
+        return self.moves.open
+
+    def watch(self) -> None:
+        """What time alone brings about; called often."""
+        self.moves.refill()
+        holder = self.right.expired(time.monotonic())
+        if holder is not None:
+            self._lost(holder, f"no request for {holder.timeout_s:g} s")
+
+    def gone(self, client: int) -> None:
+        """A client is gone; if it had the motion right, its robots hold."""
+        holder = self.right.holder
+        if holder is not None and holder.client == client:
+            self.right.holder = None
+            self._lost(holder, "its connection ended")
+
+    def _lost(self, holder: Holder, words: str) -> None:
+        self._orders.send(Hold())
+        self.moves.abort_streams(words)
+        self._orders.options.say(f"client {holder.name!r} lost the motion right ({words}); holding")
+        self._tell(holder.client, {"event": "right", "lost": words})
+
+    # -- reading -----------------------------------------------------------------------------------------
+
+    def hello(self) -> Fields:
+        """The first line a client reads."""
+        return {
+            "event": "hello", "protocol": PROTOCOL, "version": __version__,
+            "name": self._orders.loaded.file.name,
+        }  # fmt: skip
+
+    async def _hello(self, caller: Caller, take: Take) -> Fields:
+        protocol = int(take.number("protocol", PROTOCOL, 0, 1e6))
+        caller.name = take.text("name", caller.name)
+        take.end()
+        if protocol != PROTOCOL:
+            words = f"this daemon speaks protocol {PROTOCOL}, the client {protocol}; update the older one"
+            raise RemoteError(Code.PROTOCOL, words)
+        return {**self.hello(), "client": caller.number}
+
+    async def _ping(self, caller: Caller, take: Take) -> Fields:
+        take.end()
+        return {}
+
+    async def _status(self, caller: Caller, take: Take) -> Fields:
+        take.end()
+        lateness = sorted(self._orders.lateness(LOOK_BACK))
+        return {
+            "name": self._orders.loaded.file.name,
+            "file": str(self._orders.loaded.path),
+            "version": __version__,
+            "rate_hz": self._orders.options.rate_hz,
+            "realtime": self._realtime,
+            "uptime_s": round(time.monotonic() - self._began_s, 3),
+            "clients": self.clients(),
+            "right": self.right.as_fields(time.monotonic()),
+            "lateness_us": {
+                "p50": round(lateness[len(lateness) // 2] * 1e6, 1) if lateness else None,
+                "max": round(lateness[-1] * 1e6, 1) if lateness else None,
+            },
+            **self.picture.status(self._orders.newest()),
+        }
+
+    async def _describe(self, caller: Caller, take: Take) -> Fields:
+        take.end()
+        return {**self.picture.describe(), "rate_hz": self._orders.options.rate_hz, "fields": list(FIELDS)}
+
+    async def _subscribe(self, caller: Caller, take: Take) -> Fields:
+        rate_hz = take.number("rate_hz", 20.0, 0.0, GREATEST_RATE_HZ)
+        robots = self._robots(take) or tuple(self.picture.plans)
+        fields = take.names("fields") or DEFAULT_FIELDS
+        events = take.flag("events")
+        take.end()
+        unknown = [name for name in fields if name not in FIELDS]
+        if unknown:
+            words = f"no field {unknown[0]!r}; there are {', '.join(FIELDS)}"
+            raise RemoteError(Code.BAD_REQUEST, words)
+        caller.subscribe(rate_hz, robots, fields, events)
+        return {"rate_hz": rate_hz, "robots": list(robots), "fields": list(fields), "events": events}
+
+    async def _unsubscribe(self, caller: Caller, take: Take) -> Fields:
+        take.end()
+        caller.unsubscribe()
+        return {}
+
+    # -- stopping: everybody may ---------------------------------------------------------------------------
+
+    async def _hold(self, caller: Caller, take: Take) -> Fields:
+        robots = self._robots(take)
+        take.end()
+        return await self._halt(caller, "hold", robots, Hold(robots))
+
+    async def _estop(self, caller: Caller, take: Take) -> Fields:
+        try:
+            robots = self._robots(take)
+            take.end()
+        except RemoteError as error:
+            # An estop that is not understood is one for everybody; what was wrong is told afterwards.
+            await self._halt(caller, "estop", None, Estop())
+            raise RemoteError(error.code, f"{error}; all robots were stopped") from None
+        return await self._halt(caller, "estop", robots, Estop(robots))
+
+    async def _stop(self, caller: Caller, take: Take) -> Fields:
+        robots, ends = self._robots(take), take.flag("end")
+        take.end()
+        if ends and not self._ended:
+            self._ended = True
+            self._orders.interrupt()
+        return await self._halt(caller, "stop", robots, Stop(robots))
+
+    async def _halt(
+        self, caller: Caller, verb: str, robots: tuple[str, ...] | None, order: Message
+    ) -> Fields:
+        future = self.ledger.order([order])
+        words = f"client {caller.name!r} ({verb})"
+        holder = self.right.revoke(caller.number, words)
+        if holder is not None:
+            self._tell(holder.client, {"event": "right", "lost": f"{words} stopped the robots"})
+        self.moves.abort_streams(words)
+        return await self._told(future, robots)
+
+    # -- moving ------------------------------------------------------------------------------------------
+
+    async def _take(self, caller: Caller, take: Take) -> Fields:
+        timeout_s = take.number("timeout_s", TIMEOUT_S, LEAST_TIMEOUT_S, GREATEST_TIMEOUT_S)
+        takeover = take.flag("takeover")
+        take.end()
+        now_s = time.monotonic()
+        before = self.right.take(caller.number, caller.name, now_s, timeout_s, takeover)
+        if before is not None:
+            words = f"client {caller.name!r} took over"
+            if before.client == 0:
+                self._orders.displace_input()
+            else:
+                self._orders.send(Hold())
+                self._tell(before.client, {"event": "right", "lost": words})
+            self.moves.abort_streams(words)
+            self._orders.options.say(f"{words} from {before.name!r}; holding")
+        return {"timeout_s": timeout_s, "from": None if before is None else before.name}
+
+    async def _release(self, caller: Caller, take: Take) -> Fields:
+        take.end()
+        if self.moves.streaming(caller.number):
+            self._orders.send(Hold())
+            self.moves.abort_streams("the motion right was released")
+        return {"released": self.right.release(caller.number)}
+
+    async def _resume(self, caller: Caller, take: Take) -> Fields:
+        robots = self._robots(take)
+        take.end()
+        self.right.allow(caller.number, time.monotonic())
+        self._no_faults(robots)
+        return await self._told(self.ledger.order([Resume(robots)]), robots)
+
+    def _no_faults(self, robots: tuple[str, ...] | None) -> None:
+        """A robot that is named must not be in FAULT; of all of them, one must not."""
+        faults = self.picture.faults(self._orders.newest(), robots)
+        if faults and (robots is not None or len(faults) == len(self.picture.plans)):
+            told = "; ".join(
+                f"{name}: fault {f['number']} {f['name']}, {f['what']}" for name, f in faults.items()
+            )
+            raise RemoteError(Code.FAULT, f"{told}; clear-fault first", faults)
+
+    async def _clear_fault(self, caller: Caller, take: Take) -> Fields:
+        robots = self._robots(take)
+        take.end()
+        self.right.allow(caller.number, time.monotonic())
+        wrong = tuple(self.picture.faults(self._orders.newest(), robots))
+        for name in wrong:
+            self._refusals.pop(name, None)
+        if wrong:
+            await self.ledger.confirmed(self.ledger.order([ClearFault(wrong)]))
+        left = set(wrong)
+        deadline_s = time.monotonic() + PATIENCE_S
+        while left and time.monotonic() < deadline_s:
+            record = self._orders.newest()
+            left = {name for name in left if self.picture.mode(name, record) is Mode.FAULT}
+            if left and left <= self._refusals.keys():
+                break
+            await asyncio.sleep(0.02)
+        if left:
+            words = "; ".join(
+                self._refusals.get(name, f"{name}: not cleared, its devices have not answered")
+                for name in left
+            )
+            faults = self.picture.faults(self._orders.newest(), tuple(sorted(left)))
+            raise RemoteError(Code.FAULT, words, faults)
+        return {"cleared": sorted(wrong), "robots": self._states(robots)}
+
+    async def _move(self, caller: Caller, take: Take) -> Fields:
+        target, columns = take.mapping("target"), take.names("columns")
+        take.end()
+        if (target is None) == (columns is None):
+            words = "move takes a target (a point) or columns (a stream of rows), one of them"
+            raise RemoteError(Code.BAD_REQUEST, words)
+        self.right.use(caller.number, caller.name, time.monotonic())
+        if target is not None:
+            return await self.moves.point(caller.number, target, caller.tell)
+        return await self.moves.begin(caller.number, columns or (), caller.tell)
+
+    async def _rows(self, caller: Caller, take: Take) -> Fields:
+        number, rows = int(take.number("move", 0, 0, 1e15)), take.rows("rows")
+        take.end()
+        return self.moves.rows(caller.number, number, rows)
+
+    async def _end(self, caller: Caller, take: Take) -> Fields:
+        number = int(take.number("move", 0, 0, 1e15))
+        take.end()
+        return await self.moves.end(caller.number, number)
+
+    # -- inside ------------------------------------------------------------------------------------------
+
+    def _robots(self, take: Take) -> tuple[str, ...] | None:
+        robots = take.names("robots")
+        self.picture.check(robots)
+        return robots
+
+    async def _told(self, future: asyncio.Future[Any], robots: tuple[str, ...] | None) -> Fields:
+        """The answer to an order: the tick it was obeyed in, and the states after it."""
+        outcome = await self.ledger.confirmed(future)
+        if outcome.refused:
+            faults = self.picture.faults(self._orders.newest(), robots)
+            raise RemoteError(Code.REFUSED, "; ".join(outcome.refused.values()), faults)
+        return {"tick": outcome.tick, "robots": self._states(robots)}
+
+    def _states(self, robots: tuple[str, ...] | None) -> Fields:
+        record = self._orders.newest()
+        names = robots if robots is not None else tuple(self.picture.plans)
+        return {name: self.picture.mode(name, record).name for name in names}

@@ -1,0 +1,108 @@
+"""Real daemons on simulated devices for the tests of the socket."""
+
+from __future__ import annotations
+
+import json
+import os
+import shutil
+import signal
+import subprocess
+import sys
+import tempfile
+import time
+from collections.abc import Callable, Iterator, Sequence
+from contextlib import contextmanager
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+from contid.client import Client
+from contid.remote.place import answers
+from tests.control.fingers import fingers
+
+
+def until(condition: Callable[[], bool], what: str) -> None:
+    """Wait for something that will happen; only a hang fails."""
+    deadline = time.monotonic() + 30.0
+    while not condition():
+        assert time.monotonic() < deadline, f"never: {what}"
+        time.sleep(0.01)
+
+
+@dataclass
+class Running:
+    """A daemon, its socket, and the journal of its devices."""
+
+    process: subprocess.Popen[str]
+    socket: Path
+    folder: Path
+
+    def client(self, **keys: Any) -> Client:
+        return Client(self.socket, **keys)
+
+    def journal(self) -> list[dict[str, Any]]:
+        path = self.folder / "journal.jsonl"
+        return [json.loads(line) for line in path.read_text().splitlines()] if path.exists() else []
+
+    def off(self) -> bool:
+        """Every device is without torque."""
+        lines = self.journal()
+        return bool(lines) and not any(axis["on"] for axis in lines[-1]["axes"].values())
+
+    def end(self, expected: int | None = 130) -> str:
+        """End it orderly; returns what it said."""
+        if self.process.poll() is None:
+            self.process.send_signal(signal.SIGTERM)
+        _, said = self.process.communicate(timeout=30)
+        if expected is not None:
+            assert self.process.returncode == expected, said
+        return said
+
+
+@contextmanager
+def daemon(
+    count: int = 1, *arguments: str, options: str = "", stdin: str | None = None, **keys: Any
+) -> Iterator[Running]:
+    """`contid run` that answers on its socket; every robot holds."""
+    # Short: the path of a socket has 107 bytes.
+    folder = Path(tempfile.mkdtemp(prefix="contid-"))
+    robot = folder / "fingers.yaml"
+    robot.write_text(fingers(count, options=f"journal_file: {folder / 'journal.jsonl'}\n{options}", **keys))
+    socket = folder / "s"
+    process = subprocess.Popen(
+        [sys.executable, "-m", "contid", "run", str(robot), "--socket", str(socket), "--json", *arguments],
+        stdin=subprocess.DEVNULL if stdin is None else subprocess.PIPE,
+        stdout=subprocess.PIPE,
+        stderr=subprocess.PIPE,
+        text=True,
+    )
+    if stdin is not None:
+        assert process.stdin is not None
+        process.stdin.write(stdin)
+        process.stdin.close()
+        process.stdin = None
+    running = Running(process, socket, folder)
+    try:
+        until(lambda: answers(socket) or process.poll() is not None, "the daemon listens")
+        assert process.poll() is None, process.communicate()[1]
+        yield running
+    finally:
+        if process.poll() is None:
+            process.kill()
+        process.communicate()
+        shutil.rmtree(folder, ignore_errors=True)
+
+
+def armed(client: Client) -> None:
+    """Wait until every robot holds or runs."""
+    until(
+        lambda: {r["state"] for r in client.status()["robots"].values()} <= {"HOLD", "RUN", "APPROACH"},
+        "every robot is armed",
+    )
+
+
+def command(*arguments: str) -> Sequence[str]:
+    return [sys.executable, "-m", "contid", *arguments]
+
+
+__all__ = ["Running", "armed", "command", "daemon", "os", "until"]

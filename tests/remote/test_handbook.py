@@ -1,0 +1,31 @@
+"""The pages made from the tables of the code are those of the documentation."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import pytest
+
+from contid.control.faults import PAGES
+from contid.control.supervisor import MOVES, Mode
+from contid.remote.handbook import MEANING, pages, states_page
+
+DOCS = Path(__file__).parents[2] / "docs"
+
+
+@pytest.mark.parametrize("name", list(pages()))
+def test_a_page_is_current(name: str) -> None:
+    hint = "run `python -m contid fault --write docs`"
+    assert (DOCS / name).read_text(encoding="utf-8") == pages()[name], hint
+
+
+def test_there_is_a_page_for_every_fault_and_no_other() -> None:
+    assert {path.stem for path in (DOCS / "faults").glob("*.md")} == {str(int(fault)) for fault in PAGES}
+
+
+def test_the_diagram_has_every_state_and_every_move() -> None:
+    text = states_page()
+    assert set(MEANING) == set(Mode)
+    for (start, event), end in MOVES.items():
+        row = next(line for line in text.splitlines() if line.startswith(f"| {start.name} |"))
+        assert f"{event.value} -> {end.name}" in row

@@ -1,0 +1,223 @@
+"""The pieces of the socket by themselves: lines, the motion right, tiers of age, the outbox."""
+
+from __future__ import annotations
+
+import asyncio
+import json
+import os
+import socket
+import stat
+import struct
+from pathlib import Path
+
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from contid.errors import ContidError
+from contid.remote import place
+from contid.remote.health import Tier, tier_of
+from contid.remote.outbox import MAX_ANSWERS, MAX_FRAMES, Outbox
+from contid.remote.place import Endpoint, SocketError, answers, default_path, find
+from contid.remote.protocol import Code, NoDaemonError, RemoteError, Take, decode, encode
+from contid.remote.right import MotionRight
+from contid.remote.rows_of import columns_and_rows, point
+from contid.remote.screen import BAR, bar
+from contid.remote.server import may_enter, peer_uid
+
+
+@given(st.binary(max_size=400))
+def test_any_bytes_are_an_object_or_a_refusal(line: bytes) -> None:
+    try:
+        found: object = decode(line)
+    except RemoteError as error:
+        found = {"code": error.code}
+    assert isinstance(found, dict)
+
+
+@pytest.mark.parametrize("line", [b"[" * 60_000, b"{" * 60_000, b'{"a":NaN}', b'{"a":1e', b"1" * 5000, b"[]"])
+def test_traps_are_refused(line: bytes) -> None:
+    with pytest.raises(RemoteError):
+        decode(line)
+
+
+def test_numbers_that_json_has_no_word_for_become_null() -> None:
+    assert json.loads(encode({"a": float("nan"), "b": [float("inf"), 1.5]})) == {"a": None, "b": [None, 1.5]}
+
+
+def test_a_field_nobody_asked_for_is_refused() -> None:
+    take = Take({"id": 1, "verb": "hold", "robot": "left"})
+    assert take.names("robots") is None
+    with pytest.raises(RemoteError, match="'robot'"):
+        take.end()
+
+
+def test_the_right_has_one_holder_and_an_explicit_takeover() -> None:
+    right = MotionRight(0.0, input_moves=False)
+    right.use(1, "one", 0.0)
+    with pytest.raises(RemoteError, match="'one' has the motion right since 1"):
+        right.use(2, "two", 1.0)
+    before = right.take(2, "two", 1.0, takeover=True)
+    assert before is not None
+    assert before.client == 1
+    assert right.held_by(2)
+
+
+def test_the_right_is_lost_without_requests_and_not_with_them() -> None:
+    right = MotionRight(0.0, input_moves=False)
+    right.take(1, "one", 0.0, timeout_s=2.0)
+    right.refresh(1, 1.9)
+    right.refresh(2, 3.5)
+    assert right.expired(3.8) is None
+    assert right.expired(4.0) is not None
+    assert right.holder is None
+
+
+def test_the_input_holds_the_right_until_it_is_taken_over_and_may_be_resumed() -> None:
+    right = MotionRight(0.0, input_moves=True)
+    with pytest.raises(RemoteError, match="own input"):
+        right.use(1, "one", 0.0)
+    right.allow(1, 0.0)
+    assert right.expired(1e9) is None
+    assert right.revoke(1, "one (hold)") is None
+    assert right.input_holds
+    right.take(1, "one", 0.0, takeover=True)
+    assert not right.input_holds
+
+
+def test_a_stop_by_another_is_not_undone_by_a_script_in_a_loop() -> None:
+    right = MotionRight(0.0, input_moves=False)
+    right.use(1, "script", 0.0)
+    assert right.revoke(2, "person (estop)") is not None
+    with pytest.raises(RemoteError) as refused:
+        right.use(1, "script", 0.1)
+    assert refused.value.code == Code.STOPPED
+    right.take(1, "script", 0.2)
+    right.use(1, "script", 0.3)
+
+
+def test_tiers_follow_the_age_and_the_rate() -> None:
+    at_200_hz = [tier_of(age_s, 0.005) for age_s in (0.0, 0.015, 0.016, 0.05, 0.1, 0.5, 1.1, float("inf"))]
+    fresh, late, stale, old, lost = Tier
+    assert at_200_hz == [fresh, fresh, late, late, stale, old, lost, lost]
+    assert tier_of(0.15, 0.05) is Tier.FRESH
+    assert tier_of(0.16, 0.05) is Tier.STALE
+
+
+async def test_an_outbox_keeps_the_newest_frames_and_every_answer() -> None:
+    outbox = Outbox()
+    for number in range(MAX_FRAMES + 5):
+        outbox.frame(b"%d" % number)
+    outbox.answer(b"answer")
+    assert (outbox.dropped, await outbox.take(), await outbox.take()) == (5, b"answer", b"5")
+    for _ in range(MAX_ANSWERS):
+        outbox.answer(b"")
+    assert not outbox.overflowed
+    outbox.answer(b"")
+    assert outbox.overflowed
+
+
+def test_a_socket_is_private_and_a_second_daemon_is_refused(own_folder: Path) -> None:
+    path = own_folder / "s"
+    with Endpoint(path):
+        assert stat.S_IMODE(path.stat().st_mode) == 0o600
+        with pytest.raises(SocketError, match="another daemon listens"):
+            Endpoint(path)
+        assert answers(path)
+    assert not path.exists()
+
+
+def test_what_a_killed_daemon_left_is_removed_and_what_is_no_socket_is_not(own_folder: Path) -> None:
+    path = own_folder / "s"
+    with socket.socket(socket.AF_UNIX) as left:
+        left.bind(str(path))
+    assert path.exists()
+    with Endpoint(path):
+        assert answers(path)
+    path.write_text("a file")
+    with pytest.raises(SocketError, match="no socket"):
+        Endpoint(path)
+    assert path.read_text() == "a file"
+
+
+def test_an_endpoint_removes_only_its_own_socket(own_folder: Path) -> None:
+    path = own_folder / "s"
+    first = Endpoint(path)
+    path.unlink()
+    second = Endpoint(path)
+    first.close()
+    assert path.exists()
+    second.close()
+
+
+def test_a_folder_that_others_may_enter_is_refused(own_folder: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setenv("XDG_RUNTIME_DIR", str(own_folder))
+    (own_folder / "contid").mkdir(mode=0o755)
+    (own_folder / "contid").chmod(0o755)
+    with pytest.raises(SocketError, match="0700"):
+        Endpoint(default_path("hand.yaml"), default=True)
+
+
+def test_paths_too_long_for_a_socket_are_named(own_folder: Path) -> None:
+    with pytest.raises(SocketError, match="107 bytes"):
+        Endpoint(own_folder / ("s" * 200))
+
+
+def test_the_only_daemon_is_found_and_several_are_listed(
+    own_folder: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setenv("XDG_RUNTIME_DIR", str(own_folder))
+    with pytest.raises(NoDaemonError, match="no daemon runs"):
+        find(None)
+    with Endpoint(default_path("configs/hand.yaml"), default=True) as hand:
+        assert find(None) == hand.path == own_folder / "contid" / "hand.sock"
+        with Endpoint(default_path("arm.emulated.yaml"), default=True) as arm:
+            with pytest.raises(NoDaemonError, match="2 daemons run") as several:
+                find(None)
+            assert f"--socket {arm.path}" in str(several.value)
+
+
+def test_without_a_runtime_folder_the_socket_is_in_a_folder_of_this_user(
+    own_folder: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.delenv("XDG_RUNTIME_DIR")
+    monkeypatch.setattr("tempfile.tempdir", str(own_folder))
+    assert place.private_directory() == own_folder / f"contid-{os.geteuid()}"
+    assert stat.S_IMODE(place.default_directory().stat().st_mode) == 0o700
+
+
+def test_credentials_are_the_kernels() -> None:
+    one, other = socket.socketpair()
+    with one, other:
+        assert peer_uid(one) == os.geteuid()
+    assert may_enter(os.geteuid())
+    assert may_enter(0)
+    assert not may_enter(os.geteuid() + 1)
+    assert struct.calcsize("3i") == 12
+
+
+def test_points_and_rows_as_a_person_writes_them() -> None:
+    assert point(["left", "x_mm=40", "y_mm=75"]) == {"left.x_mm": 40.0, "left.y_mm": 75.0}
+    assert point(["x_mm=4e1"]) == {"x_mm": 40.0}
+    for wrong in (["x_mm=far"], ["left"], ["x_mm=1", "y_mm"]):
+        with pytest.raises(ContidError):
+            point(wrong)
+    columns, rows = columns_and_rows(["# a circle\n", "t_s,x_mm\n", "0,1\n", "\n", "1,2\n"])
+    assert (columns, list(rows)) == (["t_s", "x_mm"], [[0.0, 1.0], [1.0, 2.0]])
+    columns, rows = columns_and_rows(["x_mm\n", "one\n"])
+    with pytest.raises(ContidError, match="trajectory:2"):
+        list(rows)
+
+
+def test_bars_stay_within_their_width() -> None:
+    assert [len(bar(value, 0.0, 10.0)) for value in (None, -5.0, 0.0, 5.0, 10.0, 50.0)] == [BAR] * 6
+    assert bar(5.0, 0.0, 10.0).count("█") == BAR // 2
+
+
+async def test_stopping_is_never_queued_behind_the_clock() -> None:
+    """The outbox gives its turn back to the loop: nobody waits for a client that does not read."""
+    outbox = Outbox()
+    waiting = asyncio.create_task(outbox.take())
+    await asyncio.sleep(0)
+    outbox.answer(b"now")
+    assert await waiting == b"now"
