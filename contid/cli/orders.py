@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import sys
 from collections.abc import Callable
 from typing import TYPE_CHECKING, Any
 
@@ -44,7 +45,7 @@ def told(socket: str | None, as_json: bool, ask: Callable[[Client], dict[str, An
     except RemoteError as error:
         if as_json:
             click.echo(json.dumps({"ok": False, "error": error.as_fields()}))
-            raise click.exceptions.Exit(error.exit_code) from None
+            sys.exit(error.exit_code)
         raise RefusedError(error) from None
     if as_json:
         click.echo(json.dumps({"ok": True, **answer}))

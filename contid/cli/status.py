@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import sys
 
 import click
 
@@ -38,4 +39,4 @@ def command(watch: bool, rate: float, socket: str | None, as_json: bool) -> None
     else:
         Console().print(picture(status))
     if any(robot["fault"] for robot in status["robots"].values() if "fault" in robot):
-        raise click.exceptions.Exit(3)
+        sys.exit(3)

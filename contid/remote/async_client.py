@@ -85,7 +85,8 @@ class AsyncClient:
             self._writer.write(encode({"id": number, "verb": verb, **without_none(fields)}))
             with suppress(ConnectionError):
                 await self._writer.drain()
-            return result_of(await asyncio.wait_for(future, self._timeout_s))
+            async with asyncio.timeout(self._timeout_s):
+                return result_of(await future)
         except TimeoutError:
             raise self._notices.gone(f"no answer within {self._timeout_s:g} s") from None
         finally:
@@ -224,7 +225,8 @@ class AsyncClient:
             raise self._lost
         self._news.clear()
         try:
-            await asyncio.wait_for(self._news.wait(), ALIVE_S)
+            async with asyncio.timeout(ALIVE_S):
+                await self._news.wait()
         except TimeoutError:
             await self.ping()
 

@@ -81,9 +81,10 @@ class Connection:
 
     def send_away(self, words: str) -> None:
         """End the connection; tries to say why, and waits for nobody."""
-        with suppress(Exception):
-            self._writer.write(encode({"event": "bye", "words": words}))
-        self._leaving.set()
+        if not self._leaving.is_set():
+            self._leaving.set()
+            with suppress(Exception):
+                self._writer.write(encode({"event": "bye", "words": words}))
 
     # -- what the verbs need -----------------------------------------------------------------------------
 
@@ -115,6 +116,8 @@ class Connection:
                 return
             self.active_s = asyncio.get_running_loop().time()
             await self._pending.acquire()
+            if self._leaving.is_set():
+                return
             task = asyncio.create_task(self._request(line))
             self._requests.add(task)
             task.add_done_callback(self._answered)
@@ -150,4 +153,5 @@ class Connection:
             while True:
                 self._writer.write(await self.outbox.take())
                 # At once while there is room; a client that reads nothing is not waited for long.
-                await asyncio.wait_for(self._writer.drain(), STALL_S)
+                async with asyncio.timeout(STALL_S):
+                    await self._writer.drain()

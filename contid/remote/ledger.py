@@ -69,7 +69,8 @@ class Ledger:
             RemoteError: nothing came back in time; the orders were sent all the same.
         """
         try:
-            return await asyncio.wait_for(future, PATIENCE_S)
+            async with asyncio.timeout(PATIENCE_S):
+                return await future
         except TimeoutError:
             words = f"sent, but the control process has not confirmed it within {PATIENCE_S:g} s"
             raise RemoteError(Code.NO_ANSWER, words) from None

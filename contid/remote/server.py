@@ -22,6 +22,8 @@ from contid.remote.verbs import Verbs
 #: How often leases, credits and due frames are looked at, while somebody waits for such and otherwise.
 WATCH_S: Final = 0.005
 IDLE_S: Final = 0.02
+#: How long connections get to end with the daemon.
+LEAVE_S: Final = 1.0
 #: What subscribers of events hear of.
 EVENTS: Final = frozenset({"state", "fault", "refused", "bus", "skipped", "end", "stopping"})
 _CREDENTIALS: Final = struct.Struct("3i")  # pid, uid, gid
@@ -64,12 +66,11 @@ class SocketServer:
                 self._send_frames(orders)
         finally:
             server.close()
-            for connection in self._connections.values():
+            for connection in tuple(self._connections.values()):
                 connection.send_away("the daemon ends")
-            await asyncio.sleep(0)
-            for run in self._runs:
-                run.cancel()
-            await asyncio.gather(*self._runs, return_exceptions=True)
+            # They leave by themselves; cancelling them would be told as an error by asyncio's streams.
+            if self._runs:
+                await asyncio.wait(self._runs, timeout=LEAVE_S)
             verbs.ledger.close()
             self._endpoint.close()
 

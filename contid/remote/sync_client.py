@@ -243,8 +243,8 @@ class Client:
     def _next(self, timeout_s: float) -> Fields | None:
         """The next answer, or None after a notice or the time."""
         while b"\n" not in self._buffer:
-            self._socket.settimeout(max(timeout_s, 0.001))
             try:
+                self._socket.settimeout(max(timeout_s, 0.001))
                 chunk = self._socket.recv(1 << 16)
             except TimeoutError:
                 return None

@@ -295,10 +295,16 @@ class Verbs:
         if (target is None) == (columns is None):
             words = "move takes a target (a point) or columns (a stream of rows), one of them"
             raise RemoteError(Code.BAD_REQUEST, words)
+        had = self.right.held_by(caller.number)
         self.right.use(caller.number, caller.name, time.monotonic())
-        if target is not None:
-            return await self.moves.point(caller.number, target, caller.tell)
-        return await self.moves.begin(caller.number, columns or (), caller.tell)
+        try:
+            if target is not None:
+                return await self.moves.point(caller.number, target, caller.tell)
+            return await self.moves.begin(caller.number, columns or (), caller.tell)
+        except RemoteError:
+            if not had:
+                self.right.release(caller.number)
+            raise
 
     async def _rows(self, caller: Caller, take: Take) -> Fields:
         number, rows = int(take.number("move", 0, 0, 1e15)), take.rows("rows")
