@@ -21,6 +21,7 @@ from contid.control.messages import Begin, Goto, Hold, Message, Play, Resume, Ro
 from contid.control.preflight import Preflight, Unreachable
 from contid.control.record import TickRecord
 from contid.control.supervisor import MOVING, Mode
+from contid.control.wiring import chain_guards
 from contid.errors import BadInputError
 from contid.remote.ledger import Ledger
 from contid.remote.picture import Picture
@@ -91,6 +92,7 @@ class Moves:
         self._orders = orders
         self._picture = picture
         self._ledger = ledger
+        self._guards = chain_guards(orders.loaded)
         self._numbers = 0
         self._going: dict[str, deque[Move]] = {name: deque() for name in picture.plans}
         self._stream: Move | None = None
@@ -217,7 +219,7 @@ class Moves:
     def _read(self, lines: Sequence[str], record: TickRecord | None) -> Trajectory:
         try:
             trajectory = read_trajectory(io.StringIO("\n".join(lines)), "rows", self._picture.robots)
-            if self._orders.options.unreachable is Unreachable.REFUSE:
+            if self._orders.options.unreachable is Unreachable.REFUSE or self._guards:
                 self._preflight(record).trajectory(trajectory, "rows")
         except BadInputError as error:
             raise _bad(error) from None
@@ -328,10 +330,11 @@ class Moves:
     def _preflight(self, record: TickRecord | None) -> Preflight:
         commands = {name: self._picture.command(name, record) for name in self._picture.plans}
         seeds = {name: command for name, command in commands.items() if command is not None}
-        return Preflight(tuple(self._picture.plans.values()), seeds)
+        plans, unreachable = tuple(self._picture.plans.values()), self._orders.options.unreachable
+        return Preflight(plans, self._guards, unreachable, seeds)
 
     def _wrong(self, targets: Mapping[str, Target | None], record: TickRecord | None) -> dict[str, str]:
-        if self._orders.options.unreachable is Unreachable.NEAREST:
+        if self._orders.options.unreachable is Unreachable.NEAREST and not self._guards:
             return {}
         return self._preflight(record).row(targets)
 
