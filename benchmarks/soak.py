@@ -22,7 +22,6 @@ import tempfile
 import time
 from contextlib import suppress
 from dataclasses import dataclass
-from importlib import import_module
 from pathlib import Path
 from typing import Any, Final
 
@@ -80,20 +79,22 @@ class Operator:
 def daemon(folder: Path) -> int:
     """The process that is watched: the daemon as `contid run` starts it, with an operator."""
     from contid.control.run import RunRequest, run
+    from contid.remote.place import Endpoint
+    from contid.remote.server import SocketServer
     from contid.session.record import Recording
 
-    commands: list[Any] = [Operator()]
-    with suppress(ImportError):
-        server = import_module("contid.remote.server")
-        commands.append(server.Endpoint(folder / "lab.sock"))
+    endpoint = Endpoint(folder / "lab.sock", default=False)
     request = RunRequest(
         robot_file=str(folder / "lab.yaml"),
         on_end="hold",
         unreachable="nearest",
-        commands=commands,
+        commands=[Operator(), SocketServer(endpoint)],
         observers=[Recording(folder / "lab.mcap", {})],
     )
-    report = run(request)
+    try:
+        report = run(request)
+    finally:
+        endpoint.close()
     print(json.dumps(report.as_dict()))
     return report.exit_code
 

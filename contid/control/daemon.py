@@ -197,6 +197,7 @@ class Daemon:
 
     def send_bulk(self, message: Message) -> None:
         """See `Orders.send_bulk`."""
+        self._tell(message)
         self._child.send_bulk(message)
 
     def lateness(self, ticks: int) -> list[float]:
