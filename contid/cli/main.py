@@ -87,7 +87,7 @@ def main() -> NoReturn:
     except SystemExit:
         # Click ends a command whose reader went away (``contid path ... | head``) with 1, which means a
         # failed comparison here; it leaves this wrapper behind, and nothing else does.
-        if type(sys.stdout).__name__ == "PacifyFlushWrapper":  # importing it warns since click 8.4
+        if type(sys.stdout).__name__.endswith("PacifyFlushWrapper"):  # importing it warns since click 8.4
             sys.exit(0)
         raise
     sys.exit(0)
