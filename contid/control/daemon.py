@@ -83,6 +83,10 @@ class Orders(Protocol):
         """How late the newest ticks started [s]."""
         ...
 
+    def refresh(self) -> None:
+        """Hear of every event up to now at once."""
+        ...
+
     def listen(self, listener: Callable[[Mapping[str, Any]], None]) -> None:
         """Call ``listener`` with every further event."""
         ...
@@ -171,6 +175,7 @@ class Daemon:
         self._listeners: list[Callable[[Mapping[str, Any]], None]] = []
         self._report = Report(ending="the input ended", rate_hz=options.rate_hz)
         self._interrupts = 0
+        self._fetching = False
         self._give_up_s: float | None = None
         self._end_s: float | None = None
         self._last: TickRecord | None = None
@@ -199,6 +204,11 @@ class Daemon:
         """See `Orders.send_bulk`."""
         self._tell(message)
         self._child.send_bulk(message)
+
+    def refresh(self) -> None:
+        """See `Orders.refresh`; a listener that asks hears of the rest when its turn comes."""
+        if not self._fetching:
+            self._fetch()
 
     def lateness(self, ticks: int) -> list[float]:
         """See `Orders.lateness`."""
@@ -309,10 +319,14 @@ class Daemon:
     def _fetch(self) -> None:
         reader = self._child.reader
         assert reader is not None
-        for event in reader.events():
-            self._notice(event)
-            for listener in self._listeners:
-                listener(event)
+        self._fetching = True
+        try:
+            for event in reader.events():
+                self._notice(event)
+                for listener in self._listeners:
+                    listener(event)
+        finally:
+            self._fetching = False
         if self._log is not None:
             for record in reader.ticks():
                 self._log.add(record)

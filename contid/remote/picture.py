@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import math
 import time
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from typing import Any, Final
 
 from contid.control.faults import PAGES, Fault
@@ -51,12 +51,14 @@ def fault_fields(fault: Fault, detail: str) -> Fields | None:
 class Picture:
     """The robots of one daemon as clients see them."""
 
-    def __init__(self, loaded: LoadedFile, rate_hz: float) -> None:
+    def __init__(self, loaded: LoadedFile, rate_hz: float, refresh: Callable[[], None]) -> None:
+        """See a robot file's robots; ``refresh`` brings the events that belong to a record."""
         self.plans: dict[str, RobotPlan] = {plan.name: plan for plan in build_plans(loaded, rate_hz)}
         self.robots = driven_robots(loaded)
         self.layout: RecordLayout = record_layout(loaded, rate_hz)
         self._loaded = loaded
         self._details: dict[str, str] = {}
+        self._refresh = refresh
         self._index = {robot.name: number for number, robot in enumerate(self.layout.robots)}
         self._axes_of = {
             name: tuple(axis for axis, _ in bus.axes) for name, bus in loaded.buses.items() if bus.axes
@@ -87,7 +89,13 @@ class Picture:
         """The latched fault of a robot."""
         if record is None:
             return None
-        return fault_fields(Fault(record.robots[self._index[robot]].fault), self._details.get(robot, ""))
+        return self._fault(robot, record.robots[self._index[robot]])
+
+    def _fault(self, robot: str, told: RobotRecord) -> Fields | None:
+        if told.fault:
+            # Its words are an event that came before this record, but may not have been fetched yet.
+            self._refresh()
+        return fault_fields(Fault(told.fault), self._details.get(robot, ""))
 
     def mode(self, robot: str, record: TickRecord | None) -> Mode:
         """The state of a robot."""
@@ -197,7 +205,7 @@ class Picture:
         return {
             "state": Mode(told.mode).name,
             "enabled": bool(told.flags & ENABLED),
-            "fault": fault_fields(Fault(told.fault), self._details.get(name, "")),
+            "fault": self._fault(name, told),
             "tip_mm": self.tip_mm(plan, told),
             "target_mm": self._field(plan, told, "target_mm"),
             "error_mm": self._field(plan, told, "error_mm"),

@@ -58,7 +58,7 @@ class Verbs:
         self._ended = False
         self._refusals: dict[str, str] = {}
         self._realtime: bool | None = None
-        self.picture = Picture(orders.loaded, orders.options.rate_hz)
+        self.picture = Picture(orders.loaded, orders.options.rate_hz, orders.refresh)
         self.ledger = Ledger(orders.send)
         self.moves = Moves(orders, self.picture, self.ledger)
         self.right = MotionRight(self._began_s, orders.input_moves)
