@@ -20,6 +20,7 @@ def command(robot_file: str, rows: str | None, as_json: bool) -> None:
     iterations; a target out of reach is answered by the best actuation inside the limits, with
     converged=false. Each row starts from the answer of the row before.
     """
+    from contid.control.wiring import driven_robots
     from contid.description.load import load_robot_file
     from contid.description.shipped import find_robot_file
     from contid.models.frames import BaseFrame
@@ -28,7 +29,7 @@ def command(robot_file: str, rows: str | None, as_json: bool) -> None:
     from contid.units import m_to_mm
 
     loaded = load_robot_file(find_robot_file(robot_file))
-    robots = {name: robot for name, robot in loaded.file.robots.items() if not robot.passive}
+    robots = driven_robots(loaded)
     models = {name: build_model(robot) for name, robot in robots.items()}
     frames = {name: BaseFrame.of(robot.base) for name, robot in robots.items()}
     seeds = {name: robot.rest for name, robot in robots.items()}

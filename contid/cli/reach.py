@@ -28,6 +28,7 @@ def command(robot_file: str, plot: str | None, voxel_mm: float | None, across: i
     For a hand of two rack fingers it also prints the comparison of Morita et al., section IV-B.
     """
     from contid.cli.progress import counting
+    from contid.control.wiring import driven_robots
     from contid.description.load import load_robot_file
     from contid.description.rack_finger import RackFinger
     from contid.description.shipped import find_robot_file
@@ -36,7 +37,7 @@ def command(robot_file: str, plot: str | None, voxel_mm: float | None, across: i
     if plot is not None and Path(plot).suffix.lower() not in (".png", ".svg"):
         raise click.UsageError(f"--plot {plot}: the name must end in .png or .svg")
     loaded = load_robot_file(find_robot_file(robot_file))
-    robots = {name: robot for name, robot in loaded.file.robots.items() if not robot.passive}
+    robots = driven_robots(loaded)
     fingers = {name: robot for name, robot in robots.items() if isinstance(robot, RackFinger)}
     arms = {name: robot for name, robot in robots.items() if name not in fingers}
     reports = [planar_report(fingers)] if fingers else []
