@@ -12,11 +12,16 @@ from contid.description.shipped import find_robot_file
 MEMBERS: Final = ("hand", "trirack", "cbha")
 
 
-def lab_text(rate_hz: float = 200.0) -> str:
-    """The robot files of the members as one; every bus and robot gets its file's name in front."""
+def lab_text(rate_hz: float = 200.0, kind: str = "") -> str:
+    """The robot files of the members as one; every bus and robot gets its file's name in front.
+
+    Args:
+        rate_hz: of the laboratory.
+        kind: ``.emulated`` for the members' files with emulated wires.
+    """
     lab: dict[str, Any] = {"contid": 1, "name": "lab", "rate_hz": rate_hz, "buses": {}, "robots": {}}
     for member in MEMBERS:
-        loaded = load_robot_file(find_robot_file(member))
+        loaded = load_robot_file(find_robot_file(member + kind))
         raw = yaml.safe_load(loaded.text)
         for name, bus in raw["buses"].items():
             lab["buses"][f"{member}_{name}"] = bus

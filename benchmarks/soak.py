@@ -1,215 +1,222 @@
-"""Hours of a laboratory: hand, tri-rack and pneumatic arm in one daemon at 200 Hz, and everything failing.
+"""An hour of a laboratory: hand, tri-rack and pneumatic arm in one daemon at 200 Hz, and everything failing.
 
-``python -m benchmarks.soak [--minutes 60]``. The daemon runs in real time on simulated devices and records.
-A live stream moves every axis; one bus after the other is unplugged for two seconds, once a minute; clients
-come over the socket, subscribe, send rubbish and vanish. Printed: memory and descriptors of daemon, control
-process and recorder over time, late and skipped ticks. Exit 1 when memory or descriptors grew, or a process
-was lost.
+``python -m benchmarks.soak [--minutes 60] [--keep FILE.mcap]``. Devices are emulated on pseudo terminals
+(servos, and three boards that run the sketch itself), the daemon runs in real time and records. A live stream
+moves every axis; once a minute the cable of one bus after the other is pulled for two seconds, and an
+operator clears and resumes; clients come over the socket, subscribe, send rubbish and vanish; one viewer
+after the other is killed. Printed: memory and descriptors of daemon, control process and recorder over time;
+ticks run, late and skipped; faults against pulled cables; whether the session holds every tick; a verdict.
+Exit 1 when memory or descriptors grow, a process was lost, a fault was missed, a robot did not come back, or
+the session is not complete.
 """
 
 from __future__ import annotations
 
 import argparse
-import asyncio
-import itertools
+import contextlib
 import json
 import math
+import shutil
 import signal
-import socket
 import subprocess
 import sys
 import tempfile
 import time
-from contextlib import suppress
-from dataclasses import dataclass
+from collections.abc import Iterator
+from contextlib import ExitStack, suppress
 from pathlib import Path
 from typing import Any, Final
 
 import psutil
-import yaml
 
-from benchmarks.lab import lab
-from contid.control.daemon import Orders
-from contid.control.messages import ClearFault, Resume
-from contid.control.wiring import build_plans
-from contid.description.load import LoadedFile, parse_robot_file, with_mock
+from benchmarks.flat import Look, look, slope_of
+from benchmarks.soak_lab import VIEWER_S, robot_file
+from benchmarks.soak_people import ARMED, Clients, Operator, Stream
+from contid.client import Client
+from contid.description.load import load_robot_file
+from contid.errors import ContidError
 
-RATE_HZ: Final = 200.0
-#: After this share of the run caches are warm; growth counts from then on.
-WARM: Final = 0.25
-#: Memory may differ by this much between the warm state and the end [MB].
-GROWTH_MB: Final = 8.0
-#: Clients that are there at the moment, and sockets being accepted.
-FEW_DESCRIPTORS: Final = 6
-GONE_S: Final = 2.0
-
-
-def robot_file(every_s: float, seconds: float) -> str:
-    """The laboratory with simulated buses, one of which is lost in turn every so many seconds."""
-    loaded = with_mock(lab(RATE_HZ))
-    raw = yaml.safe_load(loaded.text)
-    for bus in loaded.buses.values():
-        raw["buses"][bus.name] = {"driver": "sim", "faults": []}
-        for name, options in bus.axes:
-            robot, axis = name.split(".", 1)
-            given = raw["robots"][robot]["axes"][axis]
-            for key in ("id", "channel", "power_up_deg", "homing", "calibration", "readback", "ceiling_bar"):
-                given.pop(key, None)
-            given |= {k: v for k, v in options.model_dump(mode="json").items() if v is not None}
-    for number, name in zip(range(1, int(seconds / every_s) + 1), itertools.cycle(raw["buses"])):
-        fault = {"at_s": number * every_s, "kind": "lost", "for_s": GONE_S}
-        raw["buses"][name]["faults"].append(fault)
-    for robot in raw["robots"].values():
-        robot.pop("placeholder", None)
-    return yaml.safe_dump(raw, sort_keys=False, default_flow_style=None)
+#: Devices, daemon and first motion may take so long to be there, and the end of a run with its session.
+START_S: Final = 60.0
+END_S: Final = 900.0
+#: No cable is pulled so shortly before the end.
+AFTER_S: Final = 4.0
+#: A look at the processes every so often, a line of the table every so many of them.
+LOOK_S: Final = 5.0
+LOOKS_PER_LINE: Final = 12
+COLUMNS: Final = ("tick", "skipped", "clients", "cables", "faults", "file MB")
+#: Who is looked at, by what their command line says.
+PROCESSES: Final = {"control": "contid.control.process", "recorder": "contid.session.recorder"}
 
 
-class Operator:
-    """Clears and resumes every second, as a person would after each plug that is back."""
-
-    async def serve(self, orders: Orders) -> None:
-        """See `contid.control.daemon.Commands`."""
-        while True:
-            await asyncio.sleep(1.0)
-            orders.send(ClearFault())
-            await asyncio.sleep(0.2)
-            orders.send(Resume())
-
-
-def daemon(folder: Path) -> int:
-    """The process that is watched: the daemon as `contid run` starts it, with an operator."""
-    from contid.control.run import RunRequest, run
-    from contid.remote.place import Endpoint
-    from contid.remote.server import SocketServer
-    from contid.session.record import Recording
-
-    endpoint = Endpoint(folder / "lab.sock", default=False)
-    request = RunRequest(
-        robot_file=str(folder / "lab.yaml"),
-        on_end="hold",
-        unreachable="nearest",
-        commands=[Operator(), SocketServer(endpoint)],
-        observers=[Recording(folder / "lab.mcap", {})],
-    )
+@contextlib.contextmanager
+def part(*words: str, **keys: Any) -> Iterator[subprocess.Popen[str]]:
+    """A part of the laboratory, ended with SIGINT if it is still there."""
+    command = [sys.executable, "-m", "benchmarks.soak_lab", *words]
+    child = subprocess.Popen(command, stdout=subprocess.PIPE, text=True, **keys)
     try:
-        report = run(request)
+        yield child
     finally:
-        endpoint.close()
-    print(json.dumps(report.as_dict()))
-    return report.exit_code
-
-
-class Clients:
-    """Come, subscribe, and vanish without a word."""
-
-    def __init__(self, path: Path) -> None:
-        self._path = path
-        self._open: list[socket.socket] = []
-        self.visits = 0
-
-    def visit(self) -> None:
-        """One more; the oldest of three is gone, with whatever it did not read."""
-        if not self._path.exists():
-            return
-        end = socket.socket(socket.AF_UNIX, socket.SOCK_STREAM)
-        self._open.append(end)
-        with suppress(OSError):
-            end.connect(str(self._path))
-            end.sendall(
-                b'{"id": 1, "verb": "status"}\n{"id": 2, "verb": "subscribe", "rate_hz": 50}\nrubbish\n'
-            )
-            self.visits += 1
-        while len(self._open) > 3:
-            self._open.pop(0).close()
-
-    def close(self) -> None:
-        """Nobody is left."""
-        for end in self._open:
-            end.close()
-
-
-@dataclass(frozen=True)
-class Look:
-    """At one minute: memory of daemon, control process and recorder [MB, own pages], their descriptors."""
-
-    processes: int
-    memory_mb: float
-    descriptors: int
-
-
-def look(process: psutil.Process) -> Look:
-    """Look at the daemon and everything it started."""
-    every = [process, *process.children(recursive=True)]
-    memory = sum(each.memory_full_info().uss for each in every) / 2**20
-    return Look(len(every), round(memory, 1), sum(each.num_fds() for each in every))
-
-
-def header(loaded: LoadedFile) -> tuple[str, list[tuple[float, float]]]:
-    """Columns of the stream, and for each its middle and how far it swings, in the columns' own units."""
-    names, swings = [], []
-    for plan in build_plans(loaded, RATE_HZ):
-        for axis, limits in zip(plan.axis_names, plan.limits, strict=True):
-            names.append(f"{plan.name}.{axis}_{plan.quantity.unit}")
-            span = (limits.upper - limits.lower) * plan.quantity.per_si
-            swings.append((0.5 * (limits.upper + limits.lower) * plan.quantity.per_si, 0.04 * span))
-    return ",".join(names), swings
-
-
-def soak(minutes: float, every_s: float) -> int:
-    """Run, print, judge; returns the exit code."""
-    seconds = minutes * 60.0
-    with tempfile.TemporaryDirectory() as name:
-        folder = Path(name)
-        text = robot_file(every_s, seconds)
-        (folder / "lab.yaml").write_text(text)
-        columns, swings = header(parse_robot_file(text, "lab.yaml"))
-        command = [sys.executable, "-m", "benchmarks.soak", "--daemon", str(folder)]
-        child = subprocess.Popen(command, stdin=subprocess.PIPE, stdout=subprocess.PIPE, text=True)
-        assert child.stdin is not None
-        process, clients, looks = psutil.Process(child.pid), Clients(folder / "lab.sock"), []
-        print(
-            f"{'s':>6}{'processes':>11}{'memory MB':>11}{'descriptors':>13}{'clients so far':>16}", flush=True
-        )
-        begin_s = time.monotonic()
-        next_look_s = next_visit_s = begin_s + min(5.0, 0.2 * seconds)
-        try:
-            child.stdin.write(columns + "\n")
-            while (now_s := time.monotonic()) < begin_s + seconds and child.poll() is None:
-                angle = now_s - begin_s
-                cells = (middle + swing * math.sin(angle + at) for at, (middle, swing) in enumerate(swings))
-                child.stdin.write(",".join(f"{cell:.4f}" for cell in cells) + "\n")
-                child.stdin.flush()
-                if now_s >= next_visit_s:
-                    next_visit_s = now_s + 1.0
-                    clients.visit()
-                if now_s >= next_look_s:
-                    next_look_s = now_s + min(60.0, 0.1 * seconds)
-                    seen = look(process)
-                    looks.append(seen)
-                    row = (
-                        f"{seen.processes:>11}{seen.memory_mb:>11}{seen.descriptors:>13}{clients.visits:>16}"
-                    )
-                    print(f"{now_s - begin_s:>6.0f}{row}", flush=True)
-                time.sleep(0.05)
-        finally:
-            clients.close()
+        if child.poll() is None:
             child.send_signal(signal.SIGINT)
-            out, _ = child.communicate(timeout=60)
-    report = json.loads(out.splitlines()[-1])
-    told = {key: report[key] for key in ("ticks", "late", "skipped", "lateness", "problems") if key in report}
-    print(json.dumps(told))
-    return judge(looks, report)
+            child.communicate(timeout=END_S)
 
 
-def judge(looks: list[Look], report: dict[str, Any]) -> int:
-    """1 when anything grew after the warm part of the run."""
-    warm = looks[int(WARM * len(looks)) :]
-    growth = warm[-1].memory_mb - warm[0].memory_mb
-    descriptors = warm[-1].descriptors - warm[0].descriptors
-    lost = any(each.processes != warm[0].processes for each in warm)
-    print(f"growth: {growth:+.1f} MB, {descriptors:+d} descriptors; processes lost: {lost}")
-    print(f"skipped: {100.0 * report['skipped'] / max(report['ticks'], 1):.3f} % of {report['ticks']} ticks")
-    return 1 if growth > GROWTH_MB or descriptors > FEW_DESCRIPTORS or lost else 0
+def everyone_armed(path: Path) -> bool:
+    """True when the daemon says so."""
+    with suppress(ContidError), Client(path) as client:
+        return {robot["state"] for robot in client.status()["robots"].values()} <= ARMED
+    return False
+
+
+def family(daemon: psutil.Process) -> dict[str, psutil.Process]:
+    """Daemon, control process, recorder."""
+    found = {"daemon": daemon}
+    for child in daemon.children(recursive=True):
+        with suppress(psutil.NoSuchProcess):
+            words = child.cmdline()
+            found |= {name: child for name, module in PROCESSES.items() if module in words}
+    return found
+
+
+class Table:
+    """What is seen of the processes, and its lines."""
+
+    def __init__(self, members: dict[str, psutil.Process]) -> None:
+        self.members = members
+        self.looks: dict[str, list[Look]] = {name: [] for name in members}
+        cells = "".join(f"{name + ' RSS/PSS/own MB, fds':>34}" for name in members)
+        print(f"{'s':>6}{cells}" + "".join(f"{word:>9}" for word in COLUMNS))
+
+    def look(self, t_s: float) -> None:
+        """Look at every process; raises when one is gone."""
+        for name, member in self.members.items():
+            self.looks[name].append(look(member, t_s))
+
+    def line(self, status: dict[str, Any], visits: int, operator: Operator, session: Path) -> None:
+        """Print the newest looks."""
+        cells = ""
+        for looks in self.looks.values():
+            seen = looks[-1]
+            memory = "/".join(f"{kb / 1024:.2f}" for kb in (seen.rss_kb, seen.pss_kb, seen.own_kb))
+            cells += f"{memory + f', {seen.descriptors:>3}':>34}"
+        faults = sum(len(cable.faulted) for cable in operator.cables) + operator.others.total()
+        size_mb = round(session.stat().st_size / 1e6, 1)
+        rest = (status["tick"], status["skipped"], visits, len(operator.cables), faults, size_mb)
+        t_s = self.looks["daemon"][-1].t_s
+        print(f"{t_s:>6.0f}{cells}" + "".join(f"{cell:>9}" for cell in rest), flush=True)
+
+
+def soak(minutes: float, every_s: float, viewer_s: float = VIEWER_S, keep: Path | None = None) -> int:
+    """Run, print, judge, keep the session if asked to; returns the exit code."""
+    seconds = minutes * 60.0
+    look_s = min(LOOK_S, seconds / 24.0)
+    with ExitStack() as stack:
+        folder = Path(stack.enter_context(tempfile.TemporaryDirectory(prefix="contid-soak-")))
+        (folder / "lab.yaml").write_text(robot_file(folder))
+        loaded, path = load_robot_file(folder / "lab.yaml"), folder / "lab.sock"
+        devices = stack.enter_context(part("devices", str(folder)))
+        assert devices.stdout is not None
+        assert devices.stdout.readline() == "ready\n"
+        said = stack.enter_context((folder / "daemon.txt").open("w"))
+        child = stack.enter_context(
+            part("daemon", str(folder), str(viewer_s), stdin=subprocess.PIPE, stderr=said)
+        )
+        assert child.stdin is not None
+        stream = Stream(child.stdin, loaded)
+        stream.start()
+        stack.callback(stream.stop)
+        give_up_s = time.monotonic() + START_S
+        while not everyone_armed(path):
+            if child.poll() is not None or time.monotonic() > give_up_s:
+                words = (folder / "daemon.txt").read_text()
+                raise SystemExit(f"the laboratory did not come up:\n{words}")
+            time.sleep(0.2)
+        pulls = [at * every_s for at in range(1, int((seconds - AFTER_S) / every_s) + 1)]
+        operator = Operator(folder, loaded, pulls)
+        operator.start()
+        clients = Clients(path)
+        table = Table(family(psutil.Process(child.pid)))
+        lost = ""
+        try:
+            watch(seconds, look_s, child, table, clients, operator, path)
+        except psutil.NoSuchProcess as error:
+            lost = str(error)
+        finally:
+            operator.stop()
+            clients.close()
+            stream.stop()
+        child.send_signal(signal.SIGINT)
+        out, _ = child.communicate(timeout=END_S)
+        report = json.loads(out.splitlines()[-1])
+        # The daemon waits two minutes for the session to become small, which may take longer.
+        psutil.wait_procs([table.members["recorder"]], timeout=END_S)
+        code = judge(table, report, operator, folder / "lab.mcap", lost)
+        if keep is not None:
+            shutil.move(folder / "lab.mcap", keep)
+        return code
+
+
+def watch(
+    seconds: float,
+    look_s: float,
+    child: subprocess.Popen[str],
+    table: Table,
+    clients: Clients,
+    operator: Operator,
+    path: Path,
+) -> None:
+    """The time between begin and end: look, visit, print."""
+    begin_s = next_look_s = next_visit_s = time.monotonic()
+    looks = 0
+    while (now_s := time.monotonic()) < begin_s + seconds and child.poll() is None:
+        if now_s >= next_visit_s:
+            next_visit_s = now_s + 1.0
+            clients.visit()
+        if now_s >= next_look_s:
+            next_look_s = now_s + look_s
+            table.look(now_s - begin_s)
+            if looks % LOOKS_PER_LINE == 0:
+                with suppress(ContidError), Client(path) as client:
+                    table.line(client.status(), clients.visits, operator, path.with_name("lab.mcap"))
+            looks += 1
+        time.sleep(0.02)
+    table.look(seconds)
+
+
+def judge(table: Table, report: dict[str, Any], operator: Operator, session: Path, lost: str) -> int:
+    """Print what came of it; 1 when anything is wrong."""
+    ticks, late, skipped = (report[key] for key in ("ticks", "late", "skipped"))
+    print(f"ticks: {ticks} run, {late} late ({late / ticks:.3%}), {skipped} skipped ({skipped / ticks:.3%})")
+    print(f"lateness: {json.dumps(report['lateness'])}")
+    cables = operator.cables
+    seen = sum(cable.faulted == cable.robots for cable in cables)
+    back = [cable.back_s for cable in cables if not math.isnan(cable.back_s)]
+    slowest = f", the slowest {max(back):.1f} s after the plug" if back else ""
+    print(f"cables pulled: {len(cables)}; seen by every robot of the bus: {seen}; back: {len(back)}{slowest}")
+    print(f"other faults: {dict(operator.others) or 'none'}")
+    print(f"viewers killed: {report['viewers_killed']}")
+    command = [sys.executable, "-m", "contid", "session", "info", str(session), "--json"]
+    info = json.loads(subprocess.run(command, check=True, capture_output=True, text=True).stdout)
+    complete = info["state"] == "clean" and info["ticks"] == ticks and not info["lost"]
+    print(
+        f"session: {info['bytes'] / 1e6:.1f} MB, {info['state']}, {info['ticks']} of {ticks} ticks, "
+        f"{len(info['faults'])} faults"
+    )
+    slopes = {name: slope_of(looks) for name, looks in table.looks.items()}
+    for name, slope in slopes.items():
+        print(f"{name}: {slope}")
+    wrong = [
+        *(f"{name} grows" for name, slope in slopes.items() if not slope.flat),
+        *([f"a process was lost: {lost}"] if lost else []),
+        *([] if seen == len(cables) else ["a pulled cable was not seen"]),
+        *([] if len(back) == len(cables) else ["a robot did not come back"]),
+        *([] if complete else ["the session is not complete"]),
+        *([] if report["viewers_killed"] else ["no viewer was killed"]),
+        *(words for words in report["problems"] if "still being compacted" not in words),
+    ]
+    print("verdict: " + ("; ".join(wrong) if wrong else "memory and descriptors flat, nothing lost"))
+    return 1 if wrong else 0
 
 
 def main() -> int:
@@ -217,11 +224,9 @@ def main() -> int:
     parser = argparse.ArgumentParser(prog="python -m benchmarks.soak", description=__doc__)
     parser.add_argument("--minutes", type=float, default=60.0)
     parser.add_argument("--unplug-every", type=float, default=60.0, metavar="SECONDS")
-    parser.add_argument("--daemon", type=Path, help=argparse.SUPPRESS)
+    parser.add_argument("--keep", type=Path, metavar="FILE.mcap", help="where the session goes; else nowhere")
     asked = parser.parse_args()
-    if asked.daemon is not None:
-        return daemon(asked.daemon)
-    return soak(asked.minutes, asked.unplug_every)
+    return soak(asked.minutes, asked.unplug_every, keep=asked.keep)
 
 
 if __name__ == "__main__":

@@ -40,7 +40,9 @@ def wired_buses(loaded: LoadedFile) -> list[WiredBus]:
     for name, robot in loaded.file.robots.items():
         if not robot.passive:
             ranges = RobotTransmission(robot).travel()
-            travel |= {f"{name}.{axis}": ends for axis, ends in zip(robot.axis_names, ranges, strict=True)}
+            travel |= {
+                f"{name}.{axis}": ends for axis, ends in zip(robot.all_axis_names, ranges, strict=True)
+            }
     return [
         WiredBus(
             wiring,

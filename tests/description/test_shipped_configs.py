@@ -6,6 +6,7 @@ from pathlib import Path
 
 import pytest
 
+from contid.cli.wired import wired_buses
 from contid.description.load import load_robot_file, with_mock
 from contid.models.model import build_model
 
@@ -22,6 +23,14 @@ def test_a_shipped_robot_file_loads_and_its_rest_pose_is_a_fixed_point(path: Pat
         model = build_model(robot)
         tip = model.forward(robot.rest).tip_m
         assert all(abs(value) < 10.0 for value in tip)
+
+
+@pytest.mark.parametrize("path", CONFIGS, ids=lambda path: path.stem)
+def test_every_axis_of_a_shipped_robot_file_reaches_its_driver_with_its_travel(path: Path) -> None:
+    loaded = load_robot_file(path)
+    wired = {axis.name for bus in wired_buses(loaded) for axis in bus.axes if axis.travel is not None}
+    driven = [(name, robot) for name, robot in loaded.file.robots.items() if not robot.passive]
+    assert wired == {f"{name}.{axis}" for name, robot in driven for axis in robot.all_axis_names}
 
 
 @pytest.mark.parametrize(
