@@ -14,7 +14,6 @@ import socket
 import sys
 import time
 import zipfile
-import zlib
 from collections.abc import Mapping
 from datetime import UTC, datetime
 from importlib.metadata import version
@@ -31,12 +30,15 @@ from contid.errors import ContidError
 from contid.hal import DeviceKind, load_driver
 from contid.session.header import NPZ, Header
 from contid.trajectory.columns import read_layout
+from contid.trajectory.read import MAX_ROWS
 from contid.trajectory.timed import Interpolation, Trajectory
 
 #: Grows when a reader of the version before would misunderstand a file.
 FORMAT: Final = "1"
 TRAJECTORY: Final = "trajectory"
 _ROWS: Final = "rows.npy"
+#: More than the head of an array in NumPy's file format takes.
+_NPY_HEAD: Final = 10_000
 
 
 def describe(setup: Setup, options: Mapping[str, str], virtual: bool, host: str | None = None) -> Header:
@@ -140,18 +142,37 @@ def unpacked(data: bytes, about: Mapping[str, str], loaded: LoadedFile) -> Traje
     try:
         names = [str(name) for name in json.loads(about["columns"])]
         interpolation = Interpolation(about["interpolation"])
-    except (ValueError, TypeError) as error:
+    except (ValueError, TypeError, RecursionError) as error:
         raise ContidError(f"the recorded trajectory is damaged: {error}") from error
     layout = read_layout([(name, 1) for name in names], "the recorded trajectory", 1, driven_robots(loaded))
     try:
-        with np.load(io.BytesIO(data), allow_pickle=False) as archive:
-            rows: Any = archive[_ROWS.removesuffix(".npy")]
-    except (OSError, ValueError, KeyError, EOFError, zlib.error, zipfile.BadZipFile) as error:
+        rows = _rows(data, len(names))
+    except Exception as error:  # zipfile and NumPy have a dozen kinds of errors for damaged data
         raise ContidError(f"the recorded trajectory is damaged: {error}") from error
     if hashlib.sha256(rows.tobytes()).hexdigest() != about["sha256"]:
         raise ContidError("the recorded trajectory is damaged: another checksum than its metadata says")
     rows.setflags(write=False)
     return Trajectory(layout, rows, range(1, len(rows) + 1), interpolation)
+
+
+def _rows(data: bytes, columns: int) -> Any:
+    """The array of an attachment, shape (rows, columns); what it claims is checked before it is met.
+
+    Raises:
+        Exception: of some kind, when it is damaged or claims more than `MAX_ROWS` rows.
+    """
+    with zipfile.ZipFile(io.BytesIO(data)) as archive:
+        size = archive.getinfo(_ROWS).file_size
+        if size > _NPY_HEAD + MAX_ROWS * columns * 8:
+            raise ValueError(f"it claims {size} bytes; {MAX_ROWS} rows are the most")
+        plain = archive.read(_ROWS)
+    head = io.BytesIO(plain)
+    np.lib.format.read_magic(head)
+    shape, _, kind = np.lib.format.read_array_header_1_0(head, _NPY_HEAD)
+    wanted = len(shape) == 2 and shape[0] > 0 and shape[1] == columns and kind == np.float64
+    if not wanted or len(plain) - head.tell() != shape[0] * columns * 8:
+        raise ValueError(f"{shape} {kind} in {len(plain)} bytes are not {columns} columns of numbers")
+    return np.load(io.BytesIO(plain), allow_pickle=False)
 
 
 def versions() -> dict[str, str]:

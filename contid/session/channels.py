@@ -11,6 +11,7 @@ from __future__ import annotations
 import json
 import math
 import re
+import struct
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 from operator import itemgetter
@@ -268,8 +269,12 @@ class Decoder:
 
         Raises:
             IndexError: one is missing.
+            struct.error, OverflowError: one is no number that a record can hold.
         """
-        return [_NAN if value is None else value for value in self._arrange(gathered)]
+        values = [_NAN if value is None else value for value in self._arrange(gathered)]
+        # Cheaper than looking at each: only numbers can be packed.
+        struct.pack(f"{len(values)}d", *values)
+        return values
 
 
 _NO_VECTOR: Final = (None, None, None)

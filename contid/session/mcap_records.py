@@ -29,8 +29,9 @@ _READ: Final = 1 << 20
 _CUT_CHUNK: Final = -1
 #: No record of a session is longer; a length beyond it is damage.
 _LONGEST: Final = 1 << 32
-#: Nor is a chunk; what claims to unpack to more is damaged, or meant to fill the memory.
-_CHUNK_MOST: Final = 1 << 28
+#: Bytes of an unpacked chunk; one that claims more, or holds more than it claims, is damaged, or meant to
+#: fill the memory. What its compressed frame says of itself is not asked.
+CHUNK_MOST: Final = 1 << 28
 
 
 class DamagedRecordError(ContidError):
@@ -130,12 +131,16 @@ def _records(file: BinaryIO) -> Iterator[tuple[int, bytes]]:
         wanted = _READ
         if len(data) - at >= head:
             wanted = max(_READ, head + RECORD.unpack_from(data, at)[1] - (len(data) - at))
-        more = file.read(wanted)
-        if not more:
+        # In pieces: reading at once would set aside what a damaged length asks for, whatever the file has.
+        pieces = []
+        while wanted > 0 and (piece := file.read(min(wanted, _READ))):
+            pieces.append(piece)
+            wanted -= len(piece)
+        if not pieces:
             if data[at : at + 1] == bytes([CHUNK]):
                 yield _CUT_CHUNK, data[at + head :]
             return
-        data, at = data[at:] + more, 0
+        data, at = data[at:] + b"".join(pieces), 0
 
 
 def _unpacked(body: bytes) -> bytes:
@@ -144,41 +149,76 @@ def _unpacked(body: bytes) -> bytes:
     Raises:
         ValueError: it is damaged.
     """
-    if len(body) < _CHUNK_HEAD.size + 4:
-        raise ValueError("a chunk has no head")
-    size, crc = _CHUNK_HEAD.unpack_from(body)[2:]
-    if size > _CHUNK_MOST:
-        raise ValueError(f"a chunk claims to hold {size} bytes")
-    compression, data = _packed(body)
-    try:
-        if compression == "zstd":
-            import zstandard
-
-            data = zstandard.ZstdDecompressor().decompress(data, max_output_size=size)
-        elif compression == "lz4":
-            import lz4.frame
-
-            data = lz4.frame.decompress(data)
-    except Exception as error:  # each library has errors of its own for damaged data
-        raise ValueError(str(error)) from error
+    size, crc = _claims(body)
+    compression, packed = _packed(body)
+    data = b"".join(_blocks(compression, packed, size))
     if crc and zlib.crc32(data) != crc:
         raise ValueError("a chunk has another checksum than it says")
     return data
 
 
 def _begun(body: bytes) -> bytes:
-    """What can be had of a chunk that was cut off: its whole blocks."""
+    """What can be had of a chunk that was cut off: its whole blocks.
+
+    Raises:
+        ValueError: it is damaged as well.
+    """
     if len(body) < _CHUNK_HEAD.size + 4:
         return b""
-    compression, data = _packed(body)
-    if compression != "zstd" or not data:
-        return b""
-    import zstandard
+    compression, packed = _packed(body)
+    return b"".join(_blocks(compression, packed, _claims(body)[0])) if compression == "zstd" else b""
 
+
+def _claims(body: bytes) -> tuple[int, int]:
+    """Bytes that a chunk says it holds, and their checksum.
+
+    Raises:
+        ValueError: it has no head, or says more than `CHUNK_MOST`.
+    """
+    if len(body) < _CHUNK_HEAD.size + 4:
+        raise ValueError("a chunk has no head")
+    size, crc = _CHUNK_HEAD.unpack_from(body)[2:]
+    if size > CHUNK_MOST:
+        raise ValueError(f"a chunk claims to hold {size} bytes")
+    return size, crc
+
+
+def _blocks(compression: str, packed: bytes, most: int) -> Iterator[bytes]:
+    """Unpacked bytes in pieces, never more than ``most`` and a piece of them in memory.
+
+    Raises:
+        ValueError: they are damaged, or more than ``most``.
+    """
+    done = 0
     try:
-        return zstandard.ZstdDecompressor().decompressobj().decompress(data)
-    except zstandard.ZstdError as error:
+        for piece in _pieces(compression, packed):
+            done += len(piece)
+            if done > most:
+                raise ValueError(f"a chunk of {most} bytes holds more than it claims")
+            yield piece
+    except ValueError:
+        raise
+    except Exception as error:  # each library has errors of its own for damaged data
         raise ValueError(str(error)) from error
+
+
+def _pieces(compression: str, packed: bytes) -> Iterator[bytes]:
+    if compression == "zstd":
+        import zstandard
+
+        with zstandard.ZstdDecompressor().stream_reader(packed) as reader:
+            while piece := reader.read(_READ):
+                yield piece
+    elif compression == "lz4":
+        import lz4.frame
+
+        unpacking = lz4.frame.LZ4FrameDecompressor()
+        piece = unpacking.decompress(packed, max_length=_READ)
+        while piece:
+            yield piece
+            piece = b"" if unpacking.eof else unpacking.decompress(b"", max_length=_READ)
+    else:
+        yield packed
 
 
 def _packed(body: bytes) -> tuple[str, bytes]:

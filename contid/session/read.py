@@ -11,7 +11,7 @@ import struct
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
+from typing import Any, Final
 
 from contid.control.record import RecordLayout, TickRecord
 from contid.description.load import LoadedFile, parse_robot_file, with_mock
@@ -21,6 +21,14 @@ from contid.session.about import FORMAT, TRAJECTORY, unpacked
 from contid.session.channels import EVENT, TICK_CHANNELS, Decoder
 from contid.session.mcap_records import MESSAGE_INSIDE, DamagedRecordError, RecordStream
 from contid.trajectory.timed import Trajectory
+
+#: More than any run has.
+_TICKS: Final = 1 << 53
+#: What a message that does not hold what it should raises on its way into a record or an event.
+_DAMAGE: Final = (
+    *(ValueError, KeyError, TypeError, IndexError, OverflowError, RecursionError),
+    *(struct.error, DamagedRecordError),
+)
 
 
 class SessionError(ContidError):
@@ -162,7 +170,7 @@ class Session:
                     channel, _, time_ns, _ = inside.unpack_from(body)
                     topic = topics.get(channel)
                     if topic == EVENT:
-                        yield Entry(time_ns, None, json.loads(body[head:]))
+                        yield Entry(time_ns, None, _event(body[head:]))
                         continue
                     if topic == first:
                         gathered = []
@@ -172,7 +180,7 @@ class Session:
                     if topic != last:
                         continue
                     values = decoder.record(gathered)
-                except (ValueError, KeyError, TypeError, IndexError, struct.error, DamagedRecordError):
+                except _DAMAGE:
                     self.cut = "a message is damaged"
                     return
                 yield Entry(time_ns, values)
@@ -192,3 +200,18 @@ class Session:
         for entry in self.entries():
             if entry.event is not None:
                 yield entry.event
+
+
+def _event(data: bytes) -> Mapping[str, Any]:
+    """The fields of an event.
+
+    Raises:
+        ValueError: it has no kind, or a tick that is no number of one.
+    """
+    fields = json.loads(data)
+    if not isinstance(fields, dict) or not isinstance(fields.get("event"), str):
+        raise ValueError("an event has no kind")
+    tick = fields.get("tick", 0)
+    if not isinstance(tick, int) or isinstance(tick, bool) or not 0 <= tick < _TICKS:
+        raise ValueError("an event has no tick")
+    return fields

@@ -1,0 +1,189 @@
+"""Sessions that lie about their size, or hold what no recorder writes: bounded memory, an answer in words."""
+
+from __future__ import annotations
+
+import io
+import json
+import struct
+import tracemalloc
+import zipfile
+import zlib
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager, suppress
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from contid.errors import ContidError
+from contid.session import mcap_records as mcap
+from contid.session.about import about_trajectory, packed, unpacked
+from contid.session.read import Session
+from contid.trajectory.read import MAX_ROWS
+from tests.control.fingers import circle, load
+
+ZEROS = 64 << 20
+#: A megabyte is read at a time, and the libraries have windows of a few.
+BOUND = 24 << 20
+
+
+@contextmanager
+def bounded() -> Iterator[None]:
+    tracemalloc.start()
+    try:
+        yield
+        assert tracemalloc.get_traced_memory()[1] < BOUND
+    finally:
+        tracemalloc.stop()
+
+
+def zstd(data: bytes) -> bytes:
+    import zstandard
+
+    return zstandard.ZstdCompressor().compress(data)
+
+
+def lz4(data: bytes) -> bytes:
+    import lz4.frame
+
+    packed: bytes = lz4.frame.compress(data)
+    return packed
+
+
+def session_with(chunk: bytes, cut: bool = False) -> io.BytesIO:
+    data = mcap.MAGIC + mcap.RECORD.pack(mcap.CHUNK, len(chunk) + cut) + chunk
+    return io.BytesIO(data)
+
+
+def chunk(compression: bytes, packed: bytes, claims: int, crc: int = 0) -> bytes:
+    head = struct.pack("<QQQI", 0, 0, claims, crc) + struct.pack("<I", len(compression)) + compression
+    return head + struct.pack("<Q", len(packed)) + packed
+
+
+@pytest.mark.parametrize("cut", [False, True])
+@pytest.mark.parametrize(("name", "pack"), [(b"zstd", zstd), (b"lz4", lz4)])
+@pytest.mark.parametrize("claims", [1000, 1 << 40])
+def test_a_chunk_that_holds_more_than_it_claims_is_given_up(
+    name: bytes, pack: Callable[[bytes], bytes], claims: int, cut: bool
+) -> None:
+    whole = chunk(name, pack(bytes(ZEROS)), claims)
+    with bounded():
+        stream = mcap.RecordStream(session_with(whole, cut))
+        assert list(stream) == []
+        assert not stream.clean
+
+
+def test_the_cap_holds_whatever_a_chunk_claims(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(mcap, "CHUNK_MOST", 1 << 20)
+    whole = chunk(b"zstd", zstd(bytes(ZEROS)), 1 << 20)
+    for cut in (False, True):
+        with bounded():
+            assert list(mcap.RecordStream(session_with(whole, cut))) == []
+
+
+@pytest.mark.parametrize(("name", "pack"), [(b"zstd", zstd), (b"lz4", lz4), (b"", bytes)])
+def test_chunks_of_every_kind_are_read(name: bytes, pack: Callable[[bytes], bytes]) -> None:
+    inside = b"".join(mcap.message(1, n, n, bytes(1 << 19)) for n in range(5))
+    stream = mcap.RecordStream(session_with(chunk(name, pack(inside), len(inside), zlib.crc32(inside))))
+    assert [opcode for opcode, _ in stream] == [mcap.MESSAGE] * 5
+
+
+def test_a_length_beyond_the_file_sets_nothing_aside() -> None:
+    data = mcap.MAGIC + mcap.RECORD.pack(mcap.MESSAGE, (1 << 32) - 1) + bytes(1000)
+    with bounded():
+        assert list(mcap.RecordStream(io.BytesIO(data))) == []
+
+
+def _with(growing: Path, folder: Path, topic: str, body: bytes) -> Path:
+    """The session with one more message at its end, whole but for what it says."""
+    channel = {"event": 6, "tick": 1}[topic]
+    path = folder / "more.mcap"
+    data = growing.read_bytes()
+    at, end = len(mcap.MAGIC), 0
+    while at + mcap.RECORD.size <= len(data):
+        opcode, length = mcap.RECORD.unpack_from(data, at)
+        if opcode == mcap.DATA_END:
+            end = at
+            break
+        at += mcap.RECORD.size + length
+    assert end
+    path.write_bytes(data[:end] + mcap.message(channel, 1, 1, body) + data[end:])
+    return path
+
+
+@pytest.mark.parametrize(
+    "body",
+    [
+        b"[" * 100_000,
+        b"[1]",
+        b'{"tick": 1}',
+        b'{"event": 1}',
+        b'{"event": "end", "tick": "one"}',
+        b'{"event": "end", "tick": 1e999}',
+        json.dumps({"event": "end", "tick": 10**400}).encode(),
+    ],
+)
+def test_an_event_that_is_none_ends_the_session_there(growing: Path, tmp_path: Path, body: bytes) -> None:
+    whole = sum(1 for _ in Session(growing).entries())
+    session = Session(_with(growing, tmp_path, "event", body))
+    assert sum(1 for _ in session.entries()) == whole
+    assert session.cut == "a message is damaged"
+
+
+def _attachment(array: object, size: int | None = None) -> bytes:
+    out = io.BytesIO()
+    with zipfile.ZipFile(out, "w", zipfile.ZIP_DEFLATED) as archive:
+        plain = io.BytesIO()
+        np.save(plain, np.asarray(array))
+        body = plain.getvalue()
+        if size is not None:  # a head that claims a matrix of that many rows
+            head = f"{{'descr': '<f8', 'fortran_order': False, 'shape': ({size}, 3), }}".encode()
+            body = b"\x93NUMPY\x01\x00" + struct.pack("<H", len(head) + 1) + head + b"\n"
+        archive.writestr("rows.npy", body)
+    return out.getvalue()
+
+
+@pytest.mark.parametrize(
+    "data",
+    [
+        _attachment(np.zeros((4, 2))),
+        _attachment(np.zeros(3)),
+        _attachment(np.zeros((0, 3))),
+        _attachment(np.zeros((4, 3), dtype=np.float32)),
+        _attachment(0, size=1 << 50),
+        _attachment(np.zeros((3 * MAX_ROWS, 3), dtype=np.uint8)),
+        b"PK\x03\x04" + bytes(100),
+        b"",
+    ],
+)
+def test_an_attachment_that_is_no_trajectory_is_refused_in_words(data: bytes) -> None:
+    loaded = load(1)
+    about = about_trajectory(circle(loaded))
+    columns = json.loads(about["columns"])
+    assert len(columns) == 3
+    with pytest.raises(ContidError, match="damaged"):
+        unpacked(data, about, loaded)
+
+
+def test_a_bomb_in_an_attachment_sets_nothing_aside() -> None:
+    loaded = load(1)
+    about = about_trajectory(circle(loaded))
+    out = io.BytesIO()
+    with zipfile.ZipFile(out, "w", zipfile.ZIP_DEFLATED) as archive, archive.open("rows.npy", "w") as file:
+        for _ in range(3):
+            file.write(bytes(ZEROS // 2))
+    with bounded(), pytest.raises(ContidError, match="claims"):
+        unpacked(out.getvalue(), about, loaded)
+
+
+def test_every_bit_of_an_attachment_matters(growing: Path) -> None:
+    loaded = load(1)
+    trajectory = circle(loaded)
+    data, about = packed(trajectory), about_trajectory(trajectory)
+    assert unpacked(data, about, loaded).rows.tobytes() == trajectory.rows.tobytes()
+    for at in range(0, len(data), max(1, len(data) // 300)):
+        flipped = bytearray(data)
+        flipped[at] ^= 1 << at % 8
+        # Some bits mean nothing to the rows; of the others the checksum tells.
+        with suppress(ContidError):
+            assert unpacked(bytes(flipped), about, loaded).rows.tobytes() == trajectory.rows.tobytes()
