@@ -1,12 +1,13 @@
 """Whether a client can delay a tick or block a stop: the hand at 200 Hz beside clients that mean no good.
 
-``python -m benchmarks.flood [--rounds 4] [--seconds 8]``. In turn, round after round: nobody; one that floods
-requests and reads every answer; one that subscribes to everything at the highest rate and never reads; one
-that sends garbage and comes back when it is sent away; one that takes the motion right, streams, and dies by
-kill -9, again and again. All the time another client stops the robots (estop, stop, hold in turn) and resumes.
-Each run is `contid run hand --mock`, recorded; figures are of the recorded ticks: how late they started, beside
-a bare loop that sleeps to the same deadlines in another process at the same time, and how many ticks began
-between the moment the other client began to send and the tick that obeyed, that one included.
+``python -m benchmarks.flood [--rounds 4] [--seconds 8]``. In turn, round after round: nobody; one that
+floods requests and reads every answer; one that subscribes to everything at the highest rate and never
+reads; one that sends garbage and comes back when it is sent away; one that takes the motion right,
+streams, and dies by kill -9, again and again. All the time another client stops the robots (estop, stop,
+hold in turn) and resumes. Each run is `contid run hand --mock`, recorded; figures are of the recorded
+ticks: how late they started, beside a bare loop that sleeps to the same deadlines in another process at
+the same time, and how many ticks began between the moment the other client began to send and the tick
+that obeyed, that one included.
 """
 
 from __future__ import annotations
