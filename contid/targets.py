@@ -32,6 +32,7 @@ class Target:
         load_n: known force on the tip [N], in the same frame as ``tip_m``.
         extra: axes beyond the model's kinematics (wrist, gripper) by name, SI.
         measured_tip_m: where an outside measurement saw the tip [m], or None; same frame as ``tip_m``.
+        measured_direction: unit tangent it saw there, or None.
     """
 
     tip_m: Vec3 | None = None
@@ -41,6 +42,7 @@ class Target:
     load_n: Vec3 = ZERO3
     extra: Mapping[str, float] = field(default_factory=lambda: _NO_EXTRA)
     measured_tip_m: Vec3 | None = None
+    measured_direction: Vec3 | None = None
 
 
 @dataclass(frozen=True, slots=True)

@@ -152,9 +152,9 @@ class Engine:
                 self.source.put(targets)
                 for robot, target in targets.items():
                     if target is not None and target.measured_tip_m is not None:
-                        self._measured[robot] = Measurement(target.measured_tip_m, now_s)
-            case msg.Measured(robot, tip_in_world):
-                self._measured[robot] = Measurement(tip_in_world, now_s)
+                        self._measured[robot] = Measurement.of(target, now_s)
+            case msg.Measured(robot, tip_in_world, direction, age_s):
+                self._measured[robot] = Measurement(tip_in_world, now_s - age_s, direction)
             case msg.End():
                 if not isinstance(self.source, Live):
                     self.source = Live()
@@ -266,7 +266,7 @@ class Engine:
             state = self.states[index]
             target = targets.get(plan.name)
             if target is not None and target.measured_tip_m is not None and source_is_timed:
-                self._measured[plan.name] = Measurement(target.measured_tip_m, now_s)
+                self._measured[plan.name] = Measurement.of(target, now_s)
             measured = self._measured.get(plan.name)
             going = state.goto
             if self._going[index] is not None and self._going[index] is not going:

@@ -42,8 +42,9 @@ def order_events(message: object) -> Iterator[dict[str, Any]]:
                 yield {"order": "rows", "robot": robot, "target": _target(target)}
         case msg.Goto(robot, target):
             yield {"order": "goto", "robot": robot, "target": _target(target)}
-        case msg.Measured(robot, tip_in_world):
-            yield {"order": "measured", "robot": robot, "tip_m": list(tip_in_world)}
+        case msg.Measured(robot, tip_in_world, direction, age_s):
+            fields = {"order": "measured", "robot": robot, "tip_m": tip_in_world, "age_s": age_s}
+            yield fields if direction is None else {**fields, "direction": direction}
         case msg.Stop(robots, policy, reason):
             yield {"order": "stop", "robots": robots, "policy": policy, "reason": reason}
         case msg.Finish(policy, reason):
@@ -75,7 +76,14 @@ def order_of(event: Mapping[str, Any]) -> msg.Message:
             return msg.Rows({event["robot"]: target_of(event["target"])} if "robot" in event else {})
         case "measured":
             x, y, z = event["tip_m"]
-            return msg.Measured(event["robot"], (x, y, z))
+            direction = event.get("direction")
+            # Recordings of earlier versions have neither direction nor age.
+            return msg.Measured(
+                event["robot"],
+                (x, y, z),
+                None if direction is None else tuple(direction),
+                event.get("age_s", 0.0),
+            )
         case "goto":
             target = target_of(event["target"])
             if target is not None:
@@ -122,6 +130,7 @@ def _target(target: Target | None) -> dict[str, Any] | None:
         "load_n": target.load_n if target.load_n != ZERO3 else None,
         "extra": dict(target.extra) or None,
         "measured_tip_m": target.measured_tip_m,
+        "measured_direction": target.measured_direction,
     }
     return {name: value for name, value in fields.items() if value is not None}
 

@@ -18,7 +18,7 @@ from contid.control.limits import limit
 from contid.control.plan import RobotPlan
 from contid.control.state import Effect, RobotState, fail, moved, speed, stay, stopped
 from contid.control.supervisor import Event, Mode
-from contid.control.tip_feedback import Measurement, corrected, observed
+from contid.control.tip_feedback import Measurement, corrected, kept, observed
 from contid.hal import Sample
 from contid.targets import Actuation, Solution, Target
 from contid.trajectory.approach import Approach
@@ -77,6 +77,8 @@ def tick(
                 learnt = observed(plan, plan.feedback, state.correction, now_s, samples, measurement, load_n)
                 state = replace(state, correction=learnt)
             return _follow(plan, state, now_s, target)
+        if plan.feedback is not None:
+            state = replace(state, correction=kept(plan.feedback, state.correction, now_s, measurement))
         if mode in (Mode.CONNECTING, Mode.READY, Mode.ARMING):
             return Outcome(_arming(plan, state, now_s, samples, target))
         if mode in (Mode.RUN, Mode.APPROACH) and state.goto is None and (target is None or not state.follow):

@@ -82,10 +82,19 @@ class Rows:
 
 @dataclass(frozen=True, slots=True)
 class Measured:
-    """Where a tracker sees the tip of one robot (world frame, m); see `contid.control.tip_feedback`."""
+    """Where a tracker saw the tip of one robot; see `contid.control.tip_feedback`.
+
+    Attributes:
+        robot: its name.
+        tip_in_world: position [m].
+        direction_in_world: unit tangent there, or None when only the position was measured.
+        age_s: since it was captured.
+    """
 
     robot: str
     tip_in_world: Vec3
+    direction_in_world: Vec3 | None = None
+    age_s: float = 0.0
 
 
 @dataclass(frozen=True, slots=True)

@@ -31,11 +31,19 @@ class Measurement:
 
     Attributes:
         tip_in_world: position [m].
-        time_s: when it arrived, in the time of the tick.
+        time_s: when it was captured, in the time of the tick.
+        direction_in_world: unit tangent there; recorded and shown, the feedback does not use it.
     """
 
     tip_in_world: Vec3
     time_s: float
+    direction_in_world: Vec3 | None = None
+
+    @classmethod
+    def of(cls, target: Target, time_s: float) -> Measurement:
+        """What travels along with a target that has one."""
+        assert target.measured_tip_m is not None
+        return cls(target.measured_tip_m, time_s, target.measured_direction)
 
 
 @dataclass(frozen=True, slots=True)
@@ -114,6 +122,17 @@ def observed(
     (dx, dy, dz), (ex, ey, ez) = before.error_m, seen_m
     filtered = (dx + share * (ex - dx), dy + share * (ey - dy), dz + share * (ez - dz))
     return Correction(filtered, seen_m, used_s, filtered)
+
+
+def kept(
+    feedback: FeedbackPlan, before: Correction, now_s: float, measurement: Measurement | None
+) -> Correction:
+    """The correction of a robot that follows nothing: kept while somebody measures, else it fades."""
+    if before.error_m == ZERO3:
+        return before
+    if measurement is not None and measurement.time_s > before.used_s:
+        before = replace(before, used_s=measurement.time_s, faded_from_m=before.error_m)
+    return _faded(feedback, before, now_s)
 
 
 def _faded(feedback: FeedbackPlan, before: Correction, now_s: float) -> Correction:

@@ -72,4 +72,5 @@ class BaseFrame:
             load if load == ZERO3 else self.vector_in_base(load),
             target.extra,
             None if measured is None else self.point_in_base(measured),
+            None if target.measured_direction is None else self.vector_in_base(target.measured_direction),
         )

@@ -11,7 +11,16 @@ from pathlib import Path
 from types import TracebackType
 from typing import Any, Self
 
-from contid.remote.inbox import ALIVE_S, ANSWER_S, Notices, list_of, parse, result_of, without_none
+from contid.remote.inbox import (
+    ALIVE_S,
+    ANSWER_S,
+    Notices,
+    list_of,
+    measurement,
+    parse,
+    result_of,
+    without_none,
+)
 from contid.remote.place import find
 from contid.remote.protocol import (
     MAX_LINE,
@@ -178,6 +187,18 @@ class AsyncClient:
         """
         while not self._notices.check_arrival(move):
             await self._more()
+
+    async def measure(
+        self,
+        tip_mm: Sequence[float],
+        *,
+        direction: Sequence[float] | None = None,
+        robot: str | None = None,
+        age_ms: float | None = None,
+        time_s: float | None = None,
+    ) -> Fields:
+        """Say where a tracker sees the tip of a robot; see `contid.client.Client.measure`."""
+        return await self.request("measure", **measurement(tip_mm, direction, robot, age_ms, time_s))
 
     async def telemetry(
         self,

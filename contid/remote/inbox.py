@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections import deque
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from typing import Any, Final
 
 from contid.remote.protocol import PROTOCOL, Code, ConnectionLostError, Fields, RemoteError, decode
@@ -108,3 +108,20 @@ def list_of(robots: str | tuple[str, ...] | list[str] | None) -> list[str] | Non
     if robots is None:
         return None
     return [robots] if isinstance(robots, str) else list(robots)
+
+
+def measurement(
+    tip_mm: Sequence[float],
+    direction: Sequence[float] | None,
+    robot: str | None,
+    age_ms: float | None,
+    time_s: float | None,
+) -> Fields:
+    """The fields of a measurement; numbers of NumPy become Python's own."""
+    return {
+        "robot": robot,
+        "tip_mm": [float(value) for value in tip_mm],
+        "direction": None if direction is None else [float(value) for value in direction],
+        "age_ms": None if age_ms is None else float(age_ms),
+        "time_s": None if time_s is None else float(time_s),
+    }

@@ -34,6 +34,7 @@ class Code(enum.StrEnum):
     HELD = "held"  # somebody else has the motion right
     STOPPED = "stopped"  # somebody else stopped the robots since; take the right again
     BAD_TARGET = "bad-target"  # wrong columns or numbers
+    BAD_MEASUREMENT = "bad-measurement"  # wrong numbers, too old, or no tip of this robot
     UNREACHABLE = "unreachable"
     NOT_ARMED = "not-armed"
     FAULT = "fault"  # a robot concerned is in FAULT
@@ -168,6 +169,10 @@ class Take:
         ):
             raise _wrong(name, "a list of rows of numbers", value)
         return value
+
+    def anything(self, name: str) -> Any:
+        """Whatever it is, for a verb that refuses it in its own words; None when absent."""
+        return self._fields.pop(name, None)
 
     def end(self) -> None:
         """Refuse what nobody asked for: a misspelt key shall not be ignored."""

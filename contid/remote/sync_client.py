@@ -11,7 +11,16 @@ from pathlib import Path
 from types import TracebackType
 from typing import Any, Self
 
-from contid.remote.inbox import ALIVE_S, ANSWER_S, Notices, list_of, parse, result_of, without_none
+from contid.remote.inbox import (
+    ALIVE_S,
+    ANSWER_S,
+    Notices,
+    list_of,
+    measurement,
+    parse,
+    result_of,
+    without_none,
+)
 from contid.remote.place import find
 from contid.remote.protocol import PROTOCOL, ConnectionLostError, Fields, NoDaemonError, encode
 
@@ -196,6 +205,34 @@ class Client:
             if time.monotonic() - alive_s > ALIVE_S:
                 alive_s = time.monotonic()
                 self.ping()
+
+    # -- measuring -----------------------------------------------------------------------------------------
+
+    def measure(
+        self,
+        tip_mm: Sequence[float],
+        *,
+        direction: Sequence[float] | None = None,
+        robot: str | None = None,
+        age_ms: float | None = None,
+        time_s: float | None = None,
+    ) -> Fields:
+        """Say where a tracker sees the tip of a robot; needs no motion right, one tracker per robot.
+
+        Args:
+            tip_mm: position in the world frame.
+            direction: of the body at its tip, in the world frame; its length does not matter.
+            robot: whose; may be left out when there is only one.
+            age_ms: how long ago it was captured.
+            time_s: when it was captured, by `time.monotonic` on this machine; instead of ``age_ms``.
+
+        Returns:
+            ``used``: False when a newer one was there already; ``feedback``: True when it corrects targets.
+
+        Raises:
+            RemoteError: not a finite number, too old, not within reach, or somebody else tracks the robot.
+        """
+        return self.request("measure", **measurement(tip_mm, direction, robot, age_ms, time_s))
 
     # -- listening -----------------------------------------------------------------------------------------
 

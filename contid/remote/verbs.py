@@ -2,7 +2,8 @@
 
 Everybody may read, and everybody may hold, stop and estop; those orders go out before anything else is looked
 at. Moving needs the motion right (`contid.remote.right`). A stop by somebody else takes the right from its
-holder, who has to take it again explicitly: a script in a loop does not undo the stop of a person.
+holder, who has to take it again explicitly: a script in a loop does not undo the stop of a person. Measuring
+needs no right to move, but every robot has one tracker at most (`contid.remote.trackers`).
 """
 
 from __future__ import annotations
@@ -21,6 +22,7 @@ from contid.remote.moves import Moves
 from contid.remote.picture import DEFAULT_FIELDS, FIELDS, Picture
 from contid.remote.protocol import PROTOCOL, Code, Fields, RemoteError, Take
 from contid.remote.right import GREATEST_TIMEOUT_S, LEAST_TIMEOUT_S, TIMEOUT_S, Holder, MotionRight
+from contid.remote.trackers import Trackers
 
 #: Ticks that the lateness in ``status`` looks back.
 LOOK_BACK: Final = 200
@@ -61,6 +63,7 @@ class Verbs:
         self.picture = Picture(orders.loaded, orders.options.rate_hz, orders.refresh)
         self.ledger = Ledger(orders.send)
         self.moves = Moves(orders, self.picture, self.ledger)
+        self.trackers = Trackers(orders, self.picture)
         self.right = MotionRight(self._began_s, orders.input_moves)
         self.clients: Callable[[], int] = lambda: 0
         self._verbs: dict[str, Callable[[Caller, Take], Awaitable[Fields]]] = {
@@ -69,6 +72,7 @@ class Verbs:
             "hold": self._hold, "stop": self._stop, "estop": self._estop,
             "take": self._take, "release": self._release, "resume": self._resume,
             "clear_fault": self._clear_fault, "move": self._move, "rows": self._rows, "end": self._end,
+            "measure": self._measure,
         }  # fmt: skip
 
     async def serve(self, caller: Caller, fields: Mapping[str, Any]) -> Fields:
@@ -99,18 +103,21 @@ class Verbs:
 
     @property
     def streaming(self) -> bool:
-        """True while rows may be waited for."""
-        return self.moves.open
+        """True while rows may be waited for, or measurements come."""
+        return self.moves.open or self.trackers.active
 
     def watch(self) -> None:
         """What time alone brings about; called often."""
+        now_s = time.monotonic()
         self.moves.refill()
-        holder = self.right.expired(time.monotonic())
+        self.trackers.watch(now_s)
+        holder = self.right.expired(now_s)
         if holder is not None:
             self._lost(holder, f"no request for {holder.timeout_s:g} s")
 
     def gone(self, client: int) -> None:
         """A client is gone; if it had the motion right, its robots hold."""
+        self.trackers.gone(client)
         holder = self.right.holder
         if holder is not None and holder.client == client:
             self.right.holder = None
@@ -156,6 +163,7 @@ class Verbs:
             "uptime_s": round(time.monotonic() - self._began_s, 3),
             "clients": self.clients(),
             "right": self.right.as_fields(time.monotonic()),
+            "trackers": self.trackers.as_fields(time.monotonic()),
             "lateness_us": {
                 "p50": round(lateness[len(lateness) // 2] * 1e6, 1) if lateness else None,
                 "max": round(lateness[-1] * 1e6, 1) if lateness else None,
@@ -315,6 +323,11 @@ class Verbs:
         number = int(take.number("move", 0, 0, 1e15))
         take.end()
         return await self.moves.end(caller.number, number)
+
+    # -- measuring ---------------------------------------------------------------------------------------
+
+    async def _measure(self, caller: Caller, take: Take) -> Fields:
+        return self.trackers.measure(caller.number, caller.name, take)
 
     # -- inside ------------------------------------------------------------------------------------------
 

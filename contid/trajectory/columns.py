@@ -45,6 +45,11 @@ def vocabulary(robot: RobotDescription) -> dict[str, Meaning]:
         if accepted in robot.accepts:
             for place, axis in enumerate(axes):
                 known[f"{prefix}{axis}_mm"] = Meaning(group, place, divisor=1e3)
+    if "tip" in robot.accepts:
+        # A tracker may see a direction that the robot cannot be asked for.
+        known.update(
+            {f"meas.a{axis}": Meaning("measured_direction", place) for place, axis in enumerate(axes)}
+        )
     if "direction" in robot.accepts:
         known.update({f"a{axis}": Meaning("direction", place) for place, axis in enumerate(axes)})
     if "load" in robot.accepts:
@@ -70,6 +75,7 @@ class RobotColumns:
     actuation: tuple[int, ...] = ()
     load: tuple[int, ...] = ()
     measured: tuple[int, ...] = ()
+    measured_direction: tuple[int, ...] = ()
     extra: tuple[tuple[str, int], ...] = ()
 
     @property
@@ -87,6 +93,9 @@ class RobotColumns:
             load_n=_vector(row, self.load) if self.load else ZERO3,
             extra={name: row[index] for name, index in self.extra},
             measured_tip_m=_vector(row, self.measured) if self.measured else None,
+            measured_direction=(
+                unit_vector(_vector(row, self.measured_direction)) if self.measured_direction else None
+            ),
         )
 
 
@@ -206,6 +215,8 @@ def _gaps(
         yield f"robot {robot!r} has columns, but neither its tip nor its actuation"
     elif "actuation" in groups and groups & {"direction", "mid"}:
         yield f"robot {robot!r} has actuation columns; a direction or mid-point goes with a tip only"
+    if "measured_direction" in groups and "measured" not in groups:
+        yield f"robot {robot!r} has a measured direction, but no measured tip (meas.x_mm, ...)"
 
 
 def _group(robot: str, description: RobotDescription, mine: Mapping[tuple[str, int], int]) -> RobotColumns:
@@ -222,6 +233,7 @@ def _group(robot: str, description: RobotDescription, mine: Mapping[tuple[str, i
         actuation=indices("actuation"),
         load=indices("load"),
         measured=indices("measured"),
+        measured_direction=indices("measured_direction"),
         extra=extra,
     )
 

@@ -16,7 +16,7 @@ from contid.targets import Target
 
 TARGET = Target(
     tip_m=(0.1, 1 / 3, -0.0), direction=(0.0, 0.0, 1.0), mid_m=(1e-300, 0.2, 0.3), load_n=(0.0, 0.0, -0.1),
-    extra={"wrist": 0.07}, measured_tip_m=(0.1, 0.3, 0.0),
+    extra={"wrist": 0.07}, measured_tip_m=(0.1, 0.3, 0.0), measured_direction=(0.6, 0.8, 0.0),
 )  # fmt: skip
 
 
@@ -27,7 +27,8 @@ TARGET = Target(
         msg.Stop(("thumb",), StopPolicy.REST, "on_end"), msg.Stop(), msg.Finish(), msg.End(),
         msg.Finish(StopPolicy.RELAX, "on_host_loss"), msg.Goto("thumb", TARGET),
         msg.Goto("thumb", Target(actuation=(0.07, 0.03))), msg.Rows({"thumb": TARGET}),
-        msg.Rows({"thumb": None}), msg.Rows({}),
+        msg.Rows({"thumb": None}), msg.Rows({}), msg.Measured("thumb", (0.1, 1 / 3, 0.0)),
+        msg.Measured("thumb", (0.1, 0.2, 0.0), (0.6, 0.8, 0.0), 1 / 300),
     ],
     ids=repr,
 )  # fmt: skip
@@ -39,6 +40,11 @@ def test_an_order_comes_back(message: msg.Message) -> None:
 def test_a_row_of_several_robots_is_several_events() -> None:
     events = list(order_events(msg.Rows({"a": TARGET, "b": None})))
     assert [order_of(event) for event in events] == [msg.Rows({"a": TARGET}), msg.Rows({"b": None})]
+
+
+def test_a_measurement_of_an_early_recording_has_neither_direction_nor_age() -> None:
+    event = {"order": "measured", "robot": "thumb", "tip_m": [0.1, 0.2, 0.0], "tick": 3}
+    assert order_of(event) == msg.Measured("thumb", (0.1, 0.2, 0.0), None, 0.0)
 
 
 def test_an_unknown_order_is_refused() -> None:

@@ -61,13 +61,19 @@ class Running:
 
 @contextmanager
 def daemon(
-    count: int = 1, *arguments: str, options: str = "", stdin: str | None = None, **keys: Any
+    count: int = 1,
+    *arguments: str,
+    options: str = "",
+    stdin: str | None = None,
+    change: Callable[[str], str] = str,
+    **keys: Any,
 ) -> Iterator[Running]:
-    """`contid run` that answers on its socket; every robot holds."""
+    """`contid run` that answers on its socket; every robot holds. ``change`` edits the robot file."""
     # Short: the path of a socket has 107 bytes.
     folder = Path(tempfile.mkdtemp(prefix="contid-"))
     robot = folder / "fingers.yaml"
-    robot.write_text(fingers(count, options=f"journal_file: {folder / 'journal.jsonl'}\n{options}", **keys))
+    text = fingers(count, options=f"journal_file: {folder / 'journal.jsonl'}\n{options}", **keys)
+    robot.write_text(change(text))
     socket = folder / "s"
     process = subprocess.Popen(
         [sys.executable, "-m", "contid", "run", str(robot), "--socket", str(socket), "--json", *arguments],
