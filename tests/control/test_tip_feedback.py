@@ -156,6 +156,40 @@ def test_without_the_tracker_it_falls_back_to_the_open_loop_within_a_second_and_
     assert np.abs(np.diff(steps, axis=0)).max() <= rig.plan.acceleration / RATE_HZ**2 * (1 + 1e-9)
 
 
+@pytest.mark.parametrize("tracking", [True, False])
+def test_a_robot_that_holds_keeps_its_correction_only_as_long_as_somebody_measures(tracking: bool) -> None:
+    loaded, truth = finger({})
+    rig = Rig(loaded, truth)
+    rig.run(5.0, Target(tip_m=(0.030, 0.070, 0.0)))
+    learnt = rig.engine.states[0].correction.error_m
+    rig.engine.obey(msg.Hold(), rig.tick)
+    rig.tracking = tracking
+    rig.run(1.5)
+    held = rig.engine.states[0].correction.error_m
+    rig.close()
+    assert math.hypot(*learnt) > 1e-3
+    # Until it stands still it follows what it learnt on the way.
+    assert held == (pytest.approx(learnt, abs=1e-4) if tracking else (0.0, 0.0, 0.0))
+
+
+def test_a_measurement_counts_from_its_capture() -> None:
+    loaded, truth = finger({})
+    rig = Rig(loaded, truth)
+    rig.run(1.0, Target(tip_m=(0.030, 0.070, 0.0)))
+    rig.tracking = False
+    rig.run(1.0)
+    tip = rig.tip()
+    rig.engine.obey(msg.Measured(rig.plan.name, tip, None, 0.150), rig.tick)
+    rig.run(1 / RATE_HZ)
+    correction = rig.engine.states[0].correction
+    # One that was captured before it is no news.
+    rig.engine.obey(msg.Measured(rig.plan.name, (0.0, 0.0, 0.0), None, 0.160), rig.tick)
+    rig.run(1 / RATE_HZ)
+    rig.close()
+    assert correction.used_s == pytest.approx((rig.tick - 2) / RATE_HZ - 0.150)
+    assert rig.engine.states[0].correction.seen_m == correction.seen_m
+
+
 def test_noise_of_the_tracker_is_filtered_and_a_wild_measurement_is_bounded() -> None:
     loaded, truth = finger({"limit_mm": 5.0})
     rig = Rig(loaded, truth, noise_mm=0.3)

@@ -71,6 +71,13 @@ def test_the_only_robot_needs_no_name(finger: dict[str, RobotDescription]) -> No
     assert short.targets_at(0.0)["finger"].measured_tip_m == (0.049, 0.069, 0.0)
 
 
+def test_a_measured_direction_becomes_a_unit_vector_or_none(finger: dict[str, RobotDescription]) -> None:
+    header = "t_s,x_mm,y_mm,meas.x_mm,meas.y_mm,meas.ax,meas.ay"
+    some = read(f"{header}\n0,50,70,49,69,3,4\n1,50,70,49,69,0,0\n", finger)
+    assert some.targets_at(0.0)["finger"].measured_direction == (0.6, 0.8, 0.0)
+    assert some.targets_at(1.0)["finger"].measured_direction is None
+
+
 HEADERS = [
     ("t_s,x_mm,y_mm", 5, "write left.x_mm or right.x_mm"),
     ("t_s,left.x_mm", 5, "needs 'left.y_mm'"),
@@ -78,6 +85,7 @@ HEADERS = [
     ("t_s,left.x_mm,left.y_mm,left.x_mm", 25, "already there"),
     ("t_s,left.x_mm,left.y_mm,left.z_mm", 25, "unknown column"),
     ("t_s,left.x_mm,left.y_mm,left.left_mm,left.right_mm", 5, "allowed is one of them"),
+    ("t_s,left.x_mm,left.y_mm,left.meas.ax,left.meas.ay", 5, "a measured direction, but no measured tip"),
     ("t_s,left.meas.x_mm,left.meas.y_mm", 5, "neither its tip nor its actuation"),
     ("left.x_mm,left.y_mm", 1, "no column 't_s'"),
     ("t_s", 1, "no column moves a robot"),
