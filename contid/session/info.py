@@ -88,7 +88,7 @@ def summarize(session: Session) -> Info:
 
     about = session.about["contid"]
     info = Info(str(session.path), session.path.stat().st_size, rate_hz=session.rate_hz)
-    info.began, info.virtual, info.input = about["created"], session.virtual, _input(session)
+    info.began, info.virtual, info.input = about.get("created", "unknown"), session.virtual, _input(session)
     info.versions = {name: text for name, text in about.items() if name not in ("format", "created")}
     kinds: Counter[str] = Counter()
     first_ns = last_ns = 0
@@ -120,7 +120,7 @@ def summarize(session: Session) -> Info:
 def _input(session: Session) -> str:
     about = session.about.get("trajectory")
     name = session.option("input") or "none"
-    return f"{name}, live" if about is None else f"{name}, {about['rows']} rows"
+    return f"{name}, live" if about is None else f"{name}, {about.get('rows', '?')} rows"
 
 
 def _notice(info: Info, kinds: Counter[str], event: Any) -> None:

@@ -72,7 +72,7 @@ def understood(opcode: int, body: bytes) -> Any:
     }
     try:
         return kinds[opcode].read(ReadDataStream(io.BytesIO(body)))
-    except (McapError, ValueError, struct.error) as error:
+    except (McapError, ValueError, OverflowError, struct.error) as error:
         raise DamagedRecordError(f"a record ({kinds[opcode].__name__}) of the file is damaged") from error
 
 

@@ -96,6 +96,7 @@ class Session:
             self.device_units: dict[str, str] = json.loads(self.about["layout"]["device_units"])
             # Whatever follows needs these to fit each other.
             Decoder(self.layout, self.device_units)
+            int(self.about["clock"]["wall_ns"])
         except (ValueError, KeyError, TypeError, AttributeError) as error:
             raise SessionError(f"{path}: its head is damaged: {type(error).__name__}: {error}") from error
         self.rate_hz = self.layout.rate_hz

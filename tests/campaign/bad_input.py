@@ -11,6 +11,7 @@ import argparse
 import io
 import random
 import resource
+import struct
 import sys
 import tempfile
 import traceback
@@ -25,12 +26,19 @@ from contid.control.virtual import run_virtual
 from contid.description.load import load_robot_file, parse_robot_file, with_mock
 from contid.description.shipped import configs_folder
 from contid.errors import ContidError
+from contid.session.export import export_joined
+from contid.session.info import summarize
 from contid.session.read import Session
 from contid.session.record import Recording
+from contid.session.replay import replay
 from contid.trajectory.read import read_trajectory
 from contid.trajectory.stream import StreamParser
 from contid_drivers.due.frames import FrameReader, seal
+from contid_drivers.due.messages import Type, read_answer, request
 from contid_drivers.dynamixel import packets
+from contid_drivers.dynamixel.cyclic import INDIRECT, MOTION, PLAIN
+from tests.campaign import siege
+from tests.campaign.shapes import SHAPES, file_of, joined, records
 
 #: Address space of a campaign [bytes]; imports take a quarter of it.
 CEILING = 4 << 30
@@ -90,8 +98,10 @@ def stream(data: bytes) -> None:
 
 def dynamixel(data: bytes) -> None:
     left = bytearray(data)
-    while packets.take(left) is not None:
-        pass
+    while (packet := packets.take(left)) is not None:
+        for layout in (INDIRECT, PLAIN, MOTION):
+            if len(packet.parameters) in (layout.lean, layout.full):
+                layout.decode(packet.parameters, packet.error >= 0x80)
     assert len(left) <= KEPT
     packets.fast_parts(data, (1, 2, 3), (4, 10, 4))
 
@@ -101,6 +111,8 @@ def due(data: bytes) -> None:
     for at in range(0, len(data), 7):
         for payload in reader.feed(data[at : at + 7]):
             assert len(payload) <= KEPT
+            with suppress(ContidError):
+                read_answer(payload)
     assert len(reader._buffer) <= KEPT
 
 
@@ -109,15 +121,22 @@ def session(data: bytes) -> None:
         file.write(data)
         file.flush()
         read = Session(Path(file.name))
-        for _ in read.entries():
-            pass
+        summarize(read)
+        export_joined(read, Path("/dev/null"))
         with suppress(ContidError):
-            read.trajectory(read.robot_file())
+            loaded = read.robot_file()
+            read.trajectory(loaded)
+            if len(data) % 8 == 0:  # as long as all the others together
+                replay(read, loaded)
 
 
 TARGETS: dict[str, Callable[[bytes], None]] = {
     target.__name__: target for target in (robot_file, trajectory, stream, dynamixel, due, session)
 }
+
+
+#: The target that is a process: see `tests.campaign.siege`.
+SOCKET = "socket"
 
 
 @cache
@@ -133,15 +152,34 @@ def corpus(name: str) -> tuple[bytes, ...]:
         case "stream":
             return rows.replace(b"t_s,", b""), lines.replace(b'"t_s": 0, ', b"").replace(b'"t_s": 1, ', b"")
         case "dynamixel":
+            sizes = {size for layout in (INDIRECT, PLAIN, MOTION) for size in (layout.lean, layout.full)}
+            blocks = b"".join(packets.build_status(1, 0, bytes(size)) for size in sorted(sizes))
             answers = b"".join(packets.build_status(i, 0, bytes(range(i, i + 14))) for i in range(3))
             return (
                 answers,
+                blocks,
                 packets.sync_read(126, 10, (1, 2, 3), fast=True),
                 packets.build(1, 2, b"\xff\xff\xfd\xfd"),
             )
         case "due":
-            return tuple(b"".join(seal(bytes(range(n))) for n in sizes) for sizes in ((0, 3, 40), (200,)))
-    return (_recorded(),)
+            plain = tuple(b"".join(seal(bytes(range(n))) for n in sizes) for sizes in ((0, 3, 40), (200,)))
+            return *plain, b"".join(map(seal, _answers()))
+    recorded = _recorded()
+    return recorded, file_of(joined(records(recorded)))
+
+
+def _answers() -> list[bytes]:
+    """One of every answer that a board gives."""
+    telemetry = struct.pack("<IHBHBHHB", 1000, 1, 0, 0x1234, 1, 0, 0, 7) + 3 * struct.pack(
+        "<BBiihh", 0x71, 0, 100, -5, 200, 0
+    )
+    bodies = {
+        Type.TELEMETRY: telemetry,
+        Type.REFUSED: bytes((1, 2, 3, 0)),
+        Type.CONFIGURED: b"\x34\x12",
+        Type.HELLO_ANSWER: struct.pack("<BBBBBHIBBH6B", 0, 6, 1, 0, 0, 1, 5, 0, 1, 0, *range(6)) + b"pins",
+    }
+    return [request(kind, 1, body) for kind, body in bodies.items()]
 
 
 def _recorded() -> bytes:
@@ -197,7 +235,9 @@ def campaign(name: str, rounds: int, seed: int) -> list[tuple[bytes, str]]:
     """Violations: the input and the traceback."""
     dice, found = random.Random(f"{name}:{seed}"), []
     for _ in range(rounds):
-        data = mutated(dice.choice(corpus(name)), dice)
+        good, shape = dice.choice(corpus(name)), SHAPES.get(name)
+        inside = shape is not None and dice.random() < 0.5
+        data = shape(good, dice, mutated) if shape is not None and inside else mutated(good, dice)
         if words := attempt(name, data):
             found.append((data, words))
     return found
@@ -207,14 +247,17 @@ def main() -> int:
     parser = argparse.ArgumentParser(prog="python -m tests.campaign.bad_input", description=__doc__)
     parser.add_argument("--rounds", type=int, default=3000)
     parser.add_argument("--seed", type=int, default=1)
-    parser.add_argument("--target", choices=sorted(TARGETS))
+    parser.add_argument("--target", choices=sorted((*TARGETS, SOCKET)))
     asked = parser.parse_args()
     resource.setrlimit(resource.RLIMIT_AS, (CEILING, CEILING))
-    names = [asked.target] if asked.target else list(TARGETS)
+    names = [asked.target] if asked.target else [*TARGETS, SOCKET]
     violations = 0
     print(f"{'input':<14}{'cases':>8}{'violations':>12}")
     for name in names:
-        found = campaign(name, asked.rounds, asked.seed)
+        if name == SOCKET:
+            found = siege.campaign(asked.rounds, asked.seed, mutated)
+        else:
+            found = campaign(name, asked.rounds, asked.seed)
         violations += len(found)
         print(f"{name:<14}{asked.rounds:>8}{len(found):>12}", flush=True)
         for kind in sorted({words.strip().splitlines()[-1][:200] for _, words in found})[:10]:

@@ -3,13 +3,14 @@
 from __future__ import annotations
 
 import os
+from collections.abc import Iterator
 
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from contid.errors import ContidError
-from tests.campaign import bad_input
+from tests.campaign import bad_input, siege
 
 ROUNDS = int(os.environ.get("CONTID_BAD_INPUTS", "60"))
 
@@ -25,6 +26,44 @@ def test_mutated_input_is_answered(name: str) -> None:
 @given(data=st.binary(max_size=600))
 def test_any_bytes_are_answered(name: str, data: bytes) -> None:
     assert bad_input.attempt(name, data) == ""
+
+
+def test_a_besieged_daemon_answers_moves_nothing_and_keeps_its_memory() -> None:
+    found = siege.campaign(ROUNDS, 7, bad_input.mutated, floods=100 * ROUNDS)
+    assert not found, found[0]
+
+
+JSON = st.recursive(
+    st.none() | st.booleans() | st.integers() | st.floats() | st.text(max_size=30),
+    lambda inside: st.lists(inside, max_size=5) | st.dictionaries(st.text(max_size=10), inside, max_size=5),
+    max_leaves=20,
+)
+KEYS = sorted({key for request in siege.REQUESTS for key in request})
+
+
+@st.composite
+def requests(draw: st.DrawFn) -> bytes:
+    """A known verb whose fields are anything, but nothing that may move robots or end the run."""
+    fields = dict(draw(st.sampled_from(siege.REQUESTS)))
+    fields |= draw(st.dictionaries(st.sampled_from(KEYS), JSON, max_size=3))
+    return siege.line(fields)
+
+
+@pytest.fixture(scope="module")
+def besieged() -> Iterator[siege.Siege]:
+    with siege.siege() as under:
+        yield under
+
+
+@settings(max_examples=2 * ROUNDS, deadline=None)
+@given(data=st.lists(requests(), max_size=8).map(b"".join) | st.binary(max_size=400))
+def test_requests_with_any_fields_are_answered(besieged: siege.Siege, data: bytes) -> None:
+    besieged.attack(data)
+
+
+@pytest.mark.parametrize("bug", siege.BUGS)
+def test_a_deliberate_bug_of_the_server_is_found(bug: str) -> None:
+    assert siege.campaign(60, 7, bad_input.mutated, floods=0, bug=siege.BUGS[bug])
 
 
 def test_a_defect_is_found(monkeypatch: pytest.MonkeyPatch) -> None:
