@@ -16,12 +16,14 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, Final, Protocol
 
+from contid.control.awaited import Awaited
 from contid.control.child import ControlChild
 from contid.control.command_log import CommandLog
 from contid.control.cycle import OnEnd, Sink
 from contid.control.inputs import Stream
 from contid.control.messages import Begin, End, Estop, Finish, Hold, Message, Play
 from contid.control.notify import Notifier
+from contid.control.patience import GivenUpError
 from contid.control.preflight import Unreachable
 from contid.control.record import TickRecord
 from contid.control.report import Report, complete_from_records
@@ -36,6 +38,8 @@ from contid.trajectory.timed import Trajectory
 POLL_S: Final = 0.02
 #: How much longer than its motion a stop may take, and how long an emergency stop may.
 PATIENCE_S: Final = 2.0
+#: A person is told what is waited for after so long.
+TELL_S: Final = 3.0
 
 
 def say(words: str) -> None:
@@ -61,6 +65,11 @@ class Orders(Protocol):
     @property
     def input_moves(self) -> bool:
         """True while stdin or --trajectory is what the robots follow."""
+        ...
+
+    @property
+    def waiting(self) -> str:
+        """What the run waits for before it begins, "" once it has begun."""
         ...
 
     def displace_input(self) -> None:
@@ -163,12 +172,13 @@ class Daemon:
     def __init__(
         self,
         loaded: LoadedFile,
-        source: Trajectory | Stream | None,
+        source: Awaited | Trajectory | Stream | None,
         options: RunOptions,
         child: ControlChild,
     ) -> None:
         self.loaded = loaded
-        self._source = source
+        self._awaited = source if isinstance(source, Awaited) else None
+        self._source = None if isinstance(source, Awaited) else source
         self.options = self._options = options
         self.input_moves = source is not None
         self._child = child
@@ -185,8 +195,17 @@ class Daemon:
 
     # -- orders ------------------------------------------------------------------------------------------
 
+    @property
+    def waiting(self) -> str:
+        """See `Orders.waiting`."""
+        return self._awaited.words if self._awaited is not None else ""
+
     def send(self, message: Message) -> None:
         """See `Orders.send`."""
+        if self._awaited is not None:
+            for event in self._awaited.answer(message):
+                asyncio.get_running_loop().call_soon(self._hear, event)
+            return
         self._tell(message)
         self._child.send(message)
 
@@ -202,6 +221,9 @@ class Daemon:
 
     def send_bulk(self, message: Message) -> None:
         """See `Orders.send_bulk`."""
+        if self._awaited is not None:
+            self.send(message)
+            return
         self._tell(message)
         self._child.send_bulk(message)
 
@@ -218,6 +240,9 @@ class Daemon:
         """See `Orders.displace_input`."""
         self.input_moves = False
         self.send(Hold())
+        if self._awaited is not None:
+            self._awaited.give_up()
+            return
         self.send(Begin())
 
     def _send_input(self, message: Message) -> None:
@@ -234,7 +259,9 @@ class Daemon:
         self._interrupts += 1
         self._report.ending, self._report.exit_code = "interrupted", 130
         loop = asyncio.get_running_loop()
-        if self._interrupts == 1:
+        if self._awaited is not None:
+            self._awaited.give_up()
+        elif self._interrupts == 1:
             self._options.say("stopping; once more to relax at once")
             self.send(Finish())
             # Until the control process tells how long the motion takes.
@@ -260,18 +287,23 @@ class Daemon:
         attached: list[Observer] = []
         loop = asyncio.get_running_loop()
         try:
+            for number in (signal.SIGINT, signal.SIGTERM):
+                loop.add_signal_handler(number, self.interrupt)
+            tasks += [asyncio.create_task(commands.serve(self)) for commands in options.commands]
+            undisturbed = await self._input_came()
+            armed = options.armed and undisturbed
+            if self._interrupts:
+                return self._report
             self._log = None if options.log is None else CommandLog(options.log, layout)
             timed = self._source if isinstance(self._source, Trajectory) else None
             # A run with an input ends with it, or with a fault of every robot; others wait for orders.
-            attended = self._source is None or options.on_end is OnEnd.HOLD or not options.armed
-            setup = Setup(self.loaded, options.rate_hz, path, timed, options.on_end, attended, options.armed)
+            attended = self._source is None or options.on_end is OnEnd.HOLD or not armed
+            setup = Setup(self.loaded, options.rate_hz, path, timed, options.on_end, attended, armed)
             for observer in options.observers:
                 observer.attach(setup, self._child.pid)
                 attached.append(observer)
-            for number in (signal.SIGINT, signal.SIGTERM):
-                loop.add_signal_handler(number, self.interrupt)
             self._child.begin(setup)
-            tasks += [asyncio.create_task(commands.serve(self)) for commands in options.commands]
+            self._awaited = None
             if isinstance(self._source, Stream):
                 tasks.append(asyncio.create_task(self._follow(self._source)))
             await self._supervise()
@@ -289,6 +321,24 @@ class Daemon:
             if self._log is not None:
                 self._log.close()
         return self._report
+
+    async def _input_came(self) -> bool:
+        """Wait for the input; False when somebody stopped or displaced it before it came.
+
+        Raises:
+            ContidError: it is wrong, or there is none; nothing was touched.
+        """
+        awaited = self._awaited
+        if awaited is None:
+            return True
+        telling = asyncio.get_running_loop().call_later(TELL_S, self._options.say, awaited.words)
+        try:
+            self._source = await awaited.result()
+        except GivenUpError:
+            return False
+        finally:
+            telling.cancel()
+        return not awaited.stopped
 
     async def _follow(self, stream: Stream) -> None:
         preflight = build_preflight(self.loaded, self._options.rate_hz, self._options.unreachable)
@@ -322,14 +372,17 @@ class Daemon:
         self._fetching = True
         try:
             for event in reader.events():
-                self._notice(event)
-                for listener in self._listeners:
-                    listener(event)
+                self._hear(event)
         finally:
             self._fetching = False
         if self._log is not None:
             for record in reader.ticks():
                 self._log.add(record)
+
+    def _hear(self, event: Mapping[str, Any]) -> None:
+        self._notice(event)
+        for listener in self._listeners:
+            listener(event)
 
     def _notice(self, event: Mapping[str, Any]) -> None:
         """What an event means for the report and for the person at the terminal."""

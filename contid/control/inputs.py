@@ -12,13 +12,17 @@ import stat
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 from pathlib import Path
-from typing import TextIO
+from typing import Final, TextIO
 
+from contid.control.patience import Patience
 from contid.description.robot import RobotDescription
 from contid.errors import BadInputError, ContidError, Located
 from contid.trajectory.read import read_trajectory
 from contid.trajectory.stream import StreamParser
 from contid.trajectory.timed import Trajectory
+
+#: Bytes of a timed trajectory that are read at a time.
+CHUNK: Final = 1 << 20
 
 
 @dataclass(frozen=True, slots=True)
@@ -51,44 +55,63 @@ def read_file(path: str, robots: Mapping[str, RobotDescription]) -> Trajectory:
         raise ContidError(f"{path}: cannot read it: {error}") from error
 
 
-def read_stdin(stdin: TextIO, robots: Mapping[str, RobotDescription]) -> Trajectory | Stream | None:
-    """What stdin holds; None when there is nothing at all (``< /dev/null``).
+def given(stdin: TextIO | None) -> bool:
+    """True when stdin is meant as an input: no terminal, not ``/dev/null``, not closed."""
+    if stdin is None or stdin.closed or stdin.isatty():
+        return False
+    found = os.fstat(stdin.fileno())
+    return not (stat.S_ISCHR(found.st_mode) and found.st_rdev == Path(os.devnull).stat().st_rdev)
+
+
+def read_stdin(
+    stdin: TextIO, robots: Mapping[str, RobotDescription], patience: Patience
+) -> Trajectory | Stream:
+    """What stdin holds: a trajectory that was read to its end, or a stream whose header was.
 
     Raises:
         BadInputError: a wrong header, or a trajectory with mistakes.
+        ContidError: it ended without a line.
+        GivenUpError: nobody waits any more.
     """
     descriptor = stdin.fileno()
     name = "stdin"
     skipped: list[str] = []
-    for number, raw in _lines(descriptor):
+    for number, raw in _lines(descriptor, patience):
         line = raw.decode("utf-8", errors="replace")
         if not line.strip() or line.lstrip().startswith("#"):
             skipped.append(line)
             continue
         parser = StreamParser(line, name, robots, number)
         if parser.timed:
-            return _read_timed(descriptor, "".join(skipped) + line, robots)
+            return _read_timed(descriptor, "".join(skipped) + line, robots, patience)
         if stat.S_ISREG(os.fstat(descriptor).st_mode):
             words = "no column 't_s': a file needs times; a live stream comes through a pipe"
             raise BadInputError([Located(name, number, 1, words)])
         pending = ((number, line),) if parser.first_line_is_row else ()
         return Stream(parser, name, descriptor, pending, number)
-    return None
+    raise ContidError(
+        "stdin: no trajectory came in: it ended before its first line, so nothing was moved; "
+        "see what the command before the pipe says, or give < /dev/null to hold and wait for orders"
+    )
 
 
-def _read_timed(descriptor: int, head: str, robots: Mapping[str, RobotDescription]) -> Trajectory:
-    with os.fdopen(os.dup(descriptor), "rb") as file:
-        try:
-            rest = file.read().decode("utf-8")
-        except UnicodeDecodeError as error:
-            raise ContidError(f"stdin: not UTF-8 text: {error}") from error
-    return read_trajectory(io.StringIO(head + rest), "stdin", robots)
+def _read_timed(
+    descriptor: int, head: str, robots: Mapping[str, RobotDescription], patience: Patience
+) -> Trajectory:
+    rest = bytearray()
+    while chunk := patience.read(descriptor, CHUNK):
+        rest += chunk
+    try:
+        text = rest.decode("utf-8")
+    except UnicodeDecodeError as error:
+        raise ContidError(f"stdin: not UTF-8 text: {error}") from error
+    return read_trajectory(io.StringIO(head + text), "stdin", robots)
 
 
-def _lines(descriptor: int) -> Iterator[tuple[int, bytes]]:
+def _lines(descriptor: int, patience: Patience) -> Iterator[tuple[int, bytes]]:
     """Lines byte by byte: what comes after the header belongs to whoever reads on."""
     line, number = bytearray(), 1
-    while byte := os.read(descriptor, 1):
+    while byte := patience.read(descriptor, 1):
         line += byte
         if byte == b"\n":
             yield number, bytes(line)

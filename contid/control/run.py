@@ -1,7 +1,8 @@
 """One run from its request to its report: the order in which things are read, checked, started and ended.
 
 The control process is started first and imports while the robot file and the trajectory are read; nothing is
-handed to it, and nothing moves, before both were found good.
+handed to it, and nothing moves, before both were found good. Clients are served while the trajectory is
+waited for.
 """
 
 from __future__ import annotations
@@ -9,22 +10,24 @@ from __future__ import annotations
 import asyncio
 import sys
 from collections.abc import Callable, Iterator, Mapping, Sequence
-from contextlib import ExitStack
+from contextlib import ExitStack, closing
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Final
 
+from contid.control.awaited import Awaited
 from contid.control.child import ControlChild
 from contid.control.command_log import CommandLog
 from contid.control.cycle import OnEnd, Sink
 from contid.control.daemon import Commands, Daemon, Observer, RunOptions, say
-from contid.control.inputs import Stream, read_file, read_stdin
+from contid.control.inputs import Stream, given, read_file, read_stdin
 from contid.control.messages import Message, Rows
+from contid.control.patience import Patience
 from contid.control.preflight import Preflight, Unreachable
 from contid.control.report import Report
 from contid.control.setup import Setup
 from contid.control.spawn import Spawned
-from contid.control.streaming import take_row
+from contid.control.streaming import CUT, may_be_cut, take_row
 from contid.control.virtual import run_virtual
 from contid.control.wiring import build_preflight, driven_robots, record_layout
 from contid.description.load import LoadedFile, load_robot_file, with_mock
@@ -77,12 +80,14 @@ def run(request: RunRequest, spawned: Spawned | None = None) -> Report:
     if request.virtual and request.disarmed:
         raise ContidError("--disarmed waits for orders, and --virtual has nobody to give them: leave one out")
     if request.virtual:
-        loaded, source = read(request)
+        loaded = load(request)
+        with closing(Patience()) as patience:
+            source = read(request, loaded, patience)
         return _virtual(request, loaded, source)
     with ExitStack() as stack:
         child = ControlChild(spawned)
         stack.callback(child.close)
-        loaded, source = read(request)
+        loaded = load(request)
         options = RunOptions(
             rate_hz=request.rate_hz or loaded.file.rate_hz,
             on_end=OnEnd(request.on_end),
@@ -92,31 +97,55 @@ def run(request: RunRequest, spawned: Spawned | None = None) -> Report:
             commands=request.commands,
             observers=request.observers,
         )
-        return asyncio.run(Daemon(loaded, source, options, child).run())
+        return asyncio.run(Daemon(loaded, awaited(request, loaded), options, child).run())
 
 
-def read(request: RunRequest) -> tuple[LoadedFile, Trajectory | Stream | None]:
-    """The robot file and what to follow, both checked."""
+def load(request: RunRequest) -> LoadedFile:
+    """The robot file, checked."""
     loaded = load_robot_file(find_robot_file(request.robot_file))
-    if request.mock:
-        loaded = with_mock(loaded)
+    return with_mock(loaded) if request.mock else loaded
+
+
+def read(request: RunRequest, loaded: LoadedFile, patience: Patience) -> Trajectory | Stream | None:
+    """What to follow, checked; waits for it.
+
+    Raises:
+        ContidError: it is wrong, or there is none where one was expected.
+        GivenUpError: nobody waits any more.
+    """
     robots = driven_robots(loaded)
-    source: Trajectory | Stream | None = None
+    source: Trajectory | Stream
     if request.trajectory is not None:
         source = read_file(request.trajectory, robots)
-    elif not sys.stdin.isatty():
-        source = read_stdin(sys.stdin, robots)
+    elif given(sys.stdin):
+        source = read_stdin(sys.stdin, robots, patience)
+    else:
+        return None
     if isinstance(source, Trajectory):
         rate_hz = request.rate_hz or loaded.file.rate_hz
         preflight = build_preflight(loaded, rate_hz, Unreachable(request.unreachable))
         if preflight is not None:
-            preflight.trajectory(source, request.trajectory or "stdin", _progress(len(source)))
-    return loaded, source
+            show = _progress(len(source))
+
+            def progress(done: int, total: int) -> None:
+                patience.check()
+                show(done, total)
+
+            preflight.trajectory(source, request.trajectory or "stdin", progress)
+    return source
 
 
-def _progress(rows: int) -> Callable[[int, int], None] | None:
-    if rows < LONG or not sys.stderr.isatty():
+def awaited(request: RunRequest, loaded: LoadedFile) -> Awaited | None:
+    """The input of a run in real time, still to be read; None when there is none to wait for."""
+    if request.trajectory is None and not given(sys.stdin):
         return None
+    words = "waiting for a trajectory on stdin" if request.trajectory is None else "checking the trajectory"
+    return Awaited(words, lambda patience: read(request, loaded, patience))
+
+
+def _progress(rows: int) -> Callable[[int, int], None]:
+    if rows < LONG or not sys.stderr.isatty():
+        return lambda done, total: None
 
     def show(done: int, total: int) -> None:
         sys.stderr.write(f"\r\x1b[Kchecking the trajectory: {100 * done // total} %")
@@ -166,6 +195,9 @@ def _rows(stream: Stream, preflight: Preflight | None) -> Iterator[Mapping[str, 
     lines = [*stream.pending]
     with open(stream.descriptor, encoding="utf-8", errors="replace", closefd=False) as file:
         for number, line in [*lines, *enumerate(file, stream.number + 1)]:
+            if may_be_cut(stream, line):
+                say(f"{stream.name}:{number}:1: {CUT}")
+                return
             take_row(stream, line, number, taken.append, preflight, say, stream.parser.robots)
             for message in taken:
                 if isinstance(message, Rows):

@@ -15,6 +15,7 @@ from contid.targets import Target
 
 #: A line longer than this is no row.
 MAX_LINE: Final = 1 << 16
+CUT: Final = "the last row has no end of line and may be cut off: not followed"
 
 
 async def follow_stream(
@@ -37,7 +38,18 @@ async def follow_stream(
     number = stream.number
     async for line in _lines(stream.descriptor):
         number += 1
+        if may_be_cut(stream, line):
+            say(f"{stream.name}:{number}:1: {CUT}")
+            return
         take_row(stream, line, number, send, preflight, say, robots)
+
+
+def may_be_cut(stream: Stream, line: str) -> bool:
+    """True for a last line without its end: of ``50,75`` a producer that was killed may leave ``50,7``.
+
+    An object of JSON is whole or none, so it needs no end of line.
+    """
+    return not (line.endswith("\n") or stream.parser.first_line_is_row or not line.strip())
 
 
 def take_row(
@@ -67,7 +79,7 @@ def take_row(
 
 
 async def _lines(descriptor: int) -> AsyncIterator[str]:
-    """Lines of a descriptor that a selector can watch, until its end."""
+    """Lines of a descriptor that a selector can watch, until its end; the last one may lack its own."""
     loop = asyncio.get_running_loop()
     ready = asyncio.Event()
     blocking = os.get_blocking(descriptor)
@@ -85,13 +97,13 @@ async def _lines(descriptor: int) -> AsyncIterator[str]:
             buffer += chunk
             *lines, buffer = buffer.split(b"\n")
             for line in lines:
-                yield line.decode("utf-8", errors="replace")
+                yield line.decode("utf-8", errors="replace") + "\n"
             if not chunk:
                 if buffer:
                     yield buffer.decode("utf-8", errors="replace")
                 return
-            if len(buffer) > MAX_LINE:
-                yield buffer.decode("utf-8", errors="replace")
+            if len(buffer) > MAX_LINE:  # wrong, and told as such
+                yield buffer.decode("utf-8", errors="replace") + "\n"
                 buffer = b""
     finally:
         loop.remove_reader(descriptor)

@@ -40,6 +40,8 @@ def _head(status: Fields) -> Text:
     text.append(f"\n{status['clients']} clients, motion right: {right['holder'] or 'free'}")
     if right.get("stopped_by"):
         text.append(f" (stopped by {right['stopped_by']})", style="yellow")
+    if status.get("waiting"):
+        text.append(f"\n{status['waiting']}; nothing is connected yet", style="yellow")
     if status.get("source_s") is not None:
         text.append(f", trajectory at {status['source_s']:.2f} s")
     return text

@@ -162,6 +162,7 @@ class Verbs:
             "realtime": self._realtime,
             "uptime_s": round(time.monotonic() - self._began_s, 3),
             "clients": self.clients(),
+            "waiting": self._orders.waiting or None,
             "right": self.right.as_fields(time.monotonic()),
             "trackers": self.trackers.as_fields(time.monotonic()),
             "lateness_us": {

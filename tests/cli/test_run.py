@@ -167,6 +167,30 @@ def test_a_live_stream_in_real_time_holds_on_bad_rows_and_ends_with_its_input(
     assert modes()[-1] == "OFF"
 
 
+@pytest.mark.parametrize(
+    ("last", "words"),
+    [
+        ("51,oops\n", "holding"),
+        ("51,", "may be cut off"),
+        ("51,7", "may be cut off"),
+        ("999,75\n", "holding"),
+    ],
+)
+@pytest.mark.parametrize("virtual", [False, True], ids=["real", "virtual"])
+def test_a_stream_that_ends_on_a_bad_row_says_so_and_does_not_follow_it(
+    last: str, words: str, virtual: bool, robot: Callable[..., Path], tmp_path: Path
+) -> None:
+    log = tmp_path / "log.csv"
+    given = "f0.left_mm,f0.right_mm\n60,75\n" + last
+    done = contid("run", str(robot(1)), "--log", str(log), *(["--virtual"] if virtual else []), stdin=given)
+    assert done.returncode == 0, done.stderr
+    assert "stdin:3:" in done.stderr
+    assert words in done.stderr
+    head, *lines = [line.split(",") for line in log.read_text().splitlines()]
+    commands = [cell for line in lines if (cell := line[head.index("f0.right.command")])]
+    assert all(float(command) > 0.05 for command in commands)
+
+
 def test_a_device_that_is_not_there_is_exit_code_4(robot: Callable[..., Path]) -> None:
     path = robot(1, options="faults: [{at_s: 0.0, kind: lost}]")
     done = contid("run", str(path), stdin=circle_csv(1))
