@@ -56,6 +56,11 @@ if TYPE_CHECKING:
     help="Where clients talk to this daemon. Default: $XDG_RUNTIME_DIR/contid/NAME.sock, or "
     "contid-UID/NAME.sock in the system's temporary folder; NAME is the robot file's name without .yaml.",
 )
+@click.option(
+    "--socket-group",
+    metavar="GROUP",
+    help="Members of this group may give orders as well; default: only the daemon's own user and root.",
+)
 @click.option("--json", "as_json", is_flag=True, help="Print the final report as JSON.")
 def command(
     robot_file: str,
@@ -70,6 +75,7 @@ def command(
     record: str | None,
     view: str | None,
     socket: str | None,
+    socket_group: str | None,
     as_json: bool,
 ) -> None:
     """Make the robots of ROBOT_FILE follow a trajectory.
@@ -101,7 +107,7 @@ def command(
         from contid.remote.server import SocketServer
 
         path = default_path(robot_file) if socket is None else Path(socket)
-        endpoint = Endpoint(path, default=socket is None)
+        endpoint = Endpoint(path, default=socket is None, group=socket_group)
         commands.append(SocketServer(endpoint))
     request = RunRequest(
         robot_file=robot_file,

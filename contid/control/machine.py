@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import grp
 import os
 import resource
 import shutil
@@ -20,7 +21,7 @@ RULES_FOLDERS: Final = ("/etc/udev/rules.d", "/usr/local/lib/udev/rules.d", "/us
 #: A ring takes a few MB; below this, the next one may not fit.
 ENOUGH_BYTES: Final = 64 << 20
 #: Without these a unit is none of ours, or was edited into something that may move by itself.
-UNIT_MUST_SAY: Final = ("Type=notify", "WatchdogSec=", "LimitRTPRIO=", "--disarmed")
+UNIT_MUST_SAY: Final = ("Type=notify", "WatchdogSec=", "LimitRTPRIO=", "ExecStart=/", "--disarmed")
 
 
 def examine(root: Path = Path("/")) -> list[Finding]:
@@ -29,7 +30,7 @@ def examine(root: Path = Path("/")) -> list[Finding]:
     Args:
         root: where the folders of units and rules are looked for.
     """
-    return [real_time(), shared_memory(), unit(root), rules(root)]
+    return [real_time(), shared_memory(), unit(root), *clients(root), rules(root)]
 
 
 def real_time() -> Finding:
@@ -69,14 +70,51 @@ def unit(root: Path) -> Finding:
     if path is None:
         words = f"{UNIT} is not installed; needed only for robots that run without a person logged in"
         return Finding("service", True, words, f"docs/service.md; copy service/{UNIT} to {UNIT_FOLDERS[0]}")
-    text = "\n".join(
-        part.read_text(errors="replace") for part in [path, *sorted(Path(f"{path}.d").glob("*.conf"))]
-    )
+    text = _with_drop_ins(path)
     missing = [words for words in UNIT_MUST_SAY if words not in text]
     if missing:
         words = f"{path} lacks {', '.join(missing)}"
         return Finding("service", False, words, f"compare it with service/{UNIT} of this version")
+    program = Path(_command(text)[0])
+    if not os.access(root / program.relative_to("/"), os.X_OK):
+        words = f"{path} starts {program}, which is not there"
+        remedy = f"ln -s $(command -v contid) {program}, or `systemctl edit` with the right ExecStart"
+        return Finding("service", False, words, remedy)
     return Finding("service", True, f"{path}")
+
+
+def clients(root: Path) -> list[Finding]:
+    """Who may give orders to the service, and whether that is you; nothing when it is not installed."""
+    path = _first(root, UNIT_FOLDERS, UNIT)
+    if path is None:
+        return []
+    command = _command(_with_drop_ins(path))
+    if "--socket-group" not in command[:-1]:
+        return [Finding("service clients", True, "its own user and root")]
+    name = command[command.index("--socket-group") + 1]
+    try:
+        members = grp.getgrnam(name)
+    except KeyError:
+        words = f"the unit lets group {name} in, and there is none"
+        return [Finding("service clients", False, words, f"sudo groupadd --system {name}")]
+    if os.geteuid() == 0 or members.gr_gid in (os.getegid(), *os.getgroups()):
+        return [Finding("service clients", True, f"members of group {name}; you are one, or root")]
+    words = f"members of group {name}; you are none: `contid status` will not reach the service"
+    return [
+        Finding("service clients", True, words, f"sudo usermod --append --groups {name} $USER; log in again")
+    ]
+
+
+def _with_drop_ins(path: Path) -> str:
+    """A unit and what `systemctl edit` added."""
+    parts = [path, *sorted(Path(f"{path}.d").glob("*.conf"))]
+    return "\n".join(part.read_text(errors="replace") for part in parts)
+
+
+def _command(text: str) -> list[str]:
+    """The words of the last ExecStart: a drop-in replaces the one before."""
+    lines = [line for line in text.splitlines() if line.startswith("ExecStart=/")]
+    return lines[-1].removeprefix("ExecStart=").split() if lines else ["/"]
 
 
 def rules(root: Path) -> Finding:

@@ -2,6 +2,7 @@
 
 The default is ``$XDG_RUNTIME_DIR/contid/NAME.sock``, else a folder of this user below the system's temporary
 one. The folder is made with mode 0700 and refused when it belongs to somebody else or others may enter it.
+Services listen in ``/run/contid``, which systemd makes for them; clients look there as well.
 """
 
 from __future__ import annotations
@@ -17,8 +18,11 @@ from types import TracebackType
 from typing import Final, Self
 
 from contid.errors import ContidError
+from contid.remote.peer import group_id
 from contid.remote.protocol import NoDaemonError
 
+#: Where ``service/contid@.service`` puts its sockets.
+SERVICES: Final = Path("/run/contid")
 #: Bytes of a path that a Unix socket can have, its closing zero not counted.
 MAX_PATH: Final = 107
 BACKLOG: Final = 128
@@ -64,9 +68,9 @@ def private_directory() -> Path:
 
 
 def running() -> list[Path]:
-    """Sockets in the default folder behind which a daemon listens."""
-    folder = default_directory()
-    return [path for path in sorted(folder.glob("*.sock")) if answers(path)] if folder.is_dir() else []
+    """Sockets behind which a daemon listens: those of this user, then those of services."""
+    folders = [folder for folder in (default_directory(), SERVICES) if os.access(folder, os.R_OK | os.X_OK)]
+    return [path for folder in folders for path in sorted(folder.glob("*.sock")) if answers(path)]
 
 
 def find(given: str | None) -> Path:
@@ -81,10 +85,12 @@ def find(given: str | None) -> Path:
     if len(found) == 1:
         return found[0]
     if not found:
-        raise NoDaemonError(
-            f"no daemon runs ({default_directory()} holds no live socket); "
-            "start one with `contid run ROBOT.yaml`, or give --socket PATH"
-        )
+        words = f"no daemon runs ({default_directory()} and {SERVICES} hold no live socket)"
+        if SERVICES.is_dir() and not os.access(SERVICES, os.R_OK | os.X_OK):
+            words = (
+                f"no daemon of yours runs, and you may not enter {SERVICES} of the service: join its group"
+            )
+        raise NoDaemonError(f"{words}; start one with `contid run ROBOT.yaml`, or give --socket PATH")
     listed = "\n  ".join(f"--socket {path}" for path in found)
     raise NoDaemonError(f"{len(found)} daemons run; say which one:\n  {listed}")
 
@@ -107,12 +113,22 @@ def answers(path: Path) -> bool:
 class Endpoint:
     """A listening socket with mode 0600; a second daemon is refused, what a killed one left is removed.
 
+    Args:
+        path: of the socket.
+        default: it is the default one: its folder is made, or checked.
+        group: name of a group whose members may enter as well; the mode is 0660 then.
+
     Raises:
         SocketError: from the constructor, with what to do.
     """
 
-    def __init__(self, path: Path | str, *, default: bool = False) -> None:
+    def __init__(self, path: Path | str, *, default: bool = False, group: str | None = None) -> None:
         self.path = Path(path)
+        self.group = None if group is None else group_id(group)
+        if group is not None and self.group is None:
+            raise SocketError(
+                f"--socket-group {group}: no such group; `sudo groupadd --system {group}` makes it"
+            )
         if default:
             private_directory()
         if len(os.fsencode(self.path)) > MAX_PATH:
@@ -157,7 +173,9 @@ class Endpoint:
             self.socket.bind(str(self.path))
         finally:
             os.umask(before)
-        self.path.chmod(0o600)
+        if self.group is not None:
+            os.chown(self.path, -1, self.group)
+        self.path.chmod(0o600 if self.group is None else 0o660)
         self.socket.listen(BACKLOG)
         self.socket.setblocking(False)
 

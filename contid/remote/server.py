@@ -3,9 +3,6 @@
 from __future__ import annotations
 
 import asyncio
-import os
-import socket
-import struct
 import time
 from collections.abc import Mapping
 from contextlib import suppress
@@ -14,6 +11,7 @@ from typing import Any, Final
 from contid.control.daemon import Orders
 from contid.control.faults import Fault
 from contid.remote.connection import Connection
+from contid.remote.peer import may_enter, peer_of
 from contid.remote.picture import fault_fields
 from contid.remote.place import Endpoint
 from contid.remote.protocol import MAX_CLIENTS, MAX_LINE, encode
@@ -26,18 +24,6 @@ IDLE_S: Final = 0.02
 LEAVE_S: Final = 1.0
 #: What subscribers of events hear of.
 EVENTS: Final = frozenset({"state", "fault", "refused", "bus", "skipped", "end", "stopping"})
-_CREDENTIALS: Final = struct.Struct("3i")  # pid, uid, gid
-
-
-def peer_uid(connected: socket.socket) -> int:
-    """The user at the other end, as the kernel says."""
-    option = connected.getsockopt(socket.SOL_SOCKET, socket.SO_PEERCRED, _CREDENTIALS.size)
-    return int(_CREDENTIALS.unpack(option)[1])
-
-
-def may_enter(uid: int) -> bool:
-    """The daemon's own user, and root."""
-    return uid in (os.geteuid(), 0)
 
 
 class SocketServer:
@@ -82,7 +68,7 @@ class SocketServer:
         assert task is not None
         assert self._verbs is not None
         try:
-            allowed = may_enter(peer_uid(writer.get_extra_info("socket")))
+            allowed = may_enter(peer_of(writer.get_extra_info("socket")), self._endpoint.group)
         except OSError:  # gone already
             allowed = False
         if not allowed:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import grp
 import json
 import os
 import re
@@ -349,6 +350,31 @@ def test_another_user_is_refused() -> None:
         assert "hello" not in said
         with running.client() as client:
             assert client.status()["clients"] == 1
+
+
+def test_a_member_of_the_sockets_group_may_give_orders() -> None:
+    """The group is one that only root's child below is put into; without it the same user is refused."""
+    if os.geteuid() != 0:
+        pytest.skip("needs root to become somebody else")
+    group = grp.getgrall()[-1]
+    script = (
+        "import os, sys\nfrom contid.client import Client\nfrom contid.errors import ContidError\n"
+        "os.setgroups([int(g) for g in sys.argv[2:]])\nos.setgid(54321)\nos.setuid(54321)\n"
+        "try:\n    with Client(sys.argv[1]) as client:\n        print(client.hold()['robots'])\n"
+        "except ContidError as e:\n    print(type(e).__name__)\n"
+    )
+
+    def as_somebody(path: Path, *groups: int) -> str:
+        asked = [sys.executable, "-c", script, str(path), *map(str, groups)]
+        return subprocess.run(asked, capture_output=True, text=True, check=True).stdout.strip()
+
+    with daemon(1, "--socket-group", group.gr_name) as running, running.client() as client:
+        armed(client)
+        running.folder.chmod(0o755)
+        assert as_somebody(running.socket) == "NoDaemonError"
+        assert as_somebody(running.socket, group.gr_gid) == "{'f0': 'HOLD'}"
+        running.socket.chmod(0o666)
+        assert as_somebody(running.socket) == "ConnectionLostError"
 
 
 def test_a_second_daemon_for_the_same_socket_is_refused() -> None:

@@ -3,11 +3,11 @@
 from __future__ import annotations
 
 import asyncio
+import grp
 import json
 import os
 import socket
 import stat
-import struct
 from pathlib import Path
 
 import pytest
@@ -18,12 +18,12 @@ from contid.errors import ContidError
 from contid.remote import place
 from contid.remote.health import Tier, tier_of
 from contid.remote.outbox import MAX_ANSWERS, MAX_FRAMES, Outbox
+from contid.remote.peer import Peer, may_enter, peer_of
 from contid.remote.place import Endpoint, SocketError, answers, default_path, find
 from contid.remote.protocol import Code, NoDaemonError, RemoteError, Take, decode, encode
 from contid.remote.right import MotionRight
 from contid.remote.rows_of import columns_and_rows, point
 from contid.remote.screen import BAR, bar
-from contid.remote.server import may_enter, peer_uid
 
 
 @given(st.binary(max_size=400))
@@ -167,6 +167,7 @@ def test_the_only_daemon_is_found_and_several_are_listed(
     own_folder: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setenv("XDG_RUNTIME_DIR", str(own_folder))
+    monkeypatch.setattr(place, "SERVICES", own_folder / "services")
     with pytest.raises(NoDaemonError, match="no daemon runs"):
         find(None)
     with Endpoint(default_path("configs/hand.yaml"), default=True) as hand:
@@ -175,6 +176,9 @@ def test_the_only_daemon_is_found_and_several_are_listed(
             with pytest.raises(NoDaemonError, match="2 daemons run") as several:
                 find(None)
             assert f"--socket {arm.path}" in str(several.value)
+    place.SERVICES.mkdir()
+    with Endpoint(place.SERVICES / "hand.sock") as service:
+        assert find(None) == service.path
 
 
 def test_without_a_runtime_folder_the_socket_is_in_a_folder_of_this_user(
@@ -189,11 +193,26 @@ def test_without_a_runtime_folder_the_socket_is_in_a_folder_of_this_user(
 def test_credentials_are_the_kernels() -> None:
     one, other = socket.socketpair()
     with one, other:
-        assert peer_uid(one) == os.geteuid()
-    assert may_enter(os.geteuid())
-    assert may_enter(0)
-    assert not may_enter(os.geteuid() + 1)
-    assert struct.calcsize("3i") == 12
+        peer = peer_of(one)
+    assert peer.uid == os.geteuid()
+    assert peer.groups == {os.getegid(), *os.getgroups()}
+    own, root = Peer(os.geteuid(), frozenset()), Peer(0, frozenset())
+    stranger = Peer(os.geteuid() + 1, frozenset({7, 8}))
+    assert may_enter(own, None)
+    assert may_enter(root, None)
+    assert not may_enter(stranger, None)
+    assert not may_enter(stranger, 9)
+    assert may_enter(stranger, 8)
+
+
+def test_a_group_is_let_in_only_when_it_was_named(own_folder: Path) -> None:
+    group = grp.getgrgid(os.getegid()).gr_name
+    for name, mode in ((None, 0o600), (group, 0o660)):
+        with Endpoint(own_folder / "s", group=name) as endpoint:
+            assert stat.S_IMODE(endpoint.path.stat().st_mode) == mode
+            assert endpoint.path.stat().st_gid == os.getegid()
+    with pytest.raises(SocketError, match="no such group"):
+        Endpoint(own_folder / "s", group="no-such-group")
 
 
 def test_points_and_rows_as_a_person_writes_them() -> None:

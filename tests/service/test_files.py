@@ -2,17 +2,34 @@
 
 from __future__ import annotations
 
+import grp
+import os
 import shutil
+import stat
 import subprocess
+import sys
+import tempfile
+from collections.abc import Iterator
 from pathlib import Path
 
 import pytest
 
+from contid.client import Client
 from contid.control import machine
+from contid.remote import place
+from tests.control.fingers import fingers
+from tests.remote.daemons import until
 
 ROOT = Path(__file__).parents[2]
 UNIT = ROOT / "service" / machine.UNIT
 RULES = ROOT / "udev" / machine.RULES
+
+
+@pytest.fixture
+def own_folder() -> Iterator[Path]:
+    """Short enough for the path of a socket."""
+    with tempfile.TemporaryDirectory(prefix="contid-") as folder:
+        yield Path(folder)
 
 
 def test_systemd_reads_the_unit(tmp_path: Path) -> None:
@@ -39,12 +56,66 @@ def test_udev_reads_the_rules() -> None:
 
 def test_the_shipped_files_satisfy_the_doctor(tmp_path: Path) -> None:
     for folder, file in ((machine.UNIT_FOLDERS[0], UNIT), (machine.RULES_FOLDERS[0], RULES)):
-        place = tmp_path / folder.lstrip("/")
-        place.mkdir(parents=True)
-        shutil.copy(file, place)
+        where = tmp_path / folder.lstrip("/")
+        where.mkdir(parents=True)
+        shutil.copy(file, where)
+    finding = machine.unit(tmp_path)
+    assert not finding.ok
+    assert "/usr/local/bin/contid, which is not there" in finding.message
+    program = tmp_path / "usr/local/bin/contid"
+    program.parent.mkdir(parents=True)
+    program.touch(0o755)
     for finding in (machine.unit(tmp_path), machine.rules(tmp_path)):
         assert finding.ok
         assert not finding.remedy
+
+
+@pytest.mark.parametrize("group", ["own", "none", "absent"])
+def test_the_doctor_says_who_may_give_orders_to_the_service(group: str, tmp_path: Path) -> None:
+    where = tmp_path / machine.UNIT_FOLDERS[0].lstrip("/")
+    where.mkdir(parents=True)
+    names = {"own": grp.getgrgid(os.getegid()).gr_name, "none": "no-such-group", "absent": ""}
+    option = f" --socket-group {names[group]}" if names[group] else ""
+    (where / machine.UNIT).write_text(UNIT.read_text().replace(" --socket-group contid", option))
+    (finding,) = machine.clients(tmp_path)
+    assert finding.ok == (group != "none")
+    assert (names[group] or "its own user and root") in finding.message
+    assert bool(finding.remedy) == (group == "none")
+    assert machine.clients(tmp_path / "elsewhere") == []
+
+
+def test_the_service_is_found_by_who_may_give_it_orders(
+    tmp_path: Path, own_folder: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """The unit's own command line, with its folders and group replaced; a client that is told no path."""
+    assert Path("/run/contid") == place.SERVICES  # what %t/contid is for a system service
+    (line,) = [each for each in UNIT.read_text().splitlines() if each.startswith("ExecStart=")]
+    runtime = own_folder / "run"
+    (runtime / "contid").mkdir(parents=True)
+    (tmp_path / "finger.yaml").write_text(fingers(1))
+    replaced = {"%t": str(runtime), "%i": "finger", "/etc/contid": str(tmp_path)}
+    words = line.split()[1:]
+    for old, new in replaced.items():
+        words = [each.replace(old, new) for each in words]
+    words[words.index("--socket-group") + 1] = grp.getgrgid(os.getegid()).gr_name
+    monkeypatch.setattr(place, "SERVICES", runtime / "contid")
+    monkeypatch.setenv("XDG_RUNTIME_DIR", str(own_folder / "user"))
+    with subprocess.Popen(
+        [sys.executable, "-m", "contid", *words],
+        stdin=subprocess.DEVNULL, stdout=subprocess.PIPE, stderr=subprocess.STDOUT, text=True,
+    ) as daemon:  # fmt: skip
+        try:
+            until(lambda: bool(place.running()) or daemon.poll() is not None, "it listens")
+            with Client() as client:
+                until(lambda: client.status()["robots"]["f0"]["state"] == "READY", "it connects")
+                assert client.path.parent == runtime / "contid"
+                mode = client.path.stat()
+                assert stat.S_IMODE(mode.st_mode) == 0o660
+                assert mode.st_gid == os.getegid()
+        finally:
+            daemon.terminate()
+            daemon.communicate(timeout=30)
+    assert daemon.returncode == 130
 
 
 def test_what_is_missing_comes_with_its_remedy(tmp_path: Path) -> None:
@@ -54,9 +125,9 @@ def test_what_is_missing_comes_with_its_remedy(tmp_path: Path) -> None:
 
 
 def test_a_unit_that_arms_by_itself_is_wrong(tmp_path: Path) -> None:
-    place = tmp_path / machine.UNIT_FOLDERS[0].lstrip("/")
-    place.mkdir(parents=True)
-    (place / machine.UNIT).write_text(UNIT.read_text().replace(" --disarmed", ""))
+    where = tmp_path / machine.UNIT_FOLDERS[0].lstrip("/")
+    where.mkdir(parents=True)
+    (where / machine.UNIT).write_text(UNIT.read_text().replace(" --disarmed", ""))
     finding = machine.unit(tmp_path)
     assert not finding.ok
     assert "--disarmed" in finding.message
