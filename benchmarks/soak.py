@@ -46,7 +46,7 @@ LOOK_S: Final = 5.0
 LOOKS_PER_LINE: Final = 12
 COLUMNS: Final = ("tick", "skipped", "clients", "cables", "faults", "file MB")
 #: Who is looked at, by what their command line says.
-PROCESSES: Final = {"control": "contid.control.process", "recorder": "contid.session.recorder"}
+PROCESSES: Final = {"control": "contid.control", "recorder": "contid.session.recorder"}
 
 
 @contextlib.contextmanager

@@ -76,6 +76,10 @@ class ControlChild:
                     self._backlog += self._bulk.popleft()
                 del self._backlog[: os.write(self._pipe, self._backlog)]
 
+    def terminate(self) -> None:
+        """Ask it to end: at once while it opens its buses, by ``on_host_loss`` once it runs."""
+        self._process.terminate()
+
     def kill(self) -> None:
         """End it now; the devices' own dead-man is what stops them then."""
         self._process.kill()

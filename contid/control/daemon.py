@@ -36,8 +36,10 @@ from contid.trajectory.timed import Trajectory
 
 #: How often events are fetched from the ring.
 POLL_S: Final = 0.02
-#: How much longer than its motion a stop may take, and how long an emergency stop may.
-PATIENCE_S: Final = 2.0
+#: How long the control process may take to say how long its stop takes, and how much longer than that it may
+#: take; then it relaxes at once, and after `END_S` it is killed. Together less than the 2 s that people wait.
+PATIENCE_S: Final = 0.8
+END_S: Final = 0.6
 #: A person is told what is waited for after so long.
 TELL_S: Final = 3.0
 
@@ -185,6 +187,7 @@ class Daemon:
         self._listeners: list[Callable[[Mapping[str, Any]], None]] = []
         self._report = Report(ending="the input ended", rate_hz=options.rate_hz)
         self._interrupts = 0
+        self._started = False
         self._fetching = False
         self._give_up_s: float | None = None
         self._end_s: float | None = None
@@ -266,6 +269,9 @@ class Daemon:
             self.send(Finish())
             # Until the control process tells how long the motion takes.
             self._give_up_s = loop.time() + PATIENCE_S
+            if not self._started:
+                # It opens its buses, long when nobody answers, and looks at no order meanwhile.
+                self._child.terminate()
         else:
             self._options.say("relaxing now")
             self._emergency()
@@ -274,7 +280,7 @@ class Daemon:
         self.send(Estop())
         self.send(Finish())
         self._give_up_s = None
-        self._end_s = asyncio.get_running_loop().time() + PATIENCE_S
+        self._end_s = asyncio.get_running_loop().time() + END_S
 
     # -- the run -----------------------------------------------------------------------------------------
 
@@ -403,6 +409,7 @@ class Daemon:
             case "stopping" if self._give_up_s is not None:
                 self._give_up_s = asyncio.get_running_loop().time() + event["seconds"] + PATIENCE_S
             case "started":
+                self._started = True
                 report.realtime = event["realtime"]
                 if event["words"]:
                     say(event["words"])
@@ -429,6 +436,8 @@ class Daemon:
         if report.faulted():
             report.ending = "a fault stopped a robot" if report.exit_code != 130 else report.ending
             report.exit_code = 3
+        elif self._interrupts and not self._started and status == -signal.SIGTERM:
+            pass  # ended before it had read what to open
         elif status not in (None, 0) and report.exit_code in (0, 130):
             report.ending, report.exit_code = f"the control process ended with status {status}", 3
         if missed:

@@ -1,7 +1,7 @@
 """The control process: owns the buses and the tick, and outlives the daemon just long enough to stop safely.
 
-Started by the daemon as ``python -m contid.control.process FD PID``: the reading end of the pipe and the
-daemon's process id. It waits for a `Setup`, opens the buses, and then runs a cycle at every deadline
+Started by the daemon as ``python -m contid.control FD PID``: the reading end of the pipe and the daemon's
+process id. It waits for a `Setup`, opens the buses, and then runs a cycle at every deadline
 
     deadline(n) = base + n / rate        on CLOCK_MONOTONIC,
 
@@ -14,7 +14,6 @@ its ``on_host_loss`` policy.
 from __future__ import annotations
 
 import signal
-import sys
 from contextlib import suppress
 from pathlib import Path
 from types import FrameType
@@ -30,7 +29,6 @@ from contid.control.ring import RingWriter
 from contid.control.setup import (
     Setup,
     ask_for_real_time,
-    die_with_parent,
     sleep_until,
     stop_collecting,
     warm_up,
@@ -130,9 +128,8 @@ class ControlProcess:
             self._told_s, self._untold = now_s, 0
 
 
-def main(descriptor: int, parent: int) -> int:
+def main(descriptor: int) -> int:
     """Run the control process; returns its exit code."""
-    signal.signal(signal.SIGINT, signal.SIG_IGN)  # Ctrl-C reaches the daemon, which decides
     running: list[ControlProcess] = []
     gone = [False]
 
@@ -140,10 +137,9 @@ def main(descriptor: int, parent: int) -> int:
         gone[0] = True
         for process in running:
             process.orphaned = True
+        if not running:
+            raise SystemExit(0)  # nothing is armed; whoever opens a bus that does not answer stops waiting
 
-    signal.signal(signal.SIGTERM, orphan)
-    if not die_with_parent(parent):
-        return 0
     warm_up()  # while the daemon still reads its files
     inbox = Inbox(descriptor)
     try:
@@ -151,6 +147,7 @@ def main(descriptor: int, parent: int) -> int:
     except EOFError:
         return 0
     assert isinstance(setup, Setup)
+    signal.signal(signal.SIGTERM, orphan)  # until here it just ended this process
     ring = RingWriter(setup.ring)
     ports: dict[str, Port] = {}
     code = 0
@@ -161,7 +158,6 @@ def main(descriptor: int, parent: int) -> int:
         ports |= {name: Port(bus, threaded=len(buses) > 1, reopen_aside=True) for name, bus in buses.items()}
         process = ControlProcess(setup, inbox, ring, ports)
         running.append(process)
-        process.orphaned = gone[0]
         stop_collecting()
         try:
             process.run()
@@ -182,12 +178,3 @@ def main(descriptor: int, parent: int) -> int:
             with suppress(FileNotFoundError):
                 Path(setup.ring).unlink()
     return code
-
-
-def _arguments(argv: list[str]) -> tuple[int, int]:
-    descriptor, parent = argv
-    return int(descriptor), int(parent)
-
-
-if __name__ == "__main__":
-    sys.exit(main(*_arguments(sys.argv[1:])))

@@ -2,10 +2,8 @@
 
 from __future__ import annotations
 
-import ctypes
 import gc
 import os
-import signal
 import time
 from collections.abc import Callable
 from dataclasses import dataclass
@@ -20,8 +18,6 @@ from contid.trajectory.timed import Trajectory
 PRIORITY: Final = 50
 #: Sleep this much short of the deadline and spin the rest: a sleeper wakes up to some 100 us late.
 SPIN_S: Final = 250e-6
-_PR_SET_PDEATHSIG: Final = 1
-_PR_SET_TIMERSLACK: Final = 29
 
 
 @dataclass(frozen=True, slots=True)
@@ -45,14 +41,6 @@ class Setup:
     on_end: OnEnd
     attended: bool
     armed: bool = True
-
-
-def die_with_parent(parent: int) -> bool:
-    """Get SIGTERM when the daemon dies; False when it is dead already."""
-    libc = ctypes.CDLL(None, use_errno=True)
-    libc.prctl(_PR_SET_PDEATHSIG, signal.SIGTERM, 0, 0, 0)
-    libc.prctl(_PR_SET_TIMERSLACK, 1, 0, 0, 0)
-    return os.getppid() == parent
 
 
 def ask_for_real_time() -> str:

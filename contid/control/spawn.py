@@ -29,7 +29,7 @@ def spawn() -> Spawned:
     """Start ``python -m contid.control.process``; the imports that follow here skip the plug-ins too."""
     os.environ.setdefault("PYDANTIC_DISABLE_PLUGINS", ENVIRONMENT["PYDANTIC_DISABLE_PLUGINS"])
     inside, pipe = os.pipe()
-    command = [sys.executable, "-m", "contid.control.process", str(inside), str(os.getpid())]
+    command = [sys.executable, "-m", "contid.control", str(inside), str(os.getpid())]
     try:
         # A session of its own: Ctrl-C and a closed terminal reach the daemon only.
         process = subprocess.Popen(

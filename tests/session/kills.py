@@ -26,7 +26,7 @@ from contid.session.replay import replay
 from tests.control.fingers import circle_csv, fingers
 
 VICTIMS = ("daemon", "recorder", "control process")
-_MODULES = {"recorder": "contid.session.recorder", "control process": "contid.control.process"}
+_MODULES = {"recorder": "contid.session.recorder", "control process": "contid.control"}
 
 
 @dataclass(frozen=True)
