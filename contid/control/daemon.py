@@ -39,7 +39,7 @@ POLL_S: Final = 0.02
 #: How long the control process may take to say how long its stop takes, and how much longer than that it may
 #: take; then it relaxes at once, and after `END_S` it is killed. Together less than the 2 s that people wait.
 PATIENCE_S: Final = 0.8
-END_S: Final = 0.6
+END_S: Final = 0.5
 #: A person is told what is waited for after so long.
 TELL_S: Final = 3.0
 

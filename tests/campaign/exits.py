@@ -34,7 +34,12 @@ from tests.remote.daemons import until
 #: From the signal to the end of the last process.
 LIMIT_S = 2.0
 #: Exit codes by state: 130 unless a fault is what is told, or nobody listens for signals yet.
-CODES = {"importing": (-signal.SIGTERM, 130), "fault": (3,), "bus gone": (3,), "bus hangs": (3,)}
+CODES = {
+    **dict.fromkeys(("importing", "waiting for stdin"), (-signal.SIGTERM, 130)),
+    "fault": (3,),
+    "bus gone": (3,),
+    "bus hangs": (3,),
+}
 AWAY = {"x_mm": 35.0, "y_mm": 80.0}
 
 
