@@ -294,7 +294,9 @@ class Engine:
             if state.mode is not self._told[index]:
                 self._told[index] = state.mode
                 self._announce(self.plans[index], state, number)
-        self._recorder.record(timing, source, targets, outcomes, self.states, self._samples, self._now)
+        self._recorder.record(
+            timing, source, targets, outcomes, self.states, self._samples, self._measured, now_s, self._now
+        )
         if self._finishing and not self.finished:
             self.finished = all(
                 state.mode in (Mode.OFF, Mode.FAULT) and state.pending is Effect.NONE for state in self.states

@@ -74,6 +74,9 @@ class RobotRecord(NamedTuple):
         load_n: known tip load.
         residual_m: of the solution.
         tip_error_m: distance of the commanded model's tip from the target.
+        measured_tip_m: where a tracker saw the tip; NaN when none did within a second.
+        measured_direction: unit tangent it saw there; NaN when it saw none.
+        measured_age_s: since that was captured.
         axes: one per axis of the robot.
     """
 
@@ -88,6 +91,9 @@ class RobotRecord(NamedTuple):
     load_n: tuple[float, float, float]
     residual_m: float
     tip_error_m: float
+    measured_tip_m: tuple[float, float, float]
+    measured_direction: tuple[float, float, float]
+    measured_age_s: float
     axes: tuple[AxisRecord, ...]
 
 
@@ -124,10 +130,10 @@ class RobotLayout:
 
 
 HEAD: Final = "QQdddd"
-ROBOT: Final = "QQQQQ14d"
+ROBOT: Final = "QQQQQ21d"
 AXIS: Final = "13d"
 HEAD_VALUES: Final = 6
-ROBOT_VALUES: Final = 19
+ROBOT_VALUES: Final = 26
 AXIS_VALUES: Final = 13
 
 
@@ -176,5 +182,6 @@ def _robot(head: tuple[float, ...], axes: Iterable[AxisRecord]) -> RobotRecord:
         mode, fault, flags, limited_by, iterations,
         (head[5], head[6], head[7]), (head[8], head[9], head[10]),
         (head[11], head[12], head[13]), (head[14], head[15], head[16]),
-        head[17], head[18], tuple(axes),
+        head[17], head[18],
+        (head[19], head[20], head[21]), (head[22], head[23], head[24]), head[25], tuple(axes),
     )  # fmt: skip

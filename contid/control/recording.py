@@ -15,10 +15,14 @@ if TYPE_CHECKING:
     from contid.control.plan import RobotPlan
     from contid.control.sources import Source
     from contid.control.state import RobotState
+    from contid.control.tip_feedback import Measurement
     from contid.hal import Sample
 
 _NAN = math.nan
 _NO_SAMPLE = (_NAN, _NAN, 0.0, _NAN, _NAN, _NAN, _NAN, _NAN)
+#: A measurement older than this is recorded no more.
+FORGOTTEN_S = 1.0
+_UNSEEN = (*NAN3, *NAN3, _NAN)
 #: Bits that a float64 of the record keeps exactly.
 _MAX_NAMES = 52
 
@@ -39,16 +43,22 @@ class Recorder:
         outcomes: Sequence[Outcome],
         states: Sequence[RobotState],
         samples: Mapping[str, Sample],
+        measured: Mapping[str, Measurement],
+        now_s: float,
         now: Any,
     ) -> None:
-        """One record of a cycle."""
+        """One record of a cycle; ``now_s`` is the time of the robots, ``now`` the clock of the buses."""
         source_s = None if source is None else source.time_s
         values: list[float] = [
             timing.tick, timing.skipped, timing.deadline_s, timing.lateness_s, 0.0,
             _NAN if source_s is None else source_s,
         ]  # fmt: skip
         for index, plan in enumerate(self._plans):
-            self._robot(values, index, plan, outcomes[index], states[index], targets.get(plan.name), samples)
+            name = plan.name
+            self._robot(values, index, plan, outcomes[index], states[index], targets.get(name))
+            seen = measured.get(name)
+            values += _UNSEEN if seen is None else _seen(seen, now_s)
+            self._axes(values, plan, outcomes[index], states[index], targets.get(name), samples)
         values[4] = now() - timing.deadline_s - timing.lateness_s
         self._sink.write(values)
 
@@ -60,30 +70,39 @@ class Recorder:
         outcome: Outcome,
         state: RobotState,
         target: Target | None,
-        samples: Mapping[str, Sample],
     ) -> None:
         solution = outcome.solution
         flags = ENABLED if state.enabled else 0
         bits = iterations = 0
         residual_m = _NAN
-        solved: Sequence[float] = ()
         if solution is not None:
             flags |= CONVERGED if solution.converged else 0
-            iterations, residual_m, solved = solution.iterations, solution.residual_m, solution.actuation
+            iterations, residual_m = solution.iterations, solution.residual_m
             for name in solution.limited_by:
                 bits |= self._bit(index, name)
         tip = direction = mid = load = NAN3
-        wanted: Sequence[float] = ()
         if target is not None:
             flags |= HAS_TARGET
             tip, direction, mid = target.tip_m or NAN3, target.direction or NAN3, target.mid_m or NAN3
-            load, wanted = target.load_n, _wanted(plan, target)
+            load = target.load_n
         values += (state.mode, state.fault, flags, bits, iterations)
         values += tip
         values += direction
         values += mid
         values += load
         values += (residual_m, outcome.tip_error_m)
+
+    @staticmethod
+    def _axes(
+        values: list[float],
+        plan: RobotPlan,
+        outcome: Outcome,
+        state: RobotState,
+        target: Target | None,
+        samples: Mapping[str, Sample],
+    ) -> None:
+        wanted: Sequence[float] = () if target is None else _wanted(plan, target)
+        solved: Sequence[float] = () if outcome.solution is None else outcome.solution.actuation
         command, device, limits = state.command, outcome.device, outcome.limits
         for axis, name in enumerate(plan.axes):
             values += (
@@ -113,6 +132,14 @@ class Recorder:
             bits[name] = 1 << number
             self._sink.event("limit_name", robot=self._plans[index].name, bit=number, name=name)
         return bits[name]
+
+
+def _seen(seen: Measurement, now_s: float) -> tuple[float, ...]:
+    """A tracker's newest pose and its age; nothing of a tracker that is gone."""
+    age_s = now_s - seen.time_s
+    if age_s > FORGOTTEN_S:
+        return _UNSEEN
+    return (*seen.tip_in_world, *(seen.direction_in_world or NAN3), age_s)
 
 
 def _wanted(plan: RobotPlan, target: Target) -> Sequence[float]:

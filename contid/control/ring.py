@@ -29,7 +29,7 @@ from typing import Any, Final
 from contid.control.record import RecordLayout, TickRecord
 from contid.errors import ContidError
 
-MAGIC: Final = b"contidR1"
+MAGIC: Final = b"contidR2"
 HEAD: Final = struct.Struct("=8sQQQQQ")  # magic, bytes of JSON, tick slots, bytes per tick, event slots
 HEAD_BYTES: Final = 64
 TICKS_AT, EVENTS_AT, CLOSED_AT = 48, 56, 40

@@ -15,12 +15,15 @@ import numpy as np
 from contid.models.chain import ChainGuard
 from contid.models.frames import BaseFrame
 from contid.models.model import Model
-from contid.models.ph_ends import Ends, least_energy, through
+from contid.models.ph_ends import Ends, PhFit, least_energy, through
 from contid.models.ph_lift import Array
 from contid.targets import ZERO3, Actuation, Vec3
 
 #: Enough segments that a polyline, extrapolated, has the length of the curve to a millionth.
 FINE: Final = 1024
+#: When a rough length is not believed: `from_rough_pose`.
+DEAR: Final = 2.0
+SMALL: Final = 1.0
 #: Where a planar body (2) and a spatial one (3) grow along in their base frame.
 GROWS_ALONG: Final[dict[int, Vec3]] = {2: (0.0, 1.0, 0.0), 3: (0.0, 0.0, 1.0)}
 
@@ -78,9 +81,38 @@ def from_pose(
     With a length, the branch of least energy (needed above 180 degrees); without one, the curve whose end
     speed is its mean speed, which is good up to some 150 degrees.
     """
-    tip, direction = frame.point_in_base(tip_in_world), frame.vector_in_base(direction_in_world)
-    ends = Ends(ZERO3, tip, GROWS_ALONG[dimension], direction)
+    ends = _ends(frame, tip_in_world, direction_in_world, dimension)
     fit = through(ends) if length_m is None else least_energy(ends, length_m)
+    return _shaped(frame, fit, direction_in_world, points)
+
+
+def from_rough_pose(
+    frame: BaseFrame,
+    tip_in_world: Vec3,
+    direction_in_world: Vec3,
+    points: int,
+    rough_length_m: float,
+    dimension: int = 3,
+) -> BodyShape:
+    """As `from_pose`, for a length that is known to a hundredth or so, and a pose with noise.
+
+    Surplus length has to go somewhere: where it costs more than `DEAR` times the bending of the curve of
+    unknown length and `SMALL` besides (the energy of a turn of one radian is 1 per body length), it is an
+    error of the length, and the curve of unknown length is the better one. A bent body keeps its length.
+    """
+    ends = _ends(frame, tip_in_world, direction_in_world, dimension)
+    free, fit = through(ends), least_energy(ends, rough_length_m)
+    if fit.energy_per_m > DEAR * free.energy_per_m + SMALL / rough_length_m:
+        fit = free
+    return _shaped(frame, fit, direction_in_world, points)
+
+
+def _ends(frame: BaseFrame, tip_in_world: Vec3, direction_in_world: Vec3, dimension: int) -> Ends:
+    tip, direction = frame.point_in_base(tip_in_world), frame.vector_in_base(direction_in_world)
+    return Ends(ZERO3, tip, GROWS_ALONG[dimension], direction)
+
+
+def _shaped(frame: BaseFrame, fit: PhFit, direction_in_world: Vec3, points: int) -> BodyShape:
     return BodyShape(
         in_world(frame, fit.curve.evenly(points)), fit.curve.length_m, direction_in_world, fit.note
     )

@@ -26,7 +26,7 @@ from contid.units import m_to_mm
 #: What `subscribe` may choose from, and what it sends when nothing is chosen.
 FIELDS: Final = (
     "state", "fault", "tip_mm", "target_mm", "error_mm", "command", "measured", "limits", "age_ms", "effort",
-    "temperature_c", "voltage_v",
+    "temperature_c", "voltage_v", "measured_tip_mm", "measured_direction",
 )  # fmt: skip
 DEFAULT_FIELDS: Final = ("state", "fault", "tip_mm", "command", "measured")
 _PER_AXIS: Final = ("effort", "temperature_c", "voltage_v")
@@ -182,6 +182,12 @@ class Picture:
                 return None if measured is None else [value * scale for value in measured]
             case "limits":
                 return [_limits(int(axis.limits)) for axis in told.axes]
+            case "measured_tip_mm":
+                seen = told.measured_tip_m
+                return [m_to_mm(value) for value in seen] if all(map(math.isfinite, seen)) else None
+            case "measured_direction":
+                towards = told.measured_direction
+                return list(towards) if all(map(math.isfinite, towards)) else None
             case "age_ms":
                 return [_ms(axis.age_s) for axis in told.axes]
         assert field in _PER_AXIS

@@ -3,8 +3,8 @@
 A measurement needs no motion right, but where ``feedback`` is on it moves the target, so what one can do is
 bounded here and in `contid.control.tip_feedback`: only the first to measure a robot is heard until it has
 been silent for `SILENT_S` or is gone; a tip must lie within the robot's reach; old measurements are refused;
-and of those that come between two ticks only the newest crosses the pipe. A control process that stands
-still gets none, so nothing piles up.
+and only the newest crosses the pipe, once per record that was seen. A control process that stands still gets
+none, so nothing piles up.
 """
 
 from __future__ import annotations

@@ -28,6 +28,7 @@ from contid.control.wiring import driven_robots, record_layout
 from contid.description.load import LoadedFile
 from contid.errors import ContidError
 from contid.hal import DeviceKind, load_driver
+from contid.session.channels import REVISION
 from contid.session.header import NPZ, Header
 from contid.trajectory.columns import read_layout
 from contid.trajectory.read import MAX_ROWS
@@ -57,6 +58,7 @@ def describe(setup: Setup, options: Mapping[str, str], virtual: bool, host: str 
     metadata: dict[str, dict[str, str]] = {
         "contid": {
             "format": FORMAT,
+            "revision": str(REVISION),
             "contid": __version__,
             "python": platform.python_version(),
             "numpy": version("numpy"),

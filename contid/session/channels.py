@@ -3,7 +3,8 @@
 A tick leaves one message on each of `TICK_CHANNELS`; ``event`` has one per event. Values are SI with the unit
 in the key (``left_m``, ``p1_pa``, ``tip_m``); a dot in an axis name becomes an underscore, so that plotting
 programs find the way. ``null`` is what a record has as NaN: absent. Floats are written with the fewest
-digits that read back to the same float64, so nothing is lost between the tick and its replay.
+digits that read back to the same float64, so nothing is lost between the tick and its replay. Its
+`REVISION` tells which keys a file has.
 """
 
 from __future__ import annotations
@@ -21,6 +22,9 @@ from contid.control.record import AXIS_VALUES, HEAD_VALUES, ROBOT_VALUES, Record
 
 TICK_CHANNELS: Final = ("tick", "target", "solution", "command", "sample")
 EVENT: Final = "event"
+#: Grows with keys that an older reader leaves out and a newer one misses in older files:
+#: 1 the measured tip of every robot.
+REVISION: Final = 1
 CHANNELS: Final = (*TICK_CHANNELS, EVENT)
 #: Unit in a robot file -> unit of SI.
 SI: Final = {"mm": "m", "bar": "pa"}
@@ -29,6 +33,7 @@ SI: Final = {"mm": "m", "bar": "pa"}
 _MODE, _FAULT, _FLAGS, _LIMITED_BY, _ITERATIONS = range(5)
 _TIP, _DIRECTION, _MID, _LOAD = (5, 6, 7), (8, 9, 10), (11, 12, 13), (14, 15, 16)
 _RESIDUAL, _TIP_ERROR = 17, 18
+_MEASURED_TIP, _MEASURED_DIRECTION, _MEASURED_AGE = (19, 20, 21), (22, 23, 24), 25
 TARGET, SOLUTION, COMMAND, LIMITS, DEVICE = range(5)
 VALUE, TIME, VALID, AGE, VELOCITY, EFFORT, TEMPERATURE, VOLTAGE = range(5, 13)
 
@@ -45,12 +50,14 @@ class Field:
         slots: places in the record; three make a vector.
         kind: JSON Schema type of it.
         words: what it is, for the schema.
+        since: first revision that has it.
     """
 
     path: tuple[str, ...]
     slots: tuple[int, ...]
     kind: str
     words: str
+    since: int = 0
 
 
 def robot_at(layout: RecordLayout, index: int) -> int:
@@ -91,7 +98,7 @@ def fields(layout: RecordLayout, device_units: Mapping[str, str], channel: str) 
         at, front, unit = robot_at(layout, index), ("robots", robot.name), SI[robot.quantity]
         for place, name, kind, words in _OF_ROBOT[channel]:
             slots = tuple(at + each for each in (place if isinstance(place, tuple) else (place,)))
-            yield Field((*front, name), slots, kind, words)
+            yield Field((*front, name), slots, kind, words, _SINCE.get(name, 0))
         for number, axis in enumerate(robot.axes):
             start, key = axis_at(layout, index, number), key_of(axis)
             device = device_units[f"{robot.name}.{axis}"]
@@ -129,8 +136,13 @@ _OF_ROBOT: Final[dict[str, tuple[tuple[int | tuple[int, ...], str, str, str], ..
         (_LIMITED_BY, "limited_by", "integer", "bits; events 'limit_name' say what they stand for"),
     ),
     "command": ((_TIP_ERROR, "tip_error_m", "number", "distance of the commanded model's tip"),),
-    "sample": (),
+    "sample": (
+        (_MEASURED_TIP, "measured_tip_m", "array", "where a tracker saw the tip, world frame"),
+        (_MEASURED_DIRECTION, "measured_direction", "array", "unit tangent it saw there, world frame"),
+        (_MEASURED_AGE, "measured_age_s", "number", "since that was captured"),
+    ),
 }
+_SINCE: Final = dict.fromkeys(("measured_tip_m", "measured_direction", "measured_age_s"), 1)
 _ACTUATION: Final = {
     "target": (TARGET, "actuation the target asked for"),
     "solution": (SOLUTION, "actuation the model answered"),
@@ -233,18 +245,27 @@ class _Group:
 class Decoder:
     """Messages back to records: gathered as they come, put in order once per tick."""
 
-    def __init__(self, layout: RecordLayout, device_units: Mapping[str, str]) -> None:
+    def __init__(
+        self, layout: RecordLayout, device_units: Mapping[str, str], revision: int = REVISION
+    ) -> None:
         self._groups: dict[str, list[_Group]] = {}
         order: dict[int, int] = {}
+        missing: list[int] = []
         gathered = 0
         for channel in TICK_CHANNELS:
             by_path: dict[tuple[str, ...], list[Field]] = {}
             for each in fields(layout, device_units, channel):
-                by_path.setdefault(each.path[:-1], []).append(each)
+                if each.since <= revision:
+                    by_path.setdefault(each.path[:-1], []).append(each)
+                else:
+                    missing += each.slots
             self._groups[channel] = [_group(path, some) for path, some in by_path.items()]
             for group in self._groups[channel]:
                 order |= {slot: gathered + place for place, slot in enumerate(group.slots)}
                 gathered += len(group.slots)
+        # What a file of an earlier revision has not is absent: the one None after all that was gathered.
+        order |= dict.fromkeys(missing, gathered)
+        self._complete = not missing
         self._arrange = itemgetter(*(order[slot] for slot in sorted(order)))
         self._decode = json.JSONDecoder().decode
 
@@ -271,7 +292,8 @@ class Decoder:
             IndexError: one is missing.
             struct.error, OverflowError: one is no number that a record can hold.
         """
-        values = [_NAN if value is None else value for value in self._arrange(gathered)]
+        whole = gathered if self._complete else [*gathered, None]
+        values = [_NAN if value is None else value for value in self._arrange(whole)]
         # Cheaper than looking at each: only numbers can be packed.
         struct.pack(f"{len(values)}d", *values)
         return values

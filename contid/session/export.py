@@ -21,6 +21,8 @@ _VECTORS: Final = {
     "tip_m": ("x_mm", "y_mm", "z_mm"),
     "direction": ("ax", "ay", "az"),
     "mid_m": ("mid.x_mm", "mid.y_mm", "mid.z_mm"),
+    "measured_tip_m": ("meas.x_mm", "meas.y_mm", "meas.z_mm"),
+    "measured_direction": ("meas.ax", "meas.ay", "meas.az"),
     "load_n": ("load.fx_n", "load.fy_n", "load.fz_n"),
 }
 
@@ -79,7 +81,12 @@ def _to_bar(value: float) -> float:
 
 
 #: End of a key in SI -> end in a file, and how to get there.
-_UNITS: Final = (("_pa_s", "_bar_s", _to_bar), ("_pa", "_bar", _to_bar), ("_m", "_mm", _to_mm))
+_UNITS: Final = (
+    ("_pa_s", "_bar_s", _to_bar),
+    ("_pa", "_bar", _to_bar),
+    ("_m", "_mm", _to_mm),
+    ("measured_age_s", "meas.age_s", _same),
+)
 
 
 def export_channels(session: Session, folder: Path) -> list[Path]:

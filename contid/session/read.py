@@ -58,6 +58,7 @@ class Session:
         about: texts by group and name, as `contid.session.about` writes them.
         layout: of the records.
         device_units: ``rad`` or ``pa`` by ``ROBOT.AXIS``.
+        revision: of its keys (`contid.session.channels.REVISION`).
         rate_hz: of the ticks.
         clean: after `entries` came to the end: the file ends as it should.
         chunked: the same: it was compacted.
@@ -95,7 +96,8 @@ class Session:
             self.layout = RecordLayout.from_json(self.about["layout"]["record"])
             self.device_units: dict[str, str] = json.loads(self.about["layout"]["device_units"])
             # Whatever follows needs these to fit each other.
-            Decoder(self.layout, self.device_units)
+            self.revision = int(self.about["contid"].get("revision", "0"))
+            Decoder(self.layout, self.device_units, self.revision)
             int(self.about["clock"]["wall_ns"])
         except (ValueError, KeyError, TypeError, AttributeError) as error:
             raise SessionError(f"{path}: its head is damaged: {type(error).__name__}: {error}") from error
@@ -157,7 +159,7 @@ class Session:
 
     def entries(self) -> Iterator[Entry]:
         """Ticks and events in their order; a tick that is not whole is left out."""
-        decoder = Decoder(self.layout, self.device_units)
+        decoder = Decoder(self.layout, self.device_units, self.revision)
         topics, first, last = self._topics, TICK_CHANNELS[0], TICK_CHANNELS[-1]
         inside, head = MESSAGE_INSIDE, MESSAGE_INSIDE.size
         gathered: list[Any] | None = None

@@ -113,7 +113,7 @@ def _bars(scene: Scene) -> rrb.BarChartView:
 def _space(scenes: Sequence[Scene]) -> rrb.Spatial3DView:
     entities, trails = [], {}
     for scene in scenes:
-        parts = ["base", "backbone", "measured", "frames", "target", "trail"]
+        parts = ["base", "backbone", "measured", "tracked", "tracked_tip", "frames", "target", "trail"]
         parts += ["reach"] if scene.outline is not None else []
         entities += [paths.body(scene.plan.name, part) for part in parts]
         behind = rrb.VisibleTimeRanges([_last(TRAIL_S)])

@@ -14,7 +14,7 @@ TICK: Final = "tick"
 
 
 def body(robot: str, part: str) -> str:
-    """Something in space: backbone, measured, frames, base, target, trail, reach."""
+    """Something in space: backbone, measured, tracked, tracked_tip, frames, base, target, trail, reach."""
     return f"robots/{robot}/{part}"
 
 

@@ -20,6 +20,7 @@ from contid.units import MM_PER_M
 from contid.view import paths
 from contid.view.frames import Frame
 from contid.view.scene import ARM, Look, Scene
+from contid.view.tracked import sight
 
 Colour = tuple[int, int, int]
 US_PER_S: Final = 1e6
@@ -36,6 +37,7 @@ CURVES: Final[tuple[Colour, ...]] = (
     (255, 150, 200), (150, 150, 255), (190, 160, 120),
 )  # fmt: skip
 MEASURED: Final[Colour] = (190, 190, 190)
+TRACKED: Final[Colour] = (70, 225, 200)
 EDGES: Final[Colour] = (120, 130, 140)
 TARGET: Final[Colour] = (255, 70, 90)
 TRAIL: Final[Colour] = (255, 214, 64)
@@ -72,6 +74,8 @@ class Picture:
         log = self._recording.log
         for index, scene in enumerate(self._scenes):
             plan = scene.plan
+            # Their first row says that there is nothing yet: what the layout shows, exists.
+            self._drawn |= {paths.body(plan.name, part): True for part in ("tracked", "tracked_tip")}
             log(paths.body(plan.name, "base"), _arrows([scene.base], 2 * ARM * scene.length_mm), static=True)
             if scene.outline is not None:
                 outline = rr.LineStrips3D([scene.outline], colors=[REACH], radii=rr.Radius.ui_points(1.0))
@@ -134,6 +138,30 @@ class Picture:
         self._points(paths.body(plan.name, "target"), ticks, targets, TARGET, 5.0)
         tips = [np.full((1, 3), np.nan) if look is None else look.tip[None] for look in seen]
         self._points(paths.body(plan.name, "trail"), ticks, tips, TRAIL, 1.0)
+        self._tracked(scene, ticks, records, seen)
+
+    def _tracked(
+        self, scene: Scene, ticks: Sequence[int], records: Sequence[RobotRecord], looks: Sequence[Look | None]
+    ) -> None:
+        """What a tracker sees, and the curve through it; ``looks`` are what the samples say."""
+        plan = scene.plan
+        lengths = [None if look is None else scene.backbone_mm(look) for look in looks]
+        sights = [sight(plan, record, mm) for record, mm in zip(records, lengths, strict=True)]
+        tips = [np.full((1, 3), np.nan) if seen is None else seen.tip for seen in sights]
+        self._points(paths.body(plan.name, "tracked_tip"), ticks, tips, TRACKED, 4.0)
+        entity = paths.body(plan.name, "tracked")
+        lines = [None if seen is None else seen.line for seen in sights]
+        keep = self._changes(entity, [line is not None for line in lines])
+        if not keep:
+            return
+        shown = [[] if (line := lines[k]) is None else [line.tolist()] for k in keep]
+        count = sum(map(len, shown))
+        columns = rr.LineStrips3D.columns(
+            strips=[strip for each in shown for strip in each],
+            colors=[TRACKED] * count,
+            radii=rr.Radius.ui_points([1.5] * count) if count else [],
+        ).partition([len(each) for each in shown])
+        self._send(entity, [ticks[k] for k in keep], columns)
 
     def _body(
         self,

@@ -109,6 +109,11 @@ class Scene:
             frames.insert(0, np.vstack([self._world(line[cut : cut + 1]), turned]))
         return Look([self._world(part) for part in (*sections, *self._edges(line))], frames)
 
+    def backbone_mm(self, look: Look) -> float:
+        """Length of its backbone [mm]."""
+        sections = look.strips[:-2] if self._spacing_m else look.strips
+        return sum(float(np.linalg.norm(np.diff(line, axis=0), axis=1).sum()) for line in sections)
+
     def _edges(self, line: Array) -> Sequence[Array]:
         """Left and right edge of a planar body."""
         if not self._spacing_m:

@@ -23,7 +23,7 @@ VALUES = HEAD_VALUES + 2 * ROBOT_VALUES + 3 * AXIS_VALUES
 def values(tick: int) -> list[float]:
     out: list[float] = [tick, 0, tick * 0.01, 1e-5, 2e-4, math.pi]
     for robot, axes in enumerate((2, 1)):
-        out += [5, 0, 7, 1 << 40, robot, *(k + 0.25 for k in range(14))]
+        out += [5, 0, 7, 1 << 40, robot, *(k + 0.25 for k in range(21))]
         for axis in range(axes):
             out += [axis + 0.1 * k for k in range(AXIS_VALUES)]
     return out
@@ -52,6 +52,8 @@ def test_a_record_comes_back_exactly(path: Path) -> None:
         (9.25, 10.25, 11.25),
     )
     assert (one.residual_m, one.tip_error_m) == (12.25, 13.25)
+    assert (one.measured_tip_m, one.measured_direction) == ((14.25, 15.25, 16.25), (17.25, 18.25, 19.25))
+    assert one.measured_age_s == 20.25
     assert list(two.axes[0]) == [0.1 * k for k in range(AXIS_VALUES)]
     assert reader.layout == LAYOUT
     assert reader.ticks() == []

@@ -53,6 +53,30 @@ def test_round_trip_is_exact(values: tuple[float, ...]) -> None:
     assert PACKED.pack(*back) == PACKED.pack(*same)
 
 
+@settings(max_examples=20, deadline=None)
+@given(RECORDS)
+def test_what_a_file_of_an_earlier_revision_lacks_is_absent(values: tuple[float, ...]) -> None:
+    later = {
+        slot
+        for channel in TICK_CHANNELS
+        for each in fields(LAYOUT, UNITS, channel)
+        if each.since
+        for slot in each.slots
+    }
+    encoder, decoder = Encoder(LAYOUT, UNITS), Decoder(LAYOUT, UNITS, revision=0)
+    gathered: list[object] = []
+    for channel, data in zip(TICK_CHANNELS, encoder.encode(values), strict=True):
+        message = json.loads(data)
+        for robot in message.get("robots", {}).values():
+            for key in [key for key in robot if key.startswith("measured_")]:
+                del robot[key]
+        decoder.gather(gathered, channel, json.dumps(message).encode())
+    back = decoder.record(gathered)
+    assert len(later) == 7 * len(LAYOUT.robots)
+    same = [math.nan if k in later or value != value else value for k, value in enumerate(values)]
+    assert PACKED.pack(*back) == PACKED.pack(*same)
+
+
 def test_every_value_of_a_record_is_in_exactly_one_message() -> None:
     slots = [
         slot for channel in TICK_CHANNELS for each in fields(LAYOUT, UNITS, channel) for slot in each.slots

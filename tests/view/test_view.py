@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import csv
 import json
 import os
 import re
@@ -69,6 +70,33 @@ def test_every_entity_of_the_layout_is_in_the_file(robot: str, tmp_path: Path, c
     for name in loaded.file.robots:
         assert there[f"robots/{name}/backbone"] >= 30  # a second of pictures
         assert there[f"plots/{name}/tip_error"] >= 30
+
+
+def test_a_measured_tip_and_the_curve_to_it_are_drawn_beside_the_model(tmp_path: Path) -> None:
+    rows = [row.split(",") for row in circle("stiffflop2", "--rate", "50").splitlines() if row[0] != "#"]
+    head, *numbers = rows
+    assert head == ["t_s", "x_mm", "y_mm", "z_mm"]
+    seen = [f"meas.{name}" for name in (*head[1:], "ax", "ay", "az")]
+    lines = [",".join([*head, *seen])]
+    lines += [
+        ",".join([*row, *row[1:], *(("0", "0", "1") if float(row[0]) < 0.5 else ("0",) * 3)])
+        for row in numbers
+    ]
+    session, picture, folder = tmp_path / "run.mcap", tmp_path / "run.rrd", tmp_path / "csv"
+    recorded = contid("run", "stiffflop2", "--virtual", "--record", str(session), stdin="\n".join(lines))
+    assert recorded.returncode == 0, recorded.stderr
+    assert contid("session", "export", str(session), "--rrd", str(picture)).returncode == 0
+    there = entities(picture)
+    # Every picture has the tip; half of them the curve, where the tracker saw a direction.
+    assert there["robots/arm/tracked_tip"] >= 30
+    assert 10 <= there["robots/arm/tracked"] <= there["robots/arm/tracked_tip"] - 10
+    assert contid("session", "export", str(session), "--csv", str(folder)).returncode == 0
+    with (folder / "sample.csv").open(newline="") as file:
+        samples = [row for row in csv.DictReader(file) if row["arm.meas.x_mm"]]
+    assert float(samples[0]["arm.meas.x_mm"]) == pytest.approx(float(numbers[0][1]))
+    assert {row["arm.meas.az"] for row in samples} == {"1.0", ""}
+    replayed = contid("replay", str(session))
+    assert replayed.returncode == 0, replayed.stdout + replayed.stderr
 
 
 def test_the_picture_of_a_real_run_has_its_events_and_no_more_pictures_than_an_eye_needs(
