@@ -150,7 +150,7 @@ def run(kind: str, seconds: float, folder: Path, seen: Seen) -> None:
     quiet = {"stdin": subprocess.DEVNULL, "stdout": subprocess.PIPE, "stderr": subprocess.DEVNULL}
     bare_words = ("benchmarks.flood", "--bare", str(seconds))
     with child(*own, "--socket", str(path), "--record", str(session), **quiet) as daemon:
-        await_armed(path)
+        await_there(path, {"RUN"})
         begin_s = time.monotonic()
         with child(*bare_words, stdout=subprocess.PIPE) as bare, Client(path, name="person") as person:
             stops = harass(kind, path, person, begin_s + seconds, seen)
@@ -161,15 +161,15 @@ def run(kind: str, seconds: float, folder: Path, seen: Seen) -> None:
     take(Session(session), begin_s, end_s, stops, seen)
 
 
-def await_armed(path: Path) -> None:
-    """Wait until the hand follows its trajectory."""
+def await_there(path: Path, states: set[str]) -> None:
+    """Wait until every robot of a daemon is in one of these states."""
     give_up_s = time.monotonic() + 30.0
     while time.monotonic() < give_up_s:
         with suppress(ContidError), Client(path) as client:
-            if {robot["state"] for robot in client.status()["robots"].values()} == {"RUN"}:
+            if {robot["state"] for robot in client.status()["robots"].values()} <= states:
                 return
         time.sleep(0.05)
-    raise SystemExit("the hand did not start")
+    raise SystemExit(f"the robots did not come to {states}")
 
 
 def harass(kind: str, path: Path, person: Client, until_s: float, seen: Seen) -> list[tuple[float, int]]:

@@ -14,6 +14,7 @@ from typing import Any, Self
 from contid.remote.inbox import (
     ALIVE_S,
     ANSWER_S,
+    PATIENCE_S,
     Notices,
     list_of,
     measurement,
@@ -90,14 +91,15 @@ class AsyncClient:
         self._number += 1
         number = self._number
         future = self._waiting[number] = asyncio.get_running_loop().create_future()
+        patience_s = max(self._timeout_s, PATIENCE_S.get(verb, 0.0))
         try:
             self._writer.write(encode({"id": number, "verb": verb, **without_none(fields)}))
             with suppress(ConnectionError):
                 await self._writer.drain()
-            async with asyncio.timeout(self._timeout_s):
+            async with asyncio.timeout(patience_s):
                 return result_of(await future)
         except TimeoutError:
-            raise self._notices.gone(f"no answer within {self._timeout_s:g} s") from None
+            raise self._notices.gone(f"no answer within {patience_s:g} s") from None
         finally:
             self._waiting.pop(number, None)
 

@@ -12,6 +12,8 @@ from contid.remote.protocol import PROTOCOL, Code, ConnectionLostError, Fields, 
 MAX_WAITING: Final = 4096
 #: Seconds to wait for an answer; a daemon that is silent for longer is not there.
 ANSWER_S: Final = 10.0
+#: Requests that are worked on for longer: a trajectory of 50 000 rows is checked row by row.
+PATIENCE_S: Final = {"end": 120.0}
 #: How often a client that only waits shows that it is alive: well within the motion right's two seconds.
 ALIVE_S: Final = 0.5
 

@@ -17,6 +17,8 @@ from contid.remote.protocol import Code, RemoteError
 
 #: The control process confirms within a tick; the daemon looks every 20 ms.
 PATIENCE_S: Final = 3.0
+#: What was sent in bulk crosses the pipe in parts, beside everything else.
+BULK_S: Final = 30.0
 
 
 @dataclass(slots=True)
@@ -62,17 +64,17 @@ class Ledger:
         self._waiting[number] = (Outcome(), future)
         return future
 
-    async def confirmed(self, future: asyncio.Future[Outcome]) -> Outcome:
+    async def confirmed(self, future: asyncio.Future[Outcome], patience_s: float = PATIENCE_S) -> Outcome:
         """Wait for what became of orders.
 
         Raises:
             RemoteError: nothing came back in time; the orders were sent all the same.
         """
         try:
-            async with asyncio.timeout(PATIENCE_S):
+            async with asyncio.timeout(patience_s):
                 return await future
         except TimeoutError:
-            words = f"sent, but the control process has not confirmed it within {PATIENCE_S:g} s"
+            words = f"sent, but the control process has not confirmed it within {patience_s:g} s"
             raise RemoteError(Code.NO_ANSWER, words) from None
 
     def notice(self, event: Mapping[str, Any]) -> None:

@@ -23,7 +23,7 @@ from contid.control.record import TickRecord
 from contid.control.supervisor import MOVING, Mode
 from contid.control.wiring import chain_guards
 from contid.errors import BadInputError
-from contid.remote.ledger import Ledger
+from contid.remote.ledger import BULK_S, Ledger
 from contid.remote.picture import Picture
 from contid.remote.protocol import Code, Fields, RemoteError
 from contid.targets import Target
@@ -206,7 +206,7 @@ class Moves:
         await self._standstill()
         self._still_mine(move)
         self._orders.send_bulk(Play(trajectory))
-        await self._ledger.confirmed(self._ledger.mark_bulk(self._orders.send_bulk))
+        await self._ledger.confirmed(self._ledger.mark_bulk(self._orders.send_bulk), BULK_S)
         self._still_mine(move)
         move.playing = True
         outcome = await self._ledger.confirmed(self._ledger.order([Resume(robots)]))

@@ -14,6 +14,7 @@ from typing import Any, Self
 from contid.remote.inbox import (
     ALIVE_S,
     ANSWER_S,
+    PATIENCE_S,
     Notices,
     list_of,
     measurement,
@@ -80,11 +81,12 @@ class Client:
         except OSError as error:
             self._drain()
             raise self._notices.gone(f"the connection ended ({error.strerror or error})") from None
-        deadline_s = time.monotonic() + self._timeout_s
+        patience_s = max(self._timeout_s, PATIENCE_S.get(verb, 0.0))
+        deadline_s = time.monotonic() + patience_s
         while True:
             answer = self._next(deadline_s - time.monotonic())
             if answer is None and time.monotonic() >= deadline_s:
-                raise self._notices.gone(f"no answer within {self._timeout_s:g} s")
+                raise self._notices.gone(f"no answer within {patience_s:g} s")
             if answer is not None and answer.get("id") in (number, None):
                 return result_of(answer)
 

@@ -10,6 +10,7 @@ from __future__ import annotations
 
 import asyncio
 import time
+from collections import Counter
 from collections.abc import Awaitable, Callable, Mapping, Sequence
 from typing import Any, Final, Protocol
 
@@ -59,6 +60,7 @@ class Verbs:
         self._began_s = time.monotonic()
         self._ended = False
         self._refusals: dict[str, str] = {}
+        self._busy: Counter[int] = Counter()
         self._realtime: bool | None = None
         self.picture = Picture(orders.loaded, orders.options.rate_hz, orders.refresh)
         self.ledger = Ledger(orders.send)
@@ -85,8 +87,16 @@ class Verbs:
         if not isinstance(verb, str) or verb not in self._verbs:
             words = f"unknown verb {str(verb)[:60]!r}; there are {', '.join(self._verbs)}"
             raise RemoteError(Code.UNKNOWN_VERB, words)
-        self.right.refresh(caller.number, time.monotonic())
-        return await self._verbs[verb](caller, Take(fields))
+        self._busy[caller.number] += 1
+        try:
+            self.right.refresh(caller.number, time.monotonic())
+            return await self._verbs[verb](caller, Take(fields))
+        finally:
+            # Whoever waits for an answer is alive, however long it takes.
+            self.right.refresh(caller.number, time.monotonic())
+            self._busy[caller.number] -= 1
+            if not self._busy[caller.number]:
+                del self._busy[caller.number]
 
     def notice(self, event: Mapping[str, Any]) -> None:
         """An event of the ring."""
@@ -111,6 +121,9 @@ class Verbs:
         now_s = time.monotonic()
         self.moves.refill()
         self.trackers.watch(now_s)
+        holder = self.right.holder
+        if holder is not None and holder.client in self._busy:
+            return
         holder = self.right.expired(now_s)
         if holder is not None:
             self._lost(holder, f"no request for {holder.timeout_s:g} s")

@@ -174,6 +174,18 @@ def test_a_holder_that_falls_silent_loses_the_right() -> None:
         other.move(HERE)
 
 
+def test_a_holder_whose_trajectory_is_being_checked_keeps_the_right() -> None:
+    rows = [(0.005 * number, 50.0 + 0.0001 * number, 75.0) for number in range(20_000)]
+    with daemon() as running, running.client(name="patient") as client:
+        armed(client)
+        client.take(0.3)  # checking takes longer
+        client.stream(["t_s", "x_mm", "y_mm"], rows, wait=False)
+        right = client.status()["right"]
+        assert right["holder"] == "patient"
+        client.hold()
+        assert "lost the motion right" not in running.end()
+
+
 def test_everybody_may_stop_and_a_script_does_not_undo_it() -> None:
     with (
         daemon() as running,
