@@ -182,7 +182,7 @@ def test_a_holder_whose_trajectory_is_being_checked_keeps_the_right() -> None:
         client.stream(["t_s", "x_mm", "y_mm"], rows, wait=False)
         right = client.status()["right"]
         assert right["holder"] == "patient"
-        client.hold()
+        client.release()
         assert "lost the motion right" not in running.end()
 
 
