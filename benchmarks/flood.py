@@ -1,13 +1,13 @@
 """Whether a client can delay a tick or block a stop: the hand at 200 Hz beside clients that mean no good.
 
-``python -m benchmarks.flood [--rounds 4] [--seconds 8]``. In turn, round after round: nobody; one that
-floods requests and reads every answer; one that subscribes to everything at the highest rate and never
-reads; one that sends garbage and comes back when it is sent away; one that takes the motion right,
-streams, and dies by kill -9, again and again. All the time another client stops the robots (estop, stop,
-hold in turn) and resumes. Each run is `contid run hand --mock`, recorded; figures are of the recorded
-ticks: how late they started, beside a bare loop that sleeps to the same deadlines in another process at
-the same time, and how many ticks began between the moment the other client began to send and the tick
-that obeyed, that one included.
+``python -m benchmarks.flood [--rounds 4] [--seconds 8]``. In turn, round after round: nobody; one that floods
+requests and reads every answer; one that subscribes to everything at the highest rate and never reads; one
+that sends garbage and comes back when it is sent away; one that takes the motion right, streams, and dies by
+kill -9, again and again; a tracker that measures both fingers at 1 kHz. All the time another client stops the
+robots (estop, stop, hold in turn) and resumes. Each run is `contid run hand --mock`, recorded; figures are of
+the recorded ticks: how late they started, beside a bare loop that sleeps to the same deadlines in another
+process at the same time, and how many ticks began between the moment the other client began to send and the
+tick that obeyed, that one included.
 """
 
 from __future__ import annotations
@@ -88,6 +88,17 @@ def holds(path: str) -> None:
         client.stream(["left.x_mm", "left.y_mm", "right.x_mm", "right.y_mm"], waving())
 
 
+def measures(path: str) -> None:
+    """A tracker of both fingers, a thousand poses a second, or as many as are answered."""
+    with Client(path, name="tracker") as client:
+        next_s = time.monotonic()
+        while True:
+            for robot, x_mm in (("left", 0.0), ("right", 100.0)):
+                client.measure([x_mm, 75.0], direction=[0.0, 1.0], robot=robot, age_ms=2.0)
+                next_s = max(next_s + 1e-3, time.monotonic() - 0.01)
+                time.sleep(max(next_s - time.monotonic(), 0.0))
+
+
 def waving() -> Iterator[tuple[float, float, float, float]]:
     """Rows for ever, a hundred a second."""
     step = 0
@@ -104,6 +115,7 @@ CLIENTS: Final[dict[str, Callable[[str], None] | None]] = {
     "never reads": never_reads,
     "sends garbage": garbage,
     "holds and dies": holds,
+    "measures, 1 kHz": measures,
 }
 
 

@@ -67,6 +67,7 @@ REQUESTS: tuple[dict[str, Any], ...] = (
     {"verb": "clear_fault"}, {"verb": "move", "target": {"f0.u_mm": 50.0, "f0.v_mm": 75.0}},
     {"verb": "move", "columns": ["t_s", "f0.u_mm", "f0.v_mm"]},
     {"verb": "rows", "move": 7, "rows": [[50.0, 75.0], [51.0, 75.0]]}, {"verb": "end", "move": 7},
+    {"verb": "measure", "robot": "f0", "tip_mm": [50.0, 75.0], "direction": [0.0, 1.0], "age_ms": 1.0},
 )  # fmt: skip
 
 

@@ -149,11 +149,14 @@ def test_wrong_measurements_are_named_and_only_one_tracker_is_heard() -> None:
         with pytest.raises(RemoteError, match="client 'first' tracks f0") as refused:
             other.measure(TIP)
         assert refused.value.code == Code.HELD
-        first.close()
-        until(lambda: "f0" not in other.status()["trackers"], "the tracker is gone")
+        until(lambda: other.status()["trackers"] == {}, "the tracker was silent for long enough")
         assert other.measure([50.0, 75.0, 3.0])["used"], "a planar robot takes no notice of the third number"
         status = other.status()
         assert status["trackers"]["f0"]["name"] == "other"
+        frames = first.telemetry(100.0, fields=["measured_tip_mm", "measured_direction"])
+        seen = next(frame["robots"]["f0"] for frame in frames if frame["robots"]["f0"]["measured_tip_mm"])
+        assert seen == {"measured_tip_mm": [50.0, 75.0, 0.0], "measured_direction": None}
+        frames.close()  # type: ignore[attr-defined]
         assert status["right"]["holder"] is None, "measuring moves nothing"
 
 
