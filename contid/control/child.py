@@ -4,13 +4,12 @@ from __future__ import annotations
 
 import os
 import subprocess
-from collections import deque
 from contextlib import suppress
 from pathlib import Path
 from typing import Final
 
 from contid.control import ring
-from contid.control.messages import frame, parts
+from contid.control.messages import aside, frame
 from contid.control.record import RecordLayout
 from contid.control.setup import Setup
 from contid.control.spawn import Spawned, spawn
@@ -28,7 +27,7 @@ class ControlChild:
         self.reader: ring.RingReader | None = None
         self._path: Path | None = None
         self._backlog = bytearray()
-        self._bulk: deque[bytes] = deque()
+        self._asides: list[Path] = []
 
     @property
     def pid(self) -> int:
@@ -63,17 +62,18 @@ class ControlChild:
         self.flush()
 
     def send_bulk(self, message: object) -> None:
-        """Send a long message in parts; whatever is sent meanwhile overtakes what is left of it."""
-        if sum(map(len, self._bulk)) < MAX_BACKLOG:
-            self._bulk += parts(message)
-        self.flush()
+        """Send a long message, its arrays by way of shared memory."""
+        beside = aside(message, ring.folder())
+        if beside is None:
+            self.send(message)
+            return
+        self._asides.append(Path(beside.path))
+        self.send(beside)
 
     def flush(self) -> None:
         """Send what is kept."""
         with suppress(BlockingIOError, BrokenPipeError):
-            while self._backlog or self._bulk:
-                if not self._backlog:
-                    self._backlog += self._bulk.popleft()
+            while self._backlog:
                 del self._backlog[: os.write(self._pipe, self._backlog)]
 
     def terminate(self) -> None:
@@ -96,5 +96,7 @@ class ControlChild:
             self._process.wait()
         if self.reader is not None:
             self.reader.close()
+        for path in self._asides:  # what was never fetched
+            path.unlink(missing_ok=True)
         if self._path is not None:
             self._path.unlink(missing_ok=True)

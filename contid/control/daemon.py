@@ -83,7 +83,7 @@ class Orders(Protocol):
         ...
 
     def send_bulk(self, message: Message) -> None:
-        """Give a long order in parts, which every other one overtakes."""
+        """Give a long order, its arrays by way of shared memory: nothing waits behind it."""
         ...
 
     def newest(self) -> TickRecord | None:

@@ -1,17 +1,23 @@
 """What the daemon may tell the control process, and how it crosses the pipe.
 
 Messages are rare next to ticks (a row of a live stream, an order of a person), so they are pickled: both ends
-are the same program, and the pipe has no other writer. A frame is four bytes of length and the pickle.
+are the same program, and the pipe has no other writer. A frame is four bytes of length and the pickle. The
+arrays of a long trajectory do not go through the pipe: they are left in shared memory and mapped by the
+reader, so that neither a stop behind them nor a tick has to wait for megabytes to be copied.
 """
 
 from __future__ import annotations
 
 import copyreg
+import mmap
 import os
 import pickle
 import struct
+import tempfile
 from collections.abc import Mapping
 from dataclasses import dataclass
+from itertools import accumulate, pairwise
+from pathlib import Path
 from types import MappingProxyType
 from typing import Any, Final, TypeAlias
 
@@ -21,8 +27,8 @@ from contid.trajectory.timed import Trajectory
 
 LENGTH: Final = struct.Struct("=I")
 CHUNK: Final = 1 << 18
-#: Bytes of a part: an order that comes after it is read in the same tick.
-PART: Final = 1 << 15
+#: How files of arrays on their way are called, after the process that wrote them.
+ASIDE: Final = "contid-*.bulk"
 
 #: Robots an order is for; None for all of them.
 Who: TypeAlias = tuple[str, ...] | None
@@ -130,11 +136,22 @@ class Finish:
 
 
 @dataclass(frozen=True, slots=True)
-class Part:
-    """A piece of a message that is too long to keep others waiting; ``last`` completes it."""
+class Aside:
+    """A message whose arrays lie in a file, one behind the other; its reader removes it."""
 
     body: bytes
-    last: bool
+    path: str
+    sizes: tuple[int, ...]
+
+    def take(self) -> object:
+        """The message; its arrays are mapped, not copied, and cannot be written."""
+        path = Path(self.path)
+        with path.open("rb") as file:
+            mapped = memoryview(mmap.mmap(file.fileno(), 0, access=mmap.ACCESS_READ))
+        path.unlink()
+        ends = list(accumulate(self.sizes, initial=0))
+        views = [mapped[begin:end] for begin, end in pairwise(ends)]
+        return pickle.loads(self.body, buffers=views)
 
 
 Message: TypeAlias = (
@@ -160,11 +177,19 @@ def frame(message: object) -> bytes:
     return LENGTH.pack(len(body)) + body
 
 
-def parts(message: object) -> list[bytes]:
-    """A long message as frames between which others may go; the inbox puts it together again."""
-    body = pickle.dumps(message, protocol=pickle.HIGHEST_PROTOCOL)
-    pieces = [body[at : at + PART] for at in range(0, len(body), PART)]
-    return [frame(Part(piece, index == len(pieces) - 1)) for index, piece in enumerate(pieces)]
+def aside(message: object, folder: Path) -> Aside | None:
+    """Leave the arrays of a message in a folder of shared memory; None when it has none."""
+    buffers: list[pickle.PickleBuffer] = []
+    body = pickle.dumps(message, protocol=pickle.HIGHEST_PROTOCOL, buffer_callback=buffers.append)
+    pieces = [buffer.raw() for buffer in buffers]
+    if not sum(map(len, pieces)):
+        return None
+    front, back = ASIDE.split("*")
+    descriptor, path = tempfile.mkstemp(back, f"{front}{os.getpid()}-", folder)
+    with os.fdopen(descriptor, "wb") as file:
+        for piece in pieces:
+            file.write(piece)
+    return Aside(body, path, tuple(map(len, pieces)))
 
 
 class Inbox:
@@ -173,7 +198,6 @@ class Inbox:
     def __init__(self, descriptor: int) -> None:
         self._descriptor = descriptor
         self._buffer = bytearray()
-        self._parts: list[bytes] = []
         self.closed = False
 
     def poll(self) -> list[object]:
@@ -214,11 +238,5 @@ class Inbox:
                 break
             message = pickle.loads(self._buffer[LENGTH.size : end])
             del self._buffer[:end]
-            if not isinstance(message, Part):
-                out.append(message)
-                continue
-            self._parts.append(message.body)
-            if message.last:
-                out.append(pickle.loads(b"".join(self._parts)))
-                self._parts.clear()
+            out.append(message.take() if isinstance(message, Aside) else message)
         return out

@@ -26,6 +26,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, Final
 
+from contid.control.messages import ASIDE
 from contid.control.record import RecordLayout, TickRecord
 from contid.errors import ContidError
 
@@ -55,8 +56,8 @@ def folder() -> Path:
 
 
 def sweep() -> None:
-    """Remove the rings of runs that were killed: nobody has them open any more."""
-    for path in folder().glob("contid-*.ring"):
+    """Remove what runs left that were killed, rings and arrays on their way: nobody has them open."""
+    for path in (*folder().glob("contid-*.ring"), *folder().glob(ASIDE)):
         with suppress(OSError), path.open("rb") as file:
             if time.time() - os.fstat(file.fileno()).st_mtime > STALE_S:
                 fcntl.flock(file, fcntl.LOCK_EX | fcntl.LOCK_NB)

@@ -2,13 +2,21 @@
 
 from __future__ import annotations
 
+import io
 import os
+import pickle
+from pathlib import Path
 
+import numpy as np
 import pytest
 
-from contid.control.messages import PART, End, Estop, Goto, Hold, Inbox, Rows, frame, parts
+from contid.control.messages import End, Estop, Goto, Hold, Inbox, Play, Rows, aside, frame
 from contid.control.statistics import Lateness, RobotTally
+from contid.control.wiring import driven_robots
+from contid.description.load import parse_robot_file
 from contid.targets import Target
+from contid.trajectory.read import read_trajectory
+from tests.control.fingers import circle_csv, fingers
 
 
 def test_messages_come_whole_however_the_bytes_arrive() -> None:
@@ -28,21 +36,25 @@ def test_messages_come_whole_however_the_bytes_arrive() -> None:
     os.close(read)
 
 
-def test_an_order_overtakes_the_rest_of_a_long_message() -> None:
+def test_the_arrays_of_a_long_trajectory_are_mapped_and_nothing_is_left(tmp_path: Path) -> None:
+    loaded = parse_robot_file(fingers(1), "fingers.yaml")
+    text = circle_csv(1, period_s=50.0)
+    trajectory = read_trajectory(io.StringIO(text), "circle", driven_robots(loaded))
     read, write = os.pipe()
     inbox = Inbox(read)
-    long = Rows({f"r{i}": Target(tip_m=(float(i), 0.5, 0.25)) for i in range(2000)})
-    first, *others = parts(long)
-    assert others
-    assert len(first) < 2 * PART
-    for piece in (first, frame(Estop())):
-        os.write(write, piece)
-    assert inbox.poll() == [Estop()]
-    got: list[object] = []
-    for piece in others:
-        os.write(write, piece)
-        got += inbox.poll()
-    assert got == [long]
+    beside = aside(Play(trajectory), tmp_path)
+    assert beside is not None
+    piece = frame(beside)
+    assert len(piece) < len(pickle.dumps(trajectory)) / 3
+    os.write(write, piece + frame(Estop()))
+    play, estop = inbox.poll()
+    assert estop == Estop()  # in the same tick, however long the trajectory
+    assert isinstance(play, Play)
+    assert list(tmp_path.iterdir()) == []
+    assert not play.trajectory.rows.flags.writeable
+    for time_s in np.linspace(trajectory.start_s, trajectory.end_s, 301):
+        assert play.trajectory.targets_at(float(time_s)) == trajectory.targets_at(float(time_s))
+    assert aside(Estop(), tmp_path) is None
     os.close(write)
     os.close(read)
 
