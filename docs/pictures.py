@@ -32,13 +32,20 @@ SIZE = (1280, 720)
 #: Software rendering draws a page of curves in some seconds; two equal screenshots in a row end the wait.
 PATIENCE_S = 120.0
 EVERY_S = 4.0
+#: Where the page has the beginning and the end of the run, in pixels from the left, and how far down.
+SLIDER = (268, 1072)
+SLIDER_HEIGHT = SIZE[1] - 14
 
-#: What each robot does in its picture: arguments of `contid path`.
+#: What each robot does in its picture, arguments of `contid path`, and when in the run it is seen, 0 to 1.
 PATHS = {
-    "hand": ["circle", "--center", "50,70", "--radius", "20", "--period", "4"],
-    "trirack2": ["circle", "--center", "0,0,250", "--radius", "60", "--period", "4"],
-    "cbha": ["circle", "--center", "0,0,220", "--radius", "50", "--period", "4"],
-    "stiffflop2": ["circle", "--center", "0,0,88", "--radius", "25", "--period", "4"],
+    "finger": ("circle --center 20,80 --radius 10 --period 3 --laps 3", 0.75),
+    "hand": ("circle --center 50,70 --radius 20 --period 4 --laps 2", 0.75),
+    "trirack": ("circle --size 300 --height 300 --period 5 --laps 2", 0.8),
+    "trirack2": ("circle --size 160 --height 450 --lean 20 --period 5 --laps 2", 0.8),
+    "cbha": ("circle --size 80 --height 230 --lean 15 --period 5 --laps 2", 0.62),
+    "stiffflop1": ("spiral --radius 24 --height 55 --period 8", 0.7),
+    "stiffflop2": ("circle --radius 25 --height 95 --period 5 --laps 2", 0.7),
+    "chain": ("swing --period 5 --laps 2", 0.8),
 }
 
 
@@ -96,6 +103,27 @@ class Browser:
                         raise SystemExit(f"{method}: {answer['error']}")
                     return dict(answer["result"])
         raise SystemExit(f"{method}: no answer")
+
+    def evaluate(self, expression: str) -> Any:
+        """What the page's script says to an expression."""
+        answer = self.call("Runtime.evaluate", expression=expression, returnByValue=True)
+        if "exceptionDetails" in answer:
+            raise SystemExit(f"{expression}: {answer['exceptionDetails']['exception'].get('description')}")
+        return answer["result"].get("value")
+
+    def click(self, x: float, y: float) -> None:
+        """Press the mouse there, then take it out of the picture."""
+        for kind, place in (("mouseMoved", (x, y)), ("mousePressed", (x, y)), ("mouseReleased", (x, y))):
+            button = {"button": "left", "clickCount": 1} if kind != "mouseMoved" else {}
+            self.call("Input.dispatchMouseEvent", type=kind, x=place[0], y=place[1], **button)
+            self.wait(0.5)
+        self.call("Input.dispatchMouseEvent", type="mouseMoved", x=640, y=SIZE[1] - 60)
+
+    def press_space(self) -> None:
+        """Press the space bar."""
+        for kind, text in (("keyDown", " "), ("keyUp", "")):
+            self.call("Input.dispatchKeyEvent", type=kind, key=" ", code="Space", text=text)
+            self.wait(0.5)
 
     def wait(self, seconds: float) -> None:
         """Let the page work."""
@@ -165,15 +193,24 @@ def served(path: Path) -> Iterator[str]:
 def picture(robot: str, folder: Path) -> Path:
     """Run a robot and photograph it."""
     recording = folder / f"{robot}.rrd"
-    trajectory = contid("path", *PATHS[robot], "--for", robot)
-    sys.stderr.write(contid("run", robot, "--mock", "--view", str(recording), stdin=trajectory))
+    path, share = PATHS[robot]
+    trajectory = contid("path", *path.split(), "--for", robot)
+    sys.stderr.write(contid("run", robot, "--virtual", "--view", str(recording), stdin=trajectory))
     with served(recording) as url:
         browser = Browser(folder / "profile")
         try:
             browser.call("Page.navigate", url=f"{url}&renderer=webgl")
+            while not browser.evaluate("!!window._handle"):
+                browser.wait(1.0)
+            browser.wait(2 * EVERY_S)
+            browser.press_space()  # it plays
+            browser.wait(EVERY_S)
+            browser.click(SLIDER[0] + share * (SLIDER[1] - SLIDER[0]), SLIDER_HEIGHT)
+            browser.wait(EVERY_S)  # a panel that is gone takes no click
+            for panel in ("top", "time"):
+                browser.evaluate(f"_handle.override_panel_state('{panel}', 'hidden')")
             last, shot = b"", b""
             deadline_s = time.monotonic() + PATIENCE_S
-            browser.wait(5 * EVERY_S)
             while (not shot or shot != last) and time.monotonic() < deadline_s:
                 browser.wait(EVERY_S)
                 last, shot = shot, browser.screenshot()
@@ -183,8 +220,8 @@ def picture(robot: str, folder: Path) -> Path:
             browser.close()
     target = IMAGES / f"{robot}.png"
     target.parent.mkdir(exist_ok=True)
-    # The few bright colours of the curves count as much as the many greys.
-    few = Image.open(io.BytesIO(shot)).convert("RGB").quantize(256, method=Image.Quantize.MAXCOVERAGE)
+    # Five bits a colour: the page is flat areas and thin lines, nobody sees the difference.
+    few = Image.open(io.BytesIO(shot)).convert("RGB").point(lambda value: min(value + 4, 255) & 0xF8)
     few.save(target, optimize=True)
     return target
 

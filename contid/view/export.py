@@ -7,11 +7,10 @@ from pathlib import Path
 from typing import Any, Final
 
 from contid.control.record import RecordLayout
-from contid.control.wiring import build_plans
 from contid.description.load import LoadedFile
 from contid.view.frames import Decimator, Frame
 from contid.view.host import Host
-from contid.view.scene import build_scenes
+from contid.view.stage import build_stage
 from contid.view.where import Kind, Where
 
 #: Ticks that are written together.
@@ -39,9 +38,9 @@ def draw(
     Raises:
         ViewError: it cannot be shown there.
     """
-    scenes = build_scenes(build_plans(loaded, layout.rate_hz), loaded)
+    stage = build_stage(loaded, layout.rate_hz)
     decimator = Decimator(layout, curves=True)
-    with Host(where, loaded.file.name, scenes, layout.rate_hz, live=False) as host:
+    with Host(where, loaded.file.name, stage, layout.rate_hz, live=False) as host:
         frames: list[Frame] = []
         for values, event in entries:
             if event is not None:

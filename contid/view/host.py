@@ -23,7 +23,7 @@ import rerun as rr
 from contid.view.layout import build_layout
 from contid.view.page import LOOPBACK, Page
 from contid.view.picture import Picture
-from contid.view.scene import Scene
+from contid.view.stage import Stage
 from contid.view.where import Kind, ViewError, Where
 
 #: Ports that stay the same from run to run, when they are free.
@@ -136,13 +136,13 @@ class WebServer:
 class Host:
     """A recording at its place, with its layout, ready for a `Picture`."""
 
-    def __init__(self, where: Where, name: str, scenes: list[Scene], rate_hz: float, live: bool) -> None:
+    def __init__(self, where: Where, name: str, stage: Stage, rate_hz: float, live: bool) -> None:
         """Open the place.
 
         Args:
             where: it is.
             name: of the robot file; layouts are kept by it.
-            scenes: the robots.
+            stage: what there is to draw.
             rate_hz: of the ticks.
             live: the robot is running.
 
@@ -151,7 +151,7 @@ class Host:
         """
         self.recording = rr.RecordingStream(f"contid {name}")
         self.server: WebServer | None = None
-        layout = build_layout(scenes, live=live)
+        layout = build_layout(stage, live=live, finished=not live or where.kind is Kind.FILE)
         match where.kind:
             case Kind.FILE:
                 assert where.path is not None
@@ -167,7 +167,7 @@ class Host:
                 self.recording.connect_grpc(url, default_blueprint=layout)
         rr.set_log_time_enabled(False, recording=self.recording)
         rr.set_log_tick_enabled(False, recording=self.recording)
-        self.picture = Picture(self.recording, scenes, rate_hz)
+        self.picture = Picture(self.recording, stage, rate_hz)
 
     def __enter__(self) -> Host:
         """The host itself."""

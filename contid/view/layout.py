@@ -15,36 +15,42 @@ import rerun as rr
 import rerun.blueprint as rrb
 
 from contid.view import paths
-from contid.view.scene import Scene
+from contid.view.scene import Array, Scene
+from contid.view.stage import Stage
 
 #: Seconds of trail behind a tip, and of a plot while the robot runs.
 TRAIL_S: Final = 5.0
 WINDOW_S: Final = 20.0
 #: Side views come from here: ahead of the robot, to its right, somewhat above.
 ASIDE: Final = (0.8, -1.0, 0.35)
-#: What the eye sees at a distance of 1, upwards and sideways, less a margin.
-SEEN: Final = np.array([1.2, 0.9])
+#: What the eye sees at a distance of 1, to the right and upwards, less a margin.
+SEEN: Final = np.array([1.35, 0.97])
 #: More plots than this go behind tabs.
 STACKED: Final = 2
+#: Distances of the tip from its target.
+TIP_ERRORS: Final = ("tip_error", "tip_error_measured")
 #: The names of more curves than this would hide them; the pointer tells them too.
 LEGEND: Final = 3
 
 
-def build_layout(scenes: Sequence[Scene], live: bool) -> rrb.Blueprint:
+def build_layout(stage: Stage, live: bool, finished: bool) -> rrb.Blueprint:
     """The layout.
 
     Args:
-        scenes: the robots.
-        live: plots show the last seconds, not all.
+        stage: what there is to draw.
+        live: drawn while the robots run: plots show the last seconds, and how late the ticks are.
+        finished: looked at when the run is over: it plays from its beginning.
     """
+    scenes = stage.scenes
     ranges = [_last(WINDOW_S)] if live else None
     names = [scene.plan.name for scene in scenes]
     actuation = [_actuation(scene, ranges) for scene in scenes]
     plots: list[Any] = actuation if len(actuation) <= STACKED else [rrb.Tabs(*actuation)]
     bars = [_bars(scene) for scene in scenes if not scene.planar]
     error = rrb.TimeSeriesView(
-        name="tip error [mm]",
-        contents=_contents(paths.plot(name, "tip_error") for name in names),
+        name="tip off its target [mm]",
+        contents=_contents(paths.plot(name, what) for name in names for what in TIP_ERRORS),
+        plot_legend=rrb.PlotLegend(corner="RightBottom"),
         time_ranges=ranges,
     )
     timing = rrb.TimeSeriesView(
@@ -57,11 +63,16 @@ def build_layout(scenes: Sequence[Scene], live: bool) -> rrb.Blueprint:
     )
     return rrb.Blueprint(
         rrb.Horizontal(
-            rrb.Vertical(_space(scenes), events, row_shares=[4, 1]),
-            rrb.Vertical(*plots, rrb.Tabs(timing, error), *bars),
+            rrb.Vertical(_space(stage), events, row_shares=[4, 1]),
+            rrb.Vertical(*plots, rrb.Tabs(timing, error, active_tab=0 if live else 1), *bars),
             column_shares=[3, 2],
         ),
-        rrb.TimePanel(state="collapsed", timeline=paths.TIME, play_state="following"),
+        rrb.TimePanel(
+            state="collapsed",
+            timeline=paths.TIME,
+            play_state="playing" if finished else "following",
+            loop_mode="all" if finished else "off",
+        ),
         rrb.BlueprintPanel(state="hidden"),
         rrb.SelectionPanel(state="hidden"),
         auto_views=False,
@@ -93,55 +104,76 @@ def _last(seconds: float) -> rrb.VisibleTimeRange:
     )
 
 
-def _actuation(scene: Scene, ranges: Any) -> rrb.TimeSeriesView:
+def _actuation(scene: Scene, ranges: Any) -> rrb.TimeSeriesView | rrb.Tabs:
     plan = scene.plan
-    entities = [paths.plot(plan.name, what) for what in ("command", "measured")]
-    name = f"{plan.name}: {plan.quantity}s [{plan.quantity.unit}]"
-    return rrb.TimeSeriesView(
-        name=name,
-        contents=_contents(entities),
-        plot_legend=rrb.PlotLegend(visible=len(plan.axis_names) <= LEGEND),
-        time_ranges=ranges,
-    )
+    views = []
+    for group, axes in scene.groups.items():
+        names = plan.axis_names[axes]
+        what = ", ".join(names) if group else f"{plan.quantity}s"
+        view = rrb.TimeSeriesView(
+            name=f"{plan.name}: {what} [{plan.quantity.unit}]",
+            contents=_contents(paths.plot(plan.name, group + curve) for curve in ("command", "measured")),
+            plot_legend=rrb.PlotLegend(visible=len(names) <= LEGEND),
+            time_ranges=ranges,
+        )
+        views.append(view)
+    return views[0] if len(views) == 1 else rrb.Tabs(*views, active_tab=0)
 
 
 def _bars(scene: Scene) -> rrb.BarChartView:
     name = scene.plan.name
-    return rrb.BarChartView(name=f"{name}: range in use [%]", contents=_contents([paths.plot(name, "range")]))
+    return rrb.BarChartView(
+        name=f"{name}: range in use [%], axis by axis",
+        contents=_contents([paths.plot(name, "range")]),
+        plot_legend=rrb.PlotLegend(visible=False),
+    )
 
 
-def _space(scenes: Sequence[Scene]) -> rrb.Spatial3DView:
-    entities, trails = [], {}
+def _space(stage: Stage) -> rrb.Spatial3DView:
+    scenes = stage.scenes
+    entities, trails = [paths.FLOOR], {}
     for scene in scenes:
         parts = ["base", "backbone", "measured", "tracked", "tracked_tip", "frames", "target", "trail"]
         parts += ["reach"] if scene.outline is not None else []
         entities += [paths.body(scene.plan.name, part) for part in parts]
         behind = rrb.VisibleTimeRanges([_last(TRAIL_S)])
         trails[paths.body(scene.plan.name, "trail")] = [rr.Points3D.from_fields().visualizer(), behind]
-    flat = all(scene.planar for scene in scenes)
-    corners = np.vstack([scene.corners for scene in scenes])
-    low, high = corners.min(axis=0), corners.max(axis=0)
-    centre, size = 0.5 * (low + high), high - low
-    up = np.array([0.0, 1.0, 0.0] if flat else scenes[0].up)
-    aside = np.array([0.0, 0.0, 1.0]) if flat else _aside(up)
-    away = float(np.max(size[:2] / SEEN) if flat else np.linalg.norm(size))
+    entities += [paths.body(rope.guard.name, "rope") for rope in stage.ropes]
+    eye, target, up = eye_of(stage)
     return rrb.Spatial3DView(
-        name=f"{', '.join(scene.plan.name for scene in scenes)} [mm]",
+        name=f"{', '.join(scene.plan.name for scene in scenes)}: grid of {stage.cell_mm:g} mm",
         origin="/",
         contents=_contents(entities),
         overrides=trails,
         background=rrb.Background(color=(22, 24, 27)),
-        line_grid=rrb.LineGrid3D(spacing=10.0, plane=rr.components.Plane3D((0.0, 0.0, 1.0), 0.0)),
+        line_grid=rrb.LineGrid3D(visible=False),  # endless: its far lines are a thicket
         eye_controls=rrb.EyeControls3D(
             kind=rrb.Eye3DKind.Orbital,
-            position=centre + away * aside,
-            look_target=centre,
+            position=eye,
+            look_target=target,
             eye_up=up,
         ),
     )
 
 
-def _aside(up: np.ndarray[Any, Any]) -> np.ndarray[Any, Any]:
+def eye_of(stage: Stage) -> tuple[Array, Array, Array]:
+    """Where the eye is, where it looks [mm], and what is up for it: so as to see what robots do."""
+    seen = stage.seen()
+    centre = 0.5 * (seen.min(axis=0) + seen.max(axis=0))
+    up = np.array([0.0, 1.0, 0.0] if stage.planar else stage.scenes[0].up)
+    aside = np.array([0.0, 0.0, 1.0]) if stage.planar else _aside(up)
+    return centre + _away(seen - centre, aside, up) * aside, centre, up
+
+
+def _away(points: Array, aside: Array, up: Array) -> float:
+    """How far along ``aside`` from the origin the eye must be to see all the points."""
+    right = np.cross(up, aside)
+    right /= np.linalg.norm(right)
+    axes = np.stack([right, np.cross(aside, right)])
+    return float(np.max(points @ aside + (2.0 * np.abs(points @ axes.T) / SEEN).max(axis=1)))
+
+
+def _aside(up: Array) -> Array:
     """A unit vector to look from, with `ASIDE` meant for +z up."""
     x, y, z = ASIDE
     ahead = np.array([1.0, 0.0, 0.0]) if abs(up[0]) < 0.9 else np.array([0.0, 1.0, 0.0])

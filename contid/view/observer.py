@@ -14,7 +14,7 @@ from contid.control.cycle import Sink
 from contid.control.messages import Message
 from contid.control.setup import Setup
 from contid.control.spawn import ENVIRONMENT
-from contid.control.wiring import build_plans, record_layout
+from contid.control.wiring import record_layout
 from contid.view.frames import BATCH, Decimator, Frame
 from contid.view.job import Job
 from contid.view.where import Kind, Where
@@ -85,11 +85,11 @@ class DrawingSink:
 
     def __init__(self, where: Where, setup: Setup) -> None:
         from contid.view.host import Host
-        from contid.view.scene import build_scenes
+        from contid.view.stage import build_stage
 
         loaded = setup.loaded
-        scenes = build_scenes(build_plans(loaded, setup.rate_hz), loaded)
-        self._host: Host = Host(where, loaded.file.name, scenes, setup.rate_hz, live=False)
+        stage = build_stage(loaded, setup.rate_hz)
+        self._host: Host = Host(where, loaded.file.name, stage, setup.rate_hz, live=False)
         self._decimator = Decimator(record_layout(loaded, setup.rate_hz))
         self._frames: list[Frame] = []
 

@@ -5,6 +5,7 @@ from __future__ import annotations
 from typing import Final
 
 EVENTS: Final = "events"
+FLOOR: Final = "floor"
 TIMING: Final = "plots/timing"
 TIMES: Final = ("worst lateness", "longest work")
 
@@ -14,10 +15,10 @@ TICK: Final = "tick"
 
 
 def body(robot: str, part: str) -> str:
-    """Something in space: backbone, measured, tracked, tracked_tip, frames, base, target, trail, reach."""
+    """In space: backbone, measured, tracked, tracked_tip, frames, base, target, trail, reach, rope."""
     return f"robots/{robot}/{part}"
 
 
 def plot(robot: str, what: str) -> str:
-    """A curve or bars: command, measured, tip_error, range."""
+    """A curve or bars: command, measured, tip_error, tip_error_measured, range."""
     return f"plots/{robot}/{what}"

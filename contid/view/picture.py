@@ -20,6 +20,7 @@ from contid.units import MM_PER_M
 from contid.view import paths
 from contid.view.frames import Frame
 from contid.view.scene import ARM, Look, Scene
+from contid.view.stage import Stage
 from contid.view.tracked import sight
 
 Colour = tuple[int, int, int]
@@ -42,6 +43,8 @@ EDGES: Final[Colour] = (120, 130, 140)
 TARGET: Final[Colour] = (255, 70, 90)
 TRAIL: Final[Colour] = (255, 214, 64)
 REACH: Final[Colour] = (75, 85, 95)
+FLOOR: Final[Colour] = (48, 52, 57)
+ROPE: Final[Colour] = (215, 175, 125)
 AXES: Final[tuple[Colour, ...]] = ((230, 70, 70), (80, 200, 90), (80, 120, 255))
 
 LEVELS: Final = {
@@ -61,9 +64,10 @@ SILENT: Final = frozenset({"answer", "limit_name", "mark", "order", "report", "r
 class Picture:
     """One recording of the robots of one file."""
 
-    def __init__(self, recording: rr.RecordingStream, scenes: Sequence[Scene], rate_hz: float) -> None:
+    def __init__(self, recording: rr.RecordingStream, stage: Stage, rate_hz: float) -> None:
         self._recording = recording
-        self._scenes = scenes
+        self._stage = stage
+        self._scenes = stage.scenes
         self._rate_hz = rate_hz
         self._tick = 0
         self._drawn: dict[str, bool] = {}
@@ -72,6 +76,9 @@ class Picture:
     def _begin(self) -> None:
         """What never changes: base frames, limits, names and colours of the curves."""
         log = self._recording.log
+        floor = rr.LineStrips3D(self._stage.floor(), colors=[FLOOR], radii=rr.Radius.ui_points(0.5))
+        log(paths.FLOOR, floor, static=True)
+        self._drawn |= {paths.body(rope.guard.name, "rope"): True for rope in self._stage.ropes}
         for index, scene in enumerate(self._scenes):
             plan = scene.plan
             # Their first row says that there is nothing yet: what the layout shows, exists.
@@ -80,14 +87,18 @@ class Picture:
             if scene.outline is not None:
                 outline = rr.LineStrips3D([scene.outline], colors=[REACH], radii=rr.Radius.ui_points(1.0))
                 log(paths.body(plan.name, "reach"), outline, static=True)
-            inks = [CURVES[k % len(CURVES)] for k in range(len(plan.axis_names))]
-            curves = rr.SeriesLines(names=plan.axis_names, colors=inks, widths=[2.0] * len(inks))
-            log(paths.plot(plan.name, "command"), curves, static=True)
-            names = [f"{axis} measured" for axis in plan.axis_names]
-            curves = rr.SeriesLines(names=names, colors=[MEASURED] * len(inks), widths=[0.75] * len(inks))
-            log(paths.plot(plan.name, "measured"), curves, static=True)
-            error = rr.SeriesLines(names=plan.name, colors=SECTIONS[index % len(SECTIONS)][0])
+            for group, axes in scene.groups.items():
+                names = plan.axis_names[axes]
+                inks = [CURVES[k % len(CURVES)] for k in range(len(names))]
+                curves = rr.SeriesLines(names=names, colors=inks, widths=[2.0] * len(inks))
+                log(paths.plot(plan.name, f"{group}command"), curves, static=True)
+                names = tuple(f"{axis} measured" for axis in names)
+                curves = rr.SeriesLines(names=names, colors=[MEASURED] * len(inks), widths=[0.75] * len(inks))
+                log(paths.plot(plan.name, f"{group}measured"), curves, static=True)
+            error = rr.SeriesLines(names=f"{plan.name} commanded", colors=SECTIONS[index % len(SECTIONS)][0])
             log(paths.plot(plan.name, "tip_error"), error, static=True)
+            error = rr.SeriesLines(names=f"{plan.name} measured", colors=MEASURED, widths=0.75)
+            log(paths.plot(plan.name, "tip_error_measured"), error, static=True)
         log(paths.TIMING, rr.SeriesLines(names=paths.TIMES, colors=CURVES[:2]), static=True)
 
     def write(self, frames: Sequence[Frame]) -> None:
@@ -98,12 +109,17 @@ class Picture:
         ticks = [frame.record.tick for frame in frames]
         timing = [[frame.lateness_s * US_PER_S, frame.work_s * US_PER_S] for frame in frames]
         self._scalars(paths.TIMING, ticks, timing)
+        drawn = [k for k, frame in enumerate(frames) if frame.drawn]
+        looks = []
         for index, scene in enumerate(self._scenes):
             records = [frame.record.robots[index] for frame in frames]
             self._curves(scene, ticks, records)
-            drawn = [k for k, frame in enumerate(frames) if frame.drawn]
             if drawn:
-                self._space(index, scene, [ticks[k] for k in drawn], [records[k] for k in drawn])
+                looks.append(
+                    self._space(index, scene, [ticks[k] for k in drawn], [records[k] for k in drawn])
+                )
+        if drawn:
+            self._ropes([ticks[k] for k in drawn], list(zip(*looks, strict=True)))
 
     def event(self, event: Mapping[str, Any]) -> None:
         """Add an event of the ring, unless it is for machines only."""
@@ -115,30 +131,40 @@ class Picture:
         self._send(paths.EVENTS, [int(event.get("tick", self._tick))], columns)
 
     def _curves(self, scene: Scene, ticks: Sequence[int], records: Sequence[RobotRecord]) -> None:
-        """Lengths or pressures, commanded and measured, and the error of the tip."""
+        """Lengths or pressures and the distance of the tip from its target, commanded and measured."""
         plan = scene.plan
-        for what, rows in (("command", _commands(records)), ("measured", _samples(plan, records))):
-            self._scalars(paths.plot(plan.name, what), ticks, rows * plan.quantity.per_si)
+        commands, samples = _commands(records), _samples(plan, records)
+        for what, rows in (("command", commands), ("measured", samples)):
+            for group, axes in scene.groups.items():
+                self._scalars(
+                    paths.plot(plan.name, group + what), ticks, rows[:, axes] * plan.quantity.per_si
+                )
         errors = [[record.tip_error_m * MM_PER_M] for record in records]
         self._scalars(paths.plot(plan.name, "tip_error"), ticks, errors)
+        errors = [[_off(plan, *each) * MM_PER_M] for each in zip(records, samples, strict=True)]
+        self._scalars(paths.plot(plan.name, "tip_error_measured"), ticks, errors)
 
-    def _space(self, index: int, scene: Scene, ticks: Sequence[int], records: Sequence[RobotRecord]) -> None:
-        """Backbones, frames, target and trail; bars."""
+    def _space(
+        self, index: int, scene: Scene, ticks: Sequence[int], records: Sequence[RobotRecord]
+    ) -> list[Look | None]:
+        """Backbones, frames, target and trail; bars. Returns what was commanded, or measured before that."""
         plan = scene.plan
         commands, samples = _commands(records), _samples(plan, records)
         if not scene.planar:
-            self._range(scene, ticks, commands)
+            self._range(index, scene, ticks, commands)
         loads = [_known(record.load_n) for record in records]
         wanted = [scene.look(tuple(q), load) for q, load in zip(commands.tolist(), loads, strict=True)]
         seen = [scene.look(tuple(q), load) for q, load in zip(samples.tolist(), loads, strict=True)]
         self._body(scene, "backbone", ticks, wanted, SECTIONS[index % len(SECTIONS)], 2.5)
         self._body(scene, "measured", ticks, seen, (MEASURED, MEASURED), 1.0)
-        self._frames(scene, ticks, [a or b for a, b in zip(wanted, seen, strict=True)])
+        looks = [a or b for a, b in zip(wanted, seen, strict=True)]
+        self._frames(scene, ticks, looks)
         targets = [np.array([record.tip_m]) * MM_PER_M for record in records]
-        self._points(paths.body(plan.name, "target"), ticks, targets, TARGET, 5.0)
+        self._points(paths.body(plan.name, "target"), ticks, targets, TARGET, 7.0)
         tips = [np.full((1, 3), np.nan) if look is None else look.tip[None] for look in seen]
         self._points(paths.body(plan.name, "trail"), ticks, tips, TRAIL, 1.0)
         self._tracked(scene, ticks, records, seen)
+        return looks
 
     def _tracked(
         self, scene: Scene, ticks: Sequence[int], records: Sequence[RobotRecord], looks: Sequence[Look | None]
@@ -149,8 +175,18 @@ class Picture:
         sights = [sight(plan, record, mm) for record, mm in zip(records, lengths, strict=True)]
         tips = [np.full((1, 3), np.nan) if seen is None else seen.tip for seen in sights]
         self._points(paths.body(plan.name, "tracked_tip"), ticks, tips, TRACKED, 4.0)
-        entity = paths.body(plan.name, "tracked")
         lines = [None if seen is None else seen.line for seen in sights]
+        self._lines(paths.body(plan.name, "tracked"), ticks, lines, TRACKED)
+
+    def _ropes(self, ticks: Sequence[int], looks: Sequence[Sequence[Look | None]]) -> None:
+        """The ropes between the arms of closed chains, none where they do not reach."""
+        for rope in self._stage.ropes:
+            self._lines(paths.body(rope.guard.name, "rope"), ticks, [rope.line(each) for each in looks], ROPE)
+
+    def _lines(
+        self, entity: str, ticks: Sequence[int], lines: Sequence[NDArray[np.float64] | None], ink: Colour
+    ) -> None:
+        """One curve per frame, or none."""
         keep = self._changes(entity, [line is not None for line in lines])
         if not keep:
             return
@@ -158,7 +194,7 @@ class Picture:
         count = sum(map(len, shown))
         columns = rr.LineStrips3D.columns(
             strips=[strip for each in shown for strip in each],
-            colors=[TRACKED] * count,
+            colors=[ink] * count,
             radii=rr.Radius.ui_points([1.5] * count) if count else [],
         ).partition([len(each) for each in shown])
         self._send(entity, [ticks[k] for k in keep], columns)
@@ -228,15 +264,18 @@ class Picture:
         ).partition([int(known[k]) for k in keep])
         self._send(entity, [ticks[k] for k in keep], columns)
 
-    def _range(self, scene: Scene, ticks: Sequence[int], commands: NDArray[np.float64]) -> None:
+    def _range(self, index: int, scene: Scene, ticks: Sequence[int], commands: NDArray[np.float64]) -> None:
         """How much of its range every axis uses [%], as bars."""
         low, high = np.array(scene.plan.model.lower), np.array(scene.plan.model.upper)
         used = 100.0 * (commands - low) / (high - low)
         known = np.isfinite(used).all(axis=1)
+        left, ink = np.arange(len(low)) + 0.5, SECTIONS[index % len(SECTIONS)][0]  # bars about 1, 2, 3
         for tick, row in zip(np.array(ticks)[known].tolist(), used[known], strict=True):
             self._recording.set_time(paths.TICK, sequence=tick)
             self._recording.set_time(paths.TIME, duration=tick / self._rate_hz)
-            self._recording.log(paths.plot(scene.plan.name, "range"), rr.BarChart(row))
+            self._recording.log(
+                paths.plot(scene.plan.name, "range"), rr.BarChart(row, abscissa=left, color=ink)
+            )
 
     def _scalars(self, entity: str, ticks: Sequence[int], values: Any) -> None:
         """Rows of equally many curves; rows with an unknown value are left out."""
@@ -280,6 +319,15 @@ def _samples(plan: RobotPlan, records: Sequence[RobotRecord]) -> NDArray[np.floa
     return np.array([plan.transmission.to_actuation(each) for each in values])
 
 
+def _off(plan: RobotPlan, record: RobotRecord, sample: NDArray[np.float64]) -> float:
+    """Distance [m] of the target from the tip as the model has it for a sample; nan unless it is followed."""
+    if not (np.isfinite(sample).all() and math.isfinite(record.tip_error_m)):
+        return math.nan
+    load = plan.frame.vector_in_base(_known(record.load_n))
+    pose = plan.model.forward(tuple(sample.tolist()), load)
+    return math.dist(plan.frame.point_in_world(pose.tip_m), record.tip_m)
+
+
 def _known(load_n: Vec3) -> Vec3:
     """A load, or none where the record has none."""
     return load_n if all(map(math.isfinite, load_n)) else (0.0, 0.0, 0.0)
@@ -291,6 +339,7 @@ def _words(event: Mapping[str, Any]) -> str:
     kind = rest.pop("event")
     robot = rest.pop("robot", None)
     said = rest.pop("words", None)
-    details = ", ".join(f"{name} {value}" for name, value in rest.items())
+    rounded = {name: f"{value:.4g}" if isinstance(value, float) else value for name, value in rest.items()}
+    details = ", ".join(f"{name} {value}" for name, value in rounded.items())
     line = str(said) if said is not None else f"{kind}{': ' if details else ''}{details}"
     return line if robot is None else f"{robot}: {line}"

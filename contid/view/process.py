@@ -15,7 +15,6 @@ import sys
 from typing import Final
 
 from contid.control.ring import RingReader
-from contid.control.wiring import build_plans
 from contid.errors import ContidError
 from contid.view.frames import BATCH, FRAMES_HZ, Decimator, Frame
 from contid.view.job import Job
@@ -30,7 +29,7 @@ class Viewer:
     def __init__(self, job: Job, reader: RingReader) -> None:
         # Here: whoever only wants the job must not pay for Rerun.
         from contid.view.host import Host
-        from contid.view.scene import build_scenes
+        from contid.view.stage import build_stage
 
         self._reader = reader
         self._decimator = Decimator(reader.layout)
@@ -41,8 +40,8 @@ class Viewer:
             self._pidfd = os.pidfd_open(job.pid)
         except ProcessLookupError:
             self._pidfd = -1
-        scenes = build_scenes(build_plans(job.loaded, job.rate_hz), job.loaded)
-        self._host = Host(job.where, job.loaded.file.name, scenes, job.rate_hz, live=True)
+        stage = build_stage(job.loaded, job.rate_hz)
+        self._host = Host(job.where, job.loaded.file.name, stage, job.rate_hz, live=True)
         self._picture = self._host.picture
         if self._host.server is not None:
             sys.stderr.write(f"contid: view: {self._host.server.url}\n")

@@ -16,7 +16,6 @@ from numpy.typing import NDArray
 
 from contid.control.plan import RobotPlan
 from contid.description.cosserat import Cosserat
-from contid.description.load import LoadedFile
 from contid.description.rack_finger import RackFinger
 from contid.description.robot import RobotDescription
 from contid.models.rack_finger import RackFingerModel
@@ -29,6 +28,8 @@ POINTS: Final = 33
 OUTLINE: Final = 100
 #: Arms of a drawn frame, as part of the robot's length.
 ARM: Final = 0.08
+#: How far a point of a spatial arm is likely to go to any side, as part of its distance from the base.
+SWAY: Final = 0.5
 
 
 @dataclass(frozen=True, slots=True)
@@ -55,9 +56,10 @@ class Scene:
 
     Attributes:
         plan: of the robot.
-        length_mm: from base to tip at rest.
+        length_mm: from base to tip, at rest or half-way through its range, whichever is longer.
         outline: closed line around the reach of a planar finger [mm], None for other robots.
-        corners: least and greatest coordinates the robot is likely to take, (2, 3) [mm].
+        seen: points that the robot is likely to come to, (n, 3) [mm]; the camera is set to see them all.
+        groups: axes that share a plot, by the prefix of its entities: grippers are not mixed with tubes.
         up: what is up in the world for whoever looks at the robot: a hanging arm hangs.
     """
 
@@ -65,23 +67,23 @@ class Scene:
         self.plan = plan
         self._rotation = np.array(plan.frame.rotation).reshape(3, 3)
         self._origin = np.array(plan.frame.origin_in_world)
+        own, count = len(plan.axis_names) - len(robot.extra_axis_names), len(plan.axis_names)
+        self.groups = {"": slice(0, own)} | ({"extra_": slice(own, count)} if own < count else {})
         self._spacing_m = 0.0
         self.outline: Array | None = None
         self.up: Vec3 = (0.0, 0.0, 1.0)
-        line = plan.model.shape(plan.rest, POINTS)
-        self.length_mm = float(np.linalg.norm(np.diff(line, axis=0), axis=1).sum()) * MM_PER_M
-        seen = self._world(line)
+        halfway = tuple(0.5 * (a + b) for a, b in zip(plan.model.lower, plan.model.upper, strict=True))
+        lines = [plan.model.shape(actuation, POINTS) for actuation in (plan.rest, halfway)]
+        self.length_mm = max(map(_length, lines)) * MM_PER_M
         if isinstance(robot, RackFinger):
             self._spacing_m = robot.geometry.rack_spacing_mm / MM_PER_M
             self.outline = self._outline(robot)
-            seen = np.vstack([seen, self.outline])
+            self.seen = np.vstack([self._world(lines[0]), self.outline])
         else:
-            reach_mm = 0.5 * self.length_mm
-            seen = np.vstack([self.base[:1], seen - reach_mm, seen + reach_mm])
+            self.seen = self._world(_swayed(np.vstack(lines)))
         if isinstance(robot, Cosserat):
             x, y, z = plan.frame.vector_in_world(robot.geometry.gravity_unit)
             self.up = (-x, -y, -z)
-        self.corners = np.array([seen.min(axis=0), seen.max(axis=0)])
 
     @property
     def planar(self) -> bool:
@@ -139,6 +141,18 @@ class Scene:
         return world
 
 
+def _length(line: Array) -> float:
+    return float(np.linalg.norm(np.diff(line, axis=0), axis=1).sum())
+
+
+def _swayed(points: Array) -> Array:
+    """Points of an arm along z, and where they are when it leans to each of four sides."""
+    far = SWAY * np.linalg.norm(points, axis=1)[:, None]
+    sides = np.array([[1.0, 0.0, 0.0], [-1.0, 0.0, 0.0], [0.0, 1.0, 0.0], [0.0, -1.0, 0.0]])
+    swayed: Array = np.vstack([points, *(points + far * side for side in sides)])
+    return swayed
+
+
 def _carried(line: Array) -> Array:
     """Rotation at the end of a line that starts along the frame's own axis and does not twist, (3, 3).
 
@@ -153,8 +167,3 @@ def _carried(line: Array) -> Array:
         skew = np.array([[0.0, -w[2], w[1]], [w[2], 0.0, -w[0]], [-w[1], w[0], 0.0]])
         rotation = (np.eye(3) + skew + skew @ skew / (1.0 + c)) @ rotation
     return rotation
-
-
-def build_scenes(plans: Sequence[RobotPlan], loaded: LoadedFile) -> list[Scene]:
-    """One scene per driven robot, in the order of the records."""
-    return [Scene(plan, loaded.file.robots[plan.name]) for plan in plans]

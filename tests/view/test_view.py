@@ -16,30 +16,33 @@ import urllib.request
 from collections.abc import Callable
 from pathlib import Path
 
+import numpy as np
 import psutil
 import pytest
 
 from contid.control.ring import RingReader, RingWriter, create
-from contid.control.wiring import build_plans, record_layout
+from contid.control.wiring import record_layout
 from contid.description.load import load_robot_file
 from contid.view.host import rerun_program
 from contid.view.job import Job
-from contid.view.layout import build_layout, shown
+from contid.view.layout import SEEN, build_layout, eye_of, shown
 from contid.view.page import Page, policy
 from contid.view.process import Viewer
-from contid.view.scene import build_scenes
+from contid.view.stage import CELLS, build_stage
 from contid.view.where import Kind, Where
 from tests.cli.command import contid
 
-CIRCLE = {
-    "hand": ("--center", "50,70", "--radius", "20", "--period", "1"),
-    "stiffflop2": ("--center", "0,0,88", "--radius", "10", "--period", "1"),
-    "trirack2": ("--center", "0,0,250", "--radius", "30", "--period", "2"),
+PATHS = {
+    "hand": "circle --center 50,70 --radius 20 --period 1",
+    "cbha": "circle --size 40 --height 230 --period 1",
+    "stiffflop2": "circle --radius 5 --height 110 --period 1",
+    "trirack2": "circle --size 40 --height 120 --period 1",
+    "chain": "swing --period 2",
 }
 
 
-def circle(robot: str, *more: str) -> str:
-    done = contid("path", "circle", *CIRCLE[robot], *more, "--for", robot)
+def rows_of(robot: str, *more: str) -> str:
+    done = contid("path", *PATHS[robot].split(), *more, "--for", robot)
     assert done.returncode == 0, done.stderr
     return done.stdout
 
@@ -55,25 +58,61 @@ def entities(path: Path) -> dict[str, int]:
     return rows
 
 
-@pytest.mark.parametrize("robot", ["hand", "stiffflop2"])
+@pytest.mark.parametrize("robot", PATHS)
 def test_every_entity_of_the_layout_is_in_the_file(robot: str, tmp_path: Path, configs: Path) -> None:
-    path = tmp_path / "run.rrd"
-    done = contid("run", robot, "--virtual", "--view", str(path), stdin=circle(robot))
+    recording = tmp_path / "run.rrd"
+    done = contid("run", robot, "--virtual", "--view", str(recording), stdin=rows_of(robot))
     assert done.returncode == 0, done.stderr
     assert done.stderr == ""
     loaded = load_robot_file(configs / f"{robot}.yaml")
-    scenes = build_scenes(build_plans(loaded, loaded.file.rate_hz), loaded)
-    wanted = set(shown(build_layout(scenes, live=True)))
+    stage = build_stage(loaded, loaded.file.rate_hz)
+    wanted = set(shown(build_layout(stage, live=True, finished=True)))
     assert len(wanted) > 8
-    there = entities(path)
+    there = entities(recording)
     assert wanted <= set(there)
-    for name in loaded.file.robots:
-        assert there[f"robots/{name}/backbone"] >= 30  # a second of pictures
-        assert there[f"plots/{name}/tip_error"] >= 30
+    for robot_name in (scene.plan.name for scene in stage.scenes):
+        assert there[f"robots/{robot_name}/backbone"] >= 30  # a second of pictures
+        assert there[f"plots/{robot_name}/tip_error"] >= 30
+        assert there[f"plots/{robot_name}/tip_error_measured"] >= 30
+    for rope in stage.ropes:
+        assert there[f"robots/{rope.guard.name}/rope"] >= 30
+
+
+@pytest.mark.parametrize("robot", PATHS)
+def test_the_eye_sees_the_robot_at_rest_and_half_way(robot: str, configs: Path) -> None:
+    """Whatever the size of a robot: what it is likely to do is inside the picture and fills it."""
+    loaded = load_robot_file(configs / f"{robot}.yaml")
+    stage = build_stage(loaded, loaded.file.rate_hz)
+    eye, target, up = eye_of(stage)
+    ahead = (target - eye) / np.linalg.norm(target - eye)
+    right = np.cross(ahead, up) / np.linalg.norm(np.cross(ahead, up))
+    across, upwards = right, np.cross(right, ahead)
+    points = stage.seen() - eye
+    depth = points @ ahead
+    assert depth.min() > 0.0
+    filled = [2.0 * np.abs(points @ axis / depth).max() for axis in (across, upwards)]
+    assert np.all(filled <= SEEN + 1e-9)
+    assert np.any(filled >= SEEN - 1e-9)
+    floor = np.vstack(stage.floor())
+    assert np.all(floor[:, 2] == 0.0)
+    assert len(stage.floor()) <= 2 * (CELLS + 3)
+
+
+def test_a_rope_hangs_between_its_tips_and_is_not_there_when_they_are_unknown(configs: Path) -> None:
+    stage = build_stage(load_robot_file(configs / "chain.yaml"), 100.0)
+    looks = [scene.look(scene.plan.rest) for scene in stage.scenes]
+    (rope,) = stage.ropes
+    line = rope.line(looks)
+    assert line is not None
+    tips = [look.tip for look in looks if look is not None]
+    assert np.allclose(line[[0, -1]], tips, atol=1e-6)
+    assert np.linalg.norm(np.diff(line, axis=0), axis=1).sum() == pytest.approx(1000.0, rel=2e-3)
+    assert line[:, 2].min() < min(tip[2] for tip in tips) - 100.0
+    assert rope.line([looks[0], None]) is None
 
 
 def test_a_measured_tip_and_the_curve_to_it_are_drawn_beside_the_model(tmp_path: Path) -> None:
-    rows = [row.split(",") for row in circle("stiffflop2", "--rate", "50").splitlines() if row[0] != "#"]
+    rows = [row.split(",") for row in rows_of("stiffflop2", "--rate", "50").splitlines() if row[0] != "#"]
     head, *numbers = rows
     assert head == ["t_s", "x_mm", "y_mm", "z_mm"]
     seen = [f"meas.{name}" for name in (*head[1:], "ax", "ay", "az")]
@@ -103,7 +142,7 @@ def test_the_picture_of_a_real_run_has_its_events_and_no_more_pictures_than_an_e
     tmp_path: Path,
 ) -> None:
     path = tmp_path / "run.rrd"
-    done = contid("run", "hand", "--mock", "--view", str(path), stdin=circle("hand"))
+    done = contid("run", "hand", "--mock", "--view", str(path), stdin=rows_of("hand"))
     assert done.returncode == 0, done.stderr
     assert "viewer" not in done.stdout
     there = entities(path)
@@ -113,7 +152,7 @@ def test_the_picture_of_a_real_run_has_its_events_and_no_more_pictures_than_an_e
 
 def test_a_recorded_session_keeps_every_tick_in_its_curves(tmp_path: Path) -> None:
     session, picture = tmp_path / "run.mcap", tmp_path / "run.rrd"
-    assert contid("run", "hand", "--virtual", "--record", str(session), stdin=circle("hand")).returncode == 0
+    assert contid("run", "hand", "--virtual", "--record", str(session), stdin=rows_of("hand")).returncode == 0
     assert contid("session", "export", str(session), "--rrd", str(picture)).returncode == 0
     ticks = json.loads(contid("session", "info", "--json", str(session)).stdout)["ticks"]
     there = entities(picture)
@@ -155,7 +194,7 @@ def commands(log: Path) -> list[str]:
 def test_a_stalled_or_killed_viewer_changes_no_command(harm: signal.Signals, tmp_path: Path) -> None:
     """Without a skipped tick the commands of a real run are those of virtual time, bit for bit."""
     trajectory, picture = tmp_path / "circle.csv", tmp_path / "run.rrd"
-    trajectory.write_text(circle("hand"))
+    trajectory.write_text(rows_of("hand"))
     alone, viewed = tmp_path / "alone.csv", tmp_path / "viewed.csv"
     source = ["--trajectory", str(trajectory)]
     assert contid("run", "hand", "--virtual", "--log", str(alone), *source).returncode == 0
@@ -192,7 +231,7 @@ def test_a_viewer_that_comes_back_says_what_it_missed(tmp_path: Path, configs: P
 
 def test_the_served_page_is_on_loopback_and_locked_in(tmp_path: Path) -> None:
     path = tmp_path / "run.rrd"
-    assert contid("run", "hand", "--virtual", "--view", str(path), stdin=circle("hand")).returncode == 0
+    assert contid("run", "hand", "--virtual", "--view", str(path), stdin=rows_of("hand")).returncode == 0
     process = started("view", "--serve", str(path))
     assert process.stdout is not None
     url = process.stdout.readline().strip()
@@ -245,14 +284,14 @@ def test_wrong_places_are_refused_before_anything_starts(
         (str(there), "never overwritten"),
         (str(tmp_path / "no" / "such.rrd"), "no such folder"),
     ):
-        done = contid("run", "hand", "--mock", "--view", view, stdin=circle("hand"))
+        done = contid("run", "hand", "--mock", "--view", view, stdin=rows_of("hand"))
         assert done.returncode == 2
         assert words in done.stderr
 
 
 def test_a_page_of_a_running_robot(tmp_path: Path) -> None:
     trajectory = tmp_path / "circle.csv"
-    trajectory.write_text(circle("hand", "--turns", "4"))
+    trajectory.write_text(rows_of("hand", "--turns", "4"))
     process = started("run", "hand", "--mock", "--view", "serve", "--trajectory", str(trajectory))
     assert process.stderr is not None
     line = process.stderr.readline()
