@@ -3,14 +3,22 @@
 from __future__ import annotations
 
 import math
+import signal
+from collections.abc import Iterator, Sequence
+from contextlib import contextmanager
 from datetime import datetime
 from pathlib import Path
+from types import FrameType
+from typing import TYPE_CHECKING
 
 import click
 
 from contid.description.load import LoadedFile, load_robot_file
 from contid.errors import ContidError
 from contid.hal import Homed, Homes
+
+if TYPE_CHECKING:
+    from contid.cli.wired import WiredBus
 
 
 @click.command()
@@ -20,27 +28,20 @@ from contid.hal import Homed, Homes
 def command(robot_file: Path, axes: tuple[str, ...], dry_run: bool) -> None:
     """Home AXES (ROBOT.AXIS; default: all that say how) one by one, and write their zero into ROBOT_FILE.
 
-    The file is replaced in one step after every axis was found; interrupted, it stays as it was.
+    The file is replaced in one step after every axis was found; interrupted, it stays as it was. Ctrl-C,
+    SIGTERM, and `contid estop`, `stop` or `hold` from another terminal take the torque off at once.
     """
     from contid.cli.wired import wired_buses
     from contid.description.edit import Change, set_values
+    from contid.remote.door import Door
 
     loaded = load_robot_file(robot_file)
     buses = wired_buses(loaded)
     known = {axis.name for bus in buses for axis in bus.axes}
     if unknown := [name for name in axes if name not in known]:
         raise ContidError(f"no axis {unknown[0]!r}; there are {', '.join(sorted(known))}")
-    homed: list[Homed] = []
-    for bus in buses:
-        only = [
-            axis.name
-            for axis in bus.axes
-            if (axis.name in axes if axes else getattr(axis.options, "homing", None) is not None)
-        ]
-        if only:
-            homes = bus.capable(Homes, "home")  # type: ignore[type-abstract]  # a runtime protocol
-            say = lambda line: click.echo(line, err=True)  # noqa: E731  # one line, used once
-            homed += homes.home(bus.wiring.name, bus.wiring.options, bus.axes, only, say)
+    with interruptible(), Door(str(robot_file), "homing"):
+        homed = _home(buses, axes)
     if not homed:
         raise ContidError(f"{robot_file}: no axis says how it homes; add `homing:` to an axis")
     changes = []
@@ -54,6 +55,39 @@ def command(robot_file: Path, axes: tuple[str, ...], dry_run: bool) -> None:
     if not dry_run:
         set_values(robot_file, changes)
         load_robot_file(robot_file)
+
+
+def _home(buses: Sequence[WiredBus], axes: Sequence[str]) -> list[Homed]:
+    homed: list[Homed] = []
+    for bus in buses:
+        only = [
+            axis.name
+            for axis in bus.axes
+            if (axis.name in axes if axes else getattr(axis.options, "homing", None) is not None)
+        ]
+        if only:
+            homes = bus.capable(Homes, "home")  # type: ignore[type-abstract]  # a runtime protocol
+            say = lambda line: click.echo(line, err=True)  # noqa: E731  # one line, used once
+            homed += homes.home(bus.wiring.name, bus.wiring.options, bus.axes, only, say)
+    return homed
+
+
+@contextmanager
+def interruptible() -> Iterator[None]:
+    """The first Ctrl-C, SIGTERM or SIGHUP interrupts, devices relax; further ones change nothing."""
+    ends = (signal.SIGINT, signal.SIGTERM, signal.SIGHUP)
+
+    def interrupt(_number: int, _frame: FrameType | None) -> None:
+        for number in ends:
+            signal.signal(number, signal.SIG_IGN)
+        raise KeyboardInterrupt
+
+    before = {number: signal.signal(number, interrupt) for number in ends}
+    try:
+        yield
+    finally:
+        for number, handler in before.items():
+            signal.signal(number, handler)
 
 
 def zero_of(loaded: LoadedFile, found: Homed) -> float:

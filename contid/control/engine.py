@@ -203,14 +203,14 @@ class Engine:
         self._finishing = True
         self.source = None
         for index, plan in enumerate(self.plans):
+            if self.states[index].mode not in (Mode.OFF, Mode.FAULT):
+                stops_by = policy or getattr(plan.stops, reason)
+                self._order(index, lambda p, s, by=stops_by: change.stop(p, s, by, now_s))
             state = self.states[index]
-            if state.mode is Mode.FAULT:
+            if state.mode is Mode.FAULT and state.enabled:
                 # It stopped by its policy already; now the devices shall stay so without a host.
-                if state.enabled:
-                    resting = Effect(REST_OF[plan.stops.on_fault])
-                    self.states[index] = replace(state, pending=resting, enabled=False)
-            elif state.mode is not Mode.OFF:
-                self.states[index] = change.stop(plan, state, policy or getattr(plan.stops, reason), now_s)
+                resting = Effect(REST_OF[plan.stops.on_fault])
+                self.states[index] = replace(state, pending=resting, enabled=False)
         motions = [state.motion for state in self.states if state.mode is Mode.STOPPING]
         seconds = max((motion.duration_s for motion in motions if motion is not None), default=0.0)
         self._sink.event("stopping", reason=reason, seconds=seconds)
@@ -234,13 +234,28 @@ class Engine:
         for name in robots if robots is not None else tuple(self._index):
             if name in unknown:
                 continue
-            index = self._index[name]
             try:
-                self.states[index] = order(self.plans[index], self.states[index])
+                self._order(self._index[name], order)
             except OrderRefusedError as error:
                 # An order to everybody is not refused by those it does not concern.
                 if robots is not None:
                     self._sink.event("refused", robot=name, words=str(error))
+
+    def _order(self, index: int, order: Any) -> None:
+        """Change the state of one robot; what goes wrong is that robot's fault, never the end of the others.
+
+        Raises:
+            OrderRefusedError: its state does not allow it.
+        """
+        plan, state = self.plans[index], self.states[index]
+        try:
+            self.states[index] = order(plan, state)
+        except OrderRefusedError:
+            raise
+        except Exception as error:
+            now_s = (self._step + 1) / self._rate_hz
+            words = f"{type(error).__name__}: {error}"
+            self.states[index] = change.fail(plan, state, Fault.INTERNAL, words, now_s)
 
     @staticmethod
     def _begin_clear(plan: RobotPlan, state: RobotState) -> RobotState:

@@ -10,13 +10,18 @@ States", RSS 2021 (the ruckig library).
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
-from typing import Any
+from typing import Any, Final
 
 from contid.errors import ContidError
 from contid.targets import Actuation
 
 Limit = float | Sequence[float]
+
+#: A speed so little above its limit is the limit, rounded. The solver finds no way for several axes that are
+#: all a few float64 steps above it (one in eight of such problems); it does for the limit itself.
+_ROUNDING: Final = 1e-9
 
 
 class MotionError(ContidError):
@@ -104,6 +109,7 @@ class Approach:
             problem.control_interface = ruckig.ControlInterface.Velocity
         else:
             problem.target_position = _scaled(self._goal, self._scale)
+            problem.current_velocity = [_at_most_one(value) for value in problem.current_velocity]
         self._trajectory: Any = ruckig.Trajectory(axes)
         try:
             result = ruckig.Ruckig(axes).calculate(problem, self._trajectory)
@@ -155,6 +161,10 @@ def stopping(
 
 def _per_axis(limit: Limit, axes: int) -> list[float]:
     return [float(limit)] * axes if isinstance(limit, (int, float)) else [float(value) for value in limit]
+
+
+def _at_most_one(speed: float) -> float:
+    return math.copysign(1.0, speed) if 1.0 < abs(speed) < 1.0 + _ROUNDING else speed
 
 
 def _scaled(values: Sequence[float], scale: Sequence[float]) -> list[float]:

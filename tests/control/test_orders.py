@@ -12,6 +12,7 @@ from contid.control.messages import (
     Begin,
     ClearFault,
     Estop,
+    Finish,
     Goto,
     Hold,
     Mark,
@@ -88,6 +89,32 @@ def test_a_stopped_robot_in_fault_stays_there_until_it_is_cleared(order: Message
     went = run(orders, 500, SILENT)
     assert went.modes("f0")[-5:] == ["HOLD", "FAULT", "READY", "ARMING", "HOLD"]
     assert "cannot arm while FAULT" in str(told(went, "refused")[0]["words"])
+
+
+def test_an_order_that_fails_inside_is_that_robots_fault_and_the_run_goes_on(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    from contid.control import state
+    from contid.trajectory.approach import MotionError
+
+    def none(*_: object) -> None:
+        raise MotionError("no motion from here")
+
+    loaded = load(2)
+    collector = Collector(loaded)
+    orders = {
+        50: [Goto("f0", HERE)],
+        80: [Stop(("f0",), StopPolicy.REST)],
+        200: [ClearFault(("f0",))],
+        220: [Resume(("f0",))],
+        300: [Finish(StopPolicy.REST)],
+    }
+    monkeypatch.setattr(state, "Approach", none)
+    run_virtual(loaded, 200.0, None, sinks=[collector], orders=orders, ticks=600)
+    assert collector.modes("f0")[-6:] == ["APPROACH", "FAULT", "READY", "ARMING", "HOLD", "FAULT"]
+    assert all("no motion from here" in str(event["words"]) for event in told(collector, "fault"))
+    assert told(collector, "fault")[0]["name"] == "INTERNAL"
+    assert collector.modes("f1")[-2:] == ["HOLD", "FAULT"], "it cannot be brought to rest either"
 
 
 def test_estop_rests_the_devices_in_the_tick_it_comes_in_every_state(tmp_path: Path) -> None:

@@ -73,6 +73,16 @@ def test_an_approach_may_begin_in_motion() -> None:
     assert max(motion.at(t)[0][0] for t in np.linspace(0, motion.duration_s, 100)) > 0.05
 
 
+@pytest.mark.parametrize("steps", [1, 6, 27, 1000])
+@pytest.mark.parametrize("axes", [1, 2, 6])
+def test_a_speed_at_the_limit_but_for_its_rounding_is_the_limit(axes: int, steps: int) -> None:
+    """Axes that move alike, stopped at full speed: the solver finds no way for a few float64 steps more."""
+    speed = VELOCITY * (1.0 + steps * 2.2e-16)
+    for start in np.linspace(0.0, 0.1, 50):
+        motion = Approach((start,) * axes, (speed,) * axes, (0.1,) * axes, VELOCITY, ACCELERATION, JERK)
+        assert motion.at(motion.duration_s) == ((0.1,) * axes, (0.0,) * axes)
+
+
 def test_axes_arrive_together_and_pressures_behave_as_lengths() -> None:
     millimetres = Approach((0.0, 0.0), (0.0, 0.0), (0.1, 0.01), VELOCITY, ACCELERATION, JERK)
     pascals = Approach((0.0, 0.0), (0.0, 0.0), (1e5, 1e4), VELOCITY * 1e6, ACCELERATION * 1e6, JERK * 1e6)

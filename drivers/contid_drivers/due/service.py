@@ -13,6 +13,7 @@ from contid_drivers.due.bus import DueBus
 from contid_drivers.due.options import BusOptions
 from contid_drivers.due.port import find_port
 from contid_drivers.due.wiring import axis_options
+from contid_drivers.unbroken import unbroken
 
 #: Exchanges timed by the doctor.
 _EXCHANGES = 50
@@ -116,8 +117,11 @@ def home(
         for axis in only:
             homed.append(_home_one(bus, by_name[axis], say))
     finally:
-        bus.disable(list(only), Rest.RELAX)
-        bus.close()
+        with unbroken():
+            try:
+                bus.disable(list(only), Rest.RELAX)
+            finally:
+                bus.close()
     return homed
 
 

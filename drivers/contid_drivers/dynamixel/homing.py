@@ -22,6 +22,7 @@ from contid_drivers.dynamixel.axis import Axis
 from contid_drivers.dynamixel.options import BusOptions, HardStop, SingleTurn
 from contid_drivers.dynamixel.port import BlockingPort, find_port
 from contid_drivers.dynamixel.protocol import ServoClient
+from contid_drivers.unbroken import unbroken
 
 POLL_S: Final = 0.01
 #: Standing still: fewer ticks per poll than this, for so long, with this part of the current.
@@ -50,7 +51,13 @@ def home(
         for axis in states:
             if client.read(axis.device, reg.TORQUE_ENABLE) and client.read(axis.device, reg.MOVING):
                 raise DeviceError(client.name(axis.device), "it is moving", "stop its robot first")
-        return [_home_one(client, axis, options, say) for axis in chosen]
+        try:
+            return [_home_one(client, axis, options, say) for axis in chosen]
+        except BaseException:
+            # An interrupt may come between the end of a search and its torque off.
+            with unbroken():
+                arming.torque_off(client, [a for a in chosen if isinstance(a.options.homing, HardStop)])
+            raise
     finally:
         port.close()
 
@@ -63,7 +70,8 @@ def _home_one(client: ServoClient, axis: Axis, options: BusOptions, say: Say) ->
     try:
         return _by_stop(client, axis, homing, options, say)
     finally:
-        arming.torque_off(client, [axis])
+        with unbroken():
+            arming.torque_off(client, [axis])
 
 
 def _by_pose(client: ServoClient, axis: Axis, homing: SingleTurn, say: Say) -> Homed:

@@ -1,0 +1,101 @@
+"""`contid home` on wires, stopped in every way while it searches: torque off, the file as it was, 130."""
+
+from __future__ import annotations
+
+import re
+import signal
+import subprocess
+import sys
+import time
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+from pathlib import Path
+
+import pytest
+
+from contid.cli.wired import wired_buses
+from contid.description.load import load_robot_file
+from contid_drivers.due.emulator import Emulator as Board
+from contid_drivers.due.options import BusOptions as DueOptions
+from contid_drivers.dynamixel.emulator.bench import Bench
+from contid_drivers.dynamixel.options import BusOptions as ServoOptions
+from tests.remote.daemons import until
+
+#: Driven by these hands: whether a search is under way, and whether any output is driven.
+Look = Callable[[], bool]
+DRIVES = 2
+pytestmark = pytest.mark.flaky(reruns=2)
+
+
+@contextmanager
+def servos(folder: Path, configs: Path) -> Iterator[tuple[Path, Look]]:
+    text = (configs / "finger.emulated.yaml").read_text()
+    search = "{method: hard_stop, direction: -1, current_ma: 120, speed_deg_s: 20, at_mm: 0, timeout_s: 60}"
+    text = re.sub(r"port: \S+", f"port: {folder}/servos.tty\n    usb_latency_ms: 40", text)
+    text = re.sub(r"(id: \d+, )", rf"\1homing: {search}, ", text)
+    path = folder / "homed.yaml"
+    path.write_text(text)
+    (bus,) = wired_buses(load_robot_file(path))
+    assert isinstance(bus.wiring.options, ServoOptions)
+    bench = Bench(bus.wiring.name, bus.wiring.options, bus.axes)
+    with bench:
+        yield path, lambda: any(bench.emulator.servo(s.device).torque for s in bench.emulator.servos)
+
+
+@contextmanager
+def motors(folder: Path, configs: Path) -> Iterator[tuple[Path, Look]]:
+    text = (configs / "trirack.emulated.yaml").read_text()
+    search = "{direction: -1, at_deg: 199.2, at_mm: 43.5, speed_deg_s: 5}"
+    text = re.sub(r"port: \S+", f"port: {folder}/motors.tty\n    latency_ms: 40", text)
+    path = folder / "homed.yaml"
+    path.write_text(text.replace("channel: m0, ", f"channel: m0, homing: {search}, "))
+    (bus,) = wired_buses(load_robot_file(path))
+    assert isinstance(bus.wiring.options, DueOptions)
+    with Board(bus.wiring.options, bus.axes) as board:
+        yield path, lambda: any(float(board.tell(f"get {n}").split()[4]) == DRIVES for n in range(3))
+
+
+def _estop(process: subprocess.Popen[str]) -> None:
+    done = subprocess.run(
+        [sys.executable, "-m", "contid", "estop", "--json"], capture_output=True, text=True, timeout=30
+    )
+    assert done.returncode == 0, done.stderr
+
+
+def _twice(process: subprocess.Popen[str]) -> None:
+    process.send_signal(signal.SIGINT)
+    process.send_signal(signal.SIGINT)
+    time.sleep(0.002)
+    process.send_signal(signal.SIGINT)
+
+
+WAYS: dict[str, Callable[[subprocess.Popen[str]], None]] = {
+    "Ctrl-C": lambda process: process.send_signal(signal.SIGINT),
+    "Ctrl-C again and again": _twice,
+    "SIGTERM": lambda process: process.send_signal(signal.SIGTERM),
+    "contid estop": _estop,
+}
+
+
+@pytest.mark.parametrize("way", WAYS)
+@pytest.mark.parametrize("devices", [servos, motors], ids=["servos", "motors"])
+def test_a_search_that_is_stopped_leaves_nothing_driven(
+    devices: Callable[..., Iterator[tuple[Path, Look]]], way: str, tmp_path: Path, configs: Path
+) -> None:
+    with devices(tmp_path, configs) as (path, driven):  # type: ignore[attr-defined]
+        before = path.read_text()
+        process = subprocess.Popen(
+            [sys.executable, "-m", "contid", "home", str(path)], stderr=subprocess.PIPE, text=True
+        )
+        try:
+            until(lambda: driven() or process.poll() is not None, "it searches")
+            assert process.poll() is None, process.communicate()[1]
+            WAYS[way](process)
+            said = process.communicate(timeout=30)[1]
+        finally:
+            process.kill()
+            process.communicate()
+        assert not driven()
+        assert process.returncode == 130, said
+        assert "Traceback" not in said
+        assert path.read_text() == before
