@@ -130,12 +130,16 @@ def command(
     finish(report, as_json)
 
 
-def _where(text: str) -> Where:
-    """The place of a picture, refused before anything is started."""
-    from contid.view.where import parse_where, require
+def _where(text: str) -> Where | None:
+    """The place of a picture, refused before anything is started; None where only a display is missing."""
+    from contid.view.where import NoDisplayError, parse_where, require
 
     where = parse_where(text)
-    require(where)
+    try:
+        require(where)
+    except NoDisplayError as error:
+        click.echo(f"contid: view: {error}; the run goes on without a picture", err=True)
+        return None
     return where
 
 

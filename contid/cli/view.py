@@ -40,10 +40,11 @@ def command(recording: str, serve: bool, robot: str | None) -> None:
 
 
 def _show_file(path: str, serve: bool) -> None:
-    from contid.view.host import WebServer, start_rerun
+    from contid.view.host import WebServer
+    from contid.view.window import Window
 
     if not serve:
-        start_rerun("--new", path, stays=True)
+        Window(path)
         return
     server = WebServer(path)
     try:

@@ -54,6 +54,9 @@ class Viewer:
             self._look()
             if finished or gone:
                 break
+            if self._host.window is not None and not self._host.window.open:
+                sys.stderr.write("contid: view: the window was closed; the run goes on\n")
+                return
             gone = bool(select.select([self._pidfd], [], [], 1.0 / FRAMES_HZ)[0])
         if (frame := self._decimator.rest()) is not None:
             self._frames.append(frame)
@@ -91,6 +94,7 @@ def main() -> int:
     # A terminal sends Ctrl-C to everyone; the daemon decides what it means.
     signal.signal(signal.SIGINT, signal.SIG_IGN)
     os.nice(NICE)
+    os.environ.setdefault("RUST_LOG", "off")  # Rerun's own words about a window that was closed
     job = pickle.load(sys.stdin.buffer)  # from the daemon that started this process, nobody else has the pipe
     assert isinstance(job, Job)
     try:

@@ -15,6 +15,10 @@ class ViewError(ContidError):
     """A picture cannot be shown or written where it was asked for."""
 
 
+class NoDisplayError(ViewError):
+    """There is nowhere to open a window; a robot can do without."""
+
+
 class Kind(enum.Enum):
     """The three places."""
 
@@ -53,12 +57,13 @@ def require(where: Where, environment: Mapping[str, str] = os.environ) -> None:
     """Refuse now what could only fail later.
 
     Raises:
-        ViewError: no display, no such folder, or a file that is there already.
+        NoDisplayError: a window was asked for, without a display.
+        ViewError: no such folder, or a file that is there already.
     """
     if where.kind is Kind.SPAWN and not (environment.get("DISPLAY") or environment.get("WAYLAND_DISPLAY")):
-        raise ViewError(
+        raise NoDisplayError(
             "no display for the viewer's window (neither DISPLAY nor WAYLAND_DISPLAY is set); "
-            "--view serve gives a page for a browser, --view FILE.rrd a file for later"
+            "a page for a browser (serve) or a file needs none"
         )
     if where.path is None:
         return

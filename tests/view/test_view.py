@@ -23,11 +23,11 @@ import pytest
 from contid.control.ring import RingReader, RingWriter, create
 from contid.control.wiring import record_layout
 from contid.description.load import load_robot_file
-from contid.view.host import rerun_program
 from contid.view.job import Job
 from contid.view.layout import SEEN, build_layout, eye_of, shown
 from contid.view.page import Page, policy
 from contid.view.process import Viewer
+from contid.view.program import rerun_program
 from contid.view.stage import CELLS, build_stage
 from contid.view.where import Kind, Where
 from tests.cli.command import contid
@@ -271,15 +271,30 @@ def test_rerun_stays_out_of_a_run_without_a_picture() -> None:
     assert done.stdout.strip() == "False"
 
 
-def test_wrong_places_are_refused_before_anything_starts(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+@pytest.mark.parametrize(("display", "words"), [(None, "no display"), (":4711", "no window: ")])
+def test_a_robot_does_without_a_window(
+    display: str | None, words: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.delenv("DISPLAY", raising=False)
+    """No display at all, and one that does not answer: told why, and the run goes on."""
+    recording = tmp_path / "run.rrd"
+    assert contid("run", "hand", "--virtual", "--view", str(recording), stdin=rows_of("hand")).returncode == 0
     monkeypatch.delenv("WAYLAND_DISPLAY", raising=False)
+    monkeypatch.delenv("DISPLAY", raising=False)
+    if display is not None:
+        monkeypatch.setenv("DISPLAY", display)
+    done = contid("run", "hand", "--mock", "--view", "spawn", stdin=rows_of("hand"))
+    assert done.returncode == 0
+    assert words in done.stderr
+    assert ("the viewer ended with status 2" in done.stdout) == (display is not None)
+    looked = contid("view", str(recording))
+    assert looked.returncode == 2
+    assert words in looked.stderr
+
+
+def test_wrong_places_are_refused_before_anything_starts(tmp_path: Path) -> None:
     there = tmp_path / "there.rrd"
     there.write_bytes(b"")
     for view, words in (
-        ("spawn", "no display"),
         ("window", "spawn"),
         (str(there), "never overwritten"),
         (str(tmp_path / "no" / "such.rrd"), "no such folder"),
