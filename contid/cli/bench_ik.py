@@ -84,9 +84,8 @@ def _print(rows: list[Row], drifts: list[Drift], random: int) -> None:
     console.print(table)
     timed = {row.name: row.time_us for row in rows if row.time_us is not None}
     newton = next(value for name, value in timed.items() if name.startswith("Newton"))
-    ours = next(
-        value for name, value in timed.items() if name.startswith("contid, bounded (N") or "native" in name
-    )
+    # The native one stands before its NumPy twin.
+    ours = next(value for name, value in timed.items() if name.startswith("contid, bounded"))
     console.print(
         f"Newton-Raphson in NumPy takes {newton / ours:.0f} times as long as contid's bounded solver.\n"
     )
@@ -119,8 +118,8 @@ def _print_shapes(rows: list[ShapeRow]) -> None:
 
     table = Table(title="Tube lengths from the tip, golden trajectory (simulated; errors in mm, times in us)")
     for name in (
-        "method", "is given", "totals max", "totals mean", "six max", "six mean", "time",
-        "paper max", "paper mean", "paper time",
+        "method", "is given", "totals max", "totals mean", "six max", "six mean",
+        "tip max", "tip mean", "time", "paper max", "paper mean", "paper time",
     ):  # fmt: skip
         table.add_column(name, justify="left" if name in ("method", "is given") else "right")
     for row in rows:
@@ -131,6 +130,8 @@ def _print_shapes(rows: list[ShapeRow]) -> None:
             ", ".join(map(_one, row.mean_mm)),
             _one(row.six_max_mm),
             _one(row.six_mean_mm),
+            _one(row.tip_max_mm),
+            _one(row.tip_mean_mm),
             f"{row.time_us:.1f}",
             _three(row.paper_max_mm),
             _three(row.paper_mean_mm),

@@ -68,6 +68,11 @@ class RobotDescription(Strict):
         return {}
 
     @property
+    def kinematics(self) -> str:
+        """Which implementation of the model answers: its name, and the solver where there is a choice."""
+        return str(self.model)  # type: ignore[attr-defined]  # every leaf class has it
+
+    @property
     def accepts(self) -> frozenset[str]:
         """Kinds of target: ``tip``, ``direction``, ``mid``, ``actuation``, ``load``."""
         return frozenset({"tip", "actuation"})

@@ -32,15 +32,37 @@ class TriTubeGeometry(Strict):
     rigid_mm: tuple[NonNegative, ...] | None = None
 
 
+class TubeSolver(Strict):
+    """How the inverse is computed.
+
+    Attributes:
+        method: ``bounded``: exact for constant curvature, within every limit. ``ph``: tube lengths along a
+            Pythagorean-hodograph quintic from base to tip, an approximation; it takes no mid-points, and no
+            rigid pieces but the one at the tip.
+        tolerance_mm: with ``ph``, the error up to which a target counts as met; 5 when left out.
+    """
+
+    method: Literal["bounded", "ph"] = "bounded"
+    tolerance_mm: Positive | None = None
+
+    @model_validator(mode="after")
+    def _of_one_method(self) -> TubeSolver:
+        if self.method != "ph" and self.tolerance_mm is not None:
+            raise ValueError("tolerance_mm belongs to method: ph; bounded meets what it can to 1e-3 mm")
+        return self
+
+
 class TriTube(SectionRobot):
     """An arm of tubes in threes, lengths in, usually driven by pressure through tables.
 
     Attributes:
+        solver: of the inverse kinematics.
         extra_mm: strokes of axes beyond the kinematics (wrist, gripper) by name, ``[least, greatest]``.
     """
 
     model: Literal["tri_tube"]
     geometry: TriTubeGeometry
+    solver: TubeSolver = TubeSolver()
     extra_mm: dict[str, Interval] = Field(default_factory=dict)
 
     @model_validator(mode="after")
@@ -51,7 +73,22 @@ class TriTube(SectionRobot):
         gaps = [(b - a) % 360.0 for a, b in zip(angles, (*angles[1:], angles[0]), strict=True)]
         if min(*gaps) < 1.0 or not (abs(sum(gaps) - 360.0) < 1e-6 or abs(sum(gaps) - 720.0) < 1e-6):
             raise ValueError("geometry.angles_deg: the three tubes must stand at three different azimuths")
+        if self.solver.method == "ph" and any(self.rigid_m[:-1]):
+            raise ValueError(
+                "geometry.rigid_mm: solver.method ph takes one smooth curve; allowed: a piece after the last "
+                "section only"
+            )
         return self
+
+    @property
+    def kinematics(self) -> str:
+        """The model with its solver."""
+        return "tri_tube.ph" if self.solver.method == "ph" else self.model
+
+    @property
+    def accepts(self) -> frozenset[str]:
+        """As for every arm of sections; a quintic passes through no given mid-point."""
+        return super().accepts - {"mid"} if self.solver.method == "ph" else super().accepts
 
     @property
     def extra_axis_names(self) -> tuple[str, ...]:

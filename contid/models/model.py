@@ -48,17 +48,18 @@ class Model(Protocol):
         ...
 
 
-#: Value of ``model`` in a robot file -> "module:class"; the class is called with the robot's description.
+#: `RobotDescription.kinematics` -> "module:class"; the class is called with the robot's description.
 MODELS: Final[dict[str, str]] = {
     "cosserat": "contid.models.cosserat.model:CosseratModel",
     "rack_finger": "contid.models.rack_finger:RackFingerModel",
     "tri_rack": "contid.models.section_model:SectionModel",
     "tri_tube": "contid.models.section_model:SectionModel",
+    "tri_tube.ph": "contid.models.ph_model:PhModel",
 }
 
 
 def build_model(robot: RobotDescription) -> Model:
     """The model a robot description asks for; imports only that one."""
-    module, _, name = MODELS[robot.model].partition(":")  # type: ignore[attr-defined]  # every leaf class has it
+    module, _, name = MODELS[robot.kinematics].partition(":")
     model: Model = getattr(import_module(module), name)(robot)
     return model

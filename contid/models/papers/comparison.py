@@ -15,6 +15,8 @@ from contid.models.descent import tuning_for
 from contid.models.feasible import Feasible
 from contid.models.papers import singh
 from contid.models.papers.distal_learning import InverseNetwork
+from contid.models.ph_inverse import ShapeInverse, TubeSection
+from contid.models.ph_model import arc_direction
 from contid.models.section_model import Solver, build_solver
 from contid.models.sections import differentiate, forward
 from contid.models.solve import SectionSolver, vec3
@@ -103,6 +105,25 @@ def bounded(name: str, solver: Solver, golden_only: bool = False) -> Method:
     return Method(name, along, step, golden_only=golden_only)
 
 
+def by_shape(feasible: Feasible) -> Method:
+    """The solver ``ph`` of a robot file, given tips only: the direction is that of one arc."""
+    angles = feasible.sections.angles_rad
+    tubes = [TubeSection(d, each) for d, each in zip(feasible.sections.radius_m, angles, strict=True)]
+    home = feasible.home.reshape(-1, 3).sum(axis=1)
+    prepared = ShapeInverse(tubes, (home / home.sum()).tolist())
+
+    def step(target: Array, before: Array, lengths: Array) -> Array:
+        tip = vec3(target)
+        return feasible.pulled(prepared.solve(tip, arc_direction(tip)).lengths_m)
+
+    def along(tips: Array, start: Array) -> Array:
+        found = np.array([step(tip, tip, tip) for tip in tips.reshape(-1, 3)])
+        return found.reshape(*tips.shape[:-1], 6)
+
+    where = "native" if prepared.compiled else "NumPy"
+    return Method(f"PH quintic, direction of one arc ({where})", along, step)
+
+
 def _printed_dls(
     damping: float, paper_mm: tuple[float, float, float] | None = None, paper_us: float | None = None
 ) -> Method:
@@ -146,6 +167,7 @@ def methods(network: InverseNetwork | None) -> list[Method]:
             )
         )
     feasible = cbha()
+    table.append(by_shape(feasible))
     solver = build_solver(feasible)
     if not isinstance(solver, SectionSolver):
         table.append(bounded("contid, bounded (native)", solver))

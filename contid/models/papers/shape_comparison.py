@@ -21,6 +21,7 @@ from contid.models.biarc import biarc
 from contid.models.feasible import Feasible
 from contid.models.papers import singh
 from contid.models.ph_inverse import ShapeInverse, TubeSection
+from contid.models.ph_model import arc_direction
 from contid.models.section_model import build_solver
 from contid.models.sections import forward
 from contid.models.solve import vec3
@@ -51,6 +52,7 @@ class ShapeRow:
         name, given: of the method.
         max_mm, mean_mm: of the total of each tube.
         six_max_mm, six_mean_mm: of the six lengths.
+        tip_max_mm, tip_mean_mm: between the tip of these lengths (constant curvature) and the true one.
         time_us: median time per pose, called from Python.
         paper_max_mm, paper_mean_mm, paper_us: as printed, on the authors' robot and computer.
     """
@@ -61,6 +63,8 @@ class ShapeRow:
     mean_mm: tuple[float, ...]
     six_max_mm: float
     six_mean_mm: float
+    tip_max_mm: float
+    tip_mean_mm: float
     time_us: float
     paper_max_mm: tuple[float, float, float] | None
     paper_mean_mm: tuple[float, float, float] | None
@@ -89,6 +93,9 @@ def shape_methods() -> list[ShapeMethod]:
     def unknown(tip: Array, direction: Array, true: Array, before: Array) -> Array:
         return np.array(prepared.solve(vec3(tip), vec3(direction)).lengths_m)
 
+    def alone(tip: Array, direction: Array, true: Array, before: Array) -> Array:
+        return np.array(prepared.solve(vec3(tip), arc_direction(vec3(tip))).lengths_m)
+
     def known(tip: Array, direction: Array, true: Array, before: Array) -> Array:
         solver = ShapeInverse(tube_sections(), split_of(true))
         return np.array(solver.solve(vec3(tip), vec3(direction), float(true.sum()) / 3.0).lengths_m)
@@ -108,6 +115,7 @@ def shape_methods() -> list[ShapeMethod]:
             f"PH quintic ({where})", "tip, direction", unknown, (4.40, 5.23, 3.60), (2.82, 2.20, 0.98), 270.0
         ),
         ShapeMethod(f"PH quintic ({where})", "tip, direction, length, split", known),
+        ShapeMethod(f"PH quintic, direction of one arc ({where})", "tip", alone),
         ShapeMethod("Newton-Raphson (NumPy)", "tip", newton, (13.2, 7.5, 9.9), (6.39, 3.94, 6.24), 233_500.0),
         ShapeMethod("biarc, middle control leg (NumPy)", "tip, direction", two_arcs),
         ShapeMethod("contid, bounded", "tip, direction", both),
@@ -127,7 +135,7 @@ def compare_shapes(noise_mm: float = 0.0, noise_deg: float = 0.0, laps: int = 1)
     rows = []
     for method in shape_methods():
         rng = np.random.default_rng(2018)
-        errors, spent = [], []
+        errors, missed, spent = [], [], []
         for _ in range(laps):
             before = golden.lengths_m[0]
             for k, true in enumerate(golden.lengths_m[1:], start=1):
@@ -137,6 +145,7 @@ def compare_shapes(noise_mm: float = 0.0, noise_deg: float = 0.0, laps: int = 1)
                 before = method.step(tip, direction, true, before)
                 spent.append(time.perf_counter_ns() - begin)
                 errors.append(1e3 * (before - true))
+                missed.append(1e3 * float(np.linalg.norm(forward(_SECTIONS, before).tip - frames.tip[k])))
         six = np.array(errors)
         totals = np.abs(six[:, :3] + six[:, 3:])
         rows.append(
@@ -147,6 +156,8 @@ def compare_shapes(noise_mm: float = 0.0, noise_deg: float = 0.0, laps: int = 1)
                 tuple(totals.mean(axis=0).tolist()),
                 float(np.abs(six).max()),
                 float(np.abs(six).mean()),
+                max(missed),
+                statistics.fmean(missed),
                 1e-3 * statistics.median(spent),
                 method.paper_max_mm,
                 method.paper_mean_mm,
