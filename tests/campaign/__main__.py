@@ -1,27 +1,30 @@
-"""``python -m tests.campaign [--cases N] [--seed N]``: exit 1 when anything was violated."""
+"""``python -m tests.campaign [--cases N] [--ptys N] [--seed N]``: exit 1 when anything was violated."""
 
 from __future__ import annotations
 
 import argparse
 import sys
 
+from tests.campaign import ptys
 from tests.campaign.campaign import Tally, campaign
 
 
 def main() -> int:
     parser = argparse.ArgumentParser(prog="python -m tests.campaign", description="The fault campaign.")
-    parser.add_argument("--cases", type=int, default=5000)
+    parser.add_argument("--cases", type=int, default=5000, help="in virtual time, on simulated devices")
+    parser.add_argument("--ptys", type=int, help="instead so many in real time, on emulated devices")
     parser.add_argument("--seed", type=int, default=1)
     asked = parser.parse_args()
 
-    def progress(tally: Tally) -> None:
+    cases = asked.cases if asked.ptys is None else asked.ptys
+
+    def progress(tally: Tally | ptys.Tally) -> None:
         if sys.stderr.isatty():
-            sys.stderr.write(
-                f"\r\x1b[K{tally.cases}/{asked.cases} cases, {sum(tally.violations.values())} violations"
-            )
+            violations = sum(tally.violations.values())
+            sys.stderr.write(f"\r\x1b[K{tally.cases}/{cases} cases, {violations} violations")
             sys.stderr.flush()
 
-    tally = campaign(asked.cases, asked.seed, progress)
+    tally = (campaign if asked.ptys is None else ptys.campaign)(cases, asked.seed, progress)
     if sys.stderr.isatty():
         sys.stderr.write("\r\x1b[K")
     print(tally.table())

@@ -77,8 +77,11 @@ WAYS: dict[str, Callable[[subprocess.Popen[str]], None]] = {
 }
 
 
-@pytest.mark.parametrize("way", WAYS)
-@pytest.mark.parametrize("devices", [servos, motors], ids=["servos", "motors"])
+@pytest.mark.parametrize(
+    ("devices", "way"),
+    [*((servos, way) for way in WAYS), (motors, "Ctrl-C again and again"), (motors, "contid estop")],
+    ids=lambda value: getattr(value, "__name__", value),
+)
 def test_a_search_that_is_stopped_leaves_nothing_driven(
     devices: Callable[..., Iterator[tuple[Path, Look]]], way: str, tmp_path: Path, configs: Path
 ) -> None:

@@ -11,7 +11,7 @@ import random
 import threading
 import time
 from collections import deque
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from contextlib import ExitStack, suppress
 from dataclasses import dataclass, field
 from pathlib import Path
@@ -43,6 +43,9 @@ PATIENCE: Final = {
 PRIORITY: Final = 40
 #: How often the boards are looked at.
 LOOK_S: Final = 0.02
+#: Age of what a servo read of itself [s]; ticks that a wire may lose in a row before its robot is in FAULT.
+OLD_S: Final = 0.03
+AHEAD_TICKS: Final = 2 * TOLERANCE_TICKS
 #: Below the first a chamber is empty; by the second a pressure has fallen [Pa].
 EMPTY_PA: Final = 3_000.0
 FALLEN_PA: Final = 1_000.0
@@ -100,18 +103,15 @@ def robot_file(folder: Path, on_interrupt: Mapping[str, str] | None = None) -> P
 
 @dataclass
 class ServoEyes:
-    """What one servo was told: goals while under torque, and what was wrong with them."""
+    """What one servo was told: every goal under torque, in ticks of its shaft."""
 
     servo: Servo
     axis: str
-    step: float  # largest between two goals [ticks]
-    change: float  # largest of that step [ticks]
     low: float
     high: float
     wrong: list[str] = field(default_factory=list)
-    goals: int = 0
+    goals: list[tuple[float, bool]] = field(default_factory=list)
     torque_off_s: float = 0.0
-    _last: tuple[float, float, float, float] | None = None
 
     def __post_init__(self) -> None:
         accept = self.servo._accept
@@ -126,7 +126,6 @@ class ServoEyes:
     def _saw(self, register: reg.Register, was: bool) -> None:
         servo = self.servo
         if register is reg.TORQUE_ENABLE:
-            self._last = None
             if servo.torque and not was:
                 off = abs(servo.motion.goal - servo.position_ticks)
                 if off > 2.0:
@@ -135,21 +134,24 @@ class ServoEyes:
                 self.torque_off_s = time.monotonic()
         elif register is reg.GOAL_POSITION and servo.torque:
             goal = servo.motion.goal
-            self.goals += 1
             if not self.low - 1.0 <= goal <= self.high + 1.0:
                 self.wrong.append(f"{self.axis}: goal {goal} outside {self.low:.0f}..{self.high:.0f}")
-            if self._last is None or abs(goal - servo.position_ticks) <= 2.0:
-                # To stay where it is moves nothing: how a servo that kept its torque is armed again.
-                self._last = goal, 0.0, servo.now, 1.0
-                return
-            before, step, then, ticks_before = self._last
-            moved, ticks = goal - before, (servo.now - then) * RATE_HZ
-            # What was lost on the wire, or sent late, is made up for: the goal is where it should be by then.
-            if abs(moved) > self.step * max(ticks + 0.5, 1.0) + 1.0:
-                self.wrong.append(f"{self.axis}: goal moved by {moved:.1f} in {ticks:.1f} ticks")
-            if max(ticks, ticks_before) < 1.2 and abs(moved - step) > self.change + 2.0:
-                self.wrong.append(f"{self.axis}: step changed by {moved - step:.1f}")
-            self._last = goal, moved, servo.now, ticks
+            # To stay where it is brakes, and moves nothing: how a servo is armed again, or left holding. What
+            # it read of itself to do so is some milliseconds old.
+            here = abs(goal - servo.position_ticks) <= 2.0 + OLD_S * abs(servo.motion.velocity)
+            self.goals.append((goal, here))
+
+    def foreign(self, commands: Iterable[float]) -> list[str]:
+        """Goals that are no command of the record (device values [rad]), or not in its order."""
+        ticks = [value / reg.RAD_PER_TICK for value in commands if value == value]
+        at = 0
+        for number, (goal, here) in enumerate(self.goals):
+            found = next((n for n in range(at, len(ticks)) if abs(ticks[n] - goal) <= 1.0), None)
+            if found is not None and not (here and found > at + AHEAD_TICKS):
+                at = found
+            elif not here:
+                return [f"{self.axis}: goal {goal:.0f}, number {number}, was not commanded"]
+        return []
 
     @property
     def powered(self) -> bool:
@@ -229,13 +231,9 @@ class Wires:
         if isinstance(options, ServoOptions):
             bench = self.benches[name] = Bench(name, options, bus.axes)
             for servo, axis in zip(bench.emulator.servos, bus.axes, strict=True):
-                per = scales[axis.name] / reg.RAD_PER_TICK
-                limit, travel = limits[axis.name], axis.travel
-                assert travel is not None
-                ends = (end / reg.RAD_PER_TICK for end in travel)
-                self.servos.append(
-                    ServoEyes(servo, axis.name, limit.step * per, limit.change * per, *sorted(ends))
-                )
+                assert axis.travel is not None
+                low, high = sorted(end / reg.RAD_PER_TICK for end in axis.travel)
+                self.servos.append(ServoEyes(servo, axis.name, low, high))
             self._stack.enter_context(bench)
             return
         assert isinstance(options, DueOptions)

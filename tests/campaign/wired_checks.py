@@ -1,0 +1,184 @@
+"""What must hold of a run on wires: its session, and what the devices saw, against the invariants."""
+
+from __future__ import annotations
+
+import math
+from collections import Counter
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass, field
+from itertools import pairwise
+from pathlib import Path
+from types import SimpleNamespace
+from typing import Any, Final
+
+from contid.control.record import ENABLED, TickRecord
+from contid.control.supervisor import Mode
+from contid.control.wiring import build_plans
+from contid.session.read import Session
+from tests.campaign import invariants
+from tests.campaign.wires import RATE_HZ, Switch, Wires
+
+STATES: Final = ("approach", "run", "hold", "stopping", "fault", "arming")
+#: Robots whose devices are regulators.
+PRESSURES: Final = ("cbha_cbha",)
+
+INVARIANTS: Final = (
+    "goals at the servos", "outputs of the boards", "position limits", "velocity and acceleration limits",
+    "no jump on arming", "estop within the tick", "fault within the stated ticks",
+    "other robots unaffected", "estop at the devices",
+    "session complete", "controllable", "exit within 2 s", "nothing left behind",
+)  # fmt: skip
+
+
+@dataclass
+class Injected:
+    """One fault switch that was thrown."""
+
+    bus: str
+    switch: Switch
+    state: str
+    robots: frozenset[str]
+    concerned: frozenset[str]
+    at_s: float
+    until_s: float = 0.0
+    order_s: float = float("inf")
+    latest_s: float = 0.0
+
+
+@dataclass
+class Tally:
+    """What a campaign on wires counted."""
+
+    seed: int
+    cases: int = 0
+    daemons: int = 0
+    seconds: float = 0.0
+    checks: Counter[str] = field(default_factory=Counter)
+    violations: Counter[str] = field(default_factory=Counter)
+    faults: Counter[tuple[str, str]] = field(default_factory=Counter)
+    times: dict[str, list[float]] = field(default_factory=dict)
+    words: list[str] = field(default_factory=list)
+
+    def check(self, name: str, found: list[str]) -> None:
+        assert name in INVARIANTS
+        self.checks[name] += 1
+        self.violations[name] += bool(found)
+        self.words += [f"{name}: {words}" for words in found[:3]]
+
+    def time(self, what: str, seconds: float) -> None:
+        self.times.setdefault(what, []).append(seconds)
+
+    def table(self) -> str:
+        lines = [
+            f"{self.cases} cases on {self.daemons} daemons in real time, seed {self.seed}, "
+            f"{self.seconds:.0f} s",
+            "",
+            f"{'invariant':<36}{'checks':>8}{'violations':>12}",
+            *(f"{name:<36}{self.checks[name]:>8}{self.violations[name]:>12}" for name in INVARIANTS),
+            "",
+            "fault switches thrown, by state:",
+            " " * 20 + "".join(f"{state:>10}" for state in STATES),
+        ]
+        for kind in sorted({kind for kind, _ in self.faults}):
+            lines.append(f"{kind:<20}" + "".join(f"{self.faults[kind, state]:>10}" for state in STATES))
+        lines.append("")
+        for what, times in sorted(self.times.items()):
+            middle, worst = sorted(times)[len(times) // 2] * 1e3, max(times) * 1e3
+            lines.append(f"{what:<52}{len(times):>4} times, median {middle:6.0f} ms, worst {worst:6.0f} ms")
+        return "\n".join([*lines, *(["", *self.words[:20]] if self.words else [])])
+
+
+def judge(tally: Tally, wires: Wires, recorded: Path, thrown: Sequence[Injected]) -> None:
+    """The recorded session, and what the devices saw, against the invariants."""
+    tally.check("outputs of the boards", [words for eyes in wires.channels for words in eyes.wrong])
+    session = Session(recorded)
+    records, events = list(session.ticks()), list(session.events())
+    plans = build_plans(wires.loaded, RATE_HZ)
+    commands = {
+        axis: [record.robots[index].axes[place].device for record in records]
+        for index, plan in enumerate(plans)
+        for place, axis in enumerate(plan.axes)
+    }
+    seen_there = [w for e in wires.servos for w in (*e.wrong, *e.foreign(commands[e.axis]))]
+    tally.check("goals at the servos", seen_there)
+    machine = SimpleNamespace(plans=plans, loaded=wires.loaded)
+    seen: Any = SimpleNamespace(case=SimpleNamespace(machine=machine), records=records, events=events)
+    tally.check("position limits", list(invariants.position(seen)))
+    tally.check("velocity and acceleration limits", list(invariants.rates(seen)))
+    tally.check("session complete", [*([] if session.clean else [session.cut]), *invariants.complete(seen)])
+    tally.check("no jump on arming", list(_no_jump(plans, records)))
+    by_tick = {record.tick: record.deadline_s for record in records}
+    faults = [(by_tick.get(e["tick"], 0.0), e["robot"], e["words"]) for e in events if e["event"] == "fault"]
+    tally.check("other robots unaffected", list(_unaffected(faults, thrown)))
+    tally.check("estop within the tick", list(_estops(plans, records, events)))
+    for injected in thrown:
+        _detected(tally, injected, records, plans)
+
+
+def _unaffected(faults: list[tuple[float, str, str]], thrown: Sequence[Injected]) -> Iterator[str]:
+    """Every fault has a switch on its own bus that was on, or had just been."""
+    for at_s, robot, words in faults:
+        # A device may latch what ails it while nobody looks, and refuse to be armed much later.
+        late_s = math.inf if "arm-refused" in words else 0.5
+        if not any(robot in i.robots and i.at_s - 0.05 <= at_s <= i.latest_s + late_s for i in thrown):
+            yield f"{robot}: {words}"
+
+
+def _detected(tally: Tally, injected: Injected, records: list[TickRecord], plans: Any) -> None:
+    """A watched robot of a bus in trouble is in FAULT within the stated ticks."""
+    if not injected.switch.must:
+        return
+    # A bus takes its time-outs to answer, and the machine some ticks to be on time.
+    allowed_s = (injected.switch.ticks + 2) / RATE_HZ + 0.1
+    end_s = min(injected.until_s, injected.order_s)
+    found: list[str] = []
+    if end_s - injected.at_s > allowed_s:
+        watched = [r for r in records if injected.at_s - 0.5 / RATE_HZ <= r.deadline_s <= end_s]
+        first = {}
+        for index, plan in enumerate(plans):
+            if plan.name not in injected.concerned or not watched:
+                continue
+            modes = [Mode(record.robots[index].mode) for record in watched]
+            if modes[0] in (Mode.APPROACH, Mode.RUN, Mode.HOLD) and Mode.FAULT in modes:
+                first[plan.name] = watched[modes.index(Mode.FAULT)].deadline_s - injected.at_s
+            elif modes[0] in (Mode.APPROACH, Mode.RUN, Mode.HOLD):
+                first[plan.name] = float("inf")
+        if first:
+            took_s = max(first.values())
+            if took_s > allowed_s:
+                found.append(f"{injected.bus} {injected.switch.name} in {injected.state}: {first}")
+            else:
+                tally.time(f"FAULT after {injected.switch.name}", took_s)
+    tally.check("fault within the stated ticks", found)
+
+
+def _no_jump(plans: Any, records: list[TickRecord]) -> Iterator[str]:
+    """The first command after arming is what was measured."""
+    for index, plan in enumerate(plans):
+        armed = False
+        for old, new in pairwise(records):
+            was, now = old.robots[index], new.robots[index]
+            commanded = now.axes[0].device == now.axes[0].device
+            if commanded and not armed:
+                armed = True
+                for a, b in zip(now.axes, was.axes, strict=True):
+                    # Pressures are noisy by some hundred Pa. A shaft that still turns goes on between the
+                    # reading and the arming.
+                    room = 3000.0 if plan.name in PRESSURES else 0.02 + 2.0 / RATE_HZ * abs(b.velocity)
+                    if not abs(a.device - b.value) <= room:
+                        yield f"{plan.name}: begins at {a.device}, measured {b.value}, tick {new.tick}"
+                        return
+            if not now.flags & ENABLED:
+                armed = False
+
+
+def _estops(plans: Any, records: list[TickRecord], events: list[Any]) -> Iterator[str]:
+    """In the tick of an estop no robot is commanded any more: OFF, or a fault that was latched already."""
+    by_tick = {record.tick: record for record in records}
+    for event in events:
+        if event["event"] != "order" or event["order"] != "estop" or event["tick"] not in by_tick:
+            continue
+        for plan, robot in zip(plans, by_tick[event["tick"]].robots, strict=True):
+            commanded = any(axis.device == axis.device for axis in robot.axes)
+            if robot.mode not in (Mode.OFF, Mode.FAULT) or commanded or robot.flags & ENABLED:
+                yield f"{plan.name}: {Mode(robot.mode).name} in the tick of an estop, {event['tick']}"
