@@ -1,9 +1,11 @@
-"""What a tick costs from 1 to 64 fingers and from 1 to 16 arms, and how many hold 200 Hz in real time.
+"""What a tick costs from 1 to 256 fingers and from 1 to 128 arms, and how many hold 200 Hz in real time.
 
 ``python -m benchmarks.scale [--plot FILE.svg] [--real-time]``. Every tip follows a way of its own, so
 each tick asks every model; all robots are on one simulated bus. The cost of the simulated devices is
 measured apart: real ones live elsewhere, and their bus takes its own time instead. Medians and 99th
-percentiles of single ticks. Real time doubles the count until the rate is not held any more.
+percentiles of single ticks, in time of the processor: what other jobs take is not theirs. Real time
+doubles the count until the rate is not held any more (more than 0.5 % of the ticks skipped), then halves
+the interval down to a tenth.
 """
 
 from __future__ import annotations
@@ -34,7 +36,9 @@ from contid.trajectory.read import read_trajectory
 from contid_drivers.sim.bus import SimBus
 
 RATE_HZ: Final = 200.0
-COUNTS: Final = {"finger": (1, 2, 4, 8, 16, 32, 64), "trirack2": (1, 2, 4, 8, 16)}
+COUNTS: Final = {"finger": (1, 2, 4, 8, 16, 32, 64, 128, 256), "trirack2": (1, 2, 4, 8, 16, 32, 64, 128)}
+#: Where the search in real time begins.
+FIRST: Final = 32
 WHAT: Final = {"finger": "fingers (2 axes)", "trirack2": "arms (2 sections, 6 axes)"}
 TICKS: Final = 400
 #: A rate is held when at most this share of the ticks was skipped.
@@ -114,11 +118,11 @@ def measure(name: str, count: int) -> Cost:
     exchange = bus.exchange
 
     def timed(commands: Mapping[str, float]) -> Mapping[str, Sample]:
-        begin = time.perf_counter()
+        begin = time.thread_time()
         try:
             return exchange(commands)
         finally:
-            spent[0] = time.perf_counter() - begin
+            spent[0] = time.thread_time() - begin
 
     bus.exchange = timed  # type: ignore[method-assign]  # a stopwatch around it
     process.engine.arm()
@@ -130,9 +134,9 @@ def measure(name: str, count: int) -> Cost:
     engine, devices = [], []
     for _ in range(TICKS):
         process.begin()
-        begin = time.perf_counter()
+        begin = time.thread_time()
         process.turn()
-        total = time.perf_counter() - begin
+        total = time.thread_time() - begin
         engine.append((total - spent[0]) * 1e6)
         devices.append(spent[0] * 1e6)
     gc.enable()
@@ -159,6 +163,25 @@ def holds(name: str, count: int, seconds: float = 5.0) -> dict[str, Any]:
     return report
 
 
+def search(name: str, first: int) -> tuple[int, int]:
+    """The greatest count that was held in real time, and the least that was not, a tenth apart."""
+    low, high, count = 0, 0, first
+    while not high or high - low > max(low // 10, 1):
+        # The better of two runs: another job's second is no limit of ours.
+        report = holds(name, count)
+        if report["skipped"] > HELD * report["ticks"]:
+            report = min(report, holds(name, count), key=lambda each: float(each["skipped"] / each["ticks"]))
+        held = report["skipped"] <= HELD * report["ticks"]
+        low, high = (count, high) if held else (low, count)
+        late, skipped = report["late"] / report["ticks"], report["skipped"] / report["ticks"]
+        tail = ", ".join(f"{key} {report['lateness'][key]:.0f}" for key in ("p99_us", "max_us"))
+        word = "holds" if held else "does not hold"
+        row = f"{late:.2%} late, {skipped:.2%} skipped of {report['ticks']} ticks, {tail}"
+        print(f"{WHAT[name]:<28}{count:>7}  {word}: {row}", flush=True)
+        count = (low + high) // 2 if high else 2 * count
+    return low, high
+
+
 def plot(costs: Mapping[str, list[Cost]], path: Path) -> None:
     import matplotlib
 
@@ -174,7 +197,10 @@ def plot(costs: Mapping[str, list[Cost]], path: Path) -> None:
     axes.axhline(1e3 / RATE_HZ, color="0.4", linewidth=0.8)
     axes.text(1, 1.08e3 / RATE_HZ, f"period at {RATE_HZ:g} Hz", fontsize=8, color="0.3")
     axes.set(xlabel="robots in one file", ylabel="engine per tick [ms]")
-    axes.set_xticks([1, 2, 4, 8, 16, 32, 64], labels=["1", "2", "4", "8", "16", "32", "64"])
+    axes.set_xticks(
+        ticks := sorted({count for counts in COUNTS.values() for count in counts}),
+        labels=list(map(str, ticks)),
+    )
     axes.minorticks_off()
     axes.grid(alpha=0.3)
     axes.legend(title="line: median, dots: 99 %", frameon=False, fontsize=8, title_fontsize=8)
@@ -182,12 +208,23 @@ def plot(costs: Mapping[str, list[Cost]], path: Path) -> None:
     figure.savefig(path, metadata={"Date": None})
 
 
+def real_time() -> None:
+    print(f"\nreal time, {RATE_HZ:g} Hz, simulated devices in the same process:")
+    for name in COUNTS:
+        low, high = search(name, FIRST)
+        print(f"{WHAT[name]:<28}{low:>7}  is the greatest that was held; {high} were not", flush=True)
+
+
 def main() -> None:
     parser = argparse.ArgumentParser(prog="python -m benchmarks.scale", description=__doc__)
     parser.add_argument("--plot", type=Path)
     parser.add_argument("--real-time", action="store_true")
+    parser.add_argument("--only-real-time", action="store_true")
     asked = parser.parse_args()
     costs: dict[str, list[Cost]] = {}
+    if asked.only_real_time:
+        real_time()
+        return
     print(
         f"{'':<28}{'robots':>7}{'engine us':>11}{'per robot':>11}{'99 % us':>10}{'simulated devices us':>22}"
     )
@@ -202,19 +239,7 @@ def main() -> None:
     if asked.plot is not None:
         plot(costs, asked.plot)
     if asked.real_time:
-        print(f"\nreal time, {RATE_HZ:g} Hz, simulated devices in the same process:")
-        for name in COUNTS:
-            held, count = True, 4
-            while held:
-                report = holds(name, count)
-                held = report["skipped"] <= HELD * report["ticks"]
-                share = f"{report['late']} late, {report['skipped']} skipped of {report['ticks']} ticks"
-                tail = {
-                    key: value for key, value in report["lateness"].items() if "p99" in key or "max" in key
-                }
-                word = "holds" if held else "does not hold"
-                print(f"{WHAT[name]:<28}{count:>7}  {word}: {share}  {tail}", flush=True)
-                count *= 2
+        real_time()
 
 
 if __name__ == "__main__":
