@@ -1,0 +1,218 @@
+"""Lateness of the tick without a viewer and with one: to a file, to a page, and standing still.
+
+The four take turns, round after round, so that whatever else the machine does meets them all. Beside each
+runs a bare timer loop under the same scheduling: what it shows is the machine. A viewer's start-up is the
+time from its process to its picture's place (the file is there, the page answers); its share of a processor
+is counted after that, together with the server it starts.
+
+    python -m benchmarks.viewing [--rounds 3] [--seconds 10] [--rate 200] [--robot hand]
+"""
+
+from __future__ import annotations
+
+import argparse
+import asyncio
+import io
+import json
+import os
+import signal
+import socket
+import subprocess
+import sys
+import tempfile
+import time
+from collections.abc import Sequence
+from contextlib import suppress
+from dataclasses import dataclass, field
+from pathlib import Path
+
+import numpy as np
+import psutil
+
+from contid.control.child import ControlChild
+from contid.control.cycle import OnEnd, Sink
+from contid.control.daemon import Daemon, Orders, RunOptions
+from contid.control.messages import Finish, Message
+from contid.control.ring import RingReader
+from contid.control.setup import Setup, ask_for_real_time, sleep_until, stop_collecting
+from contid.control.wiring import driven_robots
+from contid.description.load import LoadedFile, load_robot_file, with_mock
+from contid.description.shipped import find_robot_file
+from contid.trajectory.read import Trajectory, read_trajectory
+from contid.view.observer import Viewing
+from contid.view.where import Kind, Where
+
+CASES = ("no viewer", "file", "page", "stopped")
+PAGE_PORT = 9090
+LATENESS = 3
+LOOK_S = 0.02
+
+
+@dataclass
+class Figures:
+    """Of one case, over all rounds."""
+
+    late_s: list[float] = field(default_factory=list)
+    bare_s: list[float] = field(default_factory=list)
+    skipped: int = 0
+    bare_skipped: int = 0
+    start_s: list[float] = field(default_factory=list)
+    share: list[float] = field(default_factory=list)
+
+
+class Eye:
+    """Reads every tick's lateness, watches the viewer, stops it if asked to, and ends the run."""
+
+    def __init__(self, viewing: Viewing | None, where: Where | None, stops: bool, seconds: float) -> None:
+        self.late_s: list[float] = []
+        self.start_s: float | None = None
+        self.share: float | None = None
+        self._viewing, self._where, self._stops, self._seconds = viewing, where, stops, seconds
+        self._reader: RingReader | None = None
+        self._began = 0.0
+
+    def attach(self, setup: Setup, pid: int) -> None:
+        """Open the ring."""
+        self._reader = RingReader(setup.ring)
+        self._began = time.monotonic()
+
+    def follow(self, setup: Setup) -> Sink:
+        """There is no virtual time here."""
+        raise NotImplementedError
+
+    def told(self, message: Message) -> None:
+        """Nothing to do."""
+
+    def detach(self) -> Sequence[str]:
+        """Read the last ticks."""
+        assert self._reader is not None
+        self._read()
+        self._reader.close()
+        return ()
+
+    async def serve(self, orders: Orders) -> None:
+        """Look at the viewer until the time is over."""
+        end, ready, used = time.monotonic() + self._seconds, 0.0, 0.0
+        while time.monotonic() < end:
+            await asyncio.sleep(LOOK_S)
+            self._read()
+            if self.start_s is None and self._begun():
+                ready, used = time.monotonic(), self._processor_s()
+                self.start_s = ready - self._began
+                if self._stops:
+                    for each in self._family():
+                        each.send_signal(signal.SIGSTOP)
+        if self.start_s is not None:
+            self.share = (self._processor_s() - used) / (time.monotonic() - ready)
+        orders.send(Finish(reason="on_end"))
+
+    def _read(self) -> None:
+        if self._reader is not None:
+            self.late_s += [values[LATENESS] for values in self._reader.raw_ticks(1 << 30)]
+
+    def _begun(self) -> bool:
+        if self._where is None:
+            return False
+        if self._where.path is not None:
+            return self._where.path.exists()
+        with socket.socket() as probe:
+            return probe.connect_ex(("127.0.0.1", PAGE_PORT)) == 0
+
+    def _family(self) -> list[psutil.Process]:
+        pid = None if self._viewing is None else self._viewing.pid
+        if pid is None:
+            return []
+        with suppress(psutil.NoSuchProcess):
+            viewer = psutil.Process(pid)
+            return [viewer, *viewer.children(recursive=True)]
+        return []
+
+    def _processor_s(self) -> float:
+        times = [each.cpu_times() for each in self._family()]
+        return sum(each.user + each.system for each in times)
+
+
+def bare_loop(seconds: float, rate_hz: float) -> None:
+    """Print the lateness of every turn of a loop that does nothing."""
+    ask_for_real_time()
+    stop_collecting()
+    late_s, skipped, tick = [], 0, 0
+    base = time.monotonic() + 0.01
+    while tick < seconds * rate_hz:
+        late = sleep_until(base + tick / rate_hz) - base - tick / rate_hz
+        late_s.append(late)
+        skipped += int(late * rate_hz)
+        tick += 1 + int(late * rate_hz)
+    print(json.dumps({"late_s": late_s, "skipped": skipped}))
+
+
+def one(
+    case: str, loaded: LoadedFile, trajectory: Trajectory, rate: float, seconds: float, to: Figures
+) -> None:
+    """One run of one case."""
+    with tempfile.TemporaryDirectory() as folder:
+        where = None
+        if case != "no viewer":
+            page = case == "page"
+            where = Where(Kind.SERVE) if page else Where(Kind.FILE, Path(folder, "run.rrd"))
+        viewing = None if where is None else Viewing(where)
+        eye = Eye(viewing, where, case == "stopped", seconds)
+        observers = [eye] if viewing is None else [viewing, eye]
+        run = RunOptions(rate_hz=rate, on_end=OnEnd.STOP, commands=[eye], observers=observers)
+        bare = subprocess.Popen(
+            [sys.executable, __file__, "--bare", "--seconds", str(seconds), "--rate", str(rate)],
+            stdout=subprocess.PIPE,
+            text=True,
+        )
+        report = asyncio.run(Daemon(loaded, trajectory, run, ControlChild()).run())
+        told = json.loads(bare.communicate()[0])
+    to.late_s += eye.late_s
+    to.skipped += report.skipped
+    to.bare_s += told["late_s"]
+    to.bare_skipped += told["skipped"]
+    to.start_s += [] if eye.start_s is None else [eye.start_s]
+    to.share += [] if eye.share is None else [eye.share]
+
+
+def main() -> None:
+    options = argparse.ArgumentParser(description=__doc__)
+    options.add_argument("--rounds", type=int, default=3)
+    options.add_argument("--seconds", type=float, default=10.0)
+    options.add_argument("--rate", type=float, default=200.0)
+    options.add_argument("--robot", default="hand")
+    options.add_argument("--bare", action="store_true", help=argparse.SUPPRESS)
+    chosen = options.parse_args()
+    if chosen.bare:
+        bare_loop(chosen.seconds, chosen.rate)
+        return
+    loaded = with_mock(load_robot_file(find_robot_file(chosen.robot)))
+    path = [sys.executable, "-m", "contid", "path", "circle", "--center", "50,70", "--radius", "20"]
+    laps = ["--laps", str(chosen.seconds / 4.0 + 1.0), "--for", chosen.robot]
+    made = subprocess.run([*path, *laps], check=True, capture_output=True, text=True)
+    trajectory = read_trajectory(io.StringIO(made.stdout), "circle", driven_robots(loaded))
+    figures = {case: Figures() for case in CASES}
+    for _ in range(chosen.rounds):
+        for case in CASES:
+            one(case, loaded, trajectory, chosen.rate, chosen.seconds, figures[case])
+    print(
+        f"{chosen.robot} at {chosen.rate:g} Hz, {chosen.rounds} rounds of {chosen.seconds:g} s each in turns"
+    )
+    print(f"load of the machine {os.getloadavg()[0]:.1f} on {os.cpu_count()} processors")
+    print(f"{'':22}{'p50':>7}{'p99':>7}{'p99.9':>7}{'max':>8}  skipped   [us]   start [s]   share [%]")
+    for case, each in figures.items():
+        start = f"{np.median(each.start_s):9.2f}" if each.start_s else ""
+        share = f"{100.0 * np.median(each.share):10.1f}" if each.share and case != "stopped" else ""
+        for name, late_s, skipped, more in (
+            (case, each.late_s, each.skipped, f"{start:>18}{share:>12}"),
+            ("  bare loop beside it", each.bare_s, each.bare_skipped, ""),
+        ):
+            cells = np.quantile(np.array(late_s) * 1e6, [0.5, 0.99, 0.999, 1.0])
+            print(
+                f"{name:22}"
+                + "".join(f"{cell:7.0f}" for cell in cells[:3])
+                + f"{cells[3]:8.0f}{skipped:9d}{more}"
+            )
+
+
+if __name__ == "__main__":
+    main()
