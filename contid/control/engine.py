@@ -313,9 +313,13 @@ class Engine:
             timing, source, targets, outcomes, self.states, self._samples, self._measured, now_s, self._now
         )
         if self._finishing and not self.finished:
-            self.finished = all(
+            resting = all(
                 state.mode in (Mode.OFF, Mode.FAULT) and state.pending is Effect.NONE for state in self.states
-            ) and not any(port.busy and not port.lost for port in self._ports.values())
+            )
+            # What is still queued for a bus that was late has not reached its devices.
+            self.finished = resting and not any(
+                (port.busy or self._queued[name]) and not port.lost for name, port in self._ports.items()
+            )
 
     def _samples_of(self, plan: RobotPlan) -> tuple[Sample, ...]:
         samples = self._samples

@@ -8,12 +8,14 @@ from collections.abc import Mapping, Sequence
 from contid.control.cycle import Timing
 from contid.control.engine import Engine
 from contid.control.faults import Fault
+from contid.control.messages import Estop, Finish
 from contid.control.ports import Job, Port, perform
 from contid.control.state import Effect
 from contid.control.supervisor import Mode
 from contid.control.wiring import build_plans, open_buses
 from contid.errors import DeviceError
 from contid.hal import Bus, Rest, Sample
+from contid_drivers.sim.bus import SimBus
 from tests.control.fingers import Collector, load
 
 
@@ -80,6 +82,42 @@ def test_a_stuck_bus_faults_its_robot_and_the_other_runs_on() -> None:
         buses["bus0"].free.set()
         for port in ports.values():
             port.close(5.0)
+
+
+def test_an_estop_that_meets_a_late_bus_is_waited_for_before_the_run_ends() -> None:
+    """The bus comes back in the tick of the estop, too late to be asked in it: the next tick asks."""
+    loaded = load(1)
+    clock = Ticking()
+    ((name, bus),) = ((name, Blocking(bus)) for name, bus in open_buses(loaded, clock).items())
+    port = Port(bus, threaded=True)
+    engine = Engine(build_plans(loaded, 200.0), {name: port}, 200.0, Collector(), clock.now, attended=True)
+    engine.arm()
+    tick = 0
+
+    def cycle(patience_s: float) -> None:
+        nonlocal tick
+        clock.now_s = tick / 200.0
+        engine.cycle(Timing(tick, 0, clock.now_s, 0.0, clock.now_s + patience_s))
+        tick += 1
+
+    try:
+        for _ in range(20):
+            cycle(5.0)
+        assert engine.states[0].mode is Mode.HOLD
+        bus.free.clear()
+        cycle(0.0)
+        assert port.busy
+        bus.free.set()
+        engine.obey(Estop(), tick)
+        engine.obey(Finish(), tick)
+        while not engine.finished:
+            assert tick < 40
+            cycle(5.0)
+        assert isinstance(bus.bus, SimBus)
+        assert not any(device.on for device in bus.bus.devices.values())
+    finally:
+        bus.free.set()
+        port.close(5.0)
 
 
 def test_a_refusal_of_one_robot_is_not_a_loss_of_the_bus() -> None:
