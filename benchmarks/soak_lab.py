@@ -84,7 +84,8 @@ class Viewers:
 
     async def serve(self, orders: Orders) -> None:
         """See `contid.control.daemon.Commands`."""
-        assert self._run is not None
+        while self._run is None:  # sources of commands begin before the input has come
+            await asyncio.sleep(0.1)
         while True:
             self._path.unlink(missing_ok=True)
             viewing = Viewing(Where(Kind.FILE, self._path))

@@ -318,7 +318,10 @@ class Daemon:
                 loop.remove_signal_handler(number)
             for task in tasks:
                 task.cancel()
-            await asyncio.gather(*tasks, return_exceptions=True)
+            for died in await asyncio.gather(*tasks, return_exceptions=True):
+                if isinstance(died, Exception):  # a cancellation is none
+                    words = f"a source of commands ended early: {type(died).__name__}: {died}"
+                    self._report.problems.append(words)
             self._conclude()
             self._child.close()
             for observer in attached:

@@ -21,14 +21,13 @@ from pathlib import Path
 from types import MappingProxyType
 from typing import Any, Final, TypeAlias
 
+from contid.control.ring import ASIDE
 from contid.description.base import StopPolicy
 from contid.targets import Target, Vec3
 from contid.trajectory.timed import Trajectory
 
 LENGTH: Final = struct.Struct("=I")
 CHUNK: Final = 1 << 18
-#: How files of arrays on their way are called, after the process that wrote them.
-ASIDE: Final = "contid-*.bulk"
 
 #: Robots an order is for; None for all of them.
 Who: TypeAlias = tuple[str, ...] | None

@@ -26,7 +26,6 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, Final
 
-from contid.control.messages import ASIDE
 from contid.control.record import RecordLayout, TickRecord
 from contid.errors import ContidError
 
@@ -39,6 +38,8 @@ EVENT_SLOTS: Final = 512
 SECONDS: Final = 8.0
 #: A ring younger than this may belong to a run that is just about to open it.
 STALE_S: Final = 60.0
+#: How files of arrays on their way to the control process are called (`contid.control.messages.aside`).
+ASIDE: Final = "contid-*.bulk"
 U64: Final = struct.Struct("=Q")
 F64: Final = struct.Struct("=d")
 EVENT: Final = struct.Struct("=QI")

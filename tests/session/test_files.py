@@ -5,6 +5,8 @@ from __future__ import annotations
 import csv
 import json
 import os
+import subprocess
+import sys
 from collections import Counter
 from pathlib import Path
 
@@ -186,3 +188,10 @@ def test_the_summary_tells_what_happened(recorded: Path) -> None:
     assert info.duration_s == pytest.approx((info.ticks - 1) / 200.0, abs=1e-6)
     assert info.input == "test, 51 rows"
     json.dumps(info.as_dict())
+
+
+def test_the_recorder_does_not_carry_numpy_along() -> None:
+    """It stays for as long as the run: 14 MB of a library that it has no use for."""
+    words = "import contid.session.recorder, sys; print('numpy' in sys.modules)"
+    told = subprocess.run([sys.executable, "-c", words], capture_output=True, text=True, check=True)
+    assert told.stdout.strip() == "False"
