@@ -14,6 +14,7 @@ import time
 import urllib.error
 import urllib.request
 from collections.abc import Callable
+from functools import cache
 from pathlib import Path
 
 import numpy as np
@@ -21,10 +22,12 @@ import psutil
 import pytest
 
 from contid.control.ring import RingReader, RingWriter, create
+from contid.control.run import RunRequest, run
 from contid.control.wiring import record_layout
 from contid.description.load import load_robot_file
 from contid.view.job import Job
 from contid.view.layout import SEEN, build_layout, eye_of, shown
+from contid.view.observer import Viewing
 from contid.view.page import Page, policy
 from contid.view.process import Viewer
 from contid.view.program import rerun_program
@@ -41,10 +44,21 @@ PATHS = {
 }
 
 
+@cache
 def rows_of(robot: str, *more: str) -> str:
     done = contid("path", *PATHS[robot].split(), *more, "--for", robot)
     assert done.returncode == 0, done.stderr
     return done.stdout
+
+
+def drawn(robot: str, folder: Path) -> Path:
+    """What `contid run ROBOT --virtual --view` writes; in this process, which has Rerun already."""
+    trajectory, recording = folder / f"{robot}.csv", folder / f"{robot}.rrd"
+    trajectory.write_text(rows_of(robot))
+    observers = [Viewing(Where(Kind.FILE, recording))]
+    request = RunRequest(robot, trajectory=str(trajectory), mock=True, virtual=True, observers=observers)
+    assert run(request).exit_code == 0
+    return recording
 
 
 def entities(path: Path) -> dict[str, int]:
@@ -60,10 +74,7 @@ def entities(path: Path) -> dict[str, int]:
 
 @pytest.mark.parametrize("robot", PATHS)
 def test_every_entity_of_the_layout_is_in_the_file(robot: str, tmp_path: Path, configs: Path) -> None:
-    recording = tmp_path / "run.rrd"
-    done = contid("run", robot, "--virtual", "--view", str(recording), stdin=rows_of(robot))
-    assert done.returncode == 0, done.stderr
-    assert done.stderr == ""
+    recording = drawn(robot, tmp_path)
     loaded = load_robot_file(configs / f"{robot}.yaml")
     stage = build_stage(loaded, loaded.file.rate_hz)
     wanted = set(shown(build_layout(stage, live=True, finished=True)))
@@ -230,9 +241,7 @@ def test_a_viewer_that_comes_back_says_what_it_missed(tmp_path: Path, configs: P
 
 
 def test_the_served_page_is_on_loopback_and_locked_in(tmp_path: Path) -> None:
-    path = tmp_path / "run.rrd"
-    assert contid("run", "hand", "--virtual", "--view", str(path), stdin=rows_of("hand")).returncode == 0
-    process = started("view", "--serve", str(path))
+    process = started("view", "--serve", str(drawn("hand", tmp_path)))
     assert process.stdout is not None
     url = process.stdout.readline().strip()
     assert url.startswith("http://127.0.0.1:")
@@ -276,13 +285,13 @@ def test_a_robot_does_without_a_window(
     display: str | None, words: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     """No display at all, and one that does not answer: told why, and the run goes on."""
-    recording = tmp_path / "run.rrd"
-    assert contid("run", "hand", "--virtual", "--view", str(recording), stdin=rows_of("hand")).returncode == 0
+    recording = drawn("hand", tmp_path)
     monkeypatch.delenv("WAYLAND_DISPLAY", raising=False)
     monkeypatch.delenv("DISPLAY", raising=False)
     if display is not None:
         monkeypatch.setenv("DISPLAY", display)
-    done = contid("run", "hand", "--mock", "--view", "spawn", stdin=rows_of("hand"))
+    laps = ("--laps", "4") if display else ()  # time enough for a program of 300 MB to start and fail
+    done = contid("run", "hand", "--mock", "--view", "spawn", stdin=rows_of("hand", *laps))
     assert done.returncode == 0
     assert words in done.stderr
     assert ("the viewer ended with status 2" in done.stdout) == (display is not None)
@@ -306,7 +315,7 @@ def test_wrong_places_are_refused_before_anything_starts(tmp_path: Path) -> None
 
 def test_a_page_of_a_running_robot(tmp_path: Path) -> None:
     trajectory = tmp_path / "circle.csv"
-    trajectory.write_text(rows_of("hand", "--turns", "4"))
+    trajectory.write_text(rows_of("hand", "--laps", "4"))
     process = started("run", "hand", "--mock", "--view", "serve", "--trajectory", str(trajectory))
     assert process.stderr is not None
     line = process.stderr.readline()
