@@ -26,6 +26,7 @@ from contid.control.virtual import run_virtual
 from contid.description.load import load_robot_file, parse_robot_file, with_mock
 from contid.description.shipped import configs_folder
 from contid.errors import ContidError
+from contid.remote.protocol import Take, decode
 from contid.session.export import export_joined
 from contid.session.info import summarize
 from contid.session.read import Session
@@ -34,7 +35,8 @@ from contid.session.replay import replay
 from contid.trajectory.read import read_trajectory
 from contid.trajectory.stream import StreamParser
 from contid_drivers.due.frames import FrameReader, seal
-from contid_drivers.due.messages import Type, read_answer, request
+from contid_drivers.due.messages import Type, read_answer
+from contid_drivers.due.messages import request as payload_of
 from contid_drivers.dynamixel import packets
 from contid_drivers.dynamixel.cyclic import INDIRECT, MOTION, PLAIN
 from tests.campaign import siege
@@ -96,6 +98,20 @@ def stream(data: bytes) -> None:
             parser.parse(line, number)
 
 
+def request(data: bytes) -> None:
+    """Lines of the socket, as far as no daemon is needed; `tests.campaign.siege` has one."""
+    for line in data.split(b"\n"):
+        with suppress(ContidError):
+            take = Take(decode(line))
+            take.number("timeout_s", 1.0, 0.1, 60.0)
+            take.text("name", "")
+            take.flag("takeover")
+            take.names("robots")
+            take.mapping("target")
+            take.rows("rows")
+            take.end()
+
+
 def dynamixel(data: bytes) -> None:
     left = bytearray(data)
     while (packet := packets.take(left)) is not None:
@@ -131,7 +147,7 @@ def session(data: bytes) -> None:
 
 
 TARGETS: dict[str, Callable[[bytes], None]] = {
-    target.__name__: target for target in (robot_file, trajectory, stream, dynamixel, due, session)
+    target.__name__: target for target in (robot_file, trajectory, stream, request, dynamixel, due, session)
 }
 
 
@@ -151,6 +167,8 @@ def corpus(name: str) -> tuple[bytes, ...]:
             return rows, lines
         case "stream":
             return rows.replace(b"t_s,", b""), lines.replace(b'"t_s": 0, ', b"").replace(b'"t_s": 1, ', b"")
+        case "request":
+            return siege.CORPUS
         case "dynamixel":
             sizes = {size for layout in (INDIRECT, PLAIN, MOTION) for size in (layout.lean, layout.full)}
             blocks = b"".join(packets.build_status(1, 0, bytes(size)) for size in sorted(sizes))
@@ -179,7 +197,7 @@ def _answers() -> list[bytes]:
         Type.CONFIGURED: b"\x34\x12",
         Type.HELLO_ANSWER: struct.pack("<BBBBBHIBBH6B", 0, 6, 1, 0, 0, 1, 5, 0, 1, 0, *range(6)) + b"pins",
     }
-    return [request(kind, 1, body) for kind, body in bodies.items()]
+    return [payload_of(kind, 1, body) for kind, body in bodies.items()]
 
 
 def _recorded() -> bytes:

@@ -33,9 +33,11 @@ from tests.remote.daemons import until
 
 #: From the signal to the end of the last process.
 LIMIT_S = 2.0
+#: States in which the daemon may not have begun to listen for signals.
+EARLY = ("importing", "waiting for stdin", "servos that do not answer", "board that does not answer")
 #: Exit codes by state: 130 unless a fault is what is told, or nobody listens for signals yet.
 CODES = {
-    **dict.fromkeys(("importing", "waiting for stdin"), (-signal.SIGTERM, 130)),
+    **dict.fromkeys(EARLY, (-signal.SIGTERM, 130)),
     "fault": (3,),
     "bus gone": (3,),
     "bus hangs": (3,),

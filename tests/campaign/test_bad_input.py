@@ -21,7 +21,7 @@ def test_mutated_input_is_answered(name: str) -> None:
     assert not found, found[0][1]
 
 
-@pytest.mark.parametrize("name", ["stream", "dynamixel", "due", "session"])
+@pytest.mark.parametrize("name", ["stream", "request", "dynamixel", "due", "session"])
 @settings(max_examples=60, deadline=None)
 @given(data=st.binary(max_size=600))
 def test_any_bytes_are_answered(name: str, data: bytes) -> None:
