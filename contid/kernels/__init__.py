@@ -3,7 +3,9 @@
 from __future__ import annotations
 
 import os
+from functools import cache
 from importlib import import_module
+from pathlib import Path
 from types import ModuleType
 from typing import Final
 
@@ -21,9 +23,24 @@ def load(name: str) -> ModuleType | None:
     """
     if os.environ.get(PURE_PYTHON, "") not in ("", "0"):
         return None
+    return (_imported(f"{name}_avx2") if has_avx2() else None) or _imported(name)
+
+
+@cache
+def has_avx2() -> bool:
+    """Whether this processor has AVX2; some kernels exist a second time for it, with the same results."""
     try:
-        return import_module(f"contid.kernels._{name}")
+        return " avx2 " in Path("/proc/cpuinfo").read_text(encoding="ascii", errors="replace")
+    except OSError:
+        return False
+
+
+@cache
+def _imported(name: str) -> ModuleType | None:
+    module = f"contid.kernels._{name}"
+    try:
+        return import_module(module)
     except ModuleNotFoundError as error:
-        if error.name != f"contid.kernels._{name}":
+        if error.name != module:
             raise
         return None

@@ -4,13 +4,8 @@
 // a busy thread. Nothing here allocates but the answers themselves.
 
 #include <nanobind/nanobind.h>
-#include <nanobind/stl/array.h>
-#include <nanobind/stl/optional.h>
-#include <nanobind/stl/unique_ptr.h>
 
-#include <array>
 #include <memory>
-#include <optional>
 #include <stdexcept>
 
 #include "cosserat_search.hpp"
@@ -20,15 +15,26 @@ using namespace contid;
 
 namespace {
 
-using Triple = std::array<double, 3>;
-
-Vec vec(const Triple &a) { return {a[0], a[1], a[2]}; }
+// `count` numbers of a tuple, a list or another sequence; `what` is for the error.
+void read(nb::handle sequence, int count, double *to, const char *what) {
+    const nb::object fast = nb::steal(PySequence_Fast(sequence.ptr(), what));
+    if (!fast.is_valid()) throw nb::python_error();
+    if (PySequence_Fast_GET_SIZE(fast.ptr()) != count) throw std::invalid_argument(what);
+    for (int i = 0; i < count; ++i) {
+        to[i] = PyFloat_AsDouble(PySequence_Fast_GET_ITEM(fast.ptr(), i));
+        if (to[i] == -1.0 && PyErr_Occurred()) throw nb::python_error();
+    }
+}
 
 Vec vec(nb::handle sequence) {
-    return {nb::cast<double>(sequence[0]), nb::cast<double>(sequence[1]), nb::cast<double>(sequence[2])};
+    double a[3];
+    read(sequence, 3, a, "expected three numbers");
+    return {a[0], a[1], a[2]};
 }
 
 nb::tuple triple(Vec a) { return nb::make_tuple(a.x, a.y, a.z); }
+
+constexpr const char *kPressures = "expected three pressures per section";
 
 // One arm of a number of sections known at run time only.
 struct Arm {
@@ -79,17 +85,9 @@ template <int K> struct ArmOf final : Arm {
                     nb::cast<double>(setup.attr("error"))};
     }
 
-    static void read(nb::handle sequence, double *p) {
-        PyObject *fast = PySequence_Fast(sequence.ptr(), "pressures must be a sequence");
-        if (!fast) throw nb::python_error();
-        const nb::object keep = nb::steal(fast);
-        if (PySequence_Fast_GET_SIZE(fast) != 3 * K) throw std::invalid_argument("three pressures per section");
-        for (int i = 0; i < 3 * K; ++i) p[i] = nb::cast<double>(nb::handle(PySequence_Fast_GET_ITEM(fast, i)));
-    }
-
     nb::tuple inverse(const Task &task, Vec force, nb::handle seed) const override {
         double start[3 * K];
-        read(seed, start);
+        read(seed, 3 * K, start, kPressures);
         const Found<K> found = search<K>(rod, task, force, limits, start, settings);
         const Outcome<K> &o = found.outcome;
         PyObject *pressures = PyTuple_New(3 * K);
@@ -100,7 +98,7 @@ template <int K> struct ArmOf final : Arm {
 
     nb::tuple forward(nb::handle pressures, Vec force) const override {
         double p[3 * K];
-        read(pressures, p);
+        read(pressures, 3 * K, p, kPressures);
         Sweep<K> s;
         Vec moment;
         bool stable = equilibrium<K>(rod, p, force, 1.0, settings.elements, moment, s);
@@ -114,7 +112,7 @@ template <int K> struct ArmOf final : Arm {
 
     nb::object critical(nb::handle pressures, Vec force, double most) const override {
         double p[3 * K];
-        read(pressures, p);
+        read(pressures, 3 * K, p, kPressures);
         const double factor = critical_factor<K>(rod, p, force, most, settings.elements);
         if (factor < 0.0) return nb::none();
         return nb::float_(factor);
@@ -137,15 +135,14 @@ struct Engine {
         else throw std::invalid_argument("the kernel is built for one to four sections");
     }
 
-    nb::tuple inverse(const Triple &tip, const std::optional<Triple> &mid, const std::optional<Triple> &direction,
-                      const Triple &force, nb::handle seed) const {
+    nb::tuple inverse(nb::handle tip, nb::handle mid, nb::handle direction, nb::handle force, nb::handle seed) const {
         Task task{};
         task.tip = vec(tip);
         task.length = length;
-        if (mid) task.has_mid = true, task.mid = vec(*mid);
-        if (direction) {
+        if (!mid.is_none()) task.has_mid = true, task.mid = vec(mid);
+        if (!direction.is_none()) {
             task.has_direction = true;
-            task.direction = vec(*direction);
+            task.direction = vec(direction);
             task.full_rotation = full_rotation;
             if (full_rotation) task.frame = tilt(task.direction);
         }
@@ -155,15 +152,15 @@ struct Engine {
 
 }  // namespace
 
-NB_MODULE(_cosserat, m) {
+NB_MODULE(KERNEL_MODULE, m) {
     nb::class_<Engine>(m, "Engine")
         .def(nb::init<nb::handle>(), nb::arg("setup"))
         .def("inverse", &Engine::inverse, nb::arg("tip"), nb::arg("mid").none(), nb::arg("direction").none(),
              nb::arg("force"), nb::arg("seed"))
-        .def("forward", [](const Engine &e, nb::handle pressures, const Triple &force) {
+        .def("forward", [](const Engine &e, nb::handle pressures, nb::handle force) {
             return e.arm->forward(pressures, vec(force));
         }, nb::arg("pressures"), nb::arg("force"))
-        .def("critical", [](const Engine &e, nb::handle pressures, const Triple &force, double most) {
+        .def("critical", [](const Engine &e, nb::handle pressures, nb::handle force, double most) {
             return e.arm->critical(pressures, vec(force), most);
         }, nb::arg("pressures"), nb::arg("force"), nb::arg("most") = 1.0);
 }

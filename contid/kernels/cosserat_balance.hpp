@@ -86,10 +86,11 @@ inline int negative(const Mat &a) {
 }
 
 // A sweep that also counts the independent virtual motions that lower the energy; 0 means stable. Three columns
-// suffice (a fourth, zero, fills the vector registers). The count means something in equilibrium only.
+// suffice (a fourth, zero, fills the vector registers). The count means something in equilibrium only. How the
+// tip follows the moment balance falls out beside it; it is not set where it is singular.
 template <int K>
 int count_modes(const Rod<K> &rod, const double *pressures, Vec base_moment, Vec tip_force, double share, int elements,
-                Ends &ends) {
+                Ends &ends, Mat &tip_by_balance) {
     constexpr int C = 4;
     State<C> state;
     state.R = identity();
@@ -101,16 +102,16 @@ int count_modes(const Rod<K> &rod, const double *pressures, Vec base_moment, Vec
     for (int i = 0; i < K; ++i) N = N + share * own_weight(rod.sections[i]);
     Mat before = identity();
     int modes = 0;
+    const bool light = massless<K>(rod, share);
     bool first = true, regular = true;
     for (int i = 0; i < K; ++i) {
         const Section &section = rod.sections[i];
         const Inflated inflated = inflate(section, pressures + 3 * i);
         const Vec f = share * section.weight;
-        const bool weighs = dot(f, f) > 0.0;
         const double h = section.length / elements;
         for (int k = 0; k < elements; ++k) {
-            step<C, true>(inflated, state, N, f, weighs, h, -1, C);
-            if (weighs) N = N - h * f;
+            step<C, 3, -1>(inflated, state, N, f, light, h);
+            N = N - h * f;
             const Mat turn = first_columns(state.by.turn);
             if (!first) modes += negative(turn * before);
             first = false;
@@ -119,15 +120,18 @@ int count_modes(const Rod<K> &rod, const double *pressures, Vec base_moment, Vec
         if (i == 0) ends.mid = state.p;
         if (section.link > 0.0) {
             const Vec lf = share * section.link_weight;
-            link<C, true>(state, section.link, lf, C);
+            link<C>(state, section.link, lf);
             N = N - section.link * lf;
         }
     }
     ends.R = state.R;
     ends.p = state.p;
     ends.moment = state.mu - cross(state.p, tip_force);
+    add_cross<C>(tip_force, state.by.shift, state.by.dmu);
+    Mat balance;
+    regular = inverse(first_columns(state.by.dmu), balance) && regular;
     if (!regular) return 3 * K;
-    add_cross(tip_force, state.by.shift, state.by.dmu, C);
+    tip_by_balance = first_columns(state.by.shift) * balance;
     Mat stiffness = first_columns(state.by.dmu) * before;
     for (int i = 0; i < 3; ++i)
         for (int j = 0; j < i; ++j)
@@ -139,7 +143,8 @@ template <int K>
 int unstable_modes(const Rod<K> &rod, const double *pressures, Vec base_moment, Vec tip_force, double share,
                    int elements) {
     Ends ends;
-    return count_modes<K>(rod, pressures, base_moment, tip_force, share, elements, ends);
+    Mat unused;
+    return count_modes<K>(rod, pressures, base_moment, tip_force, share, elements, ends, unused);
 }
 
 // True when anything acts on the rod; without load every equilibrium is stable and the strains are constant.

@@ -3,7 +3,7 @@
 
 #include <limits>
 
-#include "cosserat_solve.hpp"
+#include "cosserat_track.hpp"
 
 namespace contid {
 
@@ -147,14 +147,15 @@ Found<K> search(const Rod<K> &rod, const Task &task, Vec tip_force, const Limits
     constexpr int n = 3 * K;
     static constexpr int primes[] = {2, 3, 5, 7, 11, 13, 17, 19, 23, 29, 31, 37};
     const bool weighs = loaded<K>(rod, tip_force);
+    const bool light = massless<K>(rod, 1.0);
     const Vec guess = predicted_moment<K>(rod, task, tip_force, 1.0);
     Found<K> best{};
     bool any = false;
     int spent = 0;
-    const auto stable = [&](const Outcome<K> &o, int elements) {
+    const auto stable = [&](const Outcome<K> &o, int count) {
         if (o.statics > kBalance) return false;
         if (!weighs || o.modes >= 0) return !weighs || o.modes == 0;
-        return unstable_modes<K>(rod, o.pressures, o.moment, tip_force, 1.0, elements) == 0;
+        return unstable_modes<K>(rod, o.pressures, o.moment, tip_force, 1.0, count) == 0;
     };
     const auto better = [](const Found<K> &a, const Found<K> &b) {
         if (a.stable != b.stable) return a.stable;
@@ -163,8 +164,12 @@ Found<K> search(const Rod<K> &rod, const Task &task, Vec tip_force, const Limits
     };
     const auto attempt = [&](const double *start, int iterations) {
         Found<K> found{};
-        found.outcome = solve<K>(rod, task, tip_force, 1.0, limits, start, guess, settings.elements, settings.tolerance,
-                                 iterations);
+        // Without load the strains are constant, and one element is exact.
+        if (!(start == seed && light &&
+              track<K>(rod, task, tip_force, limits, start, weighs ? settings.elements : 1, settings.tolerance,
+                       found.outcome)))
+            found.outcome = solve<K>(rod, task, tip_force, 1.0, limits, start, guess, settings.elements, settings.tolerance,
+                                     iterations);
         found.stable = stable(found.outcome, settings.elements);
         found.elements = settings.elements;
         spent += found.outcome.iterations;

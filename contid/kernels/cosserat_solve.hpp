@@ -1,11 +1,12 @@
 // Bounded inverse statics: twin of contid/models/cosserat/solve.py.
 //
-// It differs in one thing: derivatives are kept for further steps while these reduce the error tenfold, since a
+// It differs in one thing (and leaves the first try to cosserat_track.hpp): derivatives are kept for further steps while these reduce the error tenfold, since a
 // sweep without derivatives costs less than half. Where it ends does not depend on that.
 #pragma once
 
 #include <algorithm>
 
+#include "box_step.hpp"
 #include "cosserat_balance.hpp"
 
 namespace contid {
@@ -75,8 +76,7 @@ inline void residual(const Task &task, const Ends &s, double *r) {
     }
 }
 
-template <int K> void jacobian(const Task &task, const Sweep<K> &s, double (&J)[9][Rod<K>::columns]) {
-    constexpr int C = Rod<K>::columns;
+template <int K, int Base, int C> void jacobian(const Task &task, const Sweep<K, Base> &s, double (&J)[9][C]) {
     for (int i = 0; i < 3; ++i)
         for (int j = 0; j < C; ++j) J[i][j] = s.tip.by.shift[i][j];
     int row = 3;
@@ -103,81 +103,11 @@ template <int K> void jacobian(const Task &task, const Sweep<K> &s, double (&J)[
     }
 }
 
-// Minimum of d H d / 2 + g d in a box that holds 0, by a primal active set with Cholesky factors.
-template <int n> void box_step(const double (&H)[n][n], const double *g, const double *low, const double *high, double *d) {
-    bool held[n];
-    double largest = 0.0;
-    for (int i = 0; i < n; ++i) {
-        d[i] = 0.0;
-        held[i] = (low[i] >= 0.0 && g[i] > 0.0) || (high[i] <= 0.0 && g[i] < 0.0);
-        largest = std::fmax(largest, std::fabs(g[i]));
-    }
-    for (int round = 0; round < 4 * n + 4; ++round) {
-        int index[n], free = 0;
-        for (int i = 0; i < n; ++i)
-            if (!held[i]) index[free++] = i;
-        if (free > 0) {
-            double L[n][n], x[n];
-            for (int a = 0; a < free; ++a) {
-                double slope = g[index[a]];
-                for (int j = 0; j < n; ++j) slope += H[index[a]][j] * d[j];
-                x[a] = -slope;
-            }
-            for (int a = 0; a < free; ++a) {
-                double diagonal = H[index[a]][index[a]];
-                for (int k = 0; k < a; ++k) diagonal -= L[a][k] * L[a][k];
-                L[a][a] = std::sqrt(std::fmax(diagonal, 1e-30));
-                const double scale = 1.0 / L[a][a];
-                for (int b = a + 1; b < free; ++b) {
-                    double value = H[index[b]][index[a]];
-                    for (int k = 0; k < a; ++k) value -= L[b][k] * L[a][k];
-                    L[b][a] = value * scale;
-                }
-            }
-            for (int a = 0; a < free; ++a) {
-                for (int k = 0; k < a; ++k) x[a] -= L[a][k] * x[k];
-                x[a] /= L[a][a];
-            }
-            for (int a = free - 1; a >= 0; --a) {
-                for (int k = a + 1; k < free; ++k) x[a] -= L[k][a] * x[k];
-                x[a] /= L[a][a];
-            }
-            double fraction = 1.0;
-            int blocking = -1;
-            for (int a = 0; a < free; ++a) {
-                const int i = index[a];
-                if (x[a] == 0.0) continue;
-                const double room = ((x[a] > 0.0 ? high[i] : low[i]) - d[i]) / x[a];
-                if (room < fraction) fraction = room, blocking = a;
-            }
-            for (int a = 0; a < free; ++a) d[index[a]] += fraction * x[a];
-            if (blocking >= 0) {
-                const int i = index[blocking];
-                d[i] = x[blocking] > 0.0 ? high[i] : low[i];
-                held[i] = true;
-                continue;
-            }
-        }
-        int worst = -1;
-        double most = 1e-12 * (1.0 + largest);
-        for (int i = 0; i < n; ++i) {
-            if (!held[i]) continue;
-            double pull = g[i];
-            for (int j = 0; j < n; ++j) pull += H[i][j] * d[j];
-            const double wrong = d[i] <= low[i] ? -pull : pull;
-            if (wrong > most) most = wrong, worst = i;
-        }
-        if (worst < 0) break;
-        held[worst] = false;
-    }
-    for (int i = 0; i < n; ++i) d[i] = std::min(std::max(d[i], low[i]), high[i]);
-}
-
 // One descent from (start, moment).
 template <int K>
 Outcome<K> solve(const Rod<K> &rod, const Task &task, Vec tip_force, double share, const Limits<K> &limits,
                  const double *start, Vec moment, int elements, double tolerance, int iterations) {
-    constexpr int n = 3 * K, C = Rod<K>::columns;
+    constexpr int n = 3 * K, C = Sweep<K>::C;
     const int rows = task.rows();
     const double weight = task.independent() < n ? kCentreWeight : 0.0;
     const double none[3] = {0, 0, 0};
@@ -209,8 +139,8 @@ Outcome<K> solve(const Rod<K> &rod, const Task &task, Vec tip_force, double shar
     Mat inverse_A;
     out.ends = here.ends();
     residual(task, out.ends, r);
-    double cost = task_cost(r, here.moment), away = distance(p), trust = kTrustStart, damping = 1.0;
-    Vec e = here.moment;
+    double cost = task_cost(r, out.ends.moment), away = distance(p), trust = kTrustStart, damping = 1.0;
+    Vec e = out.ends.moment;
     bool fresh = true;  // derivatives belong to the present point
     bool factored = false;
     int chords = 0;
@@ -282,9 +212,9 @@ Outcome<K> solve(const Rod<K> &rod, const Task &task, Vec tip_force, double shar
         const Vec next_moment = moment - turn;
         Ends trial;
         int modes = -1;
-        if (carries && !fresh) {
+        if (carries && chords > 0) {
             // Most likely the last one: its count of unstable modes is then at hand.
-            modes = count_modes<K>(rod, next, next_moment, tip_force, share, elements, trial);
+            modes = count_modes<K>(rod, next, next_moment, tip_force, share, elements, trial, out.tip_by_balance);
         } else {
             sweep<K, false>(rod, next, next_moment, tip_force, share, elements, scratch);
             trial = scratch.ends();

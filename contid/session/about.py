@@ -97,7 +97,11 @@ def describe(setup: Setup, options: Mapping[str, str], virtual: bool, host: str 
 
 def compiled_kernels() -> list[str]:
     """Kernels that models use here instead of their NumPy twins."""
-    names = [each.name.removeprefix("_") for each in iter_modules(kernels.__path__) if each.name[0] == "_"]
+    names = {
+        each.name.removeprefix("_").removesuffix("_avx2")
+        for each in iter_modules(kernels.__path__)
+        if each.name[0] == "_"
+    }
     return sorted(name for name in names if kernels.load(name) is not None)
 
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import dataclasses
+import importlib
 import sys
 import threading
 
@@ -11,7 +12,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from contid.kernels import load
+from contid.kernels import has_avx2, load
 from contid.models.cosserat.engine import Engine, NumpyEngine, Setup
 from contid.models.cosserat.section import Rod
 from contid.models.cosserat.statics import Loads
@@ -122,6 +123,8 @@ def test_bad_calls_are_errors_not_crashes() -> None:
     with pytest.raises(ValueError, match="three pressures per section"):
         kernel.inverse((0.0, 0.0, 100.0), None, None, (0.0, 0.0, 0.0), [0.5] * 3)
     with pytest.raises(TypeError):
+        kernel.inverse(("a", 0.0, 0.0), None, None, (0.0, 0.0, 0.0), [0.5] * 6)  # type: ignore[arg-type]
+    with pytest.raises(ValueError, match="three numbers"):
         kernel.inverse((0.0, 0.0), None, None, (0.0, 0.0, 0.0), [0.5] * 6)  # type: ignore[arg-type]
     for tip in ((float("nan"), 0.0, 100.0), (0.0, 0.0, 0.0), (0.0, 0.0, -1e300), (1e300, 0.0, 0.0)):
         answer = kernel.inverse(tip, None, None, (0.0, 0.0, 0.0), [0.5] * 6)
@@ -183,3 +186,23 @@ def test_out_of_reach_no_pressure_helps_further(grams: float) -> None:
         wrong = np.where(p <= 0.0, np.minimum(slope, 0.0), np.where(p >= 1.5, np.maximum(slope, 0.0), slope))
         assert np.abs(wrong).max() < 0.01 * (answer[1] * 60.0)
     assert unmet > 10
+
+
+@pytest.mark.skipif(not has_avx2(), reason="this processor has no AVX2")
+def test_wide_registers_give_the_same_bits() -> None:
+    plain = importlib.import_module("contid.kernels._cosserat")
+    wide = importlib.import_module("contid.kernels._cosserat_avx2")
+    assert load("cosserat") is wide
+    random = np.random.default_rng(3)
+    for sections, weighs in ((1, False), (2, False), (2, True), (3, False)):
+        described = setup(sections, weighs, error=1e-2, tolerance=1e-4)
+        engines = plain.Engine(described), wide.Engine(described)
+        for _ in range(40):
+            p = random.uniform(0.0, 1.0, 3 * sections).tolist()
+            force = (0.0, 0.0, float(random.choice([0.0, 0.02])))
+            assert engines[0].forward(p, force) == engines[1].forward(p, force)
+            tip = engines[0].forward(p, force)[0]
+            seed = [0.95 * x + 0.02 for x in p]
+            assert engines[0].inverse(tip, None, None, force, seed) == engines[1].inverse(
+                tip, None, None, force, seed
+            )
