@@ -26,7 +26,7 @@ _Item = TypeVar("_Item")
     "--points", default=2000, show_default=True, type=click.IntRange(50), help="Points of a timed run."
 )
 @click.option(
-    "--paper-points", default=12, show_default=True, type=click.IntRange(3), help="Of the baseline."
+    "--paper-points", default=20, show_default=True, type=click.IntRange(3), help="Of the baseline."
 )
 @click.option(
     "--trials", default=10, show_default=True, type=click.IntRange(1), help="Trials per trajectory."
