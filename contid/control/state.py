@@ -18,7 +18,8 @@ from contid.description.base import StopPolicy
 from contid.errors import ContidError
 from contid.hal import Rest, Sample
 from contid.targets import Actuation, Target
-from contid.trajectory.approach import Approach, stopping
+from contid.trajectory.approach import Approach
+from contid.trajectory.standstill import stopping
 
 NO_CORRECTION = Correction()
 

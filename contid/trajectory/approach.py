@@ -89,7 +89,7 @@ class Approach:
         import ruckig
 
         axes = len(start)
-        limits = [_per_axis(limit, axes) for limit in (velocity_limit, acceleration_limit, jerk_limit)]
+        limits = [per_axis(limit, axes) for limit in (velocity_limit, acceleration_limit, jerk_limit)]
         if any(not value > 0.0 for limit in limits for value in limit):
             raise MotionError(f"velocity, acceleration and jerk limits must be positive, got {limits}")
         self._start: Actuation = tuple(float(value) for value in start)
@@ -120,46 +120,8 @@ class Approach:
         self._duration_s: float = self._trajectory.duration
 
 
-class Stop(Approach):
-    """The shortest jerk-limited way from a moving state to a standstill; see `stopping`."""
-
-    def __init__(
-        self,
-        position: Sequence[float],
-        velocity: Sequence[float],
-        acceleration: Sequence[float],
-        acceleration_limit: Limit,
-        jerk_limit: Limit,
-    ) -> None:
-        # A stop has no velocity limit; the least speed that meets both other limits sets the scale.
-        axes = len(position)
-        limits = zip(_per_axis(acceleration_limit, axes), _per_axis(jerk_limit, axes), strict=True)
-        scale = [most**2 / jerk if jerk > 0.0 else 1.0 for most, jerk in limits]
-        self._goal = None
-        self._solve(position, velocity, acceleration, scale, acceleration_limit, jerk_limit)
-        self._goal = self.at(self._duration_s)[0]
-
-
-def stopping(
-    position: Sequence[float],
-    velocity: Sequence[float],
-    acceleration: Sequence[float],
-    acceleration_limit: Limit,
-    jerk_limit: Limit,
-) -> Stop:
-    """The stop from any state, every axis at rest at the same instant.
-
-    Args:
-        position: [m or Pa].
-        velocity: [m/s or Pa/s], also beyond any velocity limit.
-        acceleration: [m/s^2 or Pa/s^2], also beyond ``acceleration_limit``: it is brought back first.
-        acceleration_limit: one for all axes, or one per axis.
-        jerk_limit: the same.
-    """
-    return Stop(position, velocity, acceleration, acceleration_limit, jerk_limit)
-
-
-def _per_axis(limit: Limit, axes: int) -> list[float]:
+def per_axis(limit: Limit, axes: int) -> list[float]:
+    """One limit for every axis."""
     return [float(limit)] * axes if isinstance(limit, (int, float)) else [float(value) for value in limit]
 
 

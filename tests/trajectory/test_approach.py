@@ -1,4 +1,4 @@
-"""Approach and stop: limits are kept, everything arrives, from any state."""
+"""Approach: limits are kept, everything arrives, from any state."""
 
 from __future__ import annotations
 
@@ -7,7 +7,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from contid.trajectory.approach import Approach, MotionError, stopping
+from contid.trajectory.approach import Approach, MotionError
 
 VELOCITY, ACCELERATION, JERK = 0.1, 1.0, 20.0
 lengths = st.integers(0, 200_000).map(lambda micrometres: micrometres / 1e6)
@@ -40,30 +40,6 @@ def test_an_approach_starts_and_ends_at_rest_within_its_limits(
     # Just before the end everything is still arriving together, and close.
     almost = motion.at(motion.duration_s - 1e-6)[0]
     assert np.allclose(almost, goal, atol=1e-9)
-
-
-speeds, pushes = st.floats(-0.3, 0.3), st.floats(-3.0, 3.0)
-
-
-@settings(max_examples=60, deadline=None)
-@given(velocity=st.tuples(speeds, speeds), acceleration=st.tuples(pushes, pushes))
-def test_a_stop_ends_at_rest_from_any_state(
-    velocity: tuple[float, float], acceleration: tuple[float, float]
-) -> None:
-    motion = stopping((0.05, 0.06), velocity, acceleration, ACCELERATION, JERK)
-    assert motion.at(0.0) == ((0.05, 0.06), velocity)
-    assert motion.at(motion.duration_s)[1] == (0.0, 0.0)
-    assert motion.goal == motion.at(motion.duration_s + 1)[0]
-    # No jump at the hand-over to rest.
-    before, speed = motion.at(motion.duration_s - 1e-7)
-    assert np.allclose(before, motion.goal, atol=1e-9)
-    assert np.abs(speed).max() < 1e-6
-
-
-def test_a_robot_at_rest_stops_at_once() -> None:
-    motion = stopping((0.05, 0.06), (0.0, 0.0), (0.0, 0.0), ACCELERATION, JERK)
-    assert motion.duration_s == 0.0
-    assert motion.at(0.0) == ((0.05, 0.06), (0.0, 0.0))
 
 
 def test_an_approach_may_begin_in_motion() -> None:
@@ -110,5 +86,3 @@ def test_limits_that_are_none_are_refused(limits: tuple[float, float, float]) ->
 def test_numbers_that_are_none_are_refused() -> None:
     with pytest.raises(MotionError, match="no motion"):
         Approach((float("nan"),), (0.0,), (1.0,), 1.0, 1.0, 1.0)
-    with pytest.raises(MotionError):
-        stopping((0.0,), (float("inf"),), (0.0,), 1.0, 1.0)

@@ -1,0 +1,178 @@
+"""The jerk-limited stop: from any velocity and acceleration to rest, every axis at the same instant.
+
+An axis brings its acceleration a to a plateau b at full jerk j, stays there, and brings it back to zero:
+
+    T = |b - a| / j + hold + |b| / j,        v + ramps(b) + b hold = 0
+
+The slowest axis sets T. A greater b adds more to the speed at every T, so each of the others has exactly one
+b, the root of a quadratic. Acceleration beyond its limit is brought back to it first. Nothing is searched and
+nothing compared with a tolerance, so nothing can fail: this is what a robot does when everything else went
+wrong. (ruckig 0.19, which the approach is made of, refuses one in eleven pairs of axes that move alike with
+an acceleration beyond the limit: its step for equal arrival finds no way in the time one of them takes.)
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+
+from contid.targets import Actuation
+from contid.trajectory.approach import Limit, MotionError, per_axis
+
+
+class Stop:
+    """A motion to a standstill; see `stopping`."""
+
+    def __init__(self, axes: Sequence[_Axis], position: Actuation, velocity: Actuation) -> None:
+        together_s = max((axis.shortest_s for axis in axes), default=0.0)
+        self._start = position, velocity
+        self._knots = [axis.knots(each, together_s) for axis, each in zip(axes, position, strict=True)]
+        self._end = tuple([knots[-1][1] for knots in self._knots]), (0.0,) * len(axes)
+        self._duration_s = max((knots[-1][0] for knots in self._knots), default=0.0)
+
+    @property
+    def duration_s(self) -> float:
+        """Time until every axis rests."""
+        return self._duration_s
+
+    @property
+    def goal(self) -> Actuation:
+        """Where the motion ends."""
+        return self._end[0]
+
+    def at(self, time_s: float) -> tuple[Actuation, Actuation]:
+        """Position and velocity ``time_s`` after the start; the start before it, rest at the end after."""
+        if time_s >= self._duration_s:
+            return self._end
+        if time_s <= 0.0:
+            return self._start
+        states = [_state(knots, time_s) for knots in self._knots]
+        return tuple([position for position, _ in states]), tuple([velocity for _, velocity in states])
+
+
+def stopping(
+    position: Sequence[float],
+    velocity: Sequence[float],
+    acceleration: Sequence[float],
+    acceleration_limit: Limit,
+    jerk_limit: Limit,
+) -> Stop:
+    """The stop from any state, every axis at rest at the same instant; there is one for every state.
+
+    Args:
+        position: [m or Pa].
+        velocity: [m/s or Pa/s], also beyond any velocity limit.
+        acceleration: [m/s^2 or Pa/s^2], also beyond ``acceleration_limit``: it is brought back first.
+        acceleration_limit: one for all axes, or one per axis.
+        jerk_limit: the same.
+
+    Raises:
+        MotionError: numbers that are not finite, or limits that are not positive.
+    """
+    axes = len(position)
+    most, jerk = per_axis(acceleration_limit, axes), per_axis(jerk_limit, axes)
+    if any(not value > 0.0 for value in (*most, *jerk)):
+        raise MotionError(f"acceleration and jerk limits must be positive, got {most} and {jerk}")
+    if not all(map(math.isfinite, (*position, *velocity, *acceleration))):
+        raise MotionError(
+            f"no stop from position {list(position)}, velocity {list(velocity)}, "
+            f"acceleration {list(acceleration)}: they must be finite"
+        )
+    ways = [_Axis(*each) for each in zip(velocity, acceleration, most, jerk, strict=True)]
+    return Stop(ways, tuple(map(float, position)), tuple(map(float, velocity)))
+
+
+#: When a part of constant jerk begins, then position, velocity, acceleration and jerk there.
+_Knot = tuple[float, float, float, float, float]
+
+
+class _Axis:
+    """The stops of one axis, mirrored so that its acceleration is not negative.
+
+    Attributes:
+        shortest_s: least time to rest.
+    """
+
+    def __init__(self, velocity: float, acceleration: float, most: float, jerk: float) -> None:
+        self._velocity, self._acceleration, self._jerk = velocity, acceleration, jerk
+        self._sign = math.copysign(1.0, acceleration)
+        self._begin = min(abs(acceleration), most)
+        self._back_s = (abs(acceleration) - self._begin) / jerk
+        wanted = -self._sign * velocity - 0.5 * (abs(acceleration) + self._begin) * self._back_s
+        #: What a plateau adds to a speed that only lets its acceleration run out.
+        self._added = wanted - 0.5 * self._begin**2 / jerk
+        self._out_s = self._begin / jerk
+        # The plateau of no length, and the one of the shortest stop.
+        if self._added >= 0.0:
+            self._peak = min(most, math.sqrt(self._begin**2 + jerk * self._added))
+        else:
+            self._peak = -min(most, math.sqrt(-jerk * self._added))
+        self.shortest_s = self._back_s + sum(self._parts(self._peak))
+
+    def knots(self, position: float, together_s: float) -> list[_Knot]:
+        """The parts of the stop that takes so long, the last one at rest."""
+        plateau = self._plateau(together_s - self._back_s)
+        up_s, hold_s, down_s = self._parts(plateau)
+        parts = (
+            (self._back_s, -self._jerk),
+            (up_s, math.copysign(self._jerk, plateau - self._begin)),
+            (hold_s, 0.0),
+            (down_s, -math.copysign(self._jerk, plateau)),
+        )
+        out = [(0.0, position, self._velocity, self._acceleration, 0.0)]
+        for lasts_s, slope in parts:
+            begin = (*out[-1][:4], self._sign * slope)
+            out[-1] = begin
+            out.append((begin[0] + lasts_s, *_advanced(begin, lasts_s), 0.0))
+        return out
+
+    def _plateau(self, lasts_s: float) -> float:
+        """The plateau of a stop that takes so long, once the acceleration is within its limit."""
+        left_s = lasts_s - self._out_s
+        if self._added >= self._begin * left_s:
+            # b^2 - j (T + a/j) b + a^2 + j added = 0
+            half = 0.5 * self._jerk * (lasts_s + self._out_s)
+            value = _small_root(half, self._begin**2 + self._jerk * self._added)
+        elif self._added >= 0.0:
+            value = self._added / left_s
+        else:
+            value = -_small_root(0.5 * self._jerk * left_s, -self._jerk * self._added)
+        # Rounding near the peak must not lead beyond it: there the hold would be negative.
+        return math.copysign(min(abs(value), abs(self._peak)), value)
+
+    def _parts(self, plateau: float) -> tuple[float, float, float]:
+        """How long the way to a plateau, the plateau, and the way to zero take [s]."""
+        if plateau == 0.0:
+            return self._out_s, 0.0, 0.0
+        ramps = 0.0
+        if plateau > self._begin:
+            ramps = (plateau**2 - self._begin**2) / self._jerk
+        elif plateau < 0.0:
+            ramps = -(plateau**2) / self._jerk
+        hold_s = max(0.0, (self._added - ramps) / plateau)
+        return abs(plateau - self._begin) / self._jerk, hold_s, abs(plateau) / self._jerk
+
+
+def _small_root(half: float, product: float) -> float:
+    """The smaller root of ``x^2 - 2 half x + product``, the double root when rounding leaves none."""
+    double = math.sqrt(max(0.0, product))
+    if half <= double:
+        return double
+    return product / (half + math.sqrt((half - double) * (half + double)))
+
+
+def _state(knots: Sequence[_Knot], time_s: float) -> tuple[float, float]:
+    for knot in reversed(knots):
+        if time_s >= knot[0]:
+            break
+    return _advanced(knot, time_s - knot[0])[:2] if knot is not knots[-1] else (knot[1], 0.0)
+
+
+def _advanced(knot: _Knot, by_s: float) -> tuple[float, float, float]:
+    """Position, velocity and acceleration some time into a part of constant jerk."""
+    _, position, velocity, acceleration, jerk = knot
+    return (
+        position + by_s * (velocity + by_s * (acceleration / 2.0 + by_s * jerk / 6.0)),
+        velocity + by_s * (acceleration + by_s * jerk / 2.0),
+        acceleration + by_s * jerk,
+    )
