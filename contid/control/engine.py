@@ -13,6 +13,7 @@ from typing import Any, Final
 
 from contid.control import messages as msg
 from contid.control import state as change
+from contid.control.chain_watch import ChainWatch
 from contid.control.cycle import OnEnd, Sink, Timing
 from contid.control.faults import Fault, describe
 from contid.control.journal import answer_event, order_events
@@ -27,6 +28,7 @@ from contid.control.supervisor import MOVING, REST_OF, Mode
 from contid.control.tip_feedback import Measurement
 from contid.description.base import StopPolicy
 from contid.hal import Sample
+from contid.models.chain import ChainGuard
 from contid.targets import Target
 from contid.trajectory.timed import Trajectory
 
@@ -52,6 +54,7 @@ class Engine:
         trajectory: Trajectory | None = None,
         on_end: OnEnd = OnEnd.STOP,
         attended: bool = False,
+        guards: Sequence[ChainGuard] = (),
     ) -> None:
         """Prepare; nothing is touched.
 
@@ -64,6 +67,7 @@ class Engine:
             trajectory: what to follow, None to wait for rows or orders.
             on_end: what to do when the source ends.
             attended: somebody may give orders: do not end because every robot is in FAULT.
+            guards: of the closed chains among the robots.
         """
         self.plans = tuple(plans)
         self.states = [RobotState() for _ in plans]
@@ -98,6 +102,8 @@ class Engine:
         self._device_faults: dict[str, str] = {}
         self._tick = 0
         self._recorder = Recorder(self.plans, sink)
+        self._chains = ChainWatch(guards, self.plans)
+        self._gotos: dict[str, Target] = {}
 
     @property
     def moving(self) -> bool:
@@ -137,6 +143,8 @@ class Engine:
         now_s = step / self._rate_hz
         for fields in order_events(message):
             self._sink.event("order", tick=tick_number, **fields)
+        if not isinstance(message, msg.Goto):
+            self._begin_gotos(now_s)
         # Whoever gives orders is waited for, also when every robot is in FAULT.
         self._attended = self._attended or not isinstance(message, msg.Rows | msg.Measured | msg.End)
         if self._finishing and isinstance(message, msg.Rows | msg.Resume | msg.Goto | msg.Play):
@@ -165,11 +173,14 @@ class Engine:
                 self._replace(Live(), now_s)
             case msg.Mark(number):
                 self._sink.event("mark", number=number, tick=tick_number)
+            case msg.Goto(robot, target) if self._chains.concerns(robot):
+                self._gotos[robot] = target  # looked at together with what comes with it
             case msg.Goto(robot, target):
                 self._each((robot,), lambda p, s: change.goto(p, s, target, now_s))
             case msg.Hold(robots):
                 self._pause(robots, step)
                 self._each(robots, lambda p, s: change.hold(p, s, now_s))
+                self._chain_stopped(robots, now_s)
             case msg.Resume(robots):
                 if robots is None and self.source is not None:
                     self.source.resume()
@@ -177,13 +188,25 @@ class Engine:
             case msg.Stop(robots, policy, reason):
                 self._pause(robots, step)
                 self._each(robots, lambda p, s: change.stop(p, s, policy or getattr(p.stops, reason), now_s))
+                self._chain_stopped(robots, now_s)
             case msg.Estop(robots):
                 self._pause(robots, step)
                 self._each(robots, lambda p, s: change.estop(p, s, now_s))
+                self._chain_stopped(robots, now_s)
             case msg.ClearFault(robots):
                 self._each(robots, self._begin_clear)
             case msg.Finish(policy, reason):
                 self.finish(policy, reason, now_s)
+
+    def _begin_gotos(self, now_s: float) -> None:
+        """Orders to points for arms of chains, as many as came together."""
+        targets, self._gotos = self._gotos, {}
+        for robot, words in self._chains.gotos(self.states, targets, now_s, self._samples_of):
+            self._sink.event("refused", robot=robot, words=words)
+
+    def _chain_stopped(self, robots: msg.Who, now_s: float) -> None:
+        for robot, words in self._chains.stopped(self.states, robots, now_s, self._samples_of):
+            self._sink.event("refused", robot=robot, words=words)
 
     def _pause(self, robots: msg.Who, step: int) -> None:
         """What stops everybody stops the time of the trajectory too."""
@@ -211,6 +234,7 @@ class Engine:
                 # It stopped by its policy already; now the devices shall stay so without a host.
                 resting = Effect(REST_OF[plan.stops.on_fault])
                 self.states[index] = replace(state, pending=resting, enabled=False)
+        self._chain_stopped(None, now_s)
         motions = [state.motion for state in self.states if state.mode is Mode.STOPPING]
         seconds = max((motion.duration_s for motion in motions if motion is not None), default=0.0)
         self._sink.event("stopping", reason=reason, seconds=seconds)
@@ -272,7 +296,10 @@ class Engine:
         step = self._step = timing.tick - timing.skipped
         now_s = step / self._rate_hz
         source = self.source
+        self._begin_gotos(now_s)
         targets: Mapping[str, Target | None] = {} if source is None else source.targets(step)
+        targets = self._chains.targets(targets, self.states)
+        self._chains.begin(self.states, targets, now_s, self._samples_of, self._measured)
         source_is_timed = isinstance(source, Timed)
         commands: dict[str, dict[str, float]] = {name: {} for name in self._ports}
         outcomes: list[Outcome] = []
@@ -304,6 +331,7 @@ class Engine:
                 if bits:
                     self.tallies[index].limited[bits] += 1
         self._exchange(commands, timing, now_s)
+        self._chains.faults(self.states, self._told, now_s)
         self._watch_source(number, step, now_s)
         for index, state in enumerate(self.states):
             if state.mode is not self._told[index]:

@@ -1,7 +1,8 @@
 """Every fault a robot can latch: one table for messages, ``--json`` and the documentation.
 
 A fault stops one robot by its ``stop.on_fault`` policy and stays until ``clear-fault``; the other robots go
-on. Numbers never change their meaning: 1xx the devices, 2xx the arithmetic.
+on, but for those of the same closed chain. Numbers never change their meaning: 1xx the devices, 2xx the
+arithmetic, 3xx the company of other robots.
 """
 
 from __future__ import annotations
@@ -24,6 +25,8 @@ class Fault(enum.IntEnum):
     AXIS_STALE = 107
     NOT_A_NUMBER = 201
     INTERNAL = 202
+    CHAIN_FORBIDS = 301
+    CHAIN_BROKEN = 302
 
 
 @dataclass(frozen=True, slots=True)
@@ -89,6 +92,16 @@ PAGES: Final[dict[Fault, FaultPage]] = {
         _BY_POLICY,
         "this is a defect of contid: report it with the message and the recording",
     ),
+    Fault.CHAIN_FORBIDS: FaultPage(
+        "on the way to the first target the rope between two arms would be too short, or below its floor",
+        "nothing moved: this robot stays where it is and holds",
+        "clear-fault, then `contid move` the arms by a way the rope allows, or begin elsewhere; then resume",
+    ),
+    Fault.CHAIN_BROKEN: FaultPage(
+        "another arm of the same closed chain went to FAULT",
+        "this robot stopped by its own stop.on_fault policy",
+        "mend what that arm reports; then clear-fault and resume, both of them",
+    ),
 }
 
 
@@ -102,8 +115,9 @@ def markdown() -> str:
     lines = [
         "# Faults",
         "",
-        "A fault stops one robot and stays until `contid clear-fault`; a run with one ends with exit code 3.",
-        "Numbers never change their meaning: 1xx devices, 2xx arithmetic.",
+        "A fault stops one robot (and the other arm of its chain) and stays until `contid clear-fault`;",
+        "a run with one ends with exit code 3.",
+        "Numbers never change their meaning: 1xx devices, 2xx arithmetic, 3xx other robots.",
         "",
         "| number | name | cause | what the robot did | what to do |",
         "|---|---|---|---|---|",

@@ -34,7 +34,7 @@ from contid.control.setup import (
     warm_up,
 )
 from contid.control.statistics import Lateness
-from contid.control.wiring import build_plans, open_buses
+from contid.control.wiring import build_plans, chain_guards, open_buses
 from contid.errors import ContidError
 
 #: How long a stop may take once the daemon is gone, and how long a hanging bus is waited for.
@@ -62,6 +62,7 @@ class ControlProcess:
         self.engine = Engine(
             plans, ports, setup.rate_hz, ring, self._clock.now,
             trajectory=setup.trajectory, on_end=setup.on_end, attended=setup.attended,
+            guards=chain_guards(setup.loaded),
         )  # fmt: skip
         self.orphaned = False
         self._lateness = Lateness()

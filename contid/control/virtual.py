@@ -11,7 +11,7 @@ from contid.control.engine import Engine
 from contid.control.messages import End, Message, Rows
 from contid.control.ports import Port
 from contid.control.report import Report, robot_reports
-from contid.control.wiring import build_plans, open_buses
+from contid.control.wiring import build_plans, chain_guards, open_buses
 from contid.description.load import LoadedFile
 from contid.targets import Target
 from contid.trajectory.timed import Trajectory
@@ -63,6 +63,7 @@ class VirtualProcess:
         self.engine = Engine(
             build_plans(loaded, rate_hz), self.ports, rate_hz, sink, self.clock.now,
             trajectory=trajectory, on_end=on_end, attended=attended,
+            guards=chain_guards(loaded),
         )  # fmt: skip
         self.tick = self.skipped = self.cycles = 0
         self._rate_hz = rate_hz

@@ -40,6 +40,8 @@ class ChainState:
 
     Attributes:
         feasible: long enough, and above the floor.
+        margin_m: how far the lowest point is above the floor [m], negative below it; when the rope does not
+            reach, minus what is missing.
         lowest: its lowest point in the world [m]; None when it does not reach.
         reason: why it is not feasible, "" when it is.
         pull_n: tension on the first and the second tip [N]; None unless it is pinned, of known mass, and not
@@ -47,6 +49,7 @@ class ChainState:
     """
 
     feasible: bool
+    margin_m: float
     lowest: Vec3 | None
     reason: str = ""
     pull_n: tuple[float, float] | None = None
@@ -72,19 +75,19 @@ class ChainGuard:
         (start, _), (end, _) = (tips[arm] for arm in self.arms)
         hanging = hang(start, end, self._length_m)
         if hanging is None:
-            short = m_to_mm(math.dist(start, end) - self._length_m)
+            short_m = math.dist(start, end) - self._length_m
             arms = " and ".join(self.arms)
-            return ChainState(False, None, f"the rope is {short:.6g} mm too short between {arms}")
+            words = f"the rope is {m_to_mm(short_m):.6g} mm too short between {arms}"
+            return ChainState(False, -short_m, None, words)
         lowest = hanging.lowest if self._rope.ends == "pinned" else _lowest(self._pieces(tips, hanging))
         pull = None
         if self._rope.mass_g is not None and self._rope.ends == "pinned" and not hanging.taut:
             pull = hanging.pull_n(self._rope.mass_g * 1e-3 * GRAVITY)
-        if lowest[2] < self._floor_m:
-            below = (
-                f"{m_to_mm(self._floor_m - lowest[2]):.6g} mm below its floor ({m_to_mm(self._floor_m):g} mm)"
-            )
-            return ChainState(False, lowest, f"the rope hangs {below}", pull)
-        return ChainState(True, lowest, "", pull)
+        margin_m = lowest[2] - self._floor_m
+        if margin_m < 0.0:
+            below = f"{m_to_mm(-margin_m):.6g} mm below its floor ({m_to_mm(self._floor_m):g} mm)"
+            return ChainState(False, margin_m, lowest, f"the rope hangs {below}", pull)
+        return ChainState(True, margin_m, lowest, "", pull)
 
     def curves(self, tips: Mapping[str, Tip]) -> tuple[PhFit, ...]:
         """The rope as one or two quintics from the first tip to the second; none when it does not reach.

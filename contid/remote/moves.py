@@ -127,7 +127,9 @@ class Moves:
                 if move in self._going.get(name, ()):
                     self._going[name].remove(move)
             faults = self._picture.faults(self._orders.newest(), tuple(targets))
-            words = "; ".join(outcome.refused.values())
+            words = "; ".join(
+                dict.fromkeys(outcome.refused.values())
+            )  # a chain says the same of both its arms
             raise RemoteError(Code.FAULT if faults else Code.REFUSED, words, faults)
         return {"move": move.number, "tick": outcome.tick}
 

@@ -20,7 +20,7 @@ from contid.control.engine import Engine
 from contid.control.journal import answer_of, order_of
 from contid.control.messages import Play
 from contid.control.ports import Answer, Job
-from contid.control.wiring import build_plans, driven_robots, record_layout
+from contid.control.wiring import build_plans, chain_guards, driven_robots, record_layout
 from contid.description.load import LoadedFile
 from contid.errors import ContidError
 from contid.hal import Sample
@@ -164,6 +164,7 @@ def replay(
         trajectory=session.trajectory(loaded),
         on_end=OnEnd(session.option("on_end") or "stop"),
         attended=session.option("attended") == "true",
+        guards=chain_guards(loaded),
     )
     comparison = Comparison(session.layout, session.device_units, tolerance)
     by_tick: dict[int, list[Mapping[str, Any]]] = defaultdict(list)
