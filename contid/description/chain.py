@@ -57,7 +57,7 @@ class Chain(RobotDescription):
 
     A trajectory is refused, and a row of a live stream holds the arms, where the rope would be too short or
     would hang below the floor; approaches, orders to points and ways to rest poses do not begin there. The
-    arms are one body: a fault of one stops the other by its own ``stop.on_fault``, and an order that stops one
+    arms are one body: a fault of one stops the other by its own ``stop.on_fault``, an order that stops one
     holds the other. Gravity is along -z of the world.
 
     Attributes:
