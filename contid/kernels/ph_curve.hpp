@@ -17,6 +17,8 @@ constexpr int panels = 8;
 constexpr double no_turn = 1e-12;
 constexpr double underflow = 1e-150;
 constexpr double straight = 1e-10;
+constexpr double dear = 2.0;
+constexpr double small = 1.0;
 
 inline double dot(const Vec& a, const Vec& b) { return a[0] * b[0] + a[1] * b[1] + a[2] * b[2]; }
 inline double dot(const Quat& a, const Quat& b) {
@@ -145,6 +147,69 @@ inline Spinor spinor(const std::array<Quat, 3>& A, double t) {
   return s;
 }
 
+// 24-point Gauss rule on [0, 1], by Newton on the Legendre polynomial.
+struct Gauss {
+  static constexpr int count = 24;
+  double node[count], weight[count];
+  Gauss() {
+    for (int i = 0; i < count; ++i) {
+      double x = std::cos(3.14159265358979323846 * (i + 0.75) / (count + 0.5)), slope = 1.0;
+      for (int step = 0; step < 20; ++step) {
+        double before = 1.0, here = x;
+        for (int n = 2; n <= count; ++n) {
+          const double next = ((2 * n - 1) * x * here - (n - 1) * before) / n;
+          before = here;
+          here = next;
+        }
+        slope = count * (before - x * here) / (1.0 - x * x);
+        x -= here / slope;
+      }
+      node[i] = 0.5 * (1.0 - x);
+      weight[i] = 1.0 / ((1.0 - x * x) * slope * slope);
+    }
+  }
+};
+
+// Bending plus twisting energy for unit stiffness.
+inline double energy(const std::array<Quat, 3>& A) {
+  static const Gauss gauss;
+  double sum = 0.0;
+  for (int i = 0; i < Gauss::count; ++i) {
+    const Spinor s = spinor(A, gauss.node[i]);
+    const auto& [u, v, p, q] = s.a;
+    const auto& [du, dv, dp, dq] = s.d;
+    const double spin = u * dv - du * v - p * dq + dp * q;
+    const double k2 = u * dq - du * q - v * dp + dv * p;
+    const double k3 = u * dp - du * p + v * dq - dv * q;
+    sum += gauss.weight[i] * 4.0 * (spin * spin + k2 * k2 + k3 * k3) / (s.sigma * s.sigma * s.sigma);
+  }
+  return sum;
+}
+
+// For a stated length that may be wrong by a hundredth: see through_rough of contid/models/ph_ends.py.
+inline Fit through_rough(const Vec& chord, const Vec& t0, const Vec& t1, double length) {
+  constexpr double nan = std::numeric_limits<double>::quiet_NaN();
+  const Fit fit = through(chord, t0, t1, length, 0.0, 0.0);
+  if (std::isnan(length)) return fit;
+  Fit free = through(chord, t0, t1, nan, 0.0, 0.0);
+  const double most = dear * energy(free.preimage) + small / length;
+  if (fit.length_met && energy(fit.preimage) <= most) return fit;
+  constexpr double pi = 3.14159265358979323846;
+  Fit least = fit;
+  double least_energy = std::numeric_limits<double>::infinity();
+  for (int branch = 0; branch < 4; ++branch) {
+    const Fit other = through(chord, t0, t1, length, branch % 2 ? pi : 0.0, branch / 2 ? pi : 0.0);
+    const double cost = energy(other.preimage);
+    if (other.length_met && cost < least_energy) {
+      least = other;
+      least_energy = cost;
+    }
+  }
+  if (least_energy <= most) return least;
+  free.length_met = false;
+  return free;
+}
+
 // Parameter at arc length s: Newton on the quintic, kept inside a bracket that only shrinks.
 inline double parameter_at(const std::array<Quat, 3>& A, double length, double s) {
   const std::array<double, 5> sigma = {dot(A[0], A[0]), dot(A[0], A[1]),
@@ -233,7 +298,7 @@ inline Inverse inverse(const Arm& arm, const Vec& tip, const Vec& direction, dou
   Inverse out;
   const double size = std::sqrt(dot(direction, direction));
   const Vec t1 = {direction[0] / size, direction[1] / size, direction[2] / size};
-  const Fit fit = through(tip, {0.0, 0.0, 1.0}, t1, length, 0.0, 0.0);
+  const Fit fit = through_rough(tip, {0.0, 0.0, 1.0}, t1, length);
   out.length_met = fit.length_met;
   double joints[max_sections + 1] = {0.0}, travelled = 0.0;
   for (int section = 0; section < arm.sections; ++section) {

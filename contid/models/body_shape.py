@@ -15,15 +15,12 @@ import numpy as np
 from contid.models.chain import ChainGuard
 from contid.models.frames import BaseFrame
 from contid.models.model import Model
-from contid.models.ph_ends import Ends, PhFit, least_energy, through
+from contid.models.ph_ends import DEAR, SMALL, Ends, PhFit, least_energy, through
 from contid.models.ph_lift import Array
 from contid.targets import ZERO3, Actuation, Vec3
 
 #: Enough segments that a polyline, extrapolated, has the length of the curve to a millionth.
 FINE: Final = 1024
-#: When a rough length is not believed: `from_rough_pose`.
-DEAR: Final = 2.0
-SMALL: Final = 1.0
 #: Where a planar body (2) and a spatial one (3) grow along in their base frame.
 GROWS_ALONG: Final[dict[int, Vec3]] = {2: (0.0, 1.0, 0.0), 3: (0.0, 0.0, 1.0)}
 

@@ -17,7 +17,7 @@ A body that turns by more than 180 degrees in total needs ``beta = pi``.
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Final
 
 import numpy as np
@@ -29,6 +29,10 @@ from contid.targets import Vec3
 #: The closed-form choice, and the four branches that `least_energy` looks at.
 CLOSED_FORM: Final = (0.0, 0.0)
 BRANCHES: Final = ((0.0, 0.0), (math.pi, 0.0), (0.0, math.pi), (math.pi, math.pi))
+
+#: When a stated length is not believed: `through_rough`.
+DEAR: Final = 2.0
+SMALL: Final = 1.0
 
 # Straight and just as long as the chord: every m gives that length, and the quadratic is 0/0.
 STRAIGHT: Final = 1e-10
@@ -168,6 +172,29 @@ def least_energy(ends: Ends, length_m: float | None = None) -> PhFit:
     """
     fits = [through(ends, length_m, beta, gamma) for beta, gamma in BRANCHES]
     return min(fits, key=lambda fit: (not fit.length_met, fit.energy_per_m))
+
+
+def through_rough(ends: Ends, length_m: float | None = None) -> PhFit:
+    """The quintic for a length that is stated but may be wrong by a hundredth, and ends with noise.
+
+    Surplus length has to go somewhere: between nearly straight ends the closed form puts it into a loop,
+    and so do all four branches. Where the length costs more than `DEAR` times the energy of the curve of
+    unknown length and `SMALL` besides (a turn of one radian has the energy 1 per body length), for the closed
+    form and for the branch of least energy, it is an error of the length: the curve of unknown length is the
+    answer, with ``length_met`` False. Exact data of two-section arms stay below 1.2 times.
+    """
+    fit = through(ends, length_m)
+    if length_m is None:
+        return fit
+    free = through(ends)
+    most = DEAR * free.energy_per_m + SMALL / length_m
+    if fit.length_met and fit.energy_per_m <= most:
+        return fit
+    least = least_energy(ends, length_m)
+    if least.length_met and least.energy_per_m <= most:
+        return least
+    note = f"the length {length_m * 1e3:g} mm would fold the body between these ends: it is not believed"
+    return replace(free, length_met=False, note=note if fit.length_met else fit.note)
 
 
 def _unit(direction: Vec3) -> Array:

@@ -18,7 +18,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from contid.kernels import load
-from contid.models.ph_ends import Ends, PhFit, through
+from contid.models.ph_ends import Ends, PhFit, through_rough
 from contid.models.ph_lift import Array
 from contid.models.ph_tubes import section_bending, tube_lengths
 from contid.targets import ZERO3, Vec3
@@ -43,7 +43,8 @@ class ShapeSolution:
         totals_m: sum over the sections for each tube [m].
         backbone_m: backbone length of each section [m].
         bending: (u, v) of each section [rad], as in a constant-curvature section.
-        length_met: False when the stated backbone length is impossible for this pose.
+        length_met: False when the stated backbone length is impossible for this pose, or would fold the arm;
+            it is left out then (`contid.models.ph_ends.through_rough`).
     """
 
     lengths_m: tuple[float, ...]
@@ -69,7 +70,7 @@ def ph_inverse(
         split: share of each section in the backbone length; must sum to 1.
         length_m: backbone length [m], or None when it is not known.
     """
-    fit = through(Ends(ZERO3, tip_m, _BASE_DIRECTION, direction), length_m)
+    fit = through_rough(Ends(ZERO3, tip_m, _BASE_DIRECTION, direction), length_m)
     backbone, bending, lengths = _offsets(fit, sections, np.array(split))
     return ShapeSolution(
         tuple(lengths.reshape(-1).tolist()),

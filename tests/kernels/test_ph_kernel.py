@@ -81,3 +81,22 @@ def test_without_the_kernel_numpy_answers(monkeypatch: pytest.MonkeyPatch) -> No
     monkeypatch.delenv("CONTID_PURE_PYTHON")
     compiled = ShapeInverse(SECTIONS, SPLIT).solve((0.02, 0.01, 0.23), (0.1, 0.0, 0.99))
     assert found.lengths_m == pytest.approx(compiled.lengths_m, abs=1e-14)
+
+
+def test_nearly_straight_arms_with_noise_and_a_stated_length() -> None:
+    """A length a hundredth too long is not folded into a loop; kernel and specification decide alike."""
+    rng = np.random.default_rng(41)
+    arm = ShapeInverse(SECTIONS, SPLIT)
+    believed = 0
+    for _ in range(400):
+        backbone = rng.uniform(0.2, 0.28)
+        # 1 mm and 1 degree of noise about the straight arm, the length known to a hundredth.
+        tip = tuple((np.array([0.0, 0.0, backbone]) + 1e-3 * rng.standard_normal(3)).tolist())
+        direction = tuple(np.array([*np.radians(rng.standard_normal(2)), 1.0]).tolist())
+        length = float(backbone * (1.0 + rng.uniform(-0.005, 0.015)))
+        fast, slow = arm.solve(tip, direction, length), ph_inverse(tip, direction, SECTIONS, SPLIT, length)
+        assert fast.length_met is slow.length_met
+        assert fast.lengths_m == pytest.approx(slow.lengths_m, abs=1e-12)
+        believed += fast.length_met
+        assert np.abs(np.array(fast.totals_m) - backbone).max() < 0.012
+    assert 0 < believed < 400
