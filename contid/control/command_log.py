@@ -38,7 +38,7 @@ class CommandLog:
         self._file.write(",".join(cells) + "\n")
 
     def write(self, values: list[float]) -> None:
-        """See `contid.control.engine.Sink`."""
+        """See `contid.control.cycle.Sink`."""
         self.add(self._layout.decode(tuple(values)))
 
     def event(self, kind: str, **fields: Any) -> None:

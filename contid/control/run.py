@@ -49,7 +49,7 @@ class RunRequest:
         mock: simulated devices.
         trajectory: file of timed rows; None for stdin.
         rate_hz: instead of the file's.
-        on_end: `contid.control.engine.OnEnd`.
+        on_end: `contid.control.cycle.OnEnd`.
         unreachable: `contid.control.preflight.Unreachable`.
         virtual: in virtual time.
         log: where to write every command.
@@ -184,7 +184,7 @@ class Messages:
         """Records are for others."""
 
     def event(self, kind: str, **fields: object) -> None:
-        """See `contid.control.engine.Sink`."""
+        """See `contid.control.cycle.Sink`."""
         if kind in ("fault", "refused", "bus"):
             say(str(fields["words"]))
 

@@ -24,12 +24,12 @@ class Tee:
         self.sinks = sinks
 
     def write(self, values: list[float]) -> None:
-        """See `contid.control.engine.Sink`."""
+        """See `contid.control.cycle.Sink`."""
         for sink in self.sinks:
             sink.write(values)
 
     def event(self, kind: str, **fields: Any) -> None:
-        """See `contid.control.engine.Sink`."""
+        """See `contid.control.cycle.Sink`."""
         for sink in self.sinks:
             sink.event(kind, **fields)
 

@@ -94,7 +94,7 @@ class DrawingSink:
         self._frames: list[Frame] = []
 
     def write(self, values: list[float]) -> None:
-        """See `contid.control.engine.Sink`."""
+        """See `contid.control.cycle.Sink`."""
         frame = self._decimator.add(values)
         if frame is not None:
             self._frames.append(frame)
@@ -102,7 +102,7 @@ class DrawingSink:
                 self._draw()
 
     def event(self, kind: str, **fields: Any) -> None:
-        """See `contid.control.engine.Sink`."""
+        """See `contid.control.cycle.Sink`."""
         event: Mapping[str, Any] = {"event": kind, **fields}
         self._host.picture.event(event)
 

@@ -53,7 +53,7 @@ class Rig:
 
     def tip(self) -> tuple[float, float, float]:
         """Where the plant's tip really is: the true model at the measured actuation."""
-        samples = self.engine._samples
+        samples = self.engine.samples
         actuation = self.plan.transmission.to_actuation([samples[axis].value for axis in self.plan.axes])
         return self.plan.frame.point_in_world(self.truth.forward(actuation).tip_m)
 
@@ -68,7 +68,7 @@ class Rig:
             now_s = self.tick / RATE_HZ
             self.engine.cycle(Timing(self.tick, 0, now_s))
             self.tick += 1
-            if self.engine._samples:
+            if self.engine.samples:
                 self.tips.append(self.tip())
 
     def close(self) -> None:
