@@ -2,10 +2,12 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable, Iterator
+
 from rich.console import Console
 from rich.table import Table
 
-from contid.description.summary import FileReport, RobotReport
+from contid.description.summary import ChainReport, FileReport, RobotReport
 
 
 def print_report(report: FileReport) -> None:
@@ -21,21 +23,45 @@ def print_report(report: FileReport) -> None:
     for robot in report["robots"]:
         base = ", ".join(f"{value:g}" for value in robot["base_mm"])
         say(f"\n{robot['name']}: {robot['model']} at ({base}) mm")
+        if robot["kinematics"] != robot["model"]:
+            say(f"  inverse: {robot['kinematics'].rpartition('.')[2]}")
         if robot["passive"]:
             say("  passive: it has no actuators of its own")
+            if robot["chain"] is not None:
+                for line in _chain(robot["chain"]):
+                    say(f"  {line}")
+                _placeholders(robot, say)
             continue
         console.print(_axes(robot))
         say(f"  rates: {_rates(robot)}")
         say(f"  takes: {', '.join(robot['accepts'])}")
         say(f"  stops: {', '.join(f'{key} {value}' for key, value in robot['stop'].items())}")
-        if robot["placeholders"]:
-            say(f"  placeholders (numbers no one measured): {', '.join(robot['placeholders'])}")
+        _placeholders(robot, say)
     buses = Table("bus", "driver", "port", "axes", "misses allowed")
     for bus in report["buses"]:
         tolerance = f"{bus['tolerance_ticks']} ticks"
         buses.add_row(bus["name"], bus["driver"], bus["port"], str(bus["axes"]), tolerance)
     say("")
     console.print(buses)
+
+
+def _placeholders(robot: RobotReport, say: Callable[[str], None]) -> None:
+    if robot["placeholders"]:
+        say(f"  placeholders (numbers no one measured): {', '.join(robot['placeholders'])}")
+
+
+def _chain(chain: ChainReport) -> Iterator[str]:
+    """Links from base to base, and what the rope must keep."""
+    first, second = (
+        f"arm {arm['name']} on its base at ({', '.join(f'{value:g}' for value in arm['base_mm'])}) mm"
+        for arm in chain["arms"]
+    )
+    mass = "mass not stated" if chain["mass_g"] is None else f"{chain['mass_g']:g} g"
+    curve = "one curve" if chain["pieces"] == 1 else f"{chain['pieces']} curves"
+    yield f"link 1: {first}"
+    yield f"link 2: rope of {chain['length_mm']:g} mm, {mass}, {chain['ends']} at both ends, {curve}"
+    yield f"link 3: {second}"
+    yield f"bases {chain['bases_apart_mm']:g} mm apart; the rope stays above z = {chain['floor_mm']:g} mm"
 
 
 def _axes(robot: RobotReport) -> Table:

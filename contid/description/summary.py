@@ -2,8 +2,10 @@
 
 from __future__ import annotations
 
+import math
 from typing import TypedDict
 
+from contid.description.chain import Chain
 from contid.description.load import BusWiring, LoadedFile
 from contid.description.robot import RobotDescription
 from contid.hal import load_driver
@@ -20,11 +22,31 @@ class AxisReport(TypedDict):
     address: str
 
 
+class ArmReport(TypedDict):
+    """An arm of a chain and where its base stands."""
+
+    name: str
+    base_mm: list[float]
+
+
+class ChainReport(TypedDict):
+    """What closes between the bases of two arms; ``mass_g`` is None when it was not stated."""
+
+    arms: list[ArmReport]
+    bases_apart_mm: float
+    length_mm: float
+    mass_g: float | None
+    ends: str
+    pieces: int
+    floor_mm: float
+
+
 class RobotReport(TypedDict):
     """One robot; ``limits`` are of every axis, in ``unit`` and seconds."""
 
     name: str
     model: str
+    kinematics: str
     unit: str
     passive: bool
     accepts: list[str]
@@ -35,6 +57,7 @@ class RobotReport(TypedDict):
     axes: list[AxisReport]
     stop: dict[str, str]
     placeholders: list[str]
+    chain: ChainReport | None
 
 
 class BusReport(TypedDict):
@@ -94,17 +117,39 @@ def _robot(loaded: LoadedFile, name: str, robot: RobotDescription) -> RobotRepor
     return {
         "name": name,
         "model": str(robot.model),  # type: ignore[attr-defined]  # every leaf class has it
+        "kinematics": robot.kinematics,
         "unit": unit,
         "passive": robot.passive,
         "accepts": sorted(robot.accepts),
-        "base_mm": [robot.base.x_mm, robot.base.y_mm, robot.base.z_mm],
+        "base_mm": _base_mm(robot),
         "velocity": getattr(robot.rates, f"velocity_{unit}_s"),
         "acceleration": getattr(robot.rates, f"acceleration_{unit}_s2"),
         "jerk": getattr(robot.rates, f"jerk_{unit}_s3"),
         "axes": axes,
         "stop": {key: value.value for key, value in robot.stop},
         "placeholders": list(robot.placeholder),
+        "chain": _chain(loaded, robot) if isinstance(robot, Chain) else None,
     }
+
+
+def _chain(loaded: LoadedFile, chain: Chain) -> ChainReport:
+    arms: list[ArmReport] = [
+        {"name": name, "base_mm": _base_mm(loaded.file.robots[name])} for name in chain.arms
+    ]
+    rope = chain.rope
+    return {
+        "arms": arms,
+        "bases_apart_mm": math.dist(*(arm["base_mm"] for arm in arms)),
+        "length_mm": rope.length_mm,
+        "mass_g": rope.mass_g,
+        "ends": rope.ends,
+        "pieces": rope.pieces,
+        "floor_mm": chain.floor_mm,
+    }
+
+
+def _base_mm(robot: RobotDescription) -> list[float]:
+    return [robot.base.x_mm, robot.base.y_mm, robot.base.z_mm]
 
 
 def _bus(bus: BusWiring) -> BusReport:

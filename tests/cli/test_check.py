@@ -28,6 +28,30 @@ def test_the_report_names_robots_axes_buses_limits_rate_and_placeholders() -> No
     assert "placeholders (numbers no one measured): geometry.rack_spacing_mm" in done.output
 
 
+def test_the_report_names_the_links_of_a_chain_and_a_chosen_inverse(configs: Path, tmp_path: Path) -> None:
+    done = CliRunner().invoke(command, [str(configs / "chain.yaml")])
+    assert done.exit_code == 0, done.output
+    for words in (
+        "link 1: arm left on its base at (0, 0, 0) mm",
+        "link 2: rope of 1000 mm, 50 g, pinned at both ends, one curve",
+        "link 3: arm right on its base at (700, 0, 0) mm",
+        "bases 700 mm apart; the rope stays above z = -150 mm",
+        "placeholders (numbers no one measured): floor_mm, links",
+    ):
+        assert words in done.output
+    text = (configs / "chain.yaml").read_text()
+    other = tmp_path / "chain.yaml"
+    other.write_text(
+        text.replace("mass_g: 50, ", "").replace("tri_tube\n", "tri_tube\n    solver: {method: ph}\n")
+    )
+    done = CliRunner().invoke(command, [str(other)])
+    assert "rope of 1000 mm, mass not stated" in done.output
+    assert done.output.count("inverse: ph") == 2
+    report = json.loads(CliRunner().invoke(command, [str(other), "--json"]).stdout)
+    rope = report["robots"][2]["chain"]
+    assert (rope["bases_apart_mm"], rope["length_mm"], rope["mass_g"]) == (700, 1000, None)
+
+
 @pytest.mark.parametrize("name", ["finger", "hand"])
 def test_the_report_as_json(configs: Path, name: str) -> None:
     done = CliRunner().invoke(command, [str(configs / f"{name}.yaml"), "--json"])
