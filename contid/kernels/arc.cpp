@@ -62,7 +62,8 @@ void make(SectionSolver* self, nb::handle radius, nb::handle to_arc, nb::handle 
                     nb::cast<int>(tuning.attr("home_steps")), nb::cast<double>(tuning.attr("contraction")),
                     nb::cast<double>(tuning.attr("slow")),
                     nb::cast<int>(tuning.attr("iterations")), nb::cast<int>(tuning.attr("settling")),
-                    nb::cast<int>(tuning.attr("starts")), nb::cast<int>(tuning.attr("agreeing"))};
+                    nb::cast<int>(tuning.attr("starts")), nb::cast<int>(tuning.attr("agreeing")),
+                    nb::cast<double>(tuning.attr("tracking"))};
   self->prepare();
 }
 

@@ -18,6 +18,7 @@ struct Tuning {
   double contraction;
   double slow;
   int iterations, settling, starts, agreeing;
+  double tracking;
 };
 
 struct Aim {
@@ -33,6 +34,11 @@ struct Answer {
   std::uint64_t binding;
   int iterations;
   int starts;
+};
+
+// What ends the search of a target that is not met: so many starts that agree, or so many in all.
+struct Patience {
+  int agreeing, starts;
 };
 
 inline double halton(int index, int prime) {
@@ -80,9 +86,10 @@ class SectionSolver {
       out.residual = task.error;
       return finish(out);
     }
-    double trial[kMostLengths];
+    double trial[kMostLengths], begun[kMostLengths];
     std::memcpy(trial, seed, n * sizeof(double));
     feasible.pull(trial);
+    std::memcpy(begun, trial, n * sizeof(double));
     Task task;
     look(trial, aim, task);
     if (!(task.error < 1e6)) {  // not a number, or no place of this world: nothing to descend
@@ -97,8 +104,11 @@ class SectionSolver {
       int agreeing = 1;
       const bool biarcs = feasible.sections.count == 2 && aim.direction && !aim.mid;
       const double far = std::sqrt(dot(aim.tip, aim.tip, 3));
-      const int enough = far > feasible.longest() ? tuning.agreeing : 2 * kLibrary;
-      if (!biarcs || !try_biarcs(aim, out, enough, agreeing)) try_library(aim, out, enough, agreeing);
+      double step = 0.0;
+      for (int i = 0; i < n; ++i) step = std::max(step, std::fabs(trial[i] - begun[i]));
+      const Patience patience{far > feasible.longest() ? tuning.agreeing : 2 * kLibrary,
+                              step <= tuning.tracking * tuning.ell ? tuning.agreeing : 2 * kLibrary};
+      if (!biarcs || !try_biarcs(aim, out, patience, agreeing)) try_library(aim, out, patience, agreeing);
     }
     finish(out);
   }
@@ -138,7 +148,7 @@ class SectionSolver {
   }
 
   // One more start; true when the search can end: the target is met, or enough starts agree.
-  bool try_start(double* start, const Aim& aim, Answer& out, int enough, int& agreeing) const {
+  bool try_start(double* start, const Aim& aim, Answer& out, Patience patience, int& agreeing) const {
     const double left = descend(start, aim, out.iterations);
     ++out.starts;
     // A clear gain only, so that noise does not make the answer jump between equal minima.
@@ -149,10 +159,10 @@ class SectionSolver {
     } else if (left < 1.001 * out.residual) {
       ++agreeing;
     }
-    return out.residual <= tuning.tolerance || agreeing >= enough;
+    return out.residual <= tuning.tolerance || agreeing >= patience.agreeing || out.starts >= patience.starts;
   }
 
-  bool try_biarcs(const Aim& aim, Answer& out, int enough, int& agreeing) const {
+  bool try_biarcs(const Aim& aim, Answer& out, Patience patience, int& agreeing) const {
     constexpr int kLegs = 64, kBest = 3;
     const Sections& s = feasible.sections;
     const int n = feasible.size();
@@ -182,12 +192,12 @@ class SectionSolver {
       double start[kMostLengths];
       std::memcpy(start, lengths[order[k]], n * sizeof(double));
       feasible.pull(start);
-      if (try_start(start, aim, out, enough, agreeing)) return true;
+      if (try_start(start, aim, out, patience, agreeing)) return true;
     }
     return false;
   }
 
-  void try_library(const Aim& aim, Answer& out, int enough, int& agreeing) const {
+  void try_library(const Aim& aim, Answer& out, Patience patience, int& agreeing) const {
     double distance[kLibrary];
     int order[kLibrary];
     for (int k = 0; k < kLibrary; ++k) {
@@ -206,7 +216,7 @@ class SectionSolver {
     for (int k = 0; k < tuning.starts; ++k) {  // the nearest ones, then ever farther ones
       double start[kMostLengths];
       std::memcpy(start, library_[order[std::min(k * (k + 7) / 8, kLibrary - 1)]], sizeof start);
-      if (try_start(start, aim, out, enough, agreeing)) return;
+      if (try_start(start, aim, out, patience, agreeing)) return;
     }
   }
 

@@ -51,8 +51,11 @@ class Tuning:
         iterations: greatest number of damped steps per start.
         settling: greatest number of Newton steps per start, for targets that are not met.
         starts: starts after the seed for a target that is not met.
-        agreeing: for targets beyond the length of the arm, so many starts that end at the best answer end the
-            search; within its length every start is tried.
+        agreeing: so many starts that end at the best answer end the search for targets beyond the length of
+            the arm; within its length every start is tried.
+        tracking: a descent from the seed that moves less than ``tracking * ell_m`` and does not meet its
+            target follows a bounded optimum as the tick before did: only ``agreeing`` starts are tried then,
+            for a long search would miss the next tick.
     """
 
     ell_m: float
@@ -67,6 +70,7 @@ class Tuning:
     settling: int = 80
     starts: int = 32
     agreeing: int = 3
+    tracking: float = 0.1
 
 
 def tuning_for(feasible: Feasible) -> Tuning:

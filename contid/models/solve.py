@@ -96,7 +96,9 @@ class SectionSolver:
         best, error, iterations = self._descent.run(start, aim)
         tried = agreeing = 1
         beyond = math.dist(aim.tip, (0.0, 0.0, 0.0)) > self.feasible.longest_m
+        tracked = float(np.abs(best - start).max()) <= self.tuning.tracking * self.tuning.ell_m
         enough = self.tuning.agreeing if beyond else 2 * LIBRARY
+        most = self.tuning.agreeing if tracked else 2 * LIBRARY
         if error > self.tuning.tolerance_m:
             for start in self._starts(aim):
                 lengths, left, steps = self._descent.run(start, aim)
@@ -107,7 +109,7 @@ class SectionSolver:
                     best, error, agreeing = lengths, left, 1
                 elif left < 1.001 * error:
                     agreeing += 1
-                if error <= self.tuning.tolerance_m or agreeing >= enough:
+                if error <= self.tuning.tolerance_m or agreeing >= enough or tried >= most:
                     break
         return self._answer(best, error, iterations, tried)
 

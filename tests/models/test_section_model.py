@@ -206,3 +206,17 @@ def test_no_target_leads_outside_the_limits(backend, configs, name):
         assert solution.converged == (solution.residual_m <= 1e-6)  # two segments can curl back to the base
         assert np.isfinite(solution.actuation).all()
         assert model.feasible.excess(np.array(solution.actuation)).max() <= 1e-12
+
+
+@pytest.mark.skipif(load("arc") is None, reason="the kernel is not built, or CONTID_PURE_PYTHON is set")
+def test_following_out_of_reach_tries_few_starts_and_a_cold_start_many(monkeypatch):
+    tip_m = (0.02, 0.0, 0.06)
+    solver = build_solver(ROBOTS["tri-rack 2"]())
+    cold = solver.solve(tip_m, None, None, (0.1,) * 6)
+    assert not cold[2]
+    assert cold[5] > 3
+    monkeypatch.setenv(PURE_PYTHON, "1")
+    for each in (solver, build_solver(ROBOTS["tri-rack 2"]())):
+        warm = each.solve(tip_m, None, None, cold[0])
+        assert warm[5] <= 3
+        assert warm[1] == pytest.approx(cold[1], rel=1e-9)
