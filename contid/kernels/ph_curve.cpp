@@ -75,6 +75,14 @@ nb::tuple fit_through(double x, double y, double z, const std::vector<double>& t
   return nb::make_tuple(fit.end_speed, fit.length, fit.length_met, tuple_of(&fit.preimage[0][0], 12));
 }
 
+// The lowest of `looks` points of the curve of a length through two ends, from its start.
+nb::tuple lowest_point(double x, double y, double z, double ux, double uy, double uz, double vx, double vy, double vz,
+                       double length, int looks) {
+  if (looks < 2) throw std::invalid_argument("at least two looks, at both ends");
+  const Vec found = lowest(through({x, y, z}, {ux, uy, uz}, {vx, vy, vz}, length, 0.0, 0.0), looks);
+  return tuple_of(found.data(), 3);
+}
+
 }  // namespace
 
 NB_MODULE(_ph_curve, module) {
@@ -86,6 +94,7 @@ NB_MODULE(_ph_curve, module) {
       .def("solve", &ShapeInverse::solve, nb::arg("x"), nb::arg("y"), nb::arg("z"), nb::arg("ax"),
            nb::arg("ay"), nb::arg("az"), nb::arg("length") = nan_value)
       .def("solve_rows", &ShapeInverse::solve_rows, nb::arg("poses"), nb::arg("out"));
+  module.def("lowest", &lowest_point);
   module.def("through", &fit_through, nb::arg("x"), nb::arg("y"), nb::arg("z"), nb::arg("start_direction"),
              nb::arg("end_direction"), nb::arg("length") = nan_value, nb::arg("beta") = 0.0,
              nb::arg("gamma") = 0.0);

@@ -147,6 +147,29 @@ inline Spinor spinor(const std::array<Quat, 3>& A, double t) {
   return s;
 }
 
+// The lowest of `looks` points of a curve, counted from its start; the hodograph is integrated exactly.
+inline Vec lowest(const Fit& fit, int looks) {
+  const auto& A = fit.preimage;
+  const Vec s0 = product(A[0], A[0]), s1 = product(A[0], A[1]), s2 = product(A[0], A[2]),
+            s3 = product(A[1], A[1]), s4 = product(A[1], A[2]), s5 = product(A[2], A[2]);
+  Vec P[6] = {{0.0, 0.0, 0.0}};
+  for (int i = 0; i < 3; ++i) {
+    const double step[5] = {s0[i] / 5.0, s1[i] / 5.0, (s2[i] + 2.0 * s3[i]) / 15.0, s4[i] / 5.0, s5[i] / 5.0};
+    for (int k = 0; k < 5; ++k) P[k + 1][i] = P[k][i] + step[k];
+  }
+  Vec best = P[0];
+  for (int look = 1; look < looks; ++look) {
+    const double t = static_cast<double>(look) / (looks - 1);
+    Vec Q[6];
+    for (int k = 0; k < 6; ++k) Q[k] = P[k];
+    for (int level = 5; level > 0; --level)
+      for (int k = 0; k < level; ++k)
+        for (int i = 0; i < 3; ++i) Q[k][i] += (Q[k + 1][i] - Q[k][i]) * t;
+    if (Q[0][2] < best[2]) best = Q[0];
+  }
+  return best;
+}
+
 // 24-point Gauss rule on [0, 1], by Newton on the Legendre polynomial.
 struct Gauss {
   static constexpr int count = 24;

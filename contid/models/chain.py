@@ -18,6 +18,7 @@ from typing import Final, TypeAlias
 import numpy as np
 
 from contid.description.chain import Chain
+from contid.kernels import load
 from contid.models.catenary import Catenary, as_quintic, hang
 from contid.models.ph_ends import Ends, PhFit, through
 from contid.models.ph_lift import Array
@@ -69,6 +70,7 @@ class ChainGuard:
         self._rope = chain.rope
         self._length_m = chain.rope.length_mm / MM_PER_M
         self._floor_m = chain.floor_m
+        self._kernel = load("ph_curve")
 
     def check(self, tips: Mapping[str, Tip]) -> ChainState:
         """The state of the chain for the poses of its arms (others are not looked at)."""
@@ -79,7 +81,7 @@ class ChainGuard:
             arms = " and ".join(self.arms)
             words = f"the rope is {m_to_mm(short_m):.6g} mm too short between {arms}"
             return ChainState(False, -short_m, None, words)
-        lowest = hanging.lowest if self._rope.ends == "pinned" else _lowest(self._pieces(tips, hanging))
+        lowest = hanging.lowest if self._rope.ends == "pinned" else self._lowest(self._ends(tips, hanging))
         pull = None
         if self._rope.mass_g is not None and self._rope.ends == "pinned" and not hanging.taut:
             pull = hanging.pull_n(self._rope.mass_g * 1e-3 * GRAVITY)
@@ -105,24 +107,45 @@ class ChainGuard:
         return PhSpline(tuple(fit.curve for fit in fits)).evenly(count) if fits else np.empty((0, 3))
 
     def _pieces(self, tips: Mapping[str, Tip], hanging: Catenary) -> tuple[PhFit, ...]:
-        pinned, one = self._rope.ends == "pinned", self._rope.pieces == 1
-        if pinned and one:
+        if self._rope.ends == "pinned" and self._rope.pieces == 1:
             return (as_quintic(hanging),)
+        return tuple(through(ends, length_m) for ends, length_m in self._ends(tips, hanging))
+
+    def _ends(self, tips: Mapping[str, Tip], hanging: Catenary) -> tuple[tuple[Ends, float], ...]:
+        """Ends and length of every piece."""
+        pinned, one = self._rope.ends == "pinned", self._rope.pieces == 1
         (start, leaving), (end, entering) = (tips[arm] for arm in self.arms)
         x, y, z = entering
         first = hanging.start_direction if pinned else leaving
         last = hanging.end_direction if pinned else (-x, -y, -z)
         if one:
-            return (through(Ends(start, end, first, last), self._length_m),)
+            return ((Ends(start, end, first, last), self._length_m),)
         half = 0.5 * self._length_m
         middle, along = hanging.at(half), hanging.direction_at(half)
         return (
-            through(Ends(start, middle, first, along), half),
-            through(Ends(middle, end, along, last), half),
+            (Ends(start, middle, first, along), half),
+            (Ends(middle, end, along, last), half),
         )
 
+    def _lowest(self, pieces: tuple[tuple[Ends, float], ...]) -> Vec3:
+        """The lowest point of a clamped rope; in microseconds by the kernel, for looks in the tick."""
+        found: list[Vec3] = []
+        for ends, length_m in pieces:
+            (x0, y0, z0), (x1, y1, z1) = ends.start_m, ends.end_m
+            if self._kernel is None:
+                points = through(ends, length_m).curve.point(_LOOK)
+                x, y, z = points[int(np.argmin(points[:, 2]))].tolist()
+                found.append((x, y, z))
+                continue
+            chord = (x1 - x0, y1 - y0, z1 - z0)
+            x, y, z = self._kernel.lowest(
+                *chord, *_unit(ends.start_direction), *_unit(ends.end_direction), length_m, len(_LOOK)
+            )
+            found.append((x0 + x, y0 + y, z0 + z))
+        return min(found, key=lambda point: point[2])
 
-def _lowest(fits: tuple[PhFit, ...]) -> Vec3:
-    points = np.concatenate([fit.curve.point(_LOOK) for fit in fits])
-    x, y, z = points[int(np.argmin(points[:, 2]))].tolist()
-    return (x, y, z)
+
+def _unit(direction: Vec3) -> Vec3:
+    x, y, z = direction
+    size = math.hypot(x, y, z)
+    return (x / size, y / size, z / size)

@@ -45,6 +45,17 @@ def test_the_golden_chain_is_feasible_and_its_rope_the_golden_curve() -> None:
     assert 0.25 < sum(state.pull_n) < 1.0
 
 
+@pytest.mark.parametrize("pieces", [1, 2])
+def test_a_clamped_rope_hangs_as_low_in_the_kernel_as_in_numpy(
+    monkeypatch: pytest.MonkeyPatch, pieces: int
+) -> None:
+    fast = guard(ends="clamped", pieces=pieces)
+    monkeypatch.setenv("CONTID_PURE_PYTHON", "1")
+    slow = guard(ends="clamped", pieces=pieces)
+    for poses in (golden_tips(), tips(), tips(0.8, rise_m=0.05), tips(0.5, rise_m=-0.1)):
+        assert fast.check(poses).lowest == pytest.approx(slow.check(poses).lowest, abs=1e-12)
+
+
 def test_a_rope_too_short_says_by_how_much() -> None:
     state = guard().check(tips(1.0125))
     assert not state.feasible
