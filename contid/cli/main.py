@@ -3,12 +3,14 @@
 from __future__ import annotations
 
 import sys
+from contextlib import suppress
 from importlib import import_module
 from typing import Final, NoReturn
 
 import click
 
 from contid import __version__
+from contid.cli.streams import finish, stand_in, tell, unwritten
 from contid.errors import ContidError
 
 #: Command -> (module that defines it as ``command``, one line for ``contid --help``).
@@ -72,22 +74,34 @@ def cli() -> None:
 
 def main() -> NoReturn:
     """Run the command line; every `ContidError` becomes one message and its exit code."""
+    stand_in()
+    sys.exit(finish(_run()))
+
+
+def _run() -> int:
+    """Run the command that was asked for; its exit code."""
     try:
         cli.main(standalone_mode=False)
     except click.exceptions.Exit as done:
-        sys.exit(done.exit_code)
+        return done.exit_code
     except click.Abort:
-        sys.exit(130)
+        return 130
     except click.ClickException as usage:
-        usage.show()
-        sys.exit(2)
+        with suppress(OSError):
+            usage.show()
+        return 2
     except ContidError as error:
-        click.echo(f"contid: {error}", err=True)
-        sys.exit(error.exit_code)
-    except SystemExit:
-        # Click ends a command whose reader went away (``contid path ... | head``) with 1, which means a
-        # failed comparison here; it leaves this wrapper behind, and nothing else does.
-        if type(sys.stdout).__name__.endswith("PacifyFlushWrapper"):  # importing it warns since click 8.4
-            sys.exit(0)
-        raise
-    sys.exit(0)
+        tell(str(error))
+        return error.exit_code
+    except OSError as error:
+        # Commands put into words what happens to files they were given; this is mostly the output itself.
+        tell(unwritten(error))
+        return 2
+    except SystemExit as left:
+        # Click and Rich end a command whose reader went away (``contid path ... | head``) with 1, which means
+        # a failed comparison here. Click leaves this wrapper behind; importing it warns since click 8.4.
+        wrapped = type(sys.stdout).__name__.endswith("PacifyFlushWrapper")
+        if wrapped or isinstance(left.__context__, BrokenPipeError):
+            return 0
+        return left.code if isinstance(left.code, int) else int(left.code is not None)
+    return 0

@@ -45,7 +45,7 @@ def read_rows(
     Raises:
         BadInputError: at the first wrong row.
     """
-    name = getattr(source, "name", "stdin").strip("<>")
+    name = "stdin" if source is sys.stdin else str(source.name)
     reader: RowReader | None = None
     for number, line in numbered_lines(source):
         if is_comment(line):
@@ -92,7 +92,7 @@ def _text(value: Cell) -> str:
 def open_rows(path: str | None) -> TextIO:
     """The file named, or stdin; a terminal on stdin is a mistake worth a word."""
     if path is not None and path != "-":
-        return click.open_file(path, encoding="utf-8")  # type: ignore[return-value]  # text mode
+        return click.open_file(path, encoding="utf-8", errors="replace")  # type: ignore[return-value]  # text mode
     if sys.stdin.isatty():
         raise click.UsageError("give rows on stdin or name a file, or pipe them in")
     return sys.stdin

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import os
 from pathlib import Path
 
 import click
@@ -51,6 +52,8 @@ def export(session_file: str, csv_path: str | None, rrd_path: str | None, robot:
     if rrd_path is not None:
         from contid.description.load import load_robot_file
         from contid.description.shipped import find_robot_file
+
+        os.environ.setdefault("RUST_LOG", "off")  # what goes wrong is said by contid
         from contid.view.export import export_rrd
 
         loaded = session.robot_file() if robot is None else load_robot_file(find_robot_file(robot))

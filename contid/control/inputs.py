@@ -49,10 +49,11 @@ class Stream:
 def read_file(path: str, robots: Mapping[str, RobotDescription]) -> Trajectory:
     """The timed trajectory of a file; ``-`` is not one."""
     try:
-        with Path(path).open(encoding="utf-8") as file:
+        # What is no UTF-8 becomes a character that is no number and no column: a finding with its place.
+        with Path(path).open(encoding="utf-8", errors="replace") as file:
             return read_trajectory(file, path, robots)
-    except (OSError, UnicodeDecodeError) as error:
-        raise ContidError(f"{path}: cannot read it: {error}") from error
+    except OSError as error:
+        raise ContidError(f"{path}: cannot read it: {error.strerror}") from error
 
 
 def given(stdin: TextIO | None) -> bool:

@@ -30,6 +30,7 @@ from contid.control.spawn import Spawned
 from contid.control.streaming import CUT, may_be_cut, take_row
 from contid.control.virtual import run_virtual
 from contid.control.wiring import build_preflight, driven_robots, record_layout
+from contid.description.dead_man import starved
 from contid.description.load import LoadedFile, load_robot_file, with_mock
 from contid.description.shipped import find_robot_file
 from contid.errors import ContidError
@@ -103,6 +104,9 @@ def run(request: RunRequest, spawned: Spawned | None = None) -> Report:
 def load(request: RunRequest) -> LoadedFile:
     """The robot file, checked."""
     loaded = load_robot_file(find_robot_file(request.robot_file))
+    if request.rate_hz is not None:
+        for message in starved(loaded.buses.values(), request.rate_hz):
+            raise ContidError(f"--rate: {message}")
     return with_mock(loaded) if request.mock else loaded
 
 

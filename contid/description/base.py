@@ -23,6 +23,10 @@ class Strict(BaseModel):
 
 Positive: TypeAlias = Annotated[float, Field(gt=0)]
 NonNegative: TypeAlias = Annotated[float, Field(ge=0)]
+#: A dimension of a robot [mm]. Below a tenth of a millimetre it was written in metres.
+Size: TypeAlias = Annotated[float, Field(ge=0.1, le=1e5)]
+#: A rate: beyond these bounds a motion has no duration that float64 can tell.
+Rate: TypeAlias = Annotated[float, Field(ge=1e-3, le=1e12)]
 
 
 def _ordered(pair: tuple[float, float]) -> tuple[float, float]:
@@ -33,6 +37,16 @@ def _ordered(pair: tuple[float, float]) -> tuple[float, float]:
 
 #: ``[least, greatest]`` with least < greatest.
 Interval: TypeAlias = Annotated[tuple[float, float], AfterValidator(_ordered)]
+
+
+def _not_negative(pair: tuple[float, float]) -> tuple[float, float]:
+    if pair[0] < 0:
+        raise ValueError(f"a length is not negative, got {pair[0]:g}")
+    return pair
+
+
+#: ``[least, greatest]`` of something that has a length.
+LengthInterval: TypeAlias = Annotated[Interval, AfterValidator(_not_negative)]
 
 
 class Quantity(enum.StrEnum):
@@ -132,12 +146,12 @@ class Rates(Strict):
         velocity_bar_s, acceleration_bar_s2, jerk_bar_s3: needed by robots whose axes are pressures.
     """
 
-    velocity_mm_s: Positive | None = None
-    acceleration_mm_s2: Positive | None = None
-    jerk_mm_s3: Positive | None = None
-    velocity_bar_s: Positive | None = None
-    acceleration_bar_s2: Positive | None = None
-    jerk_bar_s3: Positive | None = None
+    velocity_mm_s: Rate | None = None
+    acceleration_mm_s2: Rate | None = None
+    jerk_mm_s3: Rate | None = None
+    velocity_bar_s: Rate | None = None
+    acceleration_bar_s2: Rate | None = None
+    jerk_bar_s3: Rate | None = None
 
 
 class TipFeedback(Strict):
@@ -176,7 +190,7 @@ class AxisDescription(BaseModel):
     model_config = ConfigDict(extra="allow", frozen=True, allow_inf_nan=False)
 
     bus: str
-    mm_per_rev: Positive | None = None
+    mm_per_rev: Size | None = None
     zero_deg: float = 0.0
     direction: Literal[1, -1] = 1
     mm_to_bar: tuple[tuple[float, float], ...] | None = None

@@ -8,7 +8,7 @@ from typing import Annotated, ClassVar, Literal
 
 from pydantic import Field, model_validator
 
-from contid.description.base import Interval, NonNegative, Positive, Quantity, Strict
+from contid.description.base import Interval, NonNegative, Positive, Quantity, Size, Strict
 from contid.description.robot import RobotDescription
 from contid.targets import Actuation
 from contid.units import BAR
@@ -32,12 +32,12 @@ class SectionGeometry(Strict):
         link_mass_g: of the rigid part.
     """
 
-    length_mm: Positive
+    length_mm: Size
     link_mm: NonNegative = 0.0
-    radius_mm: Positive
+    radius_mm: Size
     channel_radius_mm: NonNegative
-    chamber_radius_mm: Positive
-    chamber_placement_mm: Positive
+    chamber_radius_mm: Size
+    chamber_placement_mm: Size
     pair_angle_deg: Annotated[float, Field(ge=0, lt=180)]
     first_pair_deg: float = 0.0
     modulus_pa: tuple[float, float, float, float, float]

@@ -13,6 +13,7 @@ from pydantic import BaseModel, ValidationError
 from contid.description.base import AxisDescription
 from contid.description.chain import Chain, check_chain
 from contid.description.checks import WiredAxis, check_name, check_robot
+from contid.description.dead_man import starved
 from contid.description.findings import allowed_names, explain, shown
 from contid.description.mend import mended
 from contid.description.positions import Data, Document, read_document
@@ -64,9 +65,17 @@ def load_robot_file(path: str | Path) -> LoadedFile:
     """
     path = Path(path)
     try:
-        text = path.read_text(encoding="utf-8")
-    except (OSError, UnicodeDecodeError) as error:
-        raise ContidError(f"{path}: cannot read it: {error}") from error
+        raw = path.read_bytes()
+    except OSError as error:
+        raise ContidError(f"{path}: cannot read it: {error.strerror}") from error
+    try:
+        # As a text file is read: any kind of line end is one.
+        text = raw.decode("utf-8").replace("\r\n", "\n").replace("\r", "\n")
+    except UnicodeDecodeError as error:
+        line = raw.count(b"\n", 0, error.start) + 1
+        column = error.start - raw.rfind(b"\n", 0, error.start)
+        message = f"byte 0x{raw[error.start]:02x} is not UTF-8 text; save the file as UTF-8"
+        raise BadInputError([Located(str(path), line, column, message)]) from error
     return parse_robot_file(text, str(path))
 
 
@@ -127,6 +136,10 @@ class _Loader:
         buses, robots = _mapping(data.get("buses")), _mapping(data.get("robots"))
         self.axes = {name: [] for name in buses}
         wirings = {name: self._bus(name, raw) for name, raw in buses.items()}
+        rate_hz = data.get("rate_hz")
+        if isinstance(rate_hz, int | float) and rate_hz > 0:
+            for message in starved([bus for bus in wirings.values() if bus], rate_hz):
+                self.findings.append(self.document.at_value(("rate_hz",), f"rate_hz: {message}"))
         described = {name: self._robot(name, raw) for name, raw in robots.items()}
         for name, robot in described.items():
             if isinstance(robot, Chain):

@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 from typing import ClassVar, Literal
 
-from contid.description.base import Interval, NonNegative, Positive, Quantity, Strict
+from contid.description.base import Interval, LengthInterval, NonNegative, Positive, Quantity, Size, Strict
 from contid.description.robot import RobotDescription
 from contid.targets import Actuation
 from contid.units import MM_PER_M
@@ -21,8 +21,8 @@ class LinkGeometry(Strict):
         gap_mm: between neighbouring links when the finger is straight.
     """
 
-    length_mm: Positive
-    width_mm: Positive
+    length_mm: Size
+    width_mm: Size
     gap_mm: NonNegative
 
     @property
@@ -44,7 +44,7 @@ class RackFingerGeometry(Strict):
         link: one link of the chain between the racks.
     """
 
-    rack_spacing_mm: Positive
+    rack_spacing_mm: Size
     tip_length_mm: NonNegative
     link: LinkGeometry
 
@@ -58,7 +58,7 @@ class RackFingerLimits(Strict):
         arc_length_min_mm: shortest arc; near zero the curvature is ill-conditioned.
     """
 
-    length_mm: Interval
+    length_mm: LengthInterval
     curvature_max_per_mm: Positive | None = None
     arc_length_min_mm: Positive = 1.0
 

@@ -41,14 +41,14 @@ class RobotFile(Strict):
 
     Attributes:
         contid: version of this format.
-        name: of the whole; goes into recordings.
+        name: of the whole, one line; goes into recordings.
         rate_hz: ticks per second of the control loop.
         buses: by name.
         robots: by name.
     """
 
     contid: Literal[1]
-    name: str
+    name: Annotated[str, Field(pattern=r"^[^\x00-\x1f\x7f]{1,100}$")]
     rate_hz: Annotated[float, Field(gt=0, le=MAX_RATE_HZ)]
     buses: dict[str, BusDescription]
     robots: dict[str, AnyRobot]

@@ -3,26 +3,17 @@
 from __future__ import annotations
 
 from abc import abstractmethod
-from typing import Annotated, ClassVar, TypeAlias
+from typing import Annotated, ClassVar
 
-from pydantic import AfterValidator, Field
+from pydantic import Field
 
-from contid.description.base import Interval, Positive, Quantity, Strict
+from contid.description.base import LengthInterval, Positive, Quantity, Strict
 from contid.description.robot import RobotDescription
 from contid.targets import Actuation
 from contid.units import MM_PER_M
 
 #: Most sections of one arm; the native kernel keeps its scratch for so many on the stack.
 MOST_SECTIONS = 4
-
-
-def _not_negative(pair: tuple[float, float]) -> tuple[float, float]:
-    if pair[0] < 0:
-        raise ValueError(f"a length is not negative, got {pair[0]:g}")
-    return pair
-
-
-LengthInterval: TypeAlias = Annotated[Interval, AfterValidator(_not_negative)]
 
 
 class SectionLimits(Strict):

@@ -26,7 +26,9 @@ def find_robot_file(name: str) -> Path:
         ContidError: neither; the message lists the shipped names and the nearest one.
     """
     path = Path(name)
-    if path.is_file():
+    if path.is_dir():
+        raise ContidError(f"{name}: is a folder; name a robot file in it")
+    if path.exists():  # a pipe as well: contid check <(sed ... hand.yaml)
         return path
     shipped = {file.stem: file for file in sorted(configs_folder().glob("*.yaml"))}
     if name in shipped:

@@ -6,7 +6,7 @@ from typing import Literal
 
 from pydantic import model_validator
 
-from contid.description.base import NonNegative, Positive, Strict
+from contid.description.base import NonNegative, Positive, Size, Strict
 from contid.description.sections import SectionLimits, SectionRobot
 from contid.units import MM_PER_M
 
@@ -27,7 +27,7 @@ class TriRackGeometry(Strict):
             is the longer one.
     """
 
-    rack_radius_mm: Positive
+    rack_radius_mm: Size
     phi_deg: float = 180.0
     convention: Literal["clockwise", "counterclockwise"] = "clockwise"
     platform_mm: tuple[NonNegative, ...] | None = None

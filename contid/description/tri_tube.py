@@ -7,7 +7,7 @@ from typing import Annotated, Literal
 
 from pydantic import Field, model_validator
 
-from contid.description.base import Interval, NonNegative, Positive, Strict
+from contid.description.base import Interval, NonNegative, Positive, Size, Strict
 from contid.description.sections import SectionRobot
 from contid.units import MM_PER_M
 
@@ -26,7 +26,7 @@ class TriTubeGeometry(Strict):
         rigid_mm: rigid piece after each section, one number or one per section.
     """
 
-    radius_mm: Annotated[tuple[Positive, ...], Field(min_length=1)]
+    radius_mm: Annotated[tuple[Size, ...], Field(min_length=1)]
     layout: Literal["paper", "ccw"] = "paper"
     angles_deg: tuple[float, float, float] | None = None
     rigid_mm: tuple[NonNegative, ...] | None = None

@@ -31,7 +31,7 @@ from contid.hal import DeviceKind, load_driver
 from contid.session.channels import REVISION
 from contid.session.header import NPZ, Header
 from contid.trajectory.columns import read_layout
-from contid.trajectory.read import MAX_ROWS
+from contid.trajectory.rows import MAX_ROWS
 from contid.trajectory.timed import Interpolation, Trajectory
 
 #: Grows when a reader of the version before would misunderstand a file.
@@ -69,7 +69,7 @@ def describe(setup: Setup, options: Mapping[str, str], virtual: bool, host: str 
             "created": datetime.fromtimestamp(wall_ns / 1e9, UTC).isoformat(timespec="milliseconds"),
         },
         "robot_file": {
-            "name": str(loaded.path),
+            "name": _text(str(loaded.path)),
             "text": loaded.text,
             "sha256": hashlib.sha256(loaded.text.encode()).hexdigest(),
         },
@@ -79,7 +79,7 @@ def describe(setup: Setup, options: Mapping[str, str], virtual: bool, host: str 
             "attended": json.dumps(setup.attended),
             "armed": json.dumps(setup.armed),
             "virtual": json.dumps(virtual),
-            **options,
+            **{name: _text(value) for name, value in options.items()},
         },
         "clock": {
             "wall_ns": str(wall_ns),
@@ -93,6 +93,11 @@ def describe(setup: Setup, options: Mapping[str, str], virtual: bool, host: str 
         attachments = ((f"{TRAJECTORY}.npz", NPZ, packed(setup.trajectory)),)
         metadata[TRAJECTORY] = about_trajectory(setup.trajectory)
     return Header(layout, units, metadata, attachments, wall_ns, monotonic_s)
+
+
+def _text(name: str) -> str:
+    """A file's name as text: bytes that are no UTF-8, which paths may hold and MCAP may not, as escapes."""
+    return name.encode("utf-8", "backslashreplace").decode()
 
 
 def compiled_kernels() -> list[str]:

@@ -9,13 +9,13 @@ from __future__ import annotations
 import csv
 import json
 from collections.abc import Callable, Iterator, Sequence
-from contextlib import ExitStack
+from contextlib import ExitStack, contextmanager
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, Final
 
 from contid.session.channels import TICK_CHANNELS, Field, fields
-from contid.session.read import Session
+from contid.session.read import Session, SessionError
 
 _VECTORS: Final = {
     "tip_m": ("x_mm", "y_mm", "z_mm"),
@@ -89,12 +89,22 @@ _UNITS: Final = (
 )
 
 
+@contextmanager
+def _written(path: Path) -> Iterator[None]:
+    """A disk that is full, or a place where nothing can be written, in words."""
+    try:
+        yield
+    except OSError as error:
+        raise SessionError(f"{error.filename or path}: cannot write it: {error.strerror}") from error
+
+
 def export_channels(session: Session, folder: Path) -> list[Path]:
     """One CSV per channel into a folder, which is made; returns the files."""
-    folder.mkdir(parents=True, exist_ok=True)
+    with _written(folder):
+        folder.mkdir(parents=True, exist_ok=True)
     tables = {channel: columns(session, channel) for channel in TICK_CHANNELS}
     paths = [folder / f"{channel}.csv" for channel in (*TICK_CHANNELS, "event")]
-    with ExitStack() as stack:
+    with _written(folder), ExitStack() as stack:
         *ticks, events = [
             csv.writer(stack.enter_context(path.open("w", encoding="utf-8", newline=""))) for path in paths
         ]
@@ -121,7 +131,7 @@ def export_joined(session: Session, path: Path) -> None:
         for column in columns(session, channel):
             names.append(f"{channel}.{column.name}")
             table.append(column)
-    with path.open("w", encoding="utf-8", newline="") as file:
+    with _written(path), path.open("w", encoding="utf-8", newline="") as file:
         writer = csv.writer(file)
         writer.writerow(names)
         for entry in session.entries():

@@ -183,7 +183,14 @@ def _owner(name: str, words: Mapping[str, Mapping[str, Meaning]]) -> tuple[str, 
         return "", f"column {name!r} could belong to {len(owners)} robots; write {choices}"
     if not name:
         return "", "a column has no name"
-    return "", f"unknown column {name!r}; {_choices(words, name)}"
+    return "", f"unknown column {name[:60]!r}{_habit(name)}; {_choices(words, name)}"
+
+
+def _habit(name: str) -> str:
+    """What a program that writes tables did otherwise, when the name shows it."""
+    if "\0" in name or "\ufffd" in name:
+        return " (is this UTF-8 text? save it as CSV in UTF-8)"
+    return " (columns are separated by commas, not by semicolons or tabs)" if {";", "\t"} & {*name} else ""
 
 
 def _choices(words: Mapping[str, Mapping[str, Meaning]], wrong: str = "") -> str:

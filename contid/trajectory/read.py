@@ -11,14 +11,12 @@ import numpy as np
 from contid.description.robot import RobotDescription
 from contid.errors import BadInputError, Located
 from contid.trajectory.columns import TIME
-from contid.trajectory.rows import RowReader, is_comment, numbered_lines
+from contid.trajectory.rows import MAX_ROWS, RowReader, is_comment, numbered_lines
 from contid.trajectory.spline import Floats
 from contid.trajectory.timed import Interpolation, Trajectory
 
 #: Reading stops after so many findings: a wrong file is usually wrong in every row.
 MAX_FINDINGS: Final = 50
-#: Two million rows are almost three hours at 200 Hz.
-MAX_ROWS: Final = 2_000_000
 #: Directions of neighbouring rows further apart than this (150 degrees) have no path between them.
 _MIN_COSINE: Final = -0.866
 

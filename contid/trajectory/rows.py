@@ -13,6 +13,11 @@ from contid.trajectory.columns import Layout, read_layout
 
 #: A row of a sixteen-finger robot is about a thousand characters.
 MAX_LINE: Final = 65_536
+#: Two million rows are almost three hours at 200 Hz.
+MAX_ROWS: Final = 2_000_000
+#: Greatest number in a row, as written: ten thousand kilometres; 300 years of seconds. Squares of larger ones
+#: overflow in the models.
+GREATEST: Final = 1e10
 
 
 def numbered_lines(stream: TextIO) -> Iterator[tuple[int, str]]:
@@ -98,11 +103,19 @@ class RowReader:
             else:
                 column = sum(len(cell) + 1 for cell in cells[: len(names)]) + 1
             raise BadInputError([Located(self.name, number, column, what)])
+        if '"' in line:
+            # Spreadsheets may quote numbers; a comma inside quotes stays a mistake.
+            cells = [_unquoted(cell) for cell in cells]
         try:
             values = [float(cell) for cell in cells]
         except ValueError:
             values = []
-        if not values or not all(map(math.isfinite, values)) or "_" in line:
+        if (
+            not values
+            or not all(map(math.isfinite, values))
+            or max(map(abs, values)) > GREATEST
+            or "_" in line
+        ):
             findings = []
             for index, (name, cell) in enumerate(zip(names, cells, strict=True)):
                 wrong = _not_a_number(name, cell.strip())
@@ -130,7 +143,7 @@ class RowReader:
                 wrong = f"{name}: {json.dumps(value)[:40]} is not a number"
             else:
                 value = _as_float(value)
-                wrong = "" if math.isfinite(value) else f"{name} is {value}; allowed are finite numbers"
+                wrong = _out_of_bounds(name, value, str(value))
                 values.append(value)
             if wrong:
                 findings.append(Located(self.name, number, _key_column(line, name), wrong))
@@ -183,7 +196,18 @@ def _not_a_number(name: str, cell: str) -> str:
         value = None
     if value is None or "_" in cell:
         return f"{name}: {cell[:40]!r} is not a number"
-    return "" if math.isfinite(value) else f"{name} is {cell}; allowed are finite numbers"
+    return _out_of_bounds(name, value, cell)
+
+
+def _out_of_bounds(name: str, value: float, shown: str) -> str:
+    if not math.isfinite(value):
+        return f"{name} is {shown[:40]}; allowed are finite numbers"
+    return "" if abs(value) <= GREATEST else f"{name} is {value:g}; allowed is -{GREATEST:g} to {GREATEST:g}"
+
+
+def _unquoted(cell: str) -> str:
+    bare = cell.strip()
+    return bare[1:-1] if len(bare) > 1 and bare[0] == bare[-1] == '"' else cell
 
 
 def _as_float(value: int | float) -> float:

@@ -18,6 +18,7 @@ from dataclasses import dataclass
 
 from contid.errors import ContidError
 from contid.targets import Vec3
+from contid.trajectory.rows import MAX_ROWS
 
 
 class Shape(enum.StrEnum):
@@ -86,6 +87,11 @@ class Path:
         for name in ("size_mm", "period_s", "laps", "rate_hz", "turns", "ratio"):
             if not (math.isfinite(getattr(self, name)) and getattr(self, name) > 0.0):
                 raise ContidError(f"{name} is {getattr(self, name)}; allowed are numbers greater than 0")
+        rows = self.laps * self.period_s * self.rate_hz
+        if not rows <= MAX_ROWS:
+            raise ContidError(
+                f"laps * period_s * rate_hz make {rows:.3g} rows; allowed are {MAX_ROWS}: lower rate_hz"
+            )
         if self.lean_deg is not None and not self.shape.can_lean:
             raise ContidError(f"a {self.shape} passes its centre, where outward turns round; it cannot lean")
 

@@ -13,7 +13,7 @@ from contid.view.page import LOOPBACK, Page
 from contid.view.picture import Picture
 from contid.view.program import PATIENCE_S, await_port, free_port, start_rerun
 from contid.view.stage import Stage
-from contid.view.where import Kind, Where
+from contid.view.where import Kind, ViewError, Where
 from contid.view.window import Window
 
 #: Ports that stay the same from run to run, when they are free.
@@ -75,13 +75,17 @@ class Host:
             ViewError: the viewer does not start, or the file cannot be written.
         """
         self.recording = rr.RecordingStream(f"contid {name}")
+        self._path = where.path
         self.server: WebServer | None = None
         self.window: Window | None = None
         layout = build_layout(stage, live=live, finished=not live or where.kind is Kind.FILE)
         match where.kind:
             case Kind.FILE:
                 assert where.path is not None
-                self.recording.save(where.path, default_blueprint=layout)
+                try:
+                    self.recording.save(where.path, default_blueprint=layout)
+                except Exception as error:  # rerun's own classes
+                    raise ViewError(f"{where.path}: cannot write it: {error}") from error
             case Kind.SERVE:
                 self.server = WebServer()
                 self.recording.connect_grpc(self.server.data_url, default_blueprint=layout)
@@ -108,6 +112,8 @@ class Host:
             if self.window is None or self.window.open:
                 self.recording.flush(timeout_sec=PATIENCE_S)
         except Exception as error:  # rerun's own classes; a viewer that was closed is no failure of the run
+            if self._path is not None:
+                raise ViewError(f"{self._path}: cannot write it whole: {error}; is the disk full?") from error
             sys.stderr.write(f"contid: the viewer did not take the last pictures: {error}\n")
         self.recording.disconnect()
         if self.server is not None:

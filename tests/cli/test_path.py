@@ -10,6 +10,7 @@ from click.testing import CliRunner
 
 from contid.cli.path import command
 from contid.description.load import load_robot_file
+from contid.errors import ContidError
 from contid.trajectory.read import read_trajectory
 
 
@@ -82,3 +83,8 @@ def test_usage_that_is_refused(arguments: list[str], says: str) -> None:
 def test_robots_that_cannot_follow(arguments: list[str], says: str) -> None:
     done = CliRunner().invoke(command, ["circle", "--radius", "1", *arguments])
     assert says in str(done.exception)
+
+
+def test_more_rows_than_a_trajectory_may_have_are_refused() -> None:
+    with pytest.raises(ContidError, match=r"4e\+06 rows; allowed are 2000000"):
+        CliRunner().invoke(command, ["circle", "--radius", "20", "--rate", "1e6"], catch_exceptions=False)

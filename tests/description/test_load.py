@@ -68,7 +68,7 @@ MISTAKES = [
     ("right: {bus: servos, id: 2,", "right: {bus: servos, idd: 2,", "idd", "did you mean 'id'?"),
     ("right: {bus: servos, id: 2,", "rigth: {bus: servos, id: 2,", "rigth", "did you mean 'right'?"),
     ("id: 2, mm_per_rev: 37.69911184307752", "id: 2", "right: {", "mm_per_rev is missing"),
-    ("id: 2, mm_per_rev: 37.69911184307752", "id: 2, mm_per_rev: 0", "0}", "greater than 0"),
+    ("id: 2, mm_per_rev: 37.69911184307752", "id: 2, mm_per_rev: 0", "0}", "at least 0.1"),
     ("- rest_mm", "- resst_mm", "resst_mm", "names no key"),
     ("contid: 1", "contid: 2", "2", "allowed: 1"),
     ("gap_mm: 5", "gap_mm: 5, gap_mm: 6", "gap_mm: 6", "already on line"),
@@ -139,8 +139,25 @@ def test_a_file_that_cannot_be_read_says_so(tmp_path: Path) -> None:
     with pytest.raises(ContidError, match="cannot read"):
         load_robot_file(tmp_path / "none.yaml")
     (tmp_path / "latin.yaml").write_bytes(b"name: \xe9")
-    with pytest.raises(ContidError, match="cannot read"):
+    with pytest.raises(BadInputError, match=r"latin.yaml:1:7: byte 0xe9 is not UTF-8"):
         load_robot_file(tmp_path / "latin.yaml")
+
+
+@pytest.mark.parametrize(
+    ("before", "after", "says"),
+    [
+        ("rack_spacing_mm: 13", "rack_spacing_mm: 0.013", "at least 0.1, not 0.013"),
+        ("length_mm: [0, 100]", "length_mm: [-50, 100]", "a length is not negative"),
+        ("velocity_mm_s: 60", "velocity_mm_s: 1e300", "at most 1e+12"),
+        ("jerk_mm_s3: 20000", "jerk_mm_s3: 1e-300", "at least 0.001"),
+        ("name: finger", 'name: "a\\e[2J"', "name"),
+        ("rate_hz: 200", "rate_hz: 15", "feeds the dead-man of bus 'servos' (watchdog_ms 100) too late"),
+    ],
+)
+def test_what_could_not_be_a_robot_is_refused(before: str, after: str, says: str, finger: str) -> None:
+    assert before in finger
+    found = findings(finger.replace(before, after, 1))
+    assert [says in each.message for each in found] == [True]
 
 
 def test_an_alias_repeats_a_value_and_keeps_its_place(finger: str) -> None:
@@ -149,7 +166,7 @@ def test_an_alias_repeats_a_value_and_keeps_its_place(finger: str) -> None:
     )
     text = text.replace("id: 2, mm_per_rev: 37.69911184307752", "id: 2, mm_per_rev: *p")
     found = findings(text)
-    assert ["greater than 0, not -3" in each.message for each in found] == [True, True]
+    assert ["at least 0.1, not -3" in each.message for each in found] == [True, True]
     good = parse_robot_file(text.replace("&p -3", "&p 37.5"), "robot.yaml")
     assert [axis.mm_per_rev for axis in good.file.robots["finger"].axes.values()] == [37.5, 37.5]
 

@@ -1,0 +1,90 @@
+"""Standard streams that are closed, full, gone or narrow: one message, its exit code, no traceback."""
+
+from __future__ import annotations
+
+import os
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+
+ROWS = "t_s,x_mm,y_mm\n0,20,80\n1,22,80\n"
+
+
+def shell(line: str, folder: Path, **environment: str) -> subprocess.CompletedProcess[str]:
+    """A line of bash in which ``contid`` is the command."""
+    (folder / "rows.csv").write_text(ROWS)
+    function = f'contid() {{ "{sys.executable}" -m contid "$@"; }}; '
+    done = subprocess.run(
+        ["bash", "-c", function + line],
+        cwd=folder,
+        env={**os.environ, **environment},
+        capture_output=True,
+        text=True,
+        timeout=60,
+        stdin=subprocess.DEVNULL,
+        check=False,
+    )
+    assert "Traceback" not in done.stdout + done.stderr
+    return done
+
+
+@pytest.mark.parametrize(
+    "command",
+    ["schema", "path circle --center 50,70 --radius 20 --period 4", "check finger", "ik finger rows.csv"],
+)
+def test_a_full_disk_is_named(command: str, tmp_path: Path) -> None:
+    done = shell(f"contid {command} > /dev/full", tmp_path)
+    assert (done.returncode, "No space left on device" in done.stderr) == (2, True)
+
+
+@pytest.mark.parametrize(
+    "command", ["check hand", "path circle --center 50,70 --radius 20 --period 400", "schema"]
+)
+def test_a_reader_that_goes_away_is_no_failed_comparison(command: str, tmp_path: Path) -> None:
+    assert shell(f"set -o pipefail; contid {command} | head -n 1", tmp_path).returncode == 0
+
+
+@pytest.mark.parametrize("redirection", [">&-", "2>&-", "<&-", "<&- >&- 2>&-"])
+def test_closed_streams_are_empty_ones(redirection: str, tmp_path: Path) -> None:
+    assert (
+        shell(
+            f"contid run finger --virtual --trajectory rows.csv --record a.mcap {redirection}", tmp_path
+        ).returncode
+        == 0
+    )
+    assert "clean" in shell("contid session info a.mcap", tmp_path).stdout
+
+
+def test_rows_from_a_closed_stdin_are_no_rows(tmp_path: Path) -> None:
+    done = shell("contid ik finger <&-", tmp_path)
+    assert (done.returncode, "no rows" in done.stderr) == (2, True)
+
+
+def test_a_narrow_encoding_writes_what_it_can(tmp_path: Path) -> None:
+    assert shell("contid check hand", tmp_path, PYTHONIOENCODING="latin-1").returncode == 0
+
+
+def test_a_message_that_nobody_takes_keeps_its_exit_code(tmp_path: Path) -> None:
+    assert shell("contid check 2> /dev/full", tmp_path).returncode == 2
+    assert shell("contid check nowhere.yaml 2> /dev/full", tmp_path).returncode == 2
+
+
+def test_a_recording_of_a_file_whose_name_is_no_text(tmp_path: Path) -> None:
+    make = "contid schema > /dev/null; cp rows.csv $'\\xff.csv'; "
+    run = (
+        "contid run finger --virtual --trajectory $'\\xff.csv' --record a.mcap && contid session info a.mcap"
+    )
+    done = shell(make + run, tmp_path)
+    assert (done.returncode, "\\udcff.csv" in done.stdout) == (0, True)
+
+
+def test_an_export_to_a_full_disk_is_refused_by_name(tmp_path: Path) -> None:
+    shell("contid run finger --virtual --trajectory rows.csv --record a.mcap", tmp_path)
+    (tmp_path / "full.csv").symlink_to("/dev/full")
+    done = shell("contid session export a.mcap --csv full.csv", tmp_path)
+    assert (done.returncode, "full.csv: cannot write it: No space left" in done.stderr) == (2, True)
+    (tmp_path / "full.rrd").symlink_to("/dev/full")
+    done = shell("contid session export a.mcap --rrd full.rrd", tmp_path)
+    assert (done.returncode, "full.rrd" in done.stderr) == (2, True)

@@ -1,0 +1,50 @@
+"""Tables as spreadsheets and scripts write them: read where they are clear, refused with the habit's name."""
+
+from __future__ import annotations
+
+import io
+
+import pytest
+
+from contid.description.load import load_robot_file
+from contid.description.shipped import find_robot_file
+from contid.errors import BadInputError
+from contid.trajectory.read import read_trajectory
+from contid.trajectory.timed import Trajectory
+
+ROBOTS = load_robot_file(find_robot_file("finger")).file.robots
+PLAIN = "t_s,x_mm,y_mm\n0,20,80\n1,22.5,80\n"
+
+
+def read(text: str) -> Trajectory:
+    return read_trajectory(io.StringIO(text, newline=None), "rows.csv", ROBOTS)
+
+
+@pytest.mark.parametrize(
+    "text",
+    [
+        "\ufeff" + PLAIN,
+        PLAIN.replace("\n", "\r\n"),
+        PLAIN.replace(",", " , "),
+        '"t_s","x_mm","y_mm"\n"0","20","80"\n"1", "22.5" ,80\n',
+    ],
+)
+def test_the_same_rows_in_other_clothes(text: str) -> None:
+    assert (read(text).rows == read(PLAIN).rows).all()
+
+
+@pytest.mark.parametrize(
+    ("text", "says"),
+    [
+        (PLAIN.replace(",", ";"), "rows.csv:1:1: .*commas, not by semicolons"),
+        (PLAIN.replace(",", "\t"), "rows.csv:1:1: .*commas, not by semicolons or tabs"),
+        ("\ufffd\ufffdt\0_\0s\0\n", "UTF-8"),
+        ('t_s,x_mm,y_mm\n0,"1,020"\n', "rows.csv:2:3: x_mm: .* is not a number"),
+        ("t_s,x_mm,y_mm\n0,1e308,80\n", "rows.csv:2:3: x_mm is 1e.308; allowed is -1e.10 to 1e.10"),
+        ('{"t_s":0,"x_mm":1e200,"y_mm":80}\n', "x_mm is 1e.200; allowed is"),
+        ("t_s,x_mm,y_mm\n0," + "9" * 5000 + ",80\n", r"x_mm is 9{40}; allowed are finite numbers$"),
+    ],
+)
+def test_the_habit_is_named(text: str, says: str) -> None:
+    with pytest.raises(BadInputError, match=says):
+        read(text)
