@@ -10,6 +10,7 @@ from contid.control import messages as msg
 from contid.control.plan import STALE_S, RobotPlan
 from contid.control.record import ENABLED
 from contid.control.supervisor import Mode
+from contid.control.wiring import chain_guards
 from contid_drivers.sim.options import FaultKind
 from tests.campaign.script import RESUMED_S
 from tests.campaign.watch import Seen
@@ -235,13 +236,16 @@ def dead_man(seen: Seen) -> Iterator[str]:
 
 
 def unaffected(seen: Seen, reference: Seen) -> Iterator[str]:
-    """Robots that no fault touches get the very bytes they get without the faults."""
+    """Robots that no fault touches get the very bytes they get without the faults; a chain is one body."""
     case = seen.case
     late = any(fault.kind is FaultKind.LATE for fault in case.faults)
     if late or case.coupled or seen is reference:
         return
+    plans = {plan.name: plan for plan in case.machine.plans}
+    bodies = [guard.arms for guard in chain_guards(case.machine.loaded)]
     for robot, plan in _robots(seen):
-        if any(fault.touches(case.machine, plan) for fault in case.faults):
+        body = next((arms for arms in bodies if plan.name in arms), (plan.name,))
+        if any(fault.touches(case.machine, plans[name]) for fault in case.faults for name in body):
             continue
         for mine, theirs in zip(seen.records, reference.records, strict=False):
             for a, b in zip(mine.robots[robot].axes, theirs.robots[robot].axes, strict=True):
