@@ -26,6 +26,7 @@ import psutil
 from contid.client import Client, ConnectionLostError, RemoteError
 from contid.remote.place import answers
 from contid.session.read import Session
+from tests.campaign.exits import limit_s
 from tests.campaign.wired_checks import STATES, Injected, Tally, judge
 from tests.campaign.wires import RATE_HZ, Switch, Wires, robot_file
 from tests.remote.daemons import until
@@ -33,8 +34,6 @@ from tests.remote.daemons import until
 ORDERS: Final = ("", "", "", "estop", "stop", "hold", "resume", "clear_fault")
 #: Cases that one daemon sees.
 PER_DAEMON: Final = 6
-#: From SIGTERM, or the second Ctrl-C, to the end of every process; a stop that moves takes its motion on top.
-EXIT_S: Final = 2.0
 #: From an emergency stop on this side of the socket until no device that hears is driven.
 RELAX_S: Final = 0.25
 #: Until every chamber is empty: 1.5 bar at the vent rate of the file, and the regulator's lag.
@@ -309,7 +308,7 @@ class Run:
         what = "second Ctrl-C" if twice else "SIGTERM, without the motion of its stop"
         tally.time(f"{what}: until the last process is gone", took_s - moved_s)
         tally.check(
-            "exit within 2 s", [f"{what} in {state}: {took_s:.2f} s"] if took_s - moved_s > EXIT_S else []
+            "exit within 2 s", [f"{what} in {state}: {took_s:.2f} s"] if took_s - moved_s > limit_s() else []
         )
         left = [f"process {each.pid}" for each in alive]
         left += [f"ring {path}" for path in Path("/dev/shm").glob(f"contid-{self._process.pid}-*")]
