@@ -95,8 +95,9 @@ class Course:
             self.source.resume()
 
     def watch(self, tick: int, step: int, now_s: float) -> None:
-        """After a tick: does the source end here, and the run with it?"""
+        """After a tick, at the time of the next: does the source end here, and the run with it?"""
         if self.finishing:
+            self._rest_faulted()
             return
         robots, source = self._robots, self.source
         alive = any(state.mode is not Mode.FAULT for state in robots.states)
@@ -116,18 +117,23 @@ class Course:
         self.finishing = True
         self.source = None
         robots, states = self._robots, self._robots.states
-        for index, plan in enumerate(robots.plans):
+        for index in range(len(states)):
             if states[index].mode not in (Mode.OFF, Mode.FAULT):
                 robots.change(index, stopping(policy, reason), now_s)
-            state = states[index]
-            if state.mode is Mode.FAULT and state.enabled:
-                # It stopped by its policy already; now the devices shall stay so without a host.
-                resting = Effect(REST_OF[plan.stops.on_fault])
-                states[index] = replace(state, pending=resting, enabled=False)
+        self._rest_faulted()
         self._chains.stopped(None, now_s)
-        motions = [state.motion for state in states if state.mode is Mode.STOPPING]
+        motions = [state.motion for state in states if state.mode in (Mode.STOPPING, Mode.FAULT)]
         seconds = max((motion.duration_s for motion in motions if motion is not None), default=0.0)
         self._sink.event("stopping", reason=reason, seconds=seconds)
+
+    def _rest_faulted(self) -> None:
+        """A robot that its fault has brought to a standstill: its devices shall stay so without a host."""
+        states = self._robots.states
+        for index, plan in enumerate(self._robots.plans):
+            state = states[index]
+            if state.mode is Mode.FAULT and state.enabled and not any(state.steps):
+                resting = Effect(REST_OF[plan.stops.on_fault])
+                states[index] = replace(state, pending=resting, enabled=False, motion=None)
 
     def _live(self) -> Live:
         if not isinstance(self.source, Live):

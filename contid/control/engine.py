@@ -201,19 +201,18 @@ class Engine:
             for axis, value in zip(plan.axes, outcome.device, strict=False):
                 commands[bus_of[axis]][axis] = value
             outcomes.append(outcome)
-        exchange.run(commands, timing, now_s)
-        self._chains.after_tick(now_s)
-        course.watch(timing.tick, step, now_s)
+        # The commands of this tick are given: a stop that begins now begins at the time of the next.
+        next_s = (step + 1) / self._rate_hz
+        exchange.run(commands, timing, next_s)
+        self._chains.after_tick(next_s)
+        course.watch(timing.tick, step, next_s)
         robots.tell(timing.tick)
         self._recorder.record(
             timing, source, targets, outcomes, robots.states, exchange.samples, course.measured, now_s,
             self._now,
         )  # fmt: skip
         if course.finishing and not self.finished:
-            self.finished = not exchange.busy and all(
-                state.mode in (Mode.OFF, Mode.FAULT) and state.pending is Effect.NONE
-                for state in robots.states
-            )
+            self.finished = robots.resting and not exchange.busy
 
     def _tick(self, index: int, number: int, now_s: float, target: Target | None) -> Outcome:
         """The tick of one robot; what it asks of its devices is queued, what is to be told is told."""

@@ -10,7 +10,7 @@ from contid.control import state as change
 from contid.control.cycle import Sink
 from contid.control.faults import Fault, describe
 from contid.control.plan import RobotPlan
-from contid.control.state import OrderRefusedError, RobotState
+from contid.control.state import Effect, OrderRefusedError, RobotState
 from contid.control.statistics import RobotTally
 from contid.control.supervisor import MOVING, Mode
 from contid.description.base import StopPolicy
@@ -53,6 +53,14 @@ class Robots:
     def armed(self) -> bool:
         """True when no robot is on its way to its first command any more."""
         return not any(state.mode in _BEFORE_THE_FIRST_COMMAND and state.wanted for state in self.states)
+
+    @property
+    def resting(self) -> bool:
+        """True when every robot is OFF, or stopped by a fault, and its devices were told so."""
+        return all(
+            state.mode in (Mode.OFF, Mode.FAULT) and not state.enabled and state.pending is Effect.NONE
+            for state in self.states
+        )
 
     def order(self, who: msg.Who, order: Order, now_s: float) -> None:
         """Give an order to robots by name; what is refused becomes an event."""

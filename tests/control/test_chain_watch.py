@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import io
 import math
+from itertools import pairwise
 
 import pytest
 
@@ -228,6 +229,21 @@ def test_a_fault_of_one_arm_stops_the_other(kind: str, policy: str) -> None:
     assert "rope: right has fault 10" in told
     ticks = [e["tick"] for e in seen.events if e["event"] == "fault"]
     assert ticks[0] == ticks[1]
+
+
+def test_an_arm_stopped_by_a_fault_of_the_other_slows_down_from_the_next_command_on() -> None:
+    """Its command of this tick is given when the fault of the other is noticed: the stop begins there."""
+    loaded = chain(right_bus="faults: [{at_s: 1.5, kind: overload, axis: right.s1.l1}]")
+    seen = Collector(loaded)
+    back = (40.0, 0.0, 250.0, 740.0, 0.0, 250.0)
+    run_virtual(loaded, RATE, rows(loaded, UP, back, UP, back), sinks=[seen])
+    path = [record.robots[0] for record in seen.records if isinstance(record, TickRecord)]
+    at = next(k for k, robot in enumerate(path) if robot.fault)
+    commands = [robot.axes[0].command for robot in path[at - 2 : at + 5]]
+    steps = [after - before for before, after in pairwise(commands)]
+    sizes = [abs(step) for step in steps[1:]]
+    assert sizes[0] > 1e-5
+    assert sizes == sorted(sizes, reverse=True)
 
 
 def test_cleared_alone_an_arm_does_not_follow_without_the_other() -> None:

@@ -183,6 +183,22 @@ def test_orders_that_do_not_fit_are_refused_in_words() -> None:
     assert "no robot 'thumb'; there are f0" in words[1]
 
 
+@pytest.mark.parametrize("interrupted", [False, True])
+def test_a_fault_at_speed_stops_within_the_limits_before_the_run_ends(interrupted: bool) -> None:
+    """The end of the run, also an orderly stop asked for in between, waits for the standstill."""
+    loaded = load(1, options="faults:\n  - {at_s: 1.5, kind: overload, axis: f0.left}\n")
+    seen = Collector(loaded)
+    orders = {302: [msg.Finish()]} if interrupted else {}
+    assert run_virtual(loaded, RATE, circle(loaded), sinks=[seen], orders=orders).exit_code == 3
+    steps = [b - a for a, b in pairwise(axis_path(seen))]
+    changes = [b - a for a, b in zip([0.0, *steps], [*steps, 0.0], strict=True)]
+    assert max(map(abs, changes)) <= 1.0 / RATE**2 * (1 + 1e-6)
+    jerks = [b - a for a, b in pairwise(changes)][-20:]
+    assert max(map(abs, jerks)) <= 20.0 / RATE**3 * 1.01
+    assert max(map(abs, steps[-20:])) > 1e-5
+    assert seen.modes("f0")[-1] == "FAULT"
+
+
 @pytest.mark.parametrize("on_end", list(OnEnd))
 def test_the_end_is_a_choice(on_end: OnEnd) -> None:
     loaded = load(1)
