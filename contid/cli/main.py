@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import signal
 import sys
 from contextlib import suppress
 from importlib import import_module
@@ -75,7 +76,17 @@ def cli() -> None:
 def main() -> NoReturn:
     """Run the command line; every `ContidError` becomes one message and its exit code."""
     stand_in()
-    sys.exit(finish(_run()))
+    try:
+        code = finish(_run())
+    except KeyboardInterrupt:  # one more, while the end was under way
+        code = _interrupted()
+    sys.exit(code)
+
+
+def _interrupted() -> int:
+    """The exit code of an orderly end by hand; from here on nothing is left that one more could stop."""
+    signal.signal(signal.SIGINT, signal.SIG_IGN)
+    return 130
 
 
 def _run() -> int:
@@ -85,7 +96,7 @@ def _run() -> int:
     except click.exceptions.Exit as done:
         return done.exit_code
     except click.Abort:
-        return 130
+        return _interrupted()
     except click.ClickException as usage:
         with suppress(OSError):
             usage.show()
