@@ -16,6 +16,7 @@ from contid.control.ports import Answer, Job, Port
 from contid.control.robots import Robots
 from contid.control.state import Effect, OrderRefusedError, RobotState
 from contid.control.supervisor import REST_OF, Mode
+from contid.control.tiers import TierWatch
 from contid.hal import Sample
 
 #: Between two attempts to open a lost bus again.
@@ -59,6 +60,7 @@ class Exchange:
         self._queued: dict[str, list[tuple[int, Effect, tuple[str, ...]]]] = {name: [] for name in ports}
         self._outstanding: list[set[str]] = [set() for _ in robots.plans]
         self._device_faults: dict[str, str] = {}
+        self._tiers = TierWatch({name: tuple(port.bus.axes) for name, port in ports.items()}, rate_hz, sink)
 
     @property
     def busy(self) -> bool:
@@ -110,6 +112,7 @@ class Exchange:
                 self._digest(name, port, answer, now_s)
             elif port.busy and not port.lost:
                 self._stalled(name, port, now_s)
+        self._tiers.look(timing.tick, self.samples, self._now())
 
     def abandon(self) -> None:
         """After a defect of contid itself: bring the devices to their ``on_host_loss`` rest, best effort."""

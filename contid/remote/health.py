@@ -1,40 +1,13 @@
-"""How old the data of a bus are: health from the age of what was measured, never from a flag.
-
-    tier = first of (fresh, late, stale, old, lost) whose bound is not exceeded
-
-Bounds 15, 50, 200 and 1000 ms (those of orca_core's joint loop), none of them shorter than three periods of
-the tick: at 20 Hz data of 150 ms are fresh.
-"""
+"""The health of buses for `status` and telemetry, from the newest record (`contid.control.tiers`)."""
 
 from __future__ import annotations
 
-import enum
 import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
-from typing import Final
 
 from contid.control.record import RecordLayout, TickRecord
-
-
-class Tier(enum.StrEnum):
-    """How far the data of a bus can be trusted."""
-
-    FRESH = "fresh"
-    LATE = "late"
-    STALE = "stale"
-    OLD = "old"
-    LOST = "lost"
-
-
-BOUNDS_S: Final[tuple[tuple[float, Tier], ...]] = (
-    (0.015, Tier.FRESH),
-    (0.050, Tier.LATE),
-    (0.200, Tier.STALE),
-    (1.000, Tier.OLD),
-)
-#: Periods of the tick that no bound is shorter than.
-LEAST_PERIODS: Final = 3.0
+from contid.control.tiers import Tier, tier_of
 
 
 @dataclass(frozen=True, slots=True)
@@ -50,14 +23,6 @@ class BusHealth:
     tier: Tier
     age_s: float
     silent: tuple[str, ...]
-
-
-def tier_of(age_s: float, period_s: float) -> Tier:
-    """The tier of an age."""
-    for bound_s, tier in BOUNDS_S:
-        if age_s <= max(bound_s, LEAST_PERIODS * period_s):
-            return tier
-    return Tier.LOST
 
 
 def bus_health(

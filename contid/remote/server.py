@@ -23,7 +23,7 @@ IDLE_S: Final = 0.02
 #: How long connections get to end with the daemon.
 LEAVE_S: Final = 1.0
 #: What subscribers of events hear of.
-EVENTS: Final = frozenset({"state", "fault", "refused", "bus", "skipped", "end", "stopping"})
+EVENTS: Final = frozenset({"state", "fault", "refused", "bus", "tier", "skipped", "end", "stopping"})
 
 
 class SocketServer:

@@ -10,7 +10,7 @@ from typing import Any
 from contid.session.read import Session
 
 #: Events that a summary shows one by one; of the others it says how many.
-_TOLD = ("fault", "refused", "bus", "overrun", "skipped", "recorder", "failed", "end", "stopping")
+_TOLD = ("fault", "refused", "bus", "tier", "overrun", "skipped", "recorder", "failed", "end", "stopping")
 _MOST = 20
 
 
