@@ -15,7 +15,7 @@ from contid.control.chain_orders import ChainOrders
 from contid.control.course import Course
 from contid.control.cycle import OnEnd, Sink, Timing
 from contid.control.exchange import Exchange
-from contid.control.journal import order_events
+from contid.control.journal import order_event
 from contid.control.loop import Outcome, tick
 from contid.control.plan import RobotPlan
 from contid.control.ports import Port
@@ -135,7 +135,7 @@ class Engine:
         robots, course, chains = self._robots, self._course, self._chains
         step = self._step + 1
         now_s = step / self._rate_hz
-        for fields in order_events(message):
+        if (fields := order_event(message)) is not None:
             self._sink.event("order", tick=tick_number, **fields)
         if not isinstance(message, msg.Goto):
             chains.begin_gotos(now_s)

@@ -13,7 +13,7 @@ A bus without ``answer`` and ``stall`` in a tick simply answered with the sample
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Mapping
 from typing import Any, Final
 
 from contid.control import messages as msg
@@ -32,31 +32,29 @@ _FOR_ROBOTS: Final[dict[str, type[msg.Hold | msg.Resume | msg.Estop | msg.ClearF
 _NAMES: Final[dict[type, str]] = {kind: name for name, kind in _FOR_ROBOTS.items()}
 
 
-def order_events(message: object) -> Iterator[dict[str, Any]]:
-    """A message as the fields of ``order`` events: one per robot of a row, so that each fits its slot."""
+def order_event(message: object) -> dict[str, Any] | None:
+    """A message as the fields of its ``order`` event; None for what is no order."""
     match message:
         case msg.Rows(targets):
-            if not targets:
-                yield {"order": "rows"}
-            for robot, target in targets.items():
-                yield {"order": "rows", "robot": robot, "target": _target(target)}
+            return {"order": "rows", "targets": {robot: _target(each) for robot, each in targets.items()}}
         case msg.Goto(robot, target):
-            yield {"order": "goto", "robot": robot, "target": _target(target)}
+            return {"order": "goto", "robot": robot, "target": _target(target)}
         case msg.Measured(robot, tip_in_world, direction, age_s):
             fields = {"order": "measured", "robot": robot, "tip_m": tip_in_world, "age_s": age_s}
-            yield fields if direction is None else {**fields, "direction": direction}
+            return fields if direction is None else {**fields, "direction": direction}
         case msg.Stop(robots, policy, reason):
-            yield {"order": "stop", "robots": robots, "policy": policy, "reason": reason}
+            return {"order": "stop", "robots": robots, "policy": policy, "reason": reason}
         case msg.Finish(policy, reason):
-            yield {"order": "finish", "policy": policy, "reason": reason}
+            return {"order": "finish", "policy": policy, "reason": reason}
         case msg.Hold(robots) | msg.Resume(robots) | msg.Estop(robots) | msg.ClearFault(robots):
-            yield {"order": _NAMES[type(message)], "robots": robots}
+            return {"order": _NAMES[type(message)], "robots": robots}
         case msg.End():
-            yield {"order": "end"}
+            return {"order": "end"}
         case msg.Begin():
-            yield {"order": "begin"}
+            return {"order": "begin"}
         case msg.Play(trajectory):
-            yield {"order": "play", "rows": len(trajectory)}
+            return {"order": "play", "rows": len(trajectory)}
+    return None
 
 
 def order_of(event: Mapping[str, Any]) -> msg.Message:
@@ -73,7 +71,10 @@ def order_of(event: Mapping[str, Any]) -> msg.Message:
         return _FOR_ROBOTS[kind](None if robots is None else tuple(robots))
     match kind:
         case "rows":
-            return msg.Rows({event["robot"]: target_of(event["target"])} if "robot" in event else {})
+            # Recordings of earlier versions have one event per robot of a row.
+            before = {event["robot"]: event["target"]} if "robot" in event else {}
+            targets = event.get("targets", before)
+            return msg.Rows({robot: target_of(fields) for robot, fields in targets.items()})
         case "measured":
             x, y, z = event["tip_m"]
             direction = event.get("direction")

@@ -3,8 +3,9 @@
 One file in ``/dev/shm`` (mode 0600) holds two rings of fixed slots: ticks (`contid.control.record`) and
 events (JSON lines). The writer stamps a slot with 0, fills it, stamps it with its sequence number (from 1)
 and then moves the head; a reader copies a slot and looks at the stamp again, so a slot that was overwritten
-meanwhile is noticed and counted, never misread. Readers attach by path, may outlive the writer's parent, and
-keep what is mapped after the file is unlinked.
+meanwhile is noticed and counted, never misread. An event too long for a slot goes on in the next ones: an
+answer of a bus with a hundred robots, a row of a stream for as many. Readers attach by path, may outlive
+the writer's parent, and keep what is mapped after the file is unlinked.
 
 The layout of the file: 64 bytes of head (magic, sizes, two sequence numbers, closed flag), the JSON of the
 `RecordLayout`, tick slots, event slots. x86-64 keeps the order of stores; on ARM the interpreter's own
@@ -21,6 +22,7 @@ import secrets
 import struct
 import tempfile
 import time
+from collections.abc import Mapping
 from contextlib import suppress
 from dataclasses import dataclass
 from pathlib import Path
@@ -29,12 +31,14 @@ from typing import Any, Final
 from contid.control.record import RecordLayout, TickRecord
 from contid.errors import ContidError
 
-MAGIC: Final = b"contidR2"
+MAGIC: Final = b"contidR3"
 HEAD: Final = struct.Struct("=8sQQQQQ")  # magic, bytes of JSON, tick slots, bytes per tick, event slots
 HEAD_BYTES: Final = 64
 TICKS_AT, EVENTS_AT, CLOSED_AT = 48, 56, 40
 EVENT_BYTES: Final = 2048
-EVENT_SLOTS: Final = 512
+EVENT_SLOTS: Final = 1024
+#: One event takes at most so many slots, so that a reader that looks in time has all of them.
+EVENT_PARTS: Final = 128
 SECONDS: Final = 8.0
 #: A ring younger than this may belong to a run that is just about to open it.
 STALE_S: Final = 60.0
@@ -42,7 +46,7 @@ STALE_S: Final = 60.0
 ASIDE: Final = "contid-*.bulk"
 U64: Final = struct.Struct("=Q")
 F64: Final = struct.Struct("=d")
-EVENT: Final = struct.Struct("=QI")
+EVENT: Final = struct.Struct("=QIHH")  # stamp, bytes of this part, parts before it, parts after it
 STAMP: Final = U64.size
 
 
@@ -134,19 +138,22 @@ class RingWriter(_Mapped):
         U64.pack_into(self._map, TICKS_AT, self._ticks)
 
     def event(self, kind: str, **fields: Any) -> None:
-        """Publish one event; a text too long for a slot loses its end."""
+        """Publish one event, in parts when it is long.
+
+        Beyond `EVENT_PARTS` slots its longest text loses its end; without one, ``too_long`` takes its place.
+        """
         body = json.dumps({"event": kind, **fields}).encode()
-        if len(body) > EVENT_BYTES - EVENT.size:
-            longest = max(
-                (key for key in fields if isinstance(fields[key], str)), key=lambda k: len(fields[k])
-            )
-            keep = len(fields[longest]) - (len(body) - EVENT_BYTES + EVENT.size) - 8
-            body = json.dumps(
-                {"event": kind, **fields, longest: fields[longest][: max(keep, 0)] + "..."}
-            ).encode()
+        room = EVENT_BYTES - EVENT.size
+        if len(body) > room * EVENT_PARTS:
+            body = _shortened(kind, fields, room * EVENT_PARTS)
+        parts = [body[start : start + room] for start in range(0, len(body), room)]
+        for index, part in enumerate(parts):
+            self._part(part, index, len(parts) - 1 - index)
+
+    def _part(self, body: bytes, before: int, after: int) -> None:
         number = self._events
         at = self._events_at + number % self.event_slots * EVENT_BYTES
-        EVENT.pack_into(self._map, at, 0, len(body))
+        EVENT.pack_into(self._map, at, 0, len(body), before, after)
         self._map[at + EVENT.size : at + EVENT.size + len(body)] = body
         self._events = number + 1
         U64.pack_into(self._map, at, self._events)
@@ -155,6 +162,20 @@ class RingWriter(_Mapped):
     def finish(self) -> None:
         """Tell the readers that nothing more will come."""
         U64.pack_into(self._map, CLOSED_AT, 1)
+
+
+def _shortened(kind: str, fields: Mapping[str, Any], limit: int) -> bytes:
+    """The JSON of an event within ``limit`` bytes: its longest text cut, or the news that it was too long."""
+    texts = {key: value for key, value in fields.items() if isinstance(value, str)}
+    longest = max(texts, key=lambda key: len(texts[key]), default=None)
+    if longest is not None:
+        # A character takes at most twelve bytes, as two escapes.
+        others = len(json.dumps({"event": kind, **fields, longest: "..."}))
+        kept = texts[longest][: max(limit - others, 0) // 12] + "..."
+        body = json.dumps({"event": kind, **fields, longest: kept}).encode()
+        if len(body) <= limit:
+            return body
+    return json.dumps({"event": "too_long", "kind": kind}).encode()
 
 
 @dataclass(slots=True)
@@ -168,13 +189,14 @@ class RingReader(_Mapped):
 
     Attributes:
         missed_ticks: records overwritten before this reader came to them.
-        missed_events: the same for events.
+        missed_events: the same for slots of events.
     """
 
     def __init__(self, path: Path) -> None:
         super().__init__(path)
         self._tick = _Cursor()
         self._event = _Cursor()
+        self._parts: list[bytes] = []
 
     @property
     def missed_ticks(self) -> int:
@@ -233,11 +255,19 @@ class RingReader(_Mapped):
         return [F64.unpack_from(self._tick_slot(number), STAMP + at)[0] for number in newest]
 
     def events(self) -> list[dict[str, Any]]:
-        """Events not read yet, oldest first."""
+        """Events not read yet, oldest first; one whose first parts were overwritten counts as missed."""
         out: list[dict[str, Any]] = []
+        missed = self._event.missed
         while raw := self._next(self._event, EVENTS_AT, self.event_slots, self._event_slot):
-            _, length = EVENT.unpack_from(raw)
-            out.append(json.loads(raw[EVENT.size : EVENT.size + length]))
+            _, length, before, after = EVENT.unpack_from(raw)
+            if before == 0 or self._event.missed != missed:
+                self._parts.clear()
+                missed = self._event.missed
+            if before != len(self._parts):
+                continue  # the rest of an event whose beginning was overwritten
+            self._parts.append(raw[EVENT.size : EVENT.size + length])
+            if after == 0:
+                out.append(json.loads(b"".join(self._parts)))
         return out
 
     def _tick_slot(self, number: int) -> bytes:

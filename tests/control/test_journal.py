@@ -7,7 +7,7 @@ import json
 import pytest
 
 from contid.control import messages as msg
-from contid.control.journal import answer_event, answer_of, order_events, order_of
+from contid.control.journal import answer_event, answer_of, order_event, order_of
 from contid.control.ports import Answer
 from contid.control.state import Effect
 from contid.description.base import StopPolicy
@@ -27,19 +27,23 @@ TARGET = Target(
         msg.Stop(("thumb",), StopPolicy.REST, "on_end"), msg.Stop(), msg.Finish(), msg.End(),
         msg.Finish(StopPolicy.RELAX, "on_host_loss"), msg.Goto("thumb", TARGET),
         msg.Goto("thumb", Target(actuation=(0.07, 0.03))), msg.Rows({"thumb": TARGET}),
-        msg.Rows({"thumb": None}), msg.Rows({}), msg.Measured("thumb", (0.1, 1 / 3, 0.0)),
+        msg.Rows({"thumb": None}), msg.Rows({}), msg.Rows({"a": TARGET, "b": None}),
+        msg.Measured("thumb", (0.1, 1 / 3, 0.0)),
         msg.Measured("thumb", (0.1, 0.2, 0.0), (0.6, 0.8, 0.0), 1 / 300),
     ],
     ids=repr,
 )  # fmt: skip
 def test_an_order_comes_back(message: msg.Message) -> None:
-    events = [json.loads(json.dumps(fields)) for fields in order_events(message)]
-    assert [order_of(event) for event in events] == [message]
+    fields = order_event(message)
+    assert fields is not None
+    assert order_of(json.loads(json.dumps(fields))) == message
 
 
-def test_a_row_of_several_robots_is_several_events() -> None:
-    events = list(order_events(msg.Rows({"a": TARGET, "b": None})))
-    assert [order_of(event) for event in events] == [msg.Rows({"a": TARGET}), msg.Rows({"b": None})]
+def test_a_row_of_an_early_recording_is_one_event_per_robot() -> None:
+    fields = order_event(msg.Goto("thumb", TARGET))
+    assert fields is not None
+    event = {"order": "rows", "robot": "thumb", "target": fields["target"]}
+    assert order_of(event) == msg.Rows({"thumb": TARGET})
 
 
 def test_a_measurement_of_an_early_recording_has_neither_direction_nor_age() -> None:

@@ -64,6 +64,20 @@ def test_a_run_in_real_time_is_recorded_whole_and_replays(buses: int, tmp_path: 
     assert "every command is the same, bit for bit" in replayed.stdout
 
 
+def test_a_row_for_forty_robots_is_recorded_whole_and_replays(tmp_path: Path) -> None:
+    """Its event takes several slots of the ring."""
+    robot, path = tmp_path / "r.yaml", tmp_path / "s.mcap"
+    robot.write_text(fingers(40))
+    header = ",".join(f"f{index}.x_mm,f{index}.y_mm" for index in range(40))
+    rows = "".join(",".join(["50", str(75 + row)] * 40) + "\n" for row in range(3))
+    done = contid("run", str(robot), "--mock", "--record", str(path), stdin=f"{header}\n{rows}")
+    assert done.returncode == 0, done.stderr
+    rows_seen = [event for event in Session(path).events() if event.get("order") == "rows"]
+    assert [len(event["targets"]) for event in rows_seen] == [40] * 3
+    replayed = contid("replay", str(path))
+    assert replayed.returncode == 0, replayed.stdout
+
+
 @pytest.mark.parametrize("victim", VICTIMS)
 @pytest.mark.parametrize("number", range(KILLS))
 def test_a_kill_loses_at_most_the_last_tick(victim: str, number: int, tmp_path: Path) -> None:
