@@ -1,31 +1,27 @@
-"""What the channels of a session hold: which number of a record goes where in which JSON message, and back.
+"""What the channels of a session hold: which number of a record goes where in which JSON message.
 
 A tick leaves one message on each of `TICK_CHANNELS`; ``event`` has one per event. Values are SI with the unit
 in the key (``left_m``, ``p1_pa``, ``tip_m``); a dot in an axis name becomes an underscore, so that plotting
-programs find the way. ``null`` is what a record has as NaN: absent. Floats are written with the fewest
-digits that read back to the same float64, so nothing is lost between the tick and its replay. Its
-`REVISION` tells which keys a file has.
+programs find the way. What a record has as NaN is absent: a number or a vector then has no key, integers,
+booleans and objects are always there. Written by `contid.session.encode`, read by `contid.session.decode`.
 """
 
 from __future__ import annotations
 
-import json
-import math
-import re
-import struct
-from collections.abc import Callable, Iterator, Mapping, Sequence
-from dataclasses import dataclass, field
-from operator import itemgetter
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass
 from typing import Any, Final
 
 from contid.control.record import AXIS_VALUES, HEAD_VALUES, ROBOT_VALUES, RecordLayout
 
 TICK_CHANNELS: Final = ("tick", "target", "solution", "command", "sample")
 EVENT: Final = "event"
-#: Grows with keys that an older reader leaves out and a newer one misses in older files:
-#: 1 the measured tip of every robot.
-REVISION: Final = 1
+#: Of the messages; every one is read. 0 the first; 1 adds the measured tip of every robot; 2 leaves out what
+#: is absent, where earlier ones have ``null``, and names what is infinite, where earlier ones have ``1e999``.
+REVISION: Final = 2
 CHANNELS: Final = (*TICK_CHANNELS, EVENT)
+#: Key of a message for what JSON cannot say: paths of infinite numbers, a minus in front of negative ones.
+INFINITE: Final = "infinite"
 #: Unit in a robot file -> unit of SI.
 SI: Final = {"mm": "m", "bar": "pa"}
 
@@ -37,9 +33,6 @@ _MEASURED_TIP, _MEASURED_DIRECTION, _MEASURED_AGE = (19, 20, 21), (22, 23, 24), 
 TARGET, SOLUTION, COMMAND, LIMITS, DEVICE = range(5)
 VALUE, TIME, VALID, AGE, VELOCITY, EFFORT, TEMPERATURE, VOLTAGE = range(5, 13)
 
-_VOID: Final = "[null,null,null]"
-_NAN: Final = math.nan
-
 
 @dataclass(frozen=True, slots=True)
 class Field:
@@ -50,14 +43,17 @@ class Field:
         slots: places in the record; three make a vector.
         kind: JSON Schema type of it.
         words: what it is, for the schema.
-        since: first revision that has it.
     """
 
     path: tuple[str, ...]
     slots: tuple[int, ...]
     kind: str
     words: str
-    since: int = 0
+
+    @property
+    def required(self) -> bool:
+        """It is in every message; others are left out while a record has NaN there."""
+        return self.kind in ("integer", "boolean")
 
 
 def robot_at(layout: RecordLayout, index: int) -> int:
@@ -98,7 +94,7 @@ def fields(layout: RecordLayout, device_units: Mapping[str, str], channel: str) 
         at, front, unit = robot_at(layout, index), ("robots", robot.name), SI[robot.quantity]
         for place, name, kind, words in _OF_ROBOT[channel]:
             slots = tuple(at + each for each in (place if isinstance(place, tuple) else (place,)))
-            yield Field((*front, name), slots, kind, words, _SINCE.get(name, 0))
+            yield Field((*front, name), slots, kind, words)
         for number, axis in enumerate(robot.axes):
             start, key = axis_at(layout, index, number), key_of(axis)
             device = device_units[f"{robot.name}.{axis}"]
@@ -142,7 +138,6 @@ _OF_ROBOT: Final[dict[str, tuple[tuple[int | tuple[int, ...], str, str, str], ..
         (_MEASURED_AGE, "measured_age_s", "number", "since that was captured"),
     ),
 }
-_SINCE: Final = dict.fromkeys(("measured_tip_m", "measured_direction", "measured_age_s"), 1)
 _ACTUATION: Final = {
     "target": (TARGET, "actuation the target asked for"),
     "solution": (SOLUTION, "actuation the model answered"),
@@ -161,150 +156,31 @@ _SAMPLE: Final = (
 
 
 def schema(layout: RecordLayout, device_units: Mapping[str, str], channel: str) -> dict[str, Any]:
-    """JSON Schema of a channel."""
+    """JSON Schema of a channel: every key of its messages, and which of them are always there."""
     if channel == EVENT:
         keys = {"event": {"type": "string"}, "tick": {"type": "integer"}}
         return {"type": "object", "title": f"contid.{EVENT}", "properties": keys, "required": ["event"]}
-    root: dict[str, Any] = {"type": "object", "title": f"contid.{channel}", "properties": {}}
+    root: dict[str, Any] = {"title": f"contid.{channel}", **_object()}
     for each in fields(layout, device_units, channel):
-        at = root["properties"]
+        at = root
         for key in each.path[:-1]:
-            at = at.setdefault(key, {"type": "object", "properties": {}})["properties"]
+            at = _add(at, key, _object(), required=True)
         about: dict[str, Any] = {"type": each.kind, "description": each.words}
         if each.kind == "array":
             about |= {"items": {"type": "number"}, "minItems": 3, "maxItems": 3}
-        at[each.path[-1]] = about
+        _add(at, each.path[-1], about, each.required)
+    words = "paths of numbers that are infinite, a minus in front of negative ones; absent without any"
+    _add(root, INFINITE, {"type": "array", "items": {"type": "string"}, "description": words}, required=False)
     return root
 
 
-def _number(value: float) -> str:
-    """A number as JSON; 1e999 is how JSON says infinity and be read as one."""
-    if value - value == 0:
-        return repr(value)
-    return "null" if value != value else "1e999" if value > 0 else "-1e999"
+def _object() -> dict[str, Any]:
+    return {"type": "object", "properties": {}, "required": [], "additionalProperties": False}
 
 
-@dataclass(slots=True)
-class Encoder:
-    """Records to messages: one text per channel with places for the numbers, filled in one step."""
-
-    layout: RecordLayout
-    device_units: Mapping[str, str]
-    _parts: list[tuple[str, Callable[[list[str]], tuple[str, ...]]]] = field(default_factory=list)
-    _flags: tuple[int, ...] = ()
-    _integers: tuple[int, ...] = ()
-
-    def __post_init__(self) -> None:
-        """Prepare the texts."""
-        every = [list(fields(self.layout, self.device_units, channel)) for channel in TICK_CHANNELS]
-        known = [each for some in every for each in some]
-        self._flags = tuple(each.slots[0] for each in known if each.kind == "boolean")
-        limits = [each for each in known if "limits" in each.path]
-        self._integers = tuple(each.slots[0] for each in limits)
-        self._parts = [_template(some) for some in every]
-
-    def encode(self, values: Sequence[float]) -> list[bytes]:
-        """One message per channel of `TICK_CHANNELS`."""
-        texts = [_number(value) for value in values]
-        for slot in self._flags:
-            texts[slot] = "true" if values[slot] else "false"
-        for slot in self._integers:
-            texts[slot] = str(int(values[slot]))
-        return [(text % pick(texts)).replace(_VOID, "null").encode() for text, pick in self._parts]
-
-
-def _template(some: Sequence[Field]) -> tuple[str, Callable[[list[str]], tuple[str, ...]]]:
-    root: dict[str, Any] = {}
-    for each in some:
-        at = root
-        for key in each.path[:-1]:
-            at = at.setdefault(key, {})
-        marks = [f"@{slot}@" for slot in each.slots]
-        at[each.path[-1]] = marks if each.kind == "array" else marks[0]
-    text = json.dumps(root, separators=(",", ":")).replace("%", "%%")
-    slots = [int(slot) for slot in re.findall(r'"@(\d+)@"', text)]
-    return re.sub(r'"@\d+@"', "%s", text), _picker(slots)
-
-
-def _picker(slots: Sequence[Any]) -> Callable[[Any], tuple[Any, ...]]:
-    if len(slots) == 1:
-        return lambda values: (values[slots[0]],)
-    return itemgetter(*slots)
-
-
-@dataclass(frozen=True, slots=True)
-class _Group:
-    """Values of one object of a message: first its numbers, then its vectors."""
-
-    path: tuple[str, ...]
-    numbers: Callable[[Any], tuple[Any, ...]] | None
-    vectors: tuple[str, ...]
-    slots: tuple[int, ...]
-
-
-class Decoder:
-    """Messages back to records: gathered as they come, put in order once per tick."""
-
-    def __init__(
-        self, layout: RecordLayout, device_units: Mapping[str, str], revision: int = REVISION
-    ) -> None:
-        self._groups: dict[str, list[_Group]] = {}
-        order: dict[int, int] = {}
-        missing: list[int] = []
-        gathered = 0
-        for channel in TICK_CHANNELS:
-            by_path: dict[tuple[str, ...], list[Field]] = {}
-            for each in fields(layout, device_units, channel):
-                if each.since <= revision:
-                    by_path.setdefault(each.path[:-1], []).append(each)
-                else:
-                    missing += each.slots
-            self._groups[channel] = [_group(path, some) for path, some in by_path.items()]
-            for group in self._groups[channel]:
-                order |= {slot: gathered + place for place, slot in enumerate(group.slots)}
-                gathered += len(group.slots)
-        # What a file of an earlier revision has not is absent: the one None after all that was gathered.
-        order |= dict.fromkeys(missing, gathered)
-        self._complete = not missing
-        self._arrange = itemgetter(*(order[slot] for slot in sorted(order)))
-        self._decode = json.JSONDecoder().decode
-
-    def gather(self, gathered: list[Any], channel: str, data: bytes) -> None:
-        """Add what a message holds; the messages of a tick in the order of `TICK_CHANNELS`.
-
-        Raises:
-            ValueError, KeyError, TypeError: it is not a message of this channel.
-        """
-        message = self._decode(data.decode())
-        for group in self._groups[channel]:
-            part = message
-            for key in group.path:
-                part = part[key]
-            if group.numbers is not None:
-                gathered += group.numbers(part)
-            for key in group.vectors:
-                gathered += part[key] or _NO_VECTOR
-
-    def record(self, gathered: Sequence[Any]) -> list[float]:
-        """The record of the gathered messages.
-
-        Raises:
-            IndexError: one is missing.
-            struct.error, OverflowError: one is no number that a record can hold.
-        """
-        whole = gathered if self._complete else [*gathered, None]
-        values = [_NAN if value is None else value for value in self._arrange(whole)]
-        # Cheaper than looking at each: only numbers can be packed.
-        struct.pack(f"{len(values)}d", *values)
-        return values
-
-
-_NO_VECTOR: Final = (None, None, None)
-
-
-def _group(path: tuple[str, ...], some: Sequence[Field]) -> _Group:
-    numbers = [each for each in some if each.kind != "array"]
-    vectors = [each for each in some if each.kind == "array"]
-    slots = tuple(slot for each in (*numbers, *vectors) for slot in each.slots)
-    pick = _picker([each.path[-1] for each in numbers]) if numbers else None
-    return _Group(path, pick, tuple(each.path[-1] for each in vectors), slots)
+def _add(parent: dict[str, Any], key: str, about: dict[str, Any], required: bool) -> dict[str, Any]:
+    """The schema of a key, which is added when it is new."""
+    if required and key not in parent["required"]:
+        parent["required"].append(key)
+    known: dict[str, Any] = parent["properties"].setdefault(key, about)
+    return known

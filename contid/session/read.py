@@ -18,7 +18,8 @@ from contid.description.load import LoadedFile, parse_robot_file, with_mock
 from contid.errors import ContidError
 from contid.session import mcap_records as mcap
 from contid.session.about import FORMAT, TRAJECTORY, unpacked
-from contid.session.channels import EVENT, TICK_CHANNELS, Decoder
+from contid.session.channels import EVENT, TICK_CHANNELS
+from contid.session.decode import Decoder
 from contid.session.mcap_records import MESSAGE_INSIDE, DamagedRecordError, RecordStream
 from contid.trajectory.timed import Trajectory
 
@@ -26,7 +27,7 @@ from contid.trajectory.timed import Trajectory
 _TICKS: Final = 1 << 53
 #: What a message that does not hold what it should raises on its way into a record or an event.
 _DAMAGE: Final = (
-    *(ValueError, KeyError, TypeError, IndexError, OverflowError, RecursionError),
+    *(ValueError, KeyError, TypeError, AttributeError, OverflowError, RecursionError),
     *(struct.error, DamagedRecordError),
 )
 
@@ -58,7 +59,6 @@ class Session:
         about: texts by group and name, as `contid.session.about` writes them.
         layout: of the records.
         device_units: ``rad`` or ``pa`` by ``ROBOT.AXIS``.
-        revision: of its keys (`contid.session.channels.REVISION`).
         rate_hz: of the ticks.
         clean: after `entries` came to the end: the file ends as it should.
         chunked: the same: it was compacted.
@@ -96,8 +96,7 @@ class Session:
             self.layout = RecordLayout.from_json(self.about["layout"]["record"])
             self.device_units: dict[str, str] = json.loads(self.about["layout"]["device_units"])
             # Whatever follows needs these to fit each other.
-            self.revision = int(self.about["contid"].get("revision", "0"))
-            Decoder(self.layout, self.device_units, self.revision)
+            Decoder(self.layout, self.device_units)
             int(self.about["clock"]["wall_ns"])
         except (ValueError, KeyError, TypeError, AttributeError) as error:
             raise SessionError(f"{path}: its head is damaged: {type(error).__name__}: {error}") from error
@@ -159,7 +158,7 @@ class Session:
 
     def entries(self) -> Iterator[Entry]:
         """Ticks and events in their order; a tick that is not whole is left out."""
-        decoder = Decoder(self.layout, self.device_units, self.revision)
+        decoder = Decoder(self.layout, self.device_units)
         topics, first, last = self._topics, TICK_CHANNELS[0], TICK_CHANNELS[-1]
         inside, head = MESSAGE_INSIDE, MESSAGE_INSIDE.size
         gathered: list[Any] | None = None

@@ -15,7 +15,8 @@ from typing import Any, Final
 
 from contid.errors import ContidError
 from contid.session import mcap_records as mcap
-from contid.session.channels import CHANNELS, EVENT, Encoder, schema
+from contid.session.channels import CHANNELS, EVENT, schema
+from contid.session.encode import Encoder
 from contid.session.header import Header
 
 #: Without anybody who waits for it (virtual time), so much is gathered before a write.

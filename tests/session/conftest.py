@@ -2,40 +2,15 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
 from pathlib import Path
 
 import pytest
 
 from contid.control.cycle import OnEnd
-from contid.control.messages import Message
 from contid.control.setup import Setup
-from contid.control.virtual import run_virtual
-from contid.description.load import LoadedFile
-from contid.session.record import Recording
 from contid.session.write import SessionWriter
-from contid.trajectory.timed import Trajectory
 from tests.control.fingers import circle, load
-
-
-def record_virtual(
-    path: Path,
-    loaded: LoadedFile,
-    trajectory: Trajectory | None,
-    orders: Mapping[int, Sequence[Message]] | None = None,
-    ticks: int | None = None,
-    *,
-    on_end: OnEnd = OnEnd.STOP,
-) -> Path:
-    """Record a run in virtual time."""
-    recording = Recording(path, {"mock": "False", "input": "test"})
-    sink = recording.follow(Setup(loaded, 200.0, Path(), trajectory, on_end, attended=False))
-    for messages in (orders or {}).values():
-        for message in messages:
-            recording.told(message)
-    run_virtual(loaded, 200.0, trajectory, sinks=[sink], orders=orders, ticks=ticks, on_end=on_end)
-    recording.detach()
-    return path
+from tests.session.runs import record_virtual
 
 
 @pytest.fixture(scope="session")

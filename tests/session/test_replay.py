@@ -22,7 +22,7 @@ from contid.session.replay import Replayed, replay
 from contid.targets import Target
 from tests.control.fingers import circle, fingers, load
 from tests.golden.make import names, record
-from tests.session.conftest import record_virtual
+from tests.session.runs import record_virtual
 
 
 def _same(path: Path) -> Replayed:

@@ -1,0 +1,141 @@
+"""Short runs in virtual time that fill every key of a session: ``python -m tests.session.runs FOLDER``."""
+
+from __future__ import annotations
+
+import sys
+from collections.abc import Callable, Mapping, Sequence
+from pathlib import Path
+from typing import Final
+
+import numpy as np
+
+from contid.control import messages as msg
+from contid.control.cycle import OnEnd
+from contid.control.plan import RobotPlan
+from contid.control.setup import Setup
+from contid.control.virtual import run_virtual
+from contid.control.wiring import build_plans
+from contid.description.load import LoadedFile, load_robot_file, parse_robot_file, with_mock
+from contid.models.model import Pose
+from contid.session.record import Recording
+from contid.targets import Target
+from contid.trajectory.timed import Trajectory
+from tests.control.fingers import circle, fingers
+
+CONFIGS: Final = Path(__file__).parents[2] / "configs"
+RATE_HZ: Final = 100.0
+Orders = dict[int, list[msg.Message]]
+
+
+def record_virtual(
+    path: Path,
+    loaded: LoadedFile,
+    trajectory: Trajectory | None,
+    orders: Mapping[int, Sequence[msg.Message]] | None = None,
+    ticks: int | None = None,
+    *,
+    on_end: OnEnd = OnEnd.STOP,
+    rate_hz: float = 200.0,
+) -> Path:
+    """Record a run in virtual time."""
+    recording = Recording(path, {"mock": "False", "input": "test"}, host="test")
+    sink = recording.follow(Setup(loaded, rate_hz, Path(), trajectory, on_end, attended=False))
+    for messages in (orders or {}).values():
+        for message in messages:
+            recording.told(message)
+    run_virtual(loaded, rate_hz, trajectory, sinks=[sink], orders=orders, ticks=ticks, on_end=on_end)
+    recording.detach()
+    return path
+
+
+def tracked_hand(path: Path) -> Path:
+    """One finger led by its tip, which a tracker sees, the other by its racks."""
+    loaded = _simulated("hand")
+    left, right = build_plans(loaded, RATE_HZ)
+    tip, direction = _in_world(left, _around(left, 1))
+    orders: Orders = {
+        5: [msg.Rows({"left": Target(tip_m=tip), "right": Target(actuation=right.rest)})],
+        20: [msg.Measured("left", tip, None, 0.004)],
+        40: [msg.Measured("left", tip, direction, 0.004), msg.Hold()],
+        60: [msg.End()],
+    }
+    return record_virtual(path, loaded, None, orders, ticks=250, rate_hz=RATE_HZ)
+
+
+def loaded_arm(path: Path) -> Path:
+    """A pneumatic arm with a weight at its tip, then led by tip and direction, then by its pressures."""
+    loaded = _simulated("stiffflop1")
+    (plan,) = build_plans(loaded, RATE_HZ)
+    tip, direction = _in_world(plan, _around(plan, 1))
+    load = (0.0, 0.0, 0.02)
+    orders: Orders = {
+        5: [msg.Rows({plan.name: Target(tip_m=tip, load_n=load)})],
+        40: [msg.Rows({plan.name: Target(tip_m=tip, direction=direction)})],
+        55: [msg.Rows({plan.name: Target(actuation=plan.rest)})],
+        60: [msg.End()],
+    }
+    return record_virtual(path, loaded, None, orders, ticks=80, rate_hz=RATE_HZ)
+
+
+def bent_cbha(path: Path) -> Path:
+    """Two sections led by mid-point and tip, wrist and gripper besides; then every tube by its length."""
+    loaded = _simulated("cbha")
+    (plan,) = build_plans(loaded, RATE_HZ)
+    pose = _around(plan, 1)
+    tip, _ = _in_world(plan, pose)
+    mid = plan.frame.point_in_world(pose.mid_m)
+    rest = plan.rest[: len(plan.axes) - plan.extra_axes]
+    orders: Orders = {
+        5: [msg.Rows({plan.name: Target(tip_m=tip, mid_m=mid, extra={"wrist": 0.01})})],
+        40: [msg.Rows({plan.name: Target(actuation=rest, extra={"gripper": 0.005})})],
+        60: [msg.End()],
+    }
+    return record_virtual(path, loaded, None, orders, ticks=80, rate_hz=RATE_HZ)
+
+
+def faulty_fingers(path: Path) -> Path:
+    """A servo that is silent at first, ticks that are skipped, an overload."""
+    faults = (
+        "{at_s: 0.05, kind: silent, axis: f1.left, for_s: 0.05}",
+        "{at_s: 0.7, kind: late, for_s: 0.05, delay_ms: 12}",
+        "{at_s: 0.8, kind: overload, axis: f0.right}",
+    )
+    text = fingers(2, options="\n  - ".join(("faults:", *faults)))
+    loaded = parse_robot_file(text, "fingers.yaml")
+    return record_virtual(path, loaded, circle(loaded, period_s=1.0), ticks=450)
+
+
+RUNS: Final[dict[str, Callable[[Path], Path]]] = {
+    "tracked_hand": tracked_hand,
+    "loaded_arm": loaded_arm,
+    "bent_cbha": bent_cbha,
+    "faulty_fingers": faulty_fingers,
+}
+
+
+def _simulated(name: str) -> LoadedFile:
+    return with_mock(load_robot_file(CONFIGS / f"{name}.yaml"))
+
+
+def _around(plan: RobotPlan, k: int) -> Pose:
+    """A pose not far from the rest pose."""
+    model = plan.model
+    travel = np.asarray(model.upper) - np.asarray(model.lower)
+    share = 0.03 * np.sin(k * (1.0 + np.arange(len(travel))))
+    rest = np.asarray(plan.rest[: len(travel)])
+    return model.forward(tuple(np.clip(rest + share * travel, model.lower, model.upper).tolist()))
+
+
+def _in_world(plan: RobotPlan, pose: Pose) -> tuple[tuple[float, float, float], tuple[float, float, float]]:
+    return plan.frame.point_in_world(pose.tip_m), plan.frame.vector_in_world(pose.direction)
+
+
+def main() -> None:
+    """Record them all."""
+    folder = Path(sys.argv[1])
+    for name, run in RUNS.items():
+        print(run(folder / f"{name}.mcap"))
+
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,106 @@
+"""Every message of recorded runs matches the JSON Schema in its file, read as a stranger would read it."""
+
+from __future__ import annotations
+
+import json
+from collections import defaultdict
+from collections.abc import Iterator
+from pathlib import Path
+from typing import Any
+
+import pytest
+from jsonschema import Draft202012Validator
+from mcap.reader import make_reader
+
+from contid.session.channels import INFINITE, TICK_CHANNELS
+from contid.session.read import Session
+from contid.session.replay import replay
+from tests.golden.test_golden import TOLERANCE
+from tests.session.runs import RUNS
+
+REVISIONS = sorted((Path(__file__).parent / "revisions").glob("*.mcap"))
+
+
+@pytest.fixture(scope="module")
+def runs(tmp_path_factory: pytest.TempPathFactory) -> list[Path]:
+    folder = tmp_path_factory.mktemp("runs")
+    return [run(folder / f"{name}.mcap") for name, run in RUNS.items()]
+
+
+def _messages(path: Path) -> Iterator[tuple[str, bytes, dict[str, Any]]]:
+    """Topic, schema and message, by the stock reader."""
+    with path.open("rb") as file:
+        for schema, channel, message in make_reader(file, validate_crcs=True).iter_messages():
+            assert schema is not None
+            yield channel.topic, schema.data, json.loads(message.data, parse_constant=_refuse)
+
+
+def _refuse(constant: str) -> float:
+    raise AssertionError(f"{constant} is no JSON")
+
+
+def test_every_message_matches_the_schema_in_its_file(runs: list[Path]) -> None:
+    for path in runs:
+        validators: dict[bytes, Draft202012Validator] = {}
+        for _, schema, message in _messages(path):
+            if schema not in validators:
+                Draft202012Validator.check_schema(json.loads(schema))
+                validators[schema] = Draft202012Validator(json.loads(schema))
+            validators[schema].validate(message)
+        assert len(validators) == 6
+
+
+def test_the_runs_have_every_key_and_lack_every_key_that_may_be_absent(runs: list[Path]) -> None:
+    """What the test above is worth: a key that no run has would never be looked at."""
+    seen: dict[str, set[bool]] = defaultdict(set)
+    for path in runs:
+        for topic, schema, message in _messages(path):
+            for key, there in _optional(json.loads(schema), message):
+                seen[f"{topic} {key}"].add(there)
+    assert {key for key, how in seen.items() if True not in how} == {
+        f"{channel} {INFINITE}" for channel in TICK_CHANNELS
+    }
+    assert {key for key, how in seen.items() if False not in how} == {
+        *("tick deadline_s", "tick lateness_s", "tick work_s"),  # of every tick that is recorded
+        *("sample value_rad", "sample velocity_rad_s", "sample value_pa", "sample velocity_pa_s"),
+        *(
+            "sample time_s",
+            "sample age_s",
+            "sample effort",
+        ),  # simulated devices have them from the first tick
+    }
+
+
+def _optional(schema: dict[str, Any], message: dict[str, Any]) -> Iterator[tuple[str, bool]]:
+    """Last key of every value that may be absent, and whether it is there."""
+    for key, about in schema["properties"].items():
+        if about["type"] == "object":
+            yield from _optional(about, message[key])
+        elif key not in schema["required"] and key != "tick":
+            yield key, key in message
+
+
+@pytest.mark.parametrize("path", REVISIONS, ids=lambda path: path.stem)
+def test_sessions_of_earlier_revisions_are_read_and_replayed(path: Path) -> None:
+    session = Session(path)
+    assert session.about["contid"].get("revision", "0") == path.stem
+    result = replay(session, session.robot_file(), TOLERANCE)
+    assert session.clean
+    assert (result.divergence, result.stopped) == (None, "")
+    assert result.ticks > 50
+
+
+def test_values_of_earlier_revisions_are_those_in_the_file() -> None:
+    """By hand, without the code that is tested: what is null, and what the file has no key for, is NaN."""
+    for path in REVISIONS:
+        records = iter(Session(path).ticks())
+        for topic, _, message in _messages(path):
+            if topic != "sample":
+                continue
+            record = next(records)
+            for robot, told in zip(record.robots, message["robots"].values(), strict=True):
+                seen = told.get("measured_tip_m") or [float("nan")] * 3
+                assert repr(list(robot.measured_tip_m)) == repr(seen)
+                for axis, name in zip(robot.axes, ("left", "right"), strict=True):
+                    assert (axis.value, axis.valid) == (told[name]["value_rad"], told[name]["valid"])
+        assert next(records, None) is None
