@@ -86,6 +86,7 @@ def _optional(schema: dict[str, Any], message: dict[str, Any]) -> Iterator[tuple
 def test_sessions_of_every_revision_are_read_and_replayed(path: Path) -> None:
     session = Session(path)
     assert session.about["contid"].get("revision", "0") == path.stem
+    assert not Path(session.about["robot_file"]["name"]).is_absolute()
     result = replay(session, session.robot_file(), TOLERANCE)
     assert session.clean
     assert (result.divergence, result.stopped) == (None, "")
