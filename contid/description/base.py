@@ -71,7 +71,9 @@ class BasePose(Strict):
 
     Attributes:
         x_mm, y_mm, z_mm: origin of the base frame in the world.
-        roll_deg, pitch_deg, yaw_deg: rotation about the world's x, then y, then z.
+        roll_deg: first rotation, about the world's x.
+        pitch_deg: second rotation, about the world's y.
+        yaw_deg: third rotation, about the world's z.
         mirror_x: reflect the robot's own x before placing it: the right finger of a hand.
     """
 

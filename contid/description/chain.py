@@ -61,6 +61,7 @@ class Chain(RobotDescription):
     holds the other. Gravity is along -z of the world.
 
     Attributes:
+        model: ``chain``.
         links: an arm, a rope, an arm.
         floor_mm: least height of the rope's lowest point in the world.
     """

@@ -20,7 +20,9 @@ class SectionGeometry(Strict):
     Attributes:
         length_mm: chamber length at rest.
         link_mm: rigid length after the chambers: the connection to the next section, or the rigid tip.
-        radius_mm, channel_radius_mm, chamber_radius_mm: outside, central channel, one chamber.
+        radius_mm: of the outside.
+        channel_radius_mm: of the central channel.
+        chamber_radius_mm: of one chamber.
         chamber_placement_mm: distance of the chambers' centres from the axis.
         pair_angle_deg: angle between the two chambers of one pair.
         first_pair_deg: azimuth of the first pair; the paper does not say, 0 puts it on +x.
@@ -72,8 +74,10 @@ class SectionGeometry(Strict):
 class CosseratGeometry(Strict):
     """Sections from base to tip, and where down is.
 
-    ``gravity`` is the direction of gravity in the base frame; the arm grows along +z, so the default hangs it
-    tip down. Only the arm's own weight uses it; the load on the tip is a force of the trajectory.
+    Attributes:
+        sections: one entry per section, from the base; each has three pressures.
+        gravity: direction of gravity in the base frame. The arm grows along +z, so the default hangs it tip
+            down. Only the arm's own weight uses it; the load on the tip is a force of the trajectory.
     """
 
     sections: Annotated[tuple[SectionGeometry, ...], Field(min_length=1, max_length=8)]
@@ -96,7 +100,12 @@ class CosseratGeometry(Strict):
 
 
 class CosseratLimits(Strict):
-    """Pressures of every chamber pair; ``max_bar`` overrides the upper end for single ones by axis name."""
+    """Pressures of the chamber pairs.
+
+    Attributes:
+        pressure_bar: ``[least, greatest]`` pressure of every pair.
+        max_bar: another greatest pressure for single pairs, by axis name: ``{s2.p1: 1.2}``.
+    """
 
     pressure_bar: Interval
     max_bar: dict[str, Positive] = Field(default_factory=dict)
@@ -118,7 +127,8 @@ class CosseratSolver(Strict):
     """How the inverse is computed.
 
     Attributes:
-        orientation: see `Orientation`.
+        orientation: ``direction``: a target's direction is that of the tip's axis. ``full_rotation``: the
+            whole tip frame, as in the paper's eq. 17; for comparison, it converges only where the roll fits.
         elements: steps of the integration per section.
         error_mm: estimated discretisation error at which a solve under load doubles its elements.
         tolerance_mm: task error that counts as met; the preference for ``centre_bar`` costs up to 2e-7.
@@ -135,7 +145,14 @@ class CosseratSolver(Strict):
 
 
 class Cosserat(RobotDescription):
-    """A pneumatic arm of one or more sections."""
+    """A pneumatic arm of one or more sections.
+
+    Attributes:
+        model: ``cosserat``.
+        geometry: sections and the direction of gravity.
+        limits: of the pressures.
+        solver: of the inverse kinematics; every key has a default.
+    """
 
     quantity: ClassVar[Quantity] = Quantity.PRESSURE
     dimension: ClassVar[int] = 3

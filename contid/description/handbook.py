@@ -12,6 +12,28 @@ from contid.description.base import AxisDescription
 from contid.description.schema import Schema, robot_file_schema
 from contid.hal import BUILT_IN
 
+_EXAMPLE: Final = """\
+contid: 1
+name: my-finger
+rate_hz: 200
+
+buses:
+  servos: {driver: dynamixel, port: /dev/serial/by-id/usb-FTDI_...}
+
+robots:
+  finger:
+    model: rack_finger
+    geometry:
+      rack_spacing_mm: 15
+      tip_length_mm: 25
+      link: {length_mm: 6, width_mm: 13, gap_mm: 5}
+    limits:
+      length_mm: [20, 110]
+    rates: {velocity_mm_s: 60, acceleration_mm_s2: 1000, jerk_mm_s3: 20000}
+    axes:
+      left: {bus: servos, id: 1, mm_per_rev: 37.7}
+      right: {bus: servos, id: 2, mm_per_rev: 37.7, direction: -1}
+"""
 _INTRODUCTION: Final = """\
 # The robot file
 
@@ -19,7 +41,10 @@ _INTRODUCTION: Final = """\
 
 One YAML file describes everything from geometry to wire. `contid check FILE` validates it and names every
 mistake at once, as `file:line:column: what; allowed; nearest name`; `contid schema` prints the JSON Schema
-for editors.
+for editors. This is a whole one; without hardware it moves with `contid run FILE --mock`:
+
+```yaml
+{EXAMPLE}```
 
 * A key carries its unit (`_mm`, `_bar`, `_deg`, `_hz`). Unknown keys are refused.
 * Scalars follow YAML 1.2: `1e-3` is a number, `on` is a word. Tags are refused; an anchored value (`&name`)
@@ -73,7 +98,7 @@ def robot_file_page() -> str:
     text = "\n".join(lines).replace("``", "`")
     while "\n\n\n" in text:
         text = text.replace("\n\n\n", "\n\n")
-    return _INTRODUCTION + text.rstrip("\n") + "\n"
+    return _INTRODUCTION.replace("{EXAMPLE}", _EXAMPLE) + text.rstrip("\n") + "\n"
 
 
 def _robots(schema: Schema) -> list[Schema]:
@@ -111,6 +136,9 @@ def _allowed(value: Schema, definitions: dict[str, Schema]) -> str:
         if definitions[name].get("type") != "object" and name not in ("BusDescription", "AxisDescription"):
             return _allowed(definitions[name], definitions)
         links = {"BusDescription": ("a bus", "buses"), "AxisDescription": ("an axis", "axes")}
+        if "model" in definitions[name].get("properties", {}):
+            model = definitions[name]["properties"]["model"]["const"]
+            links[name] = (f"model {model}", f"model-{model}")
         words, anchor = links.get(name, (name, name.lower()))
         return f"[{words}](#{anchor})"
     if "const" in value:
@@ -125,20 +153,35 @@ def _allowed(value: Schema, definitions: dict[str, Schema]) -> str:
     if kind == "array":
         if "prefixItems" in value:
             return f"[{', '.join(_allowed(each, definitions) for each in value['prefixItems'])}]"
-        return f"list of {_allowed(value.get('items', {}), definitions)}"
+        count = _range(value.get("minItems"), value.get("maxItems"))
+        return f"list of {count}{' ' * bool(count)}{_allowed(value.get('items', {}), definitions)}"
     if kind == "object" and isinstance(value.get("additionalProperties"), dict):
         return f"names with {_allowed(value['additionalProperties'], definitions)}"
-    return " ".join([{"string": "text", "boolean": "`true`, `false`"}.get(kind, kind), *_bounds(value)])
+    words = {"string": "text", "boolean": "`true`, `false`"}.get(kind, kind)
+    return " ".join([words, *_bounds(value)])
 
 
 def _bounds(value: Schema) -> Iterator[str]:
-    for key, sign in (
-        ("exclusiveMinimum", ">"),
-        ("minimum", ">="),
-        ("exclusiveMaximum", "<"),
-        ("maximum", "<="),
-    ):
-        if key in value:
-            yield f"{sign} {value[key]:g}"
+    """What a number may be: ``1 to 5``, ``> 0, <= 20``."""
+    least, greatest = value.get("minimum"), value.get("maximum")
+    if least is not None and greatest is not None:
+        yield f"{least:g} to {greatest:g}"
+    else:
+        bounds = {
+            ">": value.get("exclusiveMinimum"),
+            ">=": least,
+            "<": value.get("exclusiveMaximum"),
+            "<=": greatest,
+        }
+        said = [f"{sign} {bound:g}" for sign, bound in bounds.items() if bound is not None]
+        if said:
+            yield ", ".join(said)
     if "multipleOf" in value:
         yield f"in steps of {value['multipleOf']:g}"
+
+
+def _range(least: int | None, greatest: int | None) -> str:
+    """How many there may be, "" for any number."""
+    if greatest is None:
+        return "" if least is None or least < 2 else f"{least} or more"
+    return f"{greatest}" if least == greatest else f"{least or 0} to {greatest}"

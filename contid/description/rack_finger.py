@@ -17,7 +17,8 @@ class LinkGeometry(Strict):
     Erratum A-9: the paper uses one w for the link's width and for the distance of the racks; these are two.
 
     Attributes:
-        length_mm, width_mm: of one link.
+        length_mm: of one link, along the finger.
+        width_mm: of one link, across the finger in its plane.
         gap_mm: between neighbouring links when the finger is straight.
     """
 
@@ -67,7 +68,8 @@ class CurvatureCorrection(Strict):
     """Measured curvature against commanded: ``k = k_d (1 + a S + b)``, S in mm (Eq. 5, 10, 11).
 
     Attributes:
-        a_per_mm, b: as above.
+        a_per_mm: slope a of the correction over the arc length S.
+        b: its value at S = 0.
         arc_length_mm: range of S in which a and b were identified; outside it S is clamped.
     """
 

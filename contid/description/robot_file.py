@@ -41,10 +41,10 @@ class RobotFile(Strict):
 
     Attributes:
         contid: version of this format.
-        name: of the whole, one line; goes into recordings.
+        name: of the whole file, one line; goes into recordings.
         rate_hz: ticks per second of the control loop.
-        buses: by name.
-        robots: by name.
+        buses: what axes are wired to, by a name of your choice.
+        robots: what moves, by a name of your choice.
     """
 
     contid: Literal[1]

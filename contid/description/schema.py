@@ -54,7 +54,7 @@ def robot_file_schema(drivers: Iterable[str] | None = None) -> Schema:
     buses, axes = [], []
     for name, driver in loaded.items():
         bus = joined(BusDescription, driver.bus_options, f"bus with driver {name}")
-        bus["properties"]["driver"] = {"const": name}
+        bus["properties"]["driver"] = {"const": name, "description": f"`{name}`."}
         buses.append(bus)
         axes.append(joined(AxisDescription, driver.axis_options, f"axis on a bus with driver {name}"))
     definitions[name_of[BusDescription]] = {"oneOf": buses}
@@ -117,7 +117,10 @@ def _describe(definitions: Mapping[str, Schema], kinds: Mapping[str, type[BaseMo
         definition["description"] = summary(kind)
         if issubclass(kind, RobotDescription):
             # What makes a model this model first, then what every robot has.
-            keys = sorted(definition["properties"], key=lambda key: key in RobotDescription.model_fields)
+            keys = sorted(
+                definition["properties"],
+                key=lambda key: (key != "model", key in RobotDescription.model_fields),
+            )
             definition["properties"] = {key: definition["properties"][key] for key in keys}
         for key, meaning in meanings(kind).items():
             if key in definition.get("properties", {}):

@@ -45,7 +45,13 @@ class TriRackLimits(SectionLimits):
 
 
 class TriRack(SectionRobot):
-    """A tri-rack arm of one or more segments."""
+    """A tri-rack arm of one or more segments.
+
+    Attributes:
+        model: ``tri_rack``.
+        geometry: dimensions.
+        limits: of the racks; as many segments as ``length_mm`` has rows.
+    """
 
     model: Literal["tri_rack"]
     geometry: TriRackGeometry

@@ -56,7 +56,10 @@ class TriTube(SectionRobot):
     """An arm of tubes in threes, lengths in, usually driven by pressure through tables.
 
     Attributes:
-        solver: of the inverse kinematics.
+        model: ``tri_tube``.
+        geometry: dimensions.
+        limits: of the tubes; as many sections as ``length_mm`` has rows.
+        solver: of the inverse kinematics; every key has a default.
         extra_mm: strokes of axes beyond the kinematics (wrist, gripper) by name, ``[least, greatest]``.
     """
 

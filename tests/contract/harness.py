@@ -5,11 +5,12 @@ handles to what stands behind the wire. Simulated buses run in virtual time, emu
 time, so the suite speaks of durations only through `pump` and `wait`.
 
 To hold a further driver to the contract, write a context manager that yields a `BusUnderTest` and name it in
-`HARNESSES`.
+`HARNESSES`, or, for a driver of another distribution, in the environment: ``CONTID_HARNESS=module:function``.
 """
 
 from __future__ import annotations
 
+import os
 from collections.abc import Mapping, Sequence
 from contextlib import AbstractContextManager
 from dataclasses import dataclass
@@ -97,7 +98,10 @@ HARNESSES: Final[dict[str, str]] = {
     "sim-servo": "tests.contract.sim_harness:servo",
     "sim-motor": "tests.contract.sim_harness:motor",
     "sim-regulator": "tests.contract.sim_harness:regulator",
+    "winch": "winch_harness:winch",
 }
+if foreign := os.environ.get("CONTID_HARNESS"):
+    HARNESSES[foreign.partition(":")[0]] = foreign
 
 
 def harness(name: str) -> AbstractContextManager[BusUnderTest]:

@@ -92,19 +92,23 @@ class MotorOptions(Strict):
     Attributes:
         counts_per_rev: encoder counts (every edge of both tracks) per turn of the output shaft;
             398:1 gear and 12 counts per motor turn by default.
-        velocity_deg_s, acceleration_deg_s2: limits of the shaft; streamed demands below them pass unchanged
-            (the last 2 % of the velocity are kept for catching up).
+        velocity_deg_s: greatest speed of the shaft; streamed demands below it pass unchanged (the last 2 %
+            are kept for catching up).
+        acceleration_deg_s2: greatest acceleration of the shaft; streamed demands below it pass unchanged.
         position_gain_per_s: speed per position error.
-        speed_gain_percent_s_per_deg, integral_percent_per_deg: duty per speed error, and per integral of it.
+        speed_gain_percent_s_per_deg: duty per speed error.
+        integral_percent_per_deg: duty per integral of the speed error.
         no_load_deg_s: speed of the unloaded shaft at full duty; feeds the speed forward.
         time_constant_ms: in which the loaded shaft takes up a speed; feeds the acceleration forward.
         friction_percent: duty that just moves the shaft; added in the direction of motion.
         deadband_deg: position error that is left alone, so that the shaft does not hunt.
-        stall_percent, stall_ms: so much duty for so long without a count is a stall (or a dead encoder).
+        stall_percent: so much duty for ``stall_ms`` without a count is a stall (or a dead encoder).
+        stall_ms: see ``stall_percent``.
         stall_current_ma: motor current of a stall; 0 without a current sensor. Needs ``current_ma_per_v``.
         current_ma_per_v: current per volt at the board's analogue input.
         follow_deg: greatest distance between set-point and shaft.
-        encoder_reversed, motor_reversed: positive duty must count up; these turn either one around.
+        encoder_reversed: turns the count around; positive duty must count up.
+        motor_reversed: turns the duty around; positive duty must count up.
         power_up_deg: the shaft's angle when the board is powered up (where the robot is parked).
         homing: how the shaft finds its zero; without it ``power_up_deg`` is believed.
     """
@@ -141,7 +145,8 @@ class RegulatorOptions(Strict):
         vent_bar_s: how fast it falls to zero in the safe state ``vent``.
         wire_break_mv: below it the sensor's wire is broken (540 for 4-20 mA over 150 ohm: 3.6 mA); 0 for
             signals that start at 0 V, where a break shows as a leak.
-        leak_bar, leak_ms: so far below a steady set-point for so long is a leak.
+        leak_bar: so far below a steady set-point for ``leak_ms`` is a leak.
+        leak_ms: see ``leak_bar``.
         trim_bar: how much an outer loop on the reading may add to the command; 0 leaves the regulator alone.
         trim_per_s: how fast it does, per second and bar of error.
     """

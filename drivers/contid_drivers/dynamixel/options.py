@@ -44,6 +44,7 @@ class HardStop(Strict):
     """Homing against a mechanical stop with little current.
 
     Attributes:
+        method: ``hard_stop``.
         direction: sense of the servo's own rotation towards the stop.
         current_ma: current while pushing; the stop is where the servo stands still with it.
         speed_deg_s: speed of the approach.
@@ -65,6 +66,7 @@ class SingleTurn(Strict):
     """The robot is parked in one pose at power-up; the single-turn encoder tells the turn it must be in.
 
     Attributes:
+        method: ``single_turn``.
         pose_deg: the servo's angle in that pose, on the scale the axis's ``zero_deg`` uses.
         plausible_deg: how far from it the servo may stand and still be believed.
         at_mm: the actuator's length (or travel) in that pose.
@@ -88,9 +90,11 @@ class AxisOptions(Strict):
         mode: operating mode, or the bus's.
         current_limit_ma: Current Limit (register 38).
         goal_current_ma: Goal Current (register 102) in current-based position mode.
-        profile_velocity_deg_s, profile_acceleration_deg_s2: profile (registers 112, 108); 0 is none, which
-            is right for streamed goals.
-        position_p, position_i, position_d: position gains (registers 84, 82, 80).
+        profile_velocity_deg_s: Profile Velocity (register 112); 0 is none, which is right for streamed goals.
+        profile_acceleration_deg_s2: Profile Acceleration (register 108); likewise.
+        position_p: Position P Gain (register 84).
+        position_i: Position I Gain (register 82).
+        position_d: Position D Gain (register 80).
         homing: how the servo finds its turn after power-up. Without it the count is trusted as it is.
     """
 

@@ -27,7 +27,17 @@ OF_AN_AXIS: Final = frozenset({FaultKind.SILENT, FaultKind.STALE, FaultKind.OVER
 
 
 class ScheduledFault(Strict):
-    """One fault of a campaign: ``at_s`` after the bus was first opened, for ``for_s`` or for good."""
+    """One fault of a campaign on a simulated bus.
+
+    Attributes:
+        at_s: when it begins, after the bus was first opened.
+        kind: ``silent``: one axis neither hears nor answers. ``stale``: it answers with what it measured when
+            the fault began. ``overload``: it drops its torque and says so, latched. ``stall``: something
+            holds its shaft. ``lost``: the whole bus is gone. ``late``: the bus answers ``delay_ms`` later.
+        axis: ``ROBOT.AXIS``, for the first four kinds.
+        for_s: how long it lasts; for good when left out.
+        delay_ms: of the kind ``late``.
+    """
 
     at_s: NonNegative
     kind: FaultKind
@@ -46,8 +56,12 @@ class ScheduledFault(Strict):
 class SimBusOptions(Strict):
     """A simulated bus.
 
-    ``watchdog_ms`` is the devices' dead-man: without a completed exchange for that long they rest by
-    themselves. ``journal_file`` receives one JSON line per event with the state of every axis.
+    Attributes:
+        seed: of the noise of readings; the same seed gives the same run.
+        watchdog_ms: the devices' dead-man: without a completed exchange for so long they rest by themselves.
+        latency_ms: how long an exchange takes.
+        journal_file: receives one JSON line per event with the state of every axis.
+        faults: what shall go wrong, and when.
     """
 
     seed: int = 0
@@ -78,11 +92,25 @@ KEYS_OF: Final[dict[DeviceKind, frozenset[str]]] = {
 
 
 class SimAxisOptions(Strict):
-    """A simulated device; keys left out take the defaults of its kind (see `devices`).
+    """A simulated device; keys left out take the defaults of its kind.
 
-    Without ``start_deg`` a shaft starts in the middle of its travel, which is a pose that every robot has;
-    without ``start_bar`` a regulator starts without pressure, or as near to that as its travel allows.
-    ``dead_man`` is what the device does when nobody feeds it any more.
+    Attributes:
+        device: kind of device; some keys mean something for one kind only.
+        dead_man: what the device does when nobody feeds it any more; shafts hold, regulators vent.
+        start_deg: angle of a shaft before anything moved; the middle of its travel, a pose every robot has.
+        start_bar: the same for a regulator; no pressure, or as near to that as its travel allows.
+        velocity_deg_s: greatest speed of a shaft; 618 for a servo, 458 for a motor.
+        acceleration_deg_s2: greatest acceleration of a shaft; 28600 for a servo, 4580 for a motor.
+        response_ms: time constant with which the device follows; 15 for a servo, 30 for a motor, 50 for a
+            regulator.
+        counts_per_rev: encoder counts per turn of a motor's shaft; 4776.
+        noise_deg: standard deviation of a servo's readings; 0.026.
+        noise_bar: standard deviation of a regulator's readings; 0.003.
+        current_limit_ma: current at which a shaft pushes hardest; 1470 for a servo, 1000 for a motor.
+        overload_s: time at that current after which it drops its torque; 1 for a servo, 0.5 for a motor.
+        slew_bar_s: how fast a regulator's pressure changes at most; 5.
+        vent_bar_s: how fast it falls while venting; 2.
+        ceiling_bar: greatest pressure of a regulator; 3.
     """
 
     device: DeviceKind

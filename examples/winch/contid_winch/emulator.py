@@ -1,0 +1,164 @@
+"""The winch box itself, in software: what the driver is tried on, and held to contid's contract with."""
+
+from __future__ import annotations
+
+import socket
+import threading
+import time
+from collections.abc import Iterator, Sequence
+from contextlib import contextmanager, suppress
+from dataclasses import dataclass
+from typing import Final
+
+from contid.hal import AxisOnBus
+from contid_winch import BusOptions
+from contid_winch.link import drum_of
+
+#: Of every drum [steps/s].
+SPEED: Final = 8000.0
+DEAD_MAN: Final = "dead-man"
+
+
+@dataclass
+class Drum:
+    """One drum: it goes to its goal at one speed, while it has power.
+
+    Attributes:
+        position, goal: [steps].
+        state: ``on``, ``held``, ``off`` or the name of a latched fault.
+        cause: why the fault cannot be cleared yet, "" for no reason.
+        silent: it does not answer the box.
+    """
+
+    position: float = 0.0
+    goal: float = 0.0
+    state: str = "off"
+    cause: str = ""
+    silent: bool = False
+
+    def live(self, seconds: float) -> None:
+        """Let time pass."""
+        if self.state == "on":
+            way = self.goal - self.position
+            self.position += max(-SPEED * seconds, min(SPEED * seconds, way))
+
+    def rest(self, state: str) -> None:
+        """Stop where it is."""
+        self.state, self.goal = state, self.position
+
+
+class Box:
+    """A box with its drums, listening at an address from `plug` to `unplug`; a context manager does both."""
+
+    def __init__(self, address: tuple[str, int], drums: Sequence[int]) -> None:
+        self.drums = {drum: Drum() for drum in drums}
+        self.address = address
+        self._lock = threading.Lock()
+        self._watchdog_s = 0.1
+        self._now = self._fed = time.monotonic()
+        self._sockets: list[socket.socket] = []
+        self._thread: threading.Thread | None = None
+
+    def __enter__(self) -> Box:
+        self.plug()
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        self.unplug()
+
+    def plug(self) -> None:
+        """Connect the network cable."""
+        listener = socket.create_server(self.address)
+        self.address = listener.getsockname()[:2]
+        self._sockets = [listener]
+        self._thread = threading.Thread(target=self._serve, args=(listener,), name="winch box")
+        self._thread.start()
+
+    def unplug(self) -> None:
+        """Pull the network cable; drums keep their power, and the dead-man its count."""
+        for each in reversed(self._sockets):
+            with suppress(OSError):
+                each.shutdown(socket.SHUT_RDWR)  # wakes who waits in it
+            each.close()
+        if self._thread is not None:
+            self._thread.join()
+            self._thread = None
+
+    @contextmanager
+    def looked_at(self) -> Iterator[dict[int, Drum]]:
+        """The drums as they are now; nobody else touches them meanwhile."""
+        with self._lock:
+            self._live()
+            yield self.drums
+
+    def _live(self) -> None:
+        now = time.monotonic()
+        trip = self._fed + self._watchdog_s
+        for drum in self.drums.values():
+            powered = drum.state == "on"
+            drum.live(min(now, trip) - self._now if powered else 0.0)
+            if powered and now > trip:
+                drum.rest(DEAD_MAN)
+        self._now = now
+
+    def _serve(self, listener: socket.socket) -> None:
+        with suppress(OSError):  # the cable
+            while True:
+                line, _ = listener.accept()
+                self._sockets[1:] = [line]
+                line.setsockopt(socket.IPPROTO_TCP, socket.TCP_NODELAY, 1)
+                with (
+                    suppress(OSError),
+                    line,
+                    line.makefile("r", encoding="ascii", errors="replace") as requests,
+                ):
+                    for request in requests:
+                        number, *words = request.split()
+                        with self.looked_at():
+                            answer = self._answer(words)
+                        line.sendall(f"{number} {answer}\n".encode())
+
+    def _answer(self, words: list[str]) -> str:
+        verb, *rest = words
+        heard = {drum: each for drum, each in self.drums.items() if not each.silent}
+        if verb == "hello":
+            return " ".join(["winch", "1", *(str(drum) for drum in heard)])
+        if verb == "watchdog":
+            self._watchdog_s = float(rest[0]) / 1e3
+        elif verb == "x":
+            self._fed = self._now
+            for word in rest:
+                drum, _, goal = word.partition("=")
+                if int(drum) in heard and heard[int(drum)].state == "on":
+                    heard[int(drum)].goal = float(goal)
+            return " ".join(f"{n}={each.position:.0f},{each.state}" for n, each in heard.items())
+        elif verb == "off":
+            for drum in rest[1:]:
+                each = heard.get(int(drum))
+                if each is not None and each.state in ("on", "held", "off"):
+                    each.rest("held" if rest[0] == "hold" else "off")
+        else:
+            asked = [(drum, heard.get(int(drum))) for drum in rest]
+            for drum, each in asked:
+                if each is None:
+                    return f"no {drum} does not answer"
+                if each.cause or (verb == "on" and each.state == DEAD_MAN):
+                    return f"no {drum} {each.cause or each.state}"
+            for _, each in asked:
+                if each is not None:
+                    each.rest("on" if verb == "on" else "off")
+            self._fed = self._now
+        return "ok"
+
+
+@contextmanager
+def emulated(options: BusOptions, axes: Sequence[AxisOnBus]) -> Iterator[Sequence[str]]:
+    """The box of one bus at the address of its options; every drum begins in the middle of its travel."""
+    from contid_winch.bus import rad_per_step
+
+    with Box(options.host_and_port, [drum_of(axis) for axis in axes]) as box:
+        with box.looked_at() as drums:
+            for axis in axes:
+                low, high = axis.travel or (0.0, 0.0)
+                drums[drum_of(axis)].position = round((low + high) / 2.0 / rad_per_step(axis))
+        yield [f"winch box at {options.address}: drums {', '.join(str(drum) for drum in drums)}"]

@@ -1,0 +1,103 @@
+"""The winch driver under contid's contract: the emulated box on this machine's own network, in real time.
+
+From a checkout of contid, with this folder on PYTHONPATH:
+``CONTID_HARNESS=winch_harness:winch python -m pytest tests/contract -k winch_harness``.
+"""
+
+from __future__ import annotations
+
+import math
+import time
+from collections.abc import Iterator, Mapping
+from contextlib import contextmanager
+
+from contid.hal import AxisOnBus, DeviceKind, Rest, Sample
+from contid_winch import AxisOptions, BusOptions
+from contid_winch.bus import WinchBus
+from contid_winch.emulator import Box, Drum
+from tests.contract.harness import Facts
+
+TICK_S = 0.005
+STEP = math.tau / 3200
+DRUMS = {"left.a": 1, "left.b": 4, "right.a": 5}
+
+
+class RealClock:
+    def now(self) -> float:
+        return time.monotonic()
+
+    def sleep(self, seconds: float) -> None:
+        time.sleep(seconds)
+
+
+class WinchRig:
+    """A `tests.contract.harness.BusUnderTest` of one emulated box."""
+
+    def __init__(self, box: Box) -> None:
+        self.facts = Facts(
+            kind=DeviceKind.MOTOR,
+            still=STEP,
+            reading=2 * STEP,
+            near=0.5,
+            far=50.0,
+            settle_s=0.15,
+            watchdog_s=0.15,
+            vent_s=0.0,
+            dead_man=Rest.RELAX,
+        )
+        self.box = box
+        host, port = box.address
+        options = BusOptions(address=f"{host}:{port}", watchdog_ms=150, reply_ms=60.0)
+        axes = [AxisOnBus(axis, AxisOptions(drum=drum)) for axis, drum in DRUMS.items()]
+        self.bus = WinchBus("box", options, axes, RealClock())
+
+    def pump(self, seconds: float, commands: Mapping[str, float] | None = None) -> Mapping[str, Sample]:
+        until = time.monotonic() + seconds
+        while True:
+            samples = self.bus.exchange(commands or {})
+            if time.monotonic() >= until:
+                return samples
+            time.sleep(TICK_S)
+
+    def wait(self, seconds: float) -> None:
+        time.sleep(seconds)
+
+    def value(self, axis: str) -> float:
+        with self._drum(axis) as drum:
+            return drum.position * STEP
+
+    def powered(self, axis: str) -> bool:
+        with self._drum(axis) as drum:
+            return drum.state in ("on", "held")
+
+    def silence(self, axis: str, silent: bool) -> None:
+        with self._drum(axis) as drum:
+            drum.silent = silent
+
+    def unplug(self) -> None:
+        self.box.unplug()
+
+    def plug(self) -> None:
+        self.box.plug()
+
+    def break_device(self, axis: str) -> None:
+        with self._drum(axis) as drum:
+            drum.rest("jammed")
+            drum.cause = "jammed"
+
+    def mend_device(self, axis: str) -> None:
+        with self._drum(axis) as drum:
+            drum.cause = ""
+
+    @contextmanager
+    def _drum(self, axis: str) -> Iterator[Drum]:
+        with self.box.looked_at() as drums:
+            yield drums[DRUMS[axis]]
+
+
+@contextmanager
+def winch() -> Iterator[WinchRig]:
+    with Box(("127.0.0.1", 0), list(DRUMS.values())) as box:
+        rig = WinchRig(box)
+        yield rig
+        rig.bus.close()
