@@ -29,10 +29,18 @@ def command(robot_file: str, as_json: bool) -> None:
             where = {"file": found.file, "line": found.line, "column": found.column}
             click.echo(json.dumps({**where, "message": found.message}))
         raise SystemExit(error.exit_code) from error
+    from contid.trajectory.columns import column_groups
+
     report = summarise(loaded)
+    alone = len(loaded.file.robots) == 1
+    columns = {
+        name: column_groups("" if alone else f"{name}.", robot)
+        for name, robot in loaded.file.robots.items()
+        if not robot.passive
+    }
     if as_json:
-        click.echo(json.dumps(report))
+        click.echo(json.dumps({**report, "columns": columns}))
         return
     from contid.cli.check_table import print_report
 
-    print_report(report)
+    print_report(report, columns)

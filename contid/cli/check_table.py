@@ -2,16 +2,31 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from typing import Final
 
 from rich.console import Console
 from rich.table import Table
 
 from contid.description.summary import ChainReport, FileReport, RobotReport
 
+#: What a kind of target is called here.
+_KINDS: Final = {
+    "mid": "mid-point",
+    "actuation": "or actuation",
+    "extra": "further axes",
+    "measured": "measured tip",
+    "measured_direction": "measured direction",
+}
 
-def print_report(report: FileReport) -> None:
-    """Print robots, axes, buses, limits, rate and what is a placeholder."""
+
+def print_report(report: FileReport, columns: Mapping[str, Mapping[str, Sequence[str]]]) -> None:
+    """Print robots, axes, buses, limits, rate and what is a placeholder.
+
+    Args:
+        report: what the file describes.
+        columns: of trajectories, by robot and kind of target.
+    """
     console = Console(highlight=False)
 
     def say(line: str) -> None:
@@ -34,7 +49,9 @@ def print_report(report: FileReport) -> None:
             continue
         console.print(_axes(robot))
         say(f"  rates: {_rates(robot)}")
-        say(f"  takes: {', '.join(robot['accepts'])}")
+        say("  trajectory columns:")
+        for kind, names in columns[robot["name"]].items():
+            say(f"    {_KINDS.get(kind, kind)}: {', '.join(names)}")
         say(f"  stops: {', '.join(f'{key} {value}' for key, value in robot['stop'].items())}")
         _placeholders(robot, say)
     buses = Table("bus", "driver", "port", "axes", "misses allowed")

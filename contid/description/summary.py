@@ -97,6 +97,7 @@ def _robot(loaded: LoadedFile, name: str, robot: RobotDescription) -> RobotRepor
         axis: (low * per_si, high * per_si)
         for axis, low, high in zip(robot.axis_names, robot.lower, robot.upper, strict=True)
     }
+    limits |= {axis: (low * per_si, high * per_si) for axis, (low, high) in robot.extra_limits.items()}
     axes: list[AxisReport] = []
     for axis, description in robot.axes.items():
         bus = loaded.buses[description.bus]
@@ -156,7 +157,8 @@ def _bus(bus: BusWiring) -> BusReport:
     return {
         "name": bus.name,
         "driver": bus.driver,
-        "port": str(getattr(bus.options, "port", "")),
+        # What it is called is the driver's affair; these two are what most call it.
+        "port": str(getattr(bus.options, "port", getattr(bus.options, "address", ""))),
         "axes": len(bus.axes),
         "tolerance_ticks": bus.tolerance_ticks,
     }

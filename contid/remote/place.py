@@ -59,7 +59,9 @@ def private_directory() -> Path:
         folder.mkdir(mode=0o700, parents=True, exist_ok=True)
         found = folder.lstat()
     except OSError as error:
-        raise SocketError(f"{folder}: cannot make this folder: {error.strerror}; give --socket") from error
+        unset = "unset XDG_RUNTIME_DIR, or " if os.environ.get("XDG_RUNTIME_DIR") else ""
+        what = f"{folder}: cannot make this folder: {error.strerror}; {unset}give --socket"
+        raise SocketError(what) from error
     if not stat.S_ISDIR(found.st_mode) or found.st_uid != os.geteuid() or found.st_mode & 0o077:
         raise SocketError(
             f"{folder}: must be a folder of user {os.geteuid()} with mode 0700; correct it or give --socket"

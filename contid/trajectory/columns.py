@@ -64,6 +64,20 @@ def vocabulary(robot: RobotDescription) -> dict[str, Meaning]:
     return known
 
 
+def column_groups(front: str, robot: RobotDescription) -> dict[str, list[str]]:
+    """The columns of a robot by kind of target, in the order a row may have them.
+
+    Args:
+        front: what stands before each name: ``"left."``, or ``""`` for a robot alone.
+        robot: its description.
+    """
+    found: dict[str, list[str]] = {}
+    for name, meaning in vocabulary(robot).items():
+        found.setdefault(meaning.group, []).append(f"{front}{name}")
+    order = ("tip", "direction", "mid", "load", "actuation", "extra", "measured", "measured_direction")
+    return {kind: found[kind] for kind in order if kind in found}
+
+
 @dataclass(frozen=True, slots=True)
 class RobotColumns:
     """Where in a row the quantities of one robot stand: indices into the row, in the order of the group."""

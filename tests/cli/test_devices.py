@@ -103,3 +103,14 @@ def test_commands_name_what_is_missing(folder: Path) -> None:
     assert "contid scan" in report.stdout
     assert "no bus with axes has driver 'due'" in contid(folder, "emulate", "due", "hand.yaml").stderr
     assert contid(folder, "scan", "hand.tty").returncode == 2
+
+
+@pytest.mark.parametrize(("driver", "robot"), [("dynamixel", "finger"), ("due", "trirack")])
+def test_an_emulator_says_where_it_cannot_put_its_port(tmp_path: Path, driver: str, robot: str) -> None:
+    (tmp_path / "file").touch()
+    text = (ROOT / "configs" / f"{robot}.emulated.yaml").read_text()
+    (tmp_path / "mine.yaml").write_text(text.replace(f"./{robot}.tty", "file/port.tty"))
+    done = contid(tmp_path, "emulate", driver, "mine.yaml")
+    assert done.returncode == 4
+    assert "port.tty" in done.stderr
+    assert "run it where you may write" in done.stderr

@@ -7,11 +7,17 @@ from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
 
+import pytest
 from click.testing import CliRunner
+from jsonschema import Draft202012Validator
 
 from contid.cli.schema import command
-from contid.description.load import robot_classes
+from contid.description.load import parse_robot_file, robot_classes
+from contid.description.positions import read_document
+from contid.description.schema import robot_file_schema
 from contid.hal import BUILT_IN
+
+CONFIGS = Path(__file__).parent.parent.parent / "configs"
 
 
 def references(schema: Any) -> Iterator[str]:
@@ -40,7 +46,51 @@ def test_the_schema_is_whole() -> None:
     assert models == set(robot_classes())
 
 
+def test_every_key_says_what_it_means() -> None:
+    schema = robot_file_schema(BUILT_IN)
+    objects = {"the file": schema, **schema["$defs"]}
+    for kind in ("BusDescription", "AxisDescription"):
+        choices = schema["$defs"][kind]
+        objects |= {each["title"]: each for each in choices.get("oneOf", choices.get("anyOf"))}
+    mute = [
+        f"{name}: {key}"
+        for name, definition in objects.items()
+        for key, value in definition.get("properties", {}).items()
+        if not value.get("description")
+    ]
+    assert not mute
+
+
+@pytest.mark.parametrize("path", sorted(CONFIGS.glob("*.yaml")), ids=lambda path: path.stem)
+def test_an_editor_finds_nothing_wrong_in_a_shipped_robot_file(path: Path) -> None:
+    validator = Draft202012Validator(robot_file_schema())
+    assert [error.message for error in validator.iter_errors(read_document(path.read_text(), "x").data)] == []
+
+
+def test_an_editor_finds_what_is_wrong() -> None:
+    validator = Draft202012Validator(robot_file_schema())
+    data = read_document((CONFIGS / "finger.yaml").read_text(), "x").data
+    finger = data["robots"]["finger"]
+    for broken in (
+        {**data, "rate_hz": -1},
+        {**data, "colour": "blue"},
+        {**data, "robots": {"finger": {**finger, "model": "fingr"}}},
+        {
+            **data,
+            "robots": {"finger": {**finger, "geometry": {**finger["geometry"], "tip_length_mm": "long"}}},
+        },
+        {**data, "buses": {"servos": {**data["buses"]["servos"], "baud": 1234}}},
+    ):
+        assert not validator.is_valid(broken)
+
+
+def test_the_whole_robot_file_on_the_page_is_one() -> None:
+    page = (CONFIGS.parent / "docs" / "robot-file.md").read_text()
+    block = page.partition("```yaml\n")[2].partition("```")[0]
+    assert list(parse_robot_file(block, "page").file.robots) == ["finger"]
+
+
 def test_the_page_about_the_robot_file_is_current() -> None:
-    page = Path(__file__).parent.parent.parent / "docs" / "robot-file.md"
+    page = CONFIGS.parent / "docs" / "robot-file.md"
     made = CliRunner().invoke(command, ["--markdown"]).stdout
     assert page.read_text() == made, "run: contid schema --markdown > docs/robot-file.md"

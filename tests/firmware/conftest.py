@@ -14,7 +14,7 @@ import pytest
 from contid.hal import AxisOnBus
 from contid_drivers.due import frames, messages, wiring
 from contid_drivers.due.emulator import plant_commands
-from contid_drivers.due.firmware import build_host
+from contid_drivers.due.firmware import WARNINGS, build_host
 from contid_drivers.due.messages import Answer, Telemetry, Type
 from contid_drivers.due.options import AxisOptions, BusOptions
 
@@ -126,7 +126,7 @@ class VirtualBoard:
 @pytest.fixture(scope="session")
 def sanitized() -> Path:
     """The host build under ASan and UBSan: what every test in this folder runs on."""
-    return build_host(["-fsanitize=address,undefined", "-fno-sanitize-recover=all", "-g"])
+    return build_host([*WARNINGS, "-fsanitize=address,undefined", "-fno-sanitize-recover=all", "-g"])
 
 
 @pytest.fixture

@@ -8,10 +8,10 @@ import pytest
 
 from contid_drivers.due import frames, messages
 from contid_drivers.due.cortex import build_m3, read_elf
-from contid_drivers.due.firmware import build_host, firmware_dir
+from contid_drivers.due.firmware import WARNINGS, build_host, firmware_dir
 from tests.firmware.cortex_m3 import M3Board
 
-SANITIZE = ["-fsanitize=address,undefined", "-fno-sanitize-recover=all", "-g"]
+SANITIZE = [*WARNINGS, "-fsanitize=address,undefined", "-fno-sanitize-recover=all", "-g"]
 
 
 def lines() -> list[list[str]]:

@@ -113,15 +113,22 @@ class Emulator:
 
     def __enter__(self) -> Self:
         """Start the board; it answers when this returns."""
-        self.port.parent.mkdir(parents=True, exist_ok=True)
+        try:
+            self.port.parent.mkdir(parents=True, exist_ok=True)
+        except OSError as error:
+            raise self._no_port() from error
         self._process = subprocess.Popen(
             self._command, stdin=subprocess.PIPE, stdout=subprocess.PIPE, text=True, bufsize=1
         )
         assert self._process.stdout is not None
         if self._process.stdout.readline().strip() != "ready":
             self.__exit__()
-            raise DeviceError("due emulator", f"cannot make a pty at {self.port}")
+            raise self._no_port()
         return self
+
+    def _no_port(self) -> DeviceError:
+        remedy = "run it where you may write, or name another port"
+        return DeviceError("due emulator", f"cannot make a pty at {self.port}", remedy)
 
     def __exit__(self, *_: object) -> None:
         """End the board; its link goes with it."""

@@ -161,8 +161,16 @@ class Emulator:
                 raise DeviceNotFoundError(
                     str(link), "is a real file or device", "give the emulator a new name"
                 )
-            link.parent.mkdir(parents=True, exist_ok=True)
-            link.symlink_to(os.ttyname(slave))
+            try:
+                link.parent.mkdir(parents=True, exist_ok=True)
+                link.symlink_to(os.ttyname(slave))
+            except OSError as error:
+                os.close(master)
+                os.close(slave)
+                remedy = "run it where you may write, or name another port"
+                raise DeviceNotFoundError(
+                    str(link), f"cannot be made: {error.strerror or error}", remedy
+                ) from error
         self._link, self._master, self._slave = link, master, slave
         self._received.clear()
         self._due.clear()
