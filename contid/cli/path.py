@@ -2,12 +2,13 @@
 
 from __future__ import annotations
 
-import math
 import sys
 from collections.abc import Callable
 from typing import TYPE_CHECKING
 
 import click
+
+from contid.cli.numbers import NUMBER, POSITIVE, Numbers
 
 if TYPE_CHECKING:
     from contid.trajectory.shapes import Path
@@ -19,39 +20,32 @@ SWING = "swing"
 SHAPES = ("line", "circle", "ellipse", "square", "box", "spiral", "corners", "traverse", "diagonal")
 
 
-def numbers(text: str, *counts: int) -> tuple[float, ...]:
-    """Numbers separated by commas, as many as allowed: ``50,70``."""
-    try:
-        found = tuple(float(part) for part in text.split(","))
-    except ValueError:
-        found = ()
-    if len(found) not in counts or not all(map(math.isfinite, found)):
-        raise click.BadParameter(
-            f"{text!r} is not {' or '.join(map(str, counts))} numbers with commas between"
-        )
-    return found
-
-
 @click.command()
 @click.argument("shape", type=click.Choice((*SHAPES, SWING, GOLDEN)))
-@click.option("--center", "center_text", default="0,0", help="Centre x,y or x,y,z in the world [mm].")
-@click.option("--radius", type=float, help="Greatest radius of circle, ellipse and spiral [mm].")
-@click.option("--size", type=float, help="Side of squares, length of lines, diameter of round shapes [mm].")
-@click.option("--height", type=float, help="z of the shape [mm]; spatial robots need it.")
-@click.option("--dz", type=float, help="How much the height varies [mm]; 10 for a box, else 0.")
-@click.option("--turns", type=float, default=3.0, show_default=True, help="Turns of the spiral.")
-@click.option("--ratio", type=float, default=2.0 / 3.0, help="Second semi-axis of ellipse and swing [2/3].")
-@click.option("--angle", type=float, default=0.0, help="Rotation about the centre [deg].")
-@click.option("--lean", type=float, help="Tilt of the tip's direction outward from +z [deg]: ax,ay,az.")
+@click.option(
+    "--center", type=Numbers(2, 3, NUMBER), default="0,0", help="Centre x,y or x,y,z in the world [mm]."
+)
+@click.option("--radius", type=POSITIVE, help="Greatest radius of circle, ellipse and spiral [mm].")
+@click.option(
+    "--size", type=POSITIVE, help="Side of squares, length of lines, diameter of round shapes [mm]."
+)
+@click.option("--height", type=NUMBER, help="z of the shape [mm]; spatial robots need it.")
+@click.option("--dz", type=NUMBER, help="How much the height varies [mm]; 10 for a box, else 0.")
+@click.option("--turns", type=POSITIVE, default=3.0, show_default=True, help="Turns of the spiral.")
+@click.option(
+    "--ratio", type=POSITIVE, default=2.0 / 3.0, help="Second semi-axis of ellipse and swing [2/3]."
+)
+@click.option("--angle", type=NUMBER, default=0.0, help="Rotation about the centre [deg].")
+@click.option("--lean", type=NUMBER, help="Tilt of the tip's direction outward from +z [deg]: ax,ay,az.")
 @click.option("--mid", "mid_text", help="Mid-point: x,y,z, or SHAPE:SIZE:HEIGHT about the same centre [mm].")
-@click.option("--period", type=float, default=4.0, show_default=True, help="Time of one lap [s].")
-@click.option("--laps", type=float, default=1.0, show_default=True, help="How many laps.")
-@click.option("--rate", type=float, default=50.0, show_default=True, help="Rows per second.")
+@click.option("--period", type=POSITIVE, default=4.0, show_default=True, help="Time of one lap [s].")
+@click.option("--laps", type=POSITIVE, default=1.0, show_default=True, help="How many laps.")
+@click.option("--rate", type=POSITIVE, default=50.0, show_default=True, help="Rows per second.")
 @click.option("--for", "robot_file", help="Robot file, or the name of a shipped one: every robot's columns.")
 @click.option("--robots", help="Names for the columns, separated by commas, instead of --for.")
 def command(
     shape: str,
-    center_text: str,
+    center: tuple[float, ...],
     radius: float | None,
     size: float | None,
     height: float | None,
@@ -89,7 +83,6 @@ def command(
     from contid.trajectory.table import Who, owners_in_file, write_path
 
     kind = Shape(shape)
-    center = numbers(center_text, 2, 3)
     if (radius is None) == (size is None):
         raise click.UsageError("give --size or --radius" + (", not both" if size is not None else ""))
     if radius is not None and not kind.is_round:
@@ -104,7 +97,9 @@ def command(
     else:
         names = [f"{name.strip()}." for name in robots.split(",")] if robots else [""]
         who = [Who(front, 2 if height is None else 3) for front in names]
-    if height is None and (dz or lean is not None or mid_text or any(each.dimension == 3 for each in who)):
+    if height is None and (
+        dz or lean is not None or mid_text is not None or any(each.dimension == 3 for each in who)
+    ):
         raise click.UsageError("a spatial path needs --height (z in the world, mm)")
 
     def with_shape(shape: Shape, size_mm: float, height_mm: float, dz_mm: float, lean: float | None) -> Path:
@@ -126,18 +121,18 @@ def command(
     rise = dz if dz is not None else 10.0 if kind is Shape.BOX and height is not None else 0.0
     size_mm = size if size is not None else 2.0 * (radius or 0.0)
     path = with_shape(kind, size_mm, height or 0.0, rise, lean)
-    mid = _mid(mid_text, with_shape) if mid_text else None
+    mid = _mid(mid_text, with_shape) if mid_text is not None else None
     write_path(sys.stdout, path, who, mid)
 
 
 def _golden(period: float, laps: float, rate: float, robot_file: str | None, robots: str | None) -> None:
     """The golden trajectory of the CBHA, for every robot named or of the file."""
     from contid.models.papers.singh import golden_rows
+    from contid.trajectory.shapes import check_row_count
     from contid.trajectory.table import owners_in_file
     from contid.units import m_to_mm
 
-    if not (min(period, laps, rate) > 0.0 and math.isfinite(period * laps * rate)):
-        raise click.UsageError("--period, --laps and --rate are greater than 0")
+    check_row_count(period, laps, rate)
     fronts = [f"{name.strip()}." for name in robots.split(",")] if robots else [""]
     if robot_file is not None:
         fronts = [who.front for who in owners_in_file(robot_file)]
@@ -185,12 +180,15 @@ def _mid(text: str, with_shape: Callable[..., Path]) -> Path | tuple[float, floa
     """What ``--mid`` says: a fixed point, or a shape of its own."""
     from contid.trajectory.shapes import Shape
 
-    parts = text.split(":")
-    if len(parts) == 1:
-        x, y, z = numbers(text, 3)
-        return (x, y, z)
-    if len(parts) != 3 or parts[0] not in SHAPES:
-        raise click.UsageError(f"--mid {text!r} is neither x,y,z nor SHAPE:SIZE:HEIGHT")
-    (size_mm,), (height_mm,) = (numbers(part, 1) for part in parts[1:])
-    path: Path = with_shape(Shape(parts[0]), size_mm, height_mm, 0.0, None)
+    name, *numbers = text.split(":")
+    try:
+        if not numbers:
+            x, y, z = Numbers(3, 3, NUMBER)(text)
+            return (x, y, z)
+        if len(numbers) != 2 or name not in SHAPES:
+            raise click.BadParameter(f"{text!r} is neither x,y,z nor SHAPE:SIZE:HEIGHT.")
+        size_mm, height_mm = POSITIVE(numbers[0]), NUMBER(numbers[1])
+    except click.BadParameter as error:
+        raise click.BadParameter(error.message, param_hint="'--mid'") from None
+    path: Path = with_shape(Shape(name), size_mm, height_mm, 0.0, None)
     return path

@@ -7,13 +7,13 @@ from pathlib import Path
 
 import click
 
+from contid.cli.numbers import POSITIVE
+
 
 @click.command()
 @click.argument("robot_file")
 @click.option("--plot", type=click.Path(dir_okay=False), help="Draw the regions into a .png or .svg.")
-@click.option(
-    "--voxel-mm", type=click.FloatRange(min=0, min_open=True), help="Edge of a voxel (spatial arms)."
-)
+@click.option("--voxel-mm", type=POSITIVE, help="Edge of a voxel (spatial arms).")
 @click.option(
     "--across",
     type=click.IntRange(4, 200),

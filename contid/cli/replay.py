@@ -9,13 +9,15 @@ from pathlib import Path
 
 import click
 
+from contid.cli.numbers import NumberRange
+
 
 @click.command()
 @click.argument("session_file", type=click.Path(exists=True, dir_okay=False))
 @click.option("--robot", help="Robot file instead of the recorded one; what differs is named.")
 @click.option(
     "--tolerance",
-    type=click.FloatRange(0.0),
+    type=NumberRange(0.0),
     default=0.0,
     show_default=True,
     help="Let commands differ by so many mm or bar; 0 compares bit for bit.",

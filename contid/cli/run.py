@@ -8,6 +8,8 @@ from typing import TYPE_CHECKING
 
 import click
 
+from contid.cli.numbers import NumberRange
+
 if TYPE_CHECKING:
     from contid.control.daemon import Observer
     from contid.control.report import Report
@@ -18,7 +20,7 @@ if TYPE_CHECKING:
 @click.argument("robot_file")
 @click.option("--mock", is_flag=True, help="Run on simulated devices instead of the real ones.")
 @click.option("--trajectory", type=click.Path(exists=True, dir_okay=False), help="Timed rows; else stdin.")
-@click.option("--rate", type=click.FloatRange(1.0, 2000.0), help="Ticks per second instead of rate_hz.")
+@click.option("--rate", type=NumberRange(1.0, 2000.0), help="Ticks per second instead of rate_hz.")
 @click.option(
     "--on-end",
     type=click.Choice(["stop", "rest", "hold"]),

@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING
 
 import click
 
+from contid.cli.numbers import POSITIVE, Numbers
 from contid.units import m_to_mm
 
 if TYPE_CHECKING:
@@ -30,11 +31,19 @@ if TYPE_CHECKING:
 )
 @click.option("--from-poses", is_flag=True, help="ROWS are measured tips: x_mm,y_mm,z_mm,ax,ay,az.")
 @click.option(
-    "--length-mm", "length_text", help="With --from-poses: backbone length, or one per section: 125,105."
+    "--length-mm",
+    "lengths_mm",
+    type=Numbers(1, 8, POSITIVE),
+    help="With --from-poses: backbone length, or one per section: 125,105.",
 )
 @click.option("--json", "as_json", is_flag=True, help="One JSON object per row instead of CSV.")
 def command(
-    robot_file: str, rows: str | None, points: int, from_poses: bool, length_text: str | None, as_json: bool
+    robot_file: str,
+    rows: str | None,
+    points: int,
+    from_poses: bool,
+    lengths_mm: tuple[float, ...] | None,
+    as_json: bool,
 ) -> None:
     """Points of the backbone at equal arc length, base to tip, in the world frame of the robot file.
 
@@ -42,7 +51,6 @@ def command(
     --from-poses it holds measured tips and directions: the shape is a Pythagorean-hodograph quintic that
     knows nothing of the model. Rows are counted from 1.
     """
-    from contid.cli.path import numbers
     from contid.cli.rows import blamed_on, open_rows, read_rows
     from contid.description.chain import Chain
     from contid.description.load import load_robot_file
@@ -52,13 +60,10 @@ def command(
     from contid.units import MM_PER_M
 
     length_m = None
-    if length_text is not None:
+    if lengths_mm is not None:
         if not from_poses:
             raise click.UsageError("--length-mm belongs to --from-poses; a model knows its length")
-        lengths = numbers(length_text, *range(1, 9))
-        if min(lengths) <= 0.0:
-            raise click.UsageError("--length-mm: lengths are greater than 0")
-        length_m = sum(lengths) / MM_PER_M
+        length_m = sum(lengths_mm) / MM_PER_M
     loaded = load_robot_file(find_robot_file(robot_file))
     shaper = _by_pose(loaded, points, length_m) if from_poses else _by_model(loaded, points)
     robots = loaded.file.robots.items()

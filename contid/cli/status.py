@@ -7,6 +7,7 @@ import sys
 
 import click
 
+from contid.cli.numbers import NumberRange
 from contid.cli.orders import json_option, socket_option
 
 
@@ -14,9 +15,7 @@ from contid.cli.orders import json_option, socket_option
 @click.option(
     "--watch", is_flag=True, help="Keep looking, until Ctrl-C; finds the daemon again after it ended."
 )
-@click.option(
-    "--rate", type=click.FloatRange(0.2, 20.0), default=5.0, show_default=True, help="Looks per second."
-)
+@click.option("--rate", type=NumberRange(0.2, 20.0), default=5.0, show_default=True, help="Looks per second.")
 @socket_option
 @json_option
 def command(watch: bool, rate: float, socket: str | None, as_json: bool) -> None:

@@ -7,6 +7,8 @@ from typing import TYPE_CHECKING
 
 import click
 
+from contid.cli.numbers import NumberRange
+
 if TYPE_CHECKING:
     from contid.models.papers.distal_learning import InverseNetwork, Recipe
 
@@ -23,9 +25,7 @@ if TYPE_CHECKING:
     type=click.IntRange(2, 6),
     help="Pressures per tube; levels^6 samples.",
 )
-@click.option(
-    "--noise-mm", default=1.0, show_default=True, type=click.FloatRange(0), help="Noise of the tip."
-)
+@click.option("--noise-mm", default=1.0, show_default=True, type=NumberRange(0), help="Noise of the tip.")
 @click.option(
     "--iterations", default=1500, show_default=True, type=click.IntRange(1), help="At most, per network."
 )

@@ -52,7 +52,7 @@ class _Explainer:
         kind, context = detail["type"], detail.get("ctx", {})
         path = _written_path(self.document, self.at, detail["loc"])
         inside = path[len(self.at) :]
-        name = str(path[-1]) if path else "the file"
+        name = _name(path)
         written = self.document.get(path)
         if kind == "extra_forbidden":
             parents = _places(self.schema, self.schema, inside[:-1])
@@ -60,7 +60,7 @@ class _Explainer:
             names += self.also if len(inside) == 1 else ()
             return self.document.at_key(path, f"unknown key {name!r}; {allowed_names(names, name)}")
         if kind == "missing" and isinstance(path[-1], int):
-            return self.document.at_value(path[:-1], f"{path[-2]}: item {path[-1] + 1} is missing")
+            return self.document.at_value(path[:-1], f"{name} is missing")
         if kind == "missing":
             return self.document.at_key(path, f"key {name!r} is missing")
         if kind in ("enum", "literal_error"):
@@ -72,6 +72,18 @@ class _Explainer:
         else:
             message = f"{name}: {_wanted(kind, context, detail['msg'])}, not {shown(written)}"
         return self.document.at_value(path, message)
+
+
+def _name(path: Path) -> str:
+    """What messages call a place: its key, with the numbers of row and item inside a list."""
+    match path:
+        case (*_, str(key)):
+            return key
+        case (*_, str(key), int(item)):
+            return f"{key}: item {item + 1}"
+        case (*_, str(key), int(row), int(item)):
+            return f"{key}: row {row + 1}, item {item + 1}"
+    return "the file"
 
 
 def _wanted(kind: str, context: dict[str, Any], message: str) -> str:

@@ -33,14 +33,19 @@ def mended(kind: type[_Model], data: Data) -> _Model | None:
 
 
 def _mend(data: Data, location: tuple[str | int, ...], kind: str, context: dict[str, object]) -> None:
-    parent = data
+    table, parent = None, data
     for step in location[:-1]:
         # A location also names the tags of unions on its way; those are no steps.
         below = step_into(parent, step)
-        parent = below[0] if below else parent
+        table, parent = (parent, below[0]) if below else (table, parent)
     key = location[-1] if location else None
-    if isinstance(parent, list) and isinstance(key, int):
-        parent[key:] = [0.0] if kind in ("missing", "float_type", "finite_number") else []
+    if isinstance(table, list) and isinstance(parent, list):
+        table[:] = [row for row in table if row is not parent]
+    elif isinstance(parent, list) and isinstance(key, int):
+        if kind in ("float_type", "finite_number") and len(parent) > 1:
+            parent[key] = parent[key - 1] if key else parent[1]
+        else:
+            parent[key:] = [0.0] if kind in ("missing", "float_type", "finite_number") else []
     elif isinstance(parent, dict) and isinstance(key, str):
         bound = context.get("gt", context.get("ge", context.get("lt", context.get("le"))))
         if kind == "missing" or (kind in ("float_type", "finite_number") and key in parent):

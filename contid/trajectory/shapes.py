@@ -45,6 +45,20 @@ class Shape(enum.StrEnum):
         return self not in (Shape.LINE, Shape.TRAVERSE, Shape.DIAGONAL)
 
 
+def check_row_count(period_s: float, laps: float, rate_hz: float) -> None:
+    """Refuse more rows than a trajectory may have.
+
+    Raises:
+        ContidError: with their number.
+    """
+    rows = laps * period_s * rate_hz
+    if not rows <= MAX_ROWS:
+        raise ContidError(
+            f"{laps:g} laps of {period_s:g} s at {rate_hz:g} Hz make {rows:.3g} rows; "
+            f"allowed are {MAX_ROWS}: lower the rate"
+        )
+
+
 # Corners in the order of the square and of the visit of Hughes et al., in units of half the side.
 _SQUARE = ((1.0, -1.0), (1.0, 1.0), (-1.0, 1.0), (-1.0, -1.0))
 _CORNERS = ((1.0, 1.0), (-1.0, 1.0), (-1.0, -1.0), (1.0, -1.0))
@@ -87,11 +101,7 @@ class Path:
         for name in ("size_mm", "period_s", "laps", "rate_hz", "turns", "ratio"):
             if not (math.isfinite(getattr(self, name)) and getattr(self, name) > 0.0):
                 raise ContidError(f"{name} is {getattr(self, name)}; allowed are numbers greater than 0")
-        rows = self.laps * self.period_s * self.rate_hz
-        if not rows <= MAX_ROWS:
-            raise ContidError(
-                f"laps * period_s * rate_hz make {rows:.3g} rows; allowed are {MAX_ROWS}: lower rate_hz"
-            )
+        check_row_count(self.period_s, self.laps, self.rate_hz)
         if self.lean_deg is not None and not self.shape.can_lean:
             raise ContidError(f"a {self.shape} passes its centre, where outward turns round; it cannot lean")
 

@@ -55,8 +55,15 @@ def test_spatial_paths_with_direction_and_mid_point() -> None:
         (["circle"], "--size or --radius"),
         (["circle", "--size", "1", "--radius", "1"], "not both"),
         (["square", "--radius", "1"], "has no radius"),
-        (["circle", "--radius", "1", "--center", "1"], "2 or 3 numbers"),
-        (["circle", "--radius", "1", "--center", "1,nan"], "2 or 3 numbers"),
+        (["circle", "--radius", "1", "--center", "1"], "'--center': '1' is not 2 to 3 numbers"),
+        (["circle", "--radius", "1", "--center", "1,nan"], "'--center': 'nan' is not a finite number"),
+        (["circle", "--radius", "-5"], "'--radius': -5.0 is not in the range x>0"),
+        (["circle", "--radius", "inf"], "'--radius': 'inf' is not a finite number"),
+        (["circle", "--radius", "1", "--period", "0"], "'--period': 0.0 is not in the range x>0"),
+        (["circle", "--radius", "1", "--height", "nan"], "'--height': 'nan' is not a finite number"),
+        (["circle", "--radius", "1", "--height", "1", "--mid", "circle:-3:4"], "'--mid': -3.0 is not in"),
+        (["circle", "--radius", "1", "--height", "1", "--mid", "1,2"], "'--mid': '1,2' is not 3 numbers"),
+        (["cbha-golden", "--rate", "-1"], "'--rate': -1.0 is not in the range x>0"),
         (["circle", "--radius", "1", "--for", "stiffflop2"], "needs --height"),
         (["circle", "--radius", "1", "--lean", "3"], "needs --height"),
         (["circle", "--radius", "1", "--center", "1,2,3", "--height", "3"], "one of them"),
@@ -77,7 +84,6 @@ def test_usage_that_is_refused(arguments: list[str], says: str) -> None:
         (["--for", "hnd"], "did you mean 'hand'"),
         (["--for", "hand", "--height", "1", "--lean", "3"], "left takes no direction"),
         (["--for", "hand", "--height", "1", "--mid", "1,2,3"], "left takes no mid"),
-        (["--period", "0"], "period_s"),
     ],
 )
 def test_robots_that_cannot_follow(arguments: list[str], says: str) -> None:
@@ -85,6 +91,7 @@ def test_robots_that_cannot_follow(arguments: list[str], says: str) -> None:
     assert says in str(done.exception)
 
 
-def test_more_rows_than_a_trajectory_may_have_are_refused() -> None:
+@pytest.mark.parametrize("shape", [["circle", "--radius", "20"], ["cbha-golden"]])
+def test_more_rows_than_a_trajectory_may_have_are_refused(shape: list[str]) -> None:
     with pytest.raises(ContidError, match=r"4e\+06 rows; allowed are 2000000"):
-        CliRunner().invoke(command, ["circle", "--radius", "20", "--rate", "1e6"], catch_exceptions=False)
+        CliRunner().invoke(command, [*shape, "--rate", "1e6"], catch_exceptions=False)

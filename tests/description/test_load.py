@@ -160,6 +160,30 @@ def test_what_could_not_be_a_robot_is_refused(before: str, after: str, says: str
     assert [says in each.message for each in found] == [True]
 
 
+@pytest.mark.parametrize(
+    ("config", "before", "after", "says"),
+    [
+        ("trirack2", "[10, 10, 10,", "[10, .nan, 10,", "rest_mm: item 2: allowed is a finite number"),
+        ("trirack2", "[10, 10, 10,", "[.inf, 10, 10,", "rest_mm: item 1: allowed is a finite number"),
+        (
+            "chain",
+            "[110.417, 0.25]",
+            "[110.417, .nan]",
+            "mm_to_bar: row 2, item 2: allowed is a finite number",
+        ),
+        ("chain", "[110.417, 0.25]", "[110.417]", "mm_to_bar: row 2, item 2 is missing"),
+    ],
+)
+def test_a_wrong_number_of_a_list_is_named_and_blames_nothing_else(
+    config: str, before: str, after: str, says: str, configs: Path
+) -> None:
+    text = (configs / f"{config}.yaml").read_text(encoding="utf-8")
+    line = text[: text.index(before)].count("\n") + 1
+    (found,) = findings(text.replace(before, after, 1))
+    assert found.message.startswith(says)
+    assert found.line == line
+
+
 def test_an_alias_repeats_a_value_and_keeps_its_place(finger: str) -> None:
     text = finger.replace(
         "{bus: servos, id: 1, mm_per_rev: 37.69911184307752}", "{bus: servos, id: 1, mm_per_rev: &p -3}"
