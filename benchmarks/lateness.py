@@ -19,8 +19,9 @@ import time
 
 from contid.control.child import ControlChild
 from contid.control.cycle import OnEnd
-from contid.control.daemon import Daemon, Orders, RunOptions
+from contid.control.daemon import Daemon, RunOptions
 from contid.control.messages import Finish
+from contid.control.roles import Orders
 from contid.control.setup import ask_for_real_time, sleep_until, stop_collecting
 from contid.control.statistics import Lateness
 from contid.control.wiring import driven_robots

@@ -24,8 +24,8 @@ import yaml
 from benchmarks.lab import lab_text
 from contid.cli.wired import wired_buses
 from contid.control.cycle import Sink
-from contid.control.daemon import Orders
 from contid.control.messages import Message
+from contid.control.roles import Orders
 from contid.control.setup import Setup
 from contid.description.load import load_robot_file
 from contid.errors import ContidError
@@ -83,7 +83,7 @@ class Viewers:
         return ()
 
     async def serve(self, orders: Orders) -> None:
-        """See `contid.control.daemon.Commands`."""
+        """See `contid.control.roles.Commands`."""
         while self._run is None:  # sources of commands begin before the input has come
             await asyncio.sleep(0.1)
         while True:

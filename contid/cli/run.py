@@ -11,8 +11,8 @@ import click
 from contid.cli.numbers import NumberRange
 
 if TYPE_CHECKING:
-    from contid.control.daemon import Observer
     from contid.control.report import Report
+    from contid.control.roles import Observer
     from contid.view.where import Where
 
 

@@ -106,7 +106,7 @@ def plan_robot(
     period_s = 1.0 / rate_hz
     return RobotPlan(
         name=name,
-        kind=robot.model,  # type: ignore[attr-defined]  # every leaf class has it
+        kind=robot.model,
         quantity=robot.quantity,
         model=model,
         frame=BaseFrame.of(robot.base),

@@ -9,25 +9,27 @@ from __future__ import annotations
 
 import asyncio
 import sys
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from contextlib import ExitStack, closing
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Final
+from typing import Any
 
 from contid.control.awaited import Awaited
 from contid.control.child import ControlChild
 from contid.control.command_log import CommandLog
 from contid.control.cycle import OnEnd, Sink
-from contid.control.daemon import Commands, Daemon, Observer, RunOptions, say
+from contid.control.daemon import Daemon, RunOptions
 from contid.control.inputs import Stream, given, read_file, read_stdin
 from contid.control.messages import Message, Rows
 from contid.control.patience import Patience
 from contid.control.preflight import Preflight, Unreachable
 from contid.control.report import Report
+from contid.control.roles import Commands, Observer
 from contid.control.setup import Setup
 from contid.control.spawn import Spawned
 from contid.control.streaming import CUT, may_be_cut, take_row
+from contid.control.terminal import checking, say, words_of
 from contid.control.virtual import run_virtual
 from contid.control.wiring import build_preflight, driven_robots, record_layout
 from contid.description.dead_man import starved
@@ -36,9 +38,6 @@ from contid.description.shipped import find_robot_file
 from contid.errors import ContidError
 from contid.targets import Target
 from contid.trajectory.timed import Trajectory
-
-#: A trajectory with more rows than this shows how far its check has come.
-LONG: Final = 20_000
 
 
 @dataclass(frozen=True, slots=True)
@@ -129,7 +128,7 @@ def read(request: RunRequest, loaded: LoadedFile, patience: Patience) -> Traject
         rate_hz = request.rate_hz or loaded.file.rate_hz
         preflight = build_preflight(loaded, rate_hz, Unreachable(request.unreachable))
         if preflight is not None:
-            show = _progress(len(source))
+            show = checking(len(source))
 
             def progress(done: int, total: int) -> None:
                 patience.check()
@@ -145,17 +144,6 @@ def awaited(request: RunRequest, loaded: LoadedFile) -> Awaited | None:
         return None
     words = "waiting for a trajectory on stdin" if request.trajectory is None else "checking the trajectory"
     return Awaited(words, lambda patience: read(request, loaded, patience))
-
-
-def _progress(rows: int) -> Callable[[int, int], None]:
-    if rows < LONG or not sys.stderr.isatty():
-        return lambda done, total: None
-
-    def show(done: int, total: int) -> None:
-        sys.stderr.write(f"\r\x1b[Kchecking the trajectory: {100 * done // total} %")
-        sys.stderr.flush()
-
-    return show
 
 
 def _virtual(request: RunRequest, loaded: LoadedFile, source: Trajectory | Stream | None) -> Report:
@@ -187,10 +175,10 @@ class Messages:
     def write(self, values: list[float]) -> None:
         """Records are for others."""
 
-    def event(self, kind: str, **fields: object) -> None:
+    def event(self, kind: str, **fields: Any) -> None:
         """See `contid.control.cycle.Sink`."""
-        if kind in ("fault", "refused", "bus"):
-            say(str(fields["words"]))
+        if words := words_of({"event": kind, **fields}):
+            say(words)
 
 
 def _rows(stream: Stream, preflight: Preflight | None) -> Iterator[Mapping[str, Target | None]]:

@@ -78,12 +78,7 @@ def build_preflight(loaded: LoadedFile, rate_hz: float, unreachable: Unreachable
 def record_layout(loaded: LoadedFile, rate_hz: float) -> RecordLayout:
     """Where everything of these robots lies in a record."""
     robots = tuple(
-        RobotLayout(
-            name,
-            robot.model,  # type: ignore[attr-defined]  # every leaf class has it
-            robot.quantity.unit,
-            robot.all_axis_names,
-        )
+        RobotLayout(name, robot.model, robot.quantity.unit, robot.all_axis_names)
         for name, robot in driven_robots(loaded).items()
     )
     return RecordLayout(loaded.file.name, rate_hz, robots)

@@ -24,6 +24,7 @@ class RobotDescription(Strict):
     """One robot of a file. Each model derives one class from this and adds geometry, limits and correction.
 
     Attributes:
+        model: its kinematics; decides which further keys there are.
         base: pose of the base frame in the world.
         axes: one entry per axis of the model, wired to a bus.
         rates: velocity, acceleration and jerk of the actuators.
@@ -38,6 +39,7 @@ class RobotDescription(Strict):
     #: 2 for planar robots, which live in x and y and grow along +y; 3 for spatial ones, along +z.
     dimension: ClassVar[int]
 
+    model: str
     base: BasePose = BasePose()
     axes: dict[str, AxisDescription] = Field(default_factory=dict)
     rates: Rates
@@ -70,7 +72,7 @@ class RobotDescription(Strict):
     @property
     def kinematics(self) -> str:
         """Which implementation of the model answers: its name, and the solver where there is a choice."""
-        return str(self.model)  # type: ignore[attr-defined]  # every leaf class has it
+        return self.model
 
     @property
     def accepts(self) -> frozenset[str]:

@@ -117,7 +117,7 @@ def _robot(loaded: LoadedFile, name: str, robot: RobotDescription) -> RobotRepor
     unit = robot.quantity.unit
     return {
         "name": name,
-        "model": str(robot.model),  # type: ignore[attr-defined]  # every leaf class has it
+        "model": robot.model,
         "kinematics": robot.kinematics,
         "unit": unit,
         "passive": robot.passive,

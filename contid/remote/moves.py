@@ -16,10 +16,10 @@ from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
 from typing import Any, Final
 
-from contid.control.daemon import Orders
 from contid.control.messages import Begin, Goto, Hold, Message, Play, Resume, Rows
 from contid.control.preflight import Preflight, Unreachable
 from contid.control.record import TickRecord
+from contid.control.roles import Orders
 from contid.control.supervisor import MOVING, Mode
 from contid.control.wiring import chain_guards
 from contid.errors import BadInputError
@@ -221,7 +221,7 @@ class Moves:
     def _read(self, lines: Sequence[str], record: TickRecord | None) -> Trajectory:
         try:
             trajectory = read_trajectory(io.StringIO("\n".join(lines)), "rows", self._picture.robots)
-            if self._orders.options.unreachable is Unreachable.REFUSE or self._guards:
+            if self._orders.unreachable is Unreachable.REFUSE or self._guards:
                 self._preflight(record).trajectory(trajectory, "rows")
         except BadInputError as error:
             raise _bad(error) from None
@@ -253,7 +253,7 @@ class Moves:
         assert move.parser is not None
         now_s = asyncio.get_running_loop().time()
         if not move.parser.timed:
-            grown = move.credits + (now_s - move.granted_s) * self._orders.options.rate_hz
+            grown = move.credits + (now_s - move.granted_s) * self._orders.rate_hz
             move.credits = min(grown, LIVE_ROWS)
         move.granted_s = now_s
 
@@ -332,11 +332,11 @@ class Moves:
     def _preflight(self, record: TickRecord | None) -> Preflight:
         commands = {name: self._picture.command(name, record) for name in self._picture.plans}
         seeds = {name: command for name, command in commands.items() if command is not None}
-        plans, unreachable = tuple(self._picture.plans.values()), self._orders.options.unreachable
+        plans, unreachable = tuple(self._picture.plans.values()), self._orders.unreachable
         return Preflight(plans, self._guards, unreachable, seeds)
 
     def _wrong(self, targets: Mapping[str, Target | None], record: TickRecord | None) -> dict[str, str]:
-        if self._orders.options.unreachable is Unreachable.NEAREST and not self._guards:
+        if self._orders.unreachable is Unreachable.NEAREST and not self._guards:
             return {}
         return self._preflight(record).row(targets)
 

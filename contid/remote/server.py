@@ -8,8 +8,8 @@ from collections.abc import Mapping
 from contextlib import suppress
 from typing import Any, Final
 
-from contid.control.daemon import Orders
 from contid.control.faults import Fault
+from contid.control.roles import Orders
 from contid.remote.connection import Connection
 from contid.remote.peer import may_enter, peer_of
 from contid.remote.picture import fault_fields
@@ -27,7 +27,7 @@ EVENTS: Final = frozenset({"state", "fault", "refused", "bus", "tier", "skipped"
 
 
 class SocketServer:
-    """Takes commands over a socket (`contid.control.daemon.Commands`)."""
+    """Takes commands over a socket (`contid.control.roles.Commands`)."""
 
     def __init__(self, endpoint: Endpoint) -> None:
         self._endpoint = endpoint

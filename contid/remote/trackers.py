@@ -16,9 +16,9 @@ from typing import Any, Final
 
 import numpy as np
 
-from contid.control.daemon import Orders
 from contid.control.messages import Measured
 from contid.control.plan import RobotPlan
+from contid.control.roles import Orders
 from contid.remote.picture import Picture
 from contid.remote.protocol import Code, Fields, RemoteError, Take
 from contid.targets import Vec3

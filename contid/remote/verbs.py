@@ -15,8 +15,8 @@ from collections.abc import Awaitable, Callable, Mapping, Sequence
 from typing import Any, Final, Protocol
 
 from contid import __version__
-from contid.control.daemon import Orders
 from contid.control.messages import ClearFault, Estop, Hold, Message, Resume, Stop
+from contid.control.roles import Orders
 from contid.control.supervisor import Mode
 from contid.remote.ledger import PATIENCE_S, Ledger
 from contid.remote.moves import Moves
@@ -62,7 +62,7 @@ class Verbs:
         self._refusals: dict[str, str] = {}
         self._busy: Counter[int] = Counter()
         self._realtime: bool | None = None
-        self.picture = Picture(orders.loaded, orders.options.rate_hz, orders.refresh)
+        self.picture = Picture(orders.loaded, orders.rate_hz, orders.refresh)
         self.ledger = Ledger(orders.send)
         self.moves = Moves(orders, self.picture, self.ledger)
         self.trackers = Trackers(orders, self.picture)
@@ -139,7 +139,7 @@ class Verbs:
     def _lost(self, holder: Holder, words: str) -> None:
         self._orders.send(Hold())
         self.moves.abort_streams(words)
-        self._orders.options.say(f"client {holder.name!r} lost the motion right ({words}); holding")
+        self._orders.say(f"client {holder.name!r} lost the motion right ({words}); holding")
         self._tell(holder.client, {"event": "right", "lost": words})
 
     # -- reading -----------------------------------------------------------------------------------------
@@ -171,7 +171,7 @@ class Verbs:
             "name": self._orders.loaded.file.name,
             "file": str(self._orders.loaded.path),
             "version": __version__,
-            "rate_hz": self._orders.options.rate_hz,
+            "rate_hz": self._orders.rate_hz,
             "realtime": self._realtime,
             "uptime_s": round(time.monotonic() - self._began_s, 3),
             "clients": self.clients(),
@@ -187,7 +187,7 @@ class Verbs:
 
     async def _describe(self, caller: Caller, take: Take) -> Fields:
         take.end()
-        return {**self.picture.describe(), "rate_hz": self._orders.options.rate_hz, "fields": list(FIELDS)}
+        return {**self.picture.describe(), "rate_hz": self._orders.rate_hz, "fields": list(FIELDS)}
 
     async def _subscribe(self, caller: Caller, take: Take) -> Fields:
         rate_hz = take.number("rate_hz", 20.0, 0.0, GREATEST_RATE_HZ)
@@ -259,7 +259,7 @@ class Verbs:
                 self._orders.send(Hold())
                 self._tell(before.client, {"event": "right", "lost": words})
             self.moves.abort_streams(words)
-            self._orders.options.say(f"{words} from {before.name!r}; holding")
+            self._orders.say(f"{words} from {before.name!r}; holding")
         return {"timeout_s": timeout_s, "from": None if before is None else before.name}
 
     async def _release(self, caller: Caller, take: Take) -> Fields:

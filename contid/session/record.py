@@ -29,7 +29,7 @@ PATIENCE_S: Final = 120.0
 
 
 class Recording:
-    """Records one run; an observer of the daemon (`contid.control.daemon.Observer`)."""
+    """Records one run; an observer of the daemon (`contid.control.roles.Observer`)."""
 
     def __init__(self, path: Path, options: Mapping[str, str], host: str | None = None) -> None:
         """Prepare.

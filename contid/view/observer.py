@@ -27,7 +27,7 @@ PATIENCE_S: Final = 5.0
 
 
 class Viewing:
-    """Shows one run; an observer of the daemon (`contid.control.daemon.Observer`)."""
+    """Shows one run; an observer of the daemon (`contid.control.roles.Observer`)."""
 
     def __init__(self, where: Where) -> None:
         """Prepare to show it there; see `contid.view.where.require`."""

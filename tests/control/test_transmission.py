@@ -21,6 +21,7 @@ class Robot(RobotDescription):
 
     quantity: ClassVar[Quantity] = Quantity.LENGTH
     dimension: ClassVar[int] = 3
+    model: str = "any"
     names: tuple[str, ...]
     box_mm: tuple[float, float] = (50.0, 650.0)
     extras: tuple[str, ...] = ()

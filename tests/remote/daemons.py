@@ -3,9 +3,9 @@
 from __future__ import annotations
 
 import json
-import os
 import shutil
 import signal
+import socket as sockets
 import subprocess
 import sys
 import tempfile
@@ -16,9 +16,15 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
+import pytest
+
 from contid.client import Client
 from contid.remote.place import answers
 from tests.control.fingers import fingers
+
+#: Two points that a finger reaches.
+HERE = {"x_mm": 50.0, "y_mm": 75.0}
+FAR = {"x_mm": 30.0, "y_mm": 85.0}
 
 
 def until(condition: Callable[[], bool], what: str) -> None:
@@ -111,4 +117,17 @@ def command(*arguments: str) -> Sequence[str]:
     return [sys.executable, "-m", "contid", *arguments]
 
 
-__all__ = ["Running", "armed", "command", "daemon", "os", "until"]
+def raw(running: Running) -> sockets.socket:
+    connected = sockets.socket(sockets.AF_UNIX)
+    connected.settimeout(20.0)
+    connected.connect(str(running.socket))
+    return connected
+
+
+def states(client: Client) -> set[str]:
+    return {robot["state"] for robot in client.status()["robots"].values()}
+
+
+def arrives(client: Client, robot: str, tip_mm: tuple[float, ...]) -> None:
+    """A move ends when the command is there; the simulated servo lags behind it."""
+    until(lambda: client.status()["robots"][robot]["tip_mm"] == pytest.approx(tip_mm, abs=0.5), "it is there")

@@ -1,0 +1,99 @@
+"""Stops, faults and ends of a running daemon, by the journal of its devices."""
+
+from __future__ import annotations
+
+import json
+import os
+import signal
+import subprocess
+import time
+
+import pytest
+
+from contid.client import Code, ConnectionLostError, NoDaemonError, RemoteError
+from tests.remote.daemons import HERE, armed, command, daemon, states, until
+
+SILENT = "faults:\n  - {at_s: 1.0, for_s: 1.0, kind: silent, axis: f0.left}\n"
+
+
+@pytest.mark.parametrize("way", ["estop", "second Ctrl-C"])
+@pytest.mark.parametrize("when", ["APPROACH", "RUN", "HOLD", "STOPPING"])
+def test_torque_is_off_at_once_in_every_state(way: str, when: str) -> None:
+    """Proof: the journal of the devices; the tick itself is in tests/control/test_orders.py."""
+    with daemon(on_interrupt="rest") as running, running.client() as client:
+        armed(client)
+        if when in ("APPROACH", "STOPPING"):
+            client.move({"x_mm": 35.0, "y_mm": 80.0}, wait=False)
+        if when == "RUN":
+            begun = client.request("move", columns=["x_mm", "y_mm"])
+            client.request("rows", move=begun["move"], rows=[[50.0, 75.0]])
+            until(lambda: states(client) == {"RUN"}, "it follows")
+        if when == "STOPPING":
+            client.stop()
+        if way == "estop":
+            client.estop()
+        else:
+            os.kill(running.process.pid, signal.SIGINT)
+            time.sleep(0.05)
+            os.kill(running.process.pid, signal.SIGINT)
+        until(running.off, "every device is without torque")
+        if way == "estop":
+            assert states(client) == {"OFF"}
+            assert running.process.poll() is None
+        else:
+            running.process.wait(30)
+        assert running.off()
+
+
+def test_an_estop_that_is_not_understood_stops_everybody() -> None:
+    with daemon() as running, running.client() as client:
+        armed(client)
+        with pytest.raises(RemoteError, match="all robots were stopped"):
+            client.request("estop", robots=["thumb"])
+        assert running.off()
+
+
+def test_a_fault_says_everything_latches_and_is_cleared_without_motion() -> None:
+    with daemon(options=SILENT) as running, running.client() as client:
+        armed(client)
+        until(lambda: states(client) == {"FAULT"}, "the axis falls silent")
+        fault = client.status()["robots"]["f0"]["fault"]
+        assert (fault["number"], fault["name"]) == (102, "axis-silent")
+        assert "f0.left did not answer" in fault["what"]
+        assert all(fault[key] for key in ("cause", "reaction", "remedy"))
+        for ask in (client.resume, lambda: client.move(HERE)):
+            with pytest.raises(RemoteError) as refused:
+                ask()
+            assert refused.value.code == Code.FAULT
+            assert refused.value.faults["f0"]["number"] == 102
+        done = subprocess.run(
+            command("resume", "--json", "--socket", str(running.socket)), capture_output=True, text=True
+        )
+        assert done.returncode == 3
+        assert json.loads(done.stdout)["error"]["faults"]["f0"]["remedy"]
+        refusals: list[str] = []
+        while states(client) == {"FAULT"}:
+            try:
+                client.clear_fault()
+            except RemoteError as error:
+                refusals.append(str(error))
+        assert refusals
+        assert "silent" in refusals[0] or "does not answer" in refusals[0]
+        assert states(client) == {"READY"}
+        assert client.status()["robots"]["f0"]["enabled"] is False
+        client.resume()
+        assert states(client) == {"HOLD"}
+
+
+def test_a_killed_daemon_is_noticed_and_its_socket_taken_over() -> None:
+    with daemon() as running:
+        client = running.client()
+        armed(client)
+        running.process.kill()
+        running.process.wait()
+        with pytest.raises(ConnectionLostError, match="hold"):
+            client.status()
+        client.close()
+        with pytest.raises(NoDaemonError):
+            running.client()
+        until(running.off, "the control process or the dead-man rests the devices")

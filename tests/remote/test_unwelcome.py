@@ -1,0 +1,145 @@
+"""Clients that flood, talk garbage, vanish, or have no business here cost the others nothing."""
+
+from __future__ import annotations
+
+import grp
+import os
+import subprocess
+import sys
+from contextlib import suppress
+from pathlib import Path
+
+import pytest
+
+from contid.remote.protocol import MAX_CLIENTS, MAX_LINE
+from tests.remote.daemons import armed, command, daemon, raw, states, until
+
+
+def test_a_client_that_floods_stalls_or_talks_garbage_blocks_no_stop() -> None:
+    with daemon() as running, running.client() as client:
+        armed(client)
+        stalled = raw(running)
+        stalled.sendall(b'{"id":1,"verb":"subscribe","rate_hz":200,"events":true}\n' * 50)
+        flood = raw(running)
+        flood.setblocking(False)
+        garbage = raw(running)
+        garbage.setblocking(False)
+        long = raw(running)
+        for connected, data in ((flood, b'{"verb":"status"}\n' * 2000), (garbage, os.urandom(1 << 18))):
+            for _ in range(20):
+                try:
+                    connected.send(data)
+                except OSError:
+                    break
+        with suppress(OSError):
+            long.sendall(b'{"verb":"' + b"x" * 4 * MAX_LINE)
+        client.estop()
+        assert running.off()
+        assert states(client) == {"OFF"}
+        assert client.resume()
+        for connected in (stalled, flood, garbage, long):
+            connected.close()
+        until(lambda: client.status()["clients"] == 1, "the others are gone")
+        assert running.end() is not None
+
+
+def test_a_line_that_is_too_long_and_much_garbage_end_the_connection() -> None:
+    with daemon() as running:
+        for data in (b"x" * (2 * MAX_LINE), b"garbage\n" * 200):
+            with raw(running) as connected:
+                answers = b""
+                try:
+                    connected.sendall(data)
+                    while chunk := connected.recv(1 << 16):
+                        answers += chunk
+                except ConnectionError:
+                    pass
+                assert b"bad-request" in answers
+        with running.client() as client:
+            assert client.status()["clients"] == 1
+
+
+def test_clients_that_connect_and_vanish_leave_nothing_and_one_more_always_gets_in() -> None:
+    import psutil
+
+    with daemon() as running, running.client(name="old") as client:
+        armed(client)
+        client.take(60)
+        process = psutil.Process(running.process.pid)
+        before = process.num_fds()
+        for _ in range(50):
+            with raw(running) as connected:
+                connected.sendall(b'{"verb":"subscribe","rate_hz":100}\n{"verb":"sta')
+        until(lambda: client.status()["clients"] == 1 and process.num_fds() <= before, "they are gone")
+        many = [raw(running) for _ in range(MAX_CLIENTS + 5)]
+        with running.client() as person:
+            person.estop()
+            assert running.off()
+            assert person.status()["clients"] <= MAX_CLIENTS
+            client.ping()  # the holder is never the one that has to go
+        for connected in many:
+            connected.close()
+
+
+def test_another_user_is_refused() -> None:
+    """The file's mode keeps others out; with the mode opened the kernel's word does."""
+    if os.geteuid() != 0:
+        pytest.skip("needs root to become somebody else")
+    script = (
+        "import os, socket, sys\nos.setgid(65534)\nos.setuid(65534)\n"
+        "s = socket.socket(socket.AF_UNIX)\n"
+        "try:\n    s.connect(sys.argv[1])\nexcept OSError as e:\n    print(type(e).__name__)\nelse:\n"
+        "    print(s.recv(1000).decode())\n"
+    )
+
+    def as_nobody(path: Path) -> str:
+        asked = [sys.executable, "-c", script, str(path)]
+        return subprocess.run(asked, capture_output=True, text=True, check=True).stdout
+
+    with daemon() as running:
+        running.folder.chmod(0o755)
+        assert as_nobody(running.socket).strip() == "PermissionError"
+        running.socket.chmod(0o666)
+        said = as_nobody(running.socket)
+        assert "belongs to another user" in said
+        assert "hello" not in said
+        with running.client() as client:
+            assert client.status()["clients"] == 1
+
+
+def test_a_member_of_the_sockets_group_may_give_orders() -> None:
+    """The group is one that only root's child below is put into; without it the same user is refused."""
+    if os.geteuid() != 0:
+        pytest.skip("needs root to become somebody else")
+    group = grp.getgrall()[-1]
+    script = (
+        "import os, sys\nfrom contid.client import Client\nfrom contid.errors import ContidError\n"
+        "os.setgroups([int(g) for g in sys.argv[2:]])\nos.setgid(54321)\nos.setuid(54321)\n"
+        "try:\n    with Client(sys.argv[1]) as client:\n        print(client.hold()['robots'])\n"
+        "except ContidError as e:\n    print(type(e).__name__)\n"
+    )
+
+    def as_somebody(path: Path, *groups: int) -> str:
+        asked = [sys.executable, "-c", script, str(path), *map(str, groups)]
+        return subprocess.run(asked, capture_output=True, text=True, check=True).stdout.strip()
+
+    with daemon(1, "--socket-group", group.gr_name) as running, running.client() as client:
+        armed(client)
+        running.folder.chmod(0o755)
+        assert as_somebody(running.socket) == "NoDaemonError"
+        assert as_somebody(running.socket, group.gr_gid) == "{'f0': 'HOLD'}"
+        running.socket.chmod(0o666)
+        assert as_somebody(running.socket) == "ConnectionLostError"
+
+
+def test_a_second_daemon_for_the_same_socket_is_refused() -> None:
+    with daemon() as running:
+        robot = running.folder / "fingers.yaml"
+        done = subprocess.run(
+            command("run", str(robot), "--socket", str(running.socket)),
+            stdin=subprocess.DEVNULL, capture_output=True, text=True,
+        )  # fmt: skip
+        assert done.returncode == 2
+        assert "another daemon listens" in done.stderr
+        with running.client() as client:
+            armed(client)
