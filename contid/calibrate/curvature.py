@@ -17,12 +17,15 @@ from typing import Final
 import numpy as np
 
 from contid.calibrate.circle import CircleFit, fit_circle
-from contid.calibrate.measured_table import MeasuredRow, read_measured
+from contid.calibrate.measured_table import Columns, MeasuredRow, read_measured
 from contid.errors import BadInputError, ContidError, Located
 
 #: Below this commanded curvature [1/mm] the quotient k/k_d is mostly noise.
 LEAST_CURVATURE_PER_MM: Final = 1e-3
 CONFIDENCE: Final = 0.95
+COLUMNS: Final = Columns(
+    [("left_mm,right_mm", "arc_length_mm,curvature_per_mm"), ("x_mm,y_mm", "x_px,y_px")], words=("posture",)
+)
 
 
 @dataclass(frozen=True, slots=True)
@@ -81,12 +84,7 @@ def read_postures(
     Raises:
         BadInputError: every wrong row; postures with fewer than three markers or two commands.
     """
-    rows = read_measured(
-        lines,
-        name,
-        [("left_mm,right_mm", "arc_length_mm,curvature_per_mm"), ("x_mm,y_mm", "x_px,y_px")],
-        words=("posture",),
-    )
+    rows = read_measured(lines, name, COLUMNS)
     if "x_px" in rows[0].numbers and mm_per_px is None:
         raise BadInputError([Located(name, 1, 1, "markers in pixels: say how large one is with --mm-per-px")])
     groups: dict[str, list[MeasuredRow]] = {}

@@ -1,23 +1,22 @@
 """Measurements of one or more pneumatic sections: pressures, elongation, bending angle, row by row.
 
 CSV with a header; columns ``p1_bar,p2_bar,p3_bar`` and ``elongation_mm`` or ``bend_deg`` or both;
-``section`` (1, 2, ..; default 1) and ``trial`` are optional. A cell may be left empty. An elongation counts
-only with equal pressures, so a row that has one must have them.
+``section`` (1, 2, ..; default 1) and ``trial`` are optional. Other cells than pressures may be left empty. An
+elongation counts only with equal pressures, so a row that has one must have them.
 """
 
 from __future__ import annotations
 
-import csv
-import math
-from collections.abc import Iterable
+from collections.abc import Iterable, Iterator
 from dataclasses import dataclass
 from typing import Final
 
+from contid.calibrate.measured_table import Columns, MeasuredRow, read_measured
 from contid.errors import BadInputError, Located
 
-REQUIRED: Final = ("p1_bar", "p2_bar", "p3_bar")
+PRESSURES: Final = ("p1_bar", "p2_bar", "p3_bar")
 MEASURED: Final = ("elongation_mm", "bend_deg")
-OPTIONAL: Final = ("section", "trial")
+COLUMNS: Final = Columns([[",".join(PRESSURES)]], optional=(*MEASURED, "section"), optional_words=("trial",))
 #: Pressures this close count as equal [bar]: a regulator's own accuracy.
 EQUAL_BAR: Final = 0.05
 
@@ -45,80 +44,32 @@ def read_readings(lines: Iterable[str], name: str) -> list[Reading]:
     Raises:
         BadInputError: every wrong row, with line and column.
     """
-    header: list[str] | None = None
-    findings: list[Located] = []
-    readings = []
-    for number, line in enumerate(lines, start=1):
-        if not line.strip() or line.lstrip().startswith("#"):
-            continue
-        cells = [cell.strip() for cell in next(csv.reader([line]))]
-        if header is None:
-            header = cells
-            findings += _check_header(header, name, number)
-            if findings:
-                break
-            continue
-        if len(cells) != len(header):
-            findings.append(Located(name, number, 1, f"{len(cells)} cells, the header has {len(header)}"))
-            continue
-        reading = _reading(dict(zip(header, cells, strict=True)), header, name, number, findings)
-        if reading is not None:
-            readings.append(reading)
-    if header is None:
-        findings.append(Located(name, 1, 1, f"empty; the first line names columns: {','.join(REQUIRED)},.."))
-    if findings:
-        raise BadInputError(findings)
-    return readings
+    rows = read_measured(lines, name, COLUMNS, _mistakes)
+    if not any(column in row.numbers for row in rows for column in MEASURED):
+        raise BadInputError([Located(name, 1, 1, f"nothing measured: give {' or '.join(MEASURED)}")])
+    return [_reading(row) for row in rows]
 
 
-def _check_header(header: list[str], name: str, line: int) -> list[Located]:
-    known = (*REQUIRED, *MEASURED, *OPTIONAL)
-    findings = [
-        Located(name, line, i + 1, f"unknown column {cell!r}; there are {', '.join(known)}")
-        for i, cell in enumerate(header)
-        if cell not in known
-    ]
-    findings += [
-        Located(name, line, 1, f"column {cell} is missing") for cell in REQUIRED if cell not in header
-    ]
-    if not any(cell in header for cell in MEASURED):
-        findings.append(Located(name, line, 1, f"nothing measured: give {' or '.join(MEASURED)}"))
-    return findings
+def _mistakes(row: MeasuredRow) -> Iterator[Located]:
+    numbers = row.numbers
+    for column in (*PRESSURES, "bend_deg"):
+        if numbers.get(column, 0.0) < 0.0:
+            yield row.wrong(column, f"allowed is 0 or more, not {numbers[column]:g}")
+    section = numbers.get("section", 1.0)
+    if section < 1.0 or section != int(section):
+        yield row.wrong("section", f"allowed is 1, 2, .., not {section:g}")
+    pressures = [numbers[column] for column in PRESSURES]
+    if "elongation_mm" in numbers and max(pressures) - min(pressures) > EQUAL_BAR:
+        yield row.wrong("elongation_mm", "it needs three equal pressures; leave it empty")
 
 
-def _reading(
-    cells: dict[str, str], header: list[str], name: str, line: int, findings: list[Located]
-) -> Reading | None:
-    before = len(findings)
-
-    def number(column: str) -> float | None:
-        text = cells.get(column, "")
-        if not text:
-            return None
-        try:
-            value = float(text)
-        except ValueError:
-            value = math.nan
-        if not math.isfinite(value):
-            findings.append(Located(name, line, header.index(column) + 1, f"{column}: {text!r} is no number"))
-        return value
-
-    pressures = []
-    for column in REQUIRED:
-        value = number(column)
-        if value is None or value < 0.0:
-            findings.append(Located(name, line, header.index(column) + 1, f"{column} must be 0 or more"))
-        pressures.append(value or 0.0)
-    section = number("section") if cells.get("section") else 1.0
-    elongation, bend = number("elongation_mm"), number("bend_deg")
-    if section is None or section != int(section) or section < 1:
-        findings.append(Located(name, line, header.index("section") + 1, "section is 1, 2, .."))
-    if elongation is not None and max(pressures) - min(pressures) > EQUAL_BAR:
-        at = header.index("elongation_mm") + 1
-        findings.append(Located(name, line, at, "an elongation needs three equal pressures; leave it empty"))
-    if bend is not None and bend < 0.0:
-        findings.append(Located(name, line, header.index("bend_deg") + 1, "bend_deg is 0 or more"))
-    if len(findings) > before or section is None:
-        return None
-    p1, p2, p3 = pressures
-    return Reading(line, int(section), cells.get("trial", ""), (p1, p2, p3), elongation, bend)
+def _reading(row: MeasuredRow) -> Reading:
+    p1, p2, p3 = (row.numbers[column] for column in PRESSURES)
+    return Reading(
+        line=row.line,
+        section=int(row.numbers.get("section", 1.0)),
+        trial=row.words.get("trial", ""),
+        pressures_bar=(p1, p2, p3),
+        elongation_mm=row.numbers.get("elongation_mm"),
+        bend_deg=row.numbers.get("bend_deg"),
+    )

@@ -5,55 +5,104 @@ from __future__ import annotations
 import csv
 import difflib
 import math
-from collections.abc import Iterable, Sequence
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
+from typing import TypeAlias
 
 from contid.errors import BadInputError, Located
 
 
 @dataclass(frozen=True, slots=True)
-class MeasuredRow:
-    """One row: where it stands, its numbers by column, its words by column."""
+class Columns:
+    """Columns a table may have; every one holds numbers unless it is among ``words``.
 
+    Attributes:
+        choices: groups of columns; of every group exactly one alternative must be there, an alternative being
+            names joined by commas (``"x_px,y_px"`` or ``"x_mm,y_mm"``).
+        words: columns of text that must be there.
+        optional: columns that may be missing, and whose cells may be empty.
+        optional_words: the same, of text.
+    """
+
+    choices: Sequence[Sequence[str]]
+    words: Sequence[str] = ()
+    optional: Sequence[str] = ()
+    optional_words: Sequence[str] = ()
+
+    @property
+    def known(self) -> list[str]:
+        """All of them."""
+        chosen = [column for group in self.choices for each in group for column in each.split(",")]
+        return [*self.words, *chosen, *self.optional, *self.optional_words]
+
+    @property
+    def example(self) -> str:
+        """A header that would do."""
+        return ",".join([*self.words, *(group[0] for group in self.choices)])
+
+
+@dataclass(frozen=True, slots=True)
+class MeasuredRow:
+    """One row: where it stands, and its cells by column, without the empty ones.
+
+    Attributes:
+        name: what messages call the file.
+        line: of the file, from 1.
+        places: number of each column, from 1.
+        numbers: by column.
+        words: by column.
+    """
+
+    name: str
     line: int
+    places: Mapping[str, int]
     numbers: dict[str, float]
     words: dict[str, str]
 
+    def wrong(self, column: str, message: str) -> Located:
+        """A finding about one cell."""
+        return Located(self.name, self.line, self.places[column], f"{column}: {message}")
+
+
+#: What is wrong with a row all of whose cells are right.
+RowCheck: TypeAlias = Callable[[MeasuredRow], Iterable[Located]]
+
 
 def read_measured(
-    lines: Iterable[str], name: str, choices: Sequence[Sequence[str]], words: Sequence[str] = ()
+    lines: Iterable[str], name: str, columns: Columns, check: RowCheck = lambda row: ()
 ) -> list[MeasuredRow]:
     """Parse a file; comment lines start with ``#``.
 
     Args:
         lines: the text.
         name: what messages call it.
-        choices: groups of columns; of every group exactly one alternative must be there, an alternative being
-            names joined by commas (``"x_px,y_px"`` or ``"x_mm,y_mm"``).
-        words: columns of text.
+        columns: it may have.
+        check: asked about every row whose cells are right.
 
     Raises:
         BadInputError: every wrong row, with line and column.
     """
-    header: list[str] | None = None
+    places: dict[str, int] = {}
     findings: list[Located] = []
     rows: list[MeasuredRow] = []
     for number, line in enumerate(lines, start=1):
         if not line.strip() or line.lstrip().startswith("#"):
             continue
         cells = [cell.strip() for cell in next(csv.reader([line]))]
-        if header is None:
-            header = cells
-            findings += _check_header(header, name, number, choices, words)
+        if not places:
+            findings += _check_header(cells, name, number, columns)
             if findings:
-                break
-        elif len(cells) != len(header):
-            findings.append(Located(name, number, 1, f"{len(cells)} cells, the header has {len(header)}"))
+                raise BadInputError(findings)
+            places = {column: place for place, column in enumerate(cells, start=1)}
+        elif len(cells) != len(places):
+            findings.append(Located(name, number, 1, f"{len(cells)} cells, the header has {len(places)}"))
         else:
-            rows.append(_row(header, cells, name, number, words, findings))
-    if header is None:
-        first = ",".join([*words, *(group[0] for group in choices)])
-        findings.append(Located(name, 1, 1, f"empty; the first line names the columns, such as {first}"))
+            row = MeasuredRow(name, number, places, {}, {})
+            findings += list(_fill(row, cells, columns)) or check(row)
+            rows.append(row)
+    if not places:
+        message = f"empty; the first line names the columns, such as {columns.example}"
+        findings.append(Located(name, 1, 1, message))
     elif not rows and not findings:
         findings.append(Located(name, 1, 1, "a header without rows"))
     if findings:
@@ -61,44 +110,41 @@ def read_measured(
     return rows
 
 
-def _check_header(
-    header: list[str], name: str, line: int, choices: Sequence[Sequence[str]], words: Sequence[str]
-) -> list[Located]:
-    known = [*words, *(column for group in choices for each in group for column in each.split(","))]
+def _check_header(header: list[str], name: str, line: int, columns: Columns) -> list[Located]:
+    known = columns.known
     findings = []
-    for cell in header:
-        place = header.index(cell) + 1
+    for place, cell in enumerate(header, start=1):
         if cell not in known:
             near = difflib.get_close_matches(cell, known, n=1)
             hint = f"; did you mean {near[0]!r}?" if near else ""
-            findings.append(
-                Located(name, line, place, f"unknown column {cell!r}; there are {', '.join(known)}{hint}")
-            )
-        elif header.count(cell) > 1:
+            message = f"unknown column {cell!r}; there are {', '.join(known)}{hint}"
+            findings.append(Located(name, line, place, message))
+        elif cell in header[: place - 1]:
             findings.append(Located(name, line, place, f"column {cell!r} is there twice"))
-    for group in choices:
+    for group in columns.choices:
         given = [each for each in group if all(column in header for column in each.split(","))]
         if len(given) != 1:
             found = "none of them" if not given else "more than one of them"
             findings.append(Located(name, line, 1, f"give {' or '.join(group)}; there is {found}"))
-    findings += [Located(name, line, 1, f"column {word} is missing") for word in words if word not in header]
+    findings += [
+        Located(name, line, 1, f"column {word} is missing") for word in columns.words if word not in header
+    ]
     return findings
 
 
-def _row(
-    header: list[str], cells: list[str], name: str, line: int, words: Sequence[str], findings: list[Located]
-) -> MeasuredRow:
-    numbers: dict[str, float] = {}
-    texts: dict[str, str] = {}
-    for place, (column, text) in enumerate(zip(header, cells, strict=True), start=1):
-        if column in words:
-            texts[column] = text
+def _fill(row: MeasuredRow, cells: list[str], columns: Columns) -> Iterator[Located]:
+    """Put the cells into the row; yields those that are no numbers."""
+    for column, text in zip(row.places, cells, strict=True):
+        if not text and (column in columns.optional or column in columns.optional_words):
+            continue
+        if column in columns.words or column in columns.optional_words:
+            row.words[column] = text
             continue
         try:
             value = float(text)
         except ValueError:
             value = math.nan
-        if not math.isfinite(value):
-            findings.append(Located(name, line, place, f"{column}: {text!r} is no number"))
-        numbers[column] = value
-    return MeasuredRow(line, numbers, texts)
+        if math.isfinite(value):
+            row.numbers[column] = value
+        else:
+            yield row.wrong(column, f"{text!r} is no number")

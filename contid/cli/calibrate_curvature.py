@@ -3,37 +3,21 @@
 from __future__ import annotations
 
 import json
-from datetime import date
-from pathlib import Path
-from typing import TYPE_CHECKING, TextIO
+from typing import TYPE_CHECKING
 
 import click
 
+from contid.cli.calibration import Calibration, calibration
+from contid.cli.numbers import POSITIVE
+
 if TYPE_CHECKING:
     from contid.calibrate.curvature import CurvatureFit
+    from contid.description.edit import Change
 
 
-@click.command(name="curvature")
-@click.argument("data", type=click.File("r", encoding="utf-8"))
-@click.option("--for", "robot_file", help="Robot file (or the name of a shipped one) with the dimensions.")
-@click.option(
-    "--write",
-    type=click.Path(exists=True, dir_okay=False, path_type=Path),
-    help="Robot file to take the dimensions from and to write the fit into.",
-)
-@click.option("--robot", "robot_name", help="Which robot, where the file has several.")
-@click.option("--mm-per-px", type=click.FloatRange(min=0, min_open=True), help="Size of a pixel: x_px,y_px.")
-@click.option("--plot", type=click.Path(dir_okay=False, path_type=Path), help="Write a figure (PNG, SVG).")
-@click.option("--json", "as_json", is_flag=True, help="The fit as one JSON object.")
-def command(
-    data: TextIO,
-    robot_file: str | None,
-    write: Path | None,
-    robot_name: str | None,
-    mm_per_px: float | None,
-    plot: Path | None,
-    as_json: bool,
-) -> None:
+@calibration("curvature")
+@click.option("--mm-per-px", type=POSITIVE, help="Size of a pixel: x_px,y_px.")
+def command(asked: Calibration, mm_per_px: float | None) -> None:
     """Fit epsilon = a S + b to DATA, a CSV with one row per marker.
 
     Columns: posture (any name), the command (left_mm,right_mm or arc_length_mm,curvature_per_mm) and the
@@ -41,22 +25,18 @@ def command(
     its curvature over the commanded one gives epsilon (Morita et al., eq. 11).
     """
     from contid.calibrate.curvature import fit_curvature, read_postures
-    from contid.calibrate.target_robot import find_robot
     from contid.description.rack_finger import RackFinger
 
-    if (robot_file is None) == (write is None):
-        raise click.UsageError("name the robot's file: --write FILE to change it, --for FILE to only read it")
-    name, robot = find_robot(str(write or robot_file), robot_name, RackFinger, "rack finger")
-    source = getattr(data, "name", "stdin").strip("<>")
+    name, robot = asked.find(RackFinger, "rack finger")
     spacing_mm = robot.geometry.rack_spacing_mm
-    fit = fit_curvature(read_postures(data, source, rack_spacing_mm=spacing_mm, mm_per_px=mm_per_px))
-    click.echo(json.dumps(_numbers(fit)) if as_json else _words(fit))
-    if plot is not None:
+    postures = read_postures(asked.data, asked.source, rack_spacing_mm=spacing_mm, mm_per_px=mm_per_px)
+    fit = fit_curvature(postures)
+    click.echo(json.dumps(_numbers(fit)) if asked.as_json else _words(fit))
+    if asked.plot is not None:
         from contid.calibrate.curvature_plot import plot_curvature
 
-        plot_curvature(plot, fit)
-    if write is not None:
-        _write(write, name, fit, Path(source).name)
+        plot_curvature(asked.plot, fit)
+    asked.write_back(name, _changes(fit, asked.note))
 
 
 def _numbers(fit: CurvatureFit) -> dict[str, object]:
@@ -94,20 +74,13 @@ def _words(fit: CurvatureFit) -> str:
     )
 
 
-def _write(path: Path, robot: str, fit: CurvatureFit, source: str) -> None:
-    from contid.calibrate.target_robot import write_back
+def _changes(fit: CurvatureFit, note: str) -> list[Change]:
     from contid.description.edit import Change
 
-    note = f"calibrated {date.today().isoformat()} from {source}"
     a_note = f"{note}, +- {fit.a_half_width_per_mm:.2g} (95 %)"
     b_note = f"{note}, +- {fit.b_half_width:.2g} (95 %)"
-    write_back(
-        path,
-        robot,
-        [
-            Change("correction.a_per_mm", float(f"{fit.a_per_mm:.6g}"), a_note),
-            Change("correction.b", float(f"{fit.b:.6g}"), b_note),
-            Change("correction.arc_length_mm", [round(value, 4) for value in fit.arc_length_mm], note),
-        ],
-    )
-    click.echo(f"written to {path}", err=True)
+    return [
+        Change("correction.a_per_mm", float(f"{fit.a_per_mm:.6g}"), a_note),
+        Change("correction.b", float(f"{fit.b:.6g}"), b_note),
+        Change("correction.arc_length_mm", [round(value, 4) for value in fit.arc_length_mm], note),
+    ]

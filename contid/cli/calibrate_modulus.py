@@ -5,37 +5,19 @@ from __future__ import annotations
 import json
 import math
 from dataclasses import asdict
-from datetime import date
-from pathlib import Path
-from typing import TYPE_CHECKING, TextIO
+from typing import TYPE_CHECKING
 
 import click
 
+from contid.cli.calibration import Calibration, calibration
+
 if TYPE_CHECKING:
     from contid.calibrate.modulus import ModulusFit
+    from contid.description.edit import Change
 
 
-@click.command(name="modulus")
-@click.argument("data", type=click.File("r", encoding="utf-8"))
-@click.option("--for", "robot_file", help="Robot file (or the name of a shipped one) with the dimensions.")
-@click.option(
-    "--write",
-    type=click.Path(exists=True, dir_okay=False, path_type=Path),
-    help="Robot file to take the dimensions from and to write the fit into.",
-)
-@click.option("--robot", "robot_name", help="Which robot, where the file has several.")
-@click.option(
-    "--plot", type=click.Path(dir_okay=False, path_type=Path), help="Write a figure (PNG, SVG, PDF)."
-)
-@click.option("--json", "as_json", is_flag=True, help="One JSON object per section.")
-def command(
-    data: TextIO,
-    robot_file: str | None,
-    write: Path | None,
-    robot_name: str | None,
-    plot: Path | None,
-    as_json: bool,
-) -> None:
+@calibration("modulus")
+def command(asked: Calibration) -> None:
     """Fit moduli to DATA, a CSV of p1_bar,p2_bar,p3_bar,elongation_mm,bend_deg[,section][,trial].
 
     Elongations (equal pressures) give the polynomial of eq. 20, bending angles the bending gain. With --write
@@ -43,27 +25,24 @@ def command(
     """
     from contid.calibrate.elongation_data import read_readings
     from contid.calibrate.modulus import fit
-    from contid.calibrate.target_robot import find_robot
     from contid.description.cosserat import Cosserat
+    from contid.errors import ContidError
     from contid.models.cosserat.model import build_section
 
-    if (robot_file is None) == (write is None):
-        raise click.UsageError("name the robot's file: --write FILE to change it, --for FILE to only read it")
-    name, robot = find_robot(str(write or robot_file), robot_name, Cosserat, "pneumatic arm")
-    sections = robot.geometry.sections
-    readings = read_readings(data, getattr(data, "name", "stdin").strip("<>"))
+    name, robot = asked.find(Cosserat, "pneumatic arm")
+    sections = [build_section(each) for each in robot.geometry.sections]
+    readings = read_readings(asked.data, asked.source)
     numbers = sorted({reading.section for reading in readings})
-    if not numbers or numbers[-1] > len(sections):
-        raise click.ClickException(f"the data has sections {numbers}; the robot has {len(sections)}")
-    fits = [fit(build_section(sections[n - 1]), n, readings) for n in numbers]
+    if numbers[-1] > len(sections):
+        raise ContidError(f"{asked.source}: it has sections {numbers}; the robot has {len(sections)}")
+    fits = [fit(sections[number - 1], number, readings) for number in numbers]
     for found in fits:
-        click.echo(json.dumps(_finite(asdict(found))) if as_json else _words(found))
-    if plot is not None:
+        click.echo(json.dumps(_finite(asdict(found))) if asked.as_json else _words(found))
+    if asked.plot is not None:
         from contid.calibrate.modulus_plot import plot_fits
 
-        plot_fits(plot, [(build_section(sections[f.section - 1]), f) for f in fits], readings)
-    if write is not None:
-        _write(write, name, fits, Path(getattr(data, "name", "stdin")).name)
+        plot_fits(asked.plot, [(sections[found.section - 1], found) for found in fits], readings)
+    asked.write_back(name, _changes(fits, asked.note))
 
 
 def _finite(values: dict[str, object]) -> dict[str, object]:
@@ -91,19 +70,16 @@ def _words(found: ModulusFit) -> str:
     return "\n".join(lines)
 
 
-def _write(path: Path, robot: str, fits: list[ModulusFit], source: str) -> None:
-    from contid.calibrate.target_robot import write_back
+def _changes(fits: list[ModulusFit], note: str) -> list[Change]:
     from contid.description.edit import Change
 
     changes = []
     for found in fits:
         at = f"geometry.sections.{found.section - 1}"
-        note = f"calibrated {date.today().isoformat()} from {source}"
         fitted = f"{note}, RMSE {found.rmse_elongation_mm:.3f} mm"
         changes.append(Change(f"{at}.modulus_pa", [round(b, 3) for b in found.modulus_pa], fitted))
         changes.append(Change(f"{at}.modulus_up_to_bar", round(found.up_to_bar, 4), note))
         if found.bending_gain is not None:
             bent = f"{note}, RMSE {found.rmse_bend_deg:.2f} deg"
             changes.append(Change(f"{at}.bending_gain", round(found.bending_gain, 5), bent))
-    write_back(path, robot, changes)
-    click.echo(f"written to {path}", err=True)
+    return changes

@@ -7,12 +7,13 @@ from pathlib import Path
 
 import click
 
+from contid.cli.figure import FIGURE
 from contid.cli.numbers import POSITIVE
 
 
 @click.command()
 @click.argument("robot_file")
-@click.option("--plot", type=click.Path(dir_okay=False), help="Draw the regions into a .png or .svg.")
+@click.option("--plot", type=FIGURE, help="Draw the regions into a .png, .svg or .pdf.")
 @click.option("--voxel-mm", type=POSITIVE, help="Edge of a voxel (spatial arms).")
 @click.option(
     "--across",
@@ -22,7 +23,7 @@ from contid.cli.numbers import POSITIVE
     help="Voxels along the widest side when --voxel-mm is not given.",
 )
 @click.option("--json", "as_json", is_flag=True, help="The numbers as one JSON object.")
-def command(robot_file: str, plot: str | None, voxel_mm: float | None, across: int, as_json: bool) -> None:
+def command(robot_file: str, plot: Path | None, voxel_mm: float | None, across: int, as_json: bool) -> None:
     """Where the tips of ROBOT_FILE can go: areas of planar robots (exact), volumes of spatial ones.
 
     For a hand of two rack fingers it also prints the comparison of Morita et al., section IV-B.
@@ -34,8 +35,6 @@ def command(robot_file: str, plot: str | None, voxel_mm: float | None, across: i
     from contid.description.shipped import find_robot_file
     from contid.reach.report import planar_report, spatial_report
 
-    if plot is not None and Path(plot).suffix.lower() not in (".png", ".svg"):
-        raise click.UsageError(f"--plot {plot}: the name must end in .png or .svg")
     loaded = load_robot_file(find_robot_file(robot_file))
     robots = driven_robots(loaded)
     fingers = {name: robot for name, robot in robots.items() if isinstance(robot, RackFinger)}
@@ -52,7 +51,7 @@ def command(robot_file: str, plot: str | None, voxel_mm: float | None, across: i
         if plot is not None:
             from contid.reach.plot import save_plot
 
-            path = Path(plot) if number == 0 else Path(plot).with_stem(f"{Path(plot).stem}-{number + 1}")
+            path = plot if number == 0 else plot.with_stem(f"{plot.stem}-{number + 1}")
             save_plot(report, path, f"{loaded.file.name}: reach of the tips")
             click.echo(f"drawn: {path}", err=True)
 

@@ -18,7 +18,7 @@ _OVERLAP = "#009E73"
 
 
 def save_plot(report: ReachReport, path: Path, title: str) -> None:
-    """Draw a report into a PNG or SVG, by the suffix of ``path``."""
+    """Draw a report as the suffix of ``path`` says."""
     from matplotlib.figure import Figure
 
     figure = Figure(figsize=(7.0, 4.2), layout="constrained")

@@ -102,13 +102,33 @@ def test_wrong_rows_are_named() -> None:
     with pytest.raises(BadInputError) as caught:
         read_readings(text.splitlines(), "data.csv")
     assert [(f.line, f.column) for f in caught.value.findings] == [(3, 4), (4, 4), (5, 1), (6, 6), (7, 1)]
-    for bad, what in (
-        ("p1_bar,p2_bar,p3_bar", "nothing measured"),
-        ("p1_bar,pressure", "unknown column"),
+
+
+@pytest.mark.parametrize(
+    ("text", "what"),
+    [
         ("", "empty"),
-    ):
-        with pytest.raises(BadInputError, match=what):
-            read_readings([bad], "data.csv")
+        ("p1_bar,p2_bar,p3_bar,bend_deg", "a header without rows"),
+        ("p1_bar,p2_bar,p3_bar\n1,1,1", "nothing measured"),
+        ("p1_bar,p2_bar,p3_bar,elongation_mm,bend_deg\n1,1,1,,", "nothing measured"),
+        ("p1_bar,pressure", "unknown column"),
+        ("p1_bar,p2_bar,bend_deg\n1,1,30", "give p1_bar,p2_bar,p3_bar; there is none of them"),
+        ("p1_bar,p2_bar,p3_bar,bend_deg,bend_deg", "'bend_deg' is there twice"),
+        ("p1_bar,p2_bar,p3_bar,bend_deg\n1,,1,30", "2:2: p2_bar: '' is no number"),
+        ("p1_bar,p2_bar,p3_bar,bend_deg\n1,1,1,-30", "2:4: bend_deg: allowed is 0 or more, not -30"),
+    ],
+)
+def test_tables_that_say_nothing_are_refused(text: str, what: str) -> None:
+    with pytest.raises(BadInputError, match=what):
+        read_readings(text.splitlines(), "data.csv")
+
+
+def test_what_is_left_out_or_empty_has_its_default() -> None:
+    (reading,) = read_readings(["p3_bar,p2_bar,p1_bar,bend_deg", "0.3,0.2,0.1,4"], "data.csv")
+    assert reading == Reading(2, 1, "", (0.1, 0.2, 0.3), None, 4.0)
+    lines = ["trial,section,p1_bar,p2_bar,p3_bar,elongation_mm,bend_deg", ",,0.5,0.5,0.5,9,"]
+    (reading,) = read_readings(lines, "data.csv")
+    assert reading == Reading(2, 1, "", (0.5, 0.5, 0.5), 9.0, None)
 
 
 def write_csv(path: Path) -> None:
@@ -161,9 +181,11 @@ def test_command_prints_json_and_refuses_what_does_not_fit(tmp_path: Path, confi
     first, second = (json.loads(line) for line in done.output.splitlines())
     assert first["grows_to_bar"] is None
     assert second["grows_to_bar"] == pytest.approx(1.996, abs=1e-3)
-    one = CliRunner().invoke(command, ["modulus", str(data), "--for", "stiffflop1"])
-    assert one.exit_code != 0
-    assert "the robot has 1" in one.output
+    with pytest.raises(ContidError, match="the robot has 1"):
+        CliRunner().invoke(command, ["modulus", str(data), "--for", "stiffflop1"], catch_exceptions=False)
+    text = CliRunner().invoke(command, ["modulus", str(data), "--for", "stiffflop2", "--plot", "fit.txt"])
+    assert text.exit_code == 2
+    assert "'--plot': 'fit.txt' must end in .png, .svg, .pdf" in text.output
     neither = CliRunner().invoke(command, ["modulus", str(data)])
     assert neither.exit_code == 2
     with pytest.raises(ContidError, match="0 robots of kind pneumatic arm"):
