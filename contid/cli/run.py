@@ -87,7 +87,9 @@ def command(
     orders over the socket: `contid move`, `contid status`, contid.client.
     """
     from contid.control.spawn import spawn
+    from contid.control.words import never_wait
 
+    never_wait()
     where = None if view is None else _where(view)
     # First of all: its imports take as long as ours.
     spawned = None if virtual else spawn()

@@ -26,7 +26,9 @@ def main(descriptor: int, parent: int) -> int:
     if not tie(parent):
         return 0
     from contid.control.process import main as run
+    from contid.control.words import never_wait
 
+    never_wait()
     return run(descriptor)
 
 

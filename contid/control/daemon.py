@@ -41,7 +41,6 @@ POLL_S: Final = 0.02
 #: A person is told what is waited for after so long.
 TELL_S: Final = 3.0
 #: Ctrl-C, and what a service manager sends.
-_SIGNALS: Final = (signal.SIGINT, signal.SIGTERM)
 
 
 @dataclass(slots=True)
@@ -95,6 +94,9 @@ class Daemon:
         self._tasks: list[asyncio.Task[None]] = []
         self._log: CommandLog | None = None
         self._fetching = False
+        self._signals = {signal.SIGINT: self.interrupt, signal.SIGTERM: self.interrupt}
+        if signal.getsignal(signal.SIGHUP) is not signal.SIG_IGN:  # nohup
+            self._signals[signal.SIGHUP] = self.hung_up
 
     # -- orders ------------------------------------------------------------------------------------------
 
@@ -163,15 +165,20 @@ class Daemon:
         if self._awaited is not None:
             self._awaited.give_up()
         elif self._ending.asked == 1:
-            self.say("stopping; once more to relax at once")
             self.send(Finish())
             self._ending.stop(asyncio.get_running_loop().time())
             if not self._account.started:
                 # It opens its buses, long when nobody answers, and looks at no order meanwhile.
                 self._child.terminate()
+            self.say("stopping; once more to relax at once")
         else:
-            self.say("relaxing now")
             self._relax()
+            self.say("relaxing now")
+
+    def hung_up(self) -> None:
+        """The terminal was closed: an orderly stop. Shells say it twice, which is no wish to relax."""
+        if not self._ending.asked:
+            self.interrupt()
 
     def _relax(self) -> None:
         self.send(Estop())
@@ -187,15 +194,15 @@ class Daemon:
         line = terminal.ProgressLine(layout)
         loop = asyncio.get_running_loop()
         try:
-            for number in _SIGNALS:
-                loop.add_signal_handler(number, self.interrupt)
+            for number, handler in self._signals.items():
+                loop.add_signal_handler(number, handler)
             self._tasks += [asyncio.create_task(commands.serve(self)) for commands in self._options.commands]
             undisturbed = await self._input_came()
             if not self._ending.asked:
                 self._begin(ring, layout, armed=self._options.armed and undisturbed)
                 await self._supervise(line)
         finally:
-            for number in _SIGNALS:
+            for number in self._signals:
                 loop.remove_signal_handler(number)
             await self._end_tasks()
             self._conclude(line)

@@ -127,7 +127,7 @@ class Stops(Strict):
 
     Attributes:
         on_end: the trajectory is at its end.
-        on_interrupt: the first Ctrl-C, SIGTERM, or a stop over the socket.
+        on_interrupt: the first Ctrl-C, SIGTERM, a closed terminal, or a stop over the socket.
         on_fault: a fault stopped the robot.
         on_host_loss: the daemon died.
         estop: the second Ctrl-C; never moves the robot first.

@@ -3,11 +3,13 @@
 from __future__ import annotations
 
 import json
+import os
 import signal
 import subprocess
 import sys
 import time
 from collections.abc import Callable, Iterator
+from contextlib import suppress
 from pathlib import Path
 from typing import Any
 
@@ -245,6 +247,52 @@ def test_the_second_signal_relaxes_at_once(
     assert process.returncode == 130
     rests = {axis["rest"] for line in journal(tmp_path)[-1:] for axis in line["axes"].values()}
     assert rests == {"relax"}
+
+
+def test_a_closed_terminal_is_an_orderly_stop_however_often_it_is_told(
+    robot: Callable[..., Path], tmp_path: Path, started: Callable[..., Any]
+) -> None:
+    process = started(str(robot(1, on_interrupt="rest")), "--on-end", "hold")
+    process.stdin.write(circle_csv(1, period_s=60.0))
+    process.stdin.close()
+    process.stdin = None
+    until(enabled(tmp_path), "armed")
+    time.sleep(0.3)
+    for _ in range(2):
+        process.send_signal(signal.SIGHUP)
+        time.sleep(0.05)
+    process.communicate(timeout=30)
+    assert process.returncode == 130
+    assert {axis["rest"] for axis in journal(tmp_path)[-1]["axes"].values()} == {"hold"}
+
+
+@pytest.mark.parametrize("full", [False, True], ids=["reader gone", "reader that does not read"])
+def test_words_that_nobody_takes_keep_nobody_from_stopping(
+    full: bool, robot: Callable[..., Path], tmp_path: Path
+) -> None:
+    reader, writer = os.pipe()
+    if full:
+        os.set_blocking(writer, False)
+        with suppress(BlockingIOError):
+            while True:
+                os.write(writer, b"." * 4096)
+        os.set_blocking(writer, True)
+    command = [sys.executable, "-m", "contid", "run", str(robot(1)), "--socket", str(tmp_path / "s")]
+    process = subprocess.Popen(command, stdin=subprocess.DEVNULL, stdout=subprocess.PIPE, stderr=writer)
+    os.close(writer)
+    try:
+        until(enabled(tmp_path), "armed")
+        if not full:
+            os.close(reader)
+        process.send_signal(signal.SIGINT)
+        out, _ = process.communicate(timeout=10)
+    finally:
+        process.kill()
+        process.wait()
+        if full:
+            os.close(reader)
+    assert process.returncode == 130
+    assert b"run: interrupted" in out
 
 
 def test_killing_the_daemon_brings_the_robot_to_on_host_loss(
