@@ -162,7 +162,7 @@ class RackFingerModel:
 
     def _nearest(self, tip_m: Vec3, limits: tuple[str, ...], note: str) -> Solution:
         """The reachable point closest to a target out of reach: on the boundary of the limits."""
-        actuation = self.envelope.nearest(lambda candidate: self._distance(candidate, tip_m))
+        actuation = self.envelope.nearest(lambda racks: self.forward(racks).tip_m, tip_m)
         residual = self._distance(actuation, tip_m)
         return Solution(
             actuation,

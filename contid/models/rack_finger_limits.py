@@ -11,20 +11,20 @@ reachable point a search along lines.
 
 from __future__ import annotations
 
-import math
 from collections.abc import Callable, Iterator
-from dataclasses import dataclass
+from dataclasses import dataclass, field
+from itertools import pairwise
 from typing import Final
 
-from contid.targets import Actuation
+from contid.models.nearest_tip import nearest_on
+from contid.targets import Actuation, Vec3
 from contid.units import m_to_mm
 
 # Rounding of the closed form, relative: a target exactly on a limit is inside it.
 _ROUNDING: Final = 1e-12
 _COARSE: Final = 96
-_INVERSE_GOLDEN: Final = (math.sqrt(5.0) - 1.0) / 2.0
-# Golden section shrinks by 0.618 a step: 60 steps reach the last bits of the parameter.
-_GOLDEN_STEPS: Final = 60
+# Halves the distance of two samples to the last bits of the parameter.
+_BISECTIONS: Final = 45
 
 
 @dataclass(frozen=True, slots=True)
@@ -45,6 +45,18 @@ class RackFingerEnvelope:
     curvature_max_per_m: float
     arc_length_min_m: float
     curvature_gain: Callable[[float], float]
+    _pieces: tuple[tuple[float, ...], ...] = field(init=False, repr=False)
+
+    def __post_init__(self) -> None:
+        """Where along a side of the boundary `nearest` looks first: evenly, in pieces without a corner."""
+        pieces, piece = [], [0.0]
+        for low, high in pairwise(i / _COARSE for i in range(_COARSE + 1)):
+            if self._limit(low) != self._limit(high):
+                corner = self._corner(low, high)
+                pieces.append((*piece, corner))
+                piece = [corner]
+            piece.append(high)
+        object.__setattr__(self, "_pieces", (*pieces, tuple(piece)))
 
     def racks(self, arc_length_m: float, commanded_per_m: float) -> tuple[float, float]:
         """``L = S (1 -+ k w/2)``."""
@@ -80,15 +92,32 @@ class RackFingerEnvelope:
 
     def curvature_bound(self, arc_length_m: float) -> float:
         """K(S): the greatest commanded curvature at an arc length."""
+        return max(0.0, min(self._curvature_bounds(arc_length_m)))
+
+    def _curvature_bounds(self, arc_length_m: float) -> tuple[float, float, float]:
         w = self.rack_spacing_m
-        return max(
-            0.0,
-            min(
-                self.curvature_max_per_m / self.curvature_gain(arc_length_m),
-                2.0 * (self.length_max_m / arc_length_m - 1.0) / w,
-                2.0 * (1.0 - self.length_min_m / arc_length_m) / w,
-            ),
+        return (
+            self.curvature_max_per_m / self.curvature_gain(arc_length_m),
+            2.0 * (self.length_max_m / arc_length_m - 1.0) / w,
+            2.0 * (1.0 - self.length_min_m / arc_length_m) / w,
         )
+
+    def _arc_length(self, u: float) -> float:
+        """From the least arc length at u = 0 to the greatest at 1."""
+        least = max(self.arc_length_min_m, self.length_min_m)
+        return least + u * (self.length_max_m - least)
+
+    def _limit(self, u: float) -> int:
+        """Which of the three makes K."""
+        bounds = self._curvature_bounds(self._arc_length(u))
+        return bounds.index(min(bounds))
+
+    def _corner(self, low: float, high: float) -> float:
+        """Where another limit begins to make K, by bisection."""
+        for _ in range(_BISECTIONS):
+            middle = 0.5 * (low + high)
+            low, high = (middle, high) if self._limit(middle) == self._limit(low) else (low, middle)
+        return high
 
     def clamp(self, racks: Actuation) -> Actuation:
         """Nearest feasible racks in S, then in curvature; feasible racks come back untouched."""
@@ -123,17 +152,17 @@ class RackFingerEnvelope:
 
     def _boundary(self) -> Iterator[Callable[[float], Actuation]]:
         """The boundary as curves over a parameter in [0, 1]."""
-        least = max(self.arc_length_min_m, self.length_min_m)
 
         def bent(sign: float) -> Callable[[float], Actuation]:
             def at(u: float) -> Actuation:
-                arc_length_m = least + u * (self.length_max_m - least)
+                arc_length_m = self._arc_length(u)
                 return self.snap(self.racks(arc_length_m, sign * self.curvature_bound(arc_length_m)))
 
             return at
 
         yield bent(1.0)
         yield bent(-1.0)
+        least = self._arc_length(0.0)
         widest = self.curvature_bound(least)
         yield lambda u: self.snap(self.racks(least, (2.0 * u - 1.0) * widest))
 
@@ -144,35 +173,9 @@ class RackFingerEnvelope:
         yield from (back(1.0 - i / points) for i in range(points))
         yield from (across(i / points) for i in range(points))
 
-    def nearest(self, distance: Callable[[Actuation], float]) -> Actuation:
-        """The point of the boundary with the least distance; ties go to the first curve, so it repeats."""
-        best: tuple[float, Actuation] | None = None
-        for curve in self._boundary():
-            distances = [distance(curve(i / _COARSE)) for i in range(_COARSE + 1)]
-            at = min(range(_COARSE + 1), key=distances.__getitem__)
-            u = _golden_section(
-                lambda u, curve=curve: distance(curve(u)),  # type: ignore[misc]  # binds the loop's curve
-                max(at - 1, 0) / _COARSE,
-                min(at + 1, _COARSE) / _COARSE,
-            )
-            found = min((distance(curve(u)), u), (distances[at], at / _COARSE))
-            if best is None or found[0] < best[0]:
-                best = (found[0], curve(found[1]))
-        assert best is not None
-        return best[1]
-
-
-def _golden_section(of: Callable[[float], float], low: float, high: float) -> float:
-    """Minimum of a unimodal function on an interval."""
-    a, b = high - _INVERSE_GOLDEN * (high - low), low + _INVERSE_GOLDEN * (high - low)
-    at_a, at_b = of(a), of(b)
-    for _ in range(_GOLDEN_STEPS):
-        if at_a < at_b:
-            high, b, at_b = b, a, at_a
-            a = high - _INVERSE_GOLDEN * (high - low)
-            at_a = of(a)
-        else:
-            low, a, at_a = a, b, at_b
-            b = low + _INVERSE_GOLDEN * (high - low)
-            at_b = of(b)
-    return 0.5 * (low + high)
+    def nearest(self, tip_of: Callable[[Actuation], Vec3], goal: Vec3) -> Actuation:
+        """The point of the boundary whose tip is nearest; ties go to the first curve, so it repeats."""
+        boundary = tuple(self._boundary())
+        curves = [lambda u, racks=racks: tip_of(racks(u)) for racks in boundary]
+        number, u = nearest_on(curves, self._pieces, goal)
+        return boundary[number](u)

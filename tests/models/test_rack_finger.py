@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import itertools
 import math
 
 import numpy as np
@@ -180,6 +181,21 @@ def test_the_answer_is_always_inside_the_limits_and_the_nearest(x, y, corrected)
         racks = model.envelope.clamp(tuple(rng.uniform(0, 0.1, 2).tolist()))
         other = model.forward(racks).tip_m
         assert math.hypot(other[0] - x * MM, other[1] - y * MM) >= solution.residual_m - 1e-7
+
+
+@pytest.mark.parametrize(("corrected", "x", "y"), [(False, 5.6494, -14.1449), (True, 4.4073, -26.3603)])
+def test_between_two_valleys_of_the_boundary_the_deeper_one_is_found(corrected, x, y) -> None:
+    """The nearest sample of the boundary lies in the valley of a point half a millimetre farther away."""
+    model = finger(corrected=corrected)
+    found = model.inverse(tip_target(x, y), (0.05, 0.05))
+    away = math.inf
+    for left, right in itertools.product(np.linspace(0.0, 0.1, 401).tolist(), repeat=2):
+        arc_length_m = 0.5 * (left + right)
+        if arc_length_m >= 1e-3:
+            bend = (right - left) / (model.rack_spacing_m * arc_length_m)
+            if abs(bend) * model.curvature_gain(arc_length_m) <= model.envelope.curvature_max_per_m:
+                away = min(away, math.dist(model.forward((left, right)).tip_m, (x * MM, y * MM, 0.0)))
+    assert found.residual_m <= away
 
 
 @given(left=st.floats(0.005, 0.1), bend=st.floats(-0.07, 0.07), h=st.floats(0, 40), corrected=st.booleans())
