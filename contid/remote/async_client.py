@@ -11,28 +11,11 @@ from pathlib import Path
 from types import TracebackType
 from typing import Any, Self
 
-from contid.remote.inbox import (
-    ALIVE_S,
-    ANSWER_S,
-    PATIENCE_S,
-    Notices,
-    list_of,
-    measurement,
-    parse,
-    result_of,
-    without_none,
-)
+from contid.remote import steps
+from contid.remote.dialogue import ANSWER_S, CHUNK, Dialogue, Request
 from contid.remote.place import find
-from contid.remote.protocol import (
-    MAX_LINE,
-    PROTOCOL,
-    ConnectionLostError,
-    Fields,
-    NoDaemonError,
-    RemoteError,
-    encode,
-)
-from contid.remote.sync_client import Robots
+from contid.remote.protocol import PROTOCOL, ConnectionLostError, Fields, NoDaemonError, RemoteError
+from contid.remote.steps import Ask, Listen, Pause, Robots, RowSender, Steps, T, list_of
 
 
 class AsyncClient:
@@ -52,10 +35,8 @@ class AsyncClient:
     ) -> None:
         self._asked = None if path is None else str(path)
         self.name = name or f"{Path(sys.argv[0]).name or 'python'}[{os.getpid()}]"
-        self._timeout_s = timeout_s
-        self._notices = Notices()
-        self._number = 0
-        self._waiting: dict[int, asyncio.Future[Fields]] = {}
+        self._dialogue = Dialogue(timeout_s)
+        self._waiting: dict[int, tuple[Request, asyncio.Future[Fields]]] = {}
         self._news = asyncio.Event()
         self._lost: ConnectionLostError | RemoteError | None = None
         self._writer: asyncio.StreamWriter | None = None
@@ -69,8 +50,7 @@ class AsyncClient:
         """
         self.path = find(self._asked)
         try:
-            # Telemetry of many robots is longer than a request may be.
-            reader, self._writer = await asyncio.open_unix_connection(self.path, limit=16 * MAX_LINE)
+            reader, self._writer = await asyncio.open_unix_connection(self.path)
         except OSError as error:
             raise NoDaemonError(
                 f"{self.path}: no daemon listens there ({error.strerror or error})"
@@ -88,20 +68,20 @@ class AsyncClient:
         """
         if self._lost is not None or self._writer is None:
             raise self._lost or ConnectionLostError("not connected; use `async with`")
-        self._number += 1
-        number = self._number
-        future = self._waiting[number] = asyncio.get_running_loop().create_future()
-        patience_s = max(self._timeout_s, PATIENCE_S.get(verb, 0.0))
+        asked = self._dialogue.ask(verb, fields)
+        future: asyncio.Future[Fields] = asyncio.get_running_loop().create_future()
+        self._waiting[asked.number] = asked, future
         try:
-            self._writer.write(encode({"id": number, "verb": verb, **without_none(fields)}))
+            self._writer.write(asked.line)
             with suppress(ConnectionError):
                 await self._writer.drain()
-            async with asyncio.timeout(patience_s):
-                return result_of(await future)
+            async with asyncio.timeout(asked.patience_s):
+                return await future
         except TimeoutError:
-            raise self._notices.gone(f"no answer within {patience_s:g} s") from None
+            raise self._dialogue.gone(f"no answer within {asked.patience_s:g} s") from None
         finally:
-            self._waiting.pop(number, None)
+            self._waiting.pop(asked.number, None)
+            self._dialogue.forget(asked)
 
     async def status(self) -> Fields:
         """Buses with the age of their data, robots with state, fault, tip and axes, and who may move."""
@@ -133,12 +113,7 @@ class AsyncClient:
 
     async def resume(self, robots: Robots = None, *, wait: bool = True) -> Fields:
         """Arm if need be and go on with what was followed; waits until the robots are armed."""
-        told = await self.request("resume", robots=list_of(robots))
-        while wait and set(told["robots"].values()) & {"CONNECTING", "READY", "ARMING"}:
-            await asyncio.sleep(0.02)
-            status = (await self.status())["robots"]
-            told["robots"] = {name: status[name]["state"] for name in told["robots"]}
-        return told
+        return await self._follow(steps.resume(robots, wait))
 
     async def take(self, timeout_s: float = 2.0, *, takeover: bool = False) -> Fields:
         """Take the motion right: without a request for ``timeout_s`` it is lost and the robots hold."""
@@ -150,10 +125,7 @@ class AsyncClient:
 
     async def move(self, target: Mapping[str, float], *, wait: bool = True) -> int:
         """Go to a point, jerk-limited, and hold there; see `contid.client.Client.move`."""
-        move = int((await self.request("move", target=dict(target)))["move"])
-        if wait:
-            await self.wait(move)
-        return move
+        return await self._follow(steps.move(self._dialogue, target, wait))
 
     async def stream(
         self,
@@ -163,23 +135,12 @@ class AsyncClient:
         wait: bool = True,
     ) -> list[str]:
         """Follow rows under the daemon's credit; see `contid.client.Client.stream`."""
-        begun = await self.request("move", columns=list(columns))
-        move, granted, timed = int(begun["move"]), int(begun["credits"]), bool(begun["timed"])
-        refused: list[str] = []
-        batch: list[Sequence[float]] = []
+        sender = RowSender(self._dialogue, columns)
+        await self._follow(sender.begin())
         async for row in _each(rows):
-            batch.append(list(row))
-            if timed and len(batch) < min(granted, 256):
-                continue
-            while granted < len(batch):
-                granted = await self._credit(move, granted)
-            granted = await self._send_rows(move, batch, refused)
-        if batch:
-            await self._send_rows(move, batch, refused)
-        await self.request("end", move=move)
-        if wait:
-            await self.wait(move)
-        return refused
+            await self._follow(sender.add(row))
+        await self._follow(sender.end(wait))
+        return sender.refused
 
     async def wait(self, move: int) -> None:
         """Wait until a move has ended; keeps the motion right meanwhile.
@@ -187,8 +148,7 @@ class AsyncClient:
         Raises:
             RemoteError: it was stopped before its end.
         """
-        while not self._notices.check_arrival(move):
-            await self._more()
+        await self._follow(steps.arrival(self._dialogue, move))
 
     async def measure(
         self,
@@ -200,7 +160,7 @@ class AsyncClient:
         time_s: float | None = None,
     ) -> Fields:
         """Say where a tracker sees the tip of a robot; see `contid.client.Client.measure`."""
-        return await self.request("measure", **measurement(tip_mm, direction, robot, age_ms, time_s))
+        return await self.request("measure", **steps.measurement(tip_mm, direction, robot, age_ms, time_s))
 
     async def telemetry(
         self,
@@ -211,67 +171,76 @@ class AsyncClient:
         events: bool = False,
     ) -> AsyncIterator[Fields]:
         """Frames as they come, for ever; see `contid.client.Client.telemetry`."""
-        await self.request(
-            "subscribe",
-            rate_hz=rate_hz,
-            robots=list_of(robots),
-            fields=fields and list(fields),
-            events=events,
-        )
+        await self.request("subscribe", **steps.subscription(rate_hz, robots, fields, events))
         try:
             while True:
-                while self._notices.frames:
-                    yield self._notices.frames.popleft()
-                await self._more()
+                for frame in self._dialogue.new_frames():
+                    yield frame
+                await self._follow(steps.listen(self._dialogue))
         finally:
             if self._lost is None:
                 await self.request("unsubscribe")
-                self._notices.frames.clear()
+                self._dialogue.frames.clear()
 
     # -- inside --------------------------------------------------------------------------------------------
 
-    async def _send_rows(self, move: int, batch: list[Sequence[float]], refused: list[str]) -> int:
-        told = await self.request("rows", move=move, rows=batch)
-        refused += told["refused"]
-        batch.clear()
-        return int(told["credits"])
+    async def _follow(self, procedure: Steps[T]) -> T:
+        """Carry out a procedure."""
+        result: Fields = {}
+        try:
+            step = next(procedure)
+            while True:
+                match step:
+                    case Ask(verb, fields):
+                        result = await self.request(verb, **fields)
+                    case Pause(seconds):
+                        await asyncio.sleep(seconds)
+                    case Listen(seconds):
+                        await self._hear(seconds)
+                step = procedure.send(result)
+        except StopIteration as stop:
+            told: T = stop.value
+            return told
 
-    async def _credit(self, move: int, granted: int) -> int:
-        if move not in self._notices.credits:
-            await self._more()
-        self._notices.check_arrival(move)
-        return self._notices.credits.pop(move, granted)
-
-    async def _more(self) -> None:
-        """Wait for a notice; show that this client is alive when none comes."""
+    async def _hear(self, seconds: float) -> None:
+        """Wait until a notice comes, so many seconds at most."""
         if self._lost is not None:
             raise self._lost
         self._news.clear()
-        try:
-            async with asyncio.timeout(ALIVE_S):
+        with suppress(TimeoutError):
+            async with asyncio.timeout(seconds):
                 await self._news.wait()
-        except TimeoutError:
-            await self.ping()
 
     async def _listen(self, reader: asyncio.StreamReader) -> None:
         """Sort what comes until the connection ends."""
         words = "the daemon closed the connection"
         try:
-            while line := await reader.readline():
-                answer = parse(line, self._notices)
-                if answer is None:
+            while chunk := await reader.read(CHUNK):
+                if self._dialogue.receive(chunk):
                     self._news.set()
-                elif (future := self._waiting.get(answer.get("id") or 0)) and not future.done():
-                    future.set_result(answer)
+                for asked, future in self._waiting.values():
+                    self._pass_on(asked, future)
         except RemoteError as error:
             self._lost = error
-        except (OSError, ValueError) as error:
+        except OSError as error:
             words = f"the connection ended ({error})"
-        self._lost = self._lost or self._notices.gone(words)
-        for future in self._waiting.values():
+        self._lost = self._lost or self._dialogue.gone(words)
+        for _, future in self._waiting.values():
             if not future.done():
                 future.set_exception(self._lost)
         self._news.set()
+
+    def _pass_on(self, asked: Request, future: asyncio.Future[Fields]) -> None:
+        """Give an answer, if it is there, to whoever waits for it."""
+        if future.done():
+            return
+        try:
+            result = self._dialogue.result(asked)
+        except RemoteError as error:
+            future.set_exception(error)
+        else:
+            if result is not None:
+                future.set_result(result)
 
     async def close(self) -> None:
         """Give the motion right back and disconnect; idempotent."""

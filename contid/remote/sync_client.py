@@ -7,26 +7,19 @@ import socket
 import sys
 import time
 from collections.abc import Iterable, Iterator, Mapping, Sequence
+from contextlib import suppress
 from pathlib import Path
 from types import TracebackType
-from typing import Any, Self
+from typing import Any, Final, Self
 
-from contid.remote.inbox import (
-    ALIVE_S,
-    ANSWER_S,
-    PATIENCE_S,
-    Notices,
-    list_of,
-    measurement,
-    parse,
-    result_of,
-    without_none,
-)
+from contid.remote import steps
+from contid.remote.dialogue import ANSWER_S, CHUNK, Dialogue
 from contid.remote.place import find
-from contid.remote.protocol import PROTOCOL, ConnectionLostError, Fields, NoDaemonError, encode
+from contid.remote.protocol import PROTOCOL, ConnectionLostError, Fields, NoDaemonError
+from contid.remote.steps import Ask, Listen, Pause, Robots, RowSender, Steps, T, list_of
 
-#: Which robots: one by name, several, or None for all.
-Robots = str | tuple[str, ...] | list[str] | None
+#: How long the last words of a daemon that takes no request any more are waited for.
+LAST_WORDS_S: Final = 0.5
 
 
 class Client:
@@ -46,10 +39,7 @@ class Client:
     ) -> None:
         self.path = find(None if path is None else str(path))
         self.name = name or f"{Path(sys.argv[0]).name or 'python'}[{os.getpid()}]"
-        self._timeout_s = timeout_s
-        self._notices = Notices()
-        self._buffer = bytearray()
-        self._number = 0
+        self._dialogue = Dialogue(timeout_s)
         self._socket = socket.socket(socket.AF_UNIX, socket.SOCK_STREAM)
         try:
             self._socket.settimeout(timeout_s)
@@ -73,22 +63,23 @@ class Client:
             RemoteError: the daemon refused.
             ConnectionLostError: it is gone.
         """
-        self._number += 1
-        number = self._number
+        asked = self._dialogue.ask(verb, fields)
         try:
-            self._socket.settimeout(self._timeout_s)
-            self._socket.sendall(encode({"id": number, "verb": verb, **without_none(fields)}))
+            self._socket.settimeout(asked.patience_s)
+            self._socket.sendall(asked.line)
         except OSError as error:
             self._drain()
-            raise self._notices.gone(f"the connection ended ({error.strerror or error})") from None
-        patience_s = max(self._timeout_s, PATIENCE_S.get(verb, 0.0))
-        deadline_s = time.monotonic() + patience_s
-        while True:
-            answer = self._next(deadline_s - time.monotonic())
-            if answer is None and time.monotonic() >= deadline_s:
-                raise self._notices.gone(f"no answer within {patience_s:g} s")
-            if answer is not None and answer.get("id") in (number, None):
-                return result_of(answer)
+            raise self._dialogue.gone(f"the connection ended ({error.strerror or error})") from None
+        deadline_s = time.monotonic() + asked.patience_s
+        try:
+            while (result := self._dialogue.result(asked)) is None:
+                left_s = deadline_s - time.monotonic()
+                if left_s <= 0.0:
+                    raise self._dialogue.gone(f"no answer within {asked.patience_s:g} s")
+                self._read(left_s)
+        finally:
+            self._dialogue.forget(asked)
+        return result
 
     def status(self) -> Fields:
         """Buses with the age of their data, robots with state, fault, tip and axes, and who may move."""
@@ -120,16 +111,10 @@ class Client:
 
     def resume(self, robots: Robots = None, *, wait: bool = True) -> Fields:
         """Arm if need be and go on with what was followed; waits until the robots are armed."""
-        told = self.request("resume", robots=list_of(robots))
-        while wait and set(told["robots"].values()) & {"CONNECTING", "READY", "ARMING"}:
-            time.sleep(0.02)
-            status = self.status()["robots"]
-            told["robots"] = {name: status[name]["state"] for name in told["robots"]}
-        return told
+        return self._follow(steps.resume(robots, wait))
 
     def take(self, timeout_s: float = 2.0, *, takeover: bool = False) -> Fields:
         """Take the motion right: without a request for ``timeout_s`` it is lost and the robots hold."""
-        self._notices.lost_right = ""
         return self.request("take", timeout_s=timeout_s, takeover=takeover)
 
     def release(self) -> bool:
@@ -148,10 +133,7 @@ class Client:
         Raises:
             RemoteError: refused, or stopped on the way.
         """
-        move = int(self.request("move", target=dict(target))["move"])
-        if wait:
-            self.wait(move)
-        return move
+        return self._follow(steps.move(self._dialogue, target, wait))
 
     def stream(
         self, columns: Sequence[str], rows: Iterable[Sequence[float]], *, wait: bool = True
@@ -164,36 +146,12 @@ class Client:
         Returns:
             Rows that were refused, in words; their robots held until the next good row.
         """
-        begun = self.request("move", columns=list(columns))
-        move, granted, timed = int(begun["move"]), int(begun["credits"]), bool(begun["timed"])
-        refused: list[str] = []
-        batch: list[Sequence[float]] = []
+        sender = RowSender(self._dialogue, columns)
+        self._follow(sender.begin())
         for row in rows:
-            batch.append(list(row))
-            if timed and len(batch) < min(granted, 256):
-                continue
-            while granted < len(batch):
-                granted = self._credit(move, granted)
-            granted = self._send_rows(move, batch, refused)
-        if batch:
-            self._send_rows(move, batch, refused)
-        self.request("end", move=move)
-        if wait:
-            self.wait(move)
-        return refused
-
-    def _send_rows(self, move: int, batch: list[Sequence[float]], refused: list[str]) -> int:
-        told = self.request("rows", move=move, rows=batch)
-        refused += told["refused"]
-        batch.clear()
-        return int(told["credits"])
-
-    def _credit(self, move: int, granted: int) -> int:
-        """Wait for credit."""
-        if move not in self._notices.credits and self._next(ALIVE_S) is None:
-            self.ping()
-        self._notices.check_arrival(move)
-        return self._notices.credits.pop(move, granted)
+            self._follow(sender.add(row))
+        self._follow(sender.end(wait))
+        return sender.refused
 
     def wait(self, move: int) -> None:
         """Wait until a move has ended; keeps the motion right meanwhile.
@@ -201,12 +159,7 @@ class Client:
         Raises:
             RemoteError: it was stopped before its end.
         """
-        alive_s = time.monotonic()
-        while not self._notices.check_arrival(move):
-            self._next(ALIVE_S)
-            if time.monotonic() - alive_s > ALIVE_S:
-                alive_s = time.monotonic()
-                self.ping()
+        self._follow(steps.arrival(self._dialogue, move))
 
     # -- measuring -----------------------------------------------------------------------------------------
 
@@ -234,7 +187,7 @@ class Client:
         Raises:
             RemoteError: not a finite number, too old, not within reach, or somebody else tracks the robot.
         """
-        return self.request("measure", **measurement(tip_mm, direction, robot, age_ms, time_s))
+        return self.request("measure", **steps.measurement(tip_mm, direction, robot, age_ms, time_s))
 
     # -- listening -----------------------------------------------------------------------------------------
 
@@ -251,67 +204,70 @@ class Client:
         Whoever is too slow gets the newest frames, with a count of the dropped ones. With ``events``, states,
         faults and refusals come in between. Iterating keeps the motion right; not iterating loses it.
         """
-        self.request(
-            "subscribe",
-            rate_hz=rate_hz,
-            robots=list_of(robots),
-            fields=fields and list(fields),
-            events=events,
-        )
-        alive_s = time.monotonic()
+        self.request("subscribe", **steps.subscription(rate_hz, robots, fields, events))
         try:
             while True:
-                while self._notices.frames:
-                    yield self._notices.frames.popleft()
-                self._next(ALIVE_S)
-                if time.monotonic() - alive_s > ALIVE_S:
-                    alive_s = time.monotonic()
-                    self.ping()
+                yield from self._dialogue.new_frames()
+                self._follow(steps.listen(self._dialogue))
         finally:
-            self._unsubscribe()
-
-    def _unsubscribe(self) -> None:
-        try:
-            self.request("unsubscribe")
-        except ConnectionLostError:
-            return
-        self._notices.frames.clear()
+            with suppress(ConnectionLostError):
+                self.request("unsubscribe")
+                self._dialogue.frames.clear()
 
     # -- inside --------------------------------------------------------------------------------------------
 
-    def _next(self, timeout_s: float) -> Fields | None:
-        """The next answer, or None after a notice or the time."""
-        while b"\n" not in self._buffer:
-            try:
-                self._socket.settimeout(max(timeout_s, 0.001))
-                chunk = self._socket.recv(1 << 16)
-            except TimeoutError:
-                return None
-            except OSError as error:
-                raise self._notices.gone(f"the connection ended ({error.strerror or error})") from None
-            if not chunk:
-                raise self._notices.gone("the daemon closed the connection")
-            self._buffer += chunk
-        line, _, rest = bytes(self._buffer).partition(b"\n")
-        self._buffer[:] = rest
-        return parse(line, self._notices)
+    def _follow(self, procedure: Steps[T]) -> T:
+        """Carry out a procedure."""
+        result: Fields = {}
+        try:
+            step = next(procedure)
+            while True:
+                match step:
+                    case Ask(verb, fields):
+                        result = self.request(verb, **fields)
+                    case Pause(seconds):
+                        time.sleep(seconds)
+                    case Listen(seconds):
+                        self._listen(seconds)
+                step = procedure.send(result)
+        except StopIteration as stop:
+            told: T = stop.value
+            return told
+
+    def _listen(self, seconds: float) -> None:
+        """Wait until a notice comes, so many seconds at most."""
+        deadline_s = time.monotonic() + seconds
+        while (left_s := deadline_s - time.monotonic()) > 0.0:
+            if self._read(left_s):
+                return
+
+    def _read(self, timeout_s: float) -> bool:
+        """Take in what there is, waiting for it at most so long; True when a notice was in it."""
+        try:
+            self._socket.settimeout(max(timeout_s, 0.001))
+            chunk = self._socket.recv(CHUNK)
+        except TimeoutError:
+            return False
+        except OSError as error:
+            raise self._dialogue.gone(f"the connection ended ({error.strerror or error})") from None
+        if not chunk:
+            raise self._dialogue.gone("the daemon closed the connection")
+        return self._dialogue.receive(chunk)
 
     def _drain(self) -> None:
         """The daemon's last words, if there are any."""
-        try:
-            while not self._notices.farewell:
-                self._next(0.1)
-        except ConnectionLostError:
-            return
+        deadline_s = time.monotonic() + LAST_WORDS_S
+        with suppress(ConnectionLostError):
+            while not self._dialogue.farewell and (left_s := deadline_s - time.monotonic()) > 0.0:
+                self._read(left_s)
 
     def close(self) -> None:
         """Give the motion right back and disconnect; idempotent."""
         if self._socket.fileno() < 0:
             return
         try:
-            self.request("release")
-        except (ConnectionLostError, OSError):
-            pass
+            with suppress(ConnectionLostError, OSError):
+                self.request("release")
         finally:
             self._socket.close()
 

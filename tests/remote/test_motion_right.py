@@ -8,14 +8,14 @@ import time
 
 import pytest
 
-from contid.client import Code, RemoteError
+from contid.client import AsyncClient, Code, RemoteError
 from tests.control.fingers import circle_csv
 from tests.remote.daemons import FAR, HERE, armed, daemon, states, until
 
 
 def test_the_holder_that_dies_leaves_its_robots_holding() -> None:
     script = (
-        "import sys, time\nfrom contid.client import Client\n"
+        "import sys, time\nfrom contid.client import AsyncClient, Client\n"
         "client = Client(sys.argv[1], name='doomed')\nclient.take(60)\n"
         "rows = ((50.0 + 5 * (step % 2), 75.0) for step in range(10**9))\n"
         "client.stream(['x_mm', 'y_mm'], rows)\n"
@@ -92,3 +92,16 @@ def test_the_input_keeps_the_right_until_somebody_takes_over() -> None:
         client.move(HERE)
         time.sleep(0.1)
         assert states(client) == {"HOLD"}
+
+
+async def test_whoever_iterates_telemetry_keeps_the_right_in_asyncio_too() -> None:
+    with daemon() as running:
+        async with AsyncClient(running.socket, name="watcher") as client:
+            await client.take(1.0)
+            began_s = time.monotonic()
+            frames = client.telemetry(50.0, fields=["state"])
+            async for _ in frames:
+                if time.monotonic() - began_s > 1.5:
+                    break
+            await frames.aclose()  # type: ignore[attr-defined]
+            assert (await client.status())["right"]["holder"] == "watcher"
