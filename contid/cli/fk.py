@@ -18,7 +18,7 @@ def command(robot_file: str, rows: str | None, pose: bool, as_json: bool) -> Non
     """Forward kinematics: rows of actuation in (left_mm,right_mm or s1.p1_bar, ...), tip positions out.
 
     ROWS is a file, or stdin when it is left out. Positions are in the world frame of the robot file. The
-    output is what ``contid ik`` reads.
+    output is what ``contid ik`` reads; ``contid ik --bare`` writes what this reads.
     """
     from contid.control.wiring import driven_robots
     from contid.description.load import load_robot_file

@@ -12,8 +12,13 @@ from contid.cli.rows import Cell, answer_rows, front, open_rows
 @click.command()
 @click.argument("robot_file")
 @click.argument("rows", required=False)
+@click.option(
+    "--bare",
+    is_flag=True,
+    help="Only what `contid fk`, `shape` and `run` read: no residuals; a row out of reach ends it.",
+)
 @click.option("--json", "as_json", is_flag=True, help="One JSON object per row instead of CSV.")
-def command(robot_file: str, rows: str | None, as_json: bool) -> None:
+def command(robot_file: str, rows: str | None, bare: bool, as_json: bool) -> None:
     """Inverse kinematics: rows of targets in (x_mm,y_mm[,z_mm], ...), actuation out.
 
     ROWS is a file, or stdin when it is left out. Every row adds residual_mm, converged, limited_by and
@@ -42,6 +47,18 @@ def command(robot_file: str, rows: str | None, as_json: bool) -> None:
             seeds[name] = found.actuation
             for axis, value in zip(robots[name].axis_names, found.actuation, strict=True):
                 cells[f"{here}{axis}_{quantity.unit}"] = value * quantity.per_si
+            if bare:
+                if not found.converged:
+                    limits = f", limited by {' '.join(found.limited_by)}" if found.limited_by else ""
+                    raise ValueError(f"{name}: out of reach by {m_to_mm(found.residual_m):.6g} mm{limits}")
+                cells |= {
+                    f"{here}{axis}_{quantity.unit}": v * quantity.per_si for axis, v in target.extra.items()
+                }
+                if "load" in robots[name].accepts:
+                    cells |= {
+                        f"{here}load.f{axis}_n": v for axis, v in zip("xyz", target.load_n, strict=True)
+                    }
+                continue
             cells[f"{here}residual_mm"] = m_to_mm(found.residual_m)
             cells[f"{here}converged"] = found.converged
             cells[f"{here}limited_by"] = " ".join(found.limited_by)

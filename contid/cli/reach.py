@@ -33,12 +33,17 @@ def command(robot_file: str, plot: Path | None, voxel_mm: float | None, across: 
     from contid.description.load import load_robot_file
     from contid.description.rack_finger import RackFinger
     from contid.description.shipped import find_robot_file
+    from contid.errors import ContidError
     from contid.reach.report import planar_report, spatial_report
 
     loaded = load_robot_file(find_robot_file(robot_file))
     robots = driven_robots(loaded)
     fingers = {name: robot for name, robot in robots.items() if isinstance(robot, RackFinger)}
     arms = {name: robot for name, robot in robots.items() if name not in fingers}
+    flat = [name for name, robot in arms.items() if robot.dimension == 2]
+    if flat:
+        what = "areas are known of model rack_finger, volumes of arms in space"
+        raise ContidError(f"{', '.join(flat)}: planar, and of no model whose area is known; {what}")
     reports = [planar_report(fingers)] if fingers else []
     if arms:
         with counting("voxels tested") as progress:

@@ -145,7 +145,10 @@ class CosseratSolver(Strict):
 
 
 class Cosserat(RobotDescription):
-    """A pneumatic arm of one or more sections.
+    """A pneumatic arm of one or more sections; it grows along +z.
+
+    Axes: ``s1.p1``, ``s1.p2``, ``s1.p3``, ``s2.p1`` and so on: section, chamber pair. Targets: a tip; from
+    two sections on also its direction, or a mid-point beside it; a known force on the tip with any of them.
 
     Attributes:
         model: ``cosserat``.

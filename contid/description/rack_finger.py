@@ -81,6 +81,9 @@ class CurvatureCorrection(Strict):
 class RackFinger(RobotDescription):
     """A planar finger between two racks; it grows along +y and bends to +x when the right rack is longer.
 
+    Axes: ``left`` and ``right``, the racks as seen with the finger growing away from you. Targets: a tip in
+    the plane.
+
     Attributes:
         model: ``rack_finger``.
         geometry: dimensions.

@@ -45,7 +45,10 @@ class TriRackLimits(SectionLimits):
 
 
 class TriRack(SectionRobot):
-    """A tri-rack arm of one or more segments.
+    """A tri-rack arm of one or more segments; it grows along +z.
+
+    Axes: ``s1.l1``, ``s1.l2``, ``s1.l3``, ``s2.l1`` and so on: segment, rack. Targets: a tip; from two
+    segments on also its direction, or a mid-point beside it.
 
     Attributes:
         model: ``tri_rack``.

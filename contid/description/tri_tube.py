@@ -53,7 +53,10 @@ class TubeSolver(Strict):
 
 
 class TriTube(SectionRobot):
-    """An arm of tubes in threes, lengths in, usually driven by pressure through tables.
+    """An arm of tubes in threes, lengths in, usually driven by pressure through tables; it grows along +z.
+
+    Axes: ``s1.l1``, ``s1.l2``, ``s1.l3``, ``s2.l1`` and so on: section, tube; then those of ``extra_mm``.
+    Targets: a tip; from two sections on also its direction, or a mid-point beside it.
 
     Attributes:
         model: ``tri_tube``.

@@ -46,6 +46,31 @@ def test_a_target_out_of_reach_is_answered_and_says_what_limits_it() -> None:
     assert answer.returncode == 0
 
 
+def test_bare_rows_of_ik_are_read_by_fk_with_their_loads_and_further_axes() -> None:
+    load = ",load.fx_n,load.fy_n,load.fz_n"
+    for robot, columns, row in (
+        ("finger", "t_s,x_mm,y_mm", "0.5,20,80"),
+        ("cbha", "x_mm,y_mm,z_mm,gripper_mm", "20,0,240,3"),
+        ("stiffflop1", f"x_mm,y_mm,z_mm{load}", "5,0,45,0,0,0.05"),
+    ):
+        solved = contid("ik", robot, "--bare", stdin=f"{columns}\n{row}\n")
+        assert solved.returncode == 0, solved.stderr
+        answer = rows(solved.stdout)[0]
+        back = contid("fk", robot, stdin=solved.stdout)
+        assert back.returncode == 0, back.stderr
+        tip = rows(back.stdout)[0]
+        for name, value in zip(columns.split(","), map(float, row.split(",")), strict=True):
+            kept = tip if name in tip else answer
+            assert float(kept[name]) == pytest.approx(value, abs=1e-3)
+
+
+def test_a_bare_row_out_of_reach_ends_it() -> None:
+    done = contid("ik", "finger", "--bare", stdin="x_mm,y_mm\n20,80\n0,200\n")
+    assert done.returncode == 2
+    assert len(done.stdout.splitlines()) == 2
+    assert "stdin:3:1: finger: out of reach by 78 mm, limited by left.max right.max" in done.stderr
+
+
 @pytest.mark.parametrize(
     ("command", "text", "place", "words"),
     [
