@@ -29,7 +29,7 @@ def command(session_file: str, robot: str | None, tolerance: float, hardware: bo
 
     Exit code 1 and the first divergence when one differs.
     """
-    from contid.description.load import load_robot_file, parse_robot_file
+    from contid.description.load import load_robot_file
     from contid.description.shipped import find_robot_file
     from contid.session import verdict
     from contid.session.differences import differences
@@ -37,15 +37,17 @@ def command(session_file: str, robot: str | None, tolerance: float, hardware: bo
     from contid.session.replay import replay
 
     session = Session(Path(session_file))
-    loaded = load_robot_file(find_robot_file(robot)) if robot is not None else session.robot_file()
+    given = None if robot is None else load_robot_file(find_robot_file(robot))
     if hardware:
+        if tolerance:
+            raise click.UsageError("--tolerance is for comparing; --hardware sends the commands as they are")
         from contid.cli.run import finish
         from contid.session.hardware import run_on_hardware
 
-        about = session.about["robot_file"]
-        recorded = parse_robot_file(about["text"], about["name"])
-        finish(run_on_hardware(session, recorded, loaded if robot is not None else recorded), as_json)
-    changed = differences(session.about["robot_file"]["text"], loaded.text)
+        recorded = session.robot_file(wired=True)
+        finish(run_on_hardware(session, recorded, given or recorded), as_json)
+    loaded = given or session.robot_file()
+    changed = differences(session.robot_text, loaded.text)
     start_s = time.perf_counter()
     replayed = replay(session, loaded, tolerance, _progress)
     took_s = time.perf_counter() - start_s

@@ -8,7 +8,8 @@ from typing import TYPE_CHECKING
 
 import click
 
-from contid.cli.numbers import NumberRange
+from contid.cli.numbers import NUMBER
+from contid.cli.files import NewFile
 
 if TYPE_CHECKING:
     from contid.control.report import Report
@@ -20,7 +21,7 @@ if TYPE_CHECKING:
 @click.argument("robot_file")
 @click.option("--mock", is_flag=True, help="Run on simulated devices instead of the real ones.")
 @click.option("--trajectory", type=click.Path(exists=True, dir_okay=False), help="Timed rows; else stdin.")
-@click.option("--rate", type=NumberRange(1.0, 2000.0), help="Ticks per second instead of rate_hz.")
+@click.option("--rate", type=NUMBER, help="Ticks per second instead of rate_hz, within its limits.")
 @click.option(
     "--on-end",
     type=click.Choice(["stop", "rest", "hold"]),
@@ -44,7 +45,7 @@ if TYPE_CHECKING:
 @click.option("--log", type=click.Path(dir_okay=False), help="Write every command to a CSV, exact floats.")
 @click.option(
     "--record",
-    type=click.Path(dir_okay=False),
+    type=NewFile(dir_okay=False),
     help="Record everything into a session (MCAP); `contid replay` runs it again.",
 )
 @click.option(

@@ -5,8 +5,15 @@ from __future__ import annotations
 import json
 import os
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 import click
+
+from contid.cli.files import NewFile
+
+if TYPE_CHECKING:
+    from contid.description.load import LoadedFile
+    from contid.session.read import Session
 
 SESSION = click.argument("session_file", type=click.Path(exists=True, dir_okay=False))
 
@@ -20,7 +27,7 @@ def command() -> None:
 @SESSION
 @click.option("--json", "as_json", is_flag=True, help="Print the summary as JSON.")
 def info(session_file: str, as_json: bool) -> None:
-    """Duration, ticks, robots, faults, events, versions; clean or cut off."""
+    """Print duration, ticks, robots, faults, events, versions."""
     from contid.session.info import summarize
     from contid.session.read import Session
 
@@ -30,45 +37,54 @@ def info(session_file: str, as_json: bool) -> None:
 
 @command.command()
 @SESSION
-@click.option("--csv", "csv_path", type=click.Path(), help="FILE.csv: one table; else a folder of channels.")
-@click.option("--rrd", "rrd_path", type=click.Path(dir_okay=False), help="A recording for the Rerun viewer.")
+@click.option("--csv", "csv_path", type=NewFile(), help="FILE.csv: one table; else a folder of channels.")
+@click.option("--rrd", "rrd_path", type=NewFile(dir_okay=False), help="A recording for the Rerun viewer.")
+@click.option(
+    "--yaml", "yaml_path", type=NewFile(dir_okay=False), help="The robot file it was recorded with."
+)
 @click.option("--robot", help="Robot file for the shapes in the .rrd instead of the recorded one.")
-def export(session_file: str, csv_path: str | None, rrd_path: str | None, robot: str | None) -> None:
-    """Write SESSION_FILE as CSV (mm, bar) or as a Rerun recording."""
+def export(
+    session_file: str, csv_path: str | None, rrd_path: str | None, yaml_path: str | None, robot: str | None
+) -> None:
+    """Write SESSION_FILE as CSV (mm, bar), as a Rerun recording, or its robot file."""
+    from contid.session.export import export_channels, export_joined, export_robot_file, refuse_to_replace
     from contid.session.read import Session
 
-    if csv_path is None and rrd_path is None:
-        raise click.UsageError("say where to: --csv FOLDER, --csv FILE.csv, --rrd FILE.rrd")
+    asked = [Path(path) for path in (csv_path, rrd_path, yaml_path) if path is not None]
+    if not asked:
+        raise click.UsageError("say where to: --csv FOLDER, --csv FILE.csv, --rrd FILE.rrd, --yaml FILE.yaml")
     session = Session(Path(session_file))
+    for path in asked:
+        refuse_to_replace(path)
+    if yaml_path is not None:
+        export_robot_file(session, Path(yaml_path))
+        click.echo(yaml_path)
     if csv_path is not None:
-        from contid.session.export import export_channels, export_joined
-
         if csv_path.endswith(".csv"):
             export_joined(session, Path(csv_path))
             click.echo(csv_path)
         else:
-            for path in export_channels(session, Path(csv_path)):
-                click.echo(str(path))
+            for table in export_channels(session, Path(csv_path)):
+                click.echo(str(table))
     if rrd_path is not None:
-        from contid.description.load import load_robot_file
-        from contid.description.shipped import find_robot_file
-
         os.environ.setdefault("RUST_LOG", "off")  # what goes wrong is said by contid
         from contid.view.export import export_rrd
 
-        loaded = session.robot_file() if robot is None else load_robot_file(find_robot_file(robot))
         entries = ((entry.values, entry.event) for entry in session.entries())
-        export_rrd(entries, loaded, session.layout, Path(rrd_path))
+        export_rrd(entries, drawn(session, robot), session.layout, Path(rrd_path))
         click.echo(rrd_path)
+    if session.cut:
+        click.echo(f"contid: {session.path}: {session.cut}; exported as far as it goes", err=True)
 
 
 @command.command()
 @SESSION
-@click.option(
-    "--output", type=click.Path(dir_okay=False), help="Where to; SESSION_FILE is replaced if absent."
-)
+@click.option("--output", type=NewFile(dir_okay=False), help="Where to; SESSION_FILE is replaced if absent.")
 def repair(session_file: str, output: str | None) -> None:
-    """Make a cut-off SESSION_FILE whole: indexed, compressed, without the tick that was cut."""
+    """Make a cut-off SESSION_FILE whole.
+
+    The tick that was cut is left out, what remains is indexed and compressed.
+    """
     from contid.session.compact import compact
     from contid.session.info import summarize, today
     from contid.session.read import Session
@@ -83,3 +99,16 @@ def repair(session_file: str, output: str | None) -> None:
     target = compact(source, None if output is None else Path(output), note)
     after = summarize(Session(target))
     click.echo(f"{target}: {after.ticks} of {before.ticks} ticks, {after.state}")
+
+
+def drawn(session: Session, robot: str | None) -> LoadedFile:
+    """The robot file whose shapes a picture of a session has: the recorded one, or one with the same axes."""
+    from contid.description.load import load_robot_file
+    from contid.description.shipped import find_robot_file
+    from contid.session.differences import refuse_other_robots
+
+    if robot is None:
+        return session.robot_file()
+    loaded = load_robot_file(find_robot_file(robot))
+    refuse_other_robots(session, loaded)
+    return loaded

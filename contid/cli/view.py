@@ -28,15 +28,13 @@ def command(recording: str, serve: bool, robot: str | None) -> None:
     if recording.endswith(".rrd"):
         _show_file(recording, where.kind is Kind.SERVE)
         return
-    from contid.description.load import load_robot_file
-    from contid.description.shipped import find_robot_file
+    from contid.cli.session import drawn
     from contid.session.read import Session
     from contid.view.export import draw
 
     session = Session(Path(recording))
-    loaded = session.robot_file() if robot is None else load_robot_file(find_robot_file(robot))
     entries = ((entry.values, entry.event) for entry in session.entries())
-    draw(entries, loaded, session.layout, where, shown=_stay)
+    draw(entries, drawn(session, robot), session.layout, where, shown=_stay)
 
 
 def _show_file(path: str, serve: bool) -> None:

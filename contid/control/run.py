@@ -34,6 +34,7 @@ from contid.control.virtual import run_virtual
 from contid.control.wiring import build_preflight, driven_robots, record_layout
 from contid.description.dead_man import starved
 from contid.description.load import LoadedFile, load_robot_file, with_mock
+from contid.description.robot_file import MAX_RATE_HZ
 from contid.description.shipped import find_robot_file
 from contid.errors import ContidError
 from contid.targets import Target
@@ -104,6 +105,9 @@ def load(request: RunRequest) -> LoadedFile:
     """The robot file, checked."""
     loaded = load_robot_file(find_robot_file(request.robot_file))
     if request.rate_hz is not None:
+        if not 0.0 < request.rate_hz <= MAX_RATE_HZ:
+            words = f"above 0, at most {MAX_RATE_HZ:g}, as rate_hz in a robot file"
+            raise ContidError(f"--rate: {request.rate_hz:g}; allowed: {words}")
         for message in starved(loaded.buses.values(), request.rate_hz):
             raise ContidError(f"--rate: {message}")
     return with_mock(loaded) if request.mock else loaded

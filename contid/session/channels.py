@@ -114,10 +114,11 @@ def fields(layout: RecordLayout, device_units: Mapping[str, str], channel: str) 
                 yield Field((*front, "limits", key), (start + LIMITS,), "integer", words)
 
 
+_MODES: Final = "0 OFF, 1 CONNECTING, 2 READY, 3 ARMING, 4 APPROACH, 5 RUN, 6 HOLD, 7 STOPPING, 8 FAULT"
 _OF_ROBOT: Final[dict[str, tuple[tuple[int | tuple[int, ...], str, str, str], ...]]] = {
     "tick": (
-        (_MODE, "mode", "integer", "contid.control.supervisor.Mode"),
-        (_FAULT, "fault", "integer", "contid.control.faults.Fault"),
+        (_MODE, "mode", "integer", _MODES),
+        (_FAULT, "fault", "integer", "0 none; `contid fault NUMBER` tells what another means"),
         (_FLAGS, "flags", "integer", "bits: 1 has a target, 2 converged, 4 devices enabled"),
     ),
     "target": (

@@ -15,6 +15,7 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any, BinaryIO, Final
 
+from contid.errors import ContidError
 from contid.session import mcap_records as mcap
 from contid.session.channels import TICK_CHANNELS
 from contid.session.mcap_records import MESSAGE_INSIDE, RECORD, RecordStream
@@ -45,12 +46,17 @@ def compact(
 
     Args:
         source: the session.
-        target: where to; None replaces ``source``.
+        target: where to, a file that does not exist; None replaces ``source``.
         note: metadata to add, by name.
 
     Returns:
         The new file.
+
+    Raises:
+        ContidError: it exists, or cannot be written; ``source`` is as it was.
     """
+    if target is not None and target.exists():
+        raise ContidError(f"{target}: is there already; a recording is never overwritten")
     target = target or source
     beside = target.with_name(f".{target.name}.{os.getpid()}.tmp")
     try:
@@ -59,8 +65,10 @@ def compact(
             new.flush()
             os.fsync(new.fileno())
         beside.replace(target)
-    except BaseException:
+    except BaseException as error:
         beside.unlink(missing_ok=True)
+        if isinstance(error, OSError):
+            raise ContidError(f"{target}: cannot write it: {error.strerror}") from error
         raise
     return target
 
@@ -72,7 +80,7 @@ class _Compactor:
         self._out = out
         self._summary = _Summary()
         self._parts: list[bytes] = []
-        self._size = 0
+        self._size = self._time_ns = 0
         self._index: dict[int, list[tuple[int, int]]] = defaultdict(list)
         # A tick that was cut off is not kept: what came of it waits here until its last message.
         self._held: list[bytes] = []
@@ -115,11 +123,13 @@ class _Compactor:
 
     def _message(self, body: bytes) -> None:
         channel, _, time_ns, _ = MESSAGE_INSIDE.unpack_from(body)
+        # Never within an instant: readers take chunks whose times overlap for messages out of order.
+        if self._size >= CHUNK_BYTES and time_ns != self._time_ns:
+            self._chunk()
+        self._time_ns = time_ns
         self._index[channel].append((time_ns, self._size))
         self._parts += (RECORD.pack(mcap.MESSAGE, len(body)), body)
         self._size += RECORD.size + len(body)
-        if self._size >= CHUNK_BYTES:
-            self._chunk()
 
     def _rare(self, opcode: int, body: bytes) -> None:
         from mcap import records

@@ -1,4 +1,4 @@
-"""What differs between two robot files, key by key; and whether one may take the other's commands."""
+"""What differs between two robot files, key by key; and what one may do with another's recording."""
 
 from __future__ import annotations
 
@@ -8,8 +8,10 @@ from typing import Any
 
 import yaml
 
+from contid.control.wiring import driven_robots, record_layout
 from contid.description.load import LoadedFile
 from contid.errors import ContidError
+from contid.session.read import Session
 
 
 @dataclass(frozen=True, slots=True)
@@ -52,6 +54,25 @@ def _leaves(data: Any, path: str = "") -> Iterator[tuple[str, str]]:
             yield from _leaves(value, f"{front}{number}")
     else:
         yield path, repr(data)
+
+
+def refuse_other_robots(session: Session, loaded: LoadedFile) -> None:
+    """A recording means nothing to a robot file with other robots or axes.
+
+    Raises:
+        ContidError: with both.
+    """
+    then = {(robot.name, robot.axes) for robot in session.layout.robots}
+    now = {(robot.name, robot.axes) for robot in record_layout(loaded, session.rate_hz).robots}
+    if then != now or len(driven_robots(loaded)) != len(session.layout.robots):
+        raise ContidError(
+            f"{loaded.path}: other robots or axes than were recorded: "
+            f"recorded {_named(then)}; here {_named(now)}"
+        )
+
+
+def _named(robots: set[tuple[str, tuple[str, ...]]]) -> str:
+    return "; ".join(f"{name} ({', '.join(axes)})" for name, axes in sorted(robots))
 
 
 def refuse_another_robot(recorded: LoadedFile, now: LoadedFile) -> None:

@@ -1,20 +1,23 @@
-"""A session as CSV: one file per channel, or one table of everything; the units of robot files.
+"""A session as CSV, one file per channel or one table of everything; and its robot file.
 
-Tip positions have the columns of a trajectory (``ROBOT.x_mm``); a joined table puts the channel in front.
-Numbers keep the fewest digits that read back to the same value; what is absent is an empty cell.
+Units are those of robot files, and tip positions have the columns of a trajectory (``ROBOT.x_mm``); a joined
+table puts the channel in front. Numbers keep the fewest digits that read back to the same value; what is
+absent is an empty cell.
 """
 
 from __future__ import annotations
 
 import csv
 import json
+import os
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import ExitStack, contextmanager
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any, Final
+from typing import Any, Final, TextIO
 
 from contid.session.channels import TICK_CHANNELS, Field, fields
+from contid.session.mcap_records import MAGIC
 from contid.session.read import Session, SessionError
 
 _VECTORS: Final = {
@@ -90,24 +93,51 @@ _UNITS: Final = (
 
 
 @contextmanager
-def _written(path: Path) -> Iterator[None]:
-    """A disk that is full, or a place where nothing can be written, in words."""
+def _file(path: Path) -> Iterator[TextIO]:
+    """A file that takes its place when it is whole: half a table looks like a short run.
+
+    Raises:
+        SessionError: a disk that is full, or a place where nothing can be written.
+    """
+    device = path.exists() and not path.is_file()
+    target = path if device else path.resolve()
+    beside = path if device else target.with_name(f".{target.name}.{os.getpid()}.tmp")
     try:
-        yield
-    except OSError as error:
-        raise SessionError(f"{error.filename or path}: cannot write it: {error.strerror}") from error
+        with beside.open("w", encoding="utf-8", newline="") as file:
+            yield file
+        if not device:
+            beside.replace(target)
+    except BaseException as error:
+        if not device:
+            beside.unlink(missing_ok=True)
+        if isinstance(error, OSError):
+            raise SessionError(f"{path}: cannot write it: {error.strerror}") from error
+        raise
+
+
+def refuse_to_replace(path: Path) -> None:
+    """A recording is never overwritten, neither by another one nor by what is made of it.
+
+    Raises:
+        SessionError: there is one.
+    """
+    if path.is_file():
+        with path.open("rb") as file:
+            if file.read(len(MAGIC)) == MAGIC:
+                raise SessionError(f"{path}: is there already; a recording is never overwritten")
 
 
 def export_channels(session: Session, folder: Path) -> list[Path]:
     """One CSV per channel into a folder, which is made; returns the files."""
-    with _written(folder):
+    try:
         folder.mkdir(parents=True, exist_ok=True)
+    except OSError as error:
+        words = "it is a file; name a folder, or a table FILE.csv" if folder.is_file() else error.strerror
+        raise SessionError(f"{folder}: cannot write tables there: {words}") from error
     tables = {channel: columns(session, channel) for channel in TICK_CHANNELS}
     paths = [folder / f"{channel}.csv" for channel in (*TICK_CHANNELS, "event")]
-    with _written(folder), ExitStack() as stack:
-        *ticks, events = [
-            csv.writer(stack.enter_context(path.open("w", encoding="utf-8", newline=""))) for path in paths
-        ]
+    with ExitStack() as stack:
+        *ticks, events = [_writer(stack.enter_context(_file(path))) for path in paths]
         for writer, table in zip(ticks, tables.values(), strict=True):
             writer.writerow(["tick", "t_s", *(column.name for column in table)])
         events.writerow(["t_s", "event", "tick", "details"])
@@ -131,12 +161,28 @@ def export_joined(session: Session, path: Path) -> None:
         for column in columns(session, channel):
             names.append(f"{channel}.{column.name}")
             table.append(column)
-    with _written(path), path.open("w", encoding="utf-8", newline="") as file:
-        writer = csv.writer(file)
+    with _file(path) as file:
+        writer = _writer(file)
         writer.writerow(names)
         for entry in session.entries():
             if entry.values is not None:
                 writer.writerow(_row(session, entry.values, table))
+
+
+def export_robot_file(session: Session, path: Path) -> None:
+    """The text of the robot file; nothing that is there is replaced, it may be the lab's own.
+
+    Raises:
+        SessionError: there is such a file, or it cannot be written.
+    """
+    if path.exists():
+        raise SessionError(f"{path}: is there already; a robot file is not overwritten")
+    with _file(path) as file:
+        file.write(session.robot_text)
+
+
+def _writer(file: TextIO) -> Any:
+    return csv.writer(file, lineterminator="\n")
 
 
 def _row(session: Session, values: Sequence[float], table: Sequence[Column]) -> list[Any]:

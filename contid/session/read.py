@@ -15,10 +15,10 @@ from typing import Any, Final
 
 from contid.control.record import RecordLayout, TickRecord
 from contid.description.load import LoadedFile, parse_robot_file, with_mock
-from contid.errors import ContidError
+from contid.errors import BadInputError, ContidError
 from contid.session import mcap_records as mcap
 from contid.session.about import FORMAT, TRAJECTORY, unpacked
-from contid.session.channels import EVENT, TICK_CHANNELS
+from contid.session.channels import CHANNELS, EVENT, TICK_CHANNELS
 from contid.session.decode import Decoder
 from contid.session.mcap_records import MESSAGE_INSIDE, DamagedRecordError, RecordStream
 from contid.trajectory.timed import Trajectory
@@ -77,19 +77,23 @@ class Session:
         self.cut = ""
         self._attachments: dict[str, bytes] = {}
         self._topics: dict[int, str] = {}
+        if path.exists() and not path.is_file():
+            raise SessionError(f"{path}: not a file that can be read twice, as a session is")
         try:
             with path.open("rb") as file:
-                if file.read(len(mcap.MAGIC)) != mcap.MAGIC:
-                    raise SessionError(f"{path}: not an MCAP file")
+                if (begin := file.read(len(mcap.MAGIC))) != mcap.MAGIC:
+                    raise SessionError(f"{path}: {'not an MCAP file' if begin else 'empty'}")
                 file.seek(0)
-                self._read_head(RecordStream(file))
+                begun = self._read_head(RecordStream(file))
         except OSError as error:
             raise SessionError(f"{path}: cannot read it: {error.strerror}") from error
         except DamagedRecordError as error:
             raise SessionError(f"{path}: its head is damaged: {error}") from error
         version = self.about.get("contid", {}).get("format")
-        if version is None or set(self._topics.values()) < {*TICK_CHANNELS, EVENT}:
-            raise SessionError(f"{path}: not a session of contid, or cut off before its first tick")
+        known = set(self._topics.values()) & {*CHANNELS}
+        if version is None or not (begun or len(known) == len(CHANNELS)):
+            words = "; `mcap filter` keeps its metadata with --include-metadata" if begun and known else ""
+            raise SessionError(f"{path}: not a session of contid, or cut off before its first tick{words}")
         if version != FORMAT:
             raise SessionError(f"{path}: format {version}; this contid reads format {FORMAT}")
         try:
@@ -102,14 +106,19 @@ class Session:
             raise SessionError(f"{path}: its head is damaged: {type(error).__name__}: {error}") from error
         self.rate_hz = self.layout.rate_hz
 
-    def _read_head(self, stream: RecordStream) -> None:
+    def _read_head(self, stream: RecordStream) -> bool:
+        """Everything before the first message; True when there is one."""
         for opcode, body in stream:
             if opcode == mcap.MESSAGE:
-                return
+                return True
             self._keep(opcode, body)
+        return False
 
     def _keep(self, opcode: int, body: bytes) -> None:
-        """Take a record that is no message; trajectories may come between those."""
+        """Take a record that is no message.
+
+        Trajectories may come between messages; in files that other programs rewrote, channels as well.
+        """
         if opcode not in (mcap.METADATA, mcap.ATTACHMENT, mcap.CHANNEL):
             return
         record = mcap.understood(opcode, body)
@@ -129,17 +138,34 @@ class Session:
         """True for a run in virtual time."""
         return self.option("virtual") == "true"
 
-    def robot_file(self) -> LoadedFile:
-        """The robot file of the run, its buses simulated when they were so.
+    @property
+    def robot_text(self) -> str:
+        """The text of the robot file.
 
         Raises:
-            BadInputError: today's contid does not take it any more.
+            SessionError: it holds none.
         """
-        about = self.about.get("robot_file", {})
-        if not about.keys() >= {"text", "name"}:
+        text = self.about.get("robot_file", {}).get("text")
+        if text is None:
             raise SessionError(f"{self.path}: it holds no robot file")
-        loaded = parse_robot_file(about["text"], about["name"])
-        return with_mock(loaded) if self.option("mock") == "True" else loaded
+        return text
+
+    def robot_file(self, wired: bool = False) -> LoadedFile:
+        """The robot file of the run, its buses simulated when they were so.
+
+        Args:
+            wired: its own buses, even when they were simulated.
+
+        Raises:
+            SessionError: today's contid does not take it any more.
+        """
+        text, name = self.robot_text, self.about["robot_file"].get("name", "robot_file")
+        try:
+            loaded = parse_robot_file(text, name)
+        except BadInputError as error:
+            words = "its robot file is refused today; export it with --yaml, mend it, give it with --robot"
+            raise SessionError(f"{self.path}: {words}. In the recorded text:\n{error}") from error
+        return with_mock(loaded) if self.option("mock") == "True" and not wired else loaded
 
     def trajectory(self, loaded: LoadedFile, played: int = 0) -> Trajectory | None:
         """A timed trajectory, bit for bit; None when there is none.
@@ -149,9 +175,12 @@ class Session:
             played: 0 for the one the run began with; n for the n-th that came later, once `entries` is there.
         """
         name = f"{TRAJECTORY}-{played}" if played else TRAJECTORY
-        if f"{name}.npz" not in self._attachments:
+        about = self.about.get(name)
+        if about is None:
             return None
-        about = self.about.get(name, {})
+        if f"{name}.npz" not in self._attachments:
+            words = "`mcap filter` keeps it with --include-attachments, if its time is kept"
+            raise SessionError(f"{self.path}: its {name}.npz is missing; {words}")
         if not about.keys() >= {"columns", "sha256", "interpolation"}:
             raise SessionError(f"{self.path}: its trajectory has no columns")
         return unpacked(self._attachments[f"{name}.npz"], about, loaded)

@@ -172,8 +172,8 @@ def main() -> int:
         job.ring.unlink(missing_ok=True)
     try:
         compact(job.path)
-    except (OSError, ContidError) as error:
-        _answer(f"{job.path}: complete, but not compacted: {error}")
+    except ContidError as error:
+        _answer(f"complete, but not compacted: {error}")
     return 0
 
 

@@ -20,12 +20,13 @@ from contid.control.engine import Engine
 from contid.control.journal import answer_of, order_of
 from contid.control.messages import Play
 from contid.control.ports import Answer, Job
-from contid.control.wiring import build_plans, chain_guards, driven_robots, record_layout
+from contid.control.wiring import build_plans, chain_guards
 from contid.description.load import LoadedFile
 from contid.errors import ContidError
 from contid.hal import Sample
 from contid.session.channels import VALUE, axis_at
 from contid.session.compare import Comparison, Divergence
+from contid.session.differences import refuse_other_robots
 from contid.session.read import Session
 
 
@@ -148,7 +149,7 @@ def replay(
     Raises:
         ContidError: the robot file has other robots or axes, or the trajectory no longer fits it.
     """
-    _same_robots(session, loaded)
+    refuse_other_robots(session, loaded)
     told, sink = _Told(), _Sink()
     ports = {
         bus.name: RecordedPort(bus.name, _slots(session, [axis for axis, _ in bus.axes]), told)
@@ -181,7 +182,9 @@ def replay(
         assert values is not None
         tick, skipped = int(values[0]), int(values[1])
         if tick - last != 1 + skipped - last_skipped:
-            words = f"ticks {last + 1} to {tick - 1} were not recorded (the recorder was overrun)"
+            words = f"ticks {last + 1} to {tick - 1} are not in the recording"
+            if tick <= last:
+                words = f"tick {tick} comes after tick {last}: more than one run is in the file"
             return Replayed(count, None, comparison.largest, words)
         told.values, told.stalls = values, set()
         for event in by_tick.pop(tick, ()):
@@ -228,17 +231,3 @@ def _slots(session: Session, axes: Sequence[str]) -> dict[str, int]:
         for number, axis in enumerate(robot.axes):
             slots[f"{robot.name}.{axis}"] = axis_at(session.layout, index, number) + VALUE
     return {axis: slots[axis] for axis in axes if axis in slots}
-
-
-def _same_robots(session: Session, loaded: LoadedFile) -> None:
-    then = {(r.name, r.axes) for r in session.layout.robots}
-    now = {(r.name, r.axes) for r in record_layout(loaded, session.rate_hz).robots}
-    if then != now or len(driven_robots(loaded)) != len(session.layout.robots):
-        raise ContidError(
-            f"{loaded.path}: other robots or axes than were recorded: "
-            f"recorded {_named(then)}; here {_named(now)}"
-        )
-
-
-def _named(robots: set[tuple[str, tuple[str, ...]]]) -> str:
-    return "; ".join(f"{name} ({', '.join(axes)})" for name, axes in sorted(robots))

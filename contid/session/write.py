@@ -45,7 +45,12 @@ class SessionWriter:
         except OSError as error:
             raise ContidError(f"{path}: cannot record: {error.strerror}") from error
         self._buffer = bytearray(mcap.MAGIC + head_records(header))
-        self.flush()
+        try:
+            self.flush()
+        except ContidError:
+            self.close()
+            path.unlink(missing_ok=True)
+            raise
 
     @property
     def pending(self) -> int:

@@ -13,6 +13,7 @@ from hypothesis import strategies as st
 from jsonschema import Draft202012Validator
 
 from contid.control.record import AXIS_VALUES, HEAD_VALUES, ROBOT_VALUES, RecordLayout, RobotLayout
+from contid.control.supervisor import Mode
 from contid.session.channels import INFINITE, TICK_CHANNELS, fields, schema
 from contid.session.decode import Decoder
 from contid.session.encode import Encoder
@@ -161,6 +162,11 @@ def test_schemas_are_strict() -> None:
             )
         assert not VALIDATORS[channel].is_valid({**message, "more": 1})
         assert not VALIDATORS[channel].is_valid({"tick": 1, "robots": {"thumb": robot}})
+
+
+def test_modes_have_their_names_in_the_schema() -> None:
+    (words,) = {each.words for each in FIELDS["tick"] if each.path[-1] == "mode"}
+    assert words == ", ".join(f"{mode.value} {mode.name}" for mode in Mode)
 
 
 def test_infinite_numbers_are_named() -> None:

@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+import errno
 import json
+import os
 import shutil
 from pathlib import Path
 
@@ -14,6 +16,7 @@ from contid.errors import ContidError
 from contid.session.read import Session
 from tests.cli.command import contid
 from tests.control.fingers import circle_csv, fingers
+from tests.session.rewrite import rewritten
 
 
 def _run(*arguments: object, code: int = 0) -> str:
@@ -30,14 +33,129 @@ def test_info(recorded: Path) -> None:
 def test_export_to_tables(recorded: Path, tmp_path: Path) -> None:
     assert len(_run("session", "export", recorded, "--csv", tmp_path / "out").splitlines()) == 6
     _run("session", "export", recorded, "--csv", tmp_path / "all.csv")
-    assert (tmp_path / "all.csv").stat().st_size > 10_000
+    table = (tmp_path / "all.csv").read_bytes()
+    assert table.count(b"\n") == 1 + len(list(Session(recorded).ticks()))
+    assert b"\r" not in table
+    _run("session", "export", recorded, "--csv", tmp_path / "all.csv")
+    assert (tmp_path / "all.csv").read_bytes() == table
+    assert sorted(path.name for path in tmp_path.iterdir()) == ["all.csv", "out"]
     assert "--csv FOLDER" in contid("session", "export", str(recorded)).stderr
+
+
+def test_the_robot_file_comes_out_as_it_went_in(recorded: Path, tmp_path: Path) -> None:
+    path = tmp_path / "robot.yaml"
+    _run("session", "export", recorded, "--yaml", path)
+    assert path.read_text() == fingers(2)
+    assert "bit for bit" in _run("replay", recorded, "--robot", path)
+    path.write_text("mine")
+    with pytest.raises(ContidError, match="not overwritten"):
+        _run("session", "export", recorded, "--yaml", path)
+    assert path.read_text() == "mine"
+
+
+@pytest.mark.parametrize("option", ["--csv", "--rrd", "--yaml"])
+def test_an_export_never_replaces_a_recording(recorded: Path, tmp_path: Path, option: str) -> None:
+    session, other = tmp_path / "mine.csv", tmp_path / "other.csv"
+    for path in (session, other):
+        shutil.copy(recorded, path)
+    for path in (session, other):
+        with pytest.raises(ContidError, match="never overwritten"):
+            _run("session", "export", session, option, path)
+        assert path.read_bytes() == recorded.read_bytes()
+    with pytest.raises(ContidError, match="never overwritten"):
+        _run("session", "repair", session, "--output", other)
+    assert other.read_bytes() == recorded.read_bytes()
+
+
+def test_half_a_table_is_not_left(recorded: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """A full disk while a table is written: what was there before still is."""
+    from contid.session import export
+
+    def full(*_: object) -> list[object]:
+        raise OSError(errno.ENOSPC, os.strerror(errno.ENOSPC))
+
+    table = tmp_path / "all.csv"
+    table.write_text("before")
+    monkeypatch.setattr(export, "_row", full)
+    for target in (table, tmp_path / "out"):
+        with pytest.raises(ContidError, match="cannot write it: No space left"):
+            _run("session", "export", recorded, "--csv", target)
+    assert table.read_text() == "before"
+    assert not any((tmp_path / "out").iterdir())
+
+
+@pytest.mark.parametrize("name", ["-", ""])
+@pytest.mark.parametrize(
+    ("arguments", "option"),
+    [(("session", "export", "SESSION"), "--csv"), (("session", "export", "SESSION"), "--rrd"),
+     (("session", "repair", "SESSION"), "--output"), (("run", "hand", "--virtual"), "--record")],
+)  # fmt: skip
+def test_standard_output_is_no_file(
+    recorded: Path, arguments: tuple[str, ...], option: str, name: str, tmp_path: Path,
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:  # fmt: skip
+    monkeypatch.chdir(tmp_path)
+    words = [str(recorded) if each == "SESSION" else each for each in arguments]
+    assert f"'{option}': {name!r} names no file" in _run(*words, option, name, code=2)
+    assert not any(tmp_path.iterdir())
+
+
+@pytest.mark.parametrize(
+    ("content", "words"),
+    [(b"", "empty"), (b"t_s,x_mm\n", "not an MCAP file"), (b"\x89MCAP0\r\n", "not a session of contid")],
+)
+def test_what_is_no_session_is_named(tmp_path: Path, content: bytes, words: str) -> None:
+    path = tmp_path / "s.mcap"
+    path.write_bytes(content)
+    for command in (("session", "info"), ("session", "repair"), ("replay",)):
+        with pytest.raises(ContidError, match=words):
+            _run(*command, path)
+
+
+def test_a_pipe_is_not_waited_for(tmp_path: Path) -> None:
+    path = tmp_path / "pipe"
+    os.mkfifo(path)
+    with pytest.raises(ContidError, match="read twice"):
+        _run("session", "info", path)
+
+
+def test_a_robot_file_that_is_refused_today_is_said_to_be_in_the_session(
+    recorded: Path, tmp_path: Path
+) -> None:
+    path, mended = tmp_path / "old.mcap", tmp_path / "mended.yaml"
+    rewritten(recorded, path, lambda text: text.replace("rack_spacing_mm", "rack_gap_mm"))
+    for command in (("replay", path), ("session", "export", path, "--rrd", tmp_path / "s.rrd")):
+        with pytest.raises(
+            ContidError, match=r"old\.mcap: its robot file is refused today(.|\n)*:\d+:\d+: unknown key"
+        ):
+            _run(*command)
+    _run("session", "export", path, "--yaml", mended)
+    mended.write_text(mended.read_text().replace("rack_gap_mm", "rack_spacing_mm"))
+    assert "bit for bit" in _run("replay", path, "--robot", mended)
+
+
+def test_a_picture_of_other_robots_is_refused(recorded: Path, tmp_path: Path) -> None:
+    with pytest.raises(ContidError, match="other robots or axes than were recorded"):
+        _run("session", "export", recorded, "--rrd", tmp_path / "s.rrd", "--robot", "hand")
+    assert not any(tmp_path.iterdir())
+
+
+@pytest.mark.parametrize("rate", ["0", "-1", "1000.5"])
+def test_a_rate_has_the_limits_of_the_robot_file(rate: str) -> None:
+    with pytest.raises(ContidError, match=r"--rate: .*; allowed: above 0, at most 1000, as rate_hz"):
+        _run("run", "hand", "--virtual", "--rate", rate)
+
+
+def test_a_tolerance_is_a_number_and_for_comparing(recorded: Path) -> None:
+    assert "'nan' is not a finite number" in _run("replay", recorded, "--tolerance", "nan", code=2)
+    assert "--hardware sends" in _run("replay", recorded, "--tolerance", "1", "--hardware", code=2)
 
 
 def test_repair(growing: Path, recorded: Path, tmp_path: Path) -> None:
     cut = tmp_path / "cut.mcap"
     cut.write_bytes(growing.read_bytes()[:-5000])
     assert "cut off" in _run("session", "info", cut)
+    assert "exported as far as it goes" in _run("session", "export", cut, "--csv", tmp_path / "cut.csv")
     said = _run("session", "repair", cut)
     assert "clean, repaired" in said
     assert "nothing to repair" in _run("session", "repair", cut)

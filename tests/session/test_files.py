@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import csv
+import itertools
 import json
 import os
 import subprocess
@@ -20,6 +21,7 @@ from contid.session.info import summarize
 from contid.session.read import Session, SessionError
 from contid.session.replay import replay
 from contid.session.write import SessionWriter
+from tests.session.rewrite import rewritten
 
 #: Truncations tried per file; CI runs the short form, ``CONTID_CAMPAIGN=1`` forty times as many.
 CUTS = 4000 if os.environ.get("CONTID_CAMPAIGN") else 100
@@ -97,7 +99,7 @@ def test_cut_anywhere_it_opens_is_repaired_and_replays(
             assert len(got) == sum(end <= size for end in ends)
         if step % 10 == 0:
             assert summarize(session).ticks == len(got)
-            repaired = compact(cut, tmp_path / "whole.mcap", {"repaired": {"when": "now"}})
+            repaired = compact(cut, tmp_path / f"{step}.mcap", {"repaired": {"when": "now"}})
             assert repr(_values(repaired)) == repr(got)
             fixed = Session(repaired)
             assert summarize(fixed).state == "clean, repaired now"
@@ -140,6 +142,40 @@ def test_other_files_are_refused(tmp_path: Path, recorded: Path) -> None:
     other.write_bytes(recorded.read_bytes()[:100])
     with pytest.raises(SessionError, match="cut off before its first tick"):
         Session(other)
+
+
+def test_what_other_programs_rewrote_is_read_and_replayed(recorded: Path, tmp_path: Path) -> None:
+    session = Session(rewritten(recorded, tmp_path / "other.mcap"))
+    assert repr(_values(session.path)) == repr(_values(recorded))
+    assert _events(session.path) == _events(recorded)
+    result = replay(session, session.robot_file())
+    assert (result.divergence, result.stopped) == (None, "")
+    whole = Session(compact(session.path, tmp_path / "again.mcap"))
+    assert summarize(whole).ticks == result.ticks
+
+
+def test_what_a_filter_left_out_is_named(recorded: Path, tmp_path: Path) -> None:
+    with pytest.raises(SessionError, match="--include-metadata"):
+        Session(rewritten(recorded, tmp_path / "bare.mcap", metadata=False))
+    session = Session(rewritten(recorded, tmp_path / "rowless.mcap", attachments=False))
+    with pytest.raises(SessionError, match=r"trajectory\.npz is missing.*--include-attachments"):
+        replay(session, session.robot_file())
+
+
+def test_chunks_do_not_overlap_in_time(
+    recorded: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """What `mcap info` and Foxglove take for messages out of order."""
+    from mcap.reader import SeekingReader
+
+    monkeypatch.setattr("contid.session.compact.CHUNK_BYTES", 10_000)
+    path = compact(recorded, tmp_path / "small.mcap")
+    with path.open("rb") as file:
+        summary = SeekingReader(file).get_summary()
+    assert summary is not None
+    times = [(each.message_start_time, each.message_end_time) for each in summary.chunk_indexes]
+    assert len(times) > 10
+    assert all(end < start for (_, end), (start, _) in itertools.pairwise(times))
 
 
 def test_a_recording_is_never_overwritten(recorded: Path) -> None:

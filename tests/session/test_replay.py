@@ -143,7 +143,23 @@ def test_a_gap_in_the_recording_ends_the_replay(recorded: Path, tmp_path: Path) 
     session = Session(tmp_path / "gap.mcap")
     result = replay(session, loaded)
     assert result.ticks == 100
-    assert result.stopped == "ticks 100 to 101 were not recorded (the recorder was overrun)"
+    assert result.stopped == "ticks 100 to 101 are not in the recording"
+
+
+def test_two_runs_in_one_file_are_not_taken_for_one(recorded: Path, tmp_path: Path) -> None:
+    loaded = load(2)
+    recording = Recording(tmp_path / "two.mcap", {"mock": "False"})
+    sink = recording.follow(Setup(loaded, 200.0, Path(), circle(loaded), OnEnd.STOP, attended=False))
+    for _ in range(2):
+        for entry in Session(recorded).entries():
+            if entry.event is not None:
+                fields = {key: value for key, value in entry.event.items() if key != "event"}
+                sink.event(entry.event["event"], **fields)
+            elif entry.values is not None:
+                sink.write(entry.values)
+    recording.detach()
+    result = replay(Session(tmp_path / "two.mcap"), loaded)
+    assert result.stopped == f"tick 0 comes after tick {result.ticks - 1}: more than one run is in the file"
 
 
 def test_a_trajectory_that_came_during_the_run(tmp_path: Path) -> None:

@@ -1,0 +1,20 @@
+"""Types of options that are files."""
+
+from __future__ import annotations
+
+import os
+from typing import Any
+
+import click
+
+
+class NewFile(click.Path):
+    """Where something is written: the name of a file; ``-`` would become a file of that name."""
+
+    def convert(
+        self, value: str | os.PathLike[str], param: click.Parameter | None, ctx: click.Context | None
+    ) -> Any:
+        """The name as it was given."""
+        if value in ("", "-"):
+            self.fail(f"{value!r} names no file; give a name, standard output is not written to", param, ctx)
+        return super().convert(value, param, ctx)
