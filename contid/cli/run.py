@@ -8,8 +8,8 @@ from typing import TYPE_CHECKING
 
 import click
 
-from contid.cli.numbers import NUMBER
 from contid.cli.files import NewFile
+from contid.cli.numbers import NUMBER
 
 if TYPE_CHECKING:
     from contid.control.report import Report
