@@ -41,8 +41,7 @@ void make(SectionSolver* self, nb::handle radius, nb::handle to_arc, nb::handle 
           nb::handle tuning) {
   const Py_ssize_t count = PyObject_Length(radius.ptr());
   if (count < 1 || count > contid::kMostSections) throw nb::value_error("one to four sections");
-  new (self) SectionSolver();
-  contid::Feasible& f = self->feasible;
+  contid::Feasible f;
   contid::Sections& s = f.sections;
   s.count = static_cast<int>(count);
   read(radius, s.radius, count, "radius: one number per section");
@@ -56,22 +55,21 @@ void make(SectionSolver* self, nb::handle radius, nb::handle to_arc, nb::handle 
   read(home, f.home, f.size(), "home: one number per length");
   f.rack = rack;
   f.curvature_max = curvature_max;
-  self->tuning = {nb::cast<double>(tuning.attr("ell_m")), nb::cast<double>(tuning.attr("tolerance_m")),
-                    nb::cast<double>(tuning.attr("home_tolerance_m")),
-                    nb::cast<double>(tuning.attr("weight")), nb::cast<double>(tuning.attr("near")),
-                    nb::cast<int>(tuning.attr("home_steps")), nb::cast<double>(tuning.attr("contraction")),
-                    nb::cast<double>(tuning.attr("slow")),
-                    nb::cast<int>(tuning.attr("iterations")), nb::cast<int>(tuning.attr("settling")),
-                    nb::cast<int>(tuning.attr("starts")), nb::cast<int>(tuning.attr("agreeing")),
-                    nb::cast<double>(tuning.attr("tracking"))};
-  self->prepare();
+  f.weigh_home();
+  const auto number = [&](const char* name) { return nb::cast<double>(tuning.attr(name)); };
+  const auto count_of = [&](const char* name) { return nb::cast<int>(tuning.attr(name)); };
+  new (self) SectionSolver(f, {number("ell_m"), number("tolerance_m"), number("home_tolerance_m"),
+                               number("weight"), number("near"), count_of("home_steps"),
+                               number("contraction"), number("slow"), count_of("iterations"),
+                               count_of("settling"), count_of("starts"), count_of("agreeing"),
+                               number("tracking")});
 }
 
 nb::tuple forward(const SectionSolver& self, nb::handle lengths) {
   double l[contid::kMostLengths];
-  read(lengths, l, self.feasible.size(), "three lengths per section");
+  read(lengths, l, self.size(), "three lengths per section");
   contid::Frames frames;
-  contid::forward(self.feasible.sections, l, frames);
+  contid::forward(self.feasible().sections, l, frames);
   return nb::make_tuple(tuple_of(frames.tip, 3), tuple_of(frames.rotation, 9), tuple_of(frames.mid, 3));
 }
 
@@ -81,20 +79,20 @@ nb::tuple solve(const SectionSolver& self, nb::handle tip, nb::handle direction,
   read(tip, p, 3, "tip: three numbers");
   if (!direction.is_none()) read(direction, t, 3, "direction: three numbers");
   if (!mid.is_none()) read(mid, m, 3, "mid: three numbers");
-  read(seed, l, self.feasible.size(), "seed: three lengths per section");
+  read(seed, l, self.size(), "seed: three lengths per section");
   contid::Answer answer;
   self.solve({p, direction.is_none() ? nullptr : t, mid.is_none() ? nullptr : m}, l, answer);
-  return nb::make_tuple(tuple_of(answer.lengths, self.feasible.size()), answer.residual, answer.converged,
+  return nb::make_tuple(tuple_of(answer.lengths, self.size()), answer.residual, answer.converged,
                         answer.binding, answer.iterations, answer.starts);
 }
 
 // Jacobians of tip, orientation and mid-point into arrays (3, 3 n) the caller made.
 void differentiate(const SectionSolver& self, nb::handle lengths, Out tip, Out spin, Out mid) {
   double l[contid::kMostLengths];
-  const int n = self.feasible.size();
+  const int n = self.size();
   read(lengths, l, n, "three lengths per section");
   contid::Derivatives at;
-  contid::differentiate(self.feasible.sections, l, at, true);
+  contid::differentiate(self.feasible().sections, l, at, true);
   fill(tip, at.tip, n, "tip: an array (3, 3 n)");
   fill(spin, at.spin, n, "spin: an array (3, 3 n)");
   fill(mid, at.mid, n, "mid: an array (3, 3 n)");
@@ -102,7 +100,7 @@ void differentiate(const SectionSolver& self, nb::handle lengths, Out tip, Out s
 
 // Solve a whole path, each point from the answer before: for benchmarks of the kernel alone.
 int follow(const SectionSolver& self, Out tips, nb::handle seed, Out lengths) {
-  const std::size_t n = self.feasible.size();
+  const std::size_t n = self.size();
   if (tips.ndim() != 2 || tips.shape(1) != 3 || lengths.ndim() != 2 || lengths.shape(0) != tips.shape(0) ||
       lengths.shape(1) != n)
     throw nb::value_error("tips (points, 3) and lengths (points, 3 n)");

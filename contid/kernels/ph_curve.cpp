@@ -1,4 +1,4 @@
-// Python side of ph_curve.hpp. Calls last microseconds and keep the GIL.
+// contid.kernels._ph_curve: Pythagorean-hodograph quintics for Python. Calls last microseconds and keep the GIL.
 #include <nanobind/nanobind.h>
 #include <nanobind/ndarray.h>
 #include <nanobind/stl/vector.h>
@@ -7,7 +7,7 @@
 #include <stdexcept>
 #include <vector>
 
-#include "ph_curve.hpp"
+#include "ph_inverse.hpp"
 
 namespace nb = nanobind;
 using namespace contid::ph;
@@ -79,7 +79,7 @@ nb::tuple fit_through(double x, double y, double z, const std::vector<double>& t
 nb::tuple lowest_point(double x, double y, double z, double ux, double uy, double uz, double vx, double vy, double vz,
                        double length, int looks) {
   if (looks < 2) throw std::invalid_argument("at least two looks, at both ends");
-  const Vec found = lowest(through({x, y, z}, {ux, uy, uz}, {vx, vy, vz}, length, 0.0, 0.0), looks);
+  const Vec found = lowest(through({x, y, z}, {ux, uy, uz}, {vx, vy, vz}, length, 0.0, 0.0).preimage, looks);
   return tuple_of(found.data(), 3);
 }
 

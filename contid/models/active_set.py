@@ -7,7 +7,7 @@ multiplier would change sign, until nothing is exceeded. The limits are asked fo
 point, so a curved limit (the cone of the bend radius) is met by as many tangent planes as it takes. When no
 limit is exceeded the cost is one factor of the size of the task: ``d = z + J^T (J J^T + w)^-1 (e - J z)``,
 which also keeps the digits of the part of z that leaves the task alone. The specification of
-``contid/kernels/convex_step.hpp``.
+``contid/kernels/active_set.hpp``.
 """
 
 from __future__ import annotations
@@ -65,9 +65,8 @@ def bounded_step(
         at: where it starts, inside the limits.
         feasible: the limits.
         rows: Jacobian of a task, whitened by the factor, whose error counts ``1/weight``. Each row is held as
-            an
-            equation with a slack: in whitened coordinates ``(row, sqrt(weight) e_a)``. The large numbers of a
-            stiff task never enter a matrix this way.
+            an equation with a slack: in whitened coordinates ``(row, sqrt(weight) e_a)``. The large numbers
+            of a stiff task never enter a matrix this way.
         weight: see ``rows``.
     """
     excess, normal, number = feasible.worst(at + d, ())

@@ -10,7 +10,8 @@ solves a quadratic programme over the limits (`active_set`), never clips:
 Both dampings are dimensionless because J is: they are scaled by the length ``ell``, a fifth of the arm. With
 errors in mm against singular values near 1 the literature's ``lambda^2 = |e|^2/2`` stalls; a damped homing
 term leaks into the tip. Homing converges to the answer closest to home, so the answer is a function of the
-target and a closed path closes in the lengths as well.
+target and a closed path closes in the lengths as well. The specification of ``contid/kernels/descent.hpp``,
+``newton.hpp`` and ``section_task.hpp``.
 """
 
 from __future__ import annotations

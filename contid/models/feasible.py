@@ -9,7 +9,7 @@ Four kinds of limits, all convex in the lengths l:
 * for robots without one of these, the limit is infinite.
 
 Because the set is convex, a point outside is brought inside by pulling it towards the home posture, which is
-straight and well inside. The specification of ``contid/kernels/section_solver.hpp``.
+straight and well inside. The specification of ``contid/kernels/feasible.hpp``.
 """
 
 from __future__ import annotations
@@ -40,9 +40,8 @@ class Feasible:
         home: the posture the redundancy is drawn to: straight, in the middle of the range.
         metric: what counts as far from home, ``(3 n, 3 n)``: ``3 (L - L0)^2 + max(1.5 d^2, L0^2/2) theta^2``
             per section. With the plain distance of the lengths, 3 and 1.5 d^2 for tubes at 120 degrees, a
-            thin
-            arm would rather buckle than shorten: straight is the nearest only while the weight of theta^2
-            exceeds (L0 - L) L, at most L0^2/4.
+            thin arm would rather buckle than shorten: straight is the nearest only while the weight of
+            theta^2 exceeds (L0 - L) L, at most L0^2/4.
     """
 
     sections: Sections
