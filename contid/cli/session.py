@@ -67,11 +67,12 @@ def export(
             for table in export_channels(session, Path(csv_path)):
                 click.echo(str(table))
     if rrd_path is not None:
+        loaded = drawn(session, robot)
         os.environ.setdefault("RUST_LOG", "off")  # what goes wrong is said by contid
         from contid.view.export import export_rrd
 
         entries = ((entry.values, entry.event) for entry in session.entries())
-        export_rrd(entries, drawn(session, robot), session.layout, Path(rrd_path))
+        export_rrd(entries, loaded, session.layout, Path(rrd_path))
         click.echo(rrd_path)
     if session.cut:
         click.echo(f"contid: {session.path}: {session.cut}; exported as far as it goes", err=True)
