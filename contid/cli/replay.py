@@ -10,6 +10,7 @@ from pathlib import Path
 import click
 
 from contid.cli.numbers import NumberRange
+from contid.cli.progress import counting
 
 
 @click.command()
@@ -36,9 +37,9 @@ def command(session_file: str, robot: str | None, tolerance: float, hardware: bo
     from contid.session.read import Session
     from contid.session.replay import replay
 
-    session = Session(Path(session_file))
     given = None if robot is None else load_robot_file(find_robot_file(robot))
     if hardware:
+        session = Session(Path(session_file))
         if tolerance:
             raise click.UsageError("--tolerance is for comparing; --hardware sends the commands as they are")
         from contid.cli.run import finish
@@ -46,23 +47,16 @@ def command(session_file: str, robot: str | None, tolerance: float, hardware: bo
 
         recorded = session.robot_file(wired=True)
         finish(run_on_hardware(session, recorded, given or recorded), as_json)
-    loaded = given or session.robot_file()
-    changed = differences(session.robot_text, loaded.text)
-    start_s = time.perf_counter()
-    replayed = replay(session, loaded, tolerance, _progress)
-    took_s = time.perf_counter() - start_s
-    if sys.stderr.isatty():
-        sys.stderr.write("\r\x1b[K")
+    with counting("ticks replayed") as count:
+        session = Session(Path(session_file), count)
+        loaded = given or session.robot_file()
+        changed = differences(session.robot_text, loaded.text)
+        start_s = time.perf_counter()
+        replayed = replay(session, loaded, tolerance)
+        took_s = time.perf_counter() - start_s
     result = verdict.as_json(session, replayed, changed, took_s)
     if as_json:
         click.echo(json.dumps(result))
     else:
         click.echo("\n".join(verdict.as_words(session, replayed, changed, took_s)))
     sys.exit(0 if result["same"] else 1)
-
-
-def _progress(ticks: int) -> None:
-    """Ticks replayed so far, on a terminal."""
-    if sys.stderr.isatty():
-        sys.stderr.write(f"\r\x1b[K{ticks} ticks replayed")
-        sys.stderr.flush()

@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING
 import click
 
 from contid.cli.files import NewFile
+from contid.cli.progress import counting
 
 if TYPE_CHECKING:
     from contid.description.load import LoadedFile
@@ -31,7 +32,8 @@ def info(session_file: str, as_json: bool) -> None:
     from contid.session.info import summarize
     from contid.session.read import Session
 
-    summary = summarize(Session(Path(session_file)))
+    with counting("ticks read") as count:
+        summary = summarize(Session(Path(session_file), count))
     click.echo(json.dumps(summary.as_dict()) if as_json else str(summary))
 
 
@@ -53,27 +55,20 @@ def export(
     asked = [Path(path) for path in (csv_path, rrd_path, yaml_path) if path is not None]
     if not asked:
         raise click.UsageError("say where to: --csv FOLDER, --csv FILE.csv, --rrd FILE.rrd, --yaml FILE.yaml")
-    session = Session(Path(session_file))
-    for path in asked:
-        refuse_to_replace(path)
-    if yaml_path is not None:
-        export_robot_file(session, Path(yaml_path))
-        click.echo(yaml_path)
-    if csv_path is not None:
-        if csv_path.endswith(".csv"):
-            export_joined(session, Path(csv_path))
-            click.echo(csv_path)
-        else:
-            for table in export_channels(session, Path(csv_path)):
-                click.echo(str(table))
-    if rrd_path is not None:
-        loaded = drawn(session, robot)
-        os.environ.setdefault("RUST_LOG", "off")  # what goes wrong is said by contid
-        from contid.view.export import export_rrd
-
-        entries = ((entry.values, entry.event) for entry in session.entries())
-        export_rrd(entries, loaded, session.layout, Path(rrd_path))
-        click.echo(rrd_path)
+    with counting("ticks read") as count:
+        session = Session(Path(session_file), count)
+        for path in asked:
+            refuse_to_replace(path)
+        if yaml_path is not None:
+            export_robot_file(session, Path(yaml_path))
+        written = [] if yaml_path is None else [Path(yaml_path)]
+        if csv_path is not None:
+            export_tables = export_joined if csv_path.endswith(".csv") else export_channels
+            written += export_tables(session, Path(csv_path))
+        if rrd_path is not None:
+            _export_rrd(session, robot, Path(rrd_path))
+            written.append(Path(rrd_path))
+    click.echo("\n".join(map(str, written)))
     if session.cut:
         click.echo(f"contid: {session.path}: {session.cut}; exported as far as it goes", err=True)
 
@@ -86,20 +81,20 @@ def repair(session_file: str, output: str | None) -> None:
 
     The tick that was cut is left out, what remains is indexed and compressed.
     """
-    from contid.session.compact import compact
-    from contid.session.info import summarize, today
-    from contid.session.read import Session
+    from contid.session.repair import repair as repaired
 
-    source = Path(session_file)
-    session = Session(source)
-    before = summarize(session)
-    if session.clean and session.chunked and output is None:
-        click.echo(f"{source}: nothing to repair")
-        return
-    note = {} if session.clean else {"repaired": {"when": today(), "found": session.cut}}
-    target = compact(source, None if output is None else Path(output), note)
-    after = summarize(Session(target))
-    click.echo(f"{target}: {after.ticks} of {before.ticks} ticks, {after.state}")
+    with counting("ticks read") as count:
+        told = repaired(Path(session_file), None if output is None else Path(output), count)
+    click.echo(told)
+
+
+def _export_rrd(session: Session, robot: str | None, path: Path) -> None:
+    loaded = drawn(session, robot)
+    os.environ.setdefault("RUST_LOG", "off")  # what goes wrong is said by contid
+    from contid.view.export import export_rrd
+
+    entries = ((entry.values, entry.event) for entry in session.entries())
+    export_rrd(entries, loaded, session.layout, path)
 
 
 def drawn(session: Session, robot: str | None) -> LoadedFile:

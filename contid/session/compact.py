@@ -40,7 +40,10 @@ class _Summary:
 
 
 def compact(
-    source: Path, target: Path | None = None, note: Mapping[str, Mapping[str, str]] | None = None
+    source: Path,
+    target: Path | None = None,
+    note: Mapping[str, Mapping[str, str]] | None = None,
+    most_ticks: int | None = None,
 ) -> Path:
     """Rewrite a session, whole or truncated, as an indexed and compressed one.
 
@@ -48,6 +51,7 @@ def compact(
         source: the session.
         target: where to, a file that does not exist; None replaces ``source``.
         note: metadata to add, by name.
+        most_ticks: what comes after so many is left out; None for everything.
 
     Returns:
         The new file.
@@ -61,7 +65,7 @@ def compact(
     beside = target.with_name(f".{target.name}.{os.getpid()}.tmp")
     try:
         with source.open("rb") as old, beside.open("xb") as new:
-            _Compactor(new).copy(RecordStream(old), note or {})
+            _Compactor(new, most_ticks).copy(RecordStream(old), note or {})
             new.flush()
             os.fsync(new.fileno())
         beside.replace(target)
@@ -76,8 +80,9 @@ def compact(
 class _Compactor:
     """One copy."""
 
-    def __init__(self, out: BinaryIO) -> None:
+    def __init__(self, out: BinaryIO, most_ticks: int | None) -> None:
         self._out = out
+        self._most, self._ticks = most_ticks, 0
         self._summary = _Summary()
         self._parts: list[bytes] = []
         self._size = self._time_ns = 0
@@ -94,6 +99,8 @@ class _Compactor:
         known: set[tuple[int, int]] = set()
         for opcode, body in stream:
             if opcode == mcap.MESSAGE:
+                if self._ticks == self._most:
+                    break
                 self._hold(body)
                 continue
             if opcode in (mcap.SCHEMA, mcap.CHANNEL):
@@ -116,6 +123,7 @@ class _Compactor:
             for each in (*self._held, body):
                 self._message(each)
             self._held = []
+            self._ticks += 1
         elif self._held:
             self._held.append(body)
         else:

@@ -10,6 +10,7 @@ import math
 import struct
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
+from enum import IntEnum
 from operator import itemgetter
 from typing import Any, Final
 
@@ -130,13 +131,18 @@ class Comparison:
     def _state(self, index: int, values: Sequence[float]) -> dict[str, Any]:
         """A robot's values in a tick, for a person."""
         robot, at = self._layout.robots[index], robot_at(self._layout, index)
-        state: dict[str, Any] = {"mode": Mode(int(values[at])).name, "fault": Fault(int(values[at + 1])).name}
+        state: dict[str, Any] = {"mode": named(Mode, values[at]), "fault": named(Fault, values[at + 1])}
         for number, axis in enumerate(robot.axes):
             start = axis_at(self._layout, index, number)
             state[axis] = {
                 name: values[start + place] for name, place in _OF_AXIS if name in ("solution", "command")
             }
         return state
+
+
+def named(kind: type[IntEnum], value: float) -> str:
+    """The name of a number in a record; the number itself when today's contid knows none."""
+    return next((each.name for each in kind if each == value), f"{value:g}")
 
 
 def _compared(layout: RecordLayout, device_units: Mapping[str, str], exact: bool) -> list[_Value]:

@@ -154,8 +154,8 @@ def export_channels(session: Session, folder: Path) -> list[Path]:
     return paths
 
 
-def export_joined(session: Session, path: Path) -> None:
-    """Every tick channel in one table, one row per tick."""
+def export_joined(session: Session, path: Path) -> list[Path]:
+    """Every tick channel in one table, one row per tick; returns the file."""
     names, table = ["tick", "t_s"], []
     for channel in TICK_CHANNELS:
         for column in columns(session, channel):
@@ -167,6 +167,7 @@ def export_joined(session: Session, path: Path) -> None:
         for entry in session.entries():
             if entry.values is not None:
                 writer.writerow(_row(session, entry.values, table))
+    return [path]
 
 
 def export_robot_file(session: Session, path: Path) -> None:

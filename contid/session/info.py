@@ -4,10 +4,12 @@ from __future__ import annotations
 
 from collections import Counter
 from dataclasses import asdict, dataclass, field
-from datetime import UTC, datetime
 from typing import Any
 
-from contid.session.read import Session
+from contid.control.supervisor import Mode
+from contid.session.channels import robot_at
+from contid.session.compare import named
+from contid.session.read import DAMAGED, Session
 
 #: Events that a summary shows one by one; of the others it says how many.
 _TOLD = ("fault", "refused", "bus", "tier", "overrun", "skipped", "recorder", "failed", "end", "stopping")
@@ -83,9 +85,6 @@ class Info:
 
 def summarize(session: Session) -> Info:
     """Read a session once."""
-    from contid.control.supervisor import Mode
-    from contid.session.channels import robot_at
-
     about = session.about["contid"]
     info = Info(str(session.path), session.path.stat().st_size, rate_hz=session.rate_hz)
     info.began, info.virtual, info.input = about.get("created", "unknown"), session.virtual, _input(session)
@@ -106,15 +105,21 @@ def summarize(session: Session) -> Info:
     info.duration_s = (last_ns - first_ns) / 1e9
     info.events = dict(sorted(kinds.items()))
     info.compacted = session.chunked
-    info.state = (
-        "clean" if session.clean else f"cut off ({session.cut}); `contid session repair` makes it whole"
-    )
+    info.state = _state(session, info.ticks)
     if "repaired" in session.about:
         info.state += f", repaired {session.about['repaired'].get('when', '')}".rstrip()
     for index, robot in enumerate(session.layout.robots):
-        mode = "never seen" if last is None else Mode(int(last[robot_at(session.layout, index)])).name
+        mode = "never seen" if last is None else named(Mode, last[robot_at(session.layout, index)])
         info.robots[robot.name] = {"model": robot.model, "axes": list(robot.axes), "mode": mode}
     return info
+
+
+def _state(session: Session, ticks: int) -> str:
+    if session.clean:
+        return "clean"
+    if session.cut == DAMAGED:
+        return f"{DAMAGED} after {ticks} ticks; what follows is not read"
+    return f"cut off ({session.cut}); `contid session repair` makes it whole"
 
 
 def _input(session: Session) -> str:
@@ -129,13 +134,9 @@ def _notice(info: Info, kinds: Counter[str], event: Any) -> None:
     if kind == "fault":
         info.faults.append(f"tick {event.get('tick')}: {event.get('robot')}: {event.get('words')}")
     elif kind == "overrun":
-        info.lost += int(event["missed_ticks"])
+        missed = event.get("missed_ticks")
+        info.lost += missed if isinstance(missed, int) else 0
     if kind in _TOLD and kind != "fault" and len(info.told) < _MOST:
         rest = ", ".join(f"{key} {value}" for key, value in event.items() if key not in ("event", "tick"))
         tick = f"tick {event['tick']}: " if "tick" in event else ""
         info.told.append(f"{tick}{kind}: {rest}")
-
-
-def today() -> str:
-    """Now, for the note of a repair."""
-    return datetime.now(UTC).isoformat(timespec="seconds")

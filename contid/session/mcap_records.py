@@ -82,12 +82,12 @@ class RecordStream:
     Attributes:
         clean: after the last record: the file ends as MCAP demands.
         chunked: a chunk was seen: the file was compacted.
+        damaged: the same: it ended at a chunk that is there but does not hold what it says.
     """
 
     def __init__(self, file: BinaryIO) -> None:
         self._file = file
-        self.clean = False
-        self.chunked = False
+        self.clean = self.chunked = self.damaged = False
 
     def __iter__(self) -> Iterator[tuple[int, bytes]]:
         """Opcode and body of every record of the data section."""
@@ -100,6 +100,7 @@ class RecordStream:
                 try:
                     inside = _unpacked(body) if opcode == CHUNK else _begun(body)
                 except ValueError:
+                    self.damaged = opcode == CHUNK
                     return
                 yield from _records(io.BytesIO(inside))
             elif opcode == DATA_END:

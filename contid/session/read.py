@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import json
 import struct
-from collections.abc import Iterator, Mapping
+from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, Final
@@ -23,6 +23,10 @@ from contid.session.decode import Decoder
 from contid.session.mcap_records import MESSAGE_INSIDE, DamagedRecordError, RecordStream
 from contid.trajectory.timed import Trajectory
 
+#: `Session.cut` of a file in the middle of which something is wrong: what follows is there, but not read.
+DAMAGED: Final = "damaged inside"
+#: Ticks between two words about how far it has come.
+_OFTEN: Final = 1000
 #: More than any run has.
 _TICKS: Final = 1 << 53
 #: What a message that does not hold what it should raises on its way into a record or an event.
@@ -65,13 +69,18 @@ class Session:
         cut: the same: what was found where it ends before its end, "" when it is clean.
     """
 
-    def __init__(self, path: Path) -> None:
+    def __init__(self, path: Path, progress: Callable[[int], None] = lambda ticks: None) -> None:
         """Read the head.
+
+        Args:
+            path: of the file.
+            progress: called with the number of ticks now and then, while `entries` reads.
 
         Raises:
             SessionError: the file is no session, or its head is cut off.
         """
         self.path = path
+        self._progress = progress
         self.about: dict[str, dict[str, str]] = {}
         self.clean = self.chunked = False
         self.cut = ""
@@ -191,6 +200,7 @@ class Session:
         topics, first, last = self._topics, TICK_CHANNELS[0], TICK_CHANNELS[-1]
         inside, head = MESSAGE_INSIDE, MESSAGE_INSIDE.size
         gathered: list[Any] | None = None
+        ticks = 0
         with self.path.open("rb") as file:
             stream = RecordStream(file)
             for opcode, body in stream:
@@ -212,13 +222,17 @@ class Session:
                         continue
                     values = decoder.record(gathered)
                 except _DAMAGE:
-                    self.cut = "a message is damaged"
+                    self.cut = DAMAGED
                     return
                 yield Entry(time_ns, values)
                 gathered = None
+                ticks += 1
+                if ticks % _OFTEN == 0:
+                    self._progress(ticks)
             self.clean, self.chunked = stream.clean, stream.chunked
         if not self.clean:
             self.cut = "the last tick is not whole" if gathered is not None else "it has no end"
+            self.cut = DAMAGED if stream.damaged else self.cut
 
     def ticks(self) -> Iterator[TickRecord]:
         """Records of the ticks."""

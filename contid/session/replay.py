@@ -11,14 +11,14 @@ from __future__ import annotations
 
 import math
 from collections import defaultdict
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
-from typing import Any
+from typing import Any, Final
 
 from contid.control.cycle import OnEnd, Timing
 from contid.control.engine import Engine
 from contid.control.journal import answer_of, order_of
-from contid.control.messages import Play
+from contid.control.messages import Message, Play
 from contid.control.ports import Answer, Job
 from contid.control.wiring import build_plans, chain_guards
 from contid.description.load import LoadedFile
@@ -28,6 +28,9 @@ from contid.session.channels import VALUE, axis_at
 from contid.session.compare import Comparison, Divergence
 from contid.session.differences import refuse_other_robots
 from contid.session.read import Session
+
+#: Events that a replay needs besides the records.
+_INPUTS: Final = frozenset({"order", "answer", "stall", "device"})
 
 
 @dataclass(frozen=True, slots=True)
@@ -132,19 +135,13 @@ class _Sink:
         """What the engine says again is in the recording already."""
 
 
-def replay(
-    session: Session,
-    loaded: LoadedFile,
-    tolerance: float = 0.0,
-    progress: Callable[[int], None] | None = None,
-) -> Replayed:
+def replay(session: Session, loaded: LoadedFile, tolerance: float = 0.0) -> Replayed:
     """Run a session again, up to its first divergence.
 
     Args:
         session: the recording.
         loaded: robot file; the recorded one, or another with the same robots and axes.
         tolerance: greatest difference of a command that is let pass [mm or bar]; 0 compares bit for bit.
-        progress: called with the number of ticks now and then.
 
     Raises:
         ContidError: the robot file has other robots or axes, or the trajectory no longer fits it.
@@ -176,7 +173,8 @@ def replay(
     last, last_skipped, count, played = -1, 0, 0, 0
     for entry in session.entries():
         if entry.event is not None:
-            _note(entry.event, by_tick)
+            if entry.event["event"] in _INPUTS:
+                by_tick[entry.event.get("tick", last + 1)].append(entry.event)
             continue
         values = entry.values
         assert values is not None
@@ -200,28 +198,37 @@ def replay(
         if divergence is not None:
             return Replayed(count, divergence, comparison.largest)
         last, last_skipped, count = tick, skipped, count + 1
-        if progress is not None and count % 1000 == 0:
-            progress(count)
     return Replayed(count, None, comparison.largest)
 
 
-def _note(event: Mapping[str, Any], by_tick: dict[int, list[Mapping[str, Any]]]) -> None:
-    if event["event"] in ("order", "answer", "stall", "device"):
-        by_tick[event["tick"]].append(event)
-
-
 def _apply(event: Mapping[str, Any], told: _Told, engine: Engine, tick: int) -> None:
-    """Give the tick under way what an event says about it."""
+    """Give the tick under way what an event says about it.
+
+    Raises:
+        ContidError: it does not say it.
+    """
+    try:
+        order = _understood(event, told)
+    except (ValueError, KeyError, TypeError, AttributeError, IndexError) as error:
+        words = f"its event {event['event']!r} is damaged: {type(error).__name__}: {error}"
+        raise ContidError(f"tick {tick}: {words}") from error
+    if order is not None:
+        engine.obey(order, tick)
+
+
+def _understood(event: Mapping[str, Any], told: _Told) -> Message | None:
+    """The order that an event is; of other events, what they tell is kept."""
     match event["event"]:
         case "order":
             known = event.get("trajectory")
-            engine.obey(order_of(event) if known is None else Play(known), tick)
+            return order_of(event) if known is None else Play(known)
         case "answer":
             told.answers[event["bus"]] = answer_of(event)
         case "stall":
             told.stalls.add(event["bus"])
         case "device":
             told.faults[event["axis"]] = event["fault"]
+    return None
 
 
 def _slots(session: Session, axes: Sequence[str]) -> dict[str, int]:

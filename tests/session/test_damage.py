@@ -18,7 +18,11 @@ import pytest
 from contid.errors import ContidError
 from contid.session import mcap_records as mcap
 from contid.session.about import about_trajectory, packed, unpacked
-from contid.session.read import Session
+from contid.session.channels import CHANNELS, EVENT
+from contid.session.info import summarize
+from contid.session.read import DAMAGED, Session
+from contid.session.repair import repair
+from contid.session.replay import replay
 from contid.trajectory.read import MAX_ROWS
 from tests.control.fingers import circle, load
 
@@ -94,20 +98,14 @@ def test_a_length_beyond_the_file_sets_nothing_aside() -> None:
         assert list(mcap.RecordStream(io.BytesIO(data))) == []
 
 
-def _with(growing: Path, folder: Path, topic: str, body: bytes) -> Path:
-    """The session with one more message at its end, whole but for what it says."""
-    channel = {"event": 6, "tick": 1}[topic]
+def _with(growing: Path, folder: Path, body: bytes, before: int = mcap.DATA_END) -> Path:
+    """The session with one more event before the first record of a kind, whole but for what it says."""
     path = folder / "more.mcap"
     data = growing.read_bytes()
-    at, end = len(mcap.MAGIC), 0
-    while at + mcap.RECORD.size <= len(data):
-        opcode, length = mcap.RECORD.unpack_from(data, at)
-        if opcode == mcap.DATA_END:
-            end = at
-            break
-        at += mcap.RECORD.size + length
-    assert end
-    path.write_bytes(data[:end] + mcap.message(channel, 1, 1, body) + data[end:])
+    at = len(mcap.MAGIC)
+    while (head := mcap.RECORD.unpack_from(data, at))[0] != before:
+        at += mcap.RECORD.size + head[1]
+    path.write_bytes(data[:at] + mcap.message(CHANNELS.index(EVENT) + 1, 1, 1, body) + data[at:])
     return path
 
 
@@ -125,9 +123,70 @@ def _with(growing: Path, folder: Path, topic: str, body: bytes) -> Path:
 )
 def test_an_event_that_is_none_ends_the_session_there(growing: Path, tmp_path: Path, body: bytes) -> None:
     whole = sum(1 for _ in Session(growing).entries())
-    session = Session(_with(growing, tmp_path, "event", body))
+    session = Session(_with(growing, tmp_path, body))
     assert sum(1 for _ in session.entries()) == whole
-    assert session.cut == "a message is damaged"
+    assert session.cut == DAMAGED
+
+
+@pytest.mark.parametrize(
+    "event",
+    [
+        {"event": "order"},
+        {"event": "order", "tick": 3},
+        {"event": "order", "tick": 3, "order": "goto"},
+        {"event": "order", "tick": 3, "order": "rows", "targets": 5},
+        {"event": "order", "tick": 3, "order": "hold", "robots": 5},
+        {"event": "order", "tick": 3, "order": "measured", "robot": "f0", "tip_m": "a"},
+        {"event": "answer", "tick": 3, "bus": "bus0"},
+        {"event": "answer", "tick": 3, "bus": "bus0", "lost": 5, "done": 7, "refused": 1},
+        {"event": "stall", "tick": 2},
+        {"event": "device", "tick": 3, "axis": [], "fault": 3},
+    ],
+)
+def test_an_event_that_does_not_say_what_its_kind_says_ends_the_replay(
+    growing: Path, tmp_path: Path, event: dict[str, object]
+) -> None:
+    session = Session(_with(growing, tmp_path, json.dumps(event).encode(), mcap.MESSAGE))
+    result = replay(session, load(2))
+    tick = event.get("tick", 0)
+    assert result.ticks == tick
+    assert result.stopped.startswith(f"tick {tick}: its event '{event['event']}' is damaged")
+
+
+@pytest.mark.parametrize("missed", [{}, {"missed_ticks": "x"}])
+def test_an_overrun_without_a_number_is_no_reason_to_say_nothing(
+    growing: Path, tmp_path: Path, missed: dict[str, str]
+) -> None:
+    path = _with(growing, tmp_path, json.dumps({"event": "overrun", **missed}).encode())
+    assert summarize(Session(path)).events["overrun"] == 1
+
+
+def test_damage_in_the_middle_is_not_repaired_away(growing: Path, recorded: Path, tmp_path: Path) -> None:
+    """What follows it may be all that is left of an afternoon: only a copy leaves it out."""
+    path, copy = tmp_path / "s.mcap", tmp_path / "copy.mcap"
+    for source in (growing, recorded):
+        data = bytearray(source.read_bytes())
+        at = data.index(b'"tick":50,') if source is growing else len(data) // 2  # in a message, in a chunk
+        data[at] ^= 1
+        path.write_bytes(data)
+        ticks = sum(1 for _ in Session(path).ticks())
+        assert ticks == (50 if source is growing else 0)
+        assert (
+            summarize(Session(path)).state == f"damaged inside after {ticks} ticks; what follows is not read"
+        )
+        with pytest.raises(ContidError, match="give --output"):
+            repair(path, None)
+        assert path.read_bytes() == data
+        assert "clean, repaired" in repair(path, copy)
+        assert sum(1 for _ in Session(copy).ticks()) == ticks
+        copy.unlink()
+
+
+def test_a_mode_of_tomorrow_is_a_number(growing: Path, tmp_path: Path) -> None:
+    path = tmp_path / "s.mcap"
+    path.write_bytes(growing.read_bytes().replace(b'"mode":0,', b'"mode":9,'))
+    assert [robot["mode"] for robot in summarize(Session(path)).robots.values()] == ["9", "9"]
+    assert replay(Session(path), load(2)).divergence is not None
 
 
 def _attachment(array: object, size: int | None = None) -> bytes:
