@@ -6,7 +6,7 @@ A cycle is a sync write of every goal and a (fast) sync read of every servo. The
 of its own and paced at the baud rate; CPU is that of the driver's process over the wall time, of one core.
 Rows with a block of 10 bytes read what the stock SDK reads (current, velocity, position); the blocks of 12
 and 15 bytes are what contid runs with: the watchdog read back and a proof that the mapping is intact in every
-exchange, voltage, temperature and hardware error in every one (15) or every n-th (12). The last rows are the
+exchange, temperature, torque and hardware error in every one (15) or every n-th (12). The last rows are the
 same with one servo silent.
 
 The emulated wire runs with real-time priority where that is permitted, because a wire is not preempted. With

@@ -10,6 +10,7 @@ from contid_drivers.dynamixel.cyclic import Reading
 from contid_drivers.dynamixel.options import AxisOptions, BusOptions
 
 RESET_IN_WORDS = "it reset itself (brown-out?); its watchdog, settings and turn count are gone"
+LIMP_IN_WORDS = "its torque is off, and nobody here switched it off: does another program use this bus?"
 
 
 @dataclass(slots=True)
@@ -108,6 +109,8 @@ class Axis:
             if self.fault.endswith("cause not read yet"):
                 self.fault = ""
             self.latch(f"hardware error: {words}; torque is off if the shutdown mask says so")
+        if self.enabled and reading.torque is False and reading.watchdog == self.armed:
+            self.latch(LIMP_IN_WORDS)
         if not self.armed or reading.watchdog is None or reading.watchdog == self.armed:
             return
         if reading.watchdog == reg.WATCHDOG_TRIPPED:

@@ -7,10 +7,11 @@ delays and the adapter's latency, once for all servos; a silent one costs that a
 The block holds, through indirect addresses where the servo has them::
 
     98 watchdog | 126 current 2, velocity 4, position 4 | 144 voltage, low byte  <- every exchange
-    70 hardware error | 145 voltage, high byte | 146 temperature                 <- every n-th as well
+    70 hardware error | 64 torque enable | 146 temperature                       <- every n-th as well
 
-The voltage is never 0 on a living servo, but indirect data of one that reset itself is: it shows that the
-mapping is gone. Without indirect addresses the plain block 98..146 is read.
+The low byte alone is the voltage: an XL330 never sees 25.6 V. It is never 0 on a living servo, but indirect
+data of one that reset itself is: it shows that the mapping is gone. Without indirect addresses the plain block
+98..146 is read, which does not tell whether torque is on.
 """
 
 from __future__ import annotations
@@ -33,7 +34,7 @@ from contid_drivers.dynamixel.packets import (
 from contid_drivers.dynamixel.port import BlockingPort
 
 #: Registers bytes in the order of the indirect block.
-INDIRECT_ORDER: Final = (98, *range(126, 136), 144, 70, 145, 146)
+INDIRECT_ORDER: Final = (98, *range(126, 136), 144, 70, 64, 146)
 
 
 @dataclass(frozen=True, slots=True)
@@ -48,6 +49,7 @@ class Reading:
     voltage_low: int | None = None
     voltage: int | None = None
     hardware_error: int | None = None
+    torque: bool | None = None
     temperature: int | None = None
 
 
@@ -65,13 +67,15 @@ class Layout:
             watchdog, current, velocity, position, low = _LEAN.unpack_from(data)
             if len(data) == self.lean:
                 return Reading(current, velocity, position, alert, watchdog, low)
-            error, high, temperature = data[12:15]
+            error, torque, temperature = data[12:15]
             return Reading(
-                current, velocity, position, alert, watchdog, low, low | high << 8, error, temperature
+                current, velocity, position, alert, watchdog, low, low, error, bool(torque), temperature
             )
         if self is PLAIN:
             watchdog, current, velocity, position, voltage, temperature = _PLAIN.unpack(data)
-            return Reading(current, velocity, position, alert, watchdog, None, voltage, None, temperature)
+            return Reading(
+                current, velocity, position, alert, watchdog, None, voltage, temperature=temperature
+            )
         current, velocity, position = _MOTION.unpack(data)
         return Reading(current, velocity, position, alert)
 

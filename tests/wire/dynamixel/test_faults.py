@@ -130,6 +130,22 @@ def test_a_hardware_error_is_a_fault_in_words_within_one_exchange(
     assert running.emulator.servo(2).position_ticks == before
 
 
+def test_torque_that_somebody_else_switched_off_is_a_fault_and_comes_back_without_a_jump(
+    running: Any,
+) -> None:
+    running.tick(3, a1=1100 * TICK, a2=2100 * TICK)
+    running.bus._client.write(2, reg.TORQUE_ENABLE, 0)
+    samples = running.tick(a1=1100 * TICK, a2=2500 * TICK)
+    assert "torque is off" in samples["r.a2"].fault
+    assert samples["r.a1"].fault == ""
+    running.bus.clear_fault(["r.a2"])
+    limp = running.emulator.servo(2).position_ticks
+    assert not running.emulator.servo(2).torque
+    running.bus.enable(["r.a2"])
+    running.tick(5)
+    assert abs(running.emulator.servo(2).position_ticks - limp) < 1
+
+
 def test_a_tripped_watchdog_is_a_latched_fault_and_comes_back_without_a_jump(running: Any) -> None:
     running.tick(a1=9000 * TICK)
     running.tick(3)
