@@ -19,7 +19,7 @@ const char* const CAUSES[] = {"power_up", "backup", "watchdog", "software", "pin
 
 }  // namespace
 
-void Machine::boot(ResetCause cause) {
+void Machine::boot(ResetCause cause, uint32_t uptime_ms) {
   ++boots_;
   Identity identity = Identity();
   identity.role = role_;
@@ -27,11 +27,12 @@ void Machine::boot(ResetCause cause) {
   identity.cause = cause;
   for (uint8_t& capability : identity.capabilities) capability = this->capability();
   identity.pins = "emulated";
-  board_.start(identity, nullptr, nullptr);
+  board_.start(identity, nullptr, nullptr, uptime_ms);
   link_.start();
   outputs_ = Outputs();
   starved_ms_ = 0;
   frozen_ms_ = 0;
+  ticked_ = false;
   for (int i = 0; i < CHANNELS; ++i) {
     state_[i] = State::OFF;
     reason_[i] = Reason::NONE;
@@ -41,9 +42,9 @@ void Machine::boot(ResetCause cause) {
   std::fflush(journal_);
 }
 
-void Machine::reset(ResetCause cause) {
+void Machine::reset(ResetCause cause, uint32_t uptime_ms) {
   for (MotorPlant& motor : plant.motor) motor.lose_count();
-  boot(cause);
+  boot(cause, uptime_ms);
   starting_ms_ = START_UP_MS;
 }
 
@@ -53,6 +54,7 @@ void Machine::tick() {
     --starting_ms_;
   } else {
     board_.tick(plant.inputs, outputs_);
+    ticked_ = true;
   }
   plant.step(outputs_, role_ == Role::MOTOR);
   note();
@@ -105,6 +107,7 @@ bool Machine::command(const std::string& line, std::string& out) {
   double value = 0.0;
   if (!(in >> verb)) return true;
   if (verb == "reset") return reset(ResetCause::PIN), true;
+  if (verb == "old" && in >> value) return reset(ResetCause::PIN, static_cast<uint32_t>(value)), true;
   if (verb == "brown_out") return reset(ResetCause::BROWN_OUT), true;
   if (verb == "freeze") {
     if (!(in >> value)) value = 1e9;

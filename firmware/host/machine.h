@@ -13,16 +13,16 @@ namespace contid {
 
 class Machine {
  public:
-  Machine(Role role, FILE* journal) : role_(role), journal_(journal) { boot(ResetCause::POWER_UP); }
+  Machine(Role role, FILE* journal) : role_(role), journal_(journal) { boot(ResetCause::POWER_UP, 0); }
 
   // The timer interrupt and one millisecond of the world.
   void tick();
   // A byte for the sketch; answers are appended to `reply`. A board that starts (until its first tick) or whose
   // loop() is frozen hears nothing: the caller keeps the byte.
   void take(uint8_t byte, std::vector<uint8_t>& reply);
-  bool hears() const { return starting_ms_ == 0 && frozen_ms_ == 0 && board_.uptime_ms() > 0; }
+  bool hears() const { return starting_ms_ == 0 && frozen_ms_ == 0 && ticked_; }
 
-  void reset(ResetCause cause);
+  void reset(ResetCause cause, uint32_t uptime_ms = 0);
   // loop() stands still: after the watchdog's 250 ms the board resets, as the hardware would.
   void freeze(uint32_t ms) { frozen_ms_ = ms; }
   void count_dropped() { board_.count_dropped_answer(); }
@@ -33,7 +33,7 @@ class Machine {
   Plant plant;
 
  private:
-  void boot(ResetCause cause);
+  void boot(ResetCause cause, uint32_t uptime_ms);
   void note();
   uint8_t capability() const { return role_ == Role::MOTOR ? contid::CURRENT_SENSE | contid::BRIDGE_FAULT : contid::READ_BACK; }
 
@@ -45,7 +45,7 @@ class Machine {
   uint16_t boots_ = 0;
   uint64_t world_ms_ = 0;
   uint32_t starting_ms_ = 0, frozen_ms_ = 0, starved_ms_ = 0;
-  bool watchdog_fires_ = true;
+  bool watchdog_fires_ = true, ticked_ = false;
   State state_[CHANNELS] = {};
   Reason reason_[CHANNELS] = {};
   bool resting_[CHANNELS] = {};

@@ -89,6 +89,41 @@ def test_a_host_that_does_not_hear_does_not_feed(board):
     assert motors.demand(heard_ms=deaf_since).stale
 
 
+@pytest.mark.parametrize("left_ms", [50, 300, 1000])
+def test_the_clock_wraps_after_49_days_and_nobody_notices(board, left_ms):
+    motors = board("motor")
+    motors.tell(f"old {2**32 - left_ms}")
+    motors.step(40)  # it starts
+    motors.configure({"m0": {}})
+    motors.arm(0)
+    goal = 0
+    for _ in range(200):
+        goal += MOVING // 200
+        told = motors.demand({0: goal})
+        assert (told.channels[0].state, told.stale) == (State.ARMED, False)
+        motors.step(5)
+    assert motors.telemetry.uptime_ms < 2000
+    assert motors.truth(0)[1] == pytest.approx(MOVING, rel=0.05)
+    motors.step(400)
+    assert (motors.trip()["reason"], motors.trip()["silence_ms"]) == ("dead_man", 100)
+
+
+def test_the_dead_man_trips_across_the_wrap_and_old_demands_stay_old(board):
+    motors = board("motor")
+    motors.tell(f"old {2**32 - 250}")
+    motors.step(40)
+    motors.configure({"m0": {}})
+    motors.arm(0)
+    heard = motors.demand({0: 100}).uptime_ms
+    while (heard + 30) % 2**32 > heard:  # the last demand comes shortly before the wrap
+        motors.step(5)
+        heard = motors.demand({0: 100}).uptime_ms
+    motors.step(150)
+    assert (motors.trip()["reason"], motors.trip()["silence_ms"]) == ("dead_man", 100)
+    assert motors.demand({0: 200}, heard_ms=heard).stale
+    assert not motors.demand({0: 200}).stale
+
+
 def test_stalled_motor(board):
     motors, ramp = _moving_motor(board, stall_ms=100)
     motors.tell("set 0 stall 1")

@@ -110,6 +110,11 @@ void put_out(uint8_t i, const contid::Output& out) {
   }
 }
 
+// Low from the moment it is driven. pinMode() would make it high first, whatever was written to it before.
+void start_direction(uint8_t pin) {
+  PIO_Configure(g_APinDescription[pin].pPort, PIO_OUTPUT_0, g_APinDescription[pin].ulPin, PIO_DEFAULT);
+}
+
 // ---- the control tick ----
 
 void start_tick() {
@@ -256,19 +261,18 @@ void contid_setup() {
   native.start();
   programming.start();
 
+  // First of all the outputs that a bridge or a valve goes by.
+  start_pwm();
   uint32_t adc_channels = 0;
   for (uint8_t i = 0; i < CHANNELS; ++i) {
     adc_channels |= 1u << PINS[i].adc_channel;
     if (role != contid::Role::MOTOR) continue;
-    digitalWrite(PINS[i].in_a, LOW);
-    digitalWrite(PINS[i].in_b, LOW);
-    pinMode(PINS[i].in_a, OUTPUT);
-    pinMode(PINS[i].in_b, OUTPUT);
+    start_direction(PINS[i].in_a);
+    start_direction(PINS[i].in_b);
     pinMode(PINS[i].fault, INPUT_PULLUP);
   }
   ADC->ADC_CHER = adc_channels;
   ADC->ADC_CR = ADC_CR_START;
-  start_pwm();
   if (role == contid::Role::MOTOR) {
     start_hardware_decoder(TC0, ID_TC0, 2, 13);
     start_hardware_decoder(TC2, ID_TC6, 5, 4);

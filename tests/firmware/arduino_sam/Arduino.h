@@ -127,7 +127,7 @@ extern Gpbr* const GPBR;
 #define SUPC_SR_BODRSTS (0x1u << 3)
 
 // libsam
-typedef enum { PIO_PERIPH_B, PIO_INPUT } EPioType;
+typedef enum { PIO_PERIPH_B, PIO_INPUT, PIO_OUTPUT_0 } EPioType;
 #define PIO_DEFAULT (0u << 0)
 #define PIO_PULLUP (1u << 0)
 uint32_t PIO_Configure(Pio* port, EPioType type, uint32_t mask, uint32_t attribute);

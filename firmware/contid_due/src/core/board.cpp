@@ -5,12 +5,16 @@
 
 namespace contid {
 
-void Board::start(const Identity& identity, void (*mask_tick)(), void (*unmask_tick)()) {
+void Board::start(const Identity& identity, void (*mask_tick)(), void (*unmask_tick)(),
+                  uint32_t uptime_ms) {
   // A board is plain data: all zero is its state after a reset.
   memset(static_cast<void*>(this), 0, sizeof(*this));
   identity_ = identity;
   mask_tick_ = mask_tick;
   unmask_tick_ = unmask_tick;
+  now_ = uptime_ms;
+  fed_ = uptime_ms;
+  demanded_ = uptime_ms;
 }
 
 void Board::tick(const Inputs& in, Outputs& out) {

@@ -33,7 +33,8 @@ struct Outputs {
 class Board {
  public:
   // `mask_tick` and `unmask_tick` keep the timer interrupt out for a moment; null where it cannot interrupt.
-  void start(const Identity& identity, void (*mask_tick)(), void (*unmask_tick)());
+  // `uptime_ms` is other than 0 only where the wrap of the clock after 49 days is tried out.
+  void start(const Identity& identity, void (*mask_tick)(), void (*unmask_tick)(), uint32_t uptime_ms = 0);
 
   void tick(const Inputs& in, Outputs& out);
 
@@ -70,6 +71,10 @@ class Board {
   Verdict check_crc(Reader& in) const;
   Verdict check_mask(uint8_t mask) const;
   Verdict may_arm(uint8_t channel) const;
+  Verdict may_clear(uint8_t channel) const;
+  Verdict may_home(uint8_t channel) const;
+  // The first objection of a channel in the mask. With the tick kept out: what it says still holds afterwards.
+  Verdict ask_each(uint8_t mask, Verdict (Board::*may)(uint8_t channel) const) const;
 
   size_t say_hello(uint8_t* out, size_t capacity) const;
   size_t say_telemetry(uint8_t* out, size_t capacity);

@@ -118,6 +118,15 @@ Verdict Board::configure(Reader& in) {
   return accepted();
 }
 
+Verdict Board::ask_each(uint8_t mask, Verdict (Board::*may)(uint8_t channel) const) const {
+  for (uint8_t i = 0; i < CHANNELS; ++i) {
+    if ((mask & (1u << i)) == 0) continue;
+    const Verdict verdict = (this->*may)(i);
+    if (verdict.refusal != Refusal::NONE) return verdict;
+  }
+  return accepted();
+}
+
 Verdict Board::may_arm(uint8_t i) const {
   if (channel_[i].state == State::SAFE) return Verdict{Refusal::LATCHED, i};
   if (!fitted(i)) return Verdict{Refusal::BAD_CHANNEL, i};
@@ -137,11 +146,13 @@ Verdict Board::arm(Reader& in) {
   const uint8_t mask = in.u8();
   if (!in.finished()) return Verdict{Refusal::WRONG_LENGTH, static_cast<uint16_t>(in.at())};
   verdict = check_mask(mask);
-  for (uint8_t i = 0; i < CHANNELS && verdict.refusal == Refusal::NONE; ++i) {
-    if ((mask & (1u << i)) != 0) verdict = may_arm(i);
-  }
   if (verdict.refusal != Refusal::NONE) return verdict;
   keep_tick_out();
+  verdict = ask_each(mask, &Board::may_arm);
+  if (verdict.refusal != Refusal::NONE) {
+    let_tick_in();
+    return verdict;
+  }
   fed_ = now_;
   demanded_ = now_;
   for (uint8_t i = 0; i < CHANNELS; ++i) {
@@ -190,6 +201,12 @@ Verdict Board::demand(Reader& in) {
   return accepted();
 }
 
+Verdict Board::may_clear(uint8_t i) const {
+  const bool wire = channel_[i].reason == Reason::SENSOR_WIRE && !regulator_[i].sensor_ok();
+  const bool bridge = channel_[i].reason == Reason::BRIDGE && (bridge_faults_ & (1u << i)) != 0;
+  return wire || bridge ? Verdict{Refusal::PERSISTS, i} : accepted();
+}
+
 Verdict Board::clear(Reader& in) {
   Verdict verdict = check_crc(in);
   if (verdict.refusal != Refusal::NONE) return verdict;
@@ -197,12 +214,12 @@ Verdict Board::clear(Reader& in) {
   if (!in.finished()) return Verdict{Refusal::WRONG_LENGTH, static_cast<uint16_t>(in.at())};
   verdict = check_mask(mask);
   if (verdict.refusal != Refusal::NONE) return verdict;
-  for (uint8_t i = 0; i < CHANNELS; ++i) {
-    const bool wire = channel_[i].reason == Reason::SENSOR_WIRE && !regulator_[i].sensor_ok();
-    const bool bridge = channel_[i].reason == Reason::BRIDGE && (bridge_faults_ & (1u << i)) != 0;
-    if ((mask & (1u << i)) != 0 && (wire || bridge)) return Verdict{Refusal::PERSISTS, i};
-  }
   keep_tick_out();
+  verdict = ask_each(mask, &Board::may_clear);
+  if (verdict.refusal != Refusal::NONE) {
+    let_tick_in();
+    return verdict;
+  }
   for (uint8_t i = 0; i < CHANNELS; ++i) {
     if ((mask & (1u << i)) == 0 || channel_[i].state != State::SAFE) continue;
     const Safe safe = identity_.role == Role::MOTOR ? config_.motor[i].safe : config_.regulator[i].safe;
@@ -237,26 +254,27 @@ Verdict Board::stop(Reader& in) {
   return accepted();
 }
 
+Verdict Board::may_home(uint8_t i) const {
+  if (identity_.role != Role::MOTOR || !config_.motor[i].homing) return Verdict{Refusal::NO_HOMING, i};
+  if (channel_[i].state == State::SAFE) return Verdict{Refusal::LATCHED, i};
+  if (channel_[i].state == State::ARMED) return Verdict{Refusal::ARMED_NOW, i};
+  if (!fitted(i) || (bridge_faults_ & (1u << i)) != 0) return Verdict{Refusal::PERSISTS, i};
+  return accepted();
+}
+
 Verdict Board::home(Reader& in) {
   Verdict verdict = check_crc(in);
   if (verdict.refusal != Refusal::NONE) return verdict;
   const uint8_t mask = in.u8();
   if (!in.finished()) return Verdict{Refusal::WRONG_LENGTH, static_cast<uint16_t>(in.at())};
   verdict = check_mask(mask);
-  for (uint8_t i = 0; i < CHANNELS && verdict.refusal == Refusal::NONE; ++i) {
-    if ((mask & (1u << i)) == 0) continue;
-    if (identity_.role != Role::MOTOR || !config_.motor[i].homing) {
-      verdict = Verdict{Refusal::NO_HOMING, i};
-    } else if (channel_[i].state == State::SAFE) {
-      verdict = Verdict{Refusal::LATCHED, i};
-    } else if (channel_[i].state == State::ARMED) {
-      verdict = Verdict{Refusal::ARMED_NOW, i};
-    } else if (!fitted(i) || (bridge_faults_ & (1u << i)) != 0) {
-      verdict = Verdict{Refusal::PERSISTS, i};
-    }
-  }
   if (verdict.refusal != Refusal::NONE) return verdict;
   keep_tick_out();
+  verdict = ask_each(mask, &Board::may_home);
+  if (verdict.refusal != Refusal::NONE) {
+    let_tick_in();
+    return verdict;
+  }
   fed_ = now_;
   for (uint8_t i = 0; i < CHANNELS; ++i) {
     if ((mask & (1u << i)) == 0 || channel_[i].state == State::HOMING) continue;
