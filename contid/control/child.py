@@ -62,7 +62,7 @@ class ControlChild:
         self.flush()
 
     def send_bulk(self, message: object) -> None:
-        """Send a long message, its arrays by way of shared memory."""
+        """Send a long message, its arrays by way of shared memory; through the pipe when that is full."""
         beside = aside(message, ring.folder())
         if beside is None:
             self.send(message)

@@ -177,17 +177,24 @@ def frame(message: object) -> bytes:
 
 
 def aside(message: object, folder: Path) -> Aside | None:
-    """Leave the arrays of a message in a folder of shared memory; None when it has none."""
+    """Leave the arrays of a message in a folder of shared memory; None without arrays, or without room."""
     buffers: list[pickle.PickleBuffer] = []
     body = pickle.dumps(message, protocol=pickle.HIGHEST_PROTOCOL, buffer_callback=buffers.append)
     pieces = [buffer.raw() for buffer in buffers]
     if not sum(map(len, pieces)):
         return None
     front, back = ASIDE.split("*")
-    descriptor, path = tempfile.mkstemp(back, f"{front}{os.getpid()}-", folder)
-    with os.fdopen(descriptor, "wb") as file:
-        for piece in pieces:
-            file.write(piece)
+    try:
+        descriptor, path = tempfile.mkstemp(back, f"{front}{os.getpid()}-", folder)
+    except OSError:
+        return None
+    try:
+        with os.fdopen(descriptor, "wb") as file:
+            for piece in pieces:
+                file.write(piece)
+    except OSError:
+        Path(path).unlink()
+        return None
     return Aside(body, path, tuple(map(len, pieces)))
 
 

@@ -51,7 +51,7 @@ STAMP: Final = U64.size
 
 
 class RingError(ContidError):
-    """A ring cannot be attached: it is gone, or the file is something else."""
+    """A ring cannot be made, or attached: no room, gone, or something else."""
 
 
 def folder() -> Path:
@@ -70,17 +70,28 @@ def sweep() -> None:
 
 
 def create(layout: RecordLayout, seconds: float = SECONDS) -> Path:
-    """Make the file of a ring that holds at least ``seconds`` of ticks; returns its path."""
+    """Make the file of a ring that holds at least ``seconds`` of ticks; returns its path.
+
+    Its memory is taken now: whoever fills the folder later would end the writer in the middle of a motion.
+
+    Raises:
+        RingError: there is no room, or the folder cannot be written.
+    """
     text = layout.to_json().encode()
     slots = max(int(seconds * layout.rate_hz), 256)
     size = layout.packer().size + STAMP
     total = _events_at(len(text), slots, size) + EVENT_SLOTS * EVENT_BYTES
     path = folder() / f"contid-{os.getpid()}-{secrets.token_hex(4)}.ring"
-    with os.fdopen(os.open(path, os.O_RDWR | os.O_CREAT | os.O_EXCL, 0o600), "r+b") as file:
-        file.truncate(total)
-        file.write(HEAD.pack(MAGIC, len(text), slots, size, EVENT_SLOTS, 0))
-        file.seek(HEAD_BYTES)
-        file.write(text)
+    try:
+        with os.fdopen(os.open(path, os.O_RDWR | os.O_CREAT | os.O_EXCL, 0o600), "r+b") as file:
+            os.posix_fallocate(file.fileno(), 0, total)
+            file.write(HEAD.pack(MAGIC, len(text), slots, size, EVENT_SLOTS, 0))
+            file.seek(HEAD_BYTES)
+            file.write(text)
+    except OSError as error:
+        path.unlink(missing_ok=True)
+        words = f"{path.parent}: no shared memory of {total / 1e6:.1f} MB for this run: {error.strerror}"
+        raise RingError(f"{words}; remove files from it, or give it more (docker: --shm-size)") from error
     return path
 
 

@@ -3,7 +3,9 @@
 from __future__ import annotations
 
 import math
+import os
 import random
+import resource
 import stat
 from collections.abc import Iterator
 from pathlib import Path
@@ -125,6 +127,22 @@ def test_a_slow_reader_never_joins_parts_of_different_events(path: Path) -> None
 
 def test_only_its_owner_may_read_it(path: Path) -> None:
     assert stat.S_IMODE(path.stat().st_mode) == 0o600
+
+
+def test_its_memory_is_taken_at_once_so_that_nobody_can_take_it_later(path: Path) -> None:
+    assert path.stat().st_blocks * 512 >= path.stat().st_size
+
+
+def test_no_room_is_said_before_anything_runs() -> None:
+    before = set(ring.folder().glob(f"contid-{os.getpid()}-*"))
+    soft, hard = resource.getrlimit(resource.RLIMIT_FSIZE)
+    resource.setrlimit(resource.RLIMIT_FSIZE, (1 << 20, hard))
+    try:
+        with pytest.raises(ring.RingError, match=r"no shared memory of 2\.\d MB for this run"):
+            ring.create(LAYOUT, seconds=0.1)
+    finally:
+        resource.setrlimit(resource.RLIMIT_FSIZE, (soft, hard))
+    assert set(ring.folder().glob(f"contid-{os.getpid()}-*")) == before
 
 
 def test_a_reader_outlives_the_file() -> None:

@@ -10,8 +10,8 @@ The block holds, through indirect addresses where the servo has them::
     70 hardware error | 64 torque enable | 146 temperature                       <- every n-th as well
 
 The low byte alone is the voltage: an XL330 never sees 25.6 V. It is never 0 on a living servo, but indirect
-data of one that reset itself is: it shows that the mapping is gone. Without indirect addresses the plain block
-98..146 is read, which does not tell whether torque is on.
+data of one that reset itself is: it shows that the mapping is gone. Without indirect addresses the plain
+block 98..146 is read, which does not tell whether torque is on.
 """
 
 from __future__ import annotations
