@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable, Mapping
 from contextlib import suppress
 from dataclasses import replace
@@ -135,8 +136,12 @@ class Exchange:
             port.lost = ""
             self._sink.event("bus", bus=name, words=f"{name} is back; clear-fault, then resume")
         assert answer.samples is not None
+        if len(answer.samples) < len(port.bus.axes):  # what is left out is no sample of this tick
+            self._invalidate(port)
         self.samples.update(answer.samples)
         for axis, sample in answer.samples.items():
+            if sample.valid and (sample.value is None or not math.isfinite(sample.value)):
+                self.samples[axis] = replace(sample, value=None, valid=False)
             if sample.fault != self._device_faults.get(axis, ""):
                 self._device_faults[axis] = sample.fault
                 self._sink.event("device", tick=self._tick, axis=axis, fault=sample.fault)

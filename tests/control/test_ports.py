@@ -2,8 +2,13 @@
 
 from __future__ import annotations
 
+import math
 import threading
 from collections.abc import Mapping, Sequence
+from dataclasses import replace
+from typing import Any
+
+import pytest
 
 from contid.control.cycle import Timing
 from contid.control.engine import Engine
@@ -148,4 +153,35 @@ def test_a_defect_of_a_driver_is_told_as_a_lost_bus() -> None:
             raise ZeroDivisionError("oh")
 
     assert perform(Broken(bus), Job({})).lost == "bus0: ZeroDivisionError: oh"
+    bus.close()
+
+
+@pytest.mark.parametrize("value", [math.nan, math.inf, None, "left out"])
+@pytest.mark.parametrize("since", [0, 40], ids=["from the start", "while armed"])
+def test_what_is_no_number_is_a_failed_read_whatever_the_driver_says(value: Any, since: int) -> None:
+    loaded = load(1)
+    clock = Ticking()
+    ((name, bus),) = open_buses(loaded, clock).items()
+
+    class Lying(Blocking):
+        def exchange(self, commands: Mapping[str, float]) -> Mapping[str, Sample]:
+            assert all(map(math.isfinite, commands.values()))
+            samples = dict(super().exchange(commands))
+            if tick >= since:
+                if value == "left out":
+                    del samples["f0.left"]
+                else:
+                    samples["f0.left"] = replace(samples["f0.left"], value=value)
+            return samples
+
+    engine = Engine(
+        build_plans(loaded, 200.0), {name: Port(Lying(bus), threaded=False)}, 200.0, Collector(), clock.now,
+        attended=True,
+    )  # fmt: skip
+    engine.arm()
+    for tick in range(500):  # the bus looks at it
+        clock.now_s = tick / 200.0
+        engine.cycle(Timing(tick, 0, clock.now_s, 0.0, clock.now_s))
+    assert engine.states[0].fault is (Fault.AXIS_SILENT if since else Fault.NO_SAMPLE)
+    assert bool(engine.states[0].command) == bool(since)
     bus.close()
