@@ -1,4 +1,5 @@
-// The bounded step of a descent: a small quadratic program in a box.
+// The bounded step of a descent: a small quadratic programme in a box.
+// Twin and specification: contid/models/cosserat/box_step.py.
 #pragma once
 
 #include <algorithm>

@@ -1,4 +1,4 @@
-// Derivatives of a sweep, a column for each unknown: twin of statics._tangent_rates. Columns lie next to each other,
+// Derivatives of a sweep, a column for each unknown: twin of element._tangent_rates. Columns lie next to each other,
 // so loops vectorise.
 #pragma once
 
@@ -37,7 +37,7 @@ template <int A, bool Add, int C> inline void times(const Mat &a, const double (
     }
 }
 
-// Rates of the columns at one stage; statics._tangent_rates. The first `Base` columns (3 or none) belong to the
+// Rates of the columns at one stage; element._tangent_rates. The first `Base` columns (3 or none) belong to the
 // base moment, `Own` is the first of this section's pressures, -1 for none. dmu moves only under a distributed load;
 // of a massless rod it stays the identity.
 template <int A, int Base, int Own, int C>

@@ -1,6 +1,6 @@
 // Statics of a pneumatic rod: one sweep from base to tip, with derivatives.
 //
-// Twin of contid/models/cosserat/statics.py, which is its specification and holds the equations.
+// Twins and specification: contid/models/cosserat/{element,statics}.py; the second holds the equations.
 // Units: mm, N, N*mm, bar. C++17, no allocation, no exceptions.
 #pragma once
 
@@ -16,7 +16,7 @@ template <int C> struct State {
     Columns<C> by;
 };
 
-// One element of reference length h; statics.step. N is the force at its start; A = 0 leaves the columns alone.
+// One element of reference length h; element.step. N is the force at its start; A = 0 leaves the columns alone.
 template <int A, int Base, int Own, int C>
 inline void step(const Inflated &s, State<C> &state, Vec N, Vec f, bool massless, double h) {
     const bool weighs = dot(f, f) > 0.0;
@@ -78,7 +78,7 @@ inline void step(const Inflated &s, State<C> &state, Vec N, Vec f, bool massless
     }
 }
 
-// A rigid link of constant weight per length; statics.link.
+// A rigid link of constant weight per length; element.link.
 template <int A, int C> inline void link(State<C> &state, double length, Vec f) {
     const Vec e = column(state.R, 2);
     state.mu = state.mu - length * cross(state.p + 0.5 * length * e, f);

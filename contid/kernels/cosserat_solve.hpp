@@ -1,13 +1,15 @@
-// Bounded inverse statics: twin of contid/models/cosserat/solve.py.
+// Bounded inverse statics: twin of contid/models/cosserat/solve.py, its specification.
 //
-// It differs in one thing (and leaves the first try to cosserat_track.hpp): derivatives are kept for further steps while these reduce the error tenfold, since a
-// sweep without derivatives costs less than half. Where it ends does not depend on that.
+// It differs in one thing: derivatives are kept for further steps (chords) while these reduce the error tenfold,
+// since a sweep without derivatives costs less than half. Where it ends does not depend on that. The first try of a
+// search is left to cosserat_track.hpp where that will do.
 #pragma once
 
 #include <algorithm>
 
 #include "box_step.hpp"
 #include "cosserat_balance.hpp"
+#include "cosserat_task.hpp"
 
 namespace contid {
 
@@ -15,15 +17,6 @@ constexpr double kCentreWeight = 1e-6, kStepTolerance = 1e-9, kFreedomTolerance 
                  kSideways = 0.3;
 constexpr double kBalance = 1e-6;  // [N*mm], inside a descent
 constexpr int kChords = 3;
-
-struct Task {
-    Vec tip, mid, direction;
-    bool has_mid, has_direction, full_rotation;
-    double length;
-    Mat frame;  // twist-free frame of `direction`, for full_rotation
-    int rows() const { return 3 + (has_mid ? 3 : 0) + (has_direction ? 3 : 0); }
-    int independent() const { return 3 + (has_mid ? 3 : 0) + (has_direction ? (full_rotation ? 3 : 2) : 0); }
-};
 
 template <int K> struct Limits {
     double lower[3 * K], upper[3 * K], centre[3 * K];
@@ -40,74 +33,58 @@ template <int K> struct Outcome {
     Mat tip_by_balance;  // how the tip follows the moment balance, for the error estimate
 };
 
-// Rotation that takes e3 to d the short way.
-inline Mat tilt(Vec d) {
-    if (d.z < -1.0 + 1e-12) return {{{1, 0, 0}, {0, -1, 0}, {0, 0, -1}}};
-    const double c = 1.0 / (1.0 + d.z);
-    return {{{1.0 - c * d.x * d.x, -c * d.x * d.y, d.x}, {-c * d.x * d.y, 1.0 - c * d.y * d.y, d.y}, {-d.x, -d.y, d.z}}};
-}
+// The task with the moment balance eliminated: dM = -A^-1 (e + B dP) leaves r + J dP with J = D - C A^-1 B.
+template <int K> struct Reduced {
+    static constexpr int n = 3 * K, C = Sweep<K>::C;
+    int rows;
+    double by_both[9][C];    // C and D: the task by (base moment, pressures)
+    double J[9][n], H[n][n];  // H = J^T J + weight, with a trace of it against rank loss
+    double G[3][n];           // A^-1 B
+    Mat inverse_A;
 
-// Quaternion (w >= 0, vector) of the rotation from the wanted to the found frame.
-inline double half_turn(const Task &task, const Mat &R, Vec &vector) {
-    Mat q{};
-    for (int i = 0; i < 3; ++i)
-        for (int j = 0; j < 3; ++j)
-            for (int k = 0; k < 3; ++k) q.m[i][j] += R.m[i][k] * task.frame.m[j][k];
-    const double w = 0.5 * std::sqrt(std::fmax(0.0, 1.0 + q.m[0][0] + q.m[1][1] + q.m[2][2]));
-    const double s = 1.0 / (4.0 * std::fmax(w, 1e-9));
-    vector = {s * (q.m[2][1] - q.m[1][2]), s * (q.m[0][2] - q.m[2][0]), s * (q.m[1][0] - q.m[0][1])};
-    return w;
-}
-
-inline void put(double *r, Vec a) { r[0] = a.x, r[1] = a.y, r[2] = a.z; }
-
-inline void residual(const Task &task, const Ends &s, double *r) {
-    put(r, s.p - task.tip);
-    r += 3;
-    if (task.has_mid) put(r, s.mid - task.mid), r += 3;
-    if (task.has_direction) {
-        if (task.full_rotation) {
-            Vec vector;
-            half_turn(task, s.R, vector);
-            put(r, 2.0 * task.length * vector);
-        } else {
-            put(r, task.length * (column(s.R, 2) - task.direction));
-        }
-    }
-}
-
-template <int K, int Base, int C> void jacobian(const Task &task, const Sweep<K, Base> &s, double (&J)[9][C]) {
-    for (int i = 0; i < 3; ++i)
-        for (int j = 0; j < C; ++j) J[i][j] = s.tip.by.shift[i][j];
-    int row = 3;
-    if (task.has_mid) {
+    // False where A, the balance by the base moment, is singular: at a critical load.
+    bool eliminate(const Task &task, const Sweep<K> &s, double weight) {
+        rows = task.rows();
+        jacobian(task, s, by_both);
+        if (!inverse(first_columns(s.residual), inverse_A)) return false;
         for (int i = 0; i < 3; ++i)
-            for (int j = 0; j < C; ++j) J[row + i][j] = s.mid_shift[i][j];
-        row += 3;
+            for (int j = 0; j < n; ++j)
+                G[i][j] = inverse_A.m[i][0] * s.residual[0][3 + j] + inverse_A.m[i][1] * s.residual[1][3 + j] +
+                          inverse_A.m[i][2] * s.residual[2][3 + j];
+        double trace = 0.0;
+        for (int a = 0; a < rows; ++a)
+            for (int j = 0; j < n; ++j)
+                J[a][j] = by_both[a][3 + j] - by_both[a][0] * G[0][j] - by_both[a][1] * G[1][j] - by_both[a][2] * G[2][j];
+        for (int i = 0; i < n; ++i)
+            for (int j = 0; j <= i; ++j) {
+                double sum = 0.0;
+                for (int a = 0; a < rows; ++a) sum += J[a][i] * J[a][j];
+                H[i][j] = H[j][i] = sum;
+                if (i == j) trace += sum;
+            }
+        for (int i = 0; i < n; ++i) H[i][i] += weight + 1e-13 * trace;
+        return true;
     }
-    if (task.has_direction) {
-        Mat by_turn;
-        if (task.full_rotation) {
-            Vec vector;
-            const double w = half_turn(task, s.tip.R, vector);
-            by_turn = hat(-1.0 * vector);
-            for (int i = 0; i < 3; ++i) by_turn.m[i][i] += w;
-        } else {
-            by_turn = hat(-1.0 * column(s.tip.R, 2));
-        }
-        for (int i = 0; i < 3; ++i)
-            for (int j = 0; j < C; ++j)
-                J[row + i][j] = task.length * (by_turn.m[i][0] * s.tip.by.turn[0][j] +
-                                               by_turn.m[i][1] * s.tip.by.turn[1][j] +
-                                               by_turn.m[i][2] * s.tip.by.turn[2][j]);
+
+    // r - damping C A^-1 e: what the balance, mended, leaves of the task; Ge = A^-1 e.
+    void ahead(const double *r, double damping, Vec Ge, double *out) const {
+        for (int a = 0; a < rows; ++a)
+            out[a] = r[a] - damping * (by_both[a][0] * Ge.x + by_both[a][1] * Ge.y + by_both[a][2] * Ge.z);
     }
-}
+
+    // -dM = damping A^-1 e + A^-1 B dP
+    Vec moment_step(const double *d, double damping, Vec Ge) const {
+        Vec turn = damping * Ge;
+        for (int j = 0; j < n; ++j) turn = turn + d[j] * Vec{G[0][j], G[1][j], G[2][j]};
+        return turn;
+    }
+};
 
 // One descent from (start, moment).
 template <int K>
 Outcome<K> solve(const Rod<K> &rod, const Task &task, Vec tip_force, double share, const Limits<K> &limits,
                  const double *start, Vec moment, int elements, double tolerance, int iterations) {
-    constexpr int n = 3 * K, C = Sweep<K>::C;
+    constexpr int n = 3 * K;
     const int rows = task.rows();
     const double weight = task.independent() < n ? kCentreWeight : 0.0;
     const double none[3] = {0, 0, 0};
@@ -135,8 +112,8 @@ Outcome<K> solve(const Rod<K> &rod, const Task &task, Vec tip_force, double shar
 
     Sweep<K> here, scratch;
     sweep<K, true>(rod, p, moment, tip_force, share, elements, here);
-    double r[9], J[9][C], reduced[9][n], along_e[9], H[n][n], g[n], low[n], high[n], d[n], G[3][n];
-    Mat inverse_A;
+    Reduced<K> by;
+    double r[9], ahead[9], g[n], low[n], high[n], d[n];
     out.ends = here.ends();
     residual(task, out.ends, r);
     double cost = task_cost(r, out.ends.moment), away = distance(p), trust = kTrustStart, damping = 1.0;
@@ -147,40 +124,22 @@ Outcome<K> solve(const Rod<K> &rod, const Task &task, Vec tip_force, double shar
     while (out.iterations < iterations) {
         if (!factored) {
             ++out.iterations;
-            jacobian(task, here, J);
-            if (!inverse(first_columns(here.residual), inverse_A)) break;
-            for (int i = 0; i < 3; ++i)
-                for (int j = 0; j < n; ++j)
-                    G[i][j] = inverse_A.m[i][0] * here.residual[0][3 + j] + inverse_A.m[i][1] * here.residual[1][3 + j] +
-                              inverse_A.m[i][2] * here.residual[2][3 + j];
-            double trace = 0.0;
-            for (int a = 0; a < rows; ++a)
-                for (int j = 0; j < n; ++j)
-                    reduced[a][j] = J[a][3 + j] - J[a][0] * G[0][j] - J[a][1] * G[1][j] - J[a][2] * G[2][j];
-            for (int i = 0; i < n; ++i)
-                for (int j = 0; j <= i; ++j) {
-                    double sum = 0.0;
-                    for (int a = 0; a < rows; ++a) sum += reduced[a][i] * reduced[a][j];
-                    H[i][j] = H[j][i] = sum;
-                    if (i == j) trace += sum;
-                }
-            for (int i = 0; i < n; ++i) H[i][i] += weight + 1e-13 * trace;
-            out.tip_by_balance = first_columns(here.tip.by.shift) * inverse_A;
+            if (!by.eliminate(task, here, weight)) break;
+            out.tip_by_balance = first_columns(here.tip.by.shift) * by.inverse_A;
             factored = true;
         }
         // The secondary goal converges linearly where the task is strongly curved; the second half of the
         // iterations therefore belongs to the task alone.
         const double pull = out.iterations <= iterations / 2 ? weight : 0.0;
-        const Vec Ge = inverse_A * e;
-        for (int a = 0; a < rows; ++a)
-            along_e[a] = r[a] - damping * (J[a][0] * Ge.x + J[a][1] * Ge.y + J[a][2] * Ge.z);
+        const Vec Ge = by.inverse_A * e;
+        by.ahead(r, damping, Ge, ahead);
         for (int j = 0; j < n; ++j) {
             g[j] = pull * (p[j] - limits.centre[j]);
-            for (int a = 0; a < rows; ++a) g[j] += reduced[a][j] * along_e[a];
+            for (int a = 0; a < rows; ++a) g[j] += by.J[a][j] * ahead[a];
             low[j] = std::max(limits.lower[j] - p[j], -trust);
             high[j] = std::min(limits.upper[j] - p[j], trust);
         }
-        box_step<n>(H, g, low, high, d);
+        box_step<n>(by.H, g, low, high, d);
         double size = 0.0;
         for (int j = 0; j < n; ++j) size = std::fmax(size, std::fabs(d[j]));
         const double error2 = square(r, rows);
@@ -192,8 +151,8 @@ Outcome<K> solve(const Rod<K> &rod, const Task &task, Vec tip_force, double shar
         if (balanced && size <= kStepTolerance) {
             double predicted[9];
             for (int a = 0; a < rows; ++a) {
-                predicted[a] = along_e[a];
-                for (int j = 0; j < n; ++j) predicted[a] += reduced[a][j] * d[j];
+                predicted[a] = ahead[a];
+                for (int j = 0; j < n; ++j) predicted[a] += by.J[a][j] * d[j];
             }
             if (square(predicted, rows) > 0.25 * error2) {
                 if (fresh) {
@@ -207,9 +166,7 @@ Outcome<K> solve(const Rod<K> &rod, const Task &task, Vec tip_force, double shar
         }
         double next[n];
         for (int j = 0; j < n; ++j) next[j] = std::min(std::max(p[j] + d[j], limits.lower[j]), limits.upper[j]);
-        Vec turn = damping * Ge;
-        for (int j = 0; j < n; ++j) turn = turn + d[j] * Vec{G[0][j], G[1][j], G[2][j]};
-        const Vec next_moment = moment - turn;
+        const Vec next_moment = moment - by.moment_step(d, damping, Ge);
         Ends trial;
         int modes = -1;
         if (carries && chords > 0) {

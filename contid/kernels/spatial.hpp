@@ -1,5 +1,5 @@
 // Vectors, 3x3 matrices and the exponential of a screw. C++17, no allocation, no exceptions, no dependence on libm
-// where a series will do (the same digits on every machine).
+// where a series will do (the same digits on every machine). Twin of contid/models/cosserat/spatial.py.
 #pragma once
 
 #include <cmath>

@@ -14,8 +14,8 @@ from hypothesis import strategies as st
 
 from contid.kernels import has_avx2, load
 from contid.models.cosserat.engine import Engine, NumpyEngine, Setup
+from contid.models.cosserat.loads import Loads
 from contid.models.cosserat.section import Rod
-from contid.models.cosserat.statics import Loads
 from tests.models.cosserat_cases import GRAM, lean, limits, section
 
 pytestmark = pytest.mark.skipif(

@@ -14,8 +14,9 @@ import pytest
 import tqdm
 
 from contid.models.cosserat.equilibrium import equilibrium, newton
+from contid.models.cosserat.loads import Loads
 from contid.models.cosserat.section import Rod, Section
-from contid.models.cosserat.statics import Array, Loads
+from contid.models.cosserat.spatial import Array
 
 pytestmark = pytest.mark.slow
 

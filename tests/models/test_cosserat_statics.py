@@ -8,9 +8,11 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from contid.models.cosserat.equilibrium import equilibrium, newton
+from contid.models.cosserat.loads import Loads
 from contid.models.cosserat.section import Rod, Section
 from contid.models.cosserat.shape import backbone
-from contid.models.cosserat.statics import Array, Loads, exponential, sweep
+from contid.models.cosserat.spatial import Array, exponential
+from contid.models.cosserat.statics import sweep
 from tests.models.cosserat_cases import GOLDEN, hanging, loads_of, one, rod_of, section, two
 
 FK = GOLDEN["fk"]

@@ -11,7 +11,7 @@ from click.testing import CliRunner
 from contid.cli.bench import command
 from contid.kernels import load
 from contid.models.cosserat.equilibrium import newton
-from contid.models.cosserat.statics import Loads
+from contid.models.cosserat.loads import Loads
 from contid.models.papers.shi import PAPER_ELEMENTS, forward, inverse, unknowns
 from contid.models.papers.shi_cold import MODES, cold_starts
 from contid.models.papers.shi_experiments import Plant, arm, experiment

@@ -12,7 +12,7 @@ import math
 import numpy as np
 
 from contid.models.cosserat.section import Rod, Section
-from contid.models.cosserat.statics import Array
+from contid.models.cosserat.spatial import Array
 
 
 def average_pressure(section: Section, stretch: float) -> float:

@@ -17,11 +17,13 @@ import numpy as np
 
 from contid.kernels import load
 from contid.models.cosserat.equilibrium import equilibrium
+from contid.models.cosserat.loads import Loads
 from contid.models.cosserat.search import search
 from contid.models.cosserat.section import Rod
-from contid.models.cosserat.solve import Limits, Problem, Task
+from contid.models.cosserat.solve import Limits, Problem
+from contid.models.cosserat.spatial import Array
 from contid.models.cosserat.stability import critical_factor, unstable_modes
-from contid.models.cosserat.statics import Array, Loads
+from contid.models.cosserat.task import Task
 from contid.targets import Vec3
 
 #: pressures, residual [mm], met, optimal, stable, iterations, elements, statics residual [N·mm]

@@ -6,8 +6,10 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from contid.models.cosserat.loads import Loads
 from contid.models.cosserat.section import Rod
-from contid.models.cosserat.statics import Array, Loads, Sweep, cross, sweep
+from contid.models.cosserat.spatial import Array, cross
+from contid.models.cosserat.statics import Sweep, sweep
 
 #: Moment balance at the tip that counts as equilibrium [N·mm].
 STATICS_TOLERANCE = 1e-9

@@ -10,10 +10,11 @@ from numpy.typing import NDArray
 
 from contid.description.cosserat import Cosserat, Orientation, SectionGeometry
 from contid.models.cosserat.engine import NumpyEngine, Setup, build_engine
+from contid.models.cosserat.loads import Loads
 from contid.models.cosserat.section import Rod, Section
 from contid.models.cosserat.shape import backbone
 from contid.models.cosserat.solve import Limits
-from contid.models.cosserat.statics import Loads, sweep
+from contid.models.cosserat.statics import sweep
 from contid.targets import ZERO3, Actuation, Pose, Solution, Target, Vec3
 from contid.units import BAR, MM_PER_M, mm_to_m
 

@@ -19,10 +19,13 @@ from contid.models.cosserat.closed_form import (
     tip_and_direction_pressures,
     tip_pressures,
 )
+from contid.models.cosserat.loads import Loads
 from contid.models.cosserat.section import Rod
-from contid.models.cosserat.solve import BALANCE_TOLERANCE, Limits, Outcome, Problem, Task, solve
+from contid.models.cosserat.solve import BALANCE_TOLERANCE, Limits, Outcome, Problem, solve
+from contid.models.cosserat.spatial import Array, cross
 from contid.models.cosserat.stability import unstable_modes
-from contid.models.cosserat.statics import Array, Loads, cross, sweep
+from contid.models.cosserat.statics import sweep
+from contid.models.cosserat.task import Task
 
 #: Further starts after the closed form and the centre; each gets fewer iterations than the first.
 RESTARTS = 20

@@ -7,8 +7,10 @@ from __future__ import annotations
 
 import numpy as np
 
+from contid.models.cosserat.element import State, link, step
+from contid.models.cosserat.loads import Loads
 from contid.models.cosserat.section import Rod
-from contid.models.cosserat.statics import Array, Loads, State, cross, link, step
+from contid.models.cosserat.spatial import Array, cross
 
 #: Points inside each element; a step of the scheme over a part of an element ends between its ends.
 POINTS_PER_ELEMENT = 12

@@ -17,9 +17,13 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from contid.models.cosserat.box_step import box_step
 from contid.models.cosserat.equilibrium import newton
+from contid.models.cosserat.loads import Loads
 from contid.models.cosserat.section import Rod
-from contid.models.cosserat.statics import Array, Loads, Sweep, hat, sweep
+from contid.models.cosserat.spatial import Array
+from contid.models.cosserat.statics import Sweep, sweep
+from contid.models.cosserat.task import Task, jacobian, residual
 
 #: Weight of the secondary goal [mm^2/bar^2]: small enough to displace a reachable tip by less than 1e-6 mm.
 CENTRE_WEIGHT = 1e-6
@@ -33,31 +37,6 @@ FREEDOM_TOLERANCE = 1e-4
 SIDEWAYS = 0.3
 #: First largest step of a pressure [bar].
 TRUST_START = 0.5
-
-
-@dataclass(frozen=True, slots=True)
-class Task:
-    """What the rod shall do; at least the tip position.
-
-    Attributes:
-        tip: tip position [mm].
-        mid: end of the first section [mm], or None (mode b).
-        direction: unit tangent of the tip, or None (mode c).
-        full_rotation: ask for the whole frame, twist-free about ``direction`` (mode d, eq. 17).
-        length: length that scales directions to mm.
-    """
-
-    tip: Array
-    mid: Array | None = None
-    direction: Array | None = None
-    full_rotation: bool = False
-    length: float = 42.0
-
-    @property
-    def rows(self) -> int:
-        """Independent rows."""
-        rotation = 0 if self.direction is None else (3 if self.full_rotation else 2)
-        return 3 + (0 if self.mid is None else 3) + rotation
 
 
 @dataclass(frozen=True, slots=True)
@@ -110,88 +89,6 @@ class Outcome:
     optimal: bool
     iterations: int
     sweep: Sweep
-
-
-def twist_free(direction: Array) -> Array:
-    """Rotation that tilts e3 to ``direction`` without twist, shape (3, 3): the R_d of mode (d)."""
-    from contid.models.cosserat.closed_form import minimal_rotation
-
-    return minimal_rotation(np.array([0.0, 0.0, 1.0]), direction)
-
-
-def residual(task: Task, found: Sweep) -> Array:
-    """Task error of a sweep [mm]."""
-    rows = [found.tip - task.tip]
-    if task.mid is not None:
-        rows.append(found.ends[0] - task.mid)
-    if task.direction is not None:
-        if task.full_rotation:
-            rows.append(task.length * 2.0 * _half_turn(task, found)[1])
-        else:
-            rows.append(task.length * (found.rotation[:, 2] - task.direction))
-    return np.concatenate(rows)
-
-
-def _half_turn(task: Task, found: Sweep) -> tuple[float, Array]:
-    """Quaternion (w, vector) of the rotation from the wanted to the found frame, w >= 0.
-
-    Unlike the (R^T R_d - R_d^T R) of eq. 17 its vector part vanishes only at zero, not at half a turn too.
-    """
-    assert task.direction is not None
-    q = found.rotation @ twist_free(task.direction).T
-    w = 0.5 * np.sqrt(max(0.0, 1.0 + float(np.trace(q))))
-    axis = np.array([q[2, 1] - q[1, 2], q[0, 2] - q[2, 0], q[1, 0] - q[0, 1]])
-    return w, axis / (4.0 * max(w, 1e-9))
-
-
-def jacobian(task: Task, found: Sweep) -> Array:
-    """Derivative of `residual` by (base moment, pressures), shape (rows, 3 + 3k)."""
-    tangents = found.tangents
-    assert tangents is not None
-    rows = [tangents.tip]
-    if task.mid is not None:
-        rows.append(tangents.ends[0])
-    if task.direction is not None:
-        if task.full_rotation:
-            w, vector = _half_turn(task, found)
-            rows.append(task.length * (w * np.eye(3) - hat(vector)) @ tangents.turn)
-        else:
-            rows.append(-task.length * hat(found.rotation[:, 2]) @ tangents.turn)
-    return np.vstack(rows)
-
-
-def box_step(H: Array, g: Array, low: Array, high: Array) -> Array:
-    """Minimum of ``d H d / 2 + g d`` with low <= d <= high by a primal active set; 0 must be inside.
-
-    H is positive definite, so the set changes finitely often; the cap only guards against rounding.
-    """
-    n = len(g)
-    step = np.zeros(n)
-    held = ((step <= low) & (g > 0.0)) | ((step >= high) & (g < 0.0))
-    for _ in range(4 * n + 4):
-        free = ~held
-        if free.any():
-            move = np.zeros(n)
-            gradient = g + H @ step
-            move[free] = np.linalg.solve(H[np.ix_(free, free)], -gradient[free])
-            room = np.ones(n)
-            up, down = free & (move > 0.0), free & (move < 0.0)
-            room[up] = (high[up] - step[up]) / move[up]
-            room[down] = (low[down] - step[down]) / move[down]
-            fraction = min(1.0, float(room.min()))
-            step = step + fraction * move
-            if fraction < 1.0:
-                blocking = int(room.argmin())
-                step[blocking] = high[blocking] if move[blocking] > 0.0 else low[blocking]
-                held[blocking] = True
-                continue
-        pull = g + H @ step
-        wrong = np.where(held, np.where(step <= low, -pull, pull), -np.inf)
-        worst = int(wrong.argmax())
-        if wrong[worst] <= 1e-12 * (1.0 + float(np.abs(g).max())):
-            break
-        held[worst] = False
-    return np.clip(step, low, high)
 
 
 def solve(problem: Problem, start: Array, start_moment: Array, iterations: int = 60) -> Outcome:

@@ -23,8 +23,10 @@ from itertools import pairwise
 import numpy as np
 
 from contid.models.cosserat.equilibrium import equilibrium
+from contid.models.cosserat.loads import Loads
 from contid.models.cosserat.section import Rod
-from contid.models.cosserat.statics import Array, Loads, sweep
+from contid.models.cosserat.spatial import Array
+from contid.models.cosserat.statics import sweep
 
 
 def unstable_modes(rod: Rod, pressures: Array, base_moment: Array, loads: Loads, elements: int = 3) -> int:

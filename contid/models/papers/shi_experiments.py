@@ -14,9 +14,9 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from contid.models.cosserat.engine import Setup, build_engine
+from contid.models.cosserat.loads import Loads
 from contid.models.cosserat.section import Rod, Section
 from contid.models.cosserat.solve import Limits
-from contid.models.cosserat.statics import Loads
 from contid.models.papers.shi import Array, Ends, forward
 from contid.models.papers.shi_paths import Run
 from contid.targets import Vec3
