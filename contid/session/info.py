@@ -9,7 +9,8 @@ from typing import Any
 from contid.control.supervisor import Mode
 from contid.session.channels import robot_at
 from contid.session.compare import named
-from contid.session.read import DAMAGED, Session
+from contid.session.entries import DAMAGED, GROWING
+from contid.session.read import Session
 
 #: Events that a summary shows one by one; of the others it says how many.
 _TOLD = ("fault", "refused", "bus", "tier", "overrun", "skipped", "recorder", "failed", "end", "stopping")
@@ -117,6 +118,8 @@ def summarize(session: Session) -> Info:
 def _state(session: Session, ticks: int) -> str:
     if session.clean:
         return "clean"
+    if session.cut == GROWING:
+        return GROWING
     if session.cut == DAMAGED:
         return f"{DAMAGED} after {ticks} ticks; what follows is not read"
     return f"cut off ({session.cut}); `contid session repair` makes it whole"

@@ -1,58 +1,26 @@
-"""Reading a session, whole or cut off at any byte: its head, then ticks and events in their order.
-
-Every order and answer that a tick saw comes before that tick (the recorder fetches events first), so a reader
-that goes through once, forward, knows at each tick all that its replay needs.
-"""
+"""Reading a session, whole or cut off at any byte: its head, then ticks and events in their order."""
 
 from __future__ import annotations
 
 import json
-import struct
 from collections.abc import Callable, Iterator, Mapping
-from dataclasses import dataclass
 from pathlib import Path
-from typing import Any, Final
+from typing import Any
 
 from contid.control.record import RecordLayout, TickRecord
 from contid.description.load import LoadedFile, parse_robot_file, with_mock
 from contid.errors import BadInputError, ContidError
 from contid.session import mcap_records as mcap
 from contid.session.about import FORMAT, TRAJECTORY, unpacked
-from contid.session.channels import CHANNELS, EVENT, TICK_CHANNELS
+from contid.session.channels import CHANNELS
 from contid.session.decode import Decoder
-from contid.session.mcap_records import MESSAGE_INSIDE, DamagedRecordError, RecordStream
+from contid.session.entries import End, Entry, read_entries
+from contid.session.mcap_records import DamagedRecordError, RecordStream
 from contid.trajectory.timed import Trajectory
-
-#: `Session.cut` of a file in the middle of which something is wrong: what follows is there, but not read.
-DAMAGED: Final = "damaged inside"
-#: Ticks between two words about how far it has come.
-_OFTEN: Final = 1000
-#: More than any run has.
-_TICKS: Final = 1 << 53
-#: What a message that does not hold what it should raises on its way into a record or an event.
-_DAMAGE: Final = (
-    *(ValueError, KeyError, TypeError, AttributeError, OverflowError, RecursionError),
-    *(struct.error, DamagedRecordError),
-)
 
 
 class SessionError(ContidError):
     """A file is no session, or one that this version cannot use."""
-
-
-@dataclass(frozen=True, slots=True)
-class Entry:
-    """One tick or one event.
-
-    Attributes:
-        time_ns: time of day since 1970.
-        values: of the record, None for an event.
-        event: its fields, None for a tick.
-    """
-
-    time_ns: int
-    values: list[float] | None = None
-    event: Mapping[str, Any] | None = None
 
 
 class Session:
@@ -64,9 +32,6 @@ class Session:
         layout: of the records.
         device_units: ``rad`` or ``pa`` by ``ROBOT.AXIS``.
         rate_hz: of the ticks.
-        clean: after `entries` came to the end: the file ends as it should.
-        chunked: the same: it was compacted.
-        cut: the same: what was found where it ends before its end, "" when it is clean.
     """
 
     def __init__(self, path: Path, progress: Callable[[int], None] = lambda ticks: None) -> None:
@@ -82,8 +47,7 @@ class Session:
         self.path = path
         self._progress = progress
         self.about: dict[str, dict[str, str]] = {}
-        self.clean = self.chunked = False
-        self.cut = ""
+        self._end = End()
         self._attachments: dict[str, bytes] = {}
         self._topics: dict[int, str] = {}
         if path.exists() and not path.is_file():
@@ -143,6 +107,21 @@ class Session:
         return self.about.get("options", {}).get(name, "")
 
     @property
+    def clean(self) -> bool:
+        """After `entries` came to the end: the file ends as it should."""
+        return self._end.clean
+
+    @property
+    def chunked(self) -> bool:
+        """The same: it was compacted."""
+        return self._end.chunked
+
+    @property
+    def cut(self) -> str:
+        """The same: what was found where it ends before its end, "" when it is clean."""
+        return self._end.cut
+
+    @property
     def virtual(self) -> bool:
         """True for a run in virtual time."""
         return self.option("virtual") == "true"
@@ -197,42 +176,7 @@ class Session:
     def entries(self) -> Iterator[Entry]:
         """Ticks and events in their order; a tick that is not whole is left out."""
         decoder = Decoder(self.layout, self.device_units)
-        topics, first, last = self._topics, TICK_CHANNELS[0], TICK_CHANNELS[-1]
-        inside, head = MESSAGE_INSIDE, MESSAGE_INSIDE.size
-        gathered: list[Any] | None = None
-        ticks = 0
-        with self.path.open("rb") as file:
-            stream = RecordStream(file)
-            for opcode, body in stream:
-                try:
-                    if opcode != mcap.MESSAGE:
-                        self._keep(opcode, body)
-                        continue
-                    channel, _, time_ns, _ = inside.unpack_from(body)
-                    topic = topics.get(channel)
-                    if topic == EVENT:
-                        yield Entry(time_ns, None, _event(body[head:]))
-                        continue
-                    if topic == first:
-                        gathered = []
-                    if gathered is None or topic is None:
-                        continue
-                    decoder.gather(gathered, topic, body[head:])
-                    if topic != last:
-                        continue
-                    values = decoder.record(gathered)
-                except _DAMAGE:
-                    self.cut = DAMAGED
-                    return
-                yield Entry(time_ns, values)
-                gathered = None
-                ticks += 1
-                if ticks % _OFTEN == 0:
-                    self._progress(ticks)
-            self.clean, self.chunked = stream.clean, stream.chunked
-        if not self.clean:
-            self.cut = "the last tick is not whole" if gathered is not None else "it has no end"
-            self.cut = DAMAGED if stream.damaged else self.cut
+        self._end = yield from read_entries(self.path, self._topics, decoder, self._keep, self._progress)
 
     def ticks(self) -> Iterator[TickRecord]:
         """Records of the ticks."""
@@ -245,18 +189,3 @@ class Session:
         for entry in self.entries():
             if entry.event is not None:
                 yield entry.event
-
-
-def _event(data: bytes) -> Mapping[str, Any]:
-    """The fields of an event.
-
-    Raises:
-        ValueError: it has no kind, or a tick that is no number of one.
-    """
-    fields = json.loads(data)
-    if not isinstance(fields, dict) or not isinstance(fields.get("event"), str):
-        raise ValueError("an event has no kind")
-    tick = fields.get("tick", 0)
-    if not isinstance(tick, int) or isinstance(tick, bool) or not 0 <= tick < _TICKS:
-        raise ValueError("an event has no tick")
-    return fields

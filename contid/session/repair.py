@@ -7,8 +7,9 @@ from datetime import UTC, datetime
 from pathlib import Path
 
 from contid.session.compact import compact
+from contid.session.entries import DAMAGED, GROWING
 from contid.session.info import summarize
-from contid.session.read import DAMAGED, Session, SessionError
+from contid.session.read import Session, SessionError
 
 
 def repair(source: Path, output: Path | None, progress: Callable[[int], None] = lambda ticks: None) -> str:
@@ -23,12 +24,15 @@ def repair(source: Path, output: Path | None, progress: Callable[[int], None] = 
         What was done, in words.
 
     Raises:
-        ContidError: replacing it would lose what follows some damage; ``output`` exists or cannot be written.
+        ContidError: it is still being recorded; replacing it would lose what follows some damage; ``output``
+            exists, or cannot be written.
     """
     session = Session(source, progress)
     before = summarize(session)
     if session.clean and session.chunked and output is None:
         return f"{source}: nothing to repair"
+    if session.cut == GROWING:
+        raise SessionError(f"{source}: {GROWING}; there is nothing to repair before the run has ended")
     most = None
     if session.cut == DAMAGED:
         most = before.ticks

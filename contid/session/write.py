@@ -2,14 +2,17 @@
 
 What the operating system has taken survives any death of this process; a power cut costs what the system had
 not yet brought to the disk. A clean end adds the footer, and `contid.session.compact` makes the file small.
+Until then the file is locked: readers take what there is, and nobody repairs it.
 """
 
 from __future__ import annotations
 
+import fcntl
 import json
 import os
 import struct
 from collections.abc import Mapping, Sequence
+from contextlib import suppress
 from pathlib import Path
 from typing import Any, Final
 
@@ -44,6 +47,8 @@ class SessionWriter:
             raise ContidError(f"{path}: is there already; a recording is never overwritten") from None
         except OSError as error:
             raise ContidError(f"{path}: cannot record: {error.strerror}") from error
+        with suppress(OSError):  # a file system without locks
+            fcntl.flock(self._file, fcntl.LOCK_EX | fcntl.LOCK_NB)
         self._buffer = bytearray(mcap.MAGIC + head_records(header))
         try:
             self.flush()

@@ -202,7 +202,7 @@ def test_patterns_without_end_take_no_memory_without_end() -> None:
      b'{"tick":1,"robots":{"thumb":{"left_m":"far"},"arm":{}}}'],
 )  # fmt: skip
 def test_a_message_that_is_none_is_damage(wrong: bytes) -> None:
-    from contid.session.read import _DAMAGE
+    from contid.session.entries import _DAMAGE
 
     messages = Encoder(LAYOUT, UNITS).encode(PACKED.unpack(PACKED.pack(*range(SIZE))))
     messages[TICK_CHANNELS.index("target")] = wrong

@@ -19,8 +19,9 @@ from contid.errors import ContidError
 from contid.session import mcap_records as mcap
 from contid.session.about import about_trajectory, packed, unpacked
 from contid.session.channels import CHANNELS, EVENT
+from contid.session.entries import DAMAGED
 from contid.session.info import summarize
-from contid.session.read import DAMAGED, Session
+from contid.session.read import Session
 from contid.session.repair import repair
 from contid.session.replay import replay
 from contid.trajectory.read import MAX_ROWS

@@ -13,14 +13,19 @@ from pathlib import Path
 
 import pytest
 
+from contid.control.cycle import OnEnd
+from contid.control.setup import Setup
 from contid.errors import ContidError
+from contid.session.about import describe
 from contid.session.channels import CHANNELS, TICK_CHANNELS
 from contid.session.compact import compact
 from contid.session.export import export_channels, export_joined
 from contid.session.info import summarize
 from contid.session.read import Session, SessionError
+from contid.session.repair import repair
 from contid.session.replay import replay
 from contid.session.write import SessionWriter
+from tests.control.fingers import load
 from tests.session.rewrite import rewritten
 
 #: Truncations tried per file; CI runs the short form, ``CONTID_CAMPAIGN=1`` forty times as many.
@@ -144,6 +149,23 @@ def test_other_files_are_refused(tmp_path: Path, recorded: Path) -> None:
         Session(other)
 
 
+def test_nobody_repairs_what_is_still_being_recorded(tmp_path: Path) -> None:
+    """The recorder would go on writing into a file that has no name any more."""
+    loaded = load(2)
+    path = tmp_path / "s.mcap"
+    setup = Setup(loaded, 200.0, Path(), None, OnEnd.STOP, attended=False)
+    writer = SessionWriter(path, describe(setup, {}, virtual=True))
+    assert summarize(Session(path)).state == "still being recorded"
+    before = path.read_bytes()
+    for output in (None, tmp_path / "copy.mcap"):
+        with pytest.raises(SessionError, match="nothing to repair before the run has ended"):
+            repair(path, output)
+    assert path.read_bytes() == before
+    writer.finish()
+    assert summarize(Session(path)).state == "clean"
+    assert repair(path, None).endswith("0 of 0 ticks, clean")
+
+
 def test_what_other_programs_rewrote_is_read_and_replayed(recorded: Path, tmp_path: Path) -> None:
     session = Session(rewritten(recorded, tmp_path / "other.mcap"))
     assert repr(_values(session.path)) == repr(_values(recorded))
@@ -179,11 +201,6 @@ def test_chunks_do_not_overlap_in_time(
 
 
 def test_a_recording_is_never_overwritten(recorded: Path) -> None:
-    from contid.control.cycle import OnEnd
-    from contid.control.setup import Setup
-    from contid.session.about import describe
-    from tests.control.fingers import load
-
     before = recorded.read_bytes()
     setup = Setup(load(2), 200.0, Path(), None, OnEnd.STOP, attended=False)
     with pytest.raises(ContidError, match="never overwritten"):
