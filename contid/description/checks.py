@@ -55,6 +55,7 @@ def check_robot(
     if robot.passive:
         yield from _check_passive(document, at, robot)
         return
+    yield from _check_plane(document, at, robot)
     yield from _check_rates(document, at, robot)
     yield from _check_rest(document, at, robot)
     yield from _check_stops(document, at, robot, wired)
@@ -162,6 +163,19 @@ def _check_table(
             covered = f"{table[0][0]:g} to {table[-1][0]:g} mm"
             message = f"mm_to_bar covers {covered}, the axis goes from {low:g} to {high:g} mm"
             yield document.at_value(at, message)
+
+
+def _check_plane(document: Document, at: Path, robot: RobotDescription) -> Iterator[Located]:
+    """A planar robot is told x and y of the world, so its plane must be theirs."""
+    if robot.dimension == 2:
+        for key in ("roll_deg", "pitch_deg"):
+            angle_deg = getattr(robot.base, key)
+            if angle_deg % 180.0 != 0.0:
+                message = (
+                    f"{key} {angle_deg:g} turns a planar robot out of the plane of x and y, "
+                    "in which its targets are; allowed: 0 or 180, and any yaw_deg"
+                )
+                yield document.at_key((*at, "base", key), message)
 
 
 def _check_rates(document: Document, at: Path, robot: RobotDescription) -> Iterator[Located]:

@@ -5,6 +5,8 @@ from __future__ import annotations
 import math
 from typing import ClassVar, Literal
 
+from pydantic import model_validator
+
 from contid.description.base import Interval, LengthInterval, NonNegative, Positive, Quantity, Size, Strict
 from contid.description.robot import RobotDescription
 from contid.targets import Actuation
@@ -76,6 +78,17 @@ class CurvatureCorrection(Strict):
     a_per_mm: float
     b: float
     arc_length_mm: Interval
+
+    @model_validator(mode="after")
+    def _bends_as_told(self) -> CurvatureCorrection:
+        for arc_length_mm in self.arc_length_mm:
+            gain = 1.0 + self.a_per_mm * arc_length_mm + self.b
+            if not gain > 0.0:
+                raise ValueError(
+                    f"1 + a S + b is {gain:g} at S = {arc_length_mm:g} mm; a finger bends as it is told: "
+                    "allowed are a, b and arc_length_mm that keep it above 0"
+                )
+        return self
 
 
 class RackFinger(RobotDescription):

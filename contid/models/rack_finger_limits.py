@@ -2,15 +2,17 @@
 
 For one S the feasible curvatures are an interval ``|k| <= K(S)``::
 
-    K(S) = min( k_max/gain(S),  2 (L_max/S - 1)/w,  2 (1 - L_min/S)/w )
+    K(S) = min( k_max/gain(S),  2 (L_max/S - 1)/w,  2 (1 - L_min/S)/w,  2 pi/(S gain(S)) )
 
-k_max bounds the *actual* curvature (links touch), the racks bound the *commanded* one. The region is the band
-between -K and K over S in [S_min, L_max]; its boundary is two curves and one edge, which makes the nearest
-reachable point a search along lines.
+k_max bounds the *actual* curvature (links touch), the racks bound the *commanded* one. A slender finger is
+bounded by a full turn besides, at which it meets its own base: beyond it the inverse would not be unique.
+The region is the band between -K and K over S in [S_min, L_max]; its boundary is two curves and one edge, which
+makes the nearest reachable point a search along lines.
 """
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass, field
 from itertools import pairwise
@@ -94,12 +96,13 @@ class RackFingerEnvelope:
         """K(S): the greatest commanded curvature at an arc length."""
         return max(0.0, min(self._curvature_bounds(arc_length_m)))
 
-    def _curvature_bounds(self, arc_length_m: float) -> tuple[float, float, float]:
-        w = self.rack_spacing_m
+    def _curvature_bounds(self, arc_length_m: float) -> tuple[float, float, float, float]:
+        w, gain = self.rack_spacing_m, self.curvature_gain(arc_length_m)
         return (
-            self.curvature_max_per_m / self.curvature_gain(arc_length_m),
+            self.curvature_max_per_m / gain,
             2.0 * (self.length_max_m / arc_length_m - 1.0) / w,
             2.0 * (1.0 - self.length_min_m / arc_length_m) / w,
+            2.0 * math.pi / (arc_length_m * gain),
         )
 
     def _arc_length(self, u: float) -> float:
@@ -108,7 +111,7 @@ class RackFingerEnvelope:
         return least + u * (self.length_max_m - least)
 
     def _limit(self, u: float) -> int:
-        """Which of the three makes K."""
+        """Which of the four makes K."""
         bounds = self._curvature_bounds(self._arc_length(u))
         return bounds.index(min(bounds))
 
@@ -142,6 +145,7 @@ class RackFingerEnvelope:
         actual = abs(right - left) / (self.rack_spacing_m * arc_length_m) * self.curvature_gain(arc_length_m)
         touching = {
             "curvature": actual >= self.curvature_max_per_m * (1.0 - 1e-9),
+            "full_turn": actual * arc_length_m >= 2.0 * math.pi * (1.0 - 1e-9),
             "arc_length.min": arc_length_m <= self.arc_length_min_m + slack,
             "left.max": left >= self.length_max_m - slack,
             "right.max": right >= self.length_max_m - slack,

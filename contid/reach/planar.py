@@ -22,6 +22,7 @@ from contid.description.base import BasePose
 from contid.models.rack_finger import RackFingerModel
 
 _POINTS_PER_CURVE: Final = 16_000
+_SAME_POINT_M: Final = 1e-12
 
 
 @dataclass(frozen=True, slots=True)
@@ -48,8 +49,10 @@ def finger_region(model: RackFingerModel, points: int = _POINTS_PER_CURVE) -> Ba
     A tip curled back inside radius h (the branch d < 0 of the inverse) turns the outline over at the point
     (0, -h): the outline is an eight, whose second loop counts like the first.
     """
-    outline = [model.forward(racks).tip_m[:2] for racks in model.envelope.outline(points)]
-    region: BaseGeometry = make_valid(Polygon(outline))
+    outline = np.array([model.forward(racks).tip_m[:2] for racks in model.envelope.outline(points)])
+    # Every full turn ends in one point: rounding would make a thousand loops of it.
+    moved = np.linalg.norm(np.diff(outline, axis=0, prepend=outline[-1:]), axis=1) > _SAME_POINT_M
+    region: BaseGeometry = make_valid(Polygon(outline[moved]))
     return region
 
 

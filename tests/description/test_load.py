@@ -55,6 +55,8 @@ MISTAKES = [
     ("length_mm: [0, 100]", "length_mm: [100, 0]", "[100, 0]", "less than the second"),
     ("a_per_mm: 0.0013", "a_per_mm: small", "small", "allowed is a number"),
     ("b: -0.2774", "b: .inf", ".inf", "finite"),
+    ("b: -0.2774", "b: -1.2774", "a_per_mm", "1 + a S + b is -0.2774 at S = 0 mm"),
+    ("    correction:", "    base: {pitch_deg: 60}\n    correction:", "pitch_deg:", "out of the plane"),
     ("on_end: hold", "on_end: rset", "rset", "did you mean 'rest'?"),
     ("estop: relax", "estop: vent", "vent", "none"),
     ("rest_mm: [60, 60]", "rest_mm: [60, 160]", "160", "outside its limits 0 to 100 mm"),

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 
+import numpy as np
 import pytest
 
 from contid.description.base import BasePose
@@ -66,6 +67,18 @@ def test_curvature_limit_does_not_change_the_overlap() -> None:
     pair = ("left", "right")
     assert area_cm2(narrow.overlaps[pair]) == pytest.approx(area_cm2(wide.overlaps[pair]), abs=1e-4)
     assert area_cm2(narrow.regions["left"]) < area_cm2(wide.regions["left"]) - 1
+
+
+@pytest.mark.parametrize(("w_mm", "curvature"), [(13, 0.076), (5, 0.12), (2, 0.3)])
+def test_the_area_is_the_integral_of_the_jacobian_for_slender_fingers_too(w_mm, curvature) -> None:
+    """``|d(x, y)/d(k, S)| = S^2/2 sinc(k S/2)^2`` for h = 0; slender fingers reach a full turn (16 rad)."""
+    s = np.linspace(1e-3, 100.0, 4001)
+    greatest = np.minimum(np.minimum(curvature, 2.0 * (100.0 / s - 1.0) / w_mm), 2.0 * math.pi / s)
+    share = np.linspace(-1.0, 1.0, 401)[:, None]
+    swept = 0.5 * s**2 * np.sinc(share * greatest * s / (2.0 * math.pi)) ** 2
+    area = np.trapezoid(np.trapezoid(swept, share[:, 0], axis=0) * greatest, s) / 100.0
+    found = area_cm2(two_fingers(0, w_mm, curvature).regions["left"])
+    assert found == pytest.approx(float(area), rel=1e-5)
 
 
 @pytest.mark.parametrize(
