@@ -6,8 +6,8 @@ For one S the feasible curvatures are an interval ``|k| <= K(S)``::
 
 k_max bounds the *actual* curvature (links touch), the racks bound the *commanded* one. A slender finger is
 bounded by a full turn besides, at which it meets its own base: beyond it the inverse would not be unique.
-The region is the band between -K and K over S in [S_min, L_max]; its boundary is two curves and one edge, which
-makes the nearest reachable point a search along lines.
+The region is the band between -K and K over S in [S_min, L_max]; its boundary is two curves and one edge, so
+that the nearest reachable point is a search along lines.
 """
 
 from __future__ import annotations
