@@ -18,7 +18,7 @@ name: my-finger
 rate_hz: 200
 
 buses:
-  servos: {driver: dynamixel, port: /dev/serial/by-id/usb-FTDI_...}
+  servos: {driver: dynamixel, port: /dev/serial/by-id/usb-FTDI_..., tolerance_ticks: 10}
 
 robots:
   finger:
@@ -31,8 +31,11 @@ robots:
       length_mm: [20, 110]
     rates: {velocity_mm_s: 60, acceleration_mm_s2: 1000, jerk_mm_s3: 20000}
     axes:
-      left: {bus: servos, id: 1, mm_per_rev: 37.7}
-      right: {bus: servos, id: 2, mm_per_rev: 37.7, direction: -1}
+      left:  # both are pushed against their stop, 18 mm of rack, by `contid home`
+        {bus: servos, id: 1, mm_per_rev: 37.7, homing: {method: hard_stop, direction: -1, at_mm: 18}}
+      right:  # mounted the other way round
+        {bus: servos, id: 2, mm_per_rev: 37.7, direction: -1,
+         homing: {method: hard_stop, direction: 1, at_mm: 18}}
 """
 _INTRODUCTION: Final = """\
 # The robot file

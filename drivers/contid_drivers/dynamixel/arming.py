@@ -127,11 +127,17 @@ def plausible(client: ServoClient, axis: Axis, position: int) -> None:
         return
     angle, (low, high) = axis.to_rad(position), axis.travel
     if not low - TRAVEL_SLACK_RAD <= angle <= high + TRAVEL_SLACK_RAD:
+        remedy = "a wrong turn or a wrong zero_deg: run `contid home`, or bring it inside by hand"
+        if axis.options.homing is None:
+            remedy = (
+                "without `homing` its count begins between 0 and 360 deg at power-up: give it homing, or "
+                "the zero_deg of where it is powered up"
+            )
         raise DeviceError(
             client.name(axis.device),
             f"it stands at {math.degrees(angle):.1f} deg, outside its travel of "
             f"{math.degrees(low):.1f}..{math.degrees(high):.1f} deg",
-            "a wrong turn or a wrong zero_deg: run `contid home`, or bring it inside by hand",
+            remedy,
         )
 
 

@@ -20,11 +20,17 @@ _MODEL_NUMBERS: Final = {name: number for number, name in reg.MODELS.items()}
 
 
 def servo_of(axis: AxisOnBus, baud: int) -> Servo:
-    """The servo of an axis: parked at its stored pose, or in the first turn of its travel."""
+    """The servo of an axis: parked at its stored pose, or in the first turn of its travel.
+
+    Without homing it stands where the count that it has after power-up, 0 to 360 degrees, is inside its
+    travel and therefore right; a travel without such a place cannot do without homing.
+    """
     options = axis.options
     assert isinstance(options, AxisOptions)
     low, high = axis.travel or (-math.inf, math.inf)
     start = low + min(math.pi, 0.5 * (high - low)) if math.isfinite(low) else math.pi
+    if options.homing is None and max(low, 0.0) < min(high, math.tau):
+        start = 0.5 * (max(low, 0.0) + min(high, math.tau))
     if isinstance(options.homing, SingleTurn):
         start = math.radians(options.homing.pose_deg)
     stops = (low - BEYOND_TRAVEL_RAD) / reg.RAD_PER_TICK, (high + BEYOND_TRAVEL_RAD) / reg.RAD_PER_TICK
