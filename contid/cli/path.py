@@ -42,7 +42,9 @@ SHAPES = ("line", "circle", "ellipse", "square", "box", "spiral", "corners", "tr
 @click.option("--laps", type=POSITIVE, default=1.0, show_default=True, help="How many laps.")
 @click.option("--rate", type=POSITIVE, default=50.0, show_default=True, help="Rows per second.")
 @click.option("--for", "robot_file", help="Robot file, or the name of a shipped one: every robot's columns.")
-@click.option("--robots", help="Names for the columns, separated by commas, instead of --for.")
+@click.option(
+    "--robots", help="Only these robots, names separated by commas; without --for just their names."
+)
 def command(
     shape: str,
     center: tuple[float, ...],
@@ -90,13 +92,11 @@ def command(
     if len(center) == 3 and height is not None:
         raise click.UsageError("--center x,y,z and --height both say z; give one of them")
     height = center[2] if len(center) == 3 else height
-    if robot_file is not None and robots is not None:
-        raise click.UsageError("give --for or --robots, not both")
+    names = [name.strip() for name in robots.split(",")] if robots else []
     if robot_file is not None:
-        who = owners_in_file(robot_file)
+        who = owners_in_file(robot_file, names)
     else:
-        names = [f"{name.strip()}." for name in robots.split(",")] if robots else [""]
-        who = [Who(front, 2 if height is None else 3) for front in names]
+        who = [Who(f"{name}." if name else "", 2 if height is None else 3) for name in names or [""]]
     if height is None and (
         dz or lean is not None or mid_text is not None or any(each.dimension == 3 for each in who)
     ):
@@ -133,9 +133,10 @@ def _golden(period: float, laps: float, rate: float, robot_file: str | None, rob
     from contid.units import m_to_mm
 
     check_row_count(period, laps, rate)
-    fronts = [f"{name.strip()}." for name in robots.split(",")] if robots else [""]
+    names = [name.strip() for name in robots.split(",")] if robots else []
+    fronts = [f"{name}." if name else "" for name in names or [""]]
     if robot_file is not None:
-        fronts = [who.front for who in owners_in_file(robot_file)]
+        fronts = [who.front for who in owners_in_file(robot_file, names)]
     sys.stdout.write(",".join(["t_s"] + [f"{front}{axis}_mm" for front in fronts for axis in "xyz"]) + "\n")
     for time_s, tip in golden_rows(period, laps, rate):
         point = [m_to_mm(value) for value in tip] * len(fronts)

@@ -29,19 +29,26 @@ class Who:
     accepts: frozenset[str] | None = None
 
 
-def owners_in_file(name: str) -> list[Who]:
-    """The robots of a file that take tip positions.
+def owners_in_file(name: str, only: Sequence[str] = ()) -> list[Who]:
+    """The robots of a file that take tip positions, all of them or those named.
 
     Raises:
-        ContidError: the file is wrong, or none of its robots takes a tip position.
+        ContidError: the file is wrong, or none of its robots takes a tip position, or one named does not.
     """
     robots = load_robot_file(find_robot_file(name)).file.robots
     movable = {name: robot for name, robot in robots.items() if "tip" in robot.accepts and not robot.passive}
     if not movable:
         raise ContidError(f"{name}: none of its robots takes a tip position")
+    for each in only:
+        if each not in movable:
+            raise ContidError(
+                f"{name}: no robot {each!r} takes a tip position; there are {', '.join(movable)}"
+            )
     alone = len(robots) == 1
     return [
-        Who("" if alone else f"{name}.", robot.dimension, robot.accepts) for name, robot in movable.items()
+        Who("" if alone else f"{name}.", robot.dimension, robot.accepts)
+        for name, robot in movable.items()
+        if not only or name in only
     ]
 
 

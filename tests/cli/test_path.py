@@ -67,7 +67,6 @@ def test_spatial_paths_with_direction_and_mid_point() -> None:
         (["circle", "--radius", "1", "--for", "stiffflop2"], "needs --height"),
         (["circle", "--radius", "1", "--lean", "3"], "needs --height"),
         (["circle", "--radius", "1", "--center", "1,2,3", "--height", "3"], "one of them"),
-        (["circle", "--radius", "1", "--for", "a", "--robots", "b"], "not both"),
         (["circle", "--radius", "1", "--height", "1", "--mid", "what:1:2"], "neither x,y,z"),
         (["cirle"], "cirle"),
     ],
@@ -78,10 +77,18 @@ def test_usage_that_is_refused(arguments: list[str], says: str) -> None:
     assert says in done.output
 
 
+def test_a_path_may_be_for_one_robot_of_a_file() -> None:
+    printed = (
+        CliRunner().invoke(command, ["circle", "--radius", "1", "--for", "hand", "--robots", "left"]).output
+    )
+    assert printed.startswith("t_s,left.x_mm,left.y_mm\n")
+
+
 @pytest.mark.parametrize(
     ("arguments", "says"),
     [
         (["--for", "hnd"], "did you mean 'hand'"),
+        (["--for", "hand", "--robots", "up"], "no robot 'up' takes a tip position; there are left, right"),
         (["--for", "hand", "--height", "1", "--lean", "3"], "left takes no direction"),
         (["--for", "hand", "--height", "1", "--mid", "1,2,3"], "left takes no mid"),
     ],
