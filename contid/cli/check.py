@@ -6,9 +6,11 @@ import json
 
 import click
 
+from contid.cli.robot_names import robot_names
+
 
 @click.command()
-@click.argument("robot_file")
+@click.argument("robot_file", shell_complete=robot_names)
 @click.option("--json", "as_json", is_flag=True, help="One JSON object; of a bad file one per mistake.")
 def command(robot_file: str, as_json: bool) -> None:
     """Validate ROBOT_FILE (or a shipped one by its name) and print what it describes.

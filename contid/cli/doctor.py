@@ -8,13 +8,14 @@ import sys
 
 import click
 
+from contid.cli.robot_names import robot_names
 from contid.description.load import load_robot_file
 from contid.description.shipped import find_robot_file
 from contid.hal import Diagnoses, Finding
 
 
 @click.command()
-@click.argument("robot_file")
+@click.argument("robot_file", shell_complete=robot_names)
 @click.option("--json", "as_json", is_flag=True, help="One JSON object per finding.")
 def command(robot_file: str, as_json: bool) -> None:
     """Examine the machine and the buses and devices of ROBOT_FILE; moves nothing; exit 4 if not well."""

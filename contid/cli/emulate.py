@@ -8,6 +8,7 @@ from typing import Final
 
 import click
 
+from contid.cli.robot_names import robot_names
 from contid.description.load import load_robot_file
 from contid.description.shipped import find_robot_file
 from contid.errors import ContidError
@@ -19,7 +20,7 @@ _PRIORITY: Final = 40
 
 @click.command()
 @click.argument("driver")
-@click.argument("robot_file")
+@click.argument("robot_file", shell_complete=robot_names)
 @click.option(
     "--faults",
     type=click.Path(path_type=Path, dir_okay=False),

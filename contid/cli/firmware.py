@@ -11,6 +11,7 @@ from typing import Any, cast
 
 import click
 
+from contid.cli.robot_names import robot_names
 from contid.errors import ContidError, DeviceError
 
 #: The driver's own module of sources and builds, found by name like every driver.
@@ -98,7 +99,7 @@ def _bossac_steps(port: str, connection: str, binary: Path) -> list[list[str]]:
 
 
 @command.command()
-@click.argument("robot_file", required=False)
+@click.argument("robot_file", required=False, shell_complete=robot_names)
 def info(robot_file: str | None) -> None:
     """What the sketch is, and what the boards of ROBOT_FILE say of themselves."""
     sources = import_module(_SOURCES)

@@ -6,12 +6,13 @@ from collections.abc import Mapping
 
 import click
 
+from contid.cli.robot_names import robot_names
 from contid.cli.rows import Cell, answer_rows, front, open_rows
 
 
 @click.command()
-@click.argument("robot_file")
-@click.argument("rows", required=False)
+@click.argument("robot_file", shell_complete=robot_names)
+@click.argument("rows", required=False, type=click.Path(allow_dash=True))
 @click.option("--pose", is_flag=True, help="Also print the tip's direction and the mid-point.")
 @click.option("--json", "as_json", is_flag=True, help="One JSON object per row instead of CSV.")
 def command(robot_file: str, rows: str | None, pose: bool, as_json: bool) -> None:

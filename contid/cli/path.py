@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING
 import click
 
 from contid.cli.numbers import NUMBER, POSITIVE, Numbers
+from contid.cli.robot_names import robot_names
 
 if TYPE_CHECKING:
     from contid.trajectory.shapes import Path
@@ -41,7 +42,13 @@ SHAPES = ("line", "circle", "ellipse", "square", "box", "spiral", "corners", "tr
 @click.option("--period", type=POSITIVE, default=4.0, show_default=True, help="Time of one lap [s].")
 @click.option("--laps", type=POSITIVE, default=1.0, show_default=True, help="How many laps.")
 @click.option("--rate", type=POSITIVE, default=50.0, show_default=True, help="Rows per second.")
-@click.option("--for", "robot_file", help="Robot file, or the name of a shipped one: every robot's columns.")
+@click.option(
+    "--for",
+    "robot_file",
+    shell_complete=robot_names,
+    metavar="ROBOT_FILE",
+    help="Robot file, or the name of a shipped one: every robot's columns.",
+)
 @click.option(
     "--robots", help="Only these robots, names separated by commas; without --for just their names."
 )

@@ -9,10 +9,11 @@ import click
 
 from contid.cli.figure import FIGURE
 from contid.cli.numbers import POSITIVE
+from contid.cli.robot_names import robot_names
 
 
 @click.command()
-@click.argument("robot_file")
+@click.argument("robot_file", shell_complete=robot_names)
 @click.option("--plot", type=FIGURE, help="Draw the regions into a .png, .svg or .pdf.")
 @click.option("--voxel-mm", type=POSITIVE, help="Edge of a voxel (spatial arms).")
 @click.option(

@@ -10,6 +10,7 @@ import click
 
 from contid.cli.files import NewFile
 from contid.cli.numbers import NUMBER
+from contid.cli.robot_names import robot_names
 
 if TYPE_CHECKING:
     from contid.control.report import Report
@@ -18,7 +19,7 @@ if TYPE_CHECKING:
 
 
 @click.command()
-@click.argument("robot_file")
+@click.argument("robot_file", shell_complete=robot_names)
 @click.option("--mock", is_flag=True, help="Run on simulated devices instead of the real ones.")
 @click.option("--trajectory", type=click.Path(exists=True, dir_okay=False), help="Timed rows; else stdin.")
 @click.option("--rate", type=NUMBER, help="Ticks per second instead of rate_hz, within its limits.")

@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING
 import click
 
 from contid.cli.numbers import POSITIVE, Numbers
+from contid.cli.robot_names import robot_names
 from contid.units import m_to_mm
 
 if TYPE_CHECKING:
@@ -24,8 +25,8 @@ if TYPE_CHECKING:
 
 
 @click.command()
-@click.argument("robot_file")
-@click.argument("rows", required=False)
+@click.argument("robot_file", shell_complete=robot_names)
+@click.argument("rows", required=False, type=click.Path(allow_dash=True))
 @click.option(
     "--points", default=21, show_default=True, type=click.IntRange(2, 100_000), help="Per backbone."
 )

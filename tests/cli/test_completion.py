@@ -1,0 +1,28 @@
+"""What a shell is offered for an unfinished command line."""
+
+from __future__ import annotations
+
+import pytest
+from click.shell_completion import ShellComplete
+
+from contid.cli.main import cli
+
+
+def offered(*words: str) -> list[tuple[str, str]]:
+    *before, incomplete = words
+    found = ShellComplete(cli, {}, "contid", "_CONTID_COMPLETE").get_completions(list(before), incomplete)
+    return [(item.value, item.type) for item in found]
+
+
+@pytest.mark.parametrize("words", [["run"], ["check"], ["ik"], ["emulate", "due"], ["path", "circle", "--for"]])
+def test_robot_files_are_shipped_names_and_files(words: list[str]) -> None:
+    assert offered(*words, "trirack2") == [
+        ("trirack2", "plain"),
+        ("trirack2.emulated", "plain"),
+        ("trirack2", "file"),
+    ]
+
+
+def test_commands_and_options() -> None:
+    assert ("resume", "plain") in offered("re")
+    assert offered("run", "--un") == [("--unreachable", "plain")]
