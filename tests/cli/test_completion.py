@@ -14,7 +14,9 @@ def offered(*words: str) -> list[tuple[str, str]]:
     return [(item.value, item.type) for item in found]
 
 
-@pytest.mark.parametrize("words", [["run"], ["check"], ["ik"], ["emulate", "due"], ["path", "circle", "--for"]])
+@pytest.mark.parametrize(
+    "words", [["run"], ["check"], ["ik"], ["emulate", "due"], ["path", "circle", "--for"]]
+)
 def test_robot_files_are_shipped_names_and_files(words: list[str]) -> None:
     assert offered(*words, "trirack2") == [
         ("trirack2", "plain"),
