@@ -156,10 +156,35 @@ _SAMPLE: Final = (
 )
 
 
+#: Keys of events that plotting programs can use; which of them an event has depends on its kind, and some
+#: kinds have more (what an order asks for, what a bus has done).
+_EVENT_KEYS: Final = (
+    ("event", "string", "its kind"),
+    ("tick", "integer", "number of the tick it belongs to"),
+    ("robot", "string", "name of the robot"),
+    ("bus", "string", "name of the bus"),
+    ("axis", "string", "ROBOT.AXIS"),
+    ("mode", "string", "state: the new mode of the robot"),
+    ("order", "string", "order: what was asked for"),
+    ("words", "string", "for a person"),
+    ("reason", "string", "why a stop began"),
+    ("seconds", "number", "stopping: how long it takes"),
+    ("name", "string", "of a fault, or of a limit"),
+    ("bit", "integer", "limit_name: the bit of limited_by that stands for the limit"),
+    ("tier", "string", "tier: how old the data of the bus are now"),
+    ("before", "string", "tier: and were before"),
+    ("age_s", "number", "age of a measurement"),
+    ("ticks", "integer", "report: that were run; skipped: in a row"),
+    ("total", "integer", "skipped: so far"),
+    ("missed_ticks", "integer", "overrun: that are not in the file"),
+    ("missed_events", "integer", "overrun: that are not in the file"),
+)
+
+
 def schema(layout: RecordLayout, device_units: Mapping[str, str], channel: str) -> dict[str, Any]:
     """JSON Schema of a channel: every key of its messages, and which of them are always there."""
     if channel == EVENT:
-        keys = {"event": {"type": "string"}, "tick": {"type": "integer"}}
+        keys = {name: {"type": kind, "description": words} for name, kind, words in _EVENT_KEYS}
         return {"type": "object", "title": f"contid.{EVENT}", "properties": keys, "required": ["event"]}
     root: dict[str, Any] = {"title": f"contid.{channel}", **_object()}
     for each in fields(layout, device_units, channel):
