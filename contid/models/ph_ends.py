@@ -97,6 +97,11 @@ def hermite(
     a2 = turned(a2, *nearest_turn(a2, a0, chord))
     a2 = turned(a2, math.cos(beta), math.sin(beta))
     c = 120.0 * chord - 15.0 * (start_derivative + end_derivative) + 10.0 * product(a0, a2)
+    return _filled(start_m, chord, a0, a2, c, gamma)
+
+
+def _filled(start_m: Array, chord: Array, a0: Array, a2: Array, c: Array, gamma: float) -> PhQuintic:
+    """The quintic over a chord with given end preimages, its middle one from ``c = C i C*``."""
     middle = lift(c)
     # With beta = pi and parallel tangents a0 + a2 vanishes and leaves the middle open: a0 - a2 then decides.
     both = a0 + a2 if float((a0 + a2) @ (a0 + a2)) > NO_TURN**2 * float(a0 @ a0 + a2 @ a2) else a0 - a2
@@ -161,7 +166,10 @@ def through(ends: Ends, length_m: float | None = None, beta: float = 0.0, gamma:
         m = speed_as_mean(chord, G, k)
         if length_m is not None:
             met, note = False, _why_not(chord, length_m)
-    return PhFit(hermite(start, end, m * t0, m * t1, beta, gamma), m, beta, gamma, met, note)
+    # With the very preimages m was found for: of nearly opposite tangents `hermite` would find others.
+    root = math.sqrt(m)
+    curve = _filled(start, chord, root * a0, root * a2, 120.0 * chord + m * G, gamma)
+    return PhFit(curve, m, beta, gamma, met, note)
 
 
 def least_energy(ends: Ends, length_m: float | None = None) -> PhFit:

@@ -213,6 +213,18 @@ def test_straight_body_of_its_own_length() -> None:
             assert fit.curve.evenly(101) == pytest.approx(points, abs=1e-9)
 
 
+@pytest.mark.parametrize("off", [1e-6, 1e-9, 1e-12, 1e-14])
+def test_nearly_opposite_directions_keep_the_prescribed_length(off: float) -> None:
+    """The turn of the end preimage hangs on the digits of ``t0 + t1``; the length must not."""
+    direction = np.array([-0.165, 0.404, 0.899])
+    direction /= np.linalg.norm(direction)
+    across = np.array([0.3, -0.5, 0.8])
+    ends = Ends((0.0, 0.0, 0.0), (-0.87, 1.05, -1.13), tuple(direction), tuple(off * across - direction))
+    for fit in (through(ends, 3.456), least_energy(ends, 3.456)):
+        assert fit.length_met
+        assert fit.curve.length_m == pytest.approx(3.456, rel=1e-14)
+
+
 def test_a_length_shorter_than_the_chord_is_reported() -> None:
     fit = through(Ends((0, 0, 0), (0, 0, 0.2), Z, Z), 0.19)
     assert not fit.length_met
