@@ -5,7 +5,7 @@ from __future__ import annotations
 import json
 import sys
 from collections.abc import Callable
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, Final
 
 import click
 
@@ -13,6 +13,9 @@ from contid.errors import ContidError
 
 if TYPE_CHECKING:
     from contid.client import Client, RemoteError
+
+#: What becomes of a device that an order to stop does not reach.
+UNHEARD: Final = "look at the robot; their own dead-man stops them; order it again when they answer"
 
 socket_option = click.option(
     "--socket", type=click.Path(), help="Of the daemon; default: the only one that runs."
@@ -50,8 +53,13 @@ def told(socket: str | None, as_json: bool, ask: Callable[[Client], dict[str, An
     if as_json:
         click.echo(json.dumps({"ok": True, **answer}))
         return
+    silent = answer.get("silent", {})
     for name, state in answer.get("robots", {}).items():
         click.echo(f"{name}: {state}")
+        if name in silent:
+            click.echo(
+                f"{name}: {', '.join(silent[name])} did not answer and may not have heard it: {UNHEARD}"
+            )
 
 
 class RefusedError(ContidError):

@@ -84,6 +84,9 @@ class Exchange:
             words = f"{name}: not cleared, {self._ports[lost[0]].lost}"
             self._sink.event("refused", robot=name, words=words)
             return replace(state, pending=Effect.NONE)
+        for bus in lost:
+            words = f"{name}: {state.pending.name.lower()} does not reach its devices on {bus}, which is lost"
+            self._sink.event("bus", bus=bus, words=f"{words}; their own dead-man stops them")
         for bus, axes in self._axes_on[index].items():
             if bus in lost:
                 continue

@@ -101,6 +101,18 @@ class Picture:
         """The state of a robot."""
         return Mode.OFF if record is None else Mode(record.robots[self._index[robot]].mode)
 
+    def silent(self, robots: Sequence[str] | None, record: TickRecord | None) -> dict[str, list[str]]:
+        """By robot, the axes whose devices did not answer in the newest tick: no order reaches them."""
+        out: dict[str, list[str]] = {}
+        if record is None:
+            return out
+        for name in robots if robots is not None else tuple(self.plans):
+            told = record.robots[self._index[name]].axes
+            axes = [a for a, seen in zip(self.plans[name].axis_names, told, strict=True) if seen.valid != 1.0]
+            if axes:
+                out[name] = axes
+        return out
+
     def command(self, robot: str, record: TickRecord | None) -> tuple[float, ...] | None:
         """The last commanded actuation [m or Pa], None before the first."""
         if record is None:

@@ -241,7 +241,9 @@ class Verbs:
         if holder is not None:
             self._tell(holder.client, {"event": "right", "lost": f"{words} stopped the robots"})
         self.moves.abort_streams(words)
-        return await self._told(future, robots)
+        told = await self._told(future, robots)
+        silent = self.picture.silent(robots, self._orders.newest())
+        return {**told, "silent": silent} if silent else told
 
     # -- moving ------------------------------------------------------------------------------------------
 

@@ -53,6 +53,22 @@ def test_an_estop_that_is_not_understood_stops_everybody() -> None:
         assert running.off()
 
 
+@pytest.mark.parametrize(
+    ("fault", "axes"), [("lost", ["left", "right"]), ("silent, axis: f0.left", ["left"])]
+)
+def test_an_estop_says_whom_it_did_not_reach(fault: str, axes: list[str]) -> None:
+    with daemon(options=f"faults: [{{at_s: 1.0, kind: {fault}}}]") as running, running.client() as client:
+        armed(client)
+        assert "silent" not in client.hold()
+        until(lambda: states(client) == {"FAULT"}, "the devices fall silent")
+        assert client.estop()["silent"] == {"f0": axes}
+        done = subprocess.run(
+            command("estop", "--socket", str(running.socket)), capture_output=True, text=True, check=True
+        )
+        assert f"f0: {', '.join(axes)} did not answer and may not have heard it" in done.stdout
+        assert ("which is lost" in running.end(None)) == (fault == "lost")
+
+
 def test_a_fault_says_everything_latches_and_is_cleared_without_motion() -> None:
     with daemon(options=SILENT) as running, running.client() as client:
         armed(client)
