@@ -103,9 +103,9 @@ def _bossac_steps(port: str, connection: str, binary: Path) -> list[list[str]]:
 def info(robot_file: str | None) -> None:
     """What the sketch is, and what the boards of ROBOT_FILE say of themselves."""
     sources = import_module(_SOURCES)
-    messages = import_module("contid_drivers.due.messages")
+    codes = import_module("contid_drivers.due.codes")
     click.echo(f"sources: {sources.firmware_dir()}")
-    click.echo(f"protocol version: {messages.PROTOCOL_VERSION}")
+    click.echo(f"protocol version: {codes.PROTOCOL_VERSION}")
     click.echo(f"protocol: {sources.firmware_dir() / 'PROTOCOL.md'}")
     if robot_file is None:
         return

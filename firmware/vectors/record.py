@@ -13,8 +13,8 @@ from pathlib import Path
 
 from contid.hal import AxisOnBus
 from contid_drivers.due import frames, messages, wiring
+from contid_drivers.due.codes import RestCode, Type
 from contid_drivers.due.firmware import build_host
-from contid_drivers.due.messages import RestCode, Type
 from contid_drivers.due.options import AxisOptions, BusOptions
 
 HERE = Path(__file__).parent

@@ -34,8 +34,9 @@ from contid.session.record import Recording
 from contid.session.replay import replay
 from contid.trajectory.read import read_trajectory
 from contid.trajectory.stream import StreamParser
+from contid_drivers.due.codes import Type
 from contid_drivers.due.frames import FrameReader, seal
-from contid_drivers.due.messages import Type, read_answer
+from contid_drivers.due.messages import read_answer
 from contid_drivers.due.messages import request as payload_of
 from contid_drivers.dynamixel import packets
 from contid_drivers.dynamixel.cyclic import INDIRECT, MOTION, PLAIN

@@ -12,6 +12,7 @@ from dataclasses import dataclass
 
 from contid.hal import AxisOnBus
 from contid_drivers.due import frames, messages, wiring
+from contid_drivers.due.codes import State, Type
 from contid_drivers.due.cortex import (
     ARDUINO_FLASH,
     ARDUINO_RAM,
@@ -20,7 +21,6 @@ from contid_drivers.due.cortex import (
     build_m3,
     read_elf,
 )
-from contid_drivers.due.messages import Type
 from contid_drivers.due.options import AxisOptions, BusOptions
 from tests.firmware.cortex_m3 import M3Board
 
@@ -72,7 +72,7 @@ def measure() -> Load:
     ticks = []
     for now in range(300):
         assert isinstance(told, messages.Telemetry)
-        assert all(report.state is messages.State.ARMED for report in told.channels.values())
+        assert all(report.state is State.ARMED for report in told.channels.values())
         if now % 5 == 0:
             # The last third is a step to a far goal: the longest way through the set-point's root.
             goal = EDGES_PER_S * now // 1000 if now < 200 else 39526

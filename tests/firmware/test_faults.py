@@ -2,7 +2,8 @@
 
 import pytest
 
-from contid_drivers.due.messages import Reason, Refused, ResetCause, State, Telemetry, Type
+from contid_drivers.due.codes import Reason, ResetCause, State, Type
+from contid_drivers.due.messages import Refused, Telemetry
 
 MOVING = 6081  # counts/s at 10 cm/s
 

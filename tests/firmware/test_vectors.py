@@ -7,6 +7,7 @@ import subprocess
 import pytest
 
 from contid_drivers.due import frames, messages
+from contid_drivers.due.codes import Refusal, Type
 from contid_drivers.due.cortex import build_m3, read_elf
 from contid_drivers.due.firmware import WARNINGS, build_host, firmware_dir
 from tests.firmware.cortex_m3 import M3Board
@@ -40,10 +41,10 @@ def test_every_message_and_refusal_is_in_the_vectors():
     answers = [
         messages.read_answer(bytes.fromhex(rest[0]))[1] for word, *rest in lines() if word == "<" and rest
     ]
-    refusals = {messages.Refusal(one.refusal) for one in answers if isinstance(one, messages.Refused)}
-    assert refusals == set(messages.Refusal) - {messages.Refusal.NO_SENSOR}
+    refusals = {Refusal(one.refusal) for one in answers if isinstance(one, messages.Refused)}
+    assert refusals == set(Refusal) - {Refusal.NO_SENSOR}
     requests = {bytes.fromhex(rest[0])[1] for word, *rest in lines() if word == ">" and len(rest[0]) > 4}
-    assert requests >= {kind for kind in messages.Type if kind < 0x80}
+    assert requests >= {kind for kind in Type if kind < 0x80}
     assert {type(one) for one in answers} == {
         messages.Hello, messages.Configured, messages.Telemetry, messages.Refused,
     }  # fmt: skip

@@ -8,7 +8,8 @@ from collections.abc import Mapping, Sequence
 from contid.errors import DeviceError, DeviceLostError
 from contid.hal import AxisOnBus, Clock, DeviceKind, Rest, Sample
 from contid_drivers.due import messages
-from contid_drivers.due.messages import DUTY_FULL, Hello, Refused, Report, RestCode, State, Telemetry, Type
+from contid_drivers.due.codes import DUTY_FULL, RestCode, State, Type
+from contid_drivers.due.messages import Hello, Refused, Report, Telemetry
 from contid_drivers.due.options import BusOptions
 from contid_drivers.due.session import Session, refused
 from contid_drivers.due.wiring import Scale, axis_options

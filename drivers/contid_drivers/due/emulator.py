@@ -14,8 +14,8 @@ from typing import Final, Self
 from contid.errors import DeviceError
 from contid.hal import AxisOnBus, DeviceKind
 from contid.units import BAR
+from contid_drivers.due.codes import ADC_MV, ADC_STEPS
 from contid_drivers.due.firmware import build_host
-from contid_drivers.due.messages import ADC_MV, ADC_STEPS
 from contid_drivers.due.options import AxisOptions, BusOptions
 from contid_drivers.due.wiring import axis_options
 

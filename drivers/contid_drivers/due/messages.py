@@ -2,128 +2,28 @@
 
 from __future__ import annotations
 
-import enum
 import struct
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
-from typing import Final, TypeAlias
+from typing import TypeAlias
 
 from contid.errors import ContidError
-
-PROTOCOL_VERSION: Final = 1
-CHANNELS: Final = 6
-#: Full duty in either direction.
-DUTY_FULL: Final = 32767
-#: Steps of the board's analogue inputs over 3.3 V.
-ADC_STEPS: Final = 4095
-ADC_MV: Final = 3300.0
-
-
-class Type(enum.IntEnum):
-    """First byte after the version."""
-
-    HELLO = 0x01
-    CONFIGURE = 0x02
-    ARM = 0x03
-    DEMAND = 0x04
-    CLEAR = 0x05
-    STOP = 0x06
-    HOME = 0x07
-    HELLO_ANSWER = 0x81
-    CONFIGURED = 0x82
-    TELEMETRY = 0x84
-    REFUSED = 0xFF
-
-
-class State(enum.IntEnum):
-    """State of a channel."""
-
-    OFF = 0
-    READY = 1
-    ARMED = 2
-    HOMING = 3
-    STOPPED = 4
-    SAFE = 5
-
-
-class Reason(enum.IntEnum):
-    """Why a channel is in its safe state: the fault's number."""
-
-    NONE = 0
-    DEAD_MAN = 1
-    STALLED = 2
-    ENCODER_SILENT = 3
-    ENCODER_REVERSED = 4
-    FOLLOWING = 5
-    HOME_FAILED = 6
-    SENSOR_WIRE = 7
-    LEAK = 8
-    OVER_PRESSURE = 9
-    BRIDGE = 10
-
-    @property
-    def words(self) -> str:
-        """The fault for people."""
-        return _REASON_WORDS[self]
-
-
-_REASON_WORDS: Final = {
-    Reason.NONE: "",
-    Reason.DEAD_MAN: "dead-man: no valid demand in time",
-    Reason.STALLED: "stalled: driven, but the shaft does not turn",
-    Reason.ENCODER_SILENT: "encoder silent: driven without stall current, but nothing is counted",
-    Reason.ENCODER_REVERSED: "runs away from its set-point: encoder or motor reversed",
-    Reason.FOLLOWING: "too far behind its set-point",
-    Reason.HOME_FAILED: "homing did not find the end stop",
-    Reason.SENSOR_WIRE: "pressure signal out of range: broken wire",
-    Reason.LEAK: "pressure stays below its set-point: leak, no supply or no signal",
-    Reason.OVER_PRESSURE: "pressure above the ceiling",
-    Reason.BRIDGE: "the H-bridge reports a fault of its own (heat, current or supply)",
-}
-
-
-class Refusal(enum.IntEnum):
-    """Why the board did not do what it was asked."""
-
-    UNKNOWN_MESSAGE = 1
-    WRONG_VERSION = 2
-    WRONG_LENGTH = 3
-    WRONG_CRC = 4
-    NOT_CONFIGURED = 5
-    BAD_CHANNEL = 6
-    BAD_VALUE = 7
-    SAFE_IS_NOT_START = 8
-    WRONG_ROLE = 9
-    ARMED_NOW = 10
-    LATCHED = 11
-    NOT_HOMED = 12
-    NO_SENSOR = 13
-    NO_HOMING = 14
-    PERSISTS = 15
-
-
-class RestCode(enum.IntEnum):
-    """What a stop asks for."""
-
-    HOLD = 0
-    RELAX = 1
-    VENT = 2
-
-
-class ResetCause(enum.IntEnum):
-    """What started the board."""
-
-    POWER_UP = 0
-    BACKUP = 1
-    WATCHDOG = 2
-    SOFTWARE = 3
-    PIN = 4
-    BROWN_OUT = 5
-
-    @property
-    def words(self) -> str:
-        """The cause for people."""
-        return self.name.lower().replace("_", "-")
+from contid_drivers.due.codes import (
+    BOARD_CONFIGURED,
+    BOARD_DEMAND_STALE,
+    CHANNEL_HOMED,
+    CHANNEL_LIMITED,
+    CHANNEL_SENSOR_OK,
+    CHANNELS,
+    PROTOCOL_VERSION,
+    Reason,
+    Refusal,
+    ResetCause,
+    RestCode,
+    RoleCode,
+    State,
+    Type,
+)
 
 
 @dataclass(frozen=True, slots=True)
@@ -144,7 +44,8 @@ class Hello:
     @property
     def role_name(self) -> str:
         """The role as the robot file writes it."""
-        return {0: "motor", 1: "pressure"}.get(self.role, f"{self.role}?")
+        names = {role.value: role.name.lower() for role in RoleCode}
+        return names.get(self.role, f"{self.role}?")
 
 
 @dataclass(frozen=True, slots=True)
@@ -275,7 +176,7 @@ def _read_body(kind: int, body: bytes) -> Answer:
             boot=fields[5],
             uptime_ms=fields[6],
             cause=ResetCause(fields[7]),
-            configured=bool(fields[8] & 1),
+            configured=bool(fields[8] & BOARD_CONFIGURED),
             config_crc=fields[9],
             capabilities=tuple(fields[10:16]),
             pins=body[_HELLO.size :].decode("ascii", "replace"),
@@ -295,9 +196,9 @@ def _read_telemetry(body: bytes) -> Telemetry:
         channels[channel] = Report(
             State(state & 0x0F),
             Reason(reason),
-            bool(state & 0x10),
-            bool(state & 0x20),
-            bool(state & 0x40),
+            bool(state & CHANNEL_HOMED),
+            bool(state & CHANNEL_LIMITED),
+            bool(state & CHANNEL_SENSOR_OK),
             position,
             velocity,
             duty,
@@ -306,5 +207,13 @@ def _read_telemetry(body: bytes) -> Telemetry:
     if at != len(body):
         raise BadAnswerError(f"telemetry of {len(body)} bytes, expected {at}")
     return Telemetry(
-        uptime, boot, ResetCause(cause), crc, bool(flags & 1), bool(flags & 2), bad, dropped, channels
+        uptime_ms=uptime,
+        boot=boot,
+        cause=ResetCause(cause),
+        config_crc=crc,
+        configured=bool(flags & BOARD_CONFIGURED),
+        stale=bool(flags & BOARD_DEMAND_STALE),
+        bad_frames=bad,
+        dropped=dropped,
+        channels=channels,
     )

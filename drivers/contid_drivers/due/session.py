@@ -8,9 +8,10 @@ from collections.abc import Sequence
 from contid.errors import DeviceError, DeviceLostError, DeviceNotFoundError
 from contid.hal import AxisOnBus
 from contid_drivers.due import messages
+from contid_drivers.due.codes import PROTOCOL_VERSION, Refusal, Type
 from contid_drivers.due.frames import crc16
-from contid_drivers.due.messages import Answer, Configured, Hello, Refusal, Refused, Telemetry, Type
-from contid_drivers.due.options import BusOptions, Role
+from contid_drivers.due.messages import Answer, Configured, Hello, Refused, Telemetry
+from contid_drivers.due.options import BusOptions
 from contid_drivers.due.port import Port, find_port
 from contid_drivers.due.wiring import axis_options, board_config, config_body
 
@@ -18,7 +19,6 @@ from contid_drivers.due.wiring import axis_options, board_config, config_body
 _HELLO_EVERY_S = 0.05
 #: Bytes of the longest telemetry frame, for its time on the wire.
 _TELEMETRY_BYTES = 112
-_ROLES = {0: Role.MOTOR, 1: Role.PRESSURE}
 
 
 def ask_hello(name: str, options: BusOptions) -> Hello:
@@ -59,7 +59,7 @@ def _refusal(name: str, what: str, answer: Refused) -> DeviceNotFoundError:
     remedy = ""
     if answer.refusal == Refusal.WRONG_VERSION:
         remedy = (
-            f"the board speaks protocol {answer.detail}, this contid {messages.PROTOCOL_VERSION}: "
+            f"the board speaks protocol {answer.detail}, this contid {PROTOCOL_VERSION}: "
             "contid firmware flash"
         )
     elif answer.refusal == Refusal.ARMED_NOW:
@@ -98,12 +98,11 @@ class Session:
             return None
 
     def _check_role(self) -> None:
-        found = _ROLES.get(self.hello.role)
-        if found is not self._options.role:
+        if self.hello.role_name != self._options.role:
             raise DeviceNotFoundError(
                 self._name,
                 f"expected a {self._options.role} board at {self._port.path}, "
-                f"found a {found or self.hello.role} board",
+                f"found a {self.hello.role_name} board",
                 "swap the ports in the robot file, or set the board's jumper (docs/due.md)",
             )
 

@@ -10,18 +10,10 @@ from typing import Final
 from contid.errors import DeviceError
 from contid.hal import AxisOnBus, DeviceKind
 from contid.units import BAR
+from contid_drivers.due.codes import ADC_MV, ADC_STEPS, DUTY_FULL, RoleCode, SafeCode
 from contid_drivers.due.frames import crc16
-from contid_drivers.due.messages import ADC_MV, ADC_STEPS, DUTY_FULL
-from contid_drivers.due.options import AxisOptions, BusOptions, EndStop, Role, SafeState
+from contid_drivers.due.options import AxisOptions, BusOptions, EndStop, Role
 
-_SAFE: Final = {
-    SafeState.BRAKE: 0,
-    SafeState.COAST: 1,
-    SafeState.HOLD: 2,
-    SafeState.VENT: 3,
-    SafeState.CLOSE: 4,
-}
-_ROLE: Final = {Role.MOTOR: 0, Role.PRESSURE: 1}
 #: Travel of an axis whose robot file leaves it open [counts].
 _OPEN: Final = 1_000_000_000
 _MOTOR = struct.Struct("<4B9ihih3H3ih2iH")
@@ -84,8 +76,8 @@ def _motor(axis: AxisOnBus, o: AxisOptions) -> bytes:
     full_scale_ma = o.current_ma_per_v * ADC_MV / 1000.0
     return _MOTOR.pack(
         o.number,
-        _SAFE[o.safe],
-        _SAFE[o.start],
+        SafeCode[o.safe.name],
+        SafeCode[o.start.name],
         flags,
         low,
         high,
@@ -119,8 +111,8 @@ def _regulator(o: AxisOptions) -> bytes:
     (low_mv, low_bar), (high_mv, high_bar) = o.readback
     body = _REGULATOR.pack(
         o.number,
-        _SAFE[o.safe],
-        _SAFE[o.start],
+        SafeCode[o.safe.name],
+        SafeCode[o.start.name],
         round(o.ceiling_bar * BAR),
         round(o.slew_bar_s * BAR),
         round(o.vent_bar_s * BAR),
@@ -145,7 +137,7 @@ def board_config(bus: str, options: BusOptions, axes: Sequence[AxisOnBus]) -> by
         DeviceError: an axis is of the other kind of board, or a number does not fit the wire.
     """
     wanted = DeviceKind.MOTOR if options.role is Role.MOTOR else DeviceKind.REGULATOR
-    blob = struct.pack("<BHB", _ROLE[options.role], options.watchdog_ms, len(axes))
+    blob = struct.pack("<BHB", RoleCode[options.role.name], options.watchdog_ms, len(axes))
     for axis in sorted(axes, key=lambda one: axis_options(one).number):
         o = axis_options(axis)
         if o.kind is not wanted:

@@ -25,8 +25,8 @@ import pytest
 from contid.description.load import load_robot_file
 from contid.hal import AxisOnBus
 from contid_drivers.due import frames, messages, wiring
+from contid_drivers.due.codes import Type
 from contid_drivers.due.emulator import Emulator
-from contid_drivers.due.messages import Type
 
 TEN_CM_S = 6081.0  # counts/s
 WATCHDOG_MS = 100

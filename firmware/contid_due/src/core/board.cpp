@@ -1,4 +1,5 @@
-// The board in its timer interrupt: dead-man, laws, safe states. Messages are in messages.cpp.
+// The board in its timer interrupt: dead-man, laws, safe states. What it is asked is in orders.cpp, what it tells
+// in answers.cpp.
 #include "board.h"
 
 #include <string.h>

@@ -70,6 +70,7 @@ class Board {
   Verdict home(Reader& in);
   Verdict check_crc(Reader& in) const;
   Verdict check_mask(uint8_t mask) const;
+  Verdict read_mask(Reader& in, uint8_t& mask) const;
   Verdict may_arm(uint8_t channel) const;
   Verdict may_clear(uint8_t channel) const;
   Verdict may_home(uint8_t channel) const;

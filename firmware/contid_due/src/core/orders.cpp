@@ -1,74 +1,9 @@
-// The board in loop(): what it answers, and what that changes.
+// What the board is asked to do: each order is read and checked whole before anything changes.
 #include <string.h>
 
 #include "board.h"
-#include "fixed.h"
 
 namespace contid {
-
-size_t Board::answer(const uint8_t* request, size_t size, uint8_t* out, size_t capacity) {
-  Reader in(request, size);
-  const uint8_t version = in.u8();
-  const uint8_t type = in.u8();
-  const uint8_t sequence = in.u8();
-  if (!in.ok()) {
-    count_bad_frame();
-    return 0;
-  }
-  const size_t body = in.left();
-  Verdict verdict = accepted();
-  if (version != PROTOCOL_VERSION) {
-    verdict = Verdict{Refusal::WRONG_VERSION, PROTOCOL_VERSION};
-  } else {
-    switch (type) {
-      case HELLO:
-        if (body != 0) verdict = Verdict{Refusal::WRONG_LENGTH, static_cast<uint16_t>(body)};
-        break;
-      case CONFIGURE:
-        verdict = configure(in);
-        break;
-      case ARM:
-        verdict = arm(in);
-        break;
-      case DEMAND:
-        verdict = demand(in);
-        break;
-      case CLEAR:
-        verdict = clear(in);
-        break;
-      case STOP:
-        verdict = stop(in);
-        break;
-      case HOME:
-        verdict = home(in);
-        break;
-      default:
-        verdict = Verdict{Refusal::UNKNOWN_MESSAGE, type};
-        break;
-    }
-  }
-
-  Writer head(out, capacity);
-  head.u8(PROTOCOL_VERSION);
-  if (verdict.refusal != Refusal::NONE) {
-    head.u8(REFUSED);
-    head.u8(sequence);
-    head.u8(type);
-    head.u8(static_cast<uint8_t>(verdict.refusal));
-    head.u16(verdict.detail);
-    return head.size();
-  }
-  head.u8(type == HELLO ? HELLO_ANSWER : (type == CONFIGURE ? CONFIGURED : TELEMETRY));
-  head.u8(sequence);
-  uint8_t* rest = out + head.size();
-  const size_t room = capacity - head.size();
-  if (type == HELLO) return head.size() + say_hello(rest, room);
-  if (type == CONFIGURE) {
-    head.u16(config_crc_);
-    return head.size();
-  }
-  return head.size() + say_telemetry(rest, room);
-}
 
 Verdict Board::check_crc(Reader& in) const {
   const uint16_t crc = in.u16();
@@ -80,6 +15,15 @@ Verdict Board::check_crc(Reader& in) const {
 Verdict Board::check_mask(uint8_t mask) const {
   if ((mask & ~static_cast<uint32_t>(config_.mask)) != 0) return Verdict{Refusal::BAD_CHANNEL, mask};
   return accepted();
+}
+
+// The rest of an order that names channels only.
+Verdict Board::read_mask(Reader& in, uint8_t& mask) const {
+  const Verdict verdict = check_crc(in);
+  if (verdict.refusal != Refusal::NONE) return verdict;
+  mask = in.u8();
+  if (!in.finished()) return Verdict{Refusal::WRONG_LENGTH, static_cast<uint16_t>(in.at())};
+  return check_mask(mask);
 }
 
 Verdict Board::configure(Reader& in) {
@@ -141,11 +85,8 @@ Verdict Board::may_arm(uint8_t i) const {
 }
 
 Verdict Board::arm(Reader& in) {
-  Verdict verdict = check_crc(in);
-  if (verdict.refusal != Refusal::NONE) return verdict;
-  const uint8_t mask = in.u8();
-  if (!in.finished()) return Verdict{Refusal::WRONG_LENGTH, static_cast<uint16_t>(in.at())};
-  verdict = check_mask(mask);
+  uint8_t mask = 0;
+  Verdict verdict = read_mask(in, mask);
   if (verdict.refusal != Refusal::NONE) return verdict;
   keep_tick_out();
   verdict = ask_each(mask, &Board::may_arm);
@@ -208,11 +149,8 @@ Verdict Board::may_clear(uint8_t i) const {
 }
 
 Verdict Board::clear(Reader& in) {
-  Verdict verdict = check_crc(in);
-  if (verdict.refusal != Refusal::NONE) return verdict;
-  const uint8_t mask = in.u8();
-  if (!in.finished()) return Verdict{Refusal::WRONG_LENGTH, static_cast<uint16_t>(in.at())};
-  verdict = check_mask(mask);
+  uint8_t mask = 0;
+  Verdict verdict = read_mask(in, mask);
   if (verdict.refusal != Refusal::NONE) return verdict;
   keep_tick_out();
   verdict = ask_each(mask, &Board::may_clear);
@@ -263,11 +201,8 @@ Verdict Board::may_home(uint8_t i) const {
 }
 
 Verdict Board::home(Reader& in) {
-  Verdict verdict = check_crc(in);
-  if (verdict.refusal != Refusal::NONE) return verdict;
-  const uint8_t mask = in.u8();
-  if (!in.finished()) return Verdict{Refusal::WRONG_LENGTH, static_cast<uint16_t>(in.at())};
-  verdict = check_mask(mask);
+  uint8_t mask = 0;
+  Verdict verdict = read_mask(in, mask);
   if (verdict.refusal != Refusal::NONE) return verdict;
   keep_tick_out();
   verdict = ask_each(mask, &Board::may_home);
@@ -283,59 +218,6 @@ Verdict Board::home(Reader& in) {
   }
   let_tick_in();
   return accepted();
-}
-
-size_t Board::say_hello(uint8_t* out, size_t capacity) const {
-  Writer to(out, capacity);
-  to.u8(static_cast<uint8_t>(identity_.role));
-  to.u8(CHANNELS);
-  to.u8(FIRMWARE_MAJOR);
-  to.u8(FIRMWARE_MINOR);
-  to.u8(FIRMWARE_PATCH);
-  to.u16(identity_.boot);
-  to.u32(now_);
-  to.u8(static_cast<uint8_t>(identity_.cause));
-  to.u8(config_.mask != 0 ? BOARD_CONFIGURED : 0);
-  to.u16(config_crc_);
-  for (uint8_t i = 0; i < CHANNELS; ++i) to.u8(identity_.capabilities[i]);
-  for (const char* c = identity_.pins; c != nullptr && *c != '\0'; ++c) to.u8(static_cast<uint8_t>(*c));
-  return to.size();
-}
-
-size_t Board::say_telemetry(uint8_t* out, size_t capacity) {
-  Writer to(out, capacity);
-  // All numbers of one answer are of one tick.
-  keep_tick_out();
-  to.u32(now_);
-  to.u16(identity_.boot);
-  to.u8(static_cast<uint8_t>(identity_.cause));
-  to.u16(config_crc_);
-  to.u8((config_.mask != 0 ? BOARD_CONFIGURED : 0u) | (stale_ ? BOARD_DEMAND_STALE : 0u));
-  to.u16(bad_frames_);
-  to.u16(dropped_);
-  uint8_t told = 0;
-  for (uint8_t i = 0; i < CHANNELS; ++i) {
-    if ((config_.mask & (1u << i)) != 0 && fitted(i)) told = static_cast<uint8_t>(told | (1u << i));
-  }
-  to.u8(told);
-  for (uint8_t i = 0; i < CHANNELS; ++i) {
-    if ((told & (1u << i)) == 0) continue;
-    const Motor& m = motor_[i];
-    const Regulator& r = regulator_[i];
-    const bool motor = identity_.role == Role::MOTOR;
-    uint32_t state = static_cast<uint32_t>(channel_[i].state);
-    if (motor ? m.limited() : r.limited()) state |= CHANNEL_LIMITED;
-    if (motor && m.homed()) state |= CHANNEL_HOMED;
-    if (motor || r.sensor_ok()) state |= CHANNEL_SENSOR_OK;
-    to.u8(state);
-    to.u8(static_cast<uint32_t>(channel_[i].reason));
-    to.i32(motor ? m.position() : r.pressure());
-    to.i32(motor ? m.velocity() : r.rate());
-    to.i16(motor ? m.duty() : r.duty());
-    to.i16(motor ? clamp(m.current_ma(), -32767, 32767) : r.raw());
-  }
-  let_tick_in();
-  return to.size();
 }
 
 }  // namespace contid
