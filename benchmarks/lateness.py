@@ -21,8 +21,8 @@ from contid.control.child import ControlChild
 from contid.control.cycle import OnEnd
 from contid.control.daemon import Daemon, RunOptions
 from contid.control.messages import Finish
+from contid.control.realtime import ask_for_real_time, sleep_until, stop_collecting
 from contid.control.roles import Orders
-from contid.control.setup import ask_for_real_time, sleep_until, stop_collecting
 from contid.control.statistics import Lateness
 from contid.control.wiring import driven_robots
 from contid.description.load import load_robot_file, with_mock

@@ -33,9 +33,10 @@ from contid.control.child import ControlChild
 from contid.control.cycle import OnEnd, Sink
 from contid.control.daemon import Daemon, RunOptions
 from contid.control.messages import Finish, Message
+from contid.control.realtime import ask_for_real_time, sleep_until, stop_collecting
 from contid.control.ring import RingReader
 from contid.control.roles import Orders
-from contid.control.setup import Setup, ask_for_real_time, sleep_until, stop_collecting
+from contid.control.setup import Setup
 from contid.control.wiring import driven_robots
 from contid.description.load import LoadedFile, load_robot_file, with_mock
 from contid.description.shipped import find_robot_file

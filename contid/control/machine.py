@@ -10,8 +10,8 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import Final
 
+from contid.control.realtime import PRIORITY
 from contid.control.ring import folder
-from contid.control.setup import PRIORITY
 from contid.hal import Finding
 
 UNIT: Final = "contid@.service"

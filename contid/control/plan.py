@@ -7,8 +7,7 @@ from dataclasses import dataclass
 from typing import Final, Protocol
 
 from contid.control.limits import AxisLimits, axis_limits
-from contid.control.tip_feedback import FeedbackPlan
-from contid.description.base import Quantity, StopPolicy, Stops
+from contid.description.base import Quantity, StopPolicy, Stops, TipFeedback
 from contid.description.robot import RobotDescription
 from contid.models.extra_axes import build_whole_model
 from contid.models.frames import BaseFrame
@@ -45,6 +44,23 @@ class StopPlan:
     def of(cls, stops: Stops) -> StopPlan:
         """The policies of a robot file."""
         return cls(stops.on_end, stops.on_interrupt, stops.on_fault, stops.on_host_loss, stops.estop)
+
+
+@dataclass(frozen=True, slots=True)
+class FeedbackPlan:
+    """The numbers of `TipFeedback` in SI, out of reach of pydantic."""
+
+    gain_per_s: float
+    limit_m: float
+    stale_s: float
+    fade_s: float
+
+    @classmethod
+    def of(cls, feedback: TipFeedback) -> FeedbackPlan:
+        """The plan of a robot file's ``feedback``."""
+        return cls(
+            feedback.gain_per_s, feedback.limit_mm / 1e3, feedback.stale_ms / 1e3, feedback.fade_ms / 1e3
+        )
 
 
 @dataclass(frozen=True, slots=True)

@@ -26,7 +26,7 @@ class Spawned:
 
 
 def spawn() -> Spawned:
-    """Start ``python -m contid.control.process``; the imports that follow here skip the plug-ins too."""
+    """Start ``python -m contid.control``; the imports that follow here skip the plug-ins too."""
     os.environ.setdefault("PYDANTIC_DISABLE_PLUGINS", ENVIRONMENT["PYDANTIC_DISABLE_PLUGINS"])
     inside, pipe = os.pipe()
     command = [sys.executable, "-m", "contid.control", str(inside), str(os.getpid())]

@@ -15,14 +15,10 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass, replace
-from typing import TYPE_CHECKING
 
-from contid.description.base import TipFeedback
+from contid.control.plan import FeedbackPlan, RobotPlan
 from contid.hal import Sample
 from contid.targets import ZERO3, Target, Vec3
-
-if TYPE_CHECKING:
-    from contid.control.plan import RobotPlan
 
 
 @dataclass(frozen=True, slots=True)
@@ -62,23 +58,6 @@ class Correction:
     seen_m: Vec3 = ZERO3
     used_s: float = -math.inf
     faded_from_m: Vec3 = ZERO3
-
-
-@dataclass(frozen=True, slots=True)
-class FeedbackPlan:
-    """The numbers of `TipFeedback` in SI, out of reach of pydantic."""
-
-    gain_per_s: float
-    limit_m: float
-    stale_s: float
-    fade_s: float
-
-    @classmethod
-    def of(cls, feedback: TipFeedback) -> FeedbackPlan:
-        """The plan of a robot file's ``feedback``."""
-        return cls(
-            feedback.gain_per_s, feedback.limit_mm / 1e3, feedback.stale_ms / 1e3, feedback.fade_ms / 1e3
-        )
 
 
 def corrected(correction: Correction, target: Target) -> Target:
