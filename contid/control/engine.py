@@ -7,7 +7,6 @@ differs between them (time, threads, where records go) is given to the construct
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import replace
 
 from contid.control import messages as msg
 from contid.control import state as change
@@ -19,7 +18,7 @@ from contid.control.journal import order_event
 from contid.control.loop import Outcome, tick
 from contid.control.plan import RobotPlan
 from contid.control.ports import Port
-from contid.control.recording import Recorder
+from contid.control.recording import Recorder, Turn
 from contid.control.robots import Order, Robots, stopping
 from contid.control.sources import Source
 from contid.control.state import Effect, RobotState
@@ -66,11 +65,10 @@ class Engine:
         self._exchange = Exchange(self._robots, ports, rate_hz, sink, now)
         self._chains = ChainOrders(guards, self._robots, self._exchange, sink)
         self._course = Course(self._robots, self._chains, rate_hz, sink, trajectory, on_end, attended)
-        self._recorder = Recorder(self._robots.plans, sink)
+        self._recorder = Recorder(self._robots.plans, sink, now)
         self._buses = tuple(ports)
         self._rate_hz = rate_hz
         self._sink = sink
-        self._now = now
         self._step = -1
         self._going: list[Target | None] = [None for _ in plans]
 
@@ -132,13 +130,12 @@ class Engine:
 
     def obey(self, message: object, tick_number: int) -> None:
         """Carry out a message of the daemon; what is refused becomes an event."""
-        robots, course, chains = self._robots, self._course, self._chains
+        course = self._course
         step = self._step + 1
-        now_s = step / self._rate_hz
         if (fields := order_event(message)) is not None:
             self._sink.event("order", tick=tick_number, **fields)
         if not isinstance(message, msg.Goto):
-            chains.begin_gotos(now_s)
+            self._chains.begin_gotos(step / self._rate_hz)
         # Whoever gives orders is waited for, also when every robot is in FAULT.
         course.attended = course.attended or not isinstance(message, msg.Rows | msg.Measured | msg.End)
         if course.finishing and isinstance(message, msg.Rows | msg.Resume | msg.Goto | msg.Play):
@@ -147,6 +144,12 @@ class Engine:
                 robot = message.robot if isinstance(message, msg.Goto) else ""
                 self._sink.event("refused", robot=robot, words="the run is ending; nothing moves any more")
             return
+        self._carry_out(message, tick_number, step)
+
+    def _carry_out(self, message: object, tick_number: int, step: int) -> None:
+        """What each message means for robots, course and chains."""
+        robots, course, chains = self._robots, self._course, self._chains
+        now_s = step / self._rate_hz
         match message:
             case msg.Rows(targets):
                 course.rows(targets, now_s)
@@ -180,7 +183,7 @@ class Engine:
                 robots.order(who, change.estop, now_s)
                 chains.stopped(who, now_s)
             case msg.ClearFault(who):
-                robots.order(who, _begin_clear, now_s)
+                robots.order(who, change.ask_clear, now_s)
             case msg.Finish(policy, reason):
                 course.finish(policy, reason, now_s)
 
@@ -207,10 +210,10 @@ class Engine:
         self._chains.after_tick(next_s)
         course.watch(timing.tick, step, next_s)
         robots.tell(timing.tick)
+        source_s = None if source is None else source.time_s
         self._recorder.record(
-            timing, source, targets, outcomes, robots.states, exchange.samples, course.measured, now_s,
-            self._now,
-        )  # fmt: skip
+            Turn(timing, now_s, source_s, targets, outcomes, robots.states, exchange.samples, course.measured)
+        )
         if course.finishing and not self.finished:
             self.finished = robots.resting and not exchange.busy
 
@@ -236,10 +239,3 @@ class Engine:
             if bits:
                 tally.limited[bits] += 1
         return outcome
-
-
-def _begin_clear(plan: RobotPlan, state: RobotState, now_s: float) -> RobotState:
-    """Ask the devices first; what leaves the fault is their answer."""
-    if state.mode is not Mode.FAULT:
-        return change.clear(plan, state, (), now_s)
-    return replace(state, pending=Effect.CLEAR)

@@ -3,20 +3,17 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping, Sequence
-from typing import TYPE_CHECKING, Any
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass
 
+from contid.control.cycle import Sink, Timing
+from contid.control.loop import Outcome
+from contid.control.plan import RobotPlan
 from contid.control.record import CONVERGED, ENABLED, HAS_TARGET, NAN3
+from contid.control.state import RobotState
+from contid.control.tip_feedback import Measurement
+from contid.hal import Sample
 from contid.targets import Target
-
-if TYPE_CHECKING:
-    from contid.control.cycle import Sink, Timing
-    from contid.control.loop import Outcome
-    from contid.control.plan import RobotPlan
-    from contid.control.sources import Source
-    from contid.control.state import RobotState
-    from contid.control.tip_feedback import Measurement
-    from contid.hal import Sample
 
 _NAN = math.nan
 _NO_SAMPLE = (_NAN, _NAN, 0.0, _NAN, _NAN, _NAN, _NAN, _NAN)
@@ -27,49 +24,59 @@ _UNSEEN = (*NAN3, *NAN3, _NAN)
 _MAX_NAMES = 52
 
 
+@dataclass(frozen=True, slots=True)
+class Turn:
+    """What one cycle saw and decided.
+
+    Attributes:
+        timing: its place in time, on the clock of the buses.
+        now_s: the time of the robots.
+        source_s: time in the trajectory, None while none runs.
+        targets: by robot, in the world frame.
+        outcomes: of every robot's tick.
+        states: of every robot, after the exchange.
+        samples: newest by axis.
+        measured: newest measured tip by robot.
+    """
+
+    timing: Timing
+    now_s: float
+    source_s: float | None
+    targets: Mapping[str, Target | None]
+    outcomes: Sequence[Outcome]
+    states: Sequence[RobotState]
+    samples: Mapping[str, Sample]
+    measured: Mapping[str, Measurement]
+
+
 class Recorder:
     """Packs cycles for a sink; knows which bit stands for which name in ``limited_by``."""
 
-    def __init__(self, plans: Sequence[RobotPlan], sink: Sink) -> None:
+    def __init__(self, plans: Sequence[RobotPlan], sink: Sink, now: Callable[[], float]) -> None:
+        """``now``: the clock of the buses."""
         self._plans = plans
         self._sink = sink
+        self._now = now
         self._bits: list[dict[str, int]] = [{} for _ in plans]
 
-    def record(
-        self,
-        timing: Timing,
-        source: Source | None,
-        targets: Mapping[str, Target | None],
-        outcomes: Sequence[Outcome],
-        states: Sequence[RobotState],
-        samples: Mapping[str, Sample],
-        measured: Mapping[str, Measurement],
-        now_s: float,
-        now: Any,
-    ) -> None:
-        """One record of a cycle; ``now_s`` is the time of the robots, ``now`` the clock of the buses."""
-        source_s = None if source is None else source.time_s
+    def record(self, turn: Turn) -> None:
+        """One record of a cycle."""
+        timing, source_s = turn.timing, turn.source_s
         values: list[float] = [
             timing.tick, timing.skipped, timing.deadline_s, timing.lateness_s, 0.0,
             _NAN if source_s is None else source_s,
         ]  # fmt: skip
         for index, plan in enumerate(self._plans):
-            name = plan.name
-            self._robot(values, index, plan, outcomes[index], states[index], targets.get(name))
-            seen = measured.get(name)
-            values += _UNSEEN if seen is None else _seen(seen, now_s)
-            self._axes(values, plan, outcomes[index], states[index], targets.get(name), samples)
-        values[4] = now() - timing.deadline_s - timing.lateness_s
+            outcome, state = turn.outcomes[index], turn.states[index]
+            target, seen = turn.targets.get(plan.name), turn.measured.get(plan.name)
+            self._robot(values, index, outcome, state, target)
+            values += _UNSEEN if seen is None else _seen(seen, turn.now_s)
+            _axes(values, plan, outcome, state, target, turn.samples)
+        values[4] = self._now() - timing.deadline_s - timing.lateness_s
         self._sink.write(values)
 
     def _robot(
-        self,
-        values: list[float],
-        index: int,
-        plan: RobotPlan,
-        outcome: Outcome,
-        state: RobotState,
-        target: Target | None,
+        self, values: list[float], index: int, outcome: Outcome, state: RobotState, target: Target | None
     ) -> None:
         solution = outcome.solution
         flags = ENABLED if state.enabled else 0
@@ -92,38 +99,6 @@ class Recorder:
         values += load
         values += (residual_m, outcome.tip_error_m)
 
-    @staticmethod
-    def _axes(
-        values: list[float],
-        plan: RobotPlan,
-        outcome: Outcome,
-        state: RobotState,
-        target: Target | None,
-        samples: Mapping[str, Sample],
-    ) -> None:
-        wanted: Sequence[float] = () if target is None else _wanted(plan, target)
-        solved: Sequence[float] = () if outcome.solution is None else outcome.solution.actuation
-        command, device, limits = state.command, outcome.device, outcome.limits
-        for axis, name in enumerate(plan.axes):
-            values += (
-                wanted[axis] if axis < len(wanted) else _NAN,
-                solved[axis] if solved else _NAN,
-                command[axis] if command else _NAN,
-                limits[axis] if limits else 0,
-                device[axis] if device else _NAN,
-            )
-            sample = samples.get(name)
-            if sample is None:
-                values += _NO_SAMPLE
-                continue
-            value, velocity, effort = sample.value, sample.velocity, sample.effort
-            temperature, voltage = sample.temperature_c, sample.voltage_v
-            values += (
-                _NAN if value is None else value, sample.time_s, sample.valid, sample.age_s,
-                _NAN if velocity is None else velocity, _NAN if effort is None else effort,
-                _NAN if temperature is None else temperature, _NAN if voltage is None else voltage,
-            )  # fmt: skip
-
     def _bit(self, index: int, name: str) -> int:
         """The bit of a limit's name; a new one is announced in an event."""
         bits = self._bits[index]
@@ -132,6 +107,38 @@ class Recorder:
             bits[name] = 1 << number
             self._sink.event("limit_name", robot=self._plans[index].name, bit=number, name=name)
         return bits[name]
+
+
+def _axes(
+    values: list[float],
+    plan: RobotPlan,
+    outcome: Outcome,
+    state: RobotState,
+    target: Target | None,
+    samples: Mapping[str, Sample],
+) -> None:
+    wanted: Sequence[float] = () if target is None else _wanted(plan, target)
+    solved: Sequence[float] = () if outcome.solution is None else outcome.solution.actuation
+    command, device, limits = state.command, outcome.device, outcome.limits
+    for axis, name in enumerate(plan.axes):
+        values += (
+            wanted[axis] if axis < len(wanted) else _NAN,
+            solved[axis] if solved else _NAN,
+            command[axis] if command else _NAN,
+            limits[axis] if limits else 0,
+            device[axis] if device else _NAN,
+        )
+        sample = samples.get(name)
+        if sample is None:
+            values += _NO_SAMPLE
+            continue
+        value, velocity, effort = sample.value, sample.velocity, sample.effort
+        temperature, voltage = sample.temperature_c, sample.voltage_v
+        values += (
+            _NAN if value is None else value, sample.time_s, sample.valid, sample.age_s,
+            _NAN if velocity is None else velocity, _NAN if effort is None else effort,
+            _NAN if temperature is None else temperature, _NAN if voltage is None else voltage,
+        )  # fmt: skip
 
 
 def _seen(seen: Measurement, now_s: float) -> tuple[float, ...]:

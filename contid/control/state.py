@@ -194,6 +194,13 @@ def fail(plan: RobotPlan, state: RobotState, fault: Fault, words: str, now_s: fl
     return replace(after, enabled=False, pending=_effect(plan.stops.on_fault))
 
 
+def ask_clear(plan: RobotPlan, state: RobotState, now_s: float) -> RobotState:
+    """Ask the devices to clear themselves first; what leaves the fault is their answer (`clear`)."""
+    if state.mode is not Mode.FAULT:
+        return clear(plan, state, (), now_s)
+    return replace(state, pending=Effect.CLEAR)
+
+
 def clear(plan: RobotPlan, state: RobotState, samples: Sequence[Sample], now_s: float) -> RobotState:
     """Leave a fault after everything was looked at again; never moves, never changes torque.
 

@@ -69,7 +69,7 @@ class Connection:
     async def run(self) -> None:
         """Serve it until it leaves or is sent away."""
         self._writer.transport.set_write_buffer_limits(high=HIGH_WATER)
-        self.tell(self._verbs.hello())
+        self.tell(self._verbs.reading.hello())
         tasks = [asyncio.create_task(part()) for part in (self._read, self._write, self._leaving.wait)]
         try:
             await asyncio.wait(tasks, return_when=asyncio.FIRST_COMPLETED)
@@ -95,11 +95,11 @@ class Connection:
             self.send_away("answers are not read")
 
     def subscribe(self, rate_hz: float, robots: Sequence[str], fields: Sequence[str], events: bool) -> None:
-        """See `contid.remote.verbs.Caller`."""
+        """See `contid.remote.reading.Caller`."""
         self.subscription = Subscription(rate_hz, tuple(robots), tuple(fields), events)
 
     def unsubscribe(self) -> None:
-        """See `contid.remote.verbs.Caller`."""
+        """See `contid.remote.reading.Caller`."""
         self.subscription = None
 
     # -- the two directions --------------------------------------------------------------------------------

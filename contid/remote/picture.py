@@ -19,7 +19,7 @@ from contid.control.supervisor import Mode
 from contid.control.wiring import build_plans, driven_robots, record_layout
 from contid.description.load import LoadedFile
 from contid.remote.health import bus_health
-from contid.remote.protocol import Code, Fields, RemoteError
+from contid.remote.protocol import Code, Fields, RemoteError, Take
 from contid.trajectory.columns import vocabulary
 from contid.units import m_to_mm
 
@@ -75,6 +75,16 @@ class Picture:
             if name not in self.plans:
                 known = ", ".join(self.plans)
                 raise RemoteError(Code.UNKNOWN_ROBOT, f"no robot {name!r}; there are {known}")
+
+    def named(self, take: Take) -> tuple[str, ...] | None:
+        """The robots that a request names, None for all of them.
+
+        Raises:
+            RemoteError: one is not there.
+        """
+        robots = take.names("robots")
+        self.check(robots)
+        return robots
 
     def faults(self, record: TickRecord | None, robots: Sequence[str] | None) -> dict[str, Fields]:
         """The faults of robots, of all of them for None."""

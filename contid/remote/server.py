@@ -40,8 +40,7 @@ class SocketServer:
 
     async def serve(self, orders: Orders) -> None:
         """Serve until cancelled."""
-        verbs = self._verbs = Verbs(orders, self._tell)
-        verbs.clients = lambda: len(self._connections)
+        verbs = self._verbs = Verbs(orders, self._tell, lambda: len(self._connections))
         orders.listen(self._notice)
         server = await asyncio.start_unix_server(self._enter, sock=self._endpoint.socket, limit=MAX_LINE)
         try:

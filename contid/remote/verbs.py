@@ -1,4 +1,4 @@
-"""What a client may ask for, one method per verb.
+"""What a client may ask for, one method per verb; those that only read are in `contid.remote.reading`.
 
 Everybody may read, and everybody may hold, stop and estop; those orders go out before anything else is looked
 at. Moving needs the motion right (`contid.remote.right`). A stop by somebody else takes the right from its
@@ -11,66 +11,44 @@ from __future__ import annotations
 import asyncio
 import time
 from collections import Counter
-from collections.abc import Awaitable, Callable, Mapping, Sequence
-from typing import Any, Final, Protocol
+from collections.abc import Callable, Mapping
+from typing import Any
 
-from contid import __version__
 from contid.control.messages import ClearFault, Estop, Hold, Message, Resume, Stop
 from contid.control.roles import Orders
 from contid.control.supervisor import Mode
 from contid.remote.ledger import PATIENCE_S, Ledger
 from contid.remote.moves import Moves
-from contid.remote.picture import DEFAULT_FIELDS, FIELDS, Picture
-from contid.remote.protocol import PROTOCOL, Code, Fields, RemoteError, Take
+from contid.remote.picture import Picture
+from contid.remote.protocol import Code, Fields, RemoteError, Take
+from contid.remote.reading import Caller, Reading, Verb
 from contid.remote.right import GREATEST_TIMEOUT_S, LEAST_TIMEOUT_S, TIMEOUT_S, Holder, MotionRight
 from contid.remote.trackers import Trackers
-
-#: Ticks that the lateness in ``status`` looks back.
-LOOK_BACK: Final = 200
-#: Frames per second that one client can get.
-GREATEST_RATE_HZ: Final = 200.0
-
-
-class Caller(Protocol):
-    """The client that asks."""
-
-    number: int
-    name: str
-
-    def tell(self, fields: Mapping[str, Any]) -> None:
-        """Send it a notice."""
-        ...
-
-    def subscribe(self, rate_hz: float, robots: Sequence[str], fields: Sequence[str], events: bool) -> None:
-        """Send it telemetry from now on."""
-        ...
-
-    def unsubscribe(self) -> None:
-        """No more telemetry, no more events."""
-        ...
 
 
 class Verbs:
     """The desk at which every client is served."""
 
-    def __init__(self, orders: Orders, tell: Callable[[int, Mapping[str, Any]], None]) -> None:
-        """Serve a run; ``tell`` sends a notice to the client with a number."""
+    def __init__(
+        self,
+        orders: Orders,
+        tell: Callable[[int, Mapping[str, Any]], None],
+        clients: Callable[[], int],
+    ) -> None:
+        """Serve a run; ``tell`` sends a notice to the client with a number, ``clients`` counts them."""
         self._orders = orders
         self._tell = tell
-        self._began_s = time.monotonic()
         self._ended = False
         self._refusals: dict[str, str] = {}
         self._busy: Counter[int] = Counter()
-        self._realtime: bool | None = None
         self.picture = Picture(orders.loaded, orders.rate_hz, orders.refresh)
         self.ledger = Ledger(orders.send)
         self.moves = Moves(orders, self.picture, self.ledger)
         self.trackers = Trackers(orders, self.picture)
-        self.right = MotionRight(self._began_s, orders.input_moves)
-        self.clients: Callable[[], int] = lambda: 0
-        self._verbs: dict[str, Callable[[Caller, Take], Awaitable[Fields]]] = {
-            "hello": self._hello, "ping": self._ping, "status": self._status, "describe": self._describe,
-            "subscribe": self._subscribe, "unsubscribe": self._unsubscribe,
+        self.right = MotionRight(time.monotonic(), orders.input_moves)
+        self.reading = Reading(orders, self.picture, self.right, self.trackers, clients)
+        self._verbs: dict[str, Verb] = {
+            **self.reading.verbs,
             "hold": self._hold, "stop": self._stop, "estop": self._estop,
             "take": self._take, "release": self._release, "resume": self._resume,
             "clear_fault": self._clear_fault, "move": self._move, "rows": self._rows, "end": self._end,
@@ -103,10 +81,9 @@ class Verbs:
         kind = event["event"]
         if kind == "refused":
             self._refusals[str(event.get("robot", ""))] = str(event["words"])
-        elif kind == "started":
-            self._realtime = bool(event["realtime"])
         elif kind == "end" and self.right.input_holds:
             self.right.holder = None
+        self.reading.notice(event)
         self.picture.notice(event)
         self.ledger.notice(event)
         self.moves.notice(event)
@@ -142,81 +119,16 @@ class Verbs:
         self._orders.say(f"client {holder.name!r} lost the motion right ({words}); holding")
         self._tell(holder.client, {"event": "right", "lost": words})
 
-    # -- reading -----------------------------------------------------------------------------------------
-
-    def hello(self) -> Fields:
-        """The first line a client reads."""
-        return {
-            "event": "hello", "protocol": PROTOCOL, "version": __version__,
-            "name": self._orders.loaded.file.name,
-        }  # fmt: skip
-
-    async def _hello(self, caller: Caller, take: Take) -> Fields:
-        protocol = int(take.number("protocol", PROTOCOL, 0, 1e6))
-        caller.name = take.text("name", caller.name)
-        take.end()
-        if protocol != PROTOCOL:
-            words = f"this daemon speaks protocol {PROTOCOL}, the client {protocol}; update the older one"
-            raise RemoteError(Code.PROTOCOL, words)
-        return {**self.hello(), "client": caller.number}
-
-    async def _ping(self, caller: Caller, take: Take) -> Fields:
-        take.end()
-        return {}
-
-    async def _status(self, caller: Caller, take: Take) -> Fields:
-        take.end()
-        lateness = sorted(self._orders.lateness(LOOK_BACK))
-        return {
-            "name": self._orders.loaded.file.name,
-            "file": str(self._orders.loaded.path),
-            "version": __version__,
-            "rate_hz": self._orders.rate_hz,
-            "realtime": self._realtime,
-            "uptime_s": round(time.monotonic() - self._began_s, 3),
-            "clients": self.clients(),
-            "waiting": self._orders.waiting or None,
-            "right": self.right.as_fields(time.monotonic()),
-            "trackers": self.trackers.as_fields(time.monotonic()),
-            "lateness_us": {
-                "p50": round(lateness[len(lateness) // 2] * 1e6, 1) if lateness else None,
-                "max": round(lateness[-1] * 1e6, 1) if lateness else None,
-            },
-            **self.picture.status(self._orders.newest()),
-        }
-
-    async def _describe(self, caller: Caller, take: Take) -> Fields:
-        take.end()
-        return {**self.picture.describe(), "rate_hz": self._orders.rate_hz, "fields": list(FIELDS)}
-
-    async def _subscribe(self, caller: Caller, take: Take) -> Fields:
-        rate_hz = take.number("rate_hz", 20.0, 0.0, GREATEST_RATE_HZ)
-        robots = self._robots(take) or tuple(self.picture.plans)
-        fields = take.names("fields") or DEFAULT_FIELDS
-        events = take.flag("events")
-        take.end()
-        unknown = [name for name in fields if name not in FIELDS]
-        if unknown:
-            words = f"no field {unknown[0]!r}; there are {', '.join(FIELDS)}"
-            raise RemoteError(Code.BAD_REQUEST, words)
-        caller.subscribe(rate_hz, robots, fields, events)
-        return {"rate_hz": rate_hz, "robots": list(robots), "fields": list(fields), "events": events}
-
-    async def _unsubscribe(self, caller: Caller, take: Take) -> Fields:
-        take.end()
-        caller.unsubscribe()
-        return {}
-
     # -- stopping: everybody may ---------------------------------------------------------------------------
 
     async def _hold(self, caller: Caller, take: Take) -> Fields:
-        robots = self._robots(take)
+        robots = self.picture.named(take)
         take.end()
         return await self._halt(caller, "hold", robots, Hold(robots))
 
     async def _estop(self, caller: Caller, take: Take) -> Fields:
         try:
-            robots = self._robots(take)
+            robots = self.picture.named(take)
             take.end()
         except RemoteError as error:
             # An estop that is not understood is one for everybody; what was wrong is told afterwards.
@@ -225,7 +137,7 @@ class Verbs:
         return await self._halt(caller, "estop", robots, Estop(robots))
 
     async def _stop(self, caller: Caller, take: Take) -> Fields:
-        robots, ends = self._robots(take), take.flag("end")
+        robots, ends = self.picture.named(take), take.flag("end")
         take.end()
         if ends and not self._ended:
             self._ended = True
@@ -272,7 +184,7 @@ class Verbs:
         return {"released": self.right.release(caller.number)}
 
     async def _resume(self, caller: Caller, take: Take) -> Fields:
-        robots = self._robots(take)
+        robots = self.picture.named(take)
         take.end()
         self.right.allow(caller.number, time.monotonic())
         self._no_faults(robots)
@@ -288,7 +200,7 @@ class Verbs:
             raise RemoteError(Code.FAULT, f"{told}; clear-fault first", faults)
 
     async def _clear_fault(self, caller: Caller, take: Take) -> Fields:
-        robots = self._robots(take)
+        robots = self.picture.named(take)
         take.end()
         self.right.allow(caller.number, time.monotonic())
         wrong = tuple(self.picture.faults(self._orders.newest(), robots))
@@ -346,11 +258,6 @@ class Verbs:
         return self.trackers.measure(caller.number, caller.name, take)
 
     # -- inside ------------------------------------------------------------------------------------------
-
-    def _robots(self, take: Take) -> tuple[str, ...] | None:
-        robots = take.names("robots")
-        self.picture.check(robots)
-        return robots
 
     async def _told(self, future: asyncio.Future[Any], robots: tuple[str, ...] | None) -> Fields:
         """The answer to an order: the tick it was obeyed in, and the states after it."""
