@@ -101,7 +101,8 @@ class Viewers:
 
 def daemon(folder: Path, viewer_s: float) -> int:
     """The process that is watched: the daemon as `contid run` starts it."""
-    from contid.control.run import RunRequest, run
+    from contid.control.request import RunRequest
+    from contid.control.run import run
     from contid.remote.place import Endpoint
     from contid.remote.server import SocketServer
     from contid.session.record import Recording

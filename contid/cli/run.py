@@ -95,7 +95,8 @@ def command(
     where = None if view is None else _where(view)
     # First of all: its imports take as long as ours.
     spawned = None if virtual else spawn()
-    from contid.control.run import RunRequest, run
+    from contid.control.request import RunRequest
+    from contid.control.run import run
 
     observers: list[Observer] = []
     if record is not None:

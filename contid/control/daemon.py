@@ -31,7 +31,7 @@ from contid.control.record import RecordLayout, TickRecord
 from contid.control.report import Report
 from contid.control.roles import Commands, Observer
 from contid.control.setup import Setup
-from contid.control.streaming import follow_stream
+from contid.control.streaming import RowReader, follow_stream
 from contid.control.wiring import build_preflight, record_layout
 from contid.description.load import LoadedFile
 from contid.trajectory.timed import Trajectory
@@ -256,7 +256,7 @@ class Daemon:
 
     async def _follow(self, stream: Stream) -> None:
         preflight = build_preflight(self.loaded, self.rate_hz, self.unreachable)
-        await follow_stream(stream, self._send_input, preflight, self.say)
+        await follow_stream(stream, RowReader(stream, preflight, self.say), self._send_input)
         self._send_input(End())
 
     def _send_input(self, message: Message) -> None:

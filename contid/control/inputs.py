@@ -35,7 +35,6 @@ class Stream:
         descriptor: where its further bytes come from.
         pending: lines read already, with their numbers.
         number: of the last line read.
-        rest: bytes read beyond the last whole line.
     """
 
     parser: StreamParser
@@ -43,7 +42,6 @@ class Stream:
     descriptor: int
     pending: tuple[tuple[int, str], ...]
     number: int
-    rest: bytes = b""
 
 
 def read_file(path: str, robots: Mapping[str, RobotDescription]) -> Trajectory:

@@ -11,71 +11,68 @@ from contid.control.inputs import Stream
 from contid.control.messages import Message, Rows
 from contid.control.preflight import Preflight
 from contid.errors import BadInputError
-from contid.targets import Target
 
 #: A line longer than this is no row.
 MAX_LINE: Final = 1 << 16
 CUT: Final = "the last row has no end of line and may be cut off: not followed"
 
 
-async def follow_stream(
-    stream: Stream,
-    send: Callable[[Message], None],
-    preflight: Preflight | None,
-    say: Callable[[str], None],
-) -> None:
-    """Send every row of a stream until it ends.
+class RowReader:
+    """Turns the lines of a stream into rows that may be followed."""
 
-    Args:
-        stream: with its header read.
-        send: to the control process.
-        preflight: refuses rows out of reach and what a chain forbids; None lets everything pass.
-        say: takes what is wrong with a row.
-    """
-    robots = stream.parser.robots
+    def __init__(self, stream: Stream, preflight: Preflight | None, say: Callable[[str], None]) -> None:
+        """Read a stream.
+
+        Args:
+            stream: with its header read.
+            preflight: refuses rows out of reach and what a chain forbids; None lets everything pass.
+            say: takes what is wrong with a row.
+        """
+        self._name = stream.name
+        self._parser = stream.parser
+        self._preflight = preflight
+        self._say = say
+
+    def ends(self, line: str, number: int) -> bool:
+        """True for a last line without its end: of ``50,75`` a producer that was killed may leave ``50,7``.
+
+        An object of JSON is whole or none, so it needs no end of line.
+        """
+        if line.endswith("\n") or self._parser.first_line_is_row or not line.strip():
+            return False
+        self._say(f"{self._name}:{number}:1: {CUT}")
+        return True
+
+    def row(self, line: str, number: int) -> Rows | None:
+        """What a line means, None for a comment; the robots of a wrong row hold until their next good one."""
+        try:
+            row = self._parser.parse(line, number)
+        except BadInputError as error:
+            self._say(f"{error}; holding")
+            return Rows(dict.fromkeys(self._parser.robots))
+        if row is None:
+            return None
+        wrong = {} if self._preflight is None else self._preflight.row(row)
+        for words in dict.fromkeys(wrong.values()):  # a chain says the same of both its arms
+            self._say(f"{self._name}:{number}:1: {words}; holding")
+        return Rows({**row, **dict.fromkeys(wrong)})
+
+
+async def follow_stream(stream: Stream, reader: RowReader, send: Callable[[Message], None]) -> None:
+    """Send every row of a stream to the control process until the stream ends."""
     for number, line in stream.pending:
-        take_row(stream, line, number, send, preflight, say, robots)
+        _send(reader.row(line, number), send)
     number = stream.number
     async for line in _lines(stream.descriptor):
         number += 1
-        if may_be_cut(stream, line):
-            say(f"{stream.name}:{number}:1: {CUT}")
+        if reader.ends(line, number):
             return
-        take_row(stream, line, number, send, preflight, say, robots)
+        _send(reader.row(line, number), send)
 
 
-def may_be_cut(stream: Stream, line: str) -> bool:
-    """True for a last line without its end: of ``50,75`` a producer that was killed may leave ``50,7``.
-
-    An object of JSON is whole or none, so it needs no end of line.
-    """
-    return not (line.endswith("\n") or stream.parser.first_line_is_row or not line.strip())
-
-
-def take_row(
-    stream: Stream,
-    line: str,
-    number: int,
-    send: Callable[[Message], None],
-    preflight: Preflight | None,
-    say: Callable[[str], None],
-    robots: tuple[str, ...],
-) -> None:
-    """One line: sent when it is good, otherwise the robots it was for hold until their next good row."""
-    try:
-        row = stream.parser.parse(line, number)
-    except BadInputError as error:
-        say(f"{error}; holding")
-        send(Rows(dict.fromkeys(robots)))
-        return
-    if row is None:
-        return
-    wrong = {} if preflight is None else preflight.row(row)
-    targets: dict[str, Target | None] = dict(row)
-    for words in dict.fromkeys(wrong.values()):  # a chain says the same of both its arms
-        say(f"{stream.name}:{number}:1: {words}; holding")
-    targets.update(dict.fromkeys(wrong))
-    send(Rows(targets))
+def _send(row: Rows | None, send: Callable[[Message], None]) -> None:
+    if row is not None:
+        send(row)
 
 
 async def _lines(descriptor: int) -> AsyncIterator[str]:

@@ -21,8 +21,9 @@ import numpy as np
 import psutil
 import pytest
 
+from contid.control.request import RunRequest
 from contid.control.ring import RingReader, RingWriter, create
-from contid.control.run import RunRequest, run
+from contid.control.run import run
 from contid.control.wiring import record_layout
 from contid.description.load import load_robot_file
 from contid.view.job import Job
