@@ -5,7 +5,7 @@ The way of a target, from where it comes in to the bus, module by module::
     run            a run from its `request` to its report: what is read, checked and started, in order
     inputs         a trajectory read to its end, or the header of a live stream
     preflight      every row asked of the models before anything moves
-    daemon         supervises; hands over a `setup`, then `messages` through a pipe (`child`, `roles`)
+    daemon         supervises; hands over a `setup`, then `messages` through a pipe (`pipe`, `child`)
     ---------------------------------------------------------------- the process border
     process        waits for the deadlines of `pace` and turns the engine; `virtual` does it without waiting
     engine         one cycle: obeys messages, then for every robot

@@ -9,7 +9,7 @@ from pathlib import Path
 from typing import Final
 
 from contid.control import ring
-from contid.control.messages import aside, frame
+from contid.control.pipe import aside, frame
 from contid.control.record import RecordLayout
 from contid.control.setup import Setup
 from contid.control.spawn import Spawned, spawn

@@ -52,6 +52,10 @@ class Preflight:
 
     def row(self, targets: Mapping[str, Target | None]) -> dict[str, str]:
         """Why which robots cannot follow this row; empty when all can."""
+        return self._row(targets, self._refuses)
+
+    def _row(self, targets: Mapping[str, Target | None], refuses: bool) -> dict[str, str]:
+        """The same; only what a chain forbids is wrong when nothing else ``refuses``."""
         wrong = {}
         tips = dict(self._tips)
         for name, target in targets.items():
@@ -63,7 +67,7 @@ class Preflight:
             except ValueError as error:
                 wrong[name] = f"{name}: {error}"
                 continue
-            if not solution.converged and self._refuses:
+            if not solution.converged and refuses:
                 wrong[name] = explain(plan, target, solution)
                 continue
             self._seeds[name] = solution.actuation
@@ -96,15 +100,16 @@ class Preflight:
             return {}
         start_s, end_s = trajectory.time_of_row(index - 1), trajectory.time_of_row(index)
         looks = math.ceil((end_s - start_s) / LOOK_S)
-        seeds, tips, refuses = dict(self._seeds), self._tips, self._refuses
-        self._refuses = False  # a model's nearest point between two good rows is what the tick follows
+        seeds, tips = dict(self._seeds), self._tips
         try:
             for k in range(1, looks):
-                wrong = self.row(trajectory.targets_at(start_s + (end_s - start_s) * k / looks))
+                targets = trajectory.targets_at(start_s + (end_s - start_s) * k / looks)
+                # A model's nearest point between two good rows is what the tick follows.
+                wrong = self._row(targets, refuses=False)
                 if wrong:
                     return {name: f"on the way to this row, {words}" for name, words in wrong.items()}
         finally:
-            self._seeds, self._tips, self._refuses = seeds, tips, refuses
+            self._seeds, self._tips = seeds, tips
         return {}
 
     def trajectory(

@@ -17,8 +17,9 @@ from typing import Final
 
 from contid.control.clock import RealClock
 from contid.control.engine import Engine
-from contid.control.messages import Finish, Inbox
+from contid.control.messages import Finish
 from contid.control.pace import Pace
+from contid.control.pipe import Inbox
 from contid.control.ports import Port
 from contid.control.realtime import ask_for_real_time, sleep_until, stop_collecting, warm_up
 from contid.control.report import robot_reports

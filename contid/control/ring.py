@@ -42,7 +42,7 @@ EVENT_PARTS: Final = 128
 SECONDS: Final = 8.0
 #: A ring younger than this may belong to a run that is just about to open it.
 STALE_S: Final = 60.0
-#: How files of arrays on their way to the control process are called (`contid.control.messages.aside`).
+#: How files of arrays on their way to the control process are called (`contid.control.pipe.aside`).
 ASIDE: Final = "contid-*.bulk"
 U64: Final = struct.Struct("=Q")
 F64: Final = struct.Struct("=d")
