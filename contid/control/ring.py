@@ -22,7 +22,7 @@ import secrets
 import struct
 import tempfile
 import time
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from contextlib import suppress
 from dataclasses import dataclass
 from pathlib import Path
@@ -196,12 +196,7 @@ class _Cursor:
 
 
 class RingReader(_Mapped):
-    """One of any number of readers, each with its own place.
-
-    Attributes:
-        missed_ticks: records overwritten before this reader came to them.
-        missed_events: the same for slots of events.
-    """
+    """One of any number of readers, each with its own place."""
 
     def __init__(self, path: Path) -> None:
         super().__init__(path)
@@ -216,7 +211,7 @@ class RingReader(_Mapped):
 
     @property
     def missed_events(self) -> int:
-        """Events overwritten before this reader came to them."""
+        """Slots of events overwritten before this reader came to them."""
         return self._event.missed
 
     @property
@@ -235,12 +230,9 @@ class RingReader(_Mapped):
 
     def ticks(self, at_most: int = 1 << 30) -> list[TickRecord]:
         """Records not read yet, oldest first."""
-        out: list[TickRecord] = []
-        while len(out) < at_most and (raw := self._next(self._tick, TICKS_AT, self.slots, self._tick_slot)):
-            out.append(self.layout.decode(self._packer.unpack_from(raw, STAMP)))
-        return out
+        return [self.layout.decode(values) for values in self.raw_ticks(at_most)]
 
-    def raw_ticks(self, at_most: int) -> list[tuple[float, ...]]:
+    def raw_ticks(self, at_most: int = 1 << 30) -> list[tuple[float, ...]]:
         """As `ticks`, but the bare values of the records, for whoever only passes them on."""
         out: list[tuple[float, ...]] = []
         while len(out) < at_most and (raw := self._next(self._tick, TICKS_AT, self.slots, self._tick_slot)):
@@ -289,7 +281,7 @@ class RingReader(_Mapped):
         at = self._events_at + number % self.event_slots * EVENT_BYTES
         return self._map[at : at + EVENT_BYTES]
 
-    def _next(self, cursor: _Cursor, head_at: int, slots: int, slot: Any) -> bytes | None:
+    def _next(self, cursor: _Cursor, head_at: int, slots: int, slot: Callable[[int], bytes]) -> bytes | None:
         """Copy the next slot; jump over what was overwritten and count it."""
         while True:
             head = int(U64.unpack_from(self._map, head_at)[0])
@@ -300,7 +292,7 @@ class RingReader(_Mapped):
                 cursor.missed += oldest - cursor.next
                 cursor.next = oldest
             number = cursor.next
-            raw: bytes = slot(number)
+            raw = slot(number)
             if U64.unpack_from(raw)[0] == U64.unpack_from(slot(number))[0] == number + 1:
                 cursor.next = number + 1
                 return raw
