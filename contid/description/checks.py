@@ -70,7 +70,7 @@ def check_robot(
 def _check_axes(
     document: Document, at: Path, robot: RobotDescription, wired: Mapping[str, WiredAxis]
 ) -> Iterator[Located]:
-    needed = () if robot.passive else (*robot.axis_names, *robot.extra_axis_names)
+    needed = () if robot.passive else robot.all_axis_names
     for name in needed:
         if name not in wired:
             message = f"axis {name!r} is missing; this robot needs {', '.join(needed)}"
