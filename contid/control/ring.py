@@ -23,7 +23,7 @@ import struct
 import tempfile
 import time
 from collections.abc import Callable, Mapping
-from contextlib import suppress
+from contextlib import ExitStack, suppress
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, Final
@@ -112,14 +112,17 @@ class _Mapped:
             self._file = path.open("r+b")
         except OSError as error:
             raise RingError(f"{path}: no ring to attach to ({error}); is the daemon running?") from error
-        # Shared by everybody who has the ring open; `sweep` tries for the exclusive one.
-        fcntl.flock(self._file, fcntl.LOCK_SH)
-        self._map = mmap.mmap(self._file.fileno(), 0)
-        magic, text_bytes, self.slots, self.size, self.event_slots, _ = HEAD.unpack_from(self._map)
-        if magic != MAGIC:
-            self.close()
-            raise RingError(f"{path}: not a ring of this version of contid")
-        self.layout = RecordLayout.from_json(self._map[HEAD_BYTES : HEAD_BYTES + text_bytes].decode())
+        with ExitStack() as undo:
+            undo.callback(self._file.close)
+            # Shared by everybody who has the ring open; `sweep` tries for the exclusive one.
+            fcntl.flock(self._file, fcntl.LOCK_SH)
+            self._map = mmap.mmap(self._file.fileno(), 0)
+            undo.callback(self._map.close)
+            magic, text_bytes, self.slots, self.size, self.event_slots, _ = HEAD.unpack_from(self._map)
+            if magic != MAGIC:
+                raise RingError(f"{path}: not a ring of this version of contid")
+            self.layout = RecordLayout.from_json(self._map[HEAD_BYTES : HEAD_BYTES + text_bytes].decode())
+            undo.pop_all()
         self._ticks_at = _slots_at(text_bytes)
         self._events_at = _events_at(text_bytes, self.slots, self.size)
         self._packer = self.layout.packer()

@@ -162,3 +162,13 @@ def test_other_files_are_refused(tmp_path: Path) -> None:
     other.write_bytes(b"x" * 100)
     with pytest.raises(ring.RingError, match="not a ring"):
         ring.RingReader(other)
+
+
+@pytest.mark.parametrize("head", [b"", b"\0" * 4096, ring.MAGIC + b"\0" * 4096])
+def test_a_file_that_is_no_ring_yet_is_let_go(tmp_path: Path, head: bytes) -> None:
+    path = tmp_path / "half.ring"
+    path.write_bytes(head)
+    before = len(os.listdir("/proc/self/fd"))
+    with pytest.raises((ring.RingError, ValueError)):
+        ring.RingReader(path)
+    assert len(os.listdir("/proc/self/fd")) == before
