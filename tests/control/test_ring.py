@@ -168,7 +168,7 @@ def test_other_files_are_refused(tmp_path: Path) -> None:
 def test_a_file_that_is_no_ring_yet_is_let_go(tmp_path: Path, head: bytes) -> None:
     path = tmp_path / "half.ring"
     path.write_bytes(head)
-    before = len(os.listdir("/proc/self/fd"))
+    before = len(list(Path("/proc/self/fd").iterdir()))
     with pytest.raises((ring.RingError, ValueError)):
         ring.RingReader(path)
-    assert len(os.listdir("/proc/self/fd")) == before
+    assert len(list(Path("/proc/self/fd").iterdir())) == before
