@@ -35,7 +35,8 @@ def words_of(event: Mapping[str, Any]) -> str:
         case "bus" | "started":
             return str(event["words"])
         case "skipped":
-            return f"{event['ticks']} ticks skipped ({event['total']} in all)"
+            what = "1 tick" if event["ticks"] == 1 else f"{event['ticks']} ticks"
+            return f"{what} skipped ({event['total']} in all)"
     return ""
 
 

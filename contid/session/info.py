@@ -140,6 +140,9 @@ def _notice(info: Info, kinds: Counter[str], event: Any) -> None:
         missed = event.get("missed_ticks")
         info.lost += missed if isinstance(missed, int) else 0
     if kind in _TOLD and kind != "fault" and len(info.told) < _MOST:
-        rest = ", ".join(f"{key} {value}" for key, value in event.items() if key not in ("event", "tick"))
+        details = {key: value for key, value in event.items() if key not in ("event", "tick")}
+        rest = ", ".join(
+            f"{key} {f'{value:.3g}' if isinstance(value, float) else value}" for key, value in details.items()
+        )
         tick = f"tick {event['tick']}: " if "tick" in event else ""
         info.told.append(f"{tick}{kind}: {rest}")
