@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import contextlib
-import glob
 import os
 import select
 import termios
@@ -18,22 +17,6 @@ from contid_drivers.due.frames import FrameReader, seal
 BAUD = 250_000
 #: What an unplugged port raises, depending on where the call was.
 PORT_ERRORS = (OSError, serial.SerialException, termios.error)
-
-
-def find_port(device: str, pattern: str) -> str:
-    """The one device a path or glob names.
-
-    Raises:
-        DeviceNotFoundError: none, or several.
-    """
-    found = sorted(glob.glob(pattern))  # noqa: PTH207 - an absolute pattern, which Path.glob refuses
-    if len(found) == 1:
-        return found[0]
-    if not found:
-        near = sorted([*glob.glob("/dev/serial/by-id/*"), *glob.glob("/dev/ttyACM*")])  # noqa: PTH207
-        there = f"there are {', '.join(near)}" if near else "no serial device is plugged in"
-        raise DeviceNotFoundError(device, f"no port {pattern}", there)
-    raise DeviceNotFoundError(device, f"{pattern} matches {', '.join(found)}", "name one of them")
 
 
 class Port:

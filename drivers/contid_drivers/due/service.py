@@ -11,8 +11,8 @@ from contid.errors import ContidError, DeviceError
 from contid.hal import AxisOnBus, Finding, Homed, Rest, Say
 from contid_drivers.due.bus import DueBus
 from contid_drivers.due.options import BusOptions
-from contid_drivers.due.port import find_port
 from contid_drivers.due.wiring import axis_options
+from contid_drivers.serial_ports import find_port
 from contid_drivers.unbroken import unbroken
 
 #: Exchanges timed by the doctor.

@@ -12,8 +12,9 @@ from contid_drivers.due.codes import PROTOCOL_VERSION, Refusal, Type
 from contid_drivers.due.frames import crc16
 from contid_drivers.due.messages import Answer, Configured, Hello, Refused, Telemetry
 from contid_drivers.due.options import BusOptions
-from contid_drivers.due.port import Port, find_port
+from contid_drivers.due.port import Port
 from contid_drivers.due.wiring import axis_options, board_config, config_body
+from contid_drivers.serial_ports import find_port
 
 #: How often hello is repeated while a board starts.
 _HELLO_EVERY_S = 0.05

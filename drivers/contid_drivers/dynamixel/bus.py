@@ -15,8 +15,9 @@ from contid_drivers.dynamixel import registers as reg
 from contid_drivers.dynamixel.axis import Axis
 from contid_drivers.dynamixel.cyclic import INDIRECT, PLAIN, Cyclic, Layout, Reading
 from contid_drivers.dynamixel.options import BusOptions
-from contid_drivers.dynamixel.port import BlockingPort, UsbIdentity, find_port, identity_of
+from contid_drivers.dynamixel.port import BlockingPort
 from contid_drivers.dynamixel.protocol import NoAnswerError, ServoClient
+from contid_drivers.serial_ports import UsbIdentity, find_port, identity_of
 
 log = logging.getLogger(__name__)
 

@@ -13,8 +13,9 @@ from serial.tools import list_ports
 from contid.errors import DeviceError
 from contid.hal import FoundDevice, Say
 from contid_drivers.dynamixel import registers as reg
-from contid_drivers.dynamixel.port import BlockingPort, find_port
+from contid_drivers.dynamixel.port import BlockingPort
 from contid_drivers.dynamixel.protocol import ServoClient
+from contid_drivers.serial_ports import find_port
 
 #: Rates in the order in which they are likely: the factory's, contid's, the others.
 SCAN_BAUDS: Final = (1000000, 57600, 2000000, 4000000, 3000000, 115200, 9600)

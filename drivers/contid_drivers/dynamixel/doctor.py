@@ -12,8 +12,9 @@ from contid.hal import AxisOnBus, Finding
 from contid_drivers.dynamixel import registers as reg
 from contid_drivers.dynamixel.axis import Axis
 from contid_drivers.dynamixel.options import BusOptions
-from contid_drivers.dynamixel.port import BlockingPort, find_port, holders
+from contid_drivers.dynamixel.port import BlockingPort
 from contid_drivers.dynamixel.protocol import NoAnswerError, ServoClient
+from contid_drivers.serial_ports import find_port, holders
 
 HOT_C: Final = 60
 LOW_DECIVOLT: Final = 37

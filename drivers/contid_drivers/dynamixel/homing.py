@@ -20,8 +20,9 @@ from contid_drivers.dynamixel import arming, turns
 from contid_drivers.dynamixel import registers as reg
 from contid_drivers.dynamixel.axis import Axis
 from contid_drivers.dynamixel.options import BusOptions, HardStop, SingleTurn
-from contid_drivers.dynamixel.port import BlockingPort, find_port
+from contid_drivers.dynamixel.port import BlockingPort
 from contid_drivers.dynamixel.protocol import ServoClient
+from contid_drivers.serial_ports import find_port
 from contid_drivers.unbroken import unbroken
 
 POLL_S: Final = 0.01

@@ -12,7 +12,7 @@ import pytest
 
 from contid.errors import DeviceError, DeviceLostError, DeviceNotFoundError
 from contid.hal import Rest
-from contid_drivers.dynamixel import port as port_module
+from contid_drivers import serial_ports
 from contid_drivers.dynamixel import registers as reg
 from contid_drivers.dynamixel.emulator import Fault
 from contid_drivers.dynamixel.emulator.faults import FaultSyntaxError
@@ -269,12 +269,12 @@ def test_an_adapter_is_found_again_by_its_serial_number(monkeypatch: pytest.Monk
     class Port:
         device, vid, pid, serial_number = "/dev/ttyUSB7", 0x0403, 0x6014, "FT123"
 
-    monkeypatch.setattr(port_module.list_ports, "comports", lambda: [Port])
-    known = port_module.identity_of("/dev/ttyUSB7")
+    monkeypatch.setattr(serial_ports.list_ports, "comports", lambda: [Port])
+    known = serial_ports.identity_of("/dev/ttyUSB7")
     assert known is not None
-    assert port_module.find_port("servos", "/dev/ttyUSB0-gone", known) == "/dev/ttyUSB7"
+    assert serial_ports.find_port("servos", "/dev/ttyUSB0-gone", known) == "/dev/ttyUSB7"
     with pytest.raises(DeviceNotFoundError, match="/dev/ttyUSB7"):
-        port_module.find_port("servos", "/dev/ttyUSB0-gone")
+        serial_ports.find_port("servos", "/dev/ttyUSB0-gone")
 
 
 def test_the_control_file_operates_the_same_switches(rig: Make, tmp_path: Path) -> None:

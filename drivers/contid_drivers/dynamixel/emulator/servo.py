@@ -15,10 +15,10 @@ from typing import Final
 
 from contid_drivers.dynamixel import registers as reg
 from contid_drivers.dynamixel.emulator.motion import Motion
-from contid_drivers.dynamixel.packets import ALERT, StatusError
+from contid_drivers.dynamixel.emulator.table import ControlTable
+from contid_drivers.dynamixel.packets import StatusError
 from contid_drivers.dynamixel.registers import Register
 
-MEMORY_SIZE: Final = 256
 BOOT_S: Final = 0.1
 #: Longest step of the motion; the watchdog is looked at in every one.
 STEP_S: Final = 0.002
@@ -48,7 +48,7 @@ class Registered:
     data: bytes
 
 
-class Servo:
+class Servo(ControlTable):
     """An emulated servo; see the module."""
 
     def __init__(
@@ -61,7 +61,7 @@ class Servo:
         position_ticks: float = 2048.0,
         stops_ticks: tuple[float, float] = (-math.inf, math.inf),
     ) -> None:
-        self.memory = bytearray(MEMORY_SIZE)
+        super().__init__()
         self.motion = Motion(position_ticks, stops_ticks)
         self.now = 0.0
         self.booted_at = 0.0
@@ -74,53 +74,11 @@ class Servo:
         self.supply_decivolt = 50
         #: Hardware error that comes back after every reboot, until its cause ends.
         self.cause = 0
-        for register in reg.TABLE:
-            self.put(register, register.default)
         code = next(code for code, rate in reg.BAUD_CODES.items() if rate == baud)
         for register, value in ((reg.ID, device), (reg.BAUD, code), (reg.FIRMWARE, firmware)):
             self.put(register, value)
         self.put(reg.MODEL_NUMBER, model)
         self._power_up()
-
-    # -- registers -----------------------------------------------------------------------------------------
-
-    def get(self, register: Register) -> int:
-        """Value of a register."""
-        return register.decode(self.memory[register.address : register.address + register.size])
-
-    def put(self, register: Register, value: int) -> None:
-        """Set a register from the inside, without the rules of the wire."""
-        self.memory[register.address : register.address + register.size] = register.encode(value)
-
-    @property
-    def device(self) -> int:
-        """Id on the bus."""
-        return self.memory[reg.ID.address]
-
-    @property
-    def baud(self) -> int:
-        """Rate at which it hears."""
-        return reg.BAUD_CODES[self.memory[reg.BAUD.address]]
-
-    @property
-    def torque(self) -> bool:
-        """True while the motor is driven."""
-        return self.memory[reg.TORQUE_ENABLE.address] == 1
-
-    @property
-    def tripped(self) -> bool:
-        """True from a Bus Watchdog trip until 0 is written to it."""
-        return self.memory[reg.BUS_WATCHDOG.address] == reg.WATCHDOG_TRIPPED
-
-    @property
-    def return_delay_s(self) -> float:
-        """Between the end of an instruction and the start of its answer."""
-        return self.memory[reg.RETURN_DELAY.address] * 2e-6
-
-    @property
-    def alert(self) -> int:
-        """Alert bit of the status error."""
-        return ALERT if self.memory[reg.HARDWARE_ERROR.address] else 0
 
     @property
     def position_ticks(self) -> float:
@@ -133,27 +91,13 @@ class Servo:
         return self.now >= self.booted_at
 
     def read(self, address: int, size: int) -> bytes:
-        """Bytes of the control table, indirect data resolved."""
+        """Bytes of the control table as they are now."""
         self._report()
-        memory = self.memory
-        if address + size > MEMORY_SIZE:
-            return bytes(size)
-        if address < reg.INDIRECT_DATA:
-            return bytes(memory[address : address + size])
-        return bytes(memory[self._resolve(address + i)] for i in range(size))
-
-    def _resolve(self, address: int) -> int:
-        entry = address - reg.INDIRECT_DATA
-        if not 0 <= entry < reg.INDIRECT_COUNT:
-            return address
-        at = reg.INDIRECT_ADDRESS + 2 * entry
-        return min(self.memory[at] | self.memory[at + 1] << 8, MEMORY_SIZE - 1)
+        return super().read(address, size)
 
     def write(self, address: int, data: bytes) -> StatusError:
         """Write as the wire does: whole registers, in range, not read-only, EEPROM only without torque."""
-        if self._mapped(address, len(data)):
-            for i, byte in enumerate(data):
-                self.memory[self._resolve(address + i)] = byte
+        if self.write_mapped(address, data):
             return StatusError.NONE
         writes: list[tuple[Register, int]] = []
         at = 0
@@ -171,10 +115,6 @@ class Servo:
         for register, value in writes:
             self._accept(register, value)
         return StatusError.NONE
-
-    def _mapped(self, address: int, size: int) -> bool:
-        inside = address >= reg.INDIRECT_DATA and address + size <= reg.INDIRECT_DATA + reg.INDIRECT_COUNT
-        return inside and any(self._resolve(address + i) != address + i for i in range(size))
 
     def _refuses(self, register: Register, value: int) -> StatusError:
         if register.eeprom and self.torque:
