@@ -27,12 +27,13 @@ class CircleFit:
 
     Attributes:
         curvature: not negative; 0 for a line.
-        curvature_error: its standard error from the residuals.
+        error_per_noise: standard error of the curvature for points wrong by 1 each: what the circle's size
+            and the place of the points on it make of noise.
         rms: root mean square distance of the points from the circle.
     """
 
     curvature: float
-    curvature_error: float
+    error_per_noise: float
     rms: float
 
 
@@ -59,12 +60,10 @@ def fit_circle(points: Floats) -> CircleFit:
         return np.asarray(2.0 * p / (1.0 + np.sqrt(np.maximum(1.0 + 4.0 * a * p, 1e-12))))
 
     found = least_squares(distances, _pratt(x, y, squares), xtol=1e-14, ftol=1e-14, gtol=1e-14)
-    n = len(points)
-    spread = float(np.sum(found.fun**2)) / max(n - 3, 1)
-    covariance = np.linalg.pinv(found.jac.T @ found.jac) * spread
+    covariance = np.linalg.pinv(found.jac.T @ found.jac)
     return CircleFit(
         curvature=abs(2.0 * float(found.x[0])) / size,
-        curvature_error=2.0 * math.sqrt(max(float(covariance[0, 0]), 0.0)) / size,
+        error_per_noise=2.0 * math.sqrt(max(float(covariance[0, 0]), 0.0)) / size**2,
         rms=math.sqrt(float(np.mean(found.fun**2))) * size,
     )
 

@@ -53,7 +53,7 @@ def test_a_circle_fit_knows_its_own_error() -> None:
     for _ in range(200):
         fit = fit_circle(markers(80, 0.03) + rng.normal(0, 0.2, (12, 2)))
         curvatures.append(fit.curvature)
-        errors.append(fit.curvature_error)
+        errors.append(0.2 * fit.error_per_noise)
     assert np.std(curvatures) == pytest.approx(np.mean(errors), rel=0.2)
     assert np.mean(curvatures) == pytest.approx(0.03, rel=5e-3)
 
@@ -70,6 +70,13 @@ def test_the_papers_line_lies_in_the_confidence_interval_with_noise() -> None:
     assert abs(fit.a_per_mm - A) < fit.a_half_width_per_mm < 5e-4
     assert abs(fit.b - B) < fit.b_half_width < 0.05
     assert 0 < fit.rms_epsilon < 0.05
+
+
+def test_a_finger_that_does_not_bend_is_no_measurement_of_its_bending() -> None:
+    rows = [f"p,50,0.02,{i},{2 * i}" for i in range(6)]
+    text = ["posture,arc_length_mm,curvature_per_mm,x_mm,y_mm", *rows]
+    with pytest.raises(BadInputError, match="on a line"):
+        read_postures(text, "m.csv", rack_spacing_mm=13, mm_per_px=None)
 
 
 @pytest.mark.parametrize(
