@@ -61,6 +61,8 @@ def finish(code: int) -> int:
 
 def unwritten(error: OSError) -> str:
     """What an error of the operating system means that no command has put into words."""
+    if error.errno in (errno.EMFILE, errno.ENFILE):
+        return f"{error.strerror}: raise the limit (ulimit -n) and start again"
     if error.filename is None:
         return f"cannot write the output: {error.strerror or error}; free some space or send it elsewhere"
     return f"{os.fsdecode(error.filename)}: {error.strerror or error}"

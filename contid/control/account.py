@@ -32,6 +32,10 @@ class Account:
         """Something could not be done."""
         self.report.problems.append(words)
 
+    def broken(self, words: str) -> None:
+        """It ends because a part of it did."""
+        self.report.ending, self.report.exit_code = words, 3
+
     def killed(self) -> None:
         """The control process had to be ended by force."""
         self.problem("the control process did not end and was killed; the devices stop by their own dead-man")

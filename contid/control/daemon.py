@@ -9,7 +9,7 @@ from __future__ import annotations
 
 import asyncio
 import signal
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Coroutine, Mapping, Sequence
 from contextlib import suppress
 from dataclasses import dataclass
 from pathlib import Path
@@ -196,7 +196,8 @@ class Daemon:
         try:
             for number, handler in self._signals.items():
                 loop.add_signal_handler(number, handler)
-            self._tasks += [asyncio.create_task(commands.serve(self)) for commands in self._options.commands]
+            for commands in self._options.commands:
+                self._attend(commands.serve(self))
             undisturbed = await self._input_came()
             if not self._ending.asked:
                 self._begin(ring, layout, armed=self._options.armed and undisturbed)
@@ -210,8 +211,7 @@ class Daemon:
             for observer in self._attached:
                 with suppress(Exception):
                     self._account.report.problems += observer.detach()
-            if self._log is not None:
-                self._log.close()
+            self._end_log("")
         return self._account.report
 
     async def _input_came(self) -> bool:
@@ -252,7 +252,7 @@ class Daemon:
         self._child.begin(setup)
         self._awaited = None
         if isinstance(source, Stream):
-            self._tasks.append(asyncio.create_task(self._follow(source)))
+            self._attend(self._follow(source))
 
     async def _follow(self, stream: Stream) -> None:
         preflight = build_preflight(self.loaded, self.rate_hz, self.unreachable)
@@ -294,8 +294,21 @@ class Daemon:
         finally:
             self._fetching = False
         if self._log is not None:
-            for record in reader.ticks():
-                self._log.add(record)
+            try:
+                for record in reader.ticks():
+                    self._log.add(record)
+            except OSError as error:
+                self._end_log(f"{self._options.log}: the log ends here, the run goes on: {error.strerror}")
+
+    def _end_log(self, words: str) -> None:
+        """Close the command log, with what went wrong: a full disk is no reason to drop a robot."""
+        log, self._log = self._log, None
+        if log is not None:
+            with suppress(OSError):
+                log.close()
+        if words:
+            self._account.problem(words)
+            self.say(words)
 
     def _hear(self, event: Mapping[str, Any]) -> None:
         """An event of the ring: everybody hears of it."""
@@ -313,12 +326,28 @@ class Daemon:
         for listener in self._listeners:
             listener(event)
 
+    def _attend(self, source: Coroutine[Any, Any, None]) -> None:
+        """Let a source of commands work beside the run."""
+        task = asyncio.create_task(source)
+        task.add_done_callback(self._source_ended)
+        self._tasks.append(task)
+
+    def _source_ended(self, task: asyncio.Task[None]) -> None:
+        """A run that cannot be told to stop any more stops: the socket is how others reach it."""
+        died = None if task.cancelled() else task.exception()
+        if died is None:
+            return
+        words = f"a source of commands ended early: {type(died).__name__}: {died}"
+        self._account.problem(words)
+        self.say(words)
+        if not self._ending.asked and self._child.status is None:
+            self.interrupt()
+            self._account.broken(words)
+
     async def _end_tasks(self) -> None:
         for task in self._tasks:
             task.cancel()
-        for died in await asyncio.gather(*self._tasks, return_exceptions=True):
-            if isinstance(died, Exception):  # a cancellation is none
-                self._account.problem(f"a source of commands ended early: {type(died).__name__}: {died}")
+        await asyncio.gather(*self._tasks, return_exceptions=True)
 
     def _conclude(self, line: terminal.ProgressLine) -> None:
         """The last events, and what they mean for the report."""

@@ -295,6 +295,47 @@ def test_words_that_nobody_takes_keep_nobody_from_stopping(
     assert b"run: interrupted" in out
 
 
+def test_a_log_that_cannot_be_written_any_more_ends_and_the_run_goes_on(
+    robot: Callable[..., Path], tmp_path: Path, started: Callable[..., Any]
+) -> None:
+    log = tmp_path / "log.csv"
+    os.mkfifo(log)
+    reader = os.open(log, os.O_RDONLY | os.O_NONBLOCK)
+    process = started(str(robot(1)), "--log", str(log))
+    process.stdin.write(circle_csv(1, period_s=1.0))
+    process.stdin.close()
+    process.stdin = None
+    until(enabled(tmp_path), "armed")
+    os.close(reader)
+    out, _ = process.communicate(timeout=30)
+    assert process.returncode == 0
+    assert "log.csv: the log ends here, the run goes on: Broken pipe" in out
+
+
+def test_a_run_whose_socket_died_stops_orderly(robot: Callable[..., Path], tmp_path: Path) -> None:
+    script = f"""
+import asyncio
+from contid.control.record import ENABLED
+from contid.control.run import RunRequest, run
+
+class Dying:
+    async def serve(self, orders):
+        while orders.newest() is None or not orders.newest().robots[0].flags & ENABLED:
+            await asyncio.sleep(0.01)
+        raise OSError("gone")
+
+report = run(RunRequest(robot_file={str(robot(1, on_interrupt="rest"))!r}, commands=[Dying()]))
+print(report)
+raise SystemExit(report.exit_code)
+"""
+    done = subprocess.run(
+        [sys.executable, "-c", script], stdin=subprocess.DEVNULL, capture_output=True, text=True, timeout=60
+    )
+    assert done.returncode == 3, done.stderr
+    assert "run: a source of commands ended early: OSError: gone" in done.stdout
+    assert {axis["rest"] for axis in journal(tmp_path)[-1]["axes"].values()} == {"hold"}
+
+
 def test_killing_the_daemon_brings_the_robot_to_on_host_loss(
     robot: Callable[..., Path], tmp_path: Path, started: Callable[..., Any]
 ) -> None:

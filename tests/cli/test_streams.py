@@ -62,6 +62,11 @@ def test_rows_from_a_closed_stdin_are_no_rows(tmp_path: Path) -> None:
     assert (done.returncode, "no rows" in done.stderr) == (2, True)
 
 
+def test_too_few_descriptors_are_named(tmp_path: Path) -> None:
+    done = shell("ulimit -n 8; contid run finger --mock --socket ./s", tmp_path)
+    assert (done.returncode, "Too many open files: raise the limit (ulimit -n)" in done.stderr) == (2, True)
+
+
 def test_a_narrow_encoding_writes_what_it_can(tmp_path: Path) -> None:
     assert shell("contid check hand", tmp_path, PYTHONIOENCODING="latin-1").returncode == 0
 
