@@ -32,9 +32,9 @@ def contid(folder: Path, *words: str) -> subprocess.CompletedProcess[str]:
 
 
 @contextmanager
-def emulating(folder: Path, *words: str) -> Iterator[subprocess.Popen[str]]:
+def emulating(folder: Path, *words: str, wire: str = "dynamixel") -> Iterator[subprocess.Popen[str]]:
     process = subprocess.Popen(
-        [sys.executable, "-m", "contid", "emulate", "dynamixel", *words],
+        [sys.executable, "-m", "contid", "emulate", wire, *words],
         cwd=folder,
         env=environment(),
         stdout=subprocess.PIPE,

@@ -1,0 +1,27 @@
+"""A robot on several boards: the sketch itself at the other end of every wire, up to the recording."""
+
+from __future__ import annotations
+
+import json
+import shutil
+from pathlib import Path
+
+from tests.cli.test_devices import contid, emulating
+
+
+def test_two_arms_on_four_boards_swing_their_rope(tmp_path: Path, configs: Path) -> None:
+    shutil.copy(configs / "chain.emulated.yaml", tmp_path / "chain.yaml")
+    rows = contid(tmp_path, "path", "swing", "--period", "4", "--size", "30", "--for", "chain.yaml")
+    assert rows.returncode == 0, rows.stderr
+    (tmp_path / "swing.csv").write_text(rows.stdout)
+    with emulating(tmp_path, "chain.yaml", wire="due"):
+        run = contid(
+            tmp_path, "run", "chain.yaml", "--trajectory", "swing.csv", "--record", "s.mcap", "--json"
+        )
+    assert run.returncode == 0, run.stderr
+    report = json.loads(run.stdout)
+    for name in ("left", "right"):
+        assert report["robots"][name]["tip_error_max_mm"] < 1e-3
+    # The links of a chain follow from its arms; what the boards answered stands in for them.
+    replayed = contid(tmp_path, "replay", "s.mcap")
+    assert replayed.returncode == 0, replayed.stdout + replayed.stderr
