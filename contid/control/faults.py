@@ -58,7 +58,7 @@ PAGES: Final[dict[Fault, FaultPage]] = {
         "check that device's cable, supply and id; then clear-fault and resume",
     ),
     Fault.DEVICE_FAULT: FaultPage(
-        "a device reports a fault of its own (overload, overheating, voltage, dead-man)",
+        "a device reports a fault of its own (overload, overheating, voltage, dead-man, torque lost)",
         _BY_POLICY,
         "remove what blocks or overheats it; clear-fault also clears the device, then resume",
     ),

@@ -12,6 +12,7 @@ import serial
 
 from contid.errors import DeviceLostError, DeviceNotFoundError
 from contid_drivers.due.frames import FrameReader, seal
+from contid_drivers.exclusive import keep_others_out, let_others_in
 
 #: The one rate that is exact on both chips of the programming port; the native port ignores it.
 BAUD = 250_000
@@ -39,6 +40,7 @@ class Port:
                 device, f"cannot open {path}: {error}", "permission? (group dialout) another program on it?"
             ) from error
         self._fd = self._serial.fileno()
+        keep_others_out(self._fd, path)
 
     def wire_seconds(self, size: int) -> float:
         """Time ``size`` bytes take on the slowest part of the way."""
@@ -83,5 +85,7 @@ class Port:
 
     def close(self) -> None:
         """Let the device go; idempotent."""
+        if self._serial.is_open:  # closed twice, its number may be another port's
+            let_others_in(self._fd)
         with contextlib.suppress(*PORT_ERRORS):
             self._serial.close()
