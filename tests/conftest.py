@@ -12,6 +12,7 @@ import tempfile
 import threading
 import time
 from collections.abc import AsyncIterator, Iterator
+from multiprocessing import resource_tracker
 from pathlib import Path
 
 import psutil
@@ -57,17 +58,23 @@ def _left_behind(threads: set[int | None], children: set[int], descriptors: dict
     ]
 
 
+@pytest.fixture(scope="module", autouse=True)
+def garbage_of_other_modules() -> None:
+    """Collect once per module what outlived the tests that made it."""
+    gc.unfreeze()
+    gc.collect()
+
+
 @pytest.fixture(autouse=True)
-def nothing_left_behind() -> Iterator[None]:
+def nothing_left_behind(garbage_of_other_modules: None) -> Iterator[None]:
     """Fail a test that leaves threads, child processes or file descriptors."""
     threads = {t.ident for t in threading.enumerate()}
-    children = {p.pid for p in psutil.Process().children()}
     # multiprocessing starts its resource tracker once per interpreter and keeps its pipe.
-    from multiprocessing import resource_tracker
-
     resource_tracker.ensure_running()
-    children |= {p.pid for p in psutil.Process().children()}
+    children = {p.pid for p in psutil.Process().children()}
     descriptors = _descriptors()
+    # What is here already is not this test's: collecting after it then looks at its own objects only.
+    gc.freeze()
     yield
     gc.collect()
     # Threads and sockets may need a moment to end after their owner closed them.
