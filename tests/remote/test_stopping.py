@@ -7,6 +7,7 @@ import os
 import signal
 import subprocess
 import time
+from contextlib import suppress
 
 import pytest
 
@@ -77,6 +78,9 @@ def test_a_fault_says_everything_latches_and_is_cleared_without_motion() -> None
         assert (fault["number"], fault["name"]) == (102, "axis-silent")
         assert "f0.left did not answer" in fault["what"]
         assert all(fault[key] for key in ("cause", "reaction", "remedy"))
+        # First of all: the axis is silent for a second only, and starting a command may take longer.
+        with pytest.raises(RemoteError, match=r"silent|does not answer"):
+            client.clear_fault()
         for ask in (client.resume, lambda: client.move(HERE)):
             with pytest.raises(RemoteError) as refused:
                 ask()
@@ -87,14 +91,9 @@ def test_a_fault_says_everything_latches_and_is_cleared_without_motion() -> None
         )
         assert done.returncode == 3
         assert json.loads(done.stdout)["error"]["faults"]["f0"]["remedy"]
-        refusals: list[str] = []
         while states(client) == {"FAULT"}:
-            try:
+            with suppress(RemoteError):
                 client.clear_fault()
-            except RemoteError as error:
-                refusals.append(str(error))
-        assert refusals
-        assert "silent" in refusals[0] or "does not answer" in refusals[0]
         assert states(client) == {"READY"}
         assert client.status()["robots"]["f0"]["enabled"] is False
         client.resume()
