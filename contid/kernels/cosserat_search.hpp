@@ -4,6 +4,7 @@
 #include <limits>
 
 #include "cosserat_track.hpp"
+#include "halton.hpp"
 
 namespace contid {
 
@@ -114,12 +115,6 @@ template <int K> Vec predicted_moment(const Rod<K> &rod, const Task &task, Vec t
     return moment;
 }
 
-inline double radical_inverse(int index, int base) {
-    double value = 0.0, scale = 1.0 / base;
-    for (; index > 0; index /= base, scale /= base) value += (index % base) * scale;
-    return value;
-}
-
 template <int K> struct Found {
     Outcome<K> outcome;
     bool stable;
@@ -145,7 +140,6 @@ template <int K>
 Found<K> search(const Rod<K> &rod, const Task &task, Vec tip_force, const Limits<K> &limits, const double *seed,
                 const Settings &settings) {
     constexpr int n = 3 * K;
-    static constexpr int primes[] = {2, 3, 5, 7, 11, 13, 17, 19, 23, 29, 31, 37};
     const bool weighs = loaded<K>(rod, tip_force);
     const bool light = massless<K>(rod, 1.0);
     const Vec guess = predicted_moment<K>(rod, task, tip_force, 1.0);
@@ -194,7 +188,7 @@ Found<K> search(const Rod<K> &rod, const Task &task, Vec tip_force, const Limits
         if (attempt(start, kRestartIterations)) return;
         for (int index = 1; index <= kRestarts; ++index) {
             for (int i = 0; i < n; ++i)
-                start[i] = limits.lower[i] + radical_inverse(index, primes[i]) * (limits.upper[i] - limits.lower[i]);
+                start[i] = limits.lower[i] + radical_inverse(index, kPrimes[i]) * (limits.upper[i] - limits.lower[i]);
             if (attempt(start, kRestartIterations)) return;
         }
     };

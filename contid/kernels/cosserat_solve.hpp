@@ -33,12 +33,25 @@ template <int K> struct Outcome {
     Mat tip_by_balance;  // how the tip follows the moment balance, for the error estimate
 };
 
+// H = J^T J + weight + 1e-13 trace(J^T J): the last keeps it definite where the task leaves freedom.
+template <int n, int C> void normal_matrix(const double (&J)[9][C], int rows, double weight, double (&H)[n][n]) {
+    double trace = 0.0;
+    for (int i = 0; i < n; ++i)
+        for (int j = 0; j <= i; ++j) {
+            double sum = 0.0;
+            for (int a = 0; a < rows; ++a) sum += J[a][i] * J[a][j];
+            H[i][j] = H[j][i] = sum;
+            if (i == j) trace += sum;
+        }
+    for (int i = 0; i < n; ++i) H[i][i] += weight + 1e-13 * trace;
+}
+
 // The task with the moment balance eliminated: dM = -A^-1 (e + B dP) leaves r + J dP with J = D - C A^-1 B.
 template <int K> struct Reduced {
     static constexpr int n = 3 * K, C = Sweep<K>::C;
     int rows;
     double by_both[9][C];    // C and D: the task by (base moment, pressures)
-    double J[9][n], H[n][n];  // H = J^T J + weight, with a trace of it against rank loss
+    double J[9][n], H[n][n];
     double G[3][n];           // A^-1 B
     Mat inverse_A;
 
@@ -51,18 +64,10 @@ template <int K> struct Reduced {
             for (int j = 0; j < n; ++j)
                 G[i][j] = inverse_A.m[i][0] * s.residual[0][3 + j] + inverse_A.m[i][1] * s.residual[1][3 + j] +
                           inverse_A.m[i][2] * s.residual[2][3 + j];
-        double trace = 0.0;
         for (int a = 0; a < rows; ++a)
             for (int j = 0; j < n; ++j)
                 J[a][j] = by_both[a][3 + j] - by_both[a][0] * G[0][j] - by_both[a][1] * G[1][j] - by_both[a][2] * G[2][j];
-        for (int i = 0; i < n; ++i)
-            for (int j = 0; j <= i; ++j) {
-                double sum = 0.0;
-                for (int a = 0; a < rows; ++a) sum += J[a][i] * J[a][j];
-                H[i][j] = H[j][i] = sum;
-                if (i == j) trace += sum;
-            }
-        for (int i = 0; i < n; ++i) H[i][i] += weight + 1e-13 * trace;
+        normal_matrix(J, rows, weight, H);
         return true;
     }
 

@@ -24,16 +24,9 @@ bool track(const Rod<K> &rod, const Task &task, Vec tip_force, const Limits<K> &
 
     Sweep<K, 0> here;
     sweep<K, true>(rod, p, moment, tip_force, 1.0, elements, here);
-    double r[9], J[9][C], H[n][n], g[n], low[n], high[n], d[n], trace = 0.0;
+    double r[9], J[9][C], H[n][n], g[n], low[n], high[n], d[n];
     jacobian(task, here, J);
-    for (int i = 0; i < n; ++i)
-        for (int j = 0; j <= i; ++j) {
-            double sum = 0.0;
-            for (int a = 0; a < rows; ++a) sum += J[a][i] * J[a][j];
-            H[i][j] = H[j][i] = sum;
-            if (i == j) trace += sum;
-        }
-    for (int i = 0; i < n; ++i) H[i][i] += 1e-13 * trace;
+    normal_matrix(J, rows, 0.0, H);
 
     const auto squared = [&](const Ends &ends) {
         residual(task, ends, r);

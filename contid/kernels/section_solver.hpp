@@ -7,6 +7,7 @@
 
 #include "closed_form.hpp"
 #include "descent.hpp"
+#include "halton.hpp"
 
 namespace contid {
 
@@ -22,16 +23,6 @@ struct Answer {
   int starts;
 };
 
-// The radical inverse of `index`: deterministic points that fill the unit cube evenly.
-inline double halton(int index, int prime) {
-  double value = 0.0, share = 1.0;
-  for (; index > 0; index /= prime) {
-    share /= prime;
-    value += share * (index % prime);
-  }
-  return value;
-}
-
 inline double squared_distance(const double* a, const double* b) {
   double sum = 0.0;
   for (int k = 0; k < 3; ++k) sum += (a[k] - b[k]) * (a[k] - b[k]);
@@ -41,11 +32,10 @@ inline double squared_distance(const double* a, const double* b) {
 class SectionSolver {
  public:
   SectionSolver(const Feasible& feasible, const Tuning& tuning) : descent_(feasible, tuning) {
-    static constexpr int kPrimes[kMostLengths] = {2, 3, 5, 7, 11, 13, 17, 19, 23, 29, 31, 37};
     for (int k = 0; k < kLibrary; ++k) {
       for (int i = 0; i < feasible.size(); ++i)
         library_[k][i] =
-            feasible.low[i] + halton(k + 1, kPrimes[i]) * (feasible.high[i] - feasible.low[i]);
+            feasible.low[i] + radical_inverse(k + 1, kPrimes[i]) * (feasible.high[i] - feasible.low[i]);
       feasible.pull(library_[k]);
       forward(feasible.sections, library_[k], frames_[k]);
     }

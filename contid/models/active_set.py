@@ -26,12 +26,12 @@ _LIMITS_TRIED: Final = 40
 
 
 def cholesky(H: Array) -> Array:
-    """Lower factor; raises ``np.linalg.LinAlgError`` unless H is positive definite."""
+    """Lower factor ``(n, n)`` of H; raises ``np.linalg.LinAlgError`` unless it is positive definite."""
     return np.asarray(np.linalg.cholesky(H), dtype=np.float64)
 
 
 def solve(matrix: Array, right: Array) -> Array:
-    """``matrix^-1 right``."""
+    """``matrix^-1 right``, of the shape of ``right``."""
     return np.asarray(np.linalg.solve(matrix, right), dtype=np.float64)
 
 

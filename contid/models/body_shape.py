@@ -49,7 +49,7 @@ class BodyShape:
 
     @property
     def s_m(self) -> Array:
-        """Arc length of every point [m]."""
+        """Arc length of every point [m], shape ``(n,)``."""
         return np.linspace(0.0, self.length_m, len(self.points_in_world))
 
 

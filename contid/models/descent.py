@@ -100,7 +100,7 @@ class Descent:
         return float(np.linalg.norm(self._task(lengths, aim)[0]))
 
     def run(self, lengths: Array, aim: Aim) -> tuple[Array, float, int]:
-        """One start: lengths, error [m] and steps taken."""
+        """One start: lengths [m], shape ``(3 n,)``, error [m] and steps taken."""
         homes = self.tuning.home_steps
         lengths, error, steps = self._approach(lengths, aim, homes)
         if error > self.tuning.tolerance_m:

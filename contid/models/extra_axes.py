@@ -67,11 +67,11 @@ class WithExtraAxes:
         )
 
     def shape(self, actuation: Actuation, points: int, load_n: Vec3 = ZERO3) -> NDArray[np.float64]:
-        """The model's own backbone."""
+        """The model's own backbone, shape ``(points, 3)`` [m]."""
         return self._model.shape(actuation[: self._own], points, load_n)
 
     def jacobian(self, actuation: Actuation, load_n: Vec3 = ZERO3) -> NDArray[np.float64]:
-        """The model's own Jacobian with zero columns for the extra axes."""
+        """The model's own Jacobian with zero columns for the extra axes, shape ``(3, axes)``."""
         own = self._model.jacobian(actuation[: self._own], load_n)
         return np.hstack([own, np.zeros((3, len(self._extra)))])
 

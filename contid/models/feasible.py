@@ -89,7 +89,7 @@ class Feasible:
         return min(sum(self.upper), self.rack_m) + sum(self.sections.rigid_m)
 
     def excess(self, lengths: Array) -> Array:
-        """By how much every limit is exceeded [m], negative inside, in the order of `names`."""
+        """By how much every limit is exceeded [m], negative inside, in the order of `names`; one of each."""
         arcs = self.sections.arcs(lengths)
         bend = np.full(self.sections.count, -math.inf)
         if self.curvature_max < math.inf:

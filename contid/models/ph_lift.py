@@ -46,7 +46,7 @@ def product(a: Array, b: Array) -> Array:
 
 
 def times_i(a: Array) -> Array:
-    """``A i``: the preimage a quarter turn on, of the same vector."""
+    """``A i``: the preimage a quarter turn on, of the same vector, shape ``(..., 4)``."""
     return np.stack([-a[..., 1], a[..., 0], a[..., 3], -a[..., 2]], axis=-1)
 
 

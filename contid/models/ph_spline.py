@@ -57,7 +57,7 @@ class PhSpline:
         return points
 
     def evenly(self, points: int) -> Array:
-        """Points at equal arc length from the start of the first piece to the end of the last [m]."""
+        """Points at equal arc length from the first piece to the last [m], shape ``(points, 3)``."""
         return self.point_at(np.linspace(0.0, self.length_m, points))
 
 

@@ -18,13 +18,13 @@ from contid.models import arc, biarc
 from contid.models.arc import Array
 from contid.models.descent import Aim, Descent, Tuning
 from contid.models.feasible import Feasible
+from contid.models.halton import PRIMES, radical_inverse
 from contid.models.sections import differentiate, forward
 from contid.targets import Vec3
 
 LIBRARY: Final = 256
 # An error no arm of this world has [m]; its square still fits a double many times over.
 ABSURD_M: Final = 1e6
-_PRIMES: Final = (2, 3, 5, 7, 11, 13, 17, 19, 23, 29, 31, 37)
 
 
 class Answer(NamedTuple):
@@ -43,16 +43,6 @@ def vec3(array: Array) -> Vec3:
     return float(array[0]), float(array[1]), float(array[2])
 
 
-def halton(index: int, prime: int) -> float:
-    """The radical inverse of ``index``: deterministic points that fill the unit cube evenly."""
-    value, share = 0.0, 1.0
-    while index > 0:
-        share /= prime
-        value += share * (index % prime)
-        index //= prime
-    return value
-
-
 class SectionSolver:
     """Inverse kinematics of one chain; the native twin has the same methods and attributes."""
 
@@ -62,7 +52,7 @@ class SectionSolver:
         self.tuning = tuning
         self._descent = Descent(feasible, tuning)
         size = 3 * self.sections.count
-        cube = np.array([[halton(k + 1, prime) for prime in _PRIMES[:size]] for k in range(LIBRARY)])
+        cube = np.array([[radical_inverse(k + 1, prime) for prime in PRIMES[:size]] for k in range(LIBRARY)])
         self._library = np.array(
             [feasible.pulled(feasible.low + c * (feasible.high - feasible.low)) for c in cube]
         )

@@ -13,7 +13,8 @@ from contid.models.cosserat.spatial import Array
 def box_step(H: Array, g: Array, low: Array, high: Array) -> Array:
     """Minimum of ``d H d / 2 + g d`` with low <= d <= high by a primal active set; 0 must be inside.
 
-    H is positive definite, so the set changes finitely often; the cap only guards against rounding.
+    Shapes ``(n, n)`` of H, ``(n,)`` of the rest and of the answer. H is positive definite, so the set changes
+    finitely often; the cap only guards against rounding.
     """
     n = len(g)
     step = np.zeros(n)

@@ -46,7 +46,7 @@ def average_pressure(section: Section, stretch: float) -> float:
 
 
 def arc_pressures(section: Section, end: Array) -> Array:
-    """Pressures [bar] that bring the unloaded section's end to ``end`` [mm] in its own base frame.
+    """Pressures [bar], shape (3,), that bring the unloaded section's end to ``end`` [mm] in its base frame.
 
     They may be negative or too large: the caller clamps. The end must not be the base itself.
     """

@@ -51,7 +51,7 @@ class Loads:
         )
 
     def base_force(self, rod: Rod) -> Array:
-        """N at the base: everything the rod carries."""
+        """N at the base [N], shape (3,): everything the rod carries."""
         total = self.tip_force.copy()
         for i, section in enumerate(rod.sections):
             total += self.joint_force.get(i, 0.0)

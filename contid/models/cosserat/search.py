@@ -26,6 +26,7 @@ from contid.models.cosserat.spatial import Array, cross
 from contid.models.cosserat.stability import unstable_modes
 from contid.models.cosserat.statics import sweep
 from contid.models.cosserat.task import Task
+from contid.models.halton import PRIMES, radical_inverse
 
 #: Further starts after the closed form and the centre; each gets fewer iterations than the first.
 RESTARTS = 20
@@ -38,7 +39,6 @@ LOAD_STEPS = 3
 RAMP_TOLERANCE = 1e-2
 RAMP_ITERATIONS = 10
 MOST_ELEMENTS = 48
-_PRIMES = (2, 3, 5, 7, 11, 13, 17, 19, 23, 29, 31, 37, 41, 43, 47, 53, 59, 61, 67, 71, 73, 79, 83, 89)
 
 
 @dataclass(frozen=True, slots=True)
@@ -52,7 +52,10 @@ class Found:
 
 
 def predicted_moment(rod: Rod, task: Task, loads: Loads) -> Array:
-    """Base moment of a rod whose tip is at the target; exact for tip loads, weights are put on the chord."""
+    """Base moment [N·mm] of a rod whose tip is at the target, shape (3,).
+
+    Exact for tip loads; weights are put on the chord.
+    """
     moment = cross(task.tip, loads.tip_force) + loads.tip_moment
     done = 0.0
     for i, section in enumerate(rod.sections):
@@ -69,7 +72,10 @@ def predicted_moment(rod: Rod, task: Task, loads: Loads) -> Array:
 
 
 def unloaded(rod: Rod, task: Task, limits: Limits) -> Array | None:
-    """Pressures of the closed form, clamped; for a tip direction the member nearest to the centre."""
+    """Pressures of the closed form [bar], clamped, shape (3k,); None where there is none.
+
+    For a tip direction the member of the family nearest to the centre.
+    """
     n = len(rod.sections)
     try:
         with np.errstate(all="ignore"):
@@ -102,21 +108,11 @@ def _usable(pressures: Array, limits: Limits, clamp: bool = True) -> Array | Non
     return np.clip(pressures, limits.lower, limits.upper) if clamp else pressures
 
 
-def radical_inverse(index: int, base: int) -> float:
-    """Van der Corput's sequence in [0, 1): digits of the index mirrored at the point."""
-    value, scale = 0.0, 1.0 / base
-    while index:
-        index, digit = divmod(index, base)
-        value += digit * scale
-        scale /= base
-    return value
-
-
 def starts(limits: Limits) -> Iterator[Array]:
-    """The centre, then Halton points of the box."""
+    """The centre, then Halton points of the box [bar], shape (3k,) each."""
     yield limits.centre
     for index in range(1, RESTARTS + 1):
-        share = np.array([radical_inverse(index, _PRIMES[axis]) for axis in range(len(limits.lower))])
+        share = np.array([radical_inverse(index, PRIMES[axis]) for axis in range(len(limits.lower))])
         yield limits.lower + share * (limits.upper - limits.lower)
 
 

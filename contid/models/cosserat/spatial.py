@@ -11,12 +11,12 @@ Array: TypeAlias = NDArray[np.float64]
 
 
 def hat(a: Array) -> Array:
-    """The matrix of ``a x``."""
+    """The matrix of ``a x``, shape (3, 3)."""
     return np.array([[0.0, -a[2], a[1]], [a[2], 0.0, -a[0]], [-a[1], a[0], 0.0]])
 
 
 def cross(a: Array, b: Array) -> Array:
-    """Cross product of two vectors; several times faster than `numpy.cross` for one pair."""
+    """Cross product of two vectors, shape (3,); several times faster than `numpy.cross` for one pair."""
     return np.array(
         [a[1] * b[2] - a[2] * b[1], a[2] * b[0] - a[0] * b[2], a[0] * b[1] - a[1] * b[0]],
     )

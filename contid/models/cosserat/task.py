@@ -46,7 +46,7 @@ def twist_free(direction: Array) -> Array:
 
 
 def residual(task: Task, found: Sweep) -> Array:
-    """Task error of a sweep [mm]."""
+    """Task error of a sweep [mm]: three rows each for tip, mid-point and direction, of those asked for."""
     rows = [found.tip - task.tip]
     if task.mid is not None:
         rows.append(found.ends[0] - task.mid)

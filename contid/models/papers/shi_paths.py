@@ -56,14 +56,14 @@ def _tau(points: int) -> Array:
 
 
 def ellipse(points: int, a: float, height: float, dz: float = 0.0, ratio: float = 2.0 / 3.0) -> Array:
-    """An ellipse with semi-axes (a, ratio a); its height swings once by dz."""
+    """An ellipse with semi-axes (a, ratio a); its height swings once by dz; shape (points, 3) [mm]."""
     phi = 2.0 * np.pi * _tau(points)
     z = height + dz * (1.0 - np.cos(phi)) / 2.0
     return np.stack([a * np.cos(phi), ratio * a * np.sin(phi), z], axis=1)
 
 
 def square(points: int, side: float, height: float, dz: float = 0.0) -> Array:
-    """A square at constant speed per edge; with dz the paper's box."""
+    """A square at constant speed per edge; with dz the paper's box; shape (points, 3) [mm]."""
     corners = 0.5 * side * np.array([(1, -1), (1, 1), (-1, 1), (-1, -1), (1, -1)])
     along = 4.0 * _tau(points)
     edge = np.minimum(along.astype(int), 3)
@@ -73,14 +73,14 @@ def square(points: int, side: float, height: float, dz: float = 0.0) -> Array:
 
 
 def spiral(points: int, radius: float, height: float, dz: float = 0.0) -> Array:
-    """Three turns from the centre outward, rising by dz."""
+    """Three turns from the centre outward, rising by dz; shape (points, 3) [mm]."""
     tau = _tau(points)
     phi = 6.0 * np.pi * tau
     return np.stack([radius * tau * np.cos(phi), radius * tau * np.sin(phi), height + dz * tau], axis=1)
 
 
 def line(points: int, length: float, height: float) -> Array:
-    """There and back along x."""
+    """There and back along x; shape (points, 3) [mm]."""
     tau = _tau(points)
     return np.stack([0.5 * length * np.cos(2.0 * np.pi * tau), 0.0 * tau, height + 0.0 * tau], axis=1)
 
@@ -103,49 +103,20 @@ def runs(points: int) -> list[Run]:
         ]
     both = (0, 1)
     circle = ellipse(points, 30.0, 116.0, ratio=1.0)
+    with_mid = [
+        ("S20C30", circle, square(points, 20.0, 60.0), "tip median 2.36, max < 5.0 mm"),
+        ("M0T27", spiral(points, 27, 116), spiral(points, 0, 60), "tip median 3.22 mm"),
+        ("L15T27", spiral(points, 27, 118), line(points, 15, 60), "tip median 3.71, max 9.5 mm"),
+        ("M12T27", spiral(points, 27, 116), spiral(points, 12, 60), "tip median 1.60, max < 5.0 mm"),
+    ]
+    found += [Run(2, name, both, tip, mid, paper=paper) for name, tip, mid, paper in with_mid]
+    upright = [
+        ("box", square(points, 30, 110, 20), "RMSE 2.83 mm, 3.4 deg"),
+        ("ellipse", ellipse(points, 30, 110, 20), "RMSE 2.88 mm, 3.2 deg"),
+        ("spiral", spiral(points, 30, 110, 20), "RMSE 3.03 mm, 2.4 deg"),
+    ]
     found += [
-        Run(2, "S20C30", both, circle, square(points, 20.0, 60.0), paper="tip median 2.36, max < 5.0 mm"),
-        Run(2, "M0T27", both, spiral(points, 27, 116), spiral(points, 0, 60), paper="tip median 3.22 mm"),
-        Run(
-            2,
-            "L15T27",
-            both,
-            spiral(points, 27, 118),
-            line(points, 15, 60),
-            paper="tip median 3.71, max 9.5 mm",
-        ),
-        Run(
-            2,
-            "M12T27",
-            both,
-            spiral(points, 27, 116),
-            spiral(points, 12, 60),
-            paper="tip median 1.60, max < 5.0 mm",
-        ),
-        Run(
-            3,
-            "box 30 dz 20, 0 deg",
-            both,
-            square(points, 30, 110, 20),
-            lean_deg=0,
-            paper="RMSE 2.83 mm, 3.4 deg",
-        ),
-        Run(
-            3,
-            "ellipse 30 dz 20, 0 deg",
-            both,
-            ellipse(points, 30, 110, 20),
-            lean_deg=0,
-            paper="RMSE 2.88 mm, 3.2 deg",
-        ),
-        Run(
-            3,
-            "spiral 30 dz 20, 0 deg",
-            both,
-            spiral(points, 30, 110, 20),
-            lean_deg=0,
-            paper="RMSE 3.03 mm, 2.4 deg",
-        ),
+        Run(3, f"{name} 30 dz 20, 0 deg", both, tip, lean_deg=0, paper=paper) for name, tip, paper in upright
     ]
     leaning = {
         0: "RMSE 2.32 mm, 2.0 deg",

@@ -66,7 +66,7 @@ def trajectory(
 
 
 def lengths_at(pressure_bar: Array) -> Array:
-    """Tube lengths [m] for pressures from 0 to 1.5 bar, the reference's invented map."""
+    """Tube lengths [m], shape ``(..., 6)``, for pressures from 0 to 1.5 bar: the reference's invented map."""
     x = pressure_bar / 1.5
     low, high = np.array(LOWER_M), np.array(UPPER_M)
     lengths: Array = low + (high - low) * x * (1.0 + 0.3 * (1.0 - x))

@@ -1,0 +1,15 @@
+// Points that fill the unit cube evenly, the same ones every time. Twin and specification: contid/models/halton.py.
+#pragma once
+
+namespace contid {
+
+constexpr int kPrimes[] = {2, 3, 5, 7, 11, 13, 17, 19, 23, 29, 31, 37};  // one base per coordinate
+
+// Van der Corput's sequence in [0, 1): digits of the index mirrored at the point.
+inline double radical_inverse(int index, int base) {
+  double value = 0.0, scale = 1.0 / base;
+  for (; index > 0; index /= base, scale /= base) value += (index % base) * scale;
+  return value;
+}
+
+}  // namespace contid
