@@ -44,3 +44,23 @@ def test_a_start_from_rest_is_played_as_written() -> None:
     assert lead > 0
     assert lead % 2 == 0
     assert ease_ticks(plans, fast, fast.end_s, ahead=False) == pytest.approx(lead, abs=2)
+
+
+def test_an_ease_takes_half_of_the_acceleration_and_of_the_jerk() -> None:
+    """Peak acceleration 1.5 v/T and peak jerk 6 v/T^2, by the speed of the axes where the circle starts."""
+    loaded = load(1)
+    (plan,) = plans = build_plans(loaded, 200.0)
+    fast = circle(loaded, period_s=1.0)
+    here, after = (
+        plan.model.inverse(plan.frame.target_in_base(fast.targets_at(t_s)[plan.name]), plan.rest).actuation
+        for t_s in (0.0, plan.period_s)
+    )
+    speed = max(abs(b - a) for a, b in zip(here, after, strict=True)) / plan.period_s
+
+    def gentle(ticks: int) -> bool:
+        time_s = ticks * plan.period_s
+        return 3.0 * speed / time_s <= plan.acceleration and 12.0 * speed / time_s**2 <= plan.jerk
+
+    lead = ease_ticks(plans, fast, 0.0, ahead=True)
+    assert gentle(lead)
+    assert not gentle(lead - 2)

@@ -120,6 +120,8 @@ def test_limits_short_taut_folded() -> None:
     assert taut.at(0.25) == pytest.approx((0.15, 0, 0.2))
     assert taut.start_direction == pytest.approx((0.6, 0, 0.8))
     assert taut.lowest == (0, 0, 0)
+    beside = rope((0.1, -0.2, 0.3), (0.5, 0.2, 1.0), 0.9)
+    assert beside.at(0.45) == pytest.approx((0.3, 0.0, 0.65))
     folded = rope((0, 0, 1), (0, 0, 1), 1.0)
     assert folded.lowest[2] == pytest.approx(0.5, abs=1e-8)
     upright = rope((0, 0, 0), (0, 0, 0.5), 1.0)

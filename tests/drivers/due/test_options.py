@@ -55,6 +55,25 @@ def test_the_configuration_is_in_the_boards_units():
     assert acceleration == round(2300.0 / 360.0 * 4776)
 
 
+def test_the_configuration_of_a_regulator_is_in_pascal():
+    told = {"slew_bar_s": 2.0, "vent_bar_s": 4.0, "wire_break_mv": 540, "leak_bar": 0.3, "leak_ms": 700}
+    options = AxisOptions(channel="p1", **REGULATOR, **told, trim_bar=0.2, trim_per_s=1.5)
+    blob = board_config("b", BusOptions(port="x", role="pressure"), [AxisOnBus("a.x", options, None)])
+    # firmware/PROTOCOL.md: channel, safe, start, then the regulator's numbers.
+    found = struct.unpack("<3B3iHiHiHiH2iB", blob[4:-12])
+    assert found[0] == 1
+    assert found[3:6] == (160_000, 200_000, 400_000)
+    assert found[6:11] == (
+        round(600 / 3300 * 4095),
+        0,
+        round(3000 / 3300 * 4095),
+        300_000,
+        round(540 / 3300 * 4095),
+    )
+    assert found[11:] == (30_000, 700, 20_000, round(1.5 * 256), 2)
+    assert struct.unpack("<HiHi", blob[-12:]) == (0, 0, 32767, 300_000)
+
+
 def test_a_motor_on_a_pressure_board_is_refused_by_name():
     motor = AxisOnBus("arm.s1.l1", AxisOptions(channel="m0"), None)
     with pytest.raises(DeviceError, match=r"arm\.s1\.l1.*no channel of a pressure board"):
