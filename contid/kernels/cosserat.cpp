@@ -101,13 +101,14 @@ template <int K> struct ArmOf final : Arm {
         read(pressures, 3 * K, p, kPressures);
         Sweep<K> s;
         Vec moment;
-        bool stable = equilibrium<K>(rod, p, force, 1.0, settings.elements, moment, s);
-        if (stable) stable = unstable_modes<K>(rod, p, moment, force, 1.0, settings.elements) == 0;
+        int elements;
+        bool stable = fine_equilibrium<K>(rod, p, force, settings, moment, s, elements);
+        if (stable) stable = unstable_modes<K>(rod, p, moment, force, 1.0, elements) == 0;
         const auto &m = s.tip.R.m;
         return nb::make_tuple(
             triple(s.tip.p),
             nb::make_tuple(m[0][0], m[0][1], m[0][2], m[1][0], m[1][1], m[1][2], m[2][0], m[2][1], m[2][2]),
-            triple(s.mid), stable, triple(moment));
+            triple(s.mid), stable, triple(moment), elements);
     }
 
     nb::object critical(nb::handle pressures, Vec force, double most) const override {

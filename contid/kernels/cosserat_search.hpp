@@ -127,13 +127,34 @@ struct Settings {
 };
 
 // Estimated error of the tip from a sweep with fewer elements (n and m differ by (n/m)^4 - 1 times the error of n).
-template <int K> double discretisation_error(const Rod<K> &rod, const Outcome<K> &o, Vec tip_force, int n) {
+template <int K>
+double discretisation_error(const Rod<K> &rod, const double *pressures, Vec moment, const Ends &ends,
+                            const Mat &tip_by_balance, Vec tip_force, int n) {
     const int m = n > 1 ? std::max(1, n / 3) : 2;
     Sweep<K> other;
-    sweep<K, false>(rod, o.pressures, o.moment, tip_force, 1.0, m, other);
-    const Vec moved = other.tip.p - o.ends.p - o.tip_by_balance * (other.moment - o.ends.moment);
+    sweep<K, false>(rod, pressures, moment, tip_force, 1.0, m, other);
+    const Vec moved = other.tip.p - ends.p - tip_by_balance * (other.moment - ends.moment);
     const double ratio = static_cast<double>(n) / m;
     return norm(moved) / std::fabs(ratio * ratio * ratio * ratio - 1.0);
+}
+
+// The branch that grows out of the unloaded shape, with as many elements as the load demands.
+template <int K>
+bool fine_equilibrium(const Rod<K> &rod, const double *pressures, Vec tip_force, const Settings &settings, Vec &moment,
+                      Sweep<K> &out, int &elements) {
+    elements = settings.elements;
+    bool found = equilibrium<K>(rod, pressures, tip_force, 1.0, elements, moment, out);
+    Mat by_moment;
+    while (found && elements < kMostElements && loaded<K>(rod, tip_force) &&
+           inverse(first_columns(out.residual), by_moment)) {
+        const Mat tip_by_balance = first_columns(out.tip.by.shift) * by_moment;
+        if (discretisation_error<K>(rod, pressures, moment, out.ends(), tip_by_balance, tip_force, elements) <=
+            settings.error)
+            break;
+        elements *= 2;
+        found = newton<K>(rod, pressures, moment, tip_force, 1.0, elements, out);
+    }
+    return found;
 }
 
 template <int K>
@@ -202,7 +223,8 @@ Found<K> search(const Rod<K> &rod, const Task &task, Vec tip_force, const Limits
     best.iterations = spent;
     while (weighs && best.stable && best.elements < kMostElements) {
         const Outcome<K> &o = best.outcome;
-        if (discretisation_error<K>(rod, o, tip_force, best.elements) <= settings.error) break;
+        if (discretisation_error<K>(rod, o.pressures, o.moment, o.ends, o.tip_by_balance, tip_force, best.elements) <=
+            settings.error) break;
         best.elements *= 2;
         best.outcome = solve<K>(rod, task, tip_force, 1.0, limits, o.pressures, o.moment, best.elements,
                                 settings.tolerance, kIterations);

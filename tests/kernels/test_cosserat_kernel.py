@@ -67,7 +67,7 @@ def test_inverse(sections: int, weighs: bool, mode: str, pressures: list[float],
     numpy, kernel = both(setup(sections, weighs, tolerance=1e-6))
     force = (0.0, 0.0, grams * GRAM)
     p = pressures[: 3 * sections]
-    tip, R, mid, stable, _ = kernel.forward(p, force)
+    tip, R, mid, stable, _, _ = kernel.forward(p, force)
     if not stable:
         return
     two = sections == 2

@@ -16,9 +16,9 @@ from typing import Protocol, TypeAlias
 import numpy as np
 
 from contid.kernels import load
-from contid.models.cosserat.equilibrium import equilibrium
+from contid.models.cosserat.equilibrium import equilibrium, newton
 from contid.models.cosserat.loads import Loads
-from contid.models.cosserat.search import search
+from contid.models.cosserat.search import MOST_ELEMENTS, discretisation_error, search
 from contid.models.cosserat.section import Rod
 from contid.models.cosserat.solve import Limits, Problem
 from contid.models.cosserat.spatial import Array
@@ -28,9 +28,9 @@ from contid.targets import Vec3
 
 #: pressures, residual [mm], met, optimal, stable, iterations, elements, statics residual [N·mm]
 InverseAnswer: TypeAlias = tuple[tuple[float, ...], float, bool, bool, bool, int, int, float]
-#: tip, rotation (row-major), end of the first section, stable, base moment
+#: tip, rotation (row-major), end of the first section, stable, base moment, elements
 ForwardAnswer: TypeAlias = tuple[
-    tuple[float, ...], tuple[float, ...], tuple[float, ...], bool, tuple[float, ...]
+    tuple[float, ...], tuple[float, ...], tuple[float, ...], bool, tuple[float, ...], int
 ]
 
 #: The kernel is compiled for one to this many sections.
@@ -105,14 +105,19 @@ class NumpyEngine:
         s = self.setup
         loads = self.loads(force)
         p: Array = np.array(pressures)
-        found = equilibrium(s.rod, p, loads, s.elements)
+        found, elements = equilibrium(s.rod, p, loads, s.elements), s.elements
+        while found.converged and not loads.none and elements < MOST_ELEMENTS:
+            if discretisation_error(s.rod, p, found.base_moment, loads, elements, found.sweep) <= s.error:
+                break
+            elements *= 2
+            found = newton(s.rod, p, found.base_moment, loads, elements)
         stable = found.converged
         if stable and not loads.none:
-            stable = unstable_modes(s.rod, p, found.base_moment, loads, s.elements) == 0
+            stable = unstable_modes(s.rod, p, found.base_moment, loads, elements) == 0
         end = found.sweep
         return (
             tuple(end.tip.tolist()), tuple(end.rotation.ravel().tolist()), tuple(end.ends[0].tolist()),
-            stable, tuple(found.base_moment.tolist()),
+            stable, tuple(found.base_moment.tolist()), elements,
         )  # fmt: skip
 
     def critical(self, pressures: Sequence[float], force: Vec3, most: float) -> float | None:

@@ -82,7 +82,7 @@ class CosseratModel:
 
     def forward(self, actuation: Actuation, load_n: Vec3 = ZERO3) -> Pose:
         """Pose on the branch that grows from the unloaded shape; ``stable`` is False once it has buckled."""
-        tip, rotation, mid, stable, _ = self.engine.forward([p / BAR for p in actuation], load_n)
+        tip, rotation, mid, stable, _, _ = self.engine.forward([p / BAR for p in actuation], load_n)
         return Pose(
             tip_m=_metres(tip),
             rotation=rotation,
@@ -132,10 +132,9 @@ class CosseratModel:
     def jacobian(self, actuation: Actuation, load_n: Vec3 = ZERO3) -> NDArray[np.float64]:
         """Tip by pressures in equilibrium, shape (3, 3k) [m/Pa]."""
         p = np.array(actuation) / BAR
-        base_moment = np.array(self.engine.forward(p.tolist(), load_n)[4])
-        found = sweep(
-            self.setup.rod, p, base_moment, self._spec.loads(load_n), self.setup.elements, tangents=True
-        )
+        *_, base_moment, elements = self.engine.forward(p.tolist(), load_n)
+        loads = self._spec.loads(load_n)
+        found = sweep(self.setup.rod, p, np.array(base_moment), loads, elements, tangents=True)
         assert found.tangents is not None
         by_moment, by_pressure = found.tangents.moment[:, :3], found.tangents.moment[:, 3:]
         held = found.tangents.tip[:, :3] @ np.linalg.solve(by_moment, by_pressure)
@@ -145,8 +144,8 @@ class CosseratModel:
     def shape(self, actuation: Actuation, points: int, load_n: Vec3 = ZERO3) -> NDArray[np.float64]:
         """Backbone from base to tip at equal arc length of the deformed arm, shape (points, 3) [m]."""
         p = np.array(actuation) / BAR
-        base_moment = np.array(self.engine.forward(p.tolist(), load_n)[4])
-        line = backbone(self.setup.rod, p, base_moment, self._spec.loads(load_n), self.setup.elements)
+        *_, base_moment, elements = self.engine.forward(p.tolist(), load_n)
+        line = backbone(self.setup.rod, p, np.array(base_moment), self._spec.loads(load_n), elements)
         lengths = np.concatenate([[0.0], np.cumsum(np.linalg.norm(np.diff(line, axis=0), axis=1))])
         wanted = np.linspace(0.0, lengths[-1], points)
         return np.stack([np.interp(wanted, lengths, line[:, i]) for i in range(3)], axis=1) / MM_PER_M

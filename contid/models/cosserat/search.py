@@ -24,7 +24,7 @@ from contid.models.cosserat.section import Rod
 from contid.models.cosserat.solve import BALANCE_TOLERANCE, Limits, Outcome, Problem, solve
 from contid.models.cosserat.spatial import Array, cross
 from contid.models.cosserat.stability import unstable_modes
-from contid.models.cosserat.statics import sweep
+from contid.models.cosserat.statics import Sweep, sweep
 from contid.models.cosserat.task import Task
 from contid.models.halton import PRIMES, radical_inverse
 
@@ -188,7 +188,11 @@ def refine(problem: Problem, found: Found, error: float) -> Found:
     """Double the elements until the estimated error of the tip is at most ``error``."""
     while found.elements < MOST_ELEMENTS:
         here = replace(problem, elements=found.elements)
-        if discretisation_error(here, found.outcome) <= error:
+        o = found.outcome
+        if (
+            discretisation_error(here.rod, o.pressures, o.base_moment, here.loads, here.elements, o.sweep)
+            <= error
+        ):
             break
         finer = replace(problem, elements=2 * found.elements)
         outcome = solve(finer, found.outcome.pressures, found.outcome.base_moment, ITERATIONS)
@@ -199,15 +203,16 @@ def refine(problem: Problem, found: Found, error: float) -> Found:
     return found
 
 
-def discretisation_error(problem: Problem, outcome: Outcome) -> float:
-    """Estimated error of the tip [mm] from a sweep with a third of the elements.
+def discretisation_error(
+    rod: Rod, pressures: Array, base_moment: Array, loads: Loads, n: int, here: Sweep
+) -> float:
+    """Estimated error of the tip [mm] of a sweep with n elements, from one with a third of them.
 
     For a method of fourth order the results of n and m < n elements differ by ``(n/m)^4 - 1`` times the error
     of n. The equilibrium of the coarser rod is included to first order.
     """
-    here, n = outcome.sweep, problem.elements
     m = max(1, n // 3) if n > 1 else 2
-    other = sweep(problem.rod, outcome.pressures, outcome.base_moment, problem.loads, m)
+    other = sweep(rod, pressures, base_moment, loads, m)
     assert here.tangents is not None
     turn = np.linalg.solve(here.tangents.moment[:, :3], other.moment - here.moment)
     moved = other.tip - here.tip - here.tangents.tip[:, :3] @ turn

@@ -49,7 +49,7 @@ def cold_starts(mode: str, grams: float, targets: int, seed: int = 7) -> Cold:
     times: list[float] = []
     failures = checked = wrong = 0
     while len(times) < targets:
-        tip, R, mid, stable, _ = engine.forward(rng.uniform(0.0, 1.5, n).tolist(), force)
+        tip, R, mid, stable, _, _ = engine.forward(rng.uniform(0.0, 1.5, n).tolist(), force)
         if not stable:
             continue
         given_mid = mid if mode == "mid + tip" else None

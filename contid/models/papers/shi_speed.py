@@ -137,7 +137,7 @@ def paper_solves(run: Run, by_the_paper: bool) -> Iterator[tuple[float, bool]]:
             (0.0, 0.0, float(force[2])),
             seed,
         )[0]
-        _, rotation, _, _, moment = engine.forward(seed, (0.0, 0.0, float(force[2])))
+        _, rotation, _, _, moment, _ = engine.forward(seed, (0.0, 0.0, float(force[2])))
         frame = None if axis is None else np.array(rotation).reshape(3, 3)
         if state is None:
             state = unknowns(rod, np.array(seed), force, np.array(moment))
