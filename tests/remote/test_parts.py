@@ -5,18 +5,21 @@ from __future__ import annotations
 import asyncio
 import grp
 import json
+import math
 import os
 import socket
 import stat
+from collections.abc import Callable
 from pathlib import Path
 
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
+from contid.control.record import RecordLayout, RobotLayout
 from contid.errors import ContidError
 from contid.remote import place
-from contid.remote.health import Tier, tier_of
+from contid.remote.health import Tier, bus_health, tier_of
 from contid.remote.outbox import MAX_ANSWERS, MAX_FRAMES, Outbox
 from contid.remote.peer import Peer, may_enter, peer_of
 from contid.remote.place import Endpoint, SocketError, answers, default_path, find
@@ -52,6 +55,29 @@ def test_a_field_nobody_asked_for_is_refused() -> None:
         take.end()
 
 
+@pytest.mark.parametrize(
+    ("take", "right", "wrong"),
+    [
+        (lambda take: take.text("x", ""), ["", "a" * 200], [1, None, ["a"], "a" * 201]),
+        (lambda take: take.number("x", 1.0, 0.0, 2.0), [0, 1.5, 2], [-0.1, 2.1, True, "1", None, math.nan]),
+        (lambda take: take.flag("x"), [True, False], [1, "true", None]),
+        (lambda take: take.names("x"), [["a", "b"], []], ["a", [1], {"a": 1}]),
+        (lambda take: take.mapping("x"), [{}, {"a": 1}, None], [[], 1, "a", False]),
+        (lambda take: take.rows("x"), [[], [[1, 2.5]], [[]]], [None, {}, [1], [["1"]], [[True]], [[None]]]),
+    ],
+    ids=["text", "number", "flag", "names", "mapping", "rows"],
+)
+def test_a_field_of_another_kind_is_refused_by_name(
+    take: Callable[[Take], object], right: list[object], wrong: list[object]
+) -> None:
+    for value in right:
+        found = take(Take({"x": value}))
+        assert (list(found) if isinstance(found, tuple) else found) == value
+    for value in wrong:
+        with pytest.raises(RemoteError, match="^x: "):
+            take(Take({"x": value}))
+
+
 def test_the_right_has_one_holder_and_an_explicit_takeover() -> None:
     right = MotionRight(0.0, input_moves=False)
     right.use(1, "one", 0.0)
@@ -61,6 +87,9 @@ def test_the_right_has_one_holder_and_an_explicit_takeover() -> None:
     assert before is not None
     assert before.client == 1
     assert right.held_by(2)
+    with pytest.raises(RemoteError, match=r"'two' has the motion right since 2\.5 s"):
+        right.use(1, "one", 3.5)
+    assert right.as_fields(3.5) == {"holder": "two", "client": 2, "since_s": 2.5}
 
 
 def test_the_right_is_lost_without_requests_and_not_with_them() -> None:
@@ -102,6 +131,27 @@ def test_tiers_follow_the_age_and_the_rate() -> None:
     assert at_200_hz == [fresh, fresh, late, late, stale, old, lost, lost]
     assert tier_of(0.15, 0.05) is Tier.FRESH
     assert tier_of(0.16, 0.05) is Tier.STALE
+
+
+def test_a_bus_is_as_old_as_its_oldest_axis_and_names_those_that_are_silent() -> None:
+    layout = RecordLayout("robots", 200.0, (RobotLayout("one", "x", "mm", ("left", "right", "never")),))
+    packer = layout.packer()
+    blank = packer.unpack(bytes(packer.size))
+    record = layout.decode(blank)
+    axis = record.robots[0].axes[0]
+    read = (
+        axis._replace(value=1.0, time_s=9.99, valid=1.0),
+        axis._replace(value=1.0, time_s=9.90, valid=0.0),
+        axis._replace(value=math.nan, time_s=10.0, valid=0.0),
+    )
+    record = record._replace(robots=(record.robots[0]._replace(axes=read),))
+    buses = {"a": ["one.left"], "b": ["one.left", "one.right"], "c": ["one.left", "one.never"], "d": []}
+    health = bus_health(layout, record, buses, 10.0)
+    assert {name: one.silent for name, one in health.items()} == {
+        "a": (), "b": ("one.right",), "c": ("one.never",), "d": (),
+    }  # fmt: skip
+    assert [one.age_s for one in health.values()] == pytest.approx([0.01, 0.1, math.inf, math.inf])
+    assert [one.tier for one in health.values()] == [Tier.FRESH, Tier.STALE, Tier.LOST, Tier.LOST]
 
 
 async def test_an_outbox_keeps_the_newest_frames_and_every_answer() -> None:
