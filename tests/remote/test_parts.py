@@ -74,7 +74,7 @@ def test_a_field_of_another_kind_is_refused_by_name(
         found = take(Take({"x": value}))
         assert (list(found) if isinstance(found, tuple) else found) == value
     for value in wrong:
-        with pytest.raises(RemoteError, match="^x: "):
+        with pytest.raises(RemoteError, match=r"^x: "):
             take(Take({"x": value}))
 
 
