@@ -40,7 +40,8 @@ def nearest_on(curves: Sequence[Curve], pieces: Sequence[Sequence[float]], goal:
     Args:
         curves: x and y over a common parameter; ties go to the first.
         pieces: samples of the parameter, in pieces without a corner of any curve.
-        goal: in the frame and unit of the curves.
+        goal: in the frame and unit of the curves. One that is no number is equally far from everything: the
+            first sample stands for all.
     """
     valleys = sorted(
         valley
@@ -48,6 +49,8 @@ def nearest_on(curves: Sequence[Curve], pieces: Sequence[Sequence[float]], goal:
         for piece in pieces
         for valley in _valleys(number, curve, piece, goal)
     )
+    if not valleys:
+        return 0, pieces[0][0]
     best = valleys[0].distance, valleys[0].curve, valleys[0].at
     for valley in valleys:
         if valley.floor < best[0]:
