@@ -37,6 +37,13 @@ def _descriptors() -> dict[int, str]:
     return found
 
 
+def _words_of(process: psutil.Process) -> str:
+    try:
+        return " ".join(process.cmdline()[:4])
+    except psutil.NoSuchProcess:  # a zombie, or gone meanwhile
+        return "without a command line"
+
+
 def _left_behind(threads: set[int | None], children: set[int], descriptors: dict[int, str]) -> list[str]:
     now_open = _descriptors()
     return [
@@ -46,9 +53,9 @@ def _left_behind(threads: set[int | None], children: set[int], descriptors: dict
             if t.ident not in threads and not t.name.startswith(RUNNER_THREADS)
         ),
         *(
-            f"child process {p.pid} {' '.join(p.cmdline()[:4])}"
+            f"child process {p.pid} {words}"
             for p in psutil.Process().children()
-            if p.pid not in children and "resource_tracker" not in " ".join(p.cmdline())
+            if p.pid not in children and "resource_tracker" not in (words := _words_of(p))
         ),
         *(
             f"file descriptor {fd} ({what})"

@@ -13,9 +13,10 @@ import threading
 import time
 import urllib.error
 import urllib.request
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from functools import cache
 from pathlib import Path
+from typing import IO
 
 import numpy as np
 import psutil
@@ -172,11 +173,35 @@ def test_a_recorded_session_keeps_every_tick_in_its_curves(tmp_path: Path) -> No
     assert there["robots/left/backbone"] <= ticks * 30 / 200 + 2
 
 
-def started(*arguments: str) -> subprocess.Popen[str]:
-    return subprocess.Popen(
-        [sys.executable, "-m", "contid", *arguments],
-        stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True,
-    )  # fmt: skip
+@pytest.fixture
+def started() -> Iterator[Callable[..., subprocess.Popen[str]]]:
+    """Start a command; one that a failed test leaves running is ended, its socket is wanted by the next."""
+    running: list[subprocess.Popen[str]] = []
+
+    def start(*arguments: str) -> subprocess.Popen[str]:
+        process = subprocess.Popen(
+            [sys.executable, "-m", "contid", *arguments],
+            stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True,
+        )  # fmt: skip
+        running.append(process)
+        return process
+
+    yield start
+    for process in running:
+        if process.poll() is None:
+            process.send_signal(signal.SIGINT)
+            process.communicate(timeout=30)
+
+
+def line_with(stream: IO[str] | None, words: str) -> str:
+    """The first line that has these words; others may come before, of a tick that was skipped."""
+    assert stream is not None
+    before = []
+    for line in stream:
+        if words in line:
+            return line
+        before.append(line)
+    raise AssertionError(f"never: {words}; but {before}")
 
 
 def children_with(process: subprocess.Popen[str], words: str) -> list[psutil.Process]:
@@ -203,7 +228,9 @@ def commands(log: Path) -> list[str]:
 
 
 @pytest.mark.parametrize("harm", [signal.SIGSTOP, signal.SIGKILL])
-def test_a_stalled_or_killed_viewer_changes_no_command(harm: signal.Signals, tmp_path: Path) -> None:
+def test_a_stalled_or_killed_viewer_changes_no_command(
+    harm: signal.Signals, tmp_path: Path, started: Callable[..., subprocess.Popen[str]]
+) -> None:
     """Without a skipped tick the commands of a real run are those of virtual time, bit for bit."""
     trajectory, picture = tmp_path / "circle.csv", tmp_path / "run.rrd"
     trajectory.write_text(rows_of("hand"))
@@ -241,10 +268,11 @@ def test_a_viewer_that_comes_back_says_what_it_missed(tmp_path: Path, configs: P
     assert 30 <= there["plots/timing"] <= 45  # the pictures of what the ring still had
 
 
-def test_the_served_page_is_on_loopback_and_locked_in(tmp_path: Path) -> None:
+def test_the_served_page_is_on_loopback_and_locked_in(
+    tmp_path: Path, started: Callable[..., subprocess.Popen[str]]
+) -> None:
     process = started("view", "--serve", str(drawn("hand", tmp_path)))
-    assert process.stdout is not None
-    url = process.stdout.readline().strip()
+    url = line_with(process.stdout, "http").strip()
     assert url.startswith("http://127.0.0.1:")
     family = [psutil.Process(process.pid), *psutil.Process(process.pid).children(recursive=True)]
     listening = [c.laddr.ip for p in family for c in p.net_connections() if c.status == psutil.CONN_LISTEN]
@@ -314,13 +342,11 @@ def test_wrong_places_are_refused_before_anything_starts(tmp_path: Path) -> None
         assert words in done.stderr
 
 
-def test_a_page_of_a_running_robot(tmp_path: Path) -> None:
+def test_a_page_of_a_running_robot(tmp_path: Path, started: Callable[..., subprocess.Popen[str]]) -> None:
     trajectory = tmp_path / "circle.csv"
     trajectory.write_text(rows_of("hand", "--laps", "4"))
     process = started("run", "hand", "--mock", "--view", "serve", "--trajectory", str(trajectory))
-    assert process.stderr is not None
-    line = process.stderr.readline()
-    assert "view: http://127.0.0.1:" in line
+    line = line_with(process.stderr, "view: http://127.0.0.1:")
     with urllib.request.urlopen(line.split("view: ")[1].strip()) as answer:
         assert answer.status == 200
     process.communicate(timeout=60)
