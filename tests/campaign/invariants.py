@@ -7,6 +7,7 @@ from collections.abc import Callable, Iterator
 from itertools import pairwise
 
 from contid.control import messages as msg
+from contid.control.faults import Fault
 from contid.control.plan import STALE_S, RobotPlan
 from contid.control.record import ENABLED
 from contid.control.supervisor import Mode
@@ -225,6 +226,10 @@ def controllable(seen: Seen) -> Iterator[str]:
         state = record.robots[robot]
         if before.robots[robot].mode == Mode.STOPPING:
             continue  # a stop that was ordered is not resumed; it ends in OFF
+        if state.fault == Fault.CHAIN_FORBIDS and any(
+            r.robots[robot].mode == Mode.ARMING for r in seen.records if resumed <= r.tick < finish
+        ):
+            continue  # it did come back; a way that the rope forbids is forbidden again, until it is moved
         if state.mode not in (Mode.APPROACH, Mode.RUN, Mode.HOLD, Mode.STOPPING):
             yield f"{plan.name}: {Mode(state.mode).name} (fault {state.fault}) after clear and resume"
 
