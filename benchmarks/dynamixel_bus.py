@@ -30,18 +30,11 @@ from functools import partial
 from multiprocessing.connection import Connection
 from typing import Any
 
+from contid.control.clock import RealClock
 from contid.hal import AxisOnBus
 from contid_drivers.dynamixel.bus import DynamixelBus
 from contid_drivers.dynamixel.cyclic import INDIRECT, MOTION, Layout
 from contid_drivers.dynamixel.options import AxisOptions, BusOptions
-
-
-class RealClock:
-    """The monotonic clock."""
-
-    def now(self) -> float:
-        """Seconds."""
-        return time.monotonic()
 
 
 def real_time(on: bool) -> bool:
@@ -179,7 +172,7 @@ def driver(
         port=port,
         baud=baud,
         fast_read="auto" if fast else "off",
-        telemetry_every=every,  # type: ignore[arg-type]
+        telemetry_every=every,  # type: ignore[arg-type]  # pydantic checks which numbers may be
     )
     axes = [AxisOnBus(f"r.a{i + 1}", AxisOptions(id=i + 1)) for i in range(count)]
     bus = DynamixelBus("servos", options, axes, RealClock(), layout)
@@ -202,7 +195,7 @@ def driver(
         if mute is not None:
             mute()
         row = measure(name, baud, size, wire_limit(count, size, baud, fast), seconds, cycle)
-        row.timeout_ms = 1e3 * bus._cyclic.timeout_s()  # type: ignore[union-attr]
+        row.timeout_ms = 1e3 * bus._cyclic.timeout_s()  # type: ignore[union-attr]  # the bus is open
     finally:
         from contid.hal import Rest
 

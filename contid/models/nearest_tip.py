@@ -54,8 +54,9 @@ def nearest_on(curves: Sequence[Curve], pieces: Sequence[Sequence[float]], goal:
     best = valleys[0].distance, valleys[0].curve, valleys[0].at
     for valley in valleys:
         if valley.floor < best[0]:
-            u = _golden_section(lambda u, curve=curves[valley.curve]: _distance(curve(u), goal), valley)  # type: ignore[misc]  # binds
-            best = min(best, (_distance(curves[valley.curve](u), goal), valley.curve, u))
+            curve = curves[valley.curve]
+            u = _golden_section(curve, goal, valley)
+            best = min(best, (_distance(curve(u), goal), valley.curve, u))
     return best[1:]
 
 
@@ -79,18 +80,18 @@ def _distance(a: Vec3, b: Vec3) -> float:
     return math.hypot(a[0] - b[0], a[1] - b[1])
 
 
-def _golden_section(of: Callable[[float], float], valley: _Valley) -> float:
-    """Minimum of a function with one valley between two parameters."""
+def _golden_section(curve: Curve, goal: Vec3, valley: _Valley) -> float:
+    """Parameter of the point of a curve nearest to ``goal`` within a valley."""
     low, high = valley.low, valley.high
     a, b = high - _INVERSE_GOLDEN * (high - low), low + _INVERSE_GOLDEN * (high - low)
-    at_a, at_b = of(a), of(b)
+    at_a, at_b = _distance(curve(a), goal), _distance(curve(b), goal)
     for _ in range(_GOLDEN_STEPS):
         if at_a < at_b:
             high, b, at_b = b, a, at_a
             a = high - _INVERSE_GOLDEN * (high - low)
-            at_a = of(a)
+            at_a = _distance(curve(a), goal)
         else:
             low, a, at_a = a, b, at_b
             b = low + _INVERSE_GOLDEN * (high - low)
-            at_b = of(b)
+            at_b = _distance(curve(b), goal)
     return 0.5 * (low + high)

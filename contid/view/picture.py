@@ -211,7 +211,8 @@ class Picture:
         """Strips of every frame: sections in the robot's colours, edges thin; none where it is unknown."""
         entity = paths.body(scene.plan.name, part)
         keep = self._changes(entity, [look is not None for look in looks])
-        strips = [[] if looks[k] is None else [s.tolist() for s in looks[k].strips] for k in keep]  # type: ignore[union-attr]
+        shown = [looks[k] for k in keep]
+        strips = [[] if look is None else [strip.tolist() for strip in look.strips] for look in shown]
         edges = 2 if scene.outline is not None else 0
         inks: list[Colour] = []
         radii: list[float] = []

@@ -7,30 +7,21 @@ From a checkout of contid, with this folder on PYTHONPATH:
 from __future__ import annotations
 
 import math
-import time
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator
 from contextlib import contextmanager
 
-from contid.hal import AxisOnBus, DeviceKind, Rest, Sample
+from contid.control.clock import RealClock
+from contid.hal import AxisOnBus, DeviceKind, Rest
 from contid_winch import AxisOptions, BusOptions
 from contid_winch.bus import WinchBus
 from contid_winch.emulator import Box, Drum
-from tests.contract.harness import Facts
+from tests.contract.harness import Facts, RealTimeRig
 
-TICK_S = 0.005
 STEP = math.tau / 3200
 DRUMS = {"left.a": 1, "left.b": 4, "right.a": 5}
 
 
-class RealClock:
-    def now(self) -> float:
-        return time.monotonic()
-
-    def sleep(self, seconds: float) -> None:
-        time.sleep(seconds)
-
-
-class WinchRig:
+class WinchRig(RealTimeRig):
     """A `tests.contract.harness.BusUnderTest` of one emulated box."""
 
     def __init__(self, box: Box) -> None:
@@ -50,17 +41,6 @@ class WinchRig:
         options = BusOptions(address=f"{host}:{port}", watchdog_ms=150, reply_ms=60.0)
         axes = [AxisOnBus(axis, AxisOptions(drum=drum)) for axis, drum in DRUMS.items()]
         self.bus = WinchBus("box", options, axes, RealClock())
-
-    def pump(self, seconds: float, commands: Mapping[str, float] | None = None) -> Mapping[str, Sample]:
-        until = time.monotonic() + seconds
-        while True:
-            samples = self.bus.exchange(commands or {})
-            if time.monotonic() >= until:
-                return samples
-            time.sleep(TICK_S)
-
-    def wait(self, seconds: float) -> None:
-        time.sleep(seconds)
 
     def value(self, axis: str) -> float:
         with self._drum(axis) as drum:

@@ -60,6 +60,14 @@ def started() -> Iterator[Callable[..., subprocess.Popen[str]]]:
         process.communicate()
 
 
+def feed(process: subprocess.Popen[str], rows: str) -> None:
+    """The whole of stdin, and its end."""
+    assert process.stdin is not None
+    process.stdin.write(rows)
+    process.stdin.close()
+    process.stdin = None
+
+
 def until(condition: Callable[[], bool], what: str) -> None:
     """Wait for something that will happen; only a hang fails."""
     deadline = time.monotonic() + 30.0
@@ -215,9 +223,7 @@ def test_one_signal_is_an_orderly_stop(
     number: signal.Signals, robot: Callable[..., Path], tmp_path: Path, started: Callable[..., Any]
 ) -> None:
     process = started(str(robot(1, on_interrupt="rest")), "--on-end", "hold")
-    process.stdin.write(circle_csv(1, period_s=60.0))
-    process.stdin.close()
-    process.stdin = None
+    feed(process, circle_csv(1, period_s=60.0))
     until(enabled(tmp_path), "armed")
     time.sleep(0.3)
     process.send_signal(number)
@@ -235,9 +241,7 @@ def test_the_second_signal_relaxes_at_once(
     robot: Callable[..., Path], tmp_path: Path, started: Callable[..., Any]
 ) -> None:
     process = started(str(robot(1, on_interrupt="rest")))
-    process.stdin.write(circle_csv(1, period_s=60.0))
-    process.stdin.close()
-    process.stdin = None
+    feed(process, circle_csv(1, period_s=60.0))
     until(enabled(tmp_path), "armed")
     time.sleep(0.4)
     process.send_signal(signal.SIGINT)
@@ -253,9 +257,7 @@ def test_a_closed_terminal_is_an_orderly_stop_however_often_it_is_told(
     robot: Callable[..., Path], tmp_path: Path, started: Callable[..., Any]
 ) -> None:
     process = started(str(robot(1, on_interrupt="rest")), "--on-end", "hold")
-    process.stdin.write(circle_csv(1, period_s=60.0))
-    process.stdin.close()
-    process.stdin = None
+    feed(process, circle_csv(1, period_s=60.0))
     until(enabled(tmp_path), "armed")
     time.sleep(0.3)
     for _ in range(2):
@@ -302,9 +304,7 @@ def test_a_log_that_cannot_be_written_any_more_ends_and_the_run_goes_on(
     os.mkfifo(log)
     reader = os.open(log, os.O_RDONLY | os.O_NONBLOCK)
     process = started(str(robot(1)), "--log", str(log))
-    process.stdin.write(circle_csv(1, period_s=1.0))
-    process.stdin.close()
-    process.stdin = None
+    feed(process, circle_csv(1, period_s=1.0))
     until(enabled(tmp_path), "armed")
     os.close(reader)
     out, _ = process.communicate(timeout=30)
@@ -340,9 +340,7 @@ def test_killing_the_daemon_brings_the_robot_to_on_host_loss(
     robot: Callable[..., Path], tmp_path: Path, started: Callable[..., Any]
 ) -> None:
     process = started(str(robot(1)))
-    process.stdin.write(circle_csv(1, period_s=60.0))
-    process.stdin.close()
-    process.stdin = None
+    feed(process, circle_csv(1, period_s=60.0))
     until(enabled(tmp_path), "armed")
     time.sleep(0.3)
     (control,) = psutil.Process(process.pid).children()
@@ -362,9 +360,7 @@ def test_a_control_process_that_hangs_is_ended_all_the_same(
     """A bus that never comes back holds up the tick for ever; Ctrl-C still ends the run, and it reports."""
     late = "faults: [{at_s: 0.6, kind: late, delay_ms: 600000}]"
     process = started(str(robot(1, options=late)), "--json")
-    process.stdin.write(circle_csv(1, period_s=60.0))
-    process.stdin.close()
-    process.stdin = None
+    feed(process, circle_csv(1, period_s=60.0))
     until(lambda: any("late" in line["event"] for line in journal(tmp_path)), "stuck")
     process.send_signal(signal.SIGINT)
     out, _ = process.communicate(timeout=30)

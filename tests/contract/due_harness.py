@@ -10,13 +10,13 @@ from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
 
-from contid.hal import AxisOnBus, DeviceKind, Rest, Sample
+from contid.control.clock import RealClock
+from contid.hal import AxisOnBus, DeviceKind, Rest
 from contid_drivers.due.bus import DueBus
 from contid_drivers.due.emulator import Emulator
 from contid_drivers.due.options import AxisOptions, BusOptions
-from tests.contract.harness import Facts
+from tests.contract.harness import Facts, RealTimeRig
 
-TICK_S = 0.005
 COUNT = math.tau / 4776.0
 MOTORS = Facts(DeviceKind.MOTOR, 2 * COUNT, 12 * COUNT, 0.2, 60.0, 0.45, 0.2, 0.0, Rest.RELAX)
 # 3 bar on 12 bit are 75 Pa a step.
@@ -31,12 +31,7 @@ REGULATOR = {
 }
 
 
-class RealClock:
-    def now(self) -> float:
-        return time.monotonic()
-
-
-class DueRig:
+class DueRig(RealTimeRig):
     """A `tests.contract.harness.BusUnderTest` of one emulated board."""
 
     def __init__(self, port: Path, facts: Facts, letter: str, axis_keys: Mapping[str, Any]) -> None:
@@ -51,17 +46,6 @@ class DueRig:
         options = BusOptions(port=str(port), role=role, watchdog_ms=200, latency_ms=60.0)
         self.emulator = Emulator(options, axes)
         self.bus = DueBus("board", options, axes, RealClock())
-
-    def pump(self, seconds: float, commands: Mapping[str, float] | None = None) -> Mapping[str, Sample]:
-        until = time.monotonic() + seconds
-        while True:
-            samples = self.bus.exchange(commands or {})
-            if time.monotonic() >= until:
-                return samples
-            time.sleep(TICK_S)
-
-    def wait(self, seconds: float) -> None:
-        time.sleep(seconds)
 
     def _truth(self, axis: str) -> list[float]:
         """Of a tick that began after the question: what the board was asked has reached its outputs."""

@@ -3,30 +3,24 @@
 from __future__ import annotations
 
 import tempfile
-import time
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
 
-from contid.hal import AxisOnBus, DeviceKind, Rest, Sample
+from contid.control.clock import RealClock
+from contid.hal import AxisOnBus, DeviceKind, Rest
 from contid_drivers.dynamixel import registers as reg
 from contid_drivers.dynamixel.bus import DynamixelBus
 from contid_drivers.dynamixel.emulator import Emulator, Servo
 from contid_drivers.dynamixel.options import AxisOptions, BusOptions
-from tests.contract.harness import Facts
+from tests.contract.harness import Facts, RealTimeRig
 
-TICK_S = 0.005
 AXES = ("left.a", "left.b", "right.a")
 STEP = reg.RAD_PER_TICK
 OVERLOAD = 0x20
 
 
-class RealClock:
-    def now(self) -> float:
-        return time.monotonic()
-
-
-class DynamixelRig:
+class DynamixelRig(RealTimeRig):
     """A `tests.contract.harness.BusUnderTest` of emulated servos."""
 
     def __init__(self, port: Path) -> None:
@@ -38,17 +32,6 @@ class DynamixelRig:
         axes = [AxisOnBus(axis, AxisOptions(id=device)) for axis, device in self._ids.items()]
         options = BusOptions(port=str(port), watchdog_ms=200, usb_latency_ms=30.0, retry_ms=50.0)
         self.bus = DynamixelBus("servos", options, axes, RealClock())
-
-    def pump(self, seconds: float, commands: Mapping[str, float] | None = None) -> Mapping[str, Sample]:
-        until = time.monotonic() + seconds
-        while True:
-            samples = self.bus.exchange(commands or {})
-            if time.monotonic() >= until:
-                return samples
-            time.sleep(TICK_S)
-
-    def wait(self, seconds: float) -> None:
-        time.sleep(seconds)
 
     def value(self, axis: str) -> float:
         return self._servo(axis).position_ticks * STEP

@@ -11,6 +11,7 @@ To hold a further driver to the contract, write a context manager that yields a 
 from __future__ import annotations
 
 import os
+import time
 from collections.abc import Mapping, Sequence
 from contextlib import AbstractContextManager
 from dataclasses import dataclass
@@ -18,6 +19,9 @@ from importlib import import_module
 from typing import Final, Protocol
 
 from contid.hal import Bus, DeviceKind, Rest, Sample
+
+#: Between two exchanges of `BusUnderTest.pump`.
+TICK_S: Final = 0.005
 
 
 @dataclass(frozen=True)
@@ -88,6 +92,25 @@ class BusUnderTest(Protocol):
     def mend_device(self, axis: str) -> None:
         """End the cause of that fault; the latch stays."""
         ...
+
+
+class RealTimeRig:
+    """How time passes for a bus whose devices are emulated in real time; a base of the rigs of such buses."""
+
+    bus: Bus
+
+    def pump(self, seconds: float, commands: Mapping[str, float] | None = None) -> Mapping[str, Sample]:
+        """See `BusUnderTest.pump`."""
+        until = time.monotonic() + seconds
+        while True:
+            samples = self.bus.exchange(commands or {})
+            if time.monotonic() >= until:
+                return samples
+            time.sleep(TICK_S)
+
+    def wait(self, seconds: float) -> None:
+        """See `BusUnderTest.wait`."""
+        time.sleep(seconds)
 
 
 #: Name in the test's id -> "module:function"; the function is a context manager without arguments.

@@ -10,9 +10,8 @@ from contid.control.clock import VirtualClock
 from contid.hal import AxisOnBus, DeviceKind, Rest, Sample, load_driver
 from contid_drivers.sim.bus import SimBus
 from contid_drivers.sim.options import FaultKind, SimAxisOptions, SimBusOptions
-from tests.contract.harness import Facts
+from tests.contract.harness import TICK_S, Facts
 
-TICK_S = 0.005
 AXES = ("left.a", "left.b", "right.a")
 
 

@@ -16,6 +16,7 @@ from click.testing import CliRunner
 
 from contid.cli.firmware import command as firmware_command
 from contid.cli.home import command as home_command
+from contid.control.clock import RealClock
 from contid.description.load import load_robot_file
 from contid.errors import DeviceError, DeviceLostError, DeviceNotFoundError
 from contid.hal import AxisOnBus, Rest, load_driver
@@ -27,14 +28,6 @@ from contid_drivers.due.service import doctor, home
 MOTORS = [AxisOnBus(f"arm.l{i}", AxisOptions(channel=f"m{i}", power_up_deg=90.0), None) for i in range(3)]
 PARKED = {"power_up_deg": 229.2, "homing": {"direction": -1, "at_deg": 199.2}}
 AIR = {"calibration": [[0, 0], [100, 3]], "readback": [[600, 0], [3000, 3]], "ceiling_bar": 1.6}
-
-
-class RealClock:
-    def now(self) -> float:
-        return time.monotonic()
-
-    def sleep(self, seconds: float) -> None:
-        time.sleep(seconds)
 
 
 @pytest.fixture

@@ -11,6 +11,7 @@ from typing import Any
 
 import pytest
 
+from contid.control.clock import RealClock
 from contid.hal import AxisOnBus, Sample
 from contid_drivers.dynamixel.bus import DynamixelBus
 from contid_drivers.dynamixel.emulator import Emulator, Servo
@@ -18,11 +19,6 @@ from contid_drivers.dynamixel.options import AxisOptions, BusOptions
 
 # Generous, because tests share the machine; nothing here is about time.
 PATIENT = {"usb_latency_ms": 40.0, "retry_ms": 80.0, "watchdog_ms": 2000}
-
-
-class RealClock:
-    def now(self) -> float:
-        return time.monotonic()
 
 
 @dataclass
