@@ -282,7 +282,7 @@ class Daemon:
                     self._child.kill()
                     self._account.killed()
                     break
-            line.show(self.newest(), end_s)
+            line.show(self.newest, end_s)
 
     def _fetch(self) -> None:
         reader = self._child.reader

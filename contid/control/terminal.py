@@ -49,9 +49,15 @@ class ProgressLine:
         self._terminal = sys.stderr.isatty()
         self._shown = -math.inf
 
-    def show(self, record: TickRecord | None, end_s: float | None) -> None:
-        """Show the newest record when it is time; ``end_s`` is the end of the trajectory, if there is one."""
-        if not self._terminal or record is None or record.tick - self._shown < self._ticks_between:
+    def show(self, newest: Callable[[], TickRecord | None], end_s: float | None) -> None:
+        """Show the newest record when it is time, and ask for it only where somebody may see it.
+
+        Args:
+            newest: the newest record, None before the first.
+            end_s: end of the trajectory, if there is one.
+        """
+        record = newest() if self._terminal else None
+        if record is None or record.tick - self._shown < self._ticks_between:
             return
         self._shown = record.tick
         modes = ", ".join(
