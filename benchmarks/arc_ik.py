@@ -15,13 +15,13 @@ from pathlib import Path
 
 import numpy as np
 
-from contid.description.load import load_robot_file
-from contid.models.descent import tuning_for
-from contid.models.model import build_model
-from contid.models.papers import singh
-from contid.models.section_model import SectionModel, build_solver
-from contid.models.sections import forward
+from contid.kinematics.arc.descent import tuning_for
+from contid.kinematics.arc.section_model import SectionModel, build_solver
+from contid.kinematics.arc.sections import forward
+from contid.kinematics.model import build_model
+from contid.robot_file.load import load_robot_file
 from contid.targets import Target
+from studies import singh
 
 CONFIGS = Path(__file__).parent.parent / "configs"
 

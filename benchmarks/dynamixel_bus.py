@@ -30,7 +30,7 @@ from functools import partial
 from multiprocessing.connection import Connection
 from typing import Any
 
-from contid.control.clock import RealClock
+from contid.control.engine.clock import RealClock
 from contid.hal import AxisOnBus
 from contid_drivers.dynamixel.bus import DynamixelBus
 from contid_drivers.dynamixel.cyclic import INDIRECT, MOTION, Layout

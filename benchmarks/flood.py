@@ -29,7 +29,7 @@ from pathlib import Path
 from typing import Any, Final
 
 from contid.client import Client
-from contid.control.realtime import ask_for_real_time, sleep_until, stop_collecting
+from contid.control.process.realtime import ask_for_real_time, sleep_until, stop_collecting
 from contid.errors import ContidError
 from contid.session.read import Session
 

@@ -6,8 +6,8 @@ from typing import Any, Final
 
 import yaml
 
-from contid.description.load import LoadedFile, load_robot_file, parse_robot_file
-from contid.description.shipped import find_robot_file
+from contid.robot_file.load import LoadedFile, load_robot_file, parse_robot_file
+from contid.robot_file.shipped import find_robot_file
 
 MEMBERS: Final = ("hand", "trirack", "cbha")
 
@@ -33,5 +33,5 @@ def lab_text(rate_hz: float = 200.0, kind: str = "") -> str:
 
 
 def lab(rate_hz: float = 200.0) -> LoadedFile:
-    """The laboratory, loaded; `contid.description.load.with_mock` makes it simulated."""
+    """The laboratory, loaded; `contid.robot_file.load.with_mock` makes it simulated."""
     return parse_robot_file(lab_text(rate_hz), "lab.yaml")

@@ -17,16 +17,16 @@ import subprocess
 import sys
 import time
 
-from contid.control.child import ControlChild
-from contid.control.cycle import OnEnd
-from contid.control.daemon import Daemon, RunOptions
-from contid.control.messages import Finish
-from contid.control.realtime import ask_for_real_time, sleep_until, stop_collecting
-from contid.control.roles import Orders
-from contid.control.statistics import Lateness
-from contid.control.wiring import driven_robots
-from contid.description.load import load_robot_file, with_mock
-from contid.description.shipped import find_robot_file
+from contid.control.daemon.control_child import ControlChild
+from contid.control.daemon.daemon import Daemon, RunOptions
+from contid.control.daemon.interfaces import Orders
+from contid.control.engine.cycle import OnEnd
+from contid.control.engine.messages import Finish
+from contid.control.engine.wiring import driven_robots
+from contid.control.process.realtime import ask_for_real_time, sleep_until, stop_collecting
+from contid.control.tick.statistics import Lateness
+from contid.robot_file.load import load_robot_file, with_mock
+from contid.robot_file.shipped import find_robot_file
 from contid.trajectory.read import read_trajectory
 
 PAUSE_S = 0.015

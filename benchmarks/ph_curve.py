@@ -16,16 +16,16 @@ from pathlib import Path
 import numpy as np
 
 from contid.kernels import load
-from contid.models.biarc import biarc
-from contid.models.catenary import Catenary, as_quintic, hang
-from contid.models.feasible import Feasible
-from contid.models.papers import singh
-from contid.models.papers.shape_comparison import compare_shapes, split_of, tube_sections
-from contid.models.ph_ends import Ends, PhFit, through
-from contid.models.ph_inverse import ShapeInverse, ph_inverse
-from contid.models.section_model import build_solver
-from contid.models.sections import forward
+from contid.kinematics.arc.biarc import biarc
+from contid.kinematics.arc.feasible import Feasible
+from contid.kinematics.arc.section_model import build_solver
+from contid.kinematics.arc.sections import forward
+from contid.kinematics.ph.ends import Ends, PhFit, through
+from contid.kinematics.ph.inverse import ShapeInverse, ph_inverse
+from contid.kinematics.rope.catenary import Catenary, as_quintic, hang
 from contid.targets import ZERO3, Vec3
+from studies import singh
+from studies.shape_comparison import compare_shapes, split_of, tube_sections
 
 SECTIONS = singh.cbha_sections()
 #: The rope of the reference's closed chain: 1 m between (-76, 16, 211) and (782, 26, 206) mm.

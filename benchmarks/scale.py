@@ -27,11 +27,11 @@ from typing import Any, Final
 
 import yaml
 
-from contid.control.virtual import VirtualProcess
-from contid.control.wiring import build_plans, driven_robots
-from contid.description.load import LoadedFile, load_robot_file, parse_robot_file, with_mock
-from contid.description.shipped import find_robot_file
+from contid.control.engine.virtual import VirtualProcess
+from contid.control.engine.wiring import build_plans, driven_robots
 from contid.hal import Sample
+from contid.robot_file.load import LoadedFile, load_robot_file, parse_robot_file, with_mock
+from contid.robot_file.shipped import find_robot_file
 from contid.trajectory.read import read_trajectory
 from contid_drivers.sim.bus import SimBus
 

@@ -21,16 +21,16 @@ from pathlib import Path
 import psutil
 from session_replay import circle
 
-from contid.control import ring
-from contid.control.cycle import OnEnd
-from contid.control.setup import Setup
-from contid.control.virtual import run_virtual
-from contid.control.wiring import driven_robots, record_layout
-from contid.description.load import load_robot_file, with_mock
-from contid.description.shipped import find_robot_file
+from contid.control.engine.cycle import OnEnd
+from contid.control.engine.virtual import run_virtual
+from contid.control.engine.wiring import driven_robots, record_layout
+from contid.control.process import ring
+from contid.control.process.setup import Setup
+from contid.robot_file.load import load_robot_file, with_mock
+from contid.robot_file.shipped import find_robot_file
 from contid.session.info import summarize
 from contid.session.read import Session
-from contid.session.record import Recording
+from contid.session.recording_observer import Recording
 from contid.trajectory.read import read_trajectory
 
 FLAT = 1.05
@@ -43,7 +43,7 @@ class Kept:
         self.records: list[list[float]] = []
 
     def write(self, values: list[float]) -> None:
-        """See `contid.control.cycle.Sink`."""
+        """See `contid.control.engine.cycle.Sink`."""
         self.records.append(values)
 
     def event(self, kind: str, **fields: object) -> None:
@@ -69,7 +69,9 @@ def main() -> int:
         recording.attach(
             Setup(loaded, rate_hz, shared, rows, OnEnd.STOP, attended=False), psutil.Process().pid
         )
-        recorder = next(p for p in psutil.Process().children() if "contid.session.recorder" in p.cmdline())
+        recorder = next(
+            p for p in psutil.Process().children() if "contid.session.mcap_recorder" in p.cmdline()
+        )
         memory: list[int] = []
         base_s, start_cpu = time.monotonic(), sum(recorder.cpu_times()[:2])
         for tick in range(total):

@@ -16,14 +16,14 @@ import tempfile
 import time
 from pathlib import Path
 
-from contid.control.cycle import OnEnd
-from contid.control.setup import Setup
-from contid.control.virtual import run_virtual
-from contid.control.wiring import driven_robots
-from contid.description.load import load_robot_file, with_mock
-from contid.description.shipped import find_robot_file
+from contid.control.engine.cycle import OnEnd
+from contid.control.engine.virtual import run_virtual
+from contid.control.engine.wiring import driven_robots
+from contid.control.process.setup import Setup
+from contid.robot_file.load import load_robot_file, with_mock
+from contid.robot_file.shipped import find_robot_file
 from contid.session.read import Session
-from contid.session.record import Recording
+from contid.session.recording_observer import Recording
 from contid.session.replay import replay
 from contid.trajectory.read import read_trajectory
 

@@ -33,8 +33,8 @@ from benchmarks.flat import Look, look, slope_of
 from benchmarks.soak_lab import VIEWER_S, robot_file
 from benchmarks.soak_people import ARMED, Clients, Operator, Stream
 from contid.client import Client
-from contid.description.load import load_robot_file
 from contid.errors import ContidError
+from contid.robot_file.load import load_robot_file
 
 #: Devices, daemon and first motion may take so long to be there, and the end of a run with its session.
 START_S: Final = 60.0
@@ -46,7 +46,7 @@ LOOK_S: Final = 5.0
 LOOKS_PER_LINE: Final = 12
 COLUMNS: Final = ("tick", "skipped", "clients", "cables", "faults", "file MB")
 #: Who is looked at, by what their command line says.
-PROCESSES: Final = {"control": "contid.control", "recorder": "contid.session.recorder"}
+PROCESSES: Final = {"control": "contid.control.process", "recorder": "contid.session.mcap_recorder"}
 
 
 @contextlib.contextmanager

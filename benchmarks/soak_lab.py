@@ -22,16 +22,16 @@ from typing import Final
 import yaml
 
 from benchmarks.lab import lab_text
-from contid.cli.wired import wired_buses
-from contid.control.cycle import Sink
-from contid.control.messages import Message
-from contid.control.roles import Orders
-from contid.control.setup import Setup
-from contid.description.load import load_robot_file
+from contid.cli.support.buses import wired_buses
+from contid.control.daemon.interfaces import Orders
+from contid.control.engine.cycle import Sink
+from contid.control.engine.messages import Message
+from contid.control.process.setup import Setup
 from contid.errors import ContidError
 from contid.hal import Emulates
+from contid.robot_file.load import load_robot_file
 from contid.view.observer import Viewing
-from contid.view.where import Kind, Where
+from contid.view.view_target import Kind, Where
 
 RATE_HZ: Final = 200.0
 #: How long each viewer draws before it is killed; it begins to draw after a second or two.
@@ -83,7 +83,7 @@ class Viewers:
         return ()
 
     async def serve(self, orders: Orders) -> None:
-        """See `contid.control.roles.Commands`."""
+        """See `contid.control.daemon.interfaces.Commands`."""
         while self._run is None:  # sources of commands begin before the input has come
             await asyncio.sleep(0.1)
         while True:
@@ -101,11 +101,11 @@ class Viewers:
 
 def daemon(folder: Path, viewer_s: float) -> int:
     """The process that is watched: the daemon as `contid run` starts it."""
-    from contid.control.request import RunRequest
-    from contid.control.run import run
-    from contid.remote.place import Endpoint
-    from contid.remote.server import SocketServer
-    from contid.session.record import Recording
+    from contid.control.daemon.run import run
+    from contid.control.daemon.run_request import RunRequest
+    from contid.remote.protocol.socket_path import Endpoint
+    from contid.remote.server.server import SocketServer
+    from contid.session.recording_observer import Recording
 
     endpoint = Endpoint(folder / "lab.sock", default=False)
     viewers = Viewers(folder, viewer_s)

@@ -17,9 +17,9 @@ from typing import IO, Final
 
 from benchmarks.soak_lab import RATE_HZ, UNPLUG
 from contid.client import Client
-from contid.control.wiring import build_plans
-from contid.description.load import LoadedFile
+from contid.control.engine.wiring import build_plans
 from contid.errors import ContidError
+from contid.robot_file.load import LoadedFile
 
 #: How long a cable is out, and how long the end of a run waits for its robots.
 OUT_S: Final = 2.0

@@ -18,7 +18,7 @@ import time
 from contextlib import suppress
 from pathlib import Path
 
-from contid.control.ring import RingError, RingReader
+from contid.control.process.ring import RingError, RingReader
 
 HELP_BAR_S = 0.2
 COMMAND_BAR_S = 1.0

@@ -29,20 +29,20 @@ from pathlib import Path
 import numpy as np
 import psutil
 
-from contid.control.child import ControlChild
-from contid.control.cycle import OnEnd, Sink
-from contid.control.daemon import Daemon, RunOptions
-from contid.control.messages import Finish, Message
-from contid.control.realtime import ask_for_real_time, sleep_until, stop_collecting
-from contid.control.ring import RingReader
-from contid.control.roles import Orders
-from contid.control.setup import Setup
-from contid.control.wiring import driven_robots
-from contid.description.load import LoadedFile, load_robot_file, with_mock
-from contid.description.shipped import find_robot_file
+from contid.control.daemon.control_child import ControlChild
+from contid.control.daemon.daemon import Daemon, RunOptions
+from contid.control.daemon.interfaces import Orders
+from contid.control.engine.cycle import OnEnd, Sink
+from contid.control.engine.messages import Finish, Message
+from contid.control.engine.wiring import driven_robots
+from contid.control.process.realtime import ask_for_real_time, sleep_until, stop_collecting
+from contid.control.process.ring import RingReader
+from contid.control.process.setup import Setup
+from contid.robot_file.load import LoadedFile, load_robot_file, with_mock
+from contid.robot_file.shipped import find_robot_file
 from contid.trajectory.read import Trajectory, read_trajectory
 from contid.view.observer import Viewing
-from contid.view.where import Kind, Where
+from contid.view.view_target import Kind, Where
 
 CASES = ("no viewer", "file", "page", "stopped")
 PAGE_PORT = 9090

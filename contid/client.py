@@ -14,8 +14,8 @@ A client never reconnects by itself: when the connection ends, every call raises
 motion right is lost and the robots hold. Make a new client, look at `status`, and go on from there.
 """
 
-from contid.remote.async_client import AsyncClient
-from contid.remote.protocol import Code, ConnectionLostError, NoDaemonError, RemoteError
-from contid.remote.sync_client import Client
+from contid.remote.client.async_client import AsyncClient
+from contid.remote.client.sync_client import Client
+from contid.remote.protocol.wire import Code, ConnectionLostError, NoDaemonError, RemoteError
 
 __all__ = ["AsyncClient", "Client", "Code", "ConnectionLostError", "NoDaemonError", "RemoteError"]

@@ -15,9 +15,9 @@ from collections.abc import Iterator
 from pathlib import Path
 
 from contid.client import Client
-from contid.description.load import load_robot_file
-from contid.models.frames import BaseFrame
-from contid.models.model import build_model
+from contid.kinematics.frames import BaseFrame
+from contid.kinematics.model import build_model
+from contid.robot_file.load import load_robot_file
 
 Numbers = list[float]
 

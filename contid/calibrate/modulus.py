@@ -22,7 +22,7 @@ from numpy.typing import NDArray
 
 from contid.calibrate.elongation_data import Reading
 from contid.errors import ContidError
-from contid.models.cosserat.section import MPA_PER_PA, Section
+from contid.kinematics.cosserat.section import MPA_PER_PA, Section
 
 Array: TypeAlias = NDArray[np.float64]
 

@@ -9,7 +9,7 @@ import numpy as np
 
 from contid.calibrate.elongation_data import Reading
 from contid.calibrate.modulus import ModulusFit
-from contid.models.cosserat.section import MPA_PER_PA, Section
+from contid.kinematics.cosserat.section import MPA_PER_PA, Section
 
 
 def plot_fits(path: Path, fits: Sequence[tuple[Section, ModulusFit]], readings: Sequence[Reading]) -> None:

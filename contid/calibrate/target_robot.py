@@ -6,11 +6,11 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import TypeVar
 
-from contid.description.edit import Change, edited, replace_whole
-from contid.description.load import load_robot_file, parse_robot_file
-from contid.description.robot import RobotDescription
-from contid.description.shipped import find_robot_file
 from contid.errors import ContidError
+from contid.robot_file.edit import Change, edited, replace_whole
+from contid.robot_file.load import load_robot_file, parse_robot_file
+from contid.robot_file.robot import RobotDescription
+from contid.robot_file.shipped import find_robot_file
 
 _Kind = TypeVar("_Kind", bound=RobotDescription)
 

@@ -11,39 +11,54 @@ from typing import Final, NoReturn
 import click
 
 from contid import __version__
-from contid.cli.streams import finish, stand_in, tell, unwritten
+from contid.cli.support.streams import finish, stand_in, tell, unwritten
 from contid.errors import ContidError
 
 #: Command -> (module that defines it as ``command``, one line for ``contid --help``).
 COMMANDS: Final[dict[str, tuple[str, str]]] = {
-    "run": ("contid.cli.run", "make the robots follow a trajectory"),
-    "status": ("contid.cli.status", "robots, buses and faults of a running daemon; --watch for a live view"),
-    "move": ("contid.cli.move", "send robots of a running daemon to a point, or along a trajectory"),
-    "hold": ("contid.cli.hold", "make robots stop and stay where they are"),
-    "resume": ("contid.cli.resume", "arm robots and go on with what they followed"),
-    "stop": ("contid.cli.stop", "stop robots by the policy of the robot file"),
-    "estop": ("contid.cli.estop", "relax or vent robots now"),
-    "clear-fault": ("contid.cli.clear_fault", "look at everything again and leave FAULT; never moves"),
-    "fault": ("contid.cli.fault", "what a fault means and what to do"),
-    "check": ("contid.cli.check", "validate a robot file and print what it describes"),
-    "schema": ("contid.cli.schema", "print the JSON Schema of the robot file"),
-    "path": ("contid.cli.path", "print a trajectory: circle, line, square, spiral and others"),
-    "fk": ("contid.cli.fk", "actuation rows to tip positions"),
-    "ik": ("contid.cli.ik", "target rows to actuation"),
-    "shape": ("contid.cli.shape", "backbone points from actuation rows, or from measured poses of the tip"),
-    "replay": ("contid.cli.replay", "run a recording through today's code and compare every command"),
-    "session": ("contid.cli.session", "a recording: summary, export to CSV or .rrd, repair"),
-    "view": ("contid.cli.view", "look at a recording: the robots, their axes, what happened"),
-    "reach": ("contid.cli.reach", "where the tips can go: areas, volumes, overlaps, plots"),
-    "bench": ("contid.cli.bench", "the figures of the documentation, on this machine"),
-    "train": ("contid.cli.train", "train the neural network of `contid bench ik`"),
-    "emulate": ("contid.cli.emulate", "wire-level devices on ptys: the real drivers without hardware"),
-    "scan": ("contid.cli.scan", "find devices on serial ports"),
-    "servo": ("contid.cli.servo", "give a servo its id or baud rate, or restart it"),
-    "doctor": ("contid.cli.doctor", "what is wrong with buses and host, and the remedy"),
-    "calibrate": ("contid.cli.calibrate", "fit a model's parameters to measurements"),
-    "firmware": ("contid.cli.firmware", "build, flash and look at the sketch of the Due boards"),
-    "home": ("contid.cli.home", "find the zero of axes and write it into the robot file"),
+    "run": ("contid.cli.commands.run", "make the robots follow a trajectory"),
+    "status": (
+        "contid.cli.commands.status",
+        "robots, buses and faults of a running daemon; --watch for a live view",
+    ),
+    "move": ("contid.cli.commands.move", "send robots of a running daemon to a point, or along a trajectory"),
+    "hold": ("contid.cli.commands.hold", "make robots stop and stay where they are"),
+    "resume": ("contid.cli.commands.resume", "arm robots and go on with what they followed"),
+    "stop": ("contid.cli.commands.stop", "stop robots by the policy of the robot file"),
+    "estop": ("contid.cli.commands.estop", "relax or vent robots now"),
+    "clear-fault": (
+        "contid.cli.commands.clear_fault",
+        "look at everything again and leave FAULT; never moves",
+    ),
+    "fault": ("contid.cli.commands.fault", "what a fault means and what to do"),
+    "check": ("contid.cli.commands.check", "validate a robot file and print what it describes"),
+    "schema": ("contid.cli.commands.schema", "print the JSON Schema of the robot file"),
+    "path": ("contid.cli.commands.path", "print a trajectory: circle, line, square, spiral and others"),
+    "fk": ("contid.cli.commands.fk", "actuation rows to tip positions"),
+    "ik": ("contid.cli.commands.ik", "target rows to actuation"),
+    "shape": (
+        "contid.cli.commands.shape",
+        "backbone points from actuation rows, or from measured poses of the tip",
+    ),
+    "replay": (
+        "contid.cli.commands.replay",
+        "run a recording through today's code and compare every command",
+    ),
+    "session": ("contid.cli.commands.session", "a recording: summary, export to CSV or .rrd, repair"),
+    "view": ("contid.cli.commands.view", "look at a recording: the robots, their axes, what happened"),
+    "reach": ("contid.cli.commands.reach", "where the tips can go: areas, volumes, overlaps, plots"),
+    "bench": ("contid.cli.commands.bench", "the figures of the documentation, on this machine"),
+    "train": ("studies.train", "train the neural network of `contid bench ik`"),
+    "emulate": (
+        "contid.cli.commands.emulate",
+        "wire-level devices on ptys: the real drivers without hardware",
+    ),
+    "scan": ("contid.cli.commands.scan", "find devices on serial ports"),
+    "servo": ("contid.cli.commands.servo", "give a servo its id or baud rate, or restart it"),
+    "doctor": ("contid.cli.commands.doctor", "what is wrong with buses and host, and the remedy"),
+    "calibrate": ("contid.cli.commands.calibrate", "fit a model's parameters to measurements"),
+    "firmware": ("contid.cli.commands.firmware", "build, flash and look at the sketch of the Due boards"),
+    "home": ("contid.cli.commands.home", "find the zero of axes and write it into the robot file"),
 }
 
 

@@ -18,8 +18,8 @@ from numpy.typing import NDArray
 from shapely import Polygon, make_valid
 from shapely.geometry.base import BaseGeometry
 
-from contid.description.base import BasePose
-from contid.models.rack_finger import RackFingerModel
+from contid.kinematics.rack.finger import RackFingerModel
+from contid.robot_file.base import BasePose
 
 _POINTS_PER_CURVE: Final = 16_000
 _SAME_POINT_M: Final = 1e-12

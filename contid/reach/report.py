@@ -9,15 +9,15 @@ from typing import Final
 
 from shapely.geometry.base import BaseGeometry
 
-from contid.description.base import BasePose
-from contid.description.rack_finger import RackFinger
-from contid.description.robot import RobotDescription
-from contid.models.frames import BaseFrame
-from contid.models.model import build_model
-from contid.models.rack_finger import RackFingerModel
+from contid.kinematics.frames import BaseFrame
+from contid.kinematics.model import build_model
+from contid.kinematics.rack.finger import RackFingerModel
 from contid.reach.planar import area_cm2, planar_reach
 from contid.reach.spatial import Progress, Volume, reachable_volume, shared
 from contid.reach.two_link import two_link_overlap
+from contid.robot_file.base import BasePose
+from contid.robot_file.rack_finger import RackFinger
+from contid.robot_file.robot import RobotDescription
 from contid.units import MM_PER_M
 
 #: Figures that Morita et al. print in section IV-B, and what the reference makes of them.

@@ -18,8 +18,8 @@ from typing import Final
 import numpy as np
 from numpy.typing import NDArray
 
-from contid.models.frames import BaseFrame
-from contid.models.model import Model
+from contid.kinematics.frames import BaseFrame
+from contid.kinematics.model import Model
 from contid.targets import Actuation, Target, Vec3
 
 Voxel = tuple[int, int, int]

@@ -16,9 +16,9 @@ from pathlib import Path
 from typing import Any, BinaryIO, Final
 
 from contid.errors import ContidError
-from contid.session import mcap_records as mcap
-from contid.session.channels import TICK_CHANNELS
-from contid.session.mcap_records import MESSAGE_INSIDE, RECORD, RecordStream
+from contid.session.format import mcap_records as mcap
+from contid.session.format.channels import TICK_CHANNELS
+from contid.session.format.mcap_records import MESSAGE_INSIDE, RECORD, RecordStream
 
 CHUNK_BYTES: Final = 1 << 20
 LEVEL: Final = 3

@@ -14,10 +14,10 @@ from enum import IntEnum
 from operator import itemgetter
 from typing import Any, Final
 
-from contid.control.faults import Fault
-from contid.control.record import RecordLayout
-from contid.control.supervisor import Mode
-from contid.session.channels import COMMAND, DEVICE, LIMITS, SI, SOLUTION, TARGET, axis_at, robot_at
+from contid.control.engine.tick_layout import RecordLayout
+from contid.control.tick.faults import Fault
+from contid.control.tick.supervisor import Mode
+from contid.session.format.channels import COMMAND, DEVICE, LIMITS, SI, SOLUTION, TARGET, axis_at, robot_at
 
 #: Values of a robot that are compared: name and place in its part of a record.
 _OF_ROBOT: Final = (

@@ -8,9 +8,9 @@ from typing import Any
 
 import yaml
 
-from contid.control.wiring import driven_robots, record_layout
-from contid.description.load import LoadedFile
+from contid.control.engine.wiring import driven_robots, record_layout
 from contid.errors import ContidError
+from contid.robot_file.load import LoadedFile
 from contid.session.read import Session
 
 

@@ -16,8 +16,8 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, Final, TextIO
 
-from contid.session.channels import TICK_CHANNELS, Field, fields
-from contid.session.mcap_records import MAGIC
+from contid.session.format.channels import TICK_CHANNELS, Field, fields
+from contid.session.format.mcap_records import MAGIC
 from contid.session.read import Session, SessionError
 
 _VECTORS: Final = {

@@ -12,15 +12,15 @@ from array import array
 
 import numpy as np
 
-from contid.control.child import ControlChild
-from contid.control.daemon import Daemon, RunOptions
-from contid.control.preflight import Unreachable
-from contid.control.report import Report
-from contid.control.wiring import build_preflight, driven_robots
-from contid.description.load import LoadedFile
+from contid.control.daemon.control_child import ControlChild
+from contid.control.daemon.daemon import Daemon, RunOptions
+from contid.control.engine.report import Report
+from contid.control.engine.wiring import build_preflight, driven_robots
+from contid.control.tick.preflight import Unreachable
 from contid.errors import ContidError
-from contid.session.channels import COMMAND, axis_at
+from contid.robot_file.load import LoadedFile
 from contid.session.differences import refuse_another_robot
+from contid.session.format.channels import COMMAND, axis_at
 from contid.session.read import Session
 from contid.trajectory.columns import TIME, read_layout
 from contid.trajectory.timed import Interpolation, Trajectory

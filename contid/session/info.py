@@ -6,10 +6,10 @@ from collections import Counter
 from dataclasses import asdict, dataclass, field
 from typing import Any
 
-from contid.control.supervisor import Mode
-from contid.session.channels import robot_at
+from contid.control.tick.supervisor import Mode
 from contid.session.compare import named
-from contid.session.entries import DAMAGED, GROWING
+from contid.session.format.channels import robot_at
+from contid.session.format.entries import DAMAGED, GROWING
 from contid.session.read import Session
 
 #: Events that a summary shows one by one; of the others it says how many.

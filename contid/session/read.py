@@ -7,15 +7,15 @@ from collections.abc import Callable, Iterator, Mapping
 from pathlib import Path
 from typing import Any
 
-from contid.control.record import RecordLayout, TickRecord
-from contid.description.load import LoadedFile, parse_robot_file, with_mock
+from contid.control.engine.tick_layout import RecordLayout, TickRecord
 from contid.errors import BadInputError, ContidError
-from contid.session import mcap_records as mcap
-from contid.session.about import FORMAT, TRAJECTORY, unpacked
-from contid.session.channels import CHANNELS
-from contid.session.decode import Decoder
-from contid.session.entries import End, Entry, read_entries
-from contid.session.mcap_records import DamagedRecordError, RecordStream
+from contid.robot_file.load import LoadedFile, parse_robot_file, with_mock
+from contid.session.format import mcap_records as mcap
+from contid.session.format.channels import CHANNELS
+from contid.session.format.decode import Decoder
+from contid.session.format.entries import End, Entry, read_entries
+from contid.session.format.mcap_records import DamagedRecordError, RecordStream
+from contid.session.format.metadata import FORMAT, TRAJECTORY, unpacked
 from contid.trajectory.timed import Trajectory
 
 
@@ -28,7 +28,7 @@ class Session:
 
     Attributes:
         path: of the file.
-        about: texts by group and name, as `contid.session.about` writes them.
+        about: texts by group and name, as `contid.session.format.metadata` writes them.
         layout: of the records.
         device_units: ``rad`` or ``pa`` by ``ROBOT.AXIS``.
         rate_hz: of the ticks.

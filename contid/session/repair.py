@@ -7,7 +7,7 @@ from datetime import UTC, datetime
 from pathlib import Path
 
 from contid.session.compact import compact
-from contid.session.entries import DAMAGED, GROWING
+from contid.session.format.entries import DAMAGED, GROWING
 from contid.session.info import summarize
 from contid.session.read import Session, SessionError
 

@@ -15,18 +15,18 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any, Final
 
-from contid.control.cycle import OnEnd, Timing
-from contid.control.engine import Engine
-from contid.control.journal import answer_of, order_of
-from contid.control.messages import Message, Play
-from contid.control.ports import Answer, Job
-from contid.control.wiring import build_plans, chain_guards
-from contid.description.load import LoadedFile
+from contid.control.engine.cycle import OnEnd, Timing
+from contid.control.engine.engine import Engine
+from contid.control.engine.messages import Message, Play
+from contid.control.engine.order_events import answer_of, order_of
+from contid.control.engine.ports import Answer, Job
+from contid.control.engine.wiring import build_plans, chain_guards
 from contid.errors import ContidError
 from contid.hal import Sample
-from contid.session.channels import VALUE, axis_at
+from contid.robot_file.load import LoadedFile
 from contid.session.compare import Comparison, Divergence
 from contid.session.differences import refuse_other_robots
+from contid.session.format.channels import VALUE, axis_at
 from contid.session.read import Session
 
 #: Events that a replay needs besides the records.
@@ -59,7 +59,7 @@ class _Wires:
 
 
 class RecordedPort:
-    """Stands in for `contid.control.ports.Port`: answers as the bus did in the same tick."""
+    """Stands in for `contid.control.engine.ports.Port`: answers as the bus did in the same tick."""
 
     threaded = False
 

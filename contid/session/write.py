@@ -17,10 +17,10 @@ from pathlib import Path
 from typing import Any, Final
 
 from contid.errors import ContidError
-from contid.session import mcap_records as mcap
-from contid.session.channels import CHANNELS, EVENT, schema
-from contid.session.encode import Encoder
-from contid.session.header import Header
+from contid.session.format import mcap_records as mcap
+from contid.session.format.channels import CHANNELS, EVENT, schema
+from contid.session.format.encode import Encoder
+from contid.session.format.header import Header
 
 #: Without anybody who waits for it (virtual time), so much is gathered before a write.
 _ENOUGH: Final = 1 << 20
@@ -123,13 +123,13 @@ class SessionSink:
         self._packer = layout_packer
 
     def write(self, values: list[float]) -> None:
-        """See `contid.control.cycle.Sink`; the numbers become what they are in a ring."""
+        """See `contid.control.engine.cycle.Sink`; the numbers become what they are in a ring."""
         self._writer.tick(self._packer.unpack(self._packer.pack(*values)))
         if self._writer.pending > _ENOUGH:
             self._writer.flush()
 
     def event(self, kind: str, **fields: Any) -> None:
-        """See `contid.control.cycle.Sink`."""
+        """See `contid.control.engine.cycle.Sink`."""
         self._writer.event({"event": kind, **fields})
 
 

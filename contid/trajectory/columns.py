@@ -12,9 +12,9 @@ from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Final
 
-from contid.description.base import Quantity
-from contid.description.robot import RobotDescription
 from contid.errors import BadInputError, Located
+from contid.robot_file.base import Quantity
+from contid.robot_file.robot import RobotDescription
 from contid.targets import ZERO3, Target, Vec3
 
 TIME: Final = "t_s"

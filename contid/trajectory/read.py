@@ -8,8 +8,8 @@ from typing import Final, TextIO
 
 import numpy as np
 
-from contid.description.robot import RobotDescription
 from contid.errors import BadInputError, Located
+from contid.robot_file.robot import RobotDescription
 from contid.trajectory.columns import TIME
 from contid.trajectory.rows import MAX_ROWS, RowReader, is_comment, numbered_lines
 from contid.trajectory.spline import Floats

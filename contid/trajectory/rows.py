@@ -7,8 +7,8 @@ import math
 from collections.abc import Iterator, Mapping
 from typing import Final, TextIO
 
-from contid.description.robot import RobotDescription
 from contid.errors import BadInputError, Located
+from contid.robot_file.robot import RobotDescription
 from contid.trajectory.columns import Layout, read_layout
 
 #: A row of a sixteen-finger robot is about a thousand characters.

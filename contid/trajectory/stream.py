@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 
-from contid.description.robot import RobotDescription
+from contid.robot_file.robot import RobotDescription
 from contid.targets import Target
 from contid.trajectory.rows import RowReader, is_comment
 

@@ -6,9 +6,9 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import TextIO
 
-from contid.description.load import load_robot_file
-from contid.description.shipped import find_robot_file
 from contid.errors import ContidError
+from contid.robot_file.load import load_robot_file
+from contid.robot_file.shipped import find_robot_file
 from contid.targets import Vec3
 from contid.trajectory.columns import TIME
 from contid.trajectory.shapes import Path

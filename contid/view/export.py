@@ -6,12 +6,12 @@ from collections.abc import Callable, Iterable, Mapping, Sequence
 from pathlib import Path
 from typing import Any, Final
 
-from contid.control.record import RecordLayout
-from contid.description.load import LoadedFile
+from contid.control.engine.tick_layout import RecordLayout
+from contid.robot_file.load import LoadedFile
 from contid.view.frames import Decimator, Frame
-from contid.view.host import Host
+from contid.view.rerun_session import Host
 from contid.view.stage import build_stage
-from contid.view.where import Kind, Where
+from contid.view.view_target import Kind, Where
 
 #: Ticks that are written together.
 BATCH: Final = 1024

@@ -11,7 +11,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Final
 
-from contid.control.record import RecordLayout, TickRecord
+from contid.control.engine.tick_layout import RecordLayout, TickRecord
 
 FRAMES_HZ: Final = 30.0
 #: Frames of a file are written together: a batch costs little more than one.

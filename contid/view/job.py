@@ -5,8 +5,8 @@ from __future__ import annotations
 from dataclasses import dataclass
 from pathlib import Path
 
-from contid.description.load import LoadedFile
-from contid.view.where import Where
+from contid.robot_file.load import LoadedFile
+from contid.view.view_target import Where
 
 
 @dataclass(frozen=True, slots=True)

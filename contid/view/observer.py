@@ -10,27 +10,27 @@ from collections.abc import Mapping, Sequence
 from contextlib import suppress
 from typing import TYPE_CHECKING, Any, Final
 
-from contid.control.cycle import Sink
-from contid.control.messages import Message
-from contid.control.setup import Setup
-from contid.control.spawn import ENVIRONMENT
-from contid.control.wiring import record_layout
+from contid.control.daemon.spawn import ENVIRONMENT
+from contid.control.engine.cycle import Sink
+from contid.control.engine.messages import Message
+from contid.control.engine.wiring import record_layout
+from contid.control.process.setup import Setup
 from contid.view.frames import BATCH, Decimator, Frame
 from contid.view.job import Job
-from contid.view.where import Kind, Where
+from contid.view.view_target import Kind, Where
 
 if TYPE_CHECKING:
-    from contid.view.host import Host
+    from contid.view.rerun_session import Host
 
 #: How long the end of a run waits for the last pictures.
 PATIENCE_S: Final = 5.0
 
 
 class Viewing:
-    """Shows one run; an observer of the daemon (`contid.control.roles.Observer`)."""
+    """Shows one run; an observer of the daemon (`contid.control.daemon.interfaces.Observer`)."""
 
     def __init__(self, where: Where) -> None:
-        """Prepare to show it there; see `contid.view.where.require`."""
+        """Prepare to show it there; see `contid.view.view_target.require`."""
         self._where = where
         self._process: subprocess.Popen[bytes] | None = None
         self._sink: DrawingSink | None = None
@@ -43,7 +43,7 @@ class Viewing:
     def attach(self, setup: Setup, pid: int) -> None:
         """Start the viewer's process, wait for nothing: the ring keeps what it misses while it imports."""
         self._process = process = subprocess.Popen(
-            [sys.executable, "-m", "contid.view.process"],
+            [sys.executable, "-m", "contid.view.viewer_process"],
             stdin=subprocess.PIPE,
             start_new_session=True,
             env={**os.environ, **ENVIRONMENT},
@@ -84,7 +84,7 @@ class DrawingSink:
     """Takes the ticks of a run in virtual time."""
 
     def __init__(self, where: Where, setup: Setup) -> None:
-        from contid.view.host import Host
+        from contid.view.rerun_session import Host
         from contid.view.stage import build_stage
 
         loaded = setup.loaded
@@ -94,7 +94,7 @@ class DrawingSink:
         self._frames: list[Frame] = []
 
     def write(self, values: list[float]) -> None:
-        """See `contid.control.cycle.Sink`."""
+        """See `contid.control.engine.cycle.Sink`."""
         frame = self._decimator.add(values)
         if frame is not None:
             self._frames.append(frame)
@@ -102,7 +102,7 @@ class DrawingSink:
                 self._draw()
 
     def event(self, kind: str, **fields: Any) -> None:
-        """See `contid.control.cycle.Sink`."""
+        """See `contid.control.engine.cycle.Sink`."""
         event: Mapping[str, Any] = {"event": kind, **fields}
         self._host.picture.event(event)
 

@@ -14,11 +14,11 @@ from typing import Final
 import numpy as np
 from numpy.typing import NDArray
 
-from contid.control.plan import RobotPlan
-from contid.description.cosserat import Cosserat
-from contid.description.rack_finger import RackFinger
-from contid.description.robot import RobotDescription
-from contid.models.rack_finger import RackFingerModel
+from contid.control.tick.config import RobotPlan
+from contid.kinematics.rack.finger import RackFingerModel
+from contid.robot_file.cosserat import Cosserat
+from contid.robot_file.rack_finger import RackFinger
+from contid.robot_file.robot import RobotDescription
 from contid.targets import ZERO3, Actuation, Vec3
 from contid.units import MM_PER_M
 

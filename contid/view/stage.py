@@ -9,10 +9,10 @@ from typing import Final
 
 import numpy as np
 
-from contid.control.plan import RobotPlan
-from contid.control.wiring import build_plans, chain_guards
-from contid.description.load import LoadedFile
-from contid.models.chain import ChainGuard, Tip
+from contid.control.engine.wiring import build_plans, chain_guards
+from contid.control.tick.config import RobotPlan
+from contid.kinematics.rope.chain import ChainGuard, Tip
+from contid.robot_file.load import LoadedFile
 from contid.units import MM_PER_M
 from contid.view.scene import Array, Look, Scene
 

@@ -7,9 +7,9 @@ import tempfile
 import time
 from typing import Final
 
-from contid.view.page import LOOPBACK
-from contid.view.program import await_port, free_port, start_rerun
-from contid.view.where import ViewError
+from contid.view.csp_proxy import LOOPBACK
+from contid.view.rerun_program import await_port, free_port, start_rerun
+from contid.view.view_target import ViewError
 
 #: The program listens at once; whether graphics and display are good enough turns out up to so much later.
 OPENING_S: Final = 3.0

@@ -10,7 +10,7 @@ import pytest
 from contid.calibrate.circle import fit_circle
 from contid.calibrate.curvature import CurvatureFit, fit_curvature, read_postures
 from contid.errors import BadInputError, ContidError
-from contid.models.planar_arc import cosc, sinc
+from contid.kinematics.rack.planar_arc import cosc, sinc
 
 A, B = 0.0013, -0.2774
 PX_PER_MM = 5.0  # 250 pixels correspond to 50 mm

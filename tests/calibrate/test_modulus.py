@@ -15,10 +15,10 @@ from click.testing import CliRunner
 
 from contid.calibrate.elongation_data import Reading, read_readings
 from contid.calibrate.modulus import CalibrationError, bending_deg, fit, growing_range
-from contid.cli.calibrate import command
-from contid.description.load import load_robot_file
+from contid.cli.commands.calibrate import command
 from contid.errors import BadInputError, ContidError
-from contid.models.cosserat.section import Section
+from contid.kinematics.cosserat.section import Section
+from contid.robot_file.load import load_robot_file
 from tests.models.cosserat_cases import MODULI, section
 
 LEVELS = np.linspace(0.1, 1.5, 15)

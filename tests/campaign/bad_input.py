@@ -20,17 +20,17 @@ from contextlib import ExitStack, suppress
 from functools import cache
 from pathlib import Path
 
-from contid.control.cycle import OnEnd
-from contid.control.setup import Setup
-from contid.control.virtual import run_virtual
-from contid.description.load import load_robot_file, parse_robot_file, with_mock
-from contid.description.shipped import configs_folder
+from contid.control.engine.cycle import OnEnd
+from contid.control.engine.virtual import run_virtual
+from contid.control.process.setup import Setup
 from contid.errors import ContidError
-from contid.remote.protocol import Take, decode
+from contid.remote.protocol.wire import Take, decode
+from contid.robot_file.load import load_robot_file, parse_robot_file, with_mock
+from contid.robot_file.shipped import configs_folder
 from contid.session.export import export_joined
 from contid.session.info import summarize
 from contid.session.read import Session
-from contid.session.record import Recording
+from contid.session.recording_observer import Recording
 from contid.session.replay import replay
 from contid.trajectory.read import read_trajectory
 from contid.trajectory.stream import StreamParser

@@ -7,7 +7,7 @@ from collections import Counter
 from collections.abc import Callable
 from dataclasses import dataclass, field
 
-from contid.control.supervisor import Mode
+from contid.control.tick.supervisor import Mode
 from tests.campaign.invariants import ALONE, UNAFFECTED, unaffected
 from tests.campaign.script import Case, Machine, Script, machines
 from tests.campaign.watch import Seen, watch

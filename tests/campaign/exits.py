@@ -25,9 +25,9 @@ from pathlib import Path
 import psutil
 
 from contid.client import Client
-from contid.control.ring import folder as ring_folder
-from contid.description.shipped import configs_folder
-from contid.remote.place import answers
+from contid.control.process.ring import folder as ring_folder
+from contid.remote.protocol.socket_path import answers
+from contid.robot_file.shipped import configs_folder
 from tests.control.fingers import fingers
 from tests.remote.daemons import until
 

@@ -6,12 +6,12 @@ import math
 from collections.abc import Callable, Iterator
 from itertools import pairwise
 
-from contid.control import messages as msg
-from contid.control.faults import Fault
-from contid.control.plan import STALE_S, RobotPlan
-from contid.control.record import ENABLED
-from contid.control.supervisor import Mode
-from contid.control.wiring import chain_guards
+from contid.control.engine import messages as msg
+from contid.control.engine.tick_layout import ENABLED
+from contid.control.engine.wiring import chain_guards
+from contid.control.tick.config import STALE_S, RobotPlan
+from contid.control.tick.faults import Fault
+from contid.control.tick.supervisor import Mode
 from contid_drivers.sim.options import FaultKind
 from tests.campaign.script import RESUMED_S
 from tests.campaign.watch import Seen

@@ -11,14 +11,14 @@ from typing import Any
 
 import pytest
 
-from contid.control import loop
-from contid.control import state as state_changes
-from contid.control.cycle import Timing
-from contid.control.engine import Engine
-from contid.control.limits import AxisLimits
-from contid.control.plan import RobotPlan
-from contid.control.state import Effect, RobotState, estop, stay
-from contid.control.supervisor import Mode
+from contid.control.engine.cycle import Timing
+from contid.control.engine.engine import Engine
+from contid.control.tick import robot_tick as loop
+from contid.control.tick import state as state_changes
+from contid.control.tick.config import RobotPlan
+from contid.control.tick.limits import AxisLimits
+from contid.control.tick.state import Effect, RobotState, estop, stay
+from contid.control.tick.supervisor import Mode
 from contid.hal import Sample
 from contid.targets import Actuation
 from contid_drivers.sim.devices import SimDevice

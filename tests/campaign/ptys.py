@@ -24,7 +24,7 @@ from typing import Final
 import psutil
 
 from contid.client import Client, ConnectionLostError, RemoteError
-from contid.remote.place import answers
+from contid.remote.protocol.socket_path import answers
 from contid.session.read import Session
 from tests.campaign.exits import limit_s
 from tests.campaign.wired_checks import STATES, Injected, Tally, judge
@@ -60,12 +60,12 @@ PLACES: Final[dict[str, tuple[dict[str, float], dict[str, float]]]] = {
 BUGS: Final[dict[str, str]] = {
     "estop forgets the devices": (
         "from dataclasses import replace\n"
-        "from contid.control import state\n"
+        "from contid.control.tick import state\n"
         "estop = state.estop\n"
         "state.estop = lambda *given: replace(estop(*given), pending=state.Effect.NONE)\n"
     ),
     "estop waits for the end of the motion": (
-        "from contid.control import state\n"
+        "from contid.control.tick import state\n"
         "state.estop = lambda plan, was, now_s: was if was.mode.name == 'OFF' else state.stop(\n"
         "    plan, was, state.StopPolicy.RELAX, now_s)\n"
     ),

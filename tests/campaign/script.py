@@ -14,12 +14,12 @@ from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
 
 from benchmarks.lab import lab
-from contid.control import messages as msg
-from contid.control.plan import RobotPlan
-from contid.control.wiring import build_plans, driven_robots
-from contid.description.base import StopPolicy
-from contid.description.load import LoadedFile, load_robot_file, with_mock
-from contid.description.shipped import configs_folder
+from contid.control.engine import messages as msg
+from contid.control.engine.wiring import build_plans, driven_robots
+from contid.control.tick.config import RobotPlan
+from contid.robot_file.base import StopPolicy
+from contid.robot_file.load import LoadedFile, load_robot_file, with_mock
+from contid.robot_file.shipped import configs_folder
 from contid.targets import Target
 from contid.trajectory.read import read_trajectory
 from contid.trajectory.timed import Trajectory

@@ -11,7 +11,7 @@ import struct
 import zlib
 from collections.abc import Callable
 
-from contid.session import mcap_records as mcap
+from contid.session.format import mcap_records as mcap
 from contid_drivers.due.frames import FrameReader, seal
 from contid_drivers.dynamixel import packets
 

@@ -26,19 +26,19 @@ import psutil
 
 from contid.client import Client
 from contid.errors import ContidError
-from contid.remote.place import answers
-from contid.remote.protocol import MAX_LINE
+from contid.remote.protocol.socket_path import answers
+from contid.remote.protocol.wire import MAX_LINE
 from tests.control.fingers import fingers
 from tests.remote.daemons import armed, until
 
 #: Deliberate bugs, as code that runs before `contid run`: a protection less, which an attack has to notice.
 BUGS: dict[str, str] = {
     "errors of the parser are not caught": (
-        "import json, contid.remote.connection as c\nc.decode = json.loads"
+        "import json, contid.remote.server.connection as c\nc.decode = json.loads"
     ),
-    "lines without a limit": "import contid.remote.server as s; s.MAX_LINE = 1 << 30",
+    "lines without a limit": "import contid.remote.server.server as s; s.MAX_LINE = 1 << 30",
     "a hold that moves": (
-        "import contid.remote.verbs as v\n"
+        "import contid.remote.server.request_handler as v\n"
         "async def hold(self, caller, take):\n"
         "    target = {'f0.x_mm': 40.0, 'f0.y_mm': 80.0}\n"
         "    return await self.moves.point(caller.number, target, caller.tell)\n"

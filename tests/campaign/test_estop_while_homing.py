@@ -13,8 +13,8 @@ from pathlib import Path
 
 import pytest
 
-from contid.cli.wired import wired_buses
-from contid.description.load import load_robot_file
+from contid.cli.support.buses import wired_buses
+from contid.robot_file.load import load_robot_file
 from contid_drivers.due.emulator import Emulator as Board
 from contid_drivers.due.options import BusOptions as DueOptions
 from contid_drivers.dynamixel.emulator.bench import Bench

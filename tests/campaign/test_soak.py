@@ -10,7 +10,7 @@ import pytest
 from benchmarks import soak
 from benchmarks.flat import Look, slope_of
 from benchmarks.soak_lab import robot_file
-from contid.description.load import parse_robot_file
+from contid.robot_file.load import parse_robot_file
 
 MINUTES = float(os.environ.get("CONTID_SOAK_MINUTES", "0.1"))
 

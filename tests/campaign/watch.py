@@ -5,11 +5,11 @@ from __future__ import annotations
 from dataclasses import dataclass, field
 from typing import Any
 
-from contid.control import messages as msg
-from contid.control.cycle import OnEnd
-from contid.control.record import TickRecord
-from contid.control.virtual import VirtualProcess
-from contid.control.wiring import record_layout
+from contid.control.engine import messages as msg
+from contid.control.engine.cycle import OnEnd
+from contid.control.engine.tick_layout import TickRecord
+from contid.control.engine.virtual import VirtualProcess
+from contid.control.engine.wiring import record_layout
 from contid.hal import Bus
 from contid_drivers.sim.bus import SimBus
 from tests.campaign.script import Case

@@ -11,9 +11,9 @@ from pathlib import Path
 from types import SimpleNamespace
 from typing import Any, Final
 
-from contid.control.record import ENABLED, TickRecord
-from contid.control.supervisor import Mode
-from contid.control.wiring import build_plans
+from contid.control.engine.tick_layout import ENABLED, TickRecord
+from contid.control.engine.wiring import build_plans
+from contid.control.tick.supervisor import Mode
 from contid.session.read import Session
 from tests.campaign import invariants
 from tests.campaign.wires import RATE_HZ, Switch, Wires

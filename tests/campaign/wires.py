@@ -21,9 +21,9 @@ from typing import Any, Final, Self
 import yaml
 
 from benchmarks.lab import lab_text
-from contid.cli.wired import WiredBus, wired_buses
-from contid.description.load import LoadedFile, load_robot_file
+from contid.cli.support.buses import WiredBus, wired_buses
 from contid.hal import DeviceKind
+from contid.robot_file.load import LoadedFile, load_robot_file
 from contid_drivers.due.emulator import Emulator as Board
 from contid_drivers.due.options import BusOptions as DueOptions
 from contid_drivers.due.wiring import axis_options
@@ -222,7 +222,7 @@ class Wires:
         self._stack.close()
 
     def _start(self, name: str, bus: WiredBus) -> None:
-        from contid.control.wiring import build_plans
+        from contid.control.engine.wiring import build_plans
 
         options = bus.wiring.options
         plans = build_plans(self.loaded, RATE_HZ)

@@ -8,7 +8,7 @@ from pathlib import Path
 
 import pytest
 
-from contid.description.load import load_robot_file
+from contid.robot_file.load import load_robot_file
 from tests.calibrate.test_curvature import photograph
 from tests.cli.command import contid
 

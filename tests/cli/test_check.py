@@ -8,7 +8,7 @@ from pathlib import Path
 import pytest
 from click.testing import CliRunner
 
-from contid.cli.check import command
+from contid.cli.commands.check import command
 
 
 def test_the_report_names_robots_axes_buses_limits_rate_and_placeholders() -> None:

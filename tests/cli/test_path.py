@@ -8,9 +8,9 @@ from pathlib import Path
 import pytest
 from click.testing import CliRunner
 
-from contid.cli.path import command
-from contid.description.load import load_robot_file
+from contid.cli.commands.path import command
 from contid.errors import ContidError
+from contid.robot_file.load import load_robot_file
 from contid.trajectory.read import read_trajectory
 
 

@@ -315,8 +315,8 @@ def test_a_log_that_cannot_be_written_any_more_ends_and_the_run_goes_on(
 def test_a_run_whose_socket_died_stops_orderly(robot: Callable[..., Path], tmp_path: Path) -> None:
     script = f"""
 import asyncio
-from contid.control.record import ENABLED
-from contid.control.run import RunRequest, run
+from contid.control.engine.tick_layout import ENABLED
+from contid.control.daemon.run import RunRequest, run
 
 class Dying:
     async def serve(self, orders):

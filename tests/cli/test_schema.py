@@ -11,11 +11,11 @@ import pytest
 from click.testing import CliRunner
 from jsonschema import Draft202012Validator
 
-from contid.cli.schema import command
-from contid.description.load import parse_robot_file, robot_classes
-from contid.description.positions import read_document
-from contid.description.schema import robot_file_schema
+from contid.cli.commands.schema import command
 from contid.hal import BUILT_IN
+from contid.robot_file.load import parse_robot_file, robot_classes
+from contid.robot_file.positions import read_document
+from contid.robot_file.schema import robot_file_schema
 
 CONFIGS = Path(__file__).parent.parent.parent / "configs"
 

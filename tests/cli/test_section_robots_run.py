@@ -11,7 +11,7 @@ import pytest
 from click.testing import CliRunner
 
 from contid.cli.main import cli
-from contid.models.papers.singh import golden_trajectory
+from studies.singh import golden_trajectory
 
 PATHS = {
     "traverse": ("trirack", ["traverse", "--size", "300", "--height", "300"]),

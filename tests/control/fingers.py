@@ -5,9 +5,9 @@ from __future__ import annotations
 import io
 import math
 
-from contid.control.virtual import run_virtual
-from contid.control.wiring import driven_robots
-from contid.description.load import LoadedFile, parse_robot_file
+from contid.control.engine.virtual import run_virtual
+from contid.control.engine.wiring import driven_robots
+from contid.robot_file.load import LoadedFile, parse_robot_file
 from contid.trajectory.read import read_trajectory
 from contid.trajectory.timed import Trajectory
 
@@ -84,7 +84,7 @@ class Collector:
     """A sink that keeps everything."""
 
     def __init__(self, loaded: LoadedFile | None = None) -> None:
-        from contid.control.wiring import record_layout
+        from contid.control.engine.wiring import record_layout
 
         self.events: list[dict[str, object]] = []
         self.layout = None if loaded is None else record_layout(loaded, loaded.file.rate_hz)

@@ -8,15 +8,15 @@ from itertools import pairwise
 
 import pytest
 
-from contid.control import messages as msg
-from contid.control.cycle import OnEnd
-from contid.control.faults import Fault
-from contid.control.record import TickRecord
-from contid.control.virtual import run_virtual
-from contid.control.wiring import driven_robots
-from contid.description.base import StopPolicy
-from contid.description.load import LoadedFile, parse_robot_file
-from contid.models.model import build_model
+from contid.control.engine import messages as msg
+from contid.control.engine.cycle import OnEnd
+from contid.control.engine.tick_layout import TickRecord
+from contid.control.engine.virtual import run_virtual
+from contid.control.engine.wiring import driven_robots
+from contid.control.tick.faults import Fault
+from contid.kinematics.model import build_model
+from contid.robot_file.base import StopPolicy
+from contid.robot_file.load import LoadedFile, parse_robot_file
 from contid.targets import Target, Vec3
 from contid.trajectory.read import read_trajectory
 from contid.trajectory.timed import Trajectory

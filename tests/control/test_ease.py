@@ -8,8 +8,8 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from contid.control.ease import ease_ticks, played
-from contid.control.wiring import build_plans
+from contid.control.engine.wiring import build_plans
+from contid.control.tick.soft_start import ease_ticks, played
 from tests.control.fingers import circle, load
 
 EVEN = st.integers(1, 100).map(lambda n: 2 * n)

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from contid.control.ending import END_S, PATIENCE_S, Ending, Press
+from contid.control.daemon.shutdown import END_S, PATIENCE_S, Ending, Press
 
 
 def test_nothing_is_due_while_nobody_asked() -> None:

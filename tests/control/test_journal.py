@@ -6,12 +6,12 @@ import json
 
 import pytest
 
-from contid.control import messages as msg
-from contid.control.journal import answer_event, answer_of, order_event, order_of
-from contid.control.ports import Answer
-from contid.control.state import Effect
-from contid.description.base import StopPolicy
+from contid.control.engine import messages as msg
+from contid.control.engine.order_events import answer_event, answer_of, order_event, order_of
+from contid.control.engine.ports import Answer
+from contid.control.tick.state import Effect
 from contid.errors import ContidError
+from contid.robot_file.base import StopPolicy
 from contid.targets import Target
 
 TARGET = Target(

@@ -8,7 +8,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from contid.control.limits import (
+from contid.control.tick.limits import (
     ACCELERATION,
     POSITION,
     REFUSED,

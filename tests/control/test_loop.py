@@ -8,15 +8,15 @@ from typing import Any
 
 import pytest
 
-from contid.control import state as change
-from contid.control.faults import Fault
-from contid.control.loop import tick
-from contid.control.plan import RobotPlan
-from contid.control.state import Effect, OrderRefusedError, RobotState
-from contid.control.supervisor import Mode
-from contid.control.wiring import build_plans
-from contid.description.base import StopPolicy
+from contid.control.engine.wiring import build_plans
+from contid.control.tick import state as change
+from contid.control.tick.config import RobotPlan
+from contid.control.tick.faults import Fault
+from contid.control.tick.robot_tick import tick
+from contid.control.tick.state import Effect, OrderRefusedError, RobotState
+from contid.control.tick.supervisor import Mode
 from contid.hal import Sample
+from contid.robot_file.base import StopPolicy
 from contid.targets import Solution, Target
 from tests.control.fingers import load
 

@@ -8,7 +8,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 from scipy.interpolate import PchipInterpolator
 
-from contid.control.monotone_cubic import MonotoneCubic
+from contid.control.tick.monotone_cubic import MonotoneCubic
 
 step = st.floats(0.05, 20.0)
 tables = st.lists(st.tuples(step, step), min_size=1, max_size=8).flatmap(

@@ -8,7 +8,7 @@ from pathlib import Path
 
 import pytest
 
-from contid.control.messages import (
+from contid.control.engine.messages import (
     Begin,
     ClearFault,
     Estop,
@@ -22,8 +22,8 @@ from contid.control.messages import (
     Rows,
     Stop,
 )
-from contid.control.supervisor import Mode
-from contid.description.base import StopPolicy
+from contid.control.tick.supervisor import Mode
+from contid.robot_file.base import StopPolicy
 from contid.targets import Target
 from tests.control.fingers import Collector, circle, load, run_virtual
 
@@ -94,7 +94,7 @@ def test_a_stopped_robot_in_fault_stays_there_until_it_is_cleared(order: Message
 def test_an_order_that_fails_inside_is_that_robots_fault_and_the_run_goes_on(
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
-    from contid.control import state
+    from contid.control.tick import state
     from contid.trajectory.approach import MotionError
 
     def none(*_: object) -> None:

@@ -8,7 +8,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from contid.control.pace import AHEAD, QUIET_S, Pace
+from contid.control.process.pace import AHEAD, QUIET_S, Pace
 
 RATE_HZ = 100.0
 PERIOD_S = 1.0 / RATE_HZ

@@ -10,10 +10,10 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from contid.control.messages import End, Estop, Goto, Hold, Play, Rows
-from contid.control.pipe import Inbox, aside, frame
-from contid.control.wiring import driven_robots
-from contid.description.load import parse_robot_file
+from contid.control.engine.messages import End, Estop, Goto, Hold, Play, Rows
+from contid.control.engine.wiring import driven_robots
+from contid.control.process.pipe import Inbox, aside, frame
+from contid.robot_file.load import parse_robot_file
 from contid.targets import Target
 from contid.trajectory.read import read_trajectory
 from tests.control.fingers import circle_csv, fingers

@@ -10,14 +10,14 @@ from typing import Any
 
 import pytest
 
-from contid.control.cycle import Timing
-from contid.control.engine import Engine
-from contid.control.faults import Fault
-from contid.control.messages import Estop, Finish
-from contid.control.ports import Job, Port, perform
-from contid.control.state import Effect
-from contid.control.supervisor import Mode
-from contid.control.wiring import build_plans, open_buses
+from contid.control.engine.cycle import Timing
+from contid.control.engine.engine import Engine
+from contid.control.engine.messages import Estop, Finish
+from contid.control.engine.ports import Job, Port, perform
+from contid.control.engine.wiring import build_plans, open_buses
+from contid.control.tick.faults import Fault
+from contid.control.tick.state import Effect
+from contid.control.tick.supervisor import Mode
 from contid.errors import DeviceError
 from contid.hal import Bus, Rest, Sample
 from contid_drivers.sim.bus import SimBus

@@ -12,8 +12,14 @@ from pathlib import Path
 
 import pytest
 
-from contid.control import ring
-from contid.control.record import AXIS_VALUES, HEAD_VALUES, ROBOT_VALUES, RecordLayout, RobotLayout
+from contid.control.engine.tick_layout import (
+    AXIS_VALUES,
+    HEAD_VALUES,
+    ROBOT_VALUES,
+    RecordLayout,
+    RobotLayout,
+)
+from contid.control.process import ring
 
 LAYOUT = RecordLayout(
     "hand",

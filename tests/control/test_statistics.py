@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import pytest
 
-from contid.control.statistics import Lateness, RobotTally
+from contid.control.tick.statistics import Lateness, RobotTally
 
 
 def test_the_histogram_keeps_three_digits() -> None:

@@ -7,9 +7,9 @@ from pathlib import Path
 
 import pytest
 
-from contid.control.faults import PAGES, Fault, describe, markdown
-from contid.control.supervisor import MOVES, REST_OF, Event, Mode, allowed, move
-from contid.description.base import StopPolicy
+from contid.control.tick.faults import PAGES, Fault, describe, markdown
+from contid.control.tick.supervisor import MOVES, REST_OF, Event, Mode, allowed, move
+from contid.robot_file.base import StopPolicy
 
 EXPECTED = {
     Mode.OFF: {Event.CONNECT: Mode.CONNECTING, Event.FAULT: Mode.FAULT},

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from typing import Any
 
-from contid.control.tiers import TierWatch
+from contid.control.engine.staleness import TierWatch
 from contid.hal import Sample
 
 RATE_HZ = 200.0

@@ -10,15 +10,15 @@ import numpy as np
 import pytest
 import yaml
 
-from contid.control import messages as msg
-from contid.control.clock import VirtualClock
-from contid.control.cycle import Timing
-from contid.control.engine import Engine
-from contid.control.ports import Port
-from contid.control.wiring import build_plans, open_buses
-from contid.description.load import LoadedFile, parse_robot_file, with_mock
-from contid.models.frames import BaseFrame
-from contid.models.model import Model, build_model
+from contid.control.engine import messages as msg
+from contid.control.engine.clock import VirtualClock
+from contid.control.engine.cycle import Timing
+from contid.control.engine.engine import Engine
+from contid.control.engine.ports import Port
+from contid.control.engine.wiring import build_plans, open_buses
+from contid.kinematics.frames import BaseFrame
+from contid.kinematics.model import Model, build_model
+from contid.robot_file.load import LoadedFile, parse_robot_file, with_mock
 from contid.targets import Target
 from tests.control.fingers import Collector
 

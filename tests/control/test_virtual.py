@@ -8,15 +8,15 @@ from pathlib import Path
 
 import pytest
 
-from contid.control import messages as msg
-from contid.control.command_log import CommandLog
-from contid.control.cycle import OnEnd
-from contid.control.faults import Fault
-from contid.control.record import TickRecord
-from contid.control.supervisor import Mode
-from contid.control.virtual import run_virtual
-from contid.control.wiring import record_layout
-from contid.description.base import StopPolicy
+from contid.control.engine import messages as msg
+from contid.control.engine.command_log import CommandLog
+from contid.control.engine.cycle import OnEnd
+from contid.control.engine.tick_layout import TickRecord
+from contid.control.engine.virtual import run_virtual
+from contid.control.engine.wiring import record_layout
+from contid.control.tick.faults import Fault
+from contid.control.tick.supervisor import Mode
+from contid.robot_file.base import StopPolicy
 from contid.targets import Target
 from tests.control.fingers import Collector, circle, load
 

@@ -8,8 +8,8 @@ from pathlib import Path
 
 import pytest
 
-from contid.description.load import parse_robot_file
 from contid.errors import BadInputError, Located
+from contid.robot_file.load import parse_robot_file
 
 #: A campaign sets this to tens of thousands; the short form keeps CI quick.
 ROUNDS = int(os.environ.get("CONTID_BROKEN_FILES", "40"))

@@ -7,9 +7,9 @@ from pathlib import Path as File
 
 import pytest
 
-from contid.description.load import load_robot_file
-from contid.models.frames import BaseFrame
-from contid.models.model import build_model
+from contid.kinematics.frames import BaseFrame
+from contid.kinematics.model import build_model
+from contid.robot_file.load import load_robot_file
 from contid.targets import Target
 from contid.trajectory.shapes import Path, Shape
 from contid.units import m_to_mm, mm_to_m

@@ -6,9 +6,9 @@ from pathlib import Path
 
 import pytest
 
-from contid.description import edit
-from contid.description.edit import Change, EditError, edited, set_value, set_values
-from contid.description.load import load_robot_file
+from contid.robot_file import edit
+from contid.robot_file.edit import Change, EditError, edited, set_value, set_values
+from contid.robot_file.load import load_robot_file
 
 TEXT = """\
 # A hand.

@@ -6,9 +6,9 @@ from pathlib import Path
 
 import pytest
 
-from contid.description.load import load_robot_file, parse_robot_file, with_mock
 from contid.errors import BadInputError, ContidError, Located
 from contid.hal import DeviceKind, load_driver
+from contid.robot_file.load import load_robot_file, parse_robot_file, with_mock
 
 
 def findings(text: str) -> list[Located]:

@@ -9,8 +9,8 @@ import pytest
 import yaml
 from pydantic import ValidationError
 
-from contid.description.tri_rack import TriRack
-from contid.description.tri_tube import TriTube, lengths_from_totals, mean_radius_m, totals_from_lengths
+from contid.robot_file.tri_rack import TriRack
+from contid.robot_file.tri_tube import TriTube, lengths_from_totals, mean_radius_m, totals_from_lengths
 
 
 @pytest.fixture

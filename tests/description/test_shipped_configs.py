@@ -6,9 +6,9 @@ from pathlib import Path
 
 import pytest
 
-from contid.cli.wired import wired_buses
-from contid.description.load import load_robot_file, with_mock
-from contid.models.model import build_model
+from contid.cli.support.buses import wired_buses
+from contid.kinematics.model import build_model
+from contid.robot_file.load import load_robot_file, with_mock
 
 CONFIGS = sorted((Path(__file__).parent.parent.parent / "configs").glob("*.yaml"))
 

@@ -15,8 +15,8 @@ from typing import Any
 import numpy as np
 import pytest
 
-from contid.description.positions import read_document
-from contid.models import model as models
+from contid.kinematics import model as models
+from contid.robot_file.positions import read_document
 from contid.targets import Target
 
 PAGE = (Path(__file__).parent.parent.parent / "docs" / "models.md").read_text()
@@ -27,14 +27,14 @@ def vine() -> Iterator[Any]:
     """The model of the page's robot, built by the table of models."""
     description, arithmetic = re.findall(r"^```python\n(.*?)^```", PAGE, re.MULTILINE | re.DOTALL)
     patch = pytest.MonkeyPatch()
-    for name, source in (("contid.description.vine", description), ("contid.models.vine", arithmetic)):
+    for name, source in (("contid.robot_file.vine", description), ("contid.kinematics.vine", arithmetic)):
         module = ModuleType(name)
         patch.setitem(sys.modules, name, module)
         exec(compile(source, name, "exec"), module.__dict__)
-    patch.setitem(models.MODELS, "vine", "contid.models.vine:VineModel")
+    patch.setitem(models.MODELS, "vine", "contid.kinematics.vine:VineModel")
     text = re.findall(r"^```yaml\n(.*?)^```", PAGE, re.MULTILINE | re.DOTALL)[0]
     data = read_document(text, "page").data["robots"]["vine"]
-    robot = sys.modules["contid.description.vine"].Vine.model_validate_json(json.dumps(data), strict=True)
+    robot = sys.modules["contid.robot_file.vine"].Vine.model_validate_json(json.dumps(data), strict=True)
     yield models.build_model(robot)
     patch.undo()
 

@@ -14,13 +14,13 @@ from typing import Final
 
 import numpy as np
 
-from contid.control.cycle import OnEnd
-from contid.control.plan import RobotPlan
-from contid.control.setup import Setup
-from contid.control.virtual import run_virtual
-from contid.control.wiring import build_plans, driven_robots
-from contid.description.load import LoadedFile, load_robot_file, with_mock
-from contid.session.record import Recording
+from contid.control.engine.cycle import OnEnd
+from contid.control.engine.virtual import run_virtual
+from contid.control.engine.wiring import build_plans, driven_robots
+from contid.control.process.setup import Setup
+from contid.control.tick.config import RobotPlan
+from contid.robot_file.load import LoadedFile, load_robot_file, with_mock
+from contid.session.recording_observer import Recording
 from contid.targets import Actuation
 from contid.trajectory.read import read_trajectory
 from contid.trajectory.timed import Trajectory

@@ -14,7 +14,7 @@ from pathlib import Path
 import pytest
 
 from contid import kernels
-from contid.description.load import LoadedFile, parse_robot_file, with_mock
+from contid.robot_file.load import LoadedFile, parse_robot_file, with_mock
 from contid.session.read import Session
 from contid.session.replay import replay
 from tests.golden.make import FOLDER, names

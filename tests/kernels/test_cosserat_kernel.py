@@ -13,9 +13,9 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from contid.kernels import has_avx2, load
-from contid.models.cosserat.engine import Engine, NumpyEngine, Setup
-from contid.models.cosserat.loads import Loads
-from contid.models.cosserat.section import Rod
+from contid.kinematics.cosserat.engine import Engine, NumpyEngine, Setup
+from contid.kinematics.cosserat.loads import Loads
+from contid.kinematics.cosserat.section import Rod
 from tests.models.cosserat_cases import GRAM, lean, limits, section
 
 pytestmark = pytest.mark.skipif(

@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 
 from contid.kernels import load
-from contid.models.ph_ends import BRANCHES, Ends, through
-from contid.models.ph_inverse import ShapeInverse, TubeSection, ph_inverse
+from contid.kinematics.ph.ends import BRANCHES, Ends, through
+from contid.kinematics.ph.inverse import ShapeInverse, TubeSection, ph_inverse
 from tests.models.ph_golden import DISTANCE, GOLDEN, MM, PAPER_ANGLES, golden_lengths, two_section_pose
 
 kernel = load("ph_curve")

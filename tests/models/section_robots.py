@@ -9,8 +9,8 @@ from typing import Any
 
 import numpy as np
 
-from contid.models.feasible import Feasible
-from contid.models.sections import Sections
+from contid.kinematics.arc.feasible import Feasible
+from contid.kinematics.arc.sections import Sections
 
 GOLDEN: dict[str, Any] = json.loads(
     (Path(__file__).parents[1] / "reference" / "cbha-and-ph-golden.json").read_text()

@@ -10,8 +10,8 @@ import pytest
 from hypothesis import assume, given, settings
 from hypothesis import strategies as st
 
-from contid.models.biarc import biarc, two_arcs
-from contid.models.sections import Sections, forward
+from contid.kinematics.arc.biarc import biarc, two_arcs
+from contid.kinematics.arc.sections import Sections, forward
 from tests.models.section_robots import GOLDEN, PAPER, RACKS, cbha_sections
 
 BIARC = GOLDEN["biarc"]
@@ -70,7 +70,7 @@ def test_two_arcs_through_mid_point_and_tip(first, second, between, after):
 )  # fmt: skip
 def test_the_papers_paths_with_one_segment(points_mm, least, greatest, turn_deg, radius_mm):
     """Traverse, diagonal and corners of the reference: range of the racks, greatest bend, least radius."""
-    from contid.models.arc import through
+    from contid.kinematics.arc.arc import through
 
     sections = Sections((0.035,), (RACKS,), (0.0,))
     path = np.concatenate([np.linspace(a, b, 2001) for a, b in itertools.pairwise(points_mm)])

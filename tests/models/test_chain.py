@@ -8,10 +8,10 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from contid.description.chain import Chain
-from contid.description.load import load_robot_file, parse_robot_file
 from contid.errors import BadInputError
-from contid.models.chain import ChainGuard, Tip
+from contid.kinematics.rope.chain import ChainGuard, Tip
+from contid.robot_file.chain import Chain
+from contid.robot_file.load import load_robot_file, parse_robot_file
 from tests.models.ph_golden import GOLDEN, MM, two_section_pose
 
 CHAIN = Path(__file__).parents[2] / "configs" / "chain.yaml"

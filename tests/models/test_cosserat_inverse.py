@@ -10,21 +10,21 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from scipy.optimize import lsq_linear
 
-from contid.models.cosserat.box_step import box_step
-from contid.models.cosserat.closed_form import (
+from contid.kinematics.cosserat.box_step import box_step
+from contid.kinematics.cosserat.closed_form import (
     arc_pressures,
     average_pressure,
     mid_and_tip_pressures,
     tip_and_direction_pressures,
     tip_pressures,
 )
-from contid.models.cosserat.equilibrium import equilibrium
-from contid.models.cosserat.loads import Loads
-from contid.models.cosserat.search import search
-from contid.models.cosserat.section import Rod, Section
-from contid.models.cosserat.solve import Problem, solve
-from contid.models.cosserat.stability import critical_factor, unstable_modes
-from contid.models.cosserat.task import Task
+from contid.kinematics.cosserat.equilibrium import equilibrium
+from contid.kinematics.cosserat.loads import Loads
+from contid.kinematics.cosserat.search import search
+from contid.kinematics.cosserat.section import Rod, Section
+from contid.kinematics.cosserat.solve import Problem, solve
+from contid.kinematics.cosserat.stability import critical_factor, unstable_modes
+from contid.kinematics.cosserat.task import Task
 from tests.models.cosserat_cases import GOLDEN, GRAM, hanging, lean, limits, one, section, two
 
 SINGLE = [case for case in GOLDEN["ik"] if case["name"] != "pose family"]

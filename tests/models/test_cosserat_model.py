@@ -10,11 +10,11 @@ import numpy as np
 import pytest
 import yaml
 
-from contid.description.cosserat import Cosserat
-from contid.description.load import load_robot_file
 from contid.kernels import load
-from contid.models.cosserat.model import ROLL_NOTE, CosseratModel
-from contid.models.model import build_model
+from contid.kinematics.cosserat.model import ROLL_NOTE, CosseratModel
+from contid.kinematics.model import build_model
+from contid.robot_file.cosserat import Cosserat
+from contid.robot_file.load import load_robot_file
 from contid.targets import Target
 from contid.units import BAR
 from tests.models.cosserat_cases import GRAM

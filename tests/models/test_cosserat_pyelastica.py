@@ -13,10 +13,10 @@ import numpy as np
 import pytest
 import tqdm
 
-from contid.models.cosserat.equilibrium import equilibrium, newton
-from contid.models.cosserat.loads import Loads
-from contid.models.cosserat.section import Rod, Section
-from contid.models.cosserat.spatial import Array
+from contid.kinematics.cosserat.equilibrium import equilibrium, newton
+from contid.kinematics.cosserat.loads import Loads
+from contid.kinematics.cosserat.section import Rod, Section
+from contid.kinematics.cosserat.spatial import Array
 
 pytestmark = pytest.mark.slow
 

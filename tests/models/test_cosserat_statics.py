@@ -7,12 +7,12 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from contid.models.cosserat.equilibrium import equilibrium, newton
-from contid.models.cosserat.loads import Loads
-from contid.models.cosserat.section import Rod, Section
-from contid.models.cosserat.shape import backbone
-from contid.models.cosserat.spatial import Array, exponential
-from contid.models.cosserat.statics import sweep
+from contid.kinematics.cosserat.equilibrium import equilibrium, newton
+from contid.kinematics.cosserat.loads import Loads
+from contid.kinematics.cosserat.section import Rod, Section
+from contid.kinematics.cosserat.shape import backbone
+from contid.kinematics.cosserat.spatial import Array, exponential
+from contid.kinematics.cosserat.statics import sweep
 from tests.models.cosserat_cases import GOLDEN, hanging, loads_of, one, rod_of, section, two
 
 FK = GOLDEN["fk"]

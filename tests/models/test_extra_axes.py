@@ -7,9 +7,9 @@ from pathlib import Path
 
 import pytest
 
-from contid.control.virtual import run_virtual
-from contid.description.load import load_robot_file, with_mock
-from contid.models.extra_axes import build_whole_model
+from contid.control.engine.virtual import run_virtual
+from contid.kinematics.extra_axes import build_whole_model
+from contid.robot_file.load import load_robot_file, with_mock
 from contid.targets import Target
 from contid.trajectory.read import read_trajectory
 from tests.control.fingers import Collector

@@ -8,8 +8,8 @@ from hypothesis import given
 from hypothesis import strategies as st
 from scipy.spatial.transform import Rotation
 
-from contid.description.base import BasePose
-from contid.models.frames import BaseFrame
+from contid.kinematics.frames import BaseFrame
+from contid.robot_file.base import BasePose
 from contid.targets import Target
 
 angles = st.floats(-360.0, 360.0) | st.sampled_from([-90.0, 0.0, 90.0, 180.0, 270.0])

@@ -9,8 +9,8 @@ import numpy as np
 import pytest
 import yaml
 
-from contid.description.robot_file import RobotFile
-from contid.models.model import Model, build_model
+from contid.kinematics.model import Model, build_model
+from contid.robot_file.document import RobotFile
 from contid.targets import Target
 
 #: Every shipped robot, and the solvers no shipped file selects.

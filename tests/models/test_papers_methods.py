@@ -7,10 +7,10 @@ import math
 import numpy as np
 import pytest
 
-from contid.models.papers import hughes, singh
-from contid.models.papers.distal_learning import InverseNetwork, NetworkFileError, Recipe, train
-from contid.models.papers.network import Network
-from contid.models.sections import forward
+from contid.kinematics.arc.sections import forward
+from studies import hughes, singh
+from studies.distal_learning import InverseNetwork, NetworkFileError, Recipe, train
+from studies.network import Network
 from tests.models.section_robots import GOLDEN, one_segment
 
 SECTIONS = singh.cbha_sections()

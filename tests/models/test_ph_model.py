@@ -10,17 +10,17 @@ import numpy as np
 import pytest
 import yaml
 
-from contid.description.load import load_robot_file
-from contid.description.robot_file import RobotFile
-from contid.description.tri_tube import TriTube
 from contid.errors import BadInputError
 from contid.kernels import PURE_PYTHON, load
-from contid.models import arc
-from contid.models.model import build_model
-from contid.models.papers import singh
-from contid.models.ph_model import PhModel, arc_direction
-from contid.models.sections import forward
+from contid.kinematics.arc import arc
+from contid.kinematics.arc.sections import forward
+from contid.kinematics.model import build_model
+from contid.kinematics.ph.model import PhModel, arc_direction
+from contid.robot_file.document import RobotFile
+from contid.robot_file.load import load_robot_file
+from contid.robot_file.tri_tube import TriTube
 from contid.targets import Target
+from studies import singh
 from tests.cli.command import contid
 
 

@@ -9,9 +9,9 @@ from hypothesis import strategies as st
 from scipy.integrate import quad
 from scipy.spatial.transform import Rotation
 
-from contid.models.ph_ends import BRANCHES, Ends, hermite, least_energy, through
-from contid.models.ph_lift import lift, product, turned
-from contid.models.ph_quintic import PhQuintic
+from contid.kinematics.ph.ends import BRANCHES, Ends, hermite, least_energy, through
+from contid.kinematics.ph.lift import lift, product, turned
+from contid.kinematics.ph.quintic import PhQuintic
 from tests.models.ph_golden import GOLDEN, MM
 
 Z = (0.0, 0.0, 1.0)

@@ -5,8 +5,8 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from contid.models.ph_ends import Ends, through
-from contid.models.ph_spline import PhSpline, c1
+from contid.kinematics.ph.ends import Ends, through
+from contid.kinematics.ph.spline import PhSpline, c1
 from tests.models.ph_golden import DISTANCE, golden_lengths, section_pose, two_section_pose
 
 Z = (0.0, 0.0, 1.0)

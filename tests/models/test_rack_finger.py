@@ -10,10 +10,10 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from contid.description.rack_finger import RackFinger
-from contid.models.rack_finger import RackFingerModel
-from contid.models.rack_finger_lm import solve
+from contid.kinematics.rack.finger import RackFingerModel
+from contid.robot_file.rack_finger import RackFinger
 from contid.targets import Target
+from studies.morita_levenberg_marquardt import solve
 
 MM = 1e-3
 

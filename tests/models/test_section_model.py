@@ -10,13 +10,13 @@ import numpy as np
 import pytest
 import yaml
 
-from contid.description.robot_file import RobotFile
-from contid.description.tri_rack import TriRack
 from contid.kernels import PURE_PYTHON, load
-from contid.models.feasible import Feasible
-from contid.models.model import build_model
-from contid.models.section_model import SectionModel, Solver, build_solver
-from contid.models.sections import forward
+from contid.kinematics.arc.feasible import Feasible
+from contid.kinematics.arc.section_model import SectionModel, Solver, build_solver
+from contid.kinematics.arc.sections import forward
+from contid.kinematics.model import build_model
+from contid.robot_file.document import RobotFile
+from contid.robot_file.tri_rack import TriRack
 from contid.targets import Target
 from tests.models.section_robots import GOLDEN, ROBOTS, one_segment, random_lengths
 
@@ -103,7 +103,7 @@ def test_unreachable_targets_end_at_a_minimum_on_the_limits(backend, name):
 
 
 def golden_tips() -> np.ndarray:
-    from contid.models.papers.singh import golden_trajectory
+    from studies.singh import golden_trajectory
 
     return golden_trajectory().tips_m
 

@@ -9,8 +9,8 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from contid.models import arc
-from contid.models.sections import Sections, backbone, differentiate, forward
+from contid.kinematics.arc import arc
+from contid.kinematics.arc.sections import Sections, backbone, differentiate, forward
 from tests.models.section_robots import CCW, GOLDEN, PAPER, RACKS, ROBOTS, cbha_sections, random_lengths
 
 ONE = Sections((0.035,), (RACKS,), (0.0,))

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import pytest
 
-from contid.models.papers.shape_comparison import compare_shapes
+from studies.shape_comparison import compare_shapes
 
 
 def test_the_reference_s_figures_on_the_golden_trajectory() -> None:

@@ -8,14 +8,14 @@ import numpy as np
 import pytest
 from click.testing import CliRunner
 
-from contid.cli.bench import command
+from contid.cli.commands.bench import command
 from contid.kernels import load
-from contid.models.cosserat.equilibrium import newton
-from contid.models.cosserat.loads import Loads
-from contid.models.papers.shi import PAPER_ELEMENTS, forward, inverse, unknowns
-from contid.models.papers.shi_cold import MODES, cold_starts
-from contid.models.papers.shi_experiments import Plant, arm, experiment
-from contid.models.papers.shi_paths import runs
+from contid.kinematics.cosserat.equilibrium import newton
+from contid.kinematics.cosserat.loads import Loads
+from studies.shi import PAPER_ELEMENTS, forward, inverse, unknowns
+from studies.shi_cold import MODES, cold_starts
+from studies.shi_experiments import Plant, arm, experiment
+from studies.shi_paths import runs
 from tests.models.cosserat_cases import GOLDEN, GRAM, rod_of
 
 TIP_LOADED = [case for case in GOLDEN["fk"] if set(case["loads"]) <= {"Ftip"}]

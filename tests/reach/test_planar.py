@@ -7,11 +7,11 @@ import math
 import numpy as np
 import pytest
 
-from contid.description.base import BasePose
-from contid.description.rack_finger import RackFinger
-from contid.models.rack_finger import RackFingerModel
+from contid.kinematics.rack.finger import RackFingerModel
 from contid.reach.planar import PlanarReach, area_cm2, planar_reach
 from contid.reach.two_link import two_link_overlap, two_link_region
+from contid.robot_file.base import BasePose
+from contid.robot_file.rack_finger import RackFinger
 
 
 def two_fingers(h_mm: float, w_mm: float = 13.0, curvature: float = 0.076) -> PlanarReach:

@@ -19,7 +19,7 @@ from typing import Any
 import pytest
 
 from contid.client import Client
-from contid.remote.place import answers
+from contid.remote.protocol.socket_path import answers
 from tests.control.fingers import fingers
 
 #: Two points that a finger reaches.

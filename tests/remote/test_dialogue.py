@@ -8,9 +8,9 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from contid.remote.dialogue import Dialogue, Request
-from contid.remote.protocol import Code, Fields, RemoteError, encode
-from contid.remote.steps import Ask, Listen, RowSender, Step, arrival
+from contid.remote.client.client_protocol import Dialogue, Request
+from contid.remote.client.procedures import Ask, Listen, RowSender, Step, arrival
+from contid.remote.protocol.wire import Code, Fields, RemoteError, encode
 
 
 def answer(request: Request, **result: Any) -> bytes:

@@ -16,17 +16,17 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from contid.control.record import RecordLayout, RobotLayout
+from contid.cli.support.render_status import BAR, bar
+from contid.control.engine.tick_layout import RecordLayout, RobotLayout
 from contid.errors import ContidError
-from contid.remote import place
-from contid.remote.health import Tier, bus_health, tier_of
-from contid.remote.outbox import MAX_ANSWERS, MAX_FRAMES, Outbox
-from contid.remote.peer import Peer, may_enter, peer_of
-from contid.remote.place import Endpoint, SocketError, answers, default_path, find
-from contid.remote.protocol import Code, NoDaemonError, RemoteError, Take, decode, encode
-from contid.remote.right import MotionRight
-from contid.remote.rows_of import columns_and_rows, point
-from contid.remote.screen import BAR, bar
+from contid.remote.client.move_arguments import columns_and_rows, point
+from contid.remote.protocol import socket_path as place
+from contid.remote.protocol.peer_credentials import Peer, may_enter, peer_of
+from contid.remote.protocol.socket_path import Endpoint, SocketError, answers, default_path, find
+from contid.remote.protocol.wire import Code, NoDaemonError, RemoteError, Take, decode, encode
+from contid.remote.server.health import Tier, bus_health, tier_of
+from contid.remote.server.lease import MotionRight
+from contid.remote.server.outbox import MAX_ANSWERS, MAX_FRAMES, Outbox
 
 
 @given(st.binary(max_size=400))

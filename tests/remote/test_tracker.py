@@ -14,9 +14,9 @@ import numpy as np
 import pytest
 
 from contid.client import AsyncClient, Client, Code, RemoteError
-from contid.control.wiring import build_plans
-from contid.description.load import load_robot_file, parse_robot_file
-from contid.models.model import build_model
+from contid.control.engine.wiring import build_plans
+from contid.kinematics.model import build_model
+from contid.robot_file.load import load_robot_file, parse_robot_file
 from contid.session.read import Session
 from contid.session.replay import replay
 from tests.control.fingers import fingers

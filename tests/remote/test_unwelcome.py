@@ -11,7 +11,7 @@ from pathlib import Path
 
 import pytest
 
-from contid.remote.protocol import MAX_CLIENTS, MAX_LINE
+from contid.remote.protocol.wire import MAX_CLIENTS, MAX_LINE
 from tests.remote.daemons import armed, command, daemon, raw, states, until
 
 

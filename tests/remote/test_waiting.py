@@ -13,7 +13,7 @@ from pathlib import Path
 import pytest
 
 from contid.client import Client, RemoteError
-from contid.remote.protocol import Code
+from contid.remote.protocol.wire import Code
 from tests.control.fingers import circle_csv, fingers
 from tests.remote.daemons import Running, command, until
 

@@ -15,8 +15,8 @@ from pathlib import Path
 import pytest
 
 from contid.client import Client
-from contid.control import machine
-from contid.remote import place
+from contid.control.process import host_checks as machine
+from contid.remote.protocol import socket_path as place
 from tests.control.fingers import fingers
 from tests.remote.daemons import until
 

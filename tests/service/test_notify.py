@@ -14,11 +14,11 @@ from pathlib import Path
 import psutil
 import pytest
 
-from contid.control import messages as msg
-from contid.control.notify import Notifier
-from contid.control.record import ENABLED, TickRecord
-from contid.control.supervisor import Mode
-from contid.control.virtual import VirtualProcess
+from contid.control.daemon.notify import Notifier
+from contid.control.engine import messages as msg
+from contid.control.engine.tick_layout import ENABLED, TickRecord
+from contid.control.engine.virtual import VirtualProcess
+from contid.control.tick.supervisor import Mode
 from tests.control.fingers import Collector, load
 
 ROOT = Path(__file__).parents[2]

@@ -6,8 +6,8 @@ from pathlib import Path
 
 import pytest
 
-from contid.control.cycle import OnEnd
-from contid.control.setup import Setup
+from contid.control.engine.cycle import OnEnd
+from contid.control.process.setup import Setup
 from contid.session.write import SessionWriter
 from tests.control.fingers import circle, load
 from tests.session.runs import record_virtual
@@ -23,8 +23,8 @@ def recorded(tmp_path_factory: pytest.TempPathFactory) -> Path:
 @pytest.fixture(scope="session")
 def growing(tmp_path_factory: pytest.TempPathFactory, recorded: Path) -> Path:
     """The same session as it was before it was compacted: what a kill leaves, with all its ticks."""
-    from contid.control.wiring import record_layout
-    from contid.session.about import describe
+    from contid.control.engine.wiring import record_layout
+    from contid.session.format.metadata import describe
     from contid.session.read import Session
 
     loaded = load(2)

@@ -18,7 +18,7 @@ from pathlib import Path
 
 import psutil
 
-from contid.control.ring import RingError, RingReader
+from contid.control.process.ring import RingError, RingReader
 from contid.session.compact import compact
 from contid.session.info import summarize
 from contid.session.read import Session
@@ -26,7 +26,7 @@ from contid.session.replay import replay
 from tests.control.fingers import circle_csv, fingers
 
 VICTIMS = ("daemon", "recorder", "control process")
-_MODULES = {"recorder": "contid.session.recorder", "control process": "contid.control"}
+_MODULES = {"recorder": "contid.session.mcap_recorder", "control process": "contid.control.process"}
 
 
 @dataclass(frozen=True)

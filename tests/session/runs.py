@@ -9,15 +9,15 @@ from typing import Final
 
 import numpy as np
 
-from contid.control import messages as msg
-from contid.control.cycle import OnEnd
-from contid.control.plan import RobotPlan
-from contid.control.setup import Setup
-from contid.control.virtual import run_virtual
-from contid.control.wiring import build_plans
-from contid.description.load import LoadedFile, parse_robot_file, with_mock
-from contid.models.model import Pose
-from contid.session.record import Recording
+from contid.control.engine import messages as msg
+from contid.control.engine.cycle import OnEnd
+from contid.control.engine.virtual import run_virtual
+from contid.control.engine.wiring import build_plans
+from contid.control.process.setup import Setup
+from contid.control.tick.config import RobotPlan
+from contid.kinematics.model import Pose
+from contid.robot_file.load import LoadedFile, parse_robot_file, with_mock
+from contid.session.recording_observer import Recording
 from contid.targets import Target
 from contid.trajectory.timed import Trajectory
 from tests.control.fingers import circle, fingers

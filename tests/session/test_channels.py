@@ -12,11 +12,17 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from jsonschema import Draft202012Validator
 
-from contid.control.record import AXIS_VALUES, HEAD_VALUES, ROBOT_VALUES, RecordLayout, RobotLayout
-from contid.control.supervisor import Mode
-from contid.session.channels import INFINITE, TICK_CHANNELS, fields, schema
-from contid.session.decode import Decoder
-from contid.session.encode import Encoder
+from contid.control.engine.tick_layout import (
+    AXIS_VALUES,
+    HEAD_VALUES,
+    ROBOT_VALUES,
+    RecordLayout,
+    RobotLayout,
+)
+from contid.control.tick.supervisor import Mode
+from contid.session.format.channels import INFINITE, TICK_CHANNELS, fields, schema
+from contid.session.format.decode import Decoder
+from contid.session.format.encode import Encoder
 
 LAYOUT = RecordLayout(
     "two", 200.0, (RobotLayout("thumb", "rack_finger", "mm", ("left", "right")),
@@ -202,7 +208,7 @@ def test_patterns_without_end_take_no_memory_without_end() -> None:
      b'{"tick":1,"robots":{"thumb":{"left_m":"far"},"arm":{}}}'],
 )  # fmt: skip
 def test_a_message_that_is_none_is_damage(wrong: bytes) -> None:
-    from contid.session.entries import _DAMAGE
+    from contid.session.format.entries import _DAMAGE
 
     messages = Encoder(LAYOUT, UNITS).encode(PACKED.unpack(PACKED.pack(*range(SIZE))))
     messages[TICK_CHANNELS.index("target")] = wrong

@@ -222,7 +222,7 @@ def test_another_robot_is_not_sent_the_commands(
 
 
 def test_geometry_has_no_say_in_what_hardware_is_sent(recorded: Path) -> None:
-    from contid.description.load import parse_robot_file
+    from contid.robot_file.load import parse_robot_file
     from contid.session.differences import refuse_another_robot
 
     session = Session(recorded)

@@ -16,10 +16,10 @@ import numpy as np
 import pytest
 
 from contid.errors import ContidError
-from contid.session import mcap_records as mcap
-from contid.session.about import about_trajectory, packed, unpacked
-from contid.session.channels import CHANNELS, EVENT
-from contid.session.entries import DAMAGED
+from contid.session.format import mcap_records as mcap
+from contid.session.format.channels import CHANNELS, EVENT
+from contid.session.format.entries import DAMAGED
+from contid.session.format.metadata import about_trajectory, packed, unpacked
 from contid.session.info import summarize
 from contid.session.read import Session
 from contid.session.repair import repair

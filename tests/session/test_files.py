@@ -13,13 +13,13 @@ from pathlib import Path
 
 import pytest
 
-from contid.control.cycle import OnEnd
-from contid.control.setup import Setup
+from contid.control.engine.cycle import OnEnd
+from contid.control.process.setup import Setup
 from contid.errors import ContidError
-from contid.session.about import describe
-from contid.session.channels import CHANNELS, TICK_CHANNELS
 from contid.session.compact import compact
 from contid.session.export import export_channels, export_joined
+from contid.session.format.channels import CHANNELS, TICK_CHANNELS
+from contid.session.format.metadata import describe
 from contid.session.info import summarize
 from contid.session.read import Session, SessionError
 from contid.session.repair import repair
@@ -115,7 +115,7 @@ def test_cut_anywhere_it_opens_is_repaired_and_replays(
 
 def _tick_ends(path: Path) -> list[int]:
     """Where in an unchunked file the last message of every tick ends."""
-    from contid.session.mcap_records import MAGIC, MESSAGE, RECORD
+    from contid.session.format.mcap_records import MAGIC, MESSAGE, RECORD
 
     data, at, ends = path.read_bytes(), len(MAGIC), []
     last = TICK_CHANNELS.index("sample") + 1
@@ -245,6 +245,6 @@ def test_the_summary_tells_what_happened(recorded: Path) -> None:
 
 def test_the_recorder_does_not_carry_numpy_along() -> None:
     """It stays for as long as the run: 14 MB of a library that it has no use for."""
-    words = "import contid.session.recorder, sys; print('numpy' in sys.modules)"
+    words = "import contid.session.mcap_recorder, sys; print('numpy' in sys.modules)"
     told = subprocess.run([sys.executable, "-c", words], capture_output=True, text=True, check=True)
     assert told.stdout.strip() == "False"

@@ -11,17 +11,17 @@ from pathlib import Path
 
 import pytest
 
-from contid.control import ring
-from contid.control.cycle import OnEnd
-from contid.control.setup import Setup
-from contid.control.wiring import record_layout
+from contid.control.engine.cycle import OnEnd
+from contid.control.engine.wiring import record_layout
+from contid.control.process import ring
+from contid.control.process.setup import Setup
 from contid.errors import ContidError
-from contid.session.about import describe
-from contid.session.header import Job
+from contid.session.format.header import Job
+from contid.session.format.metadata import describe
 from contid.session.info import summarize
+from contid.session.mcap_recorder import Recorder
 from contid.session.read import Session
-from contid.session.record import Recording
-from contid.session.recorder import Recorder
+from contid.session.recording_observer import Recording
 from contid.session.replay import replay
 from tests.cli.command import contid
 from tests.control.fingers import circle_csv, fingers, load

@@ -8,16 +8,16 @@ from pathlib import Path
 
 import pytest
 
-from contid.control import messages as msg
-from contid.control import ring
-from contid.control.cycle import OnEnd
-from contid.control.setup import Setup
-from contid.control.wiring import record_layout
-from contid.description.load import parse_robot_file
+from contid.control.engine import messages as msg
+from contid.control.engine.cycle import OnEnd
+from contid.control.engine.wiring import record_layout
+from contid.control.process import ring
+from contid.control.process.setup import Setup
 from contid.errors import ContidError
+from contid.robot_file.load import parse_robot_file
 from contid.session.differences import differences
 from contid.session.read import Session
-from contid.session.record import Recording
+from contid.session.recording_observer import Recording
 from contid.session.replay import Replayed, replay
 from contid.targets import Target
 from tests.control.fingers import circle, fingers, load
@@ -108,8 +108,8 @@ def test_a_millionth_of_a_millimetre_is_found_and_named(recorded: Path) -> None:
 
 
 def test_the_sign_of_zero_is_a_bit(recorded: Path) -> None:
-    from contid.session.channels import COMMAND, axis_at
     from contid.session.compare import Comparison
+    from contid.session.format.channels import COMMAND, axis_at
 
     session = Session(recorded)
     values = next(entry.values for entry in session.entries() if entry.values is not None)

@@ -13,7 +13,7 @@ import pytest
 from jsonschema import Draft202012Validator
 from mcap.reader import make_reader
 
-from contid.session.channels import EVENT, INFINITE, REVISION, TICK_CHANNELS
+from contid.session.format.channels import EVENT, INFINITE, REVISION, TICK_CHANNELS
 from contid.session.read import Session
 from contid.session.replay import replay
 from tests.golden.test_golden import TOLERANCE

@@ -9,9 +9,9 @@ import pytest
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
-from contid.description.load import load_robot_file
-from contid.description.robot import RobotDescription
 from contid.errors import BadInputError
+from contid.robot_file.load import load_robot_file
+from contid.robot_file.robot import RobotDescription
 from contid.trajectory.read import read_trajectory
 
 CELLS = st.sampled_from(

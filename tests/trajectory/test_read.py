@@ -7,9 +7,9 @@ from pathlib import Path
 
 import pytest
 
-from contid.description.load import load_robot_file
-from contid.description.robot import RobotDescription
 from contid.errors import BadInputError
+from contid.robot_file.load import load_robot_file
+from contid.robot_file.robot import RobotDescription
 from contid.trajectory.read import MAX_FINDINGS, read_trajectory
 from contid.trajectory.rows import MAX_LINE
 from contid.trajectory.stream import StreamParser

@@ -9,9 +9,9 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from contid.description.load import load_robot_file
-from contid.description.robot import RobotDescription
 from contid.errors import BadInputError
+from contid.robot_file.load import load_robot_file
+from contid.robot_file.robot import RobotDescription
 from contid.trajectory.read import read_trajectory
 from contid.trajectory.spline import cubic, linear
 from contid.trajectory.timed import Interpolation, Trajectory

@@ -6,9 +6,9 @@ import io
 
 import pytest
 
-from contid.description.load import load_robot_file
-from contid.description.shipped import find_robot_file
 from contid.errors import BadInputError
+from contid.robot_file.load import load_robot_file
+from contid.robot_file.shipped import find_robot_file
 from contid.trajectory.read import read_trajectory
 from contid.trajectory.timed import Trajectory
 

@@ -8,13 +8,13 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from contid.control.plan import RobotPlan
-from contid.control.record import NAN3, RobotRecord
-from contid.control.wiring import build_plans
-from contid.description.load import load_robot_file
-from contid.models.body_shape import by_model
+from contid.control.engine.tick_layout import NAN3, RobotRecord
+from contid.control.engine.wiring import build_plans
+from contid.control.tick.config import RobotPlan
+from contid.kinematics.body_shape import by_model
+from contid.robot_file.load import load_robot_file
 from contid.targets import Target, Vec3
-from contid.view.tracked import POINTS, sight
+from contid.view.measured_shape import POINTS, sight
 
 #: A posture each: actuation as a share of every axis's range, and the greatest distance of the curve from the
 #: backbone, as a share of its length.

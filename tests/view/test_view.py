@@ -22,19 +22,19 @@ import numpy as np
 import psutil
 import pytest
 
-from contid.control.request import RunRequest
-from contid.control.ring import RingReader, RingWriter, create
-from contid.control.run import run
-from contid.control.wiring import record_layout
-from contid.description.load import load_robot_file
+from contid.control.daemon.run import run
+from contid.control.daemon.run_request import RunRequest
+from contid.control.engine.wiring import record_layout
+from contid.control.process.ring import RingReader, RingWriter, create
+from contid.robot_file.load import load_robot_file
+from contid.view.csp_proxy import Page, policy
 from contid.view.job import Job
 from contid.view.layout import SEEN, build_layout, eye_of, shown
 from contid.view.observer import Viewing
-from contid.view.page import Page, policy
-from contid.view.process import Viewer
-from contid.view.program import rerun_program
+from contid.view.rerun_program import rerun_program
 from contid.view.stage import CELLS, build_stage
-from contid.view.where import Kind, Where
+from contid.view.view_target import Kind, Where
+from contid.view.viewer_process import Viewer
 from tests.cli.command import contid
 
 PATHS = {
@@ -239,7 +239,7 @@ def test_a_stalled_or_killed_viewer_changes_no_command(
     assert contid("run", "hand", "--virtual", "--log", str(alone), *source).returncode == 0
     process = started("run", "hand", "--mock", "--log", str(viewed), "--view", str(picture), *source)
     until(picture.exists, "a file")
-    children_with(process, "contid.view.process")[0].send_signal(harm)
+    children_with(process, "contid.view.viewer_process")[0].send_signal(harm)
     output, errors = process.communicate(timeout=60)
     assert process.returncode == 0, errors
     assert "the viewer" in output  # the report says what became of it
@@ -304,7 +304,7 @@ def test_a_page_answers_for_what_is_not_there() -> None:
 
 def test_rerun_stays_out_of_a_run_without_a_picture() -> None:
     """Neither the daemon nor what it imports for ``--view`` pays for Rerun."""
-    code = "import sys, contid.control.run, contid.view.observer; print('rerun' in sys.modules)"
+    code = "import sys, contid.control.daemon.run, contid.view.observer; print('rerun' in sys.modules)"
     done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
     assert done.stdout.strip() == "False"
 

@@ -11,8 +11,8 @@ from typing import Annotated, Literal, TypeAlias
 
 from pydantic import Field, model_validator
 
-from contid.description.base import NonNegative, Positive, Strict
 from contid.hal import DeviceKind
+from contid.robot_file.base import NonNegative, Positive, Strict
 
 #: Most duty <-> pressure points the board keeps per regulator.
 MAX_CALIBRATION_POINTS = 8

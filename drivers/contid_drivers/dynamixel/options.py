@@ -6,7 +6,7 @@ from typing import Annotated, Literal, TypeAlias
 
 from pydantic import Field
 
-from contid.description.base import NonNegative, Positive, Strict
+from contid.robot_file.base import NonNegative, Positive, Strict
 
 #: Operating modes contid drives: both count several turns; the second also limits the current.
 Mode: TypeAlias = Literal["extended_position", "current_based_position"]

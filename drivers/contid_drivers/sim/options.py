@@ -8,8 +8,8 @@ from typing import Annotated, Final, Self
 
 from pydantic import Field, model_validator
 
-from contid.description.base import NonNegative, Positive, Strict
 from contid.hal import DeviceKind, Rest
+from contid.robot_file.base import NonNegative, Positive, Strict
 
 
 class FaultKind(enum.StrEnum):

@@ -13,9 +13,9 @@ from typing import Annotated, Any, Final
 
 from pydantic import BaseModel, Field
 
-from contid.description.base import Strict
 from contid.errors import ContidError, DeviceError
 from contid.hal import AxisOnBus, Bus, Clock, DeviceKind, Driver, Finding
+from contid.robot_file.base import Strict
 
 
 class BusOptions(Strict):

@@ -8,7 +8,7 @@ import math
 
 import pytest
 
-from contid.control.clock import VirtualClock
+from contid.control.engine.clock import VirtualClock
 from contid.errors import DeviceError, DeviceLostError
 from contid.hal import AxisOnBus, Rest
 from contid_drivers.sim import DRIVER, FaultKind, SimAxisOptions, SimBusOptions

@@ -4,9 +4,9 @@ from __future__ import annotations
 
 import pytest
 
-from contid.description.load import load_robot_file, parse_robot_file, with_mock
 from contid.errors import BadInputError, ContidError
 from contid.hal import AxisOnBus, DeviceKind, load_driver
+from contid.robot_file.load import load_robot_file, parse_robot_file, with_mock
 from contid_drivers.sim import SimBusOptions
 
 BUS = """driver: dynamixel

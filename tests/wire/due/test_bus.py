@@ -14,12 +14,12 @@ from pathlib import Path
 import pytest
 from click.testing import CliRunner
 
-from contid.cli.firmware import command as firmware_command
-from contid.cli.home import command as home_command
-from contid.control.clock import RealClock
-from contid.description.load import load_robot_file
+from contid.cli.commands.firmware import command as firmware_command
+from contid.cli.commands.home import command as home_command
+from contid.control.engine.clock import RealClock
 from contid.errors import DeviceError, DeviceLostError, DeviceNotFoundError
 from contid.hal import AxisOnBus, Rest, load_driver
+from contid.robot_file.load import load_robot_file
 from contid_drivers.due.bus import DueBus
 from contid_drivers.due.emulator import Emulator
 from contid_drivers.due.options import AxisOptions, BusOptions, EndStop

@@ -22,8 +22,8 @@ from typing import Any
 import psutil
 import pytest
 
-from contid.description.load import load_robot_file
 from contid.hal import AxisOnBus
+from contid.robot_file.load import load_robot_file
 from contid_drivers.due import frames, messages, wiring
 from contid_drivers.due.codes import Type
 from contid_drivers.due.emulator import Emulator

@@ -15,8 +15,8 @@ from typing import Any
 import psutil
 import pytest
 
-from contid.cli.wired import wired_buses
-from contid.description.load import load_robot_file
+from contid.cli.support.buses import wired_buses
+from contid.robot_file.load import load_robot_file
 from contid_drivers.dynamixel.emulator import Emulator
 from contid_drivers.dynamixel.emulator.bench import Bench
 

@@ -1,0 +1,23 @@
+"""``contid calibrate``: parameters of models from measurements."""
+
+from __future__ import annotations
+
+from typing import Final
+
+from contid.cli.support.table import TableGroup
+
+#: Calibration -> (module that defines it as ``command``, one line for ``contid calibrate --help``).
+CALIBRATIONS: Final[dict[str, tuple[str, str]]] = {
+    "curvature": (
+        "contid.cli.commands.calibrate_curvature",
+        "a rack finger's curvature correction from photographed markers",
+    ),
+    "modulus": (
+        "contid.cli.commands.calibrate_modulus",
+        "a pneumatic section's modulus from elongation, its bending gain from angles",
+    ),
+}
+
+command = TableGroup(
+    CALIBRATIONS, "Calibrations", "Fit a model's parameters to measurements and write them back."
+)

@@ -1,0 +1,48 @@
+"""``contid check``: validate a robot file and say what it describes."""
+
+from __future__ import annotations
+
+import json
+
+import click
+
+from contid.cli.support.robot_names import robot_names
+
+
+@click.command()
+@click.argument("robot_file", shell_complete=robot_names)
+@click.option("--json", "as_json", is_flag=True, help="One JSON object; of a bad file one per mistake.")
+def command(robot_file: str, as_json: bool) -> None:
+    """Validate ROBOT_FILE (or a shipped one by its name) and print what it describes.
+
+    A bad file ends with exit code 2 and every mistake as file:line:column: what; allowed; nearest name.
+    """
+    from contid.errors import BadInputError
+    from contid.robot_file.load import load_robot_file
+    from contid.robot_file.shipped import find_robot_file
+    from contid.robot_file.summary import summarise
+
+    try:
+        loaded = load_robot_file(find_robot_file(robot_file))
+    except BadInputError as error:
+        if not as_json:
+            raise
+        for found in error.findings:
+            where = {"file": found.file, "line": found.line, "column": found.column}
+            click.echo(json.dumps({**where, "message": found.message}))
+        raise SystemExit(error.exit_code) from error
+    from contid.trajectory.columns import column_groups
+
+    report = summarise(loaded)
+    alone = len(loaded.file.robots) == 1
+    columns = {
+        name: column_groups("" if alone else f"{name}.", robot)
+        for name, robot in loaded.file.robots.items()
+        if not robot.passive
+    }
+    if as_json:
+        click.echo(json.dumps({**report, "columns": columns}))
+        return
+    from contid.cli.support.check_table import print_report
+
+    print_report(report, columns)

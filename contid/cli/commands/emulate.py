@@ -1,0 +1,70 @@
+"""``contid emulate``: wire-level devices where the ports of a robot file should be."""
+
+from __future__ import annotations
+
+from contextlib import ExitStack
+from pathlib import Path
+from typing import Final
+
+import click
+
+from contid.cli.support.robot_names import robot_names
+from contid.errors import ContidError
+from contid.hal import Emulates
+from contid.robot_file.load import load_robot_file
+from contid.robot_file.shipped import find_robot_file
+
+#: Of SCHED_FIFO; the control process has 50.
+_PRIORITY: Final = 40
+
+
+@click.command()
+@click.argument("driver")
+@click.argument("robot_file", shell_complete=robot_names)
+@click.option(
+    "--faults",
+    type=click.Path(path_type=Path, dir_okay=False),
+    help="File to follow: each line appended to it is one fault switch in JSON.",
+)
+def command(driver: str, robot_file: str, faults: Path | None) -> None:
+    """Stand in for the devices of DRIVER in ROBOT_FILE, until Ctrl-C.
+
+    The port a bus names becomes a link to a pseudo terminal; run contid with the same file in another
+    terminal, from the same folder.
+    """
+    import signal
+
+    from contid.cli.support.buses import wired_buses
+
+    chosen = [
+        bus
+        for bus in wired_buses(load_robot_file(find_robot_file(robot_file)))
+        if bus.wiring.driver == driver
+    ]
+    if not chosen:
+        raise ContidError(f"{robot_file}: no bus with axes has driver {driver!r}")
+    # A terminal closes with SIGTERM or SIGHUP as well, and the links must not stay behind. Blocked before any
+    # thread starts, so that every thread inherits it and the signal waits for `sigwait`.
+    ends = {signal.SIGINT, signal.SIGTERM, signal.SIGHUP}
+    signal.pthread_sigmask(signal.SIG_BLOCK, ends)
+    _ask_for_real_time()
+    with ExitStack() as stack:
+        for bus in chosen:
+            emulates = bus.capable(Emulates, "emulate")  # type: ignore[type-abstract]  # a runtime protocol
+            context = emulates.emulator(bus.wiring.name, bus.wiring.options, bus.axes, faults)
+            for line in stack.enter_context(context):
+                click.echo(line)
+        click.echo("ready; Ctrl-C ends it", err=True)
+        signal.sigwait(ends)
+
+
+def _ask_for_real_time() -> None:
+    """A device does not wait for a desktop: run just below the control process, where that is permitted.
+
+    Without it a busy machine makes emulated devices silent for tens of milliseconds, and robots go to FAULT.
+    """
+    import os
+    from contextlib import suppress
+
+    with suppress(OSError):
+        os.sched_setscheduler(0, os.SCHED_FIFO, os.sched_param(_PRIORITY))

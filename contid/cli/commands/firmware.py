@@ -1,0 +1,130 @@
+"""``contid firmware``: build, flash and look at the sketch of the Arduino Due boards."""
+
+from __future__ import annotations
+
+import shlex
+import shutil
+import subprocess
+from importlib import import_module
+from pathlib import Path
+from typing import Any, cast
+
+import click
+
+from contid.cli.support.robot_names import robot_names
+from contid.errors import ContidError, DeviceError
+
+#: The driver's own module of sources and builds, found by name like every driver.
+_SOURCES = "contid_drivers.due.firmware"
+_CORTEX = "contid_drivers.due.cortex"
+_FQBN = {"native": "arduino:sam:arduino_due_x", "programming": "arduino:sam:arduino_due_x_dbg"}
+
+
+@click.group()
+def command() -> None:
+    """The sketch of the Arduino Due boards."""
+
+
+@command.command()
+def build() -> None:
+    """Build the core here: the emulator, and as Cortex-M3 code with its size.
+
+    The sketch itself is built by the Arduino IDE or arduino-cli; this finds what would not compile there, and
+    prints how much of the board it takes.
+    """
+    sources, cortex = import_module(_SOURCES), import_module(_CORTEX)
+    click.echo(f"sources: {sources.firmware_dir()}")
+    click.echo(f"emulator: {sources.build_host()}")
+    try:
+        image = cortex.read_elf(cortex.build_m3())
+    except DeviceError as error:
+        click.echo(f"Cortex-M3: not built: {error}", err=True)
+        return
+    flash, ram = image.flash + cortex.ARDUINO_FLASH, image.ram + cortex.ARDUINO_RAM
+    click.echo(
+        f"Cortex-M3: core {image.flash} B flash, {image.ram} B RAM; with the Arduino core about "
+        f"{flash / cortex.FLASH_BYTES:.0%} of {cortex.FLASH_BYTES // 1024} KB flash and "
+        f"{ram / cortex.RAM_BYTES:.0%} of {cortex.RAM_BYTES // 1024} KB RAM (estimates)"
+    )
+
+
+@command.command()
+@click.argument("port")
+@click.option(
+    "--connection",
+    type=click.Choice(["native", "programming"]),
+    default="programming",
+    show_default=True,
+    help="Which of the board's two USB sockets PORT is.",
+)
+@click.option("--binary", type=click.Path(path_type=Path, exists=True), help="Flash this .bin with bossac.")
+@click.option("--dry-run", is_flag=True, help="Print the commands, run nothing.")
+def flash(port: str, connection: str, binary: Path | None, dry_run: bool) -> None:
+    """Flash the sketch to the board at PORT, with arduino-cli, or with bossac and a .bin.
+
+    Without either tool the exact commands are printed. The board stops driving while it is flashed.
+    """
+    steps = _bossac_steps(port, connection, binary) if binary else _arduino_steps(port, connection)
+    tool = "bossac" if binary else "arduino-cli"
+    if dry_run or shutil.which(tool) is None:
+        for step in steps:
+            click.echo(shlex.join(step))
+        if not dry_run:
+            raise ContidError(f"{tool} is not installed; the commands above flash the board where it is")
+        return
+    for step in steps:
+        click.echo(shlex.join(step), err=True)
+        if subprocess.run(step, check=False).returncode != 0:
+            raise ContidError(f"failed: {shlex.join(step)}")
+
+
+def _arduino_steps(port: str, connection: str) -> list[list[str]]:
+    sketch = str(import_module(_SOURCES).firmware_dir() / "contid_due")
+    board = _FQBN[connection]
+    return [
+        ["arduino-cli", "core", "install", "arduino:sam"],
+        ["arduino-cli", "compile", "--fqbn", board, sketch],
+        ["arduino-cli", "upload", "--fqbn", board, "--port", port, sketch],
+    ]
+
+
+def _bossac_steps(port: str, connection: str, binary: Path) -> list[list[str]]:
+    # Opening either port at 1200 baud erases the flash and starts the boot loader.
+    native = "true" if connection == "native" else "false"
+    return [
+        ["stty", "-F", port, "1200"],
+        ["sleep", "1"],
+        ["bossac", f"--port={Path(port).name}", "-U", native, "-e", "-w", "-v", "-b", str(binary), "-R"],
+    ]
+
+
+@command.command()
+@click.argument("robot_file", required=False, shell_complete=robot_names)
+def info(robot_file: str | None) -> None:
+    """What the sketch is, and what the boards of ROBOT_FILE say of themselves."""
+    sources = import_module(_SOURCES)
+    codes = import_module("contid_drivers.due.codes")
+    click.echo(f"sources: {sources.firmware_dir()}")
+    click.echo(f"protocol version: {codes.PROTOCOL_VERSION}")
+    click.echo(f"protocol: {sources.firmware_dir() / 'PROTOCOL.md'}")
+    if robot_file is None:
+        return
+    from contid.cli.support.buses import wired_buses
+    from contid.robot_file.load import load_robot_file
+    from contid.robot_file.shipped import find_robot_file
+
+    boards = [
+        bus for bus in wired_buses(load_robot_file(find_robot_file(robot_file))) if bus.wiring.driver == "due"
+    ]
+    if not boards:
+        raise ContidError(f"{robot_file}: no bus has driver 'due'")
+    hello = import_module("contid_drivers.due.session").ask_hello
+    for bus in boards:
+        name, options = bus.wiring.name, cast(Any, bus.wiring.options)
+        found = hello(name, options)
+        version = ".".join(map(str, found.firmware))
+        click.echo(
+            f"{name}: {options.port}: role {found.role_name}, firmware {version}, "
+            f"started {found.boot} times, last by {found.cause.words}, up for {found.uptime_ms / 1000:.1f} s"
+        )
+        click.echo(f"{name}: pins {found.pins}")

@@ -1,0 +1,58 @@
+"""``contid fk``: actuation rows to tip poses."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+
+import click
+
+from contid.cli.support.robot_names import robot_names
+from contid.cli.support.rows import Cell, answer_rows, front, open_rows
+
+
+@click.command()
+@click.argument("robot_file", shell_complete=robot_names)
+@click.argument("rows", required=False, type=click.Path(allow_dash=True))
+@click.option("--pose", is_flag=True, help="Also print the tip's direction and the mid-point.")
+@click.option("--json", "as_json", is_flag=True, help="One JSON object per row instead of CSV.")
+def command(robot_file: str, rows: str | None, pose: bool, as_json: bool) -> None:
+    """Forward kinematics: rows of actuation in (left_mm,right_mm or s1.p1_bar, ...), tip positions out.
+
+    ROWS is a file, or stdin when it is left out. Positions are in the world frame of the robot file. The
+    output is what ``contid ik`` reads; ``contid ik --bare`` writes what this reads.
+    """
+    from contid.control.engine.wiring import driven_robots
+    from contid.kinematics.frames import BaseFrame
+    from contid.kinematics.model import build_model
+    from contid.robot_file.load import load_robot_file
+    from contid.robot_file.shipped import find_robot_file
+    from contid.targets import Target
+    from contid.units import m_to_mm
+
+    loaded = load_robot_file(find_robot_file(robot_file))
+    robots = driven_robots(loaded)
+    models = {name: build_model(robot) for name, robot in robots.items()}
+    frames = {name: BaseFrame.of(robot.base) for name, robot in robots.items()}
+
+    def answer(targets: Mapping[str, Target]) -> dict[str, Cell]:
+        cells: dict[str, Cell] = {}
+        for name, target in targets.items():
+            if target.actuation is None:
+                axes = ", ".join(f"{axis}_{robots[name].quantity.unit}" for axis in robots[name].axis_names)
+                raise ValueError(f"fk needs the actuation of {name}: {axes}")
+            here, frame = front(loaded, name), frames[name]
+            load_in_base = frame.vector_in_base(target.load_n)
+            tip = models[name].forward(target.actuation, load_in_base)
+            axes = "xyz"[: models[name].dimension]
+            for axis, value in zip(axes, frame.point_in_world(tip.tip_m), strict=False):
+                cells[f"{here}{axis}_mm"] = m_to_mm(value)
+            if pose or "direction" in robots[name].accepts:
+                for axis, value in zip(axes, frame.vector_in_world(tip.direction), strict=False):
+                    cells[f"{here}a{axis}"] = value
+            if pose and "mid" in robots[name].accepts:
+                for axis, value in zip(axes, frame.point_in_world(tip.mid_m), strict=False):
+                    cells[f"{here}mid.{axis}_mm"] = m_to_mm(value)
+        return cells
+
+    with open_rows(rows) as source:
+        answer_rows(loaded, source, answer, as_json)

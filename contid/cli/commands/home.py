@@ -1,0 +1,102 @@
+"""``contid home``: find the zero of axes and write it into the robot file."""
+
+from __future__ import annotations
+
+import math
+import signal
+from collections.abc import Iterator, Sequence
+from contextlib import contextmanager
+from datetime import datetime
+from pathlib import Path
+from types import FrameType
+from typing import TYPE_CHECKING
+
+import click
+
+from contid.errors import ContidError
+from contid.hal import Homed, Homes
+from contid.robot_file.load import LoadedFile, load_robot_file
+
+if TYPE_CHECKING:
+    from contid.cli.support.buses import WiredBus
+
+
+@click.command()
+@click.argument("robot_file", type=click.Path(exists=True, dir_okay=False, path_type=Path))
+@click.argument("axes", nargs=-1)
+@click.option("--dry-run", is_flag=True, help="Home, print, write nothing.")
+def command(robot_file: Path, axes: tuple[str, ...], dry_run: bool) -> None:
+    """Home AXES (ROBOT.AXIS; default: all that say how) one by one, and write their zero into ROBOT_FILE.
+
+    The file is replaced in one step after every axis was found; interrupted, it stays as it was. Ctrl-C,
+    SIGTERM, and `contid estop`, `stop` or `hold` from another terminal take the torque off at once.
+    """
+    from contid.cli.support.buses import wired_buses
+    from contid.remote.server.stop_server import Door
+    from contid.robot_file.edit import Change, set_values
+
+    loaded = load_robot_file(robot_file)
+    buses = wired_buses(loaded)
+    known = {axis.name for bus in buses for axis in bus.axes}
+    if unknown := [name for name in axes if name not in known]:
+        raise ContidError(f"no axis {unknown[0]!r}; there are {', '.join(sorted(known))}")
+    with interruptible(), Door(str(robot_file), "homing"):
+        homed = _home(buses, axes)
+    if not homed:
+        raise ContidError(f"{robot_file}: no axis says how it homes; add `homing:` to an axis")
+    changes = []
+    for found in homed:
+        zero_deg = zero_of(loaded, found)
+        robot, axis = found.axis.split(".", 1)
+        key = f"robots.{robot}.axes.{axis}.zero_deg"
+        note = f"homed {datetime.now().astimezone():%Y-%m-%d %H:%M}: {found.how}"
+        changes.append(Change(key, round(zero_deg, 4), note))
+        click.echo(f"{found.axis}: zero_deg {zero_deg:.4f} ({found.how})")
+    if not dry_run:
+        set_values(robot_file, changes)
+        load_robot_file(robot_file)
+
+
+def _home(buses: Sequence[WiredBus], axes: Sequence[str]) -> list[Homed]:
+    homed: list[Homed] = []
+    for bus in buses:
+        only = [
+            axis.name
+            for axis in bus.axes
+            if (axis.name in axes if axes else getattr(axis.options, "homing", None) is not None)
+        ]
+        if only:
+            homes = bus.capable(Homes, "home")  # type: ignore[type-abstract]  # a runtime protocol
+            say = lambda line: click.echo(line, err=True)  # noqa: E731  # one line, used once
+            homed += homes.home(bus.wiring.name, bus.wiring.options, bus.axes, only, say)
+    return homed
+
+
+@contextmanager
+def interruptible() -> Iterator[None]:
+    """The first Ctrl-C, SIGTERM or SIGHUP interrupts, devices relax; further ones change nothing."""
+    ends = (signal.SIGINT, signal.SIGTERM, signal.SIGHUP)
+
+    def interrupt(_number: int, _frame: FrameType | None) -> None:
+        for number in ends:
+            signal.signal(number, signal.SIG_IGN)
+        raise KeyboardInterrupt
+
+    before = {number: signal.signal(number, interrupt) for number in ends}
+    try:
+        yield
+    finally:
+        for number, handler in before.items():
+            signal.signal(number, handler)
+
+
+def zero_of(loaded: LoadedFile, found: Homed) -> float:
+    """``zero_deg`` such that the device's value at the reference stands for the reference's length.
+
+    ``angle = zero_deg + direction * 360 * length / mm_per_rev``, solved for ``zero_deg``.
+    """
+    robot, name = found.axis.split(".", 1)
+    axis = loaded.file.robots[robot].axes[name]
+    if axis.mm_per_rev is None:
+        return math.degrees(found.value)
+    return math.degrees(found.value) - axis.direction * 360.0 * found.at_mm / axis.mm_per_rev

@@ -1,0 +1,70 @@
+"""``contid ik``: target rows to actuation."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+
+import click
+
+from contid.cli.support.robot_names import robot_names
+from contid.cli.support.rows import Cell, answer_rows, front, open_rows
+
+
+@click.command()
+@click.argument("robot_file", shell_complete=robot_names)
+@click.argument("rows", required=False, type=click.Path(allow_dash=True))
+@click.option(
+    "--bare",
+    is_flag=True,
+    help="Only what `contid fk`, `shape` and `run` read: no residuals; a row out of reach ends it.",
+)
+@click.option("--json", "as_json", is_flag=True, help="One JSON object per row instead of CSV.")
+def command(robot_file: str, rows: str | None, bare: bool, as_json: bool) -> None:
+    """Inverse kinematics: rows of targets in (x_mm,y_mm[,z_mm], ...), actuation out.
+
+    ROWS is a file, or stdin when it is left out. Every row adds residual_mm, converged, limited_by and
+    iterations; a target out of reach is answered by the best actuation inside the limits, with
+    converged=false. Each row starts from the answer of the row before.
+    """
+    from contid.control.engine.wiring import driven_robots
+    from contid.kinematics.frames import BaseFrame
+    from contid.kinematics.model import build_model
+    from contid.robot_file.load import load_robot_file
+    from contid.robot_file.shipped import find_robot_file
+    from contid.targets import Target
+    from contid.units import m_to_mm
+
+    loaded = load_robot_file(find_robot_file(robot_file))
+    robots = driven_robots(loaded)
+    models = {name: build_model(robot) for name, robot in robots.items()}
+    frames = {name: BaseFrame.of(robot.base) for name, robot in robots.items()}
+    seeds = {name: robot.rest for name, robot in robots.items()}
+
+    def answer(targets: Mapping[str, Target]) -> dict[str, Cell]:
+        cells: dict[str, Cell] = {}
+        for name, target in targets.items():
+            here, quantity = front(loaded, name), robots[name].quantity
+            found = models[name].inverse(frames[name].target_in_base(target), seeds[name])
+            seeds[name] = found.actuation
+            for axis, value in zip(robots[name].axis_names, found.actuation, strict=True):
+                cells[f"{here}{axis}_{quantity.unit}"] = value * quantity.per_si
+            if bare:
+                if not found.converged:
+                    limits = f", limited by {' '.join(found.limited_by)}" if found.limited_by else ""
+                    raise ValueError(f"{name}: out of reach by {m_to_mm(found.residual_m):.6g} mm{limits}")
+                cells |= {
+                    f"{here}{axis}_{quantity.unit}": v * quantity.per_si for axis, v in target.extra.items()
+                }
+                if "load" in robots[name].accepts:
+                    cells |= {
+                        f"{here}load.f{axis}_n": v for axis, v in zip("xyz", target.load_n, strict=True)
+                    }
+                continue
+            cells[f"{here}residual_mm"] = m_to_mm(found.residual_m)
+            cells[f"{here}converged"] = found.converged
+            cells[f"{here}limited_by"] = " ".join(found.limited_by)
+            cells[f"{here}iterations"] = found.iterations
+        return cells
+
+    with open_rows(rows) as source:
+        answer_rows(loaded, source, answer, as_json)

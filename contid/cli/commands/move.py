@@ -1,0 +1,51 @@
+"""``contid move``: to a point, or along a trajectory."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, Any, TextIO
+
+import click
+
+from contid.cli.support.orders import json_option, socket_option, told
+
+if TYPE_CHECKING:
+    from contid.client import Client
+
+
+@click.command()
+@click.argument("words", nargs=-1, metavar="[ROBOT] COLUMN=VALUE...")
+@click.option("--trajectory", type=click.File(), help="CSV rows to follow instead of a point; - for stdin.")
+@click.option("--takeover", is_flag=True, help="Take the motion right from whoever has it; the robots hold.")
+@click.option("--no-wait", is_flag=True, help="Return before the point is reached.")
+@socket_option
+@json_option
+def command(
+    words: tuple[str, ...],
+    trajectory: TextIO | None,
+    takeover: bool,
+    no_wait: bool,
+    socket: str | None,
+    as_json: bool,
+) -> None:
+    """Send robots to a point, or along the rows of --trajectory, and hold there.
+
+    Columns are those of a trajectory: `contid move x_mm=40 y_mm=75`, `contid move left x_mm=40 y_mm=75`,
+    `contid move left.x_mm=40 left.y_mm=75 right.x_mm=60 right.y_mm=75`. Ctrl-C holds.
+    """
+    from contid.remote.client.move_arguments import columns_and_rows, point
+
+    if (trajectory is None) == (not words):
+        raise click.UsageError("give a point (COLUMN=VALUE...) or --trajectory, one of them")
+
+    def ask(client: Client) -> dict[str, Any]:
+        if takeover:
+            client.take(takeover=True)
+        if trajectory is None:
+            return {"move": client.move(target, wait=not no_wait)}
+        return {"refused": client.stream(columns, rows)}
+
+    if trajectory is None:
+        target = point(words)
+    else:
+        columns, rows = columns_and_rows(trajectory)
+    told(socket, as_json, ask)

@@ -1,0 +1,202 @@
+"""``contid path``: shapes to follow, as a trajectory on stdout."""
+
+from __future__ import annotations
+
+import sys
+from collections.abc import Callable
+from typing import TYPE_CHECKING
+
+import click
+
+from contid.cli.support.numbers import NUMBER, POSITIVE, Numbers
+from contid.cli.support.robot_names import robot_names
+
+if TYPE_CHECKING:
+    from contid.trajectory.shapes import Path
+
+#: Not a shape but the curve through the points the CBHA's methods are compared on (`contid bench ik`).
+GOLDEN = "cbha-golden"
+#: Not of one robot: the two arms of a chain swing their rope.
+SWING = "swing"
+SHAPES = ("line", "circle", "ellipse", "square", "box", "spiral", "corners", "traverse", "diagonal")
+
+
+@click.command()
+@click.argument("shape", type=click.Choice((*SHAPES, SWING, GOLDEN)))
+@click.option(
+    "--center", type=Numbers(2, 3, NUMBER), default="0,0", help="Centre x,y or x,y,z in the world [mm]."
+)
+@click.option("--radius", type=POSITIVE, help="Greatest radius of circle, ellipse and spiral [mm].")
+@click.option(
+    "--size", type=POSITIVE, help="Side of squares, length of lines, diameter of round shapes [mm]."
+)
+@click.option("--height", type=NUMBER, help="z of the shape [mm]; spatial robots need it.")
+@click.option("--dz", type=NUMBER, help="How much the height varies [mm]; 10 for a box, else 0.")
+@click.option("--turns", type=POSITIVE, default=3.0, show_default=True, help="Turns of the spiral.")
+@click.option(
+    "--ratio", type=POSITIVE, default=2.0 / 3.0, help="Second semi-axis of ellipse and swing [2/3]."
+)
+@click.option("--angle", type=NUMBER, default=0.0, help="Rotation about the centre [deg].")
+@click.option("--lean", type=NUMBER, help="Tilt of the tip's direction outward from +z [deg]: ax,ay,az.")
+@click.option("--mid", "mid_text", help="Mid-point: x,y,z, or SHAPE:SIZE:HEIGHT about the same centre [mm].")
+@click.option("--period", type=POSITIVE, default=4.0, show_default=True, help="Time of one lap [s].")
+@click.option("--laps", type=POSITIVE, default=1.0, show_default=True, help="How many laps.")
+@click.option("--rate", type=POSITIVE, default=50.0, show_default=True, help="Rows per second.")
+@click.option(
+    "--for",
+    "robot_file",
+    shell_complete=robot_names,
+    metavar="ROBOT_FILE",
+    help="Robot file, or the name of a shipped one: every robot's columns.",
+)
+@click.option(
+    "--robots", help="Only these robots, names separated by commas; without --for just their names."
+)
+def command(
+    shape: str,
+    center: tuple[float, ...],
+    radius: float | None,
+    size: float | None,
+    height: float | None,
+    dz: float | None,
+    turns: float,
+    ratio: float,
+    angle: float,
+    lean: float | None,
+    mid_text: str | None,
+    period: float,
+    laps: float,
+    rate: float,
+    robot_file: str | None,
+    robots: str | None,
+) -> None:
+    """Print a trajectory that follows SHAPE.
+
+    contid path circle --center 50,70 --radius 20 --period 4 --for hand | contid run hand --mock
+
+    Positions are in the world frame, so robots that share a target get equal columns.
+    """
+    if shape == GOLDEN:
+        if any(value is not None for value in (radius, size, height, dz, lean, mid_text)):
+            raise click.UsageError(f"{GOLDEN} has its own place and size; it takes --period, --laps, --rate")
+        _golden(period, laps, rate, robot_file, robots)
+        return
+    if shape == SWING:
+        if any(value is not None for value in (radius, dz, lean, mid_text, robots)):
+            raise click.UsageError("swing takes --for, --size, --ratio, --height, --period, --laps, --rate")
+        if robot_file is None:
+            raise click.UsageError("swing needs --for ROBOT.yaml with a chain in it")
+        _swing(robot_file, size, ratio, height, period, laps, rate)
+        return
+    from contid.trajectory.shapes import Path, Shape
+    from contid.trajectory.table import Who, owners_in_file, write_path
+
+    kind = Shape(shape)
+    if (radius is None) == (size is None):
+        raise click.UsageError("give --size or --radius" + (", not both" if size is not None else ""))
+    if radius is not None and not kind.is_round:
+        raise click.UsageError(f"a {shape} has no radius; give --size")
+    if len(center) == 3 and height is not None:
+        raise click.UsageError("--center x,y,z and --height both say z; give one of them")
+    height = center[2] if len(center) == 3 else height
+    names = [name.strip() for name in robots.split(",")] if robots else []
+    if robot_file is not None:
+        who = owners_in_file(robot_file, names)
+    else:
+        who = [Who(f"{name}." if name else "", 2 if height is None else 3) for name in names or [""]]
+    if height is None and (
+        dz or lean is not None or mid_text is not None or any(each.dimension == 3 for each in who)
+    ):
+        raise click.UsageError("a spatial path needs --height (z in the world, mm)")
+
+    def with_shape(shape: Shape, size_mm: float, height_mm: float, dz_mm: float, lean: float | None) -> Path:
+        return Path(
+            shape,
+            (center[0], center[1]),
+            size_mm,
+            height_mm=height_mm,
+            dz_mm=dz_mm,
+            turns=turns,
+            ratio=ratio,
+            angle_deg=angle,
+            lean_deg=lean,
+            period_s=period,
+            laps=laps,
+            rate_hz=rate,
+        )
+
+    rise = dz if dz is not None else 10.0 if kind is Shape.BOX and height is not None else 0.0
+    size_mm = size if size is not None else 2.0 * (radius or 0.0)
+    path = with_shape(kind, size_mm, height or 0.0, rise, lean)
+    mid = _mid(mid_text, with_shape) if mid_text is not None else None
+    write_path(sys.stdout, path, who, mid)
+
+
+def _golden(period: float, laps: float, rate: float, robot_file: str | None, robots: str | None) -> None:
+    """The golden trajectory of the CBHA, for every robot named or of the file."""
+    from contid.trajectory.shapes import check_row_count
+    from contid.trajectory.table import owners_in_file
+    from contid.units import m_to_mm
+    from studies.singh import golden_rows
+
+    check_row_count(period, laps, rate)
+    names = [name.strip() for name in robots.split(",")] if robots else []
+    fronts = [f"{name}." if name else "" for name in names or [""]]
+    if robot_file is not None:
+        fronts = [who.front for who in owners_in_file(robot_file, names)]
+    sys.stdout.write(",".join(["t_s"] + [f"{front}{axis}_mm" for front in fronts for axis in "xyz"]) + "\n")
+    for time_s, tip in golden_rows(period, laps, rate):
+        point = [m_to_mm(value) for value in tip] * len(fronts)
+        sys.stdout.write(",".join(map(repr, [time_s, *point])) + "\n")
+
+
+def _swing(
+    robot_file: str,
+    size: float | None,
+    ratio: float,
+    height: float | None,
+    period: float,
+    laps: float,
+    rate: float,
+) -> None:
+    """The swing of the first chain of a file; at the height of its arms' rest pose when none is given."""
+    from contid.kinematics.frames import BaseFrame
+    from contid.kinematics.model import build_model
+    from contid.robot_file.chain import Chain
+    from contid.robot_file.load import load_robot_file
+    from contid.robot_file.shipped import find_robot_file
+    from contid.trajectory.swing import Swing, write_swing
+    from contid.units import m_to_mm
+
+    found = load_robot_file(find_robot_file(robot_file)).file.robots
+    chain = next((robot for robot in found.values() if isinstance(robot, Chain)), None)
+    if chain is None:
+        raise click.UsageError(f"{robot_file} describes no chain; a swing needs one (model: chain)")
+    bases = [found[arm].base for arm in chain.arms]
+    if height is None:
+        first = found[chain.arms[0]]
+        tip = build_model(first).forward(first.rest).tip_m
+        height = m_to_mm(BaseFrame.of(first.base).point_in_world(tip)[2])
+    places = [(base.x_mm, base.y_mm, base.z_mm) for base in bases]
+    swing = Swing(
+        chain.arms, (places[0], places[1]), 80.0 if size is None else size, ratio, height, period, laps, rate
+    )
+    write_swing(sys.stdout, swing)
+
+
+def _mid(text: str, with_shape: Callable[..., Path]) -> Path | tuple[float, float, float]:
+    """What ``--mid`` says: a fixed point, or a shape of its own."""
+    from contid.trajectory.shapes import Shape
+
+    name, *numbers = text.split(":")
+    try:
+        if not numbers:
+            x, y, z = Numbers(3, 3, NUMBER)(text)
+            return (x, y, z)
+        if len(numbers) != 2 or name not in SHAPES:
+            raise click.BadParameter(f"{text!r} is neither x,y,z nor SHAPE:SIZE:HEIGHT.")
+        size_mm, height_mm = POSITIVE(numbers[0]), NUMBER(numbers[1])
+    except click.BadParameter as error:
+        raise click.BadParameter(error.message, param_hint="'--mid'") from None
+    path: Path = with_shape(Shape(name), size_mm, height_mm, 0.0, None)
+    return path

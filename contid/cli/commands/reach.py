@@ -1,0 +1,89 @@
+"""``contid reach``."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+
+import click
+
+from contid.cli.support.figure import FIGURE
+from contid.cli.support.numbers import POSITIVE
+from contid.cli.support.robot_names import robot_names
+
+
+@click.command()
+@click.argument("robot_file", shell_complete=robot_names)
+@click.option("--plot", type=FIGURE, help="Draw the regions into a .png, .svg or .pdf.")
+@click.option("--voxel-mm", type=POSITIVE, help="Edge of a voxel (spatial arms).")
+@click.option(
+    "--across",
+    type=click.IntRange(4, 200),
+    default=24,
+    show_default=True,
+    help="Voxels along the widest side when --voxel-mm is not given.",
+)
+@click.option("--json", "as_json", is_flag=True, help="The numbers as one JSON object.")
+def command(robot_file: str, plot: Path | None, voxel_mm: float | None, across: int, as_json: bool) -> None:
+    """Where the tips of ROBOT_FILE can go: areas of planar robots (exact), volumes of spatial ones.
+
+    For a hand of two rack fingers it also prints the comparison of Morita et al., section IV-B.
+    """
+    from contid.cli.support.progress import counting
+    from contid.control.engine.wiring import driven_robots
+    from contid.errors import ContidError
+    from contid.reach.report import planar_report, spatial_report
+    from contid.robot_file.load import load_robot_file
+    from contid.robot_file.rack_finger import RackFinger
+    from contid.robot_file.shipped import find_robot_file
+
+    loaded = load_robot_file(find_robot_file(robot_file))
+    robots = driven_robots(loaded)
+    fingers = {name: robot for name, robot in robots.items() if isinstance(robot, RackFinger)}
+    arms = {name: robot for name, robot in robots.items() if name not in fingers}
+    flat = [name for name, robot in arms.items() if robot.dimension == 2]
+    if flat:
+        what = "areas are known of model rack_finger, volumes of arms in space"
+        raise ContidError(f"{', '.join(flat)}: planar, and of no model whose area is known; {what}")
+    reports = [planar_report(fingers)] if fingers else []
+    if arms:
+        with counting("voxels tested") as progress:
+            reports.append(spatial_report(arms, voxel_mm, across, progress))
+    for number, report in enumerate(reports):
+        if as_json:
+            click.echo(json.dumps({"file": loaded.file.name, **report.to_json()}))
+        else:
+            _print(report)
+        if plot is not None:
+            from contid.reach.plot import save_plot
+
+            path = plot if number == 0 else plot.with_stem(f"{plot.stem}-{number + 1}")
+            save_plot(report, path, f"{loaded.file.name}: reach of the tips")
+            click.echo(f"drawn: {path}", err=True)
+
+
+def _print(report: object) -> None:
+    from contid.reach.report import PAPER_OVERLAP_CM2, PAPER_TWO_LINK_CM2, ReachReport
+
+    assert isinstance(report, ReachReport)
+    for name, area in report.areas_cm2.items():
+        click.echo(f"{name}: {area:.4f} cm2")
+    for name, volume in report.volumes.items():
+        low, high = ([f"{value * 1e3:.0f}" for value in corner] for corner in volume.bounds_m())
+        click.echo(
+            f"{name}: {volume.volume_m3 * 1e6:.4g} +- {volume.uncertainty_m3 * 1e6:.2g} cm3 "
+            f"({len(volume.voxels)} voxels of {volume.edge_m * 1e3:.3g} mm), "
+            f"from ({', '.join(low)}) to ({', '.join(high)}) mm"
+        )
+    unit = "cm2" if report.areas_cm2 else "cm3"
+    for (a, b), shared in report.overlaps.items():
+        click.echo(f"{a} and {b}: {shared:.4f} {unit} in common")
+    if report.comparison:
+        printed = (PAPER_OVERLAP_CM2, *PAPER_TWO_LINK_CM2.values())
+        click.echo("\nOverlap as Morita et al. compare it in section IV-B (paper's figure):")
+        for (line, area), paper in zip(report.comparison.items(), printed, strict=True):
+            click.echo(f"  {line}: {area:.6g} cm2 ({paper:.2f})")
+        click.echo(
+            "  The paper's 14.77 cm2 needs a tip length or rack spacing it does not print; its two-link\n"
+            "  figures reproduce with joints that turn to both sides."
+        )

@@ -1,0 +1,161 @@
+"""``contid run``: the daemon."""
+
+from __future__ import annotations
+
+import sys
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+import click
+
+from contid.cli.support.files import NewFile
+from contid.cli.support.numbers import NUMBER
+from contid.cli.support.robot_names import robot_names
+
+if TYPE_CHECKING:
+    from contid.control.daemon.interfaces import Observer
+    from contid.control.engine.report import Report
+    from contid.view.view_target import Where
+
+
+@click.command()
+@click.argument("robot_file", shell_complete=robot_names)
+@click.option("--mock", is_flag=True, help="Run on simulated devices instead of the real ones.")
+@click.option("--trajectory", type=click.Path(exists=True, dir_okay=False), help="Timed rows; else stdin.")
+@click.option("--rate", type=NUMBER, help="Ticks per second instead of rate_hz, within its limits.")
+@click.option(
+    "--on-end",
+    type=click.Choice(["stop", "rest", "hold"]),
+    default="stop",
+    show_default=True,
+    help="When the input ends: stop by the file's stop.on_end and exit, rest and exit, or hold until told.",
+)
+@click.option(
+    "--unreachable",
+    type=click.Choice(["refuse", "nearest"]),
+    default="refuse",
+    show_default=True,
+    help="Targets out of reach: refuse the file (hold, on a live stream), or go to the nearest point.",
+)
+@click.option("--virtual", is_flag=True, help="Simulated devices in virtual time; repeatable to the bit.")
+@click.option(
+    "--disarmed",
+    is_flag=True,
+    help="Connect, read, and wait without torque until `contid resume`: for services that restart.",
+)
+@click.option("--log", type=click.Path(dir_okay=False), help="Write every command to a CSV, exact floats.")
+@click.option(
+    "--record",
+    type=NewFile(dir_okay=False),
+    help="Record everything into a session (MCAP); `contid replay` runs it again.",
+)
+@click.option(
+    "--view",
+    metavar="spawn|serve|FILE.rrd",
+    help="Show the robots: in a window, on a page of this machine, or in a file for `contid view`.",
+)
+@click.option(
+    "--socket",
+    type=click.Path(dir_okay=False),
+    help="Where clients talk to this daemon. Default: $XDG_RUNTIME_DIR/contid/NAME.sock, or "
+    "contid-UID/NAME.sock in the system's temporary folder; NAME is the robot file's name without .yaml.",
+)
+@click.option(
+    "--socket-group",
+    metavar="GROUP",
+    help="Members of this group may give orders as well; default: only the daemon's own user and root.",
+)
+@click.option("--json", "as_json", is_flag=True, help="Print the final report as JSON.")
+def command(
+    robot_file: str,
+    mock: bool,
+    trajectory: str | None,
+    rate: float | None,
+    on_end: str,
+    unreachable: str,
+    virtual: bool,
+    disarmed: bool,
+    log: str | None,
+    record: str | None,
+    view: str | None,
+    socket: str | None,
+    socket_group: str | None,
+    as_json: bool,
+) -> None:
+    """Make the robots of ROBOT_FILE follow a trajectory.
+
+    The trajectory is read from --trajectory or from stdin: timed with a column t_s, else a live stream whose
+    newest row is the target. Without input (at a terminal, or < /dev/null) the robots hold and wait for
+    orders over the socket: `contid move`, `contid status`, contid.client.
+    """
+    from contid.control.daemon.spawn import spawn
+    from contid.control.process.unblocked_stderr import never_wait
+
+    never_wait()
+    where = None if view is None else _where(view)
+    # First of all: its imports take as long as ours.
+    spawned = None if virtual else spawn()
+    from contid.control.daemon.run import run
+    from contid.control.daemon.run_request import RunRequest
+
+    observers: list[Observer] = []
+    if record is not None:
+        from contid.session.recording_observer import Recording
+
+        asked = {"mock": mock or virtual, "unreachable": unreachable, "input": trajectory or "stdin"}
+        observers.append(Recording(Path(record), {name: str(value) for name, value in asked.items()}))
+    if where is not None:
+        from contid.view.observer import Viewing
+
+        observers.append(Viewing(where))
+    commands, endpoint = [], None
+    if not virtual:
+        from contid.remote.protocol.socket_path import Endpoint, default_path
+        from contid.remote.server.server import SocketServer
+
+        path = default_path(robot_file) if socket is None else Path(socket)
+        endpoint = Endpoint(path, default=socket is None, group=socket_group)
+        commands.append(SocketServer(endpoint))
+    request = RunRequest(
+        robot_file=robot_file,
+        mock=mock or virtual,
+        trajectory=trajectory,
+        rate_hz=rate,
+        on_end=on_end,
+        unreachable=unreachable,
+        virtual=virtual,
+        disarmed=disarmed,
+        log=None if log is None else Path(log),
+        observers=observers,
+        commands=commands,
+    )
+    try:
+        report = run(request, spawned)
+    finally:
+        if endpoint is not None:
+            endpoint.close()
+    finish(report, as_json)
+
+
+def _where(text: str) -> Where | None:
+    """The place of a picture, refused before anything is started; None where only a display is missing."""
+    from contid.view.view_target import NoDisplayError, parse_where, require
+
+    where = parse_where(text)
+    try:
+        require(where)
+    except NoDisplayError as error:
+        click.echo(f"contid: view: {error}; the run goes on without a picture", err=True)
+        return None
+    return where
+
+
+def finish(report: Report, as_json: bool) -> None:
+    """Print the report and leave with its exit code."""
+    if as_json:
+        import json
+
+        click.echo(json.dumps(report.as_dict()))
+    else:
+        click.echo(str(report))
+    sys.exit(report.exit_code)

@@ -1,0 +1,110 @@
+"""``contid session info|export|repair``: what to do with a recording besides replaying it."""
+
+from __future__ import annotations
+
+import json
+import os
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+import click
+
+from contid.cli.support.files import NewFile
+from contid.cli.support.progress import counting
+
+if TYPE_CHECKING:
+    from contid.robot_file.load import LoadedFile
+    from contid.session.read import Session
+
+SESSION = click.argument("session_file", type=click.Path(exists=True, dir_okay=False))
+
+
+@click.group()
+def command() -> None:
+    """Look into a recorded session, export it, repair it."""
+
+
+@command.command()
+@SESSION
+@click.option("--json", "as_json", is_flag=True, help="Print the summary as JSON.")
+def info(session_file: str, as_json: bool) -> None:
+    """Print duration, ticks, robots, faults, events, versions."""
+    from contid.session.info import summarize
+    from contid.session.read import Session
+
+    with counting("ticks read") as count:
+        summary = summarize(Session(Path(session_file), count))
+    click.echo(json.dumps(summary.as_dict()) if as_json else str(summary))
+
+
+@command.command()
+@SESSION
+@click.option("--csv", "csv_path", type=NewFile(), help="FILE.csv: one table; else a folder of channels.")
+@click.option("--rrd", "rrd_path", type=NewFile(dir_okay=False), help="A recording for the Rerun viewer.")
+@click.option(
+    "--yaml", "yaml_path", type=NewFile(dir_okay=False), help="The robot file it was recorded with."
+)
+@click.option("--robot", help="Robot file for the shapes in the .rrd instead of the recorded one.")
+def export(
+    session_file: str, csv_path: str | None, rrd_path: str | None, yaml_path: str | None, robot: str | None
+) -> None:
+    """Write SESSION_FILE as CSV (mm, bar), as a Rerun recording, or its robot file."""
+    from contid.session.export import export_channels, export_joined, export_robot_file, refuse_to_replace
+    from contid.session.read import Session
+
+    asked = [Path(path) for path in (csv_path, rrd_path, yaml_path) if path is not None]
+    if not asked:
+        raise click.UsageError("say where to: --csv FOLDER, --csv FILE.csv, --rrd FILE.rrd, --yaml FILE.yaml")
+    with counting("ticks read") as count:
+        session = Session(Path(session_file), count)
+        for path in asked:
+            refuse_to_replace(path)
+        if yaml_path is not None:
+            export_robot_file(session, Path(yaml_path))
+        written = [] if yaml_path is None else [Path(yaml_path)]
+        if csv_path is not None:
+            export_tables = export_joined if csv_path.endswith(".csv") else export_channels
+            written += export_tables(session, Path(csv_path))
+        if rrd_path is not None:
+            _export_rrd(session, robot, Path(rrd_path))
+            written.append(Path(rrd_path))
+    click.echo("\n".join(map(str, written)))
+    if session.cut:
+        click.echo(f"contid: {session.path}: {session.cut}; exported as far as it goes", err=True)
+
+
+@command.command()
+@SESSION
+@click.option("--output", type=NewFile(dir_okay=False), help="Where to; SESSION_FILE is replaced if absent.")
+def repair(session_file: str, output: str | None) -> None:
+    """Make a cut-off SESSION_FILE whole.
+
+    The tick that was cut is left out, what remains is indexed and compressed.
+    """
+    from contid.session.repair import repair as repaired
+
+    with counting("ticks read") as count:
+        told = repaired(Path(session_file), None if output is None else Path(output), count)
+    click.echo(told)
+
+
+def _export_rrd(session: Session, robot: str | None, path: Path) -> None:
+    loaded = drawn(session, robot)
+    os.environ.setdefault("RUST_LOG", "off")  # what goes wrong is said by contid
+    from contid.view.export import export_rrd
+
+    entries = ((entry.values, entry.event) for entry in session.entries())
+    export_rrd(entries, loaded, session.layout, path)
+
+
+def drawn(session: Session, robot: str | None) -> LoadedFile:
+    """The robot file whose shapes a picture of a session has: the recorded one, or one with the same axes."""
+    from contid.robot_file.load import load_robot_file
+    from contid.robot_file.shipped import find_robot_file
+    from contid.session.differences import refuse_other_robots
+
+    if robot is None:
+        return session.robot_file()
+    loaded = load_robot_file(find_robot_file(robot))
+    refuse_other_robots(session, loaded)
+    return loaded

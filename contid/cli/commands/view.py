@@ -1,0 +1,68 @@
+"""``contid view``: look at a recorded run."""
+
+from __future__ import annotations
+
+import signal
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+import click
+
+if TYPE_CHECKING:
+    from contid.view.rerun_session import Host, WebServer
+
+
+@click.command()
+@click.argument("recording", type=click.Path(exists=True, dir_okay=False))
+@click.option("--serve", is_flag=True, help="A page on this machine for a browser instead of a window.")
+@click.option("--robot", help="Robot file for the shapes instead of the recorded one.")
+def command(recording: str, serve: bool, robot: str | None) -> None:
+    """Show RECORDING: a session (.mcap) or what `--view FILE.rrd` wrote.
+
+    Nothing leaves this machine: the page is served on the loopback address, statistics are off.
+    """
+    from contid.view.view_target import Kind, Where, require
+
+    where = Where(Kind.SERVE if serve else Kind.SPAWN)
+    require(where)
+    if recording.endswith(".rrd"):
+        _show_file(recording, where.kind is Kind.SERVE)
+        return
+    from contid.cli.commands.session import drawn
+    from contid.session.read import Session
+    from contid.view.export import draw
+
+    session = Session(Path(recording))
+    entries = ((entry.values, entry.event) for entry in session.entries())
+    draw(entries, drawn(session, robot), session.layout, where, shown=_stay)
+
+
+def _show_file(path: str, serve: bool) -> None:
+    from contid.view.rerun_session import WebServer
+    from contid.view.window import Window
+
+    if not serve:
+        Window(path)
+        return
+    server = WebServer(path)
+    try:
+        _wait(server)
+    finally:
+        server.close()
+
+
+def _stay(host: Host) -> None:
+    if host.server is not None:
+        host.recording.flush()
+        _wait(host.server)
+
+
+def _wait(server: WebServer) -> None:
+    """Say where the page is and keep it until Ctrl-C or SIGTERM."""
+    signal.signal(signal.SIGTERM, signal.default_int_handler)
+    click.echo(server.url)
+    click.echo("contid: Ctrl-C ends the page", err=True)
+    try:
+        server.wait()
+    except KeyboardInterrupt:
+        return

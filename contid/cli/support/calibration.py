@@ -1,0 +1,104 @@
+"""What every calibration shares: its measurements, the robot they are of, a figure, and writing back."""
+
+from __future__ import annotations
+
+import functools
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from datetime import date
+from pathlib import Path
+from typing import TYPE_CHECKING, Any, TextIO, TypeVar
+
+import click
+
+from contid.cli.support.figure import FIGURE
+
+if TYPE_CHECKING:
+    from contid.robot_file.edit import Change
+    from contid.robot_file.robot import RobotDescription
+
+    _Kind = TypeVar("_Kind", bound=RobotDescription)
+
+
+@dataclass(frozen=True, slots=True)
+class Calibration:
+    """One calibration as it was asked for.
+
+    Attributes:
+        data: the measurements.
+        robot_file: where the dimensions are.
+        robot: which robot of it; None when it has only one of the kind.
+        write: the robot file to write the fit into, None to leave it as it is.
+        plot: the figure to write, None for none.
+        as_json: print objects instead of words.
+    """
+
+    data: TextIO
+    robot_file: str
+    robot: str | None
+    write: Path | None
+    plot: Path | None
+    as_json: bool
+
+    @property
+    def source(self) -> str:
+        """What messages call the measurements."""
+        return getattr(self.data, "name", "stdin").strip("<>")
+
+    @property
+    def note(self) -> str:
+        """Where the numbers come from: the comment behind each."""
+        return f"calibrated {date.today().isoformat()} from {Path(self.source).name}"
+
+    def find(self, kind: type[_Kind], words: str) -> tuple[str, _Kind]:
+        """Name and description of the robot; ``words`` is what messages call its kind."""
+        from contid.calibrate.target_robot import find_robot
+
+        return find_robot(self.robot_file, self.robot, kind, words)
+
+    def write_back(self, robot: str, changes: Sequence[Change]) -> None:
+        """Write the numbers into the robot file, when that was asked for."""
+        from contid.calibrate.target_robot import write_back
+
+        if self.write is not None:
+            write_back(self.write, robot, changes)
+            click.echo(f"written to {self.write}", err=True)
+
+
+def calibration(name: str) -> Callable[[Callable[..., None]], click.Command]:
+    """The command ``contid calibrate NAME`` from a function of a `Calibration` and its own options."""
+
+    def decorate(function: Callable[..., None]) -> click.Command:
+        @click.command(name=name)
+        @click.argument("data", type=click.File("r", encoding="utf-8"))
+        @click.option(
+            "--for", "robot_file", help="Robot file (or the name of a shipped one) with the dimensions."
+        )
+        @click.option(
+            "--write",
+            type=click.Path(exists=True, dir_okay=False, path_type=Path),
+            help="Robot file to take the dimensions from and to write the fit into.",
+        )
+        @click.option("--robot", help="Which robot, where the file has several.")
+        @click.option("--plot", type=FIGURE, help="Write a figure (.png, .svg or .pdf).")
+        @click.option("--json", "as_json", is_flag=True, help="One JSON object per fit.")
+        @functools.wraps(function)
+        def command(
+            data: TextIO,
+            robot_file: str | None,
+            write: Path | None,
+            robot: str | None,
+            plot: Path | None,
+            as_json: bool,
+            **own: Any,
+        ) -> None:
+            if (robot_file is None) == (write is None):
+                raise click.UsageError(
+                    "name the robot's file: --write FILE to change it, --for FILE to only read it"
+                )
+            asked = Calibration(data, str(write or robot_file), robot, write, plot, as_json)
+            function(asked, **own)
+
+        return command
+
+    return decorate

@@ -1,0 +1,97 @@
+"""The report of ``contid check`` as tables."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from typing import Final
+
+from rich.console import Console
+from rich.table import Table
+
+from contid.robot_file.summary import ChainReport, FileReport, RobotReport
+
+#: What a kind of target is called here.
+_KINDS: Final = {
+    "mid": "mid-point",
+    "actuation": "or actuation",
+    "extra": "further axes",
+    "measured": "measured tip",
+    "measured_direction": "measured direction",
+}
+
+
+def print_report(report: FileReport, columns: Mapping[str, Mapping[str, Sequence[str]]]) -> None:
+    """Print robots, axes, buses, limits, rate and what is a placeholder.
+
+    Args:
+        report: what the file describes.
+        columns: of trajectories, by robot and kind of target.
+    """
+    console = Console(highlight=False)
+
+    def say(line: str) -> None:
+        console.print(line, soft_wrap=True, markup=False)
+
+    count = len(report["robots"])
+    robots = "1 robot" if count == 1 else f"{count} robots"
+    say(f"{report['name']}: {robots} at {report['rate_hz']:g} Hz; {report['file']} is valid")
+    for robot in report["robots"]:
+        base = ", ".join(f"{value:g}" for value in robot["base_mm"])
+        say(f"\n{robot['name']}: {robot['model']} at ({base}) mm")
+        if robot["kinematics"] != robot["model"]:
+            say(f"  inverse: {robot['kinematics'].rpartition('.')[2]}")
+        if robot["passive"]:
+            say("  passive: it has no actuators of its own")
+            if robot["chain"] is not None:
+                for line in _chain(robot["chain"]):
+                    say(f"  {line}")
+                _placeholders(robot, say)
+            continue
+        console.print(_axes(robot))
+        say(f"  rates: {_rates(robot)}")
+        say("  trajectory columns:")
+        for kind, names in columns[robot["name"]].items():
+            say(f"    {_KINDS.get(kind, kind)}: {', '.join(names)}")
+        say(f"  stops: {', '.join(f'{key} {value}' for key, value in robot['stop'].items())}")
+        _placeholders(robot, say)
+    buses = Table("bus", "driver", "port", "axes", "misses allowed")
+    for bus in report["buses"]:
+        tolerance = f"{bus['tolerance_ticks']} ticks"
+        buses.add_row(bus["name"], bus["driver"], bus["port"], str(bus["axes"]), tolerance)
+    say("")
+    console.print(buses)
+
+
+def _placeholders(robot: RobotReport, say: Callable[[str], None]) -> None:
+    if robot["placeholders"]:
+        say(f"  placeholders (numbers no one measured): {', '.join(robot['placeholders'])}")
+
+
+def _chain(chain: ChainReport) -> Iterator[str]:
+    """Links from base to base, and what the rope must keep."""
+    first, second = (
+        f"arm {arm['name']} on its base at ({', '.join(f'{value:g}' for value in arm['base_mm'])}) mm"
+        for arm in chain["arms"]
+    )
+    mass = "mass not stated" if chain["mass_g"] is None else f"{chain['mass_g']:g} g"
+    curve = "one curve" if chain["pieces"] == 1 else f"{chain['pieces']} curves"
+    yield f"link 1: {first}"
+    yield f"link 2: rope of {chain['length_mm']:g} mm, {mass}, {chain['ends']} at both ends, {curve}"
+    yield f"link 3: {second}"
+    yield f"bases {chain['bases_apart_mm']:g} mm apart; the rope stays above z = {chain['floor_mm']:g} mm"
+
+
+def _axes(robot: RobotReport) -> Table:
+    table = Table("axis", f"from ({robot['unit']})", f"to ({robot['unit']})", "bus", "device", "address")
+    for axis in robot["axes"]:
+        ends = ("" if end is None else f"{end:g}" for end in (axis["least"], axis["greatest"]))
+        table.add_row(axis["name"], *ends, axis["bus"], axis["device"], axis["address"])
+    return table
+
+
+def _rates(robot: RobotReport) -> str:
+    unit = robot["unit"]
+    return (
+        f"velocity {robot['velocity']:g} {unit}/s, acceleration {robot['acceleration']:g} {unit}/s2, "
+        f"jerk {robot['jerk']:g} {unit}/s3"
+    )

@@ -1,0 +1,136 @@
+"""`contid status` for a person: buses, robots, faults and axes as tables, once or again and again."""
+
+from __future__ import annotations
+
+import json
+import time
+from typing import Any, Final
+
+from rich.console import Console, Group
+from rich.live import Live
+from rich.table import Table
+from rich.text import Text
+
+from contid.client import Client, ConnectionLostError, NoDaemonError
+from contid.remote.protocol.wire import Fields
+
+BAR: Final = 24
+_TIER_STYLE: Final = {"fresh": "green", "late": "yellow", "stale": "yellow", "old": "red", "lost": "bold red"}
+_STATE_STYLE: Final = {"RUN": "green", "APPROACH": "cyan", "HOLD": "blue", "FAULT": "bold red", "OFF": "dim"}
+#: How often a watcher looks for a daemon that is not there.
+AGAIN_S: Final = 1.0
+
+
+def picture(status: Fields) -> Group:
+    """Everything of one status."""
+    parts: list[Any] = [_head(status), _buses(status)]
+    for name, robot in status["robots"].items():
+        parts += _robot(name, robot)
+    return Group(*parts)
+
+
+def _head(status: Fields) -> Text:
+    late, right = status["lateness_us"], status["right"]
+    text = Text()
+    text.append(status["name"], style="bold")
+    text.append(f"  {status['rate_hz']:g} Hz  tick {status['tick']}  {status.get('skipped', 0)} skipped")
+    text.append(
+        f"  late p50 {_shown(late['p50'], '.0f')} us, max {_shown(late['max'], '.0f')} us (last second)"
+    )
+    text.append(f"\n{status['clients']} clients, motion right: {right['holder'] or 'free'}")
+    if right.get("stopped_by"):
+        text.append(f" (stopped by {right['stopped_by']})", style="yellow")
+    if status.get("waiting"):
+        text.append(f"\n{status['waiting']}; nothing is connected yet", style="yellow")
+    if status.get("source_s") is not None:
+        text.append(f", trajectory at {status['source_s']:.2f} s")
+    return text
+
+
+def _buses(status: Fields) -> Table:
+    table = Table(box=None, pad_edge=False, padding=(0, 2, 0, 0))
+    for heading in ("bus", "driver", "data", "age", "silent"):
+        table.add_column(heading)
+    for name, bus in status["buses"].items():
+        tier = Text(bus["tier"], style=_TIER_STYLE[bus["tier"]])
+        age = "never read" if bus["age_ms"] is None else f"{bus['age_ms']:.1f} ms"
+        table.add_row(name, bus["driver"], tier, age, ", ".join(bus["silent"]) or "-")
+    return table
+
+
+def _robot(name: str, robot: Fields) -> list[Any]:
+    state = robot["state"]
+    text = Text("\n")
+    text.append(name, style="bold")
+    text.append("  ")
+    text.append(state, style=_STATE_STYLE.get(state, ""))
+    if "axes" not in robot:
+        return [text]
+    text.append("" if robot["enabled"] else "  no torque", style="dim")
+    if robot["tip_mm"] is not None:
+        text.append("  tip (" + ", ".join(f"{value:.2f}" for value in robot["tip_mm"]) + ") mm")
+    if robot["error_mm"] is not None:
+        text.append(f"  error {robot['error_mm']:.3f} mm")
+    parts: list[Any] = [text]
+    fault = robot["fault"]
+    if fault is not None:
+        parts.append(Text(f"fault {fault['number']} {fault['name']}: {fault['what']}", style="red"))
+        parts += [Text(f"  {key}: {fault[key]}") for key in ("cause", "reaction", "remedy")]
+    return [*parts, _axes(robot)]
+
+
+def _axes(robot: Fields) -> Table:
+    unit = robot["unit"]
+    table = Table(box=None, pad_edge=False, padding=(0, 2, 0, 0))
+    table.add_column("axis")
+    table.add_column("")
+    for heading in (f"measured {unit}", f"command {unit}"):
+        table.add_column(heading, justify="right")
+    table.add_column("notes")
+    for name, axis in robot["axes"].items():
+        measured, low, high = axis[f"measured_{unit}"], axis[f"lower_{unit}"], axis[f"upper_{unit}"]
+        notes = [] if axis["valid"] else ["silent"]
+        notes += axis["limits"]
+        if axis["temperature_c"] is not None:
+            notes.append(f"{axis['temperature_c']:.0f} C")
+        table.add_row(
+            name,
+            bar(measured, low, high),
+            _shown(measured, ".3f"),
+            _shown(axis[f"command_{unit}"], ".3f"),
+            ", ".join(notes),
+        )
+    return table
+
+
+def bar(value: float | None, low: float, high: float) -> str:
+    """Where a value lies between its limits; beyond them the bar is full or empty."""
+    if value is None or not high > low:
+        return "·" * BAR
+    filled = round(min(max((value - low) / (high - low), 0.0), 1.0) * BAR)
+    return "█" * filled + "·" * (BAR - filled)
+
+
+def _shown(value: float | None, how: str) -> str:
+    return "-" if value is None else format(value, how)
+
+
+def watching(socket: str | None, rate_hz: float, as_json: bool) -> None:
+    """Look again and again until Ctrl-C; a daemon that ended is looked for again."""
+    console = Console()
+    with Live(console=console, auto_refresh=False, screen=False) as live:
+        while True:
+            try:
+                with Client(socket, name="contid status --watch") as client:
+                    while True:
+                        status = client.status()
+                        if as_json:
+                            live.console.file.write(json.dumps(status) + "\n")
+                            live.console.file.flush()
+                        else:
+                            live.update(picture(status), refresh=True)
+                        time.sleep(1.0 / rate_hz)
+            except (NoDaemonError, ConnectionLostError) as error:
+                if not as_json:
+                    live.update(Text(str(error), style="yellow"), refresh=True)
+                time.sleep(AGAIN_S)

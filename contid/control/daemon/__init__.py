@@ -1,0 +1,1 @@
+"""The asyncio daemon: input, supervision of the control process, report."""

@@ -1,0 +1,111 @@
+"""What a run was asked for, and what that names: the robot file and the input, read and checked."""
+
+from __future__ import annotations
+
+import sys
+from collections.abc import Sequence
+from dataclasses import dataclass
+from pathlib import Path
+
+from contid.control.daemon.cancellable_reader import Patience
+from contid.control.daemon.inputs import Stream, given, read_file, read_stdin
+from contid.control.daemon.interfaces import Commands, Observer
+from contid.control.daemon.pending_input import Awaited
+from contid.control.daemon.terminal import checking
+from contid.control.engine.wiring import build_preflight, driven_robots
+from contid.control.tick.preflight import Preflight, Unreachable
+from contid.errors import ContidError
+from contid.robot_file.document import MAX_RATE_HZ
+from contid.robot_file.load import LoadedFile, load_robot_file, with_mock
+from contid.robot_file.shipped import find_robot_file
+from contid.robot_file.watchdog import starved
+from contid.trajectory.timed import Trajectory
+
+
+@dataclass(frozen=True, slots=True)
+class RunRequest:
+    """What the command line asked for, as it said it.
+
+    Attributes:
+        robot_file: path or name of a shipped one.
+        mock: simulated devices.
+        trajectory: file of timed rows; None for stdin.
+        rate_hz: instead of the file's.
+        on_end: `contid.control.engine.cycle.OnEnd`.
+        unreachable: `contid.control.tick.preflight.Unreachable`.
+        virtual: in virtual time.
+        log: where to write every command.
+        disarmed: connect only; arm on `resume`.
+        commands: further sources of orders.
+        observers: readers of the ring.
+    """
+
+    robot_file: str
+    mock: bool = False
+    trajectory: str | None = None
+    rate_hz: float | None = None
+    on_end: str = "stop"
+    unreachable: str = "refuse"
+    virtual: bool = False
+    log: Path | None = None
+    disarmed: bool = False
+    commands: Sequence[Commands] = ()
+    observers: Sequence[Observer] = ()
+
+
+def load(request: RunRequest) -> LoadedFile:
+    """The robot file, checked."""
+    loaded = load_robot_file(find_robot_file(request.robot_file))
+    if request.rate_hz is not None:
+        if not 0.0 < request.rate_hz <= MAX_RATE_HZ:
+            words = f"above 0, at most {MAX_RATE_HZ:g}, as rate_hz in a robot file"
+            raise ContidError(f"--rate: {request.rate_hz:g}; allowed: {words}")
+        for message in starved(loaded.buses.values(), request.rate_hz):
+            raise ContidError(f"--rate: {message}")
+    return with_mock(loaded) if request.mock else loaded
+
+
+def rate_of(request: RunRequest, loaded: LoadedFile) -> float:
+    """Ticks per second: as asked for, else as the file says."""
+    return request.rate_hz or loaded.file.rate_hz
+
+
+def preflight_of(request: RunRequest, loaded: LoadedFile) -> Preflight | None:
+    """What rows of the input must pass, None when everything does."""
+    return build_preflight(loaded, rate_of(request, loaded), Unreachable(request.unreachable))
+
+
+def read(request: RunRequest, loaded: LoadedFile, patience: Patience) -> Trajectory | Stream | None:
+    """What to follow, checked; waits for it.
+
+    Raises:
+        ContidError: it is wrong, or there is none where one was expected.
+        GivenUpError: nobody waits any more.
+    """
+    robots = driven_robots(loaded)
+    source: Trajectory | Stream
+    if request.trajectory is not None:
+        source = read_file(request.trajectory, robots)
+    elif given(sys.stdin):
+        source = read_stdin(sys.stdin, robots, patience)
+    else:
+        return None
+    if isinstance(source, Trajectory):
+        preflight = preflight_of(request, loaded)
+        if preflight is not None:
+            show = checking(len(source))
+
+            def progress(done: int, total: int) -> None:
+                patience.check()
+                show(done, total)
+
+            preflight.trajectory(source, request.trajectory or "stdin", progress)
+    return source
+
+
+def awaited(request: RunRequest, loaded: LoadedFile) -> Awaited | None:
+    """The input of a run in real time, still to be read; None when there is none to wait for."""
+    if request.trajectory is None and not given(sys.stdin):
+        return None
+    words = "waiting for a trajectory on stdin" if request.trajectory is None else "checking the trajectory"
+    return Awaited(words, lambda patience: read(request, loaded, patience))

@@ -1,0 +1,1 @@
+"""One cycle of all robots: targets, ticks, bus exchange, records."""

@@ -1,0 +1,56 @@
+"""What the engine asks of the watch on its closed chains, tick by tick; what it refuses is told."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+
+from contid.control.engine.cycle import Sink
+from contid.control.engine.exchange import Exchange
+from contid.control.engine.messages import Who
+from contid.control.engine.robots import Robots
+from contid.control.tick.chain_monitor import ChainWatch
+from contid.control.tick.tip_feedback import Measurement
+from contid.kinematics.rope.chain import ChainGuard
+from contid.targets import Target
+
+
+class ChainOrders:
+    """Orders and ticks of the robots that are arms of chains."""
+
+    def __init__(self, guards: Sequence[ChainGuard], robots: Robots, exchange: Exchange, sink: Sink) -> None:
+        self._watch = ChainWatch(guards, robots.plans)
+        self._robots = robots
+        self._exchange = exchange
+        self._sink = sink
+        self._gotos: dict[str, Target] = {}
+
+    def concerns(self, robot: str) -> bool:
+        """True for the arms of chains."""
+        return self._watch.concerns(robot)
+
+    def goto(self, robot: str, target: Target) -> None:
+        """An arm shall go to a point; looked at by `begin_gotos` together with what comes with it."""
+        self._gotos[robot] = target
+
+    def begin_gotos(self, now_s: float) -> None:
+        """Begin the orders to points, as many as came together, or refuse them."""
+        targets, self._gotos = self._gotos, {}
+        for robot, words in self._watch.gotos(self._robots.states, targets, now_s, self._exchange.samples_of):
+            self._sink.event("refused", robot=robot, words=words)
+
+    def stopped(self, who: Who, now_s: float) -> None:
+        """After an order that stops robots: the rest of their chains, and forbidden ways to rest poses."""
+        for robot, words in self._watch.stopped(self._robots.states, who, now_s, self._exchange.samples_of):
+            self._sink.event("refused", robot=robot, words=words)
+
+    def before_tick(
+        self, targets: Mapping[str, Target | None], now_s: float, measured: Mapping[str, Measurement]
+    ) -> Mapping[str, Target | None]:
+        """Targets of this tick; forbidden approaches have become faults."""
+        targets = self._watch.targets(targets, self._robots.states)
+        self._watch.begin(self._robots.states, targets, now_s, self._exchange.samples_of, measured)
+        return targets
+
+    def after_tick(self, now_s: float) -> None:
+        """An arm in FAULT takes the others along."""
+        self._watch.faults(self._robots.states, self._robots.told, now_s)

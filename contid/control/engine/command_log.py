@@ -1,0 +1,53 @@
+"""Every command of a run as CSV with exact floats, so that two runs can be compared byte for byte.
+
+Columns: ``tick,source_s`` and per robot ``NAME.mode``, per axis ``NAME.AXIS.command`` [m or Pa] and
+``NAME.AXIS.device`` [rad or Pa]; empty where nothing was commanded. Numbers are written with the fewest
+digits that read back to the same float64.
+"""
+
+from __future__ import annotations
+
+import math
+from pathlib import Path
+from typing import Any
+
+from contid.control.engine.tick_layout import RecordLayout, TickRecord
+from contid.control.tick.supervisor import Mode
+
+
+class CommandLog:
+    """Writes records as lines; also a sink of the engine."""
+
+    def __init__(self, path: Path, layout: RecordLayout) -> None:
+        self._layout = layout
+        self._file = path.open("w", encoding="ascii", newline="\n", buffering=1)
+        columns = ["tick", "source_s"]
+        for robot in layout.robots:
+            columns.append(f"{robot.name}.mode")
+            for axis in robot.axes:
+                columns += [f"{robot.name}.{axis}.command", f"{robot.name}.{axis}.device"]
+        self._file.write(",".join(columns) + "\n")
+
+    def add(self, record: TickRecord) -> None:
+        """One line for one tick."""
+        cells = [str(record.tick), _exact(record.source_s)]
+        for robot in record.robots:
+            cells.append(Mode(robot.mode).name)
+            for axis in robot.axes:
+                cells += [_exact(axis.command), _exact(axis.device)]
+        self._file.write(",".join(cells) + "\n")
+
+    def write(self, values: list[float]) -> None:
+        """See `contid.control.engine.cycle.Sink`."""
+        self.add(self._layout.decode(tuple(values)))
+
+    def event(self, kind: str, **fields: Any) -> None:
+        """Events are not commands."""
+
+    def close(self) -> None:
+        """Finish the file."""
+        self._file.close()
+
+
+def _exact(value: float) -> str:
+    return "" if math.isnan(value) else repr(value)

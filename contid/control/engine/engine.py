@@ -1,0 +1,241 @@
+"""One cycle of the whole robot file: targets, the tick of every robot, the buses, what came of it.
+
+The control process calls `Engine.cycle` at every deadline, virtual mode in a plain loop; everything that
+differs between them (time, threads, where records go) is given to the constructor.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping, Sequence
+
+from contid.control.engine import messages as msg
+from contid.control.engine.chain_orders import ChainOrders
+from contid.control.engine.cycle import OnEnd, Sink, Timing
+from contid.control.engine.exchange import Exchange
+from contid.control.engine.order_events import order_event
+from contid.control.engine.pack_record import Recorder, Turn
+from contid.control.engine.ports import Port
+from contid.control.engine.robots import Order, Robots, stopping
+from contid.control.engine.sources import Source
+from contid.control.engine.target_selector import Course
+from contid.control.tick import state as change
+from contid.control.tick.config import RobotPlan
+from contid.control.tick.robot_tick import Outcome, tick
+from contid.control.tick.state import Effect, RobotState
+from contid.control.tick.statistics import RobotTally
+from contid.control.tick.supervisor import Mode
+from contid.control.tick.tip_feedback import Measurement
+from contid.hal import Sample
+from contid.kinematics.rope.chain import ChainGuard
+from contid.targets import Target
+from contid.trajectory.timed import Trajectory
+
+
+class Engine:
+    """The robots, their buses and what they follow."""
+
+    def __init__(
+        self,
+        plans: Sequence[RobotPlan],
+        ports: Mapping[str, Port],
+        rate_hz: float,
+        sink: Sink,
+        now: Callable[[], float],
+        *,
+        trajectory: Trajectory | None = None,
+        on_end: OnEnd = OnEnd.STOP,
+        attended: bool = False,
+        guards: Sequence[ChainGuard] = (),
+    ) -> None:
+        """Prepare; nothing is touched.
+
+        Args:
+            plans: of the robots, in file order.
+            ports: by bus name; already open.
+            rate_hz: of the tick.
+            sink: takes records and events.
+            now: the clock of the buses, as a function.
+            trajectory: what to follow, None to wait for rows or orders.
+            on_end: what to do when the source ends.
+            attended: somebody may give orders: do not end because every robot is in FAULT.
+            guards: of the closed chains among the robots.
+        """
+        self.finished = False
+        self._robots = Robots(plans, sink)
+        self._exchange = Exchange(self._robots, ports, rate_hz, sink, now)
+        self._chains = ChainOrders(guards, self._robots, self._exchange, sink)
+        self._course = Course(self._robots, self._chains, rate_hz, sink, trajectory, on_end, attended)
+        self._recorder = Recorder(self._robots.plans, sink, now)
+        self._buses = tuple(ports)
+        self._rate_hz = rate_hz
+        self._sink = sink
+        self._step = -1
+        self._going: list[Target | None] = [None for _ in plans]
+
+    @property
+    def plans(self) -> Sequence[RobotPlan]:
+        """What is fixed about each robot."""
+        return self._robots.plans
+
+    @property
+    def states(self) -> Sequence[RobotState]:
+        """What changes about each robot."""
+        return self._robots.states
+
+    @property
+    def tallies(self) -> Sequence[RobotTally]:
+        """What the report will say of each robot."""
+        return self._robots.tallies
+
+    @property
+    def samples(self) -> Mapping[str, Sample]:
+        """Newest sample by axis."""
+        return self._exchange.samples
+
+    @property
+    def source(self) -> Source | None:
+        """What is followed."""
+        return self._course.source
+
+    @property
+    def moving(self) -> bool:
+        """True while any robot may be in motion."""
+        return self._robots.moving
+
+    @property
+    def armed(self) -> bool:
+        """True when no robot is on its way to its first command any more."""
+        return self._robots.armed
+
+    @property
+    def ended(self) -> bool:
+        """True when what was followed has ended."""
+        return self._course.ended
+
+    def arm(self) -> None:
+        """Connect, arm and follow, every robot: what `contid run` begins with."""
+        self._begin(change.resume)
+
+    def connect(self) -> None:
+        """Connect every robot and leave it READY, without torque, until it is resumed."""
+        self._begin(change.connect)
+
+    def _begin(self, how: Order) -> None:
+        self._robots.order(None, how, 0.0)
+        self._robots.tell(0)
+
+    def abandon(self) -> None:
+        """After a defect of contid itself: bring the devices to their ``on_host_loss`` rest, best effort."""
+        self._exchange.abandon()
+
+    def obey(self, message: object, tick_number: int) -> None:
+        """Carry out a message of the daemon; what is refused becomes an event."""
+        course = self._course
+        step = self._step + 1
+        if (fields := order_event(message)) is not None:
+            self._sink.event("order", tick=tick_number, **fields)
+        if not isinstance(message, msg.Goto):
+            self._chains.begin_gotos(step / self._rate_hz)
+        # Whoever gives orders is waited for, also when every robot is in FAULT.
+        course.attended = course.attended or not isinstance(message, msg.Rows | msg.Measured | msg.End)
+        if course.finishing and isinstance(message, msg.Rows | msg.Resume | msg.Goto | msg.Play):
+            # Nobody, and no script in a loop, holds up the end of a run.
+            if not isinstance(message, msg.Rows):
+                robot = message.robot if isinstance(message, msg.Goto) else ""
+                self._sink.event("refused", robot=robot, words="the run is ending; nothing moves any more")
+            return
+        self._carry_out(message, tick_number, step)
+
+    def _carry_out(self, message: object, tick_number: int, step: int) -> None:
+        """What each message means for robots, course and chains."""
+        robots, course, chains = self._robots, self._course, self._chains
+        now_s = step / self._rate_hz
+        match message:
+            case msg.Rows(targets):
+                course.rows(targets, now_s)
+            case msg.Measured(robot, tip_in_world, direction, age_s):
+                course.measured[robot] = Measurement(tip_in_world, now_s - age_s, direction)
+            case msg.End():
+                course.end_of_rows()
+            case msg.Play(trajectory):
+                course.play(trajectory, now_s)
+            case msg.Begin():
+                course.begin_rows(now_s)
+            case msg.Mark(number):
+                self._sink.event("mark", number=number, tick=tick_number)
+            case msg.Goto(robot, target) if chains.concerns(robot):
+                chains.goto(robot, target)
+            case msg.Goto(robot, target):
+                robots.order((robot,), lambda p, s, t: change.goto(p, s, target, t), now_s)
+            case msg.Hold(who):
+                course.pause(who, step)
+                robots.order(who, change.hold, now_s)
+                chains.stopped(who, now_s)
+            case msg.Resume(who):
+                course.resume(who)
+                robots.order(who, change.resume, now_s)
+            case msg.Stop(who, policy, reason):
+                course.pause(who, step)
+                robots.order(who, stopping(policy, reason), now_s)
+                chains.stopped(who, now_s)
+            case msg.Estop(who):
+                course.pause(who, step)
+                robots.order(who, change.estop, now_s)
+                chains.stopped(who, now_s)
+            case msg.ClearFault(who):
+                robots.order(who, change.ask_clear, now_s)
+            case msg.Finish(policy, reason):
+                course.finish(policy, reason, now_s)
+
+    def cycle(self, timing: Timing) -> None:
+        """One tick of everything."""
+        robots, course, exchange = self._robots, self._course, self._exchange
+        # Robots live in steps, ticks that ran: skipped ones have not happened for them.
+        step = self._step = timing.tick - timing.skipped
+        now_s = step / self._rate_hz
+        source = course.source
+        self._chains.begin_gotos(now_s)
+        targets = self._chains.before_tick(course.targets(step, now_s), now_s, course.measured)
+        commands: dict[str, dict[str, float]] = {name: {} for name in self._buses}
+        bus_of = exchange.bus_of
+        outcomes: list[Outcome] = []
+        for index, plan in enumerate(robots.plans):
+            outcome = self._tick(index, timing.tick, now_s, targets.get(plan.name))
+            for axis, value in zip(plan.axes, outcome.device, strict=False):
+                commands[bus_of[axis]][axis] = value
+            outcomes.append(outcome)
+        # The commands of this tick are given: a stop that begins now begins at the time of the next.
+        next_s = (step + 1) / self._rate_hz
+        exchange.run(commands, timing, next_s)
+        self._chains.after_tick(next_s)
+        course.watch(timing.tick, step, next_s)
+        robots.tell(timing.tick)
+        source_s = None if source is None else source.time_s
+        self._recorder.record(
+            Turn(timing, now_s, source_s, targets, outcomes, robots.states, exchange.samples, course.measured)
+        )
+        if course.finishing and not self.finished:
+            self.finished = robots.resting and not exchange.busy
+
+    def _tick(self, index: int, number: int, now_s: float, target: Target | None) -> Outcome:
+        """The tick of one robot; what it asks of its devices is queued, what is to be told is told."""
+        robots = self._robots
+        plan, state, tally = robots.plans[index], robots.states[index], robots.tallies[index]
+        going = state.goto
+        if self._going[index] is not None and self._going[index] is not going:
+            self._sink.event("goto", robot=plan.name, arrived=False, tick=number)
+        measured = self._course.measured.get(plan.name)
+        outcome = tick(plan, state, now_s, self._exchange.samples_of(plan), target, measured)
+        state = outcome.state
+        if state.pending is not Effect.NONE:
+            state = self._exchange.ask(index, state)
+        if going is not None and state.goto is None:
+            self._sink.event("goto", robot=plan.name, arrived=state.mode is Mode.HOLD, tick=number)
+        self._going[index] = state.goto
+        robots.states[index] = state
+        if outcome.solution is not None:
+            tally.add(outcome.tip_error_m, outcome.solution.converged)
+        for bits in outcome.limits:
+            if bits:
+                tally.limited[bits] += 1
+        return outcome

@@ -1,0 +1,202 @@
+"""Every bus once per tick: commands and what robots ask of their devices go out, samples come back."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Mapping
+from contextlib import suppress
+from dataclasses import replace
+from typing import Final
+
+from contid.control.engine.cycle import Sink, Timing
+from contid.control.engine.order_events import answer_event
+from contid.control.engine.ports import Answer, Job, Port
+from contid.control.engine.robots import Robots
+from contid.control.engine.staleness import TierWatch
+from contid.control.tick import state as change
+from contid.control.tick.config import RobotPlan
+from contid.control.tick.faults import Fault
+from contid.control.tick.state import Effect, OrderRefusedError, RobotState
+from contid.control.tick.supervisor import REST_OF, Mode
+from contid.hal import Sample
+
+#: Between two attempts to open a lost bus again.
+RETRY_S: Final = 1.0
+#: Share of the period that a bus with its own worker is always waited for.
+LEAST_SHARE: Final = 0.25
+
+
+class Exchange:
+    """The buses of a run, what is queued for them, and what they said last.
+
+    Attributes:
+        samples: newest by axis.
+        bus_of: by axis, the name of its bus.
+    """
+
+    def __init__(
+        self,
+        robots: Robots,
+        ports: Mapping[str, Port],
+        rate_hz: float,
+        sink: Sink,
+        now: Callable[[], float],
+    ) -> None:
+        """Prepare; arguments as in `contid.control.engine.engine.Engine`."""
+        self.samples: dict[str, Sample] = {}
+        self.bus_of = {axis: name for name, port in ports.items() for axis in port.bus.axes}
+        self._robots = robots
+        self._ports = dict(ports)
+        self._rate_hz = rate_hz
+        self._sink = sink
+        self._now = now
+        self._tick = 0
+        self._axes_on = [
+            {
+                bus: tuple(axis for axis in plan.axes if self.bus_of[axis] == bus)
+                for bus in sorted({self.bus_of[axis] for axis in plan.axes})
+            }
+            for plan in robots.plans
+        ]
+        self._queued: dict[str, list[tuple[int, Effect, tuple[str, ...]]]] = {name: [] for name in ports}
+        self._outstanding: list[set[str]] = [set() for _ in robots.plans]
+        self._device_faults: dict[str, str] = {}
+        self._tiers = TierWatch({name: tuple(port.bus.axes) for name, port in ports.items()}, rate_hz, sink)
+
+    @property
+    def busy(self) -> bool:
+        """True while a bus that is there has not answered, or was not told yet what is queued for it."""
+        return any((port.busy or self._queued[name]) and not port.lost for name, port in self._ports.items())
+
+    def samples_of(self, plan: RobotPlan) -> tuple[Sample, ...]:
+        """Newest of every axis of a robot, in the order of its plan; empty before the first."""
+        samples = self.samples
+        try:
+            return tuple([samples[axis] for axis in plan.axes])
+        except KeyError:  # before the first exchange of one of its buses
+            return ()
+
+    def ask(self, index: int, state: RobotState) -> RobotState:
+        """Queue what a robot wants of its devices; the state with nothing pending any more."""
+        lost = [bus for bus in self._axes_on[index] if self._ports[bus].lost]
+        name = self._robots.plans[index].name
+        if lost and state.pending is Effect.CLEAR:
+            words = f"{name}: not cleared, {self._ports[lost[0]].lost}"
+            self._sink.event("refused", robot=name, words=words)
+            return replace(state, pending=Effect.NONE)
+        for bus in lost:
+            words = f"{name}: {state.pending.name.lower()} does not reach its devices on {bus}, which is lost"
+            self._sink.event("bus", bus=bus, words=f"{words}; their own dead-man stops them")
+        for bus, axes in self._axes_on[index].items():
+            if bus in lost:
+                continue
+            self._queued[bus].append((index, state.pending, axes))
+            self._outstanding[index].add(bus)
+        return replace(state, pending=Effect.NONE)
+
+    def run(self, commands: Mapping[str, Mapping[str, float]], timing: Timing, now_s: float) -> None:
+        """One exchange with every bus that has answered the last one; ``commands`` by bus and axis."""
+        self._tick = timing.tick
+        for name, port in self._ports.items():
+            if port.busy:
+                continue
+            if port.lost:
+                if timing.tick >= port.retry_at:
+                    port.retry_at = timing.tick + max(int(RETRY_S * self._rate_hz), 1)
+                    port.start(Job({}, reopen=True))
+                continue
+            effects, self._queued[name] = tuple(self._queued[name]), []
+            port.start(Job(commands[name], effects))
+        for name, port in self._ports.items():
+            patience_s = 0.0
+            if port.threaded and not port.lost:
+                # A tick that is late by itself is no reason to give up on a bus that was asked just now.
+                patience_s = max(timing.end_s - self._now(), LEAST_SHARE / self._rate_hz)
+            if port.busy and (answer := port.take(patience_s)) is not None:
+                self._digest(name, port, answer, now_s)
+            elif port.busy and not port.lost:
+                self._stalled(name, port, now_s)
+        self._tiers.look(timing.tick, self.samples, self._now())
+
+    def abandon(self) -> None:
+        """After a defect of contid itself: bring the devices to their ``on_host_loss`` rest, best effort."""
+        for index, plan in enumerate(self._robots.plans):
+            for name, axes in self._axes_on[index].items():
+                port = self._ports[name]
+                rest = REST_OF[plan.stops.on_host_loss]
+                if not port.busy and self._robots.states[index].enabled:
+                    with suppress(Exception):
+                        port.bus.disable(axes, rest)
+
+    def _digest(self, name: str, port: Port, answer: Answer, now_s: float) -> None:
+        if answer.lost or answer.done or answer.refused or port.lost:
+            self._sink.event("answer", tick=self._tick, bus=name, **answer_event(answer))
+        if answer.lost:
+            if not port.lost:
+                self._lose(name, port, Fault.DEVICE_LOST, answer.lost, now_s)
+            return
+        if port.lost:
+            port.lost = ""
+            self._sink.event("bus", bus=name, words=f"{name} is back; clear-fault, then resume")
+        assert answer.samples is not None
+        if len(answer.samples) < len(port.bus.axes):  # what is left out is no sample of this tick
+            self._invalidate(port)
+        self.samples.update(answer.samples)
+        for axis, sample in answer.samples.items():
+            if sample.valid and (sample.value is None or not math.isfinite(sample.value)):
+                self.samples[axis] = replace(sample, value=None, valid=False)
+            if sample.fault != self._device_faults.get(axis, ""):
+                self._device_faults[axis] = sample.fault
+                self._sink.event("device", tick=self._tick, axis=axis, fault=sample.fault)
+        for index, effect in answer.done:
+            self._outstanding[index].discard(name)
+            if not self._outstanding[index]:
+                self._done(index, effect, now_s)
+        for index, effect, words in answer.refused:
+            self._outstanding[index].discard(name)
+            if effect is Effect.ENABLE:
+                self._robots.fail(index, Fault.ARM_REFUSED, words, now_s)
+            else:
+                self._sink.event("refused", robot=self._robots.plans[index].name, words=words)
+
+    def _done(self, index: int, effect: Effect, now_s: float) -> None:
+        robots = self._robots
+        plan, state = robots.plans[index], robots.states[index]
+        if effect is Effect.ENABLE and state.mode is Mode.ARMING:
+            robots.states[index] = replace(state, enabled=True)
+        elif effect is Effect.CLEAR:
+            try:
+                robots.states[index] = change.clear(plan, state, self.samples_of(plan), now_s)
+            except OrderRefusedError as error:
+                self._sink.event("refused", robot=plan.name, words=str(error))
+
+    def _lose(self, name: str, port: Port, fault: Fault, words: str, now_s: float) -> None:
+        """A bus is gone: so are its robots; they keep nothing queued on any bus."""
+        port.lose(words)
+        self._queued[name] = []
+        self._invalidate(port)
+        for index in self._robots_on(name):
+            self._outstanding[index].discard(name)
+            if self._robots.states[index].mode is not Mode.OFF:
+                self._robots.fail(index, fault, words, now_s)
+
+    def _stalled(self, name: str, port: Port, now_s: float) -> None:
+        """A worker is not back in time: a missed exchange for its robots, lost when it goes on."""
+        self._sink.event("stall", tick=self._tick, bus=name)
+        if port.exempt:
+            return
+        self._invalidate(port)
+        mine = self._robots_on(name)
+        patience = min(min(self._robots.plans[index].tolerance) for index in mine)
+        if port.stalls >= patience and any(self._robots.states[index].enabled for index in mine):
+            words = f"{name}: no answer for {port.stalls} ticks"
+            self._lose(name, port, Fault.BUS_STALLED, words, now_s)
+
+    def _robots_on(self, bus: str) -> list[int]:
+        return [index for index, axes in enumerate(self._axes_on) if bus in axes]
+
+    def _invalidate(self, port: Port) -> None:
+        """The newest samples of a bus are not those of this tick."""
+        for axis in port.bus.axes:
+            if axis in self.samples:
+                self.samples[axis] = replace(self.samples[axis], valid=False)

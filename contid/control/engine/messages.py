@@ -1,0 +1,134 @@
+"""What the daemon may tell the control process (`contid.control.process.pipe` carries it)."""
+
+from __future__ import annotations
+
+import copyreg
+from collections.abc import Mapping
+from dataclasses import dataclass
+from types import MappingProxyType
+from typing import Any, TypeAlias
+
+from contid.robot_file.base import StopPolicy
+from contid.targets import Target, Vec3
+from contid.trajectory.timed import Trajectory
+
+#: Robots an order is for; None for all of them.
+Who: TypeAlias = tuple[str, ...] | None
+
+
+@dataclass(frozen=True, slots=True)
+class Hold:
+    """Stop jerk-limited and stay; for all robots the trajectory pauses too."""
+
+    robots: Who = None
+
+
+@dataclass(frozen=True, slots=True)
+class Resume:
+    """Arm if need be and follow the source again."""
+
+    robots: Who = None
+
+
+@dataclass(frozen=True, slots=True)
+class Stop:
+    """Stop by a policy, or by the robot file's policy for a reason (``on_end``, ``on_interrupt``, ...)."""
+
+    robots: Who = None
+    policy: StopPolicy | None = None
+    reason: str = "on_interrupt"
+
+
+@dataclass(frozen=True, slots=True)
+class Estop:
+    """Relax or vent now."""
+
+    robots: Who = None
+
+
+@dataclass(frozen=True, slots=True)
+class ClearFault:
+    """Clear the devices and the latch; nothing moves."""
+
+    robots: Who = None
+
+
+@dataclass(frozen=True, slots=True)
+class Goto:
+    """Go to one target (world frame), then hold."""
+
+    robot: str
+    target: Target
+
+
+@dataclass(frozen=True, slots=True)
+class Rows:
+    """A row of a live stream: new targets by robot; None holds that robot until its next row."""
+
+    targets: Mapping[str, Target | None]
+
+
+@dataclass(frozen=True, slots=True)
+class Measured:
+    """Where a tracker saw the tip of one robot; see `contid.control.tick.tip_feedback`.
+
+    Attributes:
+        robot: its name.
+        tip_in_world: position [m].
+        direction_in_world: unit tangent there, or None when only the position was measured.
+        age_s: since it was captured.
+    """
+
+    robot: str
+    tip_in_world: Vec3
+    direction_in_world: Vec3 | None = None
+    age_s: float = 0.0
+
+
+@dataclass(frozen=True, slots=True)
+class Play:
+    """Follow a timed trajectory from its first row; the run goes on after its last."""
+
+    trajectory: Trajectory
+
+
+@dataclass(frozen=True, slots=True)
+class Begin:
+    """A new live stream begins: the rows before are forgotten; the run goes on after its last."""
+
+
+@dataclass(frozen=True, slots=True)
+class Mark:
+    """Answered with an event ``mark``: everything sent before it was obeyed, or refused by an event."""
+
+    number: int
+
+
+@dataclass(frozen=True, slots=True)
+class End:
+    """The live stream ended."""
+
+
+@dataclass(frozen=True, slots=True)
+class Finish:
+    """Stop every robot (see `Stop`), then end the control process."""
+
+    policy: StopPolicy | None = None
+    reason: str = "on_interrupt"
+
+
+Message: TypeAlias = (
+    Hold | Resume | Stop | Estop | ClearFault | Goto | Rows | Measured | Play | Begin | Mark | End | Finish
+)
+
+
+def _proxy(plain: dict[Any, Any]) -> MappingProxyType[Any, Any]:
+    return MappingProxyType(plain)
+
+
+def _proxy_parts(proxy: MappingProxyType[Any, Any]) -> tuple[Any, ...]:
+    return _proxy, (dict(proxy),)
+
+
+# A target without extras shares one read-only mapping, which pickle does not know by itself.
+copyreg.pickle(MappingProxyType, _proxy_parts)

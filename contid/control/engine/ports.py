@@ -1,0 +1,174 @@
+"""One owner per bus: inline for a single bus, one worker thread each when there are several.
+
+A slow device then stalls its own bus only (husarion/rosbot_ros PR 196). A worker that has not come back by
+the end of the tick is left alone: its robots count a miss, and it gets no new job until it is done.
+"""
+
+from __future__ import annotations
+
+import threading
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from queue import Empty, SimpleQueue
+
+from contid.control.tick.state import Effect
+from contid.errors import ContidError
+from contid.hal import Bus, Rest, Sample
+
+
+@dataclass(frozen=True, slots=True)
+class Job:
+    """What a bus shall do in one tick.
+
+    Attributes:
+        commands: device values by axis.
+        effects: per robot index, what to ask of which axes; done before the exchange.
+        reopen: try to open the bus again first.
+    """
+
+    commands: Mapping[str, float]
+    effects: tuple[tuple[int, Effect, tuple[str, ...]], ...] = ()
+    reopen: bool = False
+
+
+@dataclass(slots=True)
+class Answer:
+    """What came of a job.
+
+    Attributes:
+        samples: by axis, None when the exchange failed.
+        lost: why the bus is gone, "" while it is there.
+        done: effects that succeeded, by robot index.
+        refused: effects that a device refused, with its words.
+    """
+
+    samples: Mapping[str, Sample] | None = None
+    lost: str = ""
+    done: list[tuple[int, Effect]] = field(default_factory=list)
+    refused: list[tuple[int, Effect, str]] = field(default_factory=list)
+
+
+def perform(bus: Bus, job: Job) -> Answer:
+    """Do a job; never raises, because one bus must not end the tick of the others."""
+    answer = Answer()
+    try:
+        if job.reopen:
+            bus.open()
+        for robot, effect, axes in job.effects:
+            try:
+                _apply(bus, effect, axes)
+            except ContidError as error:
+                answer.refused.append((robot, effect, str(error)))
+            else:
+                answer.done.append((robot, effect))
+        answer.samples = bus.exchange(job.commands)
+    except ContidError as error:
+        answer.lost = str(error)
+    except Exception as error:  # a driver's defect ends its bus, not the process that holds the others
+        answer.lost = f"{bus.name}: {type(error).__name__}: {error}"
+    return answer
+
+
+def _apply(bus: Bus, effect: Effect, axes: tuple[str, ...]) -> None:
+    if effect is Effect.ENABLE:
+        bus.enable(axes)
+    elif effect is Effect.CLEAR:
+        bus.clear_fault(axes)
+    elif isinstance(effect.value, Rest):
+        bus.disable(axes, effect.value)
+
+
+class Port:
+    """A bus and whoever works for it.
+
+    Attributes:
+        bus: the bus; only this port touches it while open.
+        lost: why it is gone, "" while it is there.
+        exempt: the job under way may take longer than a tick: it arms, clears or opens something.
+        stalls: ticks in a row that ended before the bus was back.
+        retry_at: tick of the next attempt to open a lost bus.
+    """
+
+    def __init__(self, bus: Bus, threaded: bool, reopen_aside: bool = False) -> None:
+        """Take a bus.
+
+        Args:
+            bus: already open.
+            threaded: a worker does the jobs from the start.
+            reopen_aside: a worker takes over when the bus is lost, because opening it again may take long.
+        """
+        self.bus = bus
+        self._reopen_aside = reopen_aside
+        self.lost = ""
+        self.stalls = 0
+        self.exempt = False
+        self.retry_at = 0
+        self._answer: Answer | None = None
+        self._busy = False
+        self._jobs: SimpleQueue[Job | None] = SimpleQueue()
+        self._answers: SimpleQueue[Answer] = SimpleQueue()
+        self._worker: threading.Thread | None = None
+        if threaded:
+            self.hand_over()
+
+    @property
+    def busy(self) -> bool:
+        """True while the last job is not done."""
+        return self._busy
+
+    @property
+    def threaded(self) -> bool:
+        """True when a worker thread does the jobs."""
+        return self._worker is not None
+
+    def lose(self, words: str) -> None:
+        """The bus is gone; whoever reopens it must not hold up the tick."""
+        self.lost = words
+        self.retry_at = 0
+        if self._reopen_aside:
+            self.hand_over()
+
+    def hand_over(self) -> None:
+        """From now on a worker does the jobs."""
+        if self._worker is None:
+            self._worker = threading.Thread(target=self._work, name=f"bus {self.bus.name}", daemon=True)
+            self._worker.start()
+
+    def start(self, job: Job) -> None:
+        """Begin a job; `take` gives the answer."""
+        self._busy = True
+        self.exempt = job.reopen or bool(job.effects)
+        if self._worker is None:
+            self._answer = perform(self.bus, job)
+        else:
+            self._jobs.put(job)
+
+    def take(self, timeout_s: float) -> Answer | None:
+        """The answer of the job that was begun, or None when it is not there in time."""
+        if not self._busy:
+            return None
+        if self._worker is None:
+            answer, self._answer = self._answer, None
+        else:
+            try:
+                answer = self._answers.get(timeout=max(timeout_s, 0.0))
+            except Empty:
+                self.stalls += 1
+                return None
+        self._busy = False
+        self.stalls = 0
+        return answer
+
+    def close(self, patience_s: float) -> None:
+        """Let the bus go; a worker that hangs in its device is left behind (the thread is a daemon)."""
+        if self._worker is not None:
+            self._jobs.put(None)
+            self._worker.join(patience_s)
+            if self._worker.is_alive():
+                return
+            self._worker = None
+        self.bus.close()
+
+    def _work(self) -> None:
+        while (job := self._jobs.get()) is not None:
+            self._answers.put(perform(self.bus, job))

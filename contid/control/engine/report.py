@@ -1,0 +1,117 @@
+"""What is said at the end of every run, however it ended."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, field
+from typing import Any
+
+from contid.control.engine.engine import Engine
+from contid.control.engine.tick_layout import CONVERGED, RecordLayout, TickRecord
+from contid.control.tick.faults import Fault, describe
+from contid.control.tick.statistics import Lateness, RobotTally
+from contid.control.tick.supervisor import Mode
+
+
+@dataclass(slots=True)
+class Report:
+    """The end of a run.
+
+    Attributes:
+        ending: in words: the trajectory ended, interrupted, a fault, ...
+        exit_code: of the process (see docs).
+        rate_hz: of the tick.
+        virtual: True in virtual time, where no lateness exists.
+        ticks: run.
+        late: started more than a tenth of a period after their deadline.
+        skipped: never started while a robot was moving.
+        waited: periods that passed while nothing moved (connecting, arming) and are no ticks.
+        lateness: p50, p99, p99.9 and greatest [us].
+        realtime: whether the control process ran under SCHED_FIFO.
+        robots: per robot its last state, fault, tip error and limits.
+        problems: what could not be done, in words.
+    """
+
+    ending: str = "did not start"
+    exit_code: int = 0
+    rate_hz: float = 0.0
+    virtual: bool = False
+    ticks: int = 0
+    late: int = 0
+    skipped: int = 0
+    waited: int = 0
+    lateness: dict[str, float] = field(default_factory=dict)
+    realtime: bool = False
+    robots: dict[str, dict[str, Any]] = field(default_factory=dict)
+    problems: list[str] = field(default_factory=list)
+
+    def as_dict(self) -> dict[str, Any]:
+        """For ``--json``."""
+        return {name: getattr(self, name) for name in self.__slots__}
+
+    def faulted(self) -> bool:
+        """True when a robot ended in FAULT."""
+        return any(robot["fault"] for robot in self.robots.values())
+
+    def __str__(self) -> str:
+        """For a person."""
+        lines = [f"run: {self.ending} (exit code {self.exit_code})"]
+        accounted = f"{self.ticks} run, {self.late} late, {self.skipped} skipped"
+        lines.append(f"ticks: {accounted} at {self.rate_hz:g} Hz{' of virtual time' if self.virtual else ''}")
+        if self.lateness and not self.virtual:
+            figures = ", ".join(
+                f"{key.removesuffix('_us')} {value:g}" for key, value in self.lateness.items()
+            )
+            how = "SCHED_FIFO" if self.realtime else "normal priority"
+            lines.append(f"lateness [us]: {figures} ({how})".replace("p99_9", "p99.9"))
+        for name, robot in self.robots.items():
+            lines.append(
+                f"{name}: {robot['mode']}, {robot['ticks_followed']} ticks followed, tip error "
+                f"max {robot['tip_error_max_mm']:.3g} mm, rms {robot['tip_error_rms_mm']:.3g} mm"
+                + "".join(f", {n} ticks at the {limit} limit" for limit, n in robot["ticks_limited"].items())
+                + (f", {robot['ticks_unreachable']} unreachable" if robot["ticks_unreachable"] else "")
+            )
+            if robot["fault"]:
+                lines.append(f"{name}: {robot['words']}")
+        return "\n".join([*lines, *self.problems])
+
+
+def robot_reports(engine: Engine) -> dict[str, dict[str, Any]]:
+    """What became of each robot."""
+    out = {}
+    for plan, state, tally in zip(engine.plans, engine.states, engine.tallies, strict=True):
+        faulted = state.mode is Mode.FAULT
+        out[plan.name] = {
+            "mode": state.mode.name,
+            "fault": int(state.fault),
+            "words": describe(state.fault, state.words) if faulted else "",
+            **tally.as_dict(),
+        }
+    return out
+
+
+def complete_from_records(
+    report: Report, layout: RecordLayout, written: int, records: Sequence[TickRecord]
+) -> None:
+    """What the ring still tells of a control process that did not live to report by itself.
+
+    Counts are complete; lateness and tip errors are those of the records that are left, the last seconds.
+    """
+    if report.ticks or not records:
+        return
+    lateness, tallies = Lateness(), [RobotTally() for _ in layout.robots]
+    for record in records:
+        lateness.add(record.lateness_s)
+        for robot, tally in zip(record.robots, tallies, strict=True):
+            if robot.tip_error_m == robot.tip_error_m:
+                tally.add(robot.tip_error_m, bool(robot.flags & CONVERGED))
+    last = records[-1]
+    report.ticks, report.skipped, report.lateness = written, last.skipped, lateness.as_dict()
+    for name, robot, tally in zip(layout.robots, last.robots, tallies, strict=True):
+        fault = Fault(robot.fault)
+        report.robots[name.name] = {
+            "mode": Mode(robot.mode).name,
+            "fault": robot.fault,
+            "words": describe(fault, fault.name) if fault else "",
+            **tally.as_dict(),
+        }

@@ -1,0 +1,156 @@
+"""Where the targets of a tick come from: a timed trajectory played by the tick itself, or a live stream."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from typing import Final, Protocol
+
+from contid.control.tick.config import RobotPlan
+from contid.control.tick.soft_start import ease_ticks, played
+from contid.control.tick.state import RobotState
+from contid.control.tick.supervisor import Mode
+from contid.targets import Target
+from contid.trajectory.timed import Trajectory
+
+#: How long after the last row the limiter may still need to bring a robot onto it.
+SETTLE_S: Final = 5.0
+
+
+class Source(Protocol):
+    """Gives every robot its target at a tick."""
+
+    #: Time in the trajectory [s], None where there is none.
+    time_s: float | None
+    #: True when nothing more will come and every robot is where it shall be.
+    finished: bool
+
+    def targets(self, tick: int) -> Mapping[str, Target | None]:
+        """Targets by robot in the world frame; a robot without one holds."""
+        ...
+
+    def watch(self, tick: int, states: Mapping[str, RobotState]) -> None:
+        """Called after each tick with what became of the robots."""
+        ...
+
+    def pause(self, tick: int) -> None:
+        """Stand still in time."""
+        ...
+
+    def resume(self) -> None:
+        """Go on, once the robots are back."""
+        ...
+
+
+class Timed:
+    """A timed trajectory.
+
+    Its clock starts when every robot that follows it has arrived at the first row (a robot in FAULT, or held
+    by an order, is not waited for), and counts ticks: time ``start + n/rate``, so a row written at a tick is
+    met exactly. Skipped ticks are not counted: nobody leaves the path for them. Starts and ends at speed are
+    eased (`ease`).
+    """
+
+    def __init__(self, trajectory: Trajectory, rate_hz: float, plans: Sequence[RobotPlan]) -> None:
+        self._trajectory = trajectory
+        self._rate_hz = rate_hz
+        self._plans = tuple(plans)
+        self._robots = tuple(trajectory.targets_of_row(0))
+        self._length = (trajectory.end_s - trajectory.start_s) * rate_hz
+        self._origin: int | None = None
+        self._base = 0.0  # ticks of the trajectory before the last pause
+        # Known before the first tick: with many robots this takes longer than a tick may.
+        self._start_lead = ease_ticks(self._plans, trajectory, trajectory.start_s, ahead=True)
+        self._end_tail = ease_ticks(self._plans, trajectory, trajectory.end_s, ahead=False)
+        self._lead = self._tail = 0
+        self._paused = False
+        self._ended_at: int | None = None
+        self.time_s: float | None = trajectory.start_s
+        self.finished = False
+
+    def targets(self, tick: int) -> Mapping[str, Target | None]:
+        """Targets at the time of this tick."""
+        trajectory = self._trajectory
+        position = self._position(tick)
+        if self._origin is not None and position >= self._length and self._ended_at is None:
+            self._ended_at = tick
+        time_s = trajectory.start_s + position / self._rate_hz
+        if position >= self._length:
+            time_s = trajectory.end_s
+        self.time_s = time_s
+        return trajectory.targets_at(time_s)
+
+    def watch(self, tick: int, states: Mapping[str, RobotState]) -> None:
+        """Start the clock when everybody is there; notice the end."""
+        followers = [states[name] for name in self._robots if states[name].follow]
+        if self._ended_at is not None:
+            still = all(state.command == state.aim for state in followers)
+            self.finished = still or tick - self._ended_at > SETTLE_S * self._rate_hz
+        elif self._origin is None and not self._paused and followers:
+            arrived = all(state.mode is Mode.RUN for state in followers)
+            if arrived:
+                self._begin(tick)
+
+    def pause(self, tick: int) -> None:
+        """Stand still at the time reached."""
+        self._base = self._position(tick)
+        self._origin, self._paused = None, True
+
+    def resume(self) -> None:
+        """Go on as soon as the robots are back at the time reached."""
+        self._paused = False
+
+    def _position(self, tick: int) -> float:
+        """Ticks of the trajectory played by now."""
+        if self._origin is None:
+            return self._base
+        return self._base + played(tick - self._origin, self._length - self._base, self._lead, self._tail)
+
+    def _begin(self, tick: int) -> None:
+        trajectory, room = self._trajectory, int(self._length - self._base) // 2 * 2
+        lead = self._start_lead
+        if self._base > 0.0:
+            now_s = trajectory.start_s + self._base / self._rate_hz
+            lead = ease_ticks(self._plans, trajectory, now_s, ahead=True)
+        self._lead, self._tail = min(lead, room), min(self._end_tail, room)
+        self._origin = tick
+
+
+class Live:
+    """The newest row of a stream."""
+
+    def __init__(self) -> None:
+        self._newest: dict[str, Target | None] = {}
+        self._ended = False
+        self._paused = False
+        self.time_s: float | None = None
+        self.finished = False
+
+    def put(self, targets: Mapping[str, Target | None]) -> None:
+        """A new row; robots it does not name keep their target."""
+        self._newest.update(targets)
+
+    def end(self) -> None:
+        """No further row will come."""
+        self._ended = True
+
+    def targets(self, tick: int) -> Mapping[str, Target | None]:
+        """The newest target of every robot."""
+        return {} if self._paused else self._newest
+
+    def watch(self, tick: int, states: Mapping[str, RobotState]) -> None:
+        """At the end of the stream, wait until the last row is reached."""
+        if self._ended:
+            self.finished = not any(
+                state.mode in (Mode.CONNECTING, Mode.READY, Mode.ARMING, Mode.APPROACH)
+                or (state.mode is Mode.RUN and state.command != state.aim)
+                for name, state in states.items()
+                if self._newest.get(name) is not None and state.follow
+            )
+
+    def pause(self, tick: int) -> None:
+        """Robots hold until `resume`."""
+        self._paused = True
+
+    def resume(self) -> None:
+        """Follow the newest row again."""
+        self._paused = False

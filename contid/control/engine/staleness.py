@@ -1,0 +1,81 @@
+"""How old the data of a bus are, and the events that tell of it: health from ages, never from a flag.
+
+    tier = first of (fresh, late, stale, old, lost) whose bound is not exceeded
+
+Bounds 15, 50, 200 and 1000 ms (those of orca_core's joint loop), none of them shorter than three periods of
+the tick: at 20 Hz data of 150 ms are fresh.
+"""
+
+from __future__ import annotations
+
+import enum
+import math
+from collections.abc import Mapping, Sequence
+from typing import Final
+
+from contid.control.engine.cycle import Sink
+from contid.hal import Sample
+
+
+class Tier(enum.StrEnum):
+    """How far the data of a bus can be trusted."""
+
+    FRESH = "fresh"
+    LATE = "late"
+    STALE = "stale"
+    OLD = "old"
+    LOST = "lost"
+
+
+BOUNDS_S: Final[tuple[tuple[float, Tier], ...]] = (
+    (0.015, Tier.FRESH),
+    (0.050, Tier.LATE),
+    (0.200, Tier.STALE),
+    (1.000, Tier.OLD),
+)
+#: Periods of the tick that no bound is shorter than.
+LEAST_PERIODS: Final = 3.0
+#: A better tier is told when it has lasted so long, so that a device at a bound does not flood the session.
+LASTING_S: Final = 0.5
+_ORDER: Final = {tier: place for place, tier in enumerate(Tier)}
+
+
+def tier_of(age_s: float, period_s: float) -> Tier:
+    """The tier of an age."""
+    for bound_s, tier in BOUNDS_S:
+        if age_s <= max(bound_s, LEAST_PERIODS * period_s):
+            return tier
+    return Tier.LOST
+
+
+class TierWatch:
+    """Tells every change of a bus's tier: a worse one at once, a better one when it has lasted."""
+
+    def __init__(self, axes_of: Mapping[str, Sequence[str]], rate_hz: float, sink: Sink) -> None:
+        """``axes_of``: axes by bus."""
+        self._axes_of = {bus: tuple(axes) for bus, axes in axes_of.items()}
+        self._period_s = 1.0 / rate_hz
+        self._lasting = max(math.ceil(LASTING_S * rate_hz), 1)
+        self._sink = sink
+        self._told: dict[str, Tier] = {}
+        self._better: dict[str, int] = dict.fromkeys(self._axes_of, 0)
+
+    def look(self, tick: int, samples: Mapping[str, Sample], now_s: float) -> None:
+        """After an exchange: ``samples`` by axis, ``now_s`` on their clock; first data are no change."""
+        for bus, axes in self._axes_of.items():
+            read = [samples[axis] for axis in axes if axis in samples]
+            if not read or len(read) < len(axes) or any(s.value is None for s in read):
+                continue
+            age_s = now_s - min([sample.time_s for sample in read])
+            tier = tier_of(age_s, self._period_s)
+            before = self._told.setdefault(bus, tier)
+            if tier is before:
+                self._better[bus] = 0
+                continue
+            if _ORDER[tier] < _ORDER[before]:
+                self._better[bus] += 1
+                if self._better[bus] < self._lasting:
+                    continue
+            self._better[bus] = 0
+            self._told[bus] = tier
+            self._sink.event("tier", tick=tick, bus=bus, tier=str(tier), before=str(before), age_s=age_s)

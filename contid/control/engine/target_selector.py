@@ -1,0 +1,155 @@
+"""What the robots follow, where trackers see their tips, and how a run comes to its end."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import replace
+from typing import Final
+
+from contid.control.engine.chain_orders import ChainOrders
+from contid.control.engine.cycle import OnEnd, Sink
+from contid.control.engine.messages import Who
+from contid.control.engine.robots import Robots, stopping
+from contid.control.engine.sources import Live, Source, Timed
+from contid.control.tick import state as change
+from contid.control.tick.state import Effect
+from contid.control.tick.supervisor import REST_OF, Mode
+from contid.control.tick.tip_feedback import Measurement
+from contid.robot_file.base import StopPolicy
+from contid.targets import Target
+from contid.trajectory.timed import Trajectory
+
+_NOTHING: Final[Mapping[str, Target | None]] = {}
+
+
+class Course:
+    """The source of targets, and the end it comes to.
+
+    Attributes:
+        source: what is followed, None for nothing.
+        measured: newest measured tip by robot.
+        attended: somebody may give orders: do not end because every robot is in FAULT.
+        ended: what was followed has ended.
+        finishing: the run is on its way to its end; nothing sets out any more.
+    """
+
+    def __init__(
+        self,
+        robots: Robots,
+        chains: ChainOrders,
+        rate_hz: float,
+        sink: Sink,
+        trajectory: Trajectory | None,
+        on_end: OnEnd,
+        attended: bool,
+    ) -> None:
+        """Prepare; arguments as in `contid.control.engine.engine.Engine`."""
+        self.source: Source | None = None
+        if trajectory is not None:
+            self.source = Timed(trajectory, rate_hz, robots.plans)
+        self.measured: dict[str, Measurement] = {}
+        self.attended = attended
+        self.ended = False
+        self.finishing = False
+        self._robots = robots
+        self._chains = chains
+        self._rate_hz = rate_hz
+        self._sink = sink
+        self._on_end = on_end
+
+    def targets(self, step: int, now_s: float) -> Mapping[str, Target | None]:
+        """Targets of a step by robot; what a trajectory says of measured tips is noted."""
+        source = self.source
+        if source is None:
+            return _NOTHING
+        targets = source.targets(step)
+        if isinstance(source, Timed):
+            self._note(targets, now_s)
+        return targets
+
+    def rows(self, targets: Mapping[str, Target | None], now_s: float) -> None:
+        """A row of a live stream arrived."""
+        self._live().put(targets)
+        self._note(targets, now_s)
+
+    def end_of_rows(self) -> None:
+        """No further row will come."""
+        self._live().end()
+
+    def play(self, trajectory: Trajectory, now_s: float) -> None:
+        """Follow a trajectory instead."""
+        self._replace(Timed(trajectory, self._rate_hz, self._robots.plans), now_s)
+
+    def begin_rows(self, now_s: float) -> None:
+        """Follow a new live stream instead."""
+        self._replace(Live(), now_s)
+
+    def pause(self, who: Who, step: int) -> None:
+        """What stops everybody stops the time of the trajectory too."""
+        if who is None and self.source is not None:
+            self.source.pause(step)
+
+    def resume(self, who: Who) -> None:
+        """What resumes everybody resumes it."""
+        if who is None and self.source is not None:
+            self.source.resume()
+
+    def watch(self, tick: int, step: int, now_s: float) -> None:
+        """After a tick, at the time of the next: does the source end here, and the run with it?"""
+        if self.finishing:
+            self._rest_faulted()
+            return
+        robots, source = self._robots, self.source
+        alive = any(state.mode is not Mode.FAULT for state in robots.states)
+        if source is not None:
+            source.watch(step, {p.name: s for p, s in zip(robots.plans, robots.states, strict=True)})
+            if source.finished and not self.ended:
+                self.ended = True
+                self._sink.event("end", tick=tick, on_end=self._on_end.value)
+                if self._on_end is not OnEnd.HOLD:
+                    rest = StopPolicy.REST if self._on_end is OnEnd.REST else None
+                    self.finish(rest, "on_end", now_s)
+        if not alive and not self.attended and not self.finishing:
+            self.finish(None, "on_fault", now_s)
+
+    def finish(self, policy: StopPolicy | None, reason: str, now_s: float) -> None:
+        """Stop every robot; the run is over when all of them rest."""
+        self.finishing = True
+        self.source = None
+        robots, states = self._robots, self._robots.states
+        for index in range(len(states)):
+            if states[index].mode not in (Mode.OFF, Mode.FAULT):
+                robots.change(index, stopping(policy, reason), now_s)
+        self._rest_faulted()
+        self._chains.stopped(None, now_s)
+        motions = [state.motion for state in states if state.mode in (Mode.STOPPING, Mode.FAULT)]
+        seconds = max((motion.duration_s for motion in motions if motion is not None), default=0.0)
+        self._sink.event("stopping", reason=reason, seconds=seconds)
+
+    def _rest_faulted(self) -> None:
+        """A robot that its fault has brought to a standstill: its devices shall stay so without a host."""
+        states = self._robots.states
+        for index, plan in enumerate(self._robots.plans):
+            state = states[index]
+            if state.mode is Mode.FAULT and state.enabled and not any(state.steps):
+                resting = Effect(REST_OF[plan.stops.on_fault])
+                states[index] = replace(state, pending=resting, enabled=False, motion=None)
+
+    def _live(self) -> Live:
+        if not isinstance(self.source, Live):
+            self.source = Live()
+        return self.source
+
+    def _note(self, targets: Mapping[str, Target | None], now_s: float) -> None:
+        for robot, target in targets.items():
+            if target is not None and target.measured_tip_m is not None:
+                self.measured[robot] = Measurement.of(target, now_s)
+
+    def _replace(self, source: Source, now_s: float) -> None:
+        """Another source takes over: whoever followed the old one approaches the new one, or holds."""
+        self.source, self.ended, self._on_end = source, False, OnEnd.HOLD
+        states = self._robots.states
+        for index, plan in enumerate(self._robots.plans):
+            state = states[index]
+            if state.mode is Mode.RUN or (state.mode is Mode.APPROACH and state.goto is None):
+                states[index] = change.stay(plan, state, now_s)

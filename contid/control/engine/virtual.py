@@ -1,0 +1,155 @@
+"""A run in virtual time: the same engine, one process, no waiting; repeatable to the bit."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterable, Mapping, Sequence
+from typing import Any
+
+from contid.control.engine.clock import VirtualClock
+from contid.control.engine.cycle import OnEnd, Sink, Timing
+from contid.control.engine.engine import Engine
+from contid.control.engine.messages import End, Message, Rows
+from contid.control.engine.ports import Port
+from contid.control.engine.report import Report, robot_reports
+from contid.control.engine.wiring import build_plans, chain_guards, open_buses
+from contid.robot_file.load import LoadedFile
+from contid.targets import Target
+from contid.trajectory.timed import Trajectory
+
+
+class Tee:
+    """Several sinks as one; also collects events for whoever runs this."""
+
+    def __init__(self, sinks: Sequence[Sink]) -> None:
+        self.sinks = sinks
+
+    def write(self, values: list[float]) -> None:
+        """See `contid.control.engine.cycle.Sink`."""
+        for sink in self.sinks:
+            sink.write(values)
+
+    def event(self, kind: str, **fields: Any) -> None:
+        """See `contid.control.engine.cycle.Sink`."""
+        for sink in self.sinks:
+            sink.event(kind, **fields)
+
+
+class VirtualProcess:
+    """The virtual-time twin of `contid.control.process.control_process`: buses, engine and tick number.
+
+    Attributes:
+        buses: by name.
+        ports: their owners, by the same names.
+        engine: turned by `turn`.
+        tick: number of the next tick.
+        skipped: ticks skipped so far, because a simulated device answered late.
+        cycles: ticks that were run.
+    """
+
+    def __init__(
+        self,
+        loaded: LoadedFile,
+        rate_hz: float,
+        sink: Sink,
+        *,
+        trajectory: Trajectory | None = None,
+        on_end: OnEnd = OnEnd.STOP,
+        attended: bool = False,
+    ) -> None:
+        """Open the buses; arguments as in `run_virtual` and `contid.control.engine.engine.Engine`."""
+        self.clock = VirtualClock()
+        self.buses = open_buses(loaded, self.clock)
+        self.ports = {name: Port(bus, threaded=False) for name, bus in self.buses.items()}
+        self.engine = Engine(
+            build_plans(loaded, rate_hz), self.ports, rate_hz, sink, self.clock.now,
+            trajectory=trajectory, on_end=on_end, attended=attended,
+            guards=chain_guards(loaded),
+        )  # fmt: skip
+        self.tick = self.skipped = self.cycles = 0
+        self._rate_hz = rate_hz
+        self._sink = sink
+
+    def begin(self) -> None:
+        """Move to the deadline of the next tick.
+
+        Only a simulated device that answers late gets ahead of it; ticks are skipped then as in real time,
+        never caught up.
+        """
+        late = max(0.0, self.clock.now() - self.tick / self._rate_hz) * self._rate_hz
+        if late >= 1.0:
+            missed = int(late)
+            self.tick, self.skipped = self.tick + missed, self.skipped + missed
+            self._sink.event("skipped", ticks=missed, total=self.skipped)
+        self.clock.set(max(self.tick / self._rate_hz, self.clock.now()))
+
+    def turn(self) -> None:
+        """One cycle, after the orders that arrived before it were given to the engine."""
+        number, deadline_s = self.tick, self.tick / self._rate_hz
+        self.engine.cycle(Timing(number, self.skipped, deadline_s, self.clock.now() - deadline_s))
+        self.tick, self.cycles = number + 1, self.cycles + 1
+
+    def close(self) -> None:
+        """Let the buses go."""
+        for port in self.ports.values():
+            port.close(1.0)
+
+
+def run_virtual(
+    loaded: LoadedFile,
+    rate_hz: float,
+    trajectory: Trajectory | None,
+    *,
+    sinks: Sequence[Sink] = (),
+    on_end: OnEnd = OnEnd.STOP,
+    rows: Iterable[Mapping[str, Target | None]] | None = None,
+    orders: Mapping[int, Sequence[Message]] | None = None,
+    ticks: int | None = None,
+    progress: Callable[[int], None] | None = None,
+) -> Report:
+    """Run to the end of the source.
+
+    Args:
+        loaded: robot file; its buses must be simulated for time to be virtual.
+        rate_hz: of the tick.
+        trajectory: what to follow.
+        sinks: take records and events.
+        on_end: what to do when the source ends; HOLD ends the run too, there is nobody to wait for.
+        rows: rows of a stream instead of a trajectory; one per tick once every robot is armed.
+        orders: messages by the tick before which they arrive.
+        ticks: end after so many at the latest.
+        progress: called with the number of the tick now and then.
+
+    Returns:
+        The report; a KeyboardInterrupt ends the run early and is told in it.
+    """
+    process = VirtualProcess(loaded, rate_hz, Tee(sinks), trajectory=trajectory, on_end=on_end)
+    engine = process.engine
+    report = Report(rate_hz=rate_hz, virtual=True, ending="the input ended")
+    queue = iter(rows) if rows is not None else iter(())
+    given = 0
+    try:
+        engine.arm()
+        while not engine.finished and (ticks is None or process.tick < ticks):
+            process.begin()
+            number = process.tick
+            for before in range(given, number + 1):
+                for message in (orders or {}).get(before, ()):
+                    engine.obey(message, number)
+            given = number + 1
+            if rows is not None and engine.armed and not engine.ended:
+                row = next(queue, None)
+                engine.obey(End() if row is None else Rows(row), number)
+            process.turn()
+            if progress is not None and process.cycles % 1000 == 0:
+                progress(process.tick)
+            if engine.ended and on_end is OnEnd.HOLD:
+                break
+    except KeyboardInterrupt:
+        report.ending, report.exit_code = "interrupted", 130
+    finally:
+        process.close()
+    report.ticks, report.skipped = process.cycles, process.skipped
+    report.robots = robot_reports(engine)
+    if report.faulted() and not report.exit_code:
+        report.ending, report.exit_code = "a fault stopped a robot", 3
+    return report

@@ -1,0 +1,1 @@
+"""The control process: deadlines, pipe from the daemon, records in shared memory."""

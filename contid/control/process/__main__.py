@@ -1,0 +1,36 @@
+"""``python -m contid.control.process FD PID``: the control process; binds to its parent first."""
+
+from __future__ import annotations
+
+import ctypes
+import os
+import signal
+import sys
+from typing import Final
+
+_PR_SET_PDEATHSIG: Final = 1
+_PR_SET_TIMERSLACK: Final = 29
+
+
+def tie(parent: int) -> bool:
+    """Get SIGTERM when the daemon dies, and wake up on time; False when it is dead already."""
+    signal.signal(signal.SIGINT, signal.SIG_IGN)  # Ctrl-C reaches the daemon, which decides
+    libc = ctypes.CDLL(None, use_errno=True)
+    libc.prctl(_PR_SET_PDEATHSIG, signal.SIGTERM, 0, 0, 0)
+    libc.prctl(_PR_SET_TIMERSLACK, 1, 0, 0, 0)
+    return os.getppid() == parent
+
+
+def main(descriptor: int, parent: int) -> int:
+    """Run; returns the exit code."""
+    if not tie(parent):
+        return 0
+    from contid.control.process.control_process import main as run
+    from contid.control.process.unblocked_stderr import never_wait
+
+    never_wait()
+    return run(descriptor)
+
+
+if __name__ == "__main__":
+    sys.exit(main(*map(int, sys.argv[1:])))

@@ -1,0 +1,138 @@
+"""What `contid doctor` says about the machine itself: real time, shared memory, service, udev rules."""
+
+from __future__ import annotations
+
+import grp
+import os
+import resource
+import shutil
+from collections.abc import Sequence
+from pathlib import Path
+from typing import Final
+
+from contid.control.process.realtime import PRIORITY
+from contid.control.process.ring import folder
+from contid.hal import Finding
+
+UNIT: Final = "contid@.service"
+RULES: Final = "99-contid.rules"
+UNIT_FOLDERS: Final = ("/etc/systemd/system", "/usr/local/lib/systemd/system", "/usr/lib/systemd/system")
+RULES_FOLDERS: Final = ("/etc/udev/rules.d", "/usr/local/lib/udev/rules.d", "/usr/lib/udev/rules.d")
+#: A ring takes a few MB; below this, the next one may not fit.
+ENOUGH_BYTES: Final = 64 << 20
+#: Without these a unit is none of ours, or was edited into something that may move by itself.
+UNIT_MUST_SAY: Final = ("Type=notify", "WatchdogSec=", "LimitRTPRIO=", "ExecStart=/", "--disarmed")
+
+
+def examine(root: Path = Path("/")) -> list[Finding]:
+    """Every finding about this machine; advice counts as well, with its remedy.
+
+    Args:
+        root: where the folders of units and rules are looked for.
+    """
+    return [real_time(), shared_memory(), unit(root), *clients(root), rules(root)]
+
+
+def real_time() -> Finding:
+    """Whether the control process may run under SCHED_FIFO."""
+    before, parameter = os.sched_getscheduler(0), os.sched_getparam(0)
+    try:
+        os.sched_setscheduler(0, os.SCHED_FIFO, os.sched_param(PRIORITY))
+    except OSError as error:
+        limit = resource.getrlimit(resource.RLIMIT_RTPRIO)[0]
+        why = f"{error.strerror}; LimitRTPRIO {limit}"
+        words = f"SCHED_FIFO is not permitted ({why}): ticks may be late under load"
+        remedy = (
+            f"@dialout - rtprio {PRIORITY} in /etc/security/limits.d/contid.conf, or LimitRTPRIO={PRIORITY}"
+        )
+        return Finding("real time", True, words, remedy)
+    os.sched_setscheduler(0, before, parameter)
+    return Finding("real time", True, f"SCHED_FIFO at priority {PRIORITY} is permitted")
+
+
+def shared_memory() -> Finding:
+    """Whether the ring has a place."""
+    place = folder()
+    if not os.access(place, os.W_OK):
+        return Finding("shared memory", False, f"{place} cannot be written", f"mount a tmpfs at {place}")
+    free = shutil.disk_usage(place).free
+    if free < ENOUGH_BYTES:
+        words = f"{place} has {free >> 20} MB left, {ENOUGH_BYTES >> 20} MB are wanted"
+        return Finding(
+            "shared memory", False, words, f"remove files from {place}, or give it more (--shm-size)"
+        )
+    return Finding("shared memory", True, f"{place} has {free >> 20} MB left")
+
+
+def unit(root: Path) -> Finding:
+    """Whether the service is installed, and still one that never arms by itself."""
+    path = _first(root, UNIT_FOLDERS, UNIT)
+    if path is None:
+        words = f"{UNIT} is not installed; needed only for robots that run without a person logged in"
+        return Finding("service", True, words, f"docs/service.md; copy service/{UNIT} to {UNIT_FOLDERS[0]}")
+    text = _with_drop_ins(path)
+    missing = [words for words in UNIT_MUST_SAY if words not in text]
+    if missing:
+        words = f"{path} lacks {', '.join(missing)}"
+        return Finding("service", False, words, f"compare it with service/{UNIT} of this version")
+    program = Path(_command(text)[0])
+    if not os.access(root / program.relative_to("/"), os.X_OK):
+        words = f"{path} starts {program}, which is not there"
+        remedy = f"ln -s $(command -v contid) {program}, or `systemctl edit` with the right ExecStart"
+        return Finding("service", False, words, remedy)
+    return Finding("service", True, f"{path}")
+
+
+def clients(root: Path) -> list[Finding]:
+    """Who may give orders to the service, and whether that is you; nothing when it is not installed."""
+    path = _first(root, UNIT_FOLDERS, UNIT)
+    if path is None:
+        return []
+    command = _command(_with_drop_ins(path))
+    if "--socket-group" not in command[:-1]:
+        return [Finding("service clients", True, "its own user and root")]
+    name = command[command.index("--socket-group") + 1]
+    try:
+        members = grp.getgrnam(name)
+    except KeyError:
+        words = f"the unit lets group {name} in, and there is none"
+        return [Finding("service clients", False, words, f"sudo groupadd --system {name}")]
+    if os.geteuid() == 0 or members.gr_gid in (os.getegid(), *os.getgroups()):
+        return [Finding("service clients", True, f"members of group {name}; you are one, or root")]
+    words = f"members of group {name}; you are none: `contid status` will not reach the service"
+    return [
+        Finding("service clients", True, words, f"sudo usermod --append --groups {name} $USER; log in again")
+    ]
+
+
+def _with_drop_ins(path: Path) -> str:
+    """A unit and what `systemctl edit` added."""
+    parts = [path, *sorted(Path(f"{path}.d").glob("*.conf"))]
+    return "\n".join(part.read_text(errors="replace") for part in parts)
+
+
+def _command(text: str) -> list[str]:
+    """The words of the last ExecStart: a drop-in replaces the one before."""
+    lines = [line for line in text.splitlines() if line.startswith("ExecStart=/")]
+    return lines[-1].removeprefix("ExecStart=").split() if lines else ["/"]
+
+
+def rules(root: Path) -> Finding:
+    """Whether the udev rules are installed."""
+    path = _first(root, RULES_FOLDERS, RULES)
+    if path is None:
+        words = (
+            f"{RULES} is not installed: serial ports may need root, and FTDI adapters delay answers by 16 ms"
+        )
+        return Finding(
+            "udev rules", True, words, f"sudo cp udev/{RULES} {RULES_FOLDERS[0]}/; docs/service.md"
+        )
+    return Finding("udev rules", True, f"{path}")
+
+
+def _first(root: Path, folders: Sequence[str], name: str) -> Path | None:
+    for each in folders:
+        path = root / each.lstrip("/") / name
+        if path.is_file():
+            return path
+    return None

@@ -1,0 +1,302 @@
+"""A ring in shared memory: one writer that never waits, any number of readers that know what they missed.
+
+One file in ``/dev/shm`` (mode 0600) holds two rings of fixed slots: ticks
+(`contid.control.engine.tick_layout`) and
+events (JSON lines). The writer stamps a slot with 0, fills it, stamps it with its sequence number (from 1)
+and then moves the head; a reader copies a slot and looks at the stamp again, so a slot that was overwritten
+meanwhile is noticed and counted, never misread. An event too long for a slot goes on in the next ones: an
+answer of a bus with a hundred robots, a row of a stream for as many. Readers attach by path, may outlive
+the writer's parent, and keep what is mapped after the file is unlinked.
+
+The layout of the file: 64 bytes of head (magic, sizes, two sequence numbers, closed flag), the JSON of the
+`RecordLayout`, tick slots, event slots. x86-64 keeps the order of stores; on ARM the interpreter's own
+locking between two Python statements does.
+"""
+
+from __future__ import annotations
+
+import fcntl
+import json
+import mmap
+import os
+import secrets
+import struct
+import tempfile
+import time
+from collections.abc import Callable, Mapping
+from contextlib import ExitStack, suppress
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any, Final
+
+from contid.control.engine.tick_layout import RecordLayout, TickRecord
+from contid.errors import ContidError
+
+MAGIC: Final = b"contidR3"
+HEAD: Final = struct.Struct("=8sQQQQQ")  # magic, bytes of JSON, tick slots, bytes per tick, event slots
+HEAD_BYTES: Final = 64
+TICKS_AT, EVENTS_AT, CLOSED_AT = 48, 56, 40
+EVENT_BYTES: Final = 2048
+EVENT_SLOTS: Final = 1024
+#: One event takes at most so many slots, so that a reader that looks in time has all of them.
+EVENT_PARTS: Final = 128
+SECONDS: Final = 8.0
+#: A ring younger than this may belong to a run that is just about to open it.
+STALE_S: Final = 60.0
+#: How files of arrays on their way to the control process are called (`contid.control.process.pipe.aside`).
+ASIDE: Final = "contid-*.bulk"
+U64: Final = struct.Struct("=Q")
+F64: Final = struct.Struct("=d")
+EVENT: Final = struct.Struct("=QIHH")  # stamp, bytes of this part, parts before it, parts after it
+STAMP: Final = U64.size
+
+
+class RingError(ContidError):
+    """A ring cannot be made, or attached: no room, gone, or something else."""
+
+
+def folder() -> Path:
+    """Where rings lie: shared memory, or the temporary folder of a machine without it."""
+    shared = Path("/dev/shm")
+    return shared if shared.is_dir() else Path(tempfile.gettempdir())
+
+
+def sweep() -> None:
+    """Remove what runs left that were killed, rings and arrays on their way: nobody has them open."""
+    for path in (*folder().glob("contid-*.ring"), *folder().glob(ASIDE)):
+        with suppress(OSError), path.open("rb") as file:
+            if time.time() - os.fstat(file.fileno()).st_mtime > STALE_S:
+                fcntl.flock(file, fcntl.LOCK_EX | fcntl.LOCK_NB)
+                path.unlink()
+
+
+def create(layout: RecordLayout, seconds: float = SECONDS) -> Path:
+    """Make the file of a ring that holds at least ``seconds`` of ticks; returns its path.
+
+    Its memory is taken now: whoever fills the folder later would end the writer in the middle of a motion.
+
+    Raises:
+        RingError: there is no room, or the folder cannot be written.
+    """
+    text = layout.to_json().encode()
+    slots = max(int(seconds * layout.rate_hz), 256)
+    size = layout.packer().size + STAMP
+    total = _events_at(len(text), slots, size) + EVENT_SLOTS * EVENT_BYTES
+    path = folder() / f"contid-{os.getpid()}-{secrets.token_hex(4)}.ring"
+    try:
+        with os.fdopen(os.open(path, os.O_RDWR | os.O_CREAT | os.O_EXCL, 0o600), "r+b") as file:
+            os.posix_fallocate(file.fileno(), 0, total)
+            file.write(HEAD.pack(MAGIC, len(text), slots, size, EVENT_SLOTS, 0))
+            file.seek(HEAD_BYTES)
+            file.write(text)
+    except OSError as error:
+        path.unlink(missing_ok=True)
+        words = f"{path.parent}: no shared memory of {total / 1e6:.1f} MB for this run: {error.strerror}"
+        raise RingError(f"{words}; remove files from it, or give it more (docker: --shm-size)") from error
+    return path
+
+
+def _slots_at(text_bytes: int) -> int:
+    return (HEAD_BYTES + text_bytes + 63) // 64 * 64
+
+
+def _events_at(text_bytes: int, slots: int, size: int) -> int:
+    return _slots_at(text_bytes) + slots * size
+
+
+class _Mapped:
+    """The file, mapped, with its layout."""
+
+    def __init__(self, path: Path) -> None:
+        self.path = path
+        try:
+            self._file = path.open("r+b")
+        except OSError as error:
+            raise RingError(f"{path}: no ring to attach to ({error}); is the daemon running?") from error
+        with ExitStack() as undo:
+            undo.callback(self._file.close)
+            # Shared by everybody who has the ring open; `sweep` tries for the exclusive one.
+            fcntl.flock(self._file, fcntl.LOCK_SH)
+            self._map = mmap.mmap(self._file.fileno(), 0)
+            undo.callback(self._map.close)
+            magic, text_bytes, self.slots, self.size, self.event_slots, _ = HEAD.unpack_from(self._map)
+            if magic != MAGIC:
+                raise RingError(f"{path}: not a ring of this version of contid")
+            self.layout = RecordLayout.from_json(self._map[HEAD_BYTES : HEAD_BYTES + text_bytes].decode())
+            undo.pop_all()
+        self._ticks_at = _slots_at(text_bytes)
+        self._events_at = _events_at(text_bytes, self.slots, self.size)
+        self._packer = self.layout.packer()
+
+    def close(self) -> None:
+        """Let the memory go; idempotent."""
+        self._map.close()
+        self._file.close()
+
+
+class RingWriter(_Mapped):
+    """The one writer."""
+
+    def __init__(self, path: Path) -> None:
+        super().__init__(path)
+        self._ticks = 0
+        self._events = 0
+
+    def write(self, values: list[float]) -> None:
+        """Publish one tick: all values of the layout in order."""
+        number = self._ticks
+        at = self._ticks_at + number % self.slots * self.size
+        U64.pack_into(self._map, at, 0)
+        self._packer.pack_into(self._map, at + STAMP, *values)
+        self._ticks = number + 1
+        U64.pack_into(self._map, at, self._ticks)
+        U64.pack_into(self._map, TICKS_AT, self._ticks)
+
+    def event(self, kind: str, **fields: Any) -> None:
+        """Publish one event, in parts when it is long.
+
+        Beyond `EVENT_PARTS` slots its longest text loses its end; without one, ``too_long`` takes its place.
+        """
+        body = json.dumps({"event": kind, **fields}).encode()
+        room = EVENT_BYTES - EVENT.size
+        if len(body) > room * EVENT_PARTS:
+            body = _shortened(kind, fields, room * EVENT_PARTS)
+        parts = [body[start : start + room] for start in range(0, len(body), room)]
+        for index, part in enumerate(parts):
+            self._part(part, index, len(parts) - 1 - index)
+
+    def _part(self, body: bytes, before: int, after: int) -> None:
+        number = self._events
+        at = self._events_at + number % self.event_slots * EVENT_BYTES
+        EVENT.pack_into(self._map, at, 0, len(body), before, after)
+        self._map[at + EVENT.size : at + EVENT.size + len(body)] = body
+        self._events = number + 1
+        U64.pack_into(self._map, at, self._events)
+        U64.pack_into(self._map, EVENTS_AT, self._events)
+
+    def finish(self) -> None:
+        """Tell the readers that nothing more will come."""
+        U64.pack_into(self._map, CLOSED_AT, 1)
+
+
+def _shortened(kind: str, fields: Mapping[str, Any], limit: int) -> bytes:
+    """The JSON of an event within ``limit`` bytes: its longest text cut, or the news that it was too long."""
+    texts = {key: value for key, value in fields.items() if isinstance(value, str)}
+    longest = max(texts, key=lambda key: len(texts[key]), default=None)
+    if longest is not None:
+        # A character takes at most twelve bytes, as two escapes.
+        others = len(json.dumps({"event": kind, **fields, longest: "..."}))
+        kept = texts[longest][: max(limit - others, 0) // 12] + "..."
+        body = json.dumps({"event": kind, **fields, longest: kept}).encode()
+        if len(body) <= limit:
+            return body
+    return json.dumps({"event": "too_long", "kind": kind}).encode()
+
+
+@dataclass(slots=True)
+class _Cursor:
+    next: int = 0
+    missed: int = 0
+
+
+class RingReader(_Mapped):
+    """One of any number of readers, each with its own place."""
+
+    def __init__(self, path: Path) -> None:
+        super().__init__(path)
+        self._tick = _Cursor()
+        self._event = _Cursor()
+        self._parts: list[bytes] = []
+
+    @property
+    def missed_ticks(self) -> int:
+        """Records overwritten before this reader came to them."""
+        return self._tick.missed
+
+    @property
+    def missed_events(self) -> int:
+        """Slots of events overwritten before this reader came to them."""
+        return self._event.missed
+
+    @property
+    def finished(self) -> bool:
+        """True when the writer is done; what it wrote before can still be read."""
+        return bool(U64.unpack_from(self._map, CLOSED_AT)[0])
+
+    @property
+    def written(self) -> int:
+        """Records written so far."""
+        return int(U64.unpack_from(self._map, TICKS_AT)[0])
+
+    def rewind(self) -> None:
+        """Back to the oldest record that is still there."""
+        self._tick = _Cursor(max(self.written - self.slots + 1, 0))
+
+    def ticks(self, at_most: int = 1 << 30) -> list[TickRecord]:
+        """Records not read yet, oldest first."""
+        return [self.layout.decode(values) for values in self.raw_ticks(at_most)]
+
+    def raw_ticks(self, at_most: int = 1 << 30) -> list[tuple[float, ...]]:
+        """As `ticks`, but the bare values of the records, for whoever only passes them on."""
+        out: list[tuple[float, ...]] = []
+        while len(out) < at_most and (raw := self._next(self._tick, TICKS_AT, self.slots, self._tick_slot)):
+            out.append(self._packer.unpack_from(raw, STAMP))
+        return out
+
+    def newest(self) -> TickRecord | None:
+        """The newest record, without moving this reader's place."""
+        for _ in range(3):
+            number = self.written
+            if number == 0:
+                return None
+            raw = self._tick_slot(number - 1)
+            if U64.unpack_from(raw)[0] == number == U64.unpack_from(self._tick_slot(number - 1))[0]:
+                return self.layout.decode(self._packer.unpack_from(raw, STAMP))
+        return None
+
+    def lateness(self, ticks: int) -> list[float]:
+        """How late the newest ticks started [s], without moving this reader's place."""
+        written = self.written
+        newest = range(max(written - min(ticks, self.slots - 1), 0), written)
+        at = struct.calcsize("=QQd")
+        return [F64.unpack_from(self._tick_slot(number), STAMP + at)[0] for number in newest]
+
+    def events(self) -> list[dict[str, Any]]:
+        """Events not read yet, oldest first; one whose first parts were overwritten counts as missed."""
+        out: list[dict[str, Any]] = []
+        missed = self._event.missed
+        while raw := self._next(self._event, EVENTS_AT, self.event_slots, self._event_slot):
+            _, length, before, after = EVENT.unpack_from(raw)
+            if before == 0 or self._event.missed != missed:
+                self._parts.clear()
+                missed = self._event.missed
+            if before != len(self._parts):
+                continue  # the rest of an event whose beginning was overwritten
+            self._parts.append(raw[EVENT.size : EVENT.size + length])
+            if after == 0:
+                out.append(json.loads(b"".join(self._parts)))
+        return out
+
+    def _tick_slot(self, number: int) -> bytes:
+        at = self._ticks_at + number % self.slots * self.size
+        return self._map[at : at + self.size]
+
+    def _event_slot(self, number: int) -> bytes:
+        at = self._events_at + number % self.event_slots * EVENT_BYTES
+        return self._map[at : at + EVENT_BYTES]
+
+    def _next(self, cursor: _Cursor, head_at: int, slots: int, slot: Callable[[int], bytes]) -> bytes | None:
+        """Copy the next slot; jump over what was overwritten and count it."""
+        while True:
+            head = int(U64.unpack_from(self._map, head_at)[0])
+            if cursor.next >= head:
+                return None
+            oldest = head - slots + 1  # the slot after the newest may be under the pen
+            if cursor.next < oldest:
+                cursor.missed += oldest - cursor.next
+                cursor.next = oldest
+            number = cursor.next
+            raw = slot(number)
+            if U64.unpack_from(raw)[0] == U64.unpack_from(slot(number))[0] == number + 1:
+                cursor.next = number + 1
+                return raw

@@ -1,0 +1,33 @@
+"""What the control process is given before it starts."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from pathlib import Path
+
+from contid.control.engine.cycle import OnEnd
+from contid.robot_file.load import LoadedFile
+from contid.trajectory.timed import Trajectory
+
+
+@dataclass(frozen=True, slots=True)
+class Setup:
+    """The first message on the pipe.
+
+    Attributes:
+        loaded: the robot file, checked already.
+        rate_hz: of the tick.
+        ring: path of the ring to write.
+        trajectory: timed rows to follow, or None.
+        on_end: what to do at its end.
+        attended: orders may come: do not end because every robot is in FAULT.
+        armed: arm at once; False to connect and wait for `resume`.
+    """
+
+    loaded: LoadedFile
+    rate_hz: float
+    ring: Path
+    trajectory: Trajectory | None
+    on_end: OnEnd
+    attended: bool
+    armed: bool = True

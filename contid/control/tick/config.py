@@ -1,0 +1,146 @@
+"""What the tick needs to know about the robots and never changes: built once, plain values only."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import Final, Protocol
+
+from contid.control.tick.limits import AxisLimits, axis_limits
+from contid.kinematics.extra_axes import build_whole_model
+from contid.kinematics.frames import BaseFrame
+from contid.kinematics.model import Model
+from contid.robot_file.base import Quantity, StopPolicy, Stops, TipFeedback
+from contid.robot_file.robot import RobotDescription
+from contid.targets import Actuation
+
+#: Data younger than this are never stale: a slow regulator measures at 20 Hz or so.
+STALE_S: Final = 0.1
+
+
+class Transmission(Protocol):
+    """Between a model's actuation [m or Pa] and the values of the devices [rad or Pa]."""
+
+    def to_device(self, actuation: Actuation) -> tuple[float, ...]:
+        """Device values of an actuation."""
+        ...
+
+    def to_actuation(self, device: tuple[float, ...]) -> Actuation:
+        """Actuation that device values mean."""
+        ...
+
+
+@dataclass(frozen=True, slots=True)
+class StopPlan:
+    """The stop policies of one robot, out of reach of pydantic."""
+
+    on_end: StopPolicy
+    on_interrupt: StopPolicy
+    on_fault: StopPolicy
+    on_host_loss: StopPolicy
+    estop: StopPolicy
+
+    @classmethod
+    def of(cls, stops: Stops) -> StopPlan:
+        """The policies of a robot file."""
+        return cls(stops.on_end, stops.on_interrupt, stops.on_fault, stops.on_host_loss, stops.estop)
+
+
+@dataclass(frozen=True, slots=True)
+class FeedbackPlan:
+    """The numbers of `TipFeedback` in SI, out of reach of pydantic."""
+
+    gain_per_s: float
+    limit_m: float
+    stale_s: float
+    fade_s: float
+
+    @classmethod
+    def of(cls, feedback: TipFeedback) -> FeedbackPlan:
+        """The plan of a robot file's ``feedback``."""
+        return cls(
+            feedback.gain_per_s, feedback.limit_mm / 1e3, feedback.stale_ms / 1e3, feedback.fade_ms / 1e3
+        )
+
+
+@dataclass(frozen=True, slots=True)
+class RobotPlan:
+    """Everything fixed about one robot.
+
+    Attributes:
+        name: in the robot file.
+        kind: its model's name.
+        quantity: lengths or pressures.
+        model: kinematics in the base frame; its axes include the extra ones.
+        frame: the base frame in the world.
+        limits: per axis, per tick.
+        transmission: actuation to device values and back.
+        axis_names: of the model, then of the extra axes.
+        extra_axes: how many of them are extra.
+        axes: names on the buses, in the same order.
+        rest: the rest pose.
+        stops: policy per reason.
+        velocity, acceleration, jerk: greatest rates of an axis [1/s, 1/s^2, 1/s^3].
+        tolerance: exchanges in a row each axis may miss.
+        stale_s: age at which the data of each axis are no longer believed [s].
+        period_s: of the tick.
+        feedback: closed loop on the tip, None when off.
+    """
+
+    name: str
+    kind: str
+    quantity: Quantity
+    model: Model
+    frame: BaseFrame
+    limits: tuple[AxisLimits, ...]
+    transmission: Transmission
+    axis_names: tuple[str, ...]
+    extra_axes: int
+    axes: tuple[str, ...]
+    rest: Actuation
+    stops: StopPlan
+    velocity: float
+    acceleration: float
+    jerk: float
+    tolerance: tuple[int, ...]
+    stale_s: tuple[float, ...]
+    period_s: float
+    feedback: FeedbackPlan | None = None
+
+
+def plan_robot(
+    name: str,
+    robot: RobotDescription,
+    transmission: Transmission,
+    rate_hz: float,
+    tolerance_of_bus: Mapping[str, int],
+) -> RobotPlan:
+    """The plan of one robot of a file at a rate [Hz]."""
+    model = build_whole_model(robot)
+    names = robot.all_axis_names
+    tolerance = tuple(tolerance_of_bus[robot.axes[axis].bus] for axis in names)
+    period_s = 1.0 / rate_hz
+    return RobotPlan(
+        name=name,
+        kind=robot.model,
+        quantity=robot.quantity,
+        model=model,
+        frame=BaseFrame.of(robot.base),
+        limits=axis_limits(
+            model.lower, model.upper, robot.velocity_limit, robot.acceleration_limit, period_s
+        ),
+        transmission=transmission,
+        axis_names=names,
+        extra_axes=len(robot.extra_axis_names),
+        axes=tuple(f"{name}.{axis}" for axis in names),
+        # Extra axes rest at their least value: without pressure, open.
+        rest=(*robot.rest, *model.lower[len(robot.axis_names) :]),
+        stops=StopPlan.of(robot.stop),
+        velocity=robot.velocity_limit,
+        acceleration=robot.acceleration_limit,
+        jerk=robot.jerk_limit,
+        tolerance=tolerance,
+        stale_s=tuple(max(ticks * period_s, STALE_S) for ticks in tolerance),
+        period_s=period_s,
+        feedback=None if robot.feedback is None else FeedbackPlan.of(robot.feedback),
+    )

@@ -1,0 +1,152 @@
+"""Nothing moves before every row was found reachable; those that are not are named in words."""
+
+from __future__ import annotations
+
+import enum
+import math
+from collections.abc import Callable, Mapping, Sequence
+from typing import Final
+
+from contid.control.tick.config import RobotPlan
+from contid.errors import BadInputError, Located
+from contid.kinematics.rope.chain import ChainGuard, Tip
+from contid.targets import ZERO3, Actuation, Solution, Target
+from contid.trajectory.timed import Trajectory
+from contid.units import m_to_mm
+
+MAX_FINDINGS: Final = 20
+#: A rope is looked at so often between rows; tips at 0.5 m/s move 10 mm meanwhile.
+LOOK_S: Final = 0.02
+
+
+class Unreachable(enum.StrEnum):
+    """What to do with a target that the robot cannot reach."""
+
+    REFUSE = "refuse"  # a file is not run; a row of a live stream holds its robot
+    NEAREST = "nearest"  # go to the reachable point the model answers, and count it
+
+
+class Preflight:
+    """Asks the models, seeded with the answer before, exactly as the tick will, and then the chains' guards.
+
+    Args:
+        plans: of the robots.
+        guards: of the closed chains among them.
+        unreachable: with NEAREST only the guards refuse, judging the reachable points.
+        seeds: where robots are now; without one a robot is at its rest pose.
+    """
+
+    def __init__(
+        self,
+        plans: Sequence[RobotPlan],
+        guards: Sequence[ChainGuard] = (),
+        unreachable: Unreachable = Unreachable.REFUSE,
+        seeds: Mapping[str, Actuation] | None = None,
+    ) -> None:
+        self._plans = {plan.name: plan for plan in plans}
+        self._seeds = {plan.name: plan.rest for plan in plans} | dict(seeds or {})
+        self._guards = guards
+        self._refuses = unreachable is Unreachable.REFUSE
+        # Where the arms of a chain are after the last row that was good; at rest before the first.
+        self._tips = {arm: self._tip(arm, self._seeds[arm]) for guard in guards for arm in guard.arms}
+
+    def row(self, targets: Mapping[str, Target | None]) -> dict[str, str]:
+        """Why which robots cannot follow this row; empty when all can."""
+        return self._row(targets, self._refuses)
+
+    def _row(self, targets: Mapping[str, Target | None], refuses: bool) -> dict[str, str]:
+        """The same; only what a chain forbids is wrong when nothing else ``refuses``."""
+        wrong = {}
+        tips = dict(self._tips)
+        for name, target in targets.items():
+            plan = self._plans.get(name)
+            if plan is None or target is None:
+                continue
+            try:
+                solution = plan.model.inverse(plan.frame.target_in_base(target), self._seeds[name])
+            except ValueError as error:
+                wrong[name] = f"{name}: {error}"
+                continue
+            if not solution.converged and refuses:
+                wrong[name] = explain(plan, target, solution)
+                continue
+            self._seeds[name] = solution.actuation
+            if name in tips:
+                tips[name] = self._tip(name, solution.actuation, target)
+        for guard in self._guards:
+            state = guard.check(tips)
+            if state.feasible:
+                continue
+            for arm in guard.arms:
+                if arm in targets:
+                    wrong.setdefault(arm, f"{guard.name}: {state.reason}")
+                tips[arm] = self._tips[arm]
+        self._tips = tips
+        return wrong
+
+    def _tip(self, name: str, actuation: Actuation, target: Target | None = None) -> Tip:
+        """Tip and direction of an arm in the world."""
+        plan = self._plans[name]
+        load_in_base = ZERO3 if target is None else plan.frame.vector_in_base(target.load_n)
+        pose = plan.model.forward(actuation, load_in_base)
+        return plan.frame.point_in_world(pose.tip_m), plan.frame.vector_in_world(pose.direction)
+
+    def between_rows(self, trajectory: Trajectory, index: int) -> dict[str, str]:
+        """Why a chain forbids the way from the row before to this one; empty when it does not.
+
+        Rows may be far apart: a rope is looked at least every `LOOK_S`.
+        """
+        if not self._guards or index == 0:
+            return {}
+        start_s, end_s = trajectory.time_of_row(index - 1), trajectory.time_of_row(index)
+        looks = math.ceil((end_s - start_s) / LOOK_S)
+        seeds, tips = dict(self._seeds), self._tips
+        try:
+            for k in range(1, looks):
+                targets = trajectory.targets_at(start_s + (end_s - start_s) * k / looks)
+                # A model's nearest point between two good rows is what the tick follows.
+                wrong = self._row(targets, refuses=False)
+                if wrong:
+                    return {name: f"on the way to this row, {words}" for name, words in wrong.items()}
+        finally:
+            self._seeds, self._tips = seeds, tips
+        return {}
+
+    def trajectory(
+        self, trajectory: Trajectory, name: str, progress: Callable[[int, int], None] | None = None
+    ) -> None:
+        """Check every row.
+
+        Raises:
+            BadInputError: rows that cannot be reached or that a chain forbids, each with its line.
+        """
+        findings: list[Located] = []
+        total = len(trajectory)
+        for index in range(total):
+            if progress is not None and index % 1000 == 0:
+                progress(index, total)
+            wrong = self.between_rows(trajectory, index) or self.row(trajectory.targets_of_row(index))
+            for words in dict.fromkeys(wrong.values()):
+                findings.append(Located(name, trajectory.line_of_row(index), 1, words))
+            if len(findings) >= MAX_FINDINGS:
+                words = f"{MAX_FINDINGS} refused targets so far; not checked further"
+                findings.append(Located(name, trajectory.line_of_row(index), 1, words))
+                break
+        if findings:
+            raise BadInputError(findings)
+
+
+def explain(plan: RobotPlan, target: Target, solution: Solution) -> str:
+    """Which columns of which robot, which limit, and by how much."""
+    where = "actuation" if target.actuation is not None else "tip"
+    limits = f" (limited by {', '.join(solution.limited_by)})" if solution.limited_by else ""
+    note = f"; {solution.note}" if solution.note else ""
+    miss = "" if target.actuation is not None else f" by {m_to_mm(solution.residual_m):.6g} mm"
+    return f"{plan.name}: {where} {_shown(plan, target)} is out of reach{miss}{limits}{note}"
+
+
+def _shown(plan: RobotPlan, target: Target) -> str:
+    if target.actuation is not None:
+        unit = plan.quantity.unit
+        return "(" + ", ".join(f"{v * plan.quantity.per_si:.6g}" for v in target.actuation) + f") {unit}"
+    return "(" + ", ".join(f"{m_to_mm(v):.6g}" for v in target.tip_m or ()) + ") mm"

@@ -1,0 +1,64 @@
+"""Soft start and soft end of a trajectory that begins or ends at speed.
+
+A circle at constant speed asks for a jump of velocity at its first row. Limits would answer it by leaving the
+path. Instead the *clock* of the trajectory is eased: over N ticks it gains the pace 0 -> 1 as
+``3 u^2 - 2 u^3`` (u = n/N), so after them it is N/2 ticks behind, and the same backwards at the end. Robots
+stay on their path at every tick; N is even, so rows written at ticks are still met exactly at ticks. A
+trajectory that starts and ends slowly enough for the limits is played as it is written.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from typing import Final
+
+from contid.control.tick.config import RobotPlan
+from contid.trajectory.timed import Trajectory
+
+# The path's own acceleration and jerk need room beside those of the easing.
+_SHARE: Final = 0.5
+
+
+def played(n: float, length: float, lead: int, tail: int) -> float:
+    """Ticks of the trajectory played after ``n`` ticks of a run over ``length`` ticks of it."""
+    over = length + 0.5 * (lead + tail)
+    left = over - n
+    if left <= 0.0:
+        return length
+    if left < tail:
+        return length - _eased(left, tail)
+    return _eased(n, lead) if n < lead else n - lead / 2
+
+
+def _eased(n: float, ticks: int) -> float:
+    """Integral of the pace ``3 u^2 - 2 u^3`` over n of so many ticks."""
+    u = n / ticks
+    return ticks * u * u * u * (1.0 - 0.5 * u)
+
+
+def ease_ticks(plans: Sequence[RobotPlan], trajectory: Trajectory, time_s: float, ahead: bool) -> int:
+    """Ticks, an even number, that starting at ``time_s`` (or, with ``ahead`` false, ending there) needs.
+
+    0 when the speed there is one that the acceleration limit can take in one tick.
+    """
+    ticks = 0
+    if not plans:
+        return 0
+    period_s = plans[0].period_s
+    here = trajectory.targets_at(time_s)
+    beside = trajectory.targets_at(time_s + (period_s if ahead else -period_s))
+    for plan in plans:
+        if plan.name not in here:
+            continue
+        start = plan.model.inverse(plan.frame.target_in_base(here[plan.name]), plan.rest).actuation
+        after = plan.model.inverse(plan.frame.target_in_base(beside[plan.name]), start).actuation
+        step = max(abs(b - a) for a, b in zip(start, after, strict=True))
+        if not step > plan.limits[0].change * _SHARE:
+            continue
+        speed = step / period_s
+        # Peak acceleration of the easing is 1.5 v/T, its peak jerk 6 v/T^2.
+        by_acceleration = 1.5 * speed / (_SHARE * plan.acceleration)
+        by_jerk = math.sqrt(6.0 * speed / (_SHARE * plan.jerk))
+        ticks = max(ticks, math.ceil(max(by_acceleration, by_jerk) / period_s))
+    return ticks + ticks % 2

@@ -1,0 +1,242 @@
+"""The state of one robot and how orders and faults change it: pure functions, one per thing that happens.
+
+Nothing here touches a device. What a device shall do is left in ``RobotState.pending`` for the engine.
+"""
+
+from __future__ import annotations
+
+import enum
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from typing import Protocol
+
+from contid.control.tick.config import RobotPlan
+from contid.control.tick.faults import Fault
+from contid.control.tick.supervisor import REST_OF, Event, Mode, allowed, move
+from contid.control.tick.tip_feedback import Correction
+from contid.errors import ContidError
+from contid.hal import Rest, Sample
+from contid.robot_file.base import StopPolicy
+from contid.targets import Actuation, Target
+from contid.trajectory.approach import Approach
+from contid.trajectory.standstill import stopping
+
+NO_CORRECTION = Correction()
+
+
+class Motion(Protocol):
+    """A jerk-limited motion in actuator space (`contid.trajectory.approach`)."""
+
+    @property
+    def duration_s(self) -> float:
+        """How long it takes [s]."""
+        ...
+
+    def at(self, t_s: float) -> tuple[Actuation, Actuation]:
+        """Actuation and its velocity at a time since the start; the end after the end."""
+        ...
+
+
+class Effect(enum.Enum):
+    """What the engine has to ask of the devices."""
+
+    NONE = "none"
+    ENABLE = "enable"
+    CLEAR = "clear"
+    HOLD = Rest.HOLD
+    RELAX = Rest.RELAX
+    VENT = Rest.VENT
+
+
+class OrderRefusedError(ContidError):
+    """An order that the state of the robot does not allow; the message says what it does allow."""
+
+
+@dataclass(frozen=True, slots=True)
+class RobotState:
+    """Everything that changes about one robot.
+
+    Attributes:
+        mode: of the supervisor.
+        since_s: when it was entered.
+        fault: latched; NONE while there is none.
+        words: what exactly went wrong.
+        enabled: the devices accept commands.
+        wanted: shall be armed as soon as it is READY.
+        follow: shall follow the source; False after a hold order.
+        goto: single target to go to, then hold.
+        command: last commanded actuation; empty before arming.
+        steps: last command minus the one before.
+        aim: last actuation before the limits.
+        motion: running approach or stop.
+        motion_s: when it started: at the command before, so that the next tick is one period into it.
+        policy: of the stop that runs.
+        misses: exchanges in a row that each axis missed.
+        pending: what the devices shall do.
+        correction: of the closed loop on the tip.
+    """
+
+    mode: Mode = Mode.OFF
+    since_s: float = 0.0
+    fault: Fault = Fault.NONE
+    words: str = ""
+    enabled: bool = False
+    wanted: bool = False
+    follow: bool = False
+    goto: Target | None = None
+    command: Actuation = ()
+    steps: Actuation = ()
+    aim: Actuation = ()
+    motion: Motion | None = None
+    motion_s: float = 0.0
+    policy: StopPolicy | None = None
+    misses: tuple[int, ...] = ()
+    pending: Effect = Effect.NONE
+    correction: Correction = NO_CORRECTION
+
+
+def moved(plan: RobotPlan, state: RobotState, event: Event, now_s: float) -> RobotState:
+    """The state after an event.
+
+    Raises:
+        OrderRefusedError: the event means nothing in this state.
+    """
+    mode = move(state.mode, event)
+    if mode is None:
+        why = f" ({state.words})" if state.mode is Mode.FAULT else ""
+        raise OrderRefusedError(
+            f"{plan.name}: cannot {event.value} while {state.mode.name}{why}; "
+            f"possible now: {', '.join(allowed(state.mode))}"
+        )
+    return replace(state, mode=mode, since_s=now_s)
+
+
+def connect(plan: RobotPlan, state: RobotState, now_s: float) -> RobotState:
+    """The buses are open: wait for a valid sample of every axis."""
+    return replace(moved(plan, state, Event.CONNECT, now_s), misses=(0,) * len(plan.axes))
+
+
+def resume(plan: RobotPlan, state: RobotState, now_s: float) -> RobotState:
+    """Arm if need be and follow the source again; from OFF the samples are awaited first."""
+    if state.mode is Mode.FAULT or state.mode is Mode.STOPPING:
+        return moved(plan, state, Event.ARM, now_s)
+    if state.mode is Mode.OFF:
+        state = connect(plan, state, now_s)
+    return replace(state, wanted=True, follow=True, goto=None)
+
+
+def hold(plan: RobotPlan, state: RobotState, now_s: float) -> RobotState:
+    """Stop jerk-limited and stay; a robot that is being armed stays where it is."""
+    if state.mode in (Mode.HOLD, Mode.CONNECTING, Mode.READY, Mode.ARMING):
+        return replace(state, follow=False, goto=None)
+    return replace(stay(plan, state, now_s), follow=False, goto=None)
+
+
+def stay(plan: RobotPlan, state: RobotState, now_s: float) -> RobotState:
+    """To HOLD with a jerk-limited stop from whatever motion there is."""
+    return braking(plan, moved(plan, state, Event.HOLD, now_s), now_s)
+
+
+def goto(plan: RobotPlan, state: RobotState, target: Target, now_s: float) -> RobotState:
+    """Go to one target, then hold; needs an armed robot, which may be on its way elsewhere."""
+    if state.mode is not Mode.APPROACH and move(state.mode, Event.FOLLOW) is None:
+        return moved(plan, state, Event.FOLLOW, now_s)
+    state = state if state.mode is Mode.HOLD else stay(plan, state, now_s)
+    return replace(state, follow=False, goto=target)
+
+
+def stop(plan: RobotPlan, state: RobotState, policy: StopPolicy, now_s: float) -> RobotState:
+    """Begin to stop by a policy; a robot in FAULT or not armed has nothing to move, its devices rest now."""
+    after = replace(moved(plan, state, Event.STOP, now_s), wanted=False, follow=False, goto=None)
+    if after.mode in (Mode.OFF, Mode.FAULT):
+        resting = _effect(policy) if state.command else Effect.NONE
+        return replace(after, pending=resting, enabled=False, motion=None)
+    if not state.command or policy is StopPolicy.VENT:
+        return stopped(plan, replace(after, policy=policy), now_s)
+    if policy is StopPolicy.REST:
+        motion = Approach(
+            state.command, speed(plan, state), plan.rest, plan.velocity, plan.acceleration, plan.jerk
+        )
+        return replace(after, policy=policy, motion=motion, motion_s=now_s - plan.period_s)
+    return braking(plan, replace(after, policy=policy), now_s)
+
+
+def stopped(plan: RobotPlan, state: RobotState, now_s: float) -> RobotState:
+    """The stop is done: OFF, the devices at the rest its policy names."""
+    assert state.policy is not None
+    after = moved(plan, state, Event.STOPPED, now_s)
+    return replace(after, pending=_effect(state.policy), enabled=False, motion=None, policy=None)
+
+
+def estop(plan: RobotPlan, state: RobotState, now_s: float) -> RobotState:
+    """Relax or vent now, from any state; OFF afterwards, a latched fault stays. Never refused."""
+    if state.mode is not Mode.OFF:
+        state = moved(plan, state, Event.ESTOP, now_s)
+    return replace(
+        state, wanted=False, follow=False, goto=None, enabled=False, motion=None,
+        policy=None, pending=_effect(plan.stops.estop),
+    )  # fmt: skip
+
+
+def fail(plan: RobotPlan, state: RobotState, fault: Fault, words: str, now_s: float) -> RobotState:
+    """Latch a fault and stop by the policy; the first one stays."""
+    if state.mode is Mode.FAULT:
+        return state
+    after = replace(
+        moved(plan, state, Event.FAULT, now_s),
+        fault=fault, words=words, wanted=False, follow=False, goto=None, motion=None, policy=None,
+    )  # fmt: skip
+    if fault in (Fault.DEVICE_LOST, Fault.BUS_STALLED) or not state.enabled:
+        # Nobody listens, or nothing holds: the devices' own dead-man is what is left.
+        return replace(after, enabled=False, pending=Effect.NONE)
+    if plan.stops.on_fault is StopPolicy.HOLD and state.command:
+        return braking(plan, replace(after, pending=Effect.NONE), now_s)
+    return replace(after, enabled=False, pending=_effect(plan.stops.on_fault))
+
+
+def ask_clear(plan: RobotPlan, state: RobotState, now_s: float) -> RobotState:
+    """Ask the devices to clear themselves first; what leaves the fault is their answer (`clear`)."""
+    if state.mode is not Mode.FAULT:
+        return clear(plan, state, (), now_s)
+    return replace(state, pending=Effect.CLEAR)
+
+
+def clear(plan: RobotPlan, state: RobotState, samples: Sequence[Sample], now_s: float) -> RobotState:
+    """Leave a fault after everything was looked at again; never moves, never changes torque.
+
+    Raises:
+        OrderRefusedError: something is still wrong, or there is no fault.
+    """
+    wrong = "; ".join(_wrong(plan, samples))
+    if state.mode is Mode.FAULT and wrong:
+        raise OrderRefusedError(f"{plan.name}: not cleared, {wrong}")
+    after = moved(plan, state, Event.CLEAR, now_s)
+    # Whether the devices still hold is no longer known: arming starts again from what is measured.
+    return replace(after, fault=Fault.NONE, words="", enabled=False, misses=(0,) * len(plan.axes))
+
+
+def _wrong(plan: RobotPlan, samples: Sequence[Sample]) -> list[str]:
+    out = [
+        f"{axis} {'reports ' + sample.fault if sample.fault else 'is silent'}"
+        for axis, sample in zip(plan.axes, samples, strict=False)
+        if sample.fault or not sample.valid
+    ]
+    return out if len(samples) == len(plan.axes) else [*out, "its bus is not open"]
+
+
+def speed(plan: RobotPlan, state: RobotState) -> Actuation:
+    """Velocity of the last command [1/s]."""
+    return tuple(step / plan.period_s for step in state.steps)
+
+
+def braking(plan: RobotPlan, state: RobotState, now_s: float) -> RobotState:
+    """The state with a jerk-limited stop from its present motion; none is needed at standstill."""
+    if not any(state.steps):
+        return replace(state, motion=None, aim=state.command)
+    rest = (0.0,) * len(state.command)
+    motion = stopping(state.command, speed(plan, state), rest, plan.acceleration, plan.jerk)
+    return replace(state, motion=motion, motion_s=now_s - plan.period_s)
+
+
+def _effect(policy: StopPolicy) -> Effect:
+    return Effect(REST_OF[policy])

@@ -1,0 +1,97 @@
+"""The states of one robot and every move between them, as one table.
+
+    OFF -> CONNECTING -> READY -> ARMING -> APPROACH -> RUN <-> HOLD -> STOPPING -> OFF,  FAULT from anywhere
+
+In READY every axis has given a valid sample and nothing was commanded; ARMING makes goal := present and
+torque on; APPROACH is the jerk-limited way to the first target. A fault is latched: only CLEAR leaves it, to
+READY, without motion; from there the robot is armed again and approaches from where it is. A stop or an
+emergency stop of a robot in FAULT brings its devices to rest, and leaves it there.
+"""
+
+from __future__ import annotations
+
+import enum
+from typing import Final
+
+from contid.hal import Rest
+from contid.robot_file.base import StopPolicy
+
+
+class Mode(enum.IntEnum):
+    """States of a robot; the numbers are in every record."""
+
+    OFF = 0
+    CONNECTING = 1
+    READY = 2
+    ARMING = 3
+    APPROACH = 4
+    RUN = 5
+    HOLD = 6
+    STOPPING = 7
+    FAULT = 8
+
+
+class Event(enum.Enum):
+    """What can happen to a robot."""
+
+    CONNECT = "connect"  # wanted: its buses are open, wait for samples
+    SAMPLED = "sampled"  # every axis has a valid sample
+    ARM = "arm"  # wanted: ready to move
+    ARMED = "armed"  # the devices hold their present position
+    FOLLOW = "follow"  # there is a target to go to
+    ARRIVED = "arrived"  # the approach ended on the target
+    HOLD = "hold"  # stay where you are, or nothing to follow
+    STOP = "stop"  # by a policy
+    STOPPED = "stopped"  # that policy is done
+    ESTOP = "estop"  # relax or vent now
+    FAULT = "fault"
+    CLEAR = "clear"
+
+
+#: Every move there is. What is not here does not happen.
+MOVES: Final[dict[tuple[Mode, Event], Mode]] = {
+    (Mode.OFF, Event.CONNECT): Mode.CONNECTING,
+    (Mode.CONNECTING, Event.SAMPLED): Mode.READY,
+    (Mode.CONNECTING, Event.STOP): Mode.OFF,
+    (Mode.READY, Event.ARM): Mode.ARMING,
+    (Mode.READY, Event.STOP): Mode.OFF,
+    (Mode.ARMING, Event.ARMED): Mode.APPROACH,
+    (Mode.ARMING, Event.HOLD): Mode.HOLD,
+    (Mode.ARMING, Event.STOP): Mode.STOPPING,
+    (Mode.APPROACH, Event.ARRIVED): Mode.RUN,
+    (Mode.APPROACH, Event.HOLD): Mode.HOLD,
+    (Mode.APPROACH, Event.STOP): Mode.STOPPING,
+    (Mode.RUN, Event.HOLD): Mode.HOLD,
+    (Mode.RUN, Event.FOLLOW): Mode.APPROACH,
+    (Mode.RUN, Event.STOP): Mode.STOPPING,
+    (Mode.HOLD, Event.FOLLOW): Mode.APPROACH,
+    (Mode.HOLD, Event.STOP): Mode.STOPPING,
+    (Mode.STOPPING, Event.STOPPED): Mode.OFF,
+    (Mode.STOPPING, Event.STOP): Mode.STOPPING,
+    (Mode.FAULT, Event.CLEAR): Mode.READY,
+    (Mode.FAULT, Event.STOP): Mode.FAULT,
+    **{(mode, Event.ESTOP): Mode.OFF for mode in Mode if mode not in (Mode.OFF, Mode.FAULT)},
+    (Mode.FAULT, Event.ESTOP): Mode.FAULT,
+    **{(mode, Event.FAULT): Mode.FAULT for mode in Mode if mode is not Mode.FAULT},
+}
+
+#: States in which a robot may be in motion.
+MOVING: Final = frozenset({Mode.APPROACH, Mode.RUN, Mode.STOPPING})
+
+#: What a stop policy leaves the devices in.
+REST_OF: Final[dict[StopPolicy, Rest]] = {
+    StopPolicy.HOLD: Rest.HOLD,
+    StopPolicy.REST: Rest.HOLD,
+    StopPolicy.RELAX: Rest.RELAX,
+    StopPolicy.VENT: Rest.VENT,
+}
+
+
+def move(mode: Mode, event: Event) -> Mode | None:
+    """The state after ``event``, or None when it means nothing in this state."""
+    return MOVES.get((mode, event))
+
+
+def allowed(mode: Mode) -> tuple[str, ...]:
+    """What can happen in a state, in words, for messages that refuse an order."""
+    return tuple(event.value for event in Event if (mode, event) in MOVES)

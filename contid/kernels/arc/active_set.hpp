@@ -1,0 +1,161 @@
+// The bounded step: a strictly convex quadratic programme over the feasible lengths, by dual active sets
+//
+//     minimise 1/2 (d - d0)^T H (d - d0) with l + d feasible,    d0 the step without limits
+//
+// after Goldfarb and Idnani (1983). Twin and specification: contid/kinematics/arc/active_set.py.
+#pragma once
+
+#include "cholesky.hpp"
+#include "feasible.hpp"
+
+namespace contid {
+
+constexpr int kMostRows = 9;  // of a task: tip, direction, mid-point
+constexpr int kMostHeld = kMostLengths + kMostRows;
+constexpr double kRounding = 1e-12;  // excess that counts as rounding [m]; the caller pulls the rest inside
+constexpr int kLimitsTried = 40;
+
+// What the step is held to, in whitened coordinates F^-1: first the rows of a task, then limits, each with its
+// normal and its multiplier. A row of a task whose error counts 1/weight is an equation with a slack,
+// (row, sqrt(weight) e_a), so a stiff task brings no large numbers.
+struct Held {
+  double normals[kMostHeld][kMostHeld];
+  double multipliers[kMostHeld];
+  int numbers[kMostHeld];  // of the limits
+  int wide, flat;          // length of a normal; limits with a lesser number are flat
+  int count;
+  std::uint64_t mask = 0;  // of the flat limits
+
+  Held(const double (*task)[kMostLengths], int rows, double weight, const Feasible& feasible)
+      : wide(feasible.size() + rows), flat(feasible.flat()), count(rows) {
+    const int n = feasible.size();
+    for (int a = 0; a < rows; ++a) {
+      std::memcpy(normals[a], task[a], n * sizeof(double));
+      for (int b = 0; b < rows; ++b) normals[a][n + b] = a == b ? std::sqrt(weight) : 0.0;
+    }
+  }
+
+  // r = (N N^T)^-1 N v, how much of every normal is in v; false when the normals depend on each other.
+  bool split(const double* v, double* r) const {
+    double gram[kMostHeld * kMostHeld];
+    for (int a = 0; a < count; ++a) {
+      for (int b = 0; b <= a; ++b) gram[a * kMostHeld + b] = dot(normals[a], normals[b], wide);
+      r[a] = dot(normals[a], v, wide);
+    }
+    if (count == 0) return true;
+    if (!factor(gram, count, kMostHeld)) return false;
+    solve_lower(gram, count, kMostHeld, r);
+    solve_upper(gram, count, kMostHeld, r);
+    return true;
+  }
+
+  void add(const double* normal, double multiplier, int number) {
+    std::memcpy(normals[count], normal, wide * sizeof(double));
+    multipliers[count] = multiplier;
+    numbers[count++] = number;
+    if (number < flat) mask |= std::uint64_t{1} << number;
+  }
+
+  void drop(int place) {
+    if (numbers[place] < flat) mask &= ~(std::uint64_t{1} << numbers[place]);
+    --count;
+    for (int a = place; a < count; ++a) {
+      std::memcpy(normals[a], normals[a + 1], wide * sizeof(double));
+      multipliers[a] = multipliers[a + 1];
+      numbers[a] = numbers[a + 1];
+    }
+  }
+};
+
+// The best step with l + d feasible, in place, from the best one without limits. `whiten` is the lower Cholesky
+// factor of the metric; `task` (may be null) are whitened rows of a task whose error counts 1/weight. The limits
+// are asked for one by one at the present point, so a curved one is met by as many tangent planes as it takes.
+inline void bounded_step(const double* whiten, const double* at, const Feasible& feasible,
+                         const double (*task)[kMostLengths], int rows, double weight, double* d) {
+  const int n = feasible.size();
+  double trial[kMostLengths];
+  for (int i = 0; i < n; ++i) trial[i] = at[i] + d[i];
+  int number;
+  double excess = feasible.worst(trial, 0, number);
+  if (excess <= kRounding) return;
+  Held held(task, rows, weight, feasible);
+  const int wide = held.wide;
+  for (int tried = 0; tried < kLimitsTried; ++tried) {
+    double v[kMostHeld] = {}, added = 0.0;
+    feasible.normal(trial, number, v);
+    solve_lower(whiten, n, kMostLengths, v);
+    for (;;) {
+      double r[kMostHeld], move[kMostHeld];
+      if (!held.split(v, r)) return;
+      for (int i = 0; i < wide; ++i) {
+        move[i] = v[i];
+        for (int a = 0; a < held.count; ++a) move[i] -= held.normals[a][i] * r[a];
+      }
+      const double gain = dot(move, move, wide);
+      // How far the multiplier of this limit can grow: until it is met, or until another one's is 0.
+      const double full = gain > 1e-14 * dot(v, v, wide) && held.count < wide ? excess / gain : kInfinity;
+      double partial = kInfinity;
+      int blocking = -1;
+      for (int a = rows; a < held.count; ++a)
+        if (r[a] > 0.0 && held.multipliers[a] / r[a] < partial)
+          partial = held.multipliers[a] / r[a], blocking = a;
+      const double t = full < partial ? full : partial;
+      if (t == kInfinity) return;  // depends on what is held: what is left of it is rounding
+      for (int a = rows; a < held.count; ++a) held.multipliers[a] -= t * r[a];
+      added += t;
+      if (full < kInfinity) {
+        solve_upper(whiten, n, kMostLengths, move);
+        for (int i = 0; i < n; ++i) d[i] -= t * move[i];
+        excess -= t * gain;
+      }
+      if (full <= partial) {
+        held.add(v, added, number);
+        break;
+      }
+      held.drop(blocking);
+    }
+    for (int i = 0; i < n; ++i) trial[i] = at[i] + d[i];
+    excess = feasible.worst(trial, held.mask, number);
+    if (excess <= kRounding) return;
+  }
+}
+
+struct IdentityFactor {
+  double entries[kMostLengths * kMostLengths] = {};
+  IdentityFactor() {
+    for (int i = 0; i < kMostLengths; ++i) entries[i * kMostLengths + i] = 1.0;
+  }
+};
+
+// minimise |J d - e|^2 + weight (d^T W d - 2 z^T d) with l + d feasible; y are the multipliers of the task.
+// `metric` is the lower Cholesky factor of W; null for the identity. Without limits in the way
+//     d = W^-1 (z + J^T y),    (J W^-1 J^T + weight) y = e - J W^-1 z
+// which factors a matrix of the size of the task and keeps the digits of the part of z that leaves it alone.
+inline void damped_step(const Feasible& feasible, const double (*J)[kMostLengths], const double* e, int rows,
+                        double weight, const double* z, const double* at, const double* metric, double* d,
+                        double* y) {
+  static const IdentityFactor identity;
+  const int n = feasible.size();
+  double gram[kMostRows * kMostRows], K[kMostRows][kMostLengths];
+  std::memcpy(d, z, n * sizeof(double));
+  for (int a = 0; a < rows; ++a) std::memcpy(K[a], J[a], n * sizeof(double));
+  if (metric) {
+    solve_lower(metric, n, kMostLengths, d);
+    for (int a = 0; a < rows; ++a) solve_lower(metric, n, kMostLengths, K[a]);
+  }
+  for (int a = 0; a < rows; ++a) {
+    for (int b = 0; b <= a; ++b) gram[a * kMostRows + b] = dot(K[a], K[b], n);
+    gram[a * kMostRows + a] += weight;
+    y[a] = e[a] - dot(K[a], d, n);
+  }
+  if (factor(gram, rows, kMostRows)) {
+    solve_lower(gram, rows, kMostRows, y);
+    solve_upper(gram, rows, kMostRows, y);
+    for (int a = 0; a < rows; ++a)
+      for (int i = 0; i < n; ++i) d[i] += K[a][i] * y[a];
+  }
+  if (metric) solve_upper(metric, n, kMostLengths, d);
+  bounded_step(metric ? metric : identity.entries, at, feasible, K, rows, weight, d);
+}
+
+}  // namespace contid

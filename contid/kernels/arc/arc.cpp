@@ -1,0 +1,134 @@
+// contid.kernels._arc: constant-curvature sections for Python. Calls last microseconds and hold the GIL.
+#include <nanobind/nanobind.h>
+#include <nanobind/ndarray.h>
+
+#include "section_solver.hpp"
+
+namespace nb = nanobind;
+using contid::SectionSolver;
+
+namespace {
+
+using Out = nb::ndarray<double, nb::c_contig, nb::device::cpu>;
+
+// Floats of any sequence, without a temporary.
+void read(nb::handle sequence, double* out, Py_ssize_t size, const char* what) {
+  PyObject* fast = PySequence_Fast(sequence.ptr(), what);
+  if (!fast) throw nb::python_error();
+  const bool fits = PySequence_Fast_GET_SIZE(fast) == size;
+  if (fits)
+    for (Py_ssize_t i = 0; i < size; ++i) out[i] = PyFloat_AsDouble(PySequence_Fast_GET_ITEM(fast, i));
+  Py_DECREF(fast);
+  if (PyErr_Occurred()) throw nb::python_error();
+  if (!fits) throw nb::value_error(what);
+}
+
+nb::object tuple_of(const double* values, Py_ssize_t size) {
+  nb::object result = nb::steal(PyTuple_New(size));
+  for (Py_ssize_t i = 0; i < size; ++i)
+    PyTuple_SET_ITEM(result.ptr(), i, PyFloat_FromDouble(values[i]));
+  return result;
+}
+
+void fill(Out& out, const double (*rows)[contid::kMostLengths], int columns, const char* what) {
+  if (out.ndim() != 2 || out.shape(0) != 3 || static_cast<int>(out.shape(1)) != columns)
+    throw nb::value_error(what);
+  for (int k = 0; k < 3; ++k) std::memcpy(out.data() + k * columns, rows[k], columns * sizeof(double));
+}
+
+void make(SectionSolver* self, nb::handle radius, nb::handle to_arc, nb::handle to_lengths, nb::handle rigid,
+          nb::handle lower, nb::handle upper, nb::handle home, double rack, double curvature_max,
+          nb::handle tuning) {
+  const Py_ssize_t count = PyObject_Length(radius.ptr());
+  if (count < 1 || count > contid::kMostSections) throw nb::value_error("one to four sections");
+  contid::Feasible f;
+  contid::Sections& s = f.sections;
+  s.count = static_cast<int>(count);
+  read(radius, s.radius, count, "radius: one number per section");
+  read(rigid, s.rigid, count, "rigid: one number per section");
+  read(to_arc, s.to_arc[0], 9 * count, "to_arc: nine numbers per section");
+  read(to_lengths, s.to_lengths[0], 9 * count, "to_lengths: nine numbers per section");
+  double low[contid::kMostSections], high[contid::kMostSections];
+  read(lower, low, count, "lower: one number per section");
+  read(upper, high, count, "upper: one number per section");
+  for (int i = 0; i < f.size(); ++i) f.low[i] = low[i / 3], f.high[i] = high[i / 3];
+  read(home, f.home, f.size(), "home: one number per length");
+  f.rack = rack;
+  f.curvature_max = curvature_max;
+  f.weigh_home();
+  const auto number = [&](const char* name) { return nb::cast<double>(tuning.attr(name)); };
+  const auto count_of = [&](const char* name) { return nb::cast<int>(tuning.attr(name)); };
+  new (self) SectionSolver(f, {number("ell_m"), number("tolerance_m"), number("home_tolerance_m"),
+                               number("weight"), number("near"), count_of("home_steps"),
+                               number("contraction"), number("slow"), count_of("iterations"),
+                               count_of("settling"), count_of("starts"), count_of("agreeing"),
+                               number("tracking")});
+}
+
+nb::tuple forward(const SectionSolver& self, nb::handle lengths) {
+  double l[contid::kMostLengths];
+  read(lengths, l, self.size(), "three lengths per section");
+  contid::Frames frames;
+  contid::forward(self.feasible().sections, l, frames);
+  return nb::make_tuple(tuple_of(frames.tip, 3), tuple_of(frames.rotation, 9), tuple_of(frames.mid, 3));
+}
+
+nb::tuple solve(const SectionSolver& self, nb::handle tip, nb::handle direction, nb::handle mid,
+                nb::handle seed) {
+  double p[3], t[3], m[3], l[contid::kMostLengths];
+  read(tip, p, 3, "tip: three numbers");
+  if (!direction.is_none()) read(direction, t, 3, "direction: three numbers");
+  if (!mid.is_none()) read(mid, m, 3, "mid: three numbers");
+  read(seed, l, self.size(), "seed: three lengths per section");
+  contid::Answer answer;
+  self.solve({p, direction.is_none() ? nullptr : t, mid.is_none() ? nullptr : m}, l, answer);
+  return nb::make_tuple(tuple_of(answer.lengths, self.size()), answer.residual, answer.converged,
+                        answer.binding, answer.iterations, answer.starts);
+}
+
+// Jacobians of tip, orientation and mid-point into arrays (3, 3 n) the caller made.
+void differentiate(const SectionSolver& self, nb::handle lengths, Out tip, Out spin, Out mid) {
+  double l[contid::kMostLengths];
+  const int n = self.size();
+  read(lengths, l, n, "three lengths per section");
+  contid::Derivatives at;
+  contid::differentiate(self.feasible().sections, l, at, true);
+  fill(tip, at.tip, n, "tip: an array (3, 3 n)");
+  fill(spin, at.spin, n, "spin: an array (3, 3 n)");
+  fill(mid, at.mid, n, "mid: an array (3, 3 n)");
+}
+
+// Solve a whole path, each point from the answer before: for benchmarks of the kernel alone.
+int follow(const SectionSolver& self, Out tips, nb::handle seed, Out lengths) {
+  const std::size_t n = self.size();
+  if (tips.ndim() != 2 || tips.shape(1) != 3 || lengths.ndim() != 2 || lengths.shape(0) != tips.shape(0) ||
+      lengths.shape(1) != n)
+    throw nb::value_error("tips (points, 3) and lengths (points, 3 n)");
+  double l[contid::kMostLengths];
+  read(seed, l, n, "seed: three lengths per section");
+  int met = 0;
+  for (std::size_t k = 0; k < tips.shape(0); ++k) {
+    contid::Answer answer;
+    self.solve({tips.data() + 3 * k, nullptr, nullptr}, l, answer);
+    std::memcpy(l, answer.lengths, sizeof l);
+    std::memcpy(lengths.data() + n * k, l, n * sizeof(double));
+    met += answer.converged;
+  }
+  return met;
+}
+
+}  // namespace
+
+NB_MODULE(_arc, module) {
+  module.doc() = "Constant-curvature sections: native twin of contid.kinematics.arc.solve and contid.kinematics.arc.sections.";
+  nb::class_<SectionSolver>(module, "SectionSolver")
+      .def("__init__", &make, nb::arg("radius"), nb::arg("to_arc"), nb::arg("to_lengths"), nb::arg("rigid"),
+           nb::arg("lower"), nb::arg("upper"), nb::arg("home"), nb::arg("rack"), nb::arg("curvature_max"),
+           nb::arg("tuning"))
+      .def("forward", &forward, nb::arg("lengths"))
+      .def("differentiate", &differentiate, nb::arg("lengths"), nb::arg("tip"), nb::arg("spin"),
+           nb::arg("mid"))
+      .def("solve", &solve, nb::arg("tip"), nb::arg("direction").none(), nb::arg("mid").none(),
+           nb::arg("seed"))
+      .def("follow", &follow, nb::arg("tips"), nb::arg("seed"), nb::arg("lengths"));
+}

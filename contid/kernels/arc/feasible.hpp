@@ -1,0 +1,151 @@
+// The lengths a chain of sections may take: a convex set, with a number for every limit.
+// Twin and specification: contid/kinematics/arc/feasible.py, which also says what each limit is.
+#pragma once
+
+#include <cstdint>
+#include <limits>
+
+#include "arc.hpp"
+
+namespace contid {
+
+constexpr double kInfinity = std::numeric_limits<double>::infinity();
+constexpr double kBinding = 1e-9;  // a limit binds when less than this is left of it [m]
+
+struct Feasible {
+  Sections sections;
+  double low[kMostLengths], high[kMostLengths], home[kMostLengths];
+  double metric[kMostLengths * kMostLengths];  // what counts as far from home
+  double rack = kInfinity;           // greatest sum of one rack's lengths [m]
+  double curvature_max = kInfinity;  // [1/m]
+
+  int size() const { return sections.size(); }
+  int flat() const { return 2 * size() + 3; }  // limits before the cones
+  int limits() const { return flat() + sections.count; }
+
+  // No tip is farther from the base than this.
+  double longest() const {
+    double sum = 0.0, rigid = 0.0;
+    for (int s = 0; s < sections.count; ++s) sum += high[3 * s], rigid += sections.rigid[s];
+    return std::fmin(sum, rack) + rigid;
+  }
+
+  // sum_s l_sj - rack
+  double rack_excess(const double* l, int j) const {
+    double sum = 0.0;
+    for (int i = j; i < size(); i += 3) sum += l[i];
+    return sum - rack;
+  }
+
+  // d (theta - kappa_max L)
+  double bend_excess(const double* l, int s) const {
+    if (curvature_max == kInfinity) return -kInfinity;
+    double uvl[3];
+    sections.arc(l, s, uvl);
+    return sections.radius[s] * (std::hypot(uvl[0], uvl[1]) - curvature_max * uvl[2]);
+  }
+
+  // By how much one limit is exceeded [m], negative inside.
+  double excess(const double* l, int number) const {
+    const int n = size();
+    if (number < n) return low[number] - l[number];
+    if (number < 2 * n) return l[number - n] - high[number - n];
+    if (number < flat()) return rack_excess(l, number - 2 * n);
+    return bend_excess(l, number - flat());
+  }
+
+  // The limit exceeded most; flat ones whose bit is set in `held` are left out.
+  double worst(const double* l, std::uint64_t held, int& number) const {
+    double most = -kInfinity;
+    number = 0;
+    const int n = size();
+    for (int i = 0; i < n; ++i) {
+      const double below = low[i] - l[i];
+      if (below > most && !(held >> i & 1)) most = below, number = i;
+    }
+    for (int i = 0; i < n; ++i) {
+      const double above = l[i] - high[i];
+      if (above > most && !(held >> (n + i) & 1)) most = above, number = n + i;
+    }
+    if (rack < kInfinity)
+      for (int j = 0; j < 3; ++j) {
+        const double over = rack_excess(l, j);
+        if (over > most && !(held >> (2 * n + j) & 1)) most = over, number = 2 * n + j;
+      }
+    if (curvature_max < kInfinity)
+      for (int s = 0; s < sections.count; ++s) {
+        const double over = bend_excess(l, s);
+        if (over > most) most = over, number = flat() + s;
+      }
+    return most;
+  }
+
+  // Gradient of one limit's excess.
+  void normal(const double* l, int number, double* out) const {
+    const int n = size();
+    for (int i = 0; i < n; ++i) out[i] = 0.0;
+    if (number < n) {
+      out[number] = -1.0;
+    } else if (number < 2 * n) {
+      out[number - n] = 1.0;
+    } else if (number < flat()) {
+      for (int i = number - 2 * n; i < n; i += 3) out[i] = 1.0;
+    } else {
+      const int s = number - flat();
+      double uvl[3];
+      sections.arc(l, s, uvl);
+      double theta = std::hypot(uvl[0], uvl[1]);
+      if (theta == 0.0) theta = 1.0;
+      const double along[3] = {uvl[0] / theta, uvl[1] / theta, -curvature_max};
+      const double* m = sections.to_arc[s];
+      for (int j = 0; j < 3; ++j)
+        out[3 * s + j] = sections.radius[s] * (along[0] * m[j] + along[1] * m[3 + j] + along[2] * m[6 + j]);
+    }
+  }
+
+  // metric: 3 (L - L0)^2 + max(1.5 d^2, L0^2/2) theta^2 per section.
+  void weigh_home() {
+    for (double& entry : metric) entry = 0.0;
+    for (int s = 0; s < sections.count; ++s) {
+      const double d = sections.radius[s], L = home[3 * s];
+      const double bend = std::fmax(1.5 * d * d, 0.5 * L * L);
+      const double* m = sections.to_arc[s];
+      for (int i = 0; i < 3; ++i)
+        for (int j = 0; j < 3; ++j)
+          metric[(3 * s + i) * kMostLengths + 3 * s + j] =
+              bend * (m[i] * m[j] + m[3 + i] * m[3 + j]) + 3.0 * m[6 + i] * m[6 + j];
+    }
+  }
+
+  // Bits of the limits that bind.
+  std::uint64_t binding(const double* l) const {
+    std::uint64_t bits = 0;
+    for (int k = 0; k < limits(); ++k)
+      if (excess(l, k) > -kBinding) bits |= std::uint64_t{1} << k;
+    return bits;
+  }
+
+  void clip(double* l) const {
+    for (int i = 0; i < size(); ++i) l[i] = l[i] < low[i] ? low[i] : l[i] > high[i] ? high[i] : l[i];
+  }
+
+  // Bring l inside: clip it to its intervals, then pull it towards home as far as the other limits ask.
+  void pull(double* l) const {
+    clip(l);
+    if (rack == kInfinity && curvature_max == kInfinity) return;
+    double share = 1.0;
+    for (int k = 2 * size(); k < limits(); ++k) {
+      const double there = excess(l, k);
+      if (there > 0.0) {
+        const double here = excess(home, k);
+        const double reach = here / (here - there);
+        if (reach < share) share = reach;
+      }
+    }
+    if (share == 1.0) return;
+    for (int i = 0; i < size(); ++i) l[i] = home[i] + share * (l[i] - home[i]);
+    clip(l);
+  }
+};
+
+}  // namespace contid

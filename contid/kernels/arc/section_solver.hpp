@@ -1,0 +1,211 @@
+// Bounded inverse kinematics of a chain of sections: starts, and the best of what they lead to. Scratch is on
+// the stack, nothing is allocated in solve().
+// Twin and specification: contid/kinematics/arc/solve.py: same decisions, same order.
+#pragma once
+
+#include <algorithm>
+
+#include "closed_form.hpp"
+#include "descent.hpp"
+#include "../halton.hpp"
+
+namespace contid {
+
+constexpr int kLibrary = 256;
+constexpr double kAbsurd = 1e6;  // an error no arm of this world has [m]; its square still fits a double
+
+struct Answer {
+  double lengths[kMostLengths];
+  double residual;
+  bool converged;
+  std::uint64_t binding;
+  int iterations;
+  int starts;
+};
+
+inline double squared_distance(const double* a, const double* b) {
+  double sum = 0.0;
+  for (int k = 0; k < 3; ++k) sum += (a[k] - b[k]) * (a[k] - b[k]);
+  return sum;
+}
+
+class SectionSolver {
+ public:
+  SectionSolver(const Feasible& feasible, const Tuning& tuning) : descent_(feasible, tuning) {
+    for (int k = 0; k < kLibrary; ++k) {
+      for (int i = 0; i < feasible.size(); ++i)
+        library_[k][i] =
+            feasible.low[i] + radical_inverse(k + 1, kPrimes[i]) * (feasible.high[i] - feasible.low[i]);
+      feasible.pull(library_[k]);
+      forward(feasible.sections, library_[k], frames_[k]);
+    }
+  }
+
+  const Feasible& feasible() const { return descent_.feasible; }
+  int size() const { return feasible().size(); }
+
+  // The closed form where there is one, then the seed, then starts for what the seed does not meet.
+  void solve(const Aim& aim, const double* seed, Answer& out) const {
+    const int n = size();
+    out.iterations = 0;
+    out.starts = 0;
+    if (closed_form(aim, out.lengths)) {
+      feasible().clip(out.lengths);
+      out.residual = descent_.error(out.lengths, aim);
+      return finish(out);
+    }
+    double trial[kMostLengths], begun[kMostLengths];
+    std::memcpy(trial, seed, n * sizeof(double));
+    feasible().pull(trial);
+    std::memcpy(begun, trial, n * sizeof(double));
+    const double away = descent_.error(trial, aim);
+    if (!(away < kAbsurd)) {  // not a number included: nothing to descend
+      std::memcpy(out.lengths, trial, n * sizeof(double));
+      out.residual = away;
+      return finish(out);
+    }
+    out.residual = descent_.run(trial, aim, out.iterations);
+    out.starts = 1;
+    std::memcpy(out.lengths, trial, sizeof trial);
+    if (out.residual > tuning().tolerance) {
+      Search search(aim, patience(aim, begun, trial));
+      const bool biarcs = feasible().sections.count == 2 && aim.direction && !aim.mid;
+      if (!biarcs || !try_biarcs(search, out)) try_library(search, out);
+    }
+    finish(out);
+  }
+
+ private:
+  // What ends the search of a target that is not met: so many starts that agree, or so many in all.
+  struct Patience {
+    int agreeing, starts;
+  };
+
+  struct Search {
+    const Aim& aim;
+    const Patience patience;
+    int agreeing = 1;  // starts that end at the best answer
+    Search(const Aim& aim, Patience patience) : aim(aim), patience(patience) {}
+  };
+
+  Descent descent_;
+  double library_[kLibrary][kMostLengths];
+  Frames frames_[kLibrary];
+
+  const Tuning& tuning() const { return descent_.tuning; }
+
+  void finish(Answer& out) const {
+    out.converged = out.residual <= tuning().tolerance;
+    out.binding = feasible().binding(out.lengths);
+  }
+
+  // Lengths from the closed forms, when they exist and keep every limit.
+  bool closed_form(const Aim& aim, double* lengths) const {
+    const Sections& s = feasible().sections;
+    double arcs[6];
+    if (s.count == 1 && !aim.direction && !aim.mid) {
+      if (!through(aim.tip, s.rigid[0], arcs)) return false;
+    } else if (s.count == 2 && !aim.direction && aim.mid) {
+      if (!two_arcs(aim.mid, aim.tip, s.rigid, arcs)) return false;
+    } else {
+      return false;
+    }
+    for (int i = 0; i < s.count; ++i) s.lengths(i, arcs + 3 * i, lengths);
+    double sum = 0.0;  // not finite when a length is not: a target on the rim of what arcs can reach
+    for (int i = 0; i < s.size(); ++i) sum += lengths[i];
+    int number;
+    return std::isfinite(sum) && feasible().worst(lengths, 0, number) <= kRounding;
+  }
+
+  // Few starts beyond the length of the arm, and few when the seed's descent followed a bounded optimum.
+  Patience patience(const Aim& aim, const double* begun, const double* found) const {
+    constexpr int kAll = 2 * kLibrary;
+    const double far = std::sqrt(dot(aim.tip, aim.tip, 3));
+    double step = 0.0;
+    for (int i = 0; i < size(); ++i) step = std::max(step, std::fabs(found[i] - begun[i]));
+    return {far > feasible().longest() ? tuning().agreeing : kAll,
+            step <= tuning().tracking * tuning().ell ? tuning().agreeing : kAll};
+  }
+
+  // One more start; true when the search can end: the target is met, or enough starts agree.
+  bool try_start(double* start, Search& search, Answer& out) const {
+    const double left = descent_.run(start, search.aim, out.iterations);
+    ++out.starts;
+    // A clear gain only, so that noise does not make the answer jump between equal minima.
+    if (left <= tuning().tolerance || left < 0.999 * out.residual) {
+      std::memcpy(out.lengths, start, kMostLengths * sizeof(double));
+      out.residual = left;
+      search.agreeing = 1;
+    } else if (left < 1.001 * out.residual) {
+      ++search.agreeing;
+    }
+    return out.residual <= tuning().tolerance || search.agreeing >= search.patience.agreeing ||
+           out.starts >= search.patience.starts;
+  }
+
+  // The three biarcs that exceed the limits least, out of 64 control legs; true when the search can end.
+  bool try_biarcs(Search& search, Answer& out) const {
+    constexpr int kLegs = 64, kBest = 3;
+    const Feasible& f = feasible();
+    const int n = size();
+    double score[kLegs], lengths[kLegs][6] = {};
+    int order[kLegs], found = 0;
+    const double scale = (f.home[0] + f.home[1] + f.home[2]) / 3.0;
+    for (int k = 0; k < kLegs; ++k) {
+      const double leg = 0.5 * scale * std::tan(0.5 * kPi * ((2.0 * k + 1.0) / kLegs - 1.0));
+      double arcs[6];
+      if (!biarc(search.aim.tip, search.aim.direction, leg, f.sections.rigid, arcs)) continue;
+      double* l = lengths[found];
+      for (int i = 0; i < 2; ++i) f.sections.lengths(i, arcs + 3 * i, l);
+      double sum = 0.0;
+      for (int m = 0; m < f.limits(); ++m) {
+        const double over = f.excess(l, m);
+        if (over > 0.0) sum += over * over;
+      }
+      double from_home = 0.0;
+      for (int i = 0; i < n; ++i) from_home += (l[i] - f.home[i]) * (l[i] - f.home[i]);
+      score[found] = sum + 1e-4 * from_home;
+      order[found] = found;
+      ++found;
+    }
+    nearest_first(score, order, found);
+    for (int k = 0; k < std::min(found, kBest); ++k) {
+      double start[kMostLengths];
+      std::memcpy(start, lengths[order[k]], n * sizeof(double));
+      f.pull(start);
+      if (try_start(start, search, out)) return true;
+    }
+    return false;
+  }
+
+  // Postures of the library whose task is nearest to the aim, then ever farther ones.
+  void try_library(Search& search, Answer& out) const {
+    const Aim& aim = search.aim;
+    double distance[kLibrary];
+    int order[kLibrary];
+    for (int k = 0; k < kLibrary; ++k) {
+      const Frames& f = frames_[k];
+      distance[k] = squared_distance(f.tip, aim.tip);
+      if (aim.direction) {
+        const double tangent[3] = {f.rotation[2], f.rotation[5], f.rotation[8]};
+        distance[k] += tuning().ell * tuning().ell * squared_distance(tangent, aim.direction);
+      }
+      if (aim.mid) distance[k] += squared_distance(f.mid, aim.mid);
+      order[k] = k;
+    }
+    nearest_first(distance, order, kLibrary);
+    for (int k = 0; k < tuning().starts; ++k) {
+      double start[kMostLengths];
+      std::memcpy(start, library_[order[std::min(k * (k + 7) / 8, kLibrary - 1)]], sizeof start);
+      if (try_start(start, search, out)) return;
+    }
+  }
+
+  static void nearest_first(const double* distance, int* order, int count) {
+    std::sort(order, order + count, [&](int a, int b) {
+      return distance[a] < distance[b] || (distance[a] == distance[b] && a < b);
+    });
+  }
+};
+
+}  // namespace contid

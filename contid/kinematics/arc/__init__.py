@@ -1,0 +1,1 @@
+"""Constant-curvature sections: kinematics and bounded inverse kinematics."""

@@ -1,0 +1,115 @@
+"""The bounded step: a strictly convex quadratic programme over a convex set, by the dual active-set method.
+
+    minimise  1/2 (d - d0)^T H (d - d0)   subject to   l + d feasible,   d0 the step without limits
+
+Goldfarb and Idnani (1983): start at the unconstrained minimum, add the limit exceeded most, drop limits whose
+multiplier would change sign, until nothing is exceeded. The limits are asked for one by one, at the present
+point, so a curved limit (the cone of the bend radius) is met by as many tangent planes as it takes. When no
+limit is exceeded the cost is one factor of the size of the task: ``d = z + J^T (J J^T + w)^-1 (e - J z)``,
+which also keeps the digits of the part of z that leaves the task alone. The specification of
+``contid/kernels/arc/active_set.hpp``.
+"""
+
+from __future__ import annotations
+
+import math
+from typing import Final
+
+import numpy as np
+
+from contid.kinematics.arc.arc import Array
+from contid.kinematics.arc.feasible import Feasible
+
+# Excess that counts as rounding [m]; the caller pulls the rest inside.
+_ROUNDING_M: Final = 1e-12
+_LIMITS_TRIED: Final = 40
+
+
+def cholesky(H: Array) -> Array:
+    """Lower factor ``(n, n)`` of H; raises ``np.linalg.LinAlgError`` unless it is positive definite."""
+    return np.asarray(np.linalg.cholesky(H), dtype=np.float64)
+
+
+def solve(matrix: Array, right: Array) -> Array:
+    """``matrix^-1 right``, of the shape of ``right``."""
+    return np.asarray(np.linalg.solve(matrix, right), dtype=np.float64)
+
+
+def damped_step(
+    J: Array, e: Array, weight: float, z: Array, at: Array, feasible: Feasible, metric: Array | None = None
+) -> tuple[Array, Array]:
+    """Minimise ``|J d - e|^2 + weight (d^T W d - 2 z^T d)`` within the limits; W defaults to the identity.
+
+    Shapes ``(m, N)``, ``(m,)``, scalar, ``(N,)``, ``(N,)``, ``(N, N)``. Without limits in the way
+    ``d = W^-1 (z + J^T y)`` with ``(J W^-1 J^T + weight) y = e - J W^-1 z``. The factor has the size of the
+    task, not of the arm, and the part of z that leaves the task alone keeps its digits.
+
+    Returns:
+        The step, and the multipliers y of the task.
+    """
+    factor = cholesky(np.eye(len(at)) if metric is None else metric)
+    K, zeta = solve(factor, J.T).T, solve(factor, z)
+    y = solve(K @ K.T + weight * np.eye(len(e)), e - K @ zeta)
+    d = solve(factor.T, zeta + K.T @ y)
+    return bounded_step(factor, d, at, feasible, K, weight), y
+
+
+def bounded_step(
+    factor: Array, d: Array, at: Array, feasible: Feasible, rows: Array | None = None, weight: float = 0.0
+) -> Array:
+    """The best step within the limits, from the best one without.
+
+    Args:
+        factor: lower Cholesky factor of the metric.
+        d: the step without limits.
+        at: where it starts, inside the limits.
+        feasible: the limits.
+        rows: Jacobian of a task, whitened by the factor, whose error counts ``1/weight``. Each row is held as
+            an equation with a slack: in whitened coordinates ``(row, sqrt(weight) e_a)``. The large numbers
+            of a stiff task never enter a matrix this way.
+        weight: see ``rows``.
+    """
+    excess, normal, number = feasible.worst(at + d, ())
+    if excess <= _ROUNDING_M:
+        return d
+    size = len(at)
+    fixed = 0 if rows is None else len(rows)
+    normals = np.zeros((fixed, size + fixed))  # of what is held, whitened
+    if rows is not None:
+        normals[:, :size] = rows
+        normals[:, size:] = math.sqrt(weight) * np.eye(fixed)
+    held: list[int] = []
+    multipliers = np.empty(0)
+    for _ in range(_LIMITS_TRIED):
+        v = np.concatenate((solve(factor, normal), np.zeros(fixed)))
+        added = 0.0
+        while True:
+            r = solve(normals @ normals.T, normals @ v) if len(normals) else np.empty(0)
+            move = v - normals.T @ r
+            gain = float(move @ move)
+            room = len(normals) < size + fixed
+            full = excess / gain if room and gain > 1e-14 * float(v @ v) else math.inf
+            partial, blocking = math.inf, -1
+            for k, ratio in enumerate(r[fixed:]):
+                if ratio > 0.0 and multipliers[k] / ratio < partial:
+                    partial, blocking = float(multipliers[k] / ratio), k
+            t = min(full, partial)
+            if t == math.inf:  # this limit depends on the held ones: what is left of it is rounding
+                return d
+            multipliers = multipliers - t * r[fixed:]
+            added += t
+            if full < math.inf:
+                d = d - t * solve(factor.T, move[:size])
+                excess -= t * gain
+            if full <= partial:
+                held.append(number)
+                normals = np.vstack((normals, v))
+                multipliers = np.append(multipliers, added)
+                break
+            held.pop(blocking)
+            normals = np.delete(normals, fixed + blocking, axis=0)
+            multipliers = np.delete(multipliers, blocking)
+        excess, normal, number = feasible.worst(at + d, held)
+        if excess <= _ROUNDING_M:
+            break
+    return d

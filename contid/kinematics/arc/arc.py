@@ -1,0 +1,133 @@
+"""The arc of constant curvature without torsion: position, rotation, Jacobians and the closed-form inverse.
+
+State of one section: ``(u, v, L)`` with the bending vector ``(u, v) = theta (cos phi, sin phi)`` [rad] and
+the length of the backbone ``L`` [m]. With ``q = u^2 + v^2``, ``A = sin(theta)/theta``,
+``B = (1 - cos theta)/theta^2``, ``C = (1 - A)/q``:
+
+    P = L (u B, v B, A)
+    R = [[1 - u^2 B, -u v B, u A], [-u v B, 1 - v^2 B, v A], [-u A, -v A, 1 - q B]] = exp([w]x)
+    w = (-v, u, 0)
+
+No radius and no azimuth is ever formed, so the straight arm is a point like any other. Everything is
+vectorised over leading dimensions. This is the specification of ``contid/kernels/arc/arc.hpp``.
+
+Sources: Singh et al., ROBIO 2017, Eq. 2-5 (errata: ``atan`` for ``atan2`` in Eq. 2, R31 of Eq. 3 lacks its
+minus sign, D cancels near the straight arm) and Hughes et al., Eq. 2-3.
+"""
+
+from __future__ import annotations
+
+import math
+from typing import Final, NamedTuple, TypeAlias
+
+import numpy as np
+from numpy.typing import NDArray
+
+Array: TypeAlias = NDArray[np.float64]
+
+# Ten terms below this q leave a relative error of 1e-14 on both sides of the switch.
+SERIES_BELOW: Final = 0.5
+_TERMS: Final = 10
+
+
+def _series_table() -> Array:
+    """Coefficients of q^0..q^9 for A, B, C, 2 dA/dq, 2 dB/dq, shape (10, 5)."""
+    table = np.zeros((_TERMS, 5))
+    for k in range(_TERMS):
+        for column, offset in enumerate((1, 2, 3)):
+            table[k, column] = (-1.0) ** k / math.factorial(2 * k + offset)
+        for column, offset in ((3, 3), (4, 4)):
+            table[k, column] = -2.0 * (k + 1) * (-1.0) ** k / math.factorial(2 * k + offset)
+    return table
+
+
+_SERIES: Final = _series_table()
+_POWERS: Final = np.arange(_TERMS)
+
+
+class Coefficients(NamedTuple):
+    """``A, B, C`` of the module and ``A1 = 2 dA/dq``, ``B1 = 2 dB/dq``, each of the shape of q."""
+
+    A: Array
+    B: Array
+    C: Array
+    A1: Array
+    B1: Array
+
+
+def coefficients(q: Array) -> Coefficients:
+    """The five even functions of the bending angle, from ``q = theta^2``: series below 0.5, closed above."""
+    q = np.asarray(q, dtype=np.float64)
+    small = q < SERIES_BELOW
+    series = (np.where(small, q, 0.0)[..., None] ** _POWERS) @ _SERIES
+    if small.all():
+        return Coefficients(*np.moveaxis(series, -1, 0))
+    large = np.where(small, 1.0, q)
+    theta = np.sqrt(large)
+    A = np.sin(theta) / theta
+    B = 2.0 * np.sin(0.5 * theta) ** 2 / large
+    closed = (A, B, (1.0 - A) / large, (np.cos(theta) - A) / large, (A - 2.0 * B) / large)
+    return Coefficients(*(np.where(small, series[..., i], value) for i, value in enumerate(closed)))
+
+
+def pose(u: Array, v: Array, L: Array) -> tuple[Array, Array]:
+    """Position ``(..., 3)`` [m] and rotation ``(..., 3, 3)`` of the end of an arc that starts along +z."""
+    u, v, L = np.broadcast_arrays(u, v, L)
+    c = coefficients(u * u + v * v)
+    position = np.stack((L * u * c.B, L * v * c.B, L * c.A), axis=-1)
+    rotation = np.empty((*u.shape, 3, 3))
+    rotation[..., 0, 0] = 1.0 - u * u * c.B
+    rotation[..., 0, 1] = rotation[..., 1, 0] = -u * v * c.B
+    rotation[..., 1, 1] = 1.0 - v * v * c.B
+    rotation[..., 0, 2], rotation[..., 1, 2] = u * c.A, v * c.A
+    rotation[..., 2, 0], rotation[..., 2, 1] = -u * c.A, -v * c.A
+    rotation[..., 2, 2] = 1.0 - (u * u + v * v) * c.B
+    return position, rotation
+
+
+def jacobians(u: Array, v: Array, L: Array) -> tuple[Array, Array]:
+    """Derivatives by (u, v, L): of the position, and the spatial angular velocity, both ``(..., 3, 3)``.
+
+    The angular columns are ``Jl(w) dw`` with the left Jacobian ``Jl = I + B [w]x + C [w]x^2``.
+    """
+    u, v, L = np.broadcast_arrays(u, v, L)
+    c = coefficients(u * u + v * v)
+    linear = np.empty((*u.shape, 3, 3))
+    linear[..., 0, 0] = L * (c.B + u * u * c.B1)
+    linear[..., 0, 1] = linear[..., 1, 0] = L * u * v * c.B1
+    linear[..., 1, 1] = L * (c.B + v * v * c.B1)
+    linear[..., 2, 0], linear[..., 2, 1] = L * u * c.A1, L * v * c.A1
+    linear[..., 0, 2], linear[..., 1, 2], linear[..., 2, 2] = u * c.B, v * c.B, c.A
+    angular = np.zeros_like(linear)
+    angular[..., 0, 0] = -c.C * u * v
+    angular[..., 1, 0] = 1.0 - c.C * v * v
+    angular[..., 2, 0] = -c.B * v
+    angular[..., 0, 1] = c.C * u * u - 1.0
+    angular[..., 1, 1] = c.C * u * v
+    angular[..., 2, 1] = c.B * u
+    return linear, angular
+
+
+def through(x: float, y: float, z: float, rigid_m: float = 0.0) -> tuple[float, float, float] | None:
+    """The arc (u, v, L) that starts at the origin along +z and ends, after a rigid piece, at (x, y, z) [m].
+
+    With ``r = hypot(x, y)``, ``d = r^2 + z^2 - h^2``, ``theta = 2 atan2(r, z + h)`` (minus a whole turn where
+    d < 0): ``(u, v) = theta (x, y)/r``, ``L = d / (hypot(r, z + h) sinc(theta/2))``. It is the only arc of
+    less than a full turn; None where there is none.
+    """
+    r = math.hypot(x, y)
+    chord = math.hypot(r, z + rigid_m)
+    d = r * r + z * z - rigid_m * rigid_m
+    if d > 0.0 and chord > 0.0:
+        half = math.atan2(r, z + rigid_m)
+        if r > 1e-9 * chord:
+            bend = 2.0 * half / r
+        elif z + rigid_m > 0.0:
+            bend = 2.0 / (z + rigid_m)
+        else:
+            return None
+        return bend * x, bend * y, d / chord * (half / math.sin(half) if half > 1e-9 else 1.0)
+    if d < 0.0 and r > 0.0:
+        theta = 2.0 * math.atan2(r, z + rigid_m) - 2.0 * math.pi
+        return theta * x / r, theta * y / r, theta * d / (2.0 * r)
+    return None

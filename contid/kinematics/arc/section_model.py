@@ -1,0 +1,134 @@
+"""The model of tri-rack arms and of tube arms such as the CBHA: sections, limits and their solver."""
+
+from __future__ import annotations
+
+import math
+from typing import Protocol
+
+import numpy as np
+from numpy.typing import NDArray
+
+from contid.kernels import load
+from contid.kinematics.arc.arc import Array
+from contid.kinematics.arc.descent import Tuning, tuning_for
+from contid.kinematics.arc.feasible import Feasible
+from contid.kinematics.arc.sections import Sections, backbone
+from contid.kinematics.arc.solve import Answer, SectionSolver, vec3
+from contid.robot_file.sections import SectionRobot
+from contid.targets import ZERO3, Actuation, Pose, Solution, Target, Vec3
+from contid.units import m_to_mm
+
+
+class Solver(Protocol):
+    """What the native solver and its NumPy twin have in common."""
+
+    def forward(self, lengths: Actuation) -> tuple[Vec3, tuple[float, ...], Vec3]:
+        """Tip [m], rotation row by row, end of the first section [m]."""
+        ...
+
+    def differentiate(self, lengths: Actuation, tip: Array, spin: Array, mid: Array) -> None:
+        """Jacobians of tip, orientation and mid-point, into arrays ``(3, 3 n)`` the caller made."""
+        ...
+
+    def solve(self, tip: Vec3, direction: Vec3 | None, mid: Vec3 | None, seed: Actuation) -> Answer:
+        """Lengths, residual [m], converged, bits of the binding limits, iterations, starts."""
+        ...
+
+
+def sections_of(robot: SectionRobot) -> Sections:
+    """Geometry of the chain a description asks for."""
+    angles = tuple((math.radians(a), math.radians(b), math.radians(c)) for a, b, c in robot.tube_angles_deg)
+    return Sections(robot.radius_m, angles, robot.rigid_m)
+
+
+def feasible_of(robot: SectionRobot) -> Feasible:
+    """Limits a description states."""
+    return Feasible(
+        sections_of(robot), robot.lower[::3], robot.upper[::3], robot.rack_m, robot.curvature_max_per_m
+    )
+
+
+def build_solver(feasible: Feasible, tuning: Tuning | None = None) -> Solver:
+    """The native solver where it is built and not switched off, its NumPy twin otherwise."""
+    tuning = tuning or tuning_for(feasible)
+    kernel = load("arc")
+    if kernel is None:
+        return SectionSolver(feasible, tuning)
+    solver: Solver = kernel.SectionSolver(
+        feasible.sections.radius_m,
+        feasible.sections.to_arc.ravel().tolist(),
+        feasible.sections.to_lengths.ravel().tolist(),
+        feasible.sections.rigid_m,
+        feasible.lower,
+        feasible.upper,
+        feasible.home.tolist(),
+        feasible.rack_m,
+        feasible.curvature_max,
+        tuning,
+    )
+    return solver
+
+
+class SectionModel:
+    """Forward and inverse kinematics of a chain of constant-curvature sections."""
+
+    dimension = 3
+
+    def __init__(self, robot: SectionRobot) -> None:
+        self.axis_names = robot.axis_names
+        self.lower = robot.lower
+        self.upper = robot.upper
+        self.feasible = feasible_of(robot)
+        self.sections = self.feasible.sections
+        self.solver = build_solver(self.feasible)
+        self._limit_names = self.feasible.names
+
+    def forward(self, actuation: Actuation, load_n: Vec3 = ZERO3) -> Pose:
+        """Tip, orientation and mid-point for lengths [m]; a load does not bend the arc in this model."""
+        tip, rotation, mid = self.solver.forward(actuation)
+        return Pose(tip, rotation, (rotation[2], rotation[5], rotation[8]), mid)
+
+    def jacobian(self, actuation: Actuation, load_n: Vec3 = ZERO3) -> NDArray[np.float64]:
+        """Tip by lengths, shape (3, 3 n); regular on the straight arm."""
+        tip, spin, mid = np.empty((3, 3, len(self.axis_names)))
+        self.solver.differentiate(actuation, tip, spin, mid)
+        return tip
+
+    def shape(self, actuation: Actuation, points: int, load_n: Vec3 = ZERO3) -> NDArray[np.float64]:
+        """Backbone at equal arc length, rigid pieces included, shape (points, 3) [m]."""
+        return backbone(self.sections, actuation, points)
+
+    def inverse(self, target: Target, seed: Actuation) -> Solution:
+        """Lengths inside every limit for a tip, a tip and its direction, or a mid-point and a tip.
+
+        Where lengths are left over, the answer closest to the middle of their ranges. A direction enters the
+        residual times `Tuning.ell_m`, a fifth of the arm.
+        """
+        if target.actuation is not None:
+            return self._clamped(target.actuation)
+        if target.tip_m is None:
+            raise ValueError("an arm of sections takes a tip position or lengths")
+        lengths, residual_m, converged, binding, iterations, _ = self.solver.solve(
+            target.tip_m, target.direction, target.mid_m, seed
+        )
+        if converged and not binding:
+            return Solution(lengths, residual_m, True, (), iterations)
+        limits = self.limits_in(binding)
+        if converged:
+            return Solution(lengths, residual_m, True, limits, iterations)
+        note = f"the nearest answer found within the limits leaves {m_to_mm(residual_m):.6g} mm"
+        return Solution(lengths, residual_m, False, limits, iterations, note)
+
+    def limits_in(self, binding: int) -> tuple[str, ...]:
+        """Names of the limits whose bits are set."""
+        return tuple(name for k, name in enumerate(self._limit_names) if binding >> k & 1)
+
+    def _clamped(self, wanted: Actuation) -> Solution:
+        if not any(excess > 0.0 for excess in self.feasible.excess(np.array(wanted))):
+            return Solution(wanted, 0.0, True)
+        lengths = self.feasible.pulled(wanted)
+        actuation = tuple(float(value) for value in lengths)
+        residual_m = math.dist(vec3(np.array(self.forward(actuation).tip_m)), self.forward(wanted).tip_m)
+        off_m = float(np.abs(lengths - np.array(wanted)).max())
+        note = f"lengths moved by up to {m_to_mm(off_m):.6g} mm to stay inside the limits"
+        return Solution(actuation, residual_m, False, self.limits_in(self.feasible.binding(lengths)), 0, note)

@@ -1,0 +1,160 @@
+"""A chain of constant-curvature sections, each bent by three parallel lengths, with rigid pieces between.
+
+A tube (or rack) at the angle ``a_i`` and the distance ``d`` from the backbone has the length
+
+    l_i = L - d (u cos a_i + v sin a_i),
+
+exactly, for every torsion-free curve with the bending vector (u, v): the map between lengths and arcs is
+linear and its inverse is taken once. After section i comes a rigid piece of ``rigid_m[i]`` along the local z;
+the next section starts there. Vectorised over leading dimensions; the specification of
+``contid/kernels/arc/arc.hpp``.
+
+Errata this corrects: Hughes et al. Eq. 3 has a wrong sign in M(2,3) (equal racks would bend, and M is
+singular at phi = pi) and states twice the bend (Dx is half a difference); Singh et al. never state the
+layout, and their Eq. 2 holds for tubes at 180, 60 and -60 degrees only.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, field
+
+import numpy as np
+
+from contid.kinematics.arc import arc
+from contid.kinematics.arc.arc import Array
+
+
+@dataclass(frozen=True, eq=False)
+class Sections:
+    """Geometry of the chain.
+
+    Attributes:
+        radius_m: distance of the tubes from the backbone, one per section [m]; the mean of a tapered section.
+        angles_rad: azimuth of the three tubes of each section, counter-clockwise from +x seen from +z.
+        rigid_m: length of the rigid piece after each section [m].
+        to_arc: matrices from (l1, l2, l3) to (u, v, L), shape ``(n, 3, 3)``.
+        to_lengths: their inverses.
+    """
+
+    radius_m: tuple[float, ...]
+    angles_rad: tuple[tuple[float, float, float], ...]
+    rigid_m: tuple[float, ...]
+    to_arc: Array = field(init=False)
+    to_lengths: Array = field(init=False)
+
+    def __post_init__(self) -> None:
+        angles = np.array(self.angles_rad)
+        radius = np.array(self.radius_m)[:, None]
+        rows = np.stack((-radius * np.cos(angles), -radius * np.sin(angles), np.ones_like(angles)), axis=-1)
+        object.__setattr__(self, "to_lengths", rows)
+        object.__setattr__(self, "to_arc", np.linalg.inv(rows))
+
+    @property
+    def count(self) -> int:
+        """Number of sections."""
+        return len(self.radius_m)
+
+    def arcs(self, lengths: Array | Sequence[float]) -> Array:
+        """Bending vectors and backbone lengths ``(..., n, 3)`` of tube lengths ``(..., 3 n)`` [m]."""
+        lengths = np.asarray(lengths, dtype=np.float64)
+        stacked = lengths.reshape(*lengths.shape[:-1], self.count, 3)
+        arcs: Array = np.einsum("nij,...nj->...ni", self.to_arc, stacked)
+        return arcs
+
+    def lengths(self, arcs: Array) -> Array:
+        """Tube lengths ``(..., 3 n)`` [m] of arcs ``(..., n, 3)``."""
+        stacked: Array = np.einsum("nij,...nj->...ni", self.to_lengths, arcs)
+        return stacked.reshape(*stacked.shape[:-2], 3 * self.count)
+
+
+@dataclass(frozen=True, slots=True)
+class Frames:
+    """Tip, its rotation, and the end of the first section (its rigid piece included), in the base frame."""
+
+    tip: Array
+    rotation: Array
+    mid: Array
+
+
+@dataclass(frozen=True, slots=True)
+class Derivatives:
+    """Derivatives by the tube lengths, each ``(..., 3, 3 n)``; ``spin``: spatial angular velocity [1/m]."""
+
+    frames: Frames
+    tip: Array
+    spin: Array
+    mid: Array
+
+
+def forward(sections: Sections, lengths: Array | Sequence[float]) -> Frames:
+    """Where the chain ends: ``p = p1 + R1 (h1 e_z + p2 + R2 (...))``."""
+    arcs = sections.arcs(lengths)
+    position = np.zeros((*arcs.shape[:-2], 3))
+    rotation = np.broadcast_to(np.eye(3), (*arcs.shape[:-2], 3, 3))
+    mid = position
+    for i, rigid_m in enumerate(sections.rigid_m):
+        p, r = arc.pose(arcs[..., i, 0], arcs[..., i, 1], arcs[..., i, 2])
+        p = p + rigid_m * r[..., :, 2]
+        position = position + (rotation @ p[..., None])[..., 0]
+        rotation = rotation @ r
+        if i == 0:
+            mid = position
+    return Frames(position, rotation, mid)
+
+
+def differentiate(sections: Sections, lengths: Array | Sequence[float]) -> Derivatives:
+    """Jacobians of tip, orientation and mid-point: ``J_i = R (Jp_i + Jw_i x rest_i) d(u, v, L)/dl``.
+
+    ``R`` is the frame where section i starts and ``rest_i`` leads from its end to the tip.
+    """
+    arcs = sections.arcs(lengths)
+    batch = arcs.shape[:-2]
+    position = np.zeros((*batch, 3))
+    rotation = np.broadcast_to(np.eye(3), (*batch, 3, 3))
+    ends, linear, spin = [], [], []
+    mid = position
+    for i, rigid_m in enumerate(sections.rigid_m):
+        u, v, L = arcs[..., i, 0], arcs[..., i, 1], arcs[..., i, 2]
+        p, r = arc.pose(u, v, L)
+        jp, jw = arc.jacobians(u, v, L)
+        linear.append(rotation @ jp @ sections.to_arc[i])
+        spin.append(rotation @ jw @ sections.to_arc[i])
+        end = position + (rotation @ p[..., None])[..., 0]
+        ends.append(end)
+        rotation = rotation @ r
+        position = end + rigid_m * rotation[..., :, 2]
+        if i == 0:
+            mid = position
+    tip_columns = [
+        linear[i] + np.cross(spin[i], (position - ends[i])[..., None], axis=-2) for i in range(sections.count)
+    ]
+    mid_columns = [np.zeros((*batch, 3, 3)) for _ in range(sections.count)]
+    mid_columns[0] = linear[0] + np.cross(spin[0], (mid - ends[0])[..., None], axis=-2)
+    return Derivatives(
+        Frames(position, rotation, mid),
+        np.concatenate(tip_columns, axis=-1),
+        np.concatenate(spin, axis=-1),
+        np.concatenate(mid_columns, axis=-1),
+    )
+
+
+def backbone(sections: Sections, lengths: Array | Sequence[float], points: int) -> Array:
+    """Points from base to tip at equal arc length, rigid pieces included, shape ``(points, 3)`` [m]."""
+    arcs = sections.arcs(lengths)
+    pieces = np.ravel(np.column_stack((arcs[:, 2], sections.rigid_m)))
+    starts = np.concatenate(([0.0], np.cumsum(pieces)))
+    s = np.linspace(0.0, starts[-1], points)
+    curve = np.zeros((points, 3))
+    origin, rotation = np.zeros(3), np.eye(3)
+    for i, rigid_m in enumerate(sections.rigid_m):
+        u, v, L = arcs[i]
+        part = np.clip((s - starts[2 * i]) / L, 0.0, 1.0) if L > 0.0 else np.ones(points)
+        along, turned = arc.pose(part * u, part * v, part * L)
+        past = np.clip(s - starts[2 * i + 1], 0.0, rigid_m)
+        reached = s >= starts[2 * i]
+        curve[reached] = (origin + (along + past[:, None] * turned[:, :, 2]) @ rotation.T)[reached]
+        p, r = arc.pose(u, v, L)
+        origin = origin + rotation @ (p + rigid_m * r[:, 2])
+        rotation = rotation @ r
+    return curve

@@ -1,0 +1,160 @@
+"""Bounded inverse kinematics of a chain of sections: starts, and the best of what they lead to.
+
+The closed form comes first where there is one, then the seed. When the seed does not meet the target, the
+postures of a fixed library whose task is nearest to it follow (for tip and direction: the biarcs with the
+best legs first). Each start is one `descent`; the best bounded answer counts. The specification of
+``contid/kernels/arc/section_solver.hpp``: both make the same decisions.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator, Sequence
+from typing import Final, NamedTuple
+
+import numpy as np
+
+from contid.kinematics.arc import arc, biarc
+from contid.kinematics.arc.arc import Array
+from contid.kinematics.arc.descent import Aim, Descent, Tuning
+from contid.kinematics.arc.feasible import Feasible
+from contid.kinematics.arc.sections import differentiate, forward
+from contid.kinematics.halton import PRIMES, radical_inverse
+from contid.targets import Vec3
+
+LIBRARY: Final = 256
+# An error no arm of this world has [m]; its square still fits a double many times over.
+ABSURD_M: Final = 1e6
+
+
+class Answer(NamedTuple):
+    """Lengths inside every limit, what they leave of the error [m], and what it took."""
+
+    lengths: tuple[float, ...]
+    residual_m: float
+    converged: bool
+    binding: int
+    iterations: int
+    starts: int
+
+
+def vec3(array: Array) -> Vec3:
+    """Three floats of an array."""
+    return float(array[0]), float(array[1]), float(array[2])
+
+
+class SectionSolver:
+    """Inverse kinematics of one chain; the native twin has the same methods and attributes."""
+
+    def __init__(self, feasible: Feasible, tuning: Tuning) -> None:
+        self.feasible = feasible
+        self.sections = feasible.sections
+        self.tuning = tuning
+        self._descent = Descent(feasible, tuning)
+        size = 3 * self.sections.count
+        cube = np.array([[radical_inverse(k + 1, prime) for prime in PRIMES[:size]] for k in range(LIBRARY)])
+        self._library = np.array(
+            [feasible.pulled(feasible.low + c * (feasible.high - feasible.low)) for c in cube]
+        )
+        self._library_frames = forward(self.sections, self._library)
+
+    def forward(self, lengths: Sequence[float]) -> tuple[Vec3, tuple[float, ...], Vec3]:
+        """Tip [m], rotation row by row, end of the first section [m]."""
+        frames = forward(self.sections, lengths)
+        return vec3(frames.tip), tuple(float(value) for value in frames.rotation.ravel()), vec3(frames.mid)
+
+    def differentiate(self, lengths: Sequence[float], tip: Array, spin: Array, mid: Array) -> None:
+        """Jacobians of tip, orientation and mid-point, into arrays ``(3, 3 n)`` the caller made."""
+        at = differentiate(self.sections, lengths)
+        tip[...], spin[...], mid[...] = at.tip, at.spin, at.mid
+
+    def solve(self, tip: Vec3, direction: Vec3 | None, mid: Vec3 | None, seed: Sequence[float]) -> Answer:
+        """The best bounded lengths for a tip [m] and maybe its unit tangent or the mid-point [m].
+
+        Continuous from ``seed`` where the target allows it.
+        """
+        aim = Aim(tip, direction, mid)
+        exact = self._closed_form(aim)
+        if exact is not None:
+            lengths = np.clip(exact, self.feasible.low, self.feasible.high)
+            error = self._descent.error(lengths, aim)
+            return self._answer(lengths, error, 0, 0)
+        start = self.feasible.pulled(seed)
+        away = self._descent.error(start, aim)
+        if not away < ABSURD_M:  # not a number included: nothing to descend
+            return self._answer(start, away, 0, 0)
+        best, error, iterations = self._descent.run(start, aim)
+        tried = agreeing = 1
+        beyond = math.dist(aim.tip, (0.0, 0.0, 0.0)) > self.feasible.longest_m
+        tracked = float(np.abs(best - start).max()) <= self.tuning.tracking * self.tuning.ell_m
+        enough = self.tuning.agreeing if beyond else 2 * LIBRARY
+        most = self.tuning.agreeing if tracked else 2 * LIBRARY
+        if error > self.tuning.tolerance_m:
+            for start in self._starts(aim):
+                lengths, left, steps = self._descent.run(start, aim)
+                iterations += steps
+                tried += 1
+                # A clear gain only, so that noise does not make the answer jump between equal minima.
+                if left <= self.tuning.tolerance_m or left < 0.999 * error:
+                    best, error, agreeing = lengths, left, 1
+                elif left < 1.001 * error:
+                    agreeing += 1
+                if error <= self.tuning.tolerance_m or agreeing >= enough or tried >= most:
+                    break
+        return self._answer(best, error, iterations, tried)
+
+    def _answer(self, lengths: Array, error: float, iterations: int, tried: int) -> Answer:
+        return Answer(
+            tuple(float(value) for value in lengths),
+            error,
+            error <= self.tuning.tolerance_m,
+            self.feasible.binding(lengths),
+            iterations,
+            tried,
+        )
+
+    def _closed_form(self, aim: Aim) -> Array | None:
+        """Lengths from the closed forms, when they exist and keep every limit."""
+        arcs: Sequence[tuple[float, float, float]] | None = None
+        rigid = self.sections.rigid_m
+        if self.sections.count == 1 and aim.direction is None and aim.mid is None:
+            found = arc.through(*aim.tip, rigid[0])
+            arcs = None if found is None else (found,)
+        elif self.sections.count == 2 and aim.direction is None and aim.mid is not None:
+            arcs = biarc.two_arcs(np.array(aim.mid), np.array(aim.tip), (rigid[0], rigid[1]))
+        if arcs is None:
+            return None
+        lengths = self.sections.lengths(np.array(arcs))
+        return lengths if float(self.feasible.excess(lengths).max()) <= 1e-12 else None
+
+    def _starts(self, aim: Aim) -> Iterator[Array]:
+        """Starts for a target the seed did not reach, most promising first."""
+        if self.sections.count == 2 and aim.direction is not None and aim.mid is None:
+            yield from self._biarc_starts(aim)
+        frames = self._library_frames
+        distance = ((frames.tip - aim.tip) ** 2).sum(axis=-1)
+        if aim.direction is not None:
+            distance += self.tuning.ell_m**2 * ((frames.rotation[:, :, 2] - aim.direction) ** 2).sum(axis=-1)
+        if aim.mid is not None:
+            distance += ((frames.mid - aim.mid) ** 2).sum(axis=-1)
+        order = np.argsort(distance, kind="stable")
+        for k in range(self.tuning.starts):  # the nearest ones, then ever farther ones
+            yield self._library[order[min(k * (k + 7) // 8, LIBRARY - 1)]]
+
+    def _biarc_starts(self, aim: Aim) -> Iterator[Array]:
+        """The three biarcs that exceed the limits least, out of 64 control legs."""
+        scored: list[tuple[float, int, Array]] = []
+        scale = float(self.feasible.home[:3].mean())
+        rigid = self.sections.rigid_m
+        for k in range(64):
+            leg = 0.5 * scale * math.tan(0.5 * math.pi * ((2 * k + 1) / 64 - 1.0))
+            arcs = biarc.biarc(np.array(aim.tip), np.array(aim.direction), leg, (rigid[0], rigid[1]))
+            if arcs is None:
+                continue
+            lengths = self.sections.lengths(np.array(arcs))
+            excess = np.maximum(self.feasible.excess(lengths), 0.0)
+            from_home = float(((lengths - self.feasible.home) ** 2).sum())
+            scored.append((float((excess**2).sum()) + 1e-4 * from_home, k, lengths))
+        scored.sort(key=lambda item: item[:2])
+        for _, _, lengths in scored[:3]:
+            yield self.feasible.pulled(lengths)

@@ -1,0 +1,140 @@
+"""The shape of a body in the world: by its model from an actuation, or by a quintic from its measured ends.
+
+The reconstruction knows nothing of the model: base and tip, the directions there and perhaps the length
+(Singh et al., IROS 2018). What it is worth is in docs/ph-curves.md.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import Final
+
+import numpy as np
+
+from contid.kinematics.frames import BaseFrame
+from contid.kinematics.model import Model
+from contid.kinematics.ph.ends import DEAR, SMALL, Ends, PhFit, least_energy, through
+from contid.kinematics.ph.lift import Array
+from contid.kinematics.rope.chain import ChainGuard
+from contid.targets import ZERO3, Actuation, Vec3
+
+#: Enough segments that a polyline, extrapolated, has the length of the curve to a millionth.
+FINE: Final = 1024
+#: Where a planar body (2) and a spatial one (3) grow along in their base frame.
+GROWS_ALONG: Final[dict[int, Vec3]] = {2: (0.0, 1.0, 0.0), 3: (0.0, 0.0, 1.0)}
+
+
+@dataclass(frozen=True, eq=False)
+class BodyShape:
+    """A backbone.
+
+    Attributes:
+        points_in_world: at equal arc length from base to tip, shape ``(n, 3)`` [m].
+        length_m: of the backbone [m].
+        tip_direction_in_world: unit tangent at the tip.
+        note: one sentence when the wish could not be met.
+    """
+
+    points_in_world: Array
+    length_m: float
+    tip_direction_in_world: Vec3
+    note: str = ""
+
+    @property
+    def tip(self) -> tuple[Vec3, Vec3]:
+        """Tip [m] and direction there, in the world."""
+        x, y, z = self.points_in_world[-1].tolist()
+        return (x, y, z), self.tip_direction_in_world
+
+    @property
+    def s_m(self) -> Array:
+        """Arc length of every point [m], shape ``(n,)``."""
+        return np.linspace(0.0, self.length_m, len(self.points_in_world))
+
+
+def by_model(
+    model: Model, frame: BaseFrame, actuation: Actuation, points: int, load_in_world: Vec3 = ZERO3
+) -> BodyShape:
+    """What the model says for an actuation [m or Pa] and a known force on the tip [N]."""
+    load = frame.vector_in_base(load_in_world)
+    fine = model.shape(actuation, FINE + 1, load)
+    # Chords are short by the square of their size: two polylines give the curve (Richardson).
+    length = (4.0 * _polyline(fine) - _polyline(fine[::2])) / 3.0
+    direction = frame.vector_in_world(model.forward(actuation, load).direction)
+    return BodyShape(in_world(frame, model.shape(actuation, points, load)), length, direction)
+
+
+def from_pose(
+    frame: BaseFrame,
+    tip_in_world: Vec3,
+    direction_in_world: Vec3,
+    points: int,
+    length_m: float | None = None,
+    dimension: int = 3,
+) -> BodyShape:
+    """The quintic from the base to a measured pose of the tip.
+
+    With a length, the branch of least energy (needed above 180 degrees); without one, the curve whose end
+    speed is its mean speed, which is good up to some 150 degrees.
+    """
+    ends = _ends(frame, tip_in_world, direction_in_world, dimension)
+    fit = through(ends) if length_m is None else least_energy(ends, length_m)
+    return _shaped(frame, fit, direction_in_world, points)
+
+
+def from_rough_pose(
+    frame: BaseFrame,
+    tip_in_world: Vec3,
+    direction_in_world: Vec3,
+    points: int,
+    rough_length_m: float,
+    dimension: int = 3,
+) -> BodyShape:
+    """As `from_pose`, for a length that is known to a hundredth or so, and a pose with noise.
+
+    Surplus length has to go somewhere: where it costs more than `DEAR` times the bending of the curve of
+    unknown length and `SMALL` besides (the energy of a turn of one radian is 1 per body length), it is an
+    error of the length, and the curve of unknown length is the better one. A bent body keeps its length.
+    """
+    ends = _ends(frame, tip_in_world, direction_in_world, dimension)
+    free, fit = through(ends), least_energy(ends, rough_length_m)
+    if fit.energy_per_m > DEAR * free.energy_per_m + SMALL / rough_length_m:
+        fit = free
+    return _shaped(frame, fit, direction_in_world, points)
+
+
+def _ends(frame: BaseFrame, tip_in_world: Vec3, direction_in_world: Vec3, dimension: int) -> Ends:
+    tip, direction = frame.point_in_base(tip_in_world), frame.vector_in_base(direction_in_world)
+    return Ends(ZERO3, tip, GROWS_ALONG[dimension], direction)
+
+
+def _shaped(frame: BaseFrame, fit: PhFit, direction_in_world: Vec3, points: int) -> BodyShape:
+    return BodyShape(
+        in_world(frame, fit.curve.evenly(points)), fit.curve.length_m, direction_in_world, fit.note
+    )
+
+
+def of_rope(guard: ChainGuard, bodies: Mapping[str, BodyShape], points: int) -> BodyShape:
+    """The rope of a chain between the tips of its arms.
+
+    Raises:
+        ValueError: it does not reach.
+    """
+    tips = {arm: bodies[arm].tip for arm in guard.arms}
+    state, fits = guard.check(tips), guard.curves(tips)
+    if not fits:
+        raise ValueError(f"{guard.name}: {state.reason}")
+    x, y, z = fits[-1].curve.tangent(np.ones(1))[0].tolist()
+    length = sum(fit.curve.length_m for fit in fits)
+    return BodyShape(guard.points(tips, points), length, (x, y, z), state.reason)
+
+
+def in_world(frame: BaseFrame, points_in_base: Array) -> Array:
+    """Points ``(n, 3)`` of a base frame [m] in the world."""
+    moved: Array = points_in_base @ np.array(frame.rotation).reshape(3, 3).T + frame.origin_in_world
+    return moved
+
+
+def _polyline(points: Array) -> float:
+    return float(np.linalg.norm(np.diff(points, axis=0), axis=1).sum())

@@ -1,0 +1,136 @@
+"""The two ways a model computes: this NumPy engine, and the compiled kernel with the same methods.
+
+The kernel `contid.kernels._cosserat` (class ``Engine``) is chosen when it can be imported and
+``CONTID_PURE_PYTHON`` is not set. The NumPy engine does the same arithmetic in milliseconds instead of
+microseconds; it is the specification the kernel is tested against.
+
+Units: mm, N, N·mm, bar.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Protocol, TypeAlias
+
+import numpy as np
+
+from contid.kernels import load
+from contid.kinematics.cosserat.equilibrium import equilibrium, newton
+from contid.kinematics.cosserat.loads import Loads
+from contid.kinematics.cosserat.search import MOST_ELEMENTS, discretisation_error, search
+from contid.kinematics.cosserat.section import Rod
+from contid.kinematics.cosserat.solve import Limits, Problem
+from contid.kinematics.cosserat.spatial import Array
+from contid.kinematics.cosserat.stability import critical_factor, unstable_modes
+from contid.kinematics.cosserat.task import Task
+from contid.targets import Vec3
+
+#: pressures, residual [mm], met, optimal, stable, iterations, elements, statics residual [N·mm]
+InverseAnswer: TypeAlias = tuple[tuple[float, ...], float, bool, bool, bool, int, int, float]
+#: tip, rotation (row-major), end of the first section, stable, base moment, elements
+ForwardAnswer: TypeAlias = tuple[
+    tuple[float, ...], tuple[float, ...], tuple[float, ...], bool, tuple[float, ...], int
+]
+
+#: The kernel is compiled for one to this many sections.
+KERNEL_SECTIONS = 4
+
+
+@dataclass(frozen=True)
+class Setup:
+    """What an engine is built from: the rod, its own weight, limits and solver settings."""
+
+    rod: Rod
+    weight: Loads
+    limits: Limits
+    elements: int
+    error: float
+    tolerance: float
+    direction_length: float
+    full_rotation: bool
+
+
+class Engine(Protocol):
+    """Forward and inverse statics of one rod."""
+
+    def inverse(
+        self, tip: Vec3, mid: Vec3 | None, direction: Vec3 | None, force: Vec3, seed: Sequence[float]
+    ) -> InverseAnswer:
+        """Pressures [bar] for a task [mm] under a force on the tip [N], from the last commanded pressures."""
+        ...
+
+    def forward(self, pressures: Sequence[float], force: Vec3) -> ForwardAnswer:
+        """Equilibrium of given pressures [bar] under a force on the tip [N]."""
+        ...
+
+    def critical(self, pressures: Sequence[float], force: Vec3, most: float) -> float | None:
+        """Least factor of the force at which the arm buckles; see `stability.critical_factor`."""
+        ...
+
+
+class NumpyEngine:
+    """The specification."""
+
+    def __init__(self, setup: Setup) -> None:
+        self.setup = setup
+
+    def loads(self, force: Vec3) -> Loads:
+        """The arm's own weight and a force on the tip."""
+        own = self.setup.weight
+        return Loads(tip_force=np.array(force), weight=own.weight, link_weight=own.link_weight)
+
+    def inverse(
+        self, tip: Vec3, mid: Vec3 | None, direction: Vec3 | None, force: Vec3, seed: Sequence[float]
+    ) -> InverseAnswer:
+        """See `Engine`."""
+        s = self.setup
+        task = Task(
+            tip=np.array(tip),
+            mid=None if mid is None else np.array(mid),
+            direction=None if direction is None else np.array(direction),
+            full_rotation=s.full_rotation,
+            length=s.direction_length,
+        )
+        problem = Problem(s.rod, self.loads(force), task, s.limits, s.elements, s.tolerance)
+        found = search(problem, np.array(seed), s.error)
+        o = found.outcome
+        return (
+            tuple(o.pressures.tolist()), o.residual, o.met, o.optimal, found.stable, found.iterations,
+            found.elements, o.statics,
+        )  # fmt: skip
+
+    def forward(self, pressures: Sequence[float], force: Vec3) -> ForwardAnswer:
+        """See `Engine`."""
+        s = self.setup
+        loads = self.loads(force)
+        p: Array = np.array(pressures)
+        found, elements = equilibrium(s.rod, p, loads, s.elements), s.elements
+        while found.converged and not loads.none and elements < MOST_ELEMENTS:
+            if discretisation_error(s.rod, p, found.base_moment, loads, elements, found.sweep) <= s.error:
+                break
+            elements *= 2
+            found = newton(s.rod, p, found.base_moment, loads, elements)
+        stable = found.converged
+        if stable and not loads.none:
+            stable = unstable_modes(s.rod, p, found.base_moment, loads, elements) == 0
+        end = found.sweep
+        return (
+            tuple(end.tip.tolist()), tuple(end.rotation.ravel().tolist()), tuple(end.ends[0].tolist()),
+            stable, tuple(found.base_moment.tolist()), elements,
+        )  # fmt: skip
+
+    def critical(self, pressures: Sequence[float], force: Vec3, most: float) -> float | None:
+        """See `Engine`."""
+        return critical_factor(
+            self.setup.rod, np.array(pressures), self.loads(force), most, self.setup.elements
+        )
+
+
+def build_engine(setup: Setup) -> Engine:
+    """The kernel when there is one and it is wanted, else NumPy."""
+    kernel = load("cosserat") if len(setup.rod.sections) <= KERNEL_SECTIONS else None
+    if kernel is None:
+        return NumpyEngine(setup)
+    engine: Engine = kernel.Engine(setup)
+    return engine

@@ -1,0 +1,67 @@
+"""What acts on a rod from outside.
+
+Units: mm, N, N·mm.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+
+import numpy as np
+
+from contid.kinematics.cosserat.section import Rod
+from contid.kinematics.cosserat.spatial import Array
+
+
+def _zeros() -> Array:
+    return np.zeros(3)
+
+
+@dataclass(frozen=True)
+class Loads:
+    """Dead loads in the base frame.
+
+    Attributes:
+        tip_force, tip_moment: at the tip [N, N·mm].
+        joint_force, joint_moment: at the end of section i, before its link, by i [N, N·mm].
+        weight: per reference length of section i [N/mm], by i.
+        link_weight: per length of link i [N/mm], by i.
+    """
+
+    tip_force: Array = field(default_factory=_zeros)
+    tip_moment: Array = field(default_factory=_zeros)
+    joint_force: dict[int, Array] = field(default_factory=dict)
+    joint_moment: dict[int, Array] = field(default_factory=dict)
+    weight: dict[int, Array] = field(default_factory=dict)
+    link_weight: dict[int, Array] = field(default_factory=dict)
+
+    def scaled(self, factor: float) -> Loads:
+        """The same loads times a factor, for continuation."""
+
+        def times(table: dict[int, Array]) -> dict[int, Array]:
+            return {i: factor * value for i, value in table.items()}
+
+        return Loads(
+            factor * self.tip_force,
+            factor * self.tip_moment,
+            times(self.joint_force),
+            times(self.joint_moment),
+            times(self.weight),
+            times(self.link_weight),
+        )
+
+    def base_force(self, rod: Rod) -> Array:
+        """N at the base [N], shape (3,): everything the rod carries."""
+        total = self.tip_force.copy()
+        for i, section in enumerate(rod.sections):
+            total += self.joint_force.get(i, 0.0)
+            total += section.length * self.weight.get(i, _zeros())
+            total += section.link * self.link_weight.get(i, _zeros())
+        return total
+
+    @property
+    def none(self) -> bool:
+        """True when nothing acts on the rod."""
+        tables = (self.joint_force, self.joint_moment, self.weight, self.link_weight)
+        vectors = (self.tip_force, self.tip_moment, *(v for table in tables for v in table.values()))
+        return not any(np.any(vector) for vector in vectors)

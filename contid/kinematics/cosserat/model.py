@@ -1,0 +1,204 @@
+"""Model of the pneumatic arm: SI and named limits outside, mm, N and bar inside."""
+
+from __future__ import annotations
+
+import math
+from typing import Final
+
+import numpy as np
+from numpy.typing import NDArray
+
+from contid.kinematics.cosserat.engine import NumpyEngine, Setup, build_engine
+from contid.kinematics.cosserat.loads import Loads
+from contid.kinematics.cosserat.section import Rod, Section
+from contid.kinematics.cosserat.shape import backbone
+from contid.kinematics.cosserat.solve import Limits
+from contid.kinematics.cosserat.statics import sweep
+from contid.robot_file.cosserat import Cosserat, Orientation, SectionGeometry
+from contid.targets import ZERO3, Actuation, Pose, Solution, Target, Vec3
+from contid.units import BAR, MM_PER_M, mm_to_m
+
+STANDARD_GRAVITY: Final = 9.81  # [m/s^2], the reference's
+ROLL_NOTE: Final = "orientation: full_rotation asks for a roll, which this arm cannot command"
+
+
+def build_section(section: SectionGeometry) -> Section:
+    """Section constants from the dimensions of a robot file."""
+    return Section.from_radii(
+        length=section.length_mm,
+        link=section.link_mm,
+        outer=section.radius_mm,
+        inner=section.channel_radius_mm,
+        chamber=section.chamber_radius_mm,
+        placement=section.chamber_placement_mm,
+        pair_angle_rad=math.radians(section.pair_angle_deg),
+        modulus_pa=section.modulus_pa,
+        modulus_up_to_bar=section.modulus_up_to_bar,
+        bending_gain=section.bending_gain,
+        first_pair_rad=math.radians(section.first_pair_deg),
+    )
+
+
+def build_setup(robot: Cosserat) -> Setup:
+    """Everything an engine needs, from a robot description."""
+    sections = robot.geometry.sections
+    rod = Rod(tuple(build_section(section) for section in sections))
+    down = np.array(robot.geometry.gravity_unit)
+    weight, link_weight = {}, {}
+    for i, (described, section) in enumerate(zip(sections, rod.sections, strict=True)):
+        if described.density_kg_m3 > 0.0:
+            # kg/m^3 * mm^2 is 1e-9 kg/mm.
+            weight[i] = described.density_kg_m3 * section.area * 1e-9 * STANDARD_GRAVITY * down
+        if described.link_mass_g > 0.0:
+            link_weight[i] = described.link_mass_g * 1e-3 * STANDARD_GRAVITY / section.link * down
+    lower, upper = np.array(robot.lower) / BAR, np.array(robot.upper) / BAR
+    centre = 0.5 * (lower + upper)
+    if robot.solver.centre_bar is not None:
+        centre = np.clip(np.full(rod.pressures, robot.solver.centre_bar), lower, upper)
+    return Setup(
+        rod=rod,
+        weight=Loads(weight=weight, link_weight=link_weight),
+        limits=Limits(lower, upper, centre),
+        elements=robot.solver.elements,
+        error=robot.solver.error_mm,
+        tolerance=robot.solver.tolerance_mm,
+        direction_length=robot.solver.direction_length_mm,
+        full_rotation=robot.solver.orientation is Orientation.FULL_ROTATION,
+    )
+
+
+class CosseratModel:
+    """Statics of one arm: tip, mid-point and tip, or tip and direction, under a known force on the tip."""
+
+    dimension = 3
+
+    def __init__(self, robot: Cosserat) -> None:
+        self.axis_names = robot.axis_names
+        self.lower = robot.lower
+        self.upper = robot.upper
+        self.setup = build_setup(robot)
+        self.engine = build_engine(self.setup)
+        self._spec = NumpyEngine(self.setup)
+
+    def forward(self, actuation: Actuation, load_n: Vec3 = ZERO3) -> Pose:
+        """Pose on the branch that grows from the unloaded shape; ``stable`` is False once it has buckled."""
+        tip, rotation, mid, stable, _, _ = self.engine.forward([p / BAR for p in actuation], load_n)
+        return Pose(
+            tip_m=_metres(tip),
+            rotation=rotation,
+            direction=(rotation[2], rotation[5], rotation[8]),
+            mid_m=_metres(mid),
+            stable=stable,
+        )
+
+    def inverse(self, target: Target, seed: Actuation) -> Solution:
+        """Pressures for a target; the nearest to it within the limits when it is out of reach.
+
+        A target that only an unstable equilibrium meets is not followed: the answer is then the seed itself.
+        """
+        if target.actuation is not None:
+            return self._clamped(target.actuation)
+        if target.tip_m is None:
+            raise ValueError("a pneumatic arm takes a tip position or pressures")
+        x, y, z = target.tip_m
+        mid = target.mid_m
+        pressures, residual, met, optimal, stable, iterations, _, _ = self.engine.inverse(
+            (x * MM_PER_M, y * MM_PER_M, z * MM_PER_M),
+            None if mid is None else (mid[0] * MM_PER_M, mid[1] * MM_PER_M, mid[2] * MM_PER_M),
+            target.direction,
+            target.load_n,
+            [p / BAR for p in seed],
+        )
+        if not stable:
+            return self._refused(target, seed, iterations)
+        note = ""
+        if self.setup.full_rotation and target.direction is not None:
+            note = ROLL_NOTE
+        if met:
+            return Solution(
+                tuple([p * BAR for p in pressures]), mm_to_m(residual), True, iterations=iterations, note=note
+            )
+        actuation = tuple(
+            min(max(p * BAR, low), high)
+            for p, low, high in zip(pressures, self.lower, self.upper, strict=True)
+        )
+        note = (note + "; " if note else "") + (
+            f"out of reach: {residual:.4g} mm remain inside the pressure limits"
+            if optimal
+            else f"the solver stopped {residual:.4g} mm from the target"
+        )
+        return Solution(actuation, mm_to_m(residual), False, self._binding(actuation), iterations, note)
+
+    def jacobian(self, actuation: Actuation, load_n: Vec3 = ZERO3) -> NDArray[np.float64]:
+        """Tip by pressures in equilibrium, shape (3, 3k) [m/Pa]."""
+        p = np.array(actuation) / BAR
+        *_, base_moment, elements = self.engine.forward(p.tolist(), load_n)
+        loads = self._spec.loads(load_n)
+        found = sweep(self.setup.rod, p, np.array(base_moment), loads, elements, tangents=True)
+        assert found.tangents is not None
+        by_moment, by_pressure = found.tangents.moment[:, :3], found.tangents.moment[:, 3:]
+        held = found.tangents.tip[:, :3] @ np.linalg.solve(by_moment, by_pressure)
+        result: NDArray[np.float64] = (found.tangents.tip[:, 3:] - held) / (MM_PER_M * BAR)
+        return result
+
+    def shape(self, actuation: Actuation, points: int, load_n: Vec3 = ZERO3) -> NDArray[np.float64]:
+        """Backbone from base to tip at equal arc length of the deformed arm, shape (points, 3) [m]."""
+        p = np.array(actuation) / BAR
+        *_, base_moment, elements = self.engine.forward(p.tolist(), load_n)
+        line = backbone(self.setup.rod, p, np.array(base_moment), self._spec.loads(load_n), elements)
+        lengths = np.concatenate([[0.0], np.cumsum(np.linalg.norm(np.diff(line, axis=0), axis=1))])
+        wanted = np.linspace(0.0, lengths[-1], points)
+        return np.stack([np.interp(wanted, lengths, line[:, i]) for i in range(3)], axis=1) / MM_PER_M
+
+    def critical_load_n(self, actuation: Actuation, load_n: Vec3, most: float = 1.0) -> float | None:
+        """Magnitude of the tip force along ``load_n`` at which the arm buckles at these pressures [N].
+
+        The arm's own weight acts in full. None when it stays stable up to ``most`` times ``load_n``; 0.0 when
+        it does not even carry itself.
+        """
+        factor = self.engine.critical([p / BAR for p in actuation], load_n, most)
+        return None if factor is None else factor * math.hypot(*load_n)
+
+    def _binding(self, actuation: Actuation) -> tuple[str, ...]:
+        names = []
+        for name, p, low, high in zip(self.axis_names, actuation, self.lower, self.upper, strict=True):
+            if p <= low:
+                names.append(f"{name}.min")
+            elif p >= high:
+                names.append(f"{name}.max")
+        return tuple(names)
+
+    def _clamped(self, wanted: Actuation) -> Solution:
+        actuation = tuple(
+            min(max(p, low), high) for p, low, high in zip(wanted, self.lower, self.upper, strict=True)
+        )
+        if actuation == wanted:
+            return Solution(actuation, 0.0, converged=True)
+        residual = math.dist(self.forward(actuation).tip_m, self.forward(wanted).tip_m)
+        off = max(abs(a - w) for a, w in zip(actuation, wanted, strict=True))
+        note = f"pressures moved by up to {off / BAR:.4g} bar to stay inside the limits"
+        return Solution(actuation, residual, False, self._binding(actuation), note=note)
+
+    def _refused(self, target: Target, seed: Actuation, iterations: int) -> Solution:
+        """Hold the seed: every equilibrium found for the target is unstable."""
+        assert target.tip_m is not None
+        actuation = tuple(
+            min(max(p, low), high) for p, low, high in zip(seed, self.lower, self.upper, strict=True)
+        )
+        critical = self.critical_load_n(actuation, target.load_n) if any(target.load_n) else None
+        if critical is None:
+            why = "every equilibrium found for this target is unstable"
+        else:
+            why = (
+                f"the arm buckles: at the present pressures it carries {critical:.4g} N "
+                f"({critical / STANDARD_GRAVITY * 1e3:.3g} g) along the load, "
+                f"not {math.hypot(*target.load_n):.4g} N"
+            )
+        residual = math.dist(self.forward(actuation, target.load_n).tip_m, target.tip_m)
+        return Solution(
+            actuation, residual, False, ("stability",), iterations, f"{why}; holding the last command"
+        )
+
+
+def _metres(point: tuple[float, ...]) -> Vec3:
+    return (point[0] / MM_PER_M, point[1] / MM_PER_M, point[2] / MM_PER_M)

@@ -1,0 +1,43 @@
+"""The backbone of a rod as a fine line, without solving again.
+
+Units: mm, N, N·mm, bar.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+
+from contid.kinematics.cosserat.element import State, link, step
+from contid.kinematics.cosserat.loads import Loads
+from contid.kinematics.cosserat.section import Rod
+from contid.kinematics.cosserat.spatial import Array, cross
+
+#: Points inside each element; a step of the scheme over a part of an element ends between its ends.
+POINTS_PER_ELEMENT = 12
+
+
+def backbone(rod: Rod, pressures: Array, base_moment: Array, loads: Loads, elements: int) -> Array:
+    """Points from base to tip, shape (n, 3); the last one is exactly the tip of a sweep."""
+    none = np.zeros((3, 0))
+    state = State(np.eye(3), np.zeros(3), np.array(base_moment, float), none, none, none)
+    N = loads.base_force(rod)
+    points = [state.p]
+    for i, section in enumerate(rod.sections):
+        inflated = section.inflated(pressures[3 * i : 3 * i + 3])
+        f = loads.weight.get(i, np.zeros(3))
+        h = section.length / elements
+        for _ in range(elements):
+            start = state
+            for part in range(1, POINTS_PER_ELEMENT + 1):
+                state = step(inflated, start, N, f, h * part / POINTS_PER_ELEMENT, None, False)
+                points.append(state.p)
+            N = N - h * f
+        force = loads.joint_force.get(i, np.zeros(3))
+        state.mu = state.mu - loads.joint_moment.get(i, np.zeros(3)) - cross(state.p, force)
+        N = N - force
+        if section.link > 0.0:
+            f = loads.link_weight.get(i, np.zeros(3))
+            state = link(state, section.link, f)
+            N = N - section.link * f
+            points.append(state.p)
+    return np.array(points)

@@ -1,0 +1,89 @@
+"""Is an equilibrium a minimum of energy? Counting the directions in which it is not, along the rod.
+
+Dead loads do not depend on the shape, so positions can be eliminated and the energy is a functional of the
+rotation alone, fixed at the base and free at the tip. Its second variation along the rod is Jacobi's linear
+equation for (turn, change of moment). Cut at the element boundaries it becomes a block-tridiagonal quadratic
+form; by Sylvester's law the negative eigenvalues of its 3x3 pivots add up to the number of independent ways
+down. With W_i the turns at boundary i of the three fields that leave the base with a unit change of moment,
+the pivot there is ``local^-1 W_(i+1) W_i^-1``: local, the response of the element by itself, is positive
+definite for an element short enough to be stable alone, so the signs are those of the eigenvalues of
+``W_(i+1) W_i^-1``. The last pivot is the stiffness ``m W^-1`` seen at the tip. A negative sign between two
+boundaries is a conjugate point between them, with its multiplicity; the sign of det(dM_tip/dM_0) misses it
+where an axisymmetric rod's double root leaves the sign unchanged.
+
+It holds for dead forces; a dead moment does not derive from an energy in three dimensions, so moments are
+left to the equilibrium and not counted.
+"""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from itertools import pairwise
+
+import numpy as np
+
+from contid.kinematics.cosserat.equilibrium import equilibrium
+from contid.kinematics.cosserat.loads import Loads
+from contid.kinematics.cosserat.section import Rod
+from contid.kinematics.cosserat.spatial import Array
+from contid.kinematics.cosserat.statics import sweep
+
+
+def unstable_modes(rod: Rod, pressures: Array, base_moment: Array, loads: Loads, elements: int = 3) -> int:
+    """Number of independent virtual motions that lower the energy; 0 means stable.
+
+    Args:
+        rod: the sections.
+        pressures: [bar], shape (3k,).
+        base_moment: of the equilibrium to judge [N·mm], shape (3,).
+        loads: dead loads.
+        elements: steps per section; each must be short enough to be stable by itself.
+    """
+    found = sweep(rod, pressures, base_moment, loads, elements, tangents=True)
+    assert found.tangents is not None
+    modes = 0
+    for before, after in pairwise(found.turns[1:]):
+        # Real eigenvalues up to rounding: the ratio is a positive definite matrix times a symmetric one.
+        ratio = np.linalg.eigvals(after @ np.linalg.inv(before))
+        modes += int(np.count_nonzero(ratio.real < 0.0))
+    stiffness = found.tangents.moment[:, :3] @ np.linalg.inv(found.tangents.turn[:, :3])
+    return modes + int(np.count_nonzero(np.linalg.eigvalsh(0.5 * (stiffness + stiffness.T)) < 0.0))
+
+
+def critical_factor(
+    rod: Rod,
+    pressures: Array,
+    loads: Loads,
+    most: float = 1.0,
+    elements: int = 3,
+) -> float | None:
+    """Least factor of the tip force at which the branch from the unloaded shape loses its stability.
+
+    Args:
+        rod: the sections.
+        pressures: [bar].
+        loads: dead loads; only the tip force is scaled, the others act in full.
+        most: the largest factor looked at.
+        elements: steps per section.
+
+    Returns:
+        The factor to about one part in a thousand, 0.0 when the others alone are too much, or None when
+        the branch is stable up to ``most``.
+    """
+
+    def stable(factor: float) -> bool:
+        acting = replace(loads, tip_force=factor * loads.tip_force)
+        found = equilibrium(rod, pressures, acting, elements)
+        if not found.converged:
+            return False
+        return unstable_modes(rod, pressures, found.base_moment, acting, elements) == 0
+
+    if stable(most):
+        return None
+    low, high = 0.0, most
+    if not stable(0.0):
+        return 0.0
+    while high - low > 1e-3 * high:
+        middle = 0.5 * (low + high)
+        low, high = (middle, high) if stable(middle) else (low, middle)
+    return 0.5 * (low + high)

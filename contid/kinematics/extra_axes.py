@@ -1,0 +1,83 @@
+"""A model with axes beyond its kinematics: wrist, gripper, whatever else a robot file gives a stroke.
+
+They stand behind the model's own axes in every actuation and go where their columns say, inside their own
+limits; a target that does not name one leaves it where it is. To the rest of the house they are axes like any
+other: limited, recorded, supervised.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping
+from dataclasses import replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from contid.kinematics.model import Model, build_model
+from contid.robot_file.robot import RobotDescription
+from contid.targets import ZERO3, Actuation, Pose, Solution, Target, Vec3
+
+
+class WithExtraAxes:
+    """Keeps the model protocol over ``own axes + extra axes``."""
+
+    def __init__(
+        self, model: Model, names: tuple[str, ...], limits: Mapping[str, tuple[float, float]]
+    ) -> None:
+        self._model = model
+        self._own = len(model.axis_names)
+        self._extra = names
+        ends = [limits.get(name, (-math.inf, math.inf)) for name in names]
+        self.axis_names = (*model.axis_names, *names)
+        self.lower: Actuation = (*model.lower, *(low for low, _ in ends))
+        self.upper: Actuation = (*model.upper, *(high for _, high in ends))
+        self.dimension = model.dimension
+
+    def forward(self, actuation: Actuation, load_n: Vec3 = ZERO3) -> Pose:
+        """The model's own forward kinematics; extra axes do not move the tip."""
+        return self._model.forward(actuation[: self._own], load_n)
+
+    def inverse(self, target: Target, seed: Actuation) -> Solution:
+        """The model's answer, followed by the extra axes of the target, clamped into their strokes."""
+        own, rest = seed[: self._own], seed[self._own :]
+        if target.tip_m is None and target.actuation is None:
+            solution = Solution(own, 0.0, converged=True)
+        else:
+            solution = self._model.inverse(target, own)
+        values: list[float] = []
+        binding: list[str] = []
+        for name, last, low, high in zip(
+            self._extra, rest, self.lower[self._own :], self.upper[self._own :], strict=True
+        ):
+            wanted = target.extra.get(name, last)
+            values.append(min(max(wanted, low), high))
+            if name in target.extra and values[-1] != wanted:
+                binding.append(f"{name}.{'max' if wanted > high else 'min'}")
+        actuation = (*solution.actuation, *values)
+        if not binding:
+            return replace(solution, actuation=actuation)
+        note = f"{solution.note}; " if solution.note else ""
+        return replace(
+            solution,
+            actuation=actuation,
+            converged=False,
+            limited_by=(*solution.limited_by, *binding),
+            note=f"{note}{', '.join(binding)} exceeded",
+        )
+
+    def shape(self, actuation: Actuation, points: int, load_n: Vec3 = ZERO3) -> NDArray[np.float64]:
+        """The model's own backbone, shape ``(points, 3)`` [m]."""
+        return self._model.shape(actuation[: self._own], points, load_n)
+
+    def jacobian(self, actuation: Actuation, load_n: Vec3 = ZERO3) -> NDArray[np.float64]:
+        """The model's own Jacobian with zero columns for the extra axes, shape ``(3, axes)``."""
+        own = self._model.jacobian(actuation[: self._own], load_n)
+        return np.hstack([own, np.zeros((3, len(self._extra)))])
+
+
+def build_whole_model(robot: RobotDescription) -> Model:
+    """The model of a robot including its extra axes: what the control loop drives."""
+    model = build_model(robot)
+    names = robot.extra_axis_names
+    return WithExtraAxes(model, names, robot.extra_limits) if names else model

@@ -1,0 +1,76 @@
+"""Between the world frame of trajectories and the base frame of a model.
+
+    p_world = R p_base + o        with R = Rz Ry Rx M (M mirrors x where the robot file says so)
+
+R is orthogonal, also with the mirror, so the way back is its transpose. Directions and forces turn, they do
+not shift.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+from contid.robot_file.base import BasePose
+from contid.targets import ZERO3, Target, Vec3
+
+
+@dataclass(frozen=True, slots=True)
+class BaseFrame:
+    """A robot's base frame in the world.
+
+    Attributes:
+        rotation: row-major 3x3, base to world, mirror included.
+        origin_in_world: of the base frame [m].
+    """
+
+    rotation: tuple[float, ...]
+    origin_in_world: Vec3
+
+    @classmethod
+    def of(cls, base: BasePose) -> BaseFrame:
+        """The frame a robot file describes."""
+        return cls(base.rotation, base.position_m)
+
+    def point_in_world(self, point: Vec3) -> Vec3:
+        """A point of the base frame [m] in the world frame."""
+        x, y, z = self.vector_in_world(point)
+        origin = self.origin_in_world
+        return (x + origin[0], y + origin[1], z + origin[2])
+
+    def vector_in_world(self, vector: Vec3) -> Vec3:
+        """A direction or force of the base frame in the world frame."""
+        (x, y, z), r = vector, self.rotation
+        return (
+            r[0] * x + r[1] * y + r[2] * z,
+            r[3] * x + r[4] * y + r[5] * z,
+            r[6] * x + r[7] * y + r[8] * z,
+        )
+
+    def point_in_base(self, point: Vec3) -> Vec3:
+        """A point of the world frame [m] in the base frame."""
+        origin = self.origin_in_world
+        return self.vector_in_base((point[0] - origin[0], point[1] - origin[1], point[2] - origin[2]))
+
+    def vector_in_base(self, vector: Vec3) -> Vec3:
+        """A direction or force of the world frame in the base frame."""
+        (x, y, z), r = vector, self.rotation
+        return (
+            r[0] * x + r[3] * y + r[6] * z,
+            r[1] * x + r[4] * y + r[7] * z,
+            r[2] * x + r[5] * y + r[8] * z,
+        )
+
+    def target_in_base(self, target: Target) -> Target:
+        """A target of the world frame as a model takes it."""
+        tip, mid, load, measured = target.tip_m, target.mid_m, target.load_n, target.measured_tip_m
+        # Written out: this runs for every robot in every tick, and `replace` costs three times as much.
+        return Target(
+            None if tip is None else self.point_in_base(tip),
+            None if target.direction is None else self.vector_in_base(target.direction),
+            None if mid is None else self.point_in_base(mid),
+            target.actuation,
+            load if load == ZERO3 else self.vector_in_base(load),
+            target.extra,
+            None if measured is None else self.point_in_base(measured),
+            None if target.measured_direction is None else self.vector_in_base(target.measured_direction),
+        )

@@ -1,0 +1,65 @@
+"""The protocol every kinematic model keeps, and the table that builds one from its description.
+
+A model is pure arithmetic in the robot's base frame and SI: no I/O, no clock, no YAML. Everything it
+answers is a frozen value; an unreachable target is an answer with a residual, never an exception.
+"""
+
+from __future__ import annotations
+
+from importlib import import_module
+from typing import Final, Protocol
+
+import numpy as np
+from numpy.typing import NDArray
+
+from contid.robot_file.robot import RobotDescription
+from contid.targets import ZERO3, Actuation, Pose, Solution, Target, Vec3
+
+
+class Model(Protocol):
+    """Forward and inverse kinematics (or statics) of one robot."""
+
+    #: Names and limits of the actuation, in the model's order [m or Pa].
+    axis_names: tuple[str, ...]
+    lower: Actuation
+    upper: Actuation
+    #: 2 for planar models (z stays 0), 3 for spatial ones.
+    dimension: int
+
+    def forward(self, actuation: Actuation, load_n: Vec3 = ZERO3) -> Pose:
+        """Pose of the tip for an actuation, with a known force on the tip [N] in the base frame."""
+        ...
+
+    def inverse(self, target: Target, seed: Actuation) -> Solution:
+        """Actuation for a target given in the base frame, inside every limit.
+
+        Args:
+            target: see `Target`; ``target.actuation`` is answered by clamping it into the limits.
+            seed: the last *commanded* actuation; makes the answer continuous where it is not unique.
+        """
+        ...
+
+    def shape(self, actuation: Actuation, points: int, load_n: Vec3 = ZERO3) -> NDArray[np.float64]:
+        """Backbone from base to tip at equal arc length, shape ``(points, 3)`` [m]."""
+        ...
+
+    def jacobian(self, actuation: Actuation, load_n: Vec3 = ZERO3) -> NDArray[np.float64]:
+        """Derivative of the tip position by the actuation, shape ``(3, len(axis_names))``."""
+        ...
+
+
+#: `RobotDescription.kinematics` -> "module:class"; the class is called with the robot's description.
+MODELS: Final[dict[str, str]] = {
+    "cosserat": "contid.kinematics.cosserat.model:CosseratModel",
+    "rack_finger": "contid.kinematics.rack.finger:RackFingerModel",
+    "tri_rack": "contid.kinematics.arc.section_model:SectionModel",
+    "tri_tube": "contid.kinematics.arc.section_model:SectionModel",
+    "tri_tube.ph": "contid.kinematics.ph.model:PhModel",
+}
+
+
+def build_model(robot: RobotDescription) -> Model:
+    """The model a robot description asks for; imports only that one."""
+    module, _, name = MODELS[robot.kinematics].partition(":")
+    model: Model = getattr(import_module(module), name)(robot)
+    return model

@@ -1,0 +1,1 @@
+"""Pythagorean-hodograph quintics as backbone shapes (Singh et al., 2018)."""

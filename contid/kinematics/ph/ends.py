@@ -1,0 +1,218 @@
+"""The quintic through two points with given directions there, with a given length or without.
+
+End data of a continuum body are unit tangents; the size of the end derivatives is not stated by Singh et al.
+(IROS 2018) and dominates the result. Here both have the size ``m``, chosen so that
+
+* the curve has a prescribed length S: ``120 S = m K + |120 dp + m G|``, a quadratic in m, or
+* the length being unknown, the end speed is the mean speed, ``m = S(m)``, a quadratic too,
+
+with the unit preimages ``a0, a2``, ``k = a0 . a2``, ``K = 30 - 10 k``, ``G = 10 <a0, a2> - 15 (t0 + t1)``.
+
+Two angles stay free. ``beta`` turns the end preimage away from the one nearest to the start's, ``gamma``
+turns the middle one; at (0, 0) the end preimages are joined by the minimal rotation and the second derivative
+of the preimage is least. That choice is in closed form and as good as the least bending-and-twisting energy.
+A body that turns by more than 180 degrees in total needs ``beta = pi``.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass, replace
+from typing import Final
+
+import numpy as np
+
+from contid.kinematics.ph.lift import NO_TURN, Array, lift, nearest_turn, product, turned
+from contid.kinematics.ph.quintic import PhQuintic
+from contid.targets import Vec3
+
+#: The closed-form choice, and the four branches that `least_energy` looks at.
+CLOSED_FORM: Final = (0.0, 0.0)
+BRANCHES: Final = ((0.0, 0.0), (math.pi, 0.0), (0.0, math.pi), (math.pi, math.pi))
+
+#: When a stated length is not believed: `through_rough`.
+DEAR: Final = 2.0
+SMALL: Final = 1.0
+
+# Straight and just as long as the chord: every m gives that length, and the quadratic is 0/0.
+STRAIGHT: Final = 1e-10
+
+
+@dataclass(frozen=True, slots=True)
+class Ends:
+    """Two positions [m] and the unit tangents there, both along the direction of travel."""
+
+    start_m: Vec3
+    end_m: Vec3
+    start_direction: Vec3
+    end_direction: Vec3
+
+
+@dataclass(frozen=True, slots=True)
+class PhFit:
+    """A curve through given ends.
+
+    Attributes:
+        curve: the quintic.
+        end_speed_m: size m of the derivative at both ends [m].
+        beta, gamma: the free angles [rad].
+        length_met: False when a length was asked for that no such curve has.
+        note: one sentence when that happened.
+    """
+
+    curve: PhQuintic
+    end_speed_m: float
+    beta: float = 0.0
+    gamma: float = 0.0
+    length_met: bool = True
+    note: str = ""
+
+    @property
+    def energy_per_m(self) -> float:
+        """Bending plus twisting energy for unit stiffness [1/m]."""
+        return self.curve.bending_energy + self.curve.twist_energy
+
+
+def hermite(
+    start_m: Array,
+    end_m: Array,
+    start_derivative: Array,
+    end_derivative: Array,
+    beta: float = 0.0,
+    gamma: float = 0.0,
+) -> PhQuintic:
+    """The quintic with given end points and end *derivatives* (vectors, size included).
+
+    Args:
+        start_m: first point [m].
+        end_m: last point [m].
+        start_derivative: ``r'(0)`` [m].
+        end_derivative: ``r'(1)`` [m].
+        beta: free angle of the end preimage [rad], 0 for the minimal rotation.
+        gamma: free angle of the middle preimage [rad].
+    """
+    chord = end_m - start_m
+    a0 = lift(start_derivative)
+    a2 = lift(end_derivative)
+    a2 = turned(a2, *nearest_turn(a2, a0, chord))
+    a2 = turned(a2, math.cos(beta), math.sin(beta))
+    c = 120.0 * chord - 15.0 * (start_derivative + end_derivative) + 10.0 * product(a0, a2)
+    return _filled(start_m, chord, a0, a2, c, gamma)
+
+
+def _filled(start_m: Array, chord: Array, a0: Array, a2: Array, c: Array, gamma: float) -> PhQuintic:
+    """The quintic over a chord with given end preimages, its middle one from ``c = C i C*``."""
+    middle = lift(c)
+    # With beta = pi and parallel tangents a0 + a2 vanishes and leaves the middle open: a0 - a2 then decides.
+    both = a0 + a2 if float((a0 + a2) @ (a0 + a2)) > NO_TURN**2 * float(a0 @ a0 + a2 @ a2) else a0 - a2
+    middle = turned(middle, *nearest_turn(middle, both, chord))
+    middle = turned(middle, math.cos(gamma), math.sin(gamma))
+    return PhQuintic(start_m, np.stack([a0, (middle - 3.0 * a0 - 3.0 * a2) / 4.0, a2]))
+
+
+def speed_for_length(chord: Array, G: Array, k: float, length_m: float) -> float:
+    """End speed m [m] that gives the length, or nan when no curve of this branch has it.
+
+    ``(|G|^2 - K^2) m^2 + 240 (dp . G + S K) m + 14400 (|dp|^2 - S^2) = 0`` and ``120 S >= m K``.
+    """
+    K = 30.0 - 10.0 * k
+    surplus = (length_m - math.sqrt(float(chord @ chord))) / length_m
+    if surplus < -STRAIGHT:
+        return math.nan
+    if 1.0 - k < STRAIGHT and surplus < STRAIGHT:
+        return length_m
+    c2 = float(G @ G) - K * K
+    c1 = 240.0 * (float(chord @ G) + length_m * K)
+    c0 = 14400.0 * (float(chord @ chord) - length_m * length_m)
+    discriminant = c1 * c1 - 4.0 * c2 * c0
+    if discriminant < 0.0:
+        return math.nan
+    below = c1 + math.sqrt(discriminant)
+    m = -2.0 * c0 / below if below > 0.0 else math.nan
+    return m if m > 0.0 and 120.0 * length_m >= m * K * (1.0 - STRAIGHT) else math.nan
+
+
+def speed_as_mean(chord: Array, G: Array, k: float) -> float:
+    """End speed m [m] equal to the length it gives, for a body of unknown length.
+
+    ``(|G|^2 - (90 + 10 k)^2) m^2 + 240 dp . G m + 14400 |dp|^2 = 0``.
+
+    The leading coefficient is negative for all data (|G| <= 40), so there is one positive root.
+    """
+    c2 = float(G @ G) - (90.0 + 10.0 * k) ** 2
+    c1 = 240.0 * float(chord @ G)
+    c0 = 14400.0 * float(chord @ chord)
+    root = math.sqrt(c1 * c1 - 4.0 * c2 * c0)
+    return (-c1 - root) / (2.0 * c2) if c1 >= 0.0 else 2.0 * c0 / (root - c1)
+
+
+def through(ends: Ends, length_m: float | None = None, beta: float = 0.0, gamma: float = 0.0) -> PhFit:
+    """The quintic through the ends, of the given length or, without one, with end speed = mean speed.
+
+    A length that cannot be had (shorter than the chord, or beyond this branch) is answered by the curve of
+    unknown length, with ``length_met`` False.
+    """
+    start, end = np.array(ends.start_m), np.array(ends.end_m)
+    t0, t1 = _unit(ends.start_direction), _unit(ends.end_direction)
+    chord = end - start
+    a0, a2 = lift(t0), lift(t1)
+    a2 = turned(a2, *nearest_turn(a2, a0, chord))
+    a2 = turned(a2, math.cos(beta), math.sin(beta))
+    k = float(a0 @ a2)
+    G = 10.0 * product(a0, a2) - 15.0 * (t0 + t1)
+    m = math.nan if length_m is None else speed_for_length(chord, G, k, length_m)
+    met, note = True, ""
+    if math.isnan(m):
+        m = speed_as_mean(chord, G, k)
+        if length_m is not None:
+            met, note = False, _why_not(chord, length_m)
+    # With the very preimages m was found for: of nearly opposite tangents `hermite` would find others.
+    root = math.sqrt(m)
+    curve = _filled(start, chord, root * a0, root * a2, 120.0 * chord + m * G, gamma)
+    return PhFit(curve, m, beta, gamma, met, note)
+
+
+def least_energy(ends: Ends, length_m: float | None = None) -> PhFit:
+    """The branch of least bending and twisting energy among the four turns by 0 or pi of the free angles.
+
+    Needed above 180 degrees of total turning, and for surplus length between nearly parallel ends; elsewhere
+    it is the closed-form choice.
+    """
+    fits = [through(ends, length_m, beta, gamma) for beta, gamma in BRANCHES]
+    return min(fits, key=lambda fit: (not fit.length_met, fit.energy_per_m))
+
+
+def through_rough(ends: Ends, length_m: float | None = None) -> PhFit:
+    """The quintic for a length that is stated but may be wrong by a hundredth, and ends with noise.
+
+    Surplus length has to go somewhere: between nearly straight ends the closed form puts it into a loop,
+    and so do all four branches. Where the length costs more than `DEAR` times the energy of the curve of
+    unknown length and `SMALL` besides (a turn of one radian has the energy 1 per body length), for the closed
+    form and for the branch of least energy, it is an error of the length: the curve of unknown length is the
+    answer, with ``length_met`` False. Exact data of two-section arms stay below 1.2 times.
+    """
+    fit = through(ends, length_m)
+    if length_m is None:
+        return fit
+    free = through(ends)
+    most = DEAR * free.energy_per_m + SMALL / length_m
+    if fit.length_met and fit.energy_per_m <= most:
+        return fit
+    least = least_energy(ends, length_m)
+    if least.length_met and least.energy_per_m <= most:
+        return least
+    note = f"the length {length_m * 1e3:g} mm would fold the body between these ends: it is not believed"
+    return replace(free, length_met=False, note=note if fit.length_met else fit.note)
+
+
+def _unit(direction: Vec3) -> Array:
+    vector = np.array(direction, dtype=np.float64)
+    result: Array = vector / math.sqrt(float(vector @ vector))
+    return result
+
+
+def _why_not(chord: Array, length_m: float) -> str:
+    span = math.sqrt(float(chord @ chord))
+    if length_m < span:
+        return f"a length of {length_m * 1e3:g} mm is {(span - length_m) * 1e3:.3g} mm shorter than the chord"
+    return f"no curve of this branch has the length {length_m * 1e3:g} mm between these directions"

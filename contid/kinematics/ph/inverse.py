@@ -1,0 +1,123 @@
+"""Inverse kinematics by shape (Singh et al., IROS 2018): six tube lengths from the pose of the tip alone.
+
+One quintic from the base to the tip stands for the whole arm; the tubes are its offset curves. What goes in
+decides how good it is, and is stated in the result: the backbone length and the split between the sections
+may be known (a measurement, or a model) or not (then: end speed = mean speed, and the split of the geometry).
+
+Note when comparing: this method uses the *direction* of the tip, a Newton-Raphson solver of the position does
+not. And six lengths cannot be identified from a tip pose by any method (the pose has five degrees of freedom
+for six tubes); the sums over the sections nearly can.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from contid.kernels import load
+from contid.kinematics.ph.ends import Ends, PhFit, through_rough
+from contid.kinematics.ph.lift import Array
+from contid.kinematics.ph.tubes import section_bending, tube_lengths
+from contid.targets import ZERO3, Vec3
+
+_BASE_DIRECTION: Vec3 = (0.0, 0.0, 1.0)
+
+
+@dataclass(frozen=True, slots=True)
+class TubeSection:
+    """Where the tubes of one section run: distance from the backbone [m] and directions [rad]."""
+
+    distance_m: float
+    angles_rad: tuple[float, ...]
+
+
+@dataclass(frozen=True, slots=True)
+class ShapeSolution:
+    """Answer of the inverse kinematics by shape.
+
+    Attributes:
+        lengths_m: tube lengths, section by section [m].
+        totals_m: sum over the sections for each tube [m].
+        backbone_m: backbone length of each section [m].
+        bending: (u, v) of each section [rad], as in a constant-curvature section.
+        length_met: False when the stated backbone length is impossible for this pose, or would fold the arm;
+            it is left out then (`contid.kinematics.ph.ends.through_rough`).
+    """
+
+    lengths_m: tuple[float, ...]
+    totals_m: tuple[float, ...]
+    backbone_m: tuple[float, ...]
+    bending: tuple[tuple[float, float], ...]
+    length_met: bool
+
+
+def ph_inverse(
+    tip_m: Vec3,
+    direction: Vec3,
+    sections: Sequence[TubeSection],
+    split: Sequence[float],
+    length_m: float | None = None,
+) -> ShapeSolution:
+    """Tube lengths of an arm that stands on its base along +z, in NumPy: the specification of the kernel.
+
+    Args:
+        tip_m: tip position in the base frame [m].
+        direction: tangent at the tip in the base frame.
+        sections: tubes of each section, from the base on.
+        split: share of each section in the backbone length; must sum to 1.
+        length_m: backbone length [m], or None when it is not known.
+    """
+    fit = through_rough(Ends(ZERO3, tip_m, _BASE_DIRECTION, direction), length_m)
+    backbone, bending, lengths = _offsets(fit, sections, np.array(split))
+    return ShapeSolution(
+        tuple(lengths.reshape(-1).tolist()),
+        tuple(lengths.sum(axis=0).tolist()),
+        tuple(backbone.tolist()),
+        tuple((float(u), float(v)) for u, v in bending),
+        fit.length_met,
+    )
+
+
+class ShapeInverse:
+    """`ph_inverse` for one arm, prepared: in the kernel where it is compiled, else in NumPy.
+
+    The lengths of both agree to 1e-12 m.
+    """
+
+    def __init__(self, sections: Sequence[TubeSection], split: Sequence[float]) -> None:
+        self._sections = tuple(sections)
+        self._split = tuple(split)
+        kernel = load("ph_curve")
+        self._kernel = kernel and kernel.ShapeInverse(
+            [section.distance_m for section in sections],
+            [list(section.angles_rad) for section in sections],
+            list(split),
+        )
+
+    @property
+    def compiled(self) -> bool:
+        """True when the kernel answers."""
+        return self._kernel is not None
+
+    def solve(self, tip_m: Vec3, direction: Vec3, length_m: float | None = None) -> ShapeSolution:
+        """Tube lengths for the pose of the tip; see `ph_inverse`."""
+        if self._kernel is None:
+            return ph_inverse(tip_m, direction, self._sections, self._split, length_m)
+        lengths, totals, backbone, bending, met = self._kernel.solve(
+            *tip_m, *direction, math.nan if length_m is None else length_m
+        )
+        pairs = tuple(zip(bending[::2], bending[1::2], strict=True))
+        return ShapeSolution(lengths, totals, backbone, pairs, met)
+
+
+def _offsets(fit: PhFit, sections: Sequence[TubeSection], split: Array) -> tuple[Array, Array, Array]:
+    curve = fit.curve
+    backbone = curve.length_m * split
+    joints = np.concatenate([[0.0], curve.parameter_at(np.cumsum(backbone)[:-1]), [1.0]])
+    bending = section_bending(curve, joints, np.array([1.0, 0.0, 0.0]))
+    distance = np.array([section.distance_m for section in sections])
+    angles = np.array([section.angles_rad for section in sections])
+    return backbone, bending, tube_lengths(backbone, bending, distance, angles)

@@ -1,0 +1,107 @@
+"""The model of tube arms whose inverse goes by shape: lengths along a quintic from the base to the tip.
+
+Forward kinematics, Jacobian, shape and limits are those of `SectionModel`, constant curvature per section.
+The inverse is given end poses only: the base, the tip and its direction. A target without a direction gets
+that of the one circular arc through it. The length of the backbone is not
+known (end speed = mean speed), and its sections share it as they do in the home posture.
+
+One quintic is not two arcs, so the tip of the answer misses the target: by hundredths of a millimetre
+where the arm is one arc, by millimetres where its sections bend to different sides. That error is the
+residual; it counts as met up to ``solver.tolerance_mm`` of the robot file. Lengths beyond their limits are
+pulled inside (`Feasible.pulled`), which is continuous. Nothing depends on the seed, except where no curve is
+found.
+
+Source: Singh et al., IROS 2018; see `contid.kinematics.ph.inverse`.
+"""
+
+from __future__ import annotations
+
+import math
+from typing import Final
+
+import numpy as np
+
+from contid.kinematics.arc.arc import Array
+from contid.kinematics.arc.descent import tuning_for
+from contid.kinematics.arc.feasible import BINDING_M
+from contid.kinematics.arc.section_model import SectionModel
+from contid.kinematics.arc.solve import ABSURD_M
+from contid.kinematics.ph.inverse import ShapeInverse, TubeSection
+from contid.robot_file.tri_tube import TriTube
+from contid.targets import Actuation, Solution, Target, Vec3
+from contid.units import MM_PER_M, m_to_mm
+
+#: What counts as met when the file does not say [mm]: the paper's arm is reconstructed to 1.2-4.2 mm.
+DEFAULT_MM: Final = 5.0
+
+
+class PhModel(SectionModel):
+    """A chain of constant-curvature sections, its inverse by a Pythagorean-hodograph quintic."""
+
+    def __init__(self, robot: TriTube) -> None:
+        super().__init__(robot)
+        sections = self.sections
+        home = self.feasible.home.reshape(-1, 3).mean(axis=1)
+        self._inverse = ShapeInverse(
+            [TubeSection(d, each) for d, each in zip(sections.radius_m, sections.angles_rad, strict=True)],
+            (home / home.sum()).tolist(),
+        )
+        self._after_m = sections.rigid_m[-1]
+        self._ell_m = tuning_for(self.feasible).ell_m
+        self._tolerance_m = (robot.solver.tolerance_mm or DEFAULT_MM) / MM_PER_M
+
+    def inverse(self, target: Target, seed: Actuation) -> Solution:
+        """Lengths inside every limit for a tip, or a tip and its direction; an approximation.
+
+        The residual is that of the forward kinematics; a direction enters it times `Tuning.ell_m`, a fifth of
+        the arm.
+        """
+        if target.actuation is not None or target.tip_m is None:
+            return super().inverse(target, seed)
+        if target.mid_m is not None:
+            raise ValueError("an arm with solver ph takes a tip, a direction or lengths, no mid-point")
+        direction = target.direction or arc_direction(target.tip_m, self._after_m)
+        raw = self._lengths(target.tip_m, direction)
+        lengths = self.feasible.pulled(seed if raw is None else raw)
+        actuation: Actuation = tuple(lengths.tolist())
+        pose = self.forward(actuation)
+        residual_m = math.dist(pose.tip_m, target.tip_m)
+        if target.direction is not None:
+            residual_m = math.hypot(residual_m, self._ell_m * math.dist(pose.direction, target.direction))
+        limits: tuple[str, ...] = ()
+        if raw is None or float(np.abs(lengths - raw).max()) > BINDING_M:
+            limits = self.limits_in(self.feasible.binding(lengths))
+        if residual_m <= self._tolerance_m:
+            return Solution(actuation, residual_m, True, limits)
+        within = f"solver ph counts up to {m_to_mm(self._tolerance_m):g} mm as met"
+        if raw is None:
+            note = "there is no curve to this tip; lengths stay where they are"
+        else:
+            note = f"the quintic's lengths leave {m_to_mm(residual_m):.6g} mm; {within}"
+        return Solution(actuation, residual_m, False, limits, 0, note)
+
+    def _lengths(self, tip_m: Vec3, direction: Vec3) -> Array | None:
+        """Lengths along the quintic, inside the limits or not; None when there is none."""
+        away = math.hypot(*tip_m)
+        turn = math.hypot(*direction)
+        if not (1e-9 < away < ABSURD_M and 1e-9 < turn < ABSURD_M):  # not a number included
+            return None
+        x, y, z = direction
+        a, b, c = tip_m
+        leg = self._after_m / turn
+        found = np.array(self._inverse.solve((a - leg * x, b - leg * y, c - leg * z), direction).lengths_m)
+        return found if np.isfinite(found).all() else None
+
+
+def arc_direction(tip_m: Vec3, rigid_m: float = 0.0) -> Vec3:
+    """Unit tangent at a tip that one arc from the base, along +z, reaches after a rigid piece.
+
+    ``t = 2 c (x, y, c) / (x^2 + y^2 + c^2) - e_z`` with ``c = z + h``; not a number where there is none.
+    """
+    x, y, z = tip_m
+    c = z + rigid_m
+    square = x * x + y * y + c * c
+    if not 0.0 < square < math.inf:
+        return (math.nan, math.nan, math.nan)
+    share = 2.0 * c / square
+    return (share * x, share * y, share * c - 1.0)

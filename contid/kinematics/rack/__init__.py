@@ -1,0 +1,1 @@
+"""Planar two-rack fingers (Morita et al.)."""

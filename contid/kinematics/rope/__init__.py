@@ -1,0 +1,1 @@
+"""The rope between two arms: catenary and closed chain."""

@@ -1,0 +1,151 @@
+"""Two arms and the rope between their tips: where the rope is, and whether it can be there.
+
+From base to base the chain is arm, rope, arm; with the tips B and C known, the rope is a catenary between
+them (pinned ends) or a Pythagorean-hodograph curve of its length between the tips' directions (clamped ends).
+The rope's length is indispensable: without it the mean error of the curve is some 20 mm per metre.
+
+Source: Singh et al., IROS 2018, section on the closed chain. Their link 3 runs from the tip to the base, so
+its directions are the negatives of the second arm's.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import Final, TypeAlias
+
+import numpy as np
+
+from contid.kernels import load
+from contid.kinematics.ph.ends import Ends, PhFit, through
+from contid.kinematics.ph.lift import Array
+from contid.kinematics.ph.spline import PhSpline
+from contid.kinematics.rope.catenary import Catenary, as_quintic, hang
+from contid.robot_file.chain import Chain
+from contid.targets import Vec3
+from contid.units import MM_PER_M, m_to_mm
+
+#: Tip position [m] and direction of an arm, both in the world.
+Tip: TypeAlias = tuple[Vec3, Vec3]
+
+#: Standard gravity [m/s^2].
+GRAVITY: Final = 9.80665
+#: A sag found among so many points of a quintic is wrong by less than a thousandth of it.
+_LOOK: Final = np.linspace(0.0, 1.0, 129)
+
+
+@dataclass(frozen=True, slots=True)
+class ChainState:
+    """What the rope does between two tips.
+
+    Attributes:
+        feasible: long enough, and above the floor.
+        margin_m: how far the lowest point is above the floor [m], negative below it; when the rope does not
+            reach, minus what is missing.
+        lowest: its lowest point in the world [m]; None when it does not reach.
+        reason: why it is not feasible, "" when it is.
+        pull_n: tension on the first and the second tip [N]; None unless it is pinned, of known mass, and not
+            taut.
+    """
+
+    feasible: bool
+    margin_m: float
+    lowest: Vec3 | None
+    reason: str = ""
+    pull_n: tuple[float, float] | None = None
+
+    @property
+    def lowest_m(self) -> float:
+        """Height of the lowest point [m], nan when the rope does not reach."""
+        return math.nan if self.lowest is None else self.lowest[2]
+
+
+class ChainGuard:
+    """Tells whether the tips of two arms may be where they are."""
+
+    def __init__(self, name: str, chain: Chain) -> None:
+        self.name = name
+        self.arms = chain.arms
+        self._rope = chain.rope
+        self._length_m = chain.rope.length_mm / MM_PER_M
+        self._floor_m = chain.floor_m
+        self._kernel = load("ph_curve")
+
+    def check(self, tips: Mapping[str, Tip]) -> ChainState:
+        """The state of the chain for the poses of its arms (others are not looked at)."""
+        (start, _), (end, _) = (tips[arm] for arm in self.arms)
+        hanging = hang(start, end, self._length_m)
+        if hanging is None:
+            short_m = math.dist(start, end) - self._length_m
+            arms = " and ".join(self.arms)
+            words = f"the rope is {m_to_mm(short_m):.6g} mm too short between {arms}"
+            return ChainState(False, -short_m, None, words)
+        lowest = hanging.lowest if self._rope.ends == "pinned" else self._lowest(self._ends(tips, hanging))
+        pull = None
+        if self._rope.mass_g is not None and self._rope.ends == "pinned" and not hanging.taut:
+            pull = hanging.pull_n(self._rope.mass_g * 1e-3 * GRAVITY)
+        margin_m = lowest[2] - self._floor_m
+        if margin_m < 0.0:
+            below = f"{m_to_mm(-margin_m):.6g} mm below its floor ({m_to_mm(self._floor_m):g} mm)"
+            return ChainState(False, margin_m, lowest, f"the rope hangs {below}", pull)
+        return ChainState(True, margin_m, lowest, "", pull)
+
+    def curves(self, tips: Mapping[str, Tip]) -> tuple[PhFit, ...]:
+        """The rope as one or two quintics from the first tip to the second; none when it does not reach.
+
+        Both pieces share the direction at their joint; each has its own length, so the size of the derivative
+        differs there (G1, not C1).
+        """
+        (start, _), (end, _) = (tips[arm] for arm in self.arms)
+        hanging = hang(start, end, self._length_m)
+        return () if hanging is None else self._pieces(tips, hanging)
+
+    def points(self, tips: Mapping[str, Tip], count: int) -> Array:
+        """Points of the rope at equal arc length [m], shape ``(count, 3)``; empty when it does not reach."""
+        fits = self.curves(tips)
+        return PhSpline(tuple(fit.curve for fit in fits)).evenly(count) if fits else np.empty((0, 3))
+
+    def _pieces(self, tips: Mapping[str, Tip], hanging: Catenary) -> tuple[PhFit, ...]:
+        if self._rope.ends == "pinned" and self._rope.pieces == 1:
+            return (as_quintic(hanging),)
+        return tuple(through(ends, length_m) for ends, length_m in self._ends(tips, hanging))
+
+    def _ends(self, tips: Mapping[str, Tip], hanging: Catenary) -> tuple[tuple[Ends, float], ...]:
+        """Ends and length of every piece."""
+        pinned, one = self._rope.ends == "pinned", self._rope.pieces == 1
+        (start, leaving), (end, entering) = (tips[arm] for arm in self.arms)
+        x, y, z = entering
+        first = hanging.start_direction if pinned else leaving
+        last = hanging.end_direction if pinned else (-x, -y, -z)
+        if one:
+            return ((Ends(start, end, first, last), self._length_m),)
+        half = 0.5 * self._length_m
+        middle, along = hanging.at(half), hanging.direction_at(half)
+        return (
+            (Ends(start, middle, first, along), half),
+            (Ends(middle, end, along, last), half),
+        )
+
+    def _lowest(self, pieces: tuple[tuple[Ends, float], ...]) -> Vec3:
+        """The lowest point of a clamped rope; in microseconds by the kernel, for looks in the tick."""
+        found: list[Vec3] = []
+        for ends, length_m in pieces:
+            (x0, y0, z0), (x1, y1, z1) = ends.start_m, ends.end_m
+            if self._kernel is None:
+                points = through(ends, length_m).curve.point(_LOOK)
+                x, y, z = points[int(np.argmin(points[:, 2]))].tolist()
+                found.append((x, y, z))
+                continue
+            chord = (x1 - x0, y1 - y0, z1 - z0)
+            x, y, z = self._kernel.lowest(
+                *chord, *_unit(ends.start_direction), *_unit(ends.end_direction), length_m, len(_LOOK)
+            )
+            found.append((x0 + x, y0 + y, z0 + z))
+        return min(found, key=lambda point: point[2])
+
+
+def _unit(direction: Vec3) -> Vec3:
+    x, y, z = direction
+    size = math.hypot(x, y, z)
+    return (x / size, y / size, z / size)

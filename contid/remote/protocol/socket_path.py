@@ -1,0 +1,199 @@
+"""Where the socket of a daemon lies, who may own that place, and which daemons run.
+
+The default is ``$XDG_RUNTIME_DIR/contid/NAME.sock``, else a folder of this user below the system's temporary
+one. The folder is made with mode 0700 and refused when it belongs to somebody else or others may enter it.
+Services listen in ``/run/contid``, which systemd makes for them; clients look there as well.
+"""
+
+from __future__ import annotations
+
+import fcntl
+import os
+import socket
+import stat
+import tempfile
+from contextlib import suppress
+from pathlib import Path
+from types import TracebackType
+from typing import Final, Self
+
+from contid.errors import ContidError
+from contid.remote.protocol.peer_credentials import group_id
+from contid.remote.protocol.wire import NoDaemonError
+
+#: Where ``service/contid@.service`` puts its sockets.
+SERVICES: Final = Path("/run/contid")
+#: Bytes of a path that a Unix socket can have, its closing zero not counted.
+MAX_PATH: Final = 107
+BACKLOG: Final = 128
+
+
+class SocketError(ContidError):
+    """The daemon's socket cannot be where it was asked for."""
+
+
+def default_directory() -> Path:
+    """The folder of this user's sockets; it may not exist yet."""
+    runtime = os.environ.get("XDG_RUNTIME_DIR")
+    if runtime:
+        return Path(runtime) / "contid"
+    return Path(tempfile.gettempdir()) / f"contid-{os.geteuid()}"
+
+
+def default_path(robot_file: str) -> Path:
+    """Where the daemon of a robot file listens: ``NAME.sock`` with the file's name without ``.yaml``."""
+    name = Path(robot_file).name
+    for ending in (".yaml", ".yml"):
+        name = name.removesuffix(ending)
+    return default_directory() / f"{name}.sock"
+
+
+def private_directory() -> Path:
+    """The default folder, made or checked.
+
+    Raises:
+        SocketError: somebody else could put a socket there.
+    """
+    folder = default_directory()
+    try:
+        folder.mkdir(mode=0o700, parents=True, exist_ok=True)
+        found = folder.lstat()
+    except OSError as error:
+        unset = "unset XDG_RUNTIME_DIR, or " if os.environ.get("XDG_RUNTIME_DIR") else ""
+        what = f"{folder}: cannot make this folder: {error.strerror}; {unset}give --socket"
+        raise SocketError(what) from error
+    if not stat.S_ISDIR(found.st_mode) or found.st_uid != os.geteuid() or found.st_mode & 0o077:
+        raise SocketError(
+            f"{folder}: must be a folder of user {os.geteuid()} with mode 0700; correct it or give --socket"
+        )
+    return folder
+
+
+def running() -> list[Path]:
+    """Sockets behind which a daemon listens: those of this user, then those of services."""
+    folders = [folder for folder in (default_directory(), SERVICES) if os.access(folder, os.R_OK | os.X_OK)]
+    return [path for folder in folders for path in sorted(folder.glob("*.sock")) if answers(path)]
+
+
+def find(given: str | None) -> Path:
+    """The socket to talk to: the given one, or that of the only daemon that runs.
+
+    Raises:
+        NoDaemonError: none, or several.
+    """
+    if given is not None:
+        return Path(given)
+    found = running()
+    if len(found) == 1:
+        return found[0]
+    if not found:
+        words = f"no daemon runs ({default_directory()} and {SERVICES} hold no live socket)"
+        if SERVICES.is_dir() and not os.access(SERVICES, os.R_OK | os.X_OK):
+            words = (
+                f"no daemon of yours runs, and you may not enter {SERVICES} of the service: join its group"
+            )
+        raise NoDaemonError(f"{words}; start one with `contid run ROBOT.yaml`, or give --socket PATH")
+    listed = "\n  ".join(f"--socket {path}" for path in found)
+    raise NoDaemonError(f"{len(found)} daemons run; say which one:\n  {listed}")
+
+
+def answers(path: Path) -> bool:
+    """True when somebody listens at a socket."""
+    with socket.socket(socket.AF_UNIX, socket.SOCK_STREAM) as probe:
+        probe.settimeout(1.0)
+        try:
+            probe.connect(str(path))
+        except TimeoutError:
+            return True
+        except BlockingIOError:  # its backlog is full
+            return True
+        except OSError:
+            return False
+    return True
+
+
+class Endpoint:
+    """A listening socket with mode 0600; a second daemon is refused, what a killed one left is removed.
+
+    Args:
+        path: of the socket.
+        default: it is the default one: its folder is made, or checked.
+        group: name of a group whose members may enter as well; the mode is 0660 then.
+
+    Raises:
+        SocketError: from the constructor, with what to do.
+    """
+
+    def __init__(self, path: Path | str, *, default: bool = False, group: str | None = None) -> None:
+        self.path = Path(path)
+        self.group = None if group is None else group_id(group)
+        if group is not None and self.group is None:
+            raise SocketError(
+                f"--socket-group {group}: no such group; `sudo groupadd --system {group}` makes it"
+            )
+        if default:
+            private_directory()
+        if len(os.fsencode(self.path)) > MAX_PATH:
+            raise SocketError(
+                f"{self.path}: a socket's path has at most {MAX_PATH} bytes; give a shorter one"
+            )
+        self.socket = socket.socket(socket.AF_UNIX, socket.SOCK_STREAM)
+        try:
+            # The folder's lock makes looking and binding one step for two daemons that start together.
+            folder = os.open(self.path.parent, os.O_RDONLY | os.O_DIRECTORY)
+            try:
+                fcntl.flock(folder, fcntl.LOCK_EX)
+                self._clear()
+                self._bind()
+            finally:
+                os.close(folder)
+        except OSError as error:
+            self.socket.close()
+            raise SocketError(f"{self.path}: cannot listen there: {error.strerror}") from error
+        except BaseException:
+            self.socket.close()
+            raise
+        self._inode = self.path.stat().st_ino
+
+    def _clear(self) -> None:
+        try:
+            found = self.path.lstat()
+        except FileNotFoundError:
+            return
+        if not stat.S_ISSOCK(found.st_mode):
+            raise SocketError(f"{self.path}: is there and no socket; it is not removed, give another path")
+        if answers(self.path):
+            raise SocketError(
+                f"{self.path}: another daemon listens there; stop it, or give this one its own --socket PATH"
+            )
+        self.path.unlink()
+
+    def _bind(self) -> None:
+        # Nobody else may connect between bind and chmod either.
+        before = os.umask(0o177)
+        try:
+            self.socket.bind(str(self.path))
+        finally:
+            os.umask(before)
+        if self.group is not None:
+            os.chown(self.path, -1, self.group)
+        self.path.chmod(0o600 if self.group is None else 0o660)
+        self.socket.listen(BACKLOG)
+        self.socket.setblocking(False)
+
+    def close(self) -> None:
+        """Stop listening and remove the socket, if it is still this one; idempotent."""
+        self.socket.close()
+        with suppress(OSError):
+            if self.path.lstat().st_ino == self._inode:
+                self.path.unlink()
+
+    def __enter__(self) -> Self:
+        """Close on leaving."""
+        return self
+
+    def __exit__(
+        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
+    ) -> None:
+        """See `close`."""
+        self.close()

@@ -1,0 +1,78 @@
+"""Whether robots can do what a client asks: armed, without a fault, and every target within reach."""
+
+from __future__ import annotations
+
+import io
+from collections.abc import Mapping, Sequence
+from typing import Final
+
+from contid.control.daemon.interfaces import Orders
+from contid.control.engine.tick_layout import TickRecord
+from contid.control.engine.wiring import chain_guards
+from contid.control.tick.preflight import Preflight, Unreachable
+from contid.control.tick.supervisor import Mode
+from contid.errors import BadInputError
+from contid.remote.protocol.wire import Code, RemoteError
+from contid.remote.server.telemetry_view import Picture
+from contid.targets import Target
+from contid.trajectory.read import read_trajectory
+from contid.trajectory.timed import Trajectory
+
+#: Findings of one refusal.
+MAX_FINDINGS: Final = 20
+
+_ARMED: Final = frozenset({Mode.APPROACH, Mode.RUN, Mode.HOLD})
+
+
+class Readiness:
+    """Asks the newest record and the models."""
+
+    def __init__(self, orders: Orders, picture: Picture) -> None:
+        self._orders = orders
+        self._picture = picture
+        self._guards = chain_guards(orders.loaded)
+        self._refuses = orders.unreachable is Unreachable.REFUSE or bool(self._guards)
+
+    def armed(self, robots: Sequence[str]) -> None:
+        """Refuse what a robot would not follow.
+
+        Raises:
+            RemoteError: one is in FAULT, or not armed.
+        """
+        record = self._orders.newest()
+        faults = self._picture.faults(record, robots)
+        if faults:
+            what = "; ".join(f"{name}: fault {f['number']} {f['name']}" for name, f in faults.items())
+            raise RemoteError(Code.FAULT, f"{what}; clear-fault, then resume", faults)
+        for name in robots:
+            mode = self._picture.mode(name, record)
+            if mode not in _ARMED:
+                raise RemoteError(Code.NOT_ARMED, f"{name} is {mode.name}, not armed; resume first")
+
+    def wrong(self, targets: Mapping[str, Target | None]) -> dict[str, str]:
+        """Why which robots cannot go to their targets from where they are; empty when all can."""
+        return self._preflight(self._orders.newest()).row(targets) if self._refuses else {}
+
+    def trajectory(self, lines: Sequence[str], record: TickRecord | None) -> Trajectory:
+        """The trajectory of a header and rows, checked from where the robots were in a record.
+
+        Raises:
+            RemoteError: rows are wrong, out of reach, or forbidden by a chain.
+        """
+        try:
+            trajectory = read_trajectory(io.StringIO("\n".join(lines)), "rows", self._picture.robots)
+            if self._refuses:
+                self._preflight(record).trajectory(trajectory, "rows")
+        except BadInputError as error:
+            raise bad_target(error) from None
+        return trajectory
+
+    def _preflight(self, record: TickRecord | None) -> Preflight:
+        commands = {name: self._picture.command(name, record) for name in self._picture.plans}
+        seeds = {name: command for name, command in commands.items() if command is not None}
+        return Preflight(tuple(self._picture.plans.values()), self._guards, self._orders.unreachable, seeds)
+
+
+def bad_target(error: BadInputError) -> RemoteError:
+    """What is wrong with rows or a point, for a client."""
+    return RemoteError(Code.BAD_TARGET, "\n".join(map(str, error.findings[:MAX_FINDINGS])))

@@ -1,0 +1,234 @@
+"""Where clients say that they see tips: checked, one tracker per robot, and never more than the tick can use.
+
+A measurement needs no motion right, but where ``feedback`` is on it moves the target, so what one can do is
+bounded here and in `contid.control.tick.tip_feedback`: only the first to measure a robot is heard until it
+has
+been silent for `SILENT_S` or is gone; a tip must lie within the robot's reach; old measurements are refused;
+and only the newest crosses the pipe, once per record that was seen. A control process that stands still gets
+none, so nothing piles up.
+"""
+
+from __future__ import annotations
+
+import math
+import time
+from dataclasses import dataclass
+from typing import Any, Final
+
+import numpy as np
+
+from contid.control.daemon.interfaces import Orders
+from contid.control.engine.messages import Measured
+from contid.control.tick.config import RobotPlan
+from contid.remote.protocol.wire import Code, Fields, RemoteError, Take
+from contid.remote.server.telemetry_view import Picture
+from contid.targets import Vec3
+from contid.trajectory.columns import unit_vector
+from contid.units import MM_PER_M
+
+#: After so long without a measurement another client may track the robot.
+SILENT_S: Final = 1.0
+#: Oldest measurement of a robot without feedback; with feedback it is the file's ``stale_ms``.
+STALE_S: Final = 0.2
+#: How far ahead of this clock a stamp may be: rounding, nothing else.
+AHEAD_S: Final = 2e-3
+#: A tip further from the base than this many of the longest backbones is in another unit or another frame.
+REACH: Final = 1.5
+POINTS: Final = 65
+#: No number of a measurement is greater; whole numbers of JSON may be, beyond what a float holds.
+GREATEST: Final = 1e15
+_MS_PER_S: Final = 1e3
+
+
+@dataclass(slots=True)
+class Tracker:
+    """Who tracks one robot.
+
+    Attributes:
+        client: its number.
+        name: what it calls itself.
+        since_s, seen_s: its first and its newest measurement.
+        captured_s: when the newest one was captured, on CLOCK_MONOTONIC.
+        pending: it, until it is sent.
+        sent_tick: newest tick when the one before was sent.
+        count: measurements taken.
+    """
+
+    client: int
+    name: str
+    since_s: float
+    seen_s: float
+    captured_s: float = -math.inf
+    pending: Measured | None = None
+    sent_tick: int = -1
+    count: int = 0
+
+
+class Trackers:
+    """The trackers of one daemon."""
+
+    def __init__(self, orders: Orders, picture: Picture) -> None:
+        self._orders = orders
+        self._picture = picture
+        self._trackers: dict[str, Tracker] = {}
+        self._reach_m: dict[str, float] = {}
+
+    @property
+    def active(self) -> bool:
+        """True while a measurement may wait to be sent."""
+        return bool(self._trackers)
+
+    def measure(self, client: int, name: str, take: Take) -> Fields:
+        """Take one measurement.
+
+        Raises:
+            RemoteError: it is none, it is too old, too far, or somebody else tracks this robot.
+        """
+        now_s = time.monotonic()
+        plan = self._plan(take)
+        dimension = self._picture.robots[plan.name].dimension
+        tip_mm = _vector(take.anything("tip_mm"), "tip_mm", dimension)
+        given, direction = take.anything("direction"), None
+        if given is not None:
+            direction = unit_vector(_vector(given, "direction", dimension))
+            if direction is None:
+                raise _bad("direction: the zero vector points nowhere")
+        captured_s = self._captured(take, now_s, plan)
+        take.end()
+        tip_in_world: Vec3 = (tip_mm[0] / MM_PER_M, tip_mm[1] / MM_PER_M, tip_mm[2] / MM_PER_M)
+        self._within_reach(plan, tip_in_world)
+        tracker = self._tracker(plan.name, client, name, now_s)
+        tracker.seen_s, tracker.count = now_s, tracker.count + 1
+        used = captured_s > tracker.captured_s
+        if used:
+            tracker.captured_s = captured_s
+            tracker.pending = Measured(plan.name, tip_in_world, direction)
+            self._send(tracker, now_s)
+        return {
+            "robot": plan.name,
+            "age_ms": round((now_s - captured_s) * _MS_PER_S, 3),
+            "used": used,
+            "feedback": plan.feedback is not None,
+        }
+
+    def watch(self, now_s: float) -> None:
+        """Send what waits for its tick, forget who fell silent; called often."""
+        for robot, tracker in tuple(self._trackers.items()):
+            if now_s - tracker.seen_s > SILENT_S:
+                del self._trackers[robot]
+            else:
+                self._send(tracker, now_s)
+
+    def gone(self, client: int) -> None:
+        """A client is gone; somebody else may track its robots at once."""
+        for robot, tracker in tuple(self._trackers.items()):
+            if tracker.client == client:
+                del self._trackers[robot]
+
+    def as_fields(self, now_s: float) -> Fields:
+        """For ``status``: who tracks what."""
+        return {
+            robot: {
+                "client": tracker.client,
+                "name": tracker.name,
+                "age_ms": round((now_s - tracker.captured_s) * _MS_PER_S, 3),
+                "rate_hz": _rate(tracker),
+                "feedback": self._picture.plans[robot].feedback is not None,
+            }
+            for robot, tracker in self._trackers.items()
+        }
+
+    # -- inside ------------------------------------------------------------------------------------------
+
+    def _send(self, tracker: Tracker, now_s: float) -> None:
+        """Send the newest measurement, once per tick that ran."""
+        record = self._orders.newest()
+        if tracker.pending is None or record is None or record.tick == tracker.sent_tick:
+            return
+        pending, tracker.pending, tracker.sent_tick = tracker.pending, None, record.tick
+        age_s = max(now_s - tracker.captured_s, 0.0)
+        self._orders.send(Measured(pending.robot, pending.tip_in_world, pending.direction_in_world, age_s))
+
+    def _plan(self, take: Take) -> RobotPlan:
+        plans = self._picture.plans
+        alone = next(iter(plans)) if len(plans) == 1 else ""
+        name = take.text("robot", alone)
+        if not name:
+            raise RemoteError(Code.BAD_REQUEST, f"robot: one of {', '.join(plans)} is expected")
+        self._picture.check((name,))
+        return plans[name]
+
+    def _captured(self, take: Take, now_s: float, plan: RobotPlan) -> float:
+        """When it was captured, on CLOCK_MONOTONIC: by a stamp, by an age, or now."""
+        stamp, age_ms = take.anything("time_s"), take.anything("age_ms")
+        if stamp is not None and age_ms is not None:
+            raise RemoteError(Code.BAD_REQUEST, "time_s or age_ms, one of them")
+        captured_s = now_s
+        if stamp is not None:
+            captured_s = _number(stamp, "time_s")
+        elif age_ms is not None:
+            captured_s = now_s - _number(age_ms, "age_ms") / _MS_PER_S
+        oldest_s = plan.feedback.stale_s if plan.feedback is not None else STALE_S
+        age_s = now_s - captured_s
+        if age_s > oldest_s:
+            words = f"{age_s * _MS_PER_S:.6g} ms old; at most {oldest_s * _MS_PER_S:g} ms are of use"
+            raise _bad(f"{plan.name}: {words}{_CLOCK if stamp is not None else ''}")
+        if age_s < -AHEAD_S:
+            raise _bad(f"{plan.name}: captured {-age_s * _MS_PER_S:.6g} ms from now{_CLOCK}")
+        return min(captured_s, now_s)
+
+    def _within_reach(self, plan: RobotPlan, tip_in_world: Vec3) -> None:
+        away_m = math.hypot(*plan.frame.point_in_base(tip_in_world))
+        if plan.name not in self._reach_m:
+            self._reach_m[plan.name] = REACH * _longest(plan)
+        if away_m > self._reach_m[plan.name]:
+            raise _bad(
+                f"{plan.name}: a tip {away_m * MM_PER_M:.6g} mm from the base is not this robot's (at most "
+                f"{self._reach_m[plan.name] * MM_PER_M:.4g} mm); tip_mm is in mm, in the world frame"
+            )
+
+    def _tracker(self, robot: str, client: int, name: str, now_s: float) -> Tracker:
+        tracker = self._trackers.get(robot)
+        if tracker is not None and tracker.client != client:
+            if now_s - tracker.seen_s <= SILENT_S:
+                since_s = now_s - tracker.since_s
+                words = f"client {tracker.name!r} tracks {robot} since {since_s:.1f} s; one tracker per robot"
+                raise RemoteError(Code.HELD, words)
+            tracker = None
+        if tracker is None:
+            tracker = self._trackers[robot] = Tracker(client, name, now_s, now_s)
+        return tracker
+
+
+_CLOCK: Final = "; time_s is CLOCK_MONOTONIC of this machine (Python's time.monotonic())"
+
+
+def _longest(plan: RobotPlan) -> float:
+    """Length of the longest backbone [m]: at rest, or with every axis at its greatest value."""
+    lines = [plan.model.shape(actuation, POINTS) for actuation in (plan.rest, plan.model.upper)]
+    return max(float(np.linalg.norm(np.diff(line, axis=0), axis=1).sum()) for line in lines)
+
+
+def _rate(tracker: Tracker) -> float | None:
+    """Measurements per second so far."""
+    seconds = tracker.seen_s - tracker.since_s
+    return round((tracker.count - 1) / seconds, 1) if seconds > 0.0 else None
+
+
+def _bad(words: str) -> RemoteError:
+    return RemoteError(Code.BAD_MEASUREMENT, words)
+
+
+def _number(value: Any, name: str) -> float:
+    if isinstance(value, int | float) and not isinstance(value, bool) and abs(value) <= GREATEST:
+        return float(value)
+    raise _bad(f"{name}: a finite number is expected, got {repr(value)[:60]}")
+
+
+def _vector(value: Any, name: str, dimension: int) -> Vec3:
+    """Three numbers; a planar robot needs two and takes no notice of the third, as its columns have none."""
+    if not isinstance(value, list) or not dimension <= len(value) <= 3:
+        wanted = "three numbers" if dimension == 3 else "two or three numbers"
+        raise _bad(f"{name}: a list of {wanted} is expected, got {repr(value)[:60]}")
+    x, y, *rest = [_number(each, f"{name}[{place}]") for place, each in enumerate(value)]
+    return (x, y, rest[0] if dimension == 3 else 0.0)

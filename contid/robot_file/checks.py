@@ -1,0 +1,264 @@
+"""Checks that look at several keys of a robot at once: what no single key can get wrong alone."""
+
+from __future__ import annotations
+
+import itertools
+import re
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass
+from typing import Final
+
+from pydantic import BaseModel
+
+from contid.errors import Located
+from contid.hal import DeviceKind
+from contid.robot_file.base import AxisDescription, Quantity, StopPolicy
+from contid.robot_file.findings import allowed_names
+from contid.robot_file.positions import Document, Path
+from contid.robot_file.robot import RobotDescription
+
+#: First words of trajectory columns that are not a robot's name.
+RESERVED_NAMES: Final = ("t_s", "mid", "load", "meas")
+_NAME: Final = re.compile(r"[A-Za-z][A-Za-z0-9_-]*")
+
+
+@dataclass(frozen=True, slots=True)
+class WiredAxis:
+    """One axis of a robot as far as it could be read.
+
+    Attributes:
+        at: its place in the document.
+        description: its common keys, None when they are beyond reading.
+        kind: the actuator behind it, None when its bus or driver is not known.
+    """
+
+    at: Path
+    description: AxisDescription | None
+    kind: DeviceKind | None
+
+
+def check_name(document: Document, at: Path) -> Iterator[Located]:
+    """A robot's or bus's name: it becomes part of column names and messages."""
+    name = str(at[-1])
+    if not _NAME.fullmatch(name):
+        message = f"name {name!r}: allowed are letters, digits, _ and -, beginning with a letter"
+        yield document.at_key(at, message)
+    if at[0] == "robots" and name in RESERVED_NAMES:
+        yield document.at_key(at, f"name {name!r} means something else in trajectory columns; choose another")
+
+
+def check_robot(
+    document: Document, at: Path, robot: RobotDescription, wired: Mapping[str, WiredAxis]
+) -> Iterator[Located]:
+    """Everything that must agree inside one robot, apart from what its class already checked."""
+    yield from _check_axes(document, at, robot, wired)
+    if robot.passive:
+        yield from _check_passive(document, at, robot)
+        return
+    yield from _check_plane(document, at, robot)
+    yield from _check_rates(document, at, robot)
+    yield from _check_rest(document, at, robot)
+    yield from _check_stops(document, at, robot, wired)
+    for index, key in enumerate(robot.placeholder):
+        if not _names_something(document, at, robot, key):
+            message = (
+                f"placeholder {key!r} names no key of this robot; write it like geometry.{_example(robot)}"
+            )
+            yield document.at_value((*at, "placeholder", index), message)
+
+
+def _check_axes(
+    document: Document, at: Path, robot: RobotDescription, wired: Mapping[str, WiredAxis]
+) -> Iterator[Located]:
+    needed = () if robot.passive else robot.all_axis_names
+    for name in needed:
+        if name not in wired:
+            message = f"axis {name!r} is missing; this robot needs {', '.join(needed)}"
+            yield document.at_key((*at, "axes"), message)
+    fronts = {name.partition(".")[0] for name in robot.axis_names if "." in name}
+    if at[-1] in fronts:
+        yield document.at_key(at, f"name {at[-1]!r} is also the beginning of an axis name; choose another")
+    driven = dict(zip(robot.axis_names, driven_range(robot), strict=True))
+    for name, axis in wired.items():
+        if name not in needed:
+            what = "a passive robot has no axes" if robot.passive else allowed_names(needed, name)
+            yield document.at_key(axis.at, f"this robot has no axis {name!r}; {what}")
+        elif axis.description is not None and axis.kind is not None:
+            yield from _check_transmission(
+                document, axis.at, axis.description, axis.kind, robot.quantity, driven.get(name)
+            )
+
+
+def _check_passive(document: Document, at: Path, robot: RobotDescription) -> Iterator[Located]:
+    """Keys that only a robot with actuators can use."""
+    for key in ("base", "rates", "stop", "rest_mm", "rest_bar", "feedback"):
+        if key in robot.model_fields_set:
+            message = f"{key} has no meaning here: {at[-1]!r} has no actuators of its own"
+            yield document.at_key((*at, key), message)
+
+
+def driven_range(robot: RobotDescription) -> tuple[tuple[float, float], ...]:
+    """Range [m or Pa] each transmission can be asked for: the limits through `coupling`."""
+    limits = tuple(zip(robot.lower, robot.upper, strict=True))
+    if robot.coupling is None:
+        return limits
+    ranges = []
+    for row in robot.coupling:
+        ends = [
+            sorted((factor * low, factor * high)) for factor, (low, high) in zip(row, limits, strict=True)
+        ]
+        ranges.append((sum(low for low, _ in ends), sum(high for _, high in ends)))
+    return tuple(ranges)
+
+
+def _check_transmission(
+    document: Document,
+    at: Path,
+    axis: AxisDescription,
+    kind: DeviceKind,
+    quantity: Quantity,
+    driven: tuple[float, float] | None,
+) -> Iterator[Located]:
+    """The transmission that fits the device: see `AxisDescription`."""
+    regulator = kind is DeviceKind.REGULATOR
+    fitting = None
+    if quantity is Quantity.LENGTH:
+        fitting = "mm_to_bar" if regulator else "mm_per_rev"
+    elif not regulator:
+        yield document.at_key(
+            at, f"axis {at[-1]!r} is a pressure, but a {kind} has no pressure; use a regulator"
+        )
+        return
+    for key in ("mm_per_rev", "mm_to_bar"):
+        given = getattr(axis, key) is not None
+        if key == fitting and not given:
+            message = f"{key} is missing: it turns the length of axis {at[-1]!r} into what its {kind} does"
+            yield document.at_key(at, message)
+        elif given and key != fitting:
+            need = f"write {fitting}" if fitting else "its pressure needs no transmission"
+            yield document.at_key((*at, key), f"{key} has no meaning for a {quantity} on a {kind}; {need}")
+    if regulator:
+        for key in axis.model_fields_set & {"zero_deg", "direction"}:
+            yield document.at_key((*at, key), f"{key} has no meaning on a {kind}")
+    if fitting == "mm_to_bar" and axis.mm_to_bar is not None:
+        yield from _check_table(document, (*at, "mm_to_bar"), axis.mm_to_bar, driven)
+
+
+def _check_table(
+    document: Document, at: Path, table: tuple[tuple[float, float], ...], driven: tuple[float, float] | None
+) -> Iterator[Located]:
+    if len(table) < 2:
+        yield document.at_value(at, "mm_to_bar: at least two rows of [length_mm, pressure_bar] are needed")
+        return
+    rising = table[1][1] > table[0][1]
+    for index, (before, here) in enumerate(itertools.pairwise(table), start=1):
+        if here[0] <= before[0]:
+            yield document.at_value((*at, index), "mm_to_bar: lengths must increase from row to row")
+        if here[1] == before[1] or (here[1] > before[1]) is not rising:
+            yield document.at_value((*at, index), "mm_to_bar: pressures must always rise or always fall")
+    if driven is not None:
+        low, high = (value * Quantity.LENGTH.per_si for value in driven)
+        slack = 1e-9 * max(abs(low), abs(high), 1.0)  # limits pass through SI and back
+        if low < table[0][0] - slack or high > table[-1][0] + slack:
+            covered = f"{table[0][0]:g} to {table[-1][0]:g} mm"
+            message = f"mm_to_bar covers {covered}, the axis goes from {low:g} to {high:g} mm"
+            yield document.at_value(at, message)
+
+
+def _check_plane(document: Document, at: Path, robot: RobotDescription) -> Iterator[Located]:
+    """A planar robot is told x and y of the world, so its plane must be theirs."""
+    if robot.dimension == 2:
+        for key in ("roll_deg", "pitch_deg"):
+            angle_deg = getattr(robot.base, key)
+            if angle_deg % 180.0 != 0.0:
+                message = (
+                    f"{key} {angle_deg:g} turns a planar robot out of the plane of x and y, "
+                    "in which its targets are; allowed: 0 or 180, and any yaw_deg"
+                )
+                yield document.at_key((*at, "base", key), message)
+
+
+def _check_rates(document: Document, at: Path, robot: RobotDescription) -> Iterator[Located]:
+    unit = robot.quantity.unit
+    for what, per in (("velocity", "s"), ("acceleration", "s2"), ("jerk", "s3")):
+        key = f"{what}_{unit}_{per}"
+        if getattr(robot.rates, key) is None:
+            yield document.at_key((*at, "rates"), f"key {key!r} is missing; this robot's axes are in {unit}")
+        other = f"{what}_{'bar' if unit == 'mm' else 'mm'}_{per}"
+        if getattr(robot.rates, other) is not None:
+            message = f"{other} has no meaning here: this robot's axes are in {unit}; write {key}"
+            yield document.at_key((*at, "rates", other), message)
+
+
+def _check_rest(document: Document, at: Path, robot: RobotDescription) -> Iterator[Located]:
+    unit = robot.quantity.unit
+    other = "bar" if unit == "mm" else "mm"
+    if getattr(robot, f"rest_{other}") is not None:
+        message = f"rest_{other} has no meaning here: this robot's axes are in {unit}; write rest_{unit}"
+        yield document.at_key((*at, f"rest_{other}"), message)
+    written: tuple[float, ...] | None = getattr(robot, f"rest_{unit}")
+    if written is None:
+        return
+    here = (*at, f"rest_{unit}")
+    if len(written) != len(robot.axis_names):
+        names = ", ".join(robot.axis_names)
+        message = f"rest_{unit} has {len(written)} numbers; allowed: {len(robot.axis_names)}, for {names}"
+        yield document.at_value(here, message)
+        return
+    limits = zip(robot.axis_names, robot.rest, robot.lower, robot.upper, written, strict=True)
+    for index, (name, rest, low, high, value) in enumerate(limits):
+        if not low <= rest <= high:
+            low, high = (end * robot.quantity.per_si for end in (low, high))
+            message = f"rest_{unit}: {value:g} for {name} is outside its limits {low:g} to {high:g} {unit}"
+            yield document.at_value((*here, index), message)
+
+
+def _check_stops(
+    document: Document, at: Path, robot: RobotDescription, wired: Mapping[str, WiredAxis]
+) -> Iterator[Located]:
+    """``vent`` needs a regulator; ``relax`` needs something with torque. Defaults are checked like keys."""
+    kinds = {axis.kind for axis in wired.values()}
+    if None in kinds or not kinds:
+        return
+    stop: BaseModel = robot.stop
+    for key in type(stop).model_fields:
+        policy = getattr(stop, key)
+        default = "" if key in stop.model_fields_set else " (the default)"
+        place = (*at, "stop", key)
+        if policy is StopPolicy.VENT and DeviceKind.REGULATOR not in kinds:
+            message = f"{key}: vent{default} is for pressure regulators and this robot has none; allowed: "
+            yield document.at_value(place, message + ("relax" if key == "estop" else "hold, rest, relax"))
+        if policy is StopPolicy.RELAX and kinds == {DeviceKind.REGULATOR}:
+            message = f"{key}: relax{default} turns torque off and a regulator has none; write {key}: vent"
+            yield document.at_value(place, message)
+
+
+def _names_something(document: Document, at: Path, robot: RobotDescription, key: str) -> bool:
+    """True when a dotted key is written in the robot, or is a key of it that was left to its default.
+
+    Names of axes contain dots themselves, so steps are taken greedily.
+    """
+    steps = key.split(".")
+
+    def below(place: Path, rest: list[str]) -> bool:
+        if not rest:
+            return True
+        here = document.get(place)
+        if isinstance(here, list):
+            return rest[0].isdigit() and int(rest[0]) < len(here) and below((*place, int(rest[0])), rest[1:])
+        if not isinstance(here, dict):
+            return False
+        return any(
+            below((*place, ".".join(rest[:count])), rest[count:])
+            for count in range(1, len(rest) + 1)
+            if ".".join(rest[:count]) in here
+        )
+
+    return below(at, steps) or (len(steps) == 1 and key in type(robot).model_fields)
+
+
+def _example(robot: RobotDescription) -> str:
+    geometry = type(robot).model_fields.get("geometry")
+    kind = geometry.annotation if geometry is not None else None
+    names = list(kind.model_fields) if isinstance(kind, type) and issubclass(kind, BaseModel) else []
+    return names[0] if names else "KEY"

@@ -1,0 +1,200 @@
+"""Robot description of the hyper-elastic pneumatic arm (Shi et al.): sections of three chamber pairs."""
+
+from __future__ import annotations
+
+import enum
+import math
+from typing import Annotated, ClassVar, Literal
+
+from pydantic import Field, model_validator
+
+from contid.robot_file.base import Interval, NonNegative, Positive, Quantity, Size, Strict
+from contid.robot_file.robot import RobotDescription
+from contid.targets import Actuation
+from contid.units import BAR
+
+
+class SectionGeometry(Strict):
+    """One pneumatic section and the rigid part that follows it (Table I).
+
+    Attributes:
+        length_mm: chamber length at rest.
+        link_mm: rigid length after the chambers: the connection to the next section, or the rigid tip.
+        radius_mm: of the outside.
+        channel_radius_mm: of the central channel.
+        chamber_radius_mm: of one chamber.
+        chamber_placement_mm: distance of the chambers' centres from the axis.
+        pair_angle_deg: angle between the two chambers of one pair.
+        first_pair_deg: azimuth of the first pair; the paper does not say, 0 puts it on +x.
+        modulus_pa: b1..b5 of ``E = b1 x^4 + b2 x^3 + b3 x^2 + b4 x + b5``, E in Pa, x the average pressure in
+            bar (eq. 20); `contid calibrate modulus` fits them.
+        modulus_up_to_bar: x is clamped here (the printed fits rise again or were not measured beyond).
+        bending_gain: scale of the pressure's bending moment; 1 is the section as derived.
+        density_kg_m3: of the silicone; 0 leaves the section weightless.
+        link_mass_g: of the rigid part.
+    """
+
+    length_mm: Size
+    link_mm: NonNegative = 0.0
+    radius_mm: Size
+    channel_radius_mm: NonNegative
+    chamber_radius_mm: Size
+    chamber_placement_mm: Size
+    pair_angle_deg: Annotated[float, Field(ge=0, lt=180)]
+    first_pair_deg: float = 0.0
+    modulus_pa: tuple[float, float, float, float, float]
+    modulus_up_to_bar: Positive = 1.9
+    bending_gain: Positive = 1.0
+    density_kg_m3: NonNegative = 0.0
+    link_mass_g: NonNegative = 0.0
+
+    @model_validator(mode="after")
+    def _possible(self) -> SectionGeometry:
+        if self.chamber_placement_mm + self.chamber_radius_mm > self.radius_mm:
+            raise ValueError("the chambers stick out of the section: placement + chamber radius > radius")
+        if self.chamber_placement_mm - self.chamber_radius_mm < self.channel_radius_mm:
+            raise ValueError(
+                "the chambers cut into the central channel: placement - chamber radius < channel"
+            )
+        if self.link_mass_g > 0.0 and self.link_mm == 0.0:
+            raise ValueError("link_mass_g needs a link_mm to act on")
+        b1, b2, b3, b4, b5 = self.modulus_pa
+        for i in range(101):
+            x = self.modulus_up_to_bar * i / 100.0
+            modulus = (((b1 * x + b2) * x + b3) * x + b4) * x + b5
+            slope = ((4.0 * b1 * x + 3.0 * b2) * x + 2.0 * b3) * x + b4
+            if modulus <= 0.0 or modulus - x * slope <= 0.0:
+                raise ValueError(
+                    f"modulus_pa at {x:.3g} bar: E must be positive and the elongation x/E must grow with x; "
+                    f"E is {modulus:.4g} Pa there. Lower modulus_up_to_bar or fit again"
+                )
+        return self
+
+
+class CosseratGeometry(Strict):
+    """Sections from base to tip, and where down is.
+
+    Attributes:
+        sections: one entry per section, from the base; each has three pressures.
+        gravity: direction of gravity in the base frame. The arm grows along +z, so the default hangs it tip
+            down. Only the arm's own weight uses it; the load on the tip is a force of the trajectory.
+    """
+
+    sections: Annotated[tuple[SectionGeometry, ...], Field(min_length=1, max_length=8)]
+    gravity: tuple[float, float, float] = (0.0, 0.0, 1.0)
+
+    @property
+    def gravity_unit(self) -> tuple[float, float, float]:
+        """The direction of gravity as a unit vector."""
+        x, y, z = self.gravity
+        length = math.hypot(x, y, z)
+        return (x / length, y / length, z / length)
+
+    @model_validator(mode="after")
+    def _gravity_points_somewhere(self) -> CosseratGeometry:
+        if math.hypot(*self.gravity) == 0.0:
+            raise ValueError(
+                "gravity is a direction and must not be zero; leave densities at 0 for no weight"
+            )
+        return self
+
+
+class CosseratLimits(Strict):
+    """Pressures of the chamber pairs.
+
+    Attributes:
+        pressure_bar: ``[least, greatest]`` pressure of every pair.
+        max_bar: another greatest pressure for single pairs, by axis name: ``{s2.p1: 1.2}``.
+    """
+
+    pressure_bar: Interval
+    max_bar: dict[str, Positive] = Field(default_factory=dict)
+
+
+class Orientation(enum.StrEnum):
+    """What a direction of the target asks for.
+
+    ``direction`` (position and tip axis) is the default. ``full_rotation`` is the paper's eq. 17: the whole
+    tip frame, twist-free about the direction. Roll cannot be commanded (without load the Jacobian has rank 5
+    everywhere), so it converges only where the roll happens to fit; it is there for comparison.
+    """
+
+    DIRECTION = "direction"
+    FULL_ROTATION = "full_rotation"
+
+
+class CosseratSolver(Strict):
+    """How the inverse is computed.
+
+    Attributes:
+        orientation: ``direction``: a target's direction is that of the tip's axis. ``full_rotation``: the
+            whole tip frame, as in the paper's eq. 17; for comparison, it converges only where the roll fits.
+        elements: steps of the integration per section.
+        error_mm: estimated discretisation error at which a solve under load doubles its elements.
+        tolerance_mm: task error that counts as met; the preference for ``centre_bar`` costs up to 2e-7.
+        centre_bar: pressures that are preferred where the target leaves a choice; the middle by default.
+        direction_length_mm: how many mm of position one unit of direction is worth in a least-squares sense.
+    """
+
+    orientation: Orientation = Orientation.DIRECTION
+    elements: Annotated[int, Field(ge=1, le=64)] = 3
+    error_mm: Positive = 0.03
+    tolerance_mm: Annotated[float, Field(ge=1e-6)] = 1e-4
+    centre_bar: float | None = None
+    direction_length_mm: Positive = 42.0
+
+
+class Cosserat(RobotDescription):
+    """A pneumatic arm of one or more sections; it grows along +z.
+
+    Axes: ``s1.p1``, ``s1.p2``, ``s1.p3``, ``s2.p1`` and so on: section, chamber pair. Targets: a tip; from
+    two sections on also its direction, or a mid-point beside it; a known force on the tip with any of them.
+
+    Attributes:
+        model: ``cosserat``.
+        geometry: sections and the direction of gravity.
+        limits: of the pressures.
+        solver: of the inverse kinematics; every key has a default.
+    """
+
+    quantity: ClassVar[Quantity] = Quantity.PRESSURE
+    dimension: ClassVar[int] = 3
+
+    model: Literal["cosserat"]
+    geometry: CosseratGeometry
+    limits: CosseratLimits
+    solver: CosseratSolver = CosseratSolver()
+
+    @property
+    def axis_names(self) -> tuple[str, ...]:
+        """``s1.p1`` .. ``s1.p3``, ``s2.p1`` ..: section, then chamber pair."""
+        return tuple(f"s{i + 1}.p{k + 1}" for i in range(len(self.geometry.sections)) for k in range(3))
+
+    @property
+    def accepts(self) -> frozenset[str]:
+        """One section has three pressures and no freedom left for a direction."""
+        kinds = {"tip", "actuation", "load"}
+        return frozenset(kinds if len(self.geometry.sections) == 1 else kinds | {"mid", "direction"})
+
+    @property
+    def lower(self) -> Actuation:
+        """Least pressures [Pa]."""
+        return tuple(self.limits.pressure_bar[0] * BAR for _ in self.axis_names)
+
+    @property
+    def upper(self) -> Actuation:
+        """Greatest pressures [Pa]."""
+        top = self.limits.pressure_bar[1]
+        return tuple(self.limits.max_bar.get(name, top) * BAR for name in self.axis_names)
+
+    @model_validator(mode="after")
+    def _limits_fit(self) -> Cosserat:
+        low = self.limits.pressure_bar[0]
+        if low < 0.0:
+            raise ValueError(f"limits.pressure_bar: chambers cannot be evacuated, got {low:g} bar")
+        for name, top in self.limits.max_bar.items():
+            if name not in self.axis_names:
+                raise ValueError(f"limits.max_bar: no axis {name!r}; there are {', '.join(self.axis_names)}")
+            if top <= low:
+                raise ValueError(f"limits.max_bar: {name} must be above {low:g} bar")
+        return self

@@ -1,0 +1,156 @@
+"""From pydantic's errors to what a person can act on: what is wrong, what is allowed, the nearest name."""
+
+from __future__ import annotations
+
+import difflib
+import json
+from collections.abc import Iterable, Iterator
+from dataclasses import dataclass
+from typing import Any, TypeAlias
+
+from pydantic import BaseModel, ValidationError
+from pydantic_core import ErrorDetails
+
+from contid.errors import Located
+from contid.robot_file.positions import Data, Document, Path, step_into
+
+Schema: TypeAlias = dict[str, Any]
+
+
+def allowed_names(names: Iterable[str], wrong: str = "") -> str:
+    """The end of a message: what is allowed, and the nearest of it to what was written."""
+    names = list(dict.fromkeys(names))
+    near = difflib.get_close_matches(wrong, names, n=1, cutoff=0.5)
+    return f"allowed: {', '.join(names)}" + (f"; did you mean {near[0]!r}?" if near else "")
+
+
+def explain(
+    error: ValidationError, document: Document, at: Path, kind: type[BaseModel], also: Iterable[str] = ()
+) -> list[Located]:
+    """Every finding of one failed validation.
+
+    Args:
+        error: what pydantic raised for the data at ``at``.
+        document: where positions come from.
+        at: path of the validated data in the document.
+        kind: the class that was validated; its schema says what would have been allowed.
+        also: keys allowed at the top of the data beyond the class's own.
+    """
+    explainer = _Explainer(document, at, kind.model_json_schema(), tuple(also))
+    # A union reports the same place once per alternative; one finding is enough.
+    return list(dict.fromkeys(explainer.one(detail) for detail in error.errors(include_url=False)))
+
+
+@dataclass(frozen=True, slots=True)
+class _Explainer:
+    document: Document
+    at: Path
+    schema: Schema
+    also: tuple[str, ...]
+
+    def one(self, detail: ErrorDetails) -> Located:
+        kind, context = detail["type"], detail.get("ctx", {})
+        path = _written_path(self.document, self.at, detail["loc"])
+        inside = path[len(self.at) :]
+        name = _name(path)
+        written = self.document.get(path)
+        if kind == "extra_forbidden":
+            parents = _places(self.schema, self.schema, inside[:-1])
+            names = [key for parent in parents for key in parent.get("properties", ())]
+            names += self.also if len(inside) == 1 else ()
+            return self.document.at_key(path, f"unknown key {name!r}; {allowed_names(names, name)}")
+        if kind == "missing" and isinstance(path[-1], int):
+            return self.document.at_value(path[:-1], f"{name} is missing")
+        if kind == "missing":
+            return self.document.at_key(path, f"key {name!r} is missing")
+        if kind in ("enum", "literal_error"):
+            here = _places(self.schema, self.schema, inside)
+            values = [str(value) for each in here for value in each.get("enum", [each.get("const")])]
+            message = f"{name}: {shown(written)} is not possible; {allowed_names(values, str(written))}"
+        elif kind == "value_error":
+            message = f"{name}: {context.get('error', detail['msg'])}"
+        else:
+            message = f"{name}: {_wanted(kind, context, detail['msg'])}, not {shown(written)}"
+        return self.document.at_value(path, message)
+
+
+def _name(path: Path) -> str:
+    """What messages call a place: its key, with the numbers of row and item inside a list."""
+    match path:
+        case (*_, str(key)):
+            return key
+        case (*_, str(key), int(item)):
+            return f"{key}: item {item + 1}"
+        case (*_, str(key), int(row), int(item)):
+            return f"{key}: row {row + 1}, item {item + 1}"
+    return "the file"
+
+
+def _wanted(kind: str, context: dict[str, Any], message: str) -> str:
+    """What pydantic wants to see, in the words of a robot file."""
+    numbers = {
+        "greater_than": ("gt", "greater than"),
+        "greater_than_equal": ("ge", "at least"),
+        "less_than": ("lt", "less than"),
+        "less_than_equal": ("le", "at most"),
+    }
+    if kind in numbers:
+        key, words = numbers[kind]
+        return f"allowed is a number {words} {context[key]:g}"
+    words_of = {
+        "float_type": "allowed is a number",
+        "finite_number": "allowed is a finite number",
+        "int_type": "allowed is a whole number",
+        "int_from_float": "allowed is a whole number",
+        "bool_type": "allowed is true or false",
+        "string_type": "allowed is a text",
+        "model_type": "allowed is a mapping of keys to values",
+        "dict_type": "allowed is a mapping of names to entries",
+        "tuple_type": "allowed is a list in brackets",
+        "list_type": "allowed is a list in brackets",
+    }
+    if kind in words_of:
+        return words_of[kind]
+    if kind == "string_pattern_mismatch":
+        return f"allowed is a text that matches {context['pattern']}"
+    if kind in ("too_long", "too_short"):
+        limit = context.get("max_length", context.get("min_length"))
+        return f"allowed is {'at most' if kind == 'too_long' else 'at least'} {limit} items"
+    return message[:1].lower() + message[1:]
+
+
+def shown(value: Data) -> str:
+    """A value as it would be written, cut to a readable length."""
+    text = json.dumps(value) if not isinstance(value, str) else repr(value)
+    return text if len(text) <= 40 else f"{text[:37]}..."
+
+
+def _written_path(document: Document, at: Path, location: tuple[str | int, ...]) -> Path:
+    """Path in the document of a pydantic location, which also names the tags of unions on its way."""
+    path = at
+    for index, step in enumerate(location):
+        if step_into(document.get(path), step) or index == len(location) - 1:
+            path = (*path, step)
+    return path
+
+
+def _places(schema: Schema, root: Schema, path: Path) -> Iterator[Schema]:
+    """Every alternative the schema has for the place ``path``."""
+    if "$ref" in schema:
+        yield from _places(root["$defs"][schema["$ref"].rpartition("/")[2]], root, path)
+        return
+    alternatives = [each for key in ("anyOf", "oneOf", "allOf") for each in schema.get(key, ())]
+    for alternative in alternatives:
+        yield from _places(alternative, root, path)
+    if not path:
+        if not alternatives:
+            yield schema
+        return
+    step, rest = path[0], path[1:]
+    if isinstance(step, int):
+        items = schema.get("prefixItems", [])
+        below = items[step] if step < len(items) else schema.get("items")
+    else:
+        below = schema.get("properties", {}).get(step, schema.get("additionalProperties"))
+    if isinstance(below, dict):
+        yield from _places(below, root, rest)

@@ -1,0 +1,243 @@
+"""Loading a robot file: text to validated buses and robots, or every mistake at once with its place."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
+from pathlib import Path
+from typing import Final, TypeVar, get_args
+
+from pydantic import BaseModel, ValidationError
+
+from contid.errors import BadInputError, ContidError, Located
+from contid.hal import Driver, UnknownDriverError, driver_names, load_driver
+from contid.robot_file.base import AxisDescription
+from contid.robot_file.chain import Chain, check_chain
+from contid.robot_file.checks import WiredAxis, check_name, check_robot
+from contid.robot_file.document import AnyRobot, BusDescription, RobotFile
+from contid.robot_file.findings import allowed_names, explain, shown
+from contid.robot_file.positions import Data, Document, read_document
+from contid.robot_file.positions import Path as Place
+from contid.robot_file.recovery import mended
+from contid.robot_file.robot import RobotDescription
+from contid.robot_file.watchdog import starved
+
+_Part = TypeVar("_Part", bound=BaseModel)
+
+#: Keys of a bus and of an axis that belong to contid; every other key belongs to the driver.
+BUS_KEYS: Final = tuple(BusDescription.model_fields)
+AXIS_KEYS: Final = tuple(AxisDescription.model_fields)
+
+
+@dataclass(frozen=True, slots=True)
+class BusWiring:
+    """One bus ready to be built: its driver, the driver's options, its axes in file order.
+
+    Attributes:
+        axes: ``("ROBOT.AXIS", the driver's options of that axis)``.
+        tolerance_ticks: exchanges in a row an axis may miss before its robot goes to FAULT.
+    """
+
+    name: str
+    driver: str
+    options: BaseModel
+    axes: tuple[tuple[str, BaseModel], ...]
+    tolerance_ticks: int
+
+
+@dataclass(frozen=True, slots=True)
+class LoadedFile:
+    """A robot file that passed every check; ``text`` is exactly what was read, for the record."""
+
+    path: Path
+    text: str
+    file: RobotFile
+    buses: Mapping[str, BusWiring]
+
+
+def load_robot_file(path: str | Path) -> LoadedFile:
+    """Read and check a robot file.
+
+    Raises:
+        BadInputError: with every finding, ``file:line:column: what; allowed; nearest name``.
+        ContidError: the file cannot be read.
+    """
+    path = Path(path)
+    try:
+        raw = path.read_bytes()
+    except OSError as error:
+        raise ContidError(f"{path}: cannot read it: {error.strerror}") from error
+    try:
+        # As a text file is read: any kind of line end is one.
+        text = raw.decode("utf-8").replace("\r\n", "\n").replace("\r", "\n")
+    except UnicodeDecodeError as error:
+        line = raw.count(b"\n", 0, error.start) + 1
+        column = error.start - raw.rfind(b"\n", 0, error.start)
+        message = f"byte 0x{raw[error.start]:02x} is not UTF-8 text; save the file as UTF-8"
+        raise BadInputError([Located(str(path), line, column, message)]) from error
+    return parse_robot_file(text, str(path))
+
+
+def parse_robot_file(text: str, name: str) -> LoadedFile:
+    """Check the text of a robot file; ``name`` is what messages call it. Raises as `load_robot_file`."""
+    loader = _Loader(read_document(text, name))
+    buses = loader.load()
+    if loader.findings:
+        order = sorted(dict.fromkeys(loader.findings), key=lambda found: (found.line, found.column))
+        raise BadInputError(order)
+    file = RobotFile.model_validate_json(json.dumps(loader.document.data), strict=True)
+    return LoadedFile(Path(name), text, file, buses)
+
+
+def with_mock(loaded: LoadedFile) -> LoadedFile:
+    """The same robots on simulated buses: what ``--mock`` runs.
+
+    Every driver says what stands in for its buses and axes.
+    """
+    sim = load_driver("sim")
+    buses: dict[str, BusWiring] = {}
+    for name, bus in loaded.buses.items():
+        if bus.driver == "sim":
+            buses[name] = bus
+            continue
+        driver = load_driver(bus.driver)
+        axes = tuple(
+            (axis, sim.axis_options(**driver.mock_axis_options(options))) for axis, options in bus.axes
+        )
+        options = sim.bus_options(**driver.mock_options(bus.options))
+        buses[name] = replace(bus, driver="sim", options=options, axes=axes)
+    return replace(loaded, buses=buses)
+
+
+class _Loader:
+    """One pass over a document; collects findings and what could be built all the same."""
+
+    def __init__(self, document: Document) -> None:
+        self.document = document
+        self.findings: list[Located] = []
+        self.drivers: dict[str, Driver] = {}
+        self.axes: dict[str, list[tuple[str, BaseModel]]] = {}
+        self.addresses: dict[tuple[str, str], str] = {}
+
+    def load(self) -> dict[str, BusWiring]:
+        data = self.document.data
+        if not isinstance(data, dict):
+            message = f"a robot file is a mapping; {allowed_names(RobotFile.model_fields)}"
+            self.findings.append(self.document.at_value((), message))
+            return {}
+        head = dict(data)
+        for part in ("buses", "robots"):
+            if isinstance(data.get(part), dict):
+                head[part] = {}
+                if not data[part]:
+                    self.findings.append(self.document.at_key((part,), f"{part}: at least one is needed"))
+        self._validated(RobotFile, head, ())
+        buses, robots = _mapping(data.get("buses")), _mapping(data.get("robots"))
+        self.axes = {name: [] for name in buses}
+        wirings = {name: self._bus(name, raw) for name, raw in buses.items()}
+        rate_hz = data.get("rate_hz")
+        if isinstance(rate_hz, int | float) and rate_hz > 0:
+            for message in starved([bus for bus in wirings.values() if bus], rate_hz):
+                self.findings.append(self.document.at_value(("rate_hz",), f"rate_hz: {message}"))
+        described = {name: self._robot(name, raw) for name, raw in robots.items()}
+        for name, robot in described.items():
+            if isinstance(robot, Chain):
+                self.findings += check_chain(self.document, ("robots", name), robot, described)
+        return {name: replace(bus, axes=tuple(self.axes[name])) for name, bus in wirings.items() if bus}
+
+    def _validated(self, kind: type[_Part], data: Data, at: Place, also: Sequence[str] = ()) -> _Part | None:
+        """``data`` as a ``kind``; notes what is wrong and mends it when it can."""
+        try:
+            return kind.model_validate_json(json.dumps(data), strict=True)
+        except ValidationError as error:
+            self.findings += explain(error, self.document, at, kind, also)
+            return mended(kind, data)
+
+    def _bus(self, name: str, raw: Data) -> BusWiring | None:
+        at: Place = ("buses", name)
+        self.findings += check_name(self.document, at)
+        common = self._validated(BusDescription, _mine(raw, BUS_KEYS), at)
+        if not isinstance(raw, dict) or not isinstance(raw.get("driver"), str) or common is None:
+            return None
+        try:
+            self.drivers[name] = driver = load_driver(common.driver)
+        except UnknownDriverError:
+            allowed = allowed_names(driver_names(), common.driver)
+            message = f"driver: {shown(common.driver)} is not installed; {allowed}"
+            self.findings.append(self.document.at_value((*at, "driver"), message))
+            return None
+        options = self._validated(driver.bus_options, _theirs(raw, BUS_KEYS), at, BUS_KEYS)
+        if options is None:
+            return None
+        return BusWiring(name, common.driver, options, (), common.tolerance_ticks)
+
+    def _robot(self, name: str, raw: Data) -> RobotDescription | None:
+        at: Place = ("robots", name)
+        self.findings += check_name(self.document, at)
+        if not isinstance(raw, dict):
+            message = f"{name}: a robot is a mapping of keys to values, not {shown(raw)}"
+            self.findings.append(self.document.at_value(at, message))
+            return None
+        wired = {
+            axis: self._axis((*at, "axes", axis), each) for axis, each in _mapping(raw.get("axes")).items()
+        }
+        kinds = robot_classes()
+        model = raw.get("model")
+        if not isinstance(model, str) or model not in kinds:
+            what = f"model: {shown(model)} is not possible" if "model" in raw else "key 'model' is missing"
+            message = f"{what}; {allowed_names(kinds, str(model))}"
+            self.findings.append(self.document.at_value((*at, "model"), message))
+            return None
+        # The axes were validated one by one, with the keys of their drivers.
+        axes: Data = {} if isinstance(raw.get("axes"), dict) else raw.get("axes", {})
+        robot = self._validated(kinds[model], {**raw, "axes": axes}, at)
+        if robot is not None:
+            self.findings += check_robot(self.document, at, robot, wired)
+        return robot
+
+    def _axis(self, at: Place, raw: Data) -> WiredAxis:
+        """One axis: its common keys, its bus, its driver's keys, and that its address is its own."""
+        common = self._validated(AxisDescription, _mine(raw, AXIS_KEYS), at)
+        bus = raw.get("bus") if isinstance(raw, dict) else None
+        if not isinstance(bus, str) or not isinstance(raw, dict):
+            return WiredAxis(at, common, None)
+        if bus not in self.axes:
+            message = f"bus: there is no bus {bus!r}; {allowed_names(self.axes, bus)}"
+            self.findings.append(self.document.at_value((*at, "bus"), message))
+        driver = self.drivers.get(bus)
+        if driver is None:
+            return WiredAxis(at, common, None)
+        options = self._validated(driver.axis_options, _theirs(raw, AXIS_KEYS), at, AXIS_KEYS)
+        if options is None:
+            return WiredAxis(at, common, None)
+        owner = f"{at[1]}.{at[3]}"
+        address = driver.address(options)
+        # A driver whose axes need no address of their own says "".
+        first = self.addresses.setdefault((bus, address), owner) if address else owner
+        if first != owner:
+            message = f"{address} on bus {bus!r} already belongs to {first}"
+            self.findings.append(self.document.at_value((*at, address.partition(" ")[0]), message))
+        self.axes[bus].append((owner, options))
+        return WiredAxis(at, common, driver.kind(options))
+
+
+def robot_classes() -> dict[str, type[RobotDescription]]:
+    """Every kind of robot by the value of its key ``model``."""
+    union = get_args(AnyRobot)[0]
+    classes: tuple[type[RobotDescription], ...] = get_args(union) or (union,)
+    return {get_args(each.model_fields["model"].annotation)[0]: each for each in classes}
+
+
+def _mapping(data: Data) -> dict[str, Data]:
+    return data if isinstance(data, dict) else {}
+
+
+def _mine(data: Data, keys: Sequence[str]) -> Data:
+    """The part of a mapping that belongs to contid; anything else as it is."""
+    return {key: data[key] for key in keys if key in data} if isinstance(data, dict) else data
+
+
+def _theirs(data: dict[str, Data], keys: Sequence[str]) -> Data:
+    """The part of a mapping that belongs to the driver."""
+    return {key: value for key, value in data.items() if key not in keys}

@@ -1,0 +1,134 @@
+"""Robot description of the two-rack finger (Morita et al.): a planar arc between two racks."""
+
+from __future__ import annotations
+
+import math
+from typing import ClassVar, Literal
+
+from pydantic import model_validator
+
+from contid.robot_file.base import Interval, LengthInterval, NonNegative, Positive, Quantity, Size, Strict
+from contid.robot_file.robot import RobotDescription
+from contid.targets import Actuation
+from contid.units import MM_PER_M
+
+
+class LinkGeometry(Strict):
+    """One rigid link of the chain inside the finger; only its curvature limit matters (Eq. 9).
+
+    Erratum A-9: the paper uses one w for the link's width and for the distance of the racks; these are two.
+
+    Attributes:
+        length_mm: of one link, along the finger.
+        width_mm: of one link, across the finger in its plane.
+        gap_mm: between neighbouring links when the finger is straight.
+    """
+
+    length_mm: Size
+    width_mm: Size
+    gap_mm: NonNegative
+
+    @property
+    def curvature_max_per_m(self) -> float:
+        """Curvature at which neighbouring links touch [1/m]: ``2 l / ((l + t) sqrt(l^2 + w^2))``.
+
+        Exactly Eq. 9 as typeset (erratum A-5), without its trigonometry.
+        """
+        length, width, gap = (v / MM_PER_M for v in (self.length_mm, self.width_mm, self.gap_mm))
+        return 2.0 * length / ((length + gap) * math.hypot(length, width))
+
+
+class RackFingerGeometry(Strict):
+    """Dimensions of the finger.
+
+    Attributes:
+        rack_spacing_mm: distance between the two racks.
+        tip_length_mm: rigid tip body, straight on from the end of the arc.
+        link: one link of the chain between the racks.
+    """
+
+    rack_spacing_mm: Size
+    tip_length_mm: NonNegative
+    link: LinkGeometry
+
+
+class RackFingerLimits(Strict):
+    """Eq. 8 with erratum A-4 (both bending signs).
+
+    Attributes:
+        length_mm: least and greatest length of a rack between base and tip body.
+        curvature_max_per_mm: greatest curvature to either side; the one of the links (Eq. 9) by default.
+        arc_length_min_mm: shortest arc; near zero the curvature is ill-conditioned.
+    """
+
+    length_mm: LengthInterval
+    curvature_max_per_mm: Positive | None = None
+    arc_length_min_mm: Positive = 1.0
+
+
+class CurvatureCorrection(Strict):
+    """Measured curvature against commanded: ``k = k_d (1 + a S + b)``, S in mm (Eq. 5, 10, 11).
+
+    Attributes:
+        a_per_mm: slope a of the correction over the arc length S.
+        b: its value at S = 0.
+        arc_length_mm: range of S in which a and b were identified; outside it S is clamped.
+    """
+
+    a_per_mm: float
+    b: float
+    arc_length_mm: Interval
+
+    @model_validator(mode="after")
+    def _bends_as_told(self) -> CurvatureCorrection:
+        for arc_length_mm in self.arc_length_mm:
+            gain = 1.0 + self.a_per_mm * arc_length_mm + self.b
+            if not gain > 0.0:
+                raise ValueError(
+                    f"1 + a S + b is {gain:g} at S = {arc_length_mm:g} mm; a finger bends as it is told: "
+                    "allowed are a, b and arc_length_mm that keep it above 0"
+                )
+        return self
+
+
+class RackFinger(RobotDescription):
+    """A planar finger between two racks; it grows along +y and bends to +x when the right rack is longer.
+
+    Axes: ``left`` and ``right``, the racks as seen with the finger growing away from you. Targets: a tip in
+    the plane.
+
+    Attributes:
+        model: ``rack_finger``.
+        geometry: dimensions.
+        limits: of racks and curvature.
+        correction: measured curvature against commanded; none by default.
+    """
+
+    quantity: ClassVar[Quantity] = Quantity.LENGTH
+    dimension: ClassVar[int] = 2
+
+    model: Literal["rack_finger"]
+    geometry: RackFingerGeometry
+    limits: RackFingerLimits
+    correction: CurvatureCorrection | None = None
+
+    @property
+    def axis_names(self) -> tuple[str, ...]:
+        """L1 is the left rack, L2 the right one, seen with the finger growing along +y."""
+        return ("left", "right")
+
+    @property
+    def lower(self) -> Actuation:
+        """Least rack lengths [m]."""
+        return (self.limits.length_mm[0] / MM_PER_M,) * 2
+
+    @property
+    def upper(self) -> Actuation:
+        """Greatest rack lengths [m]."""
+        return (self.limits.length_mm[1] / MM_PER_M,) * 2
+
+    @property
+    def curvature_max_per_m(self) -> float:
+        """The stated curvature limit, or the one of the links (Eq. 9) [1/m]."""
+        stated = self.limits.curvature_max_per_mm
+        return stated * MM_PER_M if stated is not None else self.geometry.link.curvature_max_per_m

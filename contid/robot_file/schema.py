@@ -1,0 +1,127 @@
+"""The JSON Schema of a robot file (draft 2020-12), with the keys of every driver in it.
+
+For editors: completion and squiggles while a robot file is written. ``contid check`` checks more, because a
+schema cannot say that an axis a model needs is missing or that two axes share an id.
+"""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Iterable, Mapping
+from typing import Any, Final, TypeAlias
+
+from pydantic import BaseModel
+from pydantic.json_schema import models_json_schema
+
+from contid.hal import driver_names, load_driver
+from contid.robot_file.base import AxisDescription
+from contid.robot_file.document import BusDescription, RobotFile
+from contid.robot_file.robot import RobotDescription
+
+Schema: TypeAlias = dict[str, Any]
+
+DIALECT: Final = "https://json-schema.org/draft/2020-12/schema"
+
+
+def robot_file_schema(drivers: Iterable[str] | None = None) -> Schema:
+    """The schema of a whole robot file.
+
+    Args:
+        drivers: whose keys to include; every installed driver by default.
+    """
+    loaded = {name: load_driver(name) for name in (driver_names() if drivers is None else drivers)}
+    kinds: list[type[BaseModel]] = [RobotFile, BusDescription, AxisDescription]
+    for driver in loaded.values():
+        kinds += [driver.bus_options, driver.axis_options]
+    references, top = models_json_schema([(kind, "validation") for kind in dict.fromkeys(kinds)])
+    definitions: dict[str, Schema] = top["$defs"]
+    name_of: dict[object, str] = {
+        kind: reference["$ref"].rpartition("/")[2] for (kind, _), reference in references.items()
+    }
+    _describe(definitions, _by_name(kinds) | {name_of[kind]: kind for kind in kinds})
+
+    def joined(common: type[BaseModel], own: type[BaseModel], title: str) -> Schema:
+        ours, theirs = definitions[name_of[common]], definitions[name_of[own]]
+        return {
+            "title": title,
+            "description": theirs.get("description", ""),
+            "type": "object",
+            "properties": {**ours["properties"], **theirs.get("properties", {})},
+            "required": [*ours.get("required", ()), *theirs.get("required", ())],
+            "additionalProperties": False,
+        }
+
+    buses, axes = [], []
+    for name, driver in loaded.items():
+        bus = joined(BusDescription, driver.bus_options, f"bus with driver {name}")
+        bus["properties"]["driver"] = {"const": name, "description": f"`{name}`."}
+        buses.append(bus)
+        axes.append(joined(AxisDescription, driver.axis_options, f"axis on a bus with driver {name}"))
+    definitions[name_of[BusDescription]] = {"oneOf": buses}
+    # Which driver an axis belongs to stands in its bus, out of a schema's sight: any of them will do.
+    definitions[name_of[AxisDescription]] = {"anyOf": axes}
+    for driver in loaded.values():
+        for own in (driver.bus_options, driver.axis_options):
+            definitions.pop(name_of[own], None)
+    root = definitions.pop(name_of[RobotFile])
+    return {"$schema": DIALECT, **root, "title": "contid robot file", "$defs": definitions}
+
+
+def meanings(kind: type[BaseModel]) -> dict[str, str]:
+    """What each key means, from the ``Attributes`` of a class's docstring and of those it derives from."""
+    found: dict[str, str] = {}
+    for each in reversed(kind.__mro__):
+        _, _, section = (each.__dict__.get("__doc__") or "").partition("Attributes:\n")
+        names: list[str] = []
+        for line in section.splitlines():
+            text = line.strip()
+            entry = re.match(r"([a-z][a-z0-9_]*(?:, [a-z][a-z0-9_]*)*): (.*)", text)
+            indent = len(line) - len(line.lstrip())
+            if entry and indent <= 8:
+                names = entry[1].split(", ")
+                found.update(dict.fromkeys(names, entry[2]))
+            elif text and names:
+                found.update({name: f"{found[name]} {text}" for name in names})
+            else:
+                names = []
+    return found
+
+
+def summary(kind: type[BaseModel]) -> str:
+    """The docstring of a class up to its ``Attributes``, as one paragraph."""
+    text = (kind.__doc__ or "").partition("Attributes:\n")[0]
+    return " ".join(text.split())
+
+
+def _by_name(kinds: Iterable[type[BaseModel]]) -> dict[str, type[BaseModel]]:
+    """Every class below the given ones by its own name."""
+    found: dict[str, type[BaseModel]] = {}
+    seen: set[type[BaseModel]] = set()
+    waiting: list[Any] = list(kinds)
+    while waiting:
+        kind = waiting.pop()
+        waiting += getattr(kind, "__args__", ())
+        if isinstance(kind, type) and issubclass(kind, BaseModel) and kind not in seen:
+            seen.add(kind)
+            found[kind.__name__] = kind
+            waiting += [field.annotation for field in kind.model_fields.values()]
+    return found
+
+
+def _describe(definitions: Mapping[str, Schema], kinds: Mapping[str, type[BaseModel]]) -> None:
+    """Give every key the meaning its class documents, and every object its summary."""
+    for name, definition in definitions.items():
+        kind = kinds.get(name)
+        if kind is None:
+            continue
+        definition["description"] = summary(kind)
+        if issubclass(kind, RobotDescription):
+            # What makes a model this model first, then what every robot has.
+            keys = sorted(
+                definition["properties"],
+                key=lambda key: (key != "model", key in RobotDescription.model_fields),
+            )
+            definition["properties"] = {key: definition["properties"][key] for key in keys}
+        for key, meaning in meanings(kind).items():
+            if key in definition.get("properties", {}):
+                definition["properties"][key]["description"] = meaning

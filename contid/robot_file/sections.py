@@ -1,0 +1,104 @@
+"""What every robot of constant-curvature sections writes in its file: lengths per section, their limits."""
+
+from __future__ import annotations
+
+from abc import abstractmethod
+from typing import Annotated, ClassVar
+
+from pydantic import Field
+
+from contid.robot_file.base import LengthInterval, Positive, Quantity, Strict
+from contid.robot_file.robot import RobotDescription
+from contid.targets import Actuation
+from contid.units import MM_PER_M
+
+#: Most sections of one arm; the native kernel keeps its scratch for so many on the stack.
+MOST_SECTIONS = 4
+
+
+class SectionLimits(Strict):
+    """Limits of the sections.
+
+    Attributes:
+        length_mm: ``[least, greatest]`` length of the tubes or racks, one row per section.
+        bend_radius_min_mm: least radius the backbone may be bent to, in every section.
+    """
+
+    length_mm: Annotated[tuple[LengthInterval, ...], Field(min_length=1, max_length=MOST_SECTIONS)]
+    bend_radius_min_mm: Positive | None = None
+
+
+class SectionRobot(RobotDescription):
+    """A chain of sections, each driven by three parallel lengths ``s1.l1`` .. ``sN.l3``."""
+
+    quantity: ClassVar[Quantity] = Quantity.LENGTH
+    dimension: ClassVar[int] = 3
+
+    limits: SectionLimits
+
+    @property
+    def sections(self) -> int:
+        """Number of sections: one row of ``limits.length_mm`` each."""
+        return len(self.limits.length_mm)
+
+    @property
+    def axis_names(self) -> tuple[str, ...]:
+        """Section by section from the base, tube by tube."""
+        return tuple(f"s{s + 1}.l{j + 1}" for s in range(self.sections) for j in range(3))
+
+    @property
+    def accepts(self) -> frozenset[str]:
+        """A tip; with a direction or a mid-point where there are lengths enough for it."""
+        more = {"direction", "mid"} if self.sections > 1 else set()
+        return frozenset({"tip", "actuation"} | more)
+
+    @property
+    def lower(self) -> Actuation:
+        """Least length of every tube [m]."""
+        return tuple(low / MM_PER_M for low, _ in self.limits.length_mm for _ in range(3))
+
+    @property
+    def upper(self) -> Actuation:
+        """Greatest length of every tube [m]."""
+        return tuple(high / MM_PER_M for _, high in self.limits.length_mm for _ in range(3))
+
+    @property
+    def curvature_max_per_m(self) -> float:
+        """Greatest curvature of the backbone [1/m], inf without a bend radius."""
+        radius_mm = self.limits.bend_radius_min_mm
+        return float("inf") if radius_mm is None else MM_PER_M / radius_mm
+
+    @property
+    def rack_m(self) -> float:
+        """Greatest sum of one rack's lengths over the sections [m]; tubes have no such limit."""
+        return float("inf")
+
+    @property
+    @abstractmethod
+    def radius_m(self) -> tuple[float, ...]:
+        """Distance of the tubes from the backbone, one per section [m]."""
+
+    @property
+    @abstractmethod
+    def tube_angles_deg(self) -> tuple[tuple[float, float, float], ...]:
+        """Azimuth of the tubes of every section, counter-clockwise from +x seen from +z."""
+
+    @property
+    @abstractmethod
+    def rigid_m(self) -> tuple[float, ...]:
+        """Length of the rigid piece after every section [m]."""
+
+    def per_section(self, values: tuple[float, ...] | None, what: str) -> tuple[float, ...]:
+        """One number per section [m]: zeros when left out; one number stands for all.
+
+        Raises:
+            ValueError: neither one number nor one per section.
+        """
+        if values is None:
+            return (0.0,) * self.sections
+        if len(values) not in (1, self.sections):
+            raise ValueError(
+                f"{what} has {len(values)} numbers; allowed: 1 or {self.sections}, one per section"
+            )
+        each = values * self.sections if len(values) == 1 else values
+        return tuple(value / MM_PER_M for value in each)

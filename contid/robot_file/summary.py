@@ -1,0 +1,169 @@
+"""What a robot file describes, in plain data: the report of ``contid check``."""
+
+from __future__ import annotations
+
+import math
+from typing import TypedDict
+
+from contid.hal import load_driver
+from contid.robot_file.chain import Chain
+from contid.robot_file.load import BusWiring, LoadedFile
+from contid.robot_file.robot import RobotDescription
+
+
+class AxisReport(TypedDict):
+    """One axis: its limits in the unit of its robot, and where it is wired."""
+
+    name: str
+    least: float | None
+    greatest: float | None
+    bus: str
+    device: str
+    address: str
+
+
+class ArmReport(TypedDict):
+    """An arm of a chain and where its base stands."""
+
+    name: str
+    base_mm: list[float]
+
+
+class ChainReport(TypedDict):
+    """What closes between the bases of two arms; ``mass_g`` is None when it was not stated."""
+
+    arms: list[ArmReport]
+    bases_apart_mm: float
+    length_mm: float
+    mass_g: float | None
+    ends: str
+    pieces: int
+    floor_mm: float
+
+
+class RobotReport(TypedDict):
+    """One robot; ``limits`` are of every axis, in ``unit`` and seconds."""
+
+    name: str
+    model: str
+    kinematics: str
+    unit: str
+    passive: bool
+    accepts: list[str]
+    base_mm: list[float]
+    velocity: float | None
+    acceleration: float | None
+    jerk: float | None
+    axes: list[AxisReport]
+    stop: dict[str, str]
+    placeholders: list[str]
+    chain: ChainReport | None
+
+
+class BusReport(TypedDict):
+    """One bus."""
+
+    name: str
+    driver: str
+    port: str
+    axes: int
+    tolerance_ticks: int
+
+
+class FileReport(TypedDict):
+    """The whole file."""
+
+    file: str
+    name: str
+    rate_hz: float
+    robots: list[RobotReport]
+    buses: list[BusReport]
+
+
+def summarise(loaded: LoadedFile) -> FileReport:
+    """The report of a file that passed every check."""
+    return {
+        "file": str(loaded.path),
+        "name": loaded.file.name,
+        "rate_hz": loaded.file.rate_hz,
+        "robots": [_robot(loaded, name, robot) for name, robot in loaded.file.robots.items()],
+        "buses": [_bus(bus) for bus in loaded.buses.values()],
+    }
+
+
+def _robot(loaded: LoadedFile, name: str, robot: RobotDescription) -> RobotReport:
+    per_si = robot.quantity.per_si
+    limits = {
+        axis: (low * per_si, high * per_si)
+        for axis, low, high in zip(robot.axis_names, robot.lower, robot.upper, strict=True)
+    }
+    limits |= {axis: (low * per_si, high * per_si) for axis, (low, high) in robot.extra_limits.items()}
+    axes: list[AxisReport] = []
+    for axis, description in robot.axes.items():
+        bus = loaded.buses[description.bus]
+        options = dict(bus.axes)[f"{name}.{axis}"]
+        driver = load_driver(bus.driver)
+        least, greatest = limits.get(axis, (None, None))
+        axes.append(
+            {
+                "name": axis,
+                "least": _rounded(least),
+                "greatest": _rounded(greatest),
+                "bus": bus.name,
+                "device": driver.kind(options).value,
+                "address": driver.address(options),
+            }
+        )
+    unit = robot.quantity.unit
+    return {
+        "name": name,
+        "model": robot.model,
+        "kinematics": robot.kinematics,
+        "unit": unit,
+        "passive": robot.passive,
+        "accepts": sorted(robot.accepts),
+        "base_mm": _base_mm(robot),
+        "velocity": getattr(robot.rates, f"velocity_{unit}_s"),
+        "acceleration": getattr(robot.rates, f"acceleration_{unit}_s2"),
+        "jerk": getattr(robot.rates, f"jerk_{unit}_s3"),
+        "axes": axes,
+        "stop": {key: value.value for key, value in robot.stop},
+        "placeholders": list(robot.placeholder),
+        "chain": _chain(loaded, robot) if isinstance(robot, Chain) else None,
+    }
+
+
+def _chain(loaded: LoadedFile, chain: Chain) -> ChainReport:
+    arms: list[ArmReport] = [
+        {"name": name, "base_mm": _base_mm(loaded.file.robots[name])} for name in chain.arms
+    ]
+    rope = chain.rope
+    return {
+        "arms": arms,
+        "bases_apart_mm": math.dist(*(arm["base_mm"] for arm in arms)),
+        "length_mm": rope.length_mm,
+        "mass_g": rope.mass_g,
+        "ends": rope.ends,
+        "pieces": rope.pieces,
+        "floor_mm": chain.floor_mm,
+    }
+
+
+def _base_mm(robot: RobotDescription) -> list[float]:
+    return [robot.base.x_mm, robot.base.y_mm, robot.base.z_mm]
+
+
+def _bus(bus: BusWiring) -> BusReport:
+    return {
+        "name": bus.name,
+        "driver": bus.driver,
+        # What it is called is the driver's affair; these two are what most call it.
+        "port": str(getattr(bus.options, "port", getattr(bus.options, "address", ""))),
+        "axes": len(bus.axes),
+        "tolerance_ticks": bus.tolerance_ticks,
+    }
+
+
+def _rounded(value: float | None) -> float | None:
+    """Edge units again, without the last bit that the way through SI may have cost."""
+    return None if value is None else float(f"{value:.12g}")

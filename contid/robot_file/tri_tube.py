@@ -1,0 +1,151 @@
+"""Robot description of arms of pneumatic tubes in threes: the compact bionic handling assistant (CBHA)."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from typing import Annotated, Literal
+
+from pydantic import Field, model_validator
+
+from contid.robot_file.base import Interval, NonNegative, Positive, Size, Strict
+from contid.robot_file.sections import SectionRobot
+from contid.units import MM_PER_M
+
+_LAYOUTS = {"paper": (180.0, 60.0, -60.0), "ccw": (0.0, 120.0, 240.0)}
+
+
+class TriTubeGeometry(Strict):
+    """Dimensions of the arm.
+
+    Attributes:
+        radius_mm: distance of the tubes from the backbone, one number or one per section; where a section
+            tapers, its mean.
+        layout: where tube 1, 2, 3 of a section stand. ``paper``: 180, 60, -60 degrees, the only layout with
+            which Eq. 2 and 3 of Singh et al. agree; ``ccw``: 0, 120, 240 degrees.
+        angles_deg: instead of a layout, three azimuths, counter-clockwise from +x seen from +z.
+        rigid_mm: rigid piece after each section, one number or one per section.
+    """
+
+    radius_mm: Annotated[tuple[Size, ...], Field(min_length=1)]
+    layout: Literal["paper", "ccw"] = "paper"
+    angles_deg: tuple[float, float, float] | None = None
+    rigid_mm: tuple[NonNegative, ...] | None = None
+
+
+class TubeSolver(Strict):
+    """How the inverse is computed.
+
+    Attributes:
+        method: ``bounded``: exact for constant curvature, within every limit. ``ph``: tube lengths along a
+            Pythagorean-hodograph quintic from base to tip, an approximation; it takes no mid-points, and no
+            rigid pieces but the one at the tip.
+        tolerance_mm: with ``ph``, the error up to which a target counts as met; 5 when left out.
+    """
+
+    method: Literal["bounded", "ph"] = "bounded"
+    tolerance_mm: Positive | None = None
+
+    @model_validator(mode="after")
+    def _of_one_method(self) -> TubeSolver:
+        if self.method != "ph" and self.tolerance_mm is not None:
+            raise ValueError("tolerance_mm belongs to method: ph; bounded meets what it can to 1e-3 mm")
+        return self
+
+
+class TriTube(SectionRobot):
+    """An arm of tubes in threes, lengths in, usually driven by pressure through tables; it grows along +z.
+
+    Axes: ``s1.l1``, ``s1.l2``, ``s1.l3``, ``s2.l1`` and so on: section, tube; then those of ``extra_mm``.
+    Targets: a tip; from two sections on also its direction, or a mid-point beside it.
+
+    Attributes:
+        model: ``tri_tube``.
+        geometry: dimensions.
+        limits: of the tubes; as many sections as ``length_mm`` has rows.
+        solver: of the inverse kinematics; every key has a default.
+        extra_mm: strokes of axes beyond the kinematics (wrist, gripper) by name, ``[least, greatest]``.
+    """
+
+    model: Literal["tri_tube"]
+    geometry: TriTubeGeometry
+    solver: TubeSolver = TubeSolver()
+    extra_mm: dict[str, Interval] = Field(default_factory=dict)
+
+    @model_validator(mode="after")
+    def _consistent(self) -> TriTube:
+        self.per_section(self.geometry.radius_mm, "geometry.radius_mm")
+        self.per_section(self.geometry.rigid_mm, "geometry.rigid_mm")
+        angles = self.tube_angles_deg[0]
+        gaps = [(b - a) % 360.0 for a, b in zip(angles, (*angles[1:], angles[0]), strict=True)]
+        if min(*gaps) < 1.0 or not (abs(sum(gaps) - 360.0) < 1e-6 or abs(sum(gaps) - 720.0) < 1e-6):
+            raise ValueError("geometry.angles_deg: the three tubes must stand at three different azimuths")
+        if self.solver.method == "ph" and any(self.rigid_m[:-1]):
+            raise ValueError(
+                "geometry.rigid_mm: solver.method ph takes one smooth curve; allowed: a piece after the last "
+                "section only"
+            )
+        return self
+
+    @property
+    def kinematics(self) -> str:
+        """The model with its solver."""
+        return "tri_tube.ph" if self.solver.method == "ph" else self.model
+
+    @property
+    def accepts(self) -> frozenset[str]:
+        """As for every arm of sections; a quintic passes through no given mid-point."""
+        return super().accepts - {"mid"} if self.solver.method == "ph" else super().accepts
+
+    @property
+    def extra_axis_names(self) -> tuple[str, ...]:
+        """Wrist, gripper and whatever else has a stroke in ``extra_mm``."""
+        return tuple(self.extra_mm)
+
+    @property
+    def extra_limits(self) -> Mapping[str, tuple[float, float]]:
+        """Strokes of wrist, gripper and others [m]."""
+        return {name: (low / MM_PER_M, high / MM_PER_M) for name, (low, high) in self.extra_mm.items()}
+
+    @property
+    def radius_m(self) -> tuple[float, ...]:
+        """Distance of the tubes from the backbone, per section [m]."""
+        return self.per_section(self.geometry.radius_mm, "geometry.radius_mm")
+
+    @property
+    def tube_angles_deg(self) -> tuple[tuple[float, float, float], ...]:
+        """The stated azimuths, or those of the layout, the same for every section."""
+        return (self.geometry.angles_deg or _LAYOUTS[self.geometry.layout],) * self.sections
+
+    @property
+    def rigid_m(self) -> tuple[float, ...]:
+        """Rigid piece after every section [m]."""
+        return self.per_section(self.geometry.rigid_mm, "geometry.rigid_mm")
+
+
+def lengths_from_totals(readings_m: Sequence[float]) -> tuple[float, ...]:
+    """Section lengths [m] from string potentiometers that measure from the base, section by section.
+
+    The potentiometers of the CBHA's second section run along both sections (Singh et al., IROS 2018): its
+    readings are totals and the first section must be subtracted before Eq. 2 of ROBIO 2017 holds for it.
+    The first section's readings are lengths already. Tube j of every section is assumed to run along tube j.
+    """
+    first = tuple(readings_m[:3])
+    differences = (here - before for before, here in zip(readings_m, readings_m[3:], strict=False))
+    return (*first, *differences)
+
+
+def totals_from_lengths(lengths_m: Sequence[float]) -> tuple[float, ...]:
+    """What potentiometers that measure from the base read [m] for section lengths [m]."""
+    totals = list(lengths_m[:3])
+    for length_m in lengths_m[3:]:
+        totals.append(totals[-3] + length_m)
+    return tuple(totals)
+
+
+def mean_radius_m(at_start_mm: float, at_end_mm: float) -> float:
+    """Radius [m] to use for a section that tapers evenly: the mean, exact for the length of an offset tube.
+
+    ``l_i = int (1 - d(s) kappa.e_i) ds = L - mean(d) (u cos a_i + v sin a_i)`` for constant curvature, up to
+    the slope of the taper (a factor ``sqrt(1 + d'^2)`` common to all three tubes).
+    """
+    return 0.5 * (at_start_mm + at_end_mm) / MM_PER_M

@@ -1,0 +1,1 @@
+"""The MCAP layout of a session: channels, encoding, metadata."""

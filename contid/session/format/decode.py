@@ -1,0 +1,112 @@
+"""Messages back to records, bit for bit: gathered as they come, put in order once per tick.
+
+What a message does not have is NaN in its record, so that files of every revision are read alike: revision 0
+has fewer keys, and ``null`` in revisions 0 and 1 is absent as well.
+"""
+
+from __future__ import annotations
+
+import json
+import struct
+from collections.abc import Callable, Mapping, Sequence
+from math import inf, nan
+from operator import itemgetter
+from typing import Any, Final, NamedTuple
+
+from contid.control.engine.tick_layout import RecordLayout
+from contid.session.format.channels import INFINITE, TICK_CHANNELS, Field, fields
+
+_NO_VECTOR: Final = (nan, nan, nan)
+
+
+class _Group(NamedTuple):
+    """Values of one object of a message: first its numbers, then its vectors.
+
+    Attributes:
+        path: keys from the message down to the object.
+        absent: NaN by the key of every number that may be absent.
+        numbers: picks the numbers, None when there are only vectors.
+        vectors: keys.
+        slots: places in the record, in that order.
+    """
+
+    path: tuple[str, ...]
+    absent: dict[str, float]
+    numbers: Callable[[Any], tuple[Any, ...]] | None
+    vectors: tuple[str, ...]
+    slots: tuple[int, ...]
+
+
+class Decoder:
+    """Turns messages of one layout into records."""
+
+    def __init__(self, layout: RecordLayout, device_units: Mapping[str, str]) -> None:
+        self._groups: dict[str, list[_Group]] = {}
+        order: dict[int, int] = {}
+        self._size = 0
+        for channel in TICK_CHANNELS:
+            by_path: dict[tuple[str, ...], list[Field]] = {}
+            for each in fields(layout, device_units, channel):
+                by_path.setdefault(each.path[:-1], []).append(each)
+            self._groups[channel] = [_group(path, some) for path, some in by_path.items()]
+            for group in self._groups[channel]:
+                order |= {slot: self._size + place for place, slot in enumerate(group.slots)}
+                self._size += len(group.slots)
+        self._arrange = itemgetter(*(order[slot] for slot in sorted(order)))
+        self._check = struct.Struct(f"{len(order)}d").pack
+        self._decode = json.JSONDecoder().decode
+
+    def gather(self, gathered: list[Any], channel: str, data: bytes) -> None:
+        """Add what a message holds; the messages of a tick in the order of `TICK_CHANNELS`.
+
+        Raises:
+            ValueError, KeyError, TypeError, AttributeError: it is not a message of this channel.
+        """
+        message = self._decode(data.decode())
+        if INFINITE in message:
+            _put_infinite(message)
+        for path, absent, numbers, vectors, _ in self._groups[channel]:
+            part = message
+            for key in path:
+                part = part[key]
+            if numbers is not None:
+                gathered += numbers(absent | part if absent else part)
+            for key in vectors:
+                gathered += part.get(key) or _NO_VECTOR
+
+    def record(self, gathered: Sequence[Any]) -> list[float]:
+        """The record of the gathered messages.
+
+        Raises:
+            ValueError: a message is missing, or a vector has not three numbers.
+            struct.error, OverflowError: one is no number that a record can hold.
+        """
+        if len(gathered) != self._size:
+            raise ValueError(f"{len(gathered)} values, where a tick has {self._size}")
+        values = list(self._arrange(gathered))
+        if None in values:
+            values = [nan if value is None else value for value in values]
+        self._check(*values)  # cheaper than looking at each: only numbers can be packed
+        return values
+
+
+def _group(path: tuple[str, ...], some: Sequence[Field]) -> _Group:
+    numbers = [each for each in some if each.kind != "array"]
+    vectors = [each for each in some if each.kind == "array"]
+    slots = tuple(slot for each in (*numbers, *vectors) for slot in each.slots)
+    absent = {each.path[-1]: nan for each in numbers if not each.required}
+    keys = [each.path[-1] for each in numbers]
+    pick: Callable[[Any], tuple[Any, ...]] | None = None
+    if keys:
+        pick = itemgetter(*keys) if len(keys) > 1 else lambda part: (part[keys[0]],)
+    return _Group(path, absent, pick, tuple(each.path[-1] for each in vectors), slots)
+
+
+def _put_infinite(message: dict[str, Any]) -> None:
+    """Write the infinite numbers that a message names into it."""
+    for path in message[INFINITE]:
+        part = message
+        *way, last = path.removeprefix("-").split("/")
+        for key in way:
+            part = part[key]
+        part[last] = -inf if path.startswith("-") else inf

@@ -1,0 +1,146 @@
+"""Ticks and events of a file in their order, up to its end or to the first thing that is wrong.
+
+Every order and answer that a tick saw comes before that tick (the recorder fetches events first), so a reader
+that goes through once, forward, knows at each tick all that its replay needs.
+"""
+
+from __future__ import annotations
+
+import fcntl
+import json
+import struct
+from collections.abc import Callable, Generator, Mapping
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any, BinaryIO, Final
+
+from contid.session.format import mcap_records as mcap
+from contid.session.format.channels import EVENT, TICK_CHANNELS
+from contid.session.format.decode import Decoder
+from contid.session.format.mcap_records import MESSAGE_INSIDE, DamagedRecordError, RecordStream
+
+#: `End.cut` of a file that has no end yet.
+GROWING: Final = "still being recorded"
+#: `End.cut` of a file in the middle of which something is wrong: what follows is there, but not read.
+DAMAGED: Final = "damaged inside"
+#: Ticks between two words about how far it has come.
+_OFTEN: Final = 1000
+#: More than any run has.
+_TICKS: Final = 1 << 53
+#: What a message that does not hold what it should raises on its way into a record or an event.
+_DAMAGE: Final = (
+    *(ValueError, KeyError, TypeError, AttributeError, OverflowError, RecursionError),
+    *(struct.error, DamagedRecordError),
+)
+
+
+@dataclass(frozen=True, slots=True)
+class Entry:
+    """One tick or one event.
+
+    Attributes:
+        time_ns: time of day since 1970.
+        values: of the record, None for an event.
+        event: its fields, None for a tick.
+    """
+
+    time_ns: int
+    values: list[float] | None = None
+    event: Mapping[str, Any] | None = None
+
+
+@dataclass(frozen=True, slots=True)
+class End:
+    """How a file ends.
+
+    Attributes:
+        clean: as it should.
+        chunked: it was compacted.
+        cut: what was found where it ends before its end, "" when it is clean.
+    """
+
+    clean: bool = False
+    chunked: bool = False
+    cut: str = ""
+
+
+def read_entries(
+    path: Path,
+    topics: Mapping[int, str],
+    decoder: Decoder,
+    keep: Callable[[int, bytes], None],
+    progress: Callable[[int], None],
+) -> Generator[Entry, None, End]:
+    """Go through a file once; a tick that is not whole is left out.
+
+    Args:
+        path: of the file.
+        topics: by number of the channel; may grow as ``keep`` learns of more.
+        decoder: for the messages of ticks.
+        keep: takes records that are no messages.
+        progress: called with the number of ticks now and then.
+    """
+    first, last = TICK_CHANNELS[0], TICK_CHANNELS[-1]
+    inside, head = MESSAGE_INSIDE, MESSAGE_INSIDE.size
+    gathered: list[Any] | None = None
+    ticks = 0
+    with path.open("rb") as file:
+        stream = RecordStream(file)
+        for opcode, body in stream:
+            try:
+                if opcode != mcap.MESSAGE:
+                    keep(opcode, body)
+                    continue
+                channel, _, time_ns, _ = inside.unpack_from(body)
+                topic = topics.get(channel)
+                if topic == EVENT:
+                    yield Entry(time_ns, None, _event(body[head:]))
+                    continue
+                if topic == first:
+                    gathered = []
+                if gathered is None or topic is None:
+                    continue
+                decoder.gather(gathered, topic, body[head:])
+                if topic != last:
+                    continue
+                values = decoder.record(gathered)
+            except _DAMAGE:
+                return End(cut=DAMAGED)
+            yield Entry(time_ns, values)
+            gathered = None
+            ticks += 1
+            if ticks % _OFTEN == 0:
+                progress(ticks)
+        if stream.clean:
+            return End(True, stream.chunked)
+        if stream.damaged:
+            return End(cut=DAMAGED)
+        if _locked(file):
+            return End(cut=GROWING)
+    return End(False, stream.chunked, "it has no end" if gathered is None else "the last tick is not whole")
+
+
+def _event(data: bytes) -> Mapping[str, Any]:
+    """The fields of an event.
+
+    Raises:
+        ValueError: it has no kind, or a tick that is no number of one.
+    """
+    fields = json.loads(data)
+    if not isinstance(fields, dict) or not isinstance(fields.get("event"), str):
+        raise ValueError("an event has no kind")
+    tick = fields.get("tick", 0)
+    if not isinstance(tick, int) or isinstance(tick, bool) or not 0 <= tick < _TICKS:
+        raise ValueError("an event has no tick")
+    return fields
+
+
+def _locked(file: BinaryIO) -> bool:
+    """Whether somebody writes the file (`contid.session.write`)."""
+    try:
+        fcntl.flock(file, fcntl.LOCK_SH | fcntl.LOCK_NB)
+    except BlockingIOError:
+        return True
+    except OSError:  # a file system without locks
+        return False
+    return False  # closing the file unlocks it

@@ -1,0 +1,74 @@
+"""The head of a session as plain texts and bytes: all the recorder's process needs, and quick to import."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Mapping
+from dataclasses import asdict, dataclass
+from pathlib import Path
+from typing import Final
+
+from contid.control.engine.tick_layout import RecordLayout
+
+NPZ: Final = "application/x-npz"
+
+
+@dataclass(frozen=True, slots=True)
+class Header:
+    """The head of a session.
+
+    Attributes:
+        layout: of the records.
+        device_units: ``rad`` or ``pa`` by ``ROBOT.AXIS``.
+        metadata: by name, each a mapping of texts; becomes metadata records.
+        attachments: name, media type, content.
+        wall_ns: time of day since 1970 [ns] ...
+        monotonic_s: ... when the clock of the ticks showed this.
+    """
+
+    layout: RecordLayout
+    device_units: Mapping[str, str]
+    metadata: Mapping[str, Mapping[str, str]]
+    attachments: tuple[tuple[str, str, bytes], ...]
+    wall_ns: int
+    monotonic_s: float
+
+    def time_ns(self, deadline_s: float) -> int:
+        """Time of day of an instant on the clock of the ticks."""
+        return self.wall_ns + round((deadline_s - self.monotonic_s) * 1e9)
+
+
+@dataclass(frozen=True, slots=True)
+class Attached:
+    """A trajectory that came during the run; one line of JSON from the daemon to the recorder.
+
+    Attributes:
+        name: of its attachment and its metadata.
+        about: its metadata.
+        path: file with its rows, for the recorder to take and remove.
+    """
+
+    name: str
+    about: Mapping[str, str]
+    path: str
+
+    def line(self) -> bytes:
+        """For the pipe."""
+        return json.dumps(asdict(self)).encode() + b"\n"
+
+
+@dataclass(frozen=True, slots=True)
+class Job:
+    """What to record.
+
+    Attributes:
+        path: of the session.
+        ring: path of the ring.
+        pid: of the ring's writer.
+        header: of the session.
+    """
+
+    path: Path
+    ring: Path
+    pid: int
+    header: Header

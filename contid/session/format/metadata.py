@@ -1,0 +1,197 @@
+"""What a session says before its first tick: robot file, versions, host, options, clock, input.
+
+All of it is plain text and bytes, so that the recorder's process needs neither models nor drivers, and a
+reader needs nothing but the file.
+"""
+
+from __future__ import annotations
+
+import hashlib
+import io
+import json
+import platform
+import socket
+import sys
+import time
+import zipfile
+from collections.abc import Mapping
+from datetime import UTC, datetime
+from importlib.metadata import version
+from pkgutil import iter_modules
+from typing import Any, Final
+
+import numpy as np
+
+from contid import __version__, kernels
+from contid.control.engine.wiring import driven_robots, record_layout
+from contid.control.process.setup import Setup
+from contid.errors import ContidError
+from contid.hal import DeviceKind, load_driver
+from contid.robot_file.load import LoadedFile
+from contid.session.format.channels import REVISION
+from contid.session.format.header import NPZ, Header
+from contid.trajectory.columns import read_layout
+from contid.trajectory.rows import MAX_ROWS
+from contid.trajectory.timed import Interpolation, Trajectory
+
+#: Grows when a reader of the version before would misunderstand a file.
+FORMAT: Final = "1"
+TRAJECTORY: Final = "trajectory"
+_ROWS: Final = "rows.npy"
+#: More than the head of an array in NumPy's file format takes.
+_NPY_HEAD: Final = 10_000
+
+
+def describe(setup: Setup, options: Mapping[str, str], virtual: bool, host: str | None = None) -> Header:
+    """The head of a session of a run.
+
+    Args:
+        setup: of the run.
+        options: further options, for the reader.
+        virtual: the ticks count virtual time from 0.
+        host: instead of this machine's name.
+    """
+    loaded = setup.loaded
+    layout = record_layout(loaded, setup.rate_hz)
+    units = device_units(loaded)
+    wall_ns, monotonic_s = time.time_ns(), 0.0 if virtual else time.monotonic()
+    metadata: dict[str, dict[str, str]] = {
+        "contid": {
+            "format": FORMAT,
+            "revision": str(REVISION),
+            "contid": __version__,
+            "python": platform.python_version(),
+            "numpy": version("numpy"),
+            "kernels": ", ".join(compiled_kernels()) or "none (NumPy)",
+            "host": host or socket.gethostname(),
+            "kernel": f"{platform.system()} {platform.release()}",
+            "machine": platform.machine(),
+            "created": datetime.fromtimestamp(wall_ns / 1e9, UTC).isoformat(timespec="milliseconds"),
+        },
+        "robot_file": {
+            "name": _text(str(loaded.path)),
+            "text": loaded.text,
+            "sha256": hashlib.sha256(loaded.text.encode()).hexdigest(),
+        },
+        "options": {
+            "rate_hz": repr(setup.rate_hz),
+            "on_end": setup.on_end.value,
+            "attended": json.dumps(setup.attended),
+            "armed": json.dumps(setup.armed),
+            "virtual": json.dumps(virtual),
+            **{name: _text(value) for name, value in options.items()},
+        },
+        "clock": {
+            "wall_ns": str(wall_ns),
+            "monotonic_s": repr(monotonic_s),
+            "log_time": "wall_ns + (deadline_s - monotonic_s) * 1e9",
+        },
+        "layout": {"record": layout.to_json(), "device_units": json.dumps(units)},
+    }
+    attachments: tuple[tuple[str, str, bytes], ...] = ()
+    if setup.trajectory is not None:
+        attachments = ((f"{TRAJECTORY}.npz", NPZ, packed(setup.trajectory)),)
+        metadata[TRAJECTORY] = about_trajectory(setup.trajectory)
+    return Header(layout, units, metadata, attachments, wall_ns, monotonic_s)
+
+
+def _text(name: str) -> str:
+    """A file's name as text: bytes that are no UTF-8, which paths may hold and MCAP may not, as escapes."""
+    return name.encode("utf-8", "backslashreplace").decode()
+
+
+def compiled_kernels() -> list[str]:
+    """Kernels that models use here instead of their NumPy twins."""
+    names = {
+        each.name.removeprefix("_").removesuffix("_avx2")
+        for each in iter_modules(kernels.__path__)
+        if each.name[0] == "_"
+    }
+    return sorted(name for name in names if kernels.load(name) is not None)
+
+
+def device_units(loaded: LoadedFile) -> dict[str, str]:
+    """``rad`` or ``pa`` of every axis: the unit of its device."""
+    units = {}
+    for bus in loaded.buses.values():
+        driver = load_driver(bus.driver)
+        for axis, options in bus.axes:
+            units[axis] = "pa" if driver.kind(options) is DeviceKind.REGULATOR else "rad"
+    return units
+
+
+def about_trajectory(trajectory: Trajectory) -> dict[str, str]:
+    """The metadata of an attached trajectory."""
+    return {
+        "columns": json.dumps(list(trajectory.columns)),
+        "interpolation": trajectory.interpolation.value,
+        "rows": str(len(trajectory)),
+        "units": "SI in the order of the columns",
+        "sha256": hashlib.sha256(trajectory.rows.tobytes()).hexdigest(),
+    }
+
+
+def packed(trajectory: Trajectory, at_once: bool = False) -> bytes:
+    """The rows as an ``.npz``: SI float64, shape (rows, columns); ``at_once`` does not compress them."""
+    out = io.BytesIO()
+    kind = zipfile.ZIP_STORED if at_once else zipfile.ZIP_DEFLATED
+    with (
+        zipfile.ZipFile(out, "w", kind, compresslevel=None if at_once else 1) as archive,
+        archive.open(_ROWS, "w", force_zip64=True) as file,
+    ):
+        np.save(file, trajectory.rows, allow_pickle=False)
+    return out.getvalue()
+
+
+def unpacked(data: bytes, about: Mapping[str, str], loaded: LoadedFile) -> Trajectory:
+    """The recorded trajectory, bit for bit.
+
+    Raises:
+        BadInputError: the robots do not have its columns.
+        ContidError: the attachment is damaged.
+    """
+    try:
+        names = [str(name) for name in json.loads(about["columns"])]
+        interpolation = Interpolation(about["interpolation"])
+    except (ValueError, TypeError, RecursionError) as error:
+        raise ContidError(f"the recorded trajectory is damaged: {error}") from error
+    layout = read_layout([(name, 1) for name in names], "the recorded trajectory", 1, driven_robots(loaded))
+    try:
+        rows = _rows(data, len(names))
+    except Exception as error:  # zipfile and NumPy have a dozen kinds of errors for damaged data
+        raise ContidError(f"the recorded trajectory is damaged: {error}") from error
+    if hashlib.sha256(rows.tobytes()).hexdigest() != about["sha256"]:
+        raise ContidError("the recorded trajectory is damaged: another checksum than its metadata says")
+    rows.setflags(write=False)
+    return Trajectory(layout, rows, range(1, len(rows) + 1), interpolation)
+
+
+def _rows(data: bytes, columns: int) -> Any:
+    """The array of an attachment, shape (rows, columns); what it claims is checked before it is met.
+
+    Raises:
+        Exception: of some kind, when it is damaged or claims more than `MAX_ROWS` rows.
+    """
+    with zipfile.ZipFile(io.BytesIO(data)) as archive:
+        size = archive.getinfo(_ROWS).file_size
+        if size > _NPY_HEAD + MAX_ROWS * columns * 8:
+            raise ValueError(f"it claims {size} bytes; {MAX_ROWS} rows are the most")
+        plain = archive.read(_ROWS)
+    head = io.BytesIO(plain)
+    np.lib.format.read_magic(head)
+    shape, _, kind = np.lib.format.read_array_header_1_0(head, _NPY_HEAD)
+    wanted = len(shape) == 2 and shape[0] > 0 and shape[1] == columns and kind == np.float64
+    if not wanted or len(plain) - head.tell() != shape[0] * columns * 8:
+        raise ValueError(f"{shape} {kind} in {len(plain)} bytes are not {columns} columns of numbers")
+    return np.load(io.BytesIO(plain), allow_pickle=False)
+
+
+def versions() -> dict[str, str]:
+    """What a replay compares with the recorded ``contid`` metadata."""
+    return {
+        "contid": __version__,
+        "python": f"{sys.version_info.major}.{sys.version_info.minor}.{sys.version_info.micro}",
+        "numpy": version("numpy"),
+        "kernels": ", ".join(compiled_kernels()) or "none (NumPy)",
+        "machine": platform.machine(),
+    }

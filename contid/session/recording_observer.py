@@ -1,0 +1,136 @@
+"""The daemon's hold on a recording: a process of its own for a real run, a sink for one in virtual time."""
+
+from __future__ import annotations
+
+import os
+import pickle
+import subprocess
+import sys
+import tempfile
+from collections.abc import Mapping, Sequence
+from contextlib import suppress
+from pathlib import Path
+from typing import Final
+
+from contid.control.daemon.spawn import ENVIRONMENT
+from contid.control.engine.cycle import Sink
+from contid.control.engine.messages import Message, Play
+from contid.control.process.ring import folder
+from contid.control.process.setup import Setup
+from contid.errors import ContidError
+from contid.session.compact import compact
+from contid.session.format.header import NPZ, Attached, Job
+from contid.session.format.metadata import TRAJECTORY, about_trajectory, describe, packed
+from contid.session.mcap_recorder import READY
+from contid.session.write import SessionSink, SessionWriter
+
+#: How long the end of a run waits for the file to become small; 45 minutes of a hand need a tenth of it.
+PATIENCE_S: Final = 120.0
+
+
+class Recording:
+    """Records one run; an observer of the daemon (`contid.control.daemon.interfaces.Observer`)."""
+
+    def __init__(self, path: Path, options: Mapping[str, str], host: str | None = None) -> None:
+        """Prepare.
+
+        Args:
+            path: of the session; must not exist.
+            options: what the run was asked for, for the reader.
+            host: instead of this machine's name.
+        """
+        self.path = path
+        self._options = dict(options)
+        self._host = host
+        self._process: subprocess.Popen[bytes] | None = None
+        self._writer: SessionWriter | None = None
+        self._played = 0
+
+    def attach(self, setup: Setup, pid: int) -> None:
+        """Start the recorder's process and wait until its file is there.
+
+        Raises:
+            ContidError: the file exists or cannot be written; nothing is started then.
+        """
+        if self.path.exists():
+            raise ContidError(f"{self.path}: is there already; a recording is never overwritten")
+        # A session of its own: what ends the daemon does not end the recording.
+        self._process = process = subprocess.Popen(
+            [sys.executable, "-m", "contid.session.mcap_recorder"],
+            stdin=subprocess.PIPE,
+            stdout=subprocess.PIPE,
+            start_new_session=True,
+            env={**os.environ, **ENVIRONMENT},
+        )
+        assert process.stdin is not None
+        assert process.stdout is not None
+        header = describe(setup, self._options, virtual=False, host=self._host)
+        try:
+            pickle.dump(Job(self.path.absolute(), setup.ring, pid, header), process.stdin)
+            process.stdin.flush()
+            answer = process.stdout.readline().decode().strip()
+        except BrokenPipeError:
+            answer = ""
+        if answer != READY:
+            self._close(5.0)
+            raise ContidError(answer or "the recorder ended before it began")
+
+    def follow(self, setup: Setup) -> Sink:
+        """Record a run in virtual time within this process.
+
+        Raises:
+            ContidError: as `attach`.
+        """
+        header = describe(setup, self._options, virtual=True, host=self._host)
+        self._writer = SessionWriter(self.path, header)
+        return SessionSink(self._writer, header.layout.packer())
+
+    def told(self, message: Message) -> None:
+        """Hand the trajectory of an order over to the recorder; of other orders events hold everything."""
+        if not isinstance(message, Play):
+            return
+        self._played += 1
+        name, about = f"{TRAJECTORY}-{self._played}", about_trajectory(message.trajectory)
+        data = packed(message.trajectory, at_once=True)
+        if self._writer is not None:
+            self._writer.attach(name, NPZ, data, about)
+        elif self._process is not None and self._process.stdin is not None:
+            # Through a file: a pipe would hold the daemon up for as long as the recorder takes to read.
+            descriptor, path = tempfile.mkstemp(".npz", "contid-", folder())
+            with os.fdopen(descriptor, "wb") as file:
+                file.write(data)
+            with suppress(BrokenPipeError):
+                self._process.stdin.write(Attached(name, about, path).line())
+                self._process.stdin.flush()
+
+    def detach(self) -> Sequence[str]:
+        """Wait until the session is whole; returns what went wrong."""
+        if self._writer is not None:
+            self._writer.finish()
+            compact(self.path)
+            self._writer = None
+        if self._process is None:
+            return ()
+        words, ended = self._close(PATIENCE_S)
+        if not ended:
+            return (f"{self.path}: complete; it is still being compacted",)
+        return words
+
+    def _close(self, patience_s: float) -> tuple[tuple[str, ...], bool]:
+        """What the recorder said since, and whether it ended in time."""
+        process, self._process = self._process, None
+        assert process is not None
+        assert process.stdin is not None
+        assert process.stdout is not None
+        with suppress(BrokenPipeError):
+            process.stdin.close()
+        try:
+            process.wait(patience_s)
+        except subprocess.TimeoutExpired:
+            process.stdout.close()
+            return (), False
+        words = tuple(process.stdout.read().decode().splitlines())
+        process.stdout.close()
+        if process.returncode and not words:
+            words = (f"{self.path}: the recorder ended with status {process.returncode}",)
+        return words, True

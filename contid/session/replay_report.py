@@ -1,0 +1,106 @@
+"""What a replay found, in words and as JSON."""
+
+from __future__ import annotations
+
+from typing import Any
+
+from contid.session.compare import Divergence
+from contid.session.differences import Difference
+from contid.session.format.metadata import versions
+from contid.session.read import Session
+from contid.session.replay import Replayed
+
+_SHOWN: dict[str, tuple[str, float]] = {"m": ("mm", 1e3), "pa": ("bar", 1e-5)}
+
+
+def changed_versions(session: Session) -> list[str]:
+    """Versions that differ between the recording and now."""
+    then = session.about["contid"]
+    return [
+        f"{name}: {then.get(name, '?')} -> {now}"
+        for name, now in versions().items()
+        if then.get(name, "?") != now
+    ]
+
+
+def as_words(session: Session, replayed: Replayed, changed: list[Difference], took_s: float) -> list[str]:
+    """Lines for a person."""
+    speed = replayed.ticks / session.rate_hz / took_s if took_s > 0 else 0.0
+    lines = [f"replay: {replayed.ticks} ticks in {took_s:.1f} s, {speed:.0f} times real time"]
+    lines += [f"robot file: {each}" for each in changed]
+    lines += [f"version: {each}" for each in changed_versions(session)]
+    if replayed.divergence is not None:
+        lines += _divergence(replayed.divergence)
+    elif replayed.ticks == 0:
+        lines.append("nothing compared: no tick was recorded")
+    elif replayed.largest > 0.0:
+        lines.append(
+            f"every command is within the tolerance; greatest difference {replayed.largest:.3g} (SI)"
+        )
+    else:
+        lines.append("every command is the same, bit for bit")
+    if replayed.stopped:
+        lines.append(f"stopped after {replayed.ticks} ticks: {replayed.stopped}")
+    if session.cut:
+        lines.append(f"{session.path}: {session.cut}; compared as far as it goes")
+    return lines
+
+
+def as_json(session: Session, replayed: Replayed, changed: list[Difference], took_s: float) -> dict[str, Any]:
+    """For ``--json``."""
+    found = replayed.divergence
+    divergence: dict[str, Any] | None = None
+    if found is not None:
+        divergence = {
+            "tick": found.tick,
+            "time_s": found.time_s,
+            "source_s": None if found.source_s != found.source_s else found.source_s,
+            "where": found.where,
+            "what": found.what,
+            "recorded": found.recorded,
+            "replayed": found.replayed,
+            "unit": found.unit,
+            "last_equal": dict(found.last_equal),
+        }
+    return {
+        "ticks": replayed.ticks,
+        "took_s": took_s,
+        "same": found is None and not replayed.stopped and replayed.ticks > 0,
+        "largest": replayed.largest,
+        "stopped": replayed.stopped,
+        "cut": session.cut,
+        "robot_file": [str(each) for each in changed],
+        "versions": changed_versions(session),
+        "divergence": divergence,
+    }
+
+
+def _divergence(found: Divergence) -> list[str]:
+    at = f"tick {found.tick} ({found.time_s:.3f} s"
+    at += "" if found.source_s != found.source_s else f", {found.source_s:.3f} s of the trajectory"
+    unit = f" {found.unit}" if found.unit else ""
+    lines = [
+        f"first divergence: {at}): {found.where} {found.what}",
+        f"  recorded {found.recorded!r}{unit}",
+        f"  replayed {found.replayed!r}{unit}{_apart(found)}",
+    ]
+    last = dict(found.last_equal)
+    if not last:
+        return [*lines, "  it is the first tick; there is no equal state before it"]
+    axes = {name: value for name, value in last.items() if isinstance(value, dict)}
+    lines.append(
+        f"last equal state: tick {last['tick']}, {found.robot} {last['mode']}, fault {last['fault']}"
+    )
+    for name, values in axes.items():
+        told = ", ".join(f"{what} {value!r}" for what, value in values.items())
+        lines.append(f"  {found.robot}.{name}: {told}")
+    return lines
+
+
+def _apart(found: Divergence) -> str:
+    """The difference in the unit of robot files."""
+    apart = found.replayed - found.recorded
+    if apart != apart or not found.unit:
+        return ""
+    unit, factor = _SHOWN.get(found.unit, (found.unit, 1.0))
+    return f" ({apart * factor:+.3g} {unit})"
