@@ -33,8 +33,8 @@ from typing import Any
 from contid.control.engine.clock import RealClock
 from contid.hal import AxisOnBus
 from contid_drivers.dynamixel.bus import DynamixelBus
-from contid_drivers.dynamixel.cyclic import INDIRECT, MOTION, Layout
-from contid_drivers.dynamixel.options import AxisOptions, BusOptions
+from contid_drivers.dynamixel.cyclic import INDIRECT, MOTION, CyclicLayout
+from contid_drivers.dynamixel.options import DynamixelAxisOptions, DynamixelBusOptions
 
 
 def real_time(on: bool) -> bool:
@@ -47,14 +47,14 @@ def real_time(on: bool) -> bool:
 
 
 def serve(pipe: Connection, count: int, baud: int) -> None:
-    from contid_drivers.dynamixel.emulator import Emulator, Servo
+    from contid_drivers.dynamixel.emulator import DynamixelEmulator, Servo
 
     real_time(True)
     servos = [Servo(i + 1, baud=baud) for i in range(count)]
     for servo in servos:
         servo.memory[9] = 0
         servo.memory[11] = 4
-    with Emulator(servos) as emulator:
+    with DynamixelEmulator(servos) as emulator:
         pipe.send(emulator.port)
         while (message := pipe.recv()) is not None:
             emulator.set("silent", message[0], on=message[1])
@@ -162,19 +162,19 @@ def driver(
     baud: int,
     seconds: float,
     fast: bool,
-    layout: Layout,
+    layout: CyclicLayout,
     every: int = 1,
     note: str = "",
     mute: Callable[[], None] | None = None,
 ) -> Row:
     """This driver; ``mute`` silences a servo once the bus is open and torque is on."""
-    options = BusOptions(
+    options = DynamixelBusOptions(
         port=port,
         baud=baud,
         fast_read="auto" if fast else "off",
         telemetry_every=every,  # type: ignore[arg-type]  # pydantic checks which numbers may be
     )
-    axes = [AxisOnBus(f"r.a{i + 1}", AxisOptions(id=i + 1)) for i in range(count)]
+    axes = [AxisOnBus(f"r.a{i + 1}", DynamixelAxisOptions(id=i + 1)) for i in range(count)]
     bus = DynamixelBus("servos", options, axes, RealClock(), layout)
     bus.open()
     goal = goals()

@@ -144,9 +144,9 @@ class Seen:
 
 
 @contextmanager
-def child(*words: str, **keys: Any) -> Iterator[subprocess.Popen[str]]:
+def child(*message: str, **keys: Any) -> Iterator[subprocess.Popen[str]]:
     """A process that is killed when it is not needed any more."""
-    process = subprocess.Popen([sys.executable, "-m", *words], text=True, **keys)
+    process = subprocess.Popen([sys.executable, "-m", *message], text=True, **keys)
     try:
         yield process
     finally:
@@ -186,7 +186,7 @@ def await_there(path: Path, states: set[str]) -> None:
 
 def harass(kind: str, path: Path, person: Client, until_s: float, seen: Seen) -> list[tuple[float, int]]:
     """Let clients of a kind work while a person stops and resumes; when each stop was sent, and its tick."""
-    words = ("benchmarks.flood", "--client", kind, str(path))
+    message = ("benchmarks.flood", "--client", kind, str(path))
     stops: list[tuple[float, int]] = []
     process: subprocess.Popen[str] | None = None
     next_life_s, next_stop_s = 0.0, time.monotonic() + STOP_EVERY_S
@@ -197,7 +197,7 @@ def harass(kind: str, path: Path, person: Client, until_s: float, seen: Seen) ->
                     process.kill()
                     process.wait()
                 process = subprocess.Popen(
-                    [sys.executable, "-m", *words], stderr=subprocess.DEVNULL, text=True
+                    [sys.executable, "-m", *message], stderr=subprocess.DEVNULL, text=True
                 )
                 seen.clients += 1
                 next_life_s = time.monotonic() + (LIFE_S if kind == "holds and dies" else 1e9)

@@ -19,7 +19,7 @@ import time
 
 from contid.control.daemon.control_child import ControlChild
 from contid.control.daemon.daemon import Daemon, RunOptions
-from contid.control.daemon.interfaces import Orders
+from contid.control.daemon.interfaces import RunControl
 from contid.control.engine.cycle import OnEnd
 from contid.control.engine.messages import Finish
 from contid.control.engine.wiring import driven_robots
@@ -55,7 +55,7 @@ class Pauses:
         self.pause_s = pause_s
         self.count = 0
 
-    async def serve(self, orders: Orders) -> None:
+    async def serve(self, orders: RunControl) -> None:
         """Pause, and end the run when its time is over."""
         end = time.monotonic() + self.seconds
         while time.monotonic() < end:

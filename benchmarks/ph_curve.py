@@ -20,7 +20,7 @@ from contid.kinematics.arc.biarc import biarc
 from contid.kinematics.arc.feasible import Feasible
 from contid.kinematics.arc.section_model import build_solver
 from contid.kinematics.arc.sections import forward
-from contid.kinematics.ph.ends import Ends, PhFit, through
+from contid.kinematics.ph.ends import CurveEnds, PhFit, through
 from contid.kinematics.ph.inverse import ShapeInverse, ph_inverse
 from contid.kinematics.rope.catenary import Catenary, as_quintic, hang
 from contid.targets import ZERO3, Vec3
@@ -131,7 +131,7 @@ def closed_form_length() -> None:
         p1 = rng.normal(size=3)
         d0, d1 = d0 / np.linalg.norm(d0), d1 / np.linalg.norm(d1)
         chord = float(np.linalg.norm(p1))
-        ends = Ends(ZERO3, tuple(p1.tolist()), tuple(d0.tolist()), tuple(d1.tolist()))
+        ends = CurveEnds(ZERO3, tuple(p1.tolist()), tuple(d0.tolist()), tuple(d1.tolist()))
         curve = through(ends, chord * float(rng.uniform(1.05, 3.0))).curve
         by_speed = 0.5 * float(weights @ curve.speed(0.5 * (nodes + 1.0)))
         worst = max(worst, abs(curve.length_m / by_speed - 1.0))
@@ -148,7 +148,7 @@ def arcs() -> None:
         true = np.column_stack([1.0 - np.cos(turn), np.zeros(201), np.sin(turn)]) / angle
         direction = (math.sin(angle), 0.0, math.cos(angle))
         beta = math.pi if degrees > 180 else 0.0
-        fit = through(Ends(ZERO3, tuple(true[-1].tolist()), (0.0, 0.0, 1.0), direction), 1.0, beta)
+        fit = through(CurveEnds(ZERO3, tuple(true[-1].tolist()), (0.0, 0.0, 1.0), direction), 1.0, beta)
         print(f"  {degrees:3}  {100.0 * _worst(true, fit)[1]:.5f}")
 
 
@@ -165,7 +165,7 @@ def catenaries() -> None:
     rope = _rope(B, C)
     mean, worst = _worst(rope.points(401), as_quintic(rope))
     print(f"the chain's rope (length/chord 1.17): {1e3 * mean:.4f} mm mean, {1e3 * worst:.4f} mm at worst")
-    unknown = through(Ends(B, C, rope.start_direction, rope.end_direction))
+    unknown = through(CurveEnds(B, C, rope.start_direction, rope.end_direction))
     print(f"  length unknown: {1e3 * _worst(rope.points(401), unknown)[0]:.1f} mm mean")
 
 
@@ -180,14 +180,14 @@ def growth() -> tuple[np.ndarray, np.ndarray]:
     for degrees in TURNS:
         angle = math.radians(float(degrees))
         pairs = [
-            _worst(true, through(Ends(B, C, first, last), 1.0))
+            _worst(true, through(CurveEnds(B, C, first, last), 1.0))
             for first in _tilted(rope.start_direction, angle)
             for last in _tilted(rope.end_direction, angle)
         ]
         by_turn.append((float(np.mean([mean for mean, _ in pairs])), max(worst for _, worst in pairs)))
     by_length = []
     for percent in STRETCHES:
-        ends = Ends(B, C, rope.start_direction, rope.end_direction)
+        ends = CurveEnds(B, C, rope.start_direction, rope.end_direction)
         by_length.append(_worst(true, through(ends, 1.0 + float(percent) / 100.0)))
     return 1e3 * np.array(by_turn), 1e3 * np.array(by_length)
 

@@ -28,7 +28,7 @@ from typing import Any, Final
 import yaml
 
 from contid.control.engine.virtual import VirtualProcess
-from contid.control.engine.wiring import build_plans, driven_robots
+from contid.control.engine.wiring import build_robot_configs, driven_robots
 from contid.hal import Sample
 from contid.robot_file.load import LoadedFile, load_robot_file, parse_robot_file, with_mock
 from contid.robot_file.shipped import find_robot_file
@@ -68,21 +68,21 @@ def many(name: str, count: int) -> LoadedFile:
 
 def tips(loaded: LoadedFile, seconds: float) -> str:
     """Every tip on a small way around the middle of what its robot reaches: each tick asks the model."""
-    plans = build_plans(loaded, RATE_HZ)
-    flat = plans[0].kind == "rack_finger"
+    configs = build_robot_configs(loaded, RATE_HZ)
+    flat = configs[0].kind == "rack_finger"
     header, columns = ["t_s"], []
     rows = max(int(seconds * 20), 20)
     columns.append([seconds * row / (rows - 1) for row in range(rows)])
-    for number, plan in enumerate(plans):
-        header += [f"{plan.name}.{axis}_mm" for axis in ("xy" if flat else "xyz")]
-        middle = [0.5 * (a.lower + a.upper) for a in plan.limits]
+    for number, config in enumerate(configs):
+        header += [f"{config.name}.{axis}_mm" for axis in ("xy" if flat else "xyz")]
+        middle = [0.5 * (a.lower + a.upper) for a in config.limits]
         ways = []
         for row in range(rows):
             angle = 2.0 * math.pi * row / rows + number
             turned = [
                 value * (1.0 + 0.05 * math.sin(angle + 2.0 * axis)) for axis, value in enumerate(middle)
             ]
-            ways.append([1e3 * value for value in plan.model.forward(turned).tip_m])
+            ways.append([1e3 * value for value in config.model.forward(turned).tip_m])
         columns += [[way[axis] for way in ways] for axis in range(2 if flat else 3)]
     lines = [",".join(header), *(",".join(map(repr, row)) for row in zip(*columns, strict=True))]
     return "\n".join(lines) + "\n"

@@ -25,7 +25,7 @@ from contid.control.engine.cycle import OnEnd
 from contid.control.engine.virtual import run_virtual
 from contid.control.engine.wiring import driven_robots, record_layout
 from contid.control.process import ring
-from contid.control.process.setup import Setup
+from contid.control.process.setup import RunSetup
 from contid.robot_file.load import load_robot_file, with_mock
 from contid.robot_file.shipped import find_robot_file
 from contid.session.info import summarize
@@ -67,7 +67,7 @@ def main() -> int:
         path = Path(folder) / "long.mcap"
         recording = Recording(path, {"mock": "True"})
         recording.attach(
-            Setup(loaded, rate_hz, shared, rows, OnEnd.STOP, attended=False), psutil.Process().pid
+            RunSetup(loaded, rate_hz, shared, rows, OnEnd.STOP, attended=False), psutil.Process().pid
         )
         recorder = next(
             p for p in psutil.Process().children() if "contid.session.mcap_recorder" in p.cmdline()

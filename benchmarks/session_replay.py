@@ -19,7 +19,7 @@ from pathlib import Path
 from contid.control.engine.cycle import OnEnd
 from contid.control.engine.virtual import run_virtual
 from contid.control.engine.wiring import driven_robots
-from contid.control.process.setup import Setup
+from contid.control.process.setup import RunSetup
 from contid.robot_file.load import load_robot_file, with_mock
 from contid.robot_file.shipped import find_robot_file
 from contid.session.read import Session
@@ -50,7 +50,7 @@ def main() -> int:
         path = Path(folder) / "hand.mcap"
         start_s = time.perf_counter()
         recording = Recording(path, {"mock": "True"})
-        sink = recording.follow(Setup(loaded, 200.0, Path(), rows, OnEnd.STOP, attended=False))
+        sink = recording.follow(RunSetup(loaded, 200.0, Path(), rows, OnEnd.STOP, attended=False))
         run_virtual(loaded, 200.0, rows, sinks=[sink], on_end=OnEnd.STOP)
         recording.detach()
         print(f"recorded in virtual time in {time.perf_counter() - start_s:.1f} s")

@@ -50,9 +50,9 @@ PROCESSES: Final = {"control": "contid.control.process", "recorder": "contid.ses
 
 
 @contextlib.contextmanager
-def part(*words: str, **keys: Any) -> Iterator[subprocess.Popen[str]]:
+def part(*message: str, **keys: Any) -> Iterator[subprocess.Popen[str]]:
     """A part of the laboratory, ended with SIGINT if it is still there."""
-    command = [sys.executable, "-m", "benchmarks.soak_lab", *words]
+    command = [sys.executable, "-m", "benchmarks.soak_lab", *message]
     child = subprocess.Popen(command, stdout=subprocess.PIPE, text=True, **keys)
     try:
         yield child
@@ -74,8 +74,8 @@ def family(daemon: psutil.Process) -> dict[str, psutil.Process]:
     found = {"daemon": daemon}
     for child in daemon.children(recursive=True):
         with suppress(psutil.NoSuchProcess):
-            words = child.cmdline()
-            found |= {name: child for name, module in PROCESSES.items() if module in words}
+            message = child.cmdline()
+            found |= {name: child for name, module in PROCESSES.items() if module in message}
     return found
 
 
@@ -129,8 +129,8 @@ def soak(minutes: float, every_s: float, viewer_s: float = VIEWER_S, keep: Path 
         give_up_s = time.monotonic() + START_S
         while not everyone_armed(path):
             if child.poll() is not None or time.monotonic() > give_up_s:
-                words = (folder / "daemon.txt").read_text()
-                raise SystemExit(f"the laboratory did not come up:\n{words}")
+                message = (folder / "daemon.txt").read_text()
+                raise SystemExit(f"the laboratory did not come up:\n{message}")
             time.sleep(0.2)
         pulls = [at * every_s for at in range(1, int((seconds - AFTER_S) / every_s) + 1)]
         operator = Operator(folder, loaded, pulls)
@@ -213,7 +213,7 @@ def judge(table: Table, report: dict[str, Any], operator: Operator, session: Pat
         *([] if len(back) == len(cables) else ["a robot did not come back"]),
         *([] if complete else ["the session is not complete"]),
         *([] if report["viewers_killed"] else ["no viewer was killed"]),
-        *(words for words in report["problems"] if "still being compacted" not in words),
+        *(message for message in report["problems"] if "still being compacted" not in message),
     ]
     print("verdict: " + ("; ".join(wrong) if wrong else "memory and descriptors flat, nothing lost"))
     return 1 if wrong else 0

@@ -23,15 +23,15 @@ import yaml
 
 from benchmarks.lab import lab_text
 from contid.cli.support.buses import wired_buses
-from contid.control.daemon.interfaces import Orders
+from contid.control.daemon.interfaces import RunControl
 from contid.control.engine.cycle import Sink
 from contid.control.engine.messages import Message
-from contid.control.process.setup import Setup
+from contid.control.process.setup import RunSetup
 from contid.errors import ContidError
 from contid.hal import Emulates
 from contid.robot_file.load import load_robot_file
 from contid.view.observer import Viewing
-from contid.view.view_target import Kind, Where
+from contid.view.view_target import Kind, ViewTarget
 
 RATE_HZ: Final = 200.0
 #: How long each viewer draws before it is killed; it begins to draw after a second or two.
@@ -64,14 +64,14 @@ class Viewers:
     def __init__(self, folder: Path, seconds: float = VIEWER_S) -> None:
         self._path = folder / "view.rrd"
         self._seconds = seconds
-        self._run: tuple[Setup, int] | None = None
+        self._run: tuple[RunSetup, int] | None = None
         self.killed = 0
 
-    def attach(self, setup: Setup, pid: int) -> None:
+    def attach(self, setup: RunSetup, pid: int) -> None:
         """Keep what a viewer needs to know."""
         self._run = setup, pid
 
-    def follow(self, setup: Setup) -> Sink:
+    def follow(self, setup: RunSetup) -> Sink:
         """Not in virtual time."""
         raise ContidError("viewers are killed in real time only")
 
@@ -82,13 +82,13 @@ class Viewers:
         """The last one is gone already."""
         return ()
 
-    async def serve(self, orders: Orders) -> None:
+    async def serve(self, orders: RunControl) -> None:
         """See `contid.control.daemon.interfaces.Commands`."""
         while self._run is None:  # sources of commands begin before the input has come
             await asyncio.sleep(0.1)
         while True:
             self._path.unlink(missing_ok=True)
-            viewing = Viewing(Where(Kind.FILE, self._path))
+            viewing = Viewing(ViewTarget(Kind.FILE, self._path))
             viewing.attach(*self._run)
             try:
                 await asyncio.sleep(self._seconds)

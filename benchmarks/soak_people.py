@@ -17,7 +17,7 @@ from typing import IO, Final
 
 from benchmarks.soak_lab import RATE_HZ, UNPLUG
 from contid.client import Client
-from contid.control.engine.wiring import build_plans
+from contid.control.engine.wiring import build_robot_configs
 from contid.errors import ContidError
 from contid.robot_file.load import LoadedFile
 
@@ -147,10 +147,10 @@ class Stream(threading.Thread):
         self._pipe = pipe
         self._ended = threading.Event()
         self._names, self._swings = [], []
-        for plan in build_plans(loaded, RATE_HZ):
-            for axis, limits in zip(plan.axis_names, plan.limits, strict=True):
-                scale = plan.quantity.per_si
-                self._names.append(f"{plan.name}.{axis}_{plan.quantity.unit}")
+        for config in build_robot_configs(loaded, RATE_HZ):
+            for axis, limits in zip(config.axis_names, config.limits, strict=True):
+                scale = config.quantity.per_si
+                self._names.append(f"{config.name}.{axis}_{config.quantity.unit}")
                 middle, span = 0.5 * (limits.upper + limits.lower), limits.upper - limits.lower
                 self._swings.append((middle * scale, 0.04 * span * scale))
 

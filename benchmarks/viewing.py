@@ -31,18 +31,18 @@ import psutil
 
 from contid.control.daemon.control_child import ControlChild
 from contid.control.daemon.daemon import Daemon, RunOptions
-from contid.control.daemon.interfaces import Orders
+from contid.control.daemon.interfaces import RunControl
 from contid.control.engine.cycle import OnEnd, Sink
 from contid.control.engine.messages import Finish, Message
 from contid.control.engine.wiring import driven_robots
 from contid.control.process.realtime import ask_for_real_time, sleep_until, stop_collecting
 from contid.control.process.ring import RingReader
-from contid.control.process.setup import Setup
+from contid.control.process.setup import RunSetup
 from contid.robot_file.load import LoadedFile, load_robot_file, with_mock
 from contid.robot_file.shipped import find_robot_file
 from contid.trajectory.read import Trajectory, read_trajectory
 from contid.view.observer import Viewing
-from contid.view.view_target import Kind, Where
+from contid.view.view_target import Kind, ViewTarget
 
 CASES = ("no viewer", "file", "page", "stopped")
 PAGE_PORT = 9090
@@ -65,7 +65,9 @@ class Figures:
 class Eye:
     """Reads every tick's lateness, watches the viewer, stops it if asked to, and ends the run."""
 
-    def __init__(self, viewing: Viewing | None, where: Where | None, stops: bool, seconds: float) -> None:
+    def __init__(
+        self, viewing: Viewing | None, where: ViewTarget | None, stops: bool, seconds: float
+    ) -> None:
         self.late_s: list[float] = []
         self.start_s: float | None = None
         self.share: float | None = None
@@ -73,12 +75,12 @@ class Eye:
         self._reader: RingReader | None = None
         self._began = 0.0
 
-    def attach(self, setup: Setup, pid: int) -> None:
+    def attach(self, setup: RunSetup, pid: int) -> None:
         """Open the ring."""
         self._reader = RingReader(setup.ring)
         self._began = time.monotonic()
 
-    def follow(self, setup: Setup) -> Sink:
+    def follow(self, setup: RunSetup) -> Sink:
         """Never asked: this benchmark runs in real time."""
         raise RuntimeError("a viewer is measured in real time only")
 
@@ -92,7 +94,7 @@ class Eye:
         self._reader.close()
         return ()
 
-    async def serve(self, orders: Orders) -> None:
+    async def serve(self, orders: RunControl) -> None:
         """Look at the viewer until the time is over."""
         end, ready, used = time.monotonic() + self._seconds, 0.0, 0.0
         while time.monotonic() < end:
@@ -156,7 +158,7 @@ def one(
         where = None
         if case != "no viewer":
             page = case == "page"
-            where = Where(Kind.SERVE) if page else Where(Kind.FILE, Path(folder, "run.rrd"))
+            where = ViewTarget(Kind.SERVE) if page else ViewTarget(Kind.FILE, Path(folder, "run.rrd"))
         viewing = None if where is None else Viewing(where)
         eye = Eye(viewing, where, case == "stopped", seconds)
         observers = [eye] if viewing is None else [viewing, eye]

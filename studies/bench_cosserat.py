@@ -13,7 +13,7 @@ if TYPE_CHECKING:
     from rich.console import Console
 
     from studies.shi_cold import Cold
-    from studies.shi_experiments import Row
+    from studies.shi_experiments import ExperimentRow
     from studies.shi_speed import Speed
 
 _Item = TypeVar("_Item")
@@ -122,7 +122,7 @@ def _print_colds(colds: list[Cold]) -> None:
     _console().print(table)
 
 
-def _print_rows(rows: list[Row], trials: int) -> None:
+def _print_rows(rows: list[ExperimentRow], trials: int) -> None:
     from rich.table import Table
 
     table = Table(title=f"Experiments 1-4, SIMULATED ({trials} trials; mm and degrees); paper: measured")

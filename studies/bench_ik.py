@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING
 import click
 
 if TYPE_CHECKING:
-    from studies.comparison import Drift, Row
+    from studies.comparison import ComparisonRow, Drift
     from studies.shape_comparison import ShapeRow
 
 
@@ -56,7 +56,7 @@ def command(network: Path | None, no_network: bool, random: int, as_json: bool) 
     _print_shapes(shapes)
 
 
-def _print(rows: list[Row], drifts: list[Drift], random: int) -> None:
+def _print(rows: list[ComparisonRow], drifts: list[Drift], random: int) -> None:
     from rich.console import Console
     from rich.table import Table
 

@@ -42,7 +42,7 @@ class Method:
 
 
 @dataclass(frozen=True, slots=True)
-class Row:
+class ComparisonRow:
     """Figures of one method; errors in mm, times in us.
 
     Attributes:
@@ -180,7 +180,7 @@ def methods(network: InverseNetwork | None) -> list[Method]:
 
 def compare(
     table: list[Method], random: int, report: Callable[[str], None] = lambda name: None, laps: int = 5
-) -> list[Row]:
+) -> list[ComparisonRow]:
     """Run every method on the golden and on ``random`` random trajectories."""
     golden = singh.golden_trajectory()
     rng = np.random.default_rng(2017)
@@ -200,7 +200,7 @@ def compare(
             beyond = np.maximum(np.array(singh.LOWER_M) - found, found - np.array(singh.UPPER_M))
             outside = 1e3 * max(0.0, float(beyond.max()))
         rows.append(
-            Row(
+            ComparisonRow(
                 method.name,
                 (float(worst[0]), float(worst[1]), float(worst[2])),
                 float(np.linalg.norm(error, axis=-1).mean()),
@@ -213,7 +213,9 @@ def compare(
             )
         )
     # Seventeen vertebrae as parallel robots: radii, joints and how tubes divide are not in the text.
-    rows.append(Row("hybrid: not to be built from the text", *(None,) * 6, (15.519, 5.392, 9.930), 12_000.0))
+    rows.append(
+        ComparisonRow("hybrid: not to be built from the text", *(None,) * 6, (15.519, 5.392, 9.930), 12_000.0)
+    )
     return rows
 
 

@@ -46,7 +46,7 @@ class Variant(enum.StrEnum):
 
 
 @dataclass(frozen=True, slots=True)
-class Rest:
+class RestState:
     """Where the dynamics ended: lengths and error [m], Euler steps taken, whether it came to rest."""
 
     lengths_m: Array
@@ -76,7 +76,7 @@ def settle(
     dt: float = 0.1,
     most: int = 1200,
     rest_m: float = 1e-9,
-) -> Rest:
+) -> RestState:
     """Integrate Eq. 5 with Euler steps of ``dt`` from lengths ``start_m`` until nothing moves any more.
 
     Args:
@@ -96,9 +96,9 @@ def settle(
         error = float(np.linalg.norm(e))
         rate = _rate(feasible, lengths, at.tip, e, variant)
         if float(np.abs(rate).max()) < rest_m:
-            return Rest(lengths, error, step, True)
+            return RestState(lengths, error, step, True)
         lengths = lengths + dt * rate
-    return Rest(lengths, error, most, False)
+    return RestState(lengths, error, most, False)
 
 
 def _rate(feasible: Feasible, lengths: Array, J: Array, e: Array, variant: Variant) -> Array:

@@ -13,7 +13,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from contid.kinematics.cosserat.engine import Setup, build_engine
+from contid.kinematics.cosserat.engine import RodSetup, build_engine
 from contid.kinematics.cosserat.loads import Loads
 from contid.kinematics.cosserat.section import Rod, Section
 from contid.kinematics.cosserat.solve import Limits
@@ -46,11 +46,11 @@ def arm(segments: Sequence[int]) -> Rod:
     return Rod(tuple(segment(kind, 5.0 if i < last else 0.0) for i, kind in enumerate(segments)))
 
 
-def setup(rod: Rod, upper_bar: float = 1.5) -> Setup:
+def setup(rod: Rod, upper_bar: float = 1.5) -> RodSetup:
     """Default settings of a robot file for a rod."""
     n = rod.pressures
     limits = Limits(np.zeros(n), np.full(n, upper_bar), np.full(n, 0.5 * upper_bar))
-    return Setup(rod, Loads(), limits, 3, 0.03, 1e-4, 42.0, False)
+    return RodSetup(rod, Loads(), limits, 3, 0.03, 1e-4, 42.0, False)
 
 
 @dataclass(frozen=True)
@@ -104,7 +104,7 @@ class Plant:
 
 
 @dataclass(frozen=True, slots=True)
-class Row:
+class ExperimentRow:
     """Errors of one run in the paper's form [mm, deg], simulated; None where a run has no such target.
 
     ``model_max`` is the solver's own residual [mm]: what is left of the errors without the plant.
@@ -157,7 +157,7 @@ def solve_run(run: Run) -> tuple[Array, Array, int]:
     return np.array(pressures), np.array(residuals), unmet
 
 
-def experiment(run: Run, plants: Sequence[Plant]) -> Row:
+def experiment(run: Run, plants: Sequence[Plant]) -> ExperimentRow:
     """One run on several plants, the paper's trials."""
     pressures, residuals, unmet = solve_run(run)
     tips, mids, angles = [], [], []
@@ -170,7 +170,7 @@ def experiment(run: Run, plants: Sequence[Plant]) -> Row:
             axis = ends.rotation[:, :, 2] / np.linalg.norm(ends.rotation[:, :, 2], axis=1)[:, None]
             angles.append(np.degrees(np.arccos(np.clip(np.sum(axis * run.direction, axis=1), -1.0, 1.0))))
     tip = np.concatenate(tips)
-    return Row(
+    return ExperimentRow(
         run.experiment, run.name, run.paper,
         tip_median=float(np.median(tip)), tip_max=float(tip.max()), tip_rmse=float(np.sqrt(np.mean(tip**2))),
         mid_median=float(np.median(mids)) if mids else None, mid_max=float(np.max(mids)) if mids else None,
@@ -180,7 +180,7 @@ def experiment(run: Run, plants: Sequence[Plant]) -> Row:
     )  # fmt: skip
 
 
-def experiments(runs: Sequence[Run], trials: int) -> Iterator[Row]:
+def experiments(runs: Sequence[Run], trials: int) -> Iterator[ExperimentRow]:
     """Every run, row by row."""
     plants = [Plant(seed=trial) for trial in range(trials)]
     for run in runs:

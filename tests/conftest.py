@@ -53,9 +53,9 @@ def _left_behind(threads: set[int | None], children: set[int], descriptors: dict
             if t.ident not in threads and not t.name.startswith(RUNNER_THREADS)
         ),
         *(
-            f"child process {p.pid} {words}"
+            f"child process {p.pid} {message}"
             for p in psutil.Process().children()
-            if p.pid not in children and "resource_tracker" not in (words := _words_of(p))
+            if p.pid not in children and "resource_tracker" not in (message := _words_of(p))
         ),
         *(
             f"file descriptor {fd} ({what})"

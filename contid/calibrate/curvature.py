@@ -34,7 +34,7 @@ LEAST_CURVATURE_PER_MM: Final = 1e-3
 LEAST_SHARE: Final = 1e-3
 CONFIDENCE: Final = 0.95
 COLUMNS: Final = Columns(
-    [("left_mm,right_mm", "arc_length_mm,curvature_per_mm"), ("x_mm,y_mm", "x_px,y_px")], words=("posture",)
+    [("left_mm,right_mm", "arc_length_mm,curvature_per_mm"), ("x_mm,y_mm", "x_px,y_px")], message=("posture",)
 )
 
 
@@ -99,7 +99,7 @@ def read_postures(
         raise BadInputError([Located(name, 1, 1, "markers in pixels: say how large one is with --mm-per-px")])
     groups: dict[str, list[MeasuredRow]] = {}
     for row in rows:
-        groups.setdefault(row.words["posture"], []).append(row)
+        groups.setdefault(row.message["posture"], []).append(row)
     findings: list[Located] = []
     postures = []
     for posture, markers in groups.items():

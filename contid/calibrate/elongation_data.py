@@ -22,7 +22,7 @@ EQUAL_BAR: Final = 0.05
 
 
 @dataclass(frozen=True, slots=True)
-class Reading:
+class ElongationReading:
     """One row: where it stands, what was set, what was measured."""
 
     line: int
@@ -38,7 +38,7 @@ class Reading:
         return sum(self.pressures_bar) / 3.0
 
 
-def read_readings(lines: Iterable[str], name: str) -> list[Reading]:
+def read_readings(lines: Iterable[str], name: str) -> list[ElongationReading]:
     """Parse a file; comment lines start with ``#``.
 
     Raises:
@@ -63,12 +63,12 @@ def _mistakes(row: MeasuredRow) -> Iterator[Located]:
         yield row.wrong("elongation_mm", "it needs three equal pressures; leave it empty")
 
 
-def _reading(row: MeasuredRow) -> Reading:
+def _reading(row: MeasuredRow) -> ElongationReading:
     p1, p2, p3 = (row.numbers[column] for column in PRESSURES)
-    return Reading(
+    return ElongationReading(
         line=row.line,
         section=int(row.numbers.get("section", 1.0)),
-        trial=row.words.get("trial", ""),
+        trial=row.message.get("trial", ""),
         pressures_bar=(p1, p2, p3),
         elongation_mm=row.numbers.get("elongation_mm"),
         bend_deg=row.numbers.get("bend_deg"),

@@ -14,18 +14,18 @@ from contid.errors import BadInputError, Located
 
 @dataclass(frozen=True, slots=True)
 class Columns:
-    """Columns a table may have; every one holds numbers unless it is among ``words``.
+    """Columns a table may have; every one holds numbers unless it is among ``message``.
 
     Attributes:
         choices: groups of columns; of every group exactly one alternative must be there, an alternative being
             names joined by commas (``"x_px,y_px"`` or ``"x_mm,y_mm"``).
-        words: columns of text that must be there.
+        message: columns of text that must be there.
         optional: columns that may be missing, and whose cells may be empty.
         optional_words: the same, of text.
     """
 
     choices: Sequence[Sequence[str]]
-    words: Sequence[str] = ()
+    message: Sequence[str] = ()
     optional: Sequence[str] = ()
     optional_words: Sequence[str] = ()
 
@@ -33,12 +33,12 @@ class Columns:
     def known(self) -> list[str]:
         """All of them."""
         chosen = [column for group in self.choices for each in group for column in each.split(",")]
-        return [*self.words, *chosen, *self.optional, *self.optional_words]
+        return [*self.message, *chosen, *self.optional, *self.optional_words]
 
     @property
     def example(self) -> str:
         """A header that would do."""
-        return ",".join([*self.words, *(group[0] for group in self.choices)])
+        return ",".join([*self.message, *(group[0] for group in self.choices)])
 
 
 @dataclass(frozen=True, slots=True)
@@ -50,14 +50,14 @@ class MeasuredRow:
         line: of the file, from 1.
         places: number of each column, from 1.
         numbers: by column.
-        words: by column.
+        message: by column.
     """
 
     name: str
     line: int
     places: Mapping[str, int]
     numbers: dict[str, float]
-    words: dict[str, str]
+    message: dict[str, str]
 
     def wrong(self, column: str, message: str) -> Located:
         """A finding about one cell."""
@@ -127,7 +127,7 @@ def _check_header(header: list[str], name: str, line: int, columns: Columns) -> 
             found = "none of them" if not given else "more than one of them"
             findings.append(Located(name, line, 1, f"give {' or '.join(group)}; there is {found}"))
     findings += [
-        Located(name, line, 1, f"column {word} is missing") for word in columns.words if word not in header
+        Located(name, line, 1, f"column {word} is missing") for word in columns.message if word not in header
     ]
     return findings
 
@@ -137,8 +137,8 @@ def _fill(row: MeasuredRow, cells: list[str], columns: Columns) -> Iterator[Loca
     for column, text in zip(row.places, cells, strict=True):
         if not text and (column in columns.optional or column in columns.optional_words):
             continue
-        if column in columns.words or column in columns.optional_words:
-            row.words[column] = text
+        if column in columns.message or column in columns.optional_words:
+            row.message[column] = text
             continue
         try:
             value = float(text)

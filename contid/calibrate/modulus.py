@@ -20,7 +20,7 @@ from typing import Any, TypeAlias
 import numpy as np
 from numpy.typing import NDArray
 
-from contid.calibrate.elongation_data import Reading
+from contid.calibrate.elongation_data import ElongationReading
 from contid.errors import ContidError
 from contid.kinematics.cosserat.section import MPA_PER_PA, Section
 
@@ -68,7 +68,7 @@ class ModulusFit:
     bends: int = 0
 
 
-def fit(section: Section, number: int, readings: Sequence[Reading]) -> ModulusFit:
+def fit(section: Section, number: int, readings: Sequence[ElongationReading]) -> ModulusFit:
     """Fit one section.
 
     Args:
@@ -171,7 +171,7 @@ def _mean_modulus_rmse(
     return float(np.sqrt(np.mean(np.square(errors))))
 
 
-def _with_gain(section: Section, result: ModulusFit, bent: Sequence[Reading]) -> ModulusFit:
+def _with_gain(section: Section, result: ModulusFit, bent: Sequence[ElongationReading]) -> ModulusFit:
     plain = replace(
         section, modulus_pa=result.modulus_pa, modulus_up_to_bar=result.up_to_bar, bending_gain=1.0
     )

@@ -7,12 +7,14 @@ from pathlib import Path
 
 import numpy as np
 
-from contid.calibrate.elongation_data import Reading
+from contid.calibrate.elongation_data import ElongationReading
 from contid.calibrate.modulus import ModulusFit
 from contid.kinematics.cosserat.section import MPA_PER_PA, Section
 
 
-def plot_fits(path: Path, fits: Sequence[tuple[Section, ModulusFit]], readings: Sequence[Reading]) -> None:
+def plot_fits(
+    path: Path, fits: Sequence[tuple[Section, ModulusFit]], readings: Sequence[ElongationReading]
+) -> None:
     """Write the figure; its kind follows the file's ending."""
     from matplotlib.figure import Figure
 

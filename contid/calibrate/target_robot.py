@@ -15,14 +15,14 @@ from contid.robot_file.shipped import find_robot_file
 _Kind = TypeVar("_Kind", bound=RobotDescription)
 
 
-def find_robot(file: str, name: str | None, kind: type[_Kind], words: str) -> tuple[str, _Kind]:
+def find_robot(file: str, name: str | None, kind: type[_Kind], message: str) -> tuple[str, _Kind]:
     """Name and description of the one robot of a kind in a robot file.
 
     Args:
         file: path, or name of a shipped robot file.
         name: chooses where there are several.
         kind: class of the description.
-        words: what messages call the kind, "pneumatic arm".
+        message: what messages call the kind, "pneumatic arm".
 
     Raises:
         ContidError: no such robot, none of this kind, or several and no name.
@@ -31,12 +31,12 @@ def find_robot(file: str, name: str | None, kind: type[_Kind], words: str) -> tu
     found = {key: robot for key, robot in robots.items() if isinstance(robot, kind)}
     if name is not None:
         if name not in found:
-            raise ContidError(f"{file}: no {words} {name!r}; there are {', '.join(found) or 'none'}")
+            raise ContidError(f"{file}: no {message} {name!r}; there are {', '.join(found) or 'none'}")
         return name, found[name]
     if len(found) != 1:
         names = ", ".join(found) or "none"
         raise ContidError(
-            f"{file}: it has {len(found)} robots of kind {words} ({names}); choose with --robot"
+            f"{file}: it has {len(found)} robots of kind {message} ({names}); choose with --robot"
         )
     return next(iter(found.items()))
 

@@ -1,22 +1,23 @@
-"""The tick, its limits and states, the control process and the daemon.
+"""From targets to bus commands: four packages, each importing only those to its right.
 
-The way of a target, from where it comes in to the bus, module by module::
+    daemon  >  process  >  engine  >  tick
 
-    run            a run from its `request` to its report: what is read, checked and started, in order
-    inputs         a trajectory read to its end, or the header of a live stream
-    preflight      every row asked of the models before anything moves
-    daemon         supervises; hands over a `setup`, then `messages` through a pipe (`pipe`, `child`)
-    ---------------------------------------------------------------- the process border
-    process        waits for the deadlines of `pace` and turns the engine; `virtual` does it without waiting
-    engine         one cycle: obeys messages, then for every robot
-      course         what is followed (`sources`: a trajectory or a stream), and how a run ends
-      chain_orders   arms of closed chains wait for each other (`chain_watch`)
-      loop           target, `plan` and `state` to a command: model, `limits`, `transmission`; a pure function
-      exchange       commands and what devices shall do, to every bus (`ports`), and samples back
-      recording      what was seen and decided, as one `record`
+The path of a target::
+
+    daemon.run               reads the request, checks the input, starts the control process, reports
+    daemon.inputs            a trajectory read to its end, or the header of a live stream
+    tick.preflight           every row checked against the models before anything moves
+    daemon.daemon            supervises; sends a `RunSetup`, then `engine.messages` through `process.pipe`
+    ---------------------------------------------------------------- process border
+    process.control_process  waits for the deadlines of `process.pace`, calls the engine every period
+    engine.engine            one cycle of all robots; `engine.virtual` runs it in virtual time
+    engine.target_selector   which trajectory or stream each robot follows (`engine.sources`)
+    engine.chain_orders      synchronises the arms of a closed chain (`tick.chain_monitor`)
+    tick.robot_tick          pure function: target to device command (`model`, `limits`, `transmission`)
+    engine.exchange          commands to every bus (`engine.ports`), samples back
+    engine.pack_record       packs the tick into one record (`engine.tick_layout`)
     ---------------------------------------------------------------- shared memory
-    ring           records and events, for the daemon (`account`, `terminal`), recorder, viewer and socket
+    process.ring             records and events, read by daemon, recorder, viewer and socket
 
-States and the moves between them are in `supervisor` (the table) and `state` (what changes with them), what
-can go wrong in `faults`.
+`tick.supervisor` is the table of states and transitions, `tick.faults` the table of faults.
 """

@@ -14,7 +14,7 @@ import numpy as np
 
 from contid.kinematics.frames import BaseFrame
 from contid.kinematics.model import Model
-from contid.kinematics.ph.ends import DEAR, SMALL, Ends, PhFit, least_energy, through
+from contid.kinematics.ph.ends import DEAR, SMALL, CurveEnds, PhFit, least_energy, through
 from contid.kinematics.ph.lift import Array
 from contid.kinematics.rope.chain import ChainGuard
 from contid.targets import ZERO3, Actuation, Vec3
@@ -104,9 +104,9 @@ def from_rough_pose(
     return _shaped(frame, fit, direction_in_world, points)
 
 
-def _ends(frame: BaseFrame, tip_in_world: Vec3, direction_in_world: Vec3, dimension: int) -> Ends:
+def _ends(frame: BaseFrame, tip_in_world: Vec3, direction_in_world: Vec3, dimension: int) -> CurveEnds:
     tip, direction = frame.point_in_base(tip_in_world), frame.vector_in_base(direction_in_world)
-    return Ends(ZERO3, tip, GROWS_ALONG[dimension], direction)
+    return CurveEnds(ZERO3, tip, GROWS_ALONG[dimension], direction)
 
 
 def _shaped(frame: BaseFrame, fit: PhFit, direction_in_world: Vec3, points: int) -> BodyShape:

@@ -16,7 +16,7 @@ from contid.targets import Actuation
 from contid.units import MM_PER_M
 
 
-class Rope(Strict):
+class RopeDescription(Strict):
     """A rope that hangs from the tips of two arms.
 
     Attributes:
@@ -43,7 +43,7 @@ class ChainLink(Strict):
     """
 
     arm: str | None = None
-    rope: Rope | None = None
+    rope: RopeDescription | None = None
 
     @model_validator(mode="after")
     def _one_of_two(self) -> ChainLink:
@@ -87,7 +87,7 @@ class Chain(RobotDescription):
         return str(self.links[0].arm), str(self.links[2].arm)
 
     @property
-    def rope(self) -> Rope:
+    def rope(self) -> RopeDescription:
         """The rope between them."""
         rope = self.links[1].rope
         assert rope is not None

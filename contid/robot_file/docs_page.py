@@ -142,8 +142,8 @@ def _allowed(value: Schema, definitions: dict[str, Schema]) -> str:
         if "model" in definitions[name].get("properties", {}):
             model = definitions[name]["properties"]["model"]["const"]
             links[name] = (f"model {model}", f"model-{model}")
-        words, anchor = links.get(name, (name, name.lower()))
-        return f"[{words}](#{anchor})"
+        message, anchor = links.get(name, (name, name.lower()))
+        return f"[{message}](#{anchor})"
     if "const" in value:
         return f"`{value['const']}`"
     if "enum" in value:
@@ -160,8 +160,8 @@ def _allowed(value: Schema, definitions: dict[str, Schema]) -> str:
         return f"list of {count}{' ' * bool(count)}{_allowed(value.get('items', {}), definitions)}"
     if kind == "object" and isinstance(value.get("additionalProperties"), dict):
         return f"names with {_allowed(value['additionalProperties'], definitions)}"
-    words = {"string": "text", "boolean": "`true`, `false`"}.get(kind, kind)
-    return " ".join([words, *_bounds(value)])
+    message = {"string": "text", "boolean": "`true`, `false`"}.get(kind, kind)
+    return " ".join([message, *_bounds(value)])
 
 
 def _bounds(value: Schema) -> Iterator[str]:

@@ -95,9 +95,9 @@ def _wanted(kind: str, context: dict[str, Any], message: str) -> str:
         "less_than_equal": ("le", "at most"),
     }
     if kind in numbers:
-        key, words = numbers[kind]
-        return f"allowed is a number {words} {context[key]:g}"
-    words_of = {
+        key, relation = numbers[kind]
+        return f"allowed is a number {relation} {context[key]:g}"
+    expected = {
         "float_type": "allowed is a number",
         "finite_number": "allowed is a finite number",
         "int_type": "allowed is a whole number",
@@ -109,8 +109,8 @@ def _wanted(kind: str, context: dict[str, Any], message: str) -> str:
         "tuple_type": "allowed is a list in brackets",
         "list_type": "allowed is a list in brackets",
     }
-    if kind in words_of:
-        return words_of[kind]
+    if kind in expected:
+        return expected[kind]
     if kind == "string_pattern_mismatch":
         return f"allowed is a text that matches {context['pattern']}"
     if kind in ("too_long", "too_short"):

@@ -19,9 +19,9 @@ from contid.robot_file.document import AnyRobot, BusDescription, RobotFile
 from contid.robot_file.findings import allowed_names, explain, shown
 from contid.robot_file.positions import Data, Document, read_document
 from contid.robot_file.positions import Path as Place
-from contid.robot_file.recovery import mended
+from contid.robot_file.recovery import recovered
 from contid.robot_file.robot import RobotDescription
-from contid.robot_file.watchdog import starved
+from contid.robot_file.watchdog import watchdog_too_short
 
 _Part = TypeVar("_Part", bound=BaseModel)
 
@@ -138,7 +138,7 @@ class _Loader:
         wirings = {name: self._bus(name, raw) for name, raw in buses.items()}
         rate_hz = data.get("rate_hz")
         if isinstance(rate_hz, int | float) and rate_hz > 0:
-            for message in starved([bus for bus in wirings.values() if bus], rate_hz):
+            for message in watchdog_too_short([bus for bus in wirings.values() if bus], rate_hz):
                 self.findings.append(self.document.at_value(("rate_hz",), f"rate_hz: {message}"))
         described = {name: self._robot(name, raw) for name, raw in robots.items()}
         for name, robot in described.items():
@@ -152,7 +152,7 @@ class _Loader:
             return kind.model_validate_json(json.dumps(data), strict=True)
         except ValidationError as error:
             self.findings += explain(error, self.document, at, kind, also)
-            return mended(kind, data)
+            return recovered(kind, data)
 
     def _bus(self, name: str, raw: Data) -> BusWiring | None:
         at: Place = ("buses", name)

@@ -20,7 +20,7 @@ _Model = TypeVar("_Model", bound=BaseModel)
 _ROUNDS: Final = 4
 
 
-def mended(kind: type[_Model], data: Data) -> _Model | None:
+def recovered(kind: type[_Model], data: Data) -> _Model | None:
     """``data`` as a ``kind`` with every mistake dropped or replaced; None when that is not possible."""
     data = copy.deepcopy(data)
     for _ in range(_ROUNDS):

@@ -18,7 +18,7 @@ class _Bus(Protocol):
     def options(self) -> BaseModel: ...
 
 
-def starved(buses: Iterable[_Bus], rate_hz: float) -> Iterator[str]:
+def watchdog_too_short(buses: Iterable[_Bus], rate_hz: float) -> Iterator[str]:
     """What is wrong with a rate, for every bus whose driver has the option ``watchdog_ms``."""
     for bus in buses:
         watchdog_ms = getattr(bus.options, "watchdog_ms", None)

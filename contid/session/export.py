@@ -132,8 +132,8 @@ def export_channels(session: Session, folder: Path) -> list[Path]:
     try:
         folder.mkdir(parents=True, exist_ok=True)
     except OSError as error:
-        words = "it is a file; name a folder, or a table FILE.csv" if folder.is_file() else error.strerror
-        raise SessionError(f"{folder}: cannot write tables there: {words}") from error
+        message = "it is a file; name a folder, or a table FILE.csv" if folder.is_file() else error.strerror
+        raise SessionError(f"{folder}: cannot write tables there: {message}") from error
     tables = {channel: columns(session, channel) for channel in TICK_CHANNELS}
     paths = [folder / f"{channel}.csv" for channel in (*TICK_CHANNELS, "event")]
     with ExitStack() as stack:

@@ -14,7 +14,7 @@ import numpy as np
 
 from contid.control.daemon.control_child import ControlChild
 from contid.control.daemon.daemon import Daemon, RunOptions
-from contid.control.engine.report import Report
+from contid.control.engine.report import RunReport
 from contid.control.engine.wiring import build_preflight, driven_robots
 from contid.control.tick.preflight import Unreachable
 from contid.errors import ContidError
@@ -65,7 +65,7 @@ def recorded_commands(session: Session, loaded: LoadedFile) -> Trajectory:
     return Trajectory(layout, table, range(1, len(table) + 1), Interpolation.LINEAR)
 
 
-def run_on_hardware(session: Session, recorded: LoadedFile, loaded: LoadedFile) -> Report:
+def run_on_hardware(session: Session, recorded: LoadedFile, loaded: LoadedFile) -> RunReport:
     """Send the commands of a session to the buses of a robot file.
 
     Args:

@@ -77,7 +77,7 @@ class Info:
         ]
         for name, robot in self.robots.items():
             lines.append(f"{name}: {robot['model']}, axes {', '.join(robot['axes'])}; last {robot['mode']}")
-        lines += [f"fault: {words}" for words in self.faults] or ["no fault"]
+        lines += [f"fault: {message}" for message in self.faults] or ["no fault"]
         lines.append("events: " + (", ".join(f"{n} {kind}" for kind, n in self.events.items()) or "none"))
         lines += [f"  {line}" for line in self.told]
         lines.append(", ".join(f"{name} {value}" for name, value in self.versions.items()))
@@ -135,7 +135,7 @@ def _notice(info: Info, kinds: Counter[str], event: Any) -> None:
     kind = str(event.get("event"))
     kinds[kind] += 1
     if kind == "fault":
-        info.faults.append(f"tick {event.get('tick')}: {event.get('robot')}: {event.get('words')}")
+        info.faults.append(f"tick {event.get('tick')}: {event.get('robot')}: {event.get('message')}")
     elif kind == "overrun":
         missed = event.get("missed_ticks")
         info.lost += missed if isinstance(missed, int) else 0

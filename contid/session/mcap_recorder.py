@@ -1,10 +1,9 @@
 """The recorder's process: reads the ring, writes every tick through, outlives the daemon.
 
-Started before the first tick as ``python -m contid.session.mcap_recorder``; its `Job` comes pickled on
-stdin, its
-answers go as lines to stdout: ``ready`` or what is wrong, later what went wrong. It sleeps until half a
-period after the next deadline, which it knows from the newest record, with the writer's pidfd in the same
-``select``: one wake-up per tick, no spinning, and nothing to do for the control process.
+Started before the first tick as ``python -m contid.session.mcap_recorder``; its `RecorderJob` comes pickled
+on stdin, its answers go as lines to stdout: ``ready`` or what is wrong, later what went wrong. It sleeps
+until half a period after the next deadline, which it knows from the newest record, with the writer's pidfd
+in the same ``select``: one wake-up per tick, no spinning, and nothing to do for the control process.
 
 It ends when the ring is finished or its writer is gone, whatever became of the daemon: drains, adds the
 footer, compacts. SIGTERM and SIGINT are ignored for that reason (a service manager sends them to everyone).
@@ -27,7 +26,7 @@ from typing import Final
 from contid.control.process.ring import RingReader
 from contid.errors import ContidError
 from contid.session.compact import compact
-from contid.session.format.header import NPZ, Attached, Job
+from contid.session.format.header import NPZ, Attached, RecorderJob
 from contid.session.write import SessionWriter
 
 READY: Final = "ready"
@@ -40,10 +39,10 @@ _SHORTEST_S: Final = 5e-4
 _PRIORITY: Final = -10
 
 
-class Recorder:
+class McapRecorder:
     """From a ring to a file."""
 
-    def __init__(self, job: Job) -> None:
+    def __init__(self, job: RecorderJob) -> None:
         self._reader = RingReader(job.ring)
         try:
             self._writer = SessionWriter(job.path, job.header)
@@ -77,7 +76,7 @@ class Recorder:
                 break
             gone = self._sleep()
         if not finished:
-            self._writer.event({"event": "recorder", "words": "the control process ended without a word"})
+            self._writer.event({"event": "recorder", "message": "the control process ended without a word"})
         self._writer.finish()
 
     def listen(self, descriptor: int) -> None:
@@ -149,9 +148,9 @@ def main() -> int:
         signal.signal(number, signal.SIG_IGN)
     daemon = os.getppid()
     job = pickle.load(sys.stdin.buffer)  # from the daemon that started this process, nobody else has the pipe
-    assert isinstance(job, Job)
+    assert isinstance(job, RecorderJob)
     try:
-        recorder = Recorder(job)
+        recorder = McapRecorder(job)
     except ContidError as error:
         _answer(str(error))
         return error.exit_code
@@ -184,10 +183,10 @@ def _ask_for(nice: int) -> None:
         os.setpriority(os.PRIO_PROCESS, 0, nice)
 
 
-def _answer(words: str) -> None:
+def _answer(message: str) -> None:
     """A line for the daemon, if it still lives."""
     with suppress(OSError):
-        os.write(1, (words.replace("\n", " ") + "\n").encode())
+        os.write(1, (message.replace("\n", " ") + "\n").encode())
 
 
 if __name__ == "__main__":

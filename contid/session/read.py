@@ -13,7 +13,7 @@ from contid.robot_file.load import LoadedFile, parse_robot_file, with_mock
 from contid.session.format import mcap_records as mcap
 from contid.session.format.channels import CHANNELS
 from contid.session.format.decode import Decoder
-from contid.session.format.entries import End, Entry, read_entries
+from contid.session.format.entries import EndOfFile, Entry, read_entries
 from contid.session.format.mcap_records import DamagedRecordError, RecordStream
 from contid.session.format.metadata import FORMAT, TRAJECTORY, unpacked
 from contid.trajectory.timed import Trajectory
@@ -47,7 +47,7 @@ class Session:
         self.path = path
         self._progress = progress
         self.about: dict[str, dict[str, str]] = {}
-        self._end = End()
+        self._end = EndOfFile()
         self._attachments: dict[str, bytes] = {}
         self._topics: dict[int, str] = {}
         if path.exists() and not path.is_file():
@@ -65,8 +65,8 @@ class Session:
         version = self.about.get("contid", {}).get("format")
         known = set(self._topics.values()) & {*CHANNELS}
         if version is None or not (begun or len(known) == len(CHANNELS)):
-            words = "; `mcap filter` keeps its metadata with --include-metadata" if begun and known else ""
-            raise SessionError(f"{path}: not a session of contid, or cut off before its first tick{words}")
+            message = "; `mcap filter` keeps its metadata with --include-metadata" if begun and known else ""
+            raise SessionError(f"{path}: not a session of contid, or cut off before its first tick{message}")
         if version != FORMAT:
             raise SessionError(f"{path}: format {version}; this contid reads format {FORMAT}")
         try:
@@ -151,8 +151,8 @@ class Session:
         try:
             loaded = parse_robot_file(text, name)
         except BadInputError as error:
-            words = "its robot file is refused today; export it with --yaml, mend it, give it with --robot"
-            raise SessionError(f"{self.path}: {words}. In the recorded text:\n{error}") from error
+            message = "its robot file is refused today; export it with --yaml, mend it, give it with --robot"
+            raise SessionError(f"{self.path}: {message}. In the recorded text:\n{error}") from error
         return with_mock(loaded) if self.option("mock") == "True" and not wired else loaded
 
     def trajectory(self, loaded: LoadedFile, played: int = 0) -> Trajectory | None:
@@ -167,8 +167,8 @@ class Session:
         if about is None:
             return None
         if f"{name}.npz" not in self._attachments:
-            words = "`mcap filter` keeps it with --include-attachments, if its time is kept"
-            raise SessionError(f"{self.path}: its {name}.npz is missing; {words}")
+            message = "`mcap filter` keeps it with --include-attachments, if its time is kept"
+            raise SessionError(f"{self.path}: its {name}.npz is missing; {message}")
         if not about.keys() >= {"columns", "sha256", "interpolation"}:
             raise SessionError(f"{self.path}: its trajectory has no columns")
         return unpacked(self._attachments[f"{name}.npz"], about, loaded)

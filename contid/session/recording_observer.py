@@ -16,10 +16,10 @@ from contid.control.daemon.spawn import ENVIRONMENT
 from contid.control.engine.cycle import Sink
 from contid.control.engine.messages import Message, Play
 from contid.control.process.ring import folder
-from contid.control.process.setup import Setup
+from contid.control.process.setup import RunSetup
 from contid.errors import ContidError
 from contid.session.compact import compact
-from contid.session.format.header import NPZ, Attached, Job
+from contid.session.format.header import NPZ, Attached, RecorderJob
 from contid.session.format.metadata import TRAJECTORY, about_trajectory, describe, packed
 from contid.session.mcap_recorder import READY
 from contid.session.write import SessionSink, SessionWriter
@@ -46,7 +46,7 @@ class Recording:
         self._writer: SessionWriter | None = None
         self._played = 0
 
-    def attach(self, setup: Setup, pid: int) -> None:
+    def attach(self, setup: RunSetup, pid: int) -> None:
         """Start the recorder's process and wait until its file is there.
 
         Raises:
@@ -66,7 +66,7 @@ class Recording:
         assert process.stdout is not None
         header = describe(setup, self._options, virtual=False, host=self._host)
         try:
-            pickle.dump(Job(self.path.absolute(), setup.ring, pid, header), process.stdin)
+            pickle.dump(RecorderJob(self.path.absolute(), setup.ring, pid, header), process.stdin)
             process.stdin.flush()
             answer = process.stdout.readline().decode().strip()
         except BrokenPipeError:
@@ -75,7 +75,7 @@ class Recording:
             self._close(5.0)
             raise ContidError(answer or "the recorder ended before it began")
 
-    def follow(self, setup: Setup) -> Sink:
+    def follow(self, setup: RunSetup) -> Sink:
         """Record a run in virtual time within this process.
 
         Raises:
@@ -111,10 +111,10 @@ class Recording:
             self._writer = None
         if self._process is None:
             return ()
-        words, ended = self._close(PATIENCE_S)
+        message, ended = self._close(PATIENCE_S)
         if not ended:
             return (f"{self.path}: complete; it is still being compacted",)
-        return words
+        return message
 
     def _close(self, patience_s: float) -> tuple[tuple[str, ...], bool]:
         """What the recorder said since, and whether it ended in time."""
@@ -129,8 +129,8 @@ class Recording:
         except subprocess.TimeoutExpired:
             process.stdout.close()
             return (), False
-        words = tuple(process.stdout.read().decode().splitlines())
+        message = tuple(process.stdout.read().decode().splitlines())
         process.stdout.close()
-        if process.returncode and not words:
-            words = (f"{self.path}: the recorder ended with status {process.returncode}",)
-        return words, True
+        if process.returncode and not message:
+            message = (f"{self.path}: the recorder ended with status {process.returncode}",)
+        return message, True

@@ -37,8 +37,8 @@ def repair(source: Path, output: Path | None, progress: Callable[[int], None] = 
     if session.cut == DAMAGED:
         most = before.ticks
         if output is None:
-            words = f"{DAMAGED} after {most} ticks; give --output for a copy of what comes before it"
-            raise SessionError(f"{source}: {words}, the rest is kept here only")
+            message = f"{DAMAGED} after {most} ticks; give --output for a copy of what comes before it"
+            raise SessionError(f"{source}: {message}, the rest is kept here only")
     when = datetime.now(UTC).isoformat(timespec="seconds")
     note = {} if session.clean else {"repaired": {"when": when, "found": session.cut}}
     target = compact(source, output, note, most)

@@ -19,8 +19,8 @@ from contid.control.engine.cycle import OnEnd, Timing
 from contid.control.engine.engine import Engine
 from contid.control.engine.messages import Message, Play
 from contid.control.engine.order_events import answer_of, order_of
-from contid.control.engine.ports import Answer, Job
-from contid.control.engine.wiring import build_plans, chain_guards
+from contid.control.engine.ports import BusJob, BusReply
+from contid.control.engine.wiring import build_robot_configs, chain_guards
 from contid.errors import ContidError
 from contid.hal import Sample
 from contid.robot_file.load import LoadedFile
@@ -73,15 +73,15 @@ class RecordedPort:
         self._slots = dict(slots)
         self._told = told
 
-    def lose(self, words: str) -> None:
+    def lose(self, message: str) -> None:
         """See `Port.lose`."""
-        self.lost, self.retry_at = words, 0
+        self.lost, self.retry_at = message, 0
 
-    def start(self, job: Job) -> None:
+    def start(self, job: BusJob) -> None:
         """See `Port.start`; the commands are compared in the record."""
         self.busy, self.exempt = True, job.reopen or bool(job.effects)
 
-    def take(self, timeout_s: float) -> Answer | None:
+    def take(self, timeout_s: float) -> BusReply | None:
         """The recorded answer; None in a tick that ended without one."""
         told, name = self._told, self.bus.name
         answer = told.answers.pop(name, None)
@@ -89,7 +89,7 @@ class RecordedPort:
             if self.lost or name in told.stalls:
                 self.stalls += 1
                 return None
-            answer = Answer()
+            answer = BusReply()
         self.busy, self.stalls = False, 0
         if not answer.lost:
             answer.samples = self._samples()
@@ -117,7 +117,7 @@ class _Told:
 
     def __init__(self) -> None:
         self.values: Sequence[float] = ()
-        self.answers: dict[str, Answer] = {}
+        self.answers: dict[str, BusReply] = {}
         self.stalls: set[str] = set()
         self.faults: dict[str, str] = {}
 
@@ -154,7 +154,7 @@ def replay(session: Session, loaded: LoadedFile, tolerance: float = 0.0) -> Repl
         if bus.axes
     }
     engine = Engine(
-        build_plans(loaded, session.rate_hz),
+        build_robot_configs(loaded, session.rate_hz),
         ports,  # type: ignore[arg-type]  # a port by behaviour
         session.rate_hz,
         sink,
@@ -180,10 +180,10 @@ def replay(session: Session, loaded: LoadedFile, tolerance: float = 0.0) -> Repl
         assert values is not None
         tick, skipped = int(values[0]), int(values[1])
         if tick - last != 1 + skipped - last_skipped:
-            words = f"ticks {last + 1} to {tick - 1} are not in the recording"
+            message = f"ticks {last + 1} to {tick - 1} are not in the recording"
             if tick <= last:
-                words = f"tick {tick} comes after tick {last}: more than one run is in the file"
-            return Replayed(count, None, comparison.largest, words)
+                message = f"tick {tick} comes after tick {last}: more than one run is in the file"
+            return Replayed(count, None, comparison.largest, message)
         told.values, told.stalls = values, set()
         for event in by_tick.pop(tick, ()):
             try:
@@ -210,8 +210,8 @@ def _apply(event: Mapping[str, Any], told: _Told, engine: Engine, tick: int) -> 
     try:
         order = _understood(event, told)
     except (ValueError, KeyError, TypeError, AttributeError, IndexError) as error:
-        words = f"its event {event['event']!r} is damaged: {type(error).__name__}: {error}"
-        raise ContidError(f"tick {tick}: {words}") from error
+        message = f"its event {event['event']!r} is damaged: {type(error).__name__}: {error}"
+        raise ContidError(f"tick {tick}: {message}") from error
     if order is not None:
         engine.obey(order, tick)
 

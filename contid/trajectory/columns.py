@@ -114,7 +114,7 @@ class RobotColumns:
 
 
 @dataclass(frozen=True, slots=True)
-class Layout:
+class ColumnLayout:
     """The meaning of every column of one trajectory.
 
     Attributes:
@@ -137,7 +137,7 @@ class Layout:
 
 def read_layout(
     names: Sequence[tuple[str, int]], file: str, line: int, robots: Mapping[str, RobotDescription]
-) -> Layout:
+) -> ColumnLayout:
     """Understand a header.
 
     Args:
@@ -149,16 +149,16 @@ def read_layout(
     Raises:
         BadInputError: unknown, ambiguous, duplicate, missing or contradicting columns; every finding.
     """
-    words = {robot: vocabulary(description) for robot, description in robots.items()}
+    vocabularies = {robot: vocabulary(description) for robot, description in robots.items()}
     findings: list[Located] = []
     seen: dict[tuple[str, str, int], tuple[int, str]] = {}
     factors, divisors = [1.0] * len(names), [1.0] * len(names)
     for index, (name, column) in enumerate(names):
-        owner, message = _owner(name, words)
+        owner, message = _owner(name, vocabularies)
         if message:
             findings.append(Located(file, line, column, message))
             continue
-        meaning = Meaning("time", 0) if name == TIME else words[owner][name.removeprefix(f"{owner}.")]
+        meaning = Meaning("time", 0) if name == TIME else vocabularies[owner][name.removeprefix(f"{owner}.")]
         key = (owner, meaning.group, meaning.place)
         if key in seen:
             twice = f"column {name!r} is already there as {seen[key][1]!r}"
@@ -167,29 +167,31 @@ def read_layout(
         seen[key] = (index, name)
         factors[index], divisors[index] = meaning.factor, meaning.divisor
     groups = []
-    for robot, known in words.items():
+    for robot, known in vocabularies.items():
         mine = {key[1:]: index for key, (index, _) in seen.items() if key[0] == robot}
         if mine:
             first = names[min(mine.values())][1]
-            findings += [Located(file, line, first, message) for message in _gaps(robot, known, mine, words)]
+            findings += [
+                Located(file, line, first, message) for message in _gaps(robot, known, mine, vocabularies)
+            ]
             groups.append(_group(robot, robots[robot], mine))
     if not groups and not findings:
-        findings.append(Located(file, line, 1, f"no column moves a robot; {_choices(words)}"))
+        findings.append(Located(file, line, 1, f"no column moves a robot; {_choices(vocabularies)}"))
     if findings:
         raise BadInputError(sorted(findings, key=lambda found: found.column))
     time = seen.get(("", "time", 0))
     names_only = tuple(name for name, _ in names)
-    return Layout(names_only, time[0] if time else None, tuple(factors), tuple(divisors), tuple(groups))
+    return ColumnLayout(names_only, time[0] if time else None, tuple(factors), tuple(divisors), tuple(groups))
 
 
-def _owner(name: str, words: Mapping[str, Mapping[str, Meaning]]) -> tuple[str, str]:
+def _owner(name: str, message: Mapping[str, Mapping[str, Meaning]]) -> tuple[str, str]:
     """The robot a column belongs to ("" for the time), or a message."""
     if name == TIME:
         return "", ""
-    for robot, known in words.items():
+    for robot, known in message.items():
         if name.startswith(f"{robot}.") and name.removeprefix(f"{robot}.") in known:
             return robot, ""
-    owners = [robot for robot, known in words.items() if name in known]
+    owners = [robot for robot, known in message.items() if name in known]
     if len(owners) == 1:
         return owners[0], ""
     if owners:
@@ -197,7 +199,7 @@ def _owner(name: str, words: Mapping[str, Mapping[str, Meaning]]) -> tuple[str, 
         return "", f"column {name!r} could belong to {len(owners)} robots; write {choices}"
     if not name:
         return "", "a column has no name"
-    return "", f"unknown column {name[:60]!r}{_habit(name)}; {_choices(words, name)}"
+    return "", f"unknown column {name[:60]!r}{_habit(name)}; {_choices(message, name)}"
 
 
 def _habit(name: str) -> str:
@@ -207,10 +209,10 @@ def _habit(name: str) -> str:
     return " (columns are separated by commas, not by semicolons or tabs)" if {";", "\t"} & {*name} else ""
 
 
-def _choices(words: Mapping[str, Mapping[str, Meaning]], wrong: str = "") -> str:
-    alone = len(words) == 1
-    full = [f"{robot}.{name}" for robot, known in words.items() for name in known]
-    names = [TIME, *(name for known in words.values() for name in known)] if alone else [TIME, *full]
+def _choices(message: Mapping[str, Mapping[str, Meaning]], wrong: str = "") -> str:
+    alone = len(message) == 1
+    full = [f"{robot}.{name}" for robot, known in message.items() for name in known]
+    names = [TIME, *(name for known in message.values() for name in known)] if alone else [TIME, *full]
     near = difflib.get_close_matches(wrong, [*names, *full], n=1)
     return f"allowed: {', '.join(names)}" + (f"; did you mean {near[0]!r}?" if near else "")
 
@@ -219,10 +221,10 @@ def _gaps(
     robot: str,
     known: Mapping[str, Meaning],
     mine: Mapping[tuple[str, int], int],
-    words: Mapping[str, object],
+    message: Mapping[str, object],
 ) -> Iterable[str]:
     """What a robot's columns lack, or have too much of."""
-    front = f"{robot}." if len(words) > 1 else ""
+    front = f"{robot}." if len(message) > 1 else ""
     groups = {group for group, _ in mine}
     for group in sorted(groups - {"extra"}):
         members = {name: meaning for name, meaning in known.items() if meaning.group == group}

@@ -9,7 +9,7 @@ from typing import Final, TextIO
 
 from contid.errors import BadInputError, Located
 from contid.robot_file.robot import RobotDescription
-from contid.trajectory.columns import Layout, read_layout
+from contid.trajectory.columns import ColumnLayout, read_layout
 
 #: A row of a sixteen-finger robot is about a thousand characters.
 MAX_LINE: Final = 65_536
@@ -61,7 +61,7 @@ class RowReader:
             for cell in header.split(","):
                 columns.append((cell.strip().strip('"'), begin + len(cell) - len(cell.lstrip())))
                 begin += len(cell) + 1
-        self.layout: Layout = read_layout(columns, name, number, robots)
+        self.layout: ColumnLayout = read_layout(columns, name, number, robots)
 
     def row(self, line: str, number: int) -> list[float]:
         """One row in SI.

@@ -20,7 +20,7 @@ from contid.targets import Actuation
 from contid.trajectory.approach import Limit, MotionError, per_axis
 
 
-class Stop:
+class JerkLimitedStop:
     """A motion to a standstill; see `stopping`."""
 
     def __init__(self, axes: Sequence[_Axis], position: Actuation, velocity: Actuation) -> None:
@@ -56,7 +56,7 @@ def stopping(
     acceleration: Sequence[float],
     acceleration_limit: Limit,
     jerk_limit: Limit,
-) -> Stop:
+) -> JerkLimitedStop:
     """The stop from any state, every axis at rest at the same instant; there is one for every state.
 
     Args:
@@ -79,7 +79,7 @@ def stopping(
             f"acceleration {list(acceleration)}: they must be finite"
         )
     ways = [_Axis(*each) for each in zip(velocity, acceleration, most, jerk, strict=True)]
-    return Stop(ways, tuple(map(float, position)), tuple(map(float, velocity)))
+    return JerkLimitedStop(ways, tuple(map(float, position)), tuple(map(float, velocity)))
 
 
 #: When a part of constant jerk begins, then position, velocity, acceleration and jerk there.

@@ -11,7 +11,7 @@ from dataclasses import dataclass, field
 import numpy as np
 
 from contid.targets import Target
-from contid.trajectory.columns import Layout
+from contid.trajectory.columns import ColumnLayout
 from contid.trajectory.spline import Floats, cubic, linear
 
 
@@ -33,7 +33,7 @@ class Trajectory:
         interpolation: cubic or linear.
     """
 
-    layout: Layout
+    layout: ColumnLayout
     rows: Floats
     lines: Sequence[int]
     interpolation: Interpolation = Interpolation.CUBIC

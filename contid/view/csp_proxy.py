@@ -32,7 +32,7 @@ def policy(data_port: int) -> str:
 _HOSTS: Final = (LOOPBACK, "localhost")
 
 
-class Page:
+class CspProxy:
     """Serves what the web server of Rerun serves, plus the policy."""
 
     def __init__(self, port: int, inner_port: int, data_port: int) -> None:

@@ -9,9 +9,9 @@ from typing import Any, Final
 from contid.control.engine.tick_layout import RecordLayout
 from contid.robot_file.load import LoadedFile
 from contid.view.frames import Decimator, Frame
-from contid.view.rerun_session import Host
+from contid.view.rerun_session import RerunSession
 from contid.view.stage import build_stage
-from contid.view.view_target import Kind, Where
+from contid.view.view_target import Kind, ViewTarget
 
 #: Ticks that are written together.
 BATCH: Final = 1024
@@ -23,8 +23,8 @@ def draw(
     entries: Iterable[Entry],
     loaded: LoadedFile,
     layout: RecordLayout,
-    where: Where,
-    shown: Callable[[Host], None] = lambda host: None,
+    where: ViewTarget,
+    shown: Callable[[RerunSession], None] = lambda host: None,
 ) -> None:
     """Draw a whole run.
 
@@ -40,7 +40,7 @@ def draw(
     """
     stage = build_stage(loaded, layout.rate_hz)
     decimator = Decimator(layout, curves=True)
-    with Host(where, loaded.file.name, stage, layout.rate_hz, live=False) as host:
+    with RerunSession(where, loaded.file.name, stage, layout.rate_hz, live=False) as host:
         frames: list[Frame] = []
         for values, event in entries:
             if event is not None:
@@ -63,4 +63,4 @@ def export_rrd(
     path: Path,
 ) -> None:
     """Write a run as a file for the viewer; replaces a file that is there."""
-    draw(entries, loaded, layout, Where(Kind.FILE, path))
+    draw(entries, loaded, layout, ViewTarget(Kind.FILE, path))

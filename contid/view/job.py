@@ -6,11 +6,11 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from contid.robot_file.load import LoadedFile
-from contid.view.view_target import Where
+from contid.view.view_target import ViewTarget
 
 
 @dataclass(frozen=True, slots=True)
-class Job:
+class ViewerJob:
     """What a viewer needs to know.
 
     Attributes:
@@ -21,7 +21,7 @@ class Job:
         rate_hz: of the ticks.
     """
 
-    where: Where
+    where: ViewTarget
     ring: Path
     pid: int
     loaded: LoadedFile

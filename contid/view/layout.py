@@ -43,7 +43,7 @@ def build_layout(stage: Stage, live: bool, finished: bool) -> rrb.Blueprint:
     """
     scenes = stage.scenes
     ranges = [_last(WINDOW_S)] if live else None
-    names = [scene.plan.name for scene in scenes]
+    names = [scene.config.name for scene in scenes]
     actuation = [_actuation(scene, ranges) for scene in scenes]
     plots: list[Any] = actuation if len(actuation) <= STACKED else [rrb.Tabs(*actuation)]
     bars = [_bars(scene) for scene in scenes if not scene.planar]
@@ -105,14 +105,14 @@ def _last(seconds: float) -> rrb.VisibleTimeRange:
 
 
 def _actuation(scene: Scene, ranges: Any) -> rrb.TimeSeriesView | rrb.Tabs:
-    plan = scene.plan
+    config = scene.config
     views = []
     for group, axes in scene.groups.items():
-        names = plan.axis_names[axes]
-        what = ", ".join(names) if group else f"{plan.quantity}s"
+        names = config.axis_names[axes]
+        what = ", ".join(names) if group else f"{config.quantity}s"
         view = rrb.TimeSeriesView(
-            name=f"{plan.name}: {what} [{plan.quantity.unit}]",
-            contents=_contents(paths.plot(plan.name, group + curve) for curve in ("command", "measured")),
+            name=f"{config.name}: {what} [{config.quantity.unit}]",
+            contents=_contents(paths.plot(config.name, group + curve) for curve in ("command", "measured")),
             plot_legend=rrb.PlotLegend(visible=len(names) <= LEGEND),
             time_ranges=ranges,
         )
@@ -121,7 +121,7 @@ def _actuation(scene: Scene, ranges: Any) -> rrb.TimeSeriesView | rrb.Tabs:
 
 
 def _bars(scene: Scene) -> rrb.BarChartView:
-    name = scene.plan.name
+    name = scene.config.name
     return rrb.BarChartView(
         name=f"{name}: range in use [%], axis by axis",
         contents=_contents([paths.plot(name, "range")]),
@@ -135,13 +135,13 @@ def _space(stage: Stage) -> rrb.Spatial3DView:
     for scene in scenes:
         parts = ["base", "backbone", "measured", "tracked", "tracked_tip", "frames", "target", "trail"]
         parts += ["reach"] if scene.outline is not None else []
-        entities += [paths.body(scene.plan.name, part) for part in parts]
+        entities += [paths.body(scene.config.name, part) for part in parts]
         behind = rrb.VisibleTimeRanges([_last(TRAIL_S)])
-        trails[paths.body(scene.plan.name, "trail")] = [rr.Points3D.from_fields().visualizer(), behind]
+        trails[paths.body(scene.config.name, "trail")] = [rr.Points3D.from_fields().visualizer(), behind]
     entities += [paths.body(rope.guard.name, "rope") for rope in stage.ropes]
     eye, target, up = eye_of(stage)
     return rrb.Spatial3DView(
-        name=f"{', '.join(scene.plan.name for scene in scenes)}: grid of {stage.cell_mm:g} mm",
+        name=f"{', '.join(scene.config.name for scene in scenes)}: grid of {stage.cell_mm:g} mm",
         origin="/",
         contents=_contents(entities),
         overrides=trails,

@@ -15,7 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from contid.control.engine.tick_layout import RobotRecord
-from contid.control.tick.config import RobotPlan
+from contid.control.tick.config import RobotConfig
 from contid.kinematics.body_shape import from_pose, from_rough_pose
 from contid.units import MM_PER_M
 
@@ -26,7 +26,7 @@ NEAREST_M: Final = 1e-4
 
 
 @dataclass(frozen=True, slots=True)
-class Sight:
+class MeasuredShape:
     """What a tracker sees of one robot.
 
     Attributes:
@@ -38,11 +38,11 @@ class Sight:
     line: NDArray[np.float64] | None
 
 
-def sight(plan: RobotPlan, record: RobotRecord, length_mm: float | None) -> Sight | None:
+def sight(config: RobotConfig, record: RobotRecord, length_mm: float | None) -> MeasuredShape | None:
     """What the tracker saw at a tick; None while there is none.
 
     Args:
-        plan: of the robot.
+        config: of the robot.
         record: its part of the tick.
         length_mm: of the backbone, as the samples of the actuators have it; None while they are unknown. Then
             the curve is good up to some 150 degrees of bending (docs/ph-curves.md).
@@ -52,11 +52,11 @@ def sight(plan: RobotPlan, record: RobotRecord, length_mm: float | None) -> Sigh
         return None
     point = np.array([tip]) * MM_PER_M
     # A direction that was seen is a unit vector; NaN is not greater than anything.
-    if not math.hypot(*direction) > 0.5 or math.dist(tip, plan.frame.origin_in_world) < NEAREST_M:
-        return Sight(point, None)
-    frame, dimension = plan.frame, plan.model.dimension
+    if not math.hypot(*direction) > 0.5 or math.dist(tip, config.frame.origin_in_world) < NEAREST_M:
+        return MeasuredShape(point, None)
+    frame, dimension = config.frame, config.model.dimension
     if length_mm is None:
         shape = from_pose(frame, tip, direction, POINTS, dimension=dimension)
     else:
         shape = from_rough_pose(frame, tip, direction, POINTS, length_mm / MM_PER_M, dimension)
-    return Sight(point, shape.points_in_world * MM_PER_M)
+    return MeasuredShape(point, shape.points_in_world * MM_PER_M)

@@ -14,13 +14,13 @@ from contid.control.daemon.spawn import ENVIRONMENT
 from contid.control.engine.cycle import Sink
 from contid.control.engine.messages import Message
 from contid.control.engine.wiring import record_layout
-from contid.control.process.setup import Setup
+from contid.control.process.setup import RunSetup
 from contid.view.frames import BATCH, Decimator, Frame
-from contid.view.job import Job
-from contid.view.view_target import Kind, Where
+from contid.view.job import ViewerJob
+from contid.view.view_target import Kind, ViewTarget
 
 if TYPE_CHECKING:
-    from contid.view.rerun_session import Host
+    from contid.view.rerun_session import RerunSession
 
 #: How long the end of a run waits for the last pictures.
 PATIENCE_S: Final = 5.0
@@ -29,7 +29,7 @@ PATIENCE_S: Final = 5.0
 class Viewing:
     """Shows one run; an observer of the daemon (`contid.control.daemon.interfaces.Observer`)."""
 
-    def __init__(self, where: Where) -> None:
+    def __init__(self, where: ViewTarget) -> None:
         """Prepare to show it there; see `contid.view.view_target.require`."""
         self._where = where
         self._process: subprocess.Popen[bytes] | None = None
@@ -40,7 +40,7 @@ class Viewing:
         """Process id of the viewer."""
         return None if self._process is None else self._process.pid
 
-    def attach(self, setup: Setup, pid: int) -> None:
+    def attach(self, setup: RunSetup, pid: int) -> None:
         """Start the viewer's process, wait for nothing: the ring keeps what it misses while it imports."""
         self._process = process = subprocess.Popen(
             [sys.executable, "-m", "contid.view.viewer_process"],
@@ -49,12 +49,12 @@ class Viewing:
             env={**os.environ, **ENVIRONMENT},
         )
         assert process.stdin is not None
-        job = Job(self._where, setup.ring, pid, setup.loaded, setup.rate_hz)
+        job = ViewerJob(self._where, setup.ring, pid, setup.loaded, setup.rate_hz)
         with suppress(BrokenPipeError):
             process.stdin.write(pickle.dumps(job))
             process.stdin.close()
 
-    def follow(self, setup: Setup) -> Sink:
+    def follow(self, setup: RunSetup) -> Sink:
         """Draw a run in virtual time within this process."""
         self._sink = DrawingSink(self._where, setup)
         return self._sink
@@ -83,13 +83,13 @@ class Viewing:
 class DrawingSink:
     """Takes the ticks of a run in virtual time."""
 
-    def __init__(self, where: Where, setup: Setup) -> None:
-        from contid.view.rerun_session import Host
+    def __init__(self, where: ViewTarget, setup: RunSetup) -> None:
+        from contid.view.rerun_session import RerunSession
         from contid.view.stage import build_stage
 
         loaded = setup.loaded
         stage = build_stage(loaded, setup.rate_hz)
-        self._host: Host = Host(where, loaded.file.name, stage, setup.rate_hz, live=False)
+        self._host: RerunSession = RerunSession(where, loaded.file.name, stage, setup.rate_hz, live=False)
         self._decimator = Decimator(record_layout(loaded, setup.rate_hz))
         self._frames: list[Frame] = []
 

@@ -52,20 +52,20 @@ def free_port(wanted: int = 0) -> int:
 
 
 def start_rerun(
-    *arguments: str, stays: bool = False, words: IO[bytes] | None = None
+    *arguments: str, stays: bool = False, message: IO[bytes] | None = None
 ) -> subprocess.Popen[bytes]:
     """Start the program on loopback, without statistics.
 
     Args:
         arguments: of the program.
         stays: it outlives this process.
-        words: takes what it says; else nobody hears it.
+        message: takes what it says; else nobody hears it.
     """
     return subprocess.Popen(
         [rerun_program(), "--bind", LOOPBACK, *arguments],
         stdin=subprocess.DEVNULL,
         stdout=subprocess.DEVNULL,
-        stderr=subprocess.DEVNULL if words is None else words,
+        stderr=subprocess.DEVNULL if message is None else message,
         start_new_session=True,
         preexec_fn=None if stays else _end_with_parent,  # no thread of ours runs yet
         env={**os.environ, "CI": "1"},

@@ -8,12 +8,12 @@ from typing import Final
 
 import rerun as rr
 
-from contid.view.csp_proxy import LOOPBACK, Page
+from contid.view.csp_proxy import LOOPBACK, CspProxy
 from contid.view.layout import build_layout
 from contid.view.rerun_program import PATIENCE_S, await_port, free_port, start_rerun
-from contid.view.rerun_writer import Picture
+from contid.view.rerun_writer import RerunWriter
 from contid.view.stage import Stage
-from contid.view.view_target import Kind, ViewError, Where
+from contid.view.view_target import Kind, ViewError, ViewTarget
 from contid.view.window import Window
 
 #: Ports that stay the same from run to run, when they are free.
@@ -38,7 +38,7 @@ class WebServer:
         try:
             for port in (inner, data):
                 await_port(self._process, port)
-            self._page = Page(free_port(PAGE_PORT), inner, data)
+            self._page = CspProxy(free_port(PAGE_PORT), inner, data)
         except BaseException:
             self._end()
             raise
@@ -58,10 +58,10 @@ class WebServer:
         self._process.wait()
 
 
-class Host:
-    """A recording at its place, with its layout, ready for a `Picture`."""
+class RerunSession:
+    """A recording at its place, with its layout, ready for a `RerunWriter`."""
 
-    def __init__(self, where: Where, name: str, stage: Stage, rate_hz: float, live: bool) -> None:
+    def __init__(self, where: ViewTarget, name: str, stage: Stage, rate_hz: float, live: bool) -> None:
         """Open the place.
 
         Args:
@@ -94,9 +94,9 @@ class Host:
                 self.recording.connect_grpc(self.window.data_url, default_blueprint=layout)
         rr.set_log_time_enabled(False, recording=self.recording)
         rr.set_log_tick_enabled(False, recording=self.recording)
-        self.picture = Picture(self.recording, stage, rate_hz)
+        self.picture = RerunWriter(self.recording, stage, rate_hz)
 
-    def __enter__(self) -> Host:
+    def __enter__(self) -> RerunSession:
         """The host itself."""
         return self
 

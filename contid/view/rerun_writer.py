@@ -14,7 +14,7 @@ import rerun as rr
 from numpy.typing import NDArray
 
 from contid.control.engine.tick_layout import RobotRecord
-from contid.control.tick.config import RobotPlan
+from contid.control.tick.config import RobotConfig
 from contid.targets import Vec3
 from contid.units import MM_PER_M
 from contid.view import paths
@@ -61,7 +61,7 @@ LEVELS: Final = {
 SILENT: Final = frozenset({"answer", "limit_name", "mark", "order", "report", "robot"})
 
 
-class Picture:
+class RerunWriter:
     """One recording of the robots of one file."""
 
     def __init__(self, recording: rr.RecordingStream, stage: Stage, rate_hz: float) -> None:
@@ -80,25 +80,29 @@ class Picture:
         log(paths.FLOOR, floor, static=True)
         self._drawn |= {paths.body(rope.guard.name, "rope"): True for rope in self._stage.ropes}
         for index, scene in enumerate(self._scenes):
-            plan = scene.plan
+            config = scene.config
             # Their first row says that there is nothing yet: what the layout shows, exists.
-            self._drawn |= {paths.body(plan.name, part): True for part in ("tracked", "tracked_tip")}
-            log(paths.body(plan.name, "base"), _arrows([scene.base], 2 * ARM * scene.length_mm), static=True)
+            self._drawn |= {paths.body(config.name, part): True for part in ("tracked", "tracked_tip")}
+            log(
+                paths.body(config.name, "base"), _arrows([scene.base], 2 * ARM * scene.length_mm), static=True
+            )
             if scene.outline is not None:
                 outline = rr.LineStrips3D([scene.outline], colors=[REACH], radii=rr.Radius.ui_points(1.0))
-                log(paths.body(plan.name, "reach"), outline, static=True)
+                log(paths.body(config.name, "reach"), outline, static=True)
             for group, axes in scene.groups.items():
-                names = plan.axis_names[axes]
+                names = config.axis_names[axes]
                 inks = [CURVES[k % len(CURVES)] for k in range(len(names))]
                 curves = rr.SeriesLines(names=names, colors=inks, widths=[2.0] * len(inks))
-                log(paths.plot(plan.name, f"{group}command"), curves, static=True)
+                log(paths.plot(config.name, f"{group}command"), curves, static=True)
                 names = tuple(f"{axis} measured" for axis in names)
                 curves = rr.SeriesLines(names=names, colors=[MEASURED] * len(inks), widths=[0.75] * len(inks))
-                log(paths.plot(plan.name, f"{group}measured"), curves, static=True)
-            error = rr.SeriesLines(names=f"{plan.name} commanded", colors=SECTIONS[index % len(SECTIONS)][0])
-            log(paths.plot(plan.name, "tip_error"), error, static=True)
-            error = rr.SeriesLines(names=f"{plan.name} measured", colors=MEASURED, widths=0.75)
-            log(paths.plot(plan.name, "tip_error_measured"), error, static=True)
+                log(paths.plot(config.name, f"{group}measured"), curves, static=True)
+            error = rr.SeriesLines(
+                names=f"{config.name} commanded", colors=SECTIONS[index % len(SECTIONS)][0]
+            )
+            log(paths.plot(config.name, "tip_error"), error, static=True)
+            error = rr.SeriesLines(names=f"{config.name} measured", colors=MEASURED, widths=0.75)
+            log(paths.plot(config.name, "tip_error_measured"), error, static=True)
         log(paths.TIMING, rr.SeriesLines(names=paths.TIMES, colors=CURVES[:2]), static=True)
 
     def write(self, frames: Sequence[Frame]) -> None:
@@ -132,24 +136,24 @@ class Picture:
 
     def _curves(self, scene: Scene, ticks: Sequence[int], records: Sequence[RobotRecord]) -> None:
         """Lengths or pressures and the distance of the tip from its target, commanded and measured."""
-        plan = scene.plan
-        commands, samples = _commands(records), _samples(plan, records)
+        config = scene.config
+        commands, samples = _commands(records), _samples(config, records)
         for what, rows in (("command", commands), ("measured", samples)):
             for group, axes in scene.groups.items():
                 self._scalars(
-                    paths.plot(plan.name, group + what), ticks, rows[:, axes] * plan.quantity.per_si
+                    paths.plot(config.name, group + what), ticks, rows[:, axes] * config.quantity.per_si
                 )
         errors = [[record.tip_error_m * MM_PER_M] for record in records]
-        self._scalars(paths.plot(plan.name, "tip_error"), ticks, errors)
-        errors = [[_off(plan, *each) * MM_PER_M] for each in zip(records, samples, strict=True)]
-        self._scalars(paths.plot(plan.name, "tip_error_measured"), ticks, errors)
+        self._scalars(paths.plot(config.name, "tip_error"), ticks, errors)
+        errors = [[_off(config, *each) * MM_PER_M] for each in zip(records, samples, strict=True)]
+        self._scalars(paths.plot(config.name, "tip_error_measured"), ticks, errors)
 
     def _space(
         self, index: int, scene: Scene, ticks: Sequence[int], records: Sequence[RobotRecord]
     ) -> list[Look | None]:
         """Backbones, frames, target and trail; bars. Returns what was commanded, or measured before that."""
-        plan = scene.plan
-        commands, samples = _commands(records), _samples(plan, records)
+        config = scene.config
+        commands, samples = _commands(records), _samples(config, records)
         if not scene.planar:
             self._range(index, scene, ticks, commands)
         loads = [_known(record.load_n) for record in records]
@@ -160,9 +164,9 @@ class Picture:
         looks = [a or b for a, b in zip(wanted, seen, strict=True)]
         self._frames(scene, ticks, looks)
         targets = [np.array([record.tip_m]) * MM_PER_M for record in records]
-        self._points(paths.body(plan.name, "target"), ticks, targets, TARGET, 7.0)
+        self._points(paths.body(config.name, "target"), ticks, targets, TARGET, 7.0)
         tips = [np.full((1, 3), np.nan) if look is None else look.tip[None] for look in seen]
-        self._points(paths.body(plan.name, "trail"), ticks, tips, TRAIL, 1.0)
+        self._points(paths.body(config.name, "trail"), ticks, tips, TRAIL, 1.0)
         self._tracked(scene, ticks, records, seen)
         return looks
 
@@ -170,13 +174,13 @@ class Picture:
         self, scene: Scene, ticks: Sequence[int], records: Sequence[RobotRecord], looks: Sequence[Look | None]
     ) -> None:
         """What a tracker sees, and the curve through it; ``looks`` are what the samples say."""
-        plan = scene.plan
+        config = scene.config
         lengths = [None if look is None else scene.backbone_mm(look) for look in looks]
-        sights = [sight(plan, record, mm) for record, mm in zip(records, lengths, strict=True)]
+        sights = [sight(config, record, mm) for record, mm in zip(records, lengths, strict=True)]
         tips = [np.full((1, 3), np.nan) if seen is None else seen.tip for seen in sights]
-        self._points(paths.body(plan.name, "tracked_tip"), ticks, tips, TRACKED, 4.0)
+        self._points(paths.body(config.name, "tracked_tip"), ticks, tips, TRACKED, 4.0)
         lines = [None if seen is None else seen.line for seen in sights]
-        self._lines(paths.body(plan.name, "tracked"), ticks, lines, TRACKED)
+        self._lines(paths.body(config.name, "tracked"), ticks, lines, TRACKED)
 
     def _ropes(self, ticks: Sequence[int], looks: Sequence[Sequence[Look | None]]) -> None:
         """The ropes between the arms of closed chains, none where they do not reach."""
@@ -209,7 +213,7 @@ class Picture:
         radius: float,
     ) -> None:
         """Strips of every frame: sections in the robot's colours, edges thin; none where it is unknown."""
-        entity = paths.body(scene.plan.name, part)
+        entity = paths.body(scene.config.name, part)
         keep = self._changes(entity, [look is not None for look in looks])
         shown = [looks[k] for k in keep]
         strips = [[] if look is None else [strip.tolist() for strip in look.strips] for look in shown]
@@ -231,7 +235,7 @@ class Picture:
 
     def _frames(self, scene: Scene, ticks: Sequence[int], looks: Sequence[Look | None]) -> None:
         """Frames at the end of the first section and at the tip."""
-        entity = paths.body(scene.plan.name, "frames")
+        entity = paths.body(scene.config.name, "frames")
         shown = [(tick, look) for tick, look in zip(ticks, looks, strict=True) if look is not None]
         if not shown:
             return
@@ -267,7 +271,7 @@ class Picture:
 
     def _range(self, index: int, scene: Scene, ticks: Sequence[int], commands: NDArray[np.float64]) -> None:
         """How much of its range every axis uses [%], as bars."""
-        low, high = np.array(scene.plan.model.lower), np.array(scene.plan.model.upper)
+        low, high = np.array(scene.config.model.lower), np.array(scene.config.model.upper)
         used = 100.0 * (commands - low) / (high - low)
         known = np.isfinite(used).all(axis=1)
         left, ink = np.arange(len(low)) + 0.5, SECTIONS[index % len(SECTIONS)][0]  # bars about 1, 2, 3
@@ -275,7 +279,7 @@ class Picture:
             self._recording.set_time(paths.TICK, sequence=tick)
             self._recording.set_time(paths.TIME, duration=tick / self._rate_hz)
             self._recording.log(
-                paths.plot(scene.plan.name, "range"), rr.BarChart(row, abscissa=left, color=ink)
+                paths.plot(scene.config.name, "range"), rr.BarChart(row, abscissa=left, color=ink)
             )
 
     def _scalars(self, entity: str, ticks: Sequence[int], values: Any) -> None:
@@ -314,19 +318,19 @@ def _commands(records: Sequence[RobotRecord]) -> NDArray[np.float64]:
     return np.array([[axis.command for axis in record.axes] for record in records])
 
 
-def _samples(plan: RobotPlan, records: Sequence[RobotRecord]) -> NDArray[np.float64]:
+def _samples(config: RobotConfig, records: Sequence[RobotRecord]) -> NDArray[np.float64]:
     """The actuation [m or Pa] that was measured, a row per record."""
     values = (tuple(axis.value for axis in record.axes) for record in records)
-    return np.array([plan.transmission.to_actuation(each) for each in values])
+    return np.array([config.transmission.to_actuation(each) for each in values])
 
 
-def _off(plan: RobotPlan, record: RobotRecord, sample: NDArray[np.float64]) -> float:
+def _off(config: RobotConfig, record: RobotRecord, sample: NDArray[np.float64]) -> float:
     """Distance [m] of the target from the tip as the model has it for a sample; nan unless it is followed."""
     if not (np.isfinite(sample).all() and math.isfinite(record.tip_error_m)):
         return math.nan
-    load = plan.frame.vector_in_base(_known(record.load_n))
-    pose = plan.model.forward(tuple(sample.tolist()), load)
-    return math.dist(plan.frame.point_in_world(pose.tip_m), record.tip_m)
+    load = config.frame.vector_in_base(_known(record.load_n))
+    pose = config.model.forward(tuple(sample.tolist()), load)
+    return math.dist(config.frame.point_in_world(pose.tip_m), record.tip_m)
 
 
 def _known(load_n: Vec3) -> Vec3:
@@ -339,7 +343,7 @@ def _words(event: Mapping[str, Any]) -> str:
     rest = dict(event)
     kind = rest.pop("event")
     robot = rest.pop("robot", None)
-    said = rest.pop("words", None)
+    said = rest.pop("message", None)
     rounded = {name: f"{value:.4g}" if isinstance(value, float) else value for name, value in rest.items()}
     details = ", ".join(f"{name} {value}" for name, value in rounded.items())
     line = str(said) if said is not None else f"{kind}{': ' if details else ''}{details}"

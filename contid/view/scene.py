@@ -14,7 +14,7 @@ from typing import Final
 import numpy as np
 from numpy.typing import NDArray
 
-from contid.control.tick.config import RobotPlan
+from contid.control.tick.config import RobotConfig
 from contid.kinematics.rack.finger import RackFingerModel
 from contid.robot_file.cosserat import Cosserat
 from contid.robot_file.rack_finger import RackFinger
@@ -55,7 +55,7 @@ class Scene:
     """One robot.
 
     Attributes:
-        plan: of the robot.
+        config: of the robot.
         length_mm: from base to tip, at rest or half-way through its range, whichever is longer.
         outline: closed line around the reach of a planar finger [mm], None for other robots.
         seen: points that the robot is likely to come to, (n, 3) [mm]; the camera is set to see them all.
@@ -63,17 +63,17 @@ class Scene:
         up: what is up in the world for whoever looks at the robot: a hanging arm hangs.
     """
 
-    def __init__(self, plan: RobotPlan, robot: RobotDescription) -> None:
-        self.plan = plan
-        self._rotation = np.array(plan.frame.rotation).reshape(3, 3)
-        self._origin = np.array(plan.frame.origin_in_world)
-        own, count = len(plan.axis_names) - len(robot.extra_axis_names), len(plan.axis_names)
+    def __init__(self, config: RobotConfig, robot: RobotDescription) -> None:
+        self.config = config
+        self._rotation = np.array(config.frame.rotation).reshape(3, 3)
+        self._origin = np.array(config.frame.origin_in_world)
+        own, count = len(config.axis_names) - len(robot.extra_axis_names), len(config.axis_names)
         self.groups = {"": slice(0, own)} | ({"extra_": slice(own, count)} if own < count else {})
         self._spacing_m = 0.0
         self.outline: Array | None = None
         self.up: Vec3 = (0.0, 0.0, 1.0)
-        halfway = tuple(0.5 * (a + b) for a, b in zip(plan.model.lower, plan.model.upper, strict=True))
-        lines = [plan.model.shape(actuation, POINTS) for actuation in (plan.rest, halfway)]
+        halfway = tuple(0.5 * (a + b) for a, b in zip(config.model.lower, config.model.upper, strict=True))
+        lines = [config.model.shape(actuation, POINTS) for actuation in (config.rest, halfway)]
         self.length_mm = max(map(_length, lines)) * MM_PER_M
         if isinstance(robot, RackFinger):
             self._spacing_m = robot.geometry.rack_spacing_mm / MM_PER_M
@@ -82,13 +82,13 @@ class Scene:
         else:
             self.seen = self._world(_swayed(np.vstack(lines)))
         if isinstance(robot, Cosserat):
-            x, y, z = plan.frame.vector_in_world(robot.geometry.gravity_unit)
+            x, y, z = config.frame.vector_in_world(robot.geometry.gravity_unit)
             self.up = (-x, -y, -z)
 
     @property
     def planar(self) -> bool:
         """True when the robot stays in its x-y plane."""
-        return self.plan.model.dimension == 2
+        return self.config.model.dimension == 2
 
     @property
     def base(self) -> Array:
@@ -99,9 +99,9 @@ class Scene:
         """The robot at an actuation and a known tip load; None where an axis is unknown."""
         if not all(map(math.isfinite, actuation)):
             return None
-        load = self.plan.frame.vector_in_base(load_in_world)
-        line = self.plan.model.shape(actuation, POINTS, load)
-        pose = self.plan.model.forward(actuation, load)
+        load = self.config.frame.vector_in_base(load_in_world)
+        line = self.config.model.shape(actuation, POINTS, load)
+        pose = self.config.model.forward(actuation, load)
         frames = [np.vstack([self._world(np.array([pose.tip_m])), self._turned(pose.rotation)])]
         sections = [line]
         cut = int(np.argmin(np.linalg.norm(line - np.array(pose.mid_m), axis=1)))

@@ -9,8 +9,8 @@ from typing import Final
 
 import numpy as np
 
-from contid.control.engine.wiring import build_plans, chain_guards
-from contid.control.tick.config import RobotPlan
+from contid.control.engine.wiring import build_robot_configs, chain_guards
+from contid.control.tick.config import RobotConfig
 from contid.kinematics.rope.chain import ChainGuard, Tip
 from contid.robot_file.load import LoadedFile
 from contid.units import MM_PER_M
@@ -24,7 +24,7 @@ CELLS: Final = 20
 
 
 @dataclass(frozen=True)
-class Rope:
+class RopeDrawing:
     """The rope of a closed chain.
 
     Attributes:
@@ -59,7 +59,7 @@ class Stage:
     """
 
     scenes: Sequence[Scene]
-    ropes: Sequence[Rope]
+    ropes: Sequence[RopeDrawing]
     cell_mm: float
 
     @property
@@ -82,10 +82,12 @@ class Stage:
 
 def build_stage(loaded: LoadedFile, rate_hz: float) -> Stage:
     """All robots and ropes of a file."""
-    plans: Sequence[RobotPlan] = build_plans(loaded, rate_hz)
-    scenes = [Scene(plan, loaded.file.robots[plan.name]) for plan in plans]
-    places = {plan.name: index for index, plan in enumerate(plans)}
-    ropes = [Rope(guard, (places[guard.arms[0]], places[guard.arms[1]])) for guard in chain_guards(loaded)]
+    configs: Sequence[RobotConfig] = build_robot_configs(loaded, rate_hz)
+    scenes = [Scene(config, loaded.file.robots[config.name]) for config in configs]
+    places = {config.name: index for index, config in enumerate(configs)}
+    ropes = [
+        RopeDrawing(guard, (places[guard.arms[0]], places[guard.arms[1]])) for guard in chain_guards(loaded)
+    ]
     size_mm = float(np.ptp(np.vstack([scene.seen for scene in scenes]), axis=0).max())
     cell_mm = next((cell for cell in CELLS_MM if cell * CELLS >= size_mm), math.ceil(size_mm / CELLS))
     return Stage(scenes, ropes, cell_mm)

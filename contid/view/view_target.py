@@ -28,7 +28,7 @@ class Kind(enum.Enum):
 
 
 @dataclass(frozen=True, slots=True)
-class Where:
+class ViewTarget:
     """One place.
 
     Attributes:
@@ -40,20 +40,20 @@ class Where:
     path: Path | None = None
 
 
-def parse_where(text: str) -> Where:
+def parse_where(text: str) -> ViewTarget:
     """The place that ``--view`` names.
 
     Raises:
         ViewError: it names none.
     """
     if text in (Kind.SPAWN.value, Kind.SERVE.value):
-        return Where(Kind(text))
+        return ViewTarget(Kind(text))
     if text.endswith(".rrd"):
-        return Where(Kind.FILE, Path(text).absolute())
+        return ViewTarget(Kind.FILE, Path(text).absolute())
     raise ViewError(f"--view {text}: say spawn (a window), serve (a page on this machine) or FILE.rrd")
 
 
-def require(where: Where, environment: Mapping[str, str] = os.environ) -> None:
+def require(where: ViewTarget, environment: Mapping[str, str] = os.environ) -> None:
     """Refuse now what could only fail later.
 
     Raises:

@@ -1,9 +1,8 @@
 """The viewer's process: reads the ring, draws, holds nobody up.
 
-Started as ``python -m contid.view.viewer_process`` with a pickled `Job` on stdin, at a lower priority than
-all that
-moves. It is the only process of a run that imports Rerun. What it cannot keep up with is dropped and counted;
-it ends when the ring is finished or its writer is gone.
+Started as ``python -m contid.view.viewer_process`` with a pickled `ViewerJob` on stdin, at a lower priority
+than all that moves. It is the only process of a run that imports Rerun. What it cannot keep up
+with is dropped and counted; it ends when the ring is finished or its writer is gone.
 """
 
 from __future__ import annotations
@@ -18,7 +17,7 @@ from typing import Final
 from contid.control.process.ring import RingReader
 from contid.errors import ContidError
 from contid.view.frames import BATCH, FRAMES_HZ, Decimator, Frame
-from contid.view.job import Job
+from contid.view.job import ViewerJob
 from contid.view.view_target import Kind
 
 NICE: Final = 10
@@ -27,9 +26,9 @@ NICE: Final = 10
 class Viewer:
     """From a ring to a picture."""
 
-    def __init__(self, job: Job, reader: RingReader) -> None:
+    def __init__(self, job: ViewerJob, reader: RingReader) -> None:
         # Here: whoever only wants the job must not pay for Rerun.
-        from contid.view.rerun_session import Host
+        from contid.view.rerun_session import RerunSession
         from contid.view.stage import build_stage
 
         self._reader = reader
@@ -42,7 +41,7 @@ class Viewer:
         except ProcessLookupError:
             self._pidfd = -1
         stage = build_stage(job.loaded, job.rate_hz)
-        self._host = Host(job.where, job.loaded.file.name, stage, job.rate_hz, live=True)
+        self._host = RerunSession(job.where, job.loaded.file.name, stage, job.rate_hz, live=True)
         self._picture = self._host.picture
         if self._host.server is not None:
             sys.stderr.write(f"contid: view: {self._host.server.url}\n")
@@ -81,8 +80,8 @@ class Viewer:
             self._picture.event(event)
         missed = self._reader.missed_ticks
         if missed != self._missed:
-            words = f"{missed - self._missed} ticks passed while the viewer stood still"
-            self._picture.event({"event": "viewer", "words": words})
+            message = f"{missed - self._missed} ticks passed while the viewer stood still"
+            self._picture.event({"event": "viewer", "message": message})
             self._missed = missed
 
     def _draw(self) -> None:
@@ -97,7 +96,7 @@ def main() -> int:
     os.nice(NICE)
     os.environ.setdefault("RUST_LOG", "off")  # Rerun's own words about a window that was closed
     job = pickle.load(sys.stdin.buffer)  # from the daemon that started this process, nobody else has the pipe
-    assert isinstance(job, Job)
+    assert isinstance(job, ViewerJob)
     try:
         reader = RingReader(job.ring)
     except ContidError:

@@ -27,9 +27,9 @@ class Window:
         """
         port = free_port()
         self.data_url = f"rerun+http://{LOOPBACK}:{port}/proxy"
-        with tempfile.TemporaryFile() as words:
+        with tempfile.TemporaryFile() as message:
             arguments = ("--port", str(port), "--hide-welcome-screen", *files)
-            self._process = start_rerun(*arguments, stays=True, words=words)
+            self._process = start_rerun(*arguments, stays=True, message=message)
             try:
                 await_port(self._process, port)
                 deadline_s = time.monotonic() + OPENING_S
@@ -40,8 +40,8 @@ class Window:
             except ViewError as error:
                 self._process.kill()
                 self._process.wait()
-                words.seek(0)
-                why = _reason(words.read().decode(errors="replace"))
+                message.seek(0)
+                why = _reason(message.read().decode(errors="replace"))
                 raise ViewError(
                     f"no window: {why or error}; a page for a browser (serve) or a file needs no display"
                 ) from None
@@ -52,7 +52,7 @@ class Window:
         return self._process.poll() is None
 
 
-def _reason(words: str) -> str:
+def _reason(message: str) -> str:
     """The last error a program told, without its colours and its web addresses; empty when it told none."""
-    told = [line for line in _COLOURS.sub("", words).splitlines() if line.startswith("Error: ")]
+    told = [line for line in _COLOURS.sub("", message).splitlines() if line.startswith("Error: ")]
     return told[-1].removeprefix("Error: ").partition(" Check the ")[0].rstrip(".") if told else ""

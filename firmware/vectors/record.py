@@ -15,7 +15,7 @@ from contid.hal import AxisOnBus
 from contid_drivers.due import frames, messages, wiring
 from contid_drivers.due.codes import RestCode, Type
 from contid_drivers.due.firmware import build_host
-from contid_drivers.due.options import AxisOptions, BusOptions
+from contid_drivers.due.options import DueAxisOptions, DueBusOptions
 
 HERE = Path(__file__).parent
 PAYLOADS = [b"\x01", b"\0", b"\0\0\0", bytes(range(1, 255)), bytes(range(256)), b"\x55" * 253, b"\x55" * 254,
@@ -27,11 +27,11 @@ def config(role: str, *axes: dict[str, object]) -> tuple[bytes, int]:
     """The body of a configure message, and the configuration's CRC."""
     on_bus = [
         AxisOnBus(
-            str(a["channel"]), AxisOptions.model_validate(a), (-10.0, 60.0) if role == "motor" else None
+            str(a["channel"]), DueAxisOptions.model_validate(a), (-10.0, 60.0) if role == "motor" else None
         )
         for a in axes
     ]
-    blob = wiring.board_config("b", BusOptions(port="x", role=role), on_bus)  # type: ignore[arg-type]
+    blob = wiring.board_config("b", DueBusOptions(port="x", role=role), on_bus)  # type: ignore[arg-type]
     return wiring.config_body(blob), frames.crc16(blob)
 
 

@@ -80,7 +80,7 @@ def test_a_finger_that_does_not_bend_is_no_measurement_of_its_bending() -> None:
 
 
 @pytest.mark.parametrize(
-    ("edit", "words"),
+    ("edit", "message"),
     [
         (lambda t: t.replace("x_px", "x_pix"), "unknown column 'x_pix'"),
         (lambda t: t.replace("posture,", "pose,"), "column posture is missing"),
@@ -89,8 +89,8 @@ def test_a_finger_that_does_not_bend_is_no_measurement_of_its_bending() -> None:
         (lambda t: "", "empty"),
     ],
 )
-def test_mistakes_in_the_data_are_named(edit, words: str) -> None:
-    with pytest.raises(BadInputError, match=words):
+def test_mistakes_in_the_data_are_named(edit, message: str) -> None:
+    with pytest.raises(BadInputError, match=message):
         read_postures(edit(photograph(0)).splitlines(), "m.csv", rack_spacing_mm=13, mm_per_px=0.2)
 
 

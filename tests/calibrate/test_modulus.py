@@ -13,7 +13,7 @@ import numpy as np
 import pytest
 from click.testing import CliRunner
 
-from contid.calibrate.elongation_data import Reading, read_readings
+from contid.calibrate.elongation_data import ElongationReading, read_readings
 from contid.calibrate.modulus import CalibrationError, bending_deg, fit, growing_range
 from contid.cli.commands.calibrate import command
 from contid.errors import BadInputError, ContidError
@@ -24,7 +24,9 @@ from tests.models.cosserat_cases import MODULI, section
 LEVELS = np.linspace(0.1, 1.5, 15)
 
 
-def readings(made: Section, number: int = 1, noise_mm: float = 0.0, bends: bool = False) -> list[Reading]:
+def readings(
+    made: Section, number: int = 1, noise_mm: float = 0.0, bends: bool = False
+) -> list[ElongationReading]:
     """Five trials of elongation, like the paper's, and bending with one and with two pairs."""
     rng = np.random.default_rng(4)
     rows = []
@@ -32,10 +34,10 @@ def readings(made: Section, number: int = 1, noise_mm: float = 0.0, bends: bool 
         for x in LEVELS:
             stretch = made.inflated(np.full(3, x)).strain * made.length
             measured = stretch + noise_mm * float(rng.normal())
-            rows.append(Reading(len(rows) + 2, number, str(trial), (x, x, x), measured, None))
+            rows.append(ElongationReading(len(rows) + 2, number, str(trial), (x, x, x), measured, None))
     for x in LEVELS if bends else ():
         for p in ((x, 0.0, 0.0), (0.0, x, x)):
-            rows.append(Reading(len(rows) + 2, number, "", p, None, bending_deg(made, np.array(p))))
+            rows.append(ElongationReading(len(rows) + 2, number, "", p, None, bending_deg(made, np.array(p))))
     return rows
 
 
@@ -84,7 +86,7 @@ def test_what_cannot_be_fitted_is_said() -> None:
         fit(section(0), 1, [row for row in rows if row.average_bar < 0.45])
     with pytest.raises(CalibrationError, match="check the zero"):
         fit(section(0), 1, [replace(rows[0], elongation_mm=-0.1), *rows[1:]])
-    equal = Reading(99, 1, "", (0.5, 0.5, 0.5), None, 30.0)
+    equal = ElongationReading(99, 1, "", (0.5, 0.5, 0.5), None, 30.0)
     with pytest.raises(CalibrationError, match="unequal pressures"):
         fit(section(0), 1, [*rows, equal])
 
@@ -125,10 +127,10 @@ def test_tables_that_say_nothing_are_refused(text: str, what: str) -> None:
 
 def test_what_is_left_out_or_empty_has_its_default() -> None:
     (reading,) = read_readings(["p3_bar,p2_bar,p1_bar,bend_deg", "0.3,0.2,0.1,4"], "data.csv")
-    assert reading == Reading(2, 1, "", (0.1, 0.2, 0.3), None, 4.0)
+    assert reading == ElongationReading(2, 1, "", (0.1, 0.2, 0.3), None, 4.0)
     lines = ["trial,section,p1_bar,p2_bar,p3_bar,elongation_mm,bend_deg", ",,0.5,0.5,0.5,9,"]
     (reading,) = read_readings(lines, "data.csv")
-    assert reading == Reading(2, 1, "", (0.5, 0.5, 0.5), 9.0, None)
+    assert reading == ElongationReading(2, 1, "", (0.5, 0.5, 0.5), 9.0, None)
 
 
 def write_csv(path: Path) -> None:

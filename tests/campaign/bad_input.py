@@ -22,9 +22,9 @@ from pathlib import Path
 
 from contid.control.engine.cycle import OnEnd
 from contid.control.engine.virtual import run_virtual
-from contid.control.process.setup import Setup
+from contid.control.process.setup import RunSetup
 from contid.errors import ContidError
-from contid.remote.protocol.wire import Take, decode
+from contid.remote.protocol.wire import RequestFields, decode
 from contid.robot_file.load import load_robot_file, parse_robot_file, with_mock
 from contid.robot_file.shipped import configs_folder
 from contid.session.export import export_joined
@@ -103,7 +103,7 @@ def request(data: bytes) -> None:
     """Lines of the socket, as far as no daemon is needed; `tests.campaign.siege` has one."""
     for line in data.split(b"\n"):
         with suppress(ContidError):
-            take = Take(decode(line))
+            take = RequestFields(decode(line))
             take.number("timeout_s", 1.0, 0.1, 60.0)
             take.text("name", "")
             take.flag("takeover")
@@ -208,7 +208,7 @@ def _recorded() -> bytes:
     with tempfile.TemporaryDirectory() as folder, ExitStack() as stack:
         path = Path(folder) / "s.mcap"
         recording = Recording(path, {"mock": "True"})
-        sink = recording.follow(Setup(loaded, 50.0, Path(), source, OnEnd.STOP, attended=False))
+        sink = recording.follow(RunSetup(loaded, 50.0, Path(), source, OnEnd.STOP, attended=False))
         stack.callback(recording.detach)
         run_virtual(loaded, 50.0, source, sinks=[sink])
         stack.close()
@@ -257,8 +257,8 @@ def campaign(name: str, rounds: int, seed: int) -> list[tuple[bytes, str]]:
         good, shape = dice.choice(corpus(name)), SHAPES.get(name)
         inside = shape is not None and dice.random() < 0.5
         data = shape(good, dice, mutated) if shape is not None and inside else mutated(good, dice)
-        if words := attempt(name, data):
-            found.append((data, words))
+        if message := attempt(name, data):
+            found.append((data, message))
     return found
 
 
@@ -279,8 +279,8 @@ def main() -> int:
             found = campaign(name, asked.rounds, asked.seed)
         violations += len(found)
         print(f"{name:<14}{asked.rounds:>8}{len(found):>12}", flush=True)
-        for kind in sorted({words.strip().splitlines()[-1][:200] for _, words in found})[:10]:
-            example = next(words for _, words in found if words.strip().splitlines()[-1][:200] == kind)
+        for kind in sorted({message.strip().splitlines()[-1][:200] for _, message in found})[:10]:
+            example = next(message for _, message in found if message.strip().splitlines()[-1][:200] == kind)
             print("    " + "\n    ".join(example.strip().splitlines()[-5:]))
     return 1 if violations else 0
 

@@ -28,7 +28,7 @@ class Tally:
     violations: Counter[str] = field(default_factory=Counter)
     faults: Counter[tuple[str, str]] = field(default_factory=Counter)
     machines: Counter[str] = field(default_factory=Counter)
-    words: list[str] = field(default_factory=list)
+    message: list[str] = field(default_factory=list)
 
     def judge(self, seen: Seen, reference: Seen) -> None:
         """Check one run against every invariant."""
@@ -45,10 +45,10 @@ class Tally:
     def _count(self, name: str, case: Case, found: list[str]) -> None:
         self.checks[name] += 1
         self.violations[name] += bool(found)
-        if found and len(self.words) < KEPT:
+        if found and len(self.message) < KEPT:
             what = ", ".join(f"{f.kind} {f.axis or f.bus} {f.tick}+{f.ticks}" for f in case.faults)
             where = f"{case.machine.name}, seed {self.seed}:{case.number}; {what or 'no fault'}"
-            self.words.append(f"{name}: {found[0]} [{where}]")
+            self.message.append(f"{name}: {found[0]} [{where}]")
 
     def table(self) -> str:
         """Counts per invariant, then faults by the state they met."""
@@ -70,7 +70,7 @@ class Tally:
         lines += [
             f"{kind:<10}" + "".join(f"{self.faults[kind, mode]:>11}" for mode in modes) for kind in kinds
         ]
-        return "\n".join([*lines, *(["", *self.words] if self.words else [])])
+        return "\n".join([*lines, *(["", *self.message] if self.message else [])])
 
 
 def campaign(

@@ -26,7 +26,7 @@ import psutil
 
 from contid.client import Client
 from contid.control.process.ring import folder as ring_folder
-from contid.remote.protocol.socket_path import answers
+from contid.remote.protocol.socket_path import is_listening
 from contid.robot_file.shipped import configs_folder
 from tests.control.fingers import fingers
 from tests.remote.daemons import until
@@ -250,11 +250,11 @@ class Exits:
         # Patience enough to be met while it waits.
         text = re.sub(r"port: \S+", f"port: {port}", text)
         self._start(text)
-        until(lambda: answers(self.socket) or self.process.poll() is not None, "the daemon is there")
+        until(lambda: is_listening(self.socket) or self.process.poll() is not None, "the daemon is there")
         self._wait(0.0, 0.6)
 
     def _client(self) -> None:
-        until(lambda: answers(self.socket) or self.process.poll() is not None, "the daemon listens")
+        until(lambda: is_listening(self.socket) or self.process.poll() is not None, "the daemon listens")
         self.client = self._stack.enter_context(Client(self.socket))
 
     def _states(self) -> set[str]:
@@ -306,7 +306,7 @@ def main() -> int:
     for state in STATES:
         left = [exits.leave(state) for _ in range(asked.rounds)]
         seconds = sorted(each.seconds for each in left)
-        found = [words for each in left for words in each.violations()]
+        found = [message for each in left for message in each.violations()]
         wrong += found
         times = f"{seconds[len(seconds) // 2]:>10.2f}{seconds[-1]:>10.2f}"
         print(f"{left[0].state:<32}{len(left):>8}{times}{len(found):>12}", flush=True)

@@ -9,7 +9,7 @@ from itertools import pairwise
 from contid.control.engine import messages as msg
 from contid.control.engine.tick_layout import ENABLED
 from contid.control.engine.wiring import chain_guards
-from contid.control.tick.config import STALE_S, RobotPlan
+from contid.control.tick.config import STALE_S, RobotConfig
 from contid.control.tick.faults import Fault
 from contid.control.tick.supervisor import Mode
 from contid_drivers.sim.options import FaultKind
@@ -23,8 +23,8 @@ _DRIVEN = (Mode.APPROACH, Mode.RUN, Mode.HOLD, Mode.STOPPING, Mode.FAULT)
 _WATCHED = (Mode.READY, Mode.ARMING, Mode.APPROACH, Mode.RUN, Mode.HOLD, Mode.STOPPING)
 
 
-def _robots(seen: Seen) -> Iterator[tuple[int, RobotPlan]]:
-    yield from enumerate(seen.case.machine.plans)
+def _robots(seen: Seen) -> Iterator[tuple[int, RobotConfig]]:
+    yield from enumerate(seen.case.machine.configs)
 
 
 def _commands(seen: Seen, robot: int) -> Iterator[tuple[int, tuple[float, ...], tuple[float, ...]]]:
@@ -38,45 +38,45 @@ def _commands(seen: Seen, robot: int) -> Iterator[tuple[int, tuple[float, ...], 
 
 def position(seen: Seen) -> Iterator[str]:
     """Commands are numbers and inside the limits; an arm found outside only moves inwards."""
-    for robot, plan in _robots(seen):
-        slack = [ROUNDING * max(abs(a.lower), abs(a.upper)) for a in plan.limits]
+    for robot, config in _robots(seen):
+        slack = [ROUNDING * max(abs(a.lower), abs(a.upper)) for a in config.limits]
         before: tuple[int, tuple[float, ...]] | None = None
         for place, command, device in _commands(seen, robot):
             if not all(map(math.isfinite, (*command, *device))):
-                yield f"{plan.name}: command {command} at {place}"
+                yield f"{config.name}: command {command} at {place}"
                 return
             first = tuple(axis.command for axis in seen.records[place - 1].robots[robot].axes)
             last = before[1] if before is not None and before[0] == place - 1 else first
-            for axis, value, old, room in zip(plan.limits, command, last, slack, strict=True):
+            for axis, value, old, room in zip(config.limits, command, last, slack, strict=True):
                 if not min(axis.lower, old) - room <= value <= max(axis.upper, old) + room:
-                    yield f"{plan.name}: {value} outside {axis.lower}..{axis.upper} at {place}"
+                    yield f"{config.name}: {value} outside {axis.lower}..{axis.upper} at {place}"
                     return
             before = place, command
 
 
 def rates(seen: Seen) -> Iterator[str]:
     """Velocity and acceleration between consecutive commands, from standstill at the first."""
-    for robot, plan in _robots(seen):
-        before, steps = -2, (0.0,) * len(plan.axes)
+    for robot, config in _robots(seen):
+        before, steps = -2, (0.0,) * len(config.axes)
         for place, command, _ in _commands(seen, robot):
             last = tuple(axis.command for axis in seen.records[place - 1].robots[robot].axes)
             if before != place - 1:
-                steps = (0.0,) * len(plan.axes)
+                steps = (0.0,) * len(config.axes)
             now = tuple(a - b for a, b in zip(command, last, strict=True))
-            for axis, step, old in zip(plan.limits, now, steps, strict=True):
+            for axis, step, old in zip(config.limits, now, steps, strict=True):
                 room = ROUNDING * max(abs(axis.lower), abs(axis.upper))
                 if abs(step) > axis.step + room:
-                    yield f"{plan.name}: step {step} beyond {axis.step} at {place}"
+                    yield f"{config.name}: step {step} beyond {axis.step} at {place}"
                     return
                 if abs(step - old) > axis.change + 2.0 * room:
-                    yield f"{plan.name}: change of step {step - old} beyond {axis.change} at {place}"
+                    yield f"{config.name}: change of step {step - old} beyond {axis.change} at {place}"
                     return
             before, steps = place, now
 
 
 def no_jump(seen: Seen) -> Iterator[str]:
     """The first command after arming is what was measured, to rounding; no command without arming."""
-    for robot, plan in _robots(seen):
+    for robot, config in _robots(seen):
         armed = False
         for place, (was, now) in enumerate(pairwise(seen.records), 1):
             old, new = was.robots[robot], now.robots[robot]
@@ -85,28 +85,28 @@ def no_jump(seen: Seen) -> Iterator[str]:
             if began and not math.isnan(new.axes[0].command):
                 armed = True
                 measured = tuple(axis.value for axis in old.axes)
-                present = plan.transmission.to_device(tuple(axis.command for axis in new.axes))
+                present = config.transmission.to_device(tuple(axis.command for axis in new.axes))
                 for a, b in zip(present, measured, strict=True):
-                    if not abs(a - b) <= _quantum(seen, plan):
-                        yield f"{plan.name}: begins at {a}, measured {b}, at {place}"
+                    if not abs(a - b) <= _quantum(seen, config):
+                        yield f"{config.name}: begins at {a}, measured {b}, at {place}"
                         return
             commanded = not all(math.isnan(axis.device) for axis in new.axes)
             if commanded and not armed:
-                yield f"{plan.name}: commanded without arming at {place}"
+                yield f"{config.name}: commanded without arming at {place}"
                 return
             if not new.flags & ENABLED:
                 armed = False
 
 
-def _quantum(seen: Seen, plan: RobotPlan) -> float:
+def _quantum(seen: Seen, config: RobotConfig) -> float:
     """Resolution of the coarsest simulated device [rad or Pa]."""
     from contid_drivers.sim.devices import character_of
 
     wiring = [
-        bus for bus in seen.case.machine.loaded.buses.values() for axis, _ in bus.axes if axis in plan.axes
+        bus for bus in seen.case.machine.loaded.buses.values() for axis, _ in bus.axes if axis in config.axes
     ]
     return max(
-        character_of(options).quantum for bus in wiring for axis, options in bus.axes if axis in plan.axes
+        character_of(options).quantum for bus in wiring for axis, options in bus.axes if axis in config.axes
     )
 
 
@@ -117,10 +117,10 @@ def detected(seen: Seen) -> Iterator[str]:
         return  # late exchanges move every edge in time
     rate_hz = case.machine.rate_hz
     for fault in case.faults:
-        for robot, plan in _robots(seen):
-            if not fault.touches(case.machine, plan) or fault.kind is FaultKind.STALL:
+        for robot, config in _robots(seen):
+            if not fault.touches(case.machine, config) or fault.kind is FaultKind.STALL:
                 continue
-            tolerance = max(plan.tolerance)
+            tolerance = max(config.tolerance)
             allowed = {
                 FaultKind.SILENT: tolerance + 1,
                 FaultKind.STALE: math.ceil(max(tolerance, STALE_S * rate_hz)) + 2,
@@ -139,7 +139,7 @@ def detected(seen: Seen) -> Iterator[str]:
                 watching = record.robots[robot].mode in _WATCHED
                 ticks = ticks + 1 if on and watching and not hidden else 0
                 if ticks > allowed:
-                    yield f"{plan.name}: {fault.kind} unnoticed for {ticks} ticks at {record.tick}"
+                    yield f"{config.name}: {fault.kind} unnoticed for {ticks} ticks at {record.tick}"
                     return
 
 
@@ -147,7 +147,7 @@ def latched(seen: Seen) -> Iterator[str]:
     """A fault stays until an order ends it, and every one is told."""
     orders = (msg.ClearFault, msg.Stop, msg.Estop, msg.Finish)
     told = {(e["robot"], e["tick"]) for e in seen.events if e["event"] == "fault"}
-    for robot, plan in _robots(seen):
+    for robot, config in _robots(seen):
         for was, now in pairwise(seen.records):
             old, new = was.robots[robot].mode, now.robots[robot].mode
             given = [
@@ -157,10 +157,10 @@ def latched(seen: Seen) -> Iterator[str]:
                 if isinstance(message, orders)
             ]
             if old == Mode.FAULT != new and not given:
-                yield f"{plan.name}: FAULT left without an order at {now.tick}"
+                yield f"{config.name}: FAULT left without an order at {now.tick}"
                 return
-            if old != Mode.FAULT == new and (plan.name, now.tick) not in told:
-                yield f"{plan.name}: FAULT at {now.tick} was not told"
+            if old != Mode.FAULT == new and (config.name, now.tick) not in told:
+                yield f"{config.name}: FAULT at {now.tick} was not told"
                 return
 
 
@@ -173,22 +173,22 @@ def estop(seen: Seen) -> Iterator[str]:
         for at, message in enumerate(messages):
             if place is None or not isinstance(message, msg.Estop) or messages[at + 1 :]:
                 continue
-            for robot, plan in _robots(seen):
-                if message.robots is not None and plan.name not in message.robots:
+            for robot, config in _robots(seen):
+                if message.robots is not None and config.name not in message.robots:
                     continue
                 state = seen.records[place].robots[robot]
                 before = seen.records[place - 1].robots[robot].mode if place else Mode.OFF
                 resting = state.mode == Mode.OFF or state.mode == before == Mode.FAULT
                 if not resting or not all(math.isnan(axis.device) for axis in state.axes):
-                    yield f"{plan.name}: {Mode(state.mode).name} after estop at {tick}"
+                    yield f"{config.name}: {Mode(state.mode).name} after estop at {tick}"
                 deaf = {
                     axis
                     for fault in case.faults
-                    if fault.tick <= tick < fault.tick + fault.ticks and fault.touches(case.machine, plan)
-                    for axis in ([fault.axis] if fault.axis else plan.axes)
-                } | {axis for axis in plan.axes if case.machine.bus_of[axis] in seen.lost[place]}
-                if still := seen.powered[place] & (set(plan.axes) - deaf):
-                    yield f"{plan.name}: {', '.join(sorted(still))} powered after estop at {tick}"
+                    if fault.tick <= tick < fault.tick + fault.ticks and fault.touches(case.machine, config)
+                    for axis in ([fault.axis] if fault.axis else config.axes)
+                } | {axis for axis in config.axes if case.machine.bus_of[axis] in seen.lost[place]}
+                if still := seen.powered[place] & (set(config.axes) - deaf):
+                    yield f"{config.name}: {', '.join(sorted(still))} powered after estop at {tick}"
 
 
 def complete(seen: Seen) -> Iterator[str]:
@@ -198,14 +198,14 @@ def complete(seen: Seen) -> Iterator[str]:
     counted = seen.records[-1].skipped if ticks else 0
     if sorted(set(ticks)) != ticks or missing != counted:
         yield f"{missing} ticks without a record, {counted} counted as skipped"
-    for robot, plan in _robots(seen):
-        told = [e for e in seen.events if e["event"] == "state" and e["robot"] == plan.name]
+    for robot, config in _robots(seen):
+        told = [e for e in seen.events if e["event"] == "state" and e["robot"] == config.name]
         mode, modes = Mode.OFF, {e["tick"]: Mode[e["mode"]] for e in told}
         for record in seen.records:
             mode = modes.get(record.tick, mode)
             if record.robots[robot].mode != mode:
                 was = Mode(record.robots[robot].mode).name
-                yield f"{plan.name}: {was} at {record.tick}, told {mode.name}"
+                yield f"{config.name}: {was} at {record.tick}, told {mode.name}"
                 return
 
 
@@ -222,7 +222,7 @@ def controllable(seen: Seen) -> Iterator[str]:
     resumed = round((RESUMED_S - 0.1) * seen.case.machine.rate_hz) + 2
     before = next(r for r in reversed(seen.records) if r.tick < resumed)
     record = next(r for r in reversed(seen.records) if r.tick < finish)
-    for robot, plan in _robots(seen):
+    for robot, config in _robots(seen):
         state = record.robots[robot]
         if before.robots[robot].mode == Mode.STOPPING:
             continue  # a stop that was ordered is not resumed; it ends in OFF
@@ -231,7 +231,7 @@ def controllable(seen: Seen) -> Iterator[str]:
         ):
             continue  # it did come back; a way that the rope forbids is forbidden again, until it is moved
         if state.mode not in (Mode.APPROACH, Mode.RUN, Mode.HOLD, Mode.STOPPING):
-            yield f"{plan.name}: {Mode(state.mode).name} (fault {state.fault}) after clear and resume"
+            yield f"{config.name}: {Mode(state.mode).name} (fault {state.fault}) after clear and resume"
 
 
 def dead_man(seen: Seen) -> Iterator[str]:
@@ -246,16 +246,16 @@ def unaffected(seen: Seen, reference: Seen) -> Iterator[str]:
     late = any(fault.kind is FaultKind.LATE for fault in case.faults)
     if late or case.coupled or seen is reference:
         return
-    plans = {plan.name: plan for plan in case.machine.plans}
+    configs = {config.name: config for config in case.machine.configs}
     bodies = [guard.arms for guard in chain_guards(case.machine.loaded)]
-    for robot, plan in _robots(seen):
-        body = next((arms for arms in bodies if plan.name in arms), (plan.name,))
-        if any(fault.touches(case.machine, plans[name]) for fault in case.faults for name in body):
+    for robot, config in _robots(seen):
+        body = next((arms for arms in bodies if config.name in arms), (config.name,))
+        if any(fault.touches(case.machine, configs[name]) for fault in case.faults for name in body):
             continue
         for mine, theirs in zip(seen.records, reference.records, strict=False):
             for a, b in zip(mine.robots[robot].axes, theirs.robots[robot].axes, strict=True):
                 if a.device.hex() != b.device.hex():
-                    yield f"{plan.name}: {a.device} instead of {b.device} at {mine.tick}"
+                    yield f"{config.name}: {a.device} instead of {b.device} at {mine.tick}"
                     return
 
 

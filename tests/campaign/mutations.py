@@ -15,7 +15,7 @@ from contid.control.engine.cycle import Timing
 from contid.control.engine.engine import Engine
 from contid.control.tick import robot_tick as loop
 from contid.control.tick import state as state_changes
-from contid.control.tick.config import RobotPlan
+from contid.control.tick.config import RobotConfig
 from contid.control.tick.limits import AxisLimits
 from contid.control.tick.state import Effect, RobotState, estop, stay
 from contid.control.tick.supervisor import Mode
@@ -65,7 +65,7 @@ def _gain(patch: pytest.MonkeyPatch) -> None:
 def _no_tolerance(patch: pytest.MonkeyPatch) -> None:
     """Samples are not looked at any more."""
 
-    def blind(_plan: RobotPlan, state: RobotState, _samples: Sequence[Sample], _now_s: float) -> RobotState:
+    def blind(_plan: RobotConfig, state: RobotState, _samples: Sequence[Sample], _now_s: float) -> RobotState:
         return state
 
     patch.setattr(loop, "watched", blind)
@@ -85,12 +85,12 @@ def _old_goal(patch: pytest.MonkeyPatch) -> None:
     arming = loop._arming
     before: dict[str, Actuation] = {}
 
-    def rearmed(plan: RobotPlan, state: RobotState, *rest: Any) -> RobotState:
+    def rearmed(config: RobotConfig, state: RobotState, *rest: Any) -> RobotState:
         if state.command:
-            before[plan.name] = state.command
-        after = arming(plan, state, *rest)
-        if state.mode is Mode.ARMING and after.mode is not Mode.ARMING and plan.name in before:
-            return replace(after, command=before[plan.name], aim=before[plan.name], motion=None)
+            before[config.name] = state.command
+        after = arming(config, state, *rest)
+        if state.mode is Mode.ARMING and after.mode is not Mode.ARMING and config.name in before:
+            return replace(after, command=before[config.name], aim=before[config.name], motion=None)
         return after
 
     patch.setattr(loop, "_arming", rearmed)
@@ -112,9 +112,9 @@ def _shared_fate(patch: pytest.MonkeyPatch) -> None:
     def cycling(engine: Engine, timing: Timing) -> None:
         cycle(engine, timing)
         if any(state.mode is Mode.FAULT for state in engine.states):
-            for index, (plan, state) in enumerate(zip(engine.plans, engine.states, strict=True)):
+            for index, (config, state) in enumerate(zip(engine.configs, engine.states, strict=True)):
                 if state.mode in (Mode.APPROACH, Mode.RUN):
-                    engine.states[index] = stay(plan, state, timing.tick * plan.period_s)
+                    engine.states[index] = stay(config, state, timing.tick * config.period_s)
 
     patch.setattr(Engine, "cycle", cycling)
 

@@ -24,7 +24,7 @@ from typing import Final
 import psutil
 
 from contid.client import Client, ConnectionLostError, RemoteError
-from contid.remote.protocol.socket_path import answers
+from contid.remote.protocol.socket_path import is_listening
 from contid.session.read import Session
 from tests.campaign.exits import limit_s
 from tests.campaign.wired_checks import STATES, Injected, Tally, judge
@@ -145,7 +145,7 @@ class Run:
                 env={**os.environ, "PYTHONPATH": os.pathsep.join(filter(None, paths))},
             )  # fmt: skip
         stack.callback(self._kill)
-        until(lambda: answers(socket) or self._process.poll() is not None, "the daemon listens")
+        until(lambda: is_listening(socket) or self._process.poll() is not None, "the daemon listens")
         assert self._process.poll() is None, self._said.read_text()
         self._client = stack.enter_context(Client(socket, name="campaign"))
         self._client.take(60.0)
@@ -266,7 +266,7 @@ class Run:
     def _back(self) -> list[str]:
         """Clear and resume until every robot holds."""
         deadline_s = time.monotonic() + BACK_S
-        words = ""
+        message = ""
         while time.monotonic() < deadline_s:
             try:
                 self._client.take(60.0, takeover=True)
@@ -275,14 +275,14 @@ class Run:
                 self._client.resume()
                 states = self._states()
             except RemoteError as error:
-                words = str(error)
+                message = str(error)
                 time.sleep(0.05)
                 continue
             if states <= {"HOLD", "RUN"}:
                 self._client.hold()
                 return []
             time.sleep(0.05)
-        return [f"{self._states()}: {words} after {self._injected[-1]}"]
+        return [f"{self._states()}: {message} after {self._injected[-1]}"]
 
     # -- the end -------------------------------------------------------------------------------------------
 

@@ -15,8 +15,8 @@ from dataclasses import dataclass, field, replace
 
 from benchmarks.lab import lab
 from contid.control.engine import messages as msg
-from contid.control.engine.wiring import build_plans, driven_robots
-from contid.control.tick.config import RobotPlan
+from contid.control.engine.wiring import build_robot_configs, driven_robots
+from contid.control.tick.config import RobotConfig
 from contid.robot_file.base import StopPolicy
 from contid.robot_file.load import LoadedFile, load_robot_file, with_mock
 from contid.robot_file.shipped import configs_folder
@@ -40,7 +40,7 @@ class Machine:
     name: str
     loaded: LoadedFile
     rate_hz: float
-    plans: tuple[RobotPlan, ...]
+    configs: tuple[RobotConfig, ...]
 
     @property
     def bus_of(self) -> dict[str, str]:
@@ -59,7 +59,7 @@ def machines() -> list[Machine]:
     for loaded in [*files, lab()]:
         if driven_robots(loaded):
             rate = loaded.file.rate_hz
-            out.append(Machine(loaded.file.name, with_mock(loaded), rate, build_plans(loaded, rate)))
+            out.append(Machine(loaded.file.name, with_mock(loaded), rate, build_robot_configs(loaded, rate)))
     return out
 
 
@@ -81,11 +81,11 @@ class Fault:
             for_s=self.ticks / rate_hz, delay_ms=self.delay_ms,
         )  # fmt: skip
 
-    def touches(self, machine: Machine, plan: RobotPlan) -> bool:
+    def touches(self, machine: Machine, config: RobotConfig) -> bool:
         """True when the robot may notice it."""
         if self.axis is not None:
-            return self.axis in plan.axes
-        return any(machine.bus_of[axis] == self.bus for axis in plan.axes)
+            return self.axis in config.axes
+        return any(machine.bus_of[axis] == self.bus for axis in config.axes)
 
 
 @dataclass(frozen=True)
@@ -136,7 +136,7 @@ class Script:
 
     def case(self) -> Case:
         """A case without faults."""
-        draw, plans = self.random, self.machine.plans
+        draw, configs = self.random, self.machine.configs
         source = draw.choice(("timed", "live", "live", "none"))
         trajectory = self._trajectory() if source == "timed" else None
         orders: dict[int, list[msg.Message]] = {}
@@ -149,7 +149,7 @@ class Script:
         if source == "live":
             for _ in range(draw.randint(1, 12)):
                 tick = draw.randint(0, self.tick(SCRIPT_S))
-                some = [p for p in plans if draw.random() < 0.8]
+                some = [p for p in configs if draw.random() < 0.8]
                 row = {p.name: None if draw.random() < 0.1 else self._target(p) for p in some}
                 orders.setdefault(tick, []).append(msg.Rows(row))
         for seconds in (HEALED_S, RESUMED_S - 0.1):
@@ -170,14 +170,14 @@ class Script:
             modes: per robot the state after every tick of that run.
         """
         draw, machine = self.random, self.machine
-        plan = draw.choice(machine.plans)
+        config = draw.choice(machine.configs)
         first, last = 1, self.tick(SCRIPT_S) - 1
         ticks_of: dict[str, list[int]] = {}
-        for tick, mode in enumerate(modes[plan.name][first - 1 : last], first):
+        for tick, mode in enumerate(modes[config.name][first - 1 : last], first):
             ticks_of.setdefault(mode, []).append(tick)
         mode = draw.choice(sorted(ticks_of))
         tick = draw.choice(ticks_of[mode])
-        axis = draw.choice(plan.axes)
+        axis = draw.choice(config.axes)
         # The end of a fault ends every other one of its kind in the same place.
         taken = {(f.kind, f.axis or f.bus) for f in case.faults}
         kinds = [k for k in FaultKind if not taken & {(k, axis), (k, machine.bus_of[axis])}]
@@ -189,7 +189,7 @@ class Script:
             delay_ms=draw.choice((0.5, 3.0, 20.0, 150.0)),
         )  # fmt: skip
         orders = {tick: list(given) for tick, given in case.orders.items()}
-        for order in (msg.ClearFault((plan.name,)), msg.Resume((plan.name,))):
+        for order in (msg.ClearFault((config.name,)), msg.Resume((config.name,))):
             if draw.random() < 0.6:
                 orders.setdefault(draw.randint(tick, self.tick(SCRIPT_S)), []).append(order)
         given = {tick: tuple(messages) for tick, messages in orders.items()}
@@ -198,8 +198,8 @@ class Script:
         return replace(case, faults=(*case.faults, fault), orders=given, dies_at=dies_at, hits=hits)
 
     def _order(self, source: str) -> msg.Message:
-        draw, plans = self.random, self.machine.plans
-        who = None if draw.random() < 0.4 else (draw.choice(plans).name,)
+        draw, configs = self.random, self.machine.configs
+        who = None if draw.random() < 0.4 else (draw.choice(configs).name,)
         kind = draw.choice(("hold", "resume", "resume", "stop", "estop", "goto", "clear", "play"))
         match kind:
             case "hold":
@@ -214,27 +214,27 @@ class Script:
                 return msg.ClearFault(who)
             case "play" if source == "timed":
                 return msg.Play(self._trajectory())
-        plan = draw.choice(plans)
-        return msg.Goto(plan.name, self._target(plan))
+        config = draw.choice(configs)
+        return msg.Goto(config.name, self._target(config))
 
-    def _actuation(self, plan: RobotPlan, beyond: float) -> list[float]:
+    def _actuation(self, config: RobotConfig, beyond: float) -> list[float]:
         """Any value of every axis, extra ones included; ``beyond`` is a share of the range outside of it."""
         draw = self.random
         return [
             draw.uniform(a.lower - beyond * (a.upper - a.lower), a.upper + beyond * (a.upper - a.lower))
-            for a in plan.limits
+            for a in config.limits
         ]
 
-    def _target(self, plan: RobotPlan) -> Target:
+    def _target(self, config: RobotConfig) -> Target:
         """Actuation or tip, now and then out of reach."""
-        draw, own = self.random, len(plan.axes) - plan.extra_axes
-        values = self._actuation(plan, draw.choice((0.0, 0.0, 0.3)))
-        extra = dict(zip(plan.axis_names[own:], values[own:], strict=True)) if draw.random() < 0.5 else {}
+        draw, own = self.random, len(config.axes) - config.extra_axes
+        values = self._actuation(config, draw.choice((0.0, 0.0, 0.3)))
+        extra = dict(zip(config.axis_names[own:], values[own:], strict=True)) if draw.random() < 0.5 else {}
         if draw.random() < 0.5:
             return Target(actuation=tuple(values[:own]), extra=extra)
-        x, y, z = (value + draw.gauss(0.0, 0.03) for value in plan.model.forward(plan.rest).tip_m)
-        tip = (x, y, 0.0 if plan.kind == "rack_finger" else z)
-        return Target(tip_m=plan.frame.point_in_world(tip), extra=extra)
+        x, y, z = (value + draw.gauss(0.0, 0.03) for value in config.model.forward(config.rest).tip_m)
+        tip = (x, y, 0.0 if config.kind == "rack_finger" else z)
+        return Target(tip_m=config.frame.point_in_world(tip), extra=extra)
 
     def _trajectory(self) -> Trajectory:
         """A smooth walk of every axis, from a first row to a last at speed."""
@@ -242,13 +242,13 @@ class Script:
         names, columns = ["t_s"], []
         length_s = draw.choice((0.3, 1.0, 3.0))
         columns.append([length_s * row / (rows - 1) for row in range(rows)])
-        for plan in self.machine.plans:
-            names += [f"{plan.name}.{axis}_{plan.quantity.unit}" for axis in plan.axis_names]
-            begins, ends = self._actuation(plan, 0.0), self._actuation(plan, 0.0)
+        for config in self.machine.configs:
+            names += [f"{config.name}.{axis}_{config.quantity.unit}" for axis in config.axis_names]
+            begins, ends = self._actuation(config, 0.0), self._actuation(config, 0.0)
             for begin, end in zip(begins, ends, strict=True):
                 share, turn = draw.uniform(0.02, 0.3), draw.uniform(0.5, 2.0) * math.pi / rows
                 way = [share * (0.5 - 0.5 * math.cos(turn * row)) for row in range(rows)]
-                columns.append([(begin + (end - begin) * part) * plan.quantity.per_si for part in way])
+                columns.append([(begin + (end - begin) * part) * config.quantity.per_si for part in way])
         lines = [",".join(names), *(",".join(map(repr, row)) for row in zip(*columns, strict=True))]
         return read_trajectory(
             io.StringIO("\n".join(lines) + "\n"), "walk.csv", driven_robots(self.machine.loaded)

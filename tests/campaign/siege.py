@@ -26,7 +26,7 @@ import psutil
 
 from contid.client import Client
 from contid.errors import ContidError
-from contid.remote.protocol.socket_path import answers
+from contid.remote.protocol.socket_path import is_listening
 from contid.remote.protocol.wire import MAX_LINE
 from tests.control.fingers import fingers
 from tests.remote.daemons import armed, until
@@ -233,7 +233,7 @@ def siege(bug: str = "") -> Iterator[Siege]:
             stdin=subprocess.DEVNULL, stdout=subprocess.DEVNULL, stderr=errors,
         )  # fmt: skip
     try:
-        until(lambda: answers(place) or process.poll() is not None, "the daemon listens")
+        until(lambda: is_listening(place) or process.poll() is not None, "the daemon listens")
         assert process.poll() is None, said.read_text()
         with Client(place, name="guard") as guard:
             made = Siege(process, place, said, guard)

@@ -20,7 +20,7 @@ def test_no_fault_in_any_state_makes_anything_unsafe() -> None:
     tally = campaign(CASES, seed=int(os.environ.get("CONTID_CAMPAIGN_SEED", "1")))
     print(tally.table())
     assert tally.cases == CASES
-    assert not sum(tally.violations.values()), "\n".join(tally.words)
+    assert not sum(tally.violations.values()), "\n".join(tally.message)
 
 
 @pytest.mark.parametrize("bug", MUTATIONS)

@@ -19,7 +19,7 @@ def test_no_fault_on_wires_makes_anything_unsafe() -> None:
     tally = campaign(CASES, seed=int(os.environ.get("CONTID_CAMPAIGN_SEED", "1")))
     print(tally.table())
     assert tally.cases == CASES
-    assert not sum(tally.violations.values()), "\n".join(tally.words)
+    assert not sum(tally.violations.values()), "\n".join(tally.message)
 
 
 def test_estop_relaxes_servos_and_motors_and_empties_chambers_in_every_state() -> None:
@@ -27,7 +27,7 @@ def test_estop_relaxes_servos_and_motors_and_empties_chambers_in_every_state() -
     Run(random.Random(1), tally, 0).stop_everywhere(STATES)
     print(tally.table())
     assert tally.checks["estop at the devices"] >= len(STATES)
-    assert not sum(tally.violations.values()), "\n".join(tally.words)
+    assert not sum(tally.violations.values()), "\n".join(tally.message)
 
 
 @pytest.mark.parametrize("state", STATES if os.environ.get("CONTID_CAMPAIGN") else ("approach", "stopping"))
@@ -36,7 +36,7 @@ def test_a_second_ctrl_c_does_the_same(state: str) -> None:
     Run(random.Random(1), tally, 0).interrupt_twice(state)
     print(tally.table())
     assert tally.checks["estop at the devices"] == 1
-    assert not sum(tally.violations.values()), "\n".join(tally.words)
+    assert not sum(tally.violations.values()), "\n".join(tally.message)
 
 
 @pytest.mark.parametrize("bug", BUGS)

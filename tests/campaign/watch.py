@@ -54,8 +54,8 @@ class Seen:
     def modes(self) -> dict[str, list[int]]:
         """States of every robot, by tick of the record."""
         return {
-            plan.name: [record.robots[index].mode for record in self.records]
-            for index, plan in enumerate(self.case.machine.plans)
+            config.name: [record.robots[index].mode for record in self.records]
+            for index, config in enumerate(self.case.machine.configs)
         }
 
 

@@ -12,7 +12,7 @@ from types import SimpleNamespace
 from typing import Any, Final
 
 from contid.control.engine.tick_layout import ENABLED, TickRecord
-from contid.control.engine.wiring import build_plans
+from contid.control.engine.wiring import build_robot_configs
 from contid.control.tick.supervisor import Mode
 from contid.session.read import Session
 from tests.campaign import invariants
@@ -57,13 +57,13 @@ class Tally:
     violations: Counter[str] = field(default_factory=Counter)
     faults: Counter[tuple[str, str]] = field(default_factory=Counter)
     times: dict[str, list[float]] = field(default_factory=dict)
-    words: list[str] = field(default_factory=list)
+    message: list[str] = field(default_factory=list)
 
     def check(self, name: str, found: list[str]) -> None:
         assert name in INVARIANTS
         self.checks[name] += 1
         self.violations[name] += bool(found)
-        self.words += [f"{name}: {words}" for words in found[:3]]
+        self.message += [f"{name}: {message}" for message in found[:3]]
 
     def time(self, what: str, seconds: float) -> None:
         self.times.setdefault(what, []).append(seconds)
@@ -85,46 +85,48 @@ class Tally:
         for what, times in sorted(self.times.items()):
             middle, worst = sorted(times)[len(times) // 2] * 1e3, max(times) * 1e3
             lines.append(f"{what:<52}{len(times):>4} times, median {middle:6.0f} ms, worst {worst:6.0f} ms")
-        return "\n".join([*lines, *(["", *self.words[:20]] if self.words else [])])
+        return "\n".join([*lines, *(["", *self.message[:20]] if self.message else [])])
 
 
 def judge(tally: Tally, wires: Wires, recorded: Path, thrown: Sequence[Injected]) -> None:
     """The recorded session, and what the devices saw, against the invariants."""
-    tally.check("outputs of the boards", [words for eyes in wires.channels for words in eyes.wrong])
+    tally.check("outputs of the boards", [message for eyes in wires.channels for message in eyes.wrong])
     session = Session(recorded)
     records, events = list(session.ticks()), list(session.events())
-    plans = build_plans(wires.loaded, RATE_HZ)
+    configs = build_robot_configs(wires.loaded, RATE_HZ)
     commands = {
         axis: [record.robots[index].axes[place].device for record in records]
-        for index, plan in enumerate(plans)
-        for place, axis in enumerate(plan.axes)
+        for index, config in enumerate(configs)
+        for place, axis in enumerate(config.axes)
     }
     seen_there = [w for e in wires.servos for w in (*e.wrong, *e.foreign(commands[e.axis]))]
     tally.check("goals at the servos", seen_there)
-    machine = SimpleNamespace(plans=plans, loaded=wires.loaded)
+    machine = SimpleNamespace(configs=configs, loaded=wires.loaded)
     seen: Any = SimpleNamespace(case=SimpleNamespace(machine=machine), records=records, events=events)
     tally.check("position limits", list(invariants.position(seen)))
     tally.check("velocity and acceleration limits", list(invariants.rates(seen)))
     tally.check("session complete", [*([] if session.clean else [session.cut]), *invariants.complete(seen)])
-    tally.check("no jump on arming", list(_no_jump(plans, records)))
+    tally.check("no jump on arming", list(_no_jump(configs, records)))
     by_tick = {record.tick: record.deadline_s for record in records}
-    faults = [(by_tick.get(e["tick"], 0.0), e["robot"], e["words"]) for e in events if e["event"] == "fault"]
+    faults = [
+        (by_tick.get(e["tick"], 0.0), e["robot"], e["message"]) for e in events if e["event"] == "fault"
+    ]
     tally.check("other robots unaffected", list(_unaffected(faults, thrown)))
-    tally.check("estop within the tick", list(_estops(plans, records, events)))
+    tally.check("estop within the tick", list(_estops(configs, records, events)))
     for injected in thrown:
-        _detected(tally, injected, records, plans)
+        _detected(tally, injected, records, configs)
 
 
 def _unaffected(faults: list[tuple[float, str, str]], thrown: Sequence[Injected]) -> Iterator[str]:
     """Every fault has a switch on its own bus that was on, or had just been."""
-    for at_s, robot, words in faults:
+    for at_s, robot, message in faults:
         # A device may latch what ails it while nobody looks, and refuse to be armed much later.
-        late_s = math.inf if "arm-refused" in words else 0.5
+        late_s = math.inf if "arm-refused" in message else 0.5
         if not any(robot in i.robots and i.at_s - 0.05 <= at_s <= i.latest_s + late_s for i in thrown):
-            yield f"{robot}: {words}"
+            yield f"{robot}: {message}"
 
 
-def _detected(tally: Tally, injected: Injected, records: list[TickRecord], plans: Any) -> None:
+def _detected(tally: Tally, injected: Injected, records: list[TickRecord], configs: Any) -> None:
     """A watched robot of a bus in trouble is in FAULT within the stated ticks."""
     if not injected.switch.must:
         return
@@ -135,14 +137,14 @@ def _detected(tally: Tally, injected: Injected, records: list[TickRecord], plans
     if end_s - injected.at_s > allowed_s:
         watched = [r for r in records if injected.at_s - 0.5 / RATE_HZ <= r.deadline_s <= end_s]
         first = {}
-        for index, plan in enumerate(plans):
-            if plan.name not in injected.concerned or not watched:
+        for index, config in enumerate(configs):
+            if config.name not in injected.concerned or not watched:
                 continue
             modes = [Mode(record.robots[index].mode) for record in watched]
             if modes[0] in (Mode.APPROACH, Mode.RUN, Mode.HOLD) and Mode.FAULT in modes:
-                first[plan.name] = watched[modes.index(Mode.FAULT)].deadline_s - injected.at_s
+                first[config.name] = watched[modes.index(Mode.FAULT)].deadline_s - injected.at_s
             elif modes[0] in (Mode.APPROACH, Mode.RUN, Mode.HOLD):
-                first[plan.name] = float("inf")
+                first[config.name] = float("inf")
         if first:
             took_s = max(first.values())
             if took_s > allowed_s:
@@ -152,9 +154,9 @@ def _detected(tally: Tally, injected: Injected, records: list[TickRecord], plans
     tally.check("fault within the stated ticks", found)
 
 
-def _no_jump(plans: Any, records: list[TickRecord]) -> Iterator[str]:
+def _no_jump(configs: Any, records: list[TickRecord]) -> Iterator[str]:
     """The first command after arming is what was measured."""
-    for index, plan in enumerate(plans):
+    for index, config in enumerate(configs):
         armed = False
         for old, new in pairwise(records):
             was, now = old.robots[index], new.robots[index]
@@ -164,21 +166,21 @@ def _no_jump(plans: Any, records: list[TickRecord]) -> Iterator[str]:
                 for a, b in zip(now.axes, was.axes, strict=True):
                     # Pressures are noisy by some hundred Pa. A shaft that still turns goes on between the
                     # reading and the arming.
-                    room = 3000.0 if plan.name in PRESSURES else 0.02 + 2.0 / RATE_HZ * abs(b.velocity)
+                    room = 3000.0 if config.name in PRESSURES else 0.02 + 2.0 / RATE_HZ * abs(b.velocity)
                     if not abs(a.device - b.value) <= room:
-                        yield f"{plan.name}: begins at {a.device}, measured {b.value}, tick {new.tick}"
+                        yield f"{config.name}: begins at {a.device}, measured {b.value}, tick {new.tick}"
                         return
             if not now.flags & ENABLED:
                 armed = False
 
 
-def _estops(plans: Any, records: list[TickRecord], events: list[Any]) -> Iterator[str]:
+def _estops(configs: Any, records: list[TickRecord], events: list[Any]) -> Iterator[str]:
     """In the tick of an estop no robot is commanded any more: OFF, or a fault that was latched already."""
     by_tick = {record.tick: record for record in records}
     for event in events:
         if event["event"] != "order" or event["order"] != "estop" or event["tick"] not in by_tick:
             continue
-        for plan, robot in zip(plans, by_tick[event["tick"]].robots, strict=True):
+        for config, robot in zip(configs, by_tick[event["tick"]].robots, strict=True):
             commanded = any(axis.device == axis.device for axis in robot.axes)
             if robot.mode not in (Mode.OFF, Mode.FAULT) or commanded or robot.flags & ENABLED:
-                yield f"{plan.name}: {Mode(robot.mode).name} in the tick of an estop, {event['tick']}"
+                yield f"{config.name}: {Mode(robot.mode).name} in the tick of an estop, {event['tick']}"

@@ -24,13 +24,13 @@ from benchmarks.lab import lab_text
 from contid.cli.support.buses import WiredBus, wired_buses
 from contid.hal import DeviceKind
 from contid.robot_file.load import LoadedFile, load_robot_file
-from contid_drivers.due.emulator import Emulator as Board
-from contid_drivers.due.options import BusOptions as DueOptions
+from contid_drivers.due.emulator import DueEmulator as Board
+from contid_drivers.due.options import DueBusOptions as DueOptions
 from contid_drivers.due.wiring import axis_options
 from contid_drivers.dynamixel import registers as reg
 from contid_drivers.dynamixel.emulator.bench import Bench
 from contid_drivers.dynamixel.emulator.servo import Servo
-from contid_drivers.dynamixel.options import BusOptions as ServoOptions
+from contid_drivers.dynamixel.options import DynamixelBusOptions as ServoOptions
 
 RATE_HZ: Final = 100.0
 #: The emulators share two cores with everything else: patience, so that a fault is one that was switched on.
@@ -222,12 +222,14 @@ class Wires:
         self._stack.close()
 
     def _start(self, name: str, bus: WiredBus) -> None:
-        from contid.control.engine.wiring import build_plans
+        from contid.control.engine.wiring import build_robot_configs
 
         options = bus.wiring.options
-        plans = build_plans(self.loaded, RATE_HZ)
-        scales = {axis: _scale(plan, index) for plan in plans for index, axis in enumerate(plan.axes)}
-        limits = {axis: limit for plan in plans for axis, limit in zip(plan.axes, plan.limits, strict=True)}
+        configs = build_robot_configs(self.loaded, RATE_HZ)
+        scales = {axis: _scale(config, index) for config in configs for index, axis in enumerate(config.axes)}
+        limits = {
+            axis: limit for config in configs for axis, limit in zip(config.axes, config.limits, strict=True)
+        }
         if isinstance(options, ServoOptions):
             bench = self.benches[name] = Bench(name, options, bus.axes)
             for servo, axis in zip(bench.emulator.servos, bus.axes, strict=True):
@@ -335,12 +337,12 @@ def _falls_s(seen: Sequence[tuple[float, float]], since_s: float) -> float:
 _COUNTED: Final = ("drop", "corrupt", "duplicate")
 
 
-def _scale(plan: Any, index: int) -> float:
+def _scale(config: Any, index: int) -> float:
     """Device units per unit of actuation of an axis, at its greatest."""
-    low = tuple(limit.lower for limit in plan.limits)
+    low = tuple(limit.lower for limit in config.limits)
     near = tuple(
         value + (1e-4 * (limit.upper - limit.lower) if place == index else 0.0)
-        for place, (value, limit) in enumerate(zip(low, plan.limits, strict=True))
+        for place, (value, limit) in enumerate(zip(low, config.limits, strict=True))
     )
-    device = [plan.transmission.to_device(values)[index] for values in (low, near)]
+    device = [config.transmission.to_device(values)[index] for values in (low, near)]
     return abs(device[1] - device[0]) / (near[index] - low[index])

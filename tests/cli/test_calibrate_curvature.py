@@ -52,7 +52,7 @@ def test_json_carries_every_posture(data: Path) -> None:
 
 
 @pytest.mark.parametrize(
-    ("arguments", "words"),
+    ("arguments", "message"),
     [
         (["--for", "finger"], "--mm-per-px"),
         (["--mm-per-px", "0.2"], "--write FILE"),
@@ -60,7 +60,7 @@ def test_json_carries_every_posture(data: Path) -> None:
         (["--for", "stiffflop1", "--mm-per-px", "0.2"], "0 robots of kind rack finger"),
     ],
 )
-def test_mistakes_are_explained(data: Path, arguments: list[str], words: str) -> None:
+def test_mistakes_are_explained(data: Path, arguments: list[str], message: str) -> None:
     done = contid("calibrate", "curvature", str(data), *arguments)
     assert done.returncode == 2
-    assert words in done.stderr
+    assert message in done.stderr

@@ -14,7 +14,7 @@ from contid.cli.commands.check import command
 def test_the_report_names_robots_axes_buses_limits_rate_and_placeholders() -> None:
     done = CliRunner().invoke(command, ["hand"])
     assert done.exit_code == 0, done.output
-    for words in (
+    for message in (
         "hand: 2 robots at 200 Hz",
         "left",
         "right",
@@ -24,21 +24,21 @@ def test_the_report_names_robots_axes_buses_limits_rate_and_placeholders() -> No
         "id 4",
         "velocity",
     ):
-        assert words in done.output
+        assert message in done.output
     assert "placeholders (numbers no one measured): geometry.rack_spacing_mm" in done.output
 
 
 def test_the_report_names_the_links_of_a_chain_and_a_chosen_inverse(configs: Path, tmp_path: Path) -> None:
     done = CliRunner().invoke(command, [str(configs / "chain.yaml")])
     assert done.exit_code == 0, done.output
-    for words in (
+    for message in (
         "link 1: arm left on its base at (0, 0, 0) mm",
         "link 2: rope of 1000 mm, 50 g, pinned at both ends, one curve",
         "link 3: arm right on its base at (700, 0, 0) mm",
         "bases 700 mm apart; the rope stays above z = -150 mm",
         "placeholders (numbers no one measured): floor_mm, links",
     ):
-        assert words in done.output
+        assert message in done.output
     text = (configs / "chain.yaml").read_text()
     other = tmp_path / "chain.yaml"
     other.write_text(

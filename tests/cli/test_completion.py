@@ -8,17 +8,17 @@ from click.shell_completion import ShellComplete
 from contid.cli.main import cli
 
 
-def offered(*words: str) -> list[tuple[str, str]]:
-    *before, incomplete = words
+def offered(*message: str) -> list[tuple[str, str]]:
+    *before, incomplete = message
     found = ShellComplete(cli, {}, "contid", "_CONTID_COMPLETE").get_completions(list(before), incomplete)
     return [(item.value, item.type) for item in found]
 
 
 @pytest.mark.parametrize(
-    "words", [["run"], ["check"], ["ik"], ["emulate", "due"], ["path", "circle", "--for"]]
+    "message", [["run"], ["check"], ["ik"], ["emulate", "due"], ["path", "circle", "--for"]]
 )
-def test_robot_files_are_shipped_names_and_files(words: list[str]) -> None:
-    assert offered(*words, "trirack2") == [
+def test_robot_files_are_shipped_names_and_files(message: list[str]) -> None:
+    assert offered(*message, "trirack2") == [
         ("trirack2", "plain"),
         ("trirack2.emulated", "plain"),
         ("trirack2", "file"),

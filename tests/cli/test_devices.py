@@ -21,9 +21,9 @@ def environment() -> dict[str, str]:
     return {**os.environ, "PYTHONPATH": os.pathsep.join((str(ROOT), str(ROOT / "drivers")))}
 
 
-def contid(folder: Path, *words: str) -> subprocess.CompletedProcess[str]:
+def contid(folder: Path, *message: str) -> subprocess.CompletedProcess[str]:
     return subprocess.run(
-        [sys.executable, "-m", "contid", *words],
+        [sys.executable, "-m", "contid", *message],
         cwd=folder,
         env=environment(),
         capture_output=True,
@@ -32,9 +32,9 @@ def contid(folder: Path, *words: str) -> subprocess.CompletedProcess[str]:
 
 
 @contextmanager
-def emulating(folder: Path, *words: str, wire: str = "dynamixel") -> Iterator[subprocess.Popen[str]]:
+def emulating(folder: Path, *message: str, wire: str = "dynamixel") -> Iterator[subprocess.Popen[str]]:
     process = subprocess.Popen(
-        [sys.executable, "-m", "contid", "emulate", wire, *words],
+        [sys.executable, "-m", "contid", "emulate", wire, *message],
         cwd=folder,
         env=environment(),
         stdout=subprocess.PIPE,

@@ -72,7 +72,7 @@ def test_a_bare_row_out_of_reach_ends_it() -> None:
 
 
 @pytest.mark.parametrize(
-    ("command", "text", "place", "words"),
+    ("command", "text", "place", "message"),
     [
         ("ik", "x_mm,y_mm\n10,60\n10,nan\n", "stdin:3:4:", "y_mm is nan"),
         ("ik", "x_mm\n10\n", "stdin:1:", "y_mm"),
@@ -80,11 +80,11 @@ def test_a_bare_row_out_of_reach_ends_it() -> None:
         ("fk", "", "stdin:1:1:", "no rows"),
     ],
 )
-def test_a_mistake_is_named_with_its_place(command: str, text: str, place: str, words: str) -> None:
+def test_a_mistake_is_named_with_its_place(command: str, text: str, place: str, message: str) -> None:
     done = contid(command, "finger", stdin=text)
     assert done.returncode == 2
     assert place in done.stderr
-    assert words in done.stderr
+    assert message in done.stderr
     assert "Traceback" not in done.stderr
 
 

@@ -178,7 +178,7 @@ def test_a_live_stream_in_real_time_holds_on_bad_rows_and_ends_with_its_input(
 
 
 @pytest.mark.parametrize(
-    ("last", "words"),
+    ("last", "message"),
     [
         ("51,oops\n", "holding"),
         ("51,", "may be cut off"),
@@ -188,14 +188,14 @@ def test_a_live_stream_in_real_time_holds_on_bad_rows_and_ends_with_its_input(
 )
 @pytest.mark.parametrize("virtual", [False, True], ids=["real", "virtual"])
 def test_a_stream_that_ends_on_a_bad_row_says_so_and_does_not_follow_it(
-    last: str, words: str, virtual: bool, robot: Callable[..., Path], tmp_path: Path
+    last: str, message: str, virtual: bool, robot: Callable[..., Path], tmp_path: Path
 ) -> None:
     log = tmp_path / "log.csv"
     given = "f0.left_mm,f0.right_mm\n60,75\n" + last
     done = contid("run", str(robot(1)), "--log", str(log), *(["--virtual"] if virtual else []), stdin=given)
     assert done.returncode == 0, done.stderr
     assert "stdin:3:" in done.stderr
-    assert words in done.stderr
+    assert message in done.stderr
     head, *lines = [line.split(",") for line in log.read_text().splitlines()]
     commands = [cell for line in lines if (cell := line[head.index("f0.right.command")])]
     assert all(float(command) > 0.05 for command in commands)
@@ -214,7 +214,7 @@ def test_a_fault_is_exit_code_3_and_reports(robot: Callable[..., Path]) -> None:
     report = json.loads(done.stdout)
     assert done.returncode == 3
     assert report["robots"]["f0"]["fault"] == 103
-    assert "clear-fault" in report["robots"]["f0"]["words"]
+    assert "clear-fault" in report["robots"]["f0"]["message"]
     assert report["ticks"] > 0
 
 

@@ -87,7 +87,7 @@ def test_the_rope_of_a_chain_hangs_between_the_tips_of_its_arms() -> None:
 
 
 @pytest.mark.parametrize(
-    ("arguments", "text", "words"),
+    ("arguments", "text", "message"),
     [
         ((), "x_mm,y_mm,z_mm\n0,0,220\n", "stdin:2:1: shape needs the actuation of cbha"),
         (("--from-poses",), "x_mm,y_mm,z_mm\n0,0,220\n", "needs position and direction of cbha"),
@@ -96,8 +96,8 @@ def test_the_rope_of_a_chain_hangs_between_the_tips_of_its_arms() -> None:
         ((), "", "stdin:1:1: no rows"),
     ],
 )
-def test_mistakes_are_named(arguments: tuple[str, ...], text: str, words: str) -> None:
+def test_mistakes_are_named(arguments: tuple[str, ...], text: str, message: str) -> None:
     done = contid("shape", "cbha", *arguments, stdin=text)
     assert done.returncode == 2
-    assert words in done.stderr
+    assert message in done.stderr
     assert "Traceback" not in done.stderr

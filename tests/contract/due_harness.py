@@ -13,8 +13,8 @@ from typing import Any
 from contid.control.engine.clock import RealClock
 from contid.hal import AxisOnBus, DeviceKind, Rest
 from contid_drivers.due.bus import DueBus
-from contid_drivers.due.emulator import Emulator
-from contid_drivers.due.options import AxisOptions, BusOptions
+from contid_drivers.due.emulator import DueEmulator
+from contid_drivers.due.options import DueAxisOptions, DueBusOptions
 from tests.contract.harness import Facts, RealTimeRig
 
 COUNT = math.tau / 4776.0
@@ -39,12 +39,12 @@ class DueRig(RealTimeRig):
         self.port = port
         self._channels = {"left.a": 0, "left.b": 3, "right.a": 5}
         axes = [
-            AxisOnBus(axis, AxisOptions(channel=f"{letter}{number}", **axis_keys))
+            AxisOnBus(axis, DueAxisOptions(channel=f"{letter}{number}", **axis_keys))
             for axis, number in self._channels.items()
         ]
         role = "motor" if letter == "m" else "pressure"
-        options = BusOptions(port=str(port), role=role, watchdog_ms=200, latency_ms=60.0)
-        self.emulator = Emulator(options, axes)
+        options = DueBusOptions(port=str(port), role=role, watchdog_ms=200, latency_ms=60.0)
+        self.emulator = DueEmulator(options, axes)
         self.bus = DueBus("board", options, axes, RealClock())
 
     def _truth(self, axis: str) -> list[float]:

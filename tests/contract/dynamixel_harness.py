@@ -11,8 +11,8 @@ from contid.control.engine.clock import RealClock
 from contid.hal import AxisOnBus, DeviceKind, Rest
 from contid_drivers.dynamixel import registers as reg
 from contid_drivers.dynamixel.bus import DynamixelBus
-from contid_drivers.dynamixel.emulator import Emulator, Servo
-from contid_drivers.dynamixel.options import AxisOptions, BusOptions
+from contid_drivers.dynamixel.emulator import DynamixelEmulator, Servo
+from contid_drivers.dynamixel.options import DynamixelAxisOptions, DynamixelBusOptions
 from tests.contract.harness import Facts, RealTimeRig
 
 AXES = ("left.a", "left.b", "right.a")
@@ -25,12 +25,12 @@ class DynamixelRig(RealTimeRig):
 
     def __init__(self, port: Path) -> None:
         self.facts = Facts(DeviceKind.SERVO, STEP, 3 * STEP, 0.5, 30.0, 0.3, 0.2, 0.0, Rest.HOLD)
-        self.emulator = Emulator(
+        self.emulator = DynamixelEmulator(
             [Servo(i + 1, position_ticks=1000.0 * (i + 1)) for i in range(len(AXES))], port
         )
         self._ids = {axis: i + 1 for i, axis in enumerate(AXES)}
-        axes = [AxisOnBus(axis, AxisOptions(id=device)) for axis, device in self._ids.items()]
-        options = BusOptions(port=str(port), watchdog_ms=200, usb_latency_ms=30.0, retry_ms=50.0)
+        axes = [AxisOnBus(axis, DynamixelAxisOptions(id=device)) for axis, device in self._ids.items()]
+        options = DynamixelBusOptions(port=str(port), watchdog_ms=200, usb_latency_ms=30.0, retry_ms=50.0)
         self.bus = DynamixelBus("servos", options, axes, RealClock())
 
     def value(self, axis: str) -> float:

@@ -110,8 +110,8 @@ def spans(loaded: LoadedFile, seen: Collector) -> list[float]:
     return [math.dist(a, b) for a, b in zip(both["left"][-count:], both["right"][-count:], strict=True)]
 
 
-def words(seen: Collector, kind: str) -> list[str]:
-    return [str(event["words"]) for event in seen.events if event["event"] == kind]
+def message(seen: Collector, kind: str) -> list[str]:
+    return [str(event["message"]) for event in seen.events if event["event"] == kind]
 
 
 def hold_at(loaded: LoadedFile, orders: dict[int, list[object]], ticks: int = 600) -> Collector:
@@ -148,7 +148,7 @@ def test_an_approach_the_rope_forbids_does_not_begin() -> None:
     low = (0.0, 0.0, 190.0, 700.0, 0.0, 190.0)
     report = run_virtual(loaded, RATE, rows(loaded, low, low), sinks=[seen])
     assert report.exit_code == 3
-    told = words(seen, "fault")
+    told = message(seen, "fault")
     assert len(told) == 2
     assert all("fault 301 chain-forbids: rope: on the way, the rope hangs" in each for each in told)
     assert moved_m(loaded, seen, "left") == moved_m(loaded, seen, "right") == 0.0
@@ -160,7 +160,7 @@ def test_a_rope_on_the_ground_may_be_lifted() -> None:
     seen = Collector(loaded)
     report = run_virtual(loaded, RATE, rows(loaded, UP, UP), sinks=[seen])
     assert report.exit_code == 0, report
-    assert not words(seen, "fault")
+    assert not message(seen, "fault")
 
 
 def test_an_order_to_a_point_that_the_rope_forbids_is_refused() -> None:
@@ -169,8 +169,8 @@ def test_an_order_to_a_point_that_the_rope_forbids_is_refused() -> None:
     seen = hold_at(
         loaded, {100: [msg.Goto(name, low[name]) for name in ("left", "right")], 101: [msg.Mark(1)]}
     )
-    assert len(words(seen, "refused")) == 2
-    assert all("rope: on the way, the rope hangs" in each for each in words(seen, "refused"))
+    assert len(message(seen, "refused")) == 2
+    assert all("rope: on the way, the rope hangs" in each for each in message(seen, "refused"))
     assert moved_m(loaded, seen, "left") < 0.03  # from arming to the row; not down
 
 
@@ -179,10 +179,10 @@ def test_two_arms_ordered_at_once_are_looked_at_together() -> None:
     loaded = chain(length_mm=705)
     aside = {"left": (-0.05, 0.0, 0.24), "right": (0.65, 0.0, 0.24)}
     alone = hold_at(loaded, {100: [msg.Goto("left", Target(tip_m=aside["left"])), msg.Mark(1)]})
-    (refused,) = words(alone, "refused")
+    (refused,) = message(alone, "refused")
     assert "mm too short between left and right" in refused
     both = hold_at(loaded, {100: [msg.Goto(name, Target(tip_m=tip)) for name, tip in aside.items()]})
-    assert not words(both, "refused")
+    assert not message(both, "refused")
     assert max(spans(loaded, both)) <= 0.705
     arrived = [event["arrived"] for event in both.events if event["event"] == "goto"]
     assert arrived == [True, True]
@@ -225,7 +225,7 @@ def test_a_fault_of_one_arm_stops_the_other(kind: str, policy: str) -> None:
     numbers = {e["robot"]: e["fault"] for e in seen.events if e["event"] == "fault"}
     assert numbers["left"] == Fault.CHAIN_BROKEN
     assert numbers["right"] in (Fault.DEVICE_FAULT, Fault.DEVICE_LOST)
-    (told,) = (text for text in words(seen, "fault") if "302" in text)
+    (told,) = (text for text in message(seen, "fault") if "302" in text)
     assert "rope: right has fault 10" in told
     ticks = [e["tick"] for e in seen.events if e["event"] == "fault"]
     assert ticks[0] == ticks[1]
@@ -269,7 +269,7 @@ def test_a_way_to_the_rest_pose_that_the_rope_forbids_ends_where_it_is(ending: s
     }[ending]
     on_end = OnEnd.REST if ending == "on_end" else OnEnd.STOP
     run_virtual(loaded, RATE, rows(loaded, UP, UP), sinks=[seen], orders=orders, on_end=on_end, ticks=400)  # type: ignore[arg-type]
-    told = words(seen, "refused")
+    told = message(seen, "refused")
     assert len(told) == 2
     assert all("it stops where it is instead of at its rest pose" in each for each in told)
     assert tips(loaded, seen)["left"][-1][2] == pytest.approx(0.25, abs=1e-4)
@@ -280,5 +280,5 @@ def test_a_way_to_the_rest_pose_that_the_rope_allows_is_gone() -> None:
     loaded = chain(floor_mm=-160, rest_mm=95)
     seen = Collector(loaded)
     run_virtual(loaded, RATE, rows(loaded, UP, UP), sinks=[seen], on_end=OnEnd.REST)
-    assert not words(seen, "refused")
+    assert not message(seen, "refused")
     assert tips(loaded, seen)["left"][-1][2] == pytest.approx(0.19, abs=1e-4)

@@ -8,7 +8,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from contid.control.engine.wiring import build_plans
+from contid.control.engine.wiring import build_robot_configs
 from contid.control.tick.soft_start import ease_ticks, played
 from tests.control.fingers import circle, load
 
@@ -37,30 +37,32 @@ def test_between_the_eases_rows_at_ticks_are_met_at_ticks(lead: int, tail: int) 
 
 def test_a_start_from_rest_is_played_as_written() -> None:
     loaded = load(1)
-    plans = build_plans(loaded, 200.0)
+    configs = build_robot_configs(loaded, 200.0)
     slow, fast = circle(loaded, period_s=600.0), circle(loaded, period_s=1.0)
-    assert ease_ticks(plans, slow, 0.0, ahead=True) == 0
-    lead = ease_ticks(plans, fast, 0.0, ahead=True)
+    assert ease_ticks(configs, slow, 0.0, ahead=True) == 0
+    lead = ease_ticks(configs, fast, 0.0, ahead=True)
     assert lead > 0
     assert lead % 2 == 0
-    assert ease_ticks(plans, fast, fast.end_s, ahead=False) == pytest.approx(lead, abs=2)
+    assert ease_ticks(configs, fast, fast.end_s, ahead=False) == pytest.approx(lead, abs=2)
 
 
 def test_an_ease_takes_half_of_the_acceleration_and_of_the_jerk() -> None:
     """Peak acceleration 1.5 v/T and peak jerk 6 v/T^2, by the speed of the axes where the circle starts."""
     loaded = load(1)
-    (plan,) = plans = build_plans(loaded, 200.0)
+    (config,) = configs = build_robot_configs(loaded, 200.0)
     fast = circle(loaded, period_s=1.0)
     here, after = (
-        plan.model.inverse(plan.frame.target_in_base(fast.targets_at(t_s)[plan.name]), plan.rest).actuation
-        for t_s in (0.0, plan.period_s)
+        config.model.inverse(
+            config.frame.target_in_base(fast.targets_at(t_s)[config.name]), config.rest
+        ).actuation
+        for t_s in (0.0, config.period_s)
     )
-    speed = max(abs(b - a) for a, b in zip(here, after, strict=True)) / plan.period_s
+    speed = max(abs(b - a) for a, b in zip(here, after, strict=True)) / config.period_s
 
     def gentle(ticks: int) -> bool:
-        time_s = ticks * plan.period_s
-        return 3.0 * speed / time_s <= plan.acceleration and 12.0 * speed / time_s**2 <= plan.jerk
+        time_s = ticks * config.period_s
+        return 3.0 * speed / time_s <= config.acceleration and 12.0 * speed / time_s**2 <= config.jerk
 
-    lead = ease_ticks(plans, fast, 0.0, ahead=True)
+    lead = ease_ticks(configs, fast, 0.0, ahead=True)
     assert gentle(lead)
     assert not gentle(lead - 2)

@@ -8,7 +8,7 @@ import pytest
 
 from contid.control.engine import messages as msg
 from contid.control.engine.order_events import answer_event, answer_of, order_event, order_of
-from contid.control.engine.ports import Answer
+from contid.control.engine.ports import BusReply
 from contid.control.tick.state import Effect
 from contid.errors import ContidError
 from contid.robot_file.base import StopPolicy
@@ -24,7 +24,7 @@ TARGET = Target(
     "message",
     [
         msg.Hold(), msg.Hold(("thumb",)), msg.Resume(), msg.Estop(("a", "b")), msg.ClearFault(),
-        msg.Stop(("thumb",), StopPolicy.REST, "on_end"), msg.Stop(), msg.Finish(), msg.End(),
+        msg.Stop(("thumb",), StopPolicy.REST, "on_end"), msg.Stop(), msg.Finish(), msg.EndOfRows(),
         msg.Finish(StopPolicy.RELAX, "on_host_loss"), msg.Goto("thumb", TARGET),
         msg.Goto("thumb", Target(actuation=(0.07, 0.03))), msg.Rows({"thumb": TARGET}),
         msg.Rows({"thumb": None}), msg.Rows({}), msg.Rows({"a": TARGET, "b": None}),
@@ -57,5 +57,5 @@ def test_an_unknown_order_is_refused() -> None:
 
 
 def test_an_answer_comes_back() -> None:
-    answer = Answer(None, "gone", [(0, Effect.ENABLE)], [(1, Effect.CLEAR, "still hot")])
+    answer = BusReply(None, "gone", [(0, Effect.ENABLE)], [(1, Effect.CLEAR, "still hot")])
     assert answer_of(json.loads(json.dumps(answer_event(answer)))) == answer

@@ -8,9 +8,9 @@ from typing import Any
 
 import pytest
 
-from contid.control.engine.wiring import build_plans
+from contid.control.engine.wiring import build_robot_configs
 from contid.control.tick import state as change
-from contid.control.tick.config import RobotPlan
+from contid.control.tick.config import RobotConfig
 from contid.control.tick.faults import Fault
 from contid.control.tick.robot_tick import tick
 from contid.control.tick.state import Effect, OrderRefusedError, RobotState
@@ -22,92 +22,94 @@ from tests.control.fingers import load
 
 
 @pytest.fixture
-def plan() -> RobotPlan:
-    return build_plans(load(2), 200.0)[1]
+def config() -> RobotConfig:
+    return build_robot_configs(load(2), 200.0)[1]
 
 
 TARGET = Target(tip_m=(0.050, 0.075, 0.0))
 
 
-def sampled(plan: RobotPlan, actuation: tuple[float, ...] = (0.06, 0.06), **keys: Any) -> tuple[Sample, ...]:
-    device = plan.transmission.to_device(actuation)
+def sampled(
+    config: RobotConfig, actuation: tuple[float, ...] = (0.06, 0.06), **keys: Any
+) -> tuple[Sample, ...]:
+    device = config.transmission.to_device(actuation)
     return tuple(replace(Sample(value, 0.0, True, 0.0), **keys) for value in device)
 
 
-def running(plan: RobotPlan) -> RobotState:
+def running(config: RobotConfig) -> RobotState:
     """A robot that stands exactly on the target, in RUN."""
-    here = plan.model.inverse(plan.frame.target_in_base(TARGET), plan.rest).actuation
+    here = config.model.inverse(config.frame.target_in_base(TARGET), config.rest).actuation
     return RobotState(
         mode=Mode.RUN, enabled=True, wanted=True, follow=True, command=here, aim=here,
         steps=(0.0, 0.0), misses=(0, 0),
     )  # fmt: skip
 
 
-def test_the_same_arguments_give_the_same_outcome(plan: RobotPlan) -> None:
-    state, samples = running(plan), sampled(plan)
+def test_the_same_arguments_give_the_same_outcome(config: RobotConfig) -> None:
+    state, samples = running(config), sampled(config)
     moved = Target(tip_m=(0.0501, 0.0751, 0.0))
-    assert tick(plan, state, 1.0, samples, moved) == tick(plan, state, 1.0, samples, moved)
+    assert tick(config, state, 1.0, samples, moved) == tick(config, state, 1.0, samples, moved)
 
 
-def test_on_its_target_the_tip_error_is_rounding(plan: RobotPlan) -> None:
-    out = tick(plan, running(plan), 1.0, sampled(plan), TARGET)
+def test_on_its_target_the_tip_error_is_rounding(config: RobotConfig) -> None:
+    out = tick(config, running(config), 1.0, sampled(config), TARGET)
     assert out.tip_error_m < 1e-15
-    assert out.state.command == running(plan).command
-    assert out.device == plan.transmission.to_device(out.state.command)
+    assert out.state.command == running(config).command
+    assert out.device == config.transmission.to_device(out.state.command)
 
 
-def test_directions_and_loads_are_mirrored_with_the_robot(plan: RobotPlan) -> None:
+def test_directions_and_loads_are_mirrored_with_the_robot(config: RobotConfig) -> None:
     target = Target(tip_m=(0.09, 0.07, 0.0), direction=(0.6, 0.8, 0.0), load_n=(1.0, 2.0, 3.0))
-    base = plan.frame.target_in_base(target)
+    base = config.frame.target_in_base(target)
     assert base.tip_m == pytest.approx((0.01, 0.07, 0.0))
     assert base.direction == pytest.approx((-0.6, 0.8, 0.0))
     assert base.load_n == pytest.approx((-1.0, 2.0, 3.0))
 
 
-def test_no_command_before_a_valid_sample_of_every_axis(plan: RobotPlan) -> None:
-    state = change.resume(plan, RobotState(), 0.0)
-    one_silent = (sampled(plan)[0], Sample(None, 0.0, False, 0.0))
+def test_no_command_before_a_valid_sample_of_every_axis(config: RobotConfig) -> None:
+    state = change.resume(config, RobotState(), 0.0)
+    one_silent = (sampled(config)[0], Sample(None, 0.0, False, 0.0))
     for samples in ((), one_silent):
-        out = tick(plan, state, 0.1, samples, TARGET)
+        out = tick(config, state, 0.1, samples, TARGET)
         assert (out.state.mode, out.device) == (Mode.CONNECTING, ())
-    out = tick(plan, state, 3.0, one_silent, TARGET)
+    out = tick(config, state, 3.0, one_silent, TARGET)
     assert (out.state.fault, out.state.enabled) == (Fault.NO_SAMPLE, False)
-    assert "f1.right" in out.state.words
+    assert "f1.right" in out.state.message
 
 
-def test_arming_starts_from_what_is_measured(plan: RobotPlan) -> None:
-    state = tick(plan, change.resume(plan, RobotState(), 0.0), 0.1, sampled(plan), TARGET).state
+def test_arming_starts_from_what_is_measured(config: RobotConfig) -> None:
+    state = tick(config, change.resume(config, RobotState(), 0.0), 0.1, sampled(config), TARGET).state
     assert (state.mode, state.pending, state.command) == (Mode.ARMING, Effect.ENABLE, ())
     armed = replace(state, enabled=True, pending=Effect.NONE)
-    state = tick(plan, armed, 0.2, sampled(plan, (0.031, 0.047)), TARGET).state
+    state = tick(config, armed, 0.2, sampled(config, (0.031, 0.047)), TARGET).state
     assert state.mode is Mode.APPROACH
     assert state.command == pytest.approx((0.031, 0.047), abs=1e-15)
 
 
 @pytest.mark.parametrize("enabled", [True, False])
-def test_a_failed_read_is_never_a_position(plan: RobotPlan, enabled: bool) -> None:
+def test_a_failed_read_is_never_a_position(config: RobotConfig, enabled: bool) -> None:
     """Samples do not steer: a silent axis changes counters, not the command."""
-    state = replace(running(plan), enabled=enabled)
-    silent = (sampled(plan)[0], replace(sampled(plan)[1], valid=False, value=0.0))
-    out = tick(plan, state, 1.0, silent, TARGET)
+    state = replace(running(config), enabled=enabled)
+    silent = (sampled(config)[0], replace(sampled(config)[1], valid=False, value=0.0))
+    out = tick(config, state, 1.0, silent, TARGET)
     assert out.state.command == state.command
     assert out.state.misses == (0, 1)
 
 
 @pytest.mark.parametrize("interruption", ["fault", "stop"])
 def test_an_arming_that_is_interrupted_does_not_go_back_to_old_commands(
-    plan: RobotPlan, interruption: str
+    config: RobotConfig, interruption: str
 ) -> None:
     """The robot was moved by hand since its last command; torque is on, but nothing was commanded yet."""
-    ready = replace(running(plan), mode=Mode.READY, enabled=False)
-    arming = tick(plan, ready, 1.0, sampled(plan, (0.09, 0.03)), TARGET).state
+    ready = replace(running(config), mode=Mode.READY, enabled=False)
+    arming = tick(config, ready, 1.0, sampled(config, (0.09, 0.03)), TARGET).state
     assert arming.mode is Mode.ARMING
     state = replace(arming, enabled=True, pending=Effect.NONE)
     if interruption == "stop":
-        state = change.stop(plan, state, StopPolicy.HOLD, 1.005)
+        state = change.stop(config, state, StopPolicy.HOLD, 1.005)
     for number in range(5):
-        broken = sampled(plan, (0.09, 0.03), fault="overload" if interruption == "fault" else "")
-        out = tick(plan, state, 1.005 + 0.005 * number, broken, TARGET)
+        broken = sampled(config, (0.09, 0.03), fault="overload" if interruption == "fault" else "")
+        out = tick(config, state, 1.005 + 0.005 * number, broken, TARGET)
         assert out.device == ()
         state = out.state
     assert state.mode is (Mode.FAULT if interruption == "fault" else Mode.OFF)
@@ -115,61 +117,61 @@ def test_an_arming_that_is_interrupted_does_not_go_back_to_old_commands(
     assert not state.enabled
 
 
-def test_a_model_that_answers_nan_is_a_fault_and_no_command(plan: RobotPlan) -> None:
+def test_a_model_that_answers_nan_is_a_fault_and_no_command(config: RobotConfig) -> None:
     class Wild:
         def __getattr__(self, name: str) -> Any:
-            return getattr(plan.model, name)
+            return getattr(config.model, name)
 
         def inverse(self, target: Target, seed: tuple[float, ...]) -> Solution:
             return Solution((math.nan, 0.05), 0.0, True)
 
-    out = tick(replace(plan, model=Wild()), running(plan), 1.0, sampled(plan), TARGET)  # type: ignore[arg-type]
+    out = tick(replace(config, model=Wild()), running(config), 1.0, sampled(config), TARGET)  # type: ignore[arg-type]
     assert out.state.fault is Fault.NOT_A_NUMBER
     assert all(map(math.isfinite, out.device))
 
 
-def test_an_error_in_one_tick_is_that_robots_fault(plan: RobotPlan) -> None:
+def test_an_error_in_one_tick_is_that_robots_fault(config: RobotConfig) -> None:
     class Broken:
         def __getattr__(self, name: str) -> Any:
             raise ZeroDivisionError("oh")
 
-    out = tick(replace(plan, model=Broken()), running(plan), 1.0, sampled(plan), TARGET)  # type: ignore[arg-type]
+    out = tick(replace(config, model=Broken()), running(config), 1.0, sampled(config), TARGET)  # type: ignore[arg-type]
     assert out.state.fault is Fault.INTERNAL
-    assert "ZeroDivisionError" in out.state.words
+    assert "ZeroDivisionError" in out.state.message
 
 
-def test_the_first_fault_stays(plan: RobotPlan) -> None:
-    state = change.fail(plan, running(plan), Fault.AXIS_SILENT, "first", 1.0)
-    again = change.fail(plan, state, Fault.DEVICE_FAULT, "second", 2.0)
-    assert (again.fault, again.words) == (Fault.AXIS_SILENT, "first")
+def test_the_first_fault_stays(config: RobotConfig) -> None:
+    state = change.fail(config, running(config), Fault.AXIS_SILENT, "first", 1.0)
+    again = change.fail(config, state, Fault.DEVICE_FAULT, "second", 2.0)
+    assert (again.fault, again.message) == (Fault.AXIS_SILENT, "first")
 
 
-def test_clear_looks_again_and_never_moves(plan: RobotPlan) -> None:
-    state = change.fail(plan, running(plan), Fault.DEVICE_FAULT, "hot", 1.0)
-    for samples in ((), sampled(plan, fault="hot"), sampled(plan, valid=False)):
+def test_clear_looks_again_and_never_moves(config: RobotConfig) -> None:
+    state = change.fail(config, running(config), Fault.DEVICE_FAULT, "hot", 1.0)
+    for samples in ((), sampled(config, fault="hot"), sampled(config, valid=False)):
         with pytest.raises(OrderRefusedError):
-            change.clear(plan, state, samples, 2.0)
-    cleared = change.clear(plan, state, sampled(plan), 2.0)
+            change.clear(config, state, samples, 2.0)
+    cleared = change.clear(config, state, sampled(config), 2.0)
     assert (cleared.mode, cleared.fault) == (Mode.READY, Fault.NONE)
-    out = tick(plan, cleared, 3.0, sampled(plan), TARGET)
+    out = tick(config, cleared, 3.0, sampled(config), TARGET)
     assert (out.state.mode, out.device, out.state.pending) == (Mode.READY, (), Effect.NONE)
 
 
 @pytest.mark.parametrize("policy", list(StopPolicy))
-def test_a_stop_ends_in_the_rest_of_its_policy(plan: RobotPlan, policy: StopPolicy) -> None:
-    state = change.stop(plan, running(plan), policy, 1.0)
+def test_a_stop_ends_in_the_rest_of_its_policy(config: RobotConfig, policy: StopPolicy) -> None:
+    state = change.stop(config, running(config), policy, 1.0)
     now_s = 1.0
     while state.mode is Mode.STOPPING and now_s < 20.0:
-        state = tick(plan, state, now_s, sampled(plan), TARGET).state
-        now_s += plan.period_s
+        state = tick(config, state, now_s, sampled(config), TARGET).state
+        now_s += config.period_s
     expected = {"hold": Effect.HOLD, "rest": Effect.HOLD, "relax": Effect.RELAX, "vent": Effect.VENT}
     assert (state.mode, state.pending, state.enabled) == (Mode.OFF, expected[policy.value], False)
     if policy is StopPolicy.REST:
-        assert state.command == pytest.approx(plan.rest, abs=1e-15)
+        assert state.command == pytest.approx(config.rest, abs=1e-15)
 
 
 @pytest.mark.parametrize("mode", list(Mode))
-def test_estop_is_never_refused(plan: RobotPlan, mode: Mode) -> None:
-    state = change.estop(plan, replace(running(plan), mode=mode), 1.0)
+def test_estop_is_never_refused(config: RobotConfig, mode: Mode) -> None:
+    state = change.estop(config, replace(running(config), mode=mode), 1.0)
     latched = Mode.FAULT if mode is Mode.FAULT else Mode.OFF
     assert (state.mode, state.pending, state.enabled) == (latched, Effect.RELAX, False)

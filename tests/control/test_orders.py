@@ -88,7 +88,7 @@ def test_a_stopped_robot_in_fault_stays_there_until_it_is_cleared(order: Message
     }  # fmt: skip
     went = run(orders, 500, SILENT)
     assert went.modes("f0")[-5:] == ["HOLD", "FAULT", "READY", "ARMING", "HOLD"]
-    assert "cannot arm while FAULT" in str(told(went, "refused")[0]["words"])
+    assert "cannot arm while FAULT" in str(told(went, "refused")[0]["message"])
 
 
 def test_an_order_that_fails_inside_is_that_robots_fault_and_the_run_goes_on(
@@ -112,7 +112,7 @@ def test_an_order_that_fails_inside_is_that_robots_fault_and_the_run_goes_on(
     monkeypatch.setattr(state, "Approach", none)
     run_virtual(loaded, 200.0, None, sinks=[collector], orders=orders, ticks=600)
     assert collector.modes("f0")[-6:] == ["APPROACH", "FAULT", "READY", "ARMING", "HOLD", "FAULT"]
-    assert all("no motion from here" in str(event["words"]) for event in told(collector, "fault"))
+    assert all("no motion from here" in str(event["message"]) for event in told(collector, "fault"))
     assert told(collector, "fault")[0]["name"] == "INTERNAL"
     assert collector.modes("f1")[-2:] == ["HOLD", "FAULT"], "it cannot be brought to rest either"
 

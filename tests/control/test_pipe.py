@@ -10,7 +10,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from contid.control.engine.messages import End, Estop, Goto, Hold, Play, Rows
+from contid.control.engine.messages import EndOfRows, Estop, Goto, Hold, Play, Rows
 from contid.control.engine.wiring import driven_robots
 from contid.control.process.pipe import Inbox, aside, frame
 from contid.robot_file.load import parse_robot_file
@@ -22,7 +22,7 @@ from tests.control.fingers import circle_csv, fingers
 def test_messages_come_whole_however_the_bytes_arrive() -> None:
     read, write = os.pipe()
     inbox = Inbox(read)
-    sent = [Hold(("a",)), Rows({"a": Target(tip_m=(1.0, 2.0, 0.1)), "b": None}), End()]
+    sent = [Hold(("a",)), Rows({"a": Target(tip_m=(1.0, 2.0, 0.1)), "b": None}), EndOfRows()]
     got: list[object] = []
     for byte in b"".join(map(frame, sent)):
         os.write(write, bytes([byte]))
@@ -63,9 +63,9 @@ def test_wait_takes_one_and_leaves_the_rest() -> None:
     read, write = os.pipe()
     inbox = Inbox(read)
     goto = Goto("a", Target(actuation=(0.1, 0.2)))
-    os.write(write, frame(goto) + frame(End()))
+    os.write(write, frame(goto) + frame(EndOfRows()))
     assert inbox.wait() == goto
-    assert inbox.poll() == [End()]
+    assert inbox.poll() == [EndOfRows()]
     os.close(write)
     with pytest.raises(EOFError):
         inbox.wait()

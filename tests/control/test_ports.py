@@ -13,8 +13,8 @@ import pytest
 from contid.control.engine.cycle import Timing
 from contid.control.engine.engine import Engine
 from contid.control.engine.messages import Estop, Finish
-from contid.control.engine.ports import Job, Port, perform
-from contid.control.engine.wiring import build_plans, open_buses
+from contid.control.engine.ports import BusJob, BusPort, perform
+from contid.control.engine.wiring import build_robot_configs, open_buses
 from contid.control.tick.faults import Fault
 from contid.control.tick.state import Effect
 from contid.control.tick.supervisor import Mode
@@ -68,9 +68,9 @@ def test_a_stuck_bus_faults_its_robot_and_the_other_runs_on() -> None:
     loaded = load(2, buses=2)
     clock = Ticking()
     buses = {name: Blocking(bus) for name, bus in open_buses(loaded, clock).items()}
-    ports = {name: Port(bus, threaded=True) for name, bus in buses.items()}
+    ports = {name: BusPort(bus, threaded=True) for name, bus in buses.items()}
     seen = Collector()
-    engine = Engine(build_plans(loaded, 200.0), ports, 200.0, seen, clock.now, attended=True)
+    engine = Engine(build_robot_configs(loaded, 200.0), ports, 200.0, seen, clock.now, attended=True)
     engine.arm()
     try:
         for tick in range(60):
@@ -94,8 +94,10 @@ def test_an_estop_that_meets_a_late_bus_is_waited_for_before_the_run_ends() -> N
     loaded = load(1)
     clock = Ticking()
     ((name, bus),) = ((name, Blocking(bus)) for name, bus in open_buses(loaded, clock).items())
-    port = Port(bus, threaded=True)
-    engine = Engine(build_plans(loaded, 200.0), {name: port}, 200.0, Collector(), clock.now, attended=True)
+    port = BusPort(bus, threaded=True)
+    engine = Engine(
+        build_robot_configs(loaded, 200.0), {name: port}, 200.0, Collector(), clock.now, attended=True
+    )
     engine.arm()
     tick = 0
 
@@ -136,10 +138,10 @@ def test_a_refusal_of_one_robot_is_not_a_loss_of_the_bus() -> None:
             super().enable(axes)
 
     effects = tuple((i, Effect.ENABLE, (f"f{i}.left", f"f{i}.right")) for i in range(2))
-    answer = perform(Refusing(bus), Job({}, effects))
+    answer = perform(Refusing(bus), BusJob({}, effects))
     assert answer.lost == ""
     assert answer.samples is not None
-    assert [(robot, words) for robot, _, words in answer.refused] == [(0, "f0.left: not today")]
+    assert [(robot, message) for robot, _, message in answer.refused] == [(0, "f0.left: not today")]
     assert answer.done == [(1, Effect.ENABLE)]
     bus.close()
 
@@ -152,7 +154,7 @@ def test_a_defect_of_a_driver_is_told_as_a_lost_bus() -> None:
         def exchange(self, commands: Mapping[str, float]) -> Mapping[str, Sample]:
             raise ZeroDivisionError("oh")
 
-    assert perform(Broken(bus), Job({})).lost == "bus0: ZeroDivisionError: oh"
+    assert perform(Broken(bus), BusJob({})).lost == "bus0: ZeroDivisionError: oh"
     bus.close()
 
 
@@ -175,7 +177,8 @@ def test_what_is_no_number_is_a_failed_read_whatever_the_driver_says(value: Any,
             return samples
 
     engine = Engine(
-        build_plans(loaded, 200.0), {name: Port(Lying(bus), threaded=False)}, 200.0, Collector(), clock.now,
+        build_robot_configs(loaded, 200.0), {name: BusPort(Lying(bus), threaded=False)}, 200.0,
+        Collector(), clock.now,
         attended=True,
     )  # fmt: skip
     engine.arm()

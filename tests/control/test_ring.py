@@ -101,9 +101,9 @@ def test_events_longer_than_a_slot_arrive_whole_or_say_that_they_cannot(path: Pa
     done = [[f"robot_{number}", "READY"] for number in range(500)]
     writer.event("answer", done=done)
     assert reader.events() == [{"event": "answer", "done": done}]
-    writer.event("fault", robot="one", words="\N{ROBOT FACE}" * 1_000_000)
+    writer.event("fault", robot="one", message="\N{ROBOT FACE}" * 1_000_000)
     (cut,) = reader.events()
-    assert (cut["robot"], cut["words"][:1], cut["words"][-4:]) == (
+    assert (cut["robot"], cut["message"][:1], cut["message"][-4:]) == (
         "one",
         "\N{ROBOT FACE}",
         "\N{ROBOT FACE}...",

@@ -14,8 +14,8 @@ from contid.control.engine import messages as msg
 from contid.control.engine.clock import VirtualClock
 from contid.control.engine.cycle import Timing
 from contid.control.engine.engine import Engine
-from contid.control.engine.ports import Port
-from contid.control.engine.wiring import build_plans, open_buses
+from contid.control.engine.ports import BusPort
+from contid.control.engine.wiring import build_robot_configs, open_buses
 from contid.kinematics.frames import BaseFrame
 from contid.kinematics.model import Model, build_model
 from contid.robot_file.load import LoadedFile, parse_robot_file, with_mock
@@ -39,9 +39,9 @@ class Rig:
         self.seen = Collector(loaded)
         self.clock = VirtualClock()
         self.buses = open_buses(loaded, self.clock)
-        ports = {name: Port(bus, threaded=False) for name, bus in self.buses.items()}
-        self.plan = build_plans(loaded, RATE_HZ)[0]
-        self.engine = Engine([self.plan], ports, RATE_HZ, self.seen, self.clock.now, attended=True)
+        ports = {name: BusPort(bus, threaded=False) for name, bus in self.buses.items()}
+        self.config = build_robot_configs(loaded, RATE_HZ)[0]
+        self.engine = Engine([self.config], ports, RATE_HZ, self.seen, self.clock.now, attended=True)
         self.engine.arm()
         self.truth = truth
         self.every = round(RATE_HZ / tracker_hz)
@@ -54,17 +54,17 @@ class Rig:
     def tip(self) -> tuple[float, float, float]:
         """Where the plant's tip really is: the true model at the measured actuation."""
         samples = self.engine.samples
-        actuation = self.plan.transmission.to_actuation([samples[axis].value for axis in self.plan.axes])
-        return self.plan.frame.point_in_world(self.truth.forward(actuation).tip_m)
+        actuation = self.config.transmission.to_actuation([samples[axis].value for axis in self.config.axes])
+        return self.config.frame.point_in_world(self.truth.forward(actuation).tip_m)
 
     def run(self, seconds: float, target: Target | None = None) -> None:
         if target is not None:
-            self.engine.obey(msg.Rows({self.plan.name: target}), self.tick)
+            self.engine.obey(msg.Rows({self.config.name: target}), self.tick)
         for _ in range(round(seconds * RATE_HZ)):
             self.clock.set(self.tick / RATE_HZ)
             if self.tracking and self.tips and self.tick % self.every == 0:
                 shaken = np.array(self.tips[-1]) + self.rng.normal(0, self.noise_m, 3)
-                self.engine.obey(msg.Measured(self.plan.name, tuple(shaken.tolist())), self.tick)
+                self.engine.obey(msg.Measured(self.config.name, tuple(shaken.tolist())), self.tick)
             now_s = self.tick / RATE_HZ
             self.engine.cycle(Timing(self.tick, 0, now_s))
             self.tick += 1
@@ -141,7 +141,7 @@ def test_without_the_tracker_it_falls_back_to_the_open_loop_within_a_second_and_
     loaded, truth = finger({})
     rig = Rig(loaded, truth)
     rig.run(6.0, Target(tip_m=(0.030, 0.070, 0.0)))
-    open_loop = rig.plan.model.inverse(Target(tip_m=(0.030, 0.070, 0.0)), rig.plan.rest).actuation
+    open_loop = rig.config.model.inverse(Target(tip_m=(0.030, 0.070, 0.0)), rig.config.rest).actuation
     before = rig.engine.states[0].command
     assert max(abs(a - b) for a, b in zip(before, open_loop, strict=True)) > 1e-4
     rig.tracking = False
@@ -152,8 +152,8 @@ def test_without_the_tracker_it_falls_back_to_the_open_loop_within_a_second_and_
     rig.close()
     assert commands[-1] == pytest.approx(open_loop, abs=1e-12)
     steps = np.abs(np.diff(np.array(commands), axis=0))
-    assert steps.max() <= rig.plan.velocity / RATE_HZ
-    assert np.abs(np.diff(steps, axis=0)).max() <= rig.plan.acceleration / RATE_HZ**2 * (1 + 1e-9)
+    assert steps.max() <= rig.config.velocity / RATE_HZ
+    assert np.abs(np.diff(steps, axis=0)).max() <= rig.config.acceleration / RATE_HZ**2 * (1 + 1e-9)
 
 
 @pytest.mark.parametrize("tracking", [True, False])
@@ -179,11 +179,11 @@ def test_a_measurement_counts_from_its_capture() -> None:
     rig.tracking = False
     rig.run(1.0)
     tip = rig.tip()
-    rig.engine.obey(msg.Measured(rig.plan.name, tip, None, 0.150), rig.tick)
+    rig.engine.obey(msg.Measured(rig.config.name, tip, None, 0.150), rig.tick)
     rig.run(1 / RATE_HZ)
     correction = rig.engine.states[0].correction
     # One that was captured before it is no news.
-    rig.engine.obey(msg.Measured(rig.plan.name, (0.0, 0.0, 0.0), None, 0.160), rig.tick)
+    rig.engine.obey(msg.Measured(rig.config.name, (0.0, 0.0, 0.0), None, 0.160), rig.tick)
     rig.run(1 / RATE_HZ)
     rig.close()
     assert correction.used_s == pytest.approx((rig.tick - 2) / RATE_HZ - 0.150)
@@ -197,7 +197,7 @@ def test_noise_of_the_tracker_is_filtered_and_a_wild_measurement_is_bounded() ->
     settled = np.array(rig.tips[-400:])
     assert settled.std(axis=0).max() < 0.15e-3
     rig.tracking = False
-    rig.engine.obey(msg.Measured(rig.plan.name, (5.0, 5.0, 0.0)), rig.tick)
+    rig.engine.obey(msg.Measured(rig.config.name, (5.0, 5.0, 0.0)), rig.tick)
     rig.run(0.2)
     error = rig.engine.states[0].correction.error_m
     rig.close()

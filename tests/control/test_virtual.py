@@ -96,7 +96,7 @@ def test_a_fault_of_one_robot_leaves_the_other_alone(options: str, fault: Fault)
     report = run_virtual(loaded, RATE, circle(loaded), sinks=[seen])
     assert report.exit_code == 3
     assert report.robots["f0"]["fault"] == fault
-    assert "f0.left" in report.robots["f0"]["words"]
+    assert "f0.left" in report.robots["f0"]["message"]
     assert report.robots["f1"]["fault"] == 0
     assert seen.modes("f1")[-3:] == ["RUN", "STOPPING", "OFF"]
     assert report.robots["f1"]["tip_error_max_mm"] < 1e-9
@@ -178,9 +178,9 @@ def test_orders_that_do_not_fit_are_refused_in_words() -> None:
     seen = Collector(loaded)
     orders = {0: [msg.ClearFault(("f0",)), msg.Hold(("thumb",))]}
     run_virtual(loaded, RATE, None, sinks=[seen], orders=orders, ticks=5)
-    words = [str(e["words"]) for e in seen.events if e["event"] == "refused"]
-    assert "cannot clear while CONNECTING" in words[0]
-    assert "no robot 'thumb'; there are f0" in words[1]
+    message = [str(e["message"]) for e in seen.events if e["event"] == "refused"]
+    assert "cannot clear while CONNECTING" in message[0]
+    assert "no robot 'thumb'; there are f0" in message[1]
 
 
 @pytest.mark.parametrize("interrupted", [False, True])

@@ -37,10 +37,10 @@ def folder(tmp_path: Path) -> Path:
     return tmp_path
 
 
-def start(folder: Path, *words: str) -> subprocess.Popen[str]:
+def start(folder: Path, *message: str) -> subprocess.Popen[str]:
     path = [folder / "site", WINCH, ROOT, ROOT / "drivers"]
     return subprocess.Popen(
-        [sys.executable, "-m", "contid", *words],
+        [sys.executable, "-m", "contid", *message],
         cwd=folder,
         env={**os.environ, "PYTHONPATH": os.pathsep.join(map(str, path)), "XDG_RUNTIME_DIR": str(folder)},
         stdin=subprocess.DEVNULL,
@@ -50,8 +50,8 @@ def start(folder: Path, *words: str) -> subprocess.Popen[str]:
     )
 
 
-def contid(folder: Path, *words: str) -> str:
-    with start(folder, *words) as process:
+def contid(folder: Path, *message: str) -> str:
+    with start(folder, *message) as process:
         out, errors = process.communicate(timeout=60)
     assert process.returncode == 0, out + errors
     return out

@@ -12,7 +12,7 @@ from dataclasses import dataclass
 
 from contid.hal import AxisOnBus
 from contid_drivers.due import frames, messages, wiring
-from contid_drivers.due.codes import State, Type
+from contid_drivers.due.codes import BoardState, Type
 from contid_drivers.due.cortex import (
     ARDUINO_FLASH,
     ARDUINO_RAM,
@@ -21,7 +21,7 @@ from contid_drivers.due.cortex import (
     build_m3,
     read_elf,
 )
-from contid_drivers.due.options import AxisOptions, BusOptions
+from contid_drivers.due.options import DueAxisOptions, DueBusOptions
 from tests.firmware.cortex_m3 import M3Board
 
 CLOCK_HZ = 84_000_000
@@ -57,8 +57,8 @@ def measure() -> Load:
     """Six armed motors on streamed demands at 10 cm/s; the longest of 300 ticks, and of 64 edges."""
     board = M3Board(read_elf(build_m3()))
     board.start("motor")
-    axes = [AxisOnBus(f"m{i}", AxisOptions(channel=f"m{i}"), (-10.0, 60.0)) for i in range(MOTORS)]
-    blob = wiring.board_config("b", BusOptions(port="x", role="motor"), axes)
+    axes = [AxisOnBus(f"m{i}", DueAxisOptions(channel=f"m{i}"), (-10.0, 60.0)) for i in range(MOTORS)]
+    blob = wiring.board_config("b", DueBusOptions(port="x", role="motor"), axes)
     crc = frames.crc16(blob)
 
     def ask(kind: Type, body: bytes) -> messages.Answer:
@@ -72,7 +72,7 @@ def measure() -> Load:
     ticks = []
     for now in range(300):
         assert isinstance(told, messages.Telemetry)
-        assert all(report.state is State.ARMED for report in told.channels.values())
+        assert all(report.state is BoardState.ARMED for report in told.channels.values())
         if now % 5 == 0:
             # The last third is a step to a far goal: the longest way through the set-point's root.
             goal = EDGES_PER_S * now // 1000 if now < 200 else 39526

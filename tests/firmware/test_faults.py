@@ -2,7 +2,7 @@
 
 import pytest
 
-from contid_drivers.due.codes import Reason, ResetCause, State, Type
+from contid_drivers.due.codes import BoardState, Reason, ResetCause, Type
 from contid_drivers.due.messages import Refused, Telemetry
 
 MOVING = 6081  # counts/s at 10 cm/s
@@ -68,11 +68,11 @@ def test_latched_until_cleared_then_armed_where_it_stands(board):
     motors, _ = _moving_motor(board)
     motors.step(300)
     stood = motors.demand({0: 60_000}).channels[0]
-    assert (stood.state, stood.reason) == (State.SAFE, Reason.DEAD_MAN)
+    assert (stood.state, stood.reason) == (BoardState.SAFE, Reason.DEAD_MAN)
     refused = motors.masked(Type.ARM, 0)
     assert isinstance(refused, Refused)
-    assert motors.masked(Type.CLEAR, 0).channels[0].state is State.READY
-    assert motors.masked(Type.ARM, 0).channels[0].state is State.ARMED
+    assert motors.masked(Type.CLEAR, 0).channels[0].state is BoardState.READY
+    assert motors.masked(Type.ARM, 0).channels[0].state is BoardState.ARMED
     motors.step(50)
     assert abs(motors.demand().channels[0].position - stood.position) <= 1
 
@@ -101,7 +101,7 @@ def test_the_clock_wraps_after_49_days_and_nobody_notices(board, left_ms):
     for _ in range(200):
         goal += MOVING // 200
         told = motors.demand({0: goal})
-        assert (told.channels[0].state, told.stale) == (State.ARMED, False)
+        assert (told.channels[0].state, told.stale) == (BoardState.ARMED, False)
         motors.step(5)
     assert motors.telemetry.uptime_ms < 2000
     assert motors.truth(0)[1] == pytest.approx(MOVING, rel=0.05)
@@ -251,7 +251,7 @@ def test_garbage_on_the_line_is_counted_and_answered_by_nothing(board):
         assert motors.wire(noise) == b""
     _run(motors, ramp, 50)
     assert motors.telemetry.bad_frames == before + 3
-    assert motors.telemetry.channels[0].state is State.ARMED
+    assert motors.telemetry.channels[0].state is BoardState.ARMED
 
 
 def test_homing_finds_the_end_stop(board):
@@ -263,7 +263,7 @@ def test_homing_finds_the_end_stop(board):
     motors.masked(Type.HOME, 0)
     _run(motors, lambda now: {}, 6000)
     report = motors.demand().channels[0]
-    assert (report.state, report.homed) == (State.STOPPED, True)
+    assert (report.state, report.homed) == (BoardState.STOPPED, True)
     # 30 degrees at the stop (-2000 on the plant), then 10 degrees back.
     assert report.position == pytest.approx(40.0 / 360.0 * 4776, abs=6)
     assert motors.truth(0)[0] == pytest.approx(-2000 + 10.0 / 360.0 * 4776, abs=12)
@@ -290,7 +290,7 @@ def test_bridge_fault(board):
     assert isinstance(motors.masked(Type.CLEAR, 0), Refused)
     motors.tell("set 0 bridge 0")
     motors.step()
-    assert motors.masked(Type.CLEAR, 0).channels[0].state is State.READY
+    assert motors.masked(Type.CLEAR, 0).channels[0].state is BoardState.READY
 
 
 def test_a_channel_that_falls_out_tells_nothing_and_cannot_be_armed(board):

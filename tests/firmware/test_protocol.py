@@ -20,7 +20,7 @@ HEADER = (firmware_dir() / "contid_due" / "src" / "core" / "protocol.h").read_te
         ("Role", codes.RoleCode),
         ("Rest", codes.RestCode),
         ("Safe", codes.SafeCode),
-        ("State", codes.State),
+        ("State", codes.BoardState),
         ("Reason", codes.Reason),
         ("Refusal", codes.Refusal),
         ("ResetCause", codes.ResetCause),

@@ -16,9 +16,9 @@ import numpy as np
 
 from contid.control.engine.cycle import OnEnd
 from contid.control.engine.virtual import run_virtual
-from contid.control.engine.wiring import build_plans, driven_robots
-from contid.control.process.setup import Setup
-from contid.control.tick.config import RobotPlan
+from contid.control.engine.wiring import build_robot_configs, driven_robots
+from contid.control.process.setup import RunSetup
+from contid.control.tick.config import RobotConfig
 from contid.robot_file.load import LoadedFile, load_robot_file, with_mock
 from contid.session.recording_observer import Recording
 from contid.targets import Actuation
@@ -43,11 +43,11 @@ def trajectory(loaded: LoadedFile, rate_hz: float) -> Trajectory:
     """Tips of actuations around the rest pose, as CSV through the reader that users have."""
     head, columns = ["t_s"], []
     robots = driven_robots(loaded)
-    for plan in build_plans(loaded, rate_hz):
-        robot = robots[plan.name]
+    for config in build_robot_configs(loaded, rate_hz):
+        robot = robots[config.name]
         axes = "xyz"[: robot.dimension]
-        head += [f"{plan.name}.{axis}_mm" for axis in axes]
-        columns.append([_tip(plan, robot.dimension, k) for k in range(len(TIMES_S))])
+        head += [f"{config.name}.{axis}_mm" for axis in axes]
+        columns.append([_tip(config, robot.dimension, k) for k in range(len(TIMES_S))])
     lines = [",".join(head)]
     for k, time_s in enumerate(TIMES_S):
         cells = [repr(value) for column in columns for value in column[k]]
@@ -55,14 +55,14 @@ def trajectory(loaded: LoadedFile, rate_hz: float) -> Trajectory:
     return read_trajectory(io.StringIO("\n".join(lines)), "golden.csv", robots)
 
 
-def _tip(plan: RobotPlan, dimension: int, k: int) -> list[float]:
+def _tip(config: RobotConfig, dimension: int, k: int) -> list[float]:
     """Tip number ``k`` in the world [mm]; the first one is that of the rest pose."""
-    model = plan.model
-    rest: Actuation = plan.rest[: len(model.lower)]
+    model = config.model
+    rest: Actuation = config.rest[: len(model.lower)]
     travel = np.subtract(model.upper, model.lower)
     share = REACH * np.sin(k * (1.0 + np.arange(len(travel)))) if k else 0.0
     actuation = np.clip(np.asarray(rest) + share * travel, model.lower, model.upper)
-    tip = plan.frame.point_in_world(model.forward(tuple(actuation.tolist())).tip_m)
+    tip = config.frame.point_in_world(model.forward(tuple(actuation.tolist())).tip_m)
     return [1e3 * value for value in tip[:dimension]]
 
 
@@ -73,7 +73,7 @@ def record(name: str, path: Path, robot_file: Path | None = None) -> None:
     recording = Recording(
         path, {"mock": "True", "unreachable": "refuse", "input": "golden.csv"}, host="golden"
     )
-    sink = recording.follow(Setup(loaded, RATE_HZ, Path(), rows, OnEnd.STOP, attended=False))
+    sink = recording.follow(RunSetup(loaded, RATE_HZ, Path(), rows, OnEnd.STOP, attended=False))
     report = run_virtual(loaded, RATE_HZ, rows, sinks=[sink], on_end=OnEnd.STOP)
     recording.detach()
     if report.exit_code:

@@ -13,7 +13,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from contid.kernels import has_avx2, load
-from contid.kinematics.cosserat.engine import Engine, NumpyEngine, Setup
+from contid.kinematics.cosserat.engine import NumpyEngine, RodSetup, RodSolver
 from contid.kinematics.cosserat.loads import Loads
 from contid.kinematics.cosserat.section import Rod
 from tests.models.cosserat_cases import GRAM, lean, limits, section
@@ -23,17 +23,17 @@ pytestmark = pytest.mark.skipif(
 )
 
 
-def setup(sections: int, weighs: bool = False, tip_link: float = 0.0, **changes: object) -> Setup:
+def setup(sections: int, weighs: bool = False, tip_link: float = 0.0, **changes: object) -> RodSetup:
     parts = tuple(
         section(i % 2, 5.0 if i < sections - 1 else tip_link, first_pair_rad=0.3 * i) for i in range(sections)
     )
     w = np.array([1e-4, -2e-4, 1e-3])
     weight = Loads(weight=dict.fromkeys(range(sections), w), link_weight={0: 2.0 * w}) if weighs else Loads()
-    whole = Setup(Rod(parts), weight, limits(sections), 3, 1e9, 1e-7, 42.0, False)
+    whole = RodSetup(Rod(parts), weight, limits(sections), 3, 1e9, 1e-7, 42.0, False)
     return dataclasses.replace(whole, **changes)  # type: ignore[arg-type]
 
 
-def both(setup: Setup) -> tuple[Engine, Engine]:
+def both(setup: RodSetup) -> tuple[RodSolver, RodSolver]:
     kernel = load("cosserat")
     assert kernel is not None
     return NumpyEngine(setup), kernel.Engine(setup)

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from contid.kernels import load
-from contid.kinematics.ph.ends import BRANCHES, Ends, through
+from contid.kinematics.ph.ends import BRANCHES, CurveEnds, through
 from contid.kinematics.ph.inverse import ShapeInverse, TubeSection, ph_inverse
 from tests.models.ph_golden import DISTANCE, GOLDEN, MM, PAPER_ANGLES, golden_lengths, two_section_pose
 
@@ -46,7 +46,7 @@ def test_curves_on_wild_data() -> None:
         t0, t1 = t0 / np.linalg.norm(t0), t1 / np.linalg.norm(t1)
         beta, gamma = BRANCHES[rng.integers(4)]
         length = None if rng.random() < 0.4 else float(np.linalg.norm(chord) * rng.uniform(0.9, 2.5))
-        slow = through(Ends((0, 0, 0), tuple(chord), tuple(t0), tuple(t1)), length, beta, gamma)
+        slow = through(CurveEnds((0, 0, 0), tuple(chord), tuple(t0), tuple(t1)), length, beta, gamma)
         m, S, met, preimage = kernel.through(  # type: ignore[union-attr]
             *chord, list(t0), list(t1), np.nan if length is None else length, beta, gamma
         )

@@ -9,7 +9,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from contid.kinematics.ph.ends import Ends, through
+from contid.kinematics.ph.ends import CurveEnds, through
 from contid.kinematics.rope.catenary import Catenary, as_quintic, hang, stretch
 from tests.models.ph_golden import GOLDEN, MM, two_section_pose
 
@@ -71,7 +71,7 @@ def test_golden_chain() -> None:
     # Link 3 runs from the tip back to the base: its tangents are the negatives of the arm's.
     assert (-tangent).tolist() == pytest.approx(link["t_start"], abs=1e-12)
     base = tuple(v * MM for v in golden["base2"])
-    back = through(Ends(found.end_m, base, tuple((-tangent).tolist()), (0, 0, -1)), 0.23)
+    back = through(CurveEnds(found.end_m, base, tuple((-tangent).tolist()), (0, 0, -1)), 0.23)
     assert back.end_speed_m / MM == pytest.approx(link["m"], rel=1e-12)
     np.testing.assert_allclose(back.curve.control_points_m / MM, link["CP"], rtol=0, atol=1e-9)
 

@@ -106,7 +106,7 @@ def test_the_shipped_chain_watches_its_arms() -> None:
 
 
 @pytest.mark.parametrize(
-    ("old", "new", "words"),
+    ("old", "new", "message"),
     [
         ("- arm: right", "- arm: rigth", "there is no robot 'rigth'; allowed: left, right"),
         ("- arm: right", "- arm: left", "'left' is the first arm already"),
@@ -123,13 +123,13 @@ def test_the_shipped_chain_watches_its_arms() -> None:
         ),
     ],
 )
-def test_a_chain_s_mistakes_have_their_place(old: str, new: str, words: str) -> None:
+def test_a_chain_s_mistakes_have_their_place(old: str, new: str, message: str) -> None:
     text = CHAIN.read_text()
     assert old in text
     changed = text.replace(old, new)
     with pytest.raises(BadInputError) as caught:
         parse_robot_file(changed, "chain.yaml")
-    found = [each for each in caught.value.findings if words in each.message]
+    found = [each for each in caught.value.findings if message in each.message]
     assert found, str(caught.value)
     chain = changed[: changed.index("model: chain")].count("\n")
     assert all(chain <= each.line <= changed.count("\n") + 1 for each in found)

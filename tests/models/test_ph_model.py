@@ -110,7 +110,7 @@ def test_the_base_itself_has_no_arc() -> None:
 
 
 @pytest.mark.parametrize(
-    ("keys", "words"),
+    ("keys", "message"),
     [
         ("    solver: {method: ph}\n    geometry:\n      rigid_mm: [5, 0]\n", "after the last section only"),
         ("    solver: {tolerance_mm: 2}\n    geometry:\n", "belongs to method: ph"),
@@ -118,10 +118,10 @@ def test_the_base_itself_has_no_arc() -> None:
     ],
     ids=["rigid between", "within without ph", "unknown"],
 )
-def test_what_the_robot_file_may_not_say(configs: Path, tmp_path: Path, keys: str, words: str) -> None:
+def test_what_the_robot_file_may_not_say(configs: Path, tmp_path: Path, keys: str, message: str) -> None:
     path = tmp_path / "bad.yaml"
     path.write_text((configs / "cbha.yaml").read_text().replace("    geometry:\n", keys))
-    with pytest.raises(BadInputError, match=words):
+    with pytest.raises(BadInputError, match=message):
         load_robot_file(path)
 
 

@@ -9,7 +9,7 @@ from hypothesis import strategies as st
 from scipy.integrate import quad
 from scipy.spatial.transform import Rotation
 
-from contid.kinematics.ph.ends import BRANCHES, Ends, hermite, least_energy, through
+from contid.kinematics.ph.ends import BRANCHES, CurveEnds, hermite, least_energy, through
 from contid.kinematics.ph.lift import lift, product, turned
 from contid.kinematics.ph.quintic import PhQuintic
 from tests.models.ph_golden import GOLDEN, MM
@@ -34,7 +34,7 @@ def matches(curve: PhQuintic, golden: dict, scale: float = MM) -> None:
 
 def test_ph1_prescribed_length() -> None:
     golden = GOLDEN["ph_len230"]
-    fit = through(Ends((0, 0, 0), vec(golden["p1"], MM), Z, vec(golden["t1"])), 0.230)
+    fit = through(CurveEnds((0, 0, 0), vec(golden["p1"], MM), Z, vec(golden["t1"])), 0.230)
     assert fit.length_met
     assert fit.end_speed_m / MM == pytest.approx(golden["m"], rel=1e-13)
     matches(fit.curve, golden)
@@ -48,7 +48,7 @@ def test_ph1_prescribed_length() -> None:
 
 def test_ph2_unknown_length() -> None:
     golden, posture = GOLDEN["ph_selfconsistent"], GOLDEN["ph_len230"]
-    fit = through(Ends((0, 0, 0), vec(posture["p1"], MM), Z, vec(posture["t1"])))
+    fit = through(CurveEnds((0, 0, 0), vec(posture["p1"], MM), Z, vec(posture["t1"])))
     assert fit.end_speed_m == pytest.approx(fit.curve.length_m, rel=1e-14)
     assert fit.end_speed_m / MM == pytest.approx(229.629260101439, abs=1e-11)
     matches(fit.curve, golden)
@@ -62,13 +62,13 @@ def test_ph3_and_ph4_hermite(name: str, beta: float, gamma: float) -> None:
     matches(curve, GOLDEN[name], scale=1.0)
 
 
-def arc(angle: float, length: float = 0.2) -> tuple[Ends, np.ndarray]:
+def arc(angle: float, length: float = 0.2) -> tuple[CurveEnds, np.ndarray]:
     """Ends of a circular arc in x-z that starts along z, and 101 of its points."""
     theta = np.linspace(0.0, angle, 101)
     r = length / angle
     points = np.stack([r * (1 - np.cos(theta)), np.zeros(101), r * np.sin(theta)], axis=-1)
     direction = (float(np.sin(angle)), 0.0, float(np.cos(angle)))
-    return Ends((0, 0, 0), vec(points[-1].tolist()), Z, direction), points
+    return CurveEnds((0, 0, 0), vec(points[-1].tolist()), Z, direction), points
 
 
 def test_ph5_quarter_circle() -> None:
@@ -112,7 +112,7 @@ def test_arcs_with_unknown_length(degrees: int) -> None:
 
 
 def test_exact_half_turn_bends_towards_its_chord() -> None:
-    ends = Ends((0, 0, 0), (0.1, 0.0, 0.0), Z, (0.0, 0.0, -1.0))
+    ends = CurveEnds((0, 0, 0), (0.1, 0.0, 0.0), Z, (0.0, 0.0, -1.0))
     curve = through(ends, 0.05 * np.pi).curve
     _, points = arc(np.pi, 0.05 * np.pi)
     assert np.linalg.norm(curve.evenly(101) - points, axis=1).max() < 0.0006 * curve.length_m
@@ -127,7 +127,7 @@ lengths = st.floats(1.05, 2.5)
 @given(vectors, vectors, vectors, st.sampled_from(BRANCHES), lengths)
 def test_ends_length_and_quadrature(chord, t0, t1, branch, surplus) -> None:  # type: ignore[no-untyped-def]
     """End data are met, the closed length is the quadrature of the speed, a prescribed one is met."""
-    ends = Ends((0.3, -0.2, 0.1), vec((np.array([0.3, -0.2, 0.1]) + chord).tolist()), t0, t1)
+    ends = CurveEnds((0.3, -0.2, 0.1), vec((np.array([0.3, -0.2, 0.1]) + chord).tolist()), t0, t1)
     wanted = surplus * float(np.linalg.norm(chord))
     for length in (None, wanted):
         fit = through(ends, length, *branch)
@@ -150,8 +150,8 @@ def test_ends_length_and_quadrature(chord, t0, t1, branch, surplus) -> None:  # 
 @given(vectors, vectors, vectors, st.integers(0, 2**32 - 1), st.sampled_from(BRANCHES))
 def test_turning_the_ends_turns_the_curve(chord, t0, t1, seed, branch) -> None:  # type: ignore[no-untyped-def]
     R = Rotation.random(random_state=np.random.RandomState(seed)).as_matrix()
-    plain = through(Ends((0, 0, 0), chord, t0, t1), None, *branch).curve
-    ends = Ends((0, 0, 0), vec((R @ chord).tolist()), vec((R @ t0).tolist()), vec((R @ t1).tolist()))
+    plain = through(CurveEnds((0, 0, 0), chord, t0, t1), None, *branch).curve
+    ends = CurveEnds((0, 0, 0), vec((R @ chord).tolist()), vec((R @ t0).tolist()), vec((R @ t1).tolist()))
     # Opposite or (for beta = pi) equal tangents and straight data leave the plane open: nothing to turn.
     n0, n1, n = (np.array(v) / np.linalg.norm(v) for v in (t0, t1, chord))
     spread = np.linalg.svd(np.stack([n0, n1, n]), compute_uv=False)
@@ -164,8 +164,8 @@ def test_turning_the_ends_turns_the_curve(chord, t0, t1, seed, branch) -> None: 
 @given(vectors, vectors, vectors)
 def test_swapping_the_ends_gives_the_same_curve(chord, t0, t1) -> None:  # type: ignore[no-untyped-def]
     minus = [tuple(-np.array(v)) for v in (t1, t0)]
-    there = through(Ends((0, 0, 0), chord, t0, t1)).curve
-    back = through(Ends(chord, (0, 0, 0), *minus)).curve  # type: ignore[arg-type]
+    there = through(CurveEnds((0, 0, 0), chord, t0, t1)).curve
+    back = through(CurveEnds(chord, (0, 0, 0), *minus)).curve  # type: ignore[arg-type]
     if np.linalg.norm(np.array(t0) / np.linalg.norm(t0) + np.array(t1) / np.linalg.norm(t1)) > 1e-3:
         assert back.control_points_m[::-1] == pytest.approx(there.control_points_m, abs=1e-11)
 
@@ -204,7 +204,9 @@ def test_lift_is_exact_next_to_its_singularity(tiny: float) -> None:
 
 def test_straight_body_of_its_own_length() -> None:
     for bend in (0.0, 1e-12, 1e-9, 1e-7, 1e-5, 1e-3):
-        ends, points = arc(max(bend, 1e-300), 0.2) if bend else (Ends((0, 0, 0), (0, 0, 0.2), Z, Z), None)
+        ends, points = (
+            arc(max(bend, 1e-300), 0.2) if bend else (CurveEnds((0, 0, 0), (0, 0, 0.2), Z, Z), None)
+        )
         fit = through(ends, 0.2)
         assert fit.length_met
         assert fit.curve.length_m == pytest.approx(0.2, rel=1e-9)
@@ -219,14 +221,14 @@ def test_nearly_opposite_directions_keep_the_prescribed_length(off: float) -> No
     direction = np.array([-0.165, 0.404, 0.899])
     direction /= np.linalg.norm(direction)
     across = np.array([0.3, -0.5, 0.8])
-    ends = Ends((0.0, 0.0, 0.0), (-0.87, 1.05, -1.13), tuple(direction), tuple(off * across - direction))
+    ends = CurveEnds((0.0, 0.0, 0.0), (-0.87, 1.05, -1.13), tuple(direction), tuple(off * across - direction))
     for fit in (through(ends, 3.456), least_energy(ends, 3.456)):
         assert fit.length_met
         assert fit.curve.length_m == pytest.approx(3.456, rel=1e-14)
 
 
 def test_a_length_shorter_than_the_chord_is_reported() -> None:
-    fit = through(Ends((0, 0, 0), (0, 0, 0.2), Z, Z), 0.19)
+    fit = through(CurveEnds((0, 0, 0), (0, 0, 0.2), Z, Z), 0.19)
     assert not fit.length_met
     assert "10 mm shorter" in fit.note
     assert fit.curve.length_m == pytest.approx(0.2)

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from contid.kinematics.ph.ends import Ends, through
+from contid.kinematics.ph.ends import CurveEnds, through
 from contid.kinematics.ph.spline import PhSpline, c1
 from tests.models.ph_golden import DISTANCE, golden_lengths, section_pose, two_section_pose
 
@@ -44,8 +44,8 @@ def test_one_piece_per_section_is_an_arm_of_constant_curvature() -> None:
         tip, tangent, mid = (tuple(v.tolist()) for v in two_section_pose(row))
         _, first = section_pose(row[:3], DISTANCE[0])
         lengths, middle = (float(row[:3].mean()), float(row[3:].mean())), tuple(first[:, 2].tolist())
-        lower = through(Ends((0, 0, 0), mid, Z, middle), lengths[0]).curve
-        upper = through(Ends(mid, tip, middle, tangent), lengths[1]).curve
+        lower = through(CurveEnds((0, 0, 0), mid, Z, middle), lengths[0]).curve
+        upper = through(CurveEnds(mid, tip, middle, tangent), lengths[1]).curve
         both = PhSpline((lower, upper))
         assert both.joints in (("G1",), ("C1",))
         share = np.linspace(0.0, 1.0, 21)
@@ -60,9 +60,9 @@ def test_one_piece_per_section_is_an_arm_of_constant_curvature() -> None:
 
 
 def test_joints_are_named() -> None:
-    ends = Ends((0, 0, 0), (0, 0, 0.2), Z, Z)
+    ends = CurveEnds((0, 0, 0), (0, 0, 0.2), Z, Z)
     here = through(ends).curve
-    on = through(Ends((0, 0, 0.2), (0.1, 0, 0.4), Z, (1, 0, 1)), 0.25).curve
-    kink = through(Ends((0.1, 0, 0.4), (0.3, 0, 0.4), (1, 0, 0), Z), 0.25).curve
-    away = through(Ends((0.3, 0, 0.5), (0.3, 0, 0.9), Z, Z)).curve
+    on = through(CurveEnds((0, 0, 0.2), (0.1, 0, 0.4), Z, (1, 0, 1)), 0.25).curve
+    kink = through(CurveEnds((0.1, 0, 0.4), (0.3, 0, 0.4), (1, 0, 0), Z), 0.25).curve
+    away = through(CurveEnds((0.3, 0, 0.5), (0.3, 0, 0.9), Z, Z)).curve
     assert PhSpline((here, on, kink, away)).joints == ("G1", "C0", "open")

@@ -142,7 +142,7 @@ def test_both_branches_occur_in_the_round_trip() -> None:
 
 
 @pytest.mark.parametrize(
-    ("x", "y", "h", "limits", "words"),
+    ("x", "y", "h", "limits", "message"),
     [
         (10, -5, 0, {"curvature"}, "curvature 0.16 /mm is above 0.0761924 /mm"),
         (10, 5, 22, {"right.min", "left.max"}, "left rack would be"),
@@ -152,12 +152,12 @@ def test_both_branches_occur_in_the_round_trip() -> None:
         (0, 22.5, 22, {"arc_length.min"}, "arc length 0.5 mm is below 1 mm"),
     ],
 )
-def test_unreachable_targets_say_which_limit_and_by_how_much(x, y, h, limits, words) -> None:
+def test_unreachable_targets_say_which_limit_and_by_how_much(x, y, h, limits, message) -> None:
     model = finger(h)
     solution = model.inverse(tip_target(x, y), (0.05, 0.05))
     assert not solution.converged
     assert limits & set(solution.limited_by)
-    assert words in solution.note
+    assert message in solution.note
     assert model.envelope.clamp(solution.actuation) == pytest.approx(solution.actuation, abs=1e-15)
 
 

@@ -19,7 +19,7 @@ from typing import Any
 import pytest
 
 from contid.client import Client
-from contid.remote.protocol.socket_path import answers
+from contid.remote.protocol.socket_path import is_listening
 from tests.control.fingers import fingers
 
 #: Two points that a finger reaches.
@@ -95,7 +95,7 @@ def daemon(
         process.stdin = None
     running = Running(process, socket, folder)
     try:
-        until(lambda: answers(socket) or process.poll() is not None, "the daemon listens")
+        until(lambda: is_listening(socket) or process.poll() is not None, "the daemon listens")
         assert process.poll() is None, process.communicate()[1]
         yield running
     finally:

@@ -8,7 +8,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from contid.remote.client.client_protocol import Dialogue, Request
+from contid.remote.client.client_protocol import ClientProtocol, Request
 from contid.remote.client.procedures import Ask, Listen, RowSender, Step, arrival
 from contid.remote.protocol.wire import Code, Fields, RemoteError, encode
 
@@ -23,7 +23,7 @@ def credit(move: int, credits: int) -> bytes:
 
 @given(st.lists(st.integers(1, 40), max_size=8))
 def test_words_mean_the_same_wherever_they_are_cut(cuts: list[int]) -> None:
-    dialogue = Dialogue()
+    dialogue = ClientProtocol()
     asked = dialogue.ask("status", {})
     said = credit(3, 5) + answer(asked, tick=7) + encode({"event": "telemetry", "tick": 8})
     for cut in cuts:
@@ -36,7 +36,7 @@ def test_words_mean_the_same_wherever_they_are_cut(cuts: list[int]) -> None:
 
 
 def test_an_answer_for_which_nobody_waits_any_more_is_dropped() -> None:
-    dialogue = Dialogue()
+    dialogue = ClientProtocol()
     late, asked = dialogue.ask("status", {}), dialogue.ask("ping", {})
     dialogue.forget(late)
     dialogue.receive(answer(late, tick=1))
@@ -49,12 +49,12 @@ def test_an_answer_for_which_nobody_waits_any_more_is_dropped() -> None:
 
 def test_another_protocol_is_refused_at_its_hello() -> None:
     with pytest.raises(RemoteError, match="protocol 99"):
-        Dialogue().receive(encode({"event": "hello", "protocol": 99}))
+        ClientProtocol().receive(encode({"event": "hello", "protocol": 99}))
 
 
 def test_credit_is_what_the_newest_line_says() -> None:
     """A notice that came before the answer to further rows is spent by them."""
-    dialogue = Dialogue()
+    dialogue = ClientProtocol()
     begun = dialogue.ask("move", {"columns": ["x_mm"]})
     dialogue.receive(answer(begun, move=4, timed=False, credits=8))
     assert dialogue.credits[4] == 8
@@ -68,7 +68,7 @@ def test_credit_is_what_the_newest_line_says() -> None:
 class Daemon:
     """Carries out the steps of a procedure: grants ``credits`` rows, then so many at every notice."""
 
-    def __init__(self, dialogue: Dialogue, timed: bool, credits: int) -> None:
+    def __init__(self, dialogue: ClientProtocol, timed: bool, credits: int) -> None:
         self.dialogue, self.timed, self.credits = dialogue, timed, credits
         self.batches: list[int] = []
         self.notices = 0
@@ -100,14 +100,14 @@ class Daemon:
                 left = self.credits if self.timed else self.dialogue.credits[1] - self.batches[-1]
                 return {"credits": left, "refused": []}
             case "end":
-                self.dialogue.receive(encode({"event": "move", "move": 1, "reached": True, "words": ""}))
+                self.dialogue.receive(encode({"event": "move", "move": 1, "reached": True, "message": ""}))
                 self.ended = True
         return {}
 
 
 @pytest.mark.parametrize(("timed", "credits", "notices"), [(False, 8, 12), (False, 1, 99), (True, 1024, 0)])
 def test_rows_are_sent_under_credit(timed: bool, credits: int, notices: int) -> None:
-    dialogue = Dialogue()
+    dialogue = ClientProtocol()
     daemon = Daemon(dialogue, timed, credits)
     sender = RowSender(dialogue, ["x_mm"])
     daemon.follow(sender.begin())
@@ -121,8 +121,8 @@ def test_rows_are_sent_under_credit(timed: bool, credits: int, notices: int) -> 
 
 
 def test_a_move_that_is_stopped_says_so_to_whoever_waits() -> None:
-    dialogue = Dialogue()
-    dialogue.receive(encode({"event": "move", "move": 2, "reached": False, "words": "somebody held"}))
+    dialogue = ClientProtocol()
+    dialogue.receive(encode({"event": "move", "move": 2, "reached": False, "message": "somebody held"}))
     with pytest.raises(RemoteError, match="somebody held") as refused:
         next(arrival(dialogue, 2))
     assert refused.value.code == Code.STOPPED

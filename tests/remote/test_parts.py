@@ -21,11 +21,11 @@ from contid.control.engine.tick_layout import RecordLayout, RobotLayout
 from contid.errors import ContidError
 from contid.remote.client.move_arguments import columns_and_rows, point
 from contid.remote.protocol import socket_path as place
-from contid.remote.protocol.peer_credentials import Peer, may_enter, peer_of
-from contid.remote.protocol.socket_path import Endpoint, SocketError, answers, default_path, find
-from contid.remote.protocol.wire import Code, NoDaemonError, RemoteError, Take, decode, encode
+from contid.remote.protocol.peer_credentials import PeerCredentials, is_authorized, peer_of
+from contid.remote.protocol.socket_path import Endpoint, SocketError, default_path, find, is_listening
+from contid.remote.protocol.wire import Code, NoDaemonError, RemoteError, RequestFields, decode, encode
 from contid.remote.server.health import Tier, bus_health, tier_of
-from contid.remote.server.lease import MotionRight
+from contid.remote.server.lease import Lease
 from contid.remote.server.outbox import MAX_ANSWERS, MAX_FRAMES, Outbox
 
 
@@ -49,7 +49,7 @@ def test_numbers_that_json_has_no_word_for_become_null() -> None:
 
 
 def test_a_field_nobody_asked_for_is_refused() -> None:
-    take = Take({"id": 1, "verb": "hold", "robot": "left"})
+    take = RequestFields({"id": 1, "verb": "hold", "robot": "left"})
     assert take.names("robots") is None
     with pytest.raises(RemoteError, match="'robot'"):
         take.end()
@@ -68,18 +68,18 @@ def test_a_field_nobody_asked_for_is_refused() -> None:
     ids=["text", "number", "flag", "names", "mapping", "rows"],
 )
 def test_a_field_of_another_kind_is_refused_by_name(
-    take: Callable[[Take], object], right: list[object], wrong: list[object]
+    take: Callable[[RequestFields], object], right: list[object], wrong: list[object]
 ) -> None:
     for value in right:
-        found = take(Take({"x": value}))
+        found = take(RequestFields({"x": value}))
         assert (list(found) if isinstance(found, tuple) else found) == value
     for value in wrong:
         with pytest.raises(RemoteError, match=r"^x: "):
-            take(Take({"x": value}))
+            take(RequestFields({"x": value}))
 
 
 def test_the_right_has_one_holder_and_an_explicit_takeover() -> None:
-    right = MotionRight(0.0, input_moves=False)
+    right = Lease(0.0, input_moves=False)
     right.use(1, "one", 0.0)
     with pytest.raises(RemoteError, match="'one' has the motion right since 1"):
         right.use(2, "two", 1.0)
@@ -93,7 +93,7 @@ def test_the_right_has_one_holder_and_an_explicit_takeover() -> None:
 
 
 def test_the_right_is_lost_without_requests_and_not_with_them() -> None:
-    right = MotionRight(0.0, input_moves=False)
+    right = Lease(0.0, input_moves=False)
     right.take(1, "one", 0.0, timeout_s=2.0)
     right.refresh(1, 1.9)
     right.refresh(2, 3.5)
@@ -103,7 +103,7 @@ def test_the_right_is_lost_without_requests_and_not_with_them() -> None:
 
 
 def test_the_input_holds_the_right_until_it_is_taken_over_and_may_be_resumed() -> None:
-    right = MotionRight(0.0, input_moves=True)
+    right = Lease(0.0, input_moves=True)
     with pytest.raises(RemoteError, match="own input"):
         right.use(1, "one", 0.0)
     right.allow(1, 0.0)
@@ -115,7 +115,7 @@ def test_the_input_holds_the_right_until_it_is_taken_over_and_may_be_resumed() -
 
 
 def test_a_stop_by_another_is_not_undone_by_a_script_in_a_loop() -> None:
-    right = MotionRight(0.0, input_moves=False)
+    right = Lease(0.0, input_moves=False)
     right.use(1, "script", 0.0)
     assert right.revoke(2, "person (estop)") is not None
     with pytest.raises(RemoteError) as refused:
@@ -173,7 +173,7 @@ def test_a_socket_is_private_and_a_second_daemon_is_refused(own_folder: Path) ->
         assert stat.S_IMODE(path.stat().st_mode) == 0o600
         with pytest.raises(SocketError, match="another daemon listens"):
             Endpoint(path)
-        assert answers(path)
+        assert is_listening(path)
     assert not path.exists()
 
 
@@ -183,7 +183,7 @@ def test_what_a_killed_daemon_left_is_removed_and_what_is_no_socket_is_not(own_f
         left.bind(str(path))
     assert path.exists()
     with Endpoint(path):
-        assert answers(path)
+        assert is_listening(path)
     path.write_text("a file")
     with pytest.raises(SocketError, match="no socket"):
         Endpoint(path)
@@ -246,13 +246,13 @@ def test_credentials_are_the_kernels() -> None:
         peer = peer_of(one)
     assert peer.uid == os.geteuid()
     assert peer.groups == {os.getegid(), *os.getgroups()}
-    own, root = Peer(os.geteuid(), frozenset()), Peer(0, frozenset())
-    stranger = Peer(os.geteuid() + 1, frozenset({7, 8}))
-    assert may_enter(own, None)
-    assert may_enter(root, None)
-    assert not may_enter(stranger, None)
-    assert not may_enter(stranger, 9)
-    assert may_enter(stranger, 8)
+    own, root = PeerCredentials(os.geteuid(), frozenset()), PeerCredentials(0, frozenset())
+    stranger = PeerCredentials(os.geteuid() + 1, frozenset({7, 8}))
+    assert is_authorized(own, None)
+    assert is_authorized(root, None)
+    assert not is_authorized(stranger, None)
+    assert not is_authorized(stranger, 9)
+    assert is_authorized(stranger, 8)
 
 
 def test_a_group_is_let_in_only_when_it_was_named(own_folder: Path) -> None:

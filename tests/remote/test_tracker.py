@@ -14,7 +14,7 @@ import numpy as np
 import pytest
 
 from contid.client import AsyncClient, Client, Code, RemoteError
-from contid.control.engine.wiring import build_plans
+from contid.control.engine.wiring import build_robot_configs
 from contid.kinematics.model import build_model
 from contid.robot_file.load import load_robot_file, parse_robot_file
 from contid.session.read import Session
@@ -95,7 +95,7 @@ def test_a_tracker_on_the_socket_takes_the_static_error_of_a_wrong_model_and_its
 def falls_back_without_a_jump(recording: Path) -> None:
     session = Session(recording)
     loaded = session.robot_file()
-    plan = build_plans(loaded, session.rate_hz)[0]
+    config = build_robot_configs(loaded, session.rate_hz)[0]
     measured = [event["tick"] for event in session.events() if event.get("order") == "measured"]
     # Ticks that were skipped on a busy machine have not happened for anybody.
     ran = [(record.tick, [axis.command for axis in record.robots[0].axes]) for record in session.ticks()]
@@ -106,8 +106,8 @@ def falls_back_without_a_jump(recording: Path) -> None:
     assert math.dist(corrected, before) > 1e-4
     assert after == pytest.approx(before, abs=1e-9), "open loop within one second"
     steps = np.diff(line, axis=0)
-    assert np.abs(steps).max() <= plan.velocity * plan.period_s
-    assert np.abs(np.diff(steps, axis=0)).max() <= plan.acceleration * plan.period_s**2 * (1.0 + 1e-9)
+    assert np.abs(steps).max() <= config.velocity * config.period_s
+    assert np.abs(np.diff(steps, axis=0)).max() <= config.acceleration * config.period_s**2 * (1.0 + 1e-9)
     result = replay(session, loaded)
     assert (result.divergence, result.stopped) == (None, "")
 
@@ -130,8 +130,8 @@ BAD: dict[str, tuple[dict[str, Any], str]] = {
 def test_wrong_measurements_are_named_and_only_one_tracker_is_heard() -> None:
     with daemon(1) as running, running.client(name="first") as first, running.client(name="other") as other:
         armed(first)
-        for fields, words in BAD.values():
-            with pytest.raises(RemoteError, match=words) as refused:
+        for fields, message in BAD.values():
+            with pytest.raises(RemoteError, match=message) as refused:
                 first.request("measure", **fields)
             assert refused.value.code == Code.BAD_MEASUREMENT
         for fields, code in (

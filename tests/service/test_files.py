@@ -94,14 +94,14 @@ def test_the_service_is_found_by_who_may_give_it_orders(
     (runtime / "contid").mkdir(parents=True)
     (tmp_path / "finger.yaml").write_text(fingers(1))
     replaced = {"%t": str(runtime), "%i": "finger", "/etc/contid": str(tmp_path)}
-    words = line.split()[1:]
+    message = line.split()[1:]
     for old, new in replaced.items():
-        words = [each.replace(old, new) for each in words]
-    words[words.index("--socket-group") + 1] = grp.getgrgid(os.getegid()).gr_name
+        message = [each.replace(old, new) for each in message]
+    message[message.index("--socket-group") + 1] = grp.getgrgid(os.getegid()).gr_name
     monkeypatch.setattr(place, "SERVICES", runtime / "contid")
     monkeypatch.setenv("XDG_RUNTIME_DIR", str(own_folder / "user"))
     with subprocess.Popen(
-        [sys.executable, "-m", "contid", *words],
+        [sys.executable, "-m", "contid", *message],
         stdin=subprocess.DEVNULL, stdout=subprocess.PIPE, stderr=subprocess.STDOUT, text=True,
     ) as daemon:  # fmt: skip
         try:

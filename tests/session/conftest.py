@@ -7,7 +7,7 @@ from pathlib import Path
 import pytest
 
 from contid.control.engine.cycle import OnEnd
-from contid.control.process.setup import Setup
+from contid.control.process.setup import RunSetup
 from contid.session.write import SessionWriter
 from tests.control.fingers import circle, load
 from tests.session.runs import record_virtual
@@ -28,7 +28,7 @@ def growing(tmp_path_factory: pytest.TempPathFactory, recorded: Path) -> Path:
     from contid.session.read import Session
 
     loaded = load(2)
-    setup = Setup(loaded, 200.0, Path(), circle(loaded), OnEnd.STOP, attended=False)
+    setup = RunSetup(loaded, 200.0, Path(), circle(loaded), OnEnd.STOP, attended=False)
     path = tmp_path_factory.mktemp("growing") / "s.mcap"
     header = describe(setup, {"mock": "False", "input": "test"}, virtual=True)
     writer = SessionWriter(path, header)

@@ -12,9 +12,9 @@ import numpy as np
 from contid.control.engine import messages as msg
 from contid.control.engine.cycle import OnEnd
 from contid.control.engine.virtual import run_virtual
-from contid.control.engine.wiring import build_plans
-from contid.control.process.setup import Setup
-from contid.control.tick.config import RobotPlan
+from contid.control.engine.wiring import build_robot_configs
+from contid.control.process.setup import RunSetup
+from contid.control.tick.config import RobotConfig
 from contid.kinematics.model import Pose
 from contid.robot_file.load import LoadedFile, parse_robot_file, with_mock
 from contid.session.recording_observer import Recording
@@ -39,7 +39,7 @@ def record_virtual(
 ) -> Path:
     """Record a run in virtual time."""
     recording = Recording(path, {"mock": "False", "input": "test"}, host="test")
-    sink = recording.follow(Setup(loaded, rate_hz, Path(), trajectory, on_end, attended=False))
+    sink = recording.follow(RunSetup(loaded, rate_hz, Path(), trajectory, on_end, attended=False))
     for messages in (orders or {}).values():
         for message in messages:
             recording.told(message)
@@ -51,13 +51,13 @@ def record_virtual(
 def tracked_hand(path: Path) -> Path:
     """One finger led by its tip, which a tracker sees, the other by its racks."""
     loaded = _simulated("hand")
-    left, right = build_plans(loaded, RATE_HZ)
+    left, right = build_robot_configs(loaded, RATE_HZ)
     tip, direction = _in_world(left, _around(left, 1))
     orders: Orders = {
         5: [msg.Rows({"left": Target(tip_m=tip), "right": Target(actuation=right.rest)})],
         20: [msg.Measured("left", tip, None, 0.004)],
         40: [msg.Measured("left", tip, direction, 0.004), msg.Hold()],
-        60: [msg.End()],
+        60: [msg.EndOfRows()],
     }
     return record_virtual(path, loaded, None, orders, ticks=250, rate_hz=RATE_HZ)
 
@@ -65,14 +65,14 @@ def tracked_hand(path: Path) -> Path:
 def loaded_arm(path: Path) -> Path:
     """A pneumatic arm with a weight at its tip, then led by tip and direction, then by its pressures."""
     loaded = _simulated("stiffflop1")
-    (plan,) = build_plans(loaded, RATE_HZ)
-    tip, direction = _in_world(plan, _around(plan, 1))
+    (config,) = build_robot_configs(loaded, RATE_HZ)
+    tip, direction = _in_world(config, _around(config, 1))
     load = (0.0, 0.0, 0.02)
     orders: Orders = {
-        5: [msg.Rows({plan.name: Target(tip_m=tip, load_n=load)})],
-        40: [msg.Rows({plan.name: Target(tip_m=tip, direction=direction)})],
-        55: [msg.Rows({plan.name: Target(actuation=plan.rest)})],
-        60: [msg.End()],
+        5: [msg.Rows({config.name: Target(tip_m=tip, load_n=load)})],
+        40: [msg.Rows({config.name: Target(tip_m=tip, direction=direction)})],
+        55: [msg.Rows({config.name: Target(actuation=config.rest)})],
+        60: [msg.EndOfRows()],
     }
     return record_virtual(path, loaded, None, orders, ticks=80, rate_hz=RATE_HZ)
 
@@ -80,15 +80,15 @@ def loaded_arm(path: Path) -> Path:
 def bent_cbha(path: Path) -> Path:
     """Two sections led by mid-point and tip, wrist and gripper besides; then every tube by its length."""
     loaded = _simulated("cbha")
-    (plan,) = build_plans(loaded, RATE_HZ)
-    pose = _around(plan, 1)
-    tip, _ = _in_world(plan, pose)
-    mid = plan.frame.point_in_world(pose.mid_m)
-    rest = plan.rest[: len(plan.axes) - plan.extra_axes]
+    (config,) = build_robot_configs(loaded, RATE_HZ)
+    pose = _around(config, 1)
+    tip, _ = _in_world(config, pose)
+    mid = config.frame.point_in_world(pose.mid_m)
+    rest = config.rest[: len(config.axes) - config.extra_axes]
     orders: Orders = {
-        5: [msg.Rows({plan.name: Target(tip_m=tip, mid_m=mid, extra={"wrist": 0.01})})],
-        40: [msg.Rows({plan.name: Target(actuation=rest, extra={"gripper": 0.005})})],
-        60: [msg.End()],
+        5: [msg.Rows({config.name: Target(tip_m=tip, mid_m=mid, extra={"wrist": 0.01})})],
+        40: [msg.Rows({config.name: Target(actuation=rest, extra={"gripper": 0.005})})],
+        60: [msg.EndOfRows()],
     }
     return record_virtual(path, loaded, None, orders, ticks=80, rate_hz=RATE_HZ)
 
@@ -118,17 +118,19 @@ def _simulated(name: str) -> LoadedFile:
     return with_mock(parse_robot_file(text, f"{name}.yaml"))  # its name only: a kept file names no machine
 
 
-def _around(plan: RobotPlan, k: int) -> Pose:
+def _around(config: RobotConfig, k: int) -> Pose:
     """A pose not far from the rest pose."""
-    model = plan.model
+    model = config.model
     travel = np.asarray(model.upper) - np.asarray(model.lower)
     share = 0.03 * np.sin(k * (1.0 + np.arange(len(travel))))
-    rest = np.asarray(plan.rest[: len(travel)])
+    rest = np.asarray(config.rest[: len(travel)])
     return model.forward(tuple(np.clip(rest + share * travel, model.lower, model.upper).tolist()))
 
 
-def _in_world(plan: RobotPlan, pose: Pose) -> tuple[tuple[float, float, float], tuple[float, float, float]]:
-    return plan.frame.point_in_world(pose.tip_m), plan.frame.vector_in_world(pose.direction)
+def _in_world(
+    config: RobotConfig, pose: Pose
+) -> tuple[tuple[float, float, float], tuple[float, float, float]]:
+    return config.frame.point_in_world(pose.tip_m), config.frame.vector_in_world(pose.direction)
 
 
 def main() -> None:

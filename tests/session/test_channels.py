@@ -171,8 +171,8 @@ def test_schemas_are_strict() -> None:
 
 
 def test_modes_have_their_names_in_the_schema() -> None:
-    (words,) = {each.words for each in FIELDS["tick"] if each.path[-1] == "mode"}
-    assert words == ", ".join(f"{mode.value} {mode.name}" for mode in Mode)
+    (message,) = {each.message for each in FIELDS["tick"] if each.path[-1] == "mode"}
+    assert message == ", ".join(f"{mode.value} {mode.name}" for mode in Mode)
 
 
 def test_infinite_numbers_are_named() -> None:

@@ -95,20 +95,20 @@ def test_standard_output_is_no_file(
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:  # fmt: skip
     monkeypatch.chdir(tmp_path)
-    words = [str(recorded) if each == "SESSION" else each for each in arguments]
-    assert f"'{option}': {name!r} names no file" in _run(*words, option, name, code=2)
+    message = [str(recorded) if each == "SESSION" else each for each in arguments]
+    assert f"'{option}': {name!r} names no file" in _run(*message, option, name, code=2)
     assert not any(tmp_path.iterdir())
 
 
 @pytest.mark.parametrize(
-    ("content", "words"),
+    ("content", "message"),
     [(b"", "empty"), (b"t_s,x_mm\n", "not an MCAP file"), (b"\x89MCAP0\r\n", "not a session of contid")],
 )
-def test_what_is_no_session_is_named(tmp_path: Path, content: bytes, words: str) -> None:
+def test_what_is_no_session_is_named(tmp_path: Path, content: bytes, message: str) -> None:
     path = tmp_path / "s.mcap"
     path.write_bytes(content)
     for command in (("session", "info"), ("session", "repair"), ("replay",)):
-        with pytest.raises(ContidError, match=words):
+        with pytest.raises(ContidError, match=message):
             _run(*command, path)
 
 

@@ -14,7 +14,7 @@ from pathlib import Path
 import pytest
 
 from contid.control.engine.cycle import OnEnd
-from contid.control.process.setup import Setup
+from contid.control.process.setup import RunSetup
 from contid.errors import ContidError
 from contid.session.compact import compact
 from contid.session.export import export_channels, export_joined
@@ -153,7 +153,7 @@ def test_nobody_repairs_what_is_still_being_recorded(tmp_path: Path) -> None:
     """The recorder would go on writing into a file that has no name any more."""
     loaded = load(2)
     path = tmp_path / "s.mcap"
-    setup = Setup(loaded, 200.0, Path(), None, OnEnd.STOP, attended=False)
+    setup = RunSetup(loaded, 200.0, Path(), None, OnEnd.STOP, attended=False)
     writer = SessionWriter(path, describe(setup, {}, virtual=True))
     assert summarize(Session(path)).state == "still being recorded"
     before = path.read_bytes()
@@ -202,7 +202,7 @@ def test_chunks_do_not_overlap_in_time(
 
 def test_a_recording_is_never_overwritten(recorded: Path) -> None:
     before = recorded.read_bytes()
-    setup = Setup(load(2), 200.0, Path(), None, OnEnd.STOP, attended=False)
+    setup = RunSetup(load(2), 200.0, Path(), None, OnEnd.STOP, attended=False)
     with pytest.raises(ContidError, match="never overwritten"):
         SessionWriter(recorded, describe(setup, {}, virtual=True))
     assert recorded.read_bytes() == before
@@ -245,6 +245,6 @@ def test_the_summary_tells_what_happened(recorded: Path) -> None:
 
 def test_the_recorder_does_not_carry_numpy_along() -> None:
     """It stays for as long as the run: 14 MB of a library that it has no use for."""
-    words = "import contid.session.mcap_recorder, sys; print('numpy' in sys.modules)"
-    told = subprocess.run([sys.executable, "-c", words], capture_output=True, text=True, check=True)
+    message = "import contid.session.mcap_recorder, sys; print('numpy' in sys.modules)"
+    told = subprocess.run([sys.executable, "-c", message], capture_output=True, text=True, check=True)
     assert told.stdout.strip() == "False"

@@ -14,12 +14,12 @@ import pytest
 from contid.control.engine.cycle import OnEnd
 from contid.control.engine.wiring import record_layout
 from contid.control.process import ring
-from contid.control.process.setup import Setup
+from contid.control.process.setup import RunSetup
 from contid.errors import ContidError
-from contid.session.format.header import Job
+from contid.session.format.header import RecorderJob
 from contid.session.format.metadata import describe
 from contid.session.info import summarize
-from contid.session.mcap_recorder import Recorder
+from contid.session.mcap_recorder import McapRecorder
 from contid.session.read import Session
 from contid.session.recording_observer import Recording
 from contid.session.replay import replay
@@ -38,9 +38,9 @@ def shared() -> Iterator[Path]:
     path.unlink(missing_ok=True)
 
 
-def _job(path: Path, shared: Path, pid: int) -> Job:
-    setup = Setup(load(2), 200.0, shared, None, OnEnd.HOLD, attended=True)
-    return Job(path, shared, pid, describe(setup, {"mock": "False"}, virtual=False))
+def _job(path: Path, shared: Path, pid: int) -> RecorderJob:
+    setup = RunSetup(load(2), 200.0, shared, None, OnEnd.HOLD, attended=True)
+    return RecorderJob(path, shared, pid, describe(setup, {"mock": "False"}, virtual=False))
 
 
 def _values(writer: ring.RingWriter, tick: int) -> list[float]:
@@ -105,14 +105,14 @@ def test_a_file_that_exists_stops_the_run_before_it_moves(tmp_path: Path) -> Non
 
 def test_a_folder_that_is_not_there_is_named(tmp_path: Path, shared: Path) -> None:
     recording = Recording(tmp_path / "missing" / "s.mcap", {})
-    setup = Setup(load(2), 200.0, shared, None, OnEnd.HOLD, attended=True)
+    setup = RunSetup(load(2), 200.0, shared, None, OnEnd.HOLD, attended=True)
     with pytest.raises(ContidError, match=r"missing/s\.mcap: cannot record: No such file"):
         recording.attach(setup, os.getpid())
 
 
 def test_being_lapped_is_counted(tmp_path: Path, shared: Path) -> None:
     writer = ring.RingWriter(shared)
-    recorder = Recorder(_job(tmp_path / "s.mcap", shared, os.getpid()))
+    recorder = McapRecorder(_job(tmp_path / "s.mcap", shared, os.getpid()))
     for tick in range(1000):
         writer.write(_values(writer, tick))
     writer.finish()
@@ -130,7 +130,7 @@ def test_being_lapped_is_counted(tmp_path: Path, shared: Path) -> None:
 def test_it_ends_when_its_writer_is_gone(tmp_path: Path, shared: Path) -> None:
     writer = ring.RingWriter(shared)
     control = subprocess.Popen([sys.executable, "-c", "import time; time.sleep(60)"])
-    recorder = Recorder(_job(tmp_path / "s.mcap", shared, control.pid))
+    recorder = McapRecorder(_job(tmp_path / "s.mcap", shared, control.pid))
     for tick in range(10):
         writer.write(_values(writer, tick))
     control.kill()
@@ -140,13 +140,13 @@ def test_it_ends_when_its_writer_is_gone(tmp_path: Path, shared: Path) -> None:
     writer.close()
     session = Session(tmp_path / "s.mcap")
     assert summarize(session).ticks == 10
-    assert {"event": "recorder", "words": "the control process ended without a word"} in session.events()
+    assert {"event": "recorder", "message": "the control process ended without a word"} in session.events()
 
 
 def test_it_sleeps_between_ticks(tmp_path: Path, shared: Path) -> None:
     """Processor time, not time: however busy the machine is, an idle ring costs next to nothing."""
     control = subprocess.Popen([sys.executable, "-c", "import time; time.sleep(0.5)"])
-    recorder = Recorder(_job(tmp_path / "s.mcap", shared, control.pid))
+    recorder = McapRecorder(_job(tmp_path / "s.mcap", shared, control.pid))
     before_s, wall_s = time.process_time(), time.monotonic()
     recorder.run()
     control.wait()
@@ -155,7 +155,7 @@ def test_it_sleeps_between_ticks(tmp_path: Path, shared: Path) -> None:
 
 
 def test_a_full_disk_is_said(tmp_path: Path, shared: Path) -> None:
-    recorder = Recorder(_job(tmp_path / "s.mcap", shared, os.getpid()))
+    recorder = McapRecorder(_job(tmp_path / "s.mcap", shared, os.getpid()))
     full = os.open("/dev/full", os.O_WRONLY)
     os.dup2(full, recorder._writer._file)
     os.close(full)

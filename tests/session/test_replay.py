@@ -12,7 +12,7 @@ from contid.control.engine import messages as msg
 from contid.control.engine.cycle import OnEnd
 from contid.control.engine.wiring import record_layout
 from contid.control.process import ring
-from contid.control.process.setup import Setup
+from contid.control.process.setup import RunSetup
 from contid.errors import ContidError
 from contid.robot_file.load import parse_robot_file
 from contid.session.differences import differences
@@ -67,7 +67,7 @@ def test_rows_of_a_live_stream(tmp_path: Path) -> None:
     orders: dict[int, list[msg.Message]] = {10 + n: [msg.Rows({"f0": tip})] for n, tip in enumerate(tips)}
     orders[40] += [msg.Rows({"f1": tips[0]})]
     orders[90] += [msg.Rows({"f1": None})]
-    orders[310] = [msg.End()]
+    orders[310] = [msg.EndOfRows()]
     _same(record_virtual(tmp_path / "s.mcap", loaded, None, orders, ticks=500))
 
 
@@ -131,7 +131,7 @@ def test_other_robots_are_refused(recorded: Path) -> None:
 def test_a_gap_in_the_recording_ends_the_replay(recorded: Path, tmp_path: Path) -> None:
     loaded = load(2)
     recording = Recording(tmp_path / "gap.mcap", {"mock": "False"})
-    sink = recording.follow(Setup(loaded, 200.0, Path(), circle(loaded), OnEnd.STOP, attended=False))
+    sink = recording.follow(RunSetup(loaded, 200.0, Path(), circle(loaded), OnEnd.STOP, attended=False))
     assert record_layout(loaded, 200.0) == Session(recorded).layout
     for entry in Session(recorded).entries():
         if entry.event is not None:
@@ -149,7 +149,7 @@ def test_a_gap_in_the_recording_ends_the_replay(recorded: Path, tmp_path: Path) 
 def test_two_runs_in_one_file_are_not_taken_for_one(recorded: Path, tmp_path: Path) -> None:
     loaded = load(2)
     recording = Recording(tmp_path / "two.mcap", {"mock": "False"})
-    sink = recording.follow(Setup(loaded, 200.0, Path(), circle(loaded), OnEnd.STOP, attended=False))
+    sink = recording.follow(RunSetup(loaded, 200.0, Path(), circle(loaded), OnEnd.STOP, attended=False))
     for _ in range(2):
         for entry in Session(recorded).entries():
             if entry.event is not None:
@@ -185,7 +185,7 @@ def test_the_recorder_takes_a_trajectory_that_came_during_the_run(tmp_path: Path
     shared = ring.create(record_layout(loaded, 200.0))
     writer = ring.RingWriter(shared)
     recording = Recording(tmp_path / "s.mcap", {"mock": "False"})
-    recording.attach(Setup(loaded, 200.0, shared, None, OnEnd.HOLD, attended=True), os.getpid())
+    recording.attach(RunSetup(loaded, 200.0, shared, None, OnEnd.HOLD, attended=True), os.getpid())
     second = circle(loaded, period_s=0.8)
     recording.told(msg.Play(second))
     recording.told(msg.Hold())

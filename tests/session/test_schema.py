@@ -20,7 +20,7 @@ from tests.golden.test_golden import TOLERANCE
 from tests.session.runs import RUNS
 
 #: A session of every revision, as the code of its time wrote it; `tracked_hand` from revision 1 on.
-REVISIONS = [Path(__file__).parent / "revisions" / f"{number}.mcap" for number in range(REVISION + 1)]
+REVISIONS = [Path(__file__).parent / "revisions" / f"{number}.mcap" for number in range(REVISION)]
 
 
 @pytest.fixture(scope="module")

@@ -10,7 +10,7 @@ from hypothesis import example, given, settings
 from hypothesis import strategies as st
 
 from contid.trajectory.approach import MotionError
-from contid.trajectory.standstill import Stop, stopping
+from contid.trajectory.standstill import JerkLimitedStop, stopping
 
 ACCELERATION, JERK = 1.0, 20.0
 START = (0.05, 0.06)
@@ -20,7 +20,7 @@ MAGNITUDES = st.just(0.0) | st.floats(1e-9, 1e9) | st.floats(-1e9, -1e-9)
 SPEEDS, PUSHES = (-0.1, 0.0, 0.05, 0.1), (-1.25, -1.0, 0.0, 0.5, 1.0, 1.25)
 
 
-def check(motion: Stop, velocity: tuple[float, ...], scale: float = 1.0) -> None:
+def check(motion: JerkLimitedStop, velocity: tuple[float, ...], scale: float = 1.0) -> None:
     """It begins in the state asked for, rests at its end, and does not jump in between.
 
     Args:

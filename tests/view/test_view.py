@@ -27,13 +27,13 @@ from contid.control.daemon.run_request import RunRequest
 from contid.control.engine.wiring import record_layout
 from contid.control.process.ring import RingReader, RingWriter, create
 from contid.robot_file.load import load_robot_file
-from contid.view.csp_proxy import Page, policy
-from contid.view.job import Job
+from contid.view.csp_proxy import CspProxy, policy
+from contid.view.job import ViewerJob
 from contid.view.layout import SEEN, build_layout, eye_of, shown
 from contid.view.observer import Viewing
 from contid.view.rerun_program import rerun_program
 from contid.view.stage import CELLS, build_stage
-from contid.view.view_target import Kind, Where
+from contid.view.view_target import Kind, ViewTarget
 from contid.view.viewer_process import Viewer
 from tests.cli.command import contid
 
@@ -57,7 +57,7 @@ def drawn(robot: str, folder: Path) -> Path:
     """What `contid run ROBOT --virtual --view` writes; in this process, which has Rerun already."""
     trajectory, recording = folder / f"{robot}.csv", folder / f"{robot}.rrd"
     trajectory.write_text(rows_of(robot))
-    observers = [Viewing(Where(Kind.FILE, recording))]
+    observers = [Viewing(ViewTarget(Kind.FILE, recording))]
     request = RunRequest(robot, trajectory=str(trajectory), mock=True, virtual=True, observers=observers)
     assert run(request).exit_code == 0
     return recording
@@ -83,7 +83,7 @@ def test_every_entity_of_the_layout_is_in_the_file(robot: str, tmp_path: Path, c
     assert len(wanted) > 8
     there = entities(recording)
     assert wanted <= set(there)
-    for robot_name in (scene.plan.name for scene in stage.scenes):
+    for robot_name in (scene.config.name for scene in stage.scenes):
         assert there[f"robots/{robot_name}/backbone"] >= 30  # a second of pictures
         assert there[f"plots/{robot_name}/tip_error"] >= 30
         assert there[f"plots/{robot_name}/tip_error_measured"] >= 30
@@ -113,7 +113,7 @@ def test_the_eye_sees_the_robot_at_rest_and_half_way(robot: str, configs: Path) 
 
 def test_a_rope_hangs_between_its_tips_and_is_not_there_when_they_are_unknown(configs: Path) -> None:
     stage = build_stage(load_robot_file(configs / "chain.yaml"), 100.0)
-    looks = [scene.look(scene.plan.rest) for scene in stage.scenes]
+    looks = [scene.look(scene.config.rest) for scene in stage.scenes]
     (rope,) = stage.ropes
     line = rope.line(looks)
     assert line is not None
@@ -193,22 +193,22 @@ def started() -> Iterator[Callable[..., subprocess.Popen[str]]]:
             process.communicate(timeout=30)
 
 
-def line_with(stream: IO[str] | None, words: str) -> str:
+def line_with(stream: IO[str] | None, message: str) -> str:
     """The first line that has these words; others may come before, of a tick that was skipped."""
     assert stream is not None
     before = []
     for line in stream:
-        if words in line:
+        if message in line:
             return line
         before.append(line)
-    raise AssertionError(f"never: {words}; but {before}")
+    raise AssertionError(f"never: {message}; but {before}")
 
 
-def children_with(process: subprocess.Popen[str], words: str) -> list[psutil.Process]:
+def children_with(process: subprocess.Popen[str], message: str) -> list[psutil.Process]:
     with_words = []
     for child in psutil.Process(process.pid).children(recursive=True):
         try:
-            if words in " ".join(child.cmdline()):
+            if message in " ".join(child.cmdline()):
                 with_words.append(child)
         except psutil.NoSuchProcess:
             continue
@@ -251,7 +251,7 @@ def test_a_viewer_that_comes_back_says_what_it_missed(tmp_path: Path, configs: P
     layout = record_layout(loaded, 200.0)
     ring, picture = create(layout, seconds=1.0), tmp_path / "run.rrd"
     reader, writer = RingReader(ring), RingWriter(ring)
-    viewer = Viewer(Job(Where(Kind.FILE, picture), ring, os.getpid(), loaded, 200.0), reader)
+    viewer = Viewer(ViewerJob(ViewTarget(Kind.FILE, picture), ring, os.getpid(), loaded, 200.0), reader)
     try:
         blank = layout.packer().unpack(bytes(layout.packer().size))
         for tick in range(1000):
@@ -292,7 +292,7 @@ def test_the_served_page_is_on_loopback_and_locked_in(
 
 def test_a_page_answers_for_what_is_not_there() -> None:
     before = threading.active_count()
-    page = Page(0, 1, 2)  # nobody listens on port 1
+    page = CspProxy(0, 1, 2)  # nobody listens on port 1
     try:
         with pytest.raises(urllib.error.HTTPError, match="502") as caught:
             urllib.request.urlopen(page.url)
@@ -309,9 +309,9 @@ def test_rerun_stays_out_of_a_run_without_a_picture() -> None:
     assert done.stdout.strip() == "False"
 
 
-@pytest.mark.parametrize(("display", "words"), [(None, "no display"), (":4711", "no window: ")])
+@pytest.mark.parametrize(("display", "message"), [(None, "no display"), (":4711", "no window: ")])
 def test_a_robot_does_without_a_window(
-    display: str | None, words: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+    display: str | None, message: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     """No display at all, and one that does not answer: told why, and the run goes on."""
     recording = drawn("hand", tmp_path)
@@ -322,24 +322,24 @@ def test_a_robot_does_without_a_window(
     laps = ("--laps", "4") if display else ()  # time enough for a program of 300 MB to start and fail
     done = contid("run", "hand", "--mock", "--view", "spawn", stdin=rows_of("hand", *laps))
     assert done.returncode == 0
-    assert words in done.stderr
+    assert message in done.stderr
     assert ("the viewer ended with status 2" in done.stdout) == (display is not None)
     looked = contid("view", str(recording))
     assert looked.returncode == 2
-    assert words in looked.stderr
+    assert message in looked.stderr
 
 
 def test_wrong_places_are_refused_before_anything_starts(tmp_path: Path) -> None:
     there = tmp_path / "there.rrd"
     there.write_bytes(b"")
-    for view, words in (
+    for view, message in (
         ("window", "spawn"),
         (str(there), "never overwritten"),
         (str(tmp_path / "no" / "such.rrd"), "no such folder"),
     ):
         done = contid("run", "hand", "--mock", "--view", view, stdin=rows_of("hand"))
         assert done.returncode == 2
-        assert words in done.stderr
+        assert message in done.stderr
 
 
 def test_a_page_of_a_running_robot(tmp_path: Path, started: Callable[..., subprocess.Popen[str]]) -> None:

@@ -125,6 +125,6 @@ def info(robot_file: str | None) -> None:
         version = ".".join(map(str, found.firmware))
         click.echo(
             f"{name}: {options.port}: role {found.role_name}, firmware {version}, "
-            f"started {found.boot} times, last by {found.cause.words}, up for {found.uptime_ms / 1000:.1f} s"
+            f"booted {found.boot} times, last by {found.cause.message}, up for {found.uptime_ms / 1000:.1f} s"
         )
         click.echo(f"{name}: pins {found.pins}")

@@ -32,7 +32,7 @@ def command(robot_file: Path, axes: tuple[str, ...], dry_run: bool) -> None:
     SIGTERM, and `contid estop`, `stop` or `hold` from another terminal take the torque off at once.
     """
     from contid.cli.support.buses import wired_buses
-    from contid.remote.server.stop_server import Door
+    from contid.remote.server.stop_server import StopServer
     from contid.robot_file.edit import Change, set_values
 
     loaded = load_robot_file(robot_file)
@@ -40,7 +40,7 @@ def command(robot_file: Path, axes: tuple[str, ...], dry_run: bool) -> None:
     known = {axis.name for bus in buses for axis in bus.axes}
     if unknown := [name for name in axes if name not in known]:
         raise ContidError(f"no axis {unknown[0]!r}; there are {', '.join(sorted(known))}")
-    with interruptible(), Door(str(robot_file), "homing"):
+    with interruptible(), StopServer(str(robot_file), "homing"):
         homed = _home(buses, axes)
     if not homed:
         raise ContidError(f"{robot_file}: no axis says how it homes; add `homing:` to an axis")

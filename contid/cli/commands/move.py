@@ -13,14 +13,14 @@ if TYPE_CHECKING:
 
 
 @click.command()
-@click.argument("words", nargs=-1, metavar="[ROBOT] COLUMN=VALUE...")
+@click.argument("message", nargs=-1, metavar="[ROBOT] COLUMN=VALUE...")
 @click.option("--trajectory", type=click.File(), help="CSV rows to follow instead of a point; - for stdin.")
 @click.option("--takeover", is_flag=True, help="Take the motion right from whoever has it; the robots hold.")
 @click.option("--no-wait", is_flag=True, help="Return before the point is reached.")
 @socket_option
 @json_option
 def command(
-    words: tuple[str, ...],
+    message: tuple[str, ...],
     trajectory: TextIO | None,
     takeover: bool,
     no_wait: bool,
@@ -34,7 +34,7 @@ def command(
     """
     from contid.remote.client.move_arguments import columns_and_rows, point
 
-    if (trajectory is None) == (not words):
+    if (trajectory is None) == (not message):
         raise click.UsageError("give a point (COLUMN=VALUE...) or --trajectory, one of them")
 
     def ask(client: Client) -> dict[str, Any]:
@@ -45,7 +45,7 @@ def command(
         return {"refused": client.stream(columns, rows)}
 
     if trajectory is None:
-        target = point(words)
+        target = point(message)
     else:
         columns, rows = columns_and_rows(trajectory)
     told(socket, as_json, ask)

@@ -13,9 +13,9 @@ from contid.cli.support.numbers import NUMBER
 from contid.cli.support.robot_names import robot_names
 
 if TYPE_CHECKING:
-    from contid.control.daemon.interfaces import Observer
-    from contid.control.engine.report import Report
-    from contid.view.view_target import Where
+    from contid.control.daemon.interfaces import RunObserver
+    from contid.control.engine.report import RunReport
+    from contid.view.view_target import ViewTarget
 
 
 @click.command()
@@ -89,16 +89,16 @@ def command(
     orders over the socket: `contid move`, `contid status`, contid.client.
     """
     from contid.control.daemon.spawn import spawn
-    from contid.control.process.unblocked_stderr import never_wait
+    from contid.control.process.unblocked_stderr import make_stderr_nonblocking
 
-    never_wait()
+    make_stderr_nonblocking()
     where = None if view is None else _where(view)
     # First of all: its imports take as long as ours.
     spawned = None if virtual else spawn()
     from contid.control.daemon.run import run
     from contid.control.daemon.run_request import RunRequest
 
-    observers: list[Observer] = []
+    observers: list[RunObserver] = []
     if record is not None:
         from contid.session.recording_observer import Recording
 
@@ -137,7 +137,7 @@ def command(
     finish(report, as_json)
 
 
-def _where(text: str) -> Where | None:
+def _where(text: str) -> ViewTarget | None:
     """The place of a picture, refused before anything is started; None where only a display is missing."""
     from contid.view.view_target import NoDisplayError, parse_where, require
 
@@ -150,7 +150,7 @@ def _where(text: str) -> Where | None:
     return where
 
 
-def finish(report: Report, as_json: bool) -> None:
+def finish(report: RunReport, as_json: bool) -> None:
     """Print the report and leave with its exit code."""
     if as_json:
         import json

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING
 import click
 
 if TYPE_CHECKING:
-    from contid.view.rerun_session import Host, WebServer
+    from contid.view.rerun_session import RerunSession, WebServer
 
 
 @click.command()
@@ -21,9 +21,9 @@ def command(recording: str, serve: bool, robot: str | None) -> None:
 
     Nothing leaves this machine: the page is served on the loopback address, statistics are off.
     """
-    from contid.view.view_target import Kind, Where, require
+    from contid.view.view_target import Kind, ViewTarget, require
 
-    where = Where(Kind.SERVE if serve else Kind.SPAWN)
+    where = ViewTarget(Kind.SERVE if serve else Kind.SPAWN)
     require(where)
     if recording.endswith(".rrd"):
         _show_file(recording, where.kind is Kind.SERVE)
@@ -51,7 +51,7 @@ def _show_file(path: str, serve: bool) -> None:
         server.close()
 
 
-def _stay(host: Host) -> None:
+def _stay(host: RerunSession) -> None:
     if host.server is not None:
         host.recording.flush()
         _wait(host.server)

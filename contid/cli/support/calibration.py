@@ -50,11 +50,11 @@ class Calibration:
         """Where the numbers come from: the comment behind each."""
         return f"calibrated {date.today().isoformat()} from {Path(self.source).name}"
 
-    def find(self, kind: type[_Kind], words: str) -> tuple[str, _Kind]:
-        """Name and description of the robot; ``words`` is what messages call its kind."""
+    def find(self, kind: type[_Kind], message: str) -> tuple[str, _Kind]:
+        """Name and description of the robot; ``message`` is what messages call its kind."""
         from contid.calibrate.target_robot import find_robot
 
-        return find_robot(self.robot_file, self.robot, kind, words)
+        return find_robot(self.robot_file, self.robot, kind, message)
 
     def write_back(self, robot: str, changes: Sequence[Change]) -> None:
         """Write the numbers into the robot file, when that was asked for."""

@@ -49,7 +49,7 @@ def told(socket: str | None, as_json: bool, ask: Callable[[Client], dict[str, An
         if as_json:
             click.echo(json.dumps({"ok": False, "error": error.as_fields()}))
             sys.exit(error.exit_code)
-        raise RefusedError(error) from None
+        raise RequestRefusedError(error) from None
     if as_json:
         click.echo(json.dumps({"ok": True, **answer}))
         return
@@ -62,7 +62,7 @@ def told(socket: str | None, as_json: bool, ask: Callable[[Client], dict[str, An
             )
 
 
-class RefusedError(ContidError):
+class RequestRefusedError(ContidError):
     """A refusal with what each fault means."""
 
     def __init__(self, error: RemoteError) -> None:

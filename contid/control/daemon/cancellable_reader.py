@@ -7,11 +7,11 @@ import select
 import threading
 
 
-class GivenUpError(Exception):
+class InputCancelledError(Exception):
     """Nobody waits for the input any more."""
 
 
-class Patience:
+class CancellableReader:
     """Lets a thread wait for a descriptor, and be told to give up."""
 
     def __init__(self) -> None:
@@ -32,7 +32,7 @@ class Patience:
     def check(self) -> None:
         """Raise when told to give up; called now and then by what takes long."""
         if self._given_up.is_set():
-            raise GivenUpError
+            raise InputCancelledError
 
     def give_up(self) -> None:
         """From another thread: `read` and `check` raise from now on."""

@@ -12,7 +12,7 @@ from contid.control.daemon.spawn import Spawned, spawn
 from contid.control.engine.tick_layout import RecordLayout
 from contid.control.process import ring
 from contid.control.process.pipe import aside, frame
-from contid.control.process.setup import Setup
+from contid.control.process.setup import RunSetup
 
 #: A control process that ignores its pipe must not make the daemon's memory grow.
 MAX_BACKLOG: Final = 64 << 20
@@ -46,7 +46,7 @@ class ControlChild:
         self.reader = ring.RingReader(self._path)
         return self._path
 
-    def begin(self, setup: Setup) -> None:
+    def begin(self, setup: RunSetup) -> None:
         """Hand over what it needs; waits until it has taken it."""
         body = memoryview(frame(setup))
         os.set_blocking(self._pipe, True)

@@ -16,22 +16,22 @@ from pathlib import Path
 from typing import Any, Final
 
 from contid.control.daemon import terminal
-from contid.control.daemon.cancellable_reader import GivenUpError
+from contid.control.daemon.cancellable_reader import InputCancelledError
 from contid.control.daemon.control_child import ControlChild
 from contid.control.daemon.inputs import Stream
-from contid.control.daemon.interfaces import Commands, Observer
+from contid.control.daemon.interfaces import CommandSource, RunObserver
 from contid.control.daemon.notify import Notifier
-from contid.control.daemon.pending_input import Awaited
-from contid.control.daemon.report_builder import Account
-from contid.control.daemon.row_stream import RowReader, follow_stream
-from contid.control.daemon.shutdown import Ending, Press
+from contid.control.daemon.pending_input import PendingInput
+from contid.control.daemon.report_builder import ReportBuilder
+from contid.control.daemon.row_stream import LiveRowReader, follow_stream
+from contid.control.daemon.shutdown import Escalation, ShutdownSequence
 from contid.control.engine.command_log import CommandLog
 from contid.control.engine.cycle import OnEnd
-from contid.control.engine.messages import Begin, End, Estop, Finish, Hold, Message, Play
-from contid.control.engine.report import Report
+from contid.control.engine.messages import Begin, EndOfRows, Estop, Finish, Hold, Message, Play
+from contid.control.engine.report import RunReport
 from contid.control.engine.tick_layout import RecordLayout, TickRecord
 from contid.control.engine.wiring import build_preflight, record_layout
-from contid.control.process.setup import Setup
+from contid.control.process.setup import RunSetup
 from contid.control.tick.preflight import Unreachable
 from contid.robot_file.load import LoadedFile
 from contid.trajectory.timed import Trajectory
@@ -63,8 +63,8 @@ class RunOptions:
     unreachable: Unreachable = Unreachable.REFUSE
     log: Path | None = None
     armed: bool = True
-    commands: Sequence[Commands] = ()
-    observers: Sequence[Observer] = ()
+    commands: Sequence[CommandSource] = ()
+    observers: Sequence[RunObserver] = ()
     say: Callable[[str], None] = terminal.say
 
 
@@ -74,7 +74,7 @@ class Daemon:
     def __init__(
         self,
         loaded: LoadedFile,
-        source: Awaited | Trajectory | Stream | None,
+        source: PendingInput | Trajectory | Stream | None,
         options: RunOptions,
         child: ControlChild,
     ) -> None:
@@ -82,15 +82,15 @@ class Daemon:
         self.rate_hz = options.rate_hz
         self.unreachable = options.unreachable
         self.input_moves = source is not None
-        self._awaited = source if isinstance(source, Awaited) else None
-        self._source = None if isinstance(source, Awaited) else source
+        self._awaited = source if isinstance(source, PendingInput) else None
+        self._source = None if isinstance(source, PendingInput) else source
         self._options = options
         self._child = child
-        self._account = Account(options.rate_hz)
-        self._ending = Ending()
+        self._account = ReportBuilder(options.rate_hz)
+        self._ending = ShutdownSequence()
         self._notifier = Notifier()
         self._listeners: list[Callable[[Mapping[str, Any]], None]] = []
-        self._attached: list[Observer] = []
+        self._attached: list[RunObserver] = []
         self._tasks: list[asyncio.Task[None]] = []
         self._log: CommandLog | None = None
         self._fetching = False
@@ -103,11 +103,11 @@ class Daemon:
     @property
     def waiting(self) -> str:
         """See `Orders.waiting`."""
-        return self._awaited.words if self._awaited is not None else ""
+        return self._awaited.message if self._awaited is not None else ""
 
-    def say(self, words: str) -> None:
+    def say(self, message: str) -> None:
         """See `Orders.say`."""
-        self._options.say(words)
+        self._options.say(message)
 
     def send(self, message: Message) -> None:
         """See `Orders.send`."""
@@ -187,7 +187,7 @@ class Daemon:
 
     # -- the run -----------------------------------------------------------------------------------------
 
-    async def run(self) -> Report:
+    async def run(self) -> RunReport:
         """Run to the end and report; never leaves the control process behind."""
         layout = record_layout(self.loaded, self.rate_hz)
         ring = self._child.create_ring(layout)
@@ -223,10 +223,10 @@ class Daemon:
         awaited = self._awaited
         if awaited is None:
             return True
-        telling = asyncio.get_running_loop().call_later(TELL_S, self.say, awaited.words)
+        telling = asyncio.get_running_loop().call_later(TELL_S, self.say, awaited.message)
         try:
             self._source = await awaited.result()
-        except GivenUpError:
+        except InputCancelledError:
             return False
         finally:
             telling.cancel()
@@ -236,7 +236,7 @@ class Daemon:
         """Hand the run over to the control process, and what it records to the observers."""
         options, source = self._options, self._source
         self._log = None if options.log is None else CommandLog(options.log, layout)
-        setup = Setup(
+        setup = RunSetup(
             self.loaded,
             options.rate_hz,
             ring,
@@ -256,8 +256,8 @@ class Daemon:
 
     async def _follow(self, stream: Stream) -> None:
         preflight = build_preflight(self.loaded, self.rate_hz, self.unreachable)
-        await follow_stream(stream, RowReader(stream, preflight, self.say), self._send_input)
-        self._send_input(End())
+        await follow_stream(stream, LiveRowReader(stream, preflight, self.say), self._send_input)
+        self._send_input(EndOfRows())
 
     def _send_input(self, message: Message) -> None:
         """A row of the stream on stdin, unless somebody took over."""
@@ -275,10 +275,10 @@ class Daemon:
             if self._child.reader is not None:
                 self._notifier.ticked(self._child.reader.written, loop.time())
             match self._ending.due(loop.time()):
-                case Press.RELAX:
+                case Escalation.RELAX:
                     self._account.problem("the orderly stop took too long; relaxed at once")
                     self._relax()
-                case Press.KILL:
+                case Escalation.KILL:
                     self._child.kill()
                     self._account.killed()
                     break
@@ -300,21 +300,21 @@ class Daemon:
             except OSError as error:
                 self._end_log(f"{self._options.log}: the log ends here, the run goes on: {error.strerror}")
 
-    def _end_log(self, words: str) -> None:
+    def _end_log(self, message: str) -> None:
         """Close the command log, with what went wrong: a full disk is no reason to drop a robot."""
         log, self._log = self._log, None
         if log is not None:
             with suppress(OSError):
                 log.close()
-        if words:
-            self._account.problem(words)
-            self.say(words)
+        if message:
+            self._account.problem(message)
+            self.say(message)
 
     def _hear(self, event: Mapping[str, Any]) -> None:
         """An event of the ring: everybody hears of it."""
         self._account.hear(event)
-        if words := terminal.words_of(event):
-            self.say(words)
+        if message := terminal.words_of(event):
+            self.say(message)
         match event["event"]:
             case "end":
                 self.input_moves = False
@@ -337,12 +337,12 @@ class Daemon:
         died = None if task.cancelled() else task.exception()
         if died is None:
             return
-        words = f"a source of commands ended early: {type(died).__name__}: {died}"
-        self._account.problem(words)
-        self.say(words)
+        message = f"a source of commands ended early: {type(died).__name__}: {died}"
+        self._account.problem(message)
+        self.say(message)
         if not self._ending.asked and self._child.status is None:
             self.interrupt()
-            self._account.broken(words)
+            self._account.broken(message)
 
     async def _end_tasks(self) -> None:
         for task in self._tasks:

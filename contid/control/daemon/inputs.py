@@ -14,7 +14,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Final, TextIO
 
-from contid.control.daemon.cancellable_reader import Patience
+from contid.control.daemon.cancellable_reader import CancellableReader
 from contid.errors import BadInputError, ContidError, Located
 from contid.robot_file.robot import RobotDescription
 from contid.trajectory.read import read_trajectory
@@ -63,7 +63,7 @@ def given(stdin: TextIO | None) -> bool:
 
 
 def read_stdin(
-    stdin: TextIO, robots: Mapping[str, RobotDescription], patience: Patience
+    stdin: TextIO, robots: Mapping[str, RobotDescription], patience: CancellableReader
 ) -> Trajectory | Stream:
     """What stdin holds: a trajectory that was read to its end, or a stream whose header was.
 
@@ -84,8 +84,8 @@ def read_stdin(
         if parser.timed:
             return _read_timed(descriptor, "".join(skipped) + line, robots, patience)
         if stat.S_ISREG(os.fstat(descriptor).st_mode):
-            words = "no column 't_s': a file needs times; a live stream comes through a pipe"
-            raise BadInputError([Located(name, number, 1, words)])
+            message = "no column 't_s': a file needs times; a live stream comes through a pipe"
+            raise BadInputError([Located(name, number, 1, message)])
         pending = ((number, line),) if parser.first_line_is_row else ()
         return Stream(parser, name, descriptor, pending, number)
     raise ContidError(
@@ -95,7 +95,7 @@ def read_stdin(
 
 
 def _read_timed(
-    descriptor: int, head: str, robots: Mapping[str, RobotDescription], patience: Patience
+    descriptor: int, head: str, robots: Mapping[str, RobotDescription], patience: CancellableReader
 ) -> Trajectory:
     rest = bytearray()
     while chunk := patience.read(descriptor, CHUNK):
@@ -107,7 +107,7 @@ def _read_timed(
     return read_trajectory(io.StringIO(head + text), "stdin", robots)
 
 
-def _lines(descriptor: int, patience: Patience) -> Iterator[tuple[int, bytes]]:
+def _lines(descriptor: int, patience: CancellableReader) -> Iterator[tuple[int, bytes]]:
     """Lines byte by byte: what comes after the header belongs to whoever reads on."""
     line, number = bytearray(), 1
     while byte := patience.read(descriptor, 1):

@@ -1,8 +1,7 @@
 """Who takes part in a run: sources of commands, what they may ask of it, and those that only read along.
 
-Everything that anybody asks of a run goes through `Orders`, the one small interface of the daemon: the socket
-of `contid.remote` is a source of `Commands`. An `Observer`, such as a recorder or a viewer, gets the path of
-the ring and reads at its own pace.
+Every command to a run goes through `RunControl`; the socket server of `contid.remote` is a `CommandSource`.
+A `RunObserver`, such as a recorder or a viewer, gets the path of the ring and reads at its own pace.
 """
 
 from __future__ import annotations
@@ -13,12 +12,12 @@ from typing import Any, Protocol
 from contid.control.engine.cycle import Sink
 from contid.control.engine.messages import Message
 from contid.control.engine.tick_layout import TickRecord
-from contid.control.process.setup import Setup
+from contid.control.process.setup import RunSetup
 from contid.control.tick.preflight import Unreachable
 from contid.robot_file.load import LoadedFile
 
 
-class Orders(Protocol):
+class RunControl(Protocol):
     """What a source of commands may do with a run."""
 
     @property
@@ -46,7 +45,7 @@ class Orders(Protocol):
         """What the run waits for before it begins, "" once it has begun."""
         ...
 
-    def say(self, words: str) -> None:
+    def say(self, message: str) -> None:
         """A message for the person at the daemon."""
         ...
 
@@ -83,18 +82,18 @@ class Orders(Protocol):
         ...
 
 
-class Commands(Protocol):
+class CommandSource(Protocol):
     """A source of commands, such as the socket."""
 
-    async def serve(self, orders: Orders) -> None:
+    async def serve(self, orders: RunControl) -> None:
         """Take commands until cancelled."""
         ...
 
 
-class Observer(Protocol):
+class RunObserver(Protocol):
     """Something that reads the ring, such as a recorder in its own process."""
 
-    def attach(self, setup: Setup, pid: int) -> None:
+    def attach(self, setup: RunSetup, pid: int) -> None:
         """Begin: ``setup`` names the ring, ``pid`` is its writer; called before the first tick.
 
         Raises:
@@ -102,7 +101,7 @@ class Observer(Protocol):
         """
         ...
 
-    def follow(self, setup: Setup) -> Sink:
+    def follow(self, setup: RunSetup) -> Sink:
         """The same for a run in virtual time, which has no ring: a sink within this process."""
         ...
 

@@ -14,7 +14,7 @@ from collections.abc import Callable, Mapping
 from contextlib import suppress
 from typing import Any, Final
 
-from contid.control.daemon.cancellable_reader import GivenUpError, Patience
+from contid.control.daemon.cancellable_reader import CancellableReader, InputCancelledError
 from contid.control.daemon.inputs import Stream
 from contid.control.engine.messages import Estop, Goto, Hold, Mark, Message, Play, Resume, Rows, Stop
 from contid.trajectory.timed import Trajectory
@@ -23,20 +23,20 @@ from contid.trajectory.timed import Trajectory
 LEAVE_S: Final = 1.0
 
 
-class Awaited:
+class PendingInput:
     """An input that is being read.
 
     Attributes:
-        words: what is waited for.
+        message: what is waited for.
         stopped: somebody stopped the robots before they moved.
     """
 
-    def __init__(self, words: str, read: Callable[[Patience], Trajectory | Stream | None]) -> None:
+    def __init__(self, message: str, read: Callable[[CancellableReader], Trajectory | Stream | None]) -> None:
         """Prepare; ``read`` reads and checks, in a thread of its own."""
-        self.words = words
+        self.message = message
         self.stopped = False
         self._read = read
-        self._patience = Patience()
+        self._patience = CancellableReader()
         self._loop: asyncio.AbstractEventLoop | None = None
         self._outcome: asyncio.Future[Trajectory | Stream | None] | None = None
 
@@ -62,18 +62,18 @@ class Awaited:
     def give_up(self) -> None:
         """Wait no longer."""
         if self._outcome is not None and not self._outcome.done():
-            self._outcome.set_exception(GivenUpError())
+            self._outcome.set_exception(InputCancelledError())
 
-    def answer(self, message: Message) -> list[Mapping[str, Any]]:
+    def answer(self, order: Message) -> list[Mapping[str, Any]]:
         """The events with which a run that has not begun obeys an order."""
-        match message:
+        match order:
             case Mark(number):
                 return [{"event": "mark", "number": number, "tick": 0}]
             case Hold() | Stop() | Estop():
                 self.stopped = True
             case Resume() | Goto() | Rows() | Play():
-                words = f"{self.words}; nothing is connected yet"
-                return [{"event": "refused", "robot": "", "words": words}]
+                message = f"{self.message}; nothing is connected yet"
+                return [{"event": "refused", "robot": "", "message": message}]
         return []
 
     def _work(self) -> None:

@@ -6,11 +6,11 @@ import signal
 from collections.abc import Mapping
 from typing import Any
 
-from contid.control.engine.report import Report, complete_from_records
+from contid.control.engine.report import RunReport, complete_from_records
 from contid.control.process.ring import RingReader
 
 
-class Account:
+class ReportBuilder:
     """What is known of a run so far.
 
     Attributes:
@@ -19,7 +19,7 @@ class Account:
     """
 
     def __init__(self, rate_hz: float) -> None:
-        self.report = Report(ending="the input ended", rate_hz=rate_hz)
+        self.report = RunReport(ending="the input ended", rate_hz=rate_hz)
         self.started = False
         self._interrupted = False
 
@@ -28,13 +28,13 @@ class Account:
         self._interrupted = True
         self.report.ending, self.report.exit_code = "interrupted", 130
 
-    def problem(self, words: str) -> None:
+    def problem(self, message: str) -> None:
         """Something could not be done."""
-        self.report.problems.append(words)
+        self.report.problems.append(message)
 
-    def broken(self, words: str) -> None:
+    def broken(self, message: str) -> None:
         """It ends because a part of it did."""
-        self.report.ending, self.report.exit_code = words, 3
+        self.report.ending, self.report.exit_code = message, 3
 
     def killed(self) -> None:
         """The control process had to be ended by force."""
@@ -49,7 +49,7 @@ class Account:
                 self.started = True
                 report.realtime = event["realtime"]
             case "failed":
-                report.ending, report.exit_code = event["words"], event["exit_code"]
+                report.ending, report.exit_code = event["message"], event["exit_code"]
             case "robot":
                 report.robots[event["robot"]] = event["told"]
             case "report":

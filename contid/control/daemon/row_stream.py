@@ -17,7 +17,7 @@ MAX_LINE: Final = 1 << 16
 CUT: Final = "the last row has no end of line and may be cut off: not followed"
 
 
-class RowReader:
+class LiveRowReader:
     """Turns the lines of a stream into rows that may be followed."""
 
     def __init__(self, stream: Stream, preflight: Preflight | None, say: Callable[[str], None]) -> None:
@@ -53,12 +53,12 @@ class RowReader:
         if row is None:
             return None
         wrong = {} if self._preflight is None else self._preflight.row(row)
-        for words in dict.fromkeys(wrong.values()):  # a chain says the same of both its arms
-            self._say(f"{self._name}:{number}:1: {words}; holding")
+        for message in dict.fromkeys(wrong.values()):  # a chain says the same of both its arms
+            self._say(f"{self._name}:{number}:1: {message}; holding")
         return Rows({**row, **dict.fromkeys(wrong)})
 
 
-async def follow_stream(stream: Stream, reader: RowReader, send: Callable[[Message], None]) -> None:
+async def follow_stream(stream: Stream, reader: LiveRowReader, send: Callable[[Message], None]) -> None:
     """Send every row of a stream to the control process until the stream ends."""
     for number, line in stream.pending:
         _send(reader.row(line, number), send)

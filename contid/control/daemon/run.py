@@ -14,27 +14,27 @@ from itertools import chain
 from pathlib import Path
 from typing import Any
 
-from contid.control.daemon.cancellable_reader import Patience
+from contid.control.daemon.cancellable_reader import CancellableReader
 from contid.control.daemon.control_child import ControlChild
 from contid.control.daemon.daemon import Daemon, RunOptions
 from contid.control.daemon.inputs import Stream
-from contid.control.daemon.row_stream import RowReader
+from contid.control.daemon.row_stream import LiveRowReader
 from contid.control.daemon.run_request import RunRequest, awaited, load, preflight_of, rate_of, read
 from contid.control.daemon.spawn import Spawned
 from contid.control.daemon.terminal import say, words_of
 from contid.control.engine.command_log import CommandLog
 from contid.control.engine.cycle import OnEnd, Sink
-from contid.control.engine.report import Report
+from contid.control.engine.report import RunReport
 from contid.control.engine.virtual import run_virtual
 from contid.control.engine.wiring import record_layout
-from contid.control.process.setup import Setup
+from contid.control.process.setup import RunSetup
 from contid.control.tick.preflight import Preflight, Unreachable
 from contid.errors import ContidError
 from contid.targets import Target
 from contid.trajectory.timed import Trajectory
 
 
-def run(request: RunRequest, spawned: Spawned | None = None) -> Report:
+def run(request: RunRequest, spawned: Spawned | None = None) -> RunReport:
     """Run to the end, with a control process that was started already, or a new one.
 
     Raises:
@@ -58,13 +58,13 @@ def run(request: RunRequest, spawned: Spawned | None = None) -> Report:
         return asyncio.run(Daemon(loaded, awaited(request, loaded), options, child).run())
 
 
-def _virtual(request: RunRequest) -> Report:
+def _virtual(request: RunRequest) -> RunReport:
     """In virtual time; a stream gives one row per tick."""
     if request.disarmed:
         raise ContidError("--disarmed waits for orders, and --virtual has nobody to give them: leave one out")
     loaded = load(request)
     rate_hz, on_end = rate_of(request, loaded), OnEnd(request.on_end)
-    with closing(Patience()) as patience:
+    with closing(CancellableReader()) as patience:
         source = read(request, loaded, patience)
     with ExitStack() as stack:
         sinks: list[Sink] = [Messages()]
@@ -75,7 +75,7 @@ def _virtual(request: RunRequest) -> Report:
         if source is None:
             raise ContidError("--virtual has nothing to follow: give --trajectory, or a trajectory on stdin")
         timed = source if isinstance(source, Trajectory) else None
-        setup = Setup(loaded, rate_hz, Path(), timed, on_end, attended=False)
+        setup = RunSetup(loaded, rate_hz, Path(), timed, on_end, attended=False)
         for observer in request.observers:
             sinks.append(observer.follow(setup))
             stack.callback(observer.detach)
@@ -85,7 +85,7 @@ def _virtual(request: RunRequest) -> Report:
 
 def _rows(stream: Stream, preflight: Preflight | None) -> Iterator[Mapping[str, Target | None]]:
     """Rows of a stream as they are read, waiting for each."""
-    reader = RowReader(stream, preflight, say)
+    reader = LiveRowReader(stream, preflight, say)
     with open(stream.descriptor, encoding="utf-8", errors="replace", closefd=False) as file:
         for number, line in chain(stream.pending, enumerate(file, stream.number + 1)):
             if reader.ends(line, number):
@@ -103,5 +103,5 @@ class Messages:
 
     def event(self, kind: str, **fields: Any) -> None:
         """See `contid.control.engine.cycle.Sink`."""
-        if words := words_of({"event": kind, **fields}):
-            say(words)
+        if message := words_of({"event": kind, **fields}):
+            say(message)

@@ -7,10 +7,10 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
-from contid.control.daemon.cancellable_reader import Patience
+from contid.control.daemon.cancellable_reader import CancellableReader
 from contid.control.daemon.inputs import Stream, given, read_file, read_stdin
-from contid.control.daemon.interfaces import Commands, Observer
-from contid.control.daemon.pending_input import Awaited
+from contid.control.daemon.interfaces import CommandSource, RunObserver
+from contid.control.daemon.pending_input import PendingInput
 from contid.control.daemon.terminal import checking
 from contid.control.engine.wiring import build_preflight, driven_robots
 from contid.control.tick.preflight import Preflight, Unreachable
@@ -18,7 +18,7 @@ from contid.errors import ContidError
 from contid.robot_file.document import MAX_RATE_HZ
 from contid.robot_file.load import LoadedFile, load_robot_file, with_mock
 from contid.robot_file.shipped import find_robot_file
-from contid.robot_file.watchdog import starved
+from contid.robot_file.watchdog import watchdog_too_short
 from contid.trajectory.timed import Trajectory
 
 
@@ -49,8 +49,8 @@ class RunRequest:
     virtual: bool = False
     log: Path | None = None
     disarmed: bool = False
-    commands: Sequence[Commands] = ()
-    observers: Sequence[Observer] = ()
+    commands: Sequence[CommandSource] = ()
+    observers: Sequence[RunObserver] = ()
 
 
 def load(request: RunRequest) -> LoadedFile:
@@ -58,9 +58,9 @@ def load(request: RunRequest) -> LoadedFile:
     loaded = load_robot_file(find_robot_file(request.robot_file))
     if request.rate_hz is not None:
         if not 0.0 < request.rate_hz <= MAX_RATE_HZ:
-            words = f"above 0, at most {MAX_RATE_HZ:g}, as rate_hz in a robot file"
-            raise ContidError(f"--rate: {request.rate_hz:g}; allowed: {words}")
-        for message in starved(loaded.buses.values(), request.rate_hz):
+            allowed = f"above 0, at most {MAX_RATE_HZ:g}, as rate_hz in a robot file"
+            raise ContidError(f"--rate: {request.rate_hz:g}; allowed: {allowed}")
+        for message in watchdog_too_short(loaded.buses.values(), request.rate_hz):
             raise ContidError(f"--rate: {message}")
     return with_mock(loaded) if request.mock else loaded
 
@@ -75,7 +75,7 @@ def preflight_of(request: RunRequest, loaded: LoadedFile) -> Preflight | None:
     return build_preflight(loaded, rate_of(request, loaded), Unreachable(request.unreachable))
 
 
-def read(request: RunRequest, loaded: LoadedFile, patience: Patience) -> Trajectory | Stream | None:
+def read(request: RunRequest, loaded: LoadedFile, patience: CancellableReader) -> Trajectory | Stream | None:
     """What to follow, checked; waits for it.
 
     Raises:
@@ -103,9 +103,9 @@ def read(request: RunRequest, loaded: LoadedFile, patience: Patience) -> Traject
     return source
 
 
-def awaited(request: RunRequest, loaded: LoadedFile) -> Awaited | None:
+def awaited(request: RunRequest, loaded: LoadedFile) -> PendingInput | None:
     """The input of a run in real time, still to be read; None when there is none to wait for."""
     if request.trajectory is None and not given(sys.stdin):
         return None
-    words = "waiting for a trajectory on stdin" if request.trajectory is None else "checking the trajectory"
-    return Awaited(words, lambda patience: read(request, loaded, patience))
+    message = "waiting for a trajectory on stdin" if request.trajectory is None else "checking the trajectory"
+    return PendingInput(message, lambda patience: read(request, loaded, patience))

@@ -16,7 +16,7 @@ PATIENCE_S: Final = 0.8
 END_S: Final = 0.5
 
 
-class Press(enum.Enum):
+class Escalation(enum.Enum):
     """What is due."""
 
     NOTHING = enum.auto()
@@ -24,7 +24,7 @@ class Press(enum.Enum):
     KILL = enum.auto()
 
 
-class Ending:
+class ShutdownSequence:
     """The deadlines of one ending.
 
     Attributes:
@@ -50,10 +50,10 @@ class Ending:
         self._relax_at_s = None
         self._kill_at_s = now_s + END_S
 
-    def due(self, now_s: float) -> Press:
+    def due(self, now_s: float) -> Escalation:
         """What has to be done now."""
         if self._relax_at_s is not None and now_s > self._relax_at_s:
-            return Press.RELAX
+            return Escalation.RELAX
         if self._kill_at_s is not None and now_s > self._kill_at_s:
-            return Press.KILL
-        return Press.NOTHING
+            return Escalation.KILL
+        return Escalation.NOTHING

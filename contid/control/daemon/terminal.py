@@ -18,10 +18,10 @@ PROGRESS_HZ: Final = 5.0
 LONG: Final = 20_000
 
 
-def say(words: str) -> None:
+def say(message: str) -> None:
     """A message for a person; the line of progress makes room for it."""
     clear = CLEAR if sys.stderr.isatty() else ""
-    sys.stderr.write(f"{clear}contid: {words}\n")
+    sys.stderr.write(f"{clear}contid: {message}\n")
     sys.stderr.flush()
 
 
@@ -29,11 +29,11 @@ def words_of(event: Mapping[str, Any]) -> str:
     """What a person is told of an event of the run; "" for one that is for others."""
     match event["event"]:
         case "fault":
-            return f"{event['robot']}: {event['words']}"
+            return f"{event['robot']}: {event['message']}"
         case "refused":
-            return f"refused: {event['words']}"
+            return f"refused: {event['message']}"
         case "bus" | "started":
-            return str(event["words"])
+            return str(event["message"])
         case "skipped":
             what = "1 tick" if event["ticks"] == 1 else f"{event['ticks']} ticks"
             return f"{what} skipped ({event['total']} in all)"

@@ -18,7 +18,7 @@ class ChainOrders:
     """Orders and ticks of the robots that are arms of chains."""
 
     def __init__(self, guards: Sequence[ChainGuard], robots: Robots, exchange: Exchange, sink: Sink) -> None:
-        self._watch = ChainWatch(guards, robots.plans)
+        self._watch = ChainWatch(guards, robots.configs)
         self._robots = robots
         self._exchange = exchange
         self._sink = sink
@@ -35,13 +35,15 @@ class ChainOrders:
     def begin_gotos(self, now_s: float) -> None:
         """Begin the orders to points, as many as came together, or refuse them."""
         targets, self._gotos = self._gotos, {}
-        for robot, words in self._watch.gotos(self._robots.states, targets, now_s, self._exchange.samples_of):
-            self._sink.event("refused", robot=robot, words=words)
+        for robot, message in self._watch.gotos(
+            self._robots.states, targets, now_s, self._exchange.samples_of
+        ):
+            self._sink.event("refused", robot=robot, message=message)
 
     def stopped(self, who: Who, now_s: float) -> None:
         """After an order that stops robots: the rest of their chains, and forbidden ways to rest poses."""
-        for robot, words in self._watch.stopped(self._robots.states, who, now_s, self._exchange.samples_of):
-            self._sink.event("refused", robot=robot, words=words)
+        for robot, message in self._watch.stopped(self._robots.states, who, now_s, self._exchange.samples_of):
+            self._sink.event("refused", robot=robot, message=message)
 
     def before_tick(
         self, targets: Mapping[str, Target | None], now_s: float, measured: Mapping[str, Measurement]

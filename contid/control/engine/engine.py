@@ -13,14 +13,14 @@ from contid.control.engine.chain_orders import ChainOrders
 from contid.control.engine.cycle import OnEnd, Sink, Timing
 from contid.control.engine.exchange import Exchange
 from contid.control.engine.order_events import order_event
-from contid.control.engine.pack_record import Recorder, Turn
-from contid.control.engine.ports import Port
+from contid.control.engine.pack_record import CycleSnapshot, RecordPacker
+from contid.control.engine.ports import BusPort
 from contid.control.engine.robots import Order, Robots, stopping
 from contid.control.engine.sources import Source
-from contid.control.engine.target_selector import Course
+from contid.control.engine.target_selector import TargetSelector
 from contid.control.tick import state as change
-from contid.control.tick.config import RobotPlan
-from contid.control.tick.robot_tick import Outcome, tick
+from contid.control.tick.config import RobotConfig
+from contid.control.tick.robot_tick import TickResult, tick
 from contid.control.tick.state import Effect, RobotState
 from contid.control.tick.statistics import RobotTally
 from contid.control.tick.supervisor import Mode
@@ -36,8 +36,8 @@ class Engine:
 
     def __init__(
         self,
-        plans: Sequence[RobotPlan],
-        ports: Mapping[str, Port],
+        configs: Sequence[RobotConfig],
+        ports: Mapping[str, BusPort],
         rate_hz: float,
         sink: Sink,
         now: Callable[[], float],
@@ -50,7 +50,7 @@ class Engine:
         """Prepare; nothing is touched.
 
         Args:
-            plans: of the robots, in file order.
+            configs: of the robots, in file order.
             ports: by bus name; already open.
             rate_hz: of the tick.
             sink: takes records and events.
@@ -61,21 +61,21 @@ class Engine:
             guards: of the closed chains among the robots.
         """
         self.finished = False
-        self._robots = Robots(plans, sink)
+        self._robots = Robots(configs, sink)
         self._exchange = Exchange(self._robots, ports, rate_hz, sink, now)
         self._chains = ChainOrders(guards, self._robots, self._exchange, sink)
-        self._course = Course(self._robots, self._chains, rate_hz, sink, trajectory, on_end, attended)
-        self._recorder = Recorder(self._robots.plans, sink, now)
+        self._course = TargetSelector(self._robots, self._chains, rate_hz, sink, trajectory, on_end, attended)
+        self._recorder = RecordPacker(self._robots.configs, sink, now)
         self._buses = tuple(ports)
         self._rate_hz = rate_hz
         self._sink = sink
         self._step = -1
-        self._going: list[Target | None] = [None for _ in plans]
+        self._going: list[Target | None] = [None for _ in configs]
 
     @property
-    def plans(self) -> Sequence[RobotPlan]:
+    def configs(self) -> Sequence[RobotConfig]:
         """What is fixed about each robot."""
-        return self._robots.plans
+        return self._robots.configs
 
     @property
     def states(self) -> Sequence[RobotState]:
@@ -137,12 +137,12 @@ class Engine:
         if not isinstance(message, msg.Goto):
             self._chains.begin_gotos(step / self._rate_hz)
         # Whoever gives orders is waited for, also when every robot is in FAULT.
-        course.attended = course.attended or not isinstance(message, msg.Rows | msg.Measured | msg.End)
+        course.attended = course.attended or not isinstance(message, msg.Rows | msg.Measured | msg.EndOfRows)
         if course.finishing and isinstance(message, msg.Rows | msg.Resume | msg.Goto | msg.Play):
             # Nobody, and no script in a loop, holds up the end of a run.
             if not isinstance(message, msg.Rows):
                 robot = message.robot if isinstance(message, msg.Goto) else ""
-                self._sink.event("refused", robot=robot, words="the run is ending; nothing moves any more")
+                self._sink.event("refused", robot=robot, message="the run is ending; nothing moves any more")
             return
         self._carry_out(message, tick_number, step)
 
@@ -155,7 +155,7 @@ class Engine:
                 course.rows(targets, now_s)
             case msg.Measured(robot, tip_in_world, direction, age_s):
                 course.measured[robot] = Measurement(tip_in_world, now_s - age_s, direction)
-            case msg.End():
+            case msg.EndOfRows():
                 course.end_of_rows()
             case msg.Play(trajectory):
                 course.play(trajectory, now_s)
@@ -198,10 +198,10 @@ class Engine:
         targets = self._chains.before_tick(course.targets(step, now_s), now_s, course.measured)
         commands: dict[str, dict[str, float]] = {name: {} for name in self._buses}
         bus_of = exchange.bus_of
-        outcomes: list[Outcome] = []
-        for index, plan in enumerate(robots.plans):
-            outcome = self._tick(index, timing.tick, now_s, targets.get(plan.name))
-            for axis, value in zip(plan.axes, outcome.device, strict=False):
+        outcomes: list[TickResult] = []
+        for index, config in enumerate(robots.configs):
+            outcome = self._tick(index, timing.tick, now_s, targets.get(config.name))
+            for axis, value in zip(config.axes, outcome.device, strict=False):
                 commands[bus_of[axis]][axis] = value
             outcomes.append(outcome)
         # The commands of this tick are given: a stop that begins now begins at the time of the next.
@@ -212,25 +212,27 @@ class Engine:
         robots.tell(timing.tick)
         source_s = None if source is None else source.time_s
         self._recorder.record(
-            Turn(timing, now_s, source_s, targets, outcomes, robots.states, exchange.samples, course.measured)
+            CycleSnapshot(
+                timing, now_s, source_s, targets, outcomes, robots.states, exchange.samples, course.measured
+            )
         )
         if course.finishing and not self.finished:
             self.finished = robots.resting and not exchange.busy
 
-    def _tick(self, index: int, number: int, now_s: float, target: Target | None) -> Outcome:
+    def _tick(self, index: int, number: int, now_s: float, target: Target | None) -> TickResult:
         """The tick of one robot; what it asks of its devices is queued, what is to be told is told."""
         robots = self._robots
-        plan, state, tally = robots.plans[index], robots.states[index], robots.tallies[index]
+        config, state, tally = robots.configs[index], robots.states[index], robots.tallies[index]
         going = state.goto
         if self._going[index] is not None and self._going[index] is not going:
-            self._sink.event("goto", robot=plan.name, arrived=False, tick=number)
-        measured = self._course.measured.get(plan.name)
-        outcome = tick(plan, state, now_s, self._exchange.samples_of(plan), target, measured)
+            self._sink.event("goto", robot=config.name, arrived=False, tick=number)
+        measured = self._course.measured.get(config.name)
+        outcome = tick(config, state, now_s, self._exchange.samples_of(config), target, measured)
         state = outcome.state
         if state.pending is not Effect.NONE:
             state = self._exchange.ask(index, state)
         if going is not None and state.goto is None:
-            self._sink.event("goto", robot=plan.name, arrived=state.mode is Mode.HOLD, tick=number)
+            self._sink.event("goto", robot=config.name, arrived=state.mode is Mode.HOLD, tick=number)
         self._going[index] = state.goto
         robots.states[index] = state
         if outcome.solution is not None:

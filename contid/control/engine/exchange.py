@@ -10,11 +10,11 @@ from typing import Final
 
 from contid.control.engine.cycle import Sink, Timing
 from contid.control.engine.order_events import answer_event
-from contid.control.engine.ports import Answer, Job, Port
+from contid.control.engine.ports import BusJob, BusPort, BusReply
 from contid.control.engine.robots import Robots
 from contid.control.engine.staleness import TierWatch
 from contid.control.tick import state as change
-from contid.control.tick.config import RobotPlan
+from contid.control.tick.config import RobotConfig
 from contid.control.tick.faults import Fault
 from contid.control.tick.state import Effect, OrderRefusedError, RobotState
 from contid.control.tick.supervisor import REST_OF, Mode
@@ -37,7 +37,7 @@ class Exchange:
     def __init__(
         self,
         robots: Robots,
-        ports: Mapping[str, Port],
+        ports: Mapping[str, BusPort],
         rate_hz: float,
         sink: Sink,
         now: Callable[[], float],
@@ -53,13 +53,13 @@ class Exchange:
         self._tick = 0
         self._axes_on = [
             {
-                bus: tuple(axis for axis in plan.axes if self.bus_of[axis] == bus)
-                for bus in sorted({self.bus_of[axis] for axis in plan.axes})
+                bus: tuple(axis for axis in config.axes if self.bus_of[axis] == bus)
+                for bus in sorted({self.bus_of[axis] for axis in config.axes})
             }
-            for plan in robots.plans
+            for config in robots.configs
         ]
         self._queued: dict[str, list[tuple[int, Effect, tuple[str, ...]]]] = {name: [] for name in ports}
-        self._outstanding: list[set[str]] = [set() for _ in robots.plans]
+        self._outstanding: list[set[str]] = [set() for _ in robots.configs]
         self._device_faults: dict[str, str] = {}
         self._tiers = TierWatch({name: tuple(port.bus.axes) for name, port in ports.items()}, rate_hz, sink)
 
@@ -68,25 +68,27 @@ class Exchange:
         """True while a bus that is there has not answered, or was not told yet what is queued for it."""
         return any((port.busy or self._queued[name]) and not port.lost for name, port in self._ports.items())
 
-    def samples_of(self, plan: RobotPlan) -> tuple[Sample, ...]:
+    def samples_of(self, config: RobotConfig) -> tuple[Sample, ...]:
         """Newest of every axis of a robot, in the order of its plan; empty before the first."""
         samples = self.samples
         try:
-            return tuple([samples[axis] for axis in plan.axes])
+            return tuple([samples[axis] for axis in config.axes])
         except KeyError:  # before the first exchange of one of its buses
             return ()
 
     def ask(self, index: int, state: RobotState) -> RobotState:
         """Queue what a robot wants of its devices; the state with nothing pending any more."""
         lost = [bus for bus in self._axes_on[index] if self._ports[bus].lost]
-        name = self._robots.plans[index].name
+        name = self._robots.configs[index].name
         if lost and state.pending is Effect.CLEAR:
-            words = f"{name}: not cleared, {self._ports[lost[0]].lost}"
-            self._sink.event("refused", robot=name, words=words)
+            message = f"{name}: not cleared, {self._ports[lost[0]].lost}"
+            self._sink.event("refused", robot=name, message=message)
             return replace(state, pending=Effect.NONE)
         for bus in lost:
-            words = f"{name}: {state.pending.name.lower()} does not reach its devices on {bus}, which is lost"
-            self._sink.event("bus", bus=bus, words=f"{words}; their own dead-man stops them")
+            message = (
+                f"{name}: {state.pending.name.lower()} does not reach its devices on {bus}, which is lost"
+            )
+            self._sink.event("bus", bus=bus, message=f"{message}; their own dead-man stops them")
         for bus, axes in self._axes_on[index].items():
             if bus in lost:
                 continue
@@ -103,10 +105,10 @@ class Exchange:
             if port.lost:
                 if timing.tick >= port.retry_at:
                     port.retry_at = timing.tick + max(int(RETRY_S * self._rate_hz), 1)
-                    port.start(Job({}, reopen=True))
+                    port.start(BusJob({}, reopen=True))
                 continue
             effects, self._queued[name] = tuple(self._queued[name]), []
-            port.start(Job(commands[name], effects))
+            port.start(BusJob(commands[name], effects))
         for name, port in self._ports.items():
             patience_s = 0.0
             if port.threaded and not port.lost:
@@ -120,15 +122,15 @@ class Exchange:
 
     def abandon(self) -> None:
         """After a defect of contid itself: bring the devices to their ``on_host_loss`` rest, best effort."""
-        for index, plan in enumerate(self._robots.plans):
+        for index, config in enumerate(self._robots.configs):
             for name, axes in self._axes_on[index].items():
                 port = self._ports[name]
-                rest = REST_OF[plan.stops.on_host_loss]
+                rest = REST_OF[config.stops.on_host_loss]
                 if not port.busy and self._robots.states[index].enabled:
                     with suppress(Exception):
                         port.bus.disable(axes, rest)
 
-    def _digest(self, name: str, port: Port, answer: Answer, now_s: float) -> None:
+    def _digest(self, name: str, port: BusPort, answer: BusReply, now_s: float) -> None:
         if answer.lost or answer.done or answer.refused or port.lost:
             self._sink.event("answer", tick=self._tick, bus=name, **answer_event(answer))
         if answer.lost:
@@ -137,7 +139,7 @@ class Exchange:
             return
         if port.lost:
             port.lost = ""
-            self._sink.event("bus", bus=name, words=f"{name} is back; clear-fault, then resume")
+            self._sink.event("bus", bus=name, message=f"{name} is back; clear-fault, then resume")
         assert answer.samples is not None
         if len(answer.samples) < len(port.bus.axes):  # what is left out is no sample of this tick
             self._invalidate(port)
@@ -152,50 +154,50 @@ class Exchange:
             self._outstanding[index].discard(name)
             if not self._outstanding[index]:
                 self._done(index, effect, now_s)
-        for index, effect, words in answer.refused:
+        for index, effect, message in answer.refused:
             self._outstanding[index].discard(name)
             if effect is Effect.ENABLE:
-                self._robots.fail(index, Fault.ARM_REFUSED, words, now_s)
+                self._robots.fail(index, Fault.ARM_REFUSED, message, now_s)
             else:
-                self._sink.event("refused", robot=self._robots.plans[index].name, words=words)
+                self._sink.event("refused", robot=self._robots.configs[index].name, message=message)
 
     def _done(self, index: int, effect: Effect, now_s: float) -> None:
         robots = self._robots
-        plan, state = robots.plans[index], robots.states[index]
+        config, state = robots.configs[index], robots.states[index]
         if effect is Effect.ENABLE and state.mode is Mode.ARMING:
             robots.states[index] = replace(state, enabled=True)
         elif effect is Effect.CLEAR:
             try:
-                robots.states[index] = change.clear(plan, state, self.samples_of(plan), now_s)
+                robots.states[index] = change.clear(config, state, self.samples_of(config), now_s)
             except OrderRefusedError as error:
-                self._sink.event("refused", robot=plan.name, words=str(error))
+                self._sink.event("refused", robot=config.name, message=str(error))
 
-    def _lose(self, name: str, port: Port, fault: Fault, words: str, now_s: float) -> None:
+    def _lose(self, name: str, port: BusPort, fault: Fault, message: str, now_s: float) -> None:
         """A bus is gone: so are its robots; they keep nothing queued on any bus."""
-        port.lose(words)
+        port.lose(message)
         self._queued[name] = []
         self._invalidate(port)
         for index in self._robots_on(name):
             self._outstanding[index].discard(name)
             if self._robots.states[index].mode is not Mode.OFF:
-                self._robots.fail(index, fault, words, now_s)
+                self._robots.fail(index, fault, message, now_s)
 
-    def _stalled(self, name: str, port: Port, now_s: float) -> None:
+    def _stalled(self, name: str, port: BusPort, now_s: float) -> None:
         """A worker is not back in time: a missed exchange for its robots, lost when it goes on."""
         self._sink.event("stall", tick=self._tick, bus=name)
         if port.exempt:
             return
         self._invalidate(port)
         mine = self._robots_on(name)
-        patience = min(min(self._robots.plans[index].tolerance) for index in mine)
+        patience = min(min(self._robots.configs[index].tolerance) for index in mine)
         if port.stalls >= patience and any(self._robots.states[index].enabled for index in mine):
-            words = f"{name}: no answer for {port.stalls} ticks"
-            self._lose(name, port, Fault.BUS_STALLED, words, now_s)
+            message = f"{name}: no answer for {port.stalls} ticks"
+            self._lose(name, port, Fault.BUS_STALLED, message, now_s)
 
     def _robots_on(self, bus: str) -> list[int]:
         return [index for index, axes in enumerate(self._axes_on) if bus in axes]
 
-    def _invalidate(self, port: Port) -> None:
+    def _invalidate(self, port: BusPort) -> None:
         """The newest samples of a bus are not those of this tick."""
         for axis in port.bus.axes:
             if axis in self.samples:

@@ -105,7 +105,7 @@ class Mark:
 
 
 @dataclass(frozen=True, slots=True)
-class End:
+class EndOfRows:
     """The live stream ended."""
 
 
@@ -118,7 +118,19 @@ class Finish:
 
 
 Message: TypeAlias = (
-    Hold | Resume | Stop | Estop | ClearFault | Goto | Rows | Measured | Play | Begin | Mark | End | Finish
+    Hold
+    | Resume
+    | Stop
+    | Estop
+    | ClearFault
+    | Goto
+    | Rows
+    | Measured
+    | Play
+    | Begin
+    | Mark
+    | EndOfRows
+    | Finish
 )
 
 

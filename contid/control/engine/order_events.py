@@ -17,7 +17,7 @@ from collections.abc import Mapping
 from typing import Any, Final
 
 from contid.control.engine import messages as msg
-from contid.control.engine.ports import Answer
+from contid.control.engine.ports import BusReply
 from contid.control.tick.state import Effect
 from contid.errors import ContidError
 from contid.robot_file.base import StopPolicy
@@ -48,7 +48,7 @@ def order_event(message: object) -> dict[str, Any] | None:
             return {"order": "finish", "policy": policy, "reason": reason}
         case msg.Hold(robots) | msg.Resume(robots) | msg.Estop(robots) | msg.ClearFault(robots):
             return {"order": _NAMES[type(message)], "robots": robots}
-        case msg.End():
+        case msg.EndOfRows():
             return {"order": "end"}
         case msg.Begin():
             return {"order": "begin"}
@@ -94,28 +94,28 @@ def order_of(event: Mapping[str, Any]) -> msg.Message:
         case "finish":
             return msg.Finish(stop, event["reason"])
         case "end":
-            return msg.End()
+            return msg.EndOfRows()
         case "begin":
             return msg.Begin()
     raise ContidError(f"tick {event.get('tick')}: the order {kind!r} cannot be repeated from a recording")
 
 
-def answer_event(answer: Answer) -> dict[str, Any]:
+def answer_event(answer: BusReply) -> dict[str, Any]:
     """An answer without its samples, as the fields of an ``answer`` event."""
     return {
         "lost": answer.lost,
         "done": [[robot, effect.name] for robot, effect in answer.done],
-        "refused": [[robot, effect.name, words] for robot, effect, words in answer.refused],
+        "refused": [[robot, effect.name, message] for robot, effect, message in answer.refused],
     }
 
 
-def answer_of(event: Mapping[str, Any]) -> Answer:
+def answer_of(event: Mapping[str, Any]) -> BusReply:
     """The answer of an ``answer`` event; its samples are in the record of the tick."""
-    return Answer(
+    return BusReply(
         None,
         event["lost"],
         [(robot, Effect[name]) for robot, name in event["done"]],
-        [(robot, Effect[name], words) for robot, name, words in event["refused"]],
+        [(robot, Effect[name], message) for robot, name, message in event["refused"]],
     )
 
 

@@ -8,8 +8,8 @@ from dataclasses import dataclass
 
 from contid.control.engine.cycle import Sink, Timing
 from contid.control.engine.tick_layout import CONVERGED, ENABLED, HAS_TARGET, NAN3
-from contid.control.tick.config import RobotPlan
-from contid.control.tick.robot_tick import Outcome
+from contid.control.tick.config import RobotConfig
+from contid.control.tick.robot_tick import TickResult
 from contid.control.tick.state import RobotState
 from contid.control.tick.tip_feedback import Measurement
 from contid.hal import Sample
@@ -25,7 +25,7 @@ _MAX_NAMES = 52
 
 
 @dataclass(frozen=True, slots=True)
-class Turn:
+class CycleSnapshot:
     """What one cycle saw and decided.
 
     Attributes:
@@ -43,40 +43,40 @@ class Turn:
     now_s: float
     source_s: float | None
     targets: Mapping[str, Target | None]
-    outcomes: Sequence[Outcome]
+    outcomes: Sequence[TickResult]
     states: Sequence[RobotState]
     samples: Mapping[str, Sample]
     measured: Mapping[str, Measurement]
 
 
-class Recorder:
+class RecordPacker:
     """Packs cycles for a sink; knows which bit stands for which name in ``limited_by``."""
 
-    def __init__(self, plans: Sequence[RobotPlan], sink: Sink, now: Callable[[], float]) -> None:
+    def __init__(self, configs: Sequence[RobotConfig], sink: Sink, now: Callable[[], float]) -> None:
         """``now``: the clock of the buses."""
-        self._plans = plans
+        self._plans = configs
         self._sink = sink
         self._now = now
-        self._bits: list[dict[str, int]] = [{} for _ in plans]
+        self._bits: list[dict[str, int]] = [{} for _ in configs]
 
-    def record(self, turn: Turn) -> None:
+    def record(self, turn: CycleSnapshot) -> None:
         """One record of a cycle."""
         timing, source_s = turn.timing, turn.source_s
         values: list[float] = [
             timing.tick, timing.skipped, timing.deadline_s, timing.lateness_s, 0.0,
             _NAN if source_s is None else source_s,
         ]  # fmt: skip
-        for index, plan in enumerate(self._plans):
+        for index, config in enumerate(self._plans):
             outcome, state = turn.outcomes[index], turn.states[index]
-            target, seen = turn.targets.get(plan.name), turn.measured.get(plan.name)
+            target, seen = turn.targets.get(config.name), turn.measured.get(config.name)
             self._robot(values, index, outcome, state, target)
             values += _UNSEEN if seen is None else _seen(seen, turn.now_s)
-            _axes(values, plan, outcome, state, target, turn.samples)
+            _axes(values, config, outcome, state, target, turn.samples)
         values[4] = self._now() - timing.deadline_s - timing.lateness_s
         self._sink.write(values)
 
     def _robot(
-        self, values: list[float], index: int, outcome: Outcome, state: RobotState, target: Target | None
+        self, values: list[float], index: int, outcome: TickResult, state: RobotState, target: Target | None
     ) -> None:
         solution = outcome.solution
         flags = ENABLED if state.enabled else 0
@@ -111,16 +111,16 @@ class Recorder:
 
 def _axes(
     values: list[float],
-    plan: RobotPlan,
-    outcome: Outcome,
+    config: RobotConfig,
+    outcome: TickResult,
     state: RobotState,
     target: Target | None,
     samples: Mapping[str, Sample],
 ) -> None:
-    wanted: Sequence[float] = () if target is None else _wanted(plan, target)
+    wanted: Sequence[float] = () if target is None else _wanted(config, target)
     solved: Sequence[float] = () if outcome.solution is None else outcome.solution.actuation
     command, device, limits = state.command, outcome.device, outcome.limits
-    for axis, name in enumerate(plan.axes):
+    for axis, name in enumerate(config.axes):
         values += (
             wanted[axis] if axis < len(wanted) else _NAN,
             solved[axis] if solved else _NAN,
@@ -149,9 +149,9 @@ def _seen(seen: Measurement, now_s: float) -> tuple[float, ...]:
     return (*seen.tip_in_world, *(seen.direction_in_world or NAN3), age_s)
 
 
-def _wanted(plan: RobotPlan, target: Target) -> Sequence[float]:
+def _wanted(config: RobotConfig, target: Target) -> Sequence[float]:
     """What a target asks of every axis itself, NaN where the model decides; empty for tips alone."""
     if not target.extra:
         return target.actuation or ()
-    own = target.actuation or (_NAN,) * (len(plan.axes) - plan.extra_axes)
-    return (*own, *(target.extra.get(name, _NAN) for name in plan.axis_names[len(own) :]))
+    own = target.actuation or (_NAN,) * (len(config.axes) - config.extra_axes)
+    return (*own, *(target.extra.get(name, _NAN) for name in config.axis_names[len(own) :]))

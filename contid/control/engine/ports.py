@@ -17,7 +17,7 @@ from contid.hal import Bus, Rest, Sample
 
 
 @dataclass(frozen=True, slots=True)
-class Job:
+class BusJob:
     """What a bus shall do in one tick.
 
     Attributes:
@@ -32,7 +32,7 @@ class Job:
 
 
 @dataclass(slots=True)
-class Answer:
+class BusReply:
     """What came of a job.
 
     Attributes:
@@ -48,9 +48,9 @@ class Answer:
     refused: list[tuple[int, Effect, str]] = field(default_factory=list)
 
 
-def perform(bus: Bus, job: Job) -> Answer:
+def perform(bus: Bus, job: BusJob) -> BusReply:
     """Do a job; never raises, because one bus must not end the tick of the others."""
-    answer = Answer()
+    answer = BusReply()
     try:
         if job.reopen:
             bus.open()
@@ -78,7 +78,7 @@ def _apply(bus: Bus, effect: Effect, axes: tuple[str, ...]) -> None:
         bus.disable(axes, effect.value)
 
 
-class Port:
+class BusPort:
     """A bus and whoever works for it.
 
     Attributes:
@@ -103,10 +103,10 @@ class Port:
         self.stalls = 0
         self.exempt = False
         self.retry_at = 0
-        self._answer: Answer | None = None
+        self._answer: BusReply | None = None
         self._busy = False
-        self._jobs: SimpleQueue[Job | None] = SimpleQueue()
-        self._answers: SimpleQueue[Answer] = SimpleQueue()
+        self._jobs: SimpleQueue[BusJob | None] = SimpleQueue()
+        self._answers: SimpleQueue[BusReply] = SimpleQueue()
         self._worker: threading.Thread | None = None
         if threaded:
             self.hand_over()
@@ -121,9 +121,9 @@ class Port:
         """True when a worker thread does the jobs."""
         return self._worker is not None
 
-    def lose(self, words: str) -> None:
+    def lose(self, message: str) -> None:
         """The bus is gone; whoever reopens it must not hold up the tick."""
-        self.lost = words
+        self.lost = message
         self.retry_at = 0
         if self._reopen_aside:
             self.hand_over()
@@ -134,7 +134,7 @@ class Port:
             self._worker = threading.Thread(target=self._work, name=f"bus {self.bus.name}", daemon=True)
             self._worker.start()
 
-    def start(self, job: Job) -> None:
+    def start(self, job: BusJob) -> None:
         """Begin a job; `take` gives the answer."""
         self._busy = True
         self.exempt = job.reopen or bool(job.effects)
@@ -143,7 +143,7 @@ class Port:
         else:
             self._jobs.put(job)
 
-    def take(self, timeout_s: float) -> Answer | None:
+    def take(self, timeout_s: float) -> BusReply | None:
         """The answer of the job that was begun, or None when it is not there in time."""
         if not self._busy:
             return None

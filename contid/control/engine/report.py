@@ -14,7 +14,7 @@ from contid.control.tick.supervisor import Mode
 
 
 @dataclass(slots=True)
-class Report:
+class RunReport:
     """The end of a run.
 
     Attributes:
@@ -72,26 +72,26 @@ class Report:
                 + (f", {robot['ticks_unreachable']} unreachable" if robot["ticks_unreachable"] else "")
             )
             if robot["fault"]:
-                lines.append(f"{name}: {robot['words']}")
+                lines.append(f"{name}: {robot['message']}")
         return "\n".join([*lines, *self.problems])
 
 
 def robot_reports(engine: Engine) -> dict[str, dict[str, Any]]:
     """What became of each robot."""
     out = {}
-    for plan, state, tally in zip(engine.plans, engine.states, engine.tallies, strict=True):
+    for config, state, tally in zip(engine.configs, engine.states, engine.tallies, strict=True):
         faulted = state.mode is Mode.FAULT
-        out[plan.name] = {
+        out[config.name] = {
             "mode": state.mode.name,
             "fault": int(state.fault),
-            "words": describe(state.fault, state.words) if faulted else "",
+            "message": describe(state.fault, state.message) if faulted else "",
             **tally.as_dict(),
         }
     return out
 
 
 def complete_from_records(
-    report: Report, layout: RecordLayout, written: int, records: Sequence[TickRecord]
+    report: RunReport, layout: RecordLayout, written: int, records: Sequence[TickRecord]
 ) -> None:
     """What the ring still tells of a control process that did not live to report by itself.
 
@@ -112,6 +112,6 @@ def complete_from_records(
         report.robots[name.name] = {
             "mode": Mode(robot.mode).name,
             "fault": robot.fault,
-            "words": describe(fault, fault.name) if fault else "",
+            "message": describe(fault, fault.name) if fault else "",
             **tally.as_dict(),
         }

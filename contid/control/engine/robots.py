@@ -8,7 +8,7 @@ from typing import TypeAlias
 from contid.control.engine import messages as msg
 from contid.control.engine.cycle import Sink
 from contid.control.tick import state as change
-from contid.control.tick.config import RobotPlan
+from contid.control.tick.config import RobotConfig
 from contid.control.tick.faults import Fault, describe
 from contid.control.tick.state import Effect, OrderRefusedError, RobotState
 from contid.control.tick.statistics import RobotTally
@@ -16,32 +16,34 @@ from contid.control.tick.supervisor import MOVING, Mode
 from contid.robot_file.base import StopPolicy
 
 #: How a robot obeys: its state after an order given at a time [s].
-Order: TypeAlias = Callable[[RobotPlan, RobotState, float], RobotState]
+Order: TypeAlias = Callable[[RobotConfig, RobotState, float], RobotState]
 
 _BEFORE_THE_FIRST_COMMAND = (Mode.OFF, Mode.CONNECTING, Mode.READY, Mode.ARMING)
 
 
 def stopping(policy: StopPolicy | None, reason: str) -> Order:
     """The order to stop by a policy, or by each robot's own for a reason (``on_end``, ``on_fault``, ...)."""
-    return lambda plan, state, now_s: change.stop(plan, state, policy or getattr(plan.stops, reason), now_s)
+    return lambda config, state, now_s: change.stop(
+        config, state, policy or getattr(config.stops, reason), now_s
+    )
 
 
 class Robots:
     """All robots of a robot file, by their index in it.
 
     Attributes:
-        plans: what is fixed about each.
+        configs: what is fixed about each.
         states: what changes.
         tallies: what the report will say.
         told: state of each that was told last.
     """
 
-    def __init__(self, plans: Sequence[RobotPlan], sink: Sink) -> None:
-        self.plans = tuple(plans)
-        self.states = [RobotState() for _ in plans]
-        self.tallies = [RobotTally() for _ in plans]
-        self._index = {plan.name: index for index, plan in enumerate(plans)}
-        self.told = [Mode.OFF for _ in plans]
+    def __init__(self, configs: Sequence[RobotConfig], sink: Sink) -> None:
+        self.configs = tuple(configs)
+        self.states = [RobotState() for _ in configs]
+        self.tallies = [RobotTally() for _ in configs]
+        self._index = {config.name: index for index, config in enumerate(configs)}
+        self.told = [Mode.OFF for _ in configs]
         self._sink = sink
 
     @property
@@ -82,17 +84,17 @@ class Robots:
         Raises:
             OrderRefusedError: its state does not allow it.
         """
-        plan, state = self.plans[index], self.states[index]
+        config, state = self.configs[index], self.states[index]
         try:
-            self.states[index] = order(plan, state, now_s)
+            self.states[index] = order(config, state, now_s)
         except OrderRefusedError:
             raise
         except Exception as error:
             self.fail(index, Fault.INTERNAL, f"{type(error).__name__}: {error}", now_s)
 
-    def fail(self, index: int, fault: Fault, words: str, now_s: float) -> None:
+    def fail(self, index: int, fault: Fault, message: str, now_s: float) -> None:
         """Latch a fault of one robot."""
-        self.states[index] = change.fail(self.plans[index], self.states[index], fault, words, now_s)
+        self.states[index] = change.fail(self.configs[index], self.states[index], fault, message, now_s)
 
     def tell(self, tick: int) -> None:
         """An event for every state, and every fault, that was entered since the last call."""
@@ -100,18 +102,18 @@ class Robots:
             if state.mode is self.told[index]:
                 continue
             self.told[index] = state.mode
-            name = self.plans[index].name
+            name = self.configs[index].name
             if state.mode is Mode.FAULT:
                 self._sink.event(
                     "fault",
                     robot=name,
                     fault=int(state.fault),
                     name=state.fault.name,
-                    words=describe(state.fault, state.words),
-                    detail=state.words,
+                    message=describe(state.fault, state.message),
+                    detail=state.message,
                     tick=tick,
                 )
             self._sink.event("state", robot=name, mode=state.mode.name, tick=tick)
 
-    def _refuse(self, name: str, words: str) -> None:
-        self._sink.event("refused", robot=name, words=words)
+    def _refuse(self, name: str, message: str) -> None:
+        self._sink.event("refused", robot=name, message=message)

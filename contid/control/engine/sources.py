@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from typing import Final, Protocol
 
-from contid.control.tick.config import RobotPlan
+from contid.control.tick.config import RobotConfig
 from contid.control.tick.soft_start import ease_ticks, played
 from contid.control.tick.state import RobotState
 from contid.control.tick.supervisor import Mode
@@ -50,10 +50,10 @@ class Timed:
     eased (`ease`).
     """
 
-    def __init__(self, trajectory: Trajectory, rate_hz: float, plans: Sequence[RobotPlan]) -> None:
+    def __init__(self, trajectory: Trajectory, rate_hz: float, configs: Sequence[RobotConfig]) -> None:
         self._trajectory = trajectory
         self._rate_hz = rate_hz
-        self._plans = tuple(plans)
+        self._plans = tuple(configs)
         self._robots = tuple(trajectory.targets_of_row(0))
         self._length = (trajectory.end_s - trajectory.start_s) * rate_hz
         self._origin: int | None = None

@@ -22,7 +22,7 @@ from contid.trajectory.timed import Trajectory
 _NOTHING: Final[Mapping[str, Target | None]] = {}
 
 
-class Course:
+class TargetSelector:
     """The source of targets, and the end it comes to.
 
     Attributes:
@@ -46,7 +46,7 @@ class Course:
         """Prepare; arguments as in `contid.control.engine.engine.Engine`."""
         self.source: Source | None = None
         if trajectory is not None:
-            self.source = Timed(trajectory, rate_hz, robots.plans)
+            self.source = Timed(trajectory, rate_hz, robots.configs)
         self.measured: dict[str, Measurement] = {}
         self.attended = attended
         self.ended = False
@@ -78,7 +78,7 @@ class Course:
 
     def play(self, trajectory: Trajectory, now_s: float) -> None:
         """Follow a trajectory instead."""
-        self._replace(Timed(trajectory, self._rate_hz, self._robots.plans), now_s)
+        self._replace(Timed(trajectory, self._rate_hz, self._robots.configs), now_s)
 
     def begin_rows(self, now_s: float) -> None:
         """Follow a new live stream instead."""
@@ -102,7 +102,7 @@ class Course:
         robots, source = self._robots, self.source
         alive = any(state.mode is not Mode.FAULT for state in robots.states)
         if source is not None:
-            source.watch(step, {p.name: s for p, s in zip(robots.plans, robots.states, strict=True)})
+            source.watch(step, {p.name: s for p, s in zip(robots.configs, robots.states, strict=True)})
             if source.finished and not self.ended:
                 self.ended = True
                 self._sink.event("end", tick=tick, on_end=self._on_end.value)
@@ -129,10 +129,10 @@ class Course:
     def _rest_faulted(self) -> None:
         """A robot that its fault has brought to a standstill: its devices shall stay so without a host."""
         states = self._robots.states
-        for index, plan in enumerate(self._robots.plans):
+        for index, config in enumerate(self._robots.configs):
             state = states[index]
             if state.mode is Mode.FAULT and state.enabled and not any(state.steps):
-                resting = Effect(REST_OF[plan.stops.on_fault])
+                resting = Effect(REST_OF[config.stops.on_fault])
                 states[index] = replace(state, pending=resting, enabled=False, motion=None)
 
     def _live(self) -> Live:
@@ -149,7 +149,7 @@ class Course:
         """Another source takes over: whoever followed the old one approaches the new one, or holds."""
         self.source, self.ended, self._on_end = source, False, OnEnd.HOLD
         states = self._robots.states
-        for index, plan in enumerate(self._robots.plans):
+        for index, config in enumerate(self._robots.configs):
             state = states[index]
             if state.mode is Mode.RUN or (state.mode is Mode.APPROACH and state.goto is None):
-                states[index] = change.stay(plan, state, now_s)
+                states[index] = change.stay(config, state, now_s)

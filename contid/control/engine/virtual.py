@@ -8,10 +8,10 @@ from typing import Any
 from contid.control.engine.clock import VirtualClock
 from contid.control.engine.cycle import OnEnd, Sink, Timing
 from contid.control.engine.engine import Engine
-from contid.control.engine.messages import End, Message, Rows
-from contid.control.engine.ports import Port
-from contid.control.engine.report import Report, robot_reports
-from contid.control.engine.wiring import build_plans, chain_guards, open_buses
+from contid.control.engine.messages import EndOfRows, Message, Rows
+from contid.control.engine.ports import BusPort
+from contid.control.engine.report import RunReport, robot_reports
+from contid.control.engine.wiring import build_robot_configs, chain_guards, open_buses
 from contid.robot_file.load import LoadedFile
 from contid.targets import Target
 from contid.trajectory.timed import Trajectory
@@ -59,9 +59,9 @@ class VirtualProcess:
         """Open the buses; arguments as in `run_virtual` and `contid.control.engine.engine.Engine`."""
         self.clock = VirtualClock()
         self.buses = open_buses(loaded, self.clock)
-        self.ports = {name: Port(bus, threaded=False) for name, bus in self.buses.items()}
+        self.ports = {name: BusPort(bus, threaded=False) for name, bus in self.buses.items()}
         self.engine = Engine(
-            build_plans(loaded, rate_hz), self.ports, rate_hz, sink, self.clock.now,
+            build_robot_configs(loaded, rate_hz), self.ports, rate_hz, sink, self.clock.now,
             trajectory=trajectory, on_end=on_end, attended=attended,
             guards=chain_guards(loaded),
         )  # fmt: skip
@@ -105,7 +105,7 @@ def run_virtual(
     orders: Mapping[int, Sequence[Message]] | None = None,
     ticks: int | None = None,
     progress: Callable[[int], None] | None = None,
-) -> Report:
+) -> RunReport:
     """Run to the end of the source.
 
     Args:
@@ -124,7 +124,7 @@ def run_virtual(
     """
     process = VirtualProcess(loaded, rate_hz, Tee(sinks), trajectory=trajectory, on_end=on_end)
     engine = process.engine
-    report = Report(rate_hz=rate_hz, virtual=True, ending="the input ended")
+    report = RunReport(rate_hz=rate_hz, virtual=True, ending="the input ended")
     queue = iter(rows) if rows is not None else iter(())
     given = 0
     try:
@@ -138,7 +138,7 @@ def run_virtual(
             given = number + 1
             if rows is not None and engine.armed and not engine.ended:
                 row = next(queue, None)
-                engine.obey(End() if row is None else Rows(row), number)
+                engine.obey(EndOfRows() if row is None else Rows(row), number)
             process.turn()
             if progress is not None and process.cycles % 1000 == 0:
                 progress(process.tick)

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping
 
 from contid.control.engine.tick_layout import RecordLayout, RobotLayout
-from contid.control.tick.config import RobotPlan, plan_robot
+from contid.control.tick.config import RobotConfig, robot_config
 from contid.control.tick.preflight import Preflight, Unreachable
 from contid.control.tick.transmission import RobotTransmission
 from contid.hal import AxisOnBus, Bus, Clock, load_driver
@@ -52,11 +52,11 @@ def build_buses(loaded: LoadedFile, clock: Clock) -> dict[str, Bus]:
     return buses
 
 
-def build_plans(loaded: LoadedFile, rate_hz: float) -> tuple[RobotPlan, ...]:
+def build_robot_configs(loaded: LoadedFile, rate_hz: float) -> tuple[RobotConfig, ...]:
     """One plan per driven robot, in file order."""
     tolerance = {bus.name: bus.tolerance_ticks for bus in loaded.buses.values()}
     return tuple(
-        plan_robot(name, robot, RobotTransmission(robot), rate_hz, tolerance)
+        robot_config(name, robot, RobotTransmission(robot), rate_hz, tolerance)
         for name, robot in driven_robots(loaded).items()
     )
 
@@ -72,7 +72,7 @@ def build_preflight(loaded: LoadedFile, rate_hz: float, unreachable: Unreachable
     guards = chain_guards(loaded)
     if unreachable is Unreachable.NEAREST and not guards:
         return None
-    return Preflight(build_plans(loaded, rate_hz), guards, unreachable)
+    return Preflight(build_robot_configs(loaded, rate_hz), guards, unreachable)
 
 
 def record_layout(loaded: LoadedFile, rate_hz: float) -> RecordLayout:

@@ -12,7 +12,7 @@ _PR_SET_PDEATHSIG: Final = 1
 _PR_SET_TIMERSLACK: Final = 29
 
 
-def tie(parent: int) -> bool:
+def bind_to_parent(parent: int) -> bool:
     """Get SIGTERM when the daemon dies, and wake up on time; False when it is dead already."""
     signal.signal(signal.SIGINT, signal.SIG_IGN)  # Ctrl-C reaches the daemon, which decides
     libc = ctypes.CDLL(None, use_errno=True)
@@ -23,12 +23,12 @@ def tie(parent: int) -> bool:
 
 def main(descriptor: int, parent: int) -> int:
     """Run; returns the exit code."""
-    if not tie(parent):
+    if not bind_to_parent(parent):
         return 0
     from contid.control.process.control_process import main as run
-    from contid.control.process.unblocked_stderr import never_wait
+    from contid.control.process.unblocked_stderr import make_stderr_nonblocking
 
-    never_wait()
+    make_stderr_nonblocking()
     return run(descriptor)
 
 

@@ -2,7 +2,7 @@
 
 Started by the daemon as ``python -m contid.control.process FD PID``: the reading end of the pipe and the
 daemon's
-process id. It waits for a `Setup`, opens the buses, and then runs a cycle at every deadline of
+process id. It waits for a `RunSetup`, opens the buses, and then runs a cycle at every deadline of
 its
 `contid.control.process.pace`, sleeping to 250 us before it and spinning the rest. When the pipe ends or
 the parent's death is signalled, every robot is stopped by its ``on_host_loss`` policy.
@@ -20,14 +20,14 @@ from typing import Final
 from contid.control.engine.clock import RealClock
 from contid.control.engine.engine import Engine
 from contid.control.engine.messages import Finish
-from contid.control.engine.ports import Port
+from contid.control.engine.ports import BusPort
 from contid.control.engine.report import robot_reports
-from contid.control.engine.wiring import build_plans, chain_guards, open_buses
+from contid.control.engine.wiring import build_robot_configs, chain_guards, open_buses
 from contid.control.process.pace import Pace
 from contid.control.process.pipe import Inbox
 from contid.control.process.realtime import ask_for_real_time, sleep_until, stop_collecting, warm_up
 from contid.control.process.ring import RingWriter
-from contid.control.process.setup import Setup
+from contid.control.process.setup import RunSetup
 from contid.errors import ContidError
 
 #: How long a stop may take once the daemon is gone, and how long a hanging bus is waited for.
@@ -35,7 +35,7 @@ ORPHAN_S: Final = 2.0
 CLOSE_S: Final = 0.5
 
 
-class Tether:
+class ParentWatch:
     """Whether the daemon is still there: its end of the pipe is open, and no signal told of its death.
 
     Attributes:
@@ -63,7 +63,7 @@ class ControlProcess:
     """The loop around the engine."""
 
     def __init__(
-        self, setup: Setup, inbox: Inbox, tether: Tether, ring: RingWriter, ports: dict[str, Port]
+        self, setup: RunSetup, inbox: Inbox, tether: ParentWatch, ring: RingWriter, ports: dict[str, BusPort]
     ) -> None:
         self._clock = RealClock()
         self._inbox = inbox
@@ -71,7 +71,7 @@ class ControlProcess:
         self._ring = ring
         self._setup = setup
         self.engine = Engine(
-            build_plans(setup.loaded, setup.rate_hz), ports, setup.rate_hz, ring, self._clock.now,
+            build_robot_configs(setup.loaded, setup.rate_hz), ports, setup.rate_hz, ring, self._clock.now,
             trajectory=setup.trajectory, on_end=setup.on_end, attended=setup.attended,
             guards=chain_guards(setup.loaded),
         )  # fmt: skip
@@ -107,8 +107,8 @@ def main(descriptor: int) -> int:
         setup = inbox.wait()
     except EOFError:
         return 0
-    assert isinstance(setup, Setup)
-    tether = Tether(inbox)
+    assert isinstance(setup, RunSetup)
+    tether = ParentWatch(inbox)
     signal.signal(signal.SIGTERM, tether.signalled)  # until here it just ended this process
     ring = RingWriter(setup.ring)
     try:
@@ -121,14 +121,16 @@ def main(descriptor: int) -> int:
                 Path(setup.ring).unlink()
 
 
-def _serve(setup: Setup, inbox: Inbox, tether: Tether, ring: RingWriter) -> int:
+def _serve(setup: RunSetup, inbox: Inbox, tether: ParentWatch, ring: RingWriter) -> int:
     """Open the buses, run, let them go."""
-    ports: dict[str, Port] = {}
+    ports: dict[str, BusPort] = {}
     try:
         buses = open_buses(setup.loaded, RealClock())
         why_not = ask_for_real_time()
-        ring.event("started", realtime=not why_not, words=why_not)
-        ports |= {name: Port(bus, threaded=len(buses) > 1, reopen_aside=True) for name, bus in buses.items()}
+        ring.event("started", realtime=not why_not, message=why_not)
+        ports |= {
+            name: BusPort(bus, threaded=len(buses) > 1, reopen_aside=True) for name, bus in buses.items()
+        }
         process = ControlProcess(setup, inbox, tether, ring, ports)
         tether.running = True
         stop_collecting()
@@ -140,7 +142,7 @@ def _serve(setup: Setup, inbox: Inbox, tether: Tether, ring: RingWriter) -> int:
         for name, told in robot_reports(process.engine).items():
             ring.event("robot", robot=name, told=told)
     except ContidError as error:
-        ring.event("failed", words=str(error), exit_code=error.exit_code)
+        ring.event("failed", message=str(error), exit_code=error.exit_code)
         return error.exit_code
     finally:
         for port in ports.values():

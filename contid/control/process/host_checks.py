@@ -41,11 +41,11 @@ def real_time() -> Finding:
     except OSError as error:
         limit = resource.getrlimit(resource.RLIMIT_RTPRIO)[0]
         why = f"{error.strerror}; LimitRTPRIO {limit}"
-        words = f"SCHED_FIFO is not permitted ({why}): ticks may be late under load"
+        message = f"SCHED_FIFO is not permitted ({why}): ticks may be late under load"
         remedy = (
             f"@dialout - rtprio {PRIORITY} in /etc/security/limits.d/contid.conf, or LimitRTPRIO={PRIORITY}"
         )
-        return Finding("real time", True, words, remedy)
+        return Finding("real time", True, message, remedy)
     os.sched_setscheduler(0, before, parameter)
     return Finding("real time", True, f"SCHED_FIFO at priority {PRIORITY} is permitted")
 
@@ -57,9 +57,9 @@ def shared_memory() -> Finding:
         return Finding("shared memory", False, f"{place} cannot be written", f"mount a tmpfs at {place}")
     free = shutil.disk_usage(place).free
     if free < ENOUGH_BYTES:
-        words = f"{place} has {free >> 20} MB left, {ENOUGH_BYTES >> 20} MB are wanted"
+        message = f"{place} has {free >> 20} MB left, {ENOUGH_BYTES >> 20} MB are wanted"
         return Finding(
-            "shared memory", False, words, f"remove files from {place}, or give it more (--shm-size)"
+            "shared memory", False, message, f"remove files from {place}, or give it more (--shm-size)"
         )
     return Finding("shared memory", True, f"{place} has {free >> 20} MB left")
 
@@ -68,18 +68,18 @@ def unit(root: Path) -> Finding:
     """Whether the service is installed, and still one that never arms by itself."""
     path = _first(root, UNIT_FOLDERS, UNIT)
     if path is None:
-        words = f"{UNIT} is not installed; needed only for robots that run without a person logged in"
-        return Finding("service", True, words, f"docs/service.md; copy service/{UNIT} to {UNIT_FOLDERS[0]}")
+        message = f"{UNIT} is not installed; needed only for robots that run without a person logged in"
+        return Finding("service", True, message, f"docs/service.md; copy service/{UNIT} to {UNIT_FOLDERS[0]}")
     text = _with_drop_ins(path)
-    missing = [words for words in UNIT_MUST_SAY if words not in text]
+    missing = [message for message in UNIT_MUST_SAY if message not in text]
     if missing:
-        words = f"{path} lacks {', '.join(missing)}"
-        return Finding("service", False, words, f"compare it with service/{UNIT} of this version")
+        message = f"{path} lacks {', '.join(missing)}"
+        return Finding("service", False, message, f"compare it with service/{UNIT} of this version")
     program = Path(_command(text)[0])
     if not os.access(root / program.relative_to("/"), os.X_OK):
-        words = f"{path} starts {program}, which is not there"
+        message = f"{path} starts {program}, which is not there"
         remedy = f"ln -s $(command -v contid) {program}, or `systemctl edit` with the right ExecStart"
-        return Finding("service", False, words, remedy)
+        return Finding("service", False, message, remedy)
     return Finding("service", True, f"{path}")
 
 
@@ -95,13 +95,15 @@ def clients(root: Path) -> list[Finding]:
     try:
         members = grp.getgrnam(name)
     except KeyError:
-        words = f"the unit lets group {name} in, and there is none"
-        return [Finding("service clients", False, words, f"sudo groupadd --system {name}")]
+        message = f"the unit lets group {name} in, and there is none"
+        return [Finding("service clients", False, message, f"sudo groupadd --system {name}")]
     if os.geteuid() == 0 or members.gr_gid in (os.getegid(), *os.getgroups()):
         return [Finding("service clients", True, f"members of group {name}; you are one, or root")]
-    words = f"members of group {name}; you are none: `contid status` will not reach the service"
+    message = f"members of group {name}; you are none: `contid status` will not reach the service"
     return [
-        Finding("service clients", True, words, f"sudo usermod --append --groups {name} $USER; log in again")
+        Finding(
+            "service clients", True, message, f"sudo usermod --append --groups {name} $USER; log in again"
+        )
     ]
 
 
@@ -121,11 +123,11 @@ def rules(root: Path) -> Finding:
     """Whether the udev rules are installed."""
     path = _first(root, RULES_FOLDERS, RULES)
     if path is None:
-        words = (
+        message = (
             f"{RULES} is not installed: serial ports may need root, and FTDI adapters delay answers by 16 ms"
         )
         return Finding(
-            "udev rules", True, words, f"sudo cp udev/{RULES} {RULES_FOLDERS[0]}/; docs/service.md"
+            "udev rules", True, message, f"sudo cp udev/{RULES} {RULES_FOLDERS[0]}/; docs/service.md"
         )
     return Finding("udev rules", True, f"{path}")
 

@@ -91,8 +91,8 @@ def create(layout: RecordLayout, seconds: float = SECONDS) -> Path:
             file.write(text)
     except OSError as error:
         path.unlink(missing_ok=True)
-        words = f"{path.parent}: no shared memory of {total / 1e6:.1f} MB for this run: {error.strerror}"
-        raise RingError(f"{words}; remove files from it, or give it more (docker: --shm-size)") from error
+        message = f"{path.parent}: no shared memory of {total / 1e6:.1f} MB for this run: {error.strerror}"
+        raise RingError(f"{message}; remove files from it, or give it more (docker: --shm-size)") from error
     return path
 
 

@@ -11,7 +11,7 @@ from contid.trajectory.timed import Trajectory
 
 
 @dataclass(frozen=True, slots=True)
-class Setup:
+class RunSetup:
     """The first message on the pipe.
 
     Attributes:

@@ -20,7 +20,7 @@ if TYPE_CHECKING:
 PIECE: Final = 512
 
 
-class Unwaited(io.RawIOBase):
+class NonBlockingWriter(io.RawIOBase):
     """A descriptor that is written only while it takes something at once."""
 
     def __init__(self, descriptor: int) -> None:
@@ -51,10 +51,10 @@ class Unwaited(io.RawIOBase):
         return size
 
 
-def never_wait() -> None:
+def make_stderr_nonblocking() -> None:
     """From now on messages on stderr are not waited for; a stand-in for stderr stays as it is."""
     stderr = sys.__stderr__
     if stderr is not None and sys.stderr is stderr:
         sys.stderr = io.TextIOWrapper(
-            Unwaited(stderr.fileno()), stderr.encoding, "backslashreplace", write_through=True
+            NonBlockingWriter(stderr.fileno()), stderr.encoding, "backslashreplace", write_through=True
         )

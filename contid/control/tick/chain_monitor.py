@@ -25,11 +25,11 @@ from dataclasses import dataclass, replace
 from typing import Final, TypeAlias
 
 from contid.control.tick import state as change
-from contid.control.tick.config import RobotPlan
+from contid.control.tick.config import RobotConfig
 from contid.control.tick.faults import Fault
 from contid.control.tick.preflight import LOOK_S
 from contid.control.tick.robot_tick import tick
-from contid.control.tick.state import Motion, OrderRefusedError, RobotState
+from contid.control.tick.state import AxisMotion, OrderRefusedError, RobotState
 from contid.control.tick.supervisor import MOVING, Event, Mode
 from contid.control.tick.tip_feedback import Measurement
 from contid.hal import Sample
@@ -41,18 +41,18 @@ from contid.targets import Actuation, Target
 LEEWAY_M: Final = 1e-3
 
 #: Samples of a robot in the order of its axes, empty when there are none.
-Samples: TypeAlias = Callable[[RobotPlan], tuple[Sample, ...]]
+Samples: TypeAlias = Callable[[RobotConfig], tuple[Sample, ...]]
 
 _BEFORE: Final = frozenset({Mode.OFF, Mode.CONNECTING, Mode.READY, Mode.ARMING})
 _AWAY: Final = frozenset({Mode.OFF, Mode.FAULT, Mode.STOPPING})
 
 
 @dataclass(frozen=True, slots=True)
-class Way:
+class PlannedPath:
     """What one arm does from now on: a motion that began before or now, or nothing."""
 
     actuation: Actuation
-    motion: Motion | None = None
+    motion: AxisMotion | None = None
     since_s: float = 0.0
 
     @property
@@ -76,9 +76,9 @@ class Chained:
 class ChainWatch:
     """The chains of a file; ``states`` are the engine's, and are changed in place."""
 
-    def __init__(self, guards: Sequence[ChainGuard], plans: Sequence[RobotPlan]) -> None:
-        self._plans = tuple(plans)
-        self._index = {plan.name: index for index, plan in enumerate(plans)}
+    def __init__(self, guards: Sequence[ChainGuard], configs: Sequence[RobotConfig]) -> None:
+        self._plans = tuple(configs)
+        self._index = {config.name: index for index, config in enumerate(configs)}
         self._chains = [Chained(guard, tuple(self._index[arm] for arm in guard.arms)) for guard in guards]
 
     def concerns(self, robot: str) -> bool:
@@ -112,16 +112,18 @@ class ChainWatch:
         for chain in self._chains:
             begun: dict[int, RobotState] = {}
             for i in chain.arms:
-                state, plan = states[i], self._plans[i]
-                target = targets.get(plan.name)
+                state, config = states[i], self._plans[i]
+                target = targets.get(config.name)
                 waits = state.mode in (Mode.ARMING, Mode.HOLD) and state.follow and state.goto is None
                 if waits and target is not None:
-                    after = tick(plan, state, now_s, samples(plan), target, measured.get(plan.name)).state
+                    after = tick(
+                        config, state, now_s, samples(config), target, measured.get(config.name)
+                    ).state
                     if after.mode is Mode.APPROACH:
                         begun[i] = after
-            words = self._forbids(chain, states, begun, now_s, samples) if begun else ""
-            for i, after in begun.items() if words else ():
-                states[i] = _forbidden(self._plans[i], states[i], after, words, now_s)
+            message = self._forbids(chain, states, begun, now_s, samples) if begun else ""
+            for i, after in begun.items() if message else ():
+                states[i] = _forbidden(self._plans[i], states[i], after, message, now_s)
 
     # -- orders -----------------------------------------------------------------------------------------
 
@@ -141,11 +143,11 @@ class ChainWatch:
                 self._hold_others(chain, trial, frozenset(ordered), now_s)
                 for i in ordered:
                     begun[i] = tick(self._plans[i], trial[i], now_s, samples(self._plans[i]), None).state
-                words = self._forbids(chain, trial, begun, now_s, samples)
+                message = self._forbids(chain, trial, begun, now_s, samples)
             except OrderRefusedError as error:
-                words = str(error)
-            if words:
-                yield from ((self._plans[i].name, words) for i in ordered)
+                message = str(error)
+            if message:
+                yield from ((self._plans[i].name, message) for i in ordered)
             else:
                 states[:] = trial
 
@@ -162,10 +164,10 @@ class ChainWatch:
                 if stopped:
                     self._hold_others(chain, states, stopped, now_s)
             resting = [i for i in chain.arms if _resting(states[i])]
-            words = self._forbids(chain, states, {}, now_s, samples) if resting else ""
-            for i in resting if words else ():
+            message = self._forbids(chain, states, {}, now_s, samples) if resting else ""
+            for i in resting if message else ():
                 states[i] = change.stop(self._plans[i], states[i], StopPolicy.HOLD, now_s)
-                yield self._plans[i].name, f"{words}; it stops where it is instead of at its rest pose"
+                yield self._plans[i].name, f"{message}; it stops where it is instead of at its rest pose"
 
     def _hold_others(
         self, chain: Chained, states: list[RobotState], apart: frozenset[int], now_s: float
@@ -186,12 +188,12 @@ class ChainWatch:
                     continue
                 for other in chain.arms:
                     if states[other].enabled or states[other].wanted:
-                        words = (
+                        message = (
                             f"{chain.guard.name}: {self._plans[i].name} has fault {int(state.fault)} "
                             f"{state.fault.name.lower().replace('_', '-')}"
                         )
-                        plan = self._plans[other]
-                        states[other] = change.fail(plan, states[other], Fault.CHAIN_BROKEN, words, now_s)
+                        config = self._plans[other]
+                        states[other] = change.fail(config, states[other], Fault.CHAIN_BROKEN, message, now_s)
 
     # -- inside -----------------------------------------------------------------------------------------
 
@@ -204,7 +206,7 @@ class ChainWatch:
         samples: Samples,
     ) -> str:
         """Why the arms may not go on as they are and ``begun`` says; "" when they may."""
-        ways: dict[int, Way] = {}
+        ways: dict[int, PlannedPath] = {}
         for i in chain.arms:
             way = self._way(i, begun.get(i, states[i]), now_s, samples)
             if way is None:
@@ -223,20 +225,20 @@ class ChainWatch:
             best = max(best, state.margin_m)
         return ""
 
-    def _way(self, index: int, state: RobotState, now_s: float, samples: Samples) -> Way | None:
+    def _way(self, index: int, state: RobotState, now_s: float, samples: Samples) -> PlannedPath | None:
         """What an arm does from now on; None when nobody knows where it is."""
-        plan = self._plans[index]
+        config = self._plans[index]
         if state.command and (state.enabled or state.mode in MOVING):
-            return Way(state.command, state.motion, now_s - state.motion_s)
-        values = [sample.value for sample in samples(plan) if sample.valid and sample.value is not None]
-        if len(values) < len(plan.axes):
-            return Way(state.command) if state.command else None
-        return Way(plan.transmission.to_actuation(tuple(values)))
+            return PlannedPath(state.command, state.motion, now_s - state.motion_s)
+        values = [sample.value for sample in samples(config) if sample.valid and sample.value is not None]
+        if len(values) < len(config.axes):
+            return PlannedPath(state.command) if state.command else None
+        return PlannedPath(config.transmission.to_actuation(tuple(values)))
 
     def _tip(self, index: int, actuation: Actuation) -> Tip:
-        plan = self._plans[index]
-        pose = plan.model.forward(actuation)
-        return plan.frame.point_in_world(pose.tip_m), plan.frame.vector_in_world(pose.direction)
+        config = self._plans[index]
+        pose = config.model.forward(actuation)
+        return config.frame.point_in_world(pose.tip_m), config.frame.vector_in_world(pose.direction)
 
 
 def _ready(state: RobotState) -> bool:
@@ -251,14 +253,20 @@ def _resting(state: RobotState) -> bool:
 
 
 def _forbidden(
-    plan: RobotPlan, before: RobotState, after: RobotState, words: str, now_s: float
+    config: RobotConfig, before: RobotState, after: RobotState, message: str, now_s: float
 ) -> RobotState:
     """FAULT in place of an approach: the arm stays as it was, whatever its policy for faults."""
     still = before
     if not before.command:  # armed in this very tick: where it is stands in what would have followed
         rest = (0.0,) * len(after.command)
         still = replace(before, command=after.command, aim=after.command, steps=rest, motion=None)
-    latched = change.moved(plan, still, Event.FAULT, now_s)
+    latched = change.moved(config, still, Event.FAULT, now_s)
     return replace(
-        latched, fault=Fault.CHAIN_FORBIDS, words=words, wanted=False, follow=False, goto=None, policy=None
+        latched,
+        fault=Fault.CHAIN_FORBIDS,
+        message=message,
+        wanted=False,
+        follow=False,
+        goto=None,
+        policy=None,
     )

@@ -31,7 +31,7 @@ class Transmission(Protocol):
 
 
 @dataclass(frozen=True, slots=True)
-class StopPlan:
+class StopConfig:
     """The stop policies of one robot, out of reach of pydantic."""
 
     on_end: StopPolicy
@@ -41,13 +41,13 @@ class StopPlan:
     estop: StopPolicy
 
     @classmethod
-    def of(cls, stops: Stops) -> StopPlan:
+    def of(cls, stops: Stops) -> StopConfig:
         """The policies of a robot file."""
         return cls(stops.on_end, stops.on_interrupt, stops.on_fault, stops.on_host_loss, stops.estop)
 
 
 @dataclass(frozen=True, slots=True)
-class FeedbackPlan:
+class FeedbackConfig:
     """The numbers of `TipFeedback` in SI, out of reach of pydantic."""
 
     gain_per_s: float
@@ -56,7 +56,7 @@ class FeedbackPlan:
     fade_s: float
 
     @classmethod
-    def of(cls, feedback: TipFeedback) -> FeedbackPlan:
+    def of(cls, feedback: TipFeedback) -> FeedbackConfig:
         """The plan of a robot file's ``feedback``."""
         return cls(
             feedback.gain_per_s, feedback.limit_mm / 1e3, feedback.stale_ms / 1e3, feedback.fade_ms / 1e3
@@ -64,7 +64,7 @@ class FeedbackPlan:
 
 
 @dataclass(frozen=True, slots=True)
-class RobotPlan:
+class RobotConfig:
     """Everything fixed about one robot.
 
     Attributes:
@@ -98,29 +98,29 @@ class RobotPlan:
     extra_axes: int
     axes: tuple[str, ...]
     rest: Actuation
-    stops: StopPlan
+    stops: StopConfig
     velocity: float
     acceleration: float
     jerk: float
     tolerance: tuple[int, ...]
     stale_s: tuple[float, ...]
     period_s: float
-    feedback: FeedbackPlan | None = None
+    feedback: FeedbackConfig | None = None
 
 
-def plan_robot(
+def robot_config(
     name: str,
     robot: RobotDescription,
     transmission: Transmission,
     rate_hz: float,
     tolerance_of_bus: Mapping[str, int],
-) -> RobotPlan:
+) -> RobotConfig:
     """The plan of one robot of a file at a rate [Hz]."""
     model = build_whole_model(robot)
     names = robot.all_axis_names
     tolerance = tuple(tolerance_of_bus[robot.axes[axis].bus] for axis in names)
     period_s = 1.0 / rate_hz
-    return RobotPlan(
+    return RobotConfig(
         name=name,
         kind=robot.model,
         quantity=robot.quantity,
@@ -135,12 +135,12 @@ def plan_robot(
         axes=tuple(f"{name}.{axis}" for axis in names),
         # Extra axes rest at their least value: without pressure, open.
         rest=(*robot.rest, *model.lower[len(robot.axis_names) :]),
-        stops=StopPlan.of(robot.stop),
+        stops=StopConfig.of(robot.stop),
         velocity=robot.velocity_limit,
         acceleration=robot.acceleration_limit,
         jerk=robot.jerk_limit,
         tolerance=tolerance,
         stale_s=tuple(max(ticks * period_s, STALE_S) for ticks in tolerance),
         period_s=period_s,
-        feedback=None if robot.feedback is None else FeedbackPlan.of(robot.feedback),
+        feedback=None if robot.feedback is None else FeedbackConfig.of(robot.feedback),
     )

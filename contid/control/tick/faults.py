@@ -105,9 +105,9 @@ PAGES: Final[dict[Fault, FaultPage]] = {
 }
 
 
-def describe(fault: Fault, words: str) -> str:
+def describe(fault: Fault, message: str) -> str:
     """One line for a log: number, name, what exactly, what to do."""
-    return f"fault {int(fault)} {fault.name.lower().replace('_', '-')}: {words}; {PAGES[fault].remedy}"
+    return f"fault {int(fault)} {fault.name.lower().replace('_', '-')}: {message}; {PAGES[fault].remedy}"
 
 
 def markdown() -> str:

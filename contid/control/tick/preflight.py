@@ -7,7 +7,7 @@ import math
 from collections.abc import Callable, Mapping, Sequence
 from typing import Final
 
-from contid.control.tick.config import RobotPlan
+from contid.control.tick.config import RobotConfig
 from contid.errors import BadInputError, Located
 from contid.kinematics.rope.chain import ChainGuard, Tip
 from contid.targets import ZERO3, Actuation, Solution, Target
@@ -30,7 +30,7 @@ class Preflight:
     """Asks the models, seeded with the answer before, exactly as the tick will, and then the chains' guards.
 
     Args:
-        plans: of the robots.
+        configs: of the robots.
         guards: of the closed chains among them.
         unreachable: with NEAREST only the guards refuse, judging the reachable points.
         seeds: where robots are now; without one a robot is at its rest pose.
@@ -38,13 +38,13 @@ class Preflight:
 
     def __init__(
         self,
-        plans: Sequence[RobotPlan],
+        configs: Sequence[RobotConfig],
         guards: Sequence[ChainGuard] = (),
         unreachable: Unreachable = Unreachable.REFUSE,
         seeds: Mapping[str, Actuation] | None = None,
     ) -> None:
-        self._plans = {plan.name: plan for plan in plans}
-        self._seeds = {plan.name: plan.rest for plan in plans} | dict(seeds or {})
+        self._plans = {config.name: config for config in configs}
+        self._seeds = {config.name: config.rest for config in configs} | dict(seeds or {})
         self._guards = guards
         self._refuses = unreachable is Unreachable.REFUSE
         # Where the arms of a chain are after the last row that was good; at rest before the first.
@@ -59,16 +59,16 @@ class Preflight:
         wrong = {}
         tips = dict(self._tips)
         for name, target in targets.items():
-            plan = self._plans.get(name)
-            if plan is None or target is None:
+            config = self._plans.get(name)
+            if config is None or target is None:
                 continue
             try:
-                solution = plan.model.inverse(plan.frame.target_in_base(target), self._seeds[name])
+                solution = config.model.inverse(config.frame.target_in_base(target), self._seeds[name])
             except ValueError as error:
                 wrong[name] = f"{name}: {error}"
                 continue
             if not solution.converged and refuses:
-                wrong[name] = explain(plan, target, solution)
+                wrong[name] = explain(config, target, solution)
                 continue
             self._seeds[name] = solution.actuation
             if name in tips:
@@ -86,10 +86,10 @@ class Preflight:
 
     def _tip(self, name: str, actuation: Actuation, target: Target | None = None) -> Tip:
         """Tip and direction of an arm in the world."""
-        plan = self._plans[name]
-        load_in_base = ZERO3 if target is None else plan.frame.vector_in_base(target.load_n)
-        pose = plan.model.forward(actuation, load_in_base)
-        return plan.frame.point_in_world(pose.tip_m), plan.frame.vector_in_world(pose.direction)
+        config = self._plans[name]
+        load_in_base = ZERO3 if target is None else config.frame.vector_in_base(target.load_n)
+        pose = config.model.forward(actuation, load_in_base)
+        return config.frame.point_in_world(pose.tip_m), config.frame.vector_in_world(pose.direction)
 
     def between_rows(self, trajectory: Trajectory, index: int) -> dict[str, str]:
         """Why a chain forbids the way from the row before to this one; empty when it does not.
@@ -107,7 +107,7 @@ class Preflight:
                 # A model's nearest point between two good rows is what the tick follows.
                 wrong = self._row(targets, refuses=False)
                 if wrong:
-                    return {name: f"on the way to this row, {words}" for name, words in wrong.items()}
+                    return {name: f"on the way to this row, {message}" for name, message in wrong.items()}
         finally:
             self._seeds, self._tips = seeds, tips
         return {}
@@ -126,27 +126,27 @@ class Preflight:
             if progress is not None and index % 1000 == 0:
                 progress(index, total)
             wrong = self.between_rows(trajectory, index) or self.row(trajectory.targets_of_row(index))
-            for words in dict.fromkeys(wrong.values()):
-                findings.append(Located(name, trajectory.line_of_row(index), 1, words))
+            for message in dict.fromkeys(wrong.values()):
+                findings.append(Located(name, trajectory.line_of_row(index), 1, message))
             if len(findings) >= MAX_FINDINGS:
-                words = f"{MAX_FINDINGS} refused targets so far; not checked further"
-                findings.append(Located(name, trajectory.line_of_row(index), 1, words))
+                message = f"{MAX_FINDINGS} refused targets so far; not checked further"
+                findings.append(Located(name, trajectory.line_of_row(index), 1, message))
                 break
         if findings:
             raise BadInputError(findings)
 
 
-def explain(plan: RobotPlan, target: Target, solution: Solution) -> str:
+def explain(config: RobotConfig, target: Target, solution: Solution) -> str:
     """Which columns of which robot, which limit, and by how much."""
     where = "actuation" if target.actuation is not None else "tip"
     limits = f" (limited by {', '.join(solution.limited_by)})" if solution.limited_by else ""
     note = f"; {solution.note}" if solution.note else ""
     miss = "" if target.actuation is not None else f" by {m_to_mm(solution.residual_m):.6g} mm"
-    return f"{plan.name}: {where} {_shown(plan, target)} is out of reach{miss}{limits}{note}"
+    return f"{config.name}: {where} {_shown(config, target)} is out of reach{miss}{limits}{note}"
 
 
-def _shown(plan: RobotPlan, target: Target) -> str:
+def _shown(config: RobotConfig, target: Target) -> str:
     if target.actuation is not None:
-        unit = plan.quantity.unit
-        return "(" + ", ".join(f"{v * plan.quantity.per_si:.6g}" for v in target.actuation) + f") {unit}"
+        unit = config.quantity.unit
+        return "(" + ", ".join(f"{v * config.quantity.per_si:.6g}" for v in target.actuation) + f") {unit}"
     return "(" + ", ".join(f"{m_to_mm(v):.6g}" for v in target.tip_m or ()) + ") mm"

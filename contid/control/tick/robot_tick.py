@@ -13,7 +13,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from typing import Final
 
-from contid.control.tick.config import RobotPlan
+from contid.control.tick.config import RobotConfig
 from contid.control.tick.faults import Fault
 from contid.control.tick.limits import limit
 from contid.control.tick.state import Effect, RobotState, fail, moved, speed, stay, stopped
@@ -31,7 +31,7 @@ _DRIVEN: Final = frozenset({Mode.APPROACH, Mode.RUN, Mode.HOLD, Mode.STOPPING, M
 
 
 @dataclass(frozen=True, slots=True)
-class Outcome:
+class TickResult:
     """What a tick of one robot decided.
 
     Attributes:
@@ -50,17 +50,17 @@ class Outcome:
 
 
 def tick(
-    plan: RobotPlan,
+    config: RobotConfig,
     state: RobotState,
     now_s: float,
     samples: tuple[Sample, ...],
     target: Target | None,
     measurement: Measurement | None = None,
-) -> Outcome:
+) -> TickResult:
     """Decide what one robot does in this tick.
 
     Args:
-        plan: what is fixed about the robot.
+        config: what is fixed about the robot.
         state: after the previous tick and the orders since.
         now_s: time of the robot, one period per tick that ran.
         samples: newest of every axis, in the order of the plan; empty before the first.
@@ -69,34 +69,36 @@ def tick(
     """
     try:
         if state.mode in _WATCHED and samples:
-            state = watched(plan, state, samples, now_s)
+            state = watched(config, state, samples, now_s)
         mode = state.mode
         if mode is Mode.RUN and target is not None and state.follow:
-            if plan.feedback is not None:
-                load_n = plan.frame.vector_in_base(target.load_n)
-                learnt = observed(plan, plan.feedback, state.correction, now_s, samples, measurement, load_n)
+            if config.feedback is not None:
+                load_n = config.frame.vector_in_base(target.load_n)
+                learnt = observed(
+                    config, config.feedback, state.correction, now_s, samples, measurement, load_n
+                )
                 state = replace(state, correction=learnt)
-            return _follow(plan, state, now_s, target)
-        if plan.feedback is not None:
-            state = replace(state, correction=kept(plan.feedback, state.correction, now_s, measurement))
+            return _follow(config, state, now_s, target)
+        if config.feedback is not None:
+            state = replace(state, correction=kept(config.feedback, state.correction, now_s, measurement))
         if mode in (Mode.CONNECTING, Mode.READY, Mode.ARMING):
-            return Outcome(_arming(plan, state, now_s, samples, target))
+            return TickResult(_arming(config, state, now_s, samples, target))
         if mode in (Mode.RUN, Mode.APPROACH) and state.goto is None and (target is None or not state.follow):
-            state = stay(plan, state, now_s)
+            state = stay(config, state, now_s)
         elif mode is Mode.HOLD:
             wanted = state.goto if state.goto is not None else target if state.follow else None
             if wanted is not None:
-                following = moved(plan, state, Event.FOLLOW, now_s)
-                state = _approach(plan, following, wanted, now_s, now_s - plan.period_s)
+                following = moved(config, state, Event.FOLLOW, now_s)
+                state = _approach(config, following, wanted, now_s, now_s - config.period_s)
         if state.mode not in _DRIVEN or not state.enabled:
-            return Outcome(state)
-        return _move(plan, state, now_s)
+            return TickResult(state)
+        return _move(config, state, now_s)
     except Exception as error:  # one robot's defect is that robot's fault, never the end of the others
-        failed = fail(plan, state, Fault.INTERNAL, f"{type(error).__name__}: {error}", now_s)
-        return Outcome(replace(failed, motion=None, aim=failed.command))
+        failed = fail(config, state, Fault.INTERNAL, f"{type(error).__name__}: {error}", now_s)
+        return TickResult(replace(failed, motion=None, aim=failed.command))
 
 
-def watched(plan: RobotPlan, state: RobotState, samples: Sequence[Sample], now_s: float) -> RobotState:
+def watched(config: RobotConfig, state: RobotState, samples: Sequence[Sample], now_s: float) -> RobotState:
     """The state after looking at the samples: misses counted, faults latched."""
     misses = state.misses
     if any(misses) or not all(sample.valid for sample in samples):
@@ -104,72 +106,78 @@ def watched(plan: RobotPlan, state: RobotState, samples: Sequence[Sample], now_s
             0 if sample.valid else count + 1 for sample, count in zip(samples, misses, strict=True)
         )
         state = replace(state, misses=misses)
-    for sample, axis, stale_s in zip(samples, plan.axes, plan.stale_s, strict=True):
+    for sample, axis, stale_s in zip(samples, config.axes, config.stale_s, strict=True):
         if sample.fault:
-            return fail(plan, state, Fault.DEVICE_FAULT, f"{axis}: {sample.fault}", now_s)
+            return fail(config, state, Fault.DEVICE_FAULT, f"{axis}: {sample.fault}", now_s)
         if sample.valid and sample.age_s > stale_s:
-            words = f"{axis} repeats a measurement that is {sample.age_s:.3g} s old"
-            return fail(plan, state, Fault.AXIS_STALE, words, now_s)
-    for count, tolerance, axis in zip(misses, plan.tolerance, plan.axes, strict=True):
+            message = f"{axis} repeats a measurement that is {sample.age_s:.3g} s old"
+            return fail(config, state, Fault.AXIS_STALE, message, now_s)
+    for count, tolerance, axis in zip(misses, config.tolerance, config.axes, strict=True):
         if count >= tolerance:
-            words = f"{axis} did not answer {count} times in a row"
-            return fail(plan, state, Fault.AXIS_SILENT, words, now_s)
+            message = f"{axis} did not answer {count} times in a row"
+            return fail(config, state, Fault.AXIS_SILENT, message, now_s)
     return state
 
 
 def _arming(
-    plan: RobotPlan, state: RobotState, now_s: float, samples: Sequence[Sample], target: Target | None
+    config: RobotConfig, state: RobotState, now_s: float, samples: Sequence[Sample], target: Target | None
 ) -> RobotState:
     """From CONNECTING towards the first command; each step needs a valid sample of every axis."""
     sampled = bool(samples) and all(sample.valid and sample.value is not None for sample in samples)
     late = now_s - state.since_s > PATIENCE_S
     if state.mode is Mode.CONNECTING:
         if sampled:
-            state = moved(plan, state, Event.SAMPLED, now_s)
+            state = moved(config, state, Event.SAMPLED, now_s)
         elif late:
-            silent = [axis for axis, sample in zip(plan.axes, samples, strict=False) if not sample.valid]
-            words = f"no valid sample of {', '.join(silent or plan.axes)} within {PATIENCE_S:g} s"
-            return fail(plan, state, Fault.NO_SAMPLE, words, now_s)
+            silent = [axis for axis, sample in zip(config.axes, samples, strict=False) if not sample.valid]
+            message = f"no valid sample of {', '.join(silent or config.axes)} within {PATIENCE_S:g} s"
+            return fail(config, state, Fault.NO_SAMPLE, message, now_s)
     if state.mode is Mode.READY and state.wanted:
         # Commands of the time before are forgotten: whatever interrupts the arming must not go back to them.
         forgetful = replace(state, command=(), steps=(), aim=(), motion=None)
-        return replace(moved(plan, forgetful, Event.ARM, now_s), pending=Effect.ENABLE, enabled=False)
+        return replace(moved(config, forgetful, Event.ARM, now_s), pending=Effect.ENABLE, enabled=False)
     if state.mode is Mode.ARMING and state.enabled and sampled:
-        present = plan.transmission.to_actuation(tuple(sample.value or 0.0 for sample in samples))
+        present = config.transmission.to_actuation(tuple(sample.value or 0.0 for sample in samples))
         still = (0.0,) * len(present)
         state = replace(state, command=present, aim=present, steps=still, motion=None)
         if target is None or not state.follow:
-            return moved(plan, state, Event.HOLD, now_s)
-        return _approach(plan, moved(plan, state, Event.ARMED, now_s), target, now_s, now_s)
+            return moved(config, state, Event.HOLD, now_s)
+        return _approach(config, moved(config, state, Event.ARMED, now_s), target, now_s, now_s)
     return state
 
 
-def _approach(plan: RobotPlan, state: RobotState, target: Target, now_s: float, start_s: float) -> RobotState:
+def _approach(
+    config: RobotConfig, state: RobotState, target: Target, now_s: float, start_s: float
+) -> RobotState:
     """Begin the jerk-limited way from the last command, given at ``start_s``, to a target."""
-    wanted = corrected(state.correction, plan.frame.target_in_base(target))
-    goal = plan.model.inverse(wanted, state.command).actuation
+    wanted = corrected(state.correction, config.frame.target_in_base(target))
+    goal = config.model.inverse(wanted, state.command).actuation
     if not all(map(math.isfinite, goal)):
-        return fail(plan, state, Fault.NOT_A_NUMBER, f"the model answered {goal}", now_s)
-    motion = Approach(state.command, speed(plan, state), goal, plan.velocity, plan.acceleration, plan.jerk)
+        return fail(config, state, Fault.NOT_A_NUMBER, f"the model answered {goal}", now_s)
+    motion = Approach(
+        state.command, speed(config, state), goal, config.velocity, config.acceleration, config.jerk
+    )
     return replace(state, motion=motion, motion_s=start_s)
 
 
-def _follow(plan: RobotPlan, state: RobotState, now_s: float, target: Target) -> Outcome:
+def _follow(config: RobotConfig, state: RobotState, now_s: float, target: Target) -> TickResult:
     """RUN: the model answers the target, the limiter has the last word."""
-    in_base = corrected(state.correction, plan.frame.target_in_base(target))
-    solution = plan.model.inverse(in_base, state.command)
+    in_base = corrected(state.correction, config.frame.target_in_base(target))
+    solution = config.model.inverse(in_base, state.command)
     if not all(map(math.isfinite, solution.actuation)):
-        words = f"the model answered {solution.actuation} to {in_base}"
-        return _move(plan, fail(plan, state, Fault.NOT_A_NUMBER, words, now_s), now_s)
-    after, flags = _limited(plan, state, solution.actuation)
-    tip = plan.model.forward(after.command, in_base.load_n).tip_m
+        message = f"the model answered {solution.actuation} to {in_base}"
+        return _move(config, fail(config, state, Fault.NOT_A_NUMBER, message, now_s), now_s)
+    after, flags = _limited(config, state, solution.actuation)
+    tip = config.model.forward(after.command, in_base.load_n).tip_m
     wanted = in_base.tip_m
     if wanted is None:
-        wanted = plan.model.forward(in_base.actuation or after.command, in_base.load_n).tip_m
-    return Outcome(after, plan.transmission.to_device(after.command), solution, math.dist(tip, wanted), flags)
+        wanted = config.model.forward(in_base.actuation or after.command, in_base.load_n).tip_m
+    return TickResult(
+        after, config.transmission.to_device(after.command), solution, math.dist(tip, wanted), flags
+    )
 
 
-def _move(plan: RobotPlan, state: RobotState, now_s: float) -> Outcome:
+def _move(config: RobotConfig, state: RobotState, now_s: float) -> TickResult:
     """Follow the running motion, or stand still, and take the step its end calls for."""
     aim = state.aim
     over = True
@@ -177,33 +185,33 @@ def _move(plan: RobotPlan, state: RobotState, now_s: float) -> Outcome:
         since_s = now_s - state.motion_s
         aim = state.motion.at(since_s)[0]
         over = since_s >= state.motion.duration_s
-    after, flags = _limited(plan, state, aim)
-    device = plan.transmission.to_device(after.command)
+    after, flags = _limited(config, state, aim)
+    device = config.transmission.to_device(after.command)
     # The limiter may lag behind (a motion that ends outside a limit): wait for standstill.
     if over and not any(after.steps):
         after = replace(after, motion=None, aim=after.command)
         if after.mode is Mode.APPROACH:
-            after = _arrived(plan, after, now_s)
+            after = _arrived(config, after, now_s)
         elif after.mode is Mode.STOPPING:
-            after = stopped(plan, after, now_s)
-    return Outcome(after, device, None, math.nan, flags)
+            after = stopped(config, after, now_s)
+    return TickResult(after, device, None, math.nan, flags)
 
 
-def _arrived(plan: RobotPlan, state: RobotState, now_s: float) -> RobotState:
+def _arrived(config: RobotConfig, state: RobotState, now_s: float) -> RobotState:
     if state.goto is None:
-        return moved(plan, state, Event.ARRIVED, now_s)
-    return replace(moved(plan, state, Event.HOLD, now_s), goto=None)
+        return moved(config, state, Event.ARRIVED, now_s)
+    return replace(moved(config, state, Event.HOLD, now_s), goto=None)
 
 
-def _limited(plan: RobotPlan, state: RobotState, aim: Actuation) -> tuple[RobotState, tuple[int, ...]]:
+def _limited(config: RobotConfig, state: RobotState, aim: Actuation) -> tuple[RobotState, tuple[int, ...]]:
     """The state with its next command, and what limited it; limits count in ticks that ran."""
     last = state.command
     pace = [new - old for new, old in zip(aim, state.aim, strict=True)]
-    command, flags = limit(plan.limits, last, state.steps, aim, pace)
+    command, flags = limit(config.limits, last, state.steps, aim, pace)
     steps = tuple([new - old for new, old in zip(command, last, strict=True)])
     # Written out: `replace` costs three times as much, and this runs for every robot in every tick.
     after = RobotState(
-        state.mode, state.since_s, state.fault, state.words, state.enabled, state.wanted, state.follow,
+        state.mode, state.since_s, state.fault, state.message, state.enabled, state.wanted, state.follow,
         state.goto, command, steps, aim, state.motion, state.motion_s, state.policy, state.misses,
         state.pending, state.correction,
     )  # fmt: skip

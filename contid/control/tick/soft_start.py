@@ -13,7 +13,7 @@ import math
 from collections.abc import Sequence
 from typing import Final
 
-from contid.control.tick.config import RobotPlan
+from contid.control.tick.config import RobotConfig
 from contid.trajectory.timed import Trajectory
 
 # The path's own acceleration and jerk need room beside those of the easing.
@@ -37,28 +37,28 @@ def _eased(n: float, ticks: int) -> float:
     return ticks * u * u * u * (1.0 - 0.5 * u)
 
 
-def ease_ticks(plans: Sequence[RobotPlan], trajectory: Trajectory, time_s: float, ahead: bool) -> int:
+def ease_ticks(configs: Sequence[RobotConfig], trajectory: Trajectory, time_s: float, ahead: bool) -> int:
     """Ticks, an even number, that starting at ``time_s`` (or, with ``ahead`` false, ending there) needs.
 
     0 when the speed there is one that the acceleration limit can take in one tick.
     """
     ticks = 0
-    if not plans:
+    if not configs:
         return 0
-    period_s = plans[0].period_s
+    period_s = configs[0].period_s
     here = trajectory.targets_at(time_s)
     beside = trajectory.targets_at(time_s + (period_s if ahead else -period_s))
-    for plan in plans:
-        if plan.name not in here:
+    for config in configs:
+        if config.name not in here:
             continue
-        start = plan.model.inverse(plan.frame.target_in_base(here[plan.name]), plan.rest).actuation
-        after = plan.model.inverse(plan.frame.target_in_base(beside[plan.name]), start).actuation
+        start = config.model.inverse(config.frame.target_in_base(here[config.name]), config.rest).actuation
+        after = config.model.inverse(config.frame.target_in_base(beside[config.name]), start).actuation
         step = max(abs(b - a) for a, b in zip(start, after, strict=True))
-        if not step > plan.limits[0].change * _SHARE:
+        if not step > config.limits[0].change * _SHARE:
             continue
         speed = step / period_s
         # Peak acceleration of the easing is 1.5 v/T, its peak jerk 6 v/T^2.
-        by_acceleration = 1.5 * speed / (_SHARE * plan.acceleration)
-        by_jerk = math.sqrt(6.0 * speed / (_SHARE * plan.jerk))
+        by_acceleration = 1.5 * speed / (_SHARE * config.acceleration)
+        by_jerk = math.sqrt(6.0 * speed / (_SHARE * config.jerk))
         ticks = max(ticks, math.ceil(max(by_acceleration, by_jerk) / period_s))
     return ticks + ticks % 2

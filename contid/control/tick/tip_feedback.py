@@ -16,7 +16,7 @@ from __future__ import annotations
 import math
 from dataclasses import dataclass, replace
 
-from contid.control.tick.config import FeedbackPlan, RobotPlan
+from contid.control.tick.config import FeedbackConfig, RobotConfig
 from contid.hal import Sample
 from contid.targets import ZERO3, Target, Vec3
 
@@ -68,8 +68,8 @@ def corrected(correction: Correction, target: Target) -> Target:
 
 
 def observed(
-    plan: RobotPlan,
-    feedback: FeedbackPlan,
+    config: RobotConfig,
+    feedback: FeedbackConfig,
     before: Correction,
     now_s: float,
     samples: tuple[Sample, ...],
@@ -79,7 +79,7 @@ def observed(
     """The correction after this tick.
 
     Args:
-        plan: of the robot.
+        config: of the robot.
         feedback: its numbers.
         before: after the previous tick.
         now_s: of this tick.
@@ -90,21 +90,21 @@ def observed(
     seen_m, used_s = before.seen_m, before.used_s
     valid = bool(samples) and all(sample.valid and sample.value is not None for sample in samples)
     if measurement is not None and measurement.time_s > used_s and valid:
-        actuation = plan.transmission.to_actuation(tuple([sample.value or 0.0 for sample in samples]))
-        model_tip = plan.model.forward(actuation, load_n).tip_m
-        error_m = _minus(plan.frame.point_in_base(measurement.tip_in_world), model_tip)
+        actuation = config.transmission.to_actuation(tuple([sample.value or 0.0 for sample in samples]))
+        model_tip = config.model.forward(actuation, load_n).tip_m
+        error_m = _minus(config.frame.point_in_base(measurement.tip_in_world), model_tip)
         if all(map(math.isfinite, error_m)):
             seen_m, used_s = _bounded(error_m, feedback.limit_m), measurement.time_s
     if now_s - used_s > feedback.stale_s:
         return _faded(feedback, before, now_s)
-    share = -math.expm1(-feedback.gain_per_s * plan.period_s)
+    share = -math.expm1(-feedback.gain_per_s * config.period_s)
     (dx, dy, dz), (ex, ey, ez) = before.error_m, seen_m
     filtered = (dx + share * (ex - dx), dy + share * (ey - dy), dz + share * (ez - dz))
     return Correction(filtered, seen_m, used_s, filtered)
 
 
 def kept(
-    feedback: FeedbackPlan, before: Correction, now_s: float, measurement: Measurement | None
+    feedback: FeedbackConfig, before: Correction, now_s: float, measurement: Measurement | None
 ) -> Correction:
     """The correction of a robot that follows nothing: kept while somebody measures, else it fades."""
     if before.error_m == ZERO3:
@@ -114,7 +114,7 @@ def kept(
     return _faded(feedback, before, now_s)
 
 
-def _faded(feedback: FeedbackPlan, before: Correction, now_s: float) -> Correction:
+def _faded(feedback: FeedbackConfig, before: Correction, now_s: float) -> Correction:
     """Hold, then fade as ``1 - 3u^2 + 2u^3``: it begins and ends without a kink."""
     if before.error_m == ZERO3:
         return before

@@ -13,7 +13,7 @@ from contid.kinematics.arc.arc import Array
 from contid.kinematics.arc.descent import Tuning, tuning_for
 from contid.kinematics.arc.feasible import Feasible
 from contid.kinematics.arc.sections import Sections, backbone
-from contid.kinematics.arc.solve import Answer, SectionSolver, vec3
+from contid.kinematics.arc.solve import SectionSolution, SectionSolver, vec3
 from contid.robot_file.sections import SectionRobot
 from contid.targets import ZERO3, Actuation, Pose, Solution, Target, Vec3
 from contid.units import m_to_mm
@@ -30,7 +30,7 @@ class Solver(Protocol):
         """Jacobians of tip, orientation and mid-point, into arrays ``(3, 3 n)`` the caller made."""
         ...
 
-    def solve(self, tip: Vec3, direction: Vec3 | None, mid: Vec3 | None, seed: Actuation) -> Answer:
+    def solve(self, tip: Vec3, direction: Vec3 | None, mid: Vec3 | None, seed: Actuation) -> SectionSolution:
         """Lengths, residual [m], converged, bits of the binding limits, iterations, starts."""
         ...
 

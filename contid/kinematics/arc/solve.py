@@ -27,7 +27,7 @@ LIBRARY: Final = 256
 ABSURD_M: Final = 1e6
 
 
-class Answer(NamedTuple):
+class SectionSolution(NamedTuple):
     """Lengths inside every limit, what they leave of the error [m], and what it took."""
 
     lengths: tuple[float, ...]
@@ -68,7 +68,9 @@ class SectionSolver:
         at = differentiate(self.sections, lengths)
         tip[...], spin[...], mid[...] = at.tip, at.spin, at.mid
 
-    def solve(self, tip: Vec3, direction: Vec3 | None, mid: Vec3 | None, seed: Sequence[float]) -> Answer:
+    def solve(
+        self, tip: Vec3, direction: Vec3 | None, mid: Vec3 | None, seed: Sequence[float]
+    ) -> SectionSolution:
         """The best bounded lengths for a tip [m] and maybe its unit tangent or the mid-point [m].
 
         Continuous from ``seed`` where the target allows it.
@@ -103,8 +105,8 @@ class SectionSolver:
                     break
         return self._answer(best, error, iterations, tried)
 
-    def _answer(self, lengths: Array, error: float, iterations: int, tried: int) -> Answer:
-        return Answer(
+    def _answer(self, lengths: Array, error: float, iterations: int, tried: int) -> SectionSolution:
+        return SectionSolution(
             tuple(float(value) for value in lengths),
             error,
             error <= self.tuning.tolerance_m,

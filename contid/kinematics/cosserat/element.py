@@ -18,7 +18,7 @@ from contid.kinematics.cosserat.spatial import Array, cross, exponential, hat
 
 
 @dataclass(slots=True)
-class State:
+class RodState:
     """Frame R, position p and mu at one station, with derivatives (turn, shift, dmu) by column."""
 
     R: Array
@@ -53,7 +53,7 @@ def shift_rate(inflated: Inflated, e: Array, V: Array, N: Array, turn: Array) ->
 
 
 def _tangent_rates(
-    inflated: Inflated, state: State, u: Array, v: Array, N: Array, M: Array, f: Array, own: slice | None
+    inflated: Inflated, state: RodState, u: Array, v: Array, N: Array, M: Array, f: Array, own: slice | None
 ) -> tuple[Array, Array, Array]:
     """Rates of (turn, shift, dmu); ``own`` are the columns of this section's pressures, if any."""
     e = state.R[:, 2]
@@ -70,8 +70,8 @@ def _tangent_rates(
 
 
 def step(
-    inflated: Inflated, start: State, N: Array, f: Array, h: float, own: slice | None, tangents: bool
-) -> State:
+    inflated: Inflated, start: RodState, N: Array, f: Array, h: float, own: slice | None, tangents: bool
+) -> RodState:
     """One element of reference length h; N is the force at its start."""
     rates: list[tuple[Array, Array, Array]] = []
     us: list[Array] = []
@@ -90,7 +90,7 @@ def step(
                 base_R, base_p = start.R, start.p
                 du, dv = 0.5 * h * us[-1], 0.5 * h * vs[-1]
             R, shift = exponential(du, dv)
-            stage = State(
+            stage = RodState(
                 base_R @ R,
                 base_p + base_R @ shift,
                 start.mu + c * h * mus[-1],
@@ -122,7 +122,7 @@ def step(
         k * (-vs[0] + 2.0 * vs[1] + 2.0 * vs[2] + 3.0 * vs[3]),
     )
     middle = start.R @ R1
-    end = State(
+    end = RodState(
         middle @ R2,
         start.p + start.R @ d1 + middle @ d2,
         start.mu + h / 6.0 * (mus[0] + 2.0 * mus[1] + 2.0 * mus[2] + mus[3]),
@@ -138,12 +138,12 @@ def step(
     return end
 
 
-def link(state: State, length: float, f: Array) -> State:
+def link(state: RodState, length: float, f: Array) -> RodState:
     """A rigid link of constant weight per length: p' = R e3 (eq. 6, erratum: R' = 0)."""
     e = state.R[:, 2]
     centre = state.p + 0.5 * length * e
     centre_shift = state.shift - 0.5 * length * hat(e) @ state.turn
-    return State(
+    return RodState(
         state.R,
         state.p + length * e,
         state.mu - length * cross(centre, f),

@@ -1,6 +1,6 @@
 """The two ways a model computes: this NumPy engine, and the compiled kernel with the same methods.
 
-The kernel `contid.kernels._cosserat` (class ``Engine``) is chosen when it can be imported and
+The kernel `contid.kernels._cosserat` (class ``RodSolver``) is chosen when it can be imported and
 ``CONTID_PURE_PYTHON`` is not set. The NumPy engine does the same arithmetic in milliseconds instead of
 microseconds; it is the specification the kernel is tested against.
 
@@ -38,7 +38,7 @@ KERNEL_SECTIONS = 4
 
 
 @dataclass(frozen=True)
-class Setup:
+class RodSetup:
     """What an engine is built from: the rod, its own weight, limits and solver settings."""
 
     rod: Rod
@@ -51,7 +51,7 @@ class Setup:
     full_rotation: bool
 
 
-class Engine(Protocol):
+class RodSolver(Protocol):
     """Forward and inverse statics of one rod."""
 
     def inverse(
@@ -72,7 +72,7 @@ class Engine(Protocol):
 class NumpyEngine:
     """The specification."""
 
-    def __init__(self, setup: Setup) -> None:
+    def __init__(self, setup: RodSetup) -> None:
         self.setup = setup
 
     def loads(self, force: Vec3) -> Loads:
@@ -83,7 +83,7 @@ class NumpyEngine:
     def inverse(
         self, tip: Vec3, mid: Vec3 | None, direction: Vec3 | None, force: Vec3, seed: Sequence[float]
     ) -> InverseAnswer:
-        """See `Engine`."""
+        """See `RodSolver`."""
         s = self.setup
         task = Task(
             tip=np.array(tip),
@@ -101,7 +101,7 @@ class NumpyEngine:
         )  # fmt: skip
 
     def forward(self, pressures: Sequence[float], force: Vec3) -> ForwardAnswer:
-        """See `Engine`."""
+        """See `RodSolver`."""
         s = self.setup
         loads = self.loads(force)
         p: Array = np.array(pressures)
@@ -121,16 +121,16 @@ class NumpyEngine:
         )  # fmt: skip
 
     def critical(self, pressures: Sequence[float], force: Vec3, most: float) -> float | None:
-        """See `Engine`."""
+        """See `RodSolver`."""
         return critical_factor(
             self.setup.rod, np.array(pressures), self.loads(force), most, self.setup.elements
         )
 
 
-def build_engine(setup: Setup) -> Engine:
+def build_engine(setup: RodSetup) -> RodSolver:
     """The kernel when there is one and it is wanted, else NumPy."""
     kernel = load("cosserat") if len(setup.rod.sections) <= KERNEL_SECTIONS else None
     if kernel is None:
         return NumpyEngine(setup)
-    engine: Engine = kernel.Engine(setup)
+    engine: RodSolver = kernel.Engine(setup)
     return engine

@@ -8,7 +8,7 @@ from typing import Final
 import numpy as np
 from numpy.typing import NDArray
 
-from contid.kinematics.cosserat.engine import NumpyEngine, Setup, build_engine
+from contid.kinematics.cosserat.engine import NumpyEngine, RodSetup, build_engine
 from contid.kinematics.cosserat.loads import Loads
 from contid.kinematics.cosserat.section import Rod, Section
 from contid.kinematics.cosserat.shape import backbone
@@ -39,7 +39,7 @@ def build_section(section: SectionGeometry) -> Section:
     )
 
 
-def build_setup(robot: Cosserat) -> Setup:
+def build_setup(robot: Cosserat) -> RodSetup:
     """Everything an engine needs, from a robot description."""
     sections = robot.geometry.sections
     rod = Rod(tuple(build_section(section) for section in sections))
@@ -55,7 +55,7 @@ def build_setup(robot: Cosserat) -> Setup:
     centre = 0.5 * (lower + upper)
     if robot.solver.centre_bar is not None:
         centre = np.clip(np.full(rod.pressures, robot.solver.centre_bar), lower, upper)
-    return Setup(
+    return RodSetup(
         rod=rod,
         weight=Loads(weight=weight, link_weight=link_weight),
         limits=Limits(lower, upper, centre),

@@ -21,7 +21,7 @@ from contid.kinematics.cosserat.closed_form import (
 )
 from contid.kinematics.cosserat.loads import Loads
 from contid.kinematics.cosserat.section import Rod
-from contid.kinematics.cosserat.solve import BALANCE_TOLERANCE, Limits, Outcome, Problem, solve
+from contid.kinematics.cosserat.solve import BALANCE_TOLERANCE, Limits, Problem, RodSolution, solve
 from contid.kinematics.cosserat.spatial import Array, cross
 from contid.kinematics.cosserat.stability import unstable_modes
 from contid.kinematics.cosserat.statics import Sweep, sweep
@@ -45,7 +45,7 @@ MOST_ELEMENTS = 48
 class Found:
     """The best outcome, whether it is stable, the elements it took, and all iterations spent."""
 
-    outcome: Outcome
+    outcome: RodSolution
     stable: bool
     elements: int
     iterations: int
@@ -149,7 +149,7 @@ def search(problem: Problem, seed: Array, error: float = np.inf) -> Found:
     return best
 
 
-def is_stable(problem: Problem, outcome: Outcome) -> bool:
+def is_stable(problem: Problem, outcome: RodSolution) -> bool:
     """True for an equilibrium that is a minimum of energy."""
     if outcome.statics > BALANCE_TOLERANCE:
         return False

@@ -7,7 +7,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from contid.kinematics.cosserat.element import State, link, step
+from contid.kinematics.cosserat.element import RodState, link, step
 from contid.kinematics.cosserat.loads import Loads
 from contid.kinematics.cosserat.section import Rod
 from contid.kinematics.cosserat.spatial import Array, cross
@@ -19,7 +19,7 @@ POINTS_PER_ELEMENT = 12
 def backbone(rod: Rod, pressures: Array, base_moment: Array, loads: Loads, elements: int) -> Array:
     """Points from base to tip, shape (n, 3); the last one is exactly the tip of a sweep."""
     none = np.zeros((3, 0))
-    state = State(np.eye(3), np.zeros(3), np.array(base_moment, float), none, none, none)
+    state = RodState(np.eye(3), np.zeros(3), np.array(base_moment, float), none, none, none)
     N = loads.base_force(rod)
     points = [state.p]
     for i, section in enumerate(rod.sections):

@@ -67,7 +67,7 @@ class Problem:
 
 
 @dataclass(frozen=True, slots=True)
-class Outcome:
+class RodSolution:
     """Where the solver ended.
 
     Attributes:
@@ -91,7 +91,7 @@ class Outcome:
     sweep: Sweep
 
 
-def solve(problem: Problem, start: Array, start_moment: Array, iterations: int = 60) -> Outcome:
+def solve(problem: Problem, start: Array, start_moment: Array, iterations: int = 60) -> RodSolution:
     """One descent from one start.
 
     Args:
@@ -175,4 +175,4 @@ def solve(problem: Problem, start: Array, start_moment: Array, iterations: int =
         r = residual(task, found)
     error, statics = float(np.linalg.norm(r)), float(np.linalg.norm(found.moment))
     met = error <= tolerance and statics <= BALANCE_TOLERANCE
-    return Outcome(pressures, moment, error, statics, met, met or optimal, used, found)
+    return RodSolution(pressures, moment, error, statics, met, met or optimal, used, found)

@@ -19,7 +19,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from contid.kinematics.cosserat.element import State, link, step
+from contid.kinematics.cosserat.element import RodState, link, step
 from contid.kinematics.cosserat.loads import Loads
 from contid.kinematics.cosserat.section import Rod
 from contid.kinematics.cosserat.spatial import Array, cross, hat
@@ -89,7 +89,7 @@ def sweep(
     columns = 3 + rod.pressures
     dmu = np.zeros((3, columns))
     dmu[:, :3] = np.eye(3)
-    state = State(
+    state = RodState(
         np.eye(3),
         np.zeros(3),
         np.array(base_moment, float),

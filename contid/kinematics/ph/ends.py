@@ -39,7 +39,7 @@ STRAIGHT: Final = 1e-10
 
 
 @dataclass(frozen=True, slots=True)
-class Ends:
+class CurveEnds:
     """Two positions [m] and the unit tangents there, both along the direction of travel."""
 
     start_m: Vec3
@@ -146,7 +146,7 @@ def speed_as_mean(chord: Array, G: Array, k: float) -> float:
     return (-c1 - root) / (2.0 * c2) if c1 >= 0.0 else 2.0 * c0 / (root - c1)
 
 
-def through(ends: Ends, length_m: float | None = None, beta: float = 0.0, gamma: float = 0.0) -> PhFit:
+def through(ends: CurveEnds, length_m: float | None = None, beta: float = 0.0, gamma: float = 0.0) -> PhFit:
     """The quintic through the ends, of the given length or, without one, with end speed = mean speed.
 
     A length that cannot be had (shorter than the chord, or beyond this branch) is answered by the curve of
@@ -172,7 +172,7 @@ def through(ends: Ends, length_m: float | None = None, beta: float = 0.0, gamma:
     return PhFit(curve, m, beta, gamma, met, note)
 
 
-def least_energy(ends: Ends, length_m: float | None = None) -> PhFit:
+def least_energy(ends: CurveEnds, length_m: float | None = None) -> PhFit:
     """The branch of least bending and twisting energy among the four turns by 0 or pi of the free angles.
 
     Needed above 180 degrees of total turning, and for surplus length between nearly parallel ends; elsewhere
@@ -182,7 +182,7 @@ def least_energy(ends: Ends, length_m: float | None = None) -> PhFit:
     return min(fits, key=lambda fit: (not fit.length_met, fit.energy_per_m))
 
 
-def through_rough(ends: Ends, length_m: float | None = None) -> PhFit:
+def through_rough(ends: CurveEnds, length_m: float | None = None) -> PhFit:
     """The quintic for a length that is stated but may be wrong by a hundredth, and ends with noise.
 
     Surplus length has to go somewhere: between nearly straight ends the closed form puts it into a loop,

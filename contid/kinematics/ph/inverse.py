@@ -18,7 +18,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from contid.kernels import load
-from contid.kinematics.ph.ends import Ends, PhFit, through_rough
+from contid.kinematics.ph.ends import CurveEnds, PhFit, through_rough
 from contid.kinematics.ph.lift import Array
 from contid.kinematics.ph.tubes import section_bending, tube_lengths
 from contid.targets import ZERO3, Vec3
@@ -70,7 +70,7 @@ def ph_inverse(
         split: share of each section in the backbone length; must sum to 1.
         length_m: backbone length [m], or None when it is not known.
     """
-    fit = through_rough(Ends(ZERO3, tip_m, _BASE_DIRECTION, direction), length_m)
+    fit = through_rough(CurveEnds(ZERO3, tip_m, _BASE_DIRECTION, direction), length_m)
     backbone, bending, lengths = _offsets(fit, sections, np.array(split))
     return ShapeSolution(
         tuple(lengths.reshape(-1).tolist()),

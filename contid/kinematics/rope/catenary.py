@@ -20,7 +20,7 @@ from typing import Final
 
 import numpy as np
 
-from contid.kinematics.ph.ends import Ends, PhFit, through
+from contid.kinematics.ph.ends import CurveEnds, PhFit, through
 from contid.kinematics.ph.lift import Array
 from contid.targets import Vec3
 
@@ -155,7 +155,9 @@ def stretch(surplus: float) -> float:
 
 def as_quintic(rope: Catenary) -> PhFit:
     """The rope as one quintic of its length with its end directions: 0.05 mm per metre at usual sags."""
-    return through(Ends(rope.start_m, rope.end_m, rope.start_direction, rope.end_direction), rope.length_m)
+    return through(
+        CurveEnds(rope.start_m, rope.end_m, rope.start_direction, rope.end_direction), rope.length_m
+    )
 
 
 def _log_sinh_by(xi: float) -> float:

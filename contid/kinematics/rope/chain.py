@@ -18,7 +18,7 @@ from typing import Final, TypeAlias
 import numpy as np
 
 from contid.kernels import load
-from contid.kinematics.ph.ends import Ends, PhFit, through
+from contid.kinematics.ph.ends import CurveEnds, PhFit, through
 from contid.kinematics.ph.lift import Array
 from contid.kinematics.ph.spline import PhSpline
 from contid.kinematics.rope.catenary import Catenary, as_quintic, hang
@@ -79,8 +79,8 @@ class ChainGuard:
         if hanging is None:
             short_m = math.dist(start, end) - self._length_m
             arms = " and ".join(self.arms)
-            words = f"the rope is {m_to_mm(short_m):.6g} mm too short between {arms}"
-            return ChainState(False, -short_m, None, words)
+            message = f"the rope is {m_to_mm(short_m):.6g} mm too short between {arms}"
+            return ChainState(False, -short_m, None, message)
         lowest = hanging.lowest if self._rope.ends == "pinned" else self._lowest(self._ends(tips, hanging))
         pull = None
         if self._rope.mass_g is not None and self._rope.ends == "pinned" and not hanging.taut:
@@ -111,7 +111,7 @@ class ChainGuard:
             return (as_quintic(hanging),)
         return tuple(through(ends, length_m) for ends, length_m in self._ends(tips, hanging))
 
-    def _ends(self, tips: Mapping[str, Tip], hanging: Catenary) -> tuple[tuple[Ends, float], ...]:
+    def _ends(self, tips: Mapping[str, Tip], hanging: Catenary) -> tuple[tuple[CurveEnds, float], ...]:
         """Ends and length of every piece."""
         pinned, one = self._rope.ends == "pinned", self._rope.pieces == 1
         (start, leaving), (end, entering) = (tips[arm] for arm in self.arms)
@@ -119,15 +119,15 @@ class ChainGuard:
         first = hanging.start_direction if pinned else leaving
         last = hanging.end_direction if pinned else (-x, -y, -z)
         if one:
-            return ((Ends(start, end, first, last), self._length_m),)
+            return ((CurveEnds(start, end, first, last), self._length_m),)
         half = 0.5 * self._length_m
         middle, along = hanging.at(half), hanging.direction_at(half)
         return (
-            (Ends(start, middle, first, along), half),
-            (Ends(middle, end, along, last), half),
+            (CurveEnds(start, middle, first, along), half),
+            (CurveEnds(middle, end, along, last), half),
         )
 
-    def _lowest(self, pieces: tuple[tuple[Ends, float], ...]) -> Vec3:
+    def _lowest(self, pieces: tuple[tuple[CurveEnds, float], ...]) -> Vec3:
         """The lowest point of a clamped rope; in microseconds by the kernel, for looks in the tick."""
         found: list[Vec3] = []
         for ends, length_m in pieces:

@@ -12,7 +12,7 @@ from types import TracebackType
 from typing import Any, Self
 
 from contid.remote.client import procedures as steps
-from contid.remote.client.client_protocol import ANSWER_S, CHUNK, Dialogue, Request
+from contid.remote.client.client_protocol import ANSWER_S, CHUNK, ClientProtocol, Request
 from contid.remote.client.procedures import Ask, Listen, Pause, Robots, RowSender, Steps, T, list_of
 from contid.remote.protocol.socket_path import find
 from contid.remote.protocol.wire import PROTOCOL, ConnectionLostError, Fields, NoDaemonError, RemoteError
@@ -35,7 +35,7 @@ class AsyncClient:
     ) -> None:
         self._asked = None if path is None else str(path)
         self.name = name or f"{Path(sys.argv[0]).name or 'python'}[{os.getpid()}]"
-        self._dialogue = Dialogue(timeout_s)
+        self._dialogue = ClientProtocol(timeout_s)
         self._waiting: dict[int, tuple[Request, asyncio.Future[Fields]]] = {}
         self._news = asyncio.Event()
         self._lost: ConnectionLostError | RemoteError | None = None
@@ -213,7 +213,7 @@ class AsyncClient:
 
     async def _listen(self, reader: asyncio.StreamReader) -> None:
         """Sort what comes until the connection ends."""
-        words = "the daemon closed the connection"
+        message = "the daemon closed the connection"
         try:
             while chunk := await reader.read(CHUNK):
                 if self._dialogue.receive(chunk):
@@ -223,8 +223,8 @@ class AsyncClient:
         except RemoteError as error:
             self._lost = error
         except OSError as error:
-            words = f"the connection ended ({error})"
-        self._lost = self._lost or self._dialogue.gone(words)
+            message = f"the connection ended ({error})"
+        self._lost = self._lost or self._dialogue.gone(message)
         for _, future in self._waiting.values():
             if not future.done():
                 future.set_exception(self._lost)

@@ -49,7 +49,7 @@ class Request:
     fields: Mapping[str, Any]
 
 
-class Dialogue:
+class ClientProtocol:
     """One connection, as far as it is words.
 
     Attributes:
@@ -133,13 +133,13 @@ class Dialogue:
             return False
         if not told["reached"]:
             faults = told.get("faults")
-            words = str(told["words"]) or "the move ended before its target"
-            raise RemoteError(Code.FAULT if faults else Code.STOPPED, words, faults)
+            message = str(told["message"]) or "the move ended before its target"
+            raise RemoteError(Code.FAULT if faults else Code.STOPPED, message, faults)
         return True
 
-    def gone(self, words: str) -> ConnectionLostError:
+    def gone(self, message: str) -> ConnectionLostError:
         """The error of a connection that ended."""
-        return ConnectionLostError(f"{self.farewell or words}; robots that this client moved hold")
+        return ConnectionLostError(f"{self.farewell or message}; robots that this client moved hold")
 
     def _answer(self, fields: Fields) -> None:
         # Without a number it is about a line that the daemon could not read: the newest one.
@@ -156,8 +156,8 @@ class Dialogue:
         match fields["event"]:
             case "hello" if fields.get("protocol") != PROTOCOL:
                 told, mine = fields.get("protocol"), PROTOCOL
-                words = f"the daemon speaks protocol {told}, this client {mine}; update the older one"
-                raise RemoteError(Code.PROTOCOL, words)
+                message = f"the daemon speaks protocol {told}, this client {mine}; update the older one"
+                raise RemoteError(Code.PROTOCOL, message)
             case "telemetry" | "event":
                 self.frames.append(fields)
             case "move":
@@ -166,4 +166,4 @@ class Dialogue:
             case "credit":
                 self.credits[int(fields["move"])] = int(fields["credits"])
             case "bye":
-                self.farewell = str(fields["words"])
+                self.farewell = str(fields["message"])

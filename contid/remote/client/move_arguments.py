@@ -8,7 +8,7 @@ from collections.abc import Iterable, Iterator, Sequence
 from contid.errors import BadInputError, ContidError, Located
 
 
-def point(words: Sequence[str]) -> dict[str, float]:
+def point(message: Sequence[str]) -> dict[str, float]:
     """A target from ``[ROBOT] COLUMN=VALUE ...``.
 
     Raises:
@@ -16,7 +16,7 @@ def point(words: Sequence[str]) -> dict[str, float]:
     """
     robot = ""
     target: dict[str, float] = {}
-    for place, word in enumerate(words):
+    for place, word in enumerate(message):
         column, equals, value = word.partition("=")
         if not equals and place == 0:
             robot = f"{word}."
@@ -52,13 +52,13 @@ def columns_and_rows(file: Iterable[str]) -> tuple[list[str], Iterator[list[floa
 def _row(number: int, line: str, columns: Sequence[str]) -> list[float]:
     cells = line.split(",")
     if len(cells) != len(columns):
-        words = f"the row has {len(cells)} values, the header {len(columns)} columns"
-        raise BadInputError([Located("trajectory", number, 1, words)])
+        message = f"the row has {len(cells)} values, the header {len(columns)} columns"
+        raise BadInputError([Located("trajectory", number, 1, message)])
     row = []
     for name, cell in zip(columns, cells, strict=True):
         try:
             row.append(float(cell))
         except ValueError:
-            words = f"{name}: {cell.strip()[:40]!r} is not a number"
-            raise BadInputError([Located("trajectory", number, 1, words)]) from None
+            message = f"{name}: {cell.strip()[:40]!r} is not a number"
+            raise BadInputError([Located("trajectory", number, 1, message)]) from None
     return row

@@ -12,7 +12,7 @@ from collections.abc import Generator, Mapping, Sequence
 from dataclasses import dataclass, field
 from typing import Final, TypeAlias, TypeVar
 
-from contid.remote.client.client_protocol import Dialogue
+from contid.remote.client.client_protocol import ClientProtocol
 from contid.remote.protocol.wire import Fields
 
 T = TypeVar("T")
@@ -57,7 +57,7 @@ Step: TypeAlias = Ask | Pause | Listen
 Steps: TypeAlias = Generator[Step, Fields, T]
 
 
-def listen(dialogue: Dialogue) -> Steps[None]:
+def listen(dialogue: ClientProtocol) -> Steps[None]:
     """Wait for a notice; whoever waits in a loop of these is seen to be alive and keeps the motion right."""
     yield Listen(ALIVE_S)
     if time.monotonic() - dialogue.asked_s > ALIVE_S:
@@ -74,7 +74,7 @@ def resume(robots: Robots, wait: bool) -> Steps[Fields]:
     return told
 
 
-def move(dialogue: Dialogue, target: Mapping[str, float], wait: bool) -> Steps[int]:
+def move(dialogue: ClientProtocol, target: Mapping[str, float], wait: bool) -> Steps[int]:
     """Go to a point, and wait for the arrival; the number of the move."""
     told = yield Ask("move", {"target": dict(target)})
     number = int(told["move"])
@@ -83,7 +83,7 @@ def move(dialogue: Dialogue, target: Mapping[str, float], wait: bool) -> Steps[i
     return number
 
 
-def arrival(dialogue: Dialogue, number: int) -> Steps[None]:
+def arrival(dialogue: ClientProtocol, number: int) -> Steps[None]:
     """Wait until a move has ended.
 
     Raises:
@@ -100,7 +100,7 @@ class RowSender:
         refused: rows that were refused so far, in words.
     """
 
-    def __init__(self, dialogue: Dialogue, columns: Sequence[str]) -> None:
+    def __init__(self, dialogue: ClientProtocol, columns: Sequence[str]) -> None:
         self.refused: list[str] = []
         self._dialogue = dialogue
         self._columns = list(columns)

@@ -13,7 +13,7 @@ from types import TracebackType
 from typing import Any, Final, Self
 
 from contid.remote.client import procedures as steps
-from contid.remote.client.client_protocol import ANSWER_S, CHUNK, Dialogue
+from contid.remote.client.client_protocol import ANSWER_S, CHUNK, ClientProtocol
 from contid.remote.client.procedures import Ask, Listen, Pause, Robots, RowSender, Steps, T, list_of
 from contid.remote.protocol.socket_path import find
 from contid.remote.protocol.wire import PROTOCOL, ConnectionLostError, Fields, NoDaemonError
@@ -39,7 +39,7 @@ class Client:
     ) -> None:
         self.path = find(None if path is None else str(path))
         self.name = name or f"{Path(sys.argv[0]).name or 'python'}[{os.getpid()}]"
-        self._dialogue = Dialogue(timeout_s)
+        self._dialogue = ClientProtocol(timeout_s)
         self._socket = socket.socket(socket.AF_UNIX, socket.SOCK_STREAM)
         try:
             self._socket.settimeout(timeout_s)

@@ -22,14 +22,14 @@ _MOST_BYTES: Final = 1024
 
 
 @dataclass(frozen=True, slots=True)
-class Peer:
+class PeerCredentials:
     """A user with every group of theirs."""
 
     uid: int
     groups: frozenset[int]
 
 
-def peer_of(connected: socket.socket) -> Peer:
+def peer_of(connected: socket.socket) -> PeerCredentials:
     """Who connected.
 
     Raises:
@@ -41,10 +41,10 @@ def peer_of(connected: socket.socket) -> Peer:
     raw = b""
     with suppress(OSError):  # more than 256 groups, or a kernel before 4.13: only the first one counts
         raw = connected.getsockopt(socket.SOL_SOCKET, _SO_PEERGROUPS, _MOST_BYTES)
-    return Peer(uid, frozenset((gid, *struct.unpack(f"{len(raw) // 4}I", raw))))
+    return PeerCredentials(uid, frozenset((gid, *struct.unpack(f"{len(raw) // 4}I", raw))))
 
 
-def may_enter(peer: Peer, group: int | None) -> bool:
+def is_authorized(peer: PeerCredentials, group: int | None) -> bool:
     """The daemon's own user, root, and members of the socket's group, if it has one."""
     return peer.uid in (os.geteuid(), 0) or (group is not None and group in peer.groups)
 

@@ -72,7 +72,7 @@ def private_directory() -> Path:
 def running() -> list[Path]:
     """Sockets behind which a daemon listens: those of this user, then those of services."""
     folders = [folder for folder in (default_directory(), SERVICES) if os.access(folder, os.R_OK | os.X_OK)]
-    return [path for folder in folders for path in sorted(folder.glob("*.sock")) if answers(path)]
+    return [path for folder in folders for path in sorted(folder.glob("*.sock")) if is_listening(path)]
 
 
 def find(given: str | None) -> Path:
@@ -87,17 +87,17 @@ def find(given: str | None) -> Path:
     if len(found) == 1:
         return found[0]
     if not found:
-        words = f"no daemon runs ({default_directory()} and {SERVICES} hold no live socket)"
+        message = f"no daemon runs ({default_directory()} and {SERVICES} hold no live socket)"
         if SERVICES.is_dir() and not os.access(SERVICES, os.R_OK | os.X_OK):
-            words = (
+            message = (
                 f"no daemon of yours runs, and you may not enter {SERVICES} of the service: join its group"
             )
-        raise NoDaemonError(f"{words}; start one with `contid run ROBOT.yaml`, or give --socket PATH")
+        raise NoDaemonError(f"{message}; start one with `contid run ROBOT.yaml`, or give --socket PATH")
     listed = "\n  ".join(f"--socket {path}" for path in found)
     raise NoDaemonError(f"{len(found)} daemons run; say which one:\n  {listed}")
 
 
-def answers(path: Path) -> bool:
+def is_listening(path: Path) -> bool:
     """True when somebody listens at a socket."""
     with socket.socket(socket.AF_UNIX, socket.SOCK_STREAM) as probe:
         probe.settimeout(1.0)
@@ -162,7 +162,7 @@ class Endpoint:
             return
         if not stat.S_ISSOCK(found.st_mode):
             raise SocketError(f"{self.path}: is there and no socket; it is not removed, give another path")
-        if answers(self.path):
+        if is_listening(self.path):
             raise SocketError(
                 f"{self.path}: another daemon listens there; stop it, or give this one its own --socket PATH"
             )

@@ -109,14 +109,14 @@ def decode(line: bytes) -> Fields:
     try:
         fields = json.loads(line.decode("utf-8"), parse_constant=_no_constant)
     except (ValueError, RecursionError) as error:
-        words = str(error) or "nested too deeply"
-        raise RemoteError(Code.BAD_REQUEST, f"not a JSON object: {words}") from None
+        message = str(error) or "nested too deeply"
+        raise RemoteError(Code.BAD_REQUEST, f"not a JSON object: {message}") from None
     if not isinstance(fields, dict):
         raise RemoteError(Code.BAD_REQUEST, f"an object is expected, got {type(fields).__name__}")
     return fields
 
 
-class Take:
+class RequestFields:
     """The fields of a request, taken one by one with their kind checked; what is left over is an error."""
 
     def __init__(self, fields: Mapping[str, Any]) -> None:

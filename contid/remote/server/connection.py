@@ -14,7 +14,7 @@ from typing import Any, Final
 
 from contid.remote.protocol.wire import MAX_LINE, Code, RemoteError, decode, encode
 from contid.remote.server.outbox import Outbox
-from contid.remote.server.request_handler import Verbs
+from contid.remote.server.request_handler import RequestHandler
 
 #: Requests of one client under way; more wait in its socket.
 MAX_PENDING: Final = 32
@@ -51,7 +51,7 @@ class Connection:
     """A client that is connected."""
 
     def __init__(
-        self, number: int, reader: asyncio.StreamReader, writer: asyncio.StreamWriter, verbs: Verbs
+        self, number: int, reader: asyncio.StreamReader, writer: asyncio.StreamWriter, verbs: RequestHandler
     ) -> None:
         self.number = number
         self.name = f"client {number}"
@@ -79,12 +79,12 @@ class Connection:
             await asyncio.gather(*tasks, *self._requests, return_exceptions=True)
             self._writer.transport.abort()
 
-    def send_away(self, words: str) -> None:
+    def send_away(self, message: str) -> None:
         """End the connection; tries to say why, and waits for nobody."""
         if not self._leaving.is_set():
             self._leaving.set()
             with suppress(Exception):
-                self._writer.write(encode({"event": "bye", "words": words}))
+                self._writer.write(encode({"event": "bye", "message": message}))
 
     # -- what the verbs need -----------------------------------------------------------------------------
 

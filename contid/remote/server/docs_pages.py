@@ -96,5 +96,5 @@ def write(folder: Path) -> list[Path]:
     return written
 
 
-def _sentence(words: str) -> str:
-    return words[0].upper() + words[1:] + "."
+def _sentence(message: str) -> str:
+    return message[0].upper() + message[1:] + "."

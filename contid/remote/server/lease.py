@@ -20,7 +20,7 @@ INPUT: Final = "input"
 
 
 @dataclass(slots=True)
-class Holder:
+class LeaseHolder:
     """Who has the right.
 
     Attributes:
@@ -38,7 +38,7 @@ class Holder:
     seen_s: float
 
 
-class MotionRight:
+class Lease:
     """Who may move the robots.
 
     Attributes:
@@ -47,10 +47,10 @@ class MotionRight:
     """
 
     def __init__(self, now_s: float, input_moves: bool) -> None:
-        self.holder: Holder | None = None
+        self.holder: LeaseHolder | None = None
         self.stopped_by = ""
         if input_moves:
-            self.holder = Holder(0, INPUT, now_s, float("inf"), now_s)
+            self.holder = LeaseHolder(0, INPUT, now_s, float("inf"), now_s)
 
     def held_by(self, client: int) -> bool:
         """True when this client has it."""
@@ -68,7 +68,7 @@ class MotionRight:
 
     def take(
         self, client: int, name: str, now_s: float, timeout_s: float = TIMEOUT_S, takeover: bool = False
-    ) -> Holder | None:
+    ) -> LeaseHolder | None:
         """Take the right; returns the holder it was taken from.
 
         Raises:
@@ -79,7 +79,7 @@ class MotionRight:
             raise self.refusal(now_s)
         self.stopped_by = ""
         since_s = now_s if before is None or before.client != client else before.since_s
-        self.holder = Holder(client, name, since_s, timeout_s, now_s)
+        self.holder = LeaseHolder(client, name, since_s, timeout_s, now_s)
         return before if before is not None and before.client != client else None
 
     def use(self, client: int, name: str, now_s: float) -> None:
@@ -91,8 +91,8 @@ class MotionRight:
         if self.held_by(client):
             return
         if self.holder is None and self.stopped_by:
-            words = f"{self.stopped_by} stopped the robots; look, then take the motion right to go on"
-            raise RemoteError(Code.STOPPED, words)
+            message = f"{self.stopped_by} stopped the robots; look, then take the motion right to go on"
+            raise RemoteError(Code.STOPPED, message)
         self.take(client, name, now_s)
 
     def allow(self, client: int, now_s: float) -> None:
@@ -105,12 +105,12 @@ class MotionRight:
             raise self.refusal(now_s)
         self.stopped_by = ""
 
-    def revoke(self, by: int, words: str) -> Holder | None:
+    def revoke(self, by: int, message: str) -> LeaseHolder | None:
         """A stop by somebody else takes the right from a client; the input keeps it, it only pauses."""
         holder = self.holder
         if holder is None or holder.client in (0, by):
             return None
-        self.holder, self.stopped_by = None, words
+        self.holder, self.stopped_by = None, message
         return holder
 
     def release(self, client: int) -> bool:
@@ -120,7 +120,7 @@ class MotionRight:
         self.holder = None
         return True
 
-    def expired(self, now_s: float) -> Holder | None:
+    def expired(self, now_s: float) -> LeaseHolder | None:
         """The holder that has not been heard of for too long; it has lost the right."""
         holder = self.holder
         if holder is None or now_s - holder.seen_s <= holder.timeout_s:

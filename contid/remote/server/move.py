@@ -83,10 +83,10 @@ class Move:
     failed: set[str] = field(default_factory=set)
     closed: bool = False
 
-    def end(self, reached: bool, words: str, faults: Mapping[str, Fields] | None = None) -> None:
+    def end(self, reached: bool, message: str, faults: Mapping[str, Fields] | None = None) -> None:
         """It is over; its owner is told."""
         self.closed = True
-        told: Fields = {"event": "move", "move": self.number, "reached": reached, "words": words}
+        told: Fields = {"event": "move", "move": self.number, "reached": reached, "message": message}
         self.tell({**told, "faults": dict(faults)} if faults else told)
 
 

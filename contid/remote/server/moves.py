@@ -14,15 +14,15 @@ from collections import deque
 from collections.abc import Mapping, Sequence
 from typing import Any, Final
 
-from contid.control.daemon.interfaces import Orders
+from contid.control.daemon.interfaces import RunControl
 from contid.control.engine.messages import Begin, Goto, Hold, Message, Play, Resume, Rows
 from contid.control.tick.supervisor import MOVING, Mode
 from contid.errors import BadInputError
 from contid.remote.protocol.wire import Code, Fields, RemoteError
 from contid.remote.server.move import Credit, Move, RowMove, Tell
-from contid.remote.server.pending_orders import BULK_S, Ledger
+from contid.remote.server.pending_orders import BULK_S, PendingOrders
 from contid.remote.server.preconditions import Readiness, bad_target
-from contid.remote.server.telemetry_view import Picture
+from contid.remote.server.telemetry_view import TelemetryView
 from contid.targets import Target
 from contid.trajectory.stream import StreamParser
 
@@ -36,13 +36,13 @@ LOOK_S: Final = 0.02
 class Moves:
     """The moves under way."""
 
-    def __init__(self, orders: Orders, picture: Picture, ledger: Ledger) -> None:
+    def __init__(self, orders: RunControl, picture: TelemetryView, ledger: PendingOrders) -> None:
         self._orders = orders
         self._picture = picture
         self._ledger = ledger
         self._readiness = Readiness(orders, picture)
         self._numbers = 0
-        self._going: dict[str, deque[Move]] = {name: deque() for name in picture.plans}
+        self._going: dict[str, deque[Move]] = {name: deque() for name in picture.configs}
         self._stream: RowMove | None = None
 
     # -- points ------------------------------------------------------------------------------------------
@@ -78,8 +78,8 @@ class Moves:
                     self._going[name].remove(move)
             faults = self._picture.faults(self._orders.newest(), tuple(targets))
             # A chain says the same of both its arms.
-            words = "; ".join(dict.fromkeys(outcome.refused.values()))
-            raise RemoteError(Code.FAULT if faults else Code.REFUSED, words, faults)
+            message = "; ".join(dict.fromkeys(outcome.refused.values()))
+            raise RemoteError(Code.FAULT if faults else Code.REFUSED, message, faults)
         return {"move": move.number, "tick": outcome.tick}
 
     # -- streams -----------------------------------------------------------------------------------------
@@ -135,7 +135,7 @@ class Moves:
         targets |= dict.fromkeys(wrong)
         move.last |= {name: target for name, target in targets.items() if target is not None}
         self._orders.send(Rows(targets))
-        return [f"rows:{move.rows}: {words}" for words in wrong.values()]
+        return [f"rows:{move.rows}: {message}" for message in wrong.values()]
 
     async def end(self, client: int, number: int) -> Fields:
         """No further row: a live stream ends on its last one, a timed trajectory is checked and played."""
@@ -191,18 +191,18 @@ class Moves:
 
     # -- ends --------------------------------------------------------------------------------------------
 
-    def abort_streams(self, words: str) -> None:
+    def abort_streams(self, message: str) -> None:
         """Whatever is streamed or played ends here; gotos tell their end themselves."""
         if self._stream is not None:
-            self.abort(self._stream, words)
+            self.abort(self._stream, message)
 
-    def abort(self, move: RowMove, words: str) -> None:
+    def abort(self, move: RowMove, message: str) -> None:
         """A stream or a played trajectory ends before its end."""
         if self._stream is move:
             self._stream = None
         # Nothing is left to follow: a later resume arms and goes nowhere.
         self._orders.send(Begin())
-        move.end(False, words)
+        move.end(False, message)
 
     def streaming(self, client: int) -> bool:
         """True while a client streams, or its trajectory is played."""
@@ -219,8 +219,8 @@ class Moves:
                 move.failed.add(robot)
             if not move.waiting:
                 faults = self._picture.faults(self._orders.newest(), tuple(move.failed))
-                words = f"{', '.join(sorted(move.failed))} did not arrive" if move.failed else ""
-                move.end(not move.failed, words, faults)
+                message = f"{', '.join(sorted(move.failed))} did not arrive" if move.failed else ""
+                move.end(not move.failed, message, faults)
         elif event["event"] == "end" and self._stream is not None and self._stream.playing:
             played, self._stream = self._stream, None
             self._orders.send(Begin())

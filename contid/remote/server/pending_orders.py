@@ -22,7 +22,7 @@ BULK_S: Final = 30.0
 
 
 @dataclass(slots=True)
-class Outcome:
+class OrderResult:
     """What became of some orders.
 
     Attributes:
@@ -34,16 +34,16 @@ class Outcome:
     refused: dict[str, str] = field(default_factory=dict)
 
 
-class Ledger:
+class PendingOrders:
     """Marks that are under way."""
 
     def __init__(self, send: Callable[[Message], None]) -> None:
         self._send = send
         self._number = 0
         self._open: int | None = None
-        self._waiting: dict[int, tuple[Outcome, asyncio.Future[Outcome]]] = {}
+        self._waiting: dict[int, tuple[OrderResult, asyncio.Future[OrderResult]]] = {}
 
-    def order(self, orders: Sequence[Message]) -> asyncio.Future[Outcome]:
+    def order(self, orders: Sequence[Message]) -> asyncio.Future[OrderResult]:
         """Send orders at once; the future tells what became of them."""
         number = self._number = self._number + 2
         # One mark before, too: what is refused outside of the two is not ours.
@@ -53,18 +53,20 @@ class Ledger:
         self._send(Mark(number))
         return self._expect(number)
 
-    def mark_bulk(self, send_bulk: Callable[[Message], None]) -> asyncio.Future[Outcome]:
+    def mark_bulk(self, send_bulk: Callable[[Message], None]) -> asyncio.Future[OrderResult]:
         """The future of what was sent in bulk before."""
         number = self._number = self._number + 2
         send_bulk(Mark(number))
         return self._expect(number)
 
-    def _expect(self, number: int) -> asyncio.Future[Outcome]:
-        future: asyncio.Future[Outcome] = asyncio.get_running_loop().create_future()
-        self._waiting[number] = (Outcome(), future)
+    def _expect(self, number: int) -> asyncio.Future[OrderResult]:
+        future: asyncio.Future[OrderResult] = asyncio.get_running_loop().create_future()
+        self._waiting[number] = (OrderResult(), future)
         return future
 
-    async def confirmed(self, future: asyncio.Future[Outcome], patience_s: float = PATIENCE_S) -> Outcome:
+    async def confirmed(
+        self, future: asyncio.Future[OrderResult], patience_s: float = PATIENCE_S
+    ) -> OrderResult:
         """Wait for what became of orders.
 
         Raises:
@@ -74,8 +76,8 @@ class Ledger:
             async with asyncio.timeout(patience_s):
                 return await future
         except TimeoutError:
-            words = f"sent, but the control process has not confirmed it within {patience_s:g} s"
-            raise RemoteError(Code.NO_ANSWER, words) from None
+            message = f"sent, but the control process has not confirmed it within {patience_s:g} s"
+            raise RemoteError(Code.NO_ANSWER, message) from None
 
     def notice(self, event: Mapping[str, Any]) -> None:
         """An event of the ring."""
@@ -83,12 +85,12 @@ class Ledger:
             number = int(event["number"])
             self._open = number + 1 if number % 2 else None
             if number % 2 == 0:
-                outcome, future = self._waiting.pop(number, (Outcome(), None))
+                outcome, future = self._waiting.pop(number, (OrderResult(), None))
                 outcome.tick = int(event["tick"])
                 if future is not None and not future.done():
                     future.set_result(outcome)
         elif event["event"] == "refused" and self._open in self._waiting:
-            self._waiting[self._open][0].refused[str(event.get("robot", ""))] = str(event["words"])
+            self._waiting[self._open][0].refused[str(event.get("robot", ""))] = str(event["message"])
 
     def close(self) -> None:
         """Nobody will confirm any more."""

@@ -6,14 +6,14 @@ import io
 from collections.abc import Mapping, Sequence
 from typing import Final
 
-from contid.control.daemon.interfaces import Orders
+from contid.control.daemon.interfaces import RunControl
 from contid.control.engine.tick_layout import TickRecord
 from contid.control.engine.wiring import chain_guards
 from contid.control.tick.preflight import Preflight, Unreachable
 from contid.control.tick.supervisor import Mode
 from contid.errors import BadInputError
 from contid.remote.protocol.wire import Code, RemoteError
-from contid.remote.server.telemetry_view import Picture
+from contid.remote.server.telemetry_view import TelemetryView
 from contid.targets import Target
 from contid.trajectory.read import read_trajectory
 from contid.trajectory.timed import Trajectory
@@ -27,7 +27,7 @@ _ARMED: Final = frozenset({Mode.APPROACH, Mode.RUN, Mode.HOLD})
 class Readiness:
     """Asks the newest record and the models."""
 
-    def __init__(self, orders: Orders, picture: Picture) -> None:
+    def __init__(self, orders: RunControl, picture: TelemetryView) -> None:
         self._orders = orders
         self._picture = picture
         self._guards = chain_guards(orders.loaded)
@@ -68,9 +68,9 @@ class Readiness:
         return trajectory
 
     def _preflight(self, record: TickRecord | None) -> Preflight:
-        commands = {name: self._picture.command(name, record) for name in self._picture.plans}
+        commands = {name: self._picture.command(name, record) for name in self._picture.configs}
         seeds = {name: command for name, command in commands.items() if command is not None}
-        return Preflight(tuple(self._picture.plans.values()), self._guards, self._orders.unreachable, seeds)
+        return Preflight(tuple(self._picture.configs.values()), self._guards, self._orders.unreachable, seeds)
 
 
 def bad_target(error: BadInputError) -> RemoteError:

@@ -7,10 +7,10 @@ from collections.abc import Awaitable, Callable, Mapping, Sequence
 from typing import Any, Final, Protocol, TypeAlias
 
 from contid import __version__
-from contid.control.daemon.interfaces import Orders
-from contid.remote.protocol.wire import PROTOCOL, Code, Fields, RemoteError, Take
-from contid.remote.server.lease import MotionRight
-from contid.remote.server.telemetry_view import DEFAULT_FIELDS, FIELDS, Picture
+from contid.control.daemon.interfaces import RunControl
+from contid.remote.protocol.wire import PROTOCOL, Code, Fields, RemoteError, RequestFields
+from contid.remote.server.lease import Lease
+from contid.remote.server.telemetry_view import DEFAULT_FIELDS, FIELDS, TelemetryView
 from contid.remote.server.trackers import Trackers
 
 #: Ticks that the lateness in ``status`` looks back.
@@ -39,10 +39,10 @@ class Caller(Protocol):
 
 
 #: Carries out one verb for a client: its fields to the result of the answer.
-Verb: TypeAlias = Callable[[Caller, Take], Awaitable[Fields]]
+Verb: TypeAlias = Callable[[Caller, RequestFields], Awaitable[Fields]]
 
 
-class Reading:
+class QueryHandler:
     """The verbs that change nothing.
 
     Attributes:
@@ -51,9 +51,9 @@ class Reading:
 
     def __init__(
         self,
-        orders: Orders,
-        picture: Picture,
-        right: MotionRight,
+        orders: RunControl,
+        picture: TelemetryView,
+        right: Lease,
         trackers: Trackers,
         clients: Callable[[], int],
     ) -> None:
@@ -82,20 +82,20 @@ class Reading:
             "name": self._orders.loaded.file.name,
         }  # fmt: skip
 
-    async def _hello(self, caller: Caller, take: Take) -> Fields:
+    async def _hello(self, caller: Caller, take: RequestFields) -> Fields:
         protocol = int(take.number("protocol", PROTOCOL, 0, 1e6))
         caller.name = take.text("name", caller.name)
         take.end()
         if protocol != PROTOCOL:
-            words = f"this daemon speaks protocol {PROTOCOL}, the client {protocol}; update the older one"
-            raise RemoteError(Code.PROTOCOL, words)
+            message = f"this daemon speaks protocol {PROTOCOL}, the client {protocol}; update the older one"
+            raise RemoteError(Code.PROTOCOL, message)
         return {**self.hello(), "client": caller.number}
 
-    async def _ping(self, caller: Caller, take: Take) -> Fields:
+    async def _ping(self, caller: Caller, take: RequestFields) -> Fields:
         take.end()
         return {}
 
-    async def _status(self, caller: Caller, take: Take) -> Fields:
+    async def _status(self, caller: Caller, take: RequestFields) -> Fields:
         take.end()
         now_s = time.monotonic()
         lateness = sorted(self._orders.lateness(LOOK_BACK))
@@ -117,24 +117,24 @@ class Reading:
             **self._picture.status(self._orders.newest()),
         }
 
-    async def _describe(self, caller: Caller, take: Take) -> Fields:
+    async def _describe(self, caller: Caller, take: RequestFields) -> Fields:
         take.end()
         return {**self._picture.describe(), "rate_hz": self._orders.rate_hz, "fields": list(FIELDS)}
 
-    async def _subscribe(self, caller: Caller, take: Take) -> Fields:
+    async def _subscribe(self, caller: Caller, take: RequestFields) -> Fields:
         rate_hz = take.number("rate_hz", 20.0, 0.0, GREATEST_RATE_HZ)
-        robots = self._picture.named(take) or tuple(self._picture.plans)
+        robots = self._picture.named(take) or tuple(self._picture.configs)
         fields = take.names("fields") or DEFAULT_FIELDS
         events = take.flag("events")
         take.end()
         unknown = [name for name in fields if name not in FIELDS]
         if unknown:
-            words = f"no field {unknown[0]!r}; there are {', '.join(FIELDS)}"
-            raise RemoteError(Code.BAD_REQUEST, words)
+            message = f"no field {unknown[0]!r}; there are {', '.join(FIELDS)}"
+            raise RemoteError(Code.BAD_REQUEST, message)
         caller.subscribe(rate_hz, robots, fields, events)
         return {"rate_hz": rate_hz, "robots": list(robots), "fields": list(fields), "events": events}
 
-    async def _unsubscribe(self, caller: Caller, take: Take) -> Fields:
+    async def _unsubscribe(self, caller: Caller, take: RequestFields) -> Fields:
         take.end()
         caller.unsubscribe()
         return {}

@@ -15,24 +15,24 @@ from collections import Counter
 from collections.abc import Callable, Mapping
 from typing import Any
 
-from contid.control.daemon.interfaces import Orders
+from contid.control.daemon.interfaces import RunControl
 from contid.control.engine.messages import ClearFault, Estop, Hold, Message, Resume, Stop
 from contid.control.tick.supervisor import Mode
-from contid.remote.protocol.wire import Code, Fields, RemoteError, Take
-from contid.remote.server.lease import GREATEST_TIMEOUT_S, LEAST_TIMEOUT_S, TIMEOUT_S, Holder, MotionRight
+from contid.remote.protocol.wire import Code, Fields, RemoteError, RequestFields
+from contid.remote.server.lease import GREATEST_TIMEOUT_S, LEAST_TIMEOUT_S, TIMEOUT_S, Lease, LeaseHolder
 from contid.remote.server.moves import Moves
-from contid.remote.server.pending_orders import PATIENCE_S, Ledger
-from contid.remote.server.query_handler import Caller, Reading, Verb
-from contid.remote.server.telemetry_view import Picture
+from contid.remote.server.pending_orders import PATIENCE_S, PendingOrders
+from contid.remote.server.query_handler import Caller, QueryHandler, Verb
+from contid.remote.server.telemetry_view import TelemetryView
 from contid.remote.server.trackers import Trackers
 
 
-class Verbs:
+class RequestHandler:
     """The desk at which every client is served."""
 
     def __init__(
         self,
-        orders: Orders,
+        orders: RunControl,
         tell: Callable[[int, Mapping[str, Any]], None],
         clients: Callable[[], int],
     ) -> None:
@@ -42,12 +42,12 @@ class Verbs:
         self._ended = False
         self._refusals: dict[str, str] = {}
         self._busy: Counter[int] = Counter()
-        self.picture = Picture(orders.loaded, orders.rate_hz, orders.refresh)
-        self.ledger = Ledger(orders.send)
+        self.picture = TelemetryView(orders.loaded, orders.rate_hz, orders.refresh)
+        self.ledger = PendingOrders(orders.send)
         self.moves = Moves(orders, self.picture, self.ledger)
         self.trackers = Trackers(orders, self.picture)
-        self.right = MotionRight(time.monotonic(), orders.input_moves)
-        self.reading = Reading(orders, self.picture, self.right, self.trackers, clients)
+        self.right = Lease(time.monotonic(), orders.input_moves)
+        self.reading = QueryHandler(orders, self.picture, self.right, self.trackers, clients)
         self._verbs: dict[str, Verb] = {
             **self.reading.verbs,
             "hold": self._hold, "stop": self._stop, "estop": self._estop,
@@ -64,12 +64,12 @@ class Verbs:
         """
         verb = fields.get("verb")
         if not isinstance(verb, str) or verb not in self._verbs:
-            words = f"unknown verb {str(verb)[:60]!r}; there are {', '.join(self._verbs)}"
-            raise RemoteError(Code.UNKNOWN_VERB, words)
+            message = f"unknown verb {str(verb)[:60]!r}; there are {', '.join(self._verbs)}"
+            raise RemoteError(Code.UNKNOWN_VERB, message)
         self._busy[caller.number] += 1
         try:
             self.right.refresh(caller.number, time.monotonic())
-            return await self._verbs[verb](caller, Take(fields))
+            return await self._verbs[verb](caller, RequestFields(fields))
         finally:
             # Whoever waits for an answer is alive, however long it takes.
             self.right.refresh(caller.number, time.monotonic())
@@ -81,7 +81,7 @@ class Verbs:
         """An event of the ring."""
         kind = event["event"]
         if kind == "refused":
-            self._refusals[str(event.get("robot", ""))] = str(event["words"])
+            self._refusals[str(event.get("robot", ""))] = str(event["message"])
         elif kind == "end" and self.right.input_holds:
             self.right.holder = None
         self.reading.notice(event)
@@ -114,20 +114,20 @@ class Verbs:
             self.right.holder = None
             self._lost(holder, "its connection ended")
 
-    def _lost(self, holder: Holder, words: str) -> None:
+    def _lost(self, holder: LeaseHolder, message: str) -> None:
         self._orders.send(Hold())
-        self.moves.abort_streams(words)
-        self._orders.say(f"client {holder.name!r} lost the motion right ({words}); holding")
-        self._tell(holder.client, {"event": "right", "lost": words})
+        self.moves.abort_streams(message)
+        self._orders.say(f"client {holder.name!r} lost the motion right ({message}); holding")
+        self._tell(holder.client, {"event": "right", "lost": message})
 
     # -- stopping: everybody may ---------------------------------------------------------------------------
 
-    async def _hold(self, caller: Caller, take: Take) -> Fields:
+    async def _hold(self, caller: Caller, take: RequestFields) -> Fields:
         robots = self.picture.named(take)
         take.end()
         return await self._halt(caller, "hold", robots, Hold(robots))
 
-    async def _estop(self, caller: Caller, take: Take) -> Fields:
+    async def _estop(self, caller: Caller, take: RequestFields) -> Fields:
         try:
             robots = self.picture.named(take)
             take.end()
@@ -137,7 +137,7 @@ class Verbs:
             raise RemoteError(error.code, f"{error}; all robots were stopped") from None
         return await self._halt(caller, "estop", robots, Estop(robots))
 
-    async def _stop(self, caller: Caller, take: Take) -> Fields:
+    async def _stop(self, caller: Caller, take: RequestFields) -> Fields:
         robots, ends = self.picture.named(take), take.flag("end")
         take.end()
         if ends and not self._ended:
@@ -149,42 +149,42 @@ class Verbs:
         self, caller: Caller, verb: str, robots: tuple[str, ...] | None, order: Message
     ) -> Fields:
         future = self.ledger.order([order])
-        words = f"client {caller.name!r} ({verb})"
-        holder = self.right.revoke(caller.number, words)
+        message = f"client {caller.name!r} ({verb})"
+        holder = self.right.revoke(caller.number, message)
         if holder is not None:
-            self._tell(holder.client, {"event": "right", "lost": f"{words} stopped the robots"})
-        self.moves.abort_streams(words)
+            self._tell(holder.client, {"event": "right", "lost": f"{message} stopped the robots"})
+        self.moves.abort_streams(message)
         told = await self._told(future, robots)
         silent = self.picture.silent(robots, self._orders.newest())
         return {**told, "silent": silent} if silent else told
 
     # -- moving ------------------------------------------------------------------------------------------
 
-    async def _take(self, caller: Caller, take: Take) -> Fields:
+    async def _take(self, caller: Caller, take: RequestFields) -> Fields:
         timeout_s = take.number("timeout_s", TIMEOUT_S, LEAST_TIMEOUT_S, GREATEST_TIMEOUT_S)
         takeover = take.flag("takeover")
         take.end()
         now_s = time.monotonic()
         before = self.right.take(caller.number, caller.name, now_s, timeout_s, takeover)
         if before is not None:
-            words = f"client {caller.name!r} took over"
+            message = f"client {caller.name!r} took over"
             if before.client == 0:
                 self._orders.displace_input()
             else:
                 self._orders.send(Hold())
-                self._tell(before.client, {"event": "right", "lost": words})
-            self.moves.abort_streams(words)
-            self._orders.say(f"{words} from {before.name!r}; holding")
+                self._tell(before.client, {"event": "right", "lost": message})
+            self.moves.abort_streams(message)
+            self._orders.say(f"{message} from {before.name!r}; holding")
         return {"timeout_s": timeout_s, "from": None if before is None else before.name}
 
-    async def _release(self, caller: Caller, take: Take) -> Fields:
+    async def _release(self, caller: Caller, take: RequestFields) -> Fields:
         take.end()
         if self.moves.streaming(caller.number):
             self._orders.send(Hold())
             self.moves.abort_streams("the motion right was released")
         return {"released": self.right.release(caller.number)}
 
-    async def _resume(self, caller: Caller, take: Take) -> Fields:
+    async def _resume(self, caller: Caller, take: RequestFields) -> Fields:
         robots = self.picture.named(take)
         take.end()
         self.right.allow(caller.number, time.monotonic())
@@ -194,13 +194,13 @@ class Verbs:
     def _no_faults(self, robots: tuple[str, ...] | None) -> None:
         """A robot that is named must not be in FAULT; of all of them, one must not."""
         faults = self.picture.faults(self._orders.newest(), robots)
-        if faults and (robots is not None or len(faults) == len(self.picture.plans)):
+        if faults and (robots is not None or len(faults) == len(self.picture.configs)):
             told = "; ".join(
                 f"{name}: fault {f['number']} {f['name']}, {f['what']}" for name, f in faults.items()
             )
             raise RemoteError(Code.FAULT, f"{told}; clear-fault first", faults)
 
-    async def _clear_fault(self, caller: Caller, take: Take) -> Fields:
+    async def _clear_fault(self, caller: Caller, take: RequestFields) -> Fields:
         robots = self.picture.named(take)
         take.end()
         self.right.allow(caller.number, time.monotonic())
@@ -218,20 +218,20 @@ class Verbs:
                 break
             await asyncio.sleep(0.02)
         if left:
-            words = "; ".join(
+            message = "; ".join(
                 self._refusals.get(name, f"{name}: not cleared, its devices have not answered")
                 for name in left
             )
             faults = self.picture.faults(self._orders.newest(), tuple(sorted(left)))
-            raise RemoteError(Code.FAULT, words, faults)
+            raise RemoteError(Code.FAULT, message, faults)
         return {"cleared": sorted(wrong), "robots": self._states(robots)}
 
-    async def _move(self, caller: Caller, take: Take) -> Fields:
+    async def _move(self, caller: Caller, take: RequestFields) -> Fields:
         target, columns = take.mapping("target"), take.names("columns")
         take.end()
         if (target is None) == (columns is None):
-            words = "move takes a target (a point) or columns (a stream of rows), one of them"
-            raise RemoteError(Code.BAD_REQUEST, words)
+            message = "move takes a target (a point) or columns (a stream of rows), one of them"
+            raise RemoteError(Code.BAD_REQUEST, message)
         had = self.right.held_by(caller.number)
         self.right.use(caller.number, caller.name, time.monotonic())
         try:
@@ -243,19 +243,19 @@ class Verbs:
                 self.right.release(caller.number)
             raise
 
-    async def _rows(self, caller: Caller, take: Take) -> Fields:
+    async def _rows(self, caller: Caller, take: RequestFields) -> Fields:
         number, rows = int(take.number("move", 0, 0, 1e15)), take.rows("rows")
         take.end()
         return self.moves.rows(caller.number, number, rows)
 
-    async def _end(self, caller: Caller, take: Take) -> Fields:
+    async def _end(self, caller: Caller, take: RequestFields) -> Fields:
         number = int(take.number("move", 0, 0, 1e15))
         take.end()
         return await self.moves.end(caller.number, number)
 
     # -- measuring ---------------------------------------------------------------------------------------
 
-    async def _measure(self, caller: Caller, take: Take) -> Fields:
+    async def _measure(self, caller: Caller, take: RequestFields) -> Fields:
         return self.trackers.measure(caller.number, caller.name, take)
 
     # -- inside ------------------------------------------------------------------------------------------
@@ -270,5 +270,5 @@ class Verbs:
 
     def _states(self, robots: tuple[str, ...] | None) -> Fields:
         record = self._orders.newest()
-        names = robots if robots is not None else tuple(self.picture.plans)
+        names = robots if robots is not None else tuple(self.picture.configs)
         return {name: self.picture.mode(name, record).name for name in names}

@@ -8,13 +8,13 @@ from collections.abc import Mapping
 from contextlib import suppress
 from typing import Any, Final
 
-from contid.control.daemon.interfaces import Orders
+from contid.control.daemon.interfaces import RunControl
 from contid.control.tick.faults import Fault
-from contid.remote.protocol.peer_credentials import may_enter, peer_of
+from contid.remote.protocol.peer_credentials import is_authorized, peer_of
 from contid.remote.protocol.socket_path import Endpoint
 from contid.remote.protocol.wire import MAX_CLIENTS, MAX_LINE, encode
 from contid.remote.server.connection import Connection
-from contid.remote.server.request_handler import Verbs
+from contid.remote.server.request_handler import RequestHandler
 from contid.remote.server.telemetry_view import fault_fields
 
 #: How often leases, credits and due frames are looked at, while somebody waits for such and otherwise.
@@ -36,11 +36,11 @@ class SocketServer:
         self._numbers = 0
         self._frames: dict[tuple[Any, ...], bytes] = {}
         self._frames_of = -1
-        self._verbs: Verbs | None = None
+        self._verbs: RequestHandler | None = None
 
-    async def serve(self, orders: Orders) -> None:
+    async def serve(self, orders: RunControl) -> None:
         """Serve until cancelled."""
-        verbs = self._verbs = Verbs(orders, self._tell, lambda: len(self._connections))
+        verbs = self._verbs = RequestHandler(orders, self._tell, lambda: len(self._connections))
         orders.listen(self._notice)
         server = await asyncio.start_unix_server(self._enter, sock=self._endpoint.socket, limit=MAX_LINE)
         try:
@@ -67,11 +67,11 @@ class SocketServer:
         assert task is not None
         assert self._verbs is not None
         try:
-            allowed = may_enter(peer_of(writer.get_extra_info("socket")), self._endpoint.group)
+            allowed = is_authorized(peer_of(writer.get_extra_info("socket")), self._endpoint.group)
         except OSError:  # gone already
             allowed = False
         if not allowed:
-            writer.write(encode({"event": "bye", "words": "this daemon belongs to another user"}))
+            writer.write(encode({"event": "bye", "message": "this daemon belongs to another user"}))
             with suppress(OSError, ConnectionError):
                 writer.close()
             return
@@ -118,7 +118,7 @@ class SocketServer:
             if connection.subscription is not None and connection.subscription.events:
                 connection.outbox.frame(line)
 
-    def _send_frames(self, orders: Orders) -> None:
+    def _send_frames(self, orders: RunControl) -> None:
         """Telemetry that is due; frames alike are made once."""
         now_s = time.monotonic()
         due = [

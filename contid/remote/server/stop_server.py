@@ -25,7 +25,7 @@ _CLIENT_S: Final = 0.5
 _REST_S: Final = 5.0
 
 
-class Door:
+class StopServer:
     """Context manager: while it lasts, orders to stop interrupt the main thread."""
 
     def __init__(self, robot_file: str, doing: str) -> None:
@@ -105,14 +105,14 @@ class Door:
                 return {"id": number, "ok": True, "result": {**self._hello(), "client": 0}}
             if verb == "ping":
                 return {"id": number, "ok": True, "result": {}}
-            words = f"it is {self._doing}, by a command of its own; only {', '.join(_STOPS)} are possible"
-            raise RemoteError(Code.REFUSED, words)
+            message = f"it is {self._doing}, by a command of its own; only {', '.join(_STOPS)} are possible"
+            raise RemoteError(Code.REFUSED, message)
         except RemoteError as error:
             return {"id": number, "ok": False, "error": error.as_fields()}
 
     def _stop(self) -> Fields:
         os.kill(os.getpid(), signal.SIGINT)
         if not self._resting.wait(_REST_S):
-            words = f"interrupted, but the devices have not come to rest within {_REST_S:g} s"
-            raise RemoteError(Code.NO_ANSWER, words)
+            message = f"interrupted, but the devices have not come to rest within {_REST_S:g} s"
+            raise RemoteError(Code.NO_ANSWER, message)
         return {"tick": 0, "robots": {}}

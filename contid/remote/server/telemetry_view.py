@@ -12,12 +12,12 @@ from collections.abc import Callable, Mapping, Sequence
 from typing import Any, Final
 
 from contid.control.engine.tick_layout import ENABLED, HAS_TARGET, RecordLayout, RobotRecord, TickRecord
-from contid.control.engine.wiring import build_plans, driven_robots, record_layout
-from contid.control.tick.config import RobotPlan
+from contid.control.engine.wiring import build_robot_configs, driven_robots, record_layout
+from contid.control.tick.config import RobotConfig
 from contid.control.tick.faults import PAGES, Fault
 from contid.control.tick.limits import FLAG_NAMES
 from contid.control.tick.supervisor import Mode
-from contid.remote.protocol.wire import Code, Fields, RemoteError, Take
+from contid.remote.protocol.wire import Code, Fields, RemoteError, RequestFields
 from contid.remote.server.health import bus_health
 from contid.robot_file.load import LoadedFile
 from contid.trajectory.columns import vocabulary
@@ -48,12 +48,14 @@ def fault_fields(fault: Fault, detail: str) -> Fields | None:
     }
 
 
-class Picture:
+class TelemetryView:
     """The robots of one daemon as clients see them."""
 
     def __init__(self, loaded: LoadedFile, rate_hz: float, refresh: Callable[[], None]) -> None:
         """See a robot file's robots; ``refresh`` brings the events that belong to a record."""
-        self.plans: dict[str, RobotPlan] = {plan.name: plan for plan in build_plans(loaded, rate_hz)}
+        self.configs: dict[str, RobotConfig] = {
+            config.name: config for config in build_robot_configs(loaded, rate_hz)
+        }
         self.robots = driven_robots(loaded)
         self.layout: RecordLayout = record_layout(loaded, rate_hz)
         self._loaded = loaded
@@ -67,16 +69,16 @@ class Picture:
     def notice(self, event: Mapping[str, Any]) -> None:
         """Keep the words of a fault: a record has its number only."""
         if event["event"] == "fault":
-            self._details[event["robot"]] = str(event.get("detail", event["words"]))
+            self._details[event["robot"]] = str(event.get("detail", event["message"]))
 
     def check(self, robots: Sequence[str] | None) -> None:
         """Raise for a robot that is not there."""
         for name in robots or ():
-            if name not in self.plans:
-                known = ", ".join(self.plans)
+            if name not in self.configs:
+                known = ", ".join(self.configs)
                 raise RemoteError(Code.UNKNOWN_ROBOT, f"no robot {name!r}; there are {known}")
 
-    def named(self, take: Take) -> tuple[str, ...] | None:
+    def named(self, take: RequestFields) -> tuple[str, ...] | None:
         """The robots that a request names, None for all of them.
 
         Raises:
@@ -89,7 +91,7 @@ class Picture:
     def faults(self, record: TickRecord | None, robots: Sequence[str] | None) -> dict[str, Fields]:
         """The faults of robots, of all of them for None."""
         out = {}
-        for name in robots if robots is not None else tuple(self.plans):
+        for name in robots if robots is not None else tuple(self.configs):
             told = self.fault(name, record)
             if told is not None:
                 out[name] = told
@@ -116,9 +118,11 @@ class Picture:
         out: dict[str, list[str]] = {}
         if record is None:
             return out
-        for name in robots if robots is not None else tuple(self.plans):
+        for name in robots if robots is not None else tuple(self.configs):
             told = record.robots[self._index[name]].axes
-            axes = [a for a, seen in zip(self.plans[name].axis_names, told, strict=True) if seen.valid != 1.0]
+            axes = [
+                a for a, seen in zip(self.configs[name].axis_names, told, strict=True) if seen.valid != 1.0
+            ]
             if axes:
                 out[name] = axes
         return out
@@ -135,18 +139,18 @@ class Picture:
     def describe(self) -> Fields:
         """What does not change: robots, axes, limits, columns."""
         robots: Fields = {}
-        for name, plan in self.plans.items():
-            scale, unit = plan.quantity.per_si, plan.quantity.unit
+        for name, config in self.configs.items():
+            scale, unit = config.quantity.per_si, config.quantity.unit
             robots[name] = {
-                "model": plan.kind,
+                "model": config.kind,
                 "unit": unit,
                 "columns": list(vocabulary(self.robots[name])),
-                f"velocity_{unit}_s": plan.velocity * scale,
-                "stop": {key: getattr(plan.stops, key).value for key in plan.stops.__slots__},
+                f"velocity_{unit}_s": config.velocity * scale,
+                "stop": {key: getattr(config.stops, key).value for key in config.stops.__slots__},
                 "axes": {
                     axis: {f"lower_{unit}": low * scale, f"upper_{unit}": high * scale}
                     for axis, low, high in zip(
-                        plan.axis_names, plan.model.lower, plan.model.upper, strict=True
+                        config.axis_names, config.model.lower, config.model.upper, strict=True
                     )
                 },
             }
@@ -156,7 +160,7 @@ class Picture:
         """Buses and robots now."""
         now_s = time.monotonic() if now_s is None else now_s
         if record is None:
-            return {"tick": None, "buses": {}, "robots": {name: {"state": "OFF"} for name in self.plans}}
+            return {"tick": None, "buses": {}, "robots": {name: {"state": "OFF"} for name in self.configs}}
         health = bus_health(self.layout, record, self._axes_of, now_s)
         return {
             "tick": record.tick,
@@ -173,26 +177,26 @@ class Picture:
                 }
                 for name, bus in health.items()
             },
-            "robots": {name: self._robot(name, record) for name in self.plans},
+            "robots": {name: self._robot(name, record) for name in self.configs},
         }
 
     def telemetry(self, record: TickRecord, robots: Sequence[str], fields: Sequence[str]) -> Fields:
         """The chosen fields of the chosen robots at one tick."""
         out: Fields = {}
         for name in robots:
-            plan, told = self.plans[name], record.robots[self._index[name]]
-            out[name] = {field: self._field(plan, told, field) for field in fields}
+            config, told = self.configs[name], record.robots[self._index[name]]
+            out[name] = {field: self._field(config, told, field) for field in fields}
         return {"tick": record.tick, "t_s": record.deadline_s, "robots": out}
 
-    def _field(self, plan: RobotPlan, told: RobotRecord, field: str) -> Any:
-        scale = plan.quantity.per_si
+    def _field(self, config: RobotConfig, told: RobotRecord, field: str) -> Any:
+        scale = config.quantity.per_si
         match field:
             case "state":
                 return Mode(told.mode).name
             case "fault":
                 return told.fault
             case "tip_mm":
-                return self.tip_mm(plan, told)
+                return self.tip_mm(config, told)
             case "target_mm":
                 return [m_to_mm(value) for value in told.tip_m] if told.flags & HAS_TARGET else None
             case "error_mm":
@@ -200,7 +204,7 @@ class Picture:
             case "command":
                 return [_number(axis.command * scale) for axis in told.axes]
             case "measured":
-                measured = _measured(plan, told)
+                measured = _measured(config, told)
                 return None if measured is None else [value * scale for value in measured]
             case "limits":
                 return [_limits(int(axis.limits)) for axis in told.axes]
@@ -216,16 +220,16 @@ class Picture:
         return [_number(getattr(axis, field)) for axis in told.axes]
 
     def _robot(self, name: str, record: TickRecord) -> Fields:
-        plan, told = self.plans[name], record.robots[self._index[name]]
-        scale, unit = plan.quantity.per_si, plan.quantity.unit
-        measured = _measured(plan, told)
+        config, told = self.configs[name], record.robots[self._index[name]]
+        scale, unit = config.quantity.per_si, config.quantity.unit
+        measured = _measured(config, told)
         axes = {}
-        for number, (axis, sample) in enumerate(zip(plan.axis_names, told.axes, strict=True)):
+        for number, (axis, sample) in enumerate(zip(config.axis_names, told.axes, strict=True)):
             axes[axis] = {
                 f"measured_{unit}": None if measured is None else measured[number] * scale,
                 f"command_{unit}": _number(sample.command * scale),
-                f"lower_{unit}": plan.model.lower[number] * scale,
-                f"upper_{unit}": plan.model.upper[number] * scale,
+                f"lower_{unit}": config.model.lower[number] * scale,
+                f"upper_{unit}": config.model.upper[number] * scale,
                 "valid": sample.valid == 1.0,
                 "limits": _limits(int(sample.limits)),
                 **{key: _number(getattr(sample, key)) for key in _PER_AXIS},
@@ -234,33 +238,33 @@ class Picture:
             "state": Mode(told.mode).name,
             "enabled": bool(told.flags & ENABLED),
             "fault": self._fault(name, told),
-            "tip_mm": self.tip_mm(plan, told),
-            "target_mm": self._field(plan, told, "target_mm"),
-            "error_mm": self._field(plan, told, "error_mm"),
+            "tip_mm": self.tip_mm(config, told),
+            "target_mm": self._field(config, told, "target_mm"),
+            "error_mm": self._field(config, told, "error_mm"),
             "unit": unit,
             "axes": axes,
         }
 
-    def tip_mm(self, plan: RobotPlan, told: RobotRecord) -> list[float] | None:
+    def tip_mm(self, config: RobotConfig, told: RobotRecord) -> list[float] | None:
         """Where the model says the tip is."""
-        actuation = _measured(plan, told)
+        actuation = _measured(config, told)
         if actuation is None:
             actuation = tuple(axis.command for axis in told.axes)
             if not all(map(math.isfinite, actuation)):
                 return None
         try:
-            tip = plan.frame.point_in_world(plan.model.forward(actuation).tip_m)
+            tip = config.frame.point_in_world(config.model.forward(actuation).tip_m)
         except (ValueError, ArithmeticError):  # measured outside what the model knows
             return None
         return [m_to_mm(value) for value in tip] if all(map(math.isfinite, tip)) else None
 
 
-def _measured(plan: RobotPlan, told: RobotRecord) -> tuple[float, ...] | None:
+def _measured(config: RobotConfig, told: RobotRecord) -> tuple[float, ...] | None:
     """Measured actuation [m or Pa], None while an axis has never been read."""
     values = tuple(axis.value for axis in told.axes)
     if not all(map(math.isfinite, values)):
         return None
-    return plan.transmission.to_actuation(values)
+    return config.transmission.to_actuation(values)
 
 
 def _limits(bits: int) -> list[str]:

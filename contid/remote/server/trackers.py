@@ -17,11 +17,11 @@ from typing import Any, Final
 
 import numpy as np
 
-from contid.control.daemon.interfaces import Orders
+from contid.control.daemon.interfaces import RunControl
 from contid.control.engine.messages import Measured
-from contid.control.tick.config import RobotPlan
-from contid.remote.protocol.wire import Code, Fields, RemoteError, Take
-from contid.remote.server.telemetry_view import Picture
+from contid.control.tick.config import RobotConfig
+from contid.remote.protocol.wire import Code, Fields, RemoteError, RequestFields
+from contid.remote.server.telemetry_view import TelemetryView
 from contid.targets import Vec3
 from contid.trajectory.columns import unit_vector
 from contid.units import MM_PER_M
@@ -67,7 +67,7 @@ class Tracker:
 class Trackers:
     """The trackers of one daemon."""
 
-    def __init__(self, orders: Orders, picture: Picture) -> None:
+    def __init__(self, orders: RunControl, picture: TelemetryView) -> None:
         self._orders = orders
         self._picture = picture
         self._trackers: dict[str, Tracker] = {}
@@ -78,37 +78,37 @@ class Trackers:
         """True while a measurement may wait to be sent."""
         return bool(self._trackers)
 
-    def measure(self, client: int, name: str, take: Take) -> Fields:
+    def measure(self, client: int, name: str, take: RequestFields) -> Fields:
         """Take one measurement.
 
         Raises:
             RemoteError: it is none, it is too old, too far, or somebody else tracks this robot.
         """
         now_s = time.monotonic()
-        plan = self._plan(take)
-        dimension = self._picture.robots[plan.name].dimension
+        config = self._plan(take)
+        dimension = self._picture.robots[config.name].dimension
         tip_mm = _vector(take.anything("tip_mm"), "tip_mm", dimension)
         given, direction = take.anything("direction"), None
         if given is not None:
             direction = unit_vector(_vector(given, "direction", dimension))
             if direction is None:
                 raise _bad("direction: the zero vector points nowhere")
-        captured_s = self._captured(take, now_s, plan)
+        captured_s = self._captured(take, now_s, config)
         take.end()
         tip_in_world: Vec3 = (tip_mm[0] / MM_PER_M, tip_mm[1] / MM_PER_M, tip_mm[2] / MM_PER_M)
-        self._within_reach(plan, tip_in_world)
-        tracker = self._tracker(plan.name, client, name, now_s)
+        self._within_reach(config, tip_in_world)
+        tracker = self._tracker(config.name, client, name, now_s)
         tracker.seen_s, tracker.count = now_s, tracker.count + 1
         used = captured_s > tracker.captured_s
         if used:
             tracker.captured_s = captured_s
-            tracker.pending = Measured(plan.name, tip_in_world, direction)
+            tracker.pending = Measured(config.name, tip_in_world, direction)
             self._send(tracker, now_s)
         return {
-            "robot": plan.name,
+            "robot": config.name,
             "age_ms": round((now_s - captured_s) * _MS_PER_S, 3),
             "used": used,
-            "feedback": plan.feedback is not None,
+            "feedback": config.feedback is not None,
         }
 
     def watch(self, now_s: float) -> None:
@@ -133,7 +133,7 @@ class Trackers:
                 "name": tracker.name,
                 "age_ms": round((now_s - tracker.captured_s) * _MS_PER_S, 3),
                 "rate_hz": _rate(tracker),
-                "feedback": self._picture.plans[robot].feedback is not None,
+                "feedback": self._picture.configs[robot].feedback is not None,
             }
             for robot, tracker in self._trackers.items()
         }
@@ -149,16 +149,16 @@ class Trackers:
         age_s = max(now_s - tracker.captured_s, 0.0)
         self._orders.send(Measured(pending.robot, pending.tip_in_world, pending.direction_in_world, age_s))
 
-    def _plan(self, take: Take) -> RobotPlan:
-        plans = self._picture.plans
-        alone = next(iter(plans)) if len(plans) == 1 else ""
+    def _plan(self, take: RequestFields) -> RobotConfig:
+        configs = self._picture.configs
+        alone = next(iter(configs)) if len(configs) == 1 else ""
         name = take.text("robot", alone)
         if not name:
-            raise RemoteError(Code.BAD_REQUEST, f"robot: one of {', '.join(plans)} is expected")
+            raise RemoteError(Code.BAD_REQUEST, f"robot: one of {', '.join(configs)} is expected")
         self._picture.check((name,))
-        return plans[name]
+        return configs[name]
 
-    def _captured(self, take: Take, now_s: float, plan: RobotPlan) -> float:
+    def _captured(self, take: RequestFields, now_s: float, config: RobotConfig) -> float:
         """When it was captured, on CLOCK_MONOTONIC: by a stamp, by an age, or now."""
         stamp, age_ms = take.anything("time_s"), take.anything("age_ms")
         if stamp is not None and age_ms is not None:
@@ -168,23 +168,23 @@ class Trackers:
             captured_s = _number(stamp, "time_s")
         elif age_ms is not None:
             captured_s = now_s - _number(age_ms, "age_ms") / _MS_PER_S
-        oldest_s = plan.feedback.stale_s if plan.feedback is not None else STALE_S
+        oldest_s = config.feedback.stale_s if config.feedback is not None else STALE_S
         age_s = now_s - captured_s
         if age_s > oldest_s:
-            words = f"{age_s * _MS_PER_S:.6g} ms old; at most {oldest_s * _MS_PER_S:g} ms are of use"
-            raise _bad(f"{plan.name}: {words}{_CLOCK if stamp is not None else ''}")
+            message = f"{age_s * _MS_PER_S:.6g} ms old; at most {oldest_s * _MS_PER_S:g} ms are of use"
+            raise _bad(f"{config.name}: {message}{_CLOCK if stamp is not None else ''}")
         if age_s < -AHEAD_S:
-            raise _bad(f"{plan.name}: captured {-age_s * _MS_PER_S:.6g} ms from now{_CLOCK}")
+            raise _bad(f"{config.name}: captured {-age_s * _MS_PER_S:.6g} ms from now{_CLOCK}")
         return min(captured_s, now_s)
 
-    def _within_reach(self, plan: RobotPlan, tip_in_world: Vec3) -> None:
-        away_m = math.hypot(*plan.frame.point_in_base(tip_in_world))
-        if plan.name not in self._reach_m:
-            self._reach_m[plan.name] = REACH * _longest(plan)
-        if away_m > self._reach_m[plan.name]:
+    def _within_reach(self, config: RobotConfig, tip_in_world: Vec3) -> None:
+        away_m = math.hypot(*config.frame.point_in_base(tip_in_world))
+        if config.name not in self._reach_m:
+            self._reach_m[config.name] = REACH * _longest(config)
+        if away_m > self._reach_m[config.name]:
             raise _bad(
-                f"{plan.name}: a tip {away_m * MM_PER_M:.6g} mm from the base is not this robot's (at most "
-                f"{self._reach_m[plan.name] * MM_PER_M:.4g} mm); tip_mm is in mm, in the world frame"
+                f"{config.name}: a tip {away_m * MM_PER_M:.6g} mm from the base is not this robot's (at most "
+                f"{self._reach_m[config.name] * MM_PER_M:.4g} mm); tip_mm is in mm, in the world frame"
             )
 
     def _tracker(self, robot: str, client: int, name: str, now_s: float) -> Tracker:
@@ -192,8 +192,10 @@ class Trackers:
         if tracker is not None and tracker.client != client:
             if now_s - tracker.seen_s <= SILENT_S:
                 since_s = now_s - tracker.since_s
-                words = f"client {tracker.name!r} tracks {robot} since {since_s:.1f} s; one tracker per robot"
-                raise RemoteError(Code.HELD, words)
+                message = (
+                    f"client {tracker.name!r} tracks {robot} since {since_s:.1f} s; one tracker per robot"
+                )
+                raise RemoteError(Code.HELD, message)
             tracker = None
         if tracker is None:
             tracker = self._trackers[robot] = Tracker(client, name, now_s, now_s)
@@ -203,9 +205,9 @@ class Trackers:
 _CLOCK: Final = "; time_s is CLOCK_MONOTONIC of this machine (Python's time.monotonic())"
 
 
-def _longest(plan: RobotPlan) -> float:
+def _longest(config: RobotConfig) -> float:
     """Length of the longest backbone [m]: at rest, or with every axis at its greatest value."""
-    lines = [plan.model.shape(actuation, POINTS) for actuation in (plan.rest, plan.model.upper)]
+    lines = [config.model.shape(actuation, POINTS) for actuation in (config.rest, config.model.upper)]
     return max(float(np.linalg.norm(np.diff(line, axis=0), axis=1).sum()) for line in lines)
 
 
@@ -215,8 +217,8 @@ def _rate(tracker: Tracker) -> float | None:
     return round((tracker.count - 1) / seconds, 1) if seconds > 0.0 else None
 
 
-def _bad(words: str) -> RemoteError:
-    return RemoteError(Code.BAD_MEASUREMENT, words)
+def _bad(message: str) -> RemoteError:
+    return RemoteError(Code.BAD_MEASUREMENT, message)
 
 
 def _number(value: Any, name: str) -> float:

@@ -18,11 +18,14 @@ from contid.control.engine.tick_layout import AXIS_VALUES, HEAD_VALUES, ROBOT_VA
 TICK_CHANNELS: Final = ("tick", "target", "solution", "command", "sample")
 EVENT: Final = "event"
 #: Of the messages; every one is read. 0 the first; 1 adds the measured tip of every robot; 2 leaves out what
-#: is absent, where earlier ones have ``null``, and names what is infinite, where earlier ones have ``1e999``.
-REVISION: Final = 2
+#: is absent, where earlier ones have ``null``, and names what is infinite, where earlier ones have ``1e999``;
+#: 3 renames keys of events (`RENAMED_EVENT_KEYS`).
+REVISION: Final = 3
 CHANNELS: Final = (*TICK_CHANNELS, EVENT)
 #: Key of a message for what JSON cannot say: paths of infinite numbers, a minus in front of negative ones.
 INFINITE: Final = "infinite"
+#: Keys of events in revisions 0 to 2 -> their names from revision 3 on.
+RENAMED_EVENT_KEYS: Final = {"words": "message"}
 #: Unit in a robot file -> unit of SI.
 SI: Final = {"mm": "m", "bar": "pa"}
 
@@ -43,13 +46,13 @@ class Field:
         path: keys from the message down to it.
         slots: places in the record; three make a vector.
         kind: JSON Schema type of it.
-        words: what it is, for the schema.
+        message: what it is, for the schema.
     """
 
     path: tuple[str, ...]
     slots: tuple[int, ...]
     kind: str
-    words: str
+    message: str
 
     @property
     def required(self) -> bool:
@@ -84,35 +87,35 @@ def fields(layout: RecordLayout, device_units: Mapping[str, str], channel: str) 
     yield Field(("tick",), (0,), "integer", "number of the tick")
     if channel == "tick":
         yield Field(("skipped",), (1,), "integer", "ticks skipped so far")
-        for slot, name, words in (
+        for slot, name, message in (
             (2, "deadline_s", "when it should have started, on CLOCK_MONOTONIC or in virtual time"),
             (3, "lateness_s", "how much later it started"),
             (4, "work_s", "how long it took"),
             (5, "source_s", "time in the trajectory"),
         ):
-            yield Field((name,), (slot,), "number", words)
+            yield Field((name,), (slot,), "number", message)
     for index, robot in enumerate(layout.robots):
         at, front, unit = robot_at(layout, index), ("robots", robot.name), SI[robot.quantity]
-        for place, name, kind, words in _OF_ROBOT[channel]:
+        for place, name, kind, message in _OF_ROBOT[channel]:
             slots = tuple(at + each for each in (place if isinstance(place, tuple) else (place,)))
-            yield Field((*front, name), slots, kind, words)
+            yield Field((*front, name), slots, kind, message)
         for number, axis in enumerate(robot.axes):
             start, key = axis_at(layout, index, number), key_of(axis)
             device = device_units[f"{robot.name}.{axis}"]
             if channel == "sample":
-                for place, name, kind, words in _SAMPLE:
+                for place, name, kind, message in _SAMPLE:
                     full = name.format(unit=device)
-                    yield Field((*front, key, full), (start + place,), kind, words)
+                    yield Field((*front, key, full), (start + place,), kind, message)
             elif channel in _ACTUATION:
-                place, words = _ACTUATION[channel]
-                yield Field((*front, f"{key}_{unit}"), (start + place,), "number", words)
+                place, message = _ACTUATION[channel]
+                yield Field((*front, f"{key}_{unit}"), (start + place,), "number", message)
         if channel == "command":
             for number, axis in enumerate(robot.axes):
                 start, key = axis_at(layout, index, number), key_of(axis)
                 path = (*front, "device", f"{key}_{device_units[f'{robot.name}.{axis}']}")
                 yield Field(path, (start + DEVICE,), "number", "value sent to the device")
-                words = "bits: 1 position, 2 velocity, 4 acceleration, 8 refused"
-                yield Field((*front, "limits", key), (start + LIMITS,), "integer", words)
+                message = "bits: 1 position, 2 velocity, 4 acceleration, 8 refused"
+                yield Field((*front, "limits", key), (start + LIMITS,), "integer", message)
 
 
 _MODES: Final = "0 OFF, 1 CONNECTING, 2 READY, 3 ARMING, 4 APPROACH, 5 RUN, 6 HOLD, 7 STOPPING, 8 FAULT"
@@ -167,7 +170,7 @@ _EVENT_KEYS: Final = (
     ("axis", "string", "ROBOT.AXIS"),
     ("mode", "string", "state: the new mode of the robot"),
     ("order", "string", "order: what was asked for"),
-    ("words", "string", "for a person"),
+    ("message", "string", "for a person"),
     ("reason", "string", "why a stop began"),
     ("seconds", "number", "stopping: how long it takes"),
     ("name", "string", "of a fault, or of a limit"),
@@ -185,19 +188,21 @@ _EVENT_KEYS: Final = (
 def schema(layout: RecordLayout, device_units: Mapping[str, str], channel: str) -> dict[str, Any]:
     """JSON Schema of a channel: every key of its messages, and which of them are always there."""
     if channel == EVENT:
-        keys = {name: {"type": kind, "description": words} for name, kind, words in _EVENT_KEYS}
+        keys = {name: {"type": kind, "description": message} for name, kind, message in _EVENT_KEYS}
         return {"type": "object", "title": f"contid.{EVENT}", "properties": keys, "required": ["event"]}
     root: dict[str, Any] = {"title": f"contid.{channel}", **_object()}
     for each in fields(layout, device_units, channel):
         at = root
         for key in each.path[:-1]:
             at = _add(at, key, _object(), required=True)
-        about: dict[str, Any] = {"type": each.kind, "description": each.words}
+        about: dict[str, Any] = {"type": each.kind, "description": each.message}
         if each.kind == "array":
             about |= {"items": {"type": "number"}, "minItems": 3, "maxItems": 3}
         _add(at, each.path[-1], about, each.required)
-    words = "paths of numbers that are infinite, a minus in front of negative ones; absent without any"
-    _add(root, INFINITE, {"type": "array", "items": {"type": "string"}, "description": words}, required=False)
+    message = "paths of numbers that are infinite, a minus in front of negative ones; absent without any"
+    _add(
+        root, INFINITE, {"type": "array", "items": {"type": "string"}, "description": message}, required=False
+    )
     return root
 
 

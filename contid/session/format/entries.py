@@ -15,7 +15,7 @@ from pathlib import Path
 from typing import Any, BinaryIO, Final
 
 from contid.session.format import mcap_records as mcap
-from contid.session.format.channels import EVENT, TICK_CHANNELS
+from contid.session.format.channels import EVENT, RENAMED_EVENT_KEYS, TICK_CHANNELS
 from contid.session.format.decode import Decoder
 from contid.session.format.mcap_records import MESSAGE_INSIDE, DamagedRecordError, RecordStream
 
@@ -50,7 +50,7 @@ class Entry:
 
 
 @dataclass(frozen=True, slots=True)
-class End:
+class EndOfFile:
     """How a file ends.
 
     Attributes:
@@ -70,7 +70,7 @@ def read_entries(
     decoder: Decoder,
     keep: Callable[[int, bytes], None],
     progress: Callable[[int], None],
-) -> Generator[Entry, None, End]:
+) -> Generator[Entry, None, EndOfFile]:
     """Go through a file once; a tick that is not whole is left out.
 
     Args:
@@ -105,19 +105,21 @@ def read_entries(
                     continue
                 values = decoder.record(gathered)
             except _DAMAGE:
-                return End(cut=DAMAGED)
+                return EndOfFile(cut=DAMAGED)
             yield Entry(time_ns, values)
             gathered = None
             ticks += 1
             if ticks % _OFTEN == 0:
                 progress(ticks)
         if stream.clean:
-            return End(True, stream.chunked)
+            return EndOfFile(True, stream.chunked)
         if stream.damaged:
-            return End(cut=DAMAGED)
+            return EndOfFile(cut=DAMAGED)
         if _locked(file):
-            return End(cut=GROWING)
-    return End(False, stream.chunked, "it has no end" if gathered is None else "the last tick is not whole")
+            return EndOfFile(cut=GROWING)
+    return EndOfFile(
+        False, stream.chunked, "it has no end" if gathered is None else "the last tick is not whole"
+    )
 
 
 def _event(data: bytes) -> Mapping[str, Any]:
@@ -132,6 +134,9 @@ def _event(data: bytes) -> Mapping[str, Any]:
     tick = fields.get("tick", 0)
     if not isinstance(tick, int) or isinstance(tick, bool) or not 0 <= tick < _TICKS:
         raise ValueError("an event has no tick")
+    for old, new in RENAMED_EVENT_KEYS.items():
+        if old in fields:
+            fields[new] = fields.pop(old)
     return fields
 
 

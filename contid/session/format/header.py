@@ -58,7 +58,7 @@ class Attached:
 
 
 @dataclass(frozen=True, slots=True)
-class Job:
+class RecorderJob:
     """What to record.
 
     Attributes:

@@ -24,7 +24,7 @@ import numpy as np
 
 from contid import __version__, kernels
 from contid.control.engine.wiring import driven_robots, record_layout
-from contid.control.process.setup import Setup
+from contid.control.process.setup import RunSetup
 from contid.errors import ContidError
 from contid.hal import DeviceKind, load_driver
 from contid.robot_file.load import LoadedFile
@@ -42,7 +42,7 @@ _ROWS: Final = "rows.npy"
 _NPY_HEAD: Final = 10_000
 
 
-def describe(setup: Setup, options: Mapping[str, str], virtual: bool, host: str | None = None) -> Header:
+def describe(setup: RunSetup, options: Mapping[str, str], virtual: bool, host: str | None = None) -> Header:
     """The head of a session of a run.
 
     Args:

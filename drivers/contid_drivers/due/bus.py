@@ -8,10 +8,10 @@ from collections.abc import Mapping, Sequence
 from contid.errors import DeviceError, DeviceLostError
 from contid.hal import AxisOnBus, Clock, DeviceKind, Rest, Sample
 from contid_drivers.due import messages
-from contid_drivers.due.codes import DUTY_FULL, RestCode, State, Type
-from contid_drivers.due.messages import Hello, Refused, Report, Telemetry
-from contid_drivers.due.options import BusOptions
-from contid_drivers.due.session import Session, refused
+from contid_drivers.due.codes import DUTY_FULL, BoardState, RestCode, Type
+from contid_drivers.due.messages import BoardReport, Hello, Refused, Telemetry
+from contid_drivers.due.options import DueBusOptions
+from contid_drivers.due.session import DueConnection, refused
 from contid_drivers.due.wiring import Scale, axis_options
 
 #: A board that says nothing for so long is gone, not late.
@@ -35,7 +35,7 @@ class _Axis:
         self.has_current = options.stall_current_ma > 0
         self.value: float | None = None
         self.time_s = -math.inf
-        self.report: Report | None = None
+        self.report: BoardReport | None = None
         self.reference_lost = False
         self.enabled = False
         self.silent = True
@@ -43,16 +43,16 @@ class _Axis:
     @property
     def fault(self) -> str:
         """The device's own fault in words."""
-        if self.report is not None and self.report.state is State.SAFE:
-            return self.report.reason.words
+        if self.report is not None and self.report.state is BoardState.SAFE:
+            return self.report.reason.message
         return _REFERENCE_LOST if self.reference_lost else ""
 
     @property
     def armed(self) -> bool:
         """Whether the newest telemetry says the channel follows demands."""
-        return self.report is not None and self.report.state is State.ARMED
+        return self.report is not None and self.report.state is BoardState.ARMED
 
-    def take(self, report: Report, now: float) -> None:
+    def take(self, report: BoardReport, now: float) -> None:
         """Keep what the board says of this axis; a reading without sensor is no reading."""
         self.report = report
         self.silent = False
@@ -84,14 +84,14 @@ class _Axis:
 class DueBus:
     """See `contid.hal.Bus`."""
 
-    def __init__(self, name: str, options: BusOptions, axes: Sequence[AxisOnBus], clock: Clock) -> None:
+    def __init__(self, name: str, options: DueBusOptions, axes: Sequence[AxisOnBus], clock: Clock) -> None:
         self.name = name
         self.axes = tuple(axis.name for axis in axes)
         self._options = options
         self._given = tuple(axes)
         self._clock = clock
         self._by_name = {axis.name: _Axis(axis) for axis in axes}
-        self._session: Session | None = None
+        self._session: DueConnection | None = None
         self._lost = "it was never opened"
         self._boot: int | None = None
         self._heard_s = -math.inf
@@ -99,7 +99,7 @@ class DueBus:
     def open(self) -> None:
         """Wait for hello, check role, version and configuration; a board that kept all goes on as it is."""
         self.close()
-        session = Session(self.name, self._options, self._given)
+        session = DueConnection(self.name, self._options, self._given)
         self._session = session
         self._lost = ""
         if self._boot is not None and session.hello.boot != self._boot:
@@ -184,9 +184,9 @@ class DueBus:
     def homing(self, axis: str) -> bool:
         """Whether the newest telemetry says the axis is still looking for its end stop."""
         report = self._axis(axis).report
-        return report is not None and report.state is State.HOMING
+        return report is not None and report.state is BoardState.HOMING
 
-    def _grant(self, session: Session, kind: Type, what: str, axes: Sequence[_Axis]) -> None:
+    def _grant(self, session: DueConnection, kind: Type, what: str, axes: Sequence[_Axis]) -> None:
         if not axes:
             return
         body = messages.masked(session.config_crc, (axis.channel for axis in axes))
@@ -201,7 +201,7 @@ class DueBus:
             self.name, what, [axis.name for axis in axes], answer if isinstance(answer, Refused) else None
         )
 
-    def _command(self, session: Session, kind: Type, body: bytes) -> Telemetry | Refused | None:
+    def _command(self, session: DueConnection, kind: Type, body: bytes) -> Telemetry | Refused | None:
         try:
             return session.command(kind, body)
         except DeviceLostError as lost:
@@ -236,7 +236,7 @@ class DueBus:
         except KeyError:
             raise DeviceError(self.name, f"no axis {name!r}; there are {', '.join(self.axes)}") from None
 
-    def _need_session(self) -> Session:
+    def _need_session(self) -> DueConnection:
         if self._session is None or self._lost:
             raise DeviceLostError(self.name, self._lost or "it is not open", "open it again")
         return self._session

@@ -37,7 +37,7 @@ class Type(enum.IntEnum):
     REFUSED = 0xFF
 
 
-class State(enum.IntEnum):
+class BoardState(enum.IntEnum):
     """State of a channel."""
 
     OFF = 0
@@ -64,7 +64,7 @@ class Reason(enum.IntEnum):
     BRIDGE = 10
 
     @property
-    def words(self) -> str:
+    def message(self) -> str:
         """The fault for people."""
         return _REASON_WORDS[self]
 
@@ -140,6 +140,6 @@ class ResetCause(enum.IntEnum):
     BROWN_OUT = 5
 
     @property
-    def words(self) -> str:
+    def message(self) -> str:
         """The cause for people."""
         return self.name.lower().replace("_", "-")

@@ -8,7 +8,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from contid.hal import AxisOnBus, Bus, Clock, DeviceKind, Driver, Finding, Homed, Say
-from contid_drivers.due.options import AxisOptions, BusOptions, SafeState
+from contid_drivers.due.options import DueAxisOptions, DueBusOptions, SafeState
 
 if TYPE_CHECKING:
     from pydantic import BaseModel
@@ -17,27 +17,27 @@ if TYPE_CHECKING:
 class DueDriver:
     """See `contid.hal.Driver`."""
 
-    bus_options: type[BaseModel] = BusOptions
-    axis_options: type[BaseModel] = AxisOptions
+    bus_options: type[BaseModel] = DueBusOptions
+    axis_options: type[BaseModel] = DueAxisOptions
 
     def kind(self, axis: BaseModel) -> DeviceKind:
         """Motors (rad of the output shaft) on channels ``m``, regulators (Pa) on channels ``p``."""
-        assert isinstance(axis, AxisOptions)
+        assert isinstance(axis, DueAxisOptions)
         return axis.kind
 
     def address(self, axis: BaseModel) -> str:
         """The channel of the board."""
-        assert isinstance(axis, AxisOptions)
+        assert isinstance(axis, DueAxisOptions)
         return f"channel {axis.channel}"
 
     def mock_options(self, bus: BaseModel) -> Mapping[str, Any]:
         """The simulated twin has the same dead-man."""
-        assert isinstance(bus, BusOptions)
+        assert isinstance(bus, DueBusOptions)
         return {"watchdog_ms": max(bus.watchdog_ms, 10)}
 
     def mock_axis_options(self, axis: BaseModel) -> Mapping[str, Any]:
         """The simulated twin of a channel, with its limits and its safe state."""
-        assert isinstance(axis, AxisOptions)
+        assert isinstance(axis, DueAxisOptions)
         if axis.kind is DeviceKind.MOTOR:
             return {
                 "device": axis.kind.value,
@@ -58,7 +58,7 @@ class DueDriver:
         """Build the bus; touches no device."""
         from contid_drivers.due.bus import DueBus
 
-        assert isinstance(options, BusOptions)
+        assert isinstance(options, DueBusOptions)
         return DueBus(name, options, axes, clock)
 
     def emulator(
@@ -67,14 +67,14 @@ class DueDriver:
         """The firmware itself on a pty; see `contid.hal.Emulates`."""
         from contid_drivers.due.emulator import emulated
 
-        assert isinstance(options, BusOptions)
+        assert isinstance(options, DueBusOptions)
         return emulated(name, options, axes, control)
 
     def doctor(self, name: str, options: BaseModel, axes: Sequence[AxisOnBus]) -> list[Finding]:
         """Port, hello, configuration, timing; see `contid.hal.Diagnoses`."""
         from contid_drivers.due.service import doctor
 
-        assert isinstance(options, BusOptions)
+        assert isinstance(options, DueBusOptions)
         return doctor(name, options, axes)
 
     def home(
@@ -83,7 +83,7 @@ class DueDriver:
         """Homing against end stops, done by the board; see `contid.hal.Homes`."""
         from contid_drivers.due.service import home
 
-        assert isinstance(options, BusOptions)
+        assert isinstance(options, DueBusOptions)
         return home(name, options, axes, only, say)
 
 

@@ -16,7 +16,7 @@ from contid.hal import AxisOnBus, DeviceKind
 from contid.units import BAR
 from contid_drivers.due.codes import ADC_MV, ADC_STEPS
 from contid_drivers.due.firmware import build_host
-from contid_drivers.due.options import AxisOptions, BusOptions
+from contid_drivers.due.options import DueAxisOptions, DueBusOptions
 from contid_drivers.due.wiring import axis_options
 
 #: Switches of one channel, on or off: ``{"fault": "leak", "channel": 2, "on": true}``.
@@ -62,7 +62,7 @@ def plant_commands(axis: AxisOnBus) -> list[str]:
     return [f"set {channel} {name} {value:.9g}" for name, value in numbers.items()]
 
 
-def _motor(axis: AxisOnBus, o: AxisOptions) -> dict[str, float]:
+def _motor(axis: AxisOnBus, o: DueAxisOptions) -> dict[str, float]:
     per_deg = o.counts_per_rev / 360.0
     numbers = {
         "no_load": o.no_load_deg_s * per_deg,
@@ -82,7 +82,7 @@ def _motor(axis: AxisOnBus, o: AxisOptions) -> dict[str, float]:
     return numbers
 
 
-def _regulator(o: AxisOptions) -> dict[str, float]:
+def _regulator(o: DueAxisOptions) -> dict[str, float]:
     assert o.calibration is not None
     assert o.readback is not None
     (first_duty, first_bar), (last_duty, last_bar) = o.calibration[0], o.calibration[-1]
@@ -96,10 +96,12 @@ def _regulator(o: AxisOptions) -> dict[str, float]:
     }
 
 
-class Emulator:
+class DueEmulator:
     """One running emulated board. Use it as a context manager."""
 
-    def __init__(self, options: BusOptions, axes: Sequence[AxisOnBus], journal: Path | None = None) -> None:
+    def __init__(
+        self, options: DueBusOptions, axes: Sequence[AxisOnBus], journal: Path | None = None
+    ) -> None:
         self.port = Path(options.port)
         self._lock = threading.Lock()
         self._command = [str(build_host()), options.role.value, "--pty", options.port]
@@ -156,7 +158,7 @@ class Emulator:
         self.tell(fault_command({"fault": name, **details}))
 
 
-def _follow(emulator: Emulator, control: Path, ended: threading.Event) -> None:
+def _follow(emulator: DueEmulator, control: Path, ended: threading.Event) -> None:
     """Hand every line appended to the control file to the emulator."""
     at = control.stat().st_size if control.exists() else 0
     while not ended.wait(_FOLLOW_S):
@@ -177,14 +179,14 @@ def _follow(emulator: Emulator, control: Path, ended: threading.Event) -> None:
 
 @contextlib.contextmanager
 def emulated(
-    name: str, options: BusOptions, axes: Sequence[AxisOnBus], control: Path | None = None
+    name: str, options: DueBusOptions, axes: Sequence[AxisOnBus], control: Path | None = None
 ) -> Iterator[Sequence[str]]:
     """The board of one bus at the port its options name; see `contid.hal.Emulates`."""
     path = Path(options.port)
     if path.exists() and path.is_char_device() and not path.is_symlink():
         raise DeviceError(name, f"{path} is a real device", "name a path that does not exist yet")
     ended = threading.Event()
-    with Emulator(options, axes) as board:
+    with DueEmulator(options, axes) as board:
         follower = None
         if control is not None:
             follower = threading.Thread(target=_follow, args=(board, control, ended), daemon=True)

@@ -16,12 +16,12 @@ from contid_drivers.due.codes import (
     CHANNEL_SENSOR_OK,
     CHANNELS,
     PROTOCOL_VERSION,
+    BoardState,
     Reason,
     Refusal,
     ResetCause,
     RestCode,
     RoleCode,
-    State,
     Type,
 )
 
@@ -49,10 +49,10 @@ class Hello:
 
 
 @dataclass(frozen=True, slots=True)
-class Report:
+class BoardReport:
     """One channel in a telemetry: counts and counts/s, or Pa and Pa/s."""
 
-    state: State
+    state: BoardState
     reason: Reason
     homed: bool
     limited: bool
@@ -75,7 +75,7 @@ class Telemetry:
     stale: bool
     bad_frames: int
     dropped: int
-    channels: Mapping[int, Report]
+    channels: Mapping[int, BoardReport]
 
 
 @dataclass(frozen=True, slots=True)
@@ -94,7 +94,7 @@ class Refused:
     detail: int
 
     @property
-    def words(self) -> str:
+    def message(self) -> str:
         """The reason for people."""
         try:
             name = Refusal(self.refusal).name.lower().replace("_", " ")
@@ -193,8 +193,8 @@ def _read_telemetry(body: bytes) -> Telemetry:
             continue
         state, reason, position, velocity, duty, aux = _REPORT.unpack_from(body, at)
         at += _REPORT.size
-        channels[channel] = Report(
-            State(state & 0x0F),
+        channels[channel] = BoardReport(
+            BoardState(state & 0x0F),
             Reason(reason),
             bool(state & CHANNEL_HOMED),
             bool(state & CHANNEL_LIMITED),

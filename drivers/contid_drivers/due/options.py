@@ -41,7 +41,7 @@ class Role(enum.StrEnum):
     PRESSURE = "pressure"
 
 
-class BusOptions(Strict):
+class DueBusOptions(Strict):
     """Keys of ``buses.NAME`` with ``driver: due``.
 
     Attributes:
@@ -163,7 +163,7 @@ class RegulatorOptions(Strict):
     trim_per_s: NonNegative = 2.0
 
 
-class AxisOptions(MotorOptions, RegulatorOptions):
+class DueAxisOptions(MotorOptions, RegulatorOptions):
     """Keys of an axis on a Due board, next to the common ones; the channel's letter says which of them apply.
 
     Attributes:
@@ -200,7 +200,7 @@ class AxisOptions(MotorOptions, RegulatorOptions):
         return self.start_state or self.safe
 
     @model_validator(mode="after")
-    def _fits_its_channel(self) -> AxisOptions:
+    def _fits_its_channel(self) -> DueAxisOptions:
         motor = self.kind is DeviceKind.MOTOR
         other = RegulatorOptions if motor else MotorOptions
         foreign = sorted(self.model_fields_set & other.model_fields.keys())

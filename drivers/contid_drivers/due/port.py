@@ -20,7 +20,7 @@ BAUD = 250_000
 PORT_ERRORS = (OSError, serial.SerialException, termios.error)
 
 
-class Port:
+class DuePort:
     """Frames over a serial device. Every failure of the device closes it and raises `DeviceLostError`."""
 
     def __init__(self, device: str, path: str) -> None:

@@ -10,7 +10,7 @@ from pathlib import Path
 from contid.errors import ContidError, DeviceError
 from contid.hal import AxisOnBus, Finding, Homed, Rest, Say
 from contid_drivers.due.bus import DueBus
-from contid_drivers.due.options import BusOptions
+from contid_drivers.due.options import DueBusOptions
 from contid_drivers.due.wiring import axis_options
 from contid_drivers.serial_ports import find_port
 from contid_drivers.unbroken import unbroken
@@ -32,7 +32,7 @@ class _Monotonic:
         time.sleep(seconds)
 
 
-def doctor(name: str, options: BusOptions, axes: Sequence[AxisOnBus]) -> list[Finding]:
+def doctor(name: str, options: DueBusOptions, axes: Sequence[AxisOnBus]) -> list[Finding]:
     """Port, hello, configuration and the time of an exchange; arms nothing and moves nothing."""
     findings: list[Finding] = []
     try:
@@ -53,7 +53,7 @@ def doctor(name: str, options: BusOptions, axes: Sequence[AxisOnBus]) -> list[Fi
             Finding(
                 f"{name} board",
                 True,
-                f"firmware {version}, started {hello.boot} times, last by {hello.cause.words}, up for "
+                f"firmware {version}, started {hello.boot} times, last by {hello.cause.message}, up for "
                 f"{hello.uptime_ms / 1000:.1f} s; pins {hello.pins}",
             )
         )
@@ -68,7 +68,7 @@ def doctor(name: str, options: BusOptions, axes: Sequence[AxisOnBus]) -> list[Fi
     return findings
 
 
-def _timing(name: str, options: BusOptions, bus: DueBus) -> list[Finding]:
+def _timing(name: str, options: DueBusOptions, bus: DueBus) -> list[Finding]:
     times = []
     missed = 0
     samples = {}
@@ -101,7 +101,7 @@ def _timing(name: str, options: BusOptions, bus: DueBus) -> list[Finding]:
 
 
 def home(
-    name: str, options: BusOptions, axes: Sequence[AxisOnBus], only: Sequence[str], say: Say
+    name: str, options: DueBusOptions, axes: Sequence[AxisOnBus], only: Sequence[str], say: Say
 ) -> list[Homed]:
     """Let the board look for the end stop of each axis in turn; see `contid.hal.Homes`."""
     by_name = {axis.name: axis for axis in axes}

@@ -11,8 +11,8 @@ from contid_drivers.due import messages
 from contid_drivers.due.codes import PROTOCOL_VERSION, Refusal, Type
 from contid_drivers.due.frames import crc16
 from contid_drivers.due.messages import Answer, Configured, Hello, Refused, Telemetry
-from contid_drivers.due.options import BusOptions
-from contid_drivers.due.port import Port
+from contid_drivers.due.options import DueBusOptions
+from contid_drivers.due.port import DuePort
 from contid_drivers.due.wiring import axis_options, board_config, config_body
 from contid_drivers.serial_ports import find_port
 
@@ -22,20 +22,20 @@ _HELLO_EVERY_S = 0.05
 _TELEMETRY_BYTES = 112
 
 
-def ask_hello(name: str, options: BusOptions) -> Hello:
+def ask_hello(name: str, options: DueBusOptions) -> Hello:
     """What the board at the port says of itself; nothing else is said to it.
 
     Raises:
         DeviceNotFoundError: the port is missing, or nobody says hello.
     """
-    port = Port(name, find_port(name, options.port))
+    port = DuePort(name, find_port(name, options.port))
     try:
         return _wait_for_hello(name, options, port)
     finally:
         port.close()
 
 
-def _wait_for_hello(name: str, options: BusOptions, port: Port) -> Hello:
+def _wait_for_hello(name: str, options: DueBusOptions, port: DuePort) -> Hello:
     deadline = time.monotonic() + options.hello_ms / 1000.0
     sequence = 0
     while time.monotonic() < deadline:
@@ -65,19 +65,19 @@ def _refusal(name: str, what: str, answer: Refused) -> DeviceNotFoundError:
         )
     elif answer.refusal == Refusal.ARMED_NOW:
         remedy = "another host armed it with another configuration; its dead-man will disarm it"
-    return DeviceNotFoundError(name, f"{what} refused: {answer.words}", remedy)
+    return DeviceNotFoundError(name, f"{what} refused: {answer.message}", remedy)
 
 
-class Session:
+class DueConnection:
     """One connection to one board, from hello to its loss."""
 
-    def __init__(self, name: str, options: BusOptions, axes: Sequence[AxisOnBus]) -> None:
+    def __init__(self, name: str, options: DueBusOptions, axes: Sequence[AxisOnBus]) -> None:
         self._name = name
         self._options = options
         self._blob = board_config(name, options, axes)
         self.config_crc = crc16(self._blob)
         self._sequence = 0
-        self._port = Port(name, find_port(name, options.port))
+        self._port = DuePort(name, find_port(name, options.port))
         self.heard_ms = 0
         try:
             self.hello = _wait_for_hello(name, options, self._port)
@@ -141,13 +141,13 @@ class Session:
         answer = self._request(kind, body, seconds)
         if isinstance(answer, Refused) and answer.refusal in (Refusal.NOT_CONFIGURED, Refusal.WRONG_CRC):
             hello = self._request(Type.HELLO, b"", seconds)
-            cause = hello.cause.words if isinstance(hello, Hello) else "unknown"
+            cause = hello.cause.message if isinstance(hello, Hello) else "unknown"
             self._lost_by_reset(cause)
         if isinstance(answer, Telemetry):
             # The uptime wraps after 49 days; half of its range tells later from earlier.
             earlier = (answer.uptime_ms - self.heard_ms) & 0xFFFF_FFFF > 0x8000_0000
             if answer.boot != self.hello.boot or earlier:
-                self._lost_by_reset(answer.cause.words)
+                self._lost_by_reset(answer.cause.message)
             self.heard_ms = answer.uptime_ms
             return answer
         return answer if isinstance(answer, Refused) else None
@@ -170,7 +170,7 @@ class Session:
 
 def refused(name: str, what: str, axes: Sequence[str], answer: Refused | None) -> DeviceError:
     """The error for a request the board did not grant."""
-    words = "no answer" if answer is None else answer.words
+    message = "no answer" if answer is None else answer.message
     remedy = {
         Refusal.LATCHED: "clear the fault first",
         Refusal.NOT_HOMED: "contid home",
@@ -182,4 +182,4 @@ def refused(name: str, what: str, axes: Sequence[str], answer: Refused | None) -
         else Refusal.BAD_VALUE,
         "",
     )
-    return DeviceError(name, f"{what} {', '.join(axes)}: {words}", remedy)
+    return DeviceError(name, f"{what} {', '.join(axes)}: {message}", remedy)

@@ -12,7 +12,7 @@ from contid.hal import AxisOnBus, DeviceKind
 from contid.units import BAR
 from contid_drivers.due.codes import ADC_MV, ADC_STEPS, DUTY_FULL, RoleCode, SafeCode
 from contid_drivers.due.frames import crc16
-from contid_drivers.due.options import AxisOptions, BusOptions, EndStop, Role
+from contid_drivers.due.options import DueAxisOptions, DueBusOptions, EndStop, Role
 
 #: Travel of an axis whose robot file leaves it open [counts].
 _OPEN: Final = 1_000_000_000
@@ -20,16 +20,16 @@ _MOTOR = struct.Struct("<4B9ihih3H3ih2iH")
 _REGULATOR = struct.Struct("<3B3iHiHiHiH2iB")
 
 
-def axis_options(axis: AxisOnBus) -> AxisOptions:
+def axis_options(axis: AxisOnBus) -> DueAxisOptions:
     """The options of one axis with their type."""
-    assert isinstance(axis.options, AxisOptions)
+    assert isinstance(axis.options, DueAxisOptions)
     return axis.options
 
 
 class Scale:
     """Between the HAL's unit of one axis and the board's: rad and counts, or Pa and Pa."""
 
-    def __init__(self, options: AxisOptions) -> None:
+    def __init__(self, options: DueAxisOptions) -> None:
         motor = options.kind is DeviceKind.MOTOR
         self.per_unit = options.counts_per_rev / math.tau if motor else 1.0
 
@@ -58,7 +58,7 @@ def _bounds(axis: AxisOnBus, scale: Scale) -> tuple[int, int]:
     return math.floor(low * scale.per_unit), math.ceil(high * scale.per_unit)
 
 
-def _motor(axis: AxisOnBus, o: AxisOptions) -> bytes:
+def _motor(axis: AxisOnBus, o: DueAxisOptions) -> bytes:
     scale = Scale(o)
     per_deg = o.counts_per_rev / 360.0
     low, high = _bounds(axis, scale)
@@ -104,7 +104,7 @@ def _motor(axis: AxisOnBus, o: AxisOptions) -> bytes:
     )
 
 
-def _regulator(o: AxisOptions) -> bytes:
+def _regulator(o: DueAxisOptions) -> bytes:
     assert o.calibration is not None
     assert o.readback is not None
     assert o.ceiling_bar is not None
@@ -130,7 +130,7 @@ def _regulator(o: AxisOptions) -> bytes:
     return body + b"".join(struct.pack("<Hi", _duty(duty), round(bar * BAR)) for duty, bar in o.calibration)
 
 
-def board_config(bus: str, options: BusOptions, axes: Sequence[AxisOnBus]) -> bytes:
+def board_config(bus: str, options: DueBusOptions, axes: Sequence[AxisOnBus]) -> bytes:
     """The whole configuration of one board, without its CRC.
 
     Raises:

@@ -12,9 +12,9 @@ from contid_drivers.dynamixel import registers as reg
 from contid_drivers.dynamixel import turns
 from contid_drivers.dynamixel.axis import Axis
 from contid_drivers.dynamixel.cyclic import INDIRECT_ORDER
-from contid_drivers.dynamixel.options import BusOptions
+from contid_drivers.dynamixel.options import DynamixelBusOptions
 from contid_drivers.dynamixel.packets import sync_write
-from contid_drivers.dynamixel.protocol import TRIES, NoAnswerError, RefusedError, ServoClient
+from contid_drivers.dynamixel.protocol import TRIES, NoAnswerError, ServoClient, ServoRefusedError
 from contid_drivers.dynamixel.registers import Register
 
 log = logging.getLogger(__name__)
@@ -23,7 +23,7 @@ log = logging.getLogger(__name__)
 TRAVEL_SLACK_RAD: Final = math.radians(20.0)
 
 
-def handshake(client: ServoClient, axes: Sequence[Axis], options: BusOptions) -> None:
+def handshake(client: ServoClient, axes: Sequence[Axis], options: DynamixelBusOptions) -> None:
     """Find every servo and read what the exchange depends on.
 
     Raises:
@@ -64,11 +64,11 @@ def map_block(client: ServoClient, device: int) -> bool:
             register = next(r for r in reg.TABLE if r.address == reg.INDIRECT_ADDRESS + 2 * i)
             client.write(device, register, address)
         return client.read_block(device, reg.INDIRECT_ADDRESS, size) == wanted
-    except RefusedError:
+    except ServoRefusedError:
         return False
 
 
-def settings(axis: Axis, options: BusOptions) -> list[tuple[Register, int]]:
+def settings(axis: Axis, options: DynamixelBusOptions) -> list[tuple[Register, int]]:
     """What the servo's registers have to be, EEPROM first; changing the mode resets what follows it."""
     a = axis.options
     wanted: list[tuple[Register, int | None]] = [
@@ -87,7 +87,7 @@ def settings(axis: Axis, options: BusOptions) -> list[tuple[Register, int]]:
     return [(register, value) for register, value in wanted if value is not None]
 
 
-def configure(client: ServoClient, axis: Axis, options: BusOptions) -> None:
+def configure(client: ServoClient, axis: Axis, options: DynamixelBusOptions) -> None:
     """Write the settings that differ.
 
     Raises:

@@ -6,8 +6,8 @@ from dataclasses import dataclass
 
 from contid.hal import AxisOnBus, Sample
 from contid_drivers.dynamixel import registers as reg
-from contid_drivers.dynamixel.cyclic import Reading
-from contid_drivers.dynamixel.options import AxisOptions, BusOptions
+from contid_drivers.dynamixel.cyclic import ServoReading
+from contid_drivers.dynamixel.options import DynamixelAxisOptions, DynamixelBusOptions
 
 RESET_IN_WORDS = "it reset itself (brown-out?); its watchdog, settings and turn count are gone"
 LIMP_IN_WORDS = "its torque is off, and nobody here switched it off: does another program use this bus?"
@@ -33,7 +33,7 @@ class Axis:
     """
 
     name: str
-    options: AxisOptions
+    options: DynamixelAxisOptions
     travel: tuple[float, float] | None
     operating_mode: int
     firmware: int = 0
@@ -52,10 +52,10 @@ class Axis:
     hardware_error: int = 0
 
     @classmethod
-    def of(cls, axis: AxisOnBus, bus: BusOptions) -> Axis:
+    def of(cls, axis: AxisOnBus, bus: DynamixelBusOptions) -> Axis:
         """From the robot file."""
         options = axis.options
-        assert isinstance(options, AxisOptions)
+        assert isinstance(options, DynamixelAxisOptions)
         return cls(axis.name, options, axis.travel, reg.MODE_NUMBERS[options.mode or bus.mode])
 
     @property
@@ -83,7 +83,7 @@ class Axis:
         self.misses += 1
         return self._sample(time_s, valid=False)
 
-    def take(self, reading: Reading, time_s: float) -> Sample:
+    def take(self, reading: ServoReading, time_s: float) -> Sample:
         """An answer: check it, remember it, and give its sample."""
         if reading.voltage_low == 0 or reading.voltage == 0:
             # Indirect data of a servo without its mapping: none of this block is what it seems to be.
@@ -101,14 +101,14 @@ class Axis:
             self.temperature_c = float(reading.temperature)
         return self._sample(time_s, valid=True)
 
-    def _judge(self, reading: Reading) -> None:
+    def _judge(self, reading: ServoReading) -> None:
         if reading.hardware_error is not None:
             self.hardware_error = reading.hardware_error
         if reading.alert or reading.hardware_error:
-            words = reg.hardware_error_in_words(self.hardware_error) or "hardware alert, cause not read yet"
+            message = reg.hardware_error_in_words(self.hardware_error) or "hardware alert, cause not read yet"
             if self.fault.endswith("cause not read yet"):
                 self.fault = ""
-            self.latch(f"hardware error: {words}; torque is off if the shutdown mask says so")
+            self.latch(f"hardware error: {message}; torque is off if the shutdown mask says so")
         if self.enabled and reading.torque is False and reading.watchdog == self.armed:
             self.latch(LIMP_IN_WORDS)
         if not self.armed or reading.watchdog is None or reading.watchdog == self.armed:

@@ -13,8 +13,8 @@ from contid.hal import AxisOnBus, Clock, Rest, Sample
 from contid_drivers.dynamixel import arming, turns
 from contid_drivers.dynamixel import registers as reg
 from contid_drivers.dynamixel.axis import Axis
-from contid_drivers.dynamixel.cyclic import INDIRECT, PLAIN, Cyclic, Layout, Reading
-from contid_drivers.dynamixel.options import BusOptions
+from contid_drivers.dynamixel.cyclic import INDIRECT, PLAIN, Cyclic, CyclicLayout, ServoReading
+from contid_drivers.dynamixel.options import DynamixelBusOptions
 from contid_drivers.dynamixel.port import BlockingPort
 from contid_drivers.dynamixel.protocol import NoAnswerError, ServoClient
 from contid_drivers.serial_ports import UsbIdentity, find_port, identity_of
@@ -31,10 +31,10 @@ class DynamixelBus:
     def __init__(
         self,
         name: str,
-        options: BusOptions,
+        options: DynamixelBusOptions,
         axes: Sequence[AxisOnBus],
         clock: Clock,
-        layout: Layout | None = None,
+        layout: CyclicLayout | None = None,
     ) -> None:
         self.name = name
         self.axes = tuple(axis.name for axis in axes)
@@ -155,7 +155,7 @@ class DynamixelBus:
                 goals[axis.device] = goal
         return goals
 
-    def _ask_again(self, cyclic: Cyclic, readings: dict[int, Reading], full: bool) -> None:
+    def _ask_again(self, cyclic: Cyclic, readings: dict[int, ServoReading], full: bool) -> None:
         """Ask those that did not answer once more, together, within the time the options give.
 
         A servo that was silent in the last exchange as well is not asked twice, or it would cost the budget
@@ -183,7 +183,7 @@ class DynamixelBus:
         if self._clean == FAST_AGAIN:
             cyclic.fast = self._probe_fast()
 
-    def _explained(self, axis: Axis, reading: Reading | None, now: float, sample: Sample) -> Sample:
+    def _explained(self, axis: Axis, reading: ServoReading | None, now: float, sample: Sample) -> Sample:
         """A new fault: find its cause where the block did not hold it, and say it once."""
         if reading is not None and reading.alert and not axis.hardware_error and self._client is not None:
             try:

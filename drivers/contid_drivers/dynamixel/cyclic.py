@@ -38,7 +38,7 @@ INDIRECT_ORDER: Final = (98, *range(126, 136), 144, 70, 64, 146)
 
 
 @dataclass(frozen=True, slots=True)
-class Reading:
+class ServoReading:
     """A block, decoded; None for what this exchange did not ask."""
 
     current_ma: int
@@ -54,45 +54,45 @@ class Reading:
 
 
 @dataclass(frozen=True, slots=True)
-class Layout:
+class CyclicLayout:
     """Where the block is: its address, and how many bytes of it an exchange reads."""
 
     address: int
     lean: int
     full: int
 
-    def decode(self, data: bytes, alert: bool) -> Reading:
+    def decode(self, data: bytes, alert: bool) -> ServoReading:
         """Values of a block read by this layout."""
         if self is INDIRECT:
             watchdog, current, velocity, position, low = _LEAN.unpack_from(data)
             if len(data) == self.lean:
-                return Reading(current, velocity, position, alert, watchdog, low)
+                return ServoReading(current, velocity, position, alert, watchdog, low)
             error, torque, temperature = data[12:15]
-            return Reading(
+            return ServoReading(
                 current, velocity, position, alert, watchdog, low, low, error, bool(torque), temperature
             )
         if self is PLAIN:
             watchdog, current, velocity, position, voltage, temperature = _PLAIN.unpack(data)
-            return Reading(
+            return ServoReading(
                 current, velocity, position, alert, watchdog, None, voltage, temperature=temperature
             )
         current, velocity, position = _MOTION.unpack(data)
-        return Reading(current, velocity, position, alert)
+        return ServoReading(current, velocity, position, alert)
 
 
 _LEAN: Final = struct.Struct("<BhiiB")
 _PLAIN: Final = struct.Struct("<B27xhii8xHB")
 _MOTION: Final = struct.Struct("<hii")
-INDIRECT: Final = Layout(reg.INDIRECT_DATA, _LEAN.size, len(INDIRECT_ORDER))
-PLAIN: Final = Layout(98, _PLAIN.size, _PLAIN.size)
+INDIRECT: Final = CyclicLayout(reg.INDIRECT_DATA, _LEAN.size, len(INDIRECT_ORDER))
+PLAIN: Final = CyclicLayout(98, _PLAIN.size, _PLAIN.size)
 #: Only current, velocity and position: the comparison of the benchmarks, no watchdog read back.
-MOTION: Final = Layout(126, _MOTION.size, _MOTION.size)
+MOTION: Final = CyclicLayout(126, _MOTION.size, _MOTION.size)
 
 
 class Cyclic:
     """The exchange of one bus; see the module."""
 
-    def __init__(self, port: BlockingPort, ids: Sequence[int], layout: Layout, fast: bool) -> None:
+    def __init__(self, port: BlockingPort, ids: Sequence[int], layout: CyclicLayout, fast: bool) -> None:
         self.port = port
         self.ids = tuple(ids)
         self.layout = layout
@@ -114,7 +114,7 @@ class Cyclic:
             return float((8 + count * (size + 4)) * self.port.byte_s + self.port.return_delay_s)
         return float(count * ((size + STATUS_OVERHEAD) * self.port.byte_s + self.port.return_delay_s))
 
-    def run(self, goals: Mapping[int, int], full: bool, fast: bool | None = None) -> dict[int, Reading]:
+    def run(self, goals: Mapping[int, int], full: bool, fast: bool | None = None) -> dict[int, ServoReading]:
         """Send goals [ticks by id] and read every servo.
 
         Returns:
@@ -133,7 +133,7 @@ class Cyclic:
         deadline = self.port.send(wire) + self._answers_s(size, fast) + self.port.latency_s
         return self._fast(size, deadline) if fast else self._collect(set(self.ids), size, deadline)
 
-    def again(self, devices: Sequence[int], full: bool, until: float) -> dict[int, Reading]:
+    def again(self, devices: Sequence[int], full: bool, until: float) -> dict[int, ServoReading]:
         """Ask some servos once more, if their answers can be there before ``until`` [monotonic s]."""
         size = self.layout.full if full else self.layout.lean
         port = self.port
@@ -145,8 +145,8 @@ class Cyclic:
         deadline = min(port.send(wire) + answers_s + port.latency_s, until)
         return self._collect(set(devices), size, deadline)
 
-    def _collect(self, waiting: set[int], size: int, deadline: float) -> dict[int, Reading]:
-        found: dict[int, Reading] = {}
+    def _collect(self, waiting: set[int], size: int, deadline: float) -> dict[int, ServoReading]:
+        found: dict[int, ServoReading] = {}
         stream = bytearray()
         receive, decode = self.port.receive, self.layout.decode
         while waiting:
@@ -165,7 +165,7 @@ class Cyclic:
                 break
         return found
 
-    def _fast(self, size: int, deadline: float) -> dict[int, Reading]:
+    def _fast(self, size: int, deadline: float) -> dict[int, ServoReading]:
         sizes = [size] * len(self.ids)
         stream = bytearray()
         whole = 8 + sum(sizes) + 4 * len(sizes)

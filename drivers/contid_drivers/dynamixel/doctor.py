@@ -11,7 +11,7 @@ from contid.errors import DeviceError
 from contid.hal import AxisOnBus, Finding
 from contid_drivers.dynamixel import registers as reg
 from contid_drivers.dynamixel.axis import Axis
-from contid_drivers.dynamixel.options import BusOptions
+from contid_drivers.dynamixel.options import DynamixelBusOptions
 from contid_drivers.dynamixel.port import BlockingPort
 from contid_drivers.dynamixel.protocol import NoAnswerError, ServoClient
 from contid_drivers.serial_ports import find_port, holders
@@ -23,7 +23,7 @@ DUPLICATE_READS: Final = 12
 _UDEV: Final = "install udev/99-contid.rules (see docs/dynamixel.md) and plug the adapter in again"
 
 
-def examine(name: str, options: BusOptions, axes: Sequence[AxisOnBus]) -> list[Finding]:
+def examine(name: str, options: DynamixelBusOptions, axes: Sequence[AxisOnBus]) -> list[Finding]:
     """See `contid.hal.Diagnoses.doctor`."""
     try:
         path = find_port(name, options.port)
@@ -73,7 +73,7 @@ def _latency(name: str, path: str) -> Finding:
     return Finding(subject, value <= 1, f"{value} ms of delay per read; 1 is right", remedy)
 
 
-def _servo(client: ServoClient, axis: Axis, options: BusOptions) -> list[Finding]:
+def _servo(client: ServoClient, axis: Axis, options: DynamixelBusOptions) -> list[Finding]:
     device, subject = axis.device, f"id {axis.device} ({axis.name})"
     model = client.ping(device)
     if model is None:
@@ -86,7 +86,7 @@ def _servo(client: ServoClient, axis: Axis, options: BusOptions) -> list[Finding
         return [Finding(subject, False, f"answers badly: {error.message}", twice)]
 
 
-def _looked_at(client: ServoClient, axis: Axis, options: BusOptions, model: int) -> list[Finding]:
+def _looked_at(client: ServoClient, axis: Axis, options: DynamixelBusOptions, model: int) -> list[Finding]:
     device, subject = axis.device, f"id {axis.device}"
     expected, found = axis.options.model, reg.MODELS.get(model, f"model {model}")
     firmware, delay_us = client.firmware(device), client.read(device, reg.RETURN_DELAY) * 2
@@ -151,7 +151,7 @@ def _one_voice(client: ServoClient, device: int) -> bool:
     return True
 
 
-def _strangers(client: ServoClient, axes: Sequence[AxisOnBus], options: BusOptions) -> Finding:
+def _strangers(client: ServoClient, axes: Sequence[AxisOnBus], options: DynamixelBusOptions) -> Finding:
     known = {Axis.of(axis, options).device for axis in axes}
     others = sorted(set(client.broadcast_ping()) - known)
     message = (

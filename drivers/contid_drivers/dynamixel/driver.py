@@ -8,7 +8,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from contid.hal import AxisOnBus, Bus, Clock, DeviceKind, Driver, Finding, FoundDevice, Homed, Say
-from contid_drivers.dynamixel.options import AxisOptions, BusOptions
+from contid_drivers.dynamixel.options import DynamixelAxisOptions, DynamixelBusOptions
 
 if TYPE_CHECKING:
     from pydantic import BaseModel
@@ -17,8 +17,8 @@ if TYPE_CHECKING:
 class DynamixelDriver:
     """See `contid.hal.Driver`."""
 
-    bus_options: type[BaseModel] = BusOptions
-    axis_options: type[BaseModel] = AxisOptions
+    bus_options: type[BaseModel] = DynamixelBusOptions
+    axis_options: type[BaseModel] = DynamixelAxisOptions
 
     def kind(self, axis: BaseModel) -> DeviceKind:
         """Every axis is a servo: rad at the boundary."""
@@ -26,7 +26,7 @@ class DynamixelDriver:
 
     def address(self, axis: BaseModel) -> str:
         """The servo's id."""
-        assert isinstance(axis, AxisOptions)
+        assert isinstance(axis, DynamixelAxisOptions)
         return f"id {axis.id}"
 
     def mock_options(self, bus: BaseModel) -> Mapping[str, Any]:
@@ -41,7 +41,7 @@ class DynamixelDriver:
         """Build the bus; touches no device."""
         from contid_drivers.dynamixel.bus import DynamixelBus
 
-        assert isinstance(options, BusOptions)
+        assert isinstance(options, DynamixelBusOptions)
         return DynamixelBus(name, options, axes, clock)
 
     def emulator(
@@ -50,14 +50,14 @@ class DynamixelDriver:
         """See `contid.hal.Emulates`."""
         from contid_drivers.dynamixel.emulator.bench import Bench
 
-        assert isinstance(options, BusOptions)
+        assert isinstance(options, DynamixelBusOptions)
         return Bench(name, options, axes, control)
 
     def doctor(self, name: str, options: BaseModel, axes: Sequence[AxisOnBus]) -> list[Finding]:
         """See `contid.hal.Diagnoses`."""
         from contid_drivers.dynamixel.doctor import examine
 
-        assert isinstance(options, BusOptions)
+        assert isinstance(options, DynamixelBusOptions)
         return examine(name, options, axes)
 
     def home(
@@ -66,7 +66,7 @@ class DynamixelDriver:
         """See `contid.hal.Homes`."""
         from contid_drivers.dynamixel.homing import home
 
-        assert isinstance(options, BusOptions)
+        assert isinstance(options, DynamixelBusOptions)
         return home(name, options, axes, only, say)
 
     def scan(self, ports: Sequence[str], bauds: Sequence[int], say: Say) -> list[FoundDevice]:

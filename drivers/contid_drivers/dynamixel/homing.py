@@ -19,7 +19,7 @@ from contid.hal import AxisOnBus, Homed, Say
 from contid_drivers.dynamixel import arming, turns
 from contid_drivers.dynamixel import registers as reg
 from contid_drivers.dynamixel.axis import Axis
-from contid_drivers.dynamixel.options import BusOptions, HardStop, SingleTurn
+from contid_drivers.dynamixel.options import DynamixelBusOptions, HardStop, SingleTurn
 from contid_drivers.dynamixel.port import BlockingPort
 from contid_drivers.dynamixel.protocol import ServoClient
 from contid_drivers.serial_ports import find_port
@@ -34,7 +34,7 @@ _CURRENT_BASED: Final = reg.MODE_NUMBERS["current_based_position"]
 
 
 def home(
-    name: str, options: BusOptions, axes: Sequence[AxisOnBus], only: Sequence[str], say: Say
+    name: str, options: DynamixelBusOptions, axes: Sequence[AxisOnBus], only: Sequence[str], say: Say
 ) -> list[Homed]:
     """See `contid.hal.Homes.home`."""
     states = [Axis.of(axis, options) for axis in axes]
@@ -63,7 +63,7 @@ def home(
         port.close()
 
 
-def _home_one(client: ServoClient, axis: Axis, options: BusOptions, say: Say) -> Homed:
+def _home_one(client: ServoClient, axis: Axis, options: DynamixelBusOptions, say: Say) -> Homed:
     homing = axis.options.homing
     if isinstance(homing, SingleTurn):
         return _by_pose(client, axis, homing, say)
@@ -85,7 +85,9 @@ def _by_pose(client: ServoClient, axis: Axis, homing: SingleTurn, say: Say) -> H
     return Homed(axis.name, value, homing.at_mm, f"stored pose, {off_deg:+.2f} deg from it")
 
 
-def _by_stop(client: ServoClient, axis: Axis, homing: HardStop, options: BusOptions, say: Say) -> Homed:
+def _by_stop(
+    client: ServoClient, axis: Axis, homing: HardStop, options: DynamixelBusOptions, say: Say
+) -> Homed:
     device, name = axis.device, client.name(axis.device)
     if arming.torque_off(client, [axis]):
         raise DeviceError(name, "torque off is not confirmed")

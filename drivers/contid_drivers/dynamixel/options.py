@@ -12,7 +12,7 @@ from contid.robot_file.base import NonNegative, Positive, Strict
 Mode: TypeAlias = Literal["extended_position", "current_based_position"]
 
 
-class BusOptions(Strict):
+class DynamixelBusOptions(Strict):
     """Keys of ``buses.NAME`` with ``driver: dynamixel``.
 
     Attributes:
@@ -81,7 +81,7 @@ class SingleTurn(Strict):
 Homing: TypeAlias = Annotated[HardStop | SingleTurn, Field(discriminator="method")]
 
 
-class AxisOptions(Strict):
+class DynamixelAxisOptions(Strict):
     """Keys of an axis on a Dynamixel bus; settings left out stay as the servo has them.
 
     Attributes:

@@ -42,7 +42,7 @@ class NoAnswerError(DeviceError):
     """A servo did not answer, or only rubbish came."""
 
 
-class RefusedError(DeviceError):
+class ServoRefusedError(DeviceError):
     """A servo answered and said no."""
 
 
@@ -174,8 +174,8 @@ class ServoClient:
     def _refused(self, device: int, what: str, error: int) -> None:
         number = error & ~ALERT
         if number:
-            words = STATUS_ERROR_WORDS.get(number, f"error {number}")
-            raise RefusedError(self.name(device), f"{what} was refused: {words}")
+            message = STATUS_ERROR_WORDS.get(number, f"error {number}")
+            raise ServoRefusedError(self.name(device), f"{what} was refused: {message}")
 
     def reboot(self, device: int) -> None:
         """Restart a servo and wait until it answers again; its torque is off then, its turn count gone.

@@ -174,7 +174,7 @@ WATCHDOG_TRIPPED: Final = 0xFF
 
 def hardware_error_in_words(bits: int) -> str:
     """Hardware Error Status (register 70) in words, "" when there is none."""
-    known = [words for bit, words in HARDWARE_ERRORS.items() if bits & bit]
+    known = [message for bit, message in HARDWARE_ERRORS.items() if bits & bit]
     if unknown := bits & ~sum(HARDWARE_ERRORS):
         known.append(f"unknown bits 0x{unknown:02x}")
     return ", ".join(known)

@@ -15,7 +15,7 @@ from typing import Final
 from contid.hal import DeviceKind, Rest, Sample
 from contid.units import BAR
 from contid_drivers.sim.options import SimAxisOptions
-from contid_drivers.sim.profile import Motion
+from contid_drivers.sim.profile import ProfileMotion
 
 RPM: Final = 2.0 * math.pi / 60.0
 AMBIENT_C: Final = 25.0
@@ -160,7 +160,7 @@ class SimDevice:
     def __init__(self, options: SimAxisOptions, start: float, time_s: float, seed: str) -> None:
         self.kind = options.device
         self.character = character_of(options)
-        self.motion = Motion(time_s, start, self.character.tau_s)
+        self.motion = ProfileMotion(time_s, start, self.character.tau_s)
         self.goal = start
         #: True while the device obeys goals: torque on, or regulator active.
         self.on = False

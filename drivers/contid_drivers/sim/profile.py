@@ -76,7 +76,7 @@ def plan(
     return (*phases, Phase(t_s, goal, 0.0, 0.0))
 
 
-class Motion:
+class ProfileMotion:
     """State of one simulated actuator: where its profile is, and where it really is."""
 
     __slots__ = ("_phases", "blocked", "tau_s", "time_s", "value")

@@ -113,13 +113,13 @@ class Box:
                     line.makefile("r", encoding="ascii", errors="replace") as requests,
                 ):
                     for request in requests:
-                        number, *words = request.split()
+                        number, *message = request.split()
                         with self.looked_at():
-                            answer = self._answer(words)
+                            answer = self._answer(message)
                         line.sendall(f"{number} {answer}\n".encode())
 
-    def _answer(self, words: list[str]) -> str:
-        verb, *rest = words
+    def _answer(self, message: list[str]) -> str:
+        verb, *rest = message
         heard = {drum: each for drum, each in self.drums.items() if not each.silent}
         if verb == "hello":
             return " ".join(["winch", "1", *(str(drum) for drum in heard)])

@@ -55,16 +55,16 @@ class Link:
             raise
 
     def _shake_hands(self, options: BusOptions, axes: Sequence[AxisOnBus]) -> None:
-        words = (self.ask("hello") or "nothing").split()
-        if words[:2] != ["winch", "1"]:
-            message = f"{options.address} is no winch box of version 1: it says {' '.join(words)!r}"
+        greeting = (self.ask("hello") or "nothing").split()
+        if greeting[:2] != ["winch", "1"]:
+            message = f"{options.address} is no winch box of version 1: it says {' '.join(greeting)!r}"
             raise DeviceNotFoundError(self._name, message)
         missing = [
-            f"{axis.name} (drum {drum_of(axis)})" for axis in axes if str(drum_of(axis)) not in words[2:]
+            f"{axis.name} (drum {drum_of(axis)})" for axis in axes if str(drum_of(axis)) not in greeting[2:]
         ]
         if missing:
             message = (
-                f"no answer from {', '.join(missing)}; the box has drums {', '.join(words[2:]) or 'none'}"
+                f"no answer from {', '.join(missing)}; the box has drums {', '.join(greeting[2:]) or 'none'}"
             )
             raise DeviceNotFoundError(self._name, message, "check the drum's cable and its number")
         if self.ask(f"watchdog {options.watchdog_ms}") != "ok":

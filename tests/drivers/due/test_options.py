@@ -11,7 +11,7 @@ from pydantic import ValidationError
 from contid.errors import DeviceError
 from contid.hal import AxisOnBus, DeviceKind, Emulates, load_driver
 from contid_drivers.due.emulator import fault_command
-from contid_drivers.due.options import AxisOptions, BusOptions, EndStop
+from contid_drivers.due.options import DueAxisOptions, DueBusOptions, EndStop
 from contid_drivers.due.wiring import Scale, board_config
 
 REGULATOR = {"calibration": [[0, 0], [100, 3]], "readback": [[600, 0], [3000, 3]], "ceiling_bar": 1.6}
@@ -34,19 +34,19 @@ BAD = [
 @pytest.mark.parametrize(("options", "says"), BAD)
 def test_refused(options, says):
     with pytest.raises(ValidationError, match=says):
-        AxisOptions.model_validate(options)
+        DueAxisOptions.model_validate(options)
 
 
 def test_counts_of_a_turn_and_of_650_mm():
-    scale = Scale(AxisOptions(channel="m0"))
+    scale = Scale(DueAxisOptions(channel="m0"))
     assert scale.to_board(math.tau) == 4776
     assert scale.to_board(650.0 / (math.pi * 25.0) * math.tau) == 39526
     assert scale.from_board(39526) == pytest.approx(650.0 / (math.pi * 25.0) * math.tau, abs=math.tau / 4776)
 
 
 def test_the_configuration_is_in_the_boards_units():
-    motor = AxisOnBus("a.x", AxisOptions(channel="m2", homing=EndStop(direction=-1)), (0.0, math.tau))
-    blob = board_config("b", BusOptions(port="x", role="motor", watchdog_ms=80), [motor])
+    motor = AxisOnBus("a.x", DueAxisOptions(channel="m2", homing=EndStop(direction=-1)), (0.0, math.tau))
+    blob = board_config("b", DueBusOptions(port="x", role="motor", watchdog_ms=80), [motor])
     assert struct.unpack_from("<BHB", blob) == (0, 80, 1)
     channel, safe, start, flags, low, high, velocity, acceleration = struct.unpack_from("<4B4i", blob, 4)
     assert (channel, safe, start, flags) == (2, 0, 0, 4)
@@ -57,8 +57,8 @@ def test_the_configuration_is_in_the_boards_units():
 
 def test_the_configuration_of_a_regulator_is_in_pascal():
     told = {"slew_bar_s": 2.0, "vent_bar_s": 4.0, "wire_break_mv": 540, "leak_bar": 0.3, "leak_ms": 700}
-    options = AxisOptions(channel="p1", **REGULATOR, **told, trim_bar=0.2, trim_per_s=1.5)
-    blob = board_config("b", BusOptions(port="x", role="pressure"), [AxisOnBus("a.x", options, None)])
+    options = DueAxisOptions(channel="p1", **REGULATOR, **told, trim_bar=0.2, trim_per_s=1.5)
+    blob = board_config("b", DueBusOptions(port="x", role="pressure"), [AxisOnBus("a.x", options, None)])
     # firmware/PROTOCOL.md: channel, safe, start, then the regulator's numbers.
     found = struct.unpack("<3B3iHiHiHiH2iB", blob[4:-12])
     assert found[0] == 1
@@ -75,21 +75,21 @@ def test_the_configuration_of_a_regulator_is_in_pascal():
 
 
 def test_a_motor_on_a_pressure_board_is_refused_by_name():
-    motor = AxisOnBus("arm.s1.l1", AxisOptions(channel="m0"), None)
+    motor = AxisOnBus("arm.s1.l1", DueAxisOptions(channel="m0"), None)
     with pytest.raises(DeviceError, match=r"arm\.s1\.l1.*no channel of a pressure board"):
-        board_config("air", BusOptions(port="x", role="pressure"), [motor])
+        board_config("air", DueBusOptions(port="x", role="pressure"), [motor])
 
 
 def test_driver_protocol():
     driver = load_driver("due")
     assert isinstance(driver, Emulates)
-    motor, regulator = AxisOptions(channel="m3"), AxisOptions(channel="p1", **REGULATOR)
+    motor, regulator = DueAxisOptions(channel="m3"), DueAxisOptions(channel="p1", **REGULATOR)
     assert (driver.kind(motor), driver.address(motor)) == (DeviceKind.MOTOR, "channel m3")
     assert (driver.kind(regulator), driver.address(regulator)) == (DeviceKind.REGULATOR, "channel p1")
     sim = load_driver("sim")
     for axis in (motor, regulator):
         sim.axis_options.model_validate(driver.mock_axis_options(axis))
-    sim.bus_options.model_validate(driver.mock_options(BusOptions(port="x", role="motor")))
+    sim.bus_options.model_validate(driver.mock_options(DueBusOptions(port="x", role="motor")))
 
 
 @pytest.mark.parametrize(

@@ -5,7 +5,7 @@ from __future__ import annotations
 import pytest
 from pydantic import ValidationError
 
-from contid_drivers.dynamixel.options import AxisOptions
+from contid_drivers.dynamixel.options import DynamixelAxisOptions
 
 
 @pytest.mark.parametrize(
@@ -21,7 +21,7 @@ from contid_drivers.dynamixel.options import AxisOptions
 )
 def test_a_number_ends_where_its_register_does(name: str, least: int, greatest: int) -> None:
     for value in (least, greatest):
-        assert getattr(AxisOptions.model_validate({"id": 1, name: value}), name) == value
+        assert getattr(DynamixelAxisOptions.model_validate({"id": 1, name: value}), name) == value
     for value in (least - 1, greatest + 1):
         with pytest.raises(ValidationError, match=name):
-            AxisOptions.model_validate({"id": 1, name: value})
+            DynamixelAxisOptions.model_validate({"id": 1, name: value})

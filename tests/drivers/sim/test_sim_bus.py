@@ -169,8 +169,8 @@ def test_nobody_overloads_by_moving_freely():
 # -- faults ----------------------------------------------------------------------------------------------
 
 
-@pytest.mark.parametrize(("device", "words"), [("servo", "overload"), ("motor", "stalled")])
-def test_a_held_shaft_saturates_the_current_then_drops_the_torque(device, words):
+@pytest.mark.parametrize(("device", "message"), [("servo", "overload"), ("motor", "stalled")])
+def test_a_held_shaft_saturates_the_current_then_drops_the_torque(device, message):
     rig = Rig({"device": device, "overload_s": 0.4, "current_limit_ma": 800}).start()
     rig.run(0.2, a=1.0)
     rig.bus.inject(FaultKind.STALL, "r.a")
@@ -179,7 +179,7 @@ def test_a_held_shaft_saturates_the_current_then_drops_the_torque(device, words)
     assert saturated.effort == 0.8
     assert saturated.fault == ""
     dropped = rig.run(0.6, a=30.0)[-1]["r.a"]
-    assert dropped.fault == words
+    assert dropped.fault == message
     assert dropped.effort == 0.0
     rig.bus.heal(FaultKind.STALL, "r.a")
     rig.run(1.0, a=30.0)

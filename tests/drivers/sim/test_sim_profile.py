@@ -9,7 +9,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from contid_drivers.sim.profile import Motion, plan
+from contid_drivers.sim.profile import ProfileMotion, plan
 
 finite = st.floats(-50.0, 50.0)
 limit = st.floats(0.5, 40.0)
@@ -56,7 +56,7 @@ def test_without_limits_the_goal_is_reached_at_once():
     pieces=st.integers(1, 37),
 )
 def test_many_short_steps_equal_one_long_step(goals, tau_s, pieces):
-    whole, split = Motion(0.0, 1.0, tau_s), Motion(0.0, 1.0, tau_s)
+    whole, split = ProfileMotion(0.0, 1.0, tau_s), ProfileMotion(0.0, 1.0, tau_s)
     for turn, goal in enumerate(goals, start=1):
         for motion in (whole, split):
             motion.go(goal, 5.0, 80.0)
@@ -67,14 +67,14 @@ def test_many_short_steps_equal_one_long_step(goals, tau_s, pieces):
 
 
 def test_response_of_a_step_is_the_exponential():
-    motion = Motion(0.0, 0.0, 0.1)
+    motion = ProfileMotion(0.0, 0.0, 0.1)
     motion.go(1.0, math.inf, math.inf)
     motion.advance(0.25)
     assert motion.value == pytest.approx(1.0 - math.exp(-2.5), rel=1e-14)
 
 
 def test_response_lags_a_ramp_by_tau():
-    motion = Motion(0.0, 0.0, 0.02)
+    motion = ProfileMotion(0.0, 0.0, 0.02)
     motion.go(100.0, 5.0, math.inf)
     motion.advance(1.0)
     assert motion.value == pytest.approx(5.0 * (1.0 - 0.02), rel=1e-12)
@@ -82,7 +82,7 @@ def test_response_lags_a_ramp_by_tau():
 
 
 def test_response_satisfies_its_differential_equation():
-    motion = Motion(0.0, 0.3, 0.05)
+    motion = ProfileMotion(0.0, 0.3, 0.05)
     motion.go(2.0, 4.0, 30.0)
     h = 1e-5
     for step in range(1, 60):
@@ -96,7 +96,7 @@ def test_response_satisfies_its_differential_equation():
 
 
 def test_stop_and_freeze():
-    moving = Motion(0.0, 0.0, 0.02)
+    moving = ProfileMotion(0.0, 0.0, 0.02)
     moving.go(10.0, 5.0, math.inf)
     moving.advance(0.5)
     stopped_at, was = moving.reference[0], moving.value

@@ -21,23 +21,23 @@ from contid.errors import DeviceError, DeviceLostError, DeviceNotFoundError
 from contid.hal import AxisOnBus, Rest, load_driver
 from contid.robot_file.load import load_robot_file
 from contid_drivers.due.bus import DueBus
-from contid_drivers.due.emulator import Emulator
-from contid_drivers.due.options import AxisOptions, BusOptions, EndStop
+from contid_drivers.due.emulator import DueEmulator
+from contid_drivers.due.options import DueAxisOptions, DueBusOptions, EndStop
 from contid_drivers.due.service import doctor, home
 
-MOTORS = [AxisOnBus(f"arm.l{i}", AxisOptions(channel=f"m{i}", power_up_deg=90.0), None) for i in range(3)]
+MOTORS = [AxisOnBus(f"arm.l{i}", DueAxisOptions(channel=f"m{i}", power_up_deg=90.0), None) for i in range(3)]
 PARKED = {"power_up_deg": 229.2, "homing": {"direction": -1, "at_deg": 199.2}}
 AIR = {"calibration": [[0, 0], [100, 3]], "readback": [[600, 0], [3000, 3]], "ceiling_bar": 1.6}
 
 
 @pytest.fixture
-def world(tmp_path: Path) -> Iterator[Callable[..., tuple[DueBus, Emulator]]]:
+def world(tmp_path: Path) -> Iterator[Callable[..., tuple[DueBus, DueEmulator]]]:
     """Makes a bus and the board behind it: ``world(axes, **bus options)``."""
     with ExitStack() as stack:
 
-        def make(axes=MOTORS, role="motor", **keys) -> tuple[DueBus, Emulator]:
-            options = BusOptions(port=str(tmp_path / "board"), role=role, **{"latency_ms": 60.0, **keys})
-            emulator = stack.enter_context(Emulator(options, axes))
+        def make(axes=MOTORS, role="motor", **keys) -> tuple[DueBus, DueEmulator]:
+            options = DueBusOptions(port=str(tmp_path / "board"), role=role, **{"latency_ms": 60.0, **keys})
+            emulator = stack.enter_context(DueEmulator(options, axes))
             bus = DueBus("board", options, axes, RealClock())
             stack.callback(bus.close)
             return bus, emulator
@@ -66,19 +66,19 @@ def test_hello_and_first_samples(world):
 
 def test_wrong_role_is_named(world):
     _, emulator = world()
-    axes = [AxisOnBus("arm.p", AxisOptions(channel="p0", **AIR), None)]
-    options = BusOptions(port=str(emulator.port), role="pressure")
+    axes = [AxisOnBus("arm.p", DueAxisOptions(channel="p0", **AIR), None)]
+    options = DueBusOptions(port=str(emulator.port), role="pressure")
     with pytest.raises(DeviceNotFoundError, match=r"expected a pressure board.*found a motor board"):
         DueBus("air", options, axes, RealClock()).open()
 
 
 def test_no_port_and_no_board(tmp_path):
-    options = BusOptions(port=str(tmp_path / "none*"), role="motor", hello_ms=100)
+    options = DueBusOptions(port=str(tmp_path / "none*"), role="motor", hello_ms=100)
     with pytest.raises(DeviceNotFoundError, match="no port"):
         DueBus("board", options, MOTORS, RealClock()).open()
     master, slave = pty.openpty()
     try:
-        options = BusOptions(port=os.ttyname(slave), role="motor", hello_ms=150)
+        options = DueBusOptions(port=os.ttyname(slave), role="motor", hello_ms=150)
         with pytest.raises(DeviceNotFoundError, match=r"no hello .* within 150 ms .*contid firmware flash"):
             DueBus("board", options, MOTORS, RealClock()).open()
     finally:
@@ -162,7 +162,7 @@ def test_programming_port_resets_on_open_and_hello_is_awaited(world):
     bus, _ = world(connection="programming")
     bus.open()
     assert bus.hello.boot >= 2
-    assert bus.hello.cause.words == "pin"
+    assert bus.hello.cause.message == "pin"
     assert all(sample.valid for sample in bus.exchange({}).values())
 
 
@@ -182,7 +182,7 @@ def test_coming_back_to_the_same_board_keeps_it_holding(world):
 
 
 def test_demand_beyond_the_travel_ends_at_it(world):
-    axes = [AxisOnBus("arm.l", AxisOptions(channel="m0"), (0.0, 1.0))]
+    axes = [AxisOnBus("arm.l", DueAxisOptions(channel="m0"), (0.0, 1.0))]
     bus, _ = world(axes)
     bus.open()
     bus.exchange({})
@@ -194,11 +194,11 @@ def test_demand_beyond_the_travel_ends_at_it(world):
 def test_home_and_doctor(world):
     homing = EndStop(direction=-1, at_deg=-20.0, at_mm=49.0, speed_deg_s=180.0)
     axes = [
-        AxisOnBus("arm.l1", AxisOptions(channel="m0", homing=homing), None),
-        AxisOnBus("arm.l2", AxisOptions(channel="m1"), None),
+        AxisOnBus("arm.l1", DueAxisOptions(channel="m0", homing=homing), None),
+        AxisOnBus("arm.l2", DueAxisOptions(channel="m1"), None),
     ]
     bus, emulator = world(axes)
-    options = BusOptions(port=str(emulator.port), role="motor", latency_ms=60.0)
+    options = DueBusOptions(port=str(emulator.port), role="motor", latency_ms=60.0)
     assert all(finding.ok for finding in doctor("board", options, axes))
     said: list[str] = []
     (homed,) = home("board", options, axes, ["arm.l1"], said.append)
@@ -213,7 +213,7 @@ def test_home_and_doctor(world):
 
 
 def test_doctor_without_a_board(tmp_path):
-    options = BusOptions(port=str(tmp_path / "none"), role="motor")
+    options = DueBusOptions(port=str(tmp_path / "none"), role="motor")
     (finding,) = doctor("board", options, MOTORS)
     assert not finding.ok
     assert finding.remedy
@@ -221,7 +221,7 @@ def test_doctor_without_a_board(tmp_path):
 
 def test_emulator_of_the_driver_follows_its_control_file(tmp_path):
     driver = load_driver("due")
-    options = BusOptions(port=str(tmp_path / "board"), role="motor", latency_ms=60.0)
+    options = DueBusOptions(port=str(tmp_path / "board"), role="motor", latency_ms=60.0)
     control = tmp_path / "faults"
     control.touch()
     with driver.emulator("motors", options, MOTORS, control) as said:
@@ -264,7 +264,7 @@ def test_firmware_command(world, tmp_path, configs):
 def test_home_command_writes_the_zero_of_an_axis_with_a_dotted_name(world, tmp_path, configs):
     homing = "{direction: -1, at_deg: 199.2, at_mm: 43.5, speed_deg_s: 180}"
     _, emulator = world(
-        [AxisOnBus("arm.s1.l1", AxisOptions.model_validate({"channel": "m0", **PARKED}), None)]
+        [AxisOnBus("arm.s1.l1", DueAxisOptions.model_validate({"channel": "m0", **PARKED}), None)]
     )
     text = (configs / "trirack.emulated.yaml").read_text().replace("./trirack.tty", str(emulator.port))
     file = tmp_path / "arm.yaml"

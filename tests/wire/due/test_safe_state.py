@@ -26,7 +26,7 @@ from contid.hal import AxisOnBus
 from contid.robot_file.load import load_robot_file
 from contid_drivers.due import frames, messages, wiring
 from contid_drivers.due.codes import Type
-from contid_drivers.due.emulator import Emulator
+from contid_drivers.due.emulator import DueEmulator
 
 TEN_CM_S = 6081.0  # counts/s
 WATCHDOG_MS = 100
@@ -48,7 +48,7 @@ class Board:
         self.axes = [AxisOnBus(name, options, None) for name, options in wired.axes]
         self.options = wired.options
         self.journal_file = folder / "journal"
-        self.emulator = Emulator(wired.options, self.axes, self.journal_file)
+        self.emulator = DueEmulator(wired.options, self.axes, self.journal_file)
 
     def truth(self, channel: int) -> list[float]:
         return [float(number) for number in self.emulator.tell(f"get {channel}").split()]

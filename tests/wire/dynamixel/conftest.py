@@ -14,8 +14,8 @@ import pytest
 from contid.control.engine.clock import RealClock
 from contid.hal import AxisOnBus, Sample
 from contid_drivers.dynamixel.bus import DynamixelBus
-from contid_drivers.dynamixel.emulator import Emulator, Servo
-from contid_drivers.dynamixel.options import AxisOptions, BusOptions
+from contid_drivers.dynamixel.emulator import DynamixelEmulator, Servo
+from contid_drivers.dynamixel.options import DynamixelAxisOptions, DynamixelBusOptions
 
 # Generous, because tests share the machine; nothing here is about time.
 PATIENT = {"usb_latency_ms": 40.0, "retry_ms": 80.0, "watchdog_ms": 2000}
@@ -25,9 +25,9 @@ PATIENT = {"usb_latency_ms": 40.0, "retry_ms": 80.0, "watchdog_ms": 2000}
 class Rig:
     """An emulated bus and the driver on it."""
 
-    emulator: Emulator
+    emulator: DynamixelEmulator
     bus: DynamixelBus
-    options: BusOptions
+    options: DynamixelBusOptions
     axes: tuple[AxisOnBus, ...]
 
     def tick(self, times: int = 1, **commands: float) -> Mapping[str, Sample]:
@@ -66,7 +66,7 @@ def rig(tmp_path: Path) -> Iterator[Callable[..., Rig]]:
             made: Sequence[Servo] | None = None,
             **options: Any,
         ) -> Rig:
-            emulator = Emulator(
+            emulator = DynamixelEmulator(
                 made if made is not None else servos(count, **(servo or {})),
                 tmp_path / "servos.pty",
                 tmp_path / "faults.jsonl",
@@ -74,9 +74,10 @@ def rig(tmp_path: Path) -> Iterator[Callable[..., Rig]]:
             )
             stack.enter_context(emulator)
             wired = tuple(
-                AxisOnBus(f"r.a{i + 1}", AxisOptions(id=i + 1, **(axis or {})), travel) for i in range(count)
+                AxisOnBus(f"r.a{i + 1}", DynamixelAxisOptions(id=i + 1, **(axis or {})), travel)
+                for i in range(count)
             )
-            given = BusOptions(**{"port": emulator.port, **PATIENT, **options})
+            given = DynamixelBusOptions(**{"port": emulator.port, **PATIENT, **options})
             bus = DynamixelBus("servos", given, wired, RealClock())
             stack.callback(bus.close)
             return Rig(emulator, bus, given, wired)

@@ -14,7 +14,7 @@ from contid.errors import DeviceError, DeviceLostError, DeviceNotFoundError
 from contid.hal import Rest
 from contid_drivers import serial_ports
 from contid_drivers.dynamixel import registers as reg
-from contid_drivers.dynamixel.emulator import Fault
+from contid_drivers.dynamixel.emulator import InjectedFault
 from contid_drivers.dynamixel.emulator.faults import FaultSyntaxError
 
 TICK = reg.RAD_PER_TICK
@@ -105,22 +105,22 @@ def test_a_stale_answer_is_not_taken_for_the_answer_to_another_request(rig: Make
 
 
 @pytest.mark.parametrize(
-    ("kind", "bits", "words"),
+    ("kind", "bits", "message"),
     [("alert", 0x04, "overheated"), ("alert", 0x01, "input voltage"), ("overload", 0x20, "overload")],
 )
 def test_a_hardware_error_is_a_fault_in_words_within_one_exchange(
-    running: Any, kind: str, bits: int, words: str
+    running: Any, kind: str, bits: int, message: str
 ) -> None:
     running.emulator.set(kind, 2, bits=bits)
     samples = running.tick(a1=1100 * TICK, a2=2100 * TICK)
-    assert words in samples["r.a2"].fault
+    assert message in samples["r.a2"].fault
     assert samples["r.a2"].valid
     assert samples["r.a1"].fault == samples["r.a3"].fault == ""
     before = running.emulator.servo(2).position_ticks
     running.tick(5, a1=1100 * TICK, a2=2500 * TICK)
     running.until(lambda: abs(running.emulator.servo(1).position_ticks - 1100) < 1)
     assert running.emulator.servo(2).position_ticks == before
-    with pytest.raises(DeviceError, match=words):
+    with pytest.raises(DeviceError, match=message):
         running.bus.enable(["r.a2"])
     running.bus.clear_fault(["r.a2"])
     assert running.tick()["r.a2"].fault == ""
@@ -291,4 +291,4 @@ def test_the_control_file_operates_the_same_switches(rig: Make, tmp_path: Path) 
 )
 def test_wrong_fault_switches_are_refused(line: str) -> None:
     with pytest.raises(FaultSyntaxError):
-        Fault.parse(line)
+        InjectedFault.parse(line)

@@ -14,7 +14,7 @@ from typing import Any
 
 import pytest
 
-from contid_drivers.dynamixel.emulator import Emulator, Servo
+from contid_drivers.dynamixel.emulator import DynamixelEmulator, Servo
 
 ROOT = Path(__file__).parents[3]
 WATCHDOG_MS = 100
@@ -63,7 +63,7 @@ def test_killing_the_driving_process_stops_every_servo(tmp_path: Path) -> None:
     servos = [Servo(i, position_ticks=2048.0) for i in (1, 2, 3, 4)]
     for servo in servos:
         servo.memory[9] = 0
-    with Emulator(servos, tmp_path / "servos.pty") as emulator, driving(emulator.port) as process:
+    with DynamixelEmulator(servos, tmp_path / "servos.pty") as emulator, driving(emulator.port) as process:
         time.sleep(0.3)
         assert all(emulator.servo(i).torque for i in (1, 2, 3, 4))
         assert any(emulator.servo(i).motion.velocity for i in (1, 2, 3, 4))

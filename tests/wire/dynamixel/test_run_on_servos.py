@@ -17,7 +17,7 @@ import pytest
 
 from contid.cli.support.buses import wired_buses
 from contid.robot_file.load import load_robot_file
-from contid_drivers.dynamixel.emulator import Emulator
+from contid_drivers.dynamixel.emulator import DynamixelEmulator
 from contid_drivers.dynamixel.emulator.bench import Bench
 
 ROOT = Path(__file__).parents[3]
@@ -25,8 +25,8 @@ IDS = (1, 2, 3, 4)
 WATCHDOG_S = 0.4
 
 
-def contid(*words: str) -> Sequence[str]:
-    return [sys.executable, "-m", "contid", *words]
+def contid(*message: str) -> Sequence[str]:
+    return [sys.executable, "-m", "contid", *message]
 
 
 def environment() -> dict[str, str]:
@@ -47,7 +47,7 @@ def hand(tmp_path: Path, configs: Path) -> Path:
 
 
 @pytest.fixture
-def emulator(hand: Path) -> Iterator[Emulator]:
+def emulator(hand: Path) -> Iterator[DynamixelEmulator]:
     (bus,) = wired_buses(load_robot_file(hand))
     bench = Bench(bus.wiring.name, bus.wiring.options, bus.axes)  # type: ignore[arg-type]
     with bench:
@@ -55,7 +55,7 @@ def emulator(hand: Path) -> Iterator[Emulator]:
 
 
 @pytest.fixture
-def running(hand: Path, emulator: Emulator) -> Iterator[Callable[..., subprocess.Popen[str]]]:
+def running(hand: Path, emulator: DynamixelEmulator) -> Iterator[Callable[..., subprocess.Popen[str]]]:
     """Start following the circle; returns once all four servos move."""
     started: list[subprocess.Popen[str]] = []
 
@@ -114,7 +114,7 @@ def report_of(process: subprocess.Popen[str]) -> dict[str, Any]:
 
 
 def test_kill_9_of_daemon_and_control_process_stops_every_servo(
-    running: Callable[..., subprocess.Popen[str]], emulator: Emulator
+    running: Callable[..., subprocess.Popen[str]], emulator: DynamixelEmulator
 ) -> None:
     process = running(1000)
     family = [*psutil.Process(process.pid).children(recursive=True), psutil.Process(process.pid)]
@@ -135,7 +135,7 @@ def test_kill_9_of_daemon_and_control_process_stops_every_servo(
 
 
 @pytest.mark.parametrize(
-    ("kind", "words"),
+    ("kind", "message"),
     [
         ("overload", "overload"),
         ("silent", ""),
@@ -144,27 +144,27 @@ def test_kill_9_of_daemon_and_control_process_stops_every_servo(
     ],
 )
 def test_a_servo_in_trouble_faults_its_whole_robot_and_the_other_one_finishes(
-    running: Callable[..., subprocess.Popen[str]], emulator: Emulator, kind: str, words: str
+    running: Callable[..., subprocess.Popen[str]], emulator: DynamixelEmulator, kind: str, message: str
 ) -> None:
     process = running(2)
     emulator.set(kind, 3)
     report = report_of(process)
     assert report["exit_code"] == process.returncode == 3
     right, left = report["robots"]["right"], report["robots"]["left"]
-    assert right["words"]
-    assert words in right["words"]
-    assert left["words"] == ""
+    assert right["message"]
+    assert message in right["message"]
+    assert left["message"] == ""
     assert left["ticks_followed"] > right["ticks_followed"]
 
 
 def test_unplugging_faults_every_robot_of_the_bus_and_the_servos_stop_themselves(
-    running: Callable[..., subprocess.Popen[str]], emulator: Emulator
+    running: Callable[..., subprocess.Popen[str]], emulator: DynamixelEmulator
 ) -> None:
     process = running(1000)
     emulator.set("unplug")
     report = report_of(process)
     assert process.returncode == 3
-    assert all("is gone" in robot["words"] for robot in report["robots"].values())
+    assert all("is gone" in robot["message"] for robot in report["robots"].values())
     until(lambda: all(emulator.servo(i).tripped for i in IDS))
     stopped = [emulator.servo(i).position_ticks for i in IDS]
     emulator.set("replug")

@@ -9,20 +9,20 @@ from typing import Any
 import dynamixel_sdk as sdk
 import pytest
 
-from contid_drivers.dynamixel.emulator import Emulator, Servo
+from contid_drivers.dynamixel.emulator import DynamixelEmulator, Servo
 from contid_drivers.dynamixel.emulator.servo import BOOT_S
 
 
 @pytest.fixture
-def bus() -> Iterator[Emulator]:
-    with Emulator([Servo(i, position_ticks=1000.0 * i) for i in (1, 2, 3)]) as emulator:
+def bus() -> Iterator[DynamixelEmulator]:
+    with DynamixelEmulator([Servo(i, position_ticks=1000.0 * i) for i in (1, 2, 3)]) as emulator:
         for servo in emulator.servos:
             servo.memory[9] = 0
         yield emulator
 
 
 @pytest.fixture
-def port(bus: Emulator) -> Iterator[Any]:
+def port(bus: DynamixelEmulator) -> Iterator[Any]:
     handler = sdk.PortHandler(bus.port)
     assert handler.setBaudRate(1000000)
     yield handler
@@ -32,7 +32,7 @@ def port(bus: Emulator) -> Iterator[Any]:
 protocol = sdk.PacketHandler(2.0)
 
 
-def test_ping_and_broadcast_ping(bus: Emulator, port: Any) -> None:
+def test_ping_and_broadcast_ping(bus: DynamixelEmulator, port: Any) -> None:
     assert protocol.ping(port, 2) == (1200, sdk.COMM_SUCCESS, 0)
     assert protocol.ping(port, 9)[1] == sdk.COMM_RX_TIMEOUT
     found, result = protocol.broadcastPing(port)
@@ -40,7 +40,7 @@ def test_ping_and_broadcast_ping(bus: Emulator, port: Any) -> None:
     assert found == {i: [1200, 52] for i in (1, 2, 3)}
 
 
-def test_read_and_write_of_every_width(bus: Emulator, port: Any) -> None:
+def test_read_and_write_of_every_width(bus: DynamixelEmulator, port: Any) -> None:
     assert protocol.write1ByteTxRx(port, 1, 65, 1) == (sdk.COMM_SUCCESS, 0)
     assert protocol.write2ByteTxRx(port, 1, 84, 640) == (sdk.COMM_SUCCESS, 0)
     assert protocol.write4ByteTxRx(port, 1, 112, 123) == (sdk.COMM_SUCCESS, 0)
@@ -61,23 +61,23 @@ def test_read_and_write_of_every_width(bus: Emulator, port: Any) -> None:
     ],
 )
 def test_refusals_have_the_documented_numbers(
-    bus: Emulator, port: Any, address: int, data: list[int], error: int, why: str
+    bus: DynamixelEmulator, port: Any, address: int, data: list[int], error: int, why: str
 ) -> None:
     assert protocol.writeTxRx(port, 1, address, len(data), data) == (sdk.COMM_SUCCESS, error), why
 
 
-def test_goal_current_beyond_the_current_limit_is_a_limit_error(bus: Emulator, port: Any) -> None:
+def test_goal_current_beyond_the_current_limit_is_a_limit_error(bus: DynamixelEmulator, port: Any) -> None:
     assert protocol.write2ByteTxRx(port, 1, 38, 500) == (sdk.COMM_SUCCESS, 0)
     assert protocol.write2ByteTxRx(port, 1, 102, 501) == (sdk.COMM_SUCCESS, 6)
 
 
-def test_eeprom_is_locked_under_torque(bus: Emulator, port: Any) -> None:
+def test_eeprom_is_locked_under_torque(bus: DynamixelEmulator, port: Any) -> None:
     assert protocol.write1ByteTxRx(port, 1, 11, 4)[1] == 0
     assert protocol.write1ByteTxRx(port, 1, 64, 1)[1] == 0
     assert protocol.write1ByteTxRx(port, 1, 11, 3)[1] == 7
 
 
-def test_registered_writes_wait_for_the_action(bus: Emulator, port: Any) -> None:
+def test_registered_writes_wait_for_the_action(bus: DynamixelEmulator, port: Any) -> None:
     for device in (1, 2):
         assert protocol.regWriteTxRx(port, device, 65, 1, [1]) == (sdk.COMM_SUCCESS, 0)
         assert protocol.read1ByteTxRx(port, device, 69)[0] == 1
@@ -90,7 +90,7 @@ def test_registered_writes_wait_for_the_action(bus: Emulator, port: Any) -> None
 
 
 @pytest.mark.parametrize("fast", [False, True])
-def test_sync_read(bus: Emulator, port: Any, fast: bool) -> None:
+def test_sync_read(bus: DynamixelEmulator, port: Any, fast: bool) -> None:
     group = sdk.GroupSyncRead(port, protocol, 132, 4)
     for device in (1, 2, 3):
         group.addParam(device)
@@ -99,7 +99,7 @@ def test_sync_read(bus: Emulator, port: Any, fast: bool) -> None:
 
 
 @pytest.mark.parametrize("fast", [False, True])
-def test_bulk_read(bus: Emulator, port: Any, fast: bool) -> None:
+def test_bulk_read(bus: DynamixelEmulator, port: Any, fast: bool) -> None:
     group = sdk.GroupBulkRead(port, protocol)
     group.addParam(1, 132, 4)
     group.addParam(2, 144, 2)
@@ -108,7 +108,7 @@ def test_bulk_read(bus: Emulator, port: Any, fast: bool) -> None:
     assert [group.getData(1, 132, 4), group.getData(2, 144, 2), group.getData(3, 146, 1)] == [1000, 50, 25]
 
 
-def test_sync_write_and_bulk_write(bus: Emulator, port: Any) -> None:
+def test_sync_write_and_bulk_write(bus: DynamixelEmulator, port: Any) -> None:
     group = sdk.GroupSyncWrite(port, protocol, 112, 4)
     for device in (1, 2, 3):
         group.addParam(device, [device, 0, 0, 0])
@@ -122,7 +122,7 @@ def test_sync_write_and_bulk_write(bus: Emulator, port: Any) -> None:
     assert protocol.read2ByteTxRx(port, 2, 84)[0] == 0x110
 
 
-def test_reboot_loses_ram_and_turns(bus: Emulator, port: Any) -> None:
+def test_reboot_loses_ram_and_turns(bus: DynamixelEmulator, port: Any) -> None:
     bus.servo(1).motion.position = 3 * 4096 + 77.0
     assert protocol.write1ByteTxRx(port, 1, 65, 1)[1] == 0
     assert protocol.read4ByteTxRx(port, 1, 132)[0] == 3 * 4096 + 77
@@ -133,7 +133,7 @@ def test_reboot_loses_ram_and_turns(bus: Emulator, port: Any) -> None:
     assert protocol.read4ByteTxRx(port, 1, 132)[0] == 77
 
 
-def test_factory_reset_keeps_the_id_when_asked(bus: Emulator, port: Any) -> None:
+def test_factory_reset_keeps_the_id_when_asked(bus: DynamixelEmulator, port: Any) -> None:
     protocol.write1ByteTxRx(port, 3, 11, 4)
     assert protocol.factoryReset(port, 3, 0x02) == (sdk.COMM_SUCCESS, 0)
     time.sleep(BOOT_S + 0.02)
@@ -147,13 +147,13 @@ def test_factory_reset_keeps_the_id_when_asked(bus: Emulator, port: Any) -> None
     assert protocol.ping(port, 3) == (1200, sdk.COMM_SUCCESS, 0)
 
 
-def test_clear_forgets_the_turns(bus: Emulator, port: Any) -> None:
+def test_clear_forgets_the_turns(bus: DynamixelEmulator, port: Any) -> None:
     bus.servo(2).motion.position = 5 * 4096 + 9.0
     assert protocol.clearMultiTurn(port, 2) == (sdk.COMM_SUCCESS, 0)
     assert protocol.read4ByteTxRx(port, 2, 132)[0] == 9
 
 
-def test_status_return_level_decides_who_answers(bus: Emulator, port: Any) -> None:
+def test_status_return_level_decides_who_answers(bus: DynamixelEmulator, port: Any) -> None:
     protocol.write1ByteTxRx(port, 1, 68, 1)
     assert protocol.write1ByteTxRx(port, 1, 65, 1)[0] == sdk.COMM_RX_TIMEOUT
     assert protocol.read1ByteTxRx(port, 1, 65)[0] == 1
@@ -162,7 +162,7 @@ def test_status_return_level_decides_who_answers(bus: Emulator, port: Any) -> No
     assert protocol.ping(port, 1)[1] == sdk.COMM_SUCCESS
 
 
-def test_indirect_addresses_map_bytes(bus: Emulator, port: Any) -> None:
+def test_indirect_addresses_map_bytes(bus: DynamixelEmulator, port: Any) -> None:
     for i, address in enumerate((132, 133, 134, 135, 144)):
         assert protocol.write2ByteTxRx(port, 3, 168 + 2 * i, address) == (sdk.COMM_SUCCESS, 0)
     data, result, _ = protocol.readTxRx(port, 3, 208, 5)
@@ -171,7 +171,7 @@ def test_indirect_addresses_map_bytes(bus: Emulator, port: Any) -> None:
     assert protocol.write2ByteTxRx(port, 3, 168, 63) == (sdk.COMM_SUCCESS, 4)
 
 
-def test_alert_is_in_every_answer(bus: Emulator, port: Any) -> None:
+def test_alert_is_in_every_answer(bus: DynamixelEmulator, port: Any) -> None:
     bus.set("overload", 1)
     value, result, error = protocol.read1ByteTxRx(port, 1, 70)
     assert (value, result, error & 0x80) == (0x20, sdk.COMM_SUCCESS, 0x80)

@@ -1,7 +1,7 @@
 """Emulated XL330 bus on a pseudo terminal: what the driver is proven against where there is no hardware."""
 
-from contid_drivers.dynamixel.emulator.faults import Fault, FaultSwitches
+from contid_drivers.dynamixel.emulator.faults import FaultSwitches, InjectedFault
 from contid_drivers.dynamixel.emulator.servo import Servo
-from contid_drivers.dynamixel.emulator.wire import Emulator
+from contid_drivers.dynamixel.emulator.wire import DynamixelEmulator
 
-__all__ = ["Emulator", "Fault", "FaultSwitches", "Servo"]
+__all__ = ["DynamixelEmulator", "FaultSwitches", "InjectedFault", "Servo"]

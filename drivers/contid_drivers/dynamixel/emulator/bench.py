@@ -11,8 +11,8 @@ from typing import Final
 from contid.hal import AxisOnBus
 from contid_drivers.dynamixel import registers as reg
 from contid_drivers.dynamixel.emulator.servo import Servo
-from contid_drivers.dynamixel.emulator.wire import Emulator
-from contid_drivers.dynamixel.options import AxisOptions, BusOptions, SingleTurn
+from contid_drivers.dynamixel.emulator.wire import DynamixelEmulator
+from contid_drivers.dynamixel.options import DynamixelAxisOptions, DynamixelBusOptions, SingleTurn
 
 #: The mechanical end of an axis, beyond the travel the robot file allows.
 BEYOND_TRAVEL_RAD: Final = math.radians(10.0)
@@ -26,7 +26,7 @@ def servo_of(axis: AxisOnBus, baud: int) -> Servo:
     travel and therefore right; a travel without such a place cannot do without homing.
     """
     options = axis.options
-    assert isinstance(options, AxisOptions)
+    assert isinstance(options, DynamixelAxisOptions)
     low, high = axis.travel or (-math.inf, math.inf)
     start = low + min(math.pi, 0.5 * (high - low)) if math.isfinite(low) else math.pi
     if options.homing is None and max(low, 0.0) < min(high, math.tau):
@@ -47,12 +47,12 @@ class Bench:
     """Context manager: the bus is alive at the port of the robot file while it lasts."""
 
     def __init__(
-        self, name: str, options: BusOptions, axes: Sequence[AxisOnBus], control: Path | None = None
+        self, name: str, options: DynamixelBusOptions, axes: Sequence[AxisOnBus], control: Path | None = None
     ) -> None:
         self._name = name
         self._control = control
         servos = [servo_of(axis, options.baud) for axis in axes]
-        self.emulator = Emulator(servos, options.port, control)
+        self.emulator = DynamixelEmulator(servos, options.port, control)
 
     def __enter__(self) -> Sequence[str]:
         """Start; gives what stands where."""

@@ -1,6 +1,6 @@
 """Fault switches of an emulated bus, by call and by a control file.
 
-Each switch is a `Fault`; as JSON it is one line of the control file, which is read from its end on::
+Each switch is a `InjectedFault`; as JSON it is one line of the control file, which is read from its end on::
 
     {"fault": "drop", "id": 3, "count": 2}      the next two answers of servo 3 never arrive
     {"fault": "delay", "id": 3, "ms": 4}        every answer of servo 3 is 4 ms late, until ms is 0
@@ -47,7 +47,7 @@ class FaultSyntaxError(ContidError):
 
 
 @dataclass(frozen=True, slots=True)
-class Fault:
+class InjectedFault:
     """One fault switch; fields a kind does not have are ignored."""
 
     kind: str
@@ -66,7 +66,7 @@ class Fault:
             raise FaultSyntaxError(f"fault {self.kind!r} needs an id")
 
     @classmethod
-    def parse(cls, line: str) -> Fault:
+    def parse(cls, line: str) -> InjectedFault:
         """From one line of a control file.
 
         Raises:
@@ -97,7 +97,7 @@ class FaultSwitches:
     corrupt: dict[int, int] = field(default_factory=dict)
     duplicate: dict[int, int] = field(default_factory=dict)
 
-    def set(self, fault: Fault) -> bool:
+    def set(self, fault: InjectedFault) -> bool:
         """Take over a switch that concerns answers; False for those that concern servos or the port."""
         device = fault.device if fault.device is not None else -1
         if fault.kind == "echo":

@@ -21,7 +21,7 @@ OVERLOAD_MA: Final = 900.0
 OVERLOAD_S: Final = 0.5
 
 
-class Motion:
+class ShaftMotion:
     """Shaft of a servo; positions in ticks over all turns, currents in mA."""
 
     def __init__(self, position: float, stops: tuple[float, float]) -> None:

@@ -30,7 +30,7 @@ _READS: Final = (Instruction.PING, Instruction.READ)
 
 
 @dataclass(frozen=True, slots=True)
-class Answer:
+class StatusReply:
     """Bytes on the wire and the end of their sending, after the end of the instruction [s]."""
 
     device: int
@@ -38,7 +38,7 @@ class Answer:
     at_s: float
 
 
-def answers(packet: Packet, servos: Sequence[Servo], byte_s: float) -> list[Answer]:
+def answers(packet: Packet, servos: Sequence[Servo], byte_s: float) -> list[StatusReply]:
     """Let servos act on an instruction and give what they answer.
 
     Args:
@@ -63,7 +63,7 @@ def answers(packet: Packet, servos: Sequence[Servo], byte_s: float) -> list[Answ
         _bulk_write(packet.parameters, servos)
         return []
     at_s = 0.0
-    found: list[Answer] = []
+    found: list[StatusReply] = []
     for servo in sorted(servos, key=lambda each: each.device):
         if packet.device not in (servo.device, BROADCAST):
             continue
@@ -75,10 +75,10 @@ def answers(packet: Packet, servos: Sequence[Servo], byte_s: float) -> list[Answ
         if level == 2 or instruction == Instruction.PING or (level == 1 and instruction in _READS):
             wire = build_status(device, error | servo.alert, data)
             if found and found[-1].device == device:
-                found[-1] = Answer(device, _collide(found[-1].wire, wire), found[-1].at_s)
+                found[-1] = StatusReply(device, _collide(found[-1].wire, wire), found[-1].at_s)
                 continue
             at_s += delay_s + len(wire) * byte_s
-            found.append(Answer(device, wire, at_s))
+            found.append(StatusReply(device, wire, at_s))
     return found
 
 
@@ -109,14 +109,14 @@ def _act(packet: Packet, servo: Servo) -> tuple[int, bytes]:
 
 def _reads(
     instruction: int, wanted: list[tuple[int, int, int]], servos: Sequence[Servo], byte_s: float
-) -> list[Answer]:
+) -> list[StatusReply]:
     by_id: dict[int, list[Servo]] = {}
     for servo in servos:
         by_id.setdefault(servo.device, []).append(servo)
     if instruction in _FAST:
         return _fast(wanted, by_id, byte_s)
     at_s = 0.0
-    found: list[Answer] = []
+    found: list[StatusReply] = []
     for device, start, size in wanted:
         talking = [s for s in by_id.get(device, ()) if s.get(reg.STATUS_RETURN_LEVEL) > 0]
         if not talking:
@@ -127,11 +127,13 @@ def _reads(
         for other in wires[1:]:
             wire = _collide(wire, other)
         at_s += talking[0].return_delay_s + len(wire) * byte_s
-        found.append(Answer(device, wire, at_s))
+        found.append(StatusReply(device, wire, at_s))
     return found
 
 
-def _fast(wanted: list[tuple[int, int, int]], by_id: dict[int, list[Servo]], byte_s: float) -> list[Answer]:
+def _fast(
+    wanted: list[tuple[int, int, int]], by_id: dict[int, list[Servo]], byte_s: float
+) -> list[StatusReply]:
     """One packet; whoever is missing ends it, because the next one waits for its bytes in vain."""
     length = 3 + sum(size + 4 for _, _, size in wanted) - 2
     wire = bytearray(HEADER + bytes((BROADCAST, length & 0xFF, length >> 8, Instruction.STATUS)))
@@ -146,7 +148,7 @@ def _fast(wanted: list[tuple[int, int, int]], by_id: dict[int, list[Servo]], byt
             at_s = servo.return_delay_s
         wire += bytes((servo.alert, device)) + servo.read(start, size)
         wire += crc16(wire).to_bytes(2, "little")
-    return [Answer(BROADCAST, bytes(wire), at_s + len(wire) * byte_s)] if wanted else []
+    return [StatusReply(BROADCAST, bytes(wire), at_s + len(wire) * byte_s)] if wanted else []
 
 
 def _sync_write(p: bytes, servos: Sequence[Servo]) -> None:

@@ -14,7 +14,7 @@ from dataclasses import dataclass
 from typing import Final
 
 from contid_drivers.dynamixel import registers as reg
-from contid_drivers.dynamixel.emulator.motion import Motion
+from contid_drivers.dynamixel.emulator.motion import ShaftMotion
 from contid_drivers.dynamixel.emulator.table import ControlTable
 from contid_drivers.dynamixel.packets import StatusError
 from contid_drivers.dynamixel.registers import Register
@@ -62,7 +62,7 @@ class Servo(ControlTable):
         stops_ticks: tuple[float, float] = (-math.inf, math.inf),
     ) -> None:
         super().__init__()
-        self.motion = Motion(position_ticks, stops_ticks)
+        self.motion = ShaftMotion(position_ticks, stops_ticks)
         self.now = 0.0
         self.booted_at = 0.0
         self.heard_at = 0.0

@@ -22,7 +22,12 @@ from typing import Final, Self
 
 from contid.errors import DeviceNotFoundError
 from contid_drivers.dynamixel import registers as reg
-from contid_drivers.dynamixel.emulator.faults import ControlFile, Fault, FaultSwitches, FaultSyntaxError
+from contid_drivers.dynamixel.emulator.faults import (
+    ControlFile,
+    FaultSwitches,
+    FaultSyntaxError,
+    InjectedFault,
+)
 from contid_drivers.dynamixel.emulator.replies import answers
 from contid_drivers.dynamixel.emulator.servo import Servo
 from contid_drivers.dynamixel.packets import Packet, take
@@ -38,7 +43,7 @@ BITS_PER_BYTE: Final = 10
 _RATES: Final = {getattr(termios, f"B{rate}"): rate for rate in reg.BAUD_CODES.values()}
 
 
-class Emulator:
+class DynamixelEmulator:
     """A bus of emulated servos on a pty, served by a thread of its own between `start` and `stop`.
 
     Args:
@@ -117,16 +122,16 @@ class Emulator:
             return servo
 
     def set(self, kind: str, device: int | None = None, **values: object) -> None:
-        """Operate a fault switch; its fields are those of `Fault`."""
-        self.apply(Fault(kind, device, **values))  # type: ignore[arg-type]  # a dataclass checks nothing here
+        """Operate a fault switch; its fields are those of `InjectedFault`."""
+        self.apply(InjectedFault(kind, device, **values))  # type: ignore[arg-type]  # a dataclass checks nothing here
 
-    def apply(self, fault: Fault) -> None:
+    def apply(self, fault: InjectedFault) -> None:
         """Operate a fault switch."""
         with self._lock:
             self._apply(fault)
         self._wake()
 
-    def _apply(self, fault: Fault) -> None:
+    def _apply(self, fault: InjectedFault) -> None:
         if self.faults.set(fault):
             return
         if fault.kind == "unplug":
@@ -223,7 +228,7 @@ class Emulator:
             servo.advance(now)
         for line in self._control.news() if self._control is not None else ():
             try:
-                self._apply(Fault.parse(line))
+                self._apply(InjectedFault.parse(line))
             except (FaultSyntaxError, TypeError, DeviceNotFoundError) as error:
                 self.complaints.append(str(error))
 
