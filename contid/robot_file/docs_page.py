@@ -40,7 +40,7 @@ robots:
 _INTRODUCTION: Final = """\
 # The robot file
 
-<!-- Made by `contid schema --markdown` from the docstrings of contid/description and of the drivers. -->
+<!-- Made by `contid schema --markdown` from the docstrings of contid/robot_file and of the drivers. -->
 
 One YAML file describes everything from geometry to wire. `contid check FILE` validates it and names every
 mistake at once, as `file:line:column: what; allowed; nearest name`; `contid schema` prints the JSON Schema

@@ -13,6 +13,7 @@ from pydantic_core import ErrorDetails
 
 from contid.errors import Located
 from contid.robot_file.positions import Data, Document, Path, step_into
+from contid.robot_file.renamed import RENAMED_KEYS
 
 Schema: TypeAlias = dict[str, Any]
 
@@ -58,6 +59,8 @@ class _Explainer:
             parents = _places(self.schema, self.schema, inside[:-1])
             names = [key for parent in parents for key in parent.get("properties", ())]
             names += self.also if len(inside) == 1 else ()
+            if (now := RENAMED_KEYS.get(name)) in names:
+                return self.document.at_key(path, f"key {name!r} was renamed; write {now!r}")
             return self.document.at_key(path, f"unknown key {name!r}; {allowed_names(names, name)}")
         if kind == "missing" and isinstance(path[-1], int):
             return self.document.at_value(path[:-1], f"{name} is missing")

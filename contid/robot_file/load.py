@@ -20,6 +20,7 @@ from contid.robot_file.findings import allowed_names, explain, shown
 from contid.robot_file.positions import Data, Document, read_document
 from contid.robot_file.positions import Path as Place
 from contid.robot_file.recovery import recovered
+from contid.robot_file.renamed import with_renamed_keys
 from contid.robot_file.robot import RobotDescription
 from contid.robot_file.watchdog import watchdog_too_short
 
@@ -79,9 +80,21 @@ def load_robot_file(path: str | Path) -> LoadedFile:
     return parse_robot_file(text, str(path))
 
 
-def parse_robot_file(text: str, name: str) -> LoadedFile:
-    """Check the text of a robot file; ``name`` is what messages call it. Raises as `load_robot_file`."""
-    loader = _Loader(read_document(text, name))
+def parse_robot_file(text: str, name: str, recorded: bool = False) -> LoadedFile:
+    """Check the text of a robot file.
+
+    Args:
+        text: the YAML text.
+        name: what messages call it.
+        recorded: it comes from a session file; keys of older revisions are accepted.
+
+    Raises:
+        BadInputError: as `load_robot_file`.
+    """
+    document = read_document(text, name)
+    if recorded:
+        document.data = with_renamed_keys(document.data)
+    loader = _Loader(document)
     buses = loader.load()
     if loader.findings:
         order = sorted(dict.fromkeys(loader.findings), key=lambda found: (found.line, found.column))

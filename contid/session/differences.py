@@ -11,6 +11,7 @@ import yaml
 from contid.control.engine.wiring import driven_robots, record_layout
 from contid.errors import ContidError
 from contid.robot_file.load import LoadedFile
+from contid.robot_file.renamed import with_renamed_keys
 from contid.session.read import Session
 
 
@@ -35,7 +36,10 @@ class Difference:
 
 def differences(recorded: str, now: str) -> list[Difference]:
     """Keys of two YAML texts that differ; comments and layout do not count."""
-    then, today = dict(_leaves(yaml.safe_load(recorded))), dict(_leaves(yaml.safe_load(now)))
+    then, today = (
+        dict(_leaves(with_renamed_keys(yaml.safe_load(recorded)))),
+        dict(_leaves(yaml.safe_load(now))),
+    )
     keys = [*then, *(key for key in today if key not in then)]
     return [
         Difference(key, then.get(key, ""), today.get(key, ""))

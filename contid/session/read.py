@@ -149,7 +149,7 @@ class Session:
         """
         text, name = self.robot_text, self.about["robot_file"].get("name", "robot_file")
         try:
-            loaded = parse_robot_file(text, name)
+            loaded = parse_robot_file(text, name, recorded=True)
         except BadInputError as error:
             message = "its robot file is refused today; export it with --yaml, mend it, give it with --robot"
             raise SessionError(f"{self.path}: {message}. In the recorded text:\n{error}") from error

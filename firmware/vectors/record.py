@@ -37,7 +37,9 @@ def config(role: str, *axes: dict[str, object]) -> tuple[bytes, int]:
 
 def motor_dialogue() -> Iterator[tuple[str, ...]]:
     """Every message of a motor board, what it refuses, a motion, a dead-man."""
-    body, crc = config("motor", {"channel": "m0"}, {"channel": "m3", "safe_state": "coast", "homing": HOMING})
+    body, crc = config(
+        "motor", {"channel": "m0"}, {"channel": "m3", "on_watchdog": "coast", "homing": HOMING}
+    )
     yield ("board", "motor")
     yield ("#", "hello before and after; nothing is configured")
     yield ("tick", "1")
@@ -103,7 +105,7 @@ def pressure_dialogue() -> Iterator[tuple[str, ...]]:
     regulator = {"calibration": [[0, 0], [40, 1], [100, 3]], "readback": [[600, 0], [3000, 3]],
                  "ceiling_bar": 1.6, "wire_break_mv": 540, "trim_bar": 0.1}  # fmt: skip
     body, crc = config(
-        "pressure", {"channel": "p0", **regulator}, {"channel": "p5", "safe_state": "close", **regulator}
+        "pressure", {"channel": "p0", **regulator}, {"channel": "p5", "on_watchdog": "close", **regulator}
     )
     yield ("board", "pressure")
     for channel in ("0", "5"):

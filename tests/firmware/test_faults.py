@@ -36,7 +36,7 @@ def _pressed(board, **options):
 
 @pytest.mark.parametrize("safe", ["brake", "coast", "hold"])
 def test_dead_man_stops_a_motor_at_10_cm_s(board, safe):
-    motors, _ = _moving_motor(board, safe_state=safe)
+    motors, _ = _moving_motor(board, on_watchdog=safe)
     motors.step(400 if safe != "coast" else 1500)
     trip = motors.trip()
     assert (trip["reason"], trip["silence_ms"]) == ("dead_man", 100)
@@ -48,7 +48,7 @@ def test_dead_man_stops_a_motor_at_10_cm_s(board, safe):
 
 @pytest.mark.parametrize(("safe", "longest_ms"), [("vent", 1000), ("close", 400)])
 def test_dead_man_vents_1_5_bar(board, safe, longest_ms):
-    air = _pressed(board, safe_state=safe, vent_bar_s=2.0)
+    air = _pressed(board, on_watchdog=safe, vent_bar_s=2.0)
     air.step(1500)
     trip = air.trip()
     assert (trip["reason"], trip["silence_ms"]) == ("dead_man", 100)
@@ -58,7 +58,7 @@ def test_dead_man_vents_1_5_bar(board, safe, longest_ms):
 
 
 def test_dead_man_that_holds_keeps_the_pressure(board):
-    air = _pressed(board, safe_state="hold")
+    air = _pressed(board, on_watchdog="hold")
     air.step(1500)
     assert air.trip()["reason"] == "dead_man"
     assert air.truth(0)[2] == pytest.approx(150_000, abs=1500)
@@ -210,7 +210,7 @@ def test_broken_wire_of_a_0_to_10_v_signal_shows_as_a_leak(board):
 
 
 def test_over_pressure_vents_even_when_the_safe_state_holds(board):
-    air = _pressed(board, safe_state="hold")
+    air = _pressed(board, on_watchdog="hold")
     air.tell("set 0 full_pa 600000")  # the regulator's gain doubles
     began = air.telemetry.uptime_ms
     _run(air, lambda now: {0: 150_000}, 300)

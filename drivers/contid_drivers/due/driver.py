@@ -41,14 +41,14 @@ class DueDriver:
         if axis.kind is DeviceKind.MOTOR:
             return {
                 "device": axis.kind.value,
-                "dead_man": "hold" if axis.safe is SafeState.HOLD else "relax",
+                "on_watchdog": "hold" if axis.safe is SafeState.HOLD else "relax",
                 "start_deg": axis.power_up_deg,
                 "velocity_deg_s": axis.velocity_deg_s,
                 "acceleration_deg_s2": axis.acceleration_deg_s2,
             }
         return {
             "device": axis.kind.value,
-            "dead_man": {SafeState.HOLD: "hold", SafeState.CLOSE: "relax"}.get(axis.safe, "vent"),
+            "on_watchdog": {SafeState.HOLD: "hold", SafeState.CLOSE: "relax"}.get(axis.safe, "vent"),
             "slew_bar_s": axis.slew_bar_s,
             "vent_bar_s": axis.vent_bar_s,
             "ceiling_bar": axis.ceiling_bar,

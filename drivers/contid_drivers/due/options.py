@@ -168,14 +168,14 @@ class DueAxisOptions(MotorOptions, RegulatorOptions):
 
     Attributes:
         channel: ``m0`` .. ``m5`` on a motor board, ``p0`` .. ``p5`` on a pressure board.
-        safe_state: ``brake`` (default), ``coast`` or ``hold`` for motors; ``vent`` (default), ``hold`` or
-            ``close`` for regulators.
+        on_watchdog: the output's state after the watchdog expired: ``brake`` (default), ``coast`` or ``hold``
+            for motors; ``vent`` (default), ``hold`` or ``close`` for regulators.
         start_state: what the wiring makes the output do while the board is not configured (in reset, without
             host). The board refuses a configuration where it differs from the safe state.
     """
 
     channel: Literal["m0", "m1", "m2", "m3", "m4", "m5", "p0", "p1", "p2", "p3", "p4", "p5"]
-    safe_state: SafeState | None = None
+    on_watchdog: SafeState | None = None
     start_state: SafeState | None = None
 
     @property
@@ -192,7 +192,7 @@ class DueAxisOptions(MotorOptions, RegulatorOptions):
     def safe(self) -> SafeState:
         """The safe state, or the default of this kind."""
         default = SafeState.BRAKE if self.kind is DeviceKind.MOTOR else SafeState.VENT
-        return self.safe_state or default
+        return self.on_watchdog or default
 
     @property
     def start(self) -> SafeState:
@@ -212,12 +212,12 @@ class DueAxisOptions(MotorOptions, RegulatorOptions):
             if motor
             else (SafeState.VENT, SafeState.HOLD, SafeState.CLOSE)
         )
-        for key, value in (("safe_state", self.safe), ("start_state", self.start)):
+        for key, value in (("on_watchdog", self.safe), ("start_state", self.start)):
             if value not in allowed:
                 raise ValueError(f"{key} of channel {self.channel} must be one of {', '.join(allowed)}")
         if self.safe is not self.start:
             raise ValueError(
-                f"start_state {self.start} differs from safe_state {self.safe}: the board would leave its "
+                f"start_state {self.start} differs from on_watchdog {self.safe}: the board would leave its "
                 "safe state whenever it resets, and refuses such a configuration"
             )
         if not motor:

@@ -37,7 +37,7 @@ class Character:
         overload_s: time at the current limit after which the device drops its torque.
         overload: the device's words for that.
         supply_v: voltage at rest, 0 for devices that report none.
-        dead_man: rest taken when the dead-man trips.
+        on_watchdog: rest taken when the watchdog expires.
     """
 
     quantum: float
@@ -53,7 +53,7 @@ class Character:
     overload_s: float
     overload: str
     supply_v: float
-    dead_man: Rest
+    on_watchdog: Rest
 
 
 # XL330-M288-T at 5 V: 4096 ticks per turn, +-256 turns, 103 rpm, 1.47 A, velocity unit 0.229 rpm.
@@ -71,7 +71,7 @@ _SERVO: Final = Character(
     overload_s=1.0,
     overload="overload",
     supply_v=5.0,
-    dead_man=Rest.HOLD,
+    on_watchdog=Rest.HOLD,
 )
 # 398:1 gear, 12 edges per motor turn: 4776 counts per turn of the shaft, 100 mm/s on a pinion of 25 mm.
 _MOTOR: Final = Character(
@@ -88,7 +88,7 @@ _MOTOR: Final = Character(
     overload_s=0.5,
     overload="stalled",
     supply_v=12.0,
-    dead_man=Rest.HOLD,
+    on_watchdog=Rest.HOLD,
 )
 # Proportional regulator behind a 12-bit converter over its ceiling.
 _REGULATOR: Final = Character(
@@ -105,7 +105,7 @@ _REGULATOR: Final = Character(
     overload_s=math.inf,
     overload="regulator fault",
     supply_v=0.0,
-    dead_man=Rest.VENT,
+    on_watchdog=Rest.VENT,
 )
 _OF_KIND: Final = {
     DeviceKind.SERVO: _SERVO,
@@ -143,7 +143,7 @@ def character_of(options: SimAxisOptions) -> Character:
         overload_s=base.overload_s if options.overload_s is None else options.overload_s,
         overload=base.overload,
         supply_v=base.supply_v,
-        dead_man=base.dead_man if options.dead_man is None else options.dead_man,
+        on_watchdog=base.on_watchdog if options.on_watchdog is None else options.on_watchdog,
     )
 
 
@@ -234,7 +234,7 @@ class SimDevice:
 
     def trip(self, after_s: float) -> None:
         """The dead-man fires: rest by itself, latched."""
-        self.settle(self.character.dead_man)
+        self.settle(self.character.on_watchdog)
         self.fault = f"dead-man tripped: no exchange for {after_s * 1e3:g} ms"
 
     def overload(self) -> None:

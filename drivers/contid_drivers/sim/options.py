@@ -58,7 +58,7 @@ class SimBusOptions(Strict):
 
     Attributes:
         seed: of the noise of readings; the same seed gives the same run.
-        watchdog_ms: the devices' dead-man: without a completed exchange for so long they rest by themselves.
+        watchdog_ms: watchdog of the devices: time without a completed exchange after which they rest.
         latency_ms: how long an exchange takes.
         journal_file: receives one JSON line per event with the state of every axis.
         faults: what shall go wrong, and when.
@@ -71,7 +71,7 @@ class SimBusOptions(Strict):
     faults: tuple[ScheduledFault, ...] = ()
 
 
-#: Keys beyond ``device`` and ``dead_man`` that mean something for each kind of device.
+#: Keys beyond ``device`` and ``on_watchdog`` that mean something for each kind of device.
 KEYS_OF: Final[dict[DeviceKind, frozenset[str]]] = {
     DeviceKind.SERVO: frozenset(
         {
@@ -96,7 +96,7 @@ class SimAxisOptions(Strict):
 
     Attributes:
         device: kind of device; some keys mean something for one kind only.
-        dead_man: what the device does when nobody feeds it any more; shafts hold, regulators vent.
+        on_watchdog: what the device does when its watchdog expires; shafts hold, regulators vent.
         start_deg: angle of a shaft before anything moved; the middle of its travel, a pose every robot has.
         start_bar: the same for a regulator; no pressure, or as near to that as its travel allows.
         velocity_deg_s: greatest speed of a shaft; 618 for a servo, 458 for a motor.
@@ -114,7 +114,7 @@ class SimAxisOptions(Strict):
     """
 
     device: DeviceKind
-    dead_man: Rest | None = None
+    on_watchdog: Rest | None = None
     start_deg: float | None = None
     start_bar: NonNegative | None = None
     velocity_deg_s: Positive | None = None
@@ -132,13 +132,13 @@ class SimAxisOptions(Strict):
     @model_validator(mode="after")
     def _keys_of_this_device(self) -> Self:
         allowed = KEYS_OF[self.device]
-        strange = sorted(self.model_fields_set - allowed - {"device", "dead_man"})
+        strange = sorted(self.model_fields_set - allowed - {"device", "on_watchdog"})
         if strange:
             raise ValueError(
                 f"{', '.join(strange)} means nothing for a simulated {self.device.value}; "
                 f"allowed: {', '.join(sorted(allowed))}"
             )
-        if self.device is not DeviceKind.REGULATOR and self.dead_man is Rest.VENT:
+        if self.device is not DeviceKind.REGULATOR and self.on_watchdog is Rest.VENT:
             raise ValueError(f"a {self.device.value} cannot vent; allowed: hold, relax")
         return self
 

@@ -17,9 +17,9 @@ from contid_drivers.due.wiring import Scale, board_config
 REGULATOR = {"calibration": [[0, 0], [100, 3]], "readback": [[600, 0], [3000, 3]], "ceiling_bar": 1.6}
 BAD = [
     ({"channel": "m6"}, "channel"),
-    ({"channel": "m0", "safe_state": "vent"}, "brake, coast, hold"),
-    ({"channel": "p0", **REGULATOR, "safe_state": "coast"}, "vent, hold, close"),
-    ({"channel": "m0", "safe_state": "hold", "start_state": "brake"}, "start_state brake differs"),
+    ({"channel": "m0", "on_watchdog": "vent"}, "brake, coast, hold"),
+    ({"channel": "p0", **REGULATOR, "on_watchdog": "coast"}, "vent, hold, close"),
+    ({"channel": "m0", "on_watchdog": "hold", "start_state": "brake"}, "start_state brake differs"),
     ({"channel": "m0", "ceiling_bar": 2}, "is a motor; it has no ceiling_bar"),
     ({"channel": "p0", **REGULATOR, "stall_ms": 100}, "is a regulator; it has no stall_ms"),
     ({"channel": "p0"}, "needs calibration, readback, ceiling_bar"),

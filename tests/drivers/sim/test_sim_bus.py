@@ -259,7 +259,7 @@ def test_a_journal_that_cannot_be_written_is_named(tmp_path):
 
 
 @pytest.mark.parametrize(
-    ("options", "powered"), [({"dead_man": "relax"}, False), ({"dead_man": "hold"}, True), ({}, True)]
+    ("options", "powered"), [({"on_watchdog": "relax"}, False), ({"on_watchdog": "hold"}, True), ({}, True)]
 )
 def test_the_dead_man_does_what_the_file_says(options, powered):
     rig = Rig({"device": "servo", **options}, watchdog_ms=60).start()
