@@ -1,4 +1,4 @@
-"""Geometric circle fit that does not mind straight lines.
+"""Geometric circle fit that is regular for straight lines.
 
 A circle or line is ``A (x^2 + y^2) + B x + C y + D = 0`` with ``B^2 + C^2 - 4 A D = 1``; its curvature
 is ``2 A``, which passes through zero where a radius would pass through infinity. The signed distance of a
@@ -27,8 +27,7 @@ class CircleFit:
 
     Attributes:
         curvature: not negative; 0 for a line.
-        error_per_noise: standard error of the curvature for points wrong by 1 each: what the circle's size
-            and the place of the points on it make of noise.
+        error_per_noise: standard error of the curvature per unit of noise on the points.
         rms: root mean square distance of the points from the circle.
     """
 

@@ -1,17 +1,17 @@
 """Curvature correction of a rack finger from marker positions (Morita et al., section IV-C).
 
 Markers along the finger are photographed in several postures. A circle fitted to the markers of a posture has
-the actual curvature k; the racks say the commanded curvature k_d and the arc length S. Then (Eq. 11)
+the actual curvature k; the racks give the commanded curvature k_d and the arc length S. Then (Eq. 11)
 
     k / k_d - 1 = epsilon = a S + b
 
-is fitted by least squares over the postures. A short or nearly straight posture says little about epsilon:
-noise on its markers counts with ``1 / (k_d S^2)``. The weight of a posture is therefore
+is fitted by least squares over the postures. In a short or nearly straight posture the marker noise enters
+epsilon with the factor ``1 / (k_d S^2)``. The weight of a posture is therefore
 
-    w = 1 / (tau^2 + s^2),    s: from the residuals of all circles,   tau: scatter from posture to posture,
+    w = 1 / (tau^2 + s^2),    s: marker noise (residuals of all circles),   tau: scatter between postures,
 
-tau being what the residuals of the line have beyond s (`contid.calibrate.line`). Intervals of equal weights
-hold in 70 to 80 % of such cases instead of 95.
+with tau from the residuals of the line (`contid.calibrate.line`). With equal weights the 95 % intervals cover
+only 70 to 80 % of such cases.
 """
 
 from __future__ import annotations
@@ -29,12 +29,12 @@ from contid.calibrate.measured_table import Columns, MeasuredRow, read_measured
 from contid.errors import BadInputError, ContidError, Located
 
 #: Below this commanded curvature [1/mm] the quotient k/k_d is mostly noise.
-LEAST_CURVATURE_PER_MM: Final = 1e-3
-#: A finger that bends by less than this share of what it is told does not bend.
-LEAST_SHARE: Final = 1e-3
+MIN_CURVATURE_PER_MM: Final = 1e-3
+#: A finger that bends by less than this share of its command counts as straight.
+MIN_SHARE: Final = 1e-3
 CONFIDENCE: Final = 0.95
 COLUMNS: Final = Columns(
-    [("left_mm,right_mm", "arc_length_mm,curvature_per_mm"), ("x_mm,y_mm", "x_px,y_px")], message=("posture",)
+    [("left_mm,right_mm", "arc_length_mm,curvature_per_mm"), ("x_mm,y_mm", "x_px,y_px")], text=("posture",)
 )
 
 
@@ -46,8 +46,8 @@ class Posture:
         name: as written in the data.
         arc_length_mm: commanded S.
         commanded_per_mm: commanded curvature k_d, not negative.
-        circle: fitted to its markers [mm].
-        markers: how many.
+        circle: fitted to the markers [mm].
+        markers: number of markers.
     """
 
     name: str
@@ -64,14 +64,14 @@ class Posture:
 
 @dataclass(frozen=True, slots=True)
 class CurvatureFit:
-    """The line ``epsilon = a S + b`` with what is known about its quality.
+    """The line ``epsilon = a S + b`` and its quality.
 
     Attributes:
         a_per_mm, b: the coefficients.
         a_half_width_per_mm, b_half_width: half widths of their 95 % confidence intervals.
         rms_epsilon: of the residuals.
-        arc_length_mm: range of S in the data, where the line may be used.
-        postures: what was fitted.
+        arc_length_mm: range of S in the data, in which the line is valid.
+        postures: the fitted data.
     """
 
     a_per_mm: float
@@ -86,20 +86,20 @@ class CurvatureFit:
 def read_postures(
     lines: Iterable[str], name: str, *, rack_spacing_mm: float, mm_per_px: float | None
 ) -> list[Posture]:
-    """Read markers, one row each: ``posture``, its command, and the marker's place.
+    """Read markers, one row each: ``posture``, its command, and the marker's position.
 
-    The command is ``left_mm,right_mm`` (racks) or ``arc_length_mm,curvature_per_mm``; the place is
-    ``x_mm,y_mm`` or ``x_px,y_px``, for which ``mm_per_px`` is needed.
+    The command is ``left_mm,right_mm`` (racks) or ``arc_length_mm,curvature_per_mm``; the position is
+    ``x_mm,y_mm`` or ``x_px,y_px`` (requires ``mm_per_px``).
 
     Raises:
-        BadInputError: every wrong row; postures with fewer than three markers or two commands.
+        BadInputError: every invalid row; postures with fewer than three markers or with several commands.
     """
     rows = read_measured(lines, name, COLUMNS)
     if "x_px" in rows[0].numbers and mm_per_px is None:
-        raise BadInputError([Located(name, 1, 1, "markers in pixels: say how large one is with --mm-per-px")])
+        raise BadInputError([Located(name, 1, 1, "markers in pixels: give the pixel size with --mm-per-px")])
     groups: dict[str, list[MeasuredRow]] = {}
     for row in rows:
-        groups.setdefault(row.message["posture"], []).append(row)
+        groups.setdefault(row.text["posture"], []).append(row)
     findings: list[Located] = []
     postures = []
     for posture, markers in groups.items():
@@ -119,16 +119,16 @@ def _posture(name: str, markers: list[MeasuredRow], rack_spacing_mm: float, mm_p
     arc_length_mm, commanded_per_mm = commands.pop()
     if arc_length_mm <= 0.0:
         raise ValueError(f"arc length {arc_length_mm:g} mm is not positive")
-    if commanded_per_mm < LEAST_CURVATURE_PER_MM:
+    if commanded_per_mm < MIN_CURVATURE_PER_MM:
         raise ValueError(
-            f"commanded curvature {commanded_per_mm:g} /mm is below {LEAST_CURVATURE_PER_MM:g} /mm; "
-            "a straight posture says nothing about the quotient"
+            f"commanded curvature {commanded_per_mm:g} /mm is below {MIN_CURVATURE_PER_MM:g} /mm; "
+            "k / k_d of a straight posture is undefined"
         )
     unit = "px" if "x_px" in markers[0].numbers else "mm"
     scale = mm_per_px if unit == "px" else 1.0
     points = np.array([[row.numbers[f"x_{unit}"], row.numbers[f"y_{unit}"]] for row in markers]) * scale
     circle = fit_circle(points)
-    if circle.curvature < LEAST_SHARE * commanded_per_mm:
+    if circle.curvature < MIN_SHARE * commanded_per_mm:
         raise ValueError(
             f"its markers lie on a line, but its commanded curvature is {commanded_per_mm:g} /mm"
         )
@@ -174,7 +174,7 @@ def fit_curvature(postures: list[Posture]) -> CurvatureFit:
 
 
 def _marker_variances(postures: list[Posture]) -> Floats:
-    """What noise on the markers, the same in all photographs, makes of every epsilon."""
+    """Variance of every epsilon due to marker noise, which is the same in all photographs."""
     freedom = sum(max(posture.markers - 3, 0) for posture in postures)
     squares = sum(posture.markers * posture.circle.rms**2 for posture in postures if posture.markers > 3)
     noise = math.sqrt(squares / freedom) if freedom else 0.0

@@ -10,7 +10,7 @@ from contid.calibrate.curvature import CurvatureFit
 
 
 def plot_curvature(path: Path, fit: CurvatureFit) -> None:
-    """Write the figure; its kind follows the file's ending."""
+    """Write the figure; the file's suffix sets its format."""
     from matplotlib.figure import Figure
 
     figure = Figure(figsize=(9.0, 3.6), layout="constrained")
@@ -19,8 +19,8 @@ def plot_curvature(path: Path, fit: CurvatureFit) -> None:
     commanded = np.array([posture.commanded_per_mm for posture in fit.postures])
     actual = np.array([posture.circle.curvature for posture in fit.postures])
     dots = left.scatter(commanded, actual, c=lengths, cmap="viridis", s=18)
-    most = float(commanded.max()) * 1.05
-    left.plot([0, most], [0, most], color="0.6", linewidth=1, label="as commanded")
+    end = float(commanded.max()) * 1.05
+    left.plot([0, end], [0, end], color="0.6", linewidth=1, label="as commanded")
     left.set(xlabel="commanded curvature [1/mm]", ylabel="fitted curvature [1/mm]")
     left.legend()
     figure.colorbar(dots, ax=left, label="S [mm]")

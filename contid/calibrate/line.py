@@ -5,10 +5,10 @@ Each value has a known variance v of its own, and all have an unknown one tau^2 
     y = a x + b + noise,      variance of the noise v + tau^2,      weight w = 1/(v + tau^2),
 
 with the tau^2 >= 0 for which the weighted residuals have their expected size, ``sum w r^2 = n - 2``.
-Residuals smaller than the known variances let expect are luck and make no error smaller.
+Residuals smaller than the known variances predict do not reduce the standard errors.
 
 Source: R. C. Paule, J. Mandel, "Consensus Values and Weighting Factors", J. Res. Natl. Bur. Stand. 87, 1982;
-with the quantiles of t, as G. Knapp and J. Hartung, Stat. Med. 22, 2003, have them.
+quantiles of t: G. Knapp, J. Hartung, Stat. Med. 22, 2003.
 """
 
 from __future__ import annotations
@@ -17,11 +17,10 @@ import math
 from typing import Final
 
 import numpy as np
-from numpy.typing import NDArray
 
-Floats = NDArray[np.float64]
+from contid.calibrate.circle import Floats
 
-#: Least variance, relative to the values' squares: rounding.
+#: Smallest variance, relative to the values' squares: rounding.
 _ROUNDING: Final = 1e-24
 _HALVINGS: Final = 60
 

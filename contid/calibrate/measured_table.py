@@ -1,4 +1,4 @@
-"""Measurements as CSV: named columns of numbers, every wrong cell named with its line and column."""
+"""Measurements as CSV: named columns of numbers; every invalid cell is reported with line and column."""
 
 from __future__ import annotations
 
@@ -14,57 +14,56 @@ from contid.errors import BadInputError, Located
 
 @dataclass(frozen=True, slots=True)
 class Columns:
-    """Columns a table may have; every one holds numbers unless it is among ``message``.
+    """Columns a table may have; of numbers where nothing else is stated.
 
     Attributes:
-        choices: groups of columns; of every group exactly one alternative must be there, an alternative being
-            names joined by commas (``"x_px,y_px"`` or ``"x_mm,y_mm"``).
-        message: columns of text that must be there.
-        optional: columns that may be missing, and whose cells may be empty.
-        optional_words: the same, of text.
+        choices: groups of alternatives, exactly one of each group is required; an alternative is one name or
+            several joined by commas (``"x_px,y_px"`` or ``"x_mm,y_mm"``).
+        text: required columns of text.
+        optional: columns that may be missing and whose cells may be empty.
+        optional_text: the same, of text.
     """
 
     choices: Sequence[Sequence[str]]
-    message: Sequence[str] = ()
+    text: Sequence[str] = ()
     optional: Sequence[str] = ()
-    optional_words: Sequence[str] = ()
+    optional_text: Sequence[str] = ()
 
     @property
-    def known(self) -> list[str]:
-        """All of them."""
+    def names(self) -> list[str]:
+        """All columns."""
         chosen = [column for group in self.choices for each in group for column in each.split(",")]
-        return [*self.message, *chosen, *self.optional, *self.optional_words]
+        return [*self.text, *chosen, *self.optional, *self.optional_text]
 
     @property
     def example(self) -> str:
-        """A header that would do."""
-        return ",".join([*self.message, *(group[0] for group in self.choices)])
+        """A valid header."""
+        return ",".join([*self.text, *(group[0] for group in self.choices)])
 
 
 @dataclass(frozen=True, slots=True)
 class MeasuredRow:
-    """One row: where it stands, and its cells by column, without the empty ones.
+    """One row: its location, and its cells that are not empty.
 
     Attributes:
-        name: what messages call the file.
+        name: of the file in messages.
         line: of the file, from 1.
         places: number of each column, from 1.
-        numbers: by column.
-        message: by column.
+        numbers, text: cells by column.
     """
 
     name: str
     line: int
     places: Mapping[str, int]
     numbers: dict[str, float]
-    message: dict[str, str]
+    text: dict[str, str]
 
-    def wrong(self, column: str, message: str) -> Located:
-        """A finding about one cell."""
+    def finding(self, column: str, message: str) -> Located:
+        """A located message about one cell."""
         return Located(self.name, self.line, self.places[column], f"{column}: {message}")
 
 
-#: What is wrong with a row all of whose cells are right.
+#: Findings about a row whose cells are valid one by one.
 RowCheck: TypeAlias = Callable[[MeasuredRow], Iterable[Located]]
 
 
@@ -75,12 +74,12 @@ def read_measured(
 
     Args:
         lines: the text.
-        name: what messages call it.
-        columns: it may have.
-        check: asked about every row whose cells are right.
+        name: of the file in messages.
+        columns: allowed columns.
+        check: called for every row whose cells are valid.
 
     Raises:
-        BadInputError: every wrong row, with line and column.
+        BadInputError: every invalid row, with line and column.
     """
     places: dict[str, int] = {}
     findings: list[Located] = []
@@ -111,34 +110,36 @@ def read_measured(
 
 
 def _check_header(header: list[str], name: str, line: int, columns: Columns) -> list[Located]:
-    known = columns.known
+    names = columns.names
     findings = []
     for place, cell in enumerate(header, start=1):
-        if cell not in known:
-            near = difflib.get_close_matches(cell, known, n=1)
+        if cell not in names:
+            near = difflib.get_close_matches(cell, names, n=1)
             hint = f"; did you mean {near[0]!r}?" if near else ""
-            message = f"unknown column {cell!r}; there are {', '.join(known)}{hint}"
+            message = f"unknown column {cell!r}; allowed: {', '.join(names)}{hint}"
             findings.append(Located(name, line, place, message))
         elif cell in header[: place - 1]:
-            findings.append(Located(name, line, place, f"column {cell!r} is there twice"))
+            findings.append(Located(name, line, place, f"column {cell!r} occurs twice"))
     for group in columns.choices:
         given = [each for each in group if all(column in header for column in each.split(","))]
         if len(given) != 1:
-            found = "none of them" if not given else "more than one of them"
-            findings.append(Located(name, line, 1, f"give {' or '.join(group)}; there is {found}"))
+            found = "several" if given else "none"
+            findings.append(Located(name, line, 1, f"give {' or '.join(group)}; found {found}"))
     findings += [
-        Located(name, line, 1, f"column {word} is missing") for word in columns.message if word not in header
+        Located(name, line, 1, f"column {column} is missing")
+        for column in columns.text
+        if column not in header
     ]
     return findings
 
 
 def _fill(row: MeasuredRow, cells: list[str], columns: Columns) -> Iterator[Located]:
-    """Put the cells into the row; yields those that are no numbers."""
+    """Put the cells into the row; yields a finding for each that is not a number."""
     for column, text in zip(row.places, cells, strict=True):
-        if not text and (column in columns.optional or column in columns.optional_words):
+        if not text and (column in columns.optional or column in columns.optional_text):
             continue
-        if column in columns.message or column in columns.optional_words:
-            row.message[column] = text
+        if column in columns.text or column in columns.optional_text:
+            row.text[column] = text
             continue
         try:
             value = float(text)
@@ -147,4 +148,4 @@ def _fill(row: MeasuredRow, cells: list[str], columns: Columns) -> Iterator[Loca
         if math.isfinite(value):
             row.numbers[column] = value
         else:
-            yield row.wrong(column, f"{text!r} is no number")
+            yield row.finding(column, f"{text!r} is not a finite number")

@@ -2,10 +2,9 @@
 
 With all chambers at x the section stretches by ``e = 6 x A_c / (E(x) A)`` (eq. 18), so every measured
 elongation is a measured modulus (eq. 19). The polynomial (eq. 20) is fitted so that the *elongations* agree
-best: a modulus measured at low pressure is a quotient of two small numbers and would dominate otherwise.
+best; a fit of the moduli would be dominated by low pressures, where they are quotients of small numbers.
 
-The bending gain scales the pressure's moment: without load the bending angle is proportional to it, so it is
-a ratio of sums.
+The bending gain scales the moment of the pressure: without load the bending angle is proportional to it.
 
 Source: Shi et al., section II-E and III-C.
 """
@@ -15,42 +14,37 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
-from typing import Any, TypeAlias
+from typing import Any, Final
 
 import numpy as np
 from numpy.typing import NDArray
 
-from contid.calibrate.elongation_data import ElongationReading
+from contid.calibrate.circle import Floats
+from contid.calibrate.elongation_data import ElongationReading, elongations
 from contid.errors import ContidError
 from contid.kinematics.cosserat.section import MPA_PER_PA, Section
 
-Array: TypeAlias = NDArray[np.float64]
-
 #: A polynomial of fourth order needs this many different pressures.
-LEAST_PRESSURES = 5
-#: The clamp stays this far inside the range where elongation grows with pressure [bar].
-MONOTONE_MARGIN_BAR = 0.05
-
-
-class CalibrationError(ContidError):
-    """The measurements do not determine what is asked for."""
+MIN_PRESSURES: Final = 5
+#: Distance of the clamp from the end of the range where elongation grows with pressure [bar].
+MONOTONE_MARGIN_BAR: Final = 0.05
 
 
 @dataclass(frozen=True, slots=True)
 class ModulusFit:
-    """What was fitted for one section, and how well.
+    """Fit of one section and its quality.
 
     Attributes:
         section: its number, from 1.
         modulus_pa: b1..b5 of eq. 20 (x in bar, E in Pa).
-        measured_to_bar: greatest average pressure in the data.
-        grows_to_bar: up to where the fitted elongation grows with pressure (inf: as far as was looked).
-        up_to_bar: where to clamp x: the lesser of the two, with a margin to the second.
-        levels: different pressures. trials: different trials. readings: elongations used.
+        measured_to_bar: highest average pressure in the data.
+        grows_to_bar: end of the range where the fitted elongation grows with pressure (inf: none found).
+        up_to_bar: where to clamp x: the smaller of the two, with a margin to the second.
+        levels, trials, readings: number of different pressures, of trials, of elongations used.
         rmse_modulus_pa: of the modulus, over the mean of all trials at each pressure (the paper's figure).
         rmse_elongation_mm: of the elongation, over all readings.
-        bending_gain: None without bending angles. rmse_bend_deg: of the angles with it.
-        bends: angles used.
+        bending_gain, rmse_bend_deg, bends: gain, error of the angles with it, angles used; None, None, 0
+            without bending angles.
     """
 
     section: int
@@ -72,45 +66,42 @@ def fit(section: Section, number: int, readings: Sequence[ElongationReading]) ->
     """Fit one section.
 
     Args:
-        section: its dimensions; its own modulus and gain are not used.
-        number: of the section, from 1; readings of others are left out.
+        section: its dimensions; its modulus and gain are not used.
+        number: of the section, from 1; readings of others are ignored.
         readings: see `contid.calibrate.elongation_data`.
 
     Raises:
-        CalibrationError: too few different pressures, or elongations that give no positive modulus.
+        ContidError: too few different pressures, or no positive modulus fits the elongations.
     """
-    own = [reading for reading in readings if reading.section == number]
-    stretched = [
-        reading for reading in own if reading.elongation_mm is not None and reading.average_bar > 0.0
-    ]
+    stretched = elongations(readings, number)
     x = np.array([reading.average_bar for reading in stretched])
     elongation = np.array([reading.elongation_mm for reading in stretched], float)
     levels = np.unique(np.round(x, 3))
-    if len(levels) < LEAST_PRESSURES:
-        raise CalibrationError(
+    if len(levels) < MIN_PRESSURES:
+        raise ContidError(
             f"section {number}: elongations at {len(levels)} different pressures above 0 bar; a polynomial "
-            f"of fourth order needs {LEAST_PRESSURES} or more"
+            f"of fourth order needs {MIN_PRESSURES} or more"
         )
     if np.any(elongation <= 0.0):
         worst = stretched[int(np.argmin(elongation))]
-        raise CalibrationError(
+        raise ContidError(
             f"line {worst.line}: {worst.elongation_mm:g} mm of elongation at {worst.average_bar:g} bar; a "
             "pressurised section gets longer, so check the zero of the measurement"
         )
-    stress = 3.0 * section.pair_force * x / section.area / MPA_PER_PA  # [Pa]
+    stress = axial_stress_pa(section, x)
     coefficients = _fit(x, stress, elongation / section.length)
     modulus = np.polyval(coefficients, x)
     predicted = section.length * stress / modulus
     measured_to = float(x.max())
     grows_to = growing_range(coefficients, max(2.0 * measured_to, measured_to + 1.0))
     if grows_to < measured_to:
-        raise CalibrationError(
+        raise ContidError(
             f"section {number}: the fitted elongation stops growing at {grows_to:.3g} bar, inside the "
             f"measured range up to {measured_to:.3g} bar; measure more pressures or remove outliers"
         )
     result = ModulusFit(
         section=number,
-        modulus_pa=tuple(float(c) for c in coefficients),  # type: ignore[arg-type]  # five of them
+        modulus_pa=tuple(coefficients.tolist()),
         measured_to_bar=measured_to,
         grows_to_bar=grows_to,
         up_to_bar=min(measured_to, grows_to - MONOTONE_MARGIN_BAR),
@@ -120,11 +111,16 @@ def fit(section: Section, number: int, readings: Sequence[ElongationReading]) ->
         rmse_modulus_pa=_mean_modulus_rmse(x, stress, elongation / section.length, levels, coefficients),
         rmse_elongation_mm=float(np.sqrt(np.mean((predicted - elongation) ** 2))),
     )
-    bent = [reading for reading in own if reading.bend_deg is not None]
+    bent = [reading for reading in readings if reading.section == number and reading.bend_deg is not None]
     return _with_gain(section, result, bent) if bent else result
 
 
-def _fit(x: Array, stress: Array, strain: Array) -> Array:
+def axial_stress_pa(section: Section, average_bar: Floats) -> Floats:
+    """Axial stress of a section with all chambers at one pressure [Pa] (numerator of eq. 18)."""
+    return 3.0 * section.pair_force * average_bar / section.area / MPA_PER_PA
+
+
+def _fit(x: Floats, stress: Floats, strain: Floats) -> Floats:
     """Least squares of the strains ``stress / E(x)``: weighted on the moduli first, then Gauss-Newton."""
     powers = np.vander(x, 5)
     weight = strain**2 / stress
@@ -140,11 +136,11 @@ def _fit(x: Array, stress: Array, strain: Array) -> Array:
         coefficients = coefficients + step
         if np.abs(step).max() < 1e-10 * np.abs(coefficients).max():
             return coefficients
-    raise CalibrationError("the elongations do not fit any positive modulus; check units and signs")
+    raise ContidError("the elongations do not fit any positive modulus; check units and signs")
 
 
-def growing_range(coefficients: Array, up_to_bar: float) -> float:
-    """Least x at which ``x / E(x)`` stops growing or E is no longer positive [bar]; inf up to the end."""
+def growing_range(coefficients: Floats, up_to_bar: float) -> float:
+    """Smallest x at which ``x / E(x)`` stops growing or E becomes negative [bar]; inf: none found."""
     derivative = np.polyder(coefficients)
     condition = np.polysub(coefficients, np.polymul(derivative, [1.0, 0.0]))
     ends = [
@@ -157,11 +153,7 @@ def growing_range(coefficients: Array, up_to_bar: float) -> float:
 
 
 def _mean_modulus_rmse(
-    x: Array,
-    stress: Array,
-    strain: Array,
-    levels: Array,
-    coefficients: Array,
+    x: Floats, stress: Floats, strain: Floats, levels: Floats, coefficients: Floats
 ) -> float:
     errors = []
     for level in levels:
@@ -178,20 +170,16 @@ def _with_gain(section: Section, result: ModulusFit, bent: Sequence[ElongationRe
     by_model = np.array([bending_deg(plain, np.array(reading.pressures_bar)) for reading in bent])
     measured = np.array([reading.bend_deg for reading in bent], float)
     if not np.any(by_model > 1.0):
-        raise CalibrationError(
+        raise ContidError(
             f"section {result.section}: bending angles need unequal pressures; every row with bend_deg has "
             "(nearly) equal ones"
         )
     gain = float(by_model @ measured / (by_model @ by_model))
     error = gain * by_model - measured
-    return replace(
-        result,
-        bending_gain=gain,
-        rmse_bend_deg=float(np.sqrt(np.mean(error**2))),
-        bends=len(bent),
-    )
+    rmse_deg = float(np.sqrt(np.mean(error**2)))
+    return replace(result, bending_gain=gain, rmse_bend_deg=rmse_deg, bends=len(bent))
 
 
-def bending_deg(section: Section, pressures_bar: Array) -> float:
+def bending_deg(section: Section, pressures_bar: Floats) -> float:
     """Bending angle of the unloaded section [deg]."""
     return math.degrees(float(np.linalg.norm(section.inflated(pressures_bar).curvature)) * section.length)

@@ -1,4 +1,4 @@
-"""The robot of a file that a calibration is for, and writing its result back."""
+"""The robot of a file that is calibrated, and writing the result back."""
 
 from __future__ import annotations
 
@@ -15,14 +15,14 @@ from contid.robot_file.shipped import find_robot_file
 _Kind = TypeVar("_Kind", bound=RobotDescription)
 
 
-def find_robot(file: str, name: str | None, kind: type[_Kind], message: str) -> tuple[str, _Kind]:
+def find_robot(file: str, name: str | None, kind: type[_Kind], label: str) -> tuple[str, _Kind]:
     """Name and description of the one robot of a kind in a robot file.
 
     Args:
         file: path, or name of a shipped robot file.
         name: chooses where there are several.
         kind: class of the description.
-        message: what messages call the kind, "pneumatic arm".
+        label: the kind in messages, such as "pneumatic arm".
 
     Raises:
         ContidError: no such robot, none of this kind, or several and no name.
@@ -31,20 +31,18 @@ def find_robot(file: str, name: str | None, kind: type[_Kind], message: str) -> 
     found = {key: robot for key, robot in robots.items() if isinstance(robot, kind)}
     if name is not None:
         if name not in found:
-            raise ContidError(f"{file}: no {message} {name!r}; there are {', '.join(found) or 'none'}")
+            raise ContidError(f"{file}: no {label} {name!r}; the file has {', '.join(found) or 'none'}")
         return name, found[name]
     if len(found) != 1:
         names = ", ".join(found) or "none"
-        raise ContidError(
-            f"{file}: it has {len(found)} robots of kind {message} ({names}); choose with --robot"
-        )
+        raise ContidError(f"{file}: {len(found)} robots of kind {label} ({names}); choose with --robot")
     return next(iter(found.items()))
 
 
 def write_back(path: Path, robot: str, changes: Sequence[Change]) -> None:
-    """Write calibrated values below ``robots.ROBOT``; they are no placeholders any more.
+    """Write calibrated values below ``robots.ROBOT`` and remove them from its placeholders.
 
-    The new text is checked as a robot file before it replaces the old one, which is never half written.
+    The new text is checked as a robot file before it replaces the old one atomically.
 
     Args:
         path: of the robot file.
@@ -52,7 +50,7 @@ def write_back(path: Path, robot: str, changes: Sequence[Change]) -> None:
         changes: keys relative to the robot, ``correction.b``.
 
     Raises:
-        BadInputError: the file would not load any more; it is left as it was.
+        BadInputError: the result would not load; the file is unchanged.
         EditError: a key's mapping is not in the file.
     """
     loaded = load_robot_file(path)

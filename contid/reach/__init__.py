@@ -1,1 +1,1 @@
-"""Where the robots of a file can go: exact regions in the plane, sampled volumes in space."""
+"""Reachable sets of the robots of a file: exact regions in the plane, voxel volumes in space."""

@@ -1,15 +1,13 @@
 """Exact reach of planar fingers: the boundary of the tip's region as a fine polygon.
 
 Inside its limits a finger's inverse is unique (reference A2), so the tip's region is the one-to-one image of
-the limits in (S, k), and the image of their boundary is the boundary of the region. Chords of a curve of
-n points miss its area by O(1/n^2); with the points used here the fourth decimal of a cm^2 is exact, with a
-quarter of them it is not.
+the limits in (S, k), and the image of their boundary is the boundary of the region. The area error of a
+polygon of n points is O(1/n^2); the number used here makes the fourth decimal of a cm^2 exact.
 """
 
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass
 from itertools import combinations
 from typing import Final
 
@@ -25,19 +23,6 @@ _POINTS_PER_CURVE: Final = 16_000
 _SAME_POINT_M: Final = 1e-12
 
 
-@dataclass(frozen=True, slots=True)
-class PlanarReach:
-    """Regions of the robots of one file and what they share.
-
-    Attributes:
-        regions: robot -> region of its tip in the world frame [m].
-        overlaps: pair of robots -> region both tips can reach [m].
-    """
-
-    regions: Mapping[str, BaseGeometry]
-    overlaps: Mapping[tuple[str, str], BaseGeometry]
-
-
 def area_cm2(region: BaseGeometry) -> float:
     """Area in cm^2 of a region given in m."""
     return float(region.area) * 1e4
@@ -46,18 +31,18 @@ def area_cm2(region: BaseGeometry) -> float:
 def finger_region(model: RackFingerModel, points: int = _POINTS_PER_CURVE) -> BaseGeometry:
     """Region of one finger's tip in its base frame [m].
 
-    A tip curled back inside radius h (the branch d < 0 of the inverse) turns the outline over at the point
-    (0, -h): the outline is an eight, whose second loop counts like the first.
+    For a tip curled back inside radius h (the branch d < 0 of the inverse) the outline crosses itself at
+    (0, -h): it is a figure eight, and both loops belong to the region.
     """
     outline = np.array([model.forward(racks).tip_m[:2] for racks in model.envelope.outline(points)])
-    # Every full turn ends in one point: rounding would make a thousand loops of it.
+    # All points of a full turn coincide; rounding would turn them into many tiny loops.
     moved = np.linalg.norm(np.diff(outline, axis=0, prepend=outline[-1:]), axis=1) > _SAME_POINT_M
     region: BaseGeometry = make_valid(Polygon(outline[moved]))
     return region
 
 
 def to_world(region: BaseGeometry, base: BasePose) -> BaseGeometry:
-    """Place a region with its robot's base pose; only the pose's x and y matter in the plane."""
+    """A region in the base frame -> the world frame; only x and y of the pose count in the plane."""
     from shapely import transform
 
     rotation = np.array(base.rotation).reshape(3, 3)[:2, :2]
@@ -70,8 +55,13 @@ def to_world(region: BaseGeometry, base: BasePose) -> BaseGeometry:
     return placed
 
 
-def planar_reach(models: Mapping[str, RackFingerModel], bases: Mapping[str, BasePose]) -> PlanarReach:
-    """Regions of several fingers in the world frame, and the overlap of every two of them."""
-    regions = {name: to_world(finger_region(model), bases[name]) for name, model in models.items()}
-    overlaps = {(a, b): regions[a].intersection(regions[b]) for a, b in combinations(regions, 2)}
-    return PlanarReach(regions, overlaps)
+def planar_regions(
+    models: Mapping[str, RackFingerModel], bases: Mapping[str, BasePose]
+) -> dict[str, BaseGeometry]:
+    """Regions of the tips of several fingers in the world frame [m]."""
+    return {name: to_world(finger_region(model), bases[name]) for name, model in models.items()}
+
+
+def overlapping(regions: Mapping[str, BaseGeometry]) -> dict[tuple[str, str], BaseGeometry]:
+    """The intersection of every two regions."""
+    return {(a, b): regions[a].intersection(regions[b]) for a, b in combinations(regions, 2)}

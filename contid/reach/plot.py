@@ -1,14 +1,14 @@
-"""Pictures of a reach report: regions in the plane, projections of volumes."""
+"""Figure of a reach report: regions in the plane, projections of volumes."""
 
 from __future__ import annotations
 
-from itertools import combinations
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 from shapely.geometry.base import BaseGeometry
 
+from contid.reach.planar import overlapping
 from contid.reach.report import ReachReport
 from contid.units import MM_PER_M
 
@@ -18,7 +18,7 @@ _OVERLAP = "#009E73"
 
 
 def save_plot(report: ReachReport, path: Path, title: str) -> None:
-    """Draw a report as the suffix of ``path`` says."""
+    """Draw a report; the suffix of ``path`` sets the format."""
     from matplotlib.figure import Figure
 
     figure = Figure(figsize=(7.0, 4.2), layout="constrained")
@@ -34,14 +34,15 @@ def _draw_regions(axes: Any, report: ReachReport) -> None:
     for colour, (name, region) in zip(_COLOURS, report.regions.items(), strict=False):
         label = f"{name}: {report.areas_cm2[name]:.2f} cm²"
         _fill(axes, region, colour, 0.35, label)
-    for a, b in combinations(report.regions, 2):
-        shared = report.regions[a].intersection(report.regions[b])
-        _fill(axes, shared, _OVERLAP, 0.8, f"both: {report.overlaps[a, b]:.2f} cm²")
-    axes.set_aspect("equal")
-    axes.set_xlabel("x [mm]")
-    axes.set_ylabel("y [mm]")
-    axes.grid(alpha=0.3)
+    for pair, region in overlapping(report.regions).items():
+        _fill(axes, region, _OVERLAP, 0.8, f"both: {report.overlaps[pair]:.2f} cm²")
+    _label(axes, "x", "y")
     axes.legend(loc="upper right", fontsize="small")
+
+
+def _label(axes: Any, across: str, up: str) -> None:
+    axes.set(aspect="equal", xlabel=f"{across} [mm]", ylabel=f"{up} [mm]")
+    axes.grid(alpha=0.3)
 
 
 def _fill(axes: Any, region: BaseGeometry, colour: str, alpha: float, label: str) -> None:
@@ -65,8 +66,5 @@ def _draw_volumes(panes: Any, report: ReachReport) -> None:
             x, y = (np.array(flat, dtype=float) * edge_mm).T
             label = f"{name}: {report.volumes_cm3[name]:.4g} cm³"
             pane.bar(x, edge_mm, edge_mm, y - edge_mm / 2, color=colour, alpha=0.45, label=label, linewidth=0)
-        pane.set_aspect("equal")
-        pane.set_xlabel(f"{'xyz'[across]} [mm]")
-        pane.set_ylabel(f"{'xyz'[up]} [mm]")
-        pane.grid(alpha=0.3)
+        _label(pane, "xyz"[across], "xyz"[up])
     panes[0].legend(loc="lower center", fontsize="small")

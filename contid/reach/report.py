@@ -1,4 +1,4 @@
-"""What ``contid reach`` says: areas or volumes per robot, overlaps, and the paper's comparison for hands."""
+"""Results of ``contid reach``: areas or volumes per robot, overlaps, the paper's comparison for hands."""
 
 from __future__ import annotations
 
@@ -7,12 +7,13 @@ from collections.abc import Mapping
 from dataclasses import dataclass, field
 from typing import Final
 
+import numpy as np
 from shapely.geometry.base import BaseGeometry
 
 from contid.kinematics.frames import BaseFrame
 from contid.kinematics.model import build_model
 from contid.kinematics.rack.finger import RackFingerModel
-from contid.reach.planar import area_cm2, planar_reach
+from contid.reach.planar import area_cm2, overlapping, planar_regions
 from contid.reach.spatial import Progress, Volume, reachable_volume, shared
 from contid.reach.two_link import two_link_overlap
 from contid.robot_file.base import BasePose
@@ -20,7 +21,7 @@ from contid.robot_file.rack_finger import RackFinger
 from contid.robot_file.robot import RobotDescription
 from contid.units import MM_PER_M
 
-#: Figures that Morita et al. print in section IV-B, and what the reference makes of them.
+#: Figures that Morita et al. print in section IV-B.
 PAPER_OVERLAP_CM2: Final = 14.77
 PAPER_TWO_LINK_CM2: Final = {50: 1.00, 99: 14.77}
 
@@ -56,7 +57,7 @@ class ReachReport:
             }
             out["voxel_mm"] = next(iter(self.volumes.values())).edge_m * MM_PER_M
             out["bounds_mm"] = {
-                name: [[value * MM_PER_M for value in corner] for corner in volume.bounds_m()]
+                name: (np.array(volume.bounds_m()) * MM_PER_M).tolist()
                 for name, volume in self.volumes.items()
             }
         unit = "overlap_cm2" if self.areas_cm2 else "overlap_cm3"
@@ -69,29 +70,25 @@ class ReachReport:
 def planar_report(fingers: Mapping[str, RackFinger]) -> ReachReport:
     """Exact areas of rack fingers, and for two of them the comparison of Morita et al., section IV-B."""
     models = {name: RackFingerModel(finger) for name, finger in fingers.items()}
-    reach = planar_reach(models, {name: finger.base for name, finger in fingers.items()})
+    regions = planar_regions(models, {name: finger.base for name, finger in fingers.items()})
     return ReachReport(
-        areas_cm2={name: area_cm2(region) for name, region in reach.regions.items()},
-        overlaps={pair: area_cm2(region) for pair, region in reach.overlaps.items()},
-        regions=reach.regions,
+        areas_cm2={name: area_cm2(region) for name, region in regions.items()},
+        overlaps={pair: area_cm2(region) for pair, region in overlapping(regions).items()},
+        regions=regions,
         comparison=_paper_comparison(fingers) if len(fingers) == 2 else {},
     )
 
 
 def _paper_comparison(fingers: Mapping[str, RackFinger]) -> dict[str, float]:
-    """Section IV-B with what the text states: no tip length, the file's racks, no correction."""
+    """Section IV-B with the values of its text: no tip length, the racks of the file, no correction."""
     first, second = fingers.values()
     spacing_m = math.dist(first.base.position_m, second.base.position_m)
-    bare = first.model_copy(
-        update={
-            "geometry": first.geometry.model_copy(update={"tip_length_mm": 0.0}),
-            "correction": None,
-            "base": BasePose(),
-        }
-    )
+    geometry = first.geometry.model_copy(update={"tip_length_mm": 0.0})
+    bare = first.model_copy(update={"geometry": geometry, "correction": None, "base": BasePose()})
     facing = BasePose(x_mm=spacing_m * MM_PER_M, mirror_x=True)
     model = RackFingerModel(bare)
-    overlap = planar_reach({"a": model, "b": model}, {"a": BasePose(), "b": facing}).overlaps["a", "b"]
+    regions = planar_regions({"a": model, "b": model}, {"a": BasePose(), "b": facing})
+    overlap = overlapping(regions)["a", "b"]
     width = first.geometry.rack_spacing_mm
     lines = {f"rack fingers, h = 0, w = {width:g} mm": area_cm2(overlap)}
     for degrees in PAPER_TWO_LINK_CM2:
@@ -106,14 +103,12 @@ def spatial_report(
     across: int,
     progress: Progress | None = None,
 ) -> ReachReport:
-    """Voxel volumes of arms in space on one common grid."""
+    """Voxel volumes of spatial arms on one common grid."""
     volumes: dict[str, Volume] = {}
     edge_m = None if edge_mm is None else edge_mm / MM_PER_M
     for name, robot in robots.items():
-        frame = BaseFrame.of(robot.base)
-        volumes[name] = reachable_volume(
-            build_model(robot), frame, edge_m=edge_m, across=across, progress=progress
-        )
+        model, frame = build_model(robot), BaseFrame.of(robot.base)
+        volumes[name] = reachable_volume(model, frame, edge_m=edge_m, across=across, progress=progress)
         edge_m = volumes[name].edge_m
     return ReachReport(
         volumes_cm3={name: volume.volume_m3 * 1e6 for name, volume in volumes.items()},

@@ -1,10 +1,9 @@
-"""Reach of arms in space: the voxels whose centres the inverse kinematics can meet.
+"""Reach of arms in space: the voxels whose centres the inverse kinematics reaches.
 
-Sampling actuations alone fills the middle and starves the rim. Here samples only find where the reachable
-set is; from there a flood over the voxels of a world-aligned grid asks the model's own inverse whether each
-centre is reachable, and stops where it is not. The volume is the count of such voxels; its uncertainty is the
-shell of voxels that the boundary cuts, which is reported beside it. Everything is seeded: the same file gives
-the same numbers.
+Random actuations alone cover the rim of the reachable set poorly. Here they only seed a flood fill over the
+voxels of a world-aligned grid; the model's inverse decides whether a centre is reachable. The volume is the
+number of reachable voxels, its uncertainty half the volume of those at the boundary. The random generator has
+a fixed seed: the same file gives the same numbers.
 """
 
 from __future__ import annotations
@@ -20,7 +19,7 @@ from numpy.typing import NDArray
 
 from contid.kinematics.frames import BaseFrame
 from contid.kinematics.model import Model
-from contid.targets import Actuation, Target, Vec3
+from contid.targets import Actuation, Target
 
 Voxel = tuple[int, int, int]
 Progress = Callable[[int], None]
@@ -38,13 +37,13 @@ _NEIGHBOURS: Final[tuple[Voxel, ...]] = (
 
 @dataclass(frozen=True, slots=True)
 class Volume:
-    """Where one tip can go.
+    """The reachable set of one tip.
 
     Attributes:
         voxels: reachable voxels by integer coordinates; the centre of voxel v is ``v * edge_m``.
         edge_m: edge of a voxel [m].
-        rim: how many of them have a neighbour that is not reachable.
-        tested: inverse solutions asked for.
+        rim: number of voxels with a neighbour that is not reachable.
+        tested: number of inverse solutions computed.
     """
 
     voxels: frozenset[Voxel]
@@ -59,26 +58,22 @@ class Volume:
 
     @property
     def uncertainty_m3(self) -> float:
-        """Half the volume of the rim: what the size of the voxels leaves open [m^3]."""
+        """Half the volume of the rim [m^3]."""
         return 0.5 * self.rim * self.edge_m**3
 
-    def bounds_m(self) -> tuple[Vec3, Vec3]:
-        """Least and greatest corner of the reachable set [m]."""
-        if not self.voxels:
-            return (0.0, 0.0, 0.0), (0.0, 0.0, 0.0)
-        corners = np.array(list(self.voxels), dtype=float)
-        low, high = (corners.min(axis=0) - 0.5) * self.edge_m, (corners.max(axis=0) + 0.5) * self.edge_m
-        return (float(low[0]), float(low[1]), float(low[2])), (
-            float(high[0]),
-            float(high[1]),
-            float(high[2]),
-        )
+    def bounds_m(self) -> list[list[float]]:
+        """Minimum and maximum corner of the reachable set [m]."""
+        centres = np.array(list(self.voxels), dtype=float).reshape(-1, 3)
+        if not len(centres):
+            return [[0.0] * 3, [0.0] * 3]
+        corners = np.stack([centres.min(axis=0) - 0.5, centres.max(axis=0) + 0.5]) * self.edge_m
+        return [[float(value) for value in corner] for corner in corners]
 
 
 def sample_tips(model: Model, frame: BaseFrame, samples: int) -> tuple[list[Actuation], NDArray[np.float64]]:
     """Random actuations and their tips in the world, shape ``(samples, 3)`` [m].
 
-    Every axis sits at one of its limits a third of the time: the rim of the reach is made of such poses.
+    Every axis is at one of its limits in a third of the samples: such poses form the rim of the reach.
     """
     rng = np.random.default_rng(_SEED)
     low, high = np.array(model.lower), np.array(model.upper)
@@ -87,7 +82,7 @@ def sample_tips(model: Model, frame: BaseFrame, samples: int) -> tuple[list[Actu
     actuations: list[Actuation] = []
     tips = np.empty((samples, 3))
     for row, actuation in enumerate((low + unit * (high - low)).tolist()):
-        # Through the inverse, so that limits beyond the box (curvature, rack length) hold as well.
+        # The inverse also applies limits that are no box (curvature, rack length).
         inside = model.inverse(Target(actuation=tuple(actuation)), tuple(actuation)).actuation
         actuations.append(inside)
         tips[row] = frame.point_in_world(model.forward(inside).tip_m)
@@ -103,14 +98,14 @@ def reachable_volume(
     samples: int = 400,
     progress: Progress | None = None,
 ) -> Volume:
-    """Flood the voxels that the inverse can meet.
+    """Flood fill the voxels that the inverse reaches.
 
     Args:
         model: kinematics in the base frame.
         frame: of the base in the world.
-        edge_m: edge of a voxel; chosen so that the widest side has ``across`` voxels when left out.
+        edge_m: edge of a voxel; None gives the widest side ``across`` voxels.
         across: see ``edge_m``.
-        samples: random actuations that find where to begin.
+        samples: random actuations that seed the fill.
         progress: called with the number of voxels tested so far.
     """
     actuations, tips = sample_tips(model, frame, samples)
@@ -138,7 +133,7 @@ def reachable_volume(
 
 
 def shared(volumes: Mapping[str, Volume]) -> dict[tuple[str, str], float]:
-    """Volume that every two robots can both reach [m^3]; all volumes must have one edge."""
+    """Common volume of every two robots [m^3]; all volumes must have the same edge."""
     return {
         (a, b): len(volumes[a].voxels & volumes[b].voxels) * volumes[a].edge_m ** 3
         for a, b in combinations(volumes, 2)

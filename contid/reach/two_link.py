@@ -1,7 +1,7 @@
 """The rigid two-link finger that Morita et al. compare with (section IV-B, Fig. 5 and 6).
 
-Both joints turn by at most A to either side: with the joints limited to one side ("0 to 120 degrees") the
-paper's "99 degrees" does not reproduce, with both sides it does (reference A3).
+Both joints turn by at most A to either side. The paper's "99 degrees" reproduces with these limits only, not
+with joints limited to one side ("0 to 120 degrees") (reference A3).
 """
 
 from __future__ import annotations
@@ -50,7 +50,7 @@ def two_link_region(joint_limit_rad: float, link_m: float = 0.05) -> BaseGeometr
 
 
 def two_link_overlap(joint_limit_rad: float, spacing_m: float, link_m: float = 0.05) -> BaseGeometry:
-    """What two such fingers side by side can both reach [m]."""
+    """Common region of two such fingers side by side [m]."""
     from shapely.affinity import translate
 
     region = two_link_region(joint_limit_rad, link_m)

@@ -1,4 +1,4 @@
-"""Curvature calibration: circles at any curvature, the paper's line from synthetic markers, mistakes."""
+"""Curvature calibration: circles at any curvature, the paper's line from synthetic markers, invalid data."""
 
 from __future__ import annotations
 
@@ -47,7 +47,7 @@ def test_a_circle_fit_is_exact_from_straight_to_curled(curvature: float) -> None
     assert fit.rms < 1e-9
 
 
-def test_a_circle_fit_knows_its_own_error() -> None:
+def test_the_standard_error_of_a_circle_fit_matches_its_scatter() -> None:
     rng = np.random.default_rng(1)
     curvatures, errors = [], []
     for _ in range(200):
@@ -72,7 +72,7 @@ def test_the_papers_line_lies_in_the_confidence_interval_with_noise() -> None:
     assert 0 < fit.rms_epsilon < 0.05
 
 
-def test_a_finger_that_does_not_bend_is_no_measurement_of_its_bending() -> None:
+def test_a_straight_finger_is_refused() -> None:
     rows = [f"p,50,0.02,{i},{2 * i}" for i in range(6)]
     text = ["posture,arc_length_mm,curvature_per_mm,x_mm,y_mm", *rows]
     with pytest.raises(BadInputError, match="on a line"):
@@ -84,12 +84,12 @@ def test_a_finger_that_does_not_bend_is_no_measurement_of_its_bending() -> None:
     [
         (lambda t: t.replace("x_px", "x_pix"), "unknown column 'x_pix'"),
         (lambda t: t.replace("posture,", "pose,"), "column posture is missing"),
-        (lambda t: t.replace("S40 k0.01,", "S40 k0.01,nan"), "is no number"),
+        (lambda t: t.replace("S40 k0.01,", "S40 k0.01,nan"), "is not a finite number"),
         (lambda t: "\n".join(t.splitlines()[:3]), "a circle needs three different points"),
         (lambda t: "", "empty"),
     ],
 )
-def test_mistakes_in_the_data_are_named(edit, message: str) -> None:
+def test_invalid_data_are_located(edit, message: str) -> None:
     with pytest.raises(BadInputError, match=message):
         read_postures(edit(photograph(0)).splitlines(), "m.csv", rack_spacing_mm=13, mm_per_px=0.2)
 

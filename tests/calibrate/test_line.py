@@ -1,4 +1,4 @@
-"""The weighted line: exact data, the limits of its weights, and intervals that hold as often as they say."""
+"""The weighted line: exact data, the limits of its weights, and the coverage of its intervals."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ X = np.array([40.0, 40.0, 60.0, 60.0, 80.0, 80.0, 100.0, 100.0])
 Y = 0.0013 * X - 0.2774
 
 
-def test_exact_data_come_back_whatever_their_weights() -> None:
+def test_exact_data_are_fitted_exactly_with_any_weights() -> None:
     for variances in (np.zeros(8), np.ones(8), 10.0 ** np.arange(-8.0, 0.0)):
         line, errors = fit_line(X, Y, variances)
         assert line == pytest.approx((0.0013, -0.2774), rel=1e-9)
@@ -29,7 +29,7 @@ def test_without_known_variances_it_is_the_ordinary_line() -> None:
 
 @pytest.mark.parametrize("common", [0.0, 0.01, 0.1])
 def test_intervals_hold_for_values_of_different_accuracy(common: float) -> None:
-    """As often as they say, or more where the common scatter cannot be told from none."""
+    """Nominal coverage, or more where the common scatter cannot be distinguished from zero."""
     rng = np.random.default_rng(7)
     own = np.array([0.06, 0.02, 0.05, 0.01, 0.04, 0.01, 0.03, 0.01])
     quantile = float(t.ppf(0.975, 6))

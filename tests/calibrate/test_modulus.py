@@ -14,7 +14,7 @@ import pytest
 from click.testing import CliRunner
 
 from contid.calibrate.elongation_data import ElongationReading, read_readings
-from contid.calibrate.modulus import CalibrationError, bending_deg, fit, growing_range
+from contid.calibrate.modulus import bending_deg, fit, growing_range
 from contid.cli.commands.calibrate import command
 from contid.errors import BadInputError, ContidError
 from contid.kinematics.cosserat.section import Section
@@ -80,18 +80,18 @@ def test_bending_gain() -> None:
     assert bending_deg(true, np.array([1.5, 0.0, 0.0])) == pytest.approx(205.92, abs=0.02)
 
 
-def test_what_cannot_be_fitted_is_said() -> None:
+def test_data_that_determine_no_fit_are_refused() -> None:
     rows = readings(section(0))
-    with pytest.raises(CalibrationError, match="4 different pressures"):
+    with pytest.raises(ContidError, match="4 different pressures"):
         fit(section(0), 1, [row for row in rows if row.average_bar < 0.45])
-    with pytest.raises(CalibrationError, match="check the zero"):
+    with pytest.raises(ContidError, match="check the zero"):
         fit(section(0), 1, [replace(rows[0], elongation_mm=-0.1), *rows[1:]])
     equal = ElongationReading(99, 1, "", (0.5, 0.5, 0.5), None, 30.0)
-    with pytest.raises(CalibrationError, match="unequal pressures"):
+    with pytest.raises(ContidError, match="unequal pressures"):
         fit(section(0), 1, [*rows, equal])
 
 
-def test_wrong_rows_are_named() -> None:
+def test_invalid_rows_are_located() -> None:
     text = (
         "p1_bar,p2_bar,p3_bar,elongation_mm,bend_deg,section\n"
         "0.5,0.5,0.5,9.4,,1\n"
@@ -114,18 +114,18 @@ def test_wrong_rows_are_named() -> None:
         ("p1_bar,p2_bar,p3_bar\n1,1,1", "nothing measured"),
         ("p1_bar,p2_bar,p3_bar,elongation_mm,bend_deg\n1,1,1,,", "nothing measured"),
         ("p1_bar,pressure", "unknown column"),
-        ("p1_bar,p2_bar,bend_deg\n1,1,30", "give p1_bar,p2_bar,p3_bar; there is none of them"),
-        ("p1_bar,p2_bar,p3_bar,bend_deg,bend_deg", "'bend_deg' is there twice"),
-        ("p1_bar,p2_bar,p3_bar,bend_deg\n1,,1,30", "2:2: p2_bar: '' is no number"),
-        ("p1_bar,p2_bar,p3_bar,bend_deg\n1,1,1,-30", "2:4: bend_deg: allowed is 0 or more, not -30"),
+        ("p1_bar,p2_bar,bend_deg\n1,1,30", "give p1_bar,p2_bar,p3_bar; found none"),
+        ("p1_bar,p2_bar,p3_bar,bend_deg,bend_deg", "'bend_deg' occurs twice"),
+        ("p1_bar,p2_bar,p3_bar,bend_deg\n1,,1,30", "2:2: p2_bar: '' is not a finite number"),
+        ("p1_bar,p2_bar,p3_bar,bend_deg\n1,1,1,-30", "2:4: bend_deg: must be 0 or more, not -30"),
     ],
 )
-def test_tables_that_say_nothing_are_refused(text: str, what: str) -> None:
+def test_tables_without_data_are_refused(text: str, what: str) -> None:
     with pytest.raises(BadInputError, match=what):
         read_readings(text.splitlines(), "data.csv")
 
 
-def test_what_is_left_out_or_empty_has_its_default() -> None:
+def test_missing_and_empty_cells_take_their_defaults() -> None:
     (reading,) = read_readings(["p3_bar,p2_bar,p1_bar,bend_deg", "0.3,0.2,0.1,4"], "data.csv")
     assert reading == ElongationReading(2, 1, "", (0.1, 0.2, 0.3), None, 4.0)
     lines = ["trial,section,p1_bar,p2_bar,p3_bar,elongation_mm,bend_deg", ",,0.5,0.5,0.5,9,"]
@@ -144,7 +144,7 @@ def write_csv(path: Path) -> None:
 
 @pytest.fixture(scope="module")
 def fonts() -> None:
-    """Matplotlib keeps the files of its fonts open for good; open them before descriptors are counted."""
+    """Matplotlib never closes its font files; open them before descriptors are counted."""
     from matplotlib.figure import Figure
 
     figure = Figure()

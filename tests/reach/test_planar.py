@@ -6,15 +6,16 @@ import math
 
 import numpy as np
 import pytest
+from shapely.geometry.base import BaseGeometry
 
 from contid.kinematics.rack.finger import RackFingerModel
-from contid.reach.planar import PlanarReach, area_cm2, planar_reach
+from contid.reach.planar import area_cm2, overlapping, planar_regions
 from contid.reach.two_link import two_link_overlap, two_link_region
 from contid.robot_file.base import BasePose
 from contid.robot_file.rack_finger import RackFinger
 
 
-def two_fingers(h_mm: float, w_mm: float = 13.0, curvature: float = 0.076) -> PlanarReach:
+def two_fingers(h_mm: float, w_mm: float = 13.0, curvature: float = 0.076) -> dict[str, BaseGeometry]:
     model = RackFingerModel(
         RackFinger.model_validate(
             {
@@ -34,7 +35,7 @@ def two_fingers(h_mm: float, w_mm: float = 13.0, curvature: float = 0.076) -> Pl
         )
     )
     bases = {"left": BasePose(), "right": BasePose(x_mm=100, mirror_x=True)}
-    return planar_reach({"left": model, "right": model}, bases)
+    return planar_regions({"left": model, "right": model}, bases)
 
 
 @pytest.mark.parametrize(
@@ -48,25 +49,26 @@ def two_fingers(h_mm: float, w_mm: float = 13.0, curvature: float = 0.076) -> Pl
     ],
 )
 def test_areas_of_the_reference(h_mm: float, single: float, overlap: float) -> None:
-    reach = two_fingers(h_mm)
+    regions = two_fingers(h_mm)
     digits = 5e-5 if h_mm == 0 else 6e-3
-    assert area_cm2(reach.regions["left"]) == pytest.approx(single, abs=digits)
+    assert area_cm2(regions["left"]) == pytest.approx(single, abs=digits)
     # Monte Carlo in the reference from h = 15 on: two decimals.
-    assert area_cm2(reach.overlaps["left", "right"]) == pytest.approx(
-        overlap, abs=2e-5 if h_mm < 15 else 0.04
-    )
+    common = overlapping(regions)["left", "right"]
+    assert area_cm2(common) == pytest.approx(overlap, abs=2e-5 if h_mm < 15 else 0.04)
 
 
 @pytest.mark.parametrize(("w_mm", "overlap"), [(8, 17.71), (10, 15.11), (12, 12.69)])
 def test_overlap_depends_on_the_rack_spacing(w_mm: float, overlap: float) -> None:
-    assert area_cm2(two_fingers(0, w_mm).overlaps["left", "right"]) == pytest.approx(overlap, abs=6e-3)
+    common = overlapping(two_fingers(0, w_mm))["left", "right"]
+    assert area_cm2(common) == pytest.approx(overlap, abs=6e-3)
 
 
 def test_curvature_limit_does_not_change_the_overlap() -> None:
     narrow, wide = two_fingers(0, curvature=0.05), two_fingers(0, curvature=0.1)
     pair = ("left", "right")
-    assert area_cm2(narrow.overlaps[pair]) == pytest.approx(area_cm2(wide.overlaps[pair]), abs=1e-4)
-    assert area_cm2(narrow.regions["left"]) < area_cm2(wide.regions["left"]) - 1
+    common = [area_cm2(overlapping(regions)[pair]) for regions in (narrow, wide)]
+    assert common[0] == pytest.approx(common[1], abs=1e-4)
+    assert area_cm2(narrow["left"]) < area_cm2(wide["left"]) - 1
 
 
 @pytest.mark.parametrize(("w_mm", "curvature"), [(13, 0.076), (5, 0.12), (2, 0.3)])
@@ -77,7 +79,7 @@ def test_the_area_is_the_integral_of_the_jacobian_for_slender_fingers_too(w_mm, 
     share = np.linspace(-1.0, 1.0, 401)[:, None]
     swept = 0.5 * s**2 * np.sinc(share * greatest * s / (2.0 * math.pi)) ** 2
     area = np.trapezoid(np.trapezoid(swept, share[:, 0], axis=0) * greatest, s) / 100.0
-    found = area_cm2(two_fingers(0, w_mm, curvature).regions["left"])
+    found = area_cm2(two_fingers(0, w_mm, curvature)["left"])
     assert found == pytest.approx(float(area), rel=1e-5)
 
 
