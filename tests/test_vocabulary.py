@@ -1,0 +1,156 @@
+"""The vocabulary and the map that a machine can check: banned words, one class per name, sizes of folders."""
+
+from __future__ import annotations
+
+import ast
+import re
+from collections import defaultdict
+from collections.abc import Iterator
+from pathlib import Path
+
+import pytest
+
+ROOT = Path(__file__).parent.parent
+# Whole words, also as parts of names (`_told`, `told_rows`). docs/glossary.md has the terms to use instead.
+BANNED = (
+    *("words", "told", "tell", "tells", "say", "says", "said", "hear", "hears", "heard", "knows"),
+    *("nobody", "no one", "whoever", "somebody", "someone", "shall", "believe", "believes", "believed"),
+    *("desk", "patience", "course", "door", "house", "picture", "mend", "mended", "starved", "wanted", "aim"),
+    *("tether", "farewell", "handbook", "nothing is made up"),
+)
+BANNED_WORD = re.compile(rf"(?<![A-Za-z])(?<!of )({'|'.join(BANNED)})(?![A-Za-z])", re.IGNORECASE)
+SCANNED = ("contid", "drivers", "studies", "firmware", "examples", "service", "configs", "docs", "benchmarks")
+SUFFIXES = frozenset({".py", ".cpp", ".hpp", ".h", ".ino", ".md", ".yaml", ".service", ".rules"})
+DOCS_NOT_YET_CLEAN = (
+    *("benchmarks", "campaigns", "cbha", "drivers", "due", "dynamixel", "faults", "first-hour", "models"),
+    *("ph-curves", "pictures", "remote", "robot-file", "service", "sessions", "states", "stiffflop", "tra"),
+    *("trirack", "viewing"),
+)
+# Folders whose prose is not rewritten yet. The list only shrinks.
+NOT_YET_CLEAN = (
+    "benchmarks/",
+    "configs/",
+    "contid/api.py",
+    "contid/calibrate/",
+    "contid/cli/",
+    "contid/client.py",
+    "contid/control/",
+    "contid/errors.py",
+    "contid/hal.py",
+    "contid/kernels/",
+    "contid/kinematics/",
+    "contid/reach/",
+    "contid/remote/",
+    "contid/robot_file/",
+    "contid/session/",
+    "contid/targets.py",
+    "contid/trajectory/",
+    "contid/units.py",
+    "contid/view/",
+    *(f"docs/{page}" for page in DOCS_NOT_YET_CLEAN),
+    "drivers/",
+    "examples/",
+    "firmware/",
+    "service/",
+    "studies/",
+    "CHANGELOG.md",
+)
+# Lines that hold a banned word for a reason: keys of old recordings, a quotation, a word of another program.
+QUOTATIONS: dict[str, str] = {}
+
+
+def texts() -> Iterator[tuple[str, str]]:
+    """Path relative to the repository, and text, of every file that is scanned."""
+    pages = sorted(ROOT.glob("*.md"))
+    for folder in SCANNED:
+        pages += sorted(path for path in (ROOT / folder).rglob("*") if path.suffix in SUFFIXES)
+    for path in pages:
+        yield path.relative_to(ROOT).as_posix(), path.read_text(encoding="utf-8")
+
+
+def python_files(*folders: str) -> Iterator[Path]:
+    for folder in folders:
+        yield from sorted((ROOT / folder).rglob("*.py"))
+
+
+def test_no_banned_word() -> None:
+    found = [
+        f"{path}:{number}: {match[0]!r} in {line.strip()}"
+        for path, text in texts()
+        if not path.startswith(NOT_YET_CLEAN)
+        for number, line in enumerate(text.splitlines(), start=1)
+        for match in [BANNED_WORD.search(line)]
+        if match and QUOTATIONS.get(path, "\0") not in line
+    ]
+    assert not found, "see docs/glossary.md\n" + "\n".join(found)
+
+
+def test_the_list_of_quotations_is_current() -> None:
+    stale = [
+        path for path, text in QUOTATIONS.items() if text not in (ROOT / path).read_text(encoding="utf-8")
+    ]
+    assert not stale
+
+
+@pytest.mark.parametrize("text", ["def is_told():", "someone's arm", "What Nobody measured", "_words = 1"])
+def test_the_pattern_finds_words_and_parts_of_names(text: str) -> None:
+    assert BANNED_WORD.search(text)
+
+
+@pytest.mark.parametrize("text", ["of course", "unknown", "essay", "housekeeping", "tellurium", "passwords"])
+def test_the_pattern_leaves_other_words_alone(text: str) -> None:
+    assert not BANNED_WORD.search(text)
+
+
+# Classes whose name occurs twice, until one of them is renamed. The list only shrinks.
+DOUBLE_CLASSES = frozenset({"_Axis"})
+
+
+def test_no_class_name_in_two_modules() -> None:
+    modules = defaultdict(set)
+    for path in python_files("contid", "drivers", "studies"):
+        for node in ast.walk(ast.parse(path.read_text(encoding="utf-8"))):
+            if isinstance(node, ast.ClassDef):
+                modules[node.name].add(path.relative_to(ROOT).as_posix())
+    double = {name: sorted(paths) for name, paths in modules.items() if len(paths) > 1}
+    assert double.keys() <= DOUBLE_CLASSES, double
+
+
+MAX_FILES = 27
+# Folders over the limit, until they are split. The list only shrinks.
+LARGE_FOLDERS = frozenset({"contid/cli/commands"})
+
+
+def test_no_folder_holds_more_than_27_files() -> None:
+    counts: dict[str, int] = defaultdict(int)
+    for folder in ("contid", "drivers", "studies", "firmware", "tests"):
+        for path in (ROOT / folder).rglob("*"):
+            if path.is_file() and path.suffix not in {".pyc", ".so"}:
+                counts[path.parent.relative_to(ROOT).as_posix()] += 1
+    large = {folder: count for folder, count in counts.items() if count > MAX_FILES}
+    assert large.keys() <= LARGE_FOLDERS, large
+
+
+# Modules of tests that another test imports, until what they share moves. The list only shrinks.
+IMPORTED_TESTS = frozenset(
+    {"tests.calibrate.test_curvature", "tests.cli.test_devices", "tests.golden.test_golden"}
+)
+TEST_MODULE = re.compile(r"tests\.(?:\w+\.)*?test_\w+")
+
+
+def imported_names(path: Path) -> Iterator[str]:
+    for node in ast.walk(ast.parse(path.read_text(encoding="utf-8"))):
+        if isinstance(node, ast.ImportFrom) and node.module:
+            yield from (f"{node.module}.{each.name}" for each in node.names)
+        elif isinstance(node, ast.Import):
+            yield from (each.name for each in node.names)
+
+
+def test_no_test_imports_another_test() -> None:
+    found = {
+        match[0]
+        for path in python_files("tests")
+        for name in imported_names(path)
+        if (match := TEST_MODULE.match(name))
+    }
+    assert found <= IMPORTED_TESTS, sorted(found)
