@@ -53,7 +53,6 @@ NOT_YET_CLEAN = (
     "firmware/",
     "service/",
     "studies/",
-    "CHANGELOG.md",
 )
 # Lines that hold a banned word for a reason: keys of old recordings, a quotation, a word of another program.
 QUOTATIONS: dict[str, str] = {}
