@@ -29,7 +29,7 @@ from pathlib import Path
 from typing import Any, Final
 
 from contid.client import Client
-from contid.control.process.realtime import ask_for_real_time, sleep_until, stop_collecting
+from contid.control.process.realtime import disable_gc, request_real_time, sleep_until
 from contid.errors import ContidError
 from contid.session.read import Session
 
@@ -121,8 +121,8 @@ CLIENTS: Final[dict[str, Callable[[str], None] | None]] = {
 
 def bare_loop(seconds: float) -> None:
     """Print how late a loop that does nothing wakes up [s]."""
-    ask_for_real_time()
-    stop_collecting()
+    request_real_time()
+    disable_gc()
     late: list[float] = []
     base, tick = time.monotonic() + 0.01, 0
     while tick < seconds * RATE_HZ:

@@ -23,7 +23,7 @@ from contid.control.daemon.interfaces import RunControl
 from contid.control.engine.cycle import OnEnd
 from contid.control.engine.messages import Finish
 from contid.control.engine.wiring import driven_robots
-from contid.control.process.realtime import ask_for_real_time, sleep_until, stop_collecting
+from contid.control.process.realtime import disable_gc, request_real_time, sleep_until
 from contid.control.tick.statistics import Lateness
 from contid.robot_file.load import load_robot_file, with_mock
 from contid.robot_file.shipped import find_robot_file
@@ -35,8 +35,8 @@ PAUSES_PER_S = 4.0
 
 def bare_loop(seconds: float, rate_hz: float) -> None:
     """Print the lateness of a loop that does nothing."""
-    ask_for_real_time()
-    stop_collecting()
+    request_real_time()
+    disable_gc()
     lateness, skipped, tick = Lateness(), 0, 0
     base = time.monotonic() + 0.01
     while tick < seconds * rate_hz:

@@ -75,7 +75,7 @@ class Viewers:
         """Not in virtual time."""
         raise ContidError("viewers are killed in real time only")
 
-    def told(self, message: Message) -> None:
+    def before_order(self, message: Message) -> None:
         """Nothing to draw."""
 
     def detach(self) -> Sequence[str]:

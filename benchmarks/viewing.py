@@ -35,7 +35,7 @@ from contid.control.daemon.interfaces import RunControl
 from contid.control.engine.cycle import OnEnd, Sink
 from contid.control.engine.messages import Finish, Message
 from contid.control.engine.wiring import driven_robots
-from contid.control.process.realtime import ask_for_real_time, sleep_until, stop_collecting
+from contid.control.process.realtime import disable_gc, request_real_time, sleep_until
 from contid.control.process.ring import RingReader
 from contid.control.process.setup import RunSetup
 from contid.robot_file.load import LoadedFile, load_robot_file, with_mock
@@ -84,7 +84,7 @@ class Eye:
         """Never asked: this benchmark runs in real time."""
         raise RuntimeError("a viewer is measured in real time only")
 
-    def told(self, message: Message) -> None:
+    def before_order(self, message: Message) -> None:
         """Nothing to do."""
 
     def detach(self) -> Sequence[str]:
@@ -138,8 +138,8 @@ class Eye:
 
 def bare_loop(seconds: float, rate_hz: float) -> None:
     """Print the lateness of every turn of a loop that does nothing."""
-    ask_for_real_time()
-    stop_collecting()
+    request_real_time()
+    disable_gc()
     late_s, skipped, tick = [], 0, 0
     base = time.monotonic() + 0.01
     while tick < seconds * rate_hz:

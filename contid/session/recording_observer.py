@@ -85,7 +85,7 @@ class Recording:
         self._writer = SessionWriter(self.path, header)
         return SessionSink(self._writer, header.layout.packer())
 
-    def told(self, message: Message) -> None:
+    def before_order(self, message: Message) -> None:
         """Hand the trajectory of an order over to the recorder; of other orders events hold everything."""
         if not isinstance(message, Play):
             return

@@ -59,7 +59,7 @@ class Viewing:
         self._sink = DrawingSink(self._where, setup)
         return self._sink
 
-    def told(self, message: Message) -> None:
+    def before_order(self, message: Message) -> None:
         """A viewer shows what comes of orders."""
 
     def detach(self) -> Sequence[str]:

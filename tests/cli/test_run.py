@@ -309,7 +309,7 @@ def test_a_log_that_cannot_be_written_any_more_ends_and_the_run_goes_on(
     os.close(reader)
     out, _ = process.communicate(timeout=30)
     assert process.returncode == 0
-    assert "log.csv: the log ends here, the run goes on: Broken pipe" in out
+    assert "log.csv: the command log ends here, the run continues: Broken pipe" in out
 
 
 def test_a_run_whose_socket_died_stops_orderly(robot: Callable[..., Path], tmp_path: Path) -> None:
@@ -368,4 +368,4 @@ def test_a_control_process_that_hangs_is_ended_all_the_same(
     assert process.returncode == report["exit_code"] == 3
     assert report["ticks"] > 0
     assert report["robots"]["f0"]["mode"] in ("APPROACH", "RUN")
-    assert any("dead-man" in problem for problem in report["problems"])
+    assert any("watchdog" in problem for problem in report["problems"])

@@ -79,7 +79,7 @@ def test_a_field_of_another_kind_is_refused_by_name(
 
 
 def test_the_right_has_one_holder_and_an_explicit_takeover() -> None:
-    right = Lease(0.0, input_moves=False)
+    right = Lease(0.0, input_active=False)
     right.use(1, "one", 0.0)
     with pytest.raises(RemoteError, match="'one' has the motion right since 1"):
         right.use(2, "two", 1.0)
@@ -93,7 +93,7 @@ def test_the_right_has_one_holder_and_an_explicit_takeover() -> None:
 
 
 def test_the_right_is_lost_without_requests_and_not_with_them() -> None:
-    right = Lease(0.0, input_moves=False)
+    right = Lease(0.0, input_active=False)
     right.take(1, "one", 0.0, timeout_s=2.0)
     right.refresh(1, 1.9)
     right.refresh(2, 3.5)
@@ -103,7 +103,7 @@ def test_the_right_is_lost_without_requests_and_not_with_them() -> None:
 
 
 def test_the_input_holds_the_right_until_it_is_taken_over_and_may_be_resumed() -> None:
-    right = Lease(0.0, input_moves=True)
+    right = Lease(0.0, input_active=True)
     with pytest.raises(RemoteError, match="own input"):
         right.use(1, "one", 0.0)
     right.allow(1, 0.0)
@@ -115,7 +115,7 @@ def test_the_input_holds_the_right_until_it_is_taken_over_and_may_be_resumed() -
 
 
 def test_a_stop_by_another_is_not_undone_by_a_script_in_a_loop() -> None:
-    right = Lease(0.0, input_moves=False)
+    right = Lease(0.0, input_active=False)
     right.use(1, "script", 0.0)
     assert right.revoke(2, "person (estop)") is not None
     with pytest.raises(RemoteError) as refused:

@@ -42,7 +42,7 @@ def record_virtual(
     sink = recording.follow(RunSetup(loaded, rate_hz, Path(), trajectory, on_end, attended=False))
     for messages in (orders or {}).values():
         for message in messages:
-            recording.told(message)
+            recording.before_order(message)
     run_virtual(loaded, rate_hz, trajectory, sinks=[sink], orders=orders, ticks=ticks, on_end=on_end)
     recording.detach()
     return path

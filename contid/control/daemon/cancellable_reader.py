@@ -1,4 +1,4 @@
-"""Waiting for bytes in a thread that can be told to give up."""
+"""Blocking reads in a thread that another thread can cancel."""
 
 from __future__ import annotations
 
@@ -8,38 +8,37 @@ import threading
 
 
 class InputCancelledError(Exception):
-    """Nobody waits for the input any more."""
+    """The input is no longer needed."""
 
 
 class CancellableReader:
-    """Lets a thread wait for a descriptor, and be told to give up."""
+    """Reads descriptors in one thread; `cancel` ends a pending read from another."""
 
     def __init__(self) -> None:
         self._wake_r, self._wake_w = os.pipe()
-        self._given_up = threading.Event()
+        self._cancelled = threading.Event()
 
     def read(self, descriptor: int, size: int) -> bytes:
         """Like `os.read`.
 
         Raises:
-            GivenUpError: told to give up.
+            InputCancelledError: `cancel` was called.
         """
-        ready, _, _ = select.select([descriptor, self._wake_r], [], [])
+        select.select([descriptor, self._wake_r], [], [])
         self.check()
-        assert descriptor in ready
         return os.read(descriptor, size)
 
     def check(self) -> None:
-        """Raise when told to give up; called now and then by what takes long."""
-        if self._given_up.is_set():
+        """Raise `InputCancelledError` after `cancel`; long computations call it between steps."""
+        if self._cancelled.is_set():
             raise InputCancelledError
 
-    def give_up(self) -> None:
-        """From another thread: `read` and `check` raise from now on."""
-        self._given_up.set()
+    def cancel(self) -> None:
+        """Make `read` and `check` raise from now on; callable from any thread."""
+        self._cancelled.set()
         os.write(self._wake_w, b"!")
 
     def close(self) -> None:
-        """Let the descriptors go; no thread waits any more."""
+        """Close the descriptors; no thread may be reading."""
         os.close(self._wake_r)
         os.close(self._wake_w)

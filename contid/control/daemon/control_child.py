@@ -1,4 +1,4 @@
-"""The daemon's hold on the control process: start it early, talk without waiting, end it for certain."""
+"""The control process as seen by the daemon: start, send without blocking, terminate."""
 
 from __future__ import annotations
 
@@ -11,15 +11,15 @@ from typing import Final
 from contid.control.daemon.spawn import Spawned, spawn
 from contid.control.engine.tick_layout import RecordLayout
 from contid.control.process import ring
-from contid.control.process.pipe import aside, frame
+from contid.control.process.pipe import frame, to_shared_memory
 from contid.control.process.setup import RunSetup
 
-#: A control process that ignores its pipe must not make the daemon's memory grow.
+#: Bounds the daemon's memory when the control process does not read its pipe.
 MAX_BACKLOG: Final = 64 << 20
 
 
 class ControlChild:
-    """A control process, from the start of its interpreter to its last status."""
+    """One control process, from the start of its interpreter to its exit status."""
 
     def __init__(self, spawned: Spawned | None = None) -> None:
         spawned = spawned or spawn()
@@ -27,7 +27,7 @@ class ControlChild:
         self.reader: ring.RingReader | None = None
         self._path: Path | None = None
         self._backlog = bytearray()
-        self._asides: list[Path] = []
+        self._bulk_paths: list[Path] = []
 
     @property
     def pid(self) -> int:
@@ -40,14 +40,14 @@ class ControlChild:
         return self._process.poll()
 
     def create_ring(self, layout: RecordLayout) -> Path:
-        """Make the shared memory of this run and attach to it."""
+        """Create the shared memory of this run and attach to it."""
         ring.sweep()
         self._path = ring.create(layout)
         self.reader = ring.RingReader(self._path)
         return self._path
 
-    def begin(self, setup: RunSetup) -> None:
-        """Hand over what it needs; waits until it has taken it."""
+    def start(self, setup: RunSetup) -> None:
+        """Send the setup; blocks until the pipe has taken it."""
         body = memoryview(frame(setup))
         os.set_blocking(self._pipe, True)
         with suppress(BrokenPipeError):
@@ -56,36 +56,36 @@ class ControlChild:
         os.set_blocking(self._pipe, False)
 
     def send(self, message: object) -> None:
-        """Send a message; never waits, keeps what the pipe does not take yet for `flush`."""
+        """Send a message without blocking; `flush` sends what the pipe does not take yet."""
         if len(self._backlog) < MAX_BACKLOG:
             self._backlog += frame(message)
         self.flush()
 
     def send_bulk(self, message: object) -> None:
-        """Send a long message, its arrays by way of shared memory; through the pipe when that is full."""
-        beside = aside(message, ring.folder())
-        if beside is None:
+        """Send a long message with its arrays in shared memory, or through the pipe when that is full."""
+        bulk = to_shared_memory(message, ring.folder())
+        if bulk is None:
             self.send(message)
             return
-        self._asides.append(Path(beside.path))
-        self.send(beside)
+        self._bulk_paths.append(Path(bulk.path))
+        self.send(bulk)
 
     def flush(self) -> None:
-        """Send what is kept."""
+        """Send the backlog."""
         with suppress(BlockingIOError, BrokenPipeError):
             while self._backlog:
                 del self._backlog[: os.write(self._pipe, self._backlog)]
 
     def terminate(self) -> None:
-        """Ask it to end: at once while it opens its buses, by ``on_host_loss`` once it runs."""
+        """Send SIGTERM: ends at once while it opens its buses, by ``on_host_loss`` once it runs."""
         self._process.terminate()
 
     def kill(self) -> None:
-        """End it now; the devices' own dead-man is what stops them then."""
+        """Send SIGKILL; the devices' own watchdogs then stop them."""
         self._process.kill()
 
     def close(self) -> None:
-        """Close the pipe (a running control process then stops by ``on_host_loss``), wait, clean up."""
+        """Close the pipe (a running control process stops by ``on_host_loss``), wait, remove the files."""
         if self._pipe >= 0:
             os.close(self._pipe)
             self._pipe = -1
@@ -96,7 +96,7 @@ class ControlChild:
             self._process.wait()
         if self.reader is not None:
             self.reader.close()
-        for path in self._asides:  # what was never fetched
+        for path in self._bulk_paths:  # never fetched
             path.unlink(missing_ok=True)
         if self._path is not None:
             self._path.unlink(missing_ok=True)

@@ -1,8 +1,8 @@
-"""The daemon: supervises one run of the control process; may be late without anybody noticing.
+"""The daemon: supervises one run of the control process; its delays do not affect the tick.
 
-It is the `Orders` of everybody who commands the run: signals and the stream on stdin here, the socket of
-`contid.remote`. Every `POLL_S` it hears the events of the ring and lets everybody know who wants to: the
-account, the person at the terminal, the service manager, the listeners.
+It is the `RunControl` of every source of commands: signals and the stream on stdin here, the socket of
+`contid.remote`. Every `POLL_S` it passes the events of the ring to the report, the terminal, the service
+manager and the listeners.
 """
 
 from __future__ import annotations
@@ -36,26 +36,25 @@ from contid.control.tick.preflight import Unreachable
 from contid.robot_file.load import LoadedFile
 from contid.trajectory.timed import Trajectory
 
-#: How often events are fetched from the ring.
+#: Interval between reads of the ring.
 POLL_S: Final = 0.02
-#: A person is told what is waited for after so long.
-TELL_S: Final = 3.0
-#: Ctrl-C, and what a service manager sends.
+#: A pending input is reported on the terminal after so long.
+REPORT_WAITING_S: Final = 3.0
 
 
 @dataclass(slots=True)
 class RunOptions:
-    """How to run.
+    """Options of a run.
 
     Attributes:
-        rate_hz: of the tick.
+        rate_hz: ticks per second.
         on_end: what to do when the input ends.
         unreachable: what to do with unreachable rows of a stream.
-        log: where to write the command log.
+        log: path of the command log.
         armed: arm at once; False to wait for `resume`.
-        commands: sources of commands beside the input, such as the socket.
+        commands: sources of commands besides the input, such as the socket.
         observers: readers of the ring.
-        say: takes messages for a person.
+        say: prints a message.
     """
 
     rate_hz: float
@@ -69,7 +68,7 @@ class RunOptions:
 
 
 class Daemon:
-    """One run; see `contid.control.daemon.interfaces.Orders` for what may be asked of it."""
+    """One run; implements `contid.control.daemon.interfaces.RunControl`."""
 
     def __init__(
         self,
@@ -81,13 +80,13 @@ class Daemon:
         self.loaded = loaded
         self.rate_hz = options.rate_hz
         self.unreachable = options.unreachable
-        self.input_moves = source is not None
-        self._awaited = source if isinstance(source, PendingInput) else None
+        self.input_active = source is not None
+        self._pending = source if isinstance(source, PendingInput) else None
         self._source = None if isinstance(source, PendingInput) else source
         self._options = options
         self._child = child
-        self._account = ReportBuilder(options.rate_hz)
-        self._ending = ShutdownSequence()
+        self._report = ReportBuilder(options.rate_hz)
+        self._shutdown = ShutdownSequence()
         self._notifier = Notifier()
         self._listeners: list[Callable[[Mapping[str, Any]], None]] = []
         self._attached: list[RunObserver] = []
@@ -102,93 +101,93 @@ class Daemon:
 
     @property
     def waiting(self) -> str:
-        """See `Orders.waiting`."""
-        return self._awaited.message if self._awaited is not None else ""
+        """See `RunControl.waiting`."""
+        return self._pending.message if self._pending is not None else ""
 
     def say(self, message: str) -> None:
-        """See `Orders.say`."""
+        """See `RunControl.say`."""
         self._options.say(message)
 
     def send(self, message: Message) -> None:
-        """See `Orders.send`."""
-        if self._awaited is not None:
-            for event in self._awaited.answer(message):
-                asyncio.get_running_loop().call_soon(self._hear, event)
+        """See `RunControl.send`."""
+        if self._pending is not None:
+            for event in self._pending.answer(message):
+                asyncio.get_running_loop().call_soon(self._on_event, event)
             return
-        self._tell(message)
+        self._notify_observers(message)
         self._child.send(message)
 
     def send_bulk(self, message: Message) -> None:
-        """See `Orders.send_bulk`."""
-        if self._awaited is not None:
+        """See `RunControl.send_bulk`."""
+        if self._pending is not None:
             self.send(message)
             return
-        self._tell(message)
+        self._notify_observers(message)
         self._child.send_bulk(message)
 
-    def _tell(self, message: Message) -> None:
-        """Let the observers know of a long order before anybody obeys it."""
+    def _notify_observers(self, message: Message) -> None:
+        """Give the observers the trajectory of an order before the control process gets it."""
         if isinstance(message, Play):
             for observer in self._options.observers:
-                observer.told(message)
+                observer.before_order(message)
 
     def newest(self) -> TickRecord | None:
-        """See `Orders.newest`."""
+        """See `RunControl.newest`."""
         return self._child.reader.newest() if self._child.reader else None
 
     def lateness(self, ticks: int) -> list[float]:
-        """See `Orders.lateness`."""
+        """See `RunControl.lateness`."""
         return self._child.reader.lateness(ticks) if self._child.reader else []
 
     def refresh(self) -> None:
-        """See `Orders.refresh`; a listener that asks hears of the rest when its turn comes."""
+        """See `RunControl.refresh`; without effect when called by a listener."""
         if not self._fetching:
             self._fetch()
 
     def listen(self, listener: Callable[[Mapping[str, Any]], None]) -> None:
-        """See `Orders.listen`."""
+        """See `RunControl.listen`."""
         self._listeners.append(listener)
 
-    def displace_input(self) -> None:
-        """See `Orders.displace_input`."""
-        self.input_moves = False
+    def detach_input(self) -> None:
+        """See `RunControl.detach_input`."""
+        self.input_active = False
         self.send(Hold())
-        if self._awaited is not None:
-            self._awaited.give_up()
+        if self._pending is not None:
+            self._pending.cancel()
             return
         self.send(Begin())
 
     def interrupt(self) -> None:
-        """See `Orders.interrupt`."""
-        self._ending.asked += 1
-        self._account.interrupted()
-        if self._awaited is not None:
-            self._awaited.give_up()
-        elif self._ending.asked == 1:
+        """See `RunControl.interrupt`."""
+        self._shutdown.requests += 1
+        self._report.interrupted()
+        if self._pending is not None:
+            self._pending.cancel()
+        elif self._shutdown.requests == 1:
             self.send(Finish())
-            self._ending.stop(asyncio.get_running_loop().time())
-            if not self._account.started:
-                # It opens its buses, long when nobody answers, and looks at no order meanwhile.
+            self._shutdown.stop(asyncio.get_running_loop().time())
+            if not self._report.started:
+                # Opening the buses takes long when no device answers, and no order is read meanwhile.
                 self._child.terminate()
-            self.say("stopping; once more to relax at once")
+            self.say("Stopping. Press Ctrl-C again to cut torque now.")
         else:
             self._relax()
-            self.say("relaxing now")
+            self.say("Relaxing now.")
 
     def hung_up(self) -> None:
-        """The terminal was closed: an orderly stop. Shells say it twice, which is no wish to relax."""
-        if not self._ending.asked:
+        """The terminal was closed: an orderly stop. Shells send the signal twice; the second is ignored."""
+        if not self._shutdown.requests:
             self.interrupt()
 
     def _relax(self) -> None:
         self.send(Estop())
         self.send(Finish())
-        self._ending.relax(asyncio.get_running_loop().time())
+        self._shutdown.relax(asyncio.get_running_loop().time())
 
     # -- the run -----------------------------------------------------------------------------------------
 
     async def run(self) -> RunReport:
-        """Run to the end and report; never leaves the control process behind."""
+        """Run to the end and report; the control process has ended on return."""
         layout = record_layout(self.loaded, self.rate_hz)
         ring = self._child.create_ring(layout)
         line = terminal.ProgressLine(layout)
@@ -197,10 +196,10 @@ class Daemon:
             for number, handler in self._signals.items():
                 loop.add_signal_handler(number, handler)
             for commands in self._options.commands:
-                self._attend(commands.serve(self))
-            undisturbed = await self._input_came()
-            if not self._ending.asked:
-                self._begin(ring, layout, armed=self._options.armed and undisturbed)
+                self._start_task(commands.serve(self))
+            not_stopped = await self._read_pending()
+            if not self._shutdown.requests:
+                self._begin(ring, layout, armed=self._options.armed and not_stopped)
                 await self._supervise(line)
         finally:
             for number in self._signals:
@@ -210,30 +209,30 @@ class Daemon:
             self._child.close()
             for observer in self._attached:
                 with suppress(Exception):
-                    self._account.report.problems += observer.detach()
+                    self._report.report.problems += observer.detach()
             self._end_log("")
-        return self._account.report
+        return self._report.report
 
-    async def _input_came(self) -> bool:
-        """Wait for the input; False when somebody stopped or displaced it before it came.
+    async def _read_pending(self) -> bool:
+        """Wait for the input; False when the robots were stopped or the input was detached meanwhile.
 
         Raises:
-            ContidError: it is wrong, or there is none; nothing was touched.
+            ContidError: it is wrong or empty; no device was opened.
         """
-        awaited = self._awaited
-        if awaited is None:
+        pending = self._pending
+        if pending is None:
             return True
-        telling = asyncio.get_running_loop().call_later(TELL_S, self.say, awaited.message)
+        reminder = asyncio.get_running_loop().call_later(REPORT_WAITING_S, self.say, pending.message)
         try:
-            self._source = await awaited.result()
+            self._source = await pending.result()
         except InputCancelledError:
             return False
         finally:
-            telling.cancel()
-        return not awaited.stopped
+            reminder.cancel()
+        return not pending.stopped
 
     def _begin(self, ring: Path, layout: RecordLayout, armed: bool) -> None:
-        """Hand the run over to the control process, and what it records to the observers."""
+        """Attach the observers and start the control process."""
         options, source = self._options, self._source
         self._log = None if options.log is None else CommandLog(options.log, layout)
         setup = RunSetup(
@@ -242,17 +241,17 @@ class Daemon:
             ring,
             trajectory=source if isinstance(source, Trajectory) else None,
             on_end=options.on_end,
-            # A run with an input ends with it, or with a fault of every robot; others wait for orders.
+            # A run with an input ends with it, or when every robot is in FAULT; others wait for orders.
             attended=source is None or options.on_end is OnEnd.HOLD or not armed,
             armed=armed,
         )
         for observer in options.observers:
             observer.attach(setup, self._child.pid)
             self._attached.append(observer)
-        self._child.begin(setup)
-        self._awaited = None
+        self._child.start(setup)
+        self._pending = None
         if isinstance(source, Stream):
-            self._attend(self._follow(source))
+            self._start_task(self._follow(source))
 
     async def _follow(self, stream: Stream) -> None:
         preflight = build_preflight(self.loaded, self.rate_hz, self.unreachable)
@@ -260,12 +259,12 @@ class Daemon:
         self._send_input(EndOfRows())
 
     def _send_input(self, message: Message) -> None:
-        """A row of the stream on stdin, unless somebody took over."""
-        if self.input_moves:
+        """Send a row of the stream on stdin, unless the input was detached."""
+        if self.input_active:
             self.send(message)
 
     async def _supervise(self, line: terminal.ProgressLine) -> None:
-        """Fetch events until the control process is gone; press on when it does not stop in time."""
+        """Fetch events until the control process has ended; escalate when it does not stop in time."""
         loop = asyncio.get_running_loop()
         end_s = self._source.end_s if isinstance(self._source, Trajectory) else None
         while self._child.status is None:
@@ -274,13 +273,13 @@ class Daemon:
             self._fetch()
             if self._child.reader is not None:
                 self._notifier.ticked(self._child.reader.written, loop.time())
-            match self._ending.due(loop.time()):
+            match self._shutdown.due(loop.time()):
                 case Escalation.RELAX:
-                    self._account.problem("the orderly stop took too long; relaxed at once")
+                    self._report.problem("the orderly stop took too long; relaxed at once")
                     self._relax()
                 case Escalation.KILL:
                     self._child.kill()
-                    self._account.killed()
+                    self._report.killed()
                     break
             line.show(self.newest, end_s)
 
@@ -290,7 +289,7 @@ class Daemon:
         self._fetching = True
         try:
             for event in reader.events():
-                self._hear(event)
+                self._on_event(event)
         finally:
             self._fetching = False
         if self._log is not None:
@@ -298,51 +297,53 @@ class Daemon:
                 for record in reader.ticks():
                     self._log.add(record)
             except OSError as error:
-                self._end_log(f"{self._options.log}: the log ends here, the run goes on: {error.strerror}")
+                self._end_log(
+                    f"{self._options.log}: the command log ends here, the run continues: {error.strerror}"
+                )
 
     def _end_log(self, message: str) -> None:
-        """Close the command log, with what went wrong: a full disk is no reason to drop a robot."""
+        """Close the command log and report ``message``: the run continues when the disk is full."""
         log, self._log = self._log, None
         if log is not None:
             with suppress(OSError):
                 log.close()
         if message:
-            self._account.problem(message)
+            self._report.problem(message)
             self.say(message)
 
-    def _hear(self, event: Mapping[str, Any]) -> None:
-        """An event of the ring: everybody hears of it."""
-        self._account.hear(event)
-        if message := terminal.words_of(event):
+    def _on_event(self, event: Mapping[str, Any]) -> None:
+        """Pass an event on."""
+        self._report.add(event)
+        if message := terminal.event_text(event):
             self.say(message)
         match event["event"]:
             case "end":
-                self.input_moves = False
+                self.input_active = False
             case "stopping":
                 self._notifier.stopping()
-                self._ending.takes(event["seconds"], asyncio.get_running_loop().time())
+                self._shutdown.stop_takes(event["seconds"], asyncio.get_running_loop().time())
             case "failed" | "report":
                 self._notifier.stopping()
         for listener in self._listeners:
             listener(event)
 
-    def _attend(self, source: Coroutine[Any, Any, None]) -> None:
-        """Let a source of commands work beside the run."""
+    def _start_task(self, source: Coroutine[Any, Any, None]) -> None:
+        """Run a source of commands beside the run."""
         task = asyncio.create_task(source)
         task.add_done_callback(self._source_ended)
         self._tasks.append(task)
 
     def _source_ended(self, task: asyncio.Task[None]) -> None:
-        """A run that cannot be told to stop any more stops: the socket is how others reach it."""
-        died = None if task.cancelled() else task.exception()
-        if died is None:
+        """End the run when a source of commands has failed: clients could no longer stop it."""
+        error = None if task.cancelled() else task.exception()
+        if error is None:
             return
-        message = f"a source of commands ended early: {type(died).__name__}: {died}"
-        self._account.problem(message)
+        message = f"a source of commands ended early: {type(error).__name__}: {error}"
+        self._report.problem(message)
         self.say(message)
-        if not self._ending.asked and self._child.status is None:
+        if not self._shutdown.requests and self._child.status is None:
             self.interrupt()
-            self._account.broken(message)
+            self._report.broken(message)
 
     async def _end_tasks(self) -> None:
         for task in self._tasks:
@@ -350,12 +351,12 @@ class Daemon:
         await asyncio.gather(*self._tasks, return_exceptions=True)
 
     def _conclude(self, line: terminal.ProgressLine) -> None:
-        """The last events, and what they mean for the report."""
+        """Fetch the last events and complete the report."""
         self._fetch()
         line.clear()
         reader = self._child.reader
         assert reader is not None
         missed = reader.missed_ticks if self._log is not None else 0
-        self._account.conclude(reader, self._child.status)
+        self._report.conclude(reader, self._child.status)
         if missed:
-            self._account.problem(f"{missed} ticks are missing in the command log")
+            self._report.problem(f"{missed} ticks are missing in the command log")

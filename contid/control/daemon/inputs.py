@@ -1,7 +1,7 @@
-"""What `contid run` follows: a timed trajectory read to its end, or the lines of a live stream.
+"""The input of `contid run`: a timed trajectory read to its end, or the lines of a live stream.
 
-Which of the two is decided by the header: with ``t_s`` it is timed. A file is always timed; a live stream is
-read from a pipe, a socket or a terminal, where a line arrives when it is meant.
+A header with ``t_s`` makes it timed. A file is always timed; a live stream comes from a pipe, a socket or a
+terminal, and its rows apply when they arrive.
 """
 
 from __future__ import annotations
@@ -21,19 +21,19 @@ from contid.trajectory.read import read_trajectory
 from contid.trajectory.stream import StreamParser
 from contid.trajectory.timed import Trajectory
 
-#: Bytes of a timed trajectory that are read at a time.
+#: Bytes of a timed trajectory per read.
 CHUNK: Final = 1 << 20
 
 
 @dataclass(frozen=True, slots=True)
 class Stream:
-    """A live stream whose header was read.
+    """A live stream after its header.
 
     Attributes:
         parser: of its lines.
-        name: what messages call it.
-        descriptor: where its further bytes come from.
-        pending: lines read already, with their numbers.
+        name: for messages.
+        descriptor: of the following bytes.
+        pending: lines already read, with their numbers.
         number: of the last line read.
     """
 
@@ -45,17 +45,17 @@ class Stream:
 
 
 def read_file(path: str, robots: Mapping[str, RobotDescription]) -> Trajectory:
-    """The timed trajectory of a file; ``-`` is not one."""
+    """Read the timed trajectory of a file."""
     try:
-        # What is no UTF-8 becomes a character that is no number and no column: a finding with its place.
+        # Bytes that are not UTF-8 become characters that fail to parse, with their line and column.
         with Path(path).open(encoding="utf-8", errors="replace") as file:
             return read_trajectory(file, path, robots)
     except OSError as error:
-        raise ContidError(f"{path}: cannot read it: {error.strerror}") from error
+        raise ContidError(f"{path}: cannot be read: {error.strerror}") from error
 
 
-def given(stdin: TextIO | None) -> bool:
-    """True when stdin is meant as an input: no terminal, not ``/dev/null``, not closed."""
+def has_input(stdin: TextIO | None) -> bool:
+    """True when stdin is an input: not a terminal, not ``/dev/null``, not closed."""
     if stdin is None or stdin.closed or stdin.isatty():
         return False
     found = os.fstat(stdin.fileno())
@@ -63,42 +63,42 @@ def given(stdin: TextIO | None) -> bool:
 
 
 def read_stdin(
-    stdin: TextIO, robots: Mapping[str, RobotDescription], patience: CancellableReader
+    stdin: TextIO, robots: Mapping[str, RobotDescription], reader: CancellableReader
 ) -> Trajectory | Stream:
-    """What stdin holds: a trajectory that was read to its end, or a stream whose header was.
+    """Read stdin: a timed trajectory to its end, or the header of a stream.
 
     Raises:
         BadInputError: a wrong header, or a trajectory with mistakes.
         ContidError: it ended without a line.
-        GivenUpError: nobody waits any more.
+        InputCancelledError: the reader was cancelled.
     """
     descriptor = stdin.fileno()
     name = "stdin"
     skipped: list[str] = []
-    for number, raw in _lines(descriptor, patience):
+    for number, raw in _lines(descriptor, reader):
         line = raw.decode("utf-8", errors="replace")
         if not line.strip() or line.lstrip().startswith("#"):
             skipped.append(line)
             continue
         parser = StreamParser(line, name, robots, number)
         if parser.timed:
-            return _read_timed(descriptor, "".join(skipped) + line, robots, patience)
+            return _read_timed(descriptor, "".join(skipped) + line, robots, reader)
         if stat.S_ISREG(os.fstat(descriptor).st_mode):
-            message = "no column 't_s': a file needs times; a live stream comes through a pipe"
+            message = "no column 't_s': a file needs times; send a live stream through a pipe"
             raise BadInputError([Located(name, number, 1, message)])
         pending = ((number, line),) if parser.first_line_is_row else ()
         return Stream(parser, name, descriptor, pending, number)
     raise ContidError(
-        "stdin: no trajectory came in: it ended before its first line, so nothing was moved; "
-        "see what the command before the pipe says, or give < /dev/null to hold and wait for orders"
+        "stdin: no trajectory came in: it ended before its first line, and nothing was moved; "
+        "check the command before the pipe, or give < /dev/null to hold and wait for orders"
     )
 
 
 def _read_timed(
-    descriptor: int, head: str, robots: Mapping[str, RobotDescription], patience: CancellableReader
+    descriptor: int, head: str, robots: Mapping[str, RobotDescription], reader: CancellableReader
 ) -> Trajectory:
     rest = bytearray()
-    while chunk := patience.read(descriptor, CHUNK):
+    while chunk := reader.read(descriptor, CHUNK):
         rest += chunk
     try:
         text = rest.decode("utf-8")
@@ -107,10 +107,10 @@ def _read_timed(
     return read_trajectory(io.StringIO(head + text), "stdin", robots)
 
 
-def _lines(descriptor: int, patience: CancellableReader) -> Iterator[tuple[int, bytes]]:
-    """Lines byte by byte: what comes after the header belongs to whoever reads on."""
+def _lines(descriptor: int, reader: CancellableReader) -> Iterator[tuple[int, bytes]]:
+    """Lines, read byte by byte: what follows the header is left in the descriptor."""
     line, number = bytearray(), 1
-    while byte := patience.read(descriptor, 1):
+    while byte := reader.read(descriptor, 1):
         line += byte
         if byte == b"\n":
             yield number, bytes(line)

@@ -1,4 +1,4 @@
-"""Who takes part in a run: sources of commands, what they may ask of it, and those that only read along.
+"""Interfaces of the participants in a run: `RunControl`, `CommandSource`, `RunObserver`.
 
 Every command to a run goes through `RunControl`; the socket server of `contid.remote` is a `CommandSource`.
 A `RunObserver`, such as a recorder or a viewer, gets the path of the ring and reads at its own pace.
@@ -18,7 +18,7 @@ from contid.robot_file.load import LoadedFile
 
 
 class RunControl(Protocol):
-    """What a source of commands may do with a run."""
+    """A run as a source of commands sees it."""
 
     @property
     def loaded(self) -> LoadedFile:
@@ -27,7 +27,7 @@ class RunControl(Protocol):
 
     @property
     def rate_hz(self) -> float:
-        """Of the tick."""
+        """Ticks per second."""
         ...
 
     @property
@@ -36,8 +36,8 @@ class RunControl(Protocol):
         ...
 
     @property
-    def input_moves(self) -> bool:
-        """True while stdin or --trajectory is what the robots follow."""
+    def input_active(self) -> bool:
+        """True while the robots follow stdin or --trajectory."""
         ...
 
     @property
@@ -46,19 +46,19 @@ class RunControl(Protocol):
         ...
 
     def say(self, message: str) -> None:
-        """A message for the person at the daemon."""
+        """Print a message on the daemon's stderr."""
         ...
 
-    def displace_input(self) -> None:
-        """Hold, and follow the input of the run no more."""
+    def detach_input(self) -> None:
+        """Hold, and stop following the input of the run."""
         ...
 
     def send(self, message: Message) -> None:
-        """Give an order to the control process."""
+        """Send an order to the control process."""
         ...
 
     def send_bulk(self, message: Message) -> None:
-        """Give a long order, its arrays by way of shared memory: nothing waits behind it."""
+        """Send a long order with its arrays in shared memory, so that later orders are not delayed."""
         ...
 
     def newest(self) -> TickRecord | None:
@@ -70,7 +70,7 @@ class RunControl(Protocol):
         ...
 
     def refresh(self) -> None:
-        """Hear of every event up to now at once."""
+        """Deliver every event up to now to the listeners."""
         ...
 
     def listen(self, listener: Callable[[Mapping[str, Any]], None]) -> None:
@@ -78,41 +78,41 @@ class RunControl(Protocol):
         ...
 
     def interrupt(self) -> None:
-        """End the run: orderly the first time, relax or vent now the second."""
+        """End the run: orderly on the first call, relax or vent at once on the second."""
         ...
 
 
 class CommandSource(Protocol):
-    """A source of commands, such as the socket."""
+    """A source of commands, such as the socket server."""
 
-    async def serve(self, orders: RunControl) -> None:
-        """Take commands until cancelled."""
+    async def serve(self, control: RunControl) -> None:
+        """Serve until cancelled."""
         ...
 
 
 class RunObserver(Protocol):
-    """Something that reads the ring, such as a recorder in its own process."""
+    """A reader of the ring, such as a recorder in its own process."""
 
     def attach(self, setup: RunSetup, pid: int) -> None:
-        """Begin: ``setup`` names the ring, ``pid`` is its writer; called before the first tick.
+        """Start reading before the first tick.
+
+        Args:
+            setup: names the ring.
+            pid: of the process that writes it.
 
         Raises:
-            ContidError: it cannot; nothing is started then.
+            ContidError: it cannot start; the run is not started either.
         """
         ...
 
     def follow(self, setup: RunSetup) -> Sink:
-        """The same for a run in virtual time, which has no ring: a sink within this process."""
+        """The same for a run in virtual time, which has no ring: returns a sink in this process."""
         ...
 
-    def told(self, message: Message) -> None:
-        """An order is about to go to the control process; of a `Play`, events do not hold the content."""
+    def before_order(self, message: Message) -> None:
+        """An order is about to be sent; events do not hold the trajectory of a `Play`."""
         ...
 
     def detach(self) -> Sequence[str]:
-        """The ring is finished: read the rest and end, within a bounded time.
-
-        Returns:
-            What went wrong, in words for the report.
-        """
+        """The ring is finished: read the rest and end within a bounded time; returns problems to report."""
         ...

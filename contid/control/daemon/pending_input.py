@@ -1,9 +1,8 @@
-"""The input of a run while it is not there yet: read and checked aside, so that the daemon serves meanwhile.
+"""The input of a run before it is complete: read and checked in a thread while the daemon serves clients.
 
-A pipe may say nothing for as long as it likes, and a long trajectory takes seconds to check. Until both are
-done nothing is handed to the control process and no device is touched. Orders of clients are answered here:
-what stops finds nothing to stop and is remembered (the run then connects and waits for `resume`); what would
-move is refused.
+A pipe may stay silent for any time, and checking a long trajectory takes seconds. Meanwhile nothing is sent
+to the control process and no device is opened. Orders of clients are answered here: an order to stop is kept
+(the run then connects and waits for `resume`), an order to move is refused.
 """
 
 from __future__ import annotations
@@ -19,33 +18,33 @@ from contid.control.daemon.inputs import Stream
 from contid.control.engine.messages import Estop, Goto, Hold, Mark, Message, Play, Resume, Rows, Stop
 from contid.trajectory.timed import Trajectory
 
-#: How long the thread may take to notice that nobody waits any more, before it is left behind.
-LEAVE_S: Final = 1.0
+#: The thread may take so long to end after `cancel`; then it is left running.
+JOIN_TIMEOUT_S: Final = 1.0
 
 
 class PendingInput:
     """An input that is being read.
 
     Attributes:
-        message: what is waited for.
-        stopped: somebody stopped the robots before they moved.
+        message: what the run waits for.
+        stopped: a client ordered a stop before the run began.
     """
 
     def __init__(self, message: str, read: Callable[[CancellableReader], Trajectory | Stream | None]) -> None:
-        """Prepare; ``read`` reads and checks, in a thread of its own."""
+        """Prepare; ``read`` reads and checks in a thread of its own."""
         self.message = message
         self.stopped = False
         self._read = read
-        self._patience = CancellableReader()
+        self._reader = CancellableReader()
         self._loop: asyncio.AbstractEventLoop | None = None
         self._outcome: asyncio.Future[Trajectory | Stream | None] | None = None
 
     async def result(self) -> Trajectory | Stream | None:
-        """What came in.
+        """Wait for the input.
 
         Raises:
-            GivenUpError: `give_up` was called.
-            ContidError: what is wrong with it.
+            InputCancelledError: `cancel` was called.
+            ContidError: the input is wrong.
         """
         self._loop = asyncio.get_running_loop()
         self._outcome = self._loop.create_future()
@@ -54,18 +53,18 @@ class PendingInput:
         try:
             return await self._outcome
         finally:
-            self._patience.give_up()
-            await asyncio.to_thread(thread.join, LEAVE_S)
+            self._reader.cancel()
+            await asyncio.to_thread(thread.join, JOIN_TIMEOUT_S)
             if not thread.is_alive():
-                self._patience.close()
+                self._reader.close()
 
-    def give_up(self) -> None:
-        """Wait no longer."""
+    def cancel(self) -> None:
+        """Make `result` raise `InputCancelledError`."""
         if self._outcome is not None and not self._outcome.done():
             self._outcome.set_exception(InputCancelledError())
 
     def answer(self, order: Message) -> list[Mapping[str, Any]]:
-        """The events with which a run that has not begun obeys an order."""
+        """The events that answer an order before the run has begun."""
         match order:
             case Mark(number):
                 return [{"event": "mark", "number": number, "tick": 0}]
@@ -78,20 +77,20 @@ class PendingInput:
 
     def _work(self) -> None:
         assert self._loop is not None
-        came: Trajectory | Stream | None = None
+        result: Trajectory | Stream | None = None
         error: Exception | None = None
         try:
-            came = self._read(self._patience)
-        except Exception as caught:  # whatever it is, it is told where the result is waited for
+            result = self._read(self._reader)
+        except Exception as caught:  # raised again by `result`
             error = caught
-        with suppress(RuntimeError):  # the loop is closed: nobody waits
-            self._loop.call_soon_threadsafe(self._tell, came, error)
+        with suppress(RuntimeError):  # the loop is closed
+            self._loop.call_soon_threadsafe(self._deliver, result, error)
 
-    def _tell(self, came: Trajectory | Stream | None, error: Exception | None) -> None:
+    def _deliver(self, result: Trajectory | Stream | None, error: Exception | None) -> None:
         assert self._outcome is not None
         if self._outcome.done():
             return
         if error is None:
-            self._outcome.set_result(came)
+            self._outcome.set_result(result)
         else:
             self._outcome.set_exception(error)

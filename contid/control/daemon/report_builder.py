@@ -1,4 +1,4 @@
-"""The report of a run in real time: gathered from its events while it runs, completed when it has ended."""
+"""Builds the report of a run in real time from its events, and completes it at the end."""
 
 from __future__ import annotations
 
@@ -11,10 +11,10 @@ from contid.control.process.ring import RingReader
 
 
 class ReportBuilder:
-    """What is known of a run so far.
+    """The report of a run so far.
 
     Attributes:
-        report: filled as events come in.
+        report: updated by every event.
         started: the buses are open.
     """
 
@@ -24,25 +24,27 @@ class ReportBuilder:
         self._interrupted = False
 
     def interrupted(self) -> None:
-        """Somebody asked the run to end."""
+        """A user or a client ended the run."""
         self._interrupted = True
         self.report.ending, self.report.exit_code = "interrupted", 130
 
     def problem(self, message: str) -> None:
-        """Something could not be done."""
+        """Add a problem to the report."""
         self.report.problems.append(message)
 
     def broken(self, message: str) -> None:
-        """It ends because a part of it did."""
+        """The run ends because a part of it failed."""
         self.report.ending, self.report.exit_code = message, 3
 
     def killed(self) -> None:
-        """The control process had to be ended by force."""
-        self.problem("the control process did not end and was killed; the devices stop by their own dead-man")
+        """The control process was killed."""
+        self.problem(
+            "the control process did not end and was killed; the devices stop by their own watchdogs"
+        )
         self.report.exit_code = 3
 
-    def hear(self, event: Mapping[str, Any]) -> None:
-        """An event of the ring."""
+    def add(self, event: Mapping[str, Any]) -> None:
+        """Add an event of the ring."""
         report = self.report
         match event["event"]:
             case "started":
@@ -57,11 +59,11 @@ class ReportBuilder:
                     setattr(report, name, event[name])
 
     def conclude(self, reader: RingReader, status: int | None) -> None:
-        """Every event was heard: complete the report, and find what the end means for the exit code.
+        """Complete the report after the last event, and set the exit code.
 
         Args:
-            reader: of the ring, for what the control process did not live to report.
-            status: exit status of the control process, None when it had to be left behind.
+            reader: of the ring, in case the control process ended without a report.
+            status: exit status of the control process, None when it still runs.
         """
         report = self.report
         reader.rewind()
@@ -70,6 +72,6 @@ class ReportBuilder:
             report.ending = "a fault stopped a robot" if report.exit_code != 130 else report.ending
             report.exit_code = 3
         elif self._interrupted and not self.started and status == -signal.SIGTERM:
-            pass  # ended before it had read what to open
+            pass  # ended before it opened the buses
         elif status not in (None, 0) and report.exit_code in (0, 130):
             report.ending, report.exit_code = f"the control process ended with status {status}", 3

@@ -1,4 +1,4 @@
-"""The live stream on stdin: the newest row is the target; a wrong row holds its robots and is told."""
+"""The live stream on stdin: the newest row is the target; a wrong row holds its robots and is reported."""
 
 from __future__ import annotations
 
@@ -12,21 +12,21 @@ from contid.control.engine.messages import Message, Rows
 from contid.control.tick.preflight import Preflight
 from contid.errors import BadInputError
 
-#: A line longer than this is no row.
+#: Longest line of a stream.
 MAX_LINE: Final = 1 << 16
 CUT: Final = "the last row has no end of line and may be cut off: not followed"
 
 
 class LiveRowReader:
-    """Turns the lines of a stream into rows that may be followed."""
+    """Turns the lines of a stream into checked rows."""
 
     def __init__(self, stream: Stream, preflight: Preflight | None, say: Callable[[str], None]) -> None:
         """Read a stream.
 
         Args:
-            stream: with its header read.
-            preflight: refuses rows out of reach and what a chain forbids; None lets everything pass.
-            say: takes what is wrong with a row.
+            stream: after its header.
+            preflight: refuses rows out of reach or forbidden by a chain; None accepts every row.
+            say: takes the findings.
         """
         self._name = stream.name
         self._parser = stream.parser
@@ -34,9 +34,9 @@ class LiveRowReader:
         self._say = say
 
     def ends(self, line: str, number: int) -> bool:
-        """True for a last line without its end: of ``50,75`` a producer that was killed may leave ``50,7``.
+        """True for a last line without end of line: a killed producer may leave ``50,7`` of ``50,75``.
 
-        An object of JSON is whole or none, so it needs no end of line.
+        JSON needs no end of line: a part of an object does not parse.
         """
         if line.endswith("\n") or self._parser.first_line_is_row or not line.strip():
             return False
@@ -44,7 +44,7 @@ class LiveRowReader:
         return True
 
     def row(self, line: str, number: int) -> Rows | None:
-        """What a line means, None for a comment; the robots of a wrong row hold until their next good one."""
+        """The row of a line, None for a comment; robots of a wrong row hold until their next good one."""
         try:
             row = self._parser.parse(line, number)
         except BadInputError as error:
@@ -53,7 +53,7 @@ class LiveRowReader:
         if row is None:
             return None
         wrong = {} if self._preflight is None else self._preflight.row(row)
-        for message in dict.fromkeys(wrong.values()):  # a chain says the same of both its arms
+        for message in dict.fromkeys(wrong.values()):  # one message for both arms of a chain
             self._say(f"{self._name}:{number}:1: {message}; holding")
         return Rows({**row, **dict.fromkeys(wrong)})
 
@@ -76,7 +76,7 @@ def _send(row: Rows | None, send: Callable[[Message], None]) -> None:
 
 
 async def _lines(descriptor: int) -> AsyncIterator[str]:
-    """Lines of a descriptor that a selector can watch, until its end; the last one may lack its own."""
+    """Lines of a descriptor that a selector can watch; the last one may lack its end of line."""
     loop = asyncio.get_running_loop()
     ready = asyncio.Event()
     blocking = os.get_blocking(descriptor)
@@ -99,7 +99,7 @@ async def _lines(descriptor: int) -> AsyncIterator[str]:
                 if buffer:
                     yield buffer.decode("utf-8", errors="replace")
                 return
-            if len(buffer) > MAX_LINE:  # wrong, and told as such
+            if len(buffer) > MAX_LINE:  # the parser rejects it
                 yield buffer.decode("utf-8", errors="replace") + "\n"
                 buffer = b""
     finally:

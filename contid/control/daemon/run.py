@@ -1,8 +1,8 @@
-"""One run from its request to its report: the order in which things are read, checked, started and ended.
+"""One run from its request to its report.
 
-In real time the control process is started first and imports while the robot file and the trajectory are
-read; nothing is handed to it, and nothing moves, before both were found good. Clients are served while the
-trajectory is waited for. In virtual time everything happens here, one after the other.
+In real time the control process starts first and imports while the robot file and the trajectory are read.
+It gets its setup only after both were checked; clients are served while the trajectory is pending. A run in
+virtual time takes place in this process.
 """
 
 from __future__ import annotations
@@ -19,9 +19,9 @@ from contid.control.daemon.control_child import ControlChild
 from contid.control.daemon.daemon import Daemon, RunOptions
 from contid.control.daemon.inputs import Stream
 from contid.control.daemon.row_stream import LiveRowReader
-from contid.control.daemon.run_request import RunRequest, awaited, load, preflight_of, rate_of, read
+from contid.control.daemon.run_request import RunRequest, load, open_input, preflight_of, rate_of, read_input
 from contid.control.daemon.spawn import Spawned
-from contid.control.daemon.terminal import say, words_of
+from contid.control.daemon.terminal import event_text, say
 from contid.control.engine.command_log import CommandLog
 from contid.control.engine.cycle import OnEnd, Sink
 from contid.control.engine.report import RunReport
@@ -35,10 +35,10 @@ from contid.trajectory.timed import Trajectory
 
 
 def run(request: RunRequest, spawned: Spawned | None = None) -> RunReport:
-    """Run to the end, with a control process that was started already, or a new one.
+    """Run to the end, with an already started control process or a new one.
 
     Raises:
-        ContidError: nothing was started: a wrong file, an unreachable row.
+        ContidError: wrong file or unreachable row; nothing was started.
     """
     if request.virtual:
         return _virtual(request)
@@ -55,19 +55,19 @@ def run(request: RunRequest, spawned: Spawned | None = None) -> RunReport:
             commands=request.commands,
             observers=request.observers,
         )
-        return asyncio.run(Daemon(loaded, awaited(request, loaded), options, child).run())
+        return asyncio.run(Daemon(loaded, open_input(request, loaded), options, child).run())
 
 
 def _virtual(request: RunRequest) -> RunReport:
-    """In virtual time; a stream gives one row per tick."""
+    """Run in virtual time; a stream gives one row per tick."""
     if request.disarmed:
-        raise ContidError("--disarmed waits for orders, and --virtual has nobody to give them: leave one out")
+        raise ContidError("--disarmed waits for orders, which --virtual cannot take: leave one out")
     loaded = load(request)
     rate_hz, on_end = rate_of(request, loaded), OnEnd(request.on_end)
-    with closing(CancellableReader()) as patience:
-        source = read(request, loaded, patience)
+    with closing(CancellableReader()) as reader:
+        source = read_input(request, loaded, reader)
     with ExitStack() as stack:
-        sinks: list[Sink] = [Messages()]
+        sinks: list[Sink] = [TerminalSink()]
         if request.log is not None:
             log = CommandLog(request.log, record_layout(loaded, rate_hz))
             stack.callback(log.close)
@@ -84,24 +84,24 @@ def _virtual(request: RunRequest) -> RunReport:
 
 
 def _rows(stream: Stream, preflight: Preflight | None) -> Iterator[Mapping[str, Target | None]]:
-    """Rows of a stream as they are read, waiting for each."""
-    reader = LiveRowReader(stream, preflight, say)
+    """Rows of a stream, blocking for each."""
+    rows = LiveRowReader(stream, preflight, say)
     with open(stream.descriptor, encoding="utf-8", errors="replace", closefd=False) as file:
         for number, line in chain(stream.pending, enumerate(file, stream.number + 1)):
-            if reader.ends(line, number):
+            if rows.ends(line, number):
                 return
-            row = reader.row(line, number)
+            row = rows.row(line, number)
             if row is not None:
                 yield row.targets
 
 
-class Messages:
-    """A sink that tells a person about faults and refusals."""
+class TerminalSink:
+    """A sink that prints faults and refusals."""
 
     def write(self, values: list[float]) -> None:
-        """Records are for others."""
+        """Records are not printed."""
 
     def event(self, kind: str, **fields: Any) -> None:
         """See `contid.control.engine.cycle.Sink`."""
-        if message := words_of({"event": kind, **fields}):
+        if message := event_text({"event": kind, **fields}):
             say(message)

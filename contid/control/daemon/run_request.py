@@ -1,4 +1,4 @@
-"""What a run was asked for, and what that names: the robot file and the input, read and checked."""
+"""The options of one run, and the robot file and input they name, read and checked."""
 
 from __future__ import annotations
 
@@ -8,10 +8,10 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from contid.control.daemon.cancellable_reader import CancellableReader
-from contid.control.daemon.inputs import Stream, given, read_file, read_stdin
+from contid.control.daemon.inputs import Stream, has_input, read_file, read_stdin
 from contid.control.daemon.interfaces import CommandSource, RunObserver
 from contid.control.daemon.pending_input import PendingInput
-from contid.control.daemon.terminal import checking
+from contid.control.daemon.terminal import check_progress
 from contid.control.engine.wiring import build_preflight, driven_robots
 from contid.control.tick.preflight import Preflight, Unreachable
 from contid.errors import ContidError
@@ -24,19 +24,19 @@ from contid.trajectory.timed import Trajectory
 
 @dataclass(frozen=True, slots=True)
 class RunRequest:
-    """What the command line asked for, as it said it.
+    """The options of `contid run`.
 
     Attributes:
-        robot_file: path or name of a shipped one.
+        robot_file: path, or name of a shipped file.
         mock: simulated devices.
         trajectory: file of timed rows; None for stdin.
-        rate_hz: instead of the file's.
+        rate_hz: overrides the file's.
         on_end: `contid.control.engine.cycle.OnEnd`.
         unreachable: `contid.control.tick.preflight.Unreachable`.
         virtual: in virtual time.
-        log: where to write every command.
+        log: path of the command log.
         disarmed: connect only; arm on `resume`.
-        commands: further sources of orders.
+        commands: further sources of commands.
         observers: readers of the ring.
     """
 
@@ -54,7 +54,7 @@ class RunRequest:
 
 
 def load(request: RunRequest) -> LoadedFile:
-    """The robot file, checked."""
+    """Load and check the robot file."""
     loaded = load_robot_file(find_robot_file(request.robot_file))
     if request.rate_hz is not None:
         if not 0.0 < request.rate_hz <= MAX_RATE_HZ:
@@ -66,46 +66,48 @@ def load(request: RunRequest) -> LoadedFile:
 
 
 def rate_of(request: RunRequest, loaded: LoadedFile) -> float:
-    """Ticks per second: as asked for, else as the file says."""
+    """Ticks per second: of the request, else of the file."""
     return request.rate_hz or loaded.file.rate_hz
 
 
 def preflight_of(request: RunRequest, loaded: LoadedFile) -> Preflight | None:
-    """What rows of the input must pass, None when everything does."""
+    """The check for rows of the input, None when every row passes."""
     return build_preflight(loaded, rate_of(request, loaded), Unreachable(request.unreachable))
 
 
-def read(request: RunRequest, loaded: LoadedFile, patience: CancellableReader) -> Trajectory | Stream | None:
-    """What to follow, checked; waits for it.
+def read_input(
+    request: RunRequest, loaded: LoadedFile, reader: CancellableReader
+) -> Trajectory | Stream | None:
+    """Wait for the input and check it; None without one.
 
     Raises:
-        ContidError: it is wrong, or there is none where one was expected.
-        GivenUpError: nobody waits any more.
+        ContidError: it is wrong, or empty.
+        InputCancelledError: the reader was cancelled.
     """
     robots = driven_robots(loaded)
     source: Trajectory | Stream
     if request.trajectory is not None:
         source = read_file(request.trajectory, robots)
-    elif given(sys.stdin):
-        source = read_stdin(sys.stdin, robots, patience)
+    elif has_input(sys.stdin):
+        source = read_stdin(sys.stdin, robots, reader)
     else:
         return None
     if isinstance(source, Trajectory):
         preflight = preflight_of(request, loaded)
         if preflight is not None:
-            show = checking(len(source))
+            show = check_progress(len(source))
 
             def progress(done: int, total: int) -> None:
-                patience.check()
+                reader.check()
                 show(done, total)
 
             preflight.trajectory(source, request.trajectory or "stdin", progress)
     return source
 
 
-def awaited(request: RunRequest, loaded: LoadedFile) -> PendingInput | None:
-    """The input of a run in real time, still to be read; None when there is none to wait for."""
-    if request.trajectory is None and not given(sys.stdin):
+def open_input(request: RunRequest, loaded: LoadedFile) -> PendingInput | None:
+    """The input of a run in real time, not yet read; None without one."""
+    if request.trajectory is None and not has_input(sys.stdin):
         return None
     message = "waiting for a trajectory on stdin" if request.trajectory is None else "checking the trajectory"
-    return PendingInput(message, lambda patience: read(request, loaded, patience))
+    return PendingInput(message, lambda reader: read_input(request, loaded, reader))

@@ -1,8 +1,7 @@
-"""When a run that shall end is pressed on: first an orderly stop, then no torque, then no process.
+"""Deadlines of the end of a run: orderly stop, then relax, then kill.
 
-The control process is asked to stop and tells how long its motion takes; `PATIENCE_S` beyond that it has to
-relax or vent at once, and `END_S` later it is killed and the devices' own dead-man is what stops them. Pure
-bookkeeping with the time given; the daemon acts on what it returns.
+The control process reports how long its stop takes. `STOP_GRACE_S` after that time it must relax or vent;
+`KILL_GRACE_S` later it is killed and the devices' own watchdogs stop them. Pure computation on given times.
 """
 
 from __future__ import annotations
@@ -10,14 +9,14 @@ from __future__ import annotations
 import enum
 from typing import Final
 
-#: How long the control process may take to say how long its stop takes, and how much longer than that it may
-#: take; then it relaxes at once, and after `END_S` it is killed. Together less than the 2 s that people wait.
-PATIENCE_S: Final = 0.8
-END_S: Final = 0.5
+#: Allowed for the report of the stopping time, and beyond that time for the stop itself.
+STOP_GRACE_S: Final = 0.8
+#: From relaxing to SIGKILL; both together stay below the 2 s a user waits before pressing Ctrl-C again.
+KILL_GRACE_S: Final = 0.5
 
 
 class Escalation(enum.Enum):
-    """What is due."""
+    """The action that is due."""
 
     NOTHING = enum.auto()
     RELAX = enum.auto()
@@ -25,33 +24,33 @@ class Escalation(enum.Enum):
 
 
 class ShutdownSequence:
-    """The deadlines of one ending.
+    """The deadlines of one shutdown.
 
     Attributes:
-        asked: how often somebody asked the run to end.
+        requests: number of requests to end the run.
     """
 
     def __init__(self) -> None:
-        self.asked = 0
+        self.requests = 0
         self._relax_at_s: float | None = None
         self._kill_at_s: float | None = None
 
     def stop(self, now_s: float) -> None:
-        """The orderly stop was ordered; how long it takes is not known yet."""
-        self._relax_at_s = now_s + PATIENCE_S
+        """The orderly stop was ordered; its duration is not reported yet."""
+        self._relax_at_s = now_s + STOP_GRACE_S
 
-    def takes(self, seconds: float, now_s: float) -> None:
-        """The control process says how long its stop takes from now on."""
+    def stop_takes(self, seconds: float, now_s: float) -> None:
+        """The control process reported how long its stop takes from now on."""
         if self._relax_at_s is not None:
-            self._relax_at_s = now_s + seconds + PATIENCE_S
+            self._relax_at_s = now_s + seconds + STOP_GRACE_S
 
     def relax(self, now_s: float) -> None:
-        """It was told to relax at once; only the end of the process is waited for."""
+        """Relaxing was ordered; only the end of the process is outstanding."""
         self._relax_at_s = None
-        self._kill_at_s = now_s + END_S
+        self._kill_at_s = now_s + KILL_GRACE_S
 
     def due(self, now_s: float) -> Escalation:
-        """What has to be done now."""
+        """The action due at ``now_s``."""
         if self._relax_at_s is not None and now_s > self._relax_at_s:
             return Escalation.RELAX
         if self._kill_at_s is not None and now_s > self._kill_at_s:

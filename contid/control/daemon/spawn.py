@@ -1,4 +1,4 @@
-"""Starting the control process before anything heavy is imported here: both then import side by side."""
+"""Starts the control process before the daemon imports anything heavy, so that both import in parallel."""
 
 from __future__ import annotations
 
@@ -8,8 +8,7 @@ import sys
 from dataclasses import dataclass
 from typing import Final
 
-#: Threads of a linear-algebra library have no place beside a tick, and looking for plug-ins of pydantic costs
-#: a twentieth of a second of every start.
+#: Threads of a linear-algebra library would disturb the tick; pydantic's search for plug-ins costs 50 ms.
 ENVIRONMENT: Final = {
     "OPENBLAS_NUM_THREADS": "1",
     "OMP_NUM_THREADS": "1",
@@ -19,14 +18,14 @@ ENVIRONMENT: Final = {
 
 @dataclass(slots=True)
 class Spawned:
-    """A control process that waits for its setup, and the writing end of its pipe."""
+    """A control process that waits for its setup, and the write end of its pipe."""
 
     process: subprocess.Popen[bytes]
     pipe: int
 
 
 def spawn() -> Spawned:
-    """Start ``python -m contid.control.process``; the imports that follow here skip the plug-ins too."""
+    """Start ``python -m contid.control.process``."""
     os.environ.setdefault("PYDANTIC_DISABLE_PLUGINS", ENVIRONMENT["PYDANTIC_DISABLE_PLUGINS"])
     inside, pipe = os.pipe()
     command = [sys.executable, "-m", "contid.control.process", str(inside), str(os.getpid())]

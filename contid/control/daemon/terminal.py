@@ -1,4 +1,4 @@
-"""What the person at the terminal sees of a run: messages, and a line of progress that gives way to them."""
+"""Output of a run on the terminal: messages, and a progress line that is rewritten below them."""
 
 from __future__ import annotations
 
@@ -10,23 +10,23 @@ from typing import Any, Final
 from contid.control.engine.tick_layout import RecordLayout, TickRecord
 from contid.control.tick.supervisor import Mode
 
-#: Back to the first column, and nothing left of what stood there.
+#: Return to the first column and erase the line.
 CLEAR: Final = "\r\x1b[K"
-#: How often the line of progress is written [Hz].
+#: Updates of the progress line [Hz].
 PROGRESS_HZ: Final = 5.0
-#: A trajectory with more rows than this shows how far its check has come.
-LONG: Final = 20_000
+#: The check of a trajectory with more rows shows its progress.
+LONG_TRAJECTORY_ROWS: Final = 20_000
 
 
 def say(message: str) -> None:
-    """A message for a person; the line of progress makes room for it."""
+    """Print a message in place of the progress line."""
     clear = CLEAR if sys.stderr.isatty() else ""
     sys.stderr.write(f"{clear}contid: {message}\n")
     sys.stderr.flush()
 
 
-def words_of(event: Mapping[str, Any]) -> str:
-    """What a person is told of an event of the run; "" for one that is for others."""
+def event_text(event: Mapping[str, Any]) -> str:
+    """The message of an event for the terminal; "" for events that are not shown."""
     match event["event"]:
         case "fault":
             return f"{event['robot']}: {event['message']}"
@@ -41,7 +41,7 @@ def words_of(event: Mapping[str, Any]) -> str:
 
 
 class ProgressLine:
-    """States of the robots and time in the trajectory, in one line; nothing where no terminal is."""
+    """States of the robots and time in the trajectory in one line; prints on terminals only."""
 
     def __init__(self, layout: RecordLayout) -> None:
         self._names = [robot.name for robot in layout.robots]
@@ -50,10 +50,10 @@ class ProgressLine:
         self._shown = -math.inf
 
     def show(self, newest: Callable[[], TickRecord | None], end_s: float | None) -> None:
-        """Show the newest record when it is time, and ask for it only where somebody may see it.
+        """Show the newest record at `PROGRESS_HZ`; fetches it on terminals only.
 
         Args:
-            newest: the newest record, None before the first.
+            newest: returns the newest record, None before the first.
             end_s: end of the trajectory, if there is one.
         """
         record = newest() if self._terminal else None
@@ -69,14 +69,14 @@ class ProgressLine:
         _write(f"{modes}{at}{skipped}")
 
     def clear(self) -> None:
-        """Leave an empty line."""
+        """Erase the line."""
         if self._terminal:
             _write("")
 
 
-def checking(rows: int) -> Callable[[int, int], None]:
-    """Shows how far the check of a trajectory has come: called with rows done and rows in all."""
-    if rows < LONG or not sys.stderr.isatty():
+def check_progress(rows: int) -> Callable[[int, int], None]:
+    """A callback that shows rows checked and rows in total."""
+    if rows < LONG_TRAJECTORY_ROWS or not sys.stderr.isatty():
         return lambda done, total: None
     return lambda done, total: _write(f"checking the trajectory: {100 * done // total} %")
 

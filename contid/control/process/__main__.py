@@ -13,8 +13,8 @@ _PR_SET_TIMERSLACK: Final = 29
 
 
 def bind_to_parent(parent: int) -> bool:
-    """Get SIGTERM when the daemon dies, and wake up on time; False when it is dead already."""
-    signal.signal(signal.SIGINT, signal.SIG_IGN)  # Ctrl-C reaches the daemon, which decides
+    """Get SIGTERM when the daemon dies, and precise timers; False when the daemon is dead already."""
+    signal.signal(signal.SIGINT, signal.SIG_IGN)  # the daemon handles Ctrl-C
     libc = ctypes.CDLL(None, use_errno=True)
     libc.prctl(_PR_SET_PDEATHSIG, signal.SIGTERM, 0, 0, 0)
     libc.prctl(_PR_SET_TIMERSLACK, 1, 0, 0, 0)

@@ -1,11 +1,9 @@
-"""The control process: owns the buses and the tick, and outlives the daemon just long enough to stop safely.
+"""The control process: owns the buses and runs the tick; stops the robots when the daemon is gone.
 
-Started by the daemon as ``python -m contid.control.process FD PID``: the reading end of the pipe and the
-daemon's
-process id. It waits for a `RunSetup`, opens the buses, and then runs a cycle at every deadline of
-its
-`contid.control.process.pace`, sleeping to 250 us before it and spinning the rest. When the pipe ends or
-the parent's death is signalled, every robot is stopped by its ``on_host_loss`` policy.
+The daemon starts it as ``python -m contid.control.process FD PID`` with the read end of the pipe and its own
+process id. It waits for a `RunSetup`, opens the buses and runs a cycle at every deadline of
+`contid.control.process.pace`. When the pipe closes or the parent's death is signalled, every robot stops by
+its ``on_host_loss`` policy.
 """
 
 from __future__ import annotations
@@ -25,21 +23,22 @@ from contid.control.engine.report import robot_reports
 from contid.control.engine.wiring import build_robot_configs, chain_guards, open_buses
 from contid.control.process.pace import Pace
 from contid.control.process.pipe import Inbox
-from contid.control.process.realtime import ask_for_real_time, sleep_until, stop_collecting, warm_up
+from contid.control.process.realtime import disable_gc, request_real_time, sleep_until, warm_up
 from contid.control.process.ring import RingWriter
 from contid.control.process.setup import RunSetup
 from contid.errors import ContidError
 
-#: How long a stop may take once the daemon is gone, and how long a hanging bus is waited for.
-ORPHAN_S: Final = 2.0
-CLOSE_S: Final = 0.5
+#: Longest stop after the daemon is gone.
+ORPHAN_STOP_S: Final = 2.0
+#: Longest wait for a bus to close.
+CLOSE_TIMEOUT_S: Final = 0.5
 
 
 class ParentWatch:
-    """Whether the daemon is still there: its end of the pipe is open, and no signal told of its death.
+    """Detects the end of the daemon by its pipe and by the parent-death signal.
 
     Attributes:
-        running: the robots are in the hands of the engine, which stops them when the daemon is gone.
+        running: the engine runs and stops the robots when the daemon is gone.
     """
 
     def __init__(self, inbox: Inbox) -> None:
@@ -48,26 +47,31 @@ class ParentWatch:
         self._signalled = False
 
     @property
-    def cut(self) -> bool:
+    def parent_gone(self) -> bool:
         """True when the daemon is gone."""
         return self._signalled or self._inbox.closed
 
     def signalled(self, _signal: int, _frame: FrameType | None) -> None:
-        """Handler of the signal that the death of the daemon sends."""
+        """Handler of the parent-death signal."""
         self._signalled = True
         if not self.running:
-            raise SystemExit(0)  # nothing is armed; whoever opens a bus that does not answer stops waiting
+            raise SystemExit(0)  # nothing is armed: stop waiting for a bus to open
 
 
 class ControlProcess:
     """The loop around the engine."""
 
     def __init__(
-        self, setup: RunSetup, inbox: Inbox, tether: ParentWatch, ring: RingWriter, ports: dict[str, BusPort]
+        self,
+        setup: RunSetup,
+        inbox: Inbox,
+        parent_watch: ParentWatch,
+        ring: RingWriter,
+        ports: dict[str, BusPort],
     ) -> None:
         self._clock = RealClock()
         self._inbox = inbox
-        self._tether = tether
+        self._parent_watch = parent_watch
         self._ring = ring
         self._setup = setup
         self.engine = Engine(
@@ -77,7 +81,7 @@ class ControlProcess:
         )  # fmt: skip
 
     def run(self) -> None:
-        """Cycle until every robot rests."""
+        """Run cycles until every robot is at rest."""
         engine = self.engine
         if self._setup.armed:
             engine.arm()
@@ -90,8 +94,8 @@ class ControlProcess:
             timing = pace.begin(start_s, engine.moving)
             for message in self._inbox.poll():
                 engine.obey(message, timing.tick)
-            if self._tether.cut and stop_by_s == math.inf:
-                stop_by_s = start_s + ORPHAN_S
+            if self._parent_watch.parent_gone and stop_by_s == math.inf:
+                stop_by_s = start_s + ORPHAN_STOP_S
                 engine.obey(Finish(None, "on_host_loss"), timing.tick)
             engine.cycle(timing)
             if start_s > stop_by_s:
@@ -101,50 +105,50 @@ class ControlProcess:
 
 def main(descriptor: int) -> int:
     """Run the control process; returns its exit code."""
-    warm_up()  # while the daemon still reads its files
+    warm_up()  # in parallel with the daemon reading its files
     inbox = Inbox(descriptor)
     try:
         setup = inbox.wait()
     except EOFError:
         return 0
     assert isinstance(setup, RunSetup)
-    tether = ParentWatch(inbox)
-    signal.signal(signal.SIGTERM, tether.signalled)  # until here it just ended this process
+    parent_watch = ParentWatch(inbox)
+    signal.signal(signal.SIGTERM, parent_watch.signalled)  # ended this process until here
     ring = RingWriter(setup.ring)
     try:
-        return _serve(setup, inbox, tether, ring)
+        return _serve(setup, inbox, parent_watch, ring)
     finally:
         ring.finish()
         ring.close()
-        if tether.cut:
+        if parent_watch.parent_gone:
             with suppress(FileNotFoundError):
                 Path(setup.ring).unlink()
 
 
-def _serve(setup: RunSetup, inbox: Inbox, tether: ParentWatch, ring: RingWriter) -> int:
-    """Open the buses, run, let them go."""
+def _serve(setup: RunSetup, inbox: Inbox, parent_watch: ParentWatch, ring: RingWriter) -> int:
+    """Open the buses, run, close them."""
     ports: dict[str, BusPort] = {}
     try:
         buses = open_buses(setup.loaded, RealClock())
-        why_not = ask_for_real_time()
+        why_not = request_real_time()
         ring.event("started", realtime=not why_not, message=why_not)
         ports |= {
             name: BusPort(bus, threaded=len(buses) > 1, reopen_aside=True) for name, bus in buses.items()
         }
-        process = ControlProcess(setup, inbox, tether, ring, ports)
-        tether.running = True
-        stop_collecting()
+        process = ControlProcess(setup, inbox, parent_watch, ring, ports)
+        parent_watch.running = True
+        disable_gc()
         try:
             process.run()
         except BaseException:
             process.engine.abandon()
             raise
-        for name, told in robot_reports(process.engine).items():
-            ring.event("robot", robot=name, told=told)
+        for name, fields in robot_reports(process.engine).items():
+            ring.event("robot", robot=name, told=fields)
     except ContidError as error:
         ring.event("failed", message=str(error), exit_code=error.exit_code)
         return error.exit_code
     finally:
         for port in ports.values():
-            port.close(CLOSE_S)
+            port.close(CLOSE_TIMEOUT_S)
     return 0

@@ -1,4 +1,4 @@
-"""What `contid doctor` says about the machine itself: real time, shared memory, service, udev rules."""
+"""Host checks of `contid doctor`: real time, shared memory, service, udev rules."""
 
 from __future__ import annotations
 
@@ -18,17 +18,17 @@ UNIT: Final = "contid@.service"
 RULES: Final = "99-contid.rules"
 UNIT_FOLDERS: Final = ("/etc/systemd/system", "/usr/local/lib/systemd/system", "/usr/lib/systemd/system")
 RULES_FOLDERS: Final = ("/etc/udev/rules.d", "/usr/local/lib/udev/rules.d", "/usr/lib/udev/rules.d")
-#: A ring takes a few MB; below this, the next one may not fit.
+#: A ring takes a few MB; below this the next one may not fit.
 ENOUGH_BYTES: Final = 64 << 20
-#: Without these a unit is none of ours, or was edited into something that may move by itself.
-UNIT_MUST_SAY: Final = ("Type=notify", "WatchdogSec=", "LimitRTPRIO=", "ExecStart=/", "--disarmed")
+#: Required in the unit; without ``--disarmed`` robots could move when the service starts.
+UNIT_REQUIRES: Final = ("Type=notify", "WatchdogSec=", "LimitRTPRIO=", "ExecStart=/", "--disarmed")
 
 
 def examine(root: Path = Path("/")) -> list[Finding]:
-    """Every finding about this machine; advice counts as well, with its remedy.
+    """All findings about this machine.
 
     Args:
-        root: where the folders of units and rules are looked for.
+        root: of the folders of units and rules.
     """
     return [real_time(), shared_memory(), unit(root), *clients(root), rules(root)]
 
@@ -51,55 +51,55 @@ def real_time() -> Finding:
 
 
 def shared_memory() -> Finding:
-    """Whether the ring has a place."""
-    place = folder()
-    if not os.access(place, os.W_OK):
-        return Finding("shared memory", False, f"{place} cannot be written", f"mount a tmpfs at {place}")
-    free = shutil.disk_usage(place).free
+    """Whether the ring fits into shared memory."""
+    path = folder()
+    if not os.access(path, os.W_OK):
+        return Finding("shared memory", False, f"{path} cannot be written", f"mount a tmpfs at {path}")
+    free = shutil.disk_usage(path).free
     if free < ENOUGH_BYTES:
-        message = f"{place} has {free >> 20} MB left, {ENOUGH_BYTES >> 20} MB are wanted"
+        message = f"{path} has {free >> 20} MB left, {ENOUGH_BYTES >> 20} MB are needed"
         return Finding(
-            "shared memory", False, message, f"remove files from {place}, or give it more (--shm-size)"
+            "shared memory", False, message, f"remove files from {path}, or enlarge it (--shm-size)"
         )
-    return Finding("shared memory", True, f"{place} has {free >> 20} MB left")
+    return Finding("shared memory", True, f"{path} has {free >> 20} MB left")
 
 
 def unit(root: Path) -> Finding:
-    """Whether the service is installed, and still one that never arms by itself."""
+    """Whether the service is installed and never arms on its own."""
     path = _first(root, UNIT_FOLDERS, UNIT)
     if path is None:
-        message = f"{UNIT} is not installed; needed only for robots that run without a person logged in"
+        message = f"{UNIT} is not installed; needed only for robots that run without a logged-in user"
         return Finding("service", True, message, f"docs/service.md; copy service/{UNIT} to {UNIT_FOLDERS[0]}")
     text = _with_drop_ins(path)
-    missing = [message for message in UNIT_MUST_SAY if message not in text]
+    missing = [line for line in UNIT_REQUIRES if line not in text]
     if missing:
         message = f"{path} lacks {', '.join(missing)}"
         return Finding("service", False, message, f"compare it with service/{UNIT} of this version")
     program = Path(_command(text)[0])
     if not os.access(root / program.relative_to("/"), os.X_OK):
-        message = f"{path} starts {program}, which is not there"
+        message = f"{path} starts {program}, which does not exist or is not executable"
         remedy = f"ln -s $(command -v contid) {program}, or `systemctl edit` with the right ExecStart"
         return Finding("service", False, message, remedy)
     return Finding("service", True, f"{path}")
 
 
 def clients(root: Path) -> list[Finding]:
-    """Who may give orders to the service, and whether that is you; nothing when it is not installed."""
+    """Who may command the service, and whether this user may; empty when it is not installed."""
     path = _first(root, UNIT_FOLDERS, UNIT)
     if path is None:
         return []
     command = _command(_with_drop_ins(path))
     if "--socket-group" not in command[:-1]:
-        return [Finding("service clients", True, "its own user and root")]
+        return [Finding("service clients", True, "the service's own user and root")]
     name = command[command.index("--socket-group") + 1]
     try:
         members = grp.getgrnam(name)
     except KeyError:
-        message = f"the unit lets group {name} in, and there is none"
+        message = f"the unit admits group {name}, which does not exist"
         return [Finding("service clients", False, message, f"sudo groupadd --system {name}")]
     if os.geteuid() == 0 or members.gr_gid in (os.getegid(), *os.getgroups()):
-        return [Finding("service clients", True, f"members of group {name}; you are one, or root")]
-    message = f"members of group {name}; you are none: `contid status` will not reach the service"
+        return [Finding("service clients", True, f"members of group {name}, including you")]
+    message = f"members of group {name}; you are not one: `contid status` will not reach the service"
     return [
         Finding(
             "service clients", True, message, f"sudo usermod --append --groups {name} $USER; log in again"
@@ -108,13 +108,13 @@ def clients(root: Path) -> list[Finding]:
 
 
 def _with_drop_ins(path: Path) -> str:
-    """A unit and what `systemctl edit` added."""
+    """The text of a unit and its drop-ins."""
     parts = [path, *sorted(Path(f"{path}.d").glob("*.conf"))]
     return "\n".join(part.read_text(errors="replace") for part in parts)
 
 
 def _command(text: str) -> list[str]:
-    """The words of the last ExecStart: a drop-in replaces the one before."""
+    """The arguments of the last ExecStart: a drop-in overrides the unit."""
     lines = [line for line in text.splitlines() if line.startswith("ExecStart=/")]
     return lines[-1].removeprefix("ExecStart=").split() if lines else ["/"]
 
@@ -124,7 +124,7 @@ def rules(root: Path) -> Finding:
     path = _first(root, RULES_FOLDERS, RULES)
     if path is None:
         message = (
-            f"{RULES} is not installed: serial ports may need root, and FTDI adapters delay answers by 16 ms"
+            f"{RULES} is not installed: serial ports may need root, and FTDI adapters add 16 ms of latency"
         )
         return Finding(
             "udev rules", True, message, f"sudo cp udev/{RULES} {RULES_FOLDERS[0]}/; docs/service.md"

@@ -1,10 +1,9 @@
-"""When ticks are due, and what becomes of those that do not start in time.
+"""Deadlines of ticks, and the count of late and skipped ones.
 
     deadline(n) = base + n / rate        on CLOCK_MONOTONIC
 
-A deadline that passed a whole period ago is skipped and counted, never caught up; while nothing moves the
-grid is moved instead, because connecting and arming take their time and harm nobody. Pure arithmetic with the
-time given; the control process sleeps.
+A deadline that passed a whole period ago is skipped and counted. While no robot moves (connecting, arming)
+the grid is shifted instead. Pure arithmetic on given times.
 """
 
 from __future__ import annotations
@@ -14,29 +13,29 @@ from typing import Any, Final
 from contid.control.engine.cycle import Sink, Timing
 from contid.control.tick.statistics import Lateness
 
-#: Share of the period that a tick may start late before it counts as late.
-LATE: Final = 0.1
-#: Share of the period that a bus with its own worker may take.
+#: A tick that starts later than this share of the period counts as late.
+LATE_SHARE: Final = 0.1
+#: A bus with its own worker thread must answer within this share of the period.
 BUS_SHARE: Final = 0.9
-#: Periods from the beginning to the first deadline.
-AHEAD: Final = 2.0
-#: At most one message about skipped ticks in so many seconds.
-QUIET_S: Final = 1.0
+#: Periods from the start to the first deadline.
+START_PERIODS: Final = 2.0
+#: Shortest interval between two ``skipped`` events.
+REPORT_INTERVAL_S: Final = 1.0
 
 
 class Pace:
     """The grid of deadlines of one run, and its statistics."""
 
     def __init__(self, rate_hz: float, now_s: float, sink: Sink) -> None:
-        """Begin a grid ``AHEAD`` of now; ``sink`` is told of skipped ticks."""
+        """Begin a grid `START_PERIODS` from now; ``sink`` gets the ``skipped`` events."""
         self._period_s = 1.0 / rate_hz
-        self._base_s = now_s + AHEAD * self._period_s
+        self._base_s = now_s + START_PERIODS * self._period_s
         self._sink = sink
         self._tick = 0
         self._ticks = self._late = self._skipped = self._waited = 0
         self._lateness = Lateness()
-        self._untold = 0
-        self._told_s = 0.0
+        self._unreported = 0
+        self._reported_s = 0.0
 
     @property
     def deadline_s(self) -> float:
@@ -44,14 +43,11 @@ class Pace:
         return self._base_s + self._tick * self._period_s
 
     def begin(self, start_s: float, moving: bool) -> Timing:
-        """A tick starts now.
+        """Start a tick.
 
         Args:
-            start_s: the time it is.
-            moving: a robot may be in motion, so deadlines that passed are skipped ticks.
-
-        Returns:
-            Which tick it is.
+            start_s: the current time.
+            moving: a robot may be in motion, so missed deadlines count as skipped.
         """
         period_s = self._period_s
         delay_s = start_s - self.deadline_s
@@ -66,10 +62,10 @@ class Pace:
                 delay_s -= missed * period_s
         deadline_s = self.deadline_s
         lateness_s = max(start_s - deadline_s, 0.0)
-        # The histogram keeps the whole delay, also the part that is told as skipped ticks.
+        # The histogram holds the whole delay, including skipped periods.
         self._lateness.add(max(delay_s, 0.0))
         self._ticks += 1
-        self._late += lateness_s > LATE * period_s
+        self._late += lateness_s > LATE_SHARE * period_s
         timing = Timing(self._tick, self._skipped, deadline_s, lateness_s, deadline_s + BUS_SHARE * period_s)
         self._tick += 1
         return timing
@@ -85,9 +81,9 @@ class Pace:
         }
 
     def _skip(self, missed: int, now_s: float) -> None:
-        """Count skipped ticks; tell at most once in `QUIET_S`."""
+        """Count skipped ticks; report at most once per `REPORT_INTERVAL_S`."""
         self._skipped += missed
-        self._untold += missed
-        if now_s - self._told_s >= QUIET_S:
-            self._sink.event("skipped", ticks=self._untold, total=self._skipped)
-            self._told_s, self._untold = now_s, 0
+        self._unreported += missed
+        if now_s - self._reported_s >= REPORT_INTERVAL_S:
+            self._sink.event("skipped", ticks=self._unreported, total=self._skipped)
+            self._reported_s, self._unreported = now_s, 0

@@ -1,9 +1,8 @@
-"""How messages cross the pipe from the daemon to the control process.
+"""Messages from the daemon to the control process through a pipe.
 
-They are rare next to ticks (a row of a live stream, an order of a person), so they are pickled: both ends are
-the same program, and the pipe has no other writer. A frame is four bytes of length and the pickle. The arrays
-of a long trajectory do not go through the pipe: they are left in shared memory and mapped by the reader, so
-that neither a stop behind them nor a tick has to wait for megabytes to be copied.
+A frame is four bytes of length and a pickle: both ends are the same program, and the pipe has one writer.
+The arrays of a long trajectory are passed in shared memory and mapped by the reader, so that neither a later
+stop nor a tick waits while megabytes are copied.
 """
 
 from __future__ import annotations
@@ -18,22 +17,22 @@ from itertools import accumulate, pairwise
 from pathlib import Path
 from typing import Final
 
-from contid.control.process.ring import ASIDE
+from contid.control.process.ring import BULK_FILES
 
 LENGTH: Final = struct.Struct("=I")
 CHUNK: Final = 1 << 18
 
 
 @dataclass(frozen=True, slots=True)
-class Aside:
-    """A message whose arrays lie in a file, one behind the other; its reader removes it."""
+class BulkMessage:
+    """A message whose arrays are concatenated in a file, which the reader removes."""
 
     body: bytes
     path: str
     sizes: tuple[int, ...]
 
-    def take(self) -> object:
-        """The message; its arrays are mapped, not copied, and cannot be written."""
+    def load(self) -> object:
+        """The message, its arrays mapped read-only."""
         path = Path(self.path)
         with path.open("rb") as file:
             mapped = memoryview(mmap.mmap(file.fileno(), 0, access=mmap.ACCESS_READ))
@@ -44,19 +43,19 @@ class Aside:
 
 
 def frame(message: object) -> bytes:
-    """A message as it goes over the pipe."""
+    """The bytes of a message on the pipe."""
     body = pickle.dumps(message, protocol=pickle.HIGHEST_PROTOCOL)
     return LENGTH.pack(len(body)) + body
 
 
-def aside(message: object, folder: Path) -> Aside | None:
-    """Leave the arrays of a message in a folder of shared memory; None without arrays, or without room."""
+def to_shared_memory(message: object, folder: Path) -> BulkMessage | None:
+    """Write the arrays of a message to a folder of shared memory; None without arrays or without space."""
     buffers: list[pickle.PickleBuffer] = []
     body = pickle.dumps(message, protocol=pickle.HIGHEST_PROTOCOL, buffer_callback=buffers.append)
     pieces = [buffer.raw() for buffer in buffers]
     if not sum(map(len, pieces)):
         return None
-    front, back = ASIDE.split("*")
+    front, back = BULK_FILES.split("*")
     try:
         descriptor, path = tempfile.mkstemp(back, f"{front}{os.getpid()}-", folder)
     except OSError:
@@ -68,11 +67,15 @@ def aside(message: object, folder: Path) -> Aside | None:
     except OSError:
         Path(path).unlink()
         return None
-    return Aside(body, path, tuple(map(len, pieces)))
+    return BulkMessage(body, path, tuple(map(len, pieces)))
 
 
 class Inbox:
-    """The reading end of the pipe: never waits unless asked to, knows when the other side is gone."""
+    """The read end of the pipe.
+
+    Attributes:
+        closed: the daemon has closed its end.
+    """
 
     def __init__(self, descriptor: int) -> None:
         self._descriptor = descriptor
@@ -80,12 +83,12 @@ class Inbox:
         self.closed = False
 
     def poll(self) -> list[object]:
-        """Messages that have arrived completely; reads at most one chunk, so that a tick stays short."""
+        """Complete messages, without blocking; reads at most one chunk, so that a tick stays short."""
         os.set_blocking(self._descriptor, False)
         try:
             chunk = os.read(self._descriptor, CHUNK)
         except BlockingIOError:
-            # What came together with the message that `wait` took is still here.
+            # `wait` may have read more than its message.
             return self._complete()
         if not chunk:
             self.closed = True
@@ -93,29 +96,29 @@ class Inbox:
         return self._complete()
 
     def wait(self) -> object:
-        """The next message, waiting for it.
+        """Wait for the next message.
 
         Raises:
-            EOFError: the other side closed the pipe instead.
+            EOFError: the daemon closed the pipe.
         """
         os.set_blocking(self._descriptor, True)
-        while len(self._buffer) < LENGTH.size or len(self._buffer) < LENGTH.size + self._wanted():
+        while len(self._buffer) < LENGTH.size or len(self._buffer) < LENGTH.size + self._body_size():
             chunk = os.read(self._descriptor, CHUNK)
             if not chunk:
                 raise EOFError("the daemon is gone")
             self._buffer += chunk
         return self._complete(at_most=1)[0]
 
-    def _wanted(self) -> int:
+    def _body_size(self) -> int:
         return int(LENGTH.unpack_from(self._buffer)[0])
 
     def _complete(self, at_most: int = 1 << 30) -> list[object]:
         out: list[object] = []
         while len(out) < at_most and len(self._buffer) >= LENGTH.size:
-            end = LENGTH.size + self._wanted()
+            end = LENGTH.size + self._body_size()
             if len(self._buffer) < end:
                 break
             message = pickle.loads(self._buffer[LENGTH.size : end])
             del self._buffer[:end]
-            out.append(message.take() if isinstance(message, Aside) else message)
+            out.append(message.load() if isinstance(message, BulkMessage) else message)
         return out

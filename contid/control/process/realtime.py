@@ -1,4 +1,4 @@
-"""What the control process asks of the machine, so that ticks start in time."""
+"""Real-time settings of the control process: priority, warm-up, garbage collection, precise sleep."""
 
 from __future__ import annotations
 
@@ -10,13 +10,13 @@ from typing import Final
 
 from contid.trajectory.approach import Approach
 
-#: Of SCHED_FIFO.
+#: Priority under SCHED_FIFO.
 PRIORITY: Final = 50
-#: Sleep this much short of the deadline and spin the rest: a sleeper wakes up to some 100 us late.
+#: Sleep ends this long before the deadline and spinning follows: wake-ups are up to 100 us late.
 SPIN_S: Final = 250e-6
 
 
-def ask_for_real_time() -> str:
+def request_real_time() -> str:
     """Run under SCHED_FIFO; returns why not, or "" when it worked."""
     try:
         os.sched_setscheduler(0, os.SCHED_FIFO, os.sched_param(PRIORITY))
@@ -29,19 +29,19 @@ def ask_for_real_time() -> str:
 
 
 def warm_up() -> None:
-    """Import what the first approach needs, and solve one, before a tick has to."""
+    """Import and run the approach once, before the first tick needs it."""
     Approach((0.0,), (0.0,), (1.0,), 1.0, 1.0, 1.0).at(0.5)
 
 
-def stop_collecting() -> None:
-    """No garbage collection during ticks: what exists stays, what a tick makes is freed by counting."""
+def disable_gc() -> None:
+    """Disable cyclic garbage collection; reference counting frees what a tick allocates."""
     gc.collect()
     gc.freeze()
     gc.disable()
 
 
 def sleep_until(deadline_s: float, now: Callable[[], float] = time.monotonic) -> float:
-    """Wait for a deadline on the monotonic clock; returns the time it is then."""
+    """Wait for a deadline on the monotonic clock; returns the time after waiting."""
     rest_s = deadline_s - now() - SPIN_S
     if rest_s > 0.0:
         time.sleep(rest_s)

@@ -1,16 +1,14 @@
-"""A ring in shared memory: one writer that never waits, any number of readers that know what they missed.
+"""A lock-free ring in shared memory: one writer that never blocks, any number of readers that count misses.
 
 One file in ``/dev/shm`` (mode 0600) holds two rings of fixed slots: ticks
-(`contid.control.engine.tick_layout`) and
-events (JSON lines). The writer stamps a slot with 0, fills it, stamps it with its sequence number (from 1)
-and then moves the head; a reader copies a slot and looks at the stamp again, so a slot that was overwritten
-meanwhile is noticed and counted, never misread. An event too long for a slot goes on in the next ones: an
-answer of a bus with a hundred robots, a row of a stream for as many. Readers attach by path, may outlive
-the writer's parent, and keep what is mapped after the file is unlinked.
+(`contid.control.engine.tick_layout`) and events (JSON). The writer stamps a slot with 0, fills it, stamps it
+with its sequence number (from 1) and moves the head; a reader copies a slot and compares the stamp again, so
+an overwritten slot is detected and counted. A long event takes several slots. Readers attach by path, and
+their mapping stays valid after the file is unlinked.
 
-The layout of the file: 64 bytes of head (magic, sizes, two sequence numbers, closed flag), the JSON of the
-`RecordLayout`, tick slots, event slots. x86-64 keeps the order of stores; on ARM the interpreter's own
-locking between two Python statements does.
+Layout of the file: 64 bytes of header (magic, sizes, closed flag, two sequence numbers), the JSON of the
+`RecordLayout`, tick slots, event slots. x86-64 keeps the order of stores; on ARM the interpreter's locking
+between two Python statements does.
 """
 
 from __future__ import annotations
@@ -38,13 +36,13 @@ HEAD_BYTES: Final = 64
 TICKS_AT, EVENTS_AT, CLOSED_AT = 48, 56, 40
 EVENT_BYTES: Final = 2048
 EVENT_SLOTS: Final = 1024
-#: One event takes at most so many slots, so that a reader that looks in time has all of them.
+#: Most slots of one event, so that a timely reader gets all of them.
 EVENT_PARTS: Final = 128
 SECONDS: Final = 8.0
-#: A ring younger than this may belong to a run that is just about to open it.
+#: A younger ring may belong to a run that has not opened it yet.
 STALE_S: Final = 60.0
-#: How files of arrays on their way to the control process are called (`contid.control.process.pipe.aside`).
-ASIDE: Final = "contid-*.bulk"
+#: Files of arrays sent to the control process (`contid.control.process.pipe.BulkMessage`).
+BULK_FILES: Final = "contid-*.bulk"
 U64: Final = struct.Struct("=Q")
 F64: Final = struct.Struct("=d")
 EVENT: Final = struct.Struct("=QIHH")  # stamp, bytes of this part, parts before it, parts after it
@@ -52,18 +50,18 @@ STAMP: Final = U64.size
 
 
 class RingError(ContidError):
-    """A ring cannot be made, or attached: no room, gone, or something else."""
+    """A ring cannot be created or attached."""
 
 
 def folder() -> Path:
-    """Where rings lie: shared memory, or the temporary folder of a machine without it."""
+    """The folder of rings: shared memory, or the temporary folder on a machine without it."""
     shared = Path("/dev/shm")
     return shared if shared.is_dir() else Path(tempfile.gettempdir())
 
 
 def sweep() -> None:
-    """Remove what runs left that were killed, rings and arrays on their way: nobody has them open."""
-    for path in (*folder().glob("contid-*.ring"), *folder().glob(ASIDE)):
+    """Remove the rings and array files of killed runs, which no process has open."""
+    for path in (*folder().glob("contid-*.ring"), *folder().glob(BULK_FILES)):
         with suppress(OSError), path.open("rb") as file:
             if time.time() - os.fstat(file.fileno()).st_mtime > STALE_S:
                 fcntl.flock(file, fcntl.LOCK_EX | fcntl.LOCK_NB)
@@ -71,12 +69,12 @@ def sweep() -> None:
 
 
 def create(layout: RecordLayout, seconds: float = SECONDS) -> Path:
-    """Make the file of a ring that holds at least ``seconds`` of ticks; returns its path.
+    """Create the file of a ring that holds at least ``seconds`` of ticks; returns its path.
 
-    Its memory is taken now: whoever fills the folder later would end the writer in the middle of a motion.
+    The memory is allocated now: with a sparse file, a full folder would end the writer during a motion.
 
     Raises:
-        RingError: there is no room, or the folder cannot be written.
+        RingError: no space left, or the folder is not writable.
     """
     text = layout.to_json().encode()
     slots = max(int(seconds * layout.rate_hz), 256)
@@ -92,7 +90,7 @@ def create(layout: RecordLayout, seconds: float = SECONDS) -> Path:
     except OSError as error:
         path.unlink(missing_ok=True)
         message = f"{path.parent}: no shared memory of {total / 1e6:.1f} MB for this run: {error.strerror}"
-        raise RingError(f"{message}; remove files from it, or give it more (docker: --shm-size)") from error
+        raise RingError(f"{message}; remove files from it, or enlarge it (docker: --shm-size)") from error
     return path
 
 
@@ -105,7 +103,7 @@ def _events_at(text_bytes: int, slots: int, size: int) -> int:
 
 
 class _Mapped:
-    """The file, mapped, with its layout."""
+    """The mapped file and its layout."""
 
     def __init__(self, path: Path) -> None:
         self.path = path
@@ -115,7 +113,7 @@ class _Mapped:
             raise RingError(f"{path}: no ring to attach to ({error}); is the daemon running?") from error
         with ExitStack() as undo:
             undo.callback(self._file.close)
-            # Shared by everybody who has the ring open; `sweep` tries for the exclusive one.
+            # Every process that has the ring open shares this lock; `sweep` tries to get it exclusively.
             fcntl.flock(self._file, fcntl.LOCK_SH)
             self._map = mmap.mmap(self._file.fileno(), 0)
             undo.callback(self._map.close)
@@ -129,13 +127,13 @@ class _Mapped:
         self._packer = self.layout.packer()
 
     def close(self) -> None:
-        """Let the memory go; idempotent."""
+        """Unmap and close; idempotent."""
         self._map.close()
         self._file.close()
 
 
 class RingWriter(_Mapped):
-    """The one writer."""
+    """The writer."""
 
     def __init__(self, path: Path) -> None:
         super().__init__(path)
@@ -153,10 +151,7 @@ class RingWriter(_Mapped):
         U64.pack_into(self._map, TICKS_AT, self._ticks)
 
     def event(self, kind: str, **fields: Any) -> None:
-        """Publish one event, in parts when it is long.
-
-        Beyond `EVENT_PARTS` slots its longest text loses its end; without one, ``too_long`` takes its place.
-        """
+        """Publish one event; beyond `EVENT_PARTS` slots its longest text is cut or ``too_long`` sent."""
         body = json.dumps({"event": kind, **fields}).encode()
         room = EVENT_BYTES - EVENT.size
         if len(body) > room * EVENT_PARTS:
@@ -175,12 +170,12 @@ class RingWriter(_Mapped):
         U64.pack_into(self._map, EVENTS_AT, self._events)
 
     def finish(self) -> None:
-        """Tell the readers that nothing more will come."""
+        """Mark the ring as complete."""
         U64.pack_into(self._map, CLOSED_AT, 1)
 
 
 def _shortened(kind: str, fields: Mapping[str, Any], limit: int) -> bytes:
-    """The JSON of an event within ``limit`` bytes: its longest text cut, or the news that it was too long."""
+    """The JSON of an event within ``limit`` bytes: its longest text cut, or the event ``too_long``."""
     texts = {key: value for key, value in fields.items() if isinstance(value, str)}
     longest = max(texts, key=lambda key: len(texts[key]), default=None)
     if longest is not None:
@@ -200,7 +195,7 @@ class _Cursor:
 
 
 class RingReader(_Mapped):
-    """One of any number of readers, each with its own place."""
+    """A reader with its own position."""
 
     def __init__(self, path: Path) -> None:
         super().__init__(path)
@@ -210,17 +205,17 @@ class RingReader(_Mapped):
 
     @property
     def missed_ticks(self) -> int:
-        """Records overwritten before this reader came to them."""
+        """Records overwritten before they were read."""
         return self._tick.missed
 
     @property
     def missed_events(self) -> int:
-        """Slots of events overwritten before this reader came to them."""
+        """Event slots overwritten before they were read."""
         return self._event.missed
 
     @property
     def finished(self) -> bool:
-        """True when the writer is done; what it wrote before can still be read."""
+        """True when the writer has finished; its records can still be read."""
         return bool(U64.unpack_from(self._map, CLOSED_AT)[0])
 
     @property
@@ -229,22 +224,22 @@ class RingReader(_Mapped):
         return int(U64.unpack_from(self._map, TICKS_AT)[0])
 
     def rewind(self) -> None:
-        """Back to the oldest record that is still there."""
+        """Go back to the oldest record in the ring."""
         self._tick = _Cursor(max(self.written - self.slots + 1, 0))
 
     def ticks(self, at_most: int = 1 << 30) -> list[TickRecord]:
-        """Records not read yet, oldest first."""
+        """Unread records, oldest first."""
         return [self.layout.decode(values) for values in self.raw_ticks(at_most)]
 
     def raw_ticks(self, at_most: int = 1 << 30) -> list[tuple[float, ...]]:
-        """As `ticks`, but the bare values of the records, for whoever only passes them on."""
+        """The undecoded values of unread records, oldest first."""
         out: list[tuple[float, ...]] = []
         while len(out) < at_most and (raw := self._next(self._tick, TICKS_AT, self.slots, self._tick_slot)):
             out.append(self._packer.unpack_from(raw, STAMP))
         return out
 
     def newest(self) -> TickRecord | None:
-        """The newest record, without moving this reader's place."""
+        """The newest record, without moving the position."""
         for _ in range(3):
             number = self.written
             if number == 0:
@@ -255,14 +250,14 @@ class RingReader(_Mapped):
         return None
 
     def lateness(self, ticks: int) -> list[float]:
-        """How late the newest ticks started [s], without moving this reader's place."""
+        """How late the newest ticks started [s], without moving the position."""
         written = self.written
         newest = range(max(written - min(ticks, self.slots - 1), 0), written)
         at = struct.calcsize("=QQd")
         return [F64.unpack_from(self._tick_slot(number), STAMP + at)[0] for number in newest]
 
     def events(self) -> list[dict[str, Any]]:
-        """Events not read yet, oldest first; one whose first parts were overwritten counts as missed."""
+        """Unread events, oldest first; an event with overwritten parts is dropped."""
         out: list[dict[str, Any]] = []
         missed = self._event.missed
         while raw := self._next(self._event, EVENTS_AT, self.event_slots, self._event_slot):
@@ -271,7 +266,7 @@ class RingReader(_Mapped):
                 self._parts.clear()
                 missed = self._event.missed
             if before != len(self._parts):
-                continue  # the rest of an event whose beginning was overwritten
+                continue  # rest of an event whose first part was overwritten
             self._parts.append(raw[EVENT.size : EVENT.size + length])
             if after == 0:
                 out.append(json.loads(b"".join(self._parts)))
@@ -286,12 +281,12 @@ class RingReader(_Mapped):
         return self._map[at : at + EVENT_BYTES]
 
     def _next(self, cursor: _Cursor, head_at: int, slots: int, slot: Callable[[int], bytes]) -> bytes | None:
-        """Copy the next slot; jump over what was overwritten and count it."""
+        """Copy the next slot; skip and count overwritten ones."""
         while True:
             head = int(U64.unpack_from(self._map, head_at)[0])
             if cursor.next >= head:
                 return None
-            oldest = head - slots + 1  # the slot after the newest may be under the pen
+            oldest = head - slots + 1  # the slot after the newest may be being written
             if cursor.next < oldest:
                 cursor.missed += oldest - cursor.next
                 cursor.next = oldest

@@ -1,4 +1,4 @@
-"""What the control process is given before it starts."""
+"""The setup that the daemon sends to the control process."""
 
 from __future__ import annotations
 
@@ -16,11 +16,11 @@ class RunSetup:
 
     Attributes:
         loaded: the robot file, checked already.
-        rate_hz: of the tick.
+        rate_hz: ticks per second.
         ring: path of the ring to write.
         trajectory: timed rows to follow, or None.
         on_end: what to do at its end.
-        attended: orders may come: do not end because every robot is in FAULT.
+        attended: orders may follow, so the run does not end when every robot is in FAULT.
         armed: arm at once; False to connect and wait for `resume`.
     """
 

@@ -1,7 +1,7 @@
-"""Messages to a person hold nobody up: what a terminal, a pipe or a full disk does not take is lost.
+"""Non-blocking stderr: output that a terminal, pipe or full disk does not accept at once is dropped.
 
-Without this a stopped terminal (Ctrl-S), a pager that does not read on or a reader that went away would hold,
-or end, the process that writes: a daemon that hears neither Ctrl-C nor the socket, a tick that waits.
+Otherwise a stopped terminal (Ctrl-S), a paused pager or a closed pipe would block or end the process: the
+daemon would serve neither Ctrl-C nor the socket, and a tick would be late.
 """
 
 from __future__ import annotations
@@ -16,12 +16,12 @@ from typing import TYPE_CHECKING, Final
 if TYPE_CHECKING:
     from _typeshed import ReadableBuffer
 
-#: Bytes written at a time: a pipe that can be written has room for at least so many.
+#: Bytes per write: a writable pipe accepts at least so many.
 PIECE: Final = 512
 
 
 class NonBlockingWriter(io.RawIOBase):
-    """A descriptor that is written only while it takes something at once."""
+    """Writes to a descriptor only while it accepts data without blocking."""
 
     def __init__(self, descriptor: int) -> None:
         super().__init__()
@@ -38,11 +38,11 @@ class NonBlockingWriter(io.RawIOBase):
         return self._descriptor
 
     def isatty(self) -> bool:
-        """Whether a person may be looking."""
+        """Whether the descriptor is a terminal."""
         return os.isatty(self._descriptor)
 
     def write(self, data: ReadableBuffer, /) -> int:
-        """Write what is taken at once; the rest is lost, and counts as written."""
+        """Write what is accepted at once; the rest is dropped and counts as written."""
         left = memoryview(data)
         size = len(left)
         with suppress(OSError):
@@ -52,7 +52,7 @@ class NonBlockingWriter(io.RawIOBase):
 
 
 def make_stderr_nonblocking() -> None:
-    """From now on messages on stderr are not waited for; a stand-in for stderr stays as it is."""
+    """Make `sys.stderr` non-blocking, unless it was replaced (as in tests)."""
     stderr = sys.__stderr__
     if stderr is not None and sys.stderr is stderr:
         sys.stderr = io.TextIOWrapper(

@@ -46,10 +46,10 @@ class Lease:
         stopped_by: who took it away with a stop; then it must be taken explicitly again.
     """
 
-    def __init__(self, now_s: float, input_moves: bool) -> None:
+    def __init__(self, now_s: float, input_active: bool) -> None:
         self.holder: LeaseHolder | None = None
         self.stopped_by = ""
-        if input_moves:
+        if input_active:
             self.holder = LeaseHolder(0, INPUT, now_s, float("inf"), now_s)
 
     def held_by(self, client: int) -> bool:

@@ -46,7 +46,7 @@ class RequestHandler:
         self.ledger = PendingOrders(orders.send)
         self.moves = Moves(orders, self.picture, self.ledger)
         self.trackers = Trackers(orders, self.picture)
-        self.right = Lease(time.monotonic(), orders.input_moves)
+        self.right = Lease(time.monotonic(), orders.input_active)
         self.reading = QueryHandler(orders, self.picture, self.right, self.trackers, clients)
         self._verbs: dict[str, Verb] = {
             **self.reading.verbs,
@@ -169,7 +169,7 @@ class RequestHandler:
         if before is not None:
             message = f"client {caller.name!r} took over"
             if before.client == 0:
-                self._orders.displace_input()
+                self._orders.detach_input()
             else:
                 self._orders.send(Hold())
                 self._tell(before.client, {"event": "right", "lost": message})

@@ -1,4 +1,4 @@
-"""What is written can be read, and a reader knows what it missed."""
+"""Records and events round-trip through the ring, and readers count what they missed."""
 
 from __future__ import annotations
 
@@ -96,7 +96,7 @@ def test_events_are_json(path: Path) -> None:
     reader.close()
 
 
-def test_events_longer_than_a_slot_arrive_whole_or_say_that_they_cannot(path: Path) -> None:
+def test_events_longer_than_a_slot_arrive_complete_or_marked_as_cut(path: Path) -> None:
     writer, reader = ring.RingWriter(path), ring.RingReader(path)
     done = [[f"robot_{number}", "READY"] for number in range(500)]
     writer.event("answer", done=done)
@@ -125,21 +125,21 @@ def test_a_slow_reader_never_joins_parts_of_different_events(path: Path) -> None
     assert all(set(event["ballast"]) == {event["number"]} for event in read)
     numbers = [event["number"] for event in read]
     assert numbers == sorted(set(numbers))
-    assert len(numbers) < written  # it was too slow for some
+    assert len(numbers) < written  # some were overwritten
     assert reader.missed_events > 0
     writer.close()
     reader.close()
 
 
-def test_only_its_owner_may_read_it(path: Path) -> None:
+def test_only_the_owner_may_read_the_file(path: Path) -> None:
     assert stat.S_IMODE(path.stat().st_mode) == 0o600
 
 
-def test_its_memory_is_taken_at_once_so_that_nobody_can_take_it_later(path: Path) -> None:
+def test_the_memory_is_allocated_at_creation(path: Path) -> None:
     assert path.stat().st_blocks * 512 >= path.stat().st_size
 
 
-def test_no_room_is_said_before_anything_runs() -> None:
+def test_lack_of_space_is_an_error_at_creation() -> None:
     before = set(ring.folder().glob(f"contid-{os.getpid()}-*"))
     soft, hard = resource.getrlimit(resource.RLIMIT_FSIZE)
     resource.setrlimit(resource.RLIMIT_FSIZE, (1 << 20, hard))
@@ -171,7 +171,7 @@ def test_other_files_are_refused(tmp_path: Path) -> None:
 
 
 @pytest.mark.parametrize("head", [b"", b"\0" * 4096, ring.MAGIC + b"\0" * 4096])
-def test_a_file_that_is_no_ring_yet_is_let_go(tmp_path: Path, head: bytes) -> None:
+def test_an_incomplete_ring_is_refused_and_its_descriptor_closed(tmp_path: Path, head: bytes) -> None:
     path = tmp_path / "half.ring"
     path.write_bytes(head)
     before = len(list(Path("/proc/self/fd").iterdir()))

@@ -1,4 +1,4 @@
-"""Messages arrive whole, in order, and the end of the pipe is noticed."""
+"""Messages arrive complete and in order, and the end of the pipe is detected."""
 
 from __future__ import annotations
 
@@ -12,14 +12,14 @@ import pytest
 
 from contid.control.engine.messages import EndOfRows, Estop, Goto, Hold, Play, Rows
 from contid.control.engine.wiring import driven_robots
-from contid.control.process.pipe import Inbox, aside, frame
+from contid.control.process.pipe import Inbox, frame, to_shared_memory
 from contid.robot_file.load import parse_robot_file
 from contid.targets import Target
 from contid.trajectory.read import read_trajectory
 from tests.control.fingers import circle_csv, fingers
 
 
-def test_messages_come_whole_however_the_bytes_arrive() -> None:
+def test_messages_are_complete_when_bytes_arrive_one_by_one() -> None:
     read, write = os.pipe()
     inbox = Inbox(read)
     sent = [Hold(("a",)), Rows({"a": Target(tip_m=(1.0, 2.0, 0.1)), "b": None}), EndOfRows()]
@@ -36,30 +36,30 @@ def test_messages_come_whole_however_the_bytes_arrive() -> None:
     os.close(read)
 
 
-def test_the_arrays_of_a_long_trajectory_are_mapped_and_nothing_is_left(tmp_path: Path) -> None:
+def test_arrays_of_a_long_trajectory_are_mapped_and_their_file_is_removed(tmp_path: Path) -> None:
     loaded = parse_robot_file(fingers(1), "fingers.yaml")
     text = circle_csv(1, period_s=50.0)
     trajectory = read_trajectory(io.StringIO(text), "circle", driven_robots(loaded))
     read, write = os.pipe()
     inbox = Inbox(read)
-    beside = aside(Play(trajectory), tmp_path)
-    assert beside is not None
-    piece = frame(beside)
+    bulk = to_shared_memory(Play(trajectory), tmp_path)
+    assert bulk is not None
+    piece = frame(bulk)
     assert len(piece) < len(pickle.dumps(trajectory)) / 3
     os.write(write, piece + frame(Estop()))
     play, estop = inbox.poll()
-    assert estop == Estop()  # in the same tick, however long the trajectory
+    assert estop == Estop()  # in the same tick, for any length of trajectory
     assert isinstance(play, Play)
     assert list(tmp_path.iterdir()) == []
     assert not play.trajectory.rows.flags.writeable
     for time_s in np.linspace(trajectory.start_s, trajectory.end_s, 301):
         assert play.trajectory.targets_at(float(time_s)) == trajectory.targets_at(float(time_s))
-    assert aside(Estop(), tmp_path) is None
+    assert to_shared_memory(Estop(), tmp_path) is None
     os.close(write)
     os.close(read)
 
 
-def test_wait_takes_one_and_leaves_the_rest() -> None:
+def test_wait_takes_one_message_and_leaves_the_rest() -> None:
     read, write = os.pipe()
     inbox = Inbox(read)
     goto = Goto("a", Target(actuation=(0.1, 0.2)))
