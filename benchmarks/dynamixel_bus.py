@@ -168,12 +168,9 @@ def driver(
     mute: Callable[[], None] | None = None,
 ) -> Row:
     """This driver; ``mute`` silences a servo once the bus is open and torque is on."""
-    options = DynamixelBusOptions(
-        port=port,
-        baud=baud,
-        fast_read="auto" if fast else "off",
-        telemetry_every=every,  # type: ignore[arg-type]  # pydantic checks which numbers may be
-    )
+    options = DynamixelBusOptions.model_validate({
+        "port": port, "baud": baud, "fast_read": "auto" if fast else "off", "telemetry_every": every,
+    })  # fmt: skip
     axes = [AxisOnBus(f"r.a{i + 1}", DynamixelAxisOptions(id=i + 1)) for i in range(count)]
     bus = DynamixelBus("servos", options, axes, RealClock(), layout)
     bus.open()

@@ -12,6 +12,7 @@ import sys
 import time
 from collections.abc import Callable
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 
@@ -22,6 +23,7 @@ from contid.kinematics.arc.section_model import build_solver
 from contid.kinematics.arc.sections import forward
 from contid.kinematics.ph.ends import CurveEnds, PhFit, through
 from contid.kinematics.ph.inverse import ShapeInverse, ph_inverse
+from contid.kinematics.ph.lift import Array
 from contid.kinematics.rope.catenary import Catenary, as_quintic, hang
 from contid.targets import ZERO3, Vec3
 from studies import singh
@@ -45,6 +47,11 @@ def median_us(call: Callable[[int], object], count: int, laps: int = 20) -> floa
     return statistics.median(spent) / 1e3
 
 
+def rows_us(native: Any, poses: Array, out: Array) -> float:
+    """Median time of all poses in one call of the kernel."""
+    return median_us(lambda _: native.solve_rows(poses, out), 1, 300)
+
+
 def times() -> None:
     """One full inverse per pose of the golden trajectory, by every method."""
     golden = singh.golden_trajectory()
@@ -64,8 +71,7 @@ def times() -> None:
             )
             poses = np.ascontiguousarray(np.column_stack([golden.tips_m, frames.rotation[:, :, 2], known]))
             out = np.empty((count, 6))
-            us = median_us(lambda _, n=native, p=poses, o=out: n.solve_rows(p, o), 1, 300) / count
-            rows.append((f"PH, length {what}, in the kernel", us))
+            rows.append((f"PH, length {what}, in the kernel", rows_us(native, poses, out) / count))
     prepared = ShapeInverse(tube_sections(), split)
     rows.append(
         ("PH, length unknown, from Python", median_us(lambda k: prepared.solve(tips[k], ways[k]), count))

@@ -82,7 +82,7 @@ def tips(loaded: LoadedFile, seconds: float) -> str:
             turned = [
                 value * (1.0 + 0.05 * math.sin(angle + 2.0 * axis)) for axis, value in enumerate(middle)
             ]
-            ways.append([1e3 * value for value in config.model.forward(turned).tip_m])
+            ways.append([1e3 * value for value in config.model.forward(tuple(turned)).tip_m])
         columns += [[way[axis] for way in ways] for axis in range(2 if flat else 3)]
     lines = [",".join(header), *(",".join(map(repr, row)) for row in zip(*columns, strict=True))]
     return "\n".join(lines) + "\n"

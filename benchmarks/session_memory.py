@@ -1,6 +1,6 @@
 """Memory, processor and disk of a long recording, at an accelerated pace.
 
-    python benchmarks/session_memory.py [--minutes 45] [--speed 10]
+    python -m benchmarks.session_memory [--minutes 45] [--speed 10]
 
 The recorder's real process reads a real ring; ``minutes`` of ticks of the hand at 200 Hz are written into it
 ``speed`` times as fast as a run would (their numbers come from a short recording in virtual time). Prints the
@@ -19,8 +19,8 @@ import time
 from pathlib import Path
 
 import psutil
-from session_replay import circle
 
+from benchmarks.session_replay import circle
 from contid.control.engine.cycle import OnEnd
 from contid.control.engine.virtual import run_virtual
 from contid.control.engine.wiring import driven_robots, record_layout

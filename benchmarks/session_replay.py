@@ -1,6 +1,6 @@
 """How fast a recording replays: ten minutes of the hand at 200 Hz, recorded in virtual time first.
 
-    python benchmarks/session_replay.py [--minutes 10]
+    python -m benchmarks.session_replay [--minutes 10]
 
 Prints wall and processor time of the replay, the time over the recorded time, and the size of the file. The
 replay must be bit for bit and take less than a twentieth of the recorded time (30 s for ten minutes).

@@ -31,7 +31,7 @@ import psutil
 
 from contid.control.daemon.control_child import ControlChild
 from contid.control.daemon.daemon import Daemon, RunOptions
-from contid.control.daemon.interfaces import RunControl
+from contid.control.daemon.interfaces import RunControl, RunObserver
 from contid.control.engine.cycle import OnEnd, Sink
 from contid.control.engine.messages import Finish, Message
 from contid.control.engine.wiring import driven_robots
@@ -40,7 +40,8 @@ from contid.control.process.ring import RingReader
 from contid.control.process.setup import RunSetup
 from contid.robot_file.load import LoadedFile, load_robot_file, with_mock
 from contid.robot_file.shipped import find_robot_file
-from contid.trajectory.read import Trajectory, read_trajectory
+from contid.trajectory.read import read_trajectory
+from contid.trajectory.timed import Trajectory
 from contid.view.observer import Viewing
 from contid.view.view_target import Kind, ViewTarget
 
@@ -161,7 +162,7 @@ def one(
             where = ViewTarget(Kind.SERVE) if page else ViewTarget(Kind.FILE, Path(folder, "run.rrd"))
         viewing = None if where is None else Viewing(where)
         eye = Eye(viewing, where, case == "stopped", seconds)
-        observers = [eye] if viewing is None else [viewing, eye]
+        observers: list[RunObserver] = [eye] if viewing is None else [viewing, eye]
         run = RunOptions(rate_hz=rate, on_end=OnEnd.STOP, commands=[eye], observers=observers)
         bare = subprocess.Popen(
             [sys.executable, __file__, "--bare", "--seconds", str(seconds), "--rate", str(rate)],

@@ -19,7 +19,7 @@ from contid.cli.commands.calibrate import command
 from contid.errors import BadInputError, ContidError
 from contid.kinematics.cosserat.section import Section
 from contid.robot_file.load import load_robot_file
-from tests.models.cosserat_cases import MODULI, section
+from tests.kinematics.cosserat_cases import MODULI, section
 
 LEVELS = np.linspace(0.1, 1.5, 15)
 

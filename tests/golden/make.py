@@ -2,7 +2,7 @@
 
 One short session in virtual time per shipped robot file: from where the devices stand to the rest pose and
 through a few reachable tips around it, then stopped by the file's policy. Needed when a change of commands is
-meant, or a robot file changed; the replay of the old ones says first what changed and where.
+intended, or a robot file changed; replay the old ones first to see what changed and where.
 """
 
 from __future__ import annotations
@@ -27,11 +27,13 @@ from contid.trajectory.timed import Trajectory
 
 FOLDER: Final = Path(__file__).parent
 CONFIGS: Final = Path("configs")
-#: Slow enough for small files, fast enough for every limit to have its say.
+#: Slow enough for small files, fast enough for every limit to bind.
 RATE_HZ: Final = 100.0
 #: Rows, and how far around the rest pose they go, as a share of an axis's travel.
 TIMES_S: Final = (0.0, 0.2, 0.4, 0.6, 0.8)
 REACH: Final = 0.03
+#: How far commands may differ [mm or bar]: a fifth of the least move by a mutation of test_golden (cbha).
+TOLERANCE: Final = 1e-5
 
 
 def names() -> list[str]:

@@ -17,10 +17,8 @@ from contid import kernels
 from contid.robot_file.load import LoadedFile, parse_robot_file, with_mock
 from contid.session.read import Session
 from contid.session.replay import replay
-from tests.golden.make import FOLDER, names
+from tests.golden.make import FOLDER, TOLERANCE, names
 
-#: [mm or bar]; a fifth of the least that a mutation below moves a command by (5e-5 mm, cbha).
-TOLERANCE = 1e-5
 #: A geometry key of each file, a thousandth of a millimetre larger.
 MUTATIONS = {
     "cbha": ("radius_mm: [40,", "radius_mm: [40.001,"),

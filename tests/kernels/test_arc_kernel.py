@@ -15,7 +15,7 @@ from contid.kinematics.arc.feasible import Feasible
 from contid.kinematics.arc.section_model import Solver, build_solver
 from contid.kinematics.arc.sections import Sections, differentiate, forward
 from contid.kinematics.arc.solve import SectionSolver
-from tests.models.section_robots import ROBOTS, random_lengths
+from tests.kinematics.section_robots import ROBOTS, random_lengths
 
 pytestmark = pytest.mark.skipif(
     load("arc") is None, reason="the kernel is not built, or CONTID_PURE_PYTHON is set"

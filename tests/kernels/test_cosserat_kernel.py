@@ -16,7 +16,7 @@ from contid.kernels import has_avx2, load
 from contid.kinematics.cosserat.engine import NumpyEngine, RodSetup, RodSolver
 from contid.kinematics.cosserat.loads import Loads
 from contid.kinematics.cosserat.section import Rod
-from tests.models.cosserat_cases import GRAM, lean, limits, section
+from tests.kinematics.cosserat_cases import GRAM, lean, limits, section
 
 pytestmark = pytest.mark.skipif(
     load("cosserat") is None, reason="the kernel is not built, or CONTID_PURE_PYTHON is set"

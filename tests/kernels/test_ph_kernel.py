@@ -8,7 +8,7 @@ import pytest
 from contid.kernels import load
 from contid.kinematics.ph.ends import BRANCHES, CurveEnds, through
 from contid.kinematics.ph.inverse import ShapeInverse, TubeSection, ph_inverse
-from tests.models.ph_golden import DISTANCE, GOLDEN, MM, PAPER_ANGLES, golden_lengths, two_section_pose
+from tests.kinematics.ph_golden import DISTANCE, GOLDEN, MM, PAPER_ANGLES, golden_lengths, two_section_pose
 
 kernel = load("ph_curve")
 pytestmark = pytest.mark.skipif(

@@ -16,7 +16,7 @@ from mcap.reader import make_reader
 from contid.session.format.channels import EVENT, INFINITE, REVISION, TICK_CHANNELS
 from contid.session.read import Session
 from contid.session.replay import replay
-from tests.golden.test_golden import TOLERANCE
+from tests.golden.make import TOLERANCE
 from tests.session.runs import RUNS
 
 #: A session of every revision, as the code of its time wrote it; `tracked_hand` from revision 1 on.

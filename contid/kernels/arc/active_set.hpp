@@ -97,8 +97,7 @@ inline void bounded_step(const double* whiten, const double* at, const Feasible&
       double partial = kInfinity;
       int blocking = -1;
       for (int a = rows; a < held.count; ++a)
-        if (r[a] > 0.0 && held.multipliers[a] / r[a] < partial)
-          partial = held.multipliers[a] / r[a], blocking = a;
+        if (r[a] > 0.0 && held.multipliers[a] / r[a] < partial) partial = held.multipliers[a] / r[a], blocking = a;
       const double t = full < partial ? full : partial;
       if (t == kInfinity) return;  // depends on what is held: what is left of it is rounding
       for (int a = rows; a < held.count; ++a) held.multipliers[a] -= t * r[a];
@@ -132,8 +131,7 @@ struct IdentityFactor {
 //     d = W^-1 (z + J^T y),    (J W^-1 J^T + weight) y = e - J W^-1 z
 // which factors a matrix of the size of the task and keeps the digits of the part of z that leaves it alone.
 inline void damped_step(const Feasible& feasible, const double (*J)[kMostLengths], const double* e, int rows,
-                        double weight, const double* z, const double* at, const double* metric, double* d,
-                        double* y) {
+                        double weight, const double* z, const double* at, const double* metric, double* d, double* y) {
   static const IdentityFactor identity;
   const int n = feasible.size();
   double gram[kMostRows * kMostRows], K[kMostRows][kMostLengths];

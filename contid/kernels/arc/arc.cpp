@@ -25,20 +25,17 @@ void read(nb::handle sequence, double* out, Py_ssize_t size, const char* what) {
 
 nb::object tuple_of(const double* values, Py_ssize_t size) {
   nb::object result = nb::steal(PyTuple_New(size));
-  for (Py_ssize_t i = 0; i < size; ++i)
-    PyTuple_SET_ITEM(result.ptr(), i, PyFloat_FromDouble(values[i]));
+  for (Py_ssize_t i = 0; i < size; ++i) PyTuple_SET_ITEM(result.ptr(), i, PyFloat_FromDouble(values[i]));
   return result;
 }
 
 void fill(Out& out, const double (*rows)[contid::kMostLengths], int columns, const char* what) {
-  if (out.ndim() != 2 || out.shape(0) != 3 || static_cast<int>(out.shape(1)) != columns)
-    throw nb::value_error(what);
+  if (out.ndim() != 2 || out.shape(0) != 3 || static_cast<int>(out.shape(1)) != columns) throw nb::value_error(what);
   for (int k = 0; k < 3; ++k) std::memcpy(out.data() + k * columns, rows[k], columns * sizeof(double));
 }
 
 void make(SectionSolver* self, nb::handle radius, nb::handle to_arc, nb::handle to_lengths, nb::handle rigid,
-          nb::handle lower, nb::handle upper, nb::handle home, double rack, double curvature_max,
-          nb::handle tuning) {
+          nb::handle lower, nb::handle upper, nb::handle home, double rack, double curvature_max, nb::handle tuning) {
   const Py_ssize_t count = PyObject_Length(radius.ptr());
   if (count < 1 || count > contid::kMostSections) throw nb::value_error("one to four sections");
   contid::Feasible f;
@@ -58,11 +55,10 @@ void make(SectionSolver* self, nb::handle radius, nb::handle to_arc, nb::handle 
   f.weigh_home();
   const auto number = [&](const char* name) { return nb::cast<double>(tuning.attr(name)); };
   const auto count_of = [&](const char* name) { return nb::cast<int>(tuning.attr(name)); };
-  new (self) SectionSolver(f, {number("ell_m"), number("tolerance_m"), number("home_tolerance_m"),
-                               number("weight"), number("near"), count_of("home_steps"),
-                               number("contraction"), number("slow"), count_of("iterations"),
-                               count_of("settling"), count_of("starts"), count_of("agreeing"),
-                               number("tracking")});
+  new (self) SectionSolver(
+      f, {number("ell_m"), number("tolerance_m"), number("home_tolerance_m"), number("weight"), number("near"),
+          count_of("home_steps"), number("contraction"), number("slow"), count_of("iterations"), count_of("settling"),
+          count_of("starts"), count_of("agreeing"), number("tracking")});
 }
 
 nb::tuple forward(const SectionSolver& self, nb::handle lengths) {
@@ -73,8 +69,7 @@ nb::tuple forward(const SectionSolver& self, nb::handle lengths) {
   return nb::make_tuple(tuple_of(frames.tip, 3), tuple_of(frames.rotation, 9), tuple_of(frames.mid, 3));
 }
 
-nb::tuple solve(const SectionSolver& self, nb::handle tip, nb::handle direction, nb::handle mid,
-                nb::handle seed) {
+nb::tuple solve(const SectionSolver& self, nb::handle tip, nb::handle direction, nb::handle mid, nb::handle seed) {
   double p[3], t[3], m[3], l[contid::kMostLengths];
   read(tip, p, 3, "tip: three numbers");
   if (!direction.is_none()) read(direction, t, 3, "direction: three numbers");
@@ -82,8 +77,8 @@ nb::tuple solve(const SectionSolver& self, nb::handle tip, nb::handle direction,
   read(seed, l, self.size(), "seed: three lengths per section");
   contid::Answer answer;
   self.solve({p, direction.is_none() ? nullptr : t, mid.is_none() ? nullptr : m}, l, answer);
-  return nb::make_tuple(tuple_of(answer.lengths, self.size()), answer.residual, answer.converged,
-                        answer.binding, answer.iterations, answer.starts);
+  return nb::make_tuple(tuple_of(answer.lengths, self.size()), answer.residual, answer.converged, answer.binding,
+                        answer.iterations, answer.starts);
 }
 
 // Jacobians of tip, orientation and mid-point into arrays (3, 3 n) the caller made.
@@ -120,15 +115,14 @@ int follow(const SectionSolver& self, Out tips, nb::handle seed, Out lengths) {
 }  // namespace
 
 NB_MODULE(_arc, module) {
-  module.doc() = "Constant-curvature sections: native twin of contid.kinematics.arc.solve and contid.kinematics.arc.sections.";
+  module.doc() =
+      "Constant-curvature sections: native twin of contid.kinematics.arc.solve and contid.kinematics.arc.sections.";
   nb::class_<SectionSolver>(module, "SectionSolver")
       .def("__init__", &make, nb::arg("radius"), nb::arg("to_arc"), nb::arg("to_lengths"), nb::arg("rigid"),
            nb::arg("lower"), nb::arg("upper"), nb::arg("home"), nb::arg("rack"), nb::arg("curvature_max"),
            nb::arg("tuning"))
       .def("forward", &forward, nb::arg("lengths"))
-      .def("differentiate", &differentiate, nb::arg("lengths"), nb::arg("tip"), nb::arg("spin"),
-           nb::arg("mid"))
-      .def("solve", &solve, nb::arg("tip"), nb::arg("direction").none(), nb::arg("mid").none(),
-           nb::arg("seed"))
+      .def("differentiate", &differentiate, nb::arg("lengths"), nb::arg("tip"), nb::arg("spin"), nb::arg("mid"))
+      .def("solve", &solve, nb::arg("tip"), nb::arg("direction").none(), nb::arg("mid").none(), nb::arg("seed"))
       .def("follow", &follow, nb::arg("tips"), nb::arg("seed"), nb::arg("lengths"));
 }

@@ -5,6 +5,8 @@
 #include <cmath>
 #include <cstring>
 
+#include "../series.hpp"
+
 namespace contid {
 
 constexpr int kMostSections = 4;
@@ -27,8 +29,7 @@ struct Sections {
 
   void lengths(int s, const double* uvl, double* out) const {
     const double* m = to_lengths[s];
-    for (int i = 0; i < 3; ++i)
-      out[3 * s + i] = m[3 * i] * uvl[0] + m[3 * i + 1] * uvl[1] + m[3 * i + 2] * uvl[2];
+    for (int i = 0; i < 3; ++i) out[3 * s + i] = m[3 * i] * uvl[0] + m[3 * i + 1] * uvl[1] + m[3 * i + 2] * uvl[2];
   }
 };
 
@@ -40,29 +41,15 @@ struct Coefficients {
 inline Coefficients coefficients(double q) {
   Coefficients c;
   if (q < 0.5) {
-    // Ten terms of the series in q, as quotients of factorials; relative error 1e-14 at the switch.
+    // Relative error 1e-14 at the switch.
+    static constexpr Series kA(1), kB(2), kC(3), kD(4);
     double a = 0.0, b = 0.0, d = 0.0, a1 = 0.0, b1 = 0.0;
-    static constexpr double kA[10] = {
-        1.0, -1.0 / 6.0, 1.0 / 120.0, -1.0 / 5040.0, 1.0 / 362880.0, -1.0 / 39916800.0, 1.0 / 6227020800.0,
-        -1.0 / 1307674368000.0, 1.0 / 355687428096000.0, -1.0 / 121645100408832000.0};
-    static constexpr double kB[10] = {
-        0.5, -1.0 / 24.0, 1.0 / 720.0, -1.0 / 40320.0, 1.0 / 3628800.0, -1.0 / 479001600.0,
-        1.0 / 87178291200.0, -1.0 / 20922789888000.0, 1.0 / 6402373705728000.0,
-        -1.0 / 2432902008176640000.0};
-    static constexpr double kC[10] = {
-        1.0 / 6.0, -1.0 / 120.0, 1.0 / 5040.0, -1.0 / 362880.0, 1.0 / 39916800.0, -1.0 / 6227020800.0,
-        1.0 / 1307674368000.0, -1.0 / 355687428096000.0, 1.0 / 121645100408832000.0,
-        -1.0 / 51090942171709440000.0};
-    static constexpr double kD[10] = {
-        1.0 / 24.0, -1.0 / 720.0, 1.0 / 40320.0, -1.0 / 3628800.0, 1.0 / 479001600.0, -1.0 / 87178291200.0,
-        1.0 / 20922789888000.0, -1.0 / 6402373705728000.0, 1.0 / 2432902008176640000.0,
-        -1.0 / 1124000727777607680000.0};
     for (int k = 9; k >= 0; --k) {
-      a = a * q + kA[k];
-      b = b * q + kB[k];
-      d = d * q + kC[k];
-      a1 = a1 * q - 2.0 * (k + 1) * kC[k];
-      b1 = b1 * q - 2.0 * (k + 1) * kD[k];
+      a = a * q + kA.term[k];
+      b = b * q + kB.term[k];
+      d = d * q + kC.term[k];
+      a1 = a1 * q - 2.0 * (k + 1) * kC.term[k];
+      b1 = b1 * q - 2.0 * (k + 1) * kD.term[k];
     }
     c = {a, b, d, a1, b1};
   } else {
@@ -94,8 +81,7 @@ inline void arc_pose(const double* uvl, const Coefficients& c, double* p, double
 
 inline void product(const double* a, const double* b, double* out) {
   for (int i = 0; i < 3; ++i)
-    for (int j = 0; j < 3; ++j)
-      out[3 * i + j] = a[3 * i] * b[j] + a[3 * i + 1] * b[3 + j] + a[3 * i + 2] * b[6 + j];
+    for (int j = 0; j < 3; ++j) out[3 * i + j] = a[3 * i] * b[j] + a[3 * i + 1] * b[3 + j] + a[3 * i + 2] * b[6 + j];
 }
 
 inline void turn(const double* r, const double* x, double* out) {
@@ -150,11 +136,10 @@ inline void differentiate(const Sections& s, const double* lengths, Derivatives&
     const double u = uvl[0], v = uvl[1], L = uvl[2];
     const Coefficients c = coefficients(u * u + v * v);
     arc_pose(uvl, c, p, r);
-    const double jp[9] = {L * (c.B + u * u * c.B1), L * u * v * c.B1, u * c.B,
-                          L * u * v * c.B1, L * (c.B + v * v * c.B1), v * c.B,
-                          L * u * c.A1, L * v * c.A1, c.A};
+    const double uu = L * (c.B + u * u * c.B1), uv = L * u * v * c.B1, vv = L * (c.B + v * v * c.B1);
+    const double jp[9] = {uu, uv, u * c.B, uv, vv, v * c.B, L * u * c.A1, L * v * c.A1, c.A};
     const double jw[6] = {-c.C * u * v, c.C * u * u - 1.0, 1.0 - c.C * v * v,
-                          c.C * u * v, -c.B * v, c.B * u};  // its third column is zero
+                          c.C * u * v,  -c.B * v,          c.B * u};  // its third column is zero
     double linear[9], world[9], angular[6];
     product(rotation, jp, linear);
     product(linear, s.to_arc[i], world);

@@ -111,8 +111,7 @@ class Descent {
   }
 
   // Second derivatives of |l - home|^2/2 - y^T task, shifted until positive definite: their factor.
-  void home_metric(const double* lengths, const Aim& aim, const Task& task, const double* y,
-                   double* metric) const {
+  void home_metric(const double* lengths, const Aim& aim, const Task& task, const double* y, double* metric) const {
     constexpr double kForward = 1e-6;  // [m]; J^T y needs few digits
     const int n = feasible.size();
     double rows[kMostLengths][kMostLengths], at[kMostLengths];

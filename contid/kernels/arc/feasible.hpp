@@ -16,8 +16,8 @@ struct Feasible {
   Sections sections;
   double low[kMostLengths], high[kMostLengths], home[kMostLengths];
   double metric[kMostLengths * kMostLengths];  // what counts as far from home
-  double rack = kInfinity;           // greatest sum of one rack's lengths [m]
-  double curvature_max = kInfinity;  // [1/m]
+  double rack = kInfinity;                     // greatest sum of one rack's lengths [m]
+  double curvature_max = kInfinity;            // [1/m]
 
   int size() const { return sections.size(); }
   int flat() const { return 2 * size() + 3; }  // limits before the cones

@@ -58,8 +58,7 @@ inline bool shifted_factor(const double* H, int n, double& shift, double* whiten
 }
 
 // H d = -gradient, shifted and within the limits, until the steps vanish; returns the error left [m].
-inline double settle(const Feasible& feasible, const Tuning& tuning, double* lengths, const Aim& aim,
-                     int& iterations) {
+inline double settle(const Feasible& feasible, const Tuning& tuning, double* lengths, const Aim& aim, int& iterations) {
   const int n = feasible.size();
   Task tasks[2];
   int now = 0;

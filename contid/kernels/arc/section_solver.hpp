@@ -5,9 +5,9 @@
 
 #include <algorithm>
 
+#include "../halton.hpp"
 #include "closed_form.hpp"
 #include "descent.hpp"
-#include "../halton.hpp"
 
 namespace contid {
 
@@ -34,8 +34,7 @@ class SectionSolver {
   SectionSolver(const Feasible& feasible, const Tuning& tuning) : descent_(feasible, tuning) {
     for (int k = 0; k < kLibrary; ++k) {
       for (int i = 0; i < feasible.size(); ++i)
-        library_[k][i] =
-            feasible.low[i] + radical_inverse(k + 1, kPrimes[i]) * (feasible.high[i] - feasible.low[i]);
+        library_[k][i] = feasible.low[i] + radical_inverse(k + 1, kPrimes[i]) * (feasible.high[i] - feasible.low[i]);
       feasible.pull(library_[k]);
       forward(feasible.sections, library_[k], frames_[k]);
     }
@@ -202,9 +201,8 @@ class SectionSolver {
   }
 
   static void nearest_first(const double* distance, int* order, int count) {
-    std::sort(order, order + count, [&](int a, int b) {
-      return distance[a] < distance[b] || (distance[a] == distance[b] && a < b);
-    });
+    std::sort(order, order + count,
+              [&](int a, int b) { return distance[a] < distance[b] || (distance[a] == distance[b] && a < b); });
   }
 };
 

@@ -16,152 +16,161 @@ using namespace contid;
 namespace {
 
 // `count` numbers of a tuple, a list or another sequence; `what` is for the error.
-void read(nb::handle sequence, int count, double *to, const char *what) {
-    const nb::object fast = nb::steal(PySequence_Fast(sequence.ptr(), what));
-    if (!fast.is_valid()) throw nb::python_error();
-    if (PySequence_Fast_GET_SIZE(fast.ptr()) != count) throw std::invalid_argument(what);
-    for (int i = 0; i < count; ++i) {
-        to[i] = PyFloat_AsDouble(PySequence_Fast_GET_ITEM(fast.ptr(), i));
-        if (to[i] == -1.0 && PyErr_Occurred()) throw nb::python_error();
-    }
+void read(nb::handle sequence, int count, double* to, const char* what) {
+  const nb::object fast = nb::steal(PySequence_Fast(sequence.ptr(), what));
+  if (!fast.is_valid()) throw nb::python_error();
+  if (PySequence_Fast_GET_SIZE(fast.ptr()) != count) throw std::invalid_argument(what);
+  for (int i = 0; i < count; ++i) {
+    to[i] = PyFloat_AsDouble(PySequence_Fast_GET_ITEM(fast.ptr(), i));
+    if (to[i] == -1.0 && PyErr_Occurred()) throw nb::python_error();
+  }
 }
 
 Vec vec(nb::handle sequence) {
-    double a[3];
-    read(sequence, 3, a, "expected three numbers");
-    return {a[0], a[1], a[2]};
+  double a[3];
+  read(sequence, 3, a, "expected three numbers");
+  return {a[0], a[1], a[2]};
 }
 
 nb::tuple triple(Vec a) { return nb::make_tuple(a.x, a.y, a.z); }
 
-constexpr const char *kPressures = "expected three pressures per section";
+constexpr const char* kPressures = "expected three pressures per section";
 
 // One arm of a number of sections known at run time only.
 struct Arm {
-    virtual ~Arm() = default;
-    virtual nb::tuple inverse(const Task &task, Vec force, nb::handle seed) const = 0;
-    virtual nb::tuple forward(nb::handle pressures, Vec force) const = 0;
-    virtual nb::object critical(nb::handle pressures, Vec force, double most) const = 0;
+  virtual ~Arm() = default;
+  virtual nb::tuple inverse(const Task& task, Vec force, nb::handle seed) const = 0;
+  virtual nb::tuple forward(nb::handle pressures, Vec force) const = 0;
+  virtual nb::object critical(nb::handle pressures, Vec force, double most) const = 0;
 };
 
 template <int K> struct ArmOf final : Arm {
-    Rod<K> rod;
-    Limits<K> limits;
-    Settings settings;
+  Rod<K> rod;
+  Limits<K> limits;
+  Settings settings;
 
-    explicit ArmOf(nb::handle setup) {
-        const nb::object described = setup.attr("rod"), weight = setup.attr("weight");
-        const nb::object sections = described.attr("sections");
-        const nb::object weights = weight.attr("weight"), link_weights = weight.attr("link_weight");
-        rod.reach = nb::cast<double>(described.attr("reach"));
-        for (int i = 0; i < K; ++i) {
-            const nb::object from = sections[i];
-            Section &to = rod.sections[i];
-            const auto number = [&](const char *name) { return nb::cast<double>(from.attr(name)); };
-            to.length = number("length");
-            to.link = number("link");
-            to.area = number("area");
-            to.inertia = number("inertia");
-            to.torsion = number("torsion");
-            to.pair_force = number("pair_force");
-            to.modulus_up_to = number("modulus_up_to_bar");
-            for (int k = 0; k < 5; ++k) to.modulus[k] = nb::cast<double>(from.attr("modulus_pa")[k]);
-            for (int axis = 0; axis < 2; ++axis)
-                for (int k = 0; k < 3; ++k) to.pair_moment[axis][k] = nb::cast<double>(from.attr("pair_moment")[axis][k]);
-            const auto load = [&](const nb::object &table) {
-                const nb::object found = table.attr("get")(i);
-                return found.is_none() ? Vec{0, 0, 0} : vec(found);
-            };
-            to.weight = load(weights);
-            to.link_weight = load(link_weights);
-        }
-        const nb::object box = setup.attr("limits");
-        for (int i = 0; i < 3 * K; ++i) {
-            limits.lower[i] = nb::cast<double>(box.attr("lower")[i]);
-            limits.upper[i] = nb::cast<double>(box.attr("upper")[i]);
-            limits.centre[i] = nb::cast<double>(box.attr("centre")[i]);
-        }
-        settings = {nb::cast<int>(setup.attr("elements")), nb::cast<double>(setup.attr("tolerance")),
-                    nb::cast<double>(setup.attr("error"))};
+  explicit ArmOf(nb::handle setup) {
+    const nb::object described = setup.attr("rod"), weight = setup.attr("weight");
+    const nb::object sections = described.attr("sections");
+    const nb::object weights = weight.attr("weight"), link_weights = weight.attr("link_weight");
+    rod.reach = nb::cast<double>(described.attr("reach"));
+    for (int i = 0; i < K; ++i) {
+      const nb::object from = sections[i];
+      Section& to = rod.sections[i];
+      const auto number = [&](const char* name) { return nb::cast<double>(from.attr(name)); };
+      to.length = number("length");
+      to.link = number("link");
+      to.area = number("area");
+      to.inertia = number("inertia");
+      to.torsion = number("torsion");
+      to.pair_force = number("pair_force");
+      to.modulus_up_to = number("modulus_up_to_bar");
+      for (int k = 0; k < 5; ++k) to.modulus[k] = nb::cast<double>(from.attr("modulus_pa")[k]);
+      for (int axis = 0; axis < 2; ++axis)
+        for (int k = 0; k < 3; ++k) to.pair_moment[axis][k] = nb::cast<double>(from.attr("pair_moment")[axis][k]);
+      const auto load = [&](const nb::object& table) {
+        const nb::object found = table.attr("get")(i);
+        return found.is_none() ? Vec{0, 0, 0} : vec(found);
+      };
+      to.weight = load(weights);
+      to.link_weight = load(link_weights);
     }
+    const nb::object box = setup.attr("limits");
+    for (int i = 0; i < 3 * K; ++i) {
+      limits.lower[i] = nb::cast<double>(box.attr("lower")[i]);
+      limits.upper[i] = nb::cast<double>(box.attr("upper")[i]);
+      limits.centre[i] = nb::cast<double>(box.attr("centre")[i]);
+    }
+    settings = {nb::cast<int>(setup.attr("elements")), nb::cast<double>(setup.attr("tolerance")),
+                nb::cast<double>(setup.attr("error"))};
+  }
 
-    nb::tuple inverse(const Task &task, Vec force, nb::handle seed) const override {
-        double start[3 * K];
-        read(seed, 3 * K, start, kPressures);
-        const Found<K> found = search<K>(rod, task, force, limits, start, settings);
-        const Outcome<K> &o = found.outcome;
-        PyObject *pressures = PyTuple_New(3 * K);
-        for (int i = 0; i < 3 * K; ++i) PyTuple_SET_ITEM(pressures, i, PyFloat_FromDouble(o.pressures[i]));
-        return nb::make_tuple(nb::steal(pressures), o.residual, o.met, o.optimal, found.stable, found.iterations,
-                              found.elements, o.statics);
-    }
+  nb::tuple inverse(const Task& task, Vec force, nb::handle seed) const override {
+    double start[3 * K];
+    read(seed, 3 * K, start, kPressures);
+    const Found<K> found = search<K>(rod, task, force, limits, start, settings);
+    const Outcome<K>& o = found.outcome;
+    PyObject* pressures = PyTuple_New(3 * K);
+    for (int i = 0; i < 3 * K; ++i) PyTuple_SET_ITEM(pressures, i, PyFloat_FromDouble(o.pressures[i]));
+    return nb::make_tuple(nb::steal(pressures), o.residual, o.met, o.optimal, found.stable, found.iterations,
+                          found.elements, o.statics);
+  }
 
-    nb::tuple forward(nb::handle pressures, Vec force) const override {
-        double p[3 * K];
-        read(pressures, 3 * K, p, kPressures);
-        Sweep<K> s;
-        Vec moment;
-        int elements;
-        bool stable = fine_equilibrium<K>(rod, p, force, settings, moment, s, elements);
-        if (stable) stable = unstable_modes<K>(rod, p, moment, force, 1.0, elements) == 0;
-        const auto &m = s.tip.R.m;
-        return nb::make_tuple(
-            triple(s.tip.p),
-            nb::make_tuple(m[0][0], m[0][1], m[0][2], m[1][0], m[1][1], m[1][2], m[2][0], m[2][1], m[2][2]),
-            triple(s.mid), stable, triple(moment), elements);
-    }
+  nb::tuple forward(nb::handle pressures, Vec force) const override {
+    double p[3 * K];
+    read(pressures, 3 * K, p, kPressures);
+    Sweep<K> s;
+    Vec moment;
+    int elements;
+    bool stable = fine_equilibrium<K>(rod, p, force, settings, moment, s, elements);
+    if (stable) stable = unstable_modes<K>(rod, p, moment, force, 1.0, elements) == 0;
+    const auto& m = s.tip.R.m;
+    return nb::make_tuple(
+        triple(s.tip.p),
+        nb::make_tuple(m[0][0], m[0][1], m[0][2], m[1][0], m[1][1], m[1][2], m[2][0], m[2][1], m[2][2]), triple(s.mid),
+        stable, triple(moment), elements);
+  }
 
-    nb::object critical(nb::handle pressures, Vec force, double most) const override {
-        double p[3 * K];
-        read(pressures, 3 * K, p, kPressures);
-        const double factor = critical_factor<K>(rod, p, force, most, settings.elements);
-        if (factor < 0.0) return nb::none();
-        return nb::float_(factor);
-    }
+  nb::object critical(nb::handle pressures, Vec force, double most) const override {
+    double p[3 * K];
+    read(pressures, 3 * K, p, kPressures);
+    const double factor = critical_factor<K>(rod, p, force, most, settings.elements);
+    if (factor < 0.0) return nb::none();
+    return nb::float_(factor);
+  }
 };
 
 struct Engine {
-    std::unique_ptr<Arm> arm;
-    double length;
-    bool full_rotation;
+  std::unique_ptr<Arm> arm;
+  double length;
+  bool full_rotation;
 
-    explicit Engine(nb::handle setup) {
-        const size_t sections = nb::len(nb::object(setup.attr("rod").attr("sections")));
-        length = nb::cast<double>(setup.attr("direction_length"));
-        full_rotation = nb::cast<bool>(setup.attr("full_rotation"));
-        if (sections == 1) arm = std::make_unique<ArmOf<1>>(setup);
-        else if (sections == 2) arm = std::make_unique<ArmOf<2>>(setup);
-        else if (sections == 3) arm = std::make_unique<ArmOf<3>>(setup);
-        else if (sections == 4) arm = std::make_unique<ArmOf<4>>(setup);
-        else throw std::invalid_argument("the kernel is built for one to four sections");
-    }
+  explicit Engine(nb::handle setup) {
+    const size_t sections = nb::len(nb::object(setup.attr("rod").attr("sections")));
+    length = nb::cast<double>(setup.attr("direction_length"));
+    full_rotation = nb::cast<bool>(setup.attr("full_rotation"));
+    if (sections == 1)
+      arm = std::make_unique<ArmOf<1>>(setup);
+    else if (sections == 2)
+      arm = std::make_unique<ArmOf<2>>(setup);
+    else if (sections == 3)
+      arm = std::make_unique<ArmOf<3>>(setup);
+    else if (sections == 4)
+      arm = std::make_unique<ArmOf<4>>(setup);
+    else
+      throw std::invalid_argument("the kernel is built for one to four sections");
+  }
 
-    nb::tuple inverse(nb::handle tip, nb::handle mid, nb::handle direction, nb::handle force, nb::handle seed) const {
-        Task task{};
-        task.tip = vec(tip);
-        task.length = length;
-        if (!mid.is_none()) task.has_mid = true, task.mid = vec(mid);
-        if (!direction.is_none()) {
-            task.has_direction = true;
-            task.direction = vec(direction);
-            task.full_rotation = full_rotation;
-            if (full_rotation) task.frame = tilt(task.direction);
-        }
-        return arm->inverse(task, vec(force), seed);
+  nb::tuple inverse(nb::handle tip, nb::handle mid, nb::handle direction, nb::handle force, nb::handle seed) const {
+    Task task{};
+    task.tip = vec(tip);
+    task.length = length;
+    if (!mid.is_none()) task.has_mid = true, task.mid = vec(mid);
+    if (!direction.is_none()) {
+      task.has_direction = true;
+      task.direction = vec(direction);
+      task.full_rotation = full_rotation;
+      if (full_rotation) task.frame = tilt(task.direction);
     }
+    return arm->inverse(task, vec(force), seed);
+  }
 };
 
 }  // namespace
 
 NB_MODULE(KERNEL_MODULE, m) {
-    nb::class_<Engine>(m, "Engine")
-        .def(nb::init<nb::handle>(), nb::arg("setup"))
-        .def("inverse", &Engine::inverse, nb::arg("tip"), nb::arg("mid").none(), nb::arg("direction").none(),
-             nb::arg("force"), nb::arg("seed"))
-        .def("forward", [](const Engine &e, nb::handle pressures, nb::handle force) {
-            return e.arm->forward(pressures, vec(force));
-        }, nb::arg("pressures"), nb::arg("force"))
-        .def("critical", [](const Engine &e, nb::handle pressures, nb::handle force, double most) {
+  nb::class_<Engine>(m, "Engine")
+      .def(nb::init<nb::handle>(), nb::arg("setup"))
+      .def("inverse", &Engine::inverse, nb::arg("tip"), nb::arg("mid").none(), nb::arg("direction").none(),
+           nb::arg("force"), nb::arg("seed"))
+      .def(
+          "forward",
+          [](const Engine& e, nb::handle pressures, nb::handle force) { return e.arm->forward(pressures, vec(force)); },
+          nb::arg("pressures"), nb::arg("force"))
+      .def(
+          "critical",
+          [](const Engine& e, nb::handle pressures, nb::handle force, double most) {
             return e.arm->critical(pressures, vec(force), most);
-        }, nb::arg("pressures"), nb::arg("force"), nb::arg("most") = 1.0);
+          },
+          nb::arg("pressures"), nb::arg("force"), nb::arg("most") = 1.0);
 }

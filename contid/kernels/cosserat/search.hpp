@@ -1,10 +1,10 @@
-// Where solves start: twin of contid/models/cosserat/{closed_form,search}.py.
+// Where solves start: twin of contid/kinematics/cosserat/{closed_form,search}.py.
 #pragma once
 
 #include <limits>
 
-#include "track.hpp"
 #include "../halton.hpp"
+#include "track.hpp"
 
 namespace contid {
 
@@ -12,226 +12,227 @@ constexpr int kIterations = 60, kRestarts = 20, kRestartIterations = 25, kLoadSt
               kMostElements = 48, kMembers = 9;
 constexpr double kRampTolerance = 1e-2, kTracking = 0.05;
 
-inline double average_pressure(const Section &s, double stretch) {
-    const double push = 3.0 * s.pair_force / s.area, wanted = stretch - 1.0, top = s.modulus_up_to;
-    double slope;
-    if (wanted <= 0.0) return wanted * modulus(s, 0.0, slope) / push;
-    const double at_top = modulus(s, top, slope);
-    if (wanted >= push * top / at_top) return wanted * at_top / push;
-    double low = 0.0, high = top, x = 0.5 * top;
-    for (int i = 0; i < 60; ++i) {
-        const double e = modulus(s, x, slope), error = push * x / e - wanted;
-        (error > 0.0 ? high : low) = x;
-        const double newton = x - error / (push / e * (1.0 - x * slope / e));
-        const double following = low < newton && newton < high ? newton : 0.5 * (low + high);
-        if (std::fabs(following - x) < 1e-15) break;
-        x = following;
-    }
-    return x;
+inline double average_pressure(const Section& s, double stretch) {
+  const double push = 3.0 * s.pair_force / s.area, wanted = stretch - 1.0, top = s.modulus_up_to;
+  double slope;
+  if (wanted <= 0.0) return wanted * modulus(s, 0.0, slope) / push;
+  const double at_top = modulus(s, top, slope);
+  if (wanted >= push * top / at_top) return wanted * at_top / push;
+  double low = 0.0, high = top, x = 0.5 * top;
+  for (int i = 0; i < 60; ++i) {
+    const double e = modulus(s, x, slope), error = push * x / e - wanted;
+    (error > 0.0 ? high : low) = x;
+    const double newton = x - error / (push / e * (1.0 - x * slope / e));
+    const double following = low < newton && newton < high ? newton : 0.5 * (low + high);
+    if (std::fabs(following - x) < 1e-15) break;
+    x = following;
+  }
+  return x;
 }
 
 // Pressures of the arc that ends at `end`, and false where there is none.
-inline bool arc_pressures(const Section &s, Vec end, double *p) {
-    const double r = std::hypot(end.x, end.y), half = std::atan2(r, end.z), chord = norm(end);
-    const double arc = chord * (half > 1e-8 ? half / std::sin(half) : 1.0);
-    const double x = average_pressure(s, arc / s.length);
-    double slope;
-    const double stiffness = modulus(s, x, slope) * s.inertia;
-    const double scale = r > 0.0 ? stiffness * 2.0 * half / s.length / r : 0.0;
-    Mat rows{}, inv;
-    for (int k = 0; k < 3; ++k) rows.m[0][k] = s.pair_moment[0][k], rows.m[1][k] = s.pair_moment[1][k], rows.m[2][k] = 1.0;
-    if (!inverse(rows, inv)) return false;
-    const Vec q = inv * Vec{-scale * end.y, scale * end.x, 3.0 * x};
-    put(p, q);
-    return finite(q);
+inline bool arc_pressures(const Section& s, Vec end, double* p) {
+  const double r = std::hypot(end.x, end.y), half = std::atan2(r, end.z), chord = norm(end);
+  const double arc = chord * (half > 1e-8 ? half / std::sin(half) : 1.0);
+  const double x = average_pressure(s, arc / s.length);
+  double slope;
+  const double stiffness = modulus(s, x, slope) * s.inertia;
+  const double scale = r > 0.0 ? stiffness * 2.0 * half / s.length / r : 0.0;
+  Mat rows{}, inv;
+  for (int k = 0; k < 3; ++k)
+    rows.m[0][k] = s.pair_moment[0][k], rows.m[1][k] = s.pair_moment[1][k], rows.m[2][k] = 1.0;
+  if (!inverse(rows, inv)) return false;
+  const Vec q = inv * Vec{-scale * end.y, scale * end.x, 3.0 * x};
+  put(p, q);
+  return finite(q);
 }
 
-inline bool tip_pressures(const Section &s, Vec tip, double *p) {
-    if (s.link == 0.0) return arc_pressures(s, tip, p);
-    const double d = (dot(tip, tip) - s.link * s.link) / (2.0 * (tip.z + s.link));
-    const Vec e3{0, 0, 1}, tangent = (1.0 / (d + s.link)) * (tip - d * e3);
-    return arc_pressures(s, d * (e3 + tangent), p);
+inline bool tip_pressures(const Section& s, Vec tip, double* p) {
+  if (s.link == 0.0) return arc_pressures(s, tip, p);
+  const double d = (dot(tip, tip) - s.link * s.link) / (2.0 * (tip.z + s.link));
+  const Vec e3{0, 0, 1}, tangent = (1.0 / (d + s.link)) * (tip - d * e3);
+  return arc_pressures(s, d * (e3 + tangent), p);
 }
 
-inline bool mid_and_tip_pressures(const Section &first, const Section &second, Vec mid, Vec tip, double *p) {
-    const Vec m = (2.0 * mid.z / dot(mid, mid)) * mid - Vec{0, 0, 1};
-    const Vec rest = transposed_times(tilt(m), tip - mid - first.link * m);
-    return arc_pressures(first, mid, p) && tip_pressures(second, rest, p + 3);
+inline bool mid_and_tip_pressures(const Section& first, const Section& second, Vec mid, Vec tip, double* p) {
+  const Vec m = (2.0 * mid.z / dot(mid, mid)) * mid - Vec{0, 0, 1};
+  const Vec rest = transposed_times(tilt(m), tip - mid - first.link * m);
+  return arc_pressures(first, mid, p) && tip_pressures(second, rest, p + 3);
 }
 
-inline bool tip_and_direction_pressures(const Section &first, const Section &second, Vec tip, Vec t, double d1,
-                                        double *p) {
-    const Vec e3{0, 0, 1}, end = tip - second.link * t;
-    const double link = first.link;
-    const double d2 = (dot(end, end) - link * link - 2.0 * d1 * (end.z + link)) /
-                      (2.0 * (dot(end, t) + link) + 2.0 * d1 * (1.0 - t.z));
-    const Vec m = (1.0 / (d1 + link + d2)) * (end - d2 * t - d1 * e3);
-    return mid_and_tip_pressures(first, second, d1 * (e3 + m), tip, p);
+inline bool tip_and_direction_pressures(const Section& first, const Section& second, Vec tip, Vec t, double d1,
+                                        double* p) {
+  const Vec e3{0, 0, 1}, end = tip - second.link * t;
+  const double link = first.link;
+  const double d2 =
+      (dot(end, end) - link * link - 2.0 * d1 * (end.z + link)) / (2.0 * (dot(end, t) + link) + 2.0 * d1 * (1.0 - t.z));
+  const Vec m = (1.0 / (d1 + link + d2)) * (end - d2 * t - d1 * e3);
+  return mid_and_tip_pressures(first, second, d1 * (e3 + m), tip, p);
 }
 
-template <int K> void clamp(const Limits<K> &limits, double *p) {
-    for (int i = 0; i < 3 * K; ++i) p[i] = std::min(std::max(p[i], limits.lower[i]), limits.upper[i]);
+template <int K> void clamp(const Limits<K>& limits, double* p) {
+  for (int i = 0; i < 3 * K; ++i) p[i] = std::min(std::max(p[i], limits.lower[i]), limits.upper[i]);
 }
 
 // Pressures of the unloaded closed form, clamped; false where there is none for this task.
-template <int K> bool unloaded(const Rod<K> &rod, const Task &task, const Limits<K> &limits, double *p) {
-    bool found = false;
-    if constexpr (K == 1) {
-        found = tip_pressures(rod.sections[0], task.tip, p);
-    } else if constexpr (K == 2) {
-        const Section &first = rod.sections[0], &second = rod.sections[1];
-        if (task.has_mid) {
-            found = mid_and_tip_pressures(first, second, task.mid, task.tip, p);
-        } else if (task.has_direction) {
-            double best = std::numeric_limits<double>::infinity(), member[3 * K];
-            for (int i = 0; i < kMembers; ++i) {
-                const double d1 = (0.3 + 0.8 * i / (kMembers - 1)) * first.length;
-                if (!tip_and_direction_pressures(first, second, task.tip, task.direction, d1, member)) continue;
-                double away = 0.0;
-                for (int j = 0; j < 3 * K; ++j) away += (member[j] - limits.centre[j]) * (member[j] - limits.centre[j]);
-                if (away < best) {
-                    best = away;
-                    std::copy(member, member + 3 * K, p);
-                    found = true;
-                }
-            }
+template <int K> bool unloaded(const Rod<K>& rod, const Task& task, const Limits<K>& limits, double* p) {
+  bool found = false;
+  if constexpr (K == 1) {
+    found = tip_pressures(rod.sections[0], task.tip, p);
+  } else if constexpr (K == 2) {
+    const Section &first = rod.sections[0], &second = rod.sections[1];
+    if (task.has_mid) {
+      found = mid_and_tip_pressures(first, second, task.mid, task.tip, p);
+    } else if (task.has_direction) {
+      double best = std::numeric_limits<double>::infinity(), member[3 * K];
+      for (int i = 0; i < kMembers; ++i) {
+        const double d1 = (0.3 + 0.8 * i / (kMembers - 1)) * first.length;
+        if (!tip_and_direction_pressures(first, second, task.tip, task.direction, d1, member)) continue;
+        double away = 0.0;
+        for (int j = 0; j < 3 * K; ++j) away += (member[j] - limits.centre[j]) * (member[j] - limits.centre[j]);
+        if (away < best) {
+          best = away;
+          std::copy(member, member + 3 * K, p);
+          found = true;
         }
+      }
     }
-    if (found) clamp<K>(limits, p);
-    return found;
+  }
+  if (found) clamp<K>(limits, p);
+  return found;
 }
 
 // Base moment of a rod whose tip is at the target; weights are put on the chord.
-template <int K> Vec predicted_moment(const Rod<K> &rod, const Task &task, Vec tip_force, double share) {
-    Vec moment = cross(task.tip, tip_force);
-    double done = 0.0;
-    for (int i = 0; i < K; ++i) {
-        const Section &s = rod.sections[i];
-        const double middle = (done + 0.5 * s.length) / rod.reach, at = (done + s.length + 0.5 * s.link) / rod.reach;
-        moment = moment + (middle * s.length * share) * cross(task.tip, s.weight) +
-                 (at * s.link * share) * cross(task.tip, s.link_weight);
-        done += s.length + s.link;
-    }
-    return moment;
+template <int K> Vec predicted_moment(const Rod<K>& rod, const Task& task, Vec tip_force, double share) {
+  Vec moment = cross(task.tip, tip_force);
+  double done = 0.0;
+  for (int i = 0; i < K; ++i) {
+    const Section& s = rod.sections[i];
+    const double middle = (done + 0.5 * s.length) / rod.reach, at = (done + s.length + 0.5 * s.link) / rod.reach;
+    moment = moment + (middle * s.length * share) * cross(task.tip, s.weight) +
+             (at * s.link * share) * cross(task.tip, s.link_weight);
+    done += s.length + s.link;
+  }
+  return moment;
 }
 
 template <int K> struct Found {
-    Outcome<K> outcome;
-    bool stable;
-    int elements, iterations;
+  Outcome<K> outcome;
+  bool stable;
+  int elements, iterations;
 };
 
 struct Settings {
-    int elements;
-    double tolerance, error;
+  int elements;
+  double tolerance, error;
 };
 
 // Estimated error of the tip from a sweep with fewer elements (n and m differ by (n/m)^4 - 1 times the error of n).
 template <int K>
-double discretisation_error(const Rod<K> &rod, const double *pressures, Vec moment, const Ends &ends,
-                            const Mat &tip_by_balance, Vec tip_force, int n) {
-    const int m = n > 1 ? std::max(1, n / 3) : 2;
-    Sweep<K> other;
-    sweep<K, false>(rod, pressures, moment, tip_force, 1.0, m, other);
-    const Vec moved = other.tip.p - ends.p - tip_by_balance * (other.moment - ends.moment);
-    const double ratio = static_cast<double>(n) / m;
-    return norm(moved) / std::fabs(ratio * ratio * ratio * ratio - 1.0);
+double discretisation_error(const Rod<K>& rod, const double* pressures, Vec moment, const Ends& ends,
+                            const Mat& tip_by_balance, Vec tip_force, int n) {
+  const int m = n > 1 ? std::max(1, n / 3) : 2;
+  Sweep<K> other;
+  sweep<K, false>(rod, pressures, moment, tip_force, 1.0, m, other);
+  const Vec moved = other.tip.p - ends.p - tip_by_balance * (other.moment - ends.moment);
+  const double ratio = static_cast<double>(n) / m;
+  return norm(moved) / std::fabs(ratio * ratio * ratio * ratio - 1.0);
 }
 
 // The branch that grows out of the unloaded shape, with as many elements as the load demands.
 template <int K>
-bool fine_equilibrium(const Rod<K> &rod, const double *pressures, Vec tip_force, const Settings &settings, Vec &moment,
-                      Sweep<K> &out, int &elements) {
-    elements = settings.elements;
-    bool found = equilibrium<K>(rod, pressures, tip_force, 1.0, elements, moment, out);
-    Mat by_moment;
-    while (found && elements < kMostElements && loaded<K>(rod, tip_force) &&
-           inverse(first_columns(out.residual), by_moment)) {
-        const Mat tip_by_balance = first_columns(out.tip.by.shift) * by_moment;
-        if (discretisation_error<K>(rod, pressures, moment, out.ends(), tip_by_balance, tip_force, elements) <=
-            settings.error)
-            break;
-        elements *= 2;
-        found = newton<K>(rod, pressures, moment, tip_force, 1.0, elements, out);
-    }
-    return found;
+bool fine_equilibrium(const Rod<K>& rod, const double* pressures, Vec tip_force, const Settings& settings, Vec& moment,
+                      Sweep<K>& out, int& elements) {
+  elements = settings.elements;
+  bool found = equilibrium<K>(rod, pressures, tip_force, 1.0, elements, moment, out);
+  Mat by_moment;
+  while (found && elements < kMostElements && loaded<K>(rod, tip_force) &&
+         inverse(first_columns(out.residual), by_moment)) {
+    const Mat tip_by_balance = first_columns(out.tip.by.shift) * by_moment;
+    if (discretisation_error<K>(rod, pressures, moment, out.ends(), tip_by_balance, tip_force, elements) <=
+        settings.error)
+      break;
+    elements *= 2;
+    found = newton<K>(rod, pressures, moment, tip_force, 1.0, elements, out);
+  }
+  return found;
 }
 
 template <int K>
-Found<K> search(const Rod<K> &rod, const Task &task, Vec tip_force, const Limits<K> &limits, const double *seed,
-                const Settings &settings) {
-    constexpr int n = 3 * K;
-    const bool weighs = loaded<K>(rod, tip_force);
-    const bool light = massless<K>(rod, 1.0);
-    const Vec guess = predicted_moment<K>(rod, task, tip_force, 1.0);
-    Found<K> best{};
-    bool any = false;
-    int spent = 0;
-    const auto stable = [&](const Outcome<K> &o, int count) {
-        if (o.statics > kBalance) return false;
-        if (!weighs || o.modes >= 0) return !weighs || o.modes == 0;
-        return unstable_modes<K>(rod, o.pressures, o.moment, tip_force, 1.0, count) == 0;
-    };
-    const auto better = [](const Found<K> &a, const Found<K> &b) {
-        if (a.stable != b.stable) return a.stable;
-        if (a.outcome.met != b.outcome.met) return a.outcome.met;
-        return a.outcome.residual < b.outcome.residual;
-    };
-    const auto attempt = [&](const double *start, int iterations) {
-        Found<K> found{};
-        // Without load the strains are constant, and one element is exact.
-        if (!(start == seed && light &&
-              track<K>(rod, task, tip_force, limits, start, weighs ? settings.elements : 1, settings.tolerance,
-                       found.outcome)))
-            found.outcome = solve<K>(rod, task, tip_force, 1.0, limits, start, guess, settings.elements, settings.tolerance,
-                                     iterations);
-        found.stable = stable(found.outcome, settings.elements);
-        found.elements = settings.elements;
-        spent += found.outcome.iterations;
-        if (!any || better(found, best)) best = found;
-        any = true;
-        return found.outcome.met && found.stable;
-    };
-    const auto everywhere = [&] {
-        double start[n];
-        if (unloaded<K>(rod, task, limits, start)) {
-            for (int k = 1; weighs && k < kLoadSteps; ++k) {
-                const double part = static_cast<double>(k) / kLoadSteps;
-                const Outcome<K> rough =
-                    solve<K>(rod, task, part * tip_force, part, limits, start,
-                             predicted_moment<K>(rod, task, part * tip_force, part), settings.elements, kRampTolerance,
-                             kRampIterations);
-                std::copy(rough.pressures, rough.pressures + n, start);
-            }
-            if (attempt(start, kRestartIterations)) return;
-        }
-        std::copy(limits.centre, limits.centre + n, start);
-        if (attempt(start, kRestartIterations)) return;
-        for (int index = 1; index <= kRestarts; ++index) {
-            for (int i = 0; i < n; ++i)
-                start[i] = limits.lower[i] + radical_inverse(index, kPrimes[i]) * (limits.upper[i] - limits.lower[i]);
-            if (attempt(start, kRestartIterations)) return;
-        }
-    };
-    // A bounded optimum next to the last command is where tracking has led: looking elsewhere would only jump.
-    const auto tracked = [&] {
-        double moved = 0.0;
-        for (int i = 0; i < n; ++i) moved = std::fmax(moved, std::fabs(best.outcome.pressures[i] - seed[i]));
-        return best.stable && best.outcome.optimal && moved <= kTracking;
-    };
-    if (!attempt(seed, kIterations) && !tracked()) everywhere();
-    best.iterations = spent;
-    while (weighs && best.stable && best.elements < kMostElements) {
-        const Outcome<K> &o = best.outcome;
-        if (discretisation_error<K>(rod, o.pressures, o.moment, o.ends, o.tip_by_balance, tip_force, best.elements) <=
-            settings.error) break;
-        best.elements *= 2;
-        best.outcome = solve<K>(rod, task, tip_force, 1.0, limits, o.pressures, o.moment, best.elements,
-                                settings.tolerance, kIterations);
-        best.iterations += best.outcome.iterations;
-        best.stable = stable(best.outcome, best.elements);
+Found<K> search(const Rod<K>& rod, const Task& task, Vec tip_force, const Limits<K>& limits, const double* seed,
+                const Settings& settings) {
+  constexpr int n = 3 * K;
+  const bool weighs = loaded<K>(rod, tip_force);
+  const bool light = massless<K>(rod, 1.0);
+  const Vec guess = predicted_moment<K>(rod, task, tip_force, 1.0);
+  Found<K> best{};
+  bool any = false;
+  int spent = 0;
+  const auto stable = [&](const Outcome<K>& o, int count) {
+    if (o.statics > kBalance) return false;
+    if (!weighs || o.modes >= 0) return !weighs || o.modes == 0;
+    return unstable_modes<K>(rod, o.pressures, o.moment, tip_force, 1.0, count) == 0;
+  };
+  const auto better = [](const Found<K>& a, const Found<K>& b) {
+    if (a.stable != b.stable) return a.stable;
+    if (a.outcome.met != b.outcome.met) return a.outcome.met;
+    return a.outcome.residual < b.outcome.residual;
+  };
+  const auto attempt = [&](const double* start, int iterations) {
+    Found<K> found{};
+    // Without load the strains are constant, and one element is exact.
+    if (!(start == seed && light &&
+          track<K>(rod, task, tip_force, limits, start, weighs ? settings.elements : 1, settings.tolerance,
+                   found.outcome)))
+      found.outcome =
+          solve<K>(rod, task, tip_force, 1.0, limits, start, guess, settings.elements, settings.tolerance, iterations);
+    found.stable = stable(found.outcome, settings.elements);
+    found.elements = settings.elements;
+    spent += found.outcome.iterations;
+    if (!any || better(found, best)) best = found;
+    any = true;
+    return found.outcome.met && found.stable;
+  };
+  const auto everywhere = [&] {
+    double start[n];
+    if (unloaded<K>(rod, task, limits, start)) {
+      for (int k = 1; weighs && k < kLoadSteps; ++k) {
+        const double part = static_cast<double>(k) / kLoadSteps;
+        const Outcome<K> rough = solve<K>(rod, task, part * tip_force, part, limits, start,
+                                          predicted_moment<K>(rod, task, part * tip_force, part), settings.elements,
+                                          kRampTolerance, kRampIterations);
+        std::copy(rough.pressures, rough.pressures + n, start);
+      }
+      if (attempt(start, kRestartIterations)) return;
     }
-    return best;
+    std::copy(limits.centre, limits.centre + n, start);
+    if (attempt(start, kRestartIterations)) return;
+    for (int index = 1; index <= kRestarts; ++index) {
+      for (int i = 0; i < n; ++i)
+        start[i] = limits.lower[i] + radical_inverse(index, kPrimes[i]) * (limits.upper[i] - limits.lower[i]);
+      if (attempt(start, kRestartIterations)) return;
+    }
+  };
+  // A bounded optimum next to the last command is where tracking has led: looking elsewhere would only jump.
+  const auto tracked = [&] {
+    double moved = 0.0;
+    for (int i = 0; i < n; ++i) moved = std::fmax(moved, std::fabs(best.outcome.pressures[i] - seed[i]));
+    return best.stable && best.outcome.optimal && moved <= kTracking;
+  };
+  if (!attempt(seed, kIterations) && !tracked()) everywhere();
+  best.iterations = spent;
+  while (weighs && best.stable && best.elements < kMostElements) {
+    const Outcome<K>& o = best.outcome;
+    if (discretisation_error<K>(rod, o.pressures, o.moment, o.ends, o.tip_by_balance, tip_force, best.elements) <=
+        settings.error)
+      break;
+    best.elements *= 2;
+    best.outcome = solve<K>(rod, task, tip_force, 1.0, limits, o.pressures, o.moment, best.elements, settings.tolerance,
+                            kIterations);
+    best.iterations += best.outcome.iterations;
+    best.stable = stable(best.outcome, best.elements);
+  }
+  return best;
 }
 
 }  // namespace contid

@@ -2,13 +2,13 @@
 //
 // It differs in one thing: derivatives are kept for further steps (chords) while these reduce the error tenfold,
 // since a sweep without derivatives costs less than half. Where it ends does not depend on that. The first try of a
-// search is left to cosserat_track.hpp where that will do.
+// search is left to track.hpp where that will do.
 #pragma once
 
 #include <algorithm>
 
-#include "box_step.hpp"
 #include "balance.hpp"
+#include "box_step.hpp"
 #include "task.hpp"
 
 namespace contid {
@@ -19,219 +19,219 @@ constexpr double kBalance = 1e-6;  // [N*mm], inside a descent
 constexpr int kChords = 3;
 
 template <int K> struct Limits {
-    double lower[3 * K], upper[3 * K], centre[3 * K];
+  double lower[3 * K], upper[3 * K], centre[3 * K];
 };
 
 template <int K> struct Outcome {
-    double pressures[3 * K];
-    Vec moment;
-    double residual, statics;
-    bool met, optimal;
-    int iterations;
-    Ends ends;  // of the last sweep
-    int modes;  // ways down the energy at the last sweep, -1 when it did not count them
-    Mat tip_by_balance;  // how the tip follows the moment balance, for the error estimate
+  double pressures[3 * K];
+  Vec moment;
+  double residual, statics;
+  bool met, optimal;
+  int iterations;
+  Ends ends;           // of the last sweep
+  int modes;           // ways down the energy at the last sweep, -1 when it did not count them
+  Mat tip_by_balance;  // how the tip follows the moment balance, for the error estimate
 };
 
 // H = J^T J + weight + 1e-13 trace(J^T J): the last keeps it definite where the task leaves freedom.
 template <int n, int C> void normal_matrix(const double (&J)[9][C], int rows, double weight, double (&H)[n][n]) {
-    double trace = 0.0;
-    for (int i = 0; i < n; ++i)
-        for (int j = 0; j <= i; ++j) {
-            double sum = 0.0;
-            for (int a = 0; a < rows; ++a) sum += J[a][i] * J[a][j];
-            H[i][j] = H[j][i] = sum;
-            if (i == j) trace += sum;
-        }
-    for (int i = 0; i < n; ++i) H[i][i] += weight + 1e-13 * trace;
+  double trace = 0.0;
+  for (int i = 0; i < n; ++i)
+    for (int j = 0; j <= i; ++j) {
+      double sum = 0.0;
+      for (int a = 0; a < rows; ++a) sum += J[a][i] * J[a][j];
+      H[i][j] = H[j][i] = sum;
+      if (i == j) trace += sum;
+    }
+  for (int i = 0; i < n; ++i) H[i][i] += weight + 1e-13 * trace;
 }
 
 // The task with the moment balance eliminated: dM = -A^-1 (e + B dP) leaves r + J dP with J = D - C A^-1 B.
 template <int K> struct Reduced {
-    static constexpr int n = 3 * K, C = Sweep<K>::C;
-    int rows;
-    double by_both[9][C];    // C and D: the task by (base moment, pressures)
-    double J[9][n], H[n][n];
-    double G[3][n];           // A^-1 B
-    Mat inverse_A;
+  static constexpr int n = 3 * K, C = Sweep<K>::C;
+  int rows;
+  double by_both[9][C];  // C and D: the task by (base moment, pressures)
+  double J[9][n], H[n][n];
+  double G[3][n];  // A^-1 B
+  Mat inverse_A;
 
-    // False where A, the balance by the base moment, is singular: at a critical load.
-    bool eliminate(const Task &task, const Sweep<K> &s, double weight) {
-        rows = task.rows();
-        jacobian(task, s, by_both);
-        if (!inverse(first_columns(s.residual), inverse_A)) return false;
-        for (int i = 0; i < 3; ++i)
-            for (int j = 0; j < n; ++j)
-                G[i][j] = inverse_A.m[i][0] * s.residual[0][3 + j] + inverse_A.m[i][1] * s.residual[1][3 + j] +
-                          inverse_A.m[i][2] * s.residual[2][3 + j];
-        for (int a = 0; a < rows; ++a)
-            for (int j = 0; j < n; ++j)
-                J[a][j] = by_both[a][3 + j] - by_both[a][0] * G[0][j] - by_both[a][1] * G[1][j] - by_both[a][2] * G[2][j];
-        normal_matrix(J, rows, weight, H);
-        return true;
-    }
+  // False where A, the balance by the base moment, is singular: at a critical load.
+  bool eliminate(const Task& task, const Sweep<K>& s, double weight) {
+    rows = task.rows();
+    jacobian(task, s, by_both);
+    if (!inverse(first_columns(s.residual), inverse_A)) return false;
+    for (int i = 0; i < 3; ++i)
+      for (int j = 0; j < n; ++j)
+        G[i][j] = inverse_A.m[i][0] * s.residual[0][3 + j] + inverse_A.m[i][1] * s.residual[1][3 + j] +
+                  inverse_A.m[i][2] * s.residual[2][3 + j];
+    for (int a = 0; a < rows; ++a)
+      for (int j = 0; j < n; ++j)
+        J[a][j] = by_both[a][3 + j] - by_both[a][0] * G[0][j] - by_both[a][1] * G[1][j] - by_both[a][2] * G[2][j];
+    normal_matrix(J, rows, weight, H);
+    return true;
+  }
 
-    // r - damping C A^-1 e: what the balance, mended, leaves of the task; Ge = A^-1 e.
-    void ahead(const double *r, double damping, Vec Ge, double *out) const {
-        for (int a = 0; a < rows; ++a)
-            out[a] = r[a] - damping * (by_both[a][0] * Ge.x + by_both[a][1] * Ge.y + by_both[a][2] * Ge.z);
-    }
+  // r - damping C A^-1 e: what the balance, mended, leaves of the task; Ge = A^-1 e.
+  void ahead(const double* r, double damping, Vec Ge, double* out) const {
+    for (int a = 0; a < rows; ++a)
+      out[a] = r[a] - damping * (by_both[a][0] * Ge.x + by_both[a][1] * Ge.y + by_both[a][2] * Ge.z);
+  }
 
-    // -dM = damping A^-1 e + A^-1 B dP
-    Vec moment_step(const double *d, double damping, Vec Ge) const {
-        Vec turn = damping * Ge;
-        for (int j = 0; j < n; ++j) turn = turn + d[j] * Vec{G[0][j], G[1][j], G[2][j]};
-        return turn;
-    }
+  // -dM = damping A^-1 e + A^-1 B dP
+  Vec moment_step(const double* d, double damping, Vec Ge) const {
+    Vec turn = damping * Ge;
+    for (int j = 0; j < n; ++j) turn = turn + d[j] * Vec{G[0][j], G[1][j], G[2][j]};
+    return turn;
+  }
 };
 
 // One descent from (start, moment).
 template <int K>
-Outcome<K> solve(const Rod<K> &rod, const Task &task, Vec tip_force, double share, const Limits<K> &limits,
-                 const double *start, Vec moment, int elements, double tolerance, int iterations) {
-    constexpr int n = 3 * K;
-    const int rows = task.rows();
-    const double weight = task.independent() < n ? kCentreWeight : 0.0;
-    const double none[3] = {0, 0, 0};
-    const double reach2 = 0.5 * rod.reach * rod.reach * inflate(rod.sections[0], none).bend;
-    const double balance = reach2 * reach2;
+Outcome<K> solve(const Rod<K>& rod, const Task& task, Vec tip_force, double share, const Limits<K>& limits,
+                 const double* start, Vec moment, int elements, double tolerance, int iterations) {
+  constexpr int n = 3 * K;
+  const int rows = task.rows();
+  const double weight = task.independent() < n ? kCentreWeight : 0.0;
+  const double none[3] = {0, 0, 0};
+  const double reach2 = 0.5 * rod.reach * rod.reach * inflate(rod.sections[0], none).bend;
+  const double balance = reach2 * reach2;
 
-    Outcome<K> out{};
-    double *p = out.pressures;
-    const bool carries = loaded<K>(rod, tip_force);
-    out.modes = -1;
-    for (int i = 0; i < n; ++i) p[i] = std::min(std::max(start[i], limits.lower[i]), limits.upper[i]);
+  Outcome<K> out{};
+  double* p = out.pressures;
+  const bool carries = loaded<K>(rod, tip_force);
+  out.modes = -1;
+  for (int i = 0; i < n; ++i) p[i] = std::min(std::max(start[i], limits.lower[i]), limits.upper[i]);
 
-    const auto square = [](const double *r, int count) {
-        double sum = 0.0;
-        for (int i = 0; i < count; ++i) sum += r[i] * r[i];
-        return sum;
-    };
-    const auto task_cost = [&](const double *r, Vec e) { return square(r, rows) + balance * dot(e, e); };
-    const auto distance = [&](const double *at) {
-        double away = 0.0;
-        if (weight > 0.0)
-            for (int i = 0; i < n; ++i) away += (at[i] - limits.centre[i]) * (at[i] - limits.centre[i]);
-        return weight * away;
-    };
+  const auto square = [](const double* r, int count) {
+    double sum = 0.0;
+    for (int i = 0; i < count; ++i) sum += r[i] * r[i];
+    return sum;
+  };
+  const auto task_cost = [&](const double* r, Vec e) { return square(r, rows) + balance * dot(e, e); };
+  const auto distance = [&](const double* at) {
+    double away = 0.0;
+    if (weight > 0.0)
+      for (int i = 0; i < n; ++i) away += (at[i] - limits.centre[i]) * (at[i] - limits.centre[i]);
+    return weight * away;
+  };
 
-    Sweep<K> here, scratch;
-    sweep<K, true>(rod, p, moment, tip_force, share, elements, here);
-    Reduced<K> by;
-    double r[9], ahead[9], g[n], low[n], high[n], d[n];
-    out.ends = here.ends();
-    residual(task, out.ends, r);
-    double cost = task_cost(r, out.ends.moment), away = distance(p), trust = kTrustStart, damping = 1.0;
-    Vec e = out.ends.moment;
-    bool fresh = true;  // derivatives belong to the present point
-    bool factored = false;
-    int chords = 0;
-    while (out.iterations < iterations) {
-        if (!factored) {
-            ++out.iterations;
-            if (!by.eliminate(task, here, weight)) break;
-            out.tip_by_balance = first_columns(here.tip.by.shift) * by.inverse_A;
-            factored = true;
-        }
-        // The secondary goal converges linearly where the task is strongly curved; the second half of the
-        // iterations therefore belongs to the task alone.
-        const double pull = out.iterations <= iterations / 2 ? weight : 0.0;
-        const Vec Ge = by.inverse_A * e;
-        by.ahead(r, damping, Ge, ahead);
-        for (int j = 0; j < n; ++j) {
-            g[j] = pull * (p[j] - limits.centre[j]);
-            for (int a = 0; a < rows; ++a) g[j] += by.J[a][j] * ahead[a];
-            low[j] = std::max(limits.lower[j] - p[j], -trust);
-            high[j] = std::min(limits.upper[j] - p[j], trust);
-        }
-        box_step<n>(by.H, g, low, high, d);
-        double size = 0.0;
-        for (int j = 0; j < n; ++j) size = std::fmax(size, std::fabs(d[j]));
-        const double error2 = square(r, rows);
-        const bool balanced = norm(e) <= kBalance, good = error2 <= tolerance * tolerance;
-        if (balanced && good && (pull == 0.0 || size <= kFreedomTolerance)) {
-            out.optimal = true;
-            break;
-        }
-        if (balanced && size <= kStepTolerance) {
-            double predicted[9];
-            for (int a = 0; a < rows; ++a) {
-                predicted[a] = ahead[a];
-                for (int j = 0; j < n; ++j) predicted[a] += by.J[a][j] * d[j];
-            }
-            if (square(predicted, rows) > 0.25 * error2) {
-                if (fresh) {
-                    out.optimal = true;
-                    break;
-                }
-                sweep<K, true>(rod, p, moment, tip_force, share, elements, here);
-                fresh = true, factored = false, chords = 0;
-                continue;
-            }
-        }
-        double next[n];
-        for (int j = 0; j < n; ++j) next[j] = std::min(std::max(p[j] + d[j], limits.lower[j]), limits.upper[j]);
-        const Vec next_moment = moment - by.moment_step(d, damping, Ge);
-        Ends trial;
-        int modes = -1;
-        if (carries && chords > 0) {
-            // Most likely the last one: its count of unstable modes is then at hand.
-            modes = count_modes<K>(rod, next, next_moment, tip_force, share, elements, trial, out.tip_by_balance);
-        } else {
-            sweep<K, false>(rod, next, next_moment, tip_force, share, elements, scratch);
-            trial = scratch.ends();
-        }
-        double next_r[9];
-        residual(task, trial, next_r);
-        const double next_cost = task_cost(next_r, trial.moment), next_away = distance(next);
-        // Along the freedom the task leaves, a straight step costs task error until the next one mends it.
-        const bool sideways = pull > 0.0 && next_cost <= kSideways * kSideways && next_away < away;
-        const bool better = next_cost + next_away < cost + away || (pull < weight && next_cost < cost);
-        if (better || sideways || (size < 1e-6 && next_cost < cost + 1e-14)) {
-            std::copy(next, next + n, p);
-            std::copy(next_r, next_r + rows, r);
-            moment = next_moment;
-            e = trial.moment;
-            out.ends = trial;
-            out.modes = modes;
-            const bool well = next_cost < 0.01 * cost;
-            if (sideways || next_cost < 0.5 * cost) trust *= 2.0;
-            cost = next_cost;
-            away = next_away;
-            damping = std::fmin(1.0, 2.0 * damping);
-            fresh = false;
-            const bool done = norm(e) <= kBalance && square(r, rows) <= tolerance * tolerance;
-            if (done && weight == 0.0) {
-                out.optimal = true;
-                break;
-            }
-            if ((done || well) && ++chords <= kChords) continue;
-            sweep<K, true>(rod, p, moment, tip_force, share, elements, here);
-            fresh = true, factored = false, chords = 0;
-        } else if (!fresh) {
-            sweep<K, true>(rod, p, moment, tip_force, share, elements, here);
-            fresh = true, factored = false, chords = 0;
-        } else {
-            trust = 0.3 * std::min(trust, std::max(size, 1e-12));
-            damping *= 0.5;
-            if (trust < 1e-12) break;
-        }
+  Sweep<K> here, scratch;
+  sweep<K, true>(rod, p, moment, tip_force, share, elements, here);
+  Reduced<K> by;
+  double r[9], ahead[9], g[n], low[n], high[n], d[n];
+  out.ends = here.ends();
+  residual(task, out.ends, r);
+  double cost = task_cost(r, out.ends.moment), away = distance(p), trust = kTrustStart, damping = 1.0;
+  Vec e = out.ends.moment;
+  bool fresh = true;  // derivatives belong to the present point
+  bool factored = false;
+  int chords = 0;
+  while (out.iterations < iterations) {
+    if (!factored) {
+      ++out.iterations;
+      if (!by.eliminate(task, here, weight)) break;
+      out.tip_by_balance = first_columns(here.tip.by.shift) * by.inverse_A;
+      factored = true;
     }
-    out.statics = norm(e);
+    // The secondary goal converges linearly where the task is strongly curved; the second half of the
+    // iterations therefore belongs to the task alone.
+    const double pull = out.iterations <= iterations / 2 ? weight : 0.0;
+    const Vec Ge = by.inverse_A * e;
+    by.ahead(r, damping, Ge, ahead);
+    for (int j = 0; j < n; ++j) {
+      g[j] = pull * (p[j] - limits.centre[j]);
+      for (int a = 0; a < rows; ++a) g[j] += by.J[a][j] * ahead[a];
+      low[j] = std::max(limits.lower[j] - p[j], -trust);
+      high[j] = std::min(limits.upper[j] - p[j], trust);
+    }
+    box_step<n>(by.H, g, low, high, d);
+    double size = 0.0;
+    for (int j = 0; j < n; ++j) size = std::fmax(size, std::fabs(d[j]));
+    const double error2 = square(r, rows);
+    const bool balanced = norm(e) <= kBalance, good = error2 <= tolerance * tolerance;
+    if (balanced && good && (pull == 0.0 || size <= kFreedomTolerance)) {
+      out.optimal = true;
+      break;
+    }
+    if (balanced && size <= kStepTolerance) {
+      double predicted[9];
+      for (int a = 0; a < rows; ++a) {
+        predicted[a] = ahead[a];
+        for (int j = 0; j < n; ++j) predicted[a] += by.J[a][j] * d[j];
+      }
+      if (square(predicted, rows) > 0.25 * error2) {
+        if (fresh) {
+          out.optimal = true;
+          break;
+        }
+        sweep<K, true>(rod, p, moment, tip_force, share, elements, here);
+        fresh = true, factored = false, chords = 0;
+        continue;
+      }
+    }
+    double next[n];
+    for (int j = 0; j < n; ++j) next[j] = std::min(std::max(p[j] + d[j], limits.lower[j]), limits.upper[j]);
+    const Vec next_moment = moment - by.moment_step(d, damping, Ge);
+    Ends trial;
+    int modes = -1;
+    if (carries && chords > 0) {
+      // Most likely the last one: its count of unstable modes is then at hand.
+      modes = count_modes<K>(rod, next, next_moment, tip_force, share, elements, trial, out.tip_by_balance);
+    } else {
+      sweep<K, false>(rod, next, next_moment, tip_force, share, elements, scratch);
+      trial = scratch.ends();
+    }
+    double next_r[9];
+    residual(task, trial, next_r);
+    const double next_cost = task_cost(next_r, trial.moment), next_away = distance(next);
+    // Along the freedom the task leaves, a straight step costs task error until the next one mends it.
+    const bool sideways = pull > 0.0 && next_cost <= kSideways * kSideways && next_away < away;
+    const bool better = next_cost + next_away < cost + away || (pull < weight && next_cost < cost);
+    if (better || sideways || (size < 1e-6 && next_cost < cost + 1e-14)) {
+      std::copy(next, next + n, p);
+      std::copy(next_r, next_r + rows, r);
+      moment = next_moment;
+      e = trial.moment;
+      out.ends = trial;
+      out.modes = modes;
+      const bool well = next_cost < 0.01 * cost;
+      if (sideways || next_cost < 0.5 * cost) trust *= 2.0;
+      cost = next_cost;
+      away = next_away;
+      damping = std::fmin(1.0, 2.0 * damping);
+      fresh = false;
+      const bool done = norm(e) <= kBalance && square(r, rows) <= tolerance * tolerance;
+      if (done && weight == 0.0) {
+        out.optimal = true;
+        break;
+      }
+      if ((done || well) && ++chords <= kChords) continue;
+      sweep<K, true>(rod, p, moment, tip_force, share, elements, here);
+      fresh = true, factored = false, chords = 0;
+    } else if (!fresh) {
+      sweep<K, true>(rod, p, moment, tip_force, share, elements, here);
+      fresh = true, factored = false, chords = 0;
+    } else {
+      trust = 0.3 * std::min(trust, std::max(size, 1e-12));
+      damping *= 0.5;
+      if (trust < 1e-12) break;
+    }
+  }
+  out.statics = norm(e);
+  out.residual = std::sqrt(square(r, rows));
+  out.met = out.residual <= tolerance && out.statics <= kBalance;
+  if (!out.met) {
+    newton<K>(rod, p, moment, tip_force, share, elements, here);
+    out.ends = here.ends();
+    out.modes = -1;
+    residual(task, out.ends, r);
+    out.statics = norm(here.moment);
     out.residual = std::sqrt(square(r, rows));
     out.met = out.residual <= tolerance && out.statics <= kBalance;
-    if (!out.met) {
-        newton<K>(rod, p, moment, tip_force, share, elements, here);
-        out.ends = here.ends();
-        out.modes = -1;
-        residual(task, out.ends, r);
-        out.statics = norm(here.moment);
-        out.residual = std::sqrt(square(r, rows));
-        out.met = out.residual <= tolerance && out.statics <= kBalance;
-    }
-    out.moment = moment;
-    out.optimal = out.optimal || out.met;
-    return out;
+  }
+  out.moment = moment;
+  out.optimal = out.optimal || out.met;
+  return out;
 }
 
 }  // namespace contid

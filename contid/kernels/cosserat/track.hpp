@@ -1,4 +1,4 @@
-// From one command to the next: the solve of `cosserat_solve.hpp` where the base moment is known beforehand.
+// Descent from one command to the next, for solves in which the base moment is known beforehand.
 //
 // Of a rod without own weight the base moment in equilibrium is tip x force, and where the task is met the tip is
 // the target. Only the pressures are then unknown, which saves the columns of the moment. It is for tasks that
@@ -13,60 +13,59 @@ namespace contid {
 
 // False, with `out` undefined, where the general solve has to do it.
 template <int K>
-bool track(const Rod<K> &rod, const Task &task, Vec tip_force, const Limits<K> &limits, const double *start, int elements,
-           double tolerance, Outcome<K> &out) {
-    constexpr int n = 3 * K, C = Sweep<K, 0>::C;
-    const int rows = task.rows();
-    if (task.independent() < n) return false;
-    const Vec moment = cross(task.tip, tip_force);
-    double *p = out.pressures;
-    for (int i = 0; i < n; ++i) p[i] = std::min(std::max(start[i], limits.lower[i]), limits.upper[i]);
+bool track(const Rod<K>& rod, const Task& task, Vec tip_force, const Limits<K>& limits, const double* start,
+           int elements, double tolerance, Outcome<K>& out) {
+  constexpr int n = 3 * K, C = Sweep<K, 0>::C;
+  const int rows = task.rows();
+  if (task.independent() < n) return false;
+  const Vec moment = cross(task.tip, tip_force);
+  double* p = out.pressures;
+  for (int i = 0; i < n; ++i) p[i] = std::min(std::max(start[i], limits.lower[i]), limits.upper[i]);
 
-    Sweep<K, 0> here;
-    sweep<K, true>(rod, p, moment, tip_force, 1.0, elements, here);
-    double r[9], J[9][C], H[n][n], g[n], low[n], high[n], d[n];
-    jacobian(task, here, J);
-    normal_matrix(J, rows, 0.0, H);
+  Sweep<K, 0> here;
+  sweep<K, true>(rod, p, moment, tip_force, 1.0, elements, here);
+  double r[9], J[9][C], H[n][n], g[n], low[n], high[n], d[n];
+  jacobian(task, here, J);
+  normal_matrix(J, rows, 0.0, H);
 
-    const auto squared = [&](const Ends &ends) {
-        residual(task, ends, r);
-        double sum = 0.0;
-        for (int a = 0; a < rows; ++a) sum += r[a] * r[a];
-        return sum;
-    };
-    out.ends = here.ends();
-    out.modes = -1;
-    out.iterations = 1;
-    double error2 = squared(out.ends);
-    for (int chord = 0;; ++chord) {
-        if (error2 <= tolerance * tolerance && norm(out.ends.moment) <= kBalance) break;
-        if (chord > kChords) return false;
-        for (int j = 0; j < n; ++j) {
-            g[j] = 0.0;
-            for (int a = 0; a < rows; ++a) g[j] += J[a][j] * r[a];
-            low[j] = std::max(limits.lower[j] - p[j], -kTrustStart);
-            high[j] = std::min(limits.upper[j] - p[j], kTrustStart);
-        }
-        box_step<n>(H, g, low, high, d);
-        for (int j = 0; j < n; ++j) p[j] = std::min(std::max(p[j] + d[j], limits.lower[j]), limits.upper[j]);
-        out.modes = -1;
-        if (chord == 0) {
-            sweep<K, false>(rod, p, moment, tip_force, 1.0, elements, here);
-            out.ends = here.ends();
-        } else {  // most likely the last one: its count of unstable modes is then at hand
-            out.modes = count_modes<K>(rod, p, moment, tip_force, 1.0, elements, out.ends, out.tip_by_balance);
-        }
-        const double before = error2;
-        error2 = squared(out.ends);
-        if (!(error2 < 0.01 * before || error2 <= tolerance * tolerance)) return false;
+  const auto squared = [&](const Ends& ends) {
+    residual(task, ends, r);
+    double sum = 0.0;
+    for (int a = 0; a < rows; ++a) sum += r[a] * r[a];
+    return sum;
+  };
+  out.ends = here.ends();
+  out.modes = -1;
+  out.iterations = 1;
+  double error2 = squared(out.ends);
+  for (int chord = 0;; ++chord) {
+    if (error2 <= tolerance * tolerance && norm(out.ends.moment) <= kBalance) break;
+    if (chord > kChords) return false;
+    for (int j = 0; j < n; ++j) {
+      g[j] = 0.0;
+      for (int a = 0; a < rows; ++a) g[j] += J[a][j] * r[a];
+      low[j] = std::max(limits.lower[j] - p[j], -kTrustStart);
+      high[j] = std::min(limits.upper[j] - p[j], kTrustStart);
     }
-    if (out.modes < 0)
-        out.modes = count_modes<K>(rod, p, moment, tip_force, 1.0, elements, out.ends, out.tip_by_balance);
-    out.moment = moment;
-    out.statics = norm(out.ends.moment);
-    out.residual = std::sqrt(error2);
-    out.met = out.optimal = true;
-    return true;
+    box_step<n>(H, g, low, high, d);
+    for (int j = 0; j < n; ++j) p[j] = std::min(std::max(p[j] + d[j], limits.lower[j]), limits.upper[j]);
+    out.modes = -1;
+    if (chord == 0) {
+      sweep<K, false>(rod, p, moment, tip_force, 1.0, elements, here);
+      out.ends = here.ends();
+    } else {  // most likely the last one: its count of unstable modes is then at hand
+      out.modes = count_modes<K>(rod, p, moment, tip_force, 1.0, elements, out.ends, out.tip_by_balance);
+    }
+    const double before = error2;
+    error2 = squared(out.ends);
+    if (!(error2 < 0.01 * before || error2 <= tolerance * tolerance)) return false;
+  }
+  if (out.modes < 0) out.modes = count_modes<K>(rod, p, moment, tip_force, 1.0, elements, out.ends, out.tip_by_balance);
+  out.moment = moment;
+  out.statics = norm(out.ends.moment);
+  out.residual = std::sqrt(error2);
+  out.met = out.optimal = true;
+  return true;
 }
 
 }  // namespace contid

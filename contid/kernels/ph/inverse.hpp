@@ -27,8 +27,7 @@ struct Inverse {
 };
 
 // l_i = S - d (u cos alpha_i + v sin alpha_i) along the curve from the base to the tip.
-inline Inverse inverse(const Arm& arm, const Vec& tip, const Vec& direction, double length,
-                       const double* split) {
+inline Inverse inverse(const Arm& arm, const Vec& tip, const Vec& direction, double length, const double* split) {
   Inverse out;
   const double size = std::sqrt(dot(direction, direction));
   const Vec t1 = {direction[0] / size, direction[1] / size, direction[2] / size};
@@ -38,16 +37,14 @@ inline Inverse inverse(const Arm& arm, const Vec& tip, const Vec& direction, dou
   for (int section = 0; section < arm.sections; ++section) {
     out.backbone[section] = fit.length * split[section];
     travelled += out.backbone[section];
-    joints[section + 1] =
-        section + 1 < arm.sections ? parameter_at(fit.preimage, fit.length, travelled) : 1.0;
+    joints[section + 1] = section + 1 < arm.sections ? parameter_at(fit.preimage, fit.length, travelled) : 1.0;
   }
   section_bending(fit.preimage, joints, arm.sections, out.bending);
   for (int tube = 0; tube < arm.tubes; ++tube) out.totals[tube] = 0.0;
   for (int section = 0; section < arm.sections; ++section) {
     const double u = out.bending[2 * section], v = out.bending[2 * section + 1];
     for (int tube = 0; tube < arm.tubes; ++tube) {
-      const double l =
-          out.backbone[section] - (u * arm.offset_cos[section][tube] + v * arm.offset_sin[section][tube]);
+      const double l = out.backbone[section] - (u * arm.offset_cos[section][tube] + v * arm.offset_sin[section][tube]);
       out.lengths[section * arm.tubes + tube] = l;
       out.totals[tube] += l;
     }

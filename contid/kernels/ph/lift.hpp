@@ -15,14 +15,11 @@ constexpr double no_turn = 1e-12;     // below this two unit quaternions have no
 constexpr double underflow = 1e-150;  // closer to -i than this the square underflows
 
 inline double dot(const Vec& a, const Vec& b) { return a[0] * b[0] + a[1] * b[1] + a[2] * b[2]; }
-inline double dot(const Quat& a, const Quat& b) {
-  return a[0] * b[0] + a[1] * b[1] + a[2] * b[2] + a[3] * b[3];
-}
+inline double dot(const Quat& a, const Quat& b) { return a[0] * b[0] + a[1] * b[1] + a[2] * b[2] + a[3] * b[3]; }
 
 // <A, B> = (A i B* + B i A*) / 2; <A, A> is the hodograph
 inline Vec product(const Quat& a, const Quat& b) {
-  return {a[0] * b[0] + a[1] * b[1] - a[2] * b[2] - a[3] * b[3],
-          a[0] * b[3] + a[3] * b[0] + a[1] * b[2] + a[2] * b[1],
+  return {a[0] * b[0] + a[1] * b[1] - a[2] * b[2] - a[3] * b[3], a[0] * b[3] + a[3] * b[0] + a[1] * b[2] + a[2] * b[1],
           a[1] * b[3] + a[3] * b[1] - a[0] * b[2] - a[2] * b[0]};
 }
 

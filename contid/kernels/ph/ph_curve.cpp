@@ -45,9 +45,9 @@ class ShapeInverse {
   // (lengths, totals, backbone, bending, length_met)
   nb::tuple solve(double x, double y, double z, double ax, double ay, double az, double length) const {
     const Inverse found = inverse(arm_, {x, y, z}, {ax, ay, az}, length, arm_.split);
-    return nb::make_tuple(tuple_of(found.lengths, arm_.sections * arm_.tubes),
-                          tuple_of(found.totals, arm_.tubes), tuple_of(found.backbone, arm_.sections),
-                          tuple_of(found.bending, 2 * arm_.sections), found.length_met);
+    return nb::make_tuple(tuple_of(found.lengths, arm_.sections * arm_.tubes), tuple_of(found.totals, arm_.tubes),
+                          tuple_of(found.backbone, arm_.sections), tuple_of(found.bending, 2 * arm_.sections),
+                          found.length_met);
   }
 
   // Rows of (x, y, z, ax, ay, az, length) to rows of tube lengths, in place of `out`.
@@ -86,16 +86,14 @@ nb::tuple lowest_point(double x, double y, double z, double ux, double uy, doubl
 }  // namespace
 
 NB_MODULE(_ph_curve, module) {
-  module.doc() = "Pythagorean-hodograph quintics and tube lengths along them; see contid/models/ph_*.py";
+  module.doc() = "Pythagorean-hodograph quintics and tube lengths along them; twin of contid.kinematics.ph";
   nb::class_<ShapeInverse>(module, "ShapeInverse")
-      .def(nb::init<const std::vector<double>&, const std::vector<std::vector<double>>&,
-                    const std::vector<double>&>(),
+      .def(nb::init<const std::vector<double>&, const std::vector<std::vector<double>>&, const std::vector<double>&>(),
            nb::arg("distances_m"), nb::arg("angles_rad"), nb::arg("split"))
-      .def("solve", &ShapeInverse::solve, nb::arg("x"), nb::arg("y"), nb::arg("z"), nb::arg("ax"),
-           nb::arg("ay"), nb::arg("az"), nb::arg("length") = nan_value)
+      .def("solve", &ShapeInverse::solve, nb::arg("x"), nb::arg("y"), nb::arg("z"), nb::arg("ax"), nb::arg("ay"),
+           nb::arg("az"), nb::arg("length") = nan_value)
       .def("solve_rows", &ShapeInverse::solve_rows, nb::arg("poses"), nb::arg("out"));
   module.def("lowest", &lowest_point);
   module.def("through", &fit_through, nb::arg("x"), nb::arg("y"), nb::arg("z"), nb::arg("start_direction"),
-             nb::arg("end_direction"), nb::arg("length") = nan_value, nb::arg("beta") = 0.0,
-             nb::arg("gamma") = 0.0);
+             nb::arg("end_direction"), nb::arg("length") = nan_value, nb::arg("beta") = 0.0, nb::arg("gamma") = 0.0);
 }

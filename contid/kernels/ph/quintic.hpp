@@ -33,8 +33,7 @@ struct Rates {
 inline Rates rates(const Spinor& s) {
   const auto& [u, v, p, q] = s.a;
   const auto& [du, dv, dp, dq] = s.d;
-  return {u * dv - du * v - p * dq + dp * q, u * dq - du * q - v * dp + dv * p,
-          -(u * dp - du * p + v * dq - dv * q)};
+  return {u * dv - du * v - p * dq + dp * q, u * dq - du * q - v * dp + dv * p, -(u * dp - du * p + v * dq - dv * q)};
 }
 
 // Bernstein coefficients of the parametric speed sigma = |A|^2 [m].
@@ -75,8 +74,8 @@ inline double parameter_at(const Preimage& A, double length, double s) {
 
 // The lowest of `looks` points of a curve, counted from its start; the hodograph is integrated exactly.
 inline Vec lowest(const Preimage& A, int looks) {
-  const Vec s0 = product(A[0], A[0]), s1 = product(A[0], A[1]), s2 = product(A[0], A[2]),
-            s3 = product(A[1], A[1]), s4 = product(A[1], A[2]), s5 = product(A[2], A[2]);
+  const Vec s0 = product(A[0], A[0]), s1 = product(A[0], A[1]), s2 = product(A[0], A[2]), s3 = product(A[1], A[1]),
+            s4 = product(A[1], A[2]), s5 = product(A[2], A[2]);
   Vec P[6] = {{0.0, 0.0, 0.0}};
   for (int i = 0; i < 3; ++i) {
     const double step[5] = {s0[i] / 5.0, s1[i] / 5.0, (s2[i] + 2.0 * s3[i]) / 15.0, s4[i] / 5.0, s5[i] / 5.0};

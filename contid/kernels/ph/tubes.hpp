@@ -14,10 +14,9 @@ inline void section_bending(const Preimage& A, const double* joints, int section
   static const double r15 = std::sqrt(15.0);
   static const double node[3] = {0.5 - r15 / 10.0, 0.5, 0.5 + r15 / 10.0};
   static const double weight[3] = {5.0 / 18.0, 8.0 / 18.0, 5.0 / 18.0};
-  static const double within[3][3] = {
-      {5.0 / 36.0, 2.0 / 9.0 - r15 / 15.0, 5.0 / 36.0 - r15 / 30.0},
-      {5.0 / 36.0 + r15 / 24.0, 2.0 / 9.0, 5.0 / 36.0 - r15 / 24.0},
-      {5.0 / 36.0 + r15 / 30.0, 2.0 / 9.0 + r15 / 15.0, 5.0 / 36.0}};
+  static const double within[3][3] = {{5.0 / 36.0, 2.0 / 9.0 - r15 / 15.0, 5.0 / 36.0 - r15 / 30.0},
+                                      {5.0 / 36.0 + r15 / 24.0, 2.0 / 9.0, 5.0 / 36.0 - r15 / 24.0},
+                                      {5.0 / 36.0 + r15 / 30.0, 2.0 / 9.0 + r15 / 15.0, 5.0 / 36.0}};
   const Quat& a0 = A[0];
   const double u0 = a0[0], v0 = a0[1], p0 = a0[2], q0 = a0[3];
   double psi = std::atan2(2.0 * (u0 * p0 + v0 * q0), 2.0 * (v0 * p0 - u0 * q0));
@@ -35,8 +34,7 @@ inline void section_bending(const Preimage& A, const double* joints, int section
         k3[i] = per * at.k3;
       }
       for (int i = 0; i < 3; ++i) {
-        const double turn =
-            psi - width * (within[i][0] * spin[0] + within[i][1] * spin[1] + within[i][2] * spin[2]);
+        const double turn = psi - width * (within[i][0] * spin[0] + within[i][1] * spin[1] + within[i][2] * spin[2]);
         const double cosine = std::cos(turn), sine = std::sin(turn);
         sum_u += weight[i] * (cosine * k2[i] + sine * k3[i]);
         sum_v += weight[i] * (cosine * k3[i] - sine * k2[i]);

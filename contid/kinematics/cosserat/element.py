@@ -2,7 +2,7 @@
 
 A step is commutator-free and of fourth order (Celledoni, Marthinsen, Owren 2003): exact without load, where
 the strains of a section are constant. The equations are in `statics`; the specification of ``step`` and
-``link`` of ``contid/kernels/cosserat/rod.hpp`` and of ``cosserat_columns.hpp``.
+``link`` of ``contid/kernels/cosserat/rod.hpp`` and of ``columns.hpp``.
 
 Units: mm, N, N·mm, bar. Every vector in the base frame unless its name says otherwise.
 """

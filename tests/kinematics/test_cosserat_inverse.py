@@ -25,7 +25,7 @@ from contid.kinematics.cosserat.section import Rod, Section
 from contid.kinematics.cosserat.solve import Problem, solve
 from contid.kinematics.cosserat.stability import critical_factor, unstable_modes
 from contid.kinematics.cosserat.task import Task
-from tests.models.cosserat_cases import GOLDEN, GRAM, hanging, lean, limits, one, section, two
+from tests.kinematics.cosserat_cases import GOLDEN, GRAM, hanging, lean, limits, one, section, two
 
 SINGLE = [case for case in GOLDEN["ik"] if case["name"] != "pose family"]
 FAMILY = [case for case in GOLDEN["ik"] if case["name"] == "pose family"]

@@ -13,7 +13,7 @@ from contid.kinematics.cosserat.section import Rod, Section
 from contid.kinematics.cosserat.shape import backbone
 from contid.kinematics.cosserat.spatial import Array, exponential
 from contid.kinematics.cosserat.statics import sweep
-from tests.models.cosserat_cases import GOLDEN, hanging, loads_of, one, rod_of, section, two
+from tests.kinematics.cosserat_cases import GOLDEN, hanging, loads_of, one, rod_of, section, two
 
 FK = GOLDEN["fk"]
 

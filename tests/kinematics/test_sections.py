@@ -11,7 +11,7 @@ from hypothesis import strategies as st
 
 from contid.kinematics.arc import arc
 from contid.kinematics.arc.sections import Sections, backbone, differentiate, forward
-from tests.models.section_robots import CCW, GOLDEN, PAPER, RACKS, ROBOTS, cbha_sections, random_lengths
+from tests.kinematics.section_robots import CCW, GOLDEN, PAPER, RACKS, ROBOTS, cbha_sections, random_lengths
 
 ONE = Sections((0.035,), (RACKS,), (0.0,))
 TWO = Sections((0.035, 0.035), (RACKS, RACKS), (0.0, 0.0))

@@ -7,7 +7,7 @@ import pytest
 
 from contid.kinematics.ph.ends import CurveEnds, through
 from contid.kinematics.ph.spline import PhSpline, c1
-from tests.models.ph_golden import DISTANCE, golden_lengths, section_pose, two_section_pose
+from tests.kinematics.ph_golden import DISTANCE, golden_lengths, section_pose, two_section_pose
 
 Z = (0.0, 0.0, 1.0)
 

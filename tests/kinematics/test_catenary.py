@@ -11,7 +11,7 @@ from hypothesis import strategies as st
 
 from contid.kinematics.ph.ends import CurveEnds, through
 from contid.kinematics.rope.catenary import Catenary, as_quintic, hang, stretch
-from tests.models.ph_golden import GOLDEN, MM, two_section_pose
+from tests.kinematics.ph_golden import GOLDEN, MM, two_section_pose
 
 coordinate = st.floats(-1.0, 1.0)
 point = st.tuples(coordinate, coordinate, coordinate)

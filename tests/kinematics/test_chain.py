@@ -12,7 +12,7 @@ from contid.errors import BadInputError
 from contid.kinematics.rope.chain import ChainGuard, Tip
 from contid.robot_file.chain import Chain
 from contid.robot_file.load import load_robot_file, parse_robot_file
-from tests.models.ph_golden import GOLDEN, MM, two_section_pose
+from tests.kinematics.ph_golden import GOLDEN, MM, two_section_pose
 
 CHAIN = Path(__file__).parents[2] / "configs" / "chain.yaml"
 

@@ -11,7 +11,7 @@ from contid.kinematics.arc.sections import forward
 from studies import hughes, singh
 from studies.distal_learning import InverseNetwork, NetworkFileError, Recipe, train
 from studies.network import Network
-from tests.models.section_robots import GOLDEN, one_segment
+from tests.kinematics.section_robots import GOLDEN, one_segment
 
 SECTIONS = singh.cbha_sections()
 PATH = singh.golden_trajectory()

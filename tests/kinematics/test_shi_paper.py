@@ -16,7 +16,7 @@ from studies.shi import PAPER_ELEMENTS, forward, inverse, unknowns
 from studies.shi_cold import MODES, cold_starts
 from studies.shi_experiments import Plant, arm, experiment
 from studies.shi_paths import runs
-from tests.models.cosserat_cases import GOLDEN, GRAM, rod_of
+from tests.kinematics.cosserat_cases import GOLDEN, GRAM, rod_of
 
 TIP_LOADED = [case for case in GOLDEN["fk"] if set(case["loads"]) <= {"Ftip"}]
 

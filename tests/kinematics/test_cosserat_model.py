@@ -17,7 +17,7 @@ from contid.robot_file.cosserat import Cosserat
 from contid.robot_file.load import load_robot_file
 from contid.targets import Target
 from contid.units import BAR
-from tests.models.cosserat_cases import GRAM
+from tests.kinematics.cosserat_cases import GRAM
 
 
 def describe(configs: Path, name: str, **changes: Any) -> Cosserat:

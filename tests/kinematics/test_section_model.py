@@ -18,7 +18,7 @@ from contid.kinematics.model import build_model
 from contid.robot_file.document import RobotFile
 from contid.robot_file.tri_rack import TriRack
 from contid.targets import Target
-from tests.models.section_robots import GOLDEN, ROBOTS, one_segment, random_lengths
+from tests.kinematics.section_robots import GOLDEN, ROBOTS, one_segment, random_lengths
 
 Build = Callable[[Feasible], Solver]
 

@@ -12,7 +12,7 @@ from hypothesis import strategies as st
 
 from contid.kinematics.arc.biarc import biarc, two_arcs
 from contid.kinematics.arc.sections import Sections, forward
-from tests.models.section_robots import GOLDEN, PAPER, RACKS, cbha_sections
+from tests.kinematics.section_robots import GOLDEN, PAPER, RACKS, cbha_sections
 
 BIARC = GOLDEN["biarc"]
 
