@@ -1,7 +1,6 @@
 """The robot files that ship with contid, found by name: ``hand`` is ``configs/hand.yaml``.
 
-An installed contid carries them inside its own package (``contid/configs``, see CMakeLists.txt); in a
-checkout they are the folder ``configs`` at the top.
+They are in ``contid/configs`` when installed (see CMakeLists.txt), in ``configs`` at the top of a checkout.
 """
 
 from __future__ import annotations
@@ -10,6 +9,7 @@ import difflib
 from pathlib import Path
 
 from contid.errors import ContidError
+from contid.robot_file.load import LoadedFile, load_robot_file
 
 
 def configs_folder() -> Path:
@@ -17,6 +17,15 @@ def configs_folder() -> Path:
     package = Path(__file__).resolve().parent.parent
     inside = package / "configs"
     return inside if inside.is_dir() else package.parent / "configs"
+
+
+def load_named(name: str) -> LoadedFile:
+    """Read and check a robot file, or the shipped one of that name.
+
+    Raises:
+        ContidError: as `find_robot_file` and `load_robot_file`.
+    """
+    return load_robot_file(find_robot_file(name))
 
 
 def find_robot_file(name: str) -> Path:

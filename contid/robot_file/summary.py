@@ -15,8 +15,8 @@ class AxisReport(TypedDict):
     """One axis: its limits in the unit of its robot, and where it is wired."""
 
     name: str
-    least: float | None
-    greatest: float | None
+    min: float | None
+    max: float | None
     bus: str
     device: str
     address: str
@@ -103,12 +103,12 @@ def _robot(loaded: LoadedFile, name: str, robot: RobotDescription) -> RobotRepor
         bus = loaded.buses[description.bus]
         options = dict(bus.axes)[f"{name}.{axis}"]
         driver = load_driver(bus.driver)
-        least, greatest = limits.get(axis, (None, None))
+        lowest, highest = limits.get(axis, (None, None))
         axes.append(
             {
                 "name": axis,
-                "least": _rounded(least),
-                "greatest": _rounded(greatest),
+                "min": _rounded(lowest),
+                "max": _rounded(highest),
                 "bus": bus.name,
                 "device": driver.kind(options).value,
                 "address": driver.address(options),

@@ -7,8 +7,7 @@ from dataclasses import dataclass
 from typing import TextIO
 
 from contid.errors import ContidError
-from contid.robot_file.load import load_robot_file
-from contid.robot_file.shipped import find_robot_file
+from contid.robot_file.shipped import load_named
 from contid.targets import Vec3
 from contid.trajectory.columns import TIME
 from contid.trajectory.shapes import Path
@@ -35,7 +34,7 @@ def owners_in_file(name: str, only: Sequence[str] = ()) -> list[Who]:
     Raises:
         ContidError: the file is wrong, or none of its robots takes a tip position, or one named does not.
     """
-    robots = load_robot_file(find_robot_file(name)).file.robots
+    robots = load_named(name).file.robots
     movable = {name: robot for name, robot in robots.items() if "tip" in robot.accepts and not robot.passive}
     if not movable:
         raise ContidError(f"{name}: none of its robots takes a tip position")

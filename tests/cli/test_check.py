@@ -25,7 +25,7 @@ def test_the_report_names_robots_axes_buses_limits_rate_and_placeholders() -> No
         "velocity",
     ):
         assert message in done.output
-    assert "placeholders (numbers no one measured): geometry.rack_spacing_mm" in done.output
+    assert "placeholder values, measure these on your robot: geometry.rack_spacing_mm" in done.output
 
 
 def test_the_report_names_the_links_of_a_chain_and_a_chosen_inverse(configs: Path, tmp_path: Path) -> None:
@@ -36,7 +36,7 @@ def test_the_report_names_the_links_of_a_chain_and_a_chosen_inverse(configs: Pat
         "link 2: rope of 1000 mm, 50 g, pinned at both ends, one curve",
         "link 3: arm right on its base at (700, 0, 0) mm",
         "bases 700 mm apart; the rope stays above z = -150 mm",
-        "placeholders (numbers no one measured): floor_mm, links",
+        "placeholder values, measure these on your robot: floor_mm, links",
     ):
         assert message in done.output
     text = (configs / "chain.yaml").read_text()
@@ -58,7 +58,7 @@ def test_the_report_as_json(configs: Path, name: str) -> None:
     report = json.loads(done.stdout)
     assert report["rate_hz"] == 200
     for robot in report["robots"]:
-        assert [(axis["least"], axis["greatest"]) for axis in robot["axes"]] == [(0, 100), (0, 100)]
+        assert [(axis["min"], axis["max"]) for axis in robot["axes"]] == [(0, 100), (0, 100)]
 
 
 def test_a_bad_file_as_json_is_one_line_per_mistake(tmp_path: Path, configs: Path) -> None:

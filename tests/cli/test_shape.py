@@ -91,7 +91,7 @@ def test_the_rope_of_a_chain_hangs_between_the_tips_of_its_arms() -> None:
     [
         ((), "x_mm,y_mm,z_mm\n0,0,220\n", "stdin:2:1: shape needs the actuation of cbha"),
         (("--from-poses",), "x_mm,y_mm,z_mm\n0,0,220\n", "needs position and direction of cbha"),
-        (("--length-mm", "200"), POSTURE, "--length-mm belongs to --from-poses"),
+        (("--length-mm", "200"), POSTURE, "--length-mm needs --from-poses"),
         (("--from-poses", "--length-mm", "0"), POSTURE, "x>0"),
         ((), "", "stdin:1:1: no rows"),
     ],

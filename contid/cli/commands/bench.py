@@ -19,4 +19,4 @@ BENCHES: Final[dict[str, tuple[str, str]]] = {
 }
 
 
-command = TableGroup(BENCHES, "Benchmarks", "Measure contid on this machine and print the result.")
+command = TableGroup(BENCHES, "Benchmarks", help="Measure contid on this machine and print the result.")

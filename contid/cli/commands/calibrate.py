@@ -19,5 +19,5 @@ CALIBRATIONS: Final[dict[str, tuple[str, str]]] = {
 }
 
 command = TableGroup(
-    CALIBRATIONS, "Calibrations", "Fit a model's parameters to measurements and write them back."
+    CALIBRATIONS, "Calibrations", help="Fit a model's parameters to measurements and write them back."
 )

@@ -17,7 +17,7 @@ if TYPE_CHECKING:
 
 @calibration("curvature")
 @click.option("--mm-per-px", type=POSITIVE, help="Size of a pixel: x_px,y_px.")
-def command(asked: Calibration, mm_per_px: float | None) -> None:
+def command(request: Calibration, mm_per_px: float | None) -> None:
     """Fit epsilon = a S + b to DATA, a CSV with one row per marker.
 
     Columns: posture (any name), the command (left_mm,right_mm or arc_length_mm,curvature_per_mm) and the
@@ -27,16 +27,16 @@ def command(asked: Calibration, mm_per_px: float | None) -> None:
     from contid.calibrate.curvature import fit_curvature, read_postures
     from contid.robot_file.rack_finger import RackFinger
 
-    name, robot = asked.find(RackFinger, "rack finger")
+    name, robot = request.find(RackFinger, "rack finger")
     spacing_mm = robot.geometry.rack_spacing_mm
-    postures = read_postures(asked.data, asked.source, rack_spacing_mm=spacing_mm, mm_per_px=mm_per_px)
+    postures = read_postures(request.data, request.source, rack_spacing_mm=spacing_mm, mm_per_px=mm_per_px)
     fit = fit_curvature(postures)
-    click.echo(json.dumps(_numbers(fit)) if asked.as_json else _words(fit))
-    if asked.plot is not None:
+    click.echo(json.dumps(_numbers(fit)) if request.as_json else _text(fit))
+    if request.plot is not None:
         from contid.calibrate.curvature_plot import plot_curvature
 
-        plot_curvature(asked.plot, fit)
-    asked.write_back(name, _changes(fit, asked.note))
+        plot_curvature(request.plot, fit)
+    request.write_back(name, _changes(fit, request.note))
 
 
 def _numbers(fit: CurvatureFit) -> dict[str, object]:
@@ -63,7 +63,7 @@ def _numbers(fit: CurvatureFit) -> dict[str, object]:
     }
 
 
-def _words(fit: CurvatureFit) -> str:
+def _text(fit: CurvatureFit) -> str:
     worst = max(fit.postures, key=lambda posture: posture.circle.rms)
     return (
         f"{len(fit.postures)} postures, arc length {fit.arc_length_mm[0]:g} to {fit.arc_length_mm[1]:g} mm\n"

@@ -17,7 +17,7 @@ if TYPE_CHECKING:
 
 
 @calibration("modulus")
-def command(asked: Calibration) -> None:
+def command(request: Calibration) -> None:
     """Fit moduli to DATA, a CSV of p1_bar,p2_bar,p3_bar,elongation_mm,bend_deg[,section][,trial].
 
     Elongations (equal pressures) give the polynomial of eq. 20, bending angles the bending gain. With --write
@@ -29,20 +29,20 @@ def command(asked: Calibration) -> None:
     from contid.kinematics.cosserat.model import build_section
     from contid.robot_file.cosserat import Cosserat
 
-    name, robot = asked.find(Cosserat, "pneumatic arm")
+    name, robot = request.find(Cosserat, "pneumatic arm")
     sections = [build_section(each) for each in robot.geometry.sections]
-    readings = read_readings(asked.data, asked.source)
+    readings = read_readings(request.data, request.source)
     numbers = sorted({reading.section for reading in readings})
     if numbers[-1] > len(sections):
-        raise ContidError(f"{asked.source}: it has sections {numbers}; the robot has {len(sections)}")
+        raise ContidError(f"{request.source}: it has sections {numbers}; the robot has {len(sections)}")
     fits = [fit(sections[number - 1], number, readings) for number in numbers]
     for found in fits:
-        click.echo(json.dumps(_finite(asdict(found))) if asked.as_json else _words(found))
-    if asked.plot is not None:
+        click.echo(json.dumps(_finite(asdict(found))) if request.as_json else _text(found))
+    if request.plot is not None:
         from contid.calibrate.modulus_plot import plot_fits
 
-        plot_fits(asked.plot, [(sections[found.section - 1], found) for found in fits], readings)
-    asked.write_back(name, _changes(fits, asked.note))
+        plot_fits(request.plot, [(sections[found.section - 1], found) for found in fits], readings)
+    request.write_back(name, _changes(fits, request.note))
 
 
 def _finite(values: dict[str, object]) -> dict[str, object]:
@@ -50,7 +50,7 @@ def _finite(values: dict[str, object]) -> dict[str, object]:
     return {key: None if value == math.inf else value for key, value in values.items()}
 
 
-def _words(found: ModulusFit) -> str:
+def _text(found: ModulusFit) -> str:
     grows = "everywhere" if found.grows_to_bar == math.inf else f"up to {found.grows_to_bar:.3f} bar"
     lines = [
         f"section {found.section}: {found.readings} elongations, {found.levels} pressures, "

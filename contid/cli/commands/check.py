@@ -1,4 +1,4 @@
-"""``contid check``: validate a robot file and say what it describes."""
+"""``contid check``: validate a robot file and print what it describes."""
 
 from __future__ import annotations
 
@@ -18,12 +18,11 @@ def command(robot_file: str, as_json: bool) -> None:
     A bad file ends with exit code 2 and every mistake as file:line:column: what; allowed; nearest name.
     """
     from contid.errors import BadInputError
-    from contid.robot_file.load import load_robot_file
-    from contid.robot_file.shipped import find_robot_file
+    from contid.robot_file.shipped import load_named
     from contid.robot_file.summary import summarise
 
     try:
-        loaded = load_robot_file(find_robot_file(robot_file))
+        loaded = load_named(robot_file)
     except BadInputError as error:
         if not as_json:
             raise

@@ -1,4 +1,4 @@
-"""``contid emulate``: wire-level devices where the ports of a robot file should be."""
+"""``contid emulate``: wire-level devices at the ports of a robot file."""
 
 from __future__ import annotations
 
@@ -11,10 +11,9 @@ import click
 from contid.cli.support.robot_names import robot_names
 from contid.errors import ContidError
 from contid.hal import Emulates
-from contid.robot_file.load import load_robot_file
-from contid.robot_file.shipped import find_robot_file
+from contid.robot_file.shipped import load_named
 
-#: Of SCHED_FIFO; the control process has 50.
+#: SCHED_FIFO priority; the control process has 50.
 _PRIORITY: Final = 40
 
 
@@ -27,7 +26,7 @@ _PRIORITY: Final = 40
     help="File to follow: each line appended to it is one fault switch in JSON.",
 )
 def command(driver: str, robot_file: str, faults: Path | None) -> None:
-    """Stand in for the devices of DRIVER in ROBOT_FILE, until Ctrl-C.
+    """Emulate the devices of DRIVER in ROBOT_FILE, until Ctrl-C.
 
     The port a bus names becomes a link to a pseudo terminal; run contid with the same file in another
     terminal, from the same folder.
@@ -36,18 +35,14 @@ def command(driver: str, robot_file: str, faults: Path | None) -> None:
 
     from contid.cli.support.buses import wired_buses
 
-    chosen = [
-        bus
-        for bus in wired_buses(load_robot_file(find_robot_file(robot_file)))
-        if bus.wiring.driver == driver
-    ]
+    chosen = [bus for bus in wired_buses(load_named(robot_file)) if bus.wiring.driver == driver]
     if not chosen:
         raise ContidError(f"{robot_file}: no bus with axes has driver {driver!r}")
     # A terminal closes with SIGTERM or SIGHUP as well, and the links must not stay behind. Blocked before any
     # thread starts, so that every thread inherits it and the signal waits for `sigwait`.
     ends = {signal.SIGINT, signal.SIGTERM, signal.SIGHUP}
     signal.pthread_sigmask(signal.SIG_BLOCK, ends)
-    _ask_for_real_time()
+    _request_real_time()
     with ExitStack() as stack:
         for bus in chosen:
             emulates = bus.capable(Emulates, "emulate")  # type: ignore[type-abstract]  # a runtime protocol
@@ -58,10 +53,10 @@ def command(driver: str, robot_file: str, faults: Path | None) -> None:
         signal.sigwait(ends)
 
 
-def _ask_for_real_time() -> None:
-    """A device does not wait for a desktop: run just below the control process, where that is permitted.
+def _request_real_time() -> None:
+    """Run just below the control process in priority, where that is permitted.
 
-    Without it a busy machine makes emulated devices silent for tens of milliseconds, and robots go to FAULT.
+    Otherwise a busy host silences emulated devices for tens of milliseconds, and robots go to FAULT.
     """
     import os
     from contextlib import suppress

@@ -13,18 +13,18 @@ import click
     "--write", type=click.Path(file_okay=False), help="Write the pages of faults and states below a folder."
 )
 def command(number: int | None, write: str | None) -> None:
-    """Print what a fault means, what the robot did and what to do; without NUMBER, the table of all."""
+    """Print cause, reaction and remedy of a fault; without NUMBER, the table of all."""
     from contid.control.tick.faults import PAGES, markdown
-    from contid.remote.server import docs_pages as handbook
+    from contid.remote.server import docs_pages
 
     if write is not None:
-        for path in handbook.write(Path(write)):
+        for path in docs_pages.write(Path(write)):
             click.echo(path, err=True)
         return
     by_number = {int(fault): fault for fault in PAGES}
     if number is None:
         click.echo(markdown(), nl=False)
     elif number in by_number:
-        click.echo(handbook.fault_page(by_number[number]), nl=False)
+        click.echo(docs_pages.fault_page(by_number[number]), nl=False)
     else:
         raise click.BadParameter(f"no fault {number}; there are {', '.join(map(str, by_number))}")

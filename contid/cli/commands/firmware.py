@@ -1,4 +1,4 @@
-"""``contid firmware``: build, flash and look at the sketch of the Arduino Due boards."""
+"""``contid firmware``: build, flash and inspect the sketch of the Arduino Due boards."""
 
 from __future__ import annotations
 
@@ -29,8 +29,8 @@ def command() -> None:
 def build() -> None:
     """Build the core here: the emulator, and as Cortex-M3 code with its size.
 
-    The sketch itself is built by the Arduino IDE or arduino-cli; this finds what would not compile there, and
-    prints how much of the board it takes.
+    The sketch itself is built by the Arduino IDE or arduino-cli; this finds compile errors early and prints
+    the share of the board's memory.
     """
     sources, cortex = import_module(_SOURCES), import_module(_CORTEX)
     click.echo(f"sources: {sources.firmware_dir()}")
@@ -70,7 +70,7 @@ def flash(port: str, connection: str, binary: Path | None, dry_run: bool) -> Non
         for step in steps:
             click.echo(shlex.join(step))
         if not dry_run:
-            raise ContidError(f"{tool} is not installed; the commands above flash the board where it is")
+            raise ContidError(f"{tool} is not installed; run the commands above where it is")
         return
     for step in steps:
         click.echo(shlex.join(step), err=True)
@@ -101,7 +101,7 @@ def _bossac_steps(port: str, connection: str, binary: Path) -> list[list[str]]:
 @command.command()
 @click.argument("robot_file", required=False, shell_complete=robot_names)
 def info(robot_file: str | None) -> None:
-    """What the sketch is, and what the boards of ROBOT_FILE say of themselves."""
+    """Version of the sketch, and the hello of the boards of ROBOT_FILE."""
     sources = import_module(_SOURCES)
     codes = import_module("contid_drivers.due.codes")
     click.echo(f"sources: {sources.firmware_dir()}")
@@ -110,12 +110,9 @@ def info(robot_file: str | None) -> None:
     if robot_file is None:
         return
     from contid.cli.support.buses import wired_buses
-    from contid.robot_file.load import load_robot_file
-    from contid.robot_file.shipped import find_robot_file
+    from contid.robot_file.shipped import load_named
 
-    boards = [
-        bus for bus in wired_buses(load_robot_file(find_robot_file(robot_file))) if bus.wiring.driver == "due"
-    ]
+    boards = [bus for bus in wired_buses(load_named(robot_file)) if bus.wiring.driver == "due"]
     if not boards:
         raise ContidError(f"{robot_file}: no bus has driver 'due'")
     hello = import_module("contid_drivers.due.session").ask_hello

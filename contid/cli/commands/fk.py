@@ -7,7 +7,7 @@ from collections.abc import Mapping
 import click
 
 from contid.cli.support.robot_names import robot_names
-from contid.cli.support.rows import Cell, answer_rows, front, open_rows
+from contid.cli.support.rows import Cell, column_prefix, convert_rows, open_rows
 
 
 @click.command()
@@ -24,23 +24,22 @@ def command(robot_file: str, rows: str | None, pose: bool, as_json: bool) -> Non
     from contid.control.engine.wiring import driven_robots
     from contid.kinematics.frames import BaseFrame
     from contid.kinematics.model import build_model
-    from contid.robot_file.load import load_robot_file
-    from contid.robot_file.shipped import find_robot_file
+    from contid.robot_file.shipped import load_named
     from contid.targets import Target
     from contid.units import m_to_mm
 
-    loaded = load_robot_file(find_robot_file(robot_file))
+    loaded = load_named(robot_file)
     robots = driven_robots(loaded)
     models = {name: build_model(robot) for name, robot in robots.items()}
     frames = {name: BaseFrame.of(robot.base) for name, robot in robots.items()}
 
-    def answer(targets: Mapping[str, Target]) -> dict[str, Cell]:
+    def convert(targets: Mapping[str, Target]) -> dict[str, Cell]:
         cells: dict[str, Cell] = {}
         for name, target in targets.items():
             if target.actuation is None:
                 axes = ", ".join(f"{axis}_{robots[name].quantity.unit}" for axis in robots[name].axis_names)
                 raise ValueError(f"fk needs the actuation of {name}: {axes}")
-            here, frame = front(loaded, name), frames[name]
+            here, frame = column_prefix(loaded, name), frames[name]
             load_in_base = frame.vector_in_base(target.load_n)
             tip = models[name].forward(target.actuation, load_in_base)
             axes = "xyz"[: models[name].dimension]
@@ -55,4 +54,4 @@ def command(robot_file: str, rows: str | None, pose: bool, as_json: bool) -> Non
         return cells
 
     with open_rows(rows) as source:
-        answer_rows(loaded, source, answer, as_json)
+        convert_rows(loaded, source, convert, as_json)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import functools
 import math
 import signal
 from collections.abc import Iterator, Sequence
@@ -26,9 +27,9 @@ if TYPE_CHECKING:
 @click.argument("axes", nargs=-1)
 @click.option("--dry-run", is_flag=True, help="Home, print, write nothing.")
 def command(robot_file: Path, axes: tuple[str, ...], dry_run: bool) -> None:
-    """Home AXES (ROBOT.AXIS; default: all that say how) one by one, and write their zero into ROBOT_FILE.
+    """Home AXES (ROBOT.AXIS; default: all with `homing:`) one by one and write their zero into ROBOT_FILE.
 
-    The file is replaced in one step after every axis was found; interrupted, it stays as it was. Ctrl-C,
+    The file is replaced in one step after the last axis; interrupted, it stays unchanged. Ctrl-C,
     SIGTERM, and `contid estop`, `stop` or `hold` from another terminal take the torque off at once.
     """
     from contid.cli.support.buses import wired_buses
@@ -37,13 +38,13 @@ def command(robot_file: Path, axes: tuple[str, ...], dry_run: bool) -> None:
 
     loaded = load_robot_file(robot_file)
     buses = wired_buses(loaded)
-    known = {axis.name for bus in buses for axis in bus.axes}
-    if unknown := [name for name in axes if name not in known]:
-        raise ContidError(f"no axis {unknown[0]!r}; there are {', '.join(sorted(known))}")
+    existing = {axis.name for bus in buses for axis in bus.axes}
+    if unknown := [name for name in axes if name not in existing]:
+        raise ContidError(f"no axis {unknown[0]!r}; there are {', '.join(sorted(existing))}")
     with interruptible(), StopServer(str(robot_file), "homing"):
         homed = _home(buses, axes)
     if not homed:
-        raise ContidError(f"{robot_file}: no axis says how it homes; add `homing:` to an axis")
+        raise ContidError(f"{robot_file}: no axis has `homing:`; add it to an axis")
     changes = []
     for found in homed:
         zero_deg = zero_of(loaded, found)
@@ -67,8 +68,8 @@ def _home(buses: Sequence[WiredBus], axes: Sequence[str]) -> list[Homed]:
         ]
         if only:
             homes = bus.capable(Homes, "home")  # type: ignore[type-abstract]  # a runtime protocol
-            say = lambda line: click.echo(line, err=True)  # noqa: E731  # one line, used once
-            homed += homes.home(bus.wiring.name, bus.wiring.options, bus.axes, only, say)
+            report = functools.partial(click.echo, err=True)
+            homed += homes.home(bus.wiring.name, bus.wiring.options, bus.axes, only, report)
     return homed
 
 

@@ -7,7 +7,7 @@ from collections.abc import Mapping
 import click
 
 from contid.cli.support.robot_names import robot_names
-from contid.cli.support.rows import Cell, answer_rows, front, open_rows
+from contid.cli.support.rows import Cell, column_prefix, convert_rows, open_rows
 
 
 @click.command()
@@ -16,34 +16,33 @@ from contid.cli.support.rows import Cell, answer_rows, front, open_rows
 @click.option(
     "--bare",
     is_flag=True,
-    help="Only what `contid fk`, `shape` and `run` read: no residuals; a row out of reach ends it.",
+    help="Only the columns of `contid fk`, `shape` and `run`; a row out of reach is an error.",
 )
 @click.option("--json", "as_json", is_flag=True, help="One JSON object per row instead of CSV.")
 def command(robot_file: str, rows: str | None, bare: bool, as_json: bool) -> None:
     """Inverse kinematics: rows of targets in (x_mm,y_mm[,z_mm], ...), actuation out.
 
     ROWS is a file, or stdin when it is left out. Every row adds residual_mm, converged, limited_by and
-    iterations; a target out of reach is answered by the best actuation inside the limits, with
-    converged=false. Each row starts from the answer of the row before.
+    iterations; a target out of reach gives the best actuation inside the limits, with
+    converged=false. The solution of each row is the start of the next.
     """
     from contid.control.engine.wiring import driven_robots
     from contid.kinematics.frames import BaseFrame
     from contid.kinematics.model import build_model
-    from contid.robot_file.load import load_robot_file
-    from contid.robot_file.shipped import find_robot_file
+    from contid.robot_file.shipped import load_named
     from contid.targets import Target
     from contid.units import m_to_mm
 
-    loaded = load_robot_file(find_robot_file(robot_file))
+    loaded = load_named(robot_file)
     robots = driven_robots(loaded)
     models = {name: build_model(robot) for name, robot in robots.items()}
     frames = {name: BaseFrame.of(robot.base) for name, robot in robots.items()}
     seeds = {name: robot.rest for name, robot in robots.items()}
 
-    def answer(targets: Mapping[str, Target]) -> dict[str, Cell]:
+    def convert(targets: Mapping[str, Target]) -> dict[str, Cell]:
         cells: dict[str, Cell] = {}
         for name, target in targets.items():
-            here, quantity = front(loaded, name), robots[name].quantity
+            here, quantity = column_prefix(loaded, name), robots[name].quantity
             found = models[name].inverse(frames[name].target_in_base(target), seeds[name])
             seeds[name] = found.actuation
             for axis, value in zip(robots[name].axis_names, found.actuation, strict=True):
@@ -67,4 +66,4 @@ def command(robot_file: str, rows: str | None, bare: bool, as_json: bool) -> Non
         return cells
 
     with open_rows(rows) as source:
-        answer_rows(loaded, source, answer, as_json)
+        convert_rows(loaded, source, convert, as_json)

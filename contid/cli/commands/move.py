@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING, Any, TextIO
 
 import click
 
-from contid.cli.support.orders import json_option, socket_option, told
+from contid.cli.support.orders import json_option, send, socket_option
 
 if TYPE_CHECKING:
     from contid.client import Client
@@ -15,7 +15,7 @@ if TYPE_CHECKING:
 @click.command()
 @click.argument("message", nargs=-1, metavar="[ROBOT] COLUMN=VALUE...")
 @click.option("--trajectory", type=click.File(), help="CSV rows to follow instead of a point; - for stdin.")
-@click.option("--takeover", is_flag=True, help="Take the motion right from whoever has it; the robots hold.")
+@click.option("--takeover", is_flag=True, help="Take the lease from its holder; the robots hold.")
 @click.option("--no-wait", is_flag=True, help="Return before the point is reached.")
 @socket_option
 @json_option
@@ -37,7 +37,7 @@ def command(
     if (trajectory is None) == (not message):
         raise click.UsageError("give a point (COLUMN=VALUE...) or --trajectory, one of them")
 
-    def ask(client: Client) -> dict[str, Any]:
+    def request(client: Client) -> dict[str, Any]:
         if takeover:
             client.take(takeover=True)
         if trajectory is None:
@@ -48,4 +48,4 @@ def command(
         target = point(message)
     else:
         columns, rows = columns_and_rows(trajectory)
-    told(socket, as_json, ask)
+    send(socket, as_json, request)

@@ -14,9 +14,9 @@ from contid.cli.support.robot_names import robot_names
 if TYPE_CHECKING:
     from contid.trajectory.shapes import Path
 
-#: Not a shape but the curve through the points the CBHA's methods are compared on (`contid bench ik`).
+#: The curve through the points on which the CBHA's methods are compared (`contid bench ik`).
 GOLDEN = "cbha-golden"
-#: Not of one robot: the two arms of a chain swing their rope.
+#: The two arms of a chain swing their rope.
 SWING = "swing"
 SHAPES = ("line", "circle", "ellipse", "square", "box", "spiral", "corners", "traverse", "diagonal")
 
@@ -78,7 +78,7 @@ def command(
     """
     if shape == GOLDEN:
         if any(value is not None for value in (radius, size, height, dz, lean, mid_text)):
-            raise click.UsageError(f"{GOLDEN} has its own place and size; it takes --period, --laps, --rate")
+            raise click.UsageError(f"{GOLDEN} has a fixed place and size; it takes --period, --laps, --rate")
         _golden(period, laps, rate, robot_file, robots)
         return
     if shape == SWING:
@@ -97,7 +97,7 @@ def command(
     if radius is not None and not kind.is_round:
         raise click.UsageError(f"a {shape} has no radius; give --size")
     if len(center) == 3 and height is not None:
-        raise click.UsageError("--center x,y,z and --height both say z; give one of them")
+        raise click.UsageError("--center x,y,z and --height both give z; use one of them")
     height = center[2] if len(center) == 3 else height
     names = [name.strip() for name in robots.split(",")] if robots else []
     if robot_file is not None:
@@ -163,12 +163,11 @@ def _swing(
     from contid.kinematics.frames import BaseFrame
     from contid.kinematics.model import build_model
     from contid.robot_file.chain import Chain
-    from contid.robot_file.load import load_robot_file
-    from contid.robot_file.shipped import find_robot_file
+    from contid.robot_file.shipped import load_named
     from contid.trajectory.swing import Swing, write_swing
     from contid.units import m_to_mm
 
-    found = load_robot_file(find_robot_file(robot_file)).file.robots
+    found = load_named(robot_file).file.robots
     chain = next((robot for robot in found.values() if isinstance(robot, Chain)), None)
     if chain is None:
         raise click.UsageError(f"{robot_file} describes no chain; a swing needs one (model: chain)")
@@ -185,7 +184,7 @@ def _swing(
 
 
 def _mid(text: str, with_shape: Callable[..., Path]) -> Path | tuple[float, float, float]:
-    """What ``--mid`` says: a fixed point, or a shape of its own."""
+    """The value of ``--mid``: a fixed point, or a shape of its own."""
     from contid.trajectory.shapes import Shape
 
     name, *numbers = text.split(":")

@@ -25,7 +25,7 @@ from contid.cli.support.robot_names import robot_names
 )
 @click.option("--json", "as_json", is_flag=True, help="The numbers as one JSON object.")
 def command(robot_file: str, plot: Path | None, voxel_mm: float | None, across: int, as_json: bool) -> None:
-    """Where the tips of ROBOT_FILE can go: areas of planar robots (exact), volumes of spatial ones.
+    """Workspace of the tips of ROBOT_FILE: areas of planar robots (exact), volumes of spatial ones.
 
     For a hand of two rack fingers it also prints the comparison of Morita et al., section IV-B.
     """
@@ -33,18 +33,16 @@ def command(robot_file: str, plot: Path | None, voxel_mm: float | None, across: 
     from contid.control.engine.wiring import driven_robots
     from contid.errors import ContidError
     from contid.reach.report import planar_report, spatial_report
-    from contid.robot_file.load import load_robot_file
     from contid.robot_file.rack_finger import RackFinger
-    from contid.robot_file.shipped import find_robot_file
+    from contid.robot_file.shipped import load_named
 
-    loaded = load_robot_file(find_robot_file(robot_file))
+    loaded = load_named(robot_file)
     robots = driven_robots(loaded)
     fingers = {name: robot for name, robot in robots.items() if isinstance(robot, RackFinger)}
     arms = {name: robot for name, robot in robots.items() if name not in fingers}
     flat = [name for name, robot in arms.items() if robot.dimension == 2]
     if flat:
-        what = "areas are known of model rack_finger, volumes of arms in space"
-        raise ContidError(f"{', '.join(flat)}: planar, and of no model whose area is known; {what}")
+        raise ContidError(f"{', '.join(flat)}: no area for this planar model; allowed: rack_finger")
     reports = [planar_report(fingers)] if fingers else []
     if arms:
         with counting("voxels tested") as progress:

@@ -15,13 +15,13 @@ from contid.cli.support.progress import counting
 
 @click.command()
 @click.argument("session_file", type=click.Path(exists=True, dir_okay=False))
-@click.option("--robot", help="Robot file instead of the recorded one; what differs is named.")
+@click.option("--robot", help="Robot file instead of the recorded one; differences are listed.")
 @click.option(
     "--tolerance",
     type=NumberRange(0.0),
     default=0.0,
     show_default=True,
-    help="Let commands differ by so many mm or bar; 0 compares bit for bit.",
+    help="Tolerated difference of commands [mm or bar]; 0 compares bit for bit.",
 )
 @click.option("--hardware", is_flag=True, help="Send the recorded commands to the real buses.")
 @click.option("--json", "as_json", is_flag=True, help="Print the result as JSON.")
@@ -30,14 +30,13 @@ def command(session_file: str, robot: str | None, tolerance: float, hardware: bo
 
     Exit code 1 and the first divergence when one differs.
     """
-    from contid.robot_file.load import load_robot_file
-    from contid.robot_file.shipped import find_robot_file
-    from contid.session import replay_report as verdict
+    from contid.robot_file.shipped import load_named
+    from contid.session import replay_report
     from contid.session.differences import differences
     from contid.session.read import Session
     from contid.session.replay import replay
 
-    given = None if robot is None else load_robot_file(find_robot_file(robot))
+    given = None if robot is None else load_named(robot)
     if hardware:
         session = Session(Path(session_file))
         if tolerance:
@@ -54,9 +53,9 @@ def command(session_file: str, robot: str | None, tolerance: float, hardware: bo
         start_s = time.perf_counter()
         replayed = replay(session, loaded, tolerance)
         took_s = time.perf_counter() - start_s
-    result = verdict.as_json(session, replayed, changed, took_s)
+    result = replay_report.as_json(session, replayed, changed, took_s)
     if as_json:
         click.echo(json.dumps(result))
     else:
-        click.echo("\n".join(verdict.as_words(session, replayed, changed, took_s)))
+        click.echo("\n".join(replay_report.as_words(session, replayed, changed, took_s)))
     sys.exit(0 if result["same"] else 1)

@@ -28,7 +28,7 @@ if TYPE_CHECKING:
     type=click.Choice(["stop", "rest", "hold"]),
     default="stop",
     show_default=True,
-    help="When the input ends: stop by the file's stop.on_end and exit, rest and exit, or hold until told.",
+    help="When the input ends: stop by stop.on_end of the file and exit, rest and exit, or hold.",
 )
 @click.option(
     "--unreachable",
@@ -52,12 +52,12 @@ if TYPE_CHECKING:
 @click.option(
     "--view",
     metavar="spawn|serve|FILE.rrd",
-    help="Show the robots: in a window, on a page of this machine, or in a file for `contid view`.",
+    help="Show the robots: in a window, in a browser on this machine, or in a file for `contid view`.",
 )
 @click.option(
     "--socket",
     type=click.Path(dir_okay=False),
-    help="Where clients talk to this daemon. Default: $XDG_RUNTIME_DIR/contid/NAME.sock, or "
+    help="Socket for clients. Default: $XDG_RUNTIME_DIR/contid/NAME.sock, or "
     "contid-UID/NAME.sock in the system's temporary folder; NAME is the robot file's name without .yaml.",
 )
 @click.option(
@@ -93,7 +93,7 @@ def command(
 
     make_stderr_nonblocking()
     where = None if view is None else _where(view)
-    # First of all: its imports take as long as ours.
+    # First, because its imports take as long as ours.
     spawned = None if virtual else spawn()
     from contid.control.daemon.run import run
     from contid.control.daemon.run_request import RunRequest
@@ -138,14 +138,14 @@ def command(
 
 
 def _where(text: str) -> ViewTarget | None:
-    """The place of a picture, refused before anything is started; None where only a display is missing."""
+    """The view target, checked before anything starts; None where only a display is missing."""
     from contid.view.view_target import NoDisplayError, parse_where, require
 
     where = parse_where(text)
     try:
         require(where)
     except NoDisplayError as error:
-        click.echo(f"contid: view: {error}; the run goes on without a picture", err=True)
+        click.echo(f"contid: view: {error}; the run continues without a view", err=True)
         return None
     return where
 

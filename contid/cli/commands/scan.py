@@ -1,4 +1,4 @@
-"""``contid scan``: who is on the serial ports."""
+"""``contid scan``: devices on the serial ports."""
 
 from __future__ import annotations
 
@@ -31,5 +31,5 @@ def command(ports: tuple[str, ...], bauds: tuple[int, ...], as_json: bool) -> No
                 click.echo(f"{where}  {found.model}  firmware {found.firmware}")
     if not count:
         raise ContidError(
-            "nobody answered; is the power on, is the adapter plugged in, does anybody else hold the port?"
+            "no device answered; check power, cabling and adapter, and that no other program uses the port"
         )

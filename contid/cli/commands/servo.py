@@ -40,7 +40,7 @@ def set_baud(target: tuple[Commissions, str, int], device: int, new: int) -> Non
     """Change the baud rate of id DEVICE to NEW."""
     driver, port, baud = target
     driver.set_baud(port, baud, device, new)
-    click.echo(f"id {device} talks at {new} baud now")
+    click.echo(f"id {device} has {new} baud now")
 
 
 @command.command("reboot")

@@ -1,4 +1,4 @@
-"""``contid session info|export|repair``: what to do with a recording besides replaying it."""
+"""``contid session info|export|repair``: summary, export and repair of a recording."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ SESSION = click.argument("session_file", type=click.Path(exists=True, dir_okay=F
 
 @click.group()
 def command() -> None:
-    """Look into a recorded session, export it, repair it."""
+    """Summarise, export or repair a recorded session."""
 
 
 @command.command()
@@ -52,12 +52,14 @@ def export(
     from contid.session.export import export_channels, export_joined, export_robot_file, refuse_to_replace
     from contid.session.read import Session
 
-    asked = [Path(path) for path in (csv_path, rrd_path, yaml_path) if path is not None]
-    if not asked:
-        raise click.UsageError("say where to: --csv FOLDER, --csv FILE.csv, --rrd FILE.rrd, --yaml FILE.yaml")
+    outputs = [Path(path) for path in (csv_path, rrd_path, yaml_path) if path is not None]
+    if not outputs:
+        raise click.UsageError(
+            "give an output: --csv FOLDER, --csv FILE.csv, --rrd FILE.rrd, --yaml FILE.yaml"
+        )
     with counting("ticks read") as count:
         session = Session(Path(session_file), count)
-        for path in asked:
+        for path in outputs:
             refuse_to_replace(path)
         if yaml_path is not None:
             export_robot_file(session, Path(yaml_path))
@@ -77,34 +79,33 @@ def export(
 @SESSION
 @click.option("--output", type=NewFile(dir_okay=False), help="Where to; SESSION_FILE is replaced if absent.")
 def repair(session_file: str, output: str | None) -> None:
-    """Make a cut-off SESSION_FILE whole.
+    """Repair a truncated SESSION_FILE.
 
-    The tick that was cut is left out, what remains is indexed and compressed.
+    The incomplete tick is dropped; the rest is indexed and compressed.
     """
     from contid.session.repair import repair as repaired
 
     with counting("ticks read") as count:
-        told = repaired(Path(session_file), None if output is None else Path(output), count)
-    click.echo(told)
+        summary = repaired(Path(session_file), None if output is None else Path(output), count)
+    click.echo(summary)
 
 
 def _export_rrd(session: Session, robot: str | None, path: Path) -> None:
-    loaded = drawn(session, robot)
-    os.environ.setdefault("RUST_LOG", "off")  # what goes wrong is said by contid
+    loaded = file_to_draw(session, robot)
+    os.environ.setdefault("RUST_LOG", "off")  # contid reports errors itself
     from contid.view.export import export_rrd
 
     entries = ((entry.values, entry.event) for entry in session.entries())
     export_rrd(entries, loaded, session.layout, path)
 
 
-def drawn(session: Session, robot: str | None) -> LoadedFile:
-    """The robot file whose shapes a picture of a session has: the recorded one, or one with the same axes."""
-    from contid.robot_file.load import load_robot_file
-    from contid.robot_file.shipped import find_robot_file
+def file_to_draw(session: Session, robot: str | None) -> LoadedFile:
+    """The robot file for the shapes of a session: the recorded one, or another with the same axes."""
+    from contid.robot_file.shipped import load_named
     from contid.session.differences import refuse_other_robots
 
     if robot is None:
         return session.robot_file()
-    loaded = load_robot_file(find_robot_file(robot))
+    loaded = load_named(robot)
     refuse_other_robots(session, loaded)
     return loaded

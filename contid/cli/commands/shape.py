@@ -49,23 +49,22 @@ def command(
     """Points of the backbone at equal arc length, base to tip, in the world frame of the robot file.
 
     ROWS (a file, or stdin) holds actuations as ``contid fk`` takes them: the shape is the model's. With
-    --from-poses it holds measured tips and directions: the shape is a Pythagorean-hodograph quintic that
-    knows nothing of the model. Rows are counted from 1.
+    --from-poses it holds measured tips and directions: the shape is a Pythagorean-hodograph quintic,
+    independent of the model. Rows are counted from 1.
     """
-    from contid.cli.support.rows import blamed_on, open_rows, read_rows
+    from contid.cli.support.rows import located_at, open_rows, read_rows
     from contid.kinematics.body_shape import of_rope
     from contid.kinematics.rope.chain import ChainGuard
     from contid.robot_file.chain import Chain
-    from contid.robot_file.load import load_robot_file
-    from contid.robot_file.shipped import find_robot_file
+    from contid.robot_file.shipped import load_named
     from contid.units import MM_PER_M
 
     length_m = None
     if lengths_mm is not None:
         if not from_poses:
-            raise click.UsageError("--length-mm belongs to --from-poses; a model knows its length")
+            raise click.UsageError("--length-mm needs --from-poses; a model has its own length")
         length_m = sum(lengths_mm) / MM_PER_M
-    loaded = load_robot_file(find_robot_file(robot_file))
+    loaded = load_named(robot_file)
     shaper = _by_pose(loaded, points, length_m) if from_poses else _by_model(loaded, points)
     robots = loaded.file.robots.items()
     guards = [ChainGuard(name, robot) for name, robot in robots if isinstance(robot, Chain)]
@@ -73,7 +72,7 @@ def command(
 
         def shapes() -> Iterator[ShapeRow]:
             for number, (place, time_s, targets) in enumerate(read_rows(loaded, source), start=1):
-                with blamed_on(place):
+                with located_at(place):
                     found = {name: shaper(name, target) for name, target in targets.items()}
                     for guard in guards:
                         if all(arm in found for arm in guard.arms):
@@ -115,8 +114,8 @@ def _by_pose(loaded: LoadedFile, points: int, length_m: float | None) -> Shaper:
         robot = loaded.file.robots[name]
         if target.tip_m is None or target.direction is None:
             axes = "xyz"[: robot.dimension]
-            wanted = [f"{axis}_mm" for axis in axes] + [f"a{axis}" for axis in axes]
-            raise ValueError(f"--from-poses needs position and direction of {name}: {', '.join(wanted)}")
+            columns = [f"{axis}_mm" for axis in axes] + [f"a{axis}" for axis in axes]
+            raise ValueError(f"--from-poses needs position and direction of {name}: {', '.join(columns)}")
         frame = BaseFrame.of(robot.base)
         return from_pose(frame, target.tip_m, target.direction, points, length_m, robot.dimension)
 

@@ -1,4 +1,4 @@
-"""``contid view``: look at a recorded run."""
+"""``contid view``: show a recorded run."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ if TYPE_CHECKING:
 
 @click.command()
 @click.argument("recording", type=click.Path(exists=True, dir_okay=False))
-@click.option("--serve", is_flag=True, help="A page on this machine for a browser instead of a window.")
+@click.option("--serve", is_flag=True, help="Serve a page for a browser on this machine instead of a window.")
 @click.option("--robot", help="Robot file for the shapes instead of the recorded one.")
 def command(recording: str, serve: bool, robot: str | None) -> None:
     """Show RECORDING: a session (.mcap) or what `--view FILE.rrd` wrote.
@@ -28,13 +28,13 @@ def command(recording: str, serve: bool, robot: str | None) -> None:
     if recording.endswith(".rrd"):
         _show_file(recording, where.kind is Kind.SERVE)
         return
-    from contid.cli.commands.session import drawn
+    from contid.cli.commands.session import file_to_draw
     from contid.session.read import Session
     from contid.view.export import draw
 
     session = Session(Path(recording))
     entries = ((entry.values, entry.event) for entry in session.entries())
-    draw(entries, drawn(session, robot), session.layout, where, shown=_stay)
+    draw(entries, file_to_draw(session, robot), session.layout, where, shown=_stay)
 
 
 def _show_file(path: str, serve: bool) -> None:
@@ -58,7 +58,7 @@ def _stay(host: RerunSession) -> None:
 
 
 def _wait(server: WebServer) -> None:
-    """Say where the page is and keep it until Ctrl-C or SIGTERM."""
+    """Print the URL and serve the page until Ctrl-C or SIGTERM."""
     signal.signal(signal.SIGTERM, signal.default_int_handler)
     click.echo(server.url)
     click.echo("contid: Ctrl-C ends the page", err=True)

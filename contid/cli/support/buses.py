@@ -15,17 +15,17 @@ _Capability = TypeVar("_Capability")
 
 @dataclass(frozen=True, slots=True)
 class WiredBus:
-    """One bus that carries axes."""
+    """One bus with axes, and its driver."""
 
     wiring: BusWiring
     driver: Driver
     axes: tuple[AxisOnBus, ...]
 
     def capable(self, capability: type[_Capability], command: str) -> _Capability:
-        """The driver as something it may offer beyond being a driver.
+        """The driver, as one with an optional capability.
 
         Raises:
-            ContidError: it does not offer it.
+            ContidError: the driver lacks it.
         """
         if not isinstance(self.driver, capability):
             raise ContidError(
@@ -35,7 +35,7 @@ class WiredBus:
 
 
 def wired_buses(loaded: LoadedFile) -> list[WiredBus]:
-    """Every bus of a file that carries axes, in file order."""
+    """Every bus of a file that has axes, in file order."""
     travel: dict[str, tuple[float, float]] = {}
     for name, robot in loaded.file.robots.items():
         if not robot.passive:

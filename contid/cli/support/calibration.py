@@ -1,4 +1,4 @@
-"""What every calibration shares: its measurements, the robot they are of, a figure, and writing back."""
+"""Shared by the calibrations: measurements, robot, figure, and writing back."""
 
 from __future__ import annotations
 
@@ -22,15 +22,15 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True, slots=True)
 class Calibration:
-    """One calibration as it was asked for.
+    """The arguments of one calibration.
 
     Attributes:
         data: the measurements.
-        robot_file: where the dimensions are.
-        robot: which robot of it; None when it has only one of the kind.
-        write: the robot file to write the fit into, None to leave it as it is.
-        plot: the figure to write, None for none.
-        as_json: print objects instead of words.
+        robot_file: file with the dimensions.
+        robot: name of the robot; None when the file has one of the kind.
+        write: the robot file to write the fit into, or None.
+        plot: the figure to write, or None.
+        as_json: print JSON instead of text.
     """
 
     data: TextIO
@@ -42,22 +42,22 @@ class Calibration:
 
     @property
     def source(self) -> str:
-        """What messages call the measurements."""
+        """Name of the measurements in messages."""
         return getattr(self.data, "name", "stdin").strip("<>")
 
     @property
     def note(self) -> str:
-        """Where the numbers come from: the comment behind each."""
+        """Origin of the numbers: the comment behind each."""
         return f"calibrated {date.today().isoformat()} from {Path(self.source).name}"
 
-    def find(self, kind: type[_Kind], message: str) -> tuple[str, _Kind]:
-        """Name and description of the robot; ``message`` is what messages call its kind."""
+    def find(self, kind: type[_Kind], kind_name: str) -> tuple[str, _Kind]:
+        """Name and description of the robot; ``kind_name`` is for messages."""
         from contid.calibrate.target_robot import find_robot
 
-        return find_robot(self.robot_file, self.robot, kind, message)
+        return find_robot(self.robot_file, self.robot, kind, kind_name)
 
     def write_back(self, robot: str, changes: Sequence[Change]) -> None:
-        """Write the numbers into the robot file, when that was asked for."""
+        """Write the numbers into the robot file, with ``--write``."""
         from contid.calibrate.target_robot import write_back
 
         if self.write is not None:
@@ -96,8 +96,7 @@ def calibration(name: str) -> Callable[[Callable[..., None]], click.Command]:
                 raise click.UsageError(
                     "name the robot's file: --write FILE to change it, --for FILE to only read it"
                 )
-            asked = Calibration(data, str(write or robot_file), robot, write, plot, as_json)
-            function(asked, **own)
+            function(Calibration(data, str(write or robot_file), robot, write, plot, as_json), **own)
 
         return command
 

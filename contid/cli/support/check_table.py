@@ -10,7 +10,7 @@ from rich.table import Table
 
 from contid.robot_file.summary import ChainReport, FileReport, RobotReport
 
-#: What a kind of target is called here.
+#: Names of the kinds of target.
 _KINDS: Final = {
     "mid": "mid-point",
     "actuation": "or actuation",
@@ -21,54 +21,54 @@ _KINDS: Final = {
 
 
 def print_report(report: FileReport, columns: Mapping[str, Mapping[str, Sequence[str]]]) -> None:
-    """Print robots, axes, buses, limits, rate and what is a placeholder.
+    """Print robots, axes, buses, limits, rate and placeholders.
 
     Args:
-        report: what the file describes.
+        report: of the robot file.
         columns: of trajectories, by robot and kind of target.
     """
     console = Console(highlight=False)
 
-    def say(line: str) -> None:
+    def echo(line: str) -> None:
         console.print(line, soft_wrap=True, markup=False)
 
     count = len(report["robots"])
     robots = "1 robot" if count == 1 else f"{count} robots"
-    say(f"{report['name']}: {robots} at {report['rate_hz']:g} Hz; {report['file']} is valid")
+    echo(f"{report['name']}: {robots} at {report['rate_hz']:g} Hz; {report['file']} is valid")
     for robot in report["robots"]:
         base = ", ".join(f"{value:g}" for value in robot["base_mm"])
-        say(f"\n{robot['name']}: {robot['model']} at ({base}) mm")
+        echo(f"\n{robot['name']}: {robot['model']} at ({base}) mm")
         if robot["kinematics"] != robot["model"]:
-            say(f"  inverse: {robot['kinematics'].rpartition('.')[2]}")
+            echo(f"  inverse: {robot['kinematics'].rpartition('.')[2]}")
         if robot["passive"]:
-            say("  passive: it has no actuators of its own")
+            echo("  passive: it has no actuators of its own")
             if robot["chain"] is not None:
                 for line in _chain(robot["chain"]):
-                    say(f"  {line}")
-                _placeholders(robot, say)
+                    echo(f"  {line}")
+                _placeholders(robot, echo)
             continue
         console.print(_axes(robot))
-        say(f"  rates: {_rates(robot)}")
-        say("  trajectory columns:")
+        echo(f"  rates: {_rates(robot)}")
+        echo("  trajectory columns:")
         for kind, names in columns[robot["name"]].items():
-            say(f"    {_KINDS.get(kind, kind)}: {', '.join(names)}")
-        say(f"  stops: {', '.join(f'{key} {value}' for key, value in robot['stop'].items())}")
-        _placeholders(robot, say)
+            echo(f"    {_KINDS.get(kind, kind)}: {', '.join(names)}")
+        echo(f"  stops: {', '.join(f'{key} {value}' for key, value in robot['stop'].items())}")
+        _placeholders(robot, echo)
     buses = Table("bus", "driver", "port", "axes", "misses allowed")
     for bus in report["buses"]:
         tolerance = f"{bus['tolerance_ticks']} ticks"
         buses.add_row(bus["name"], bus["driver"], bus["port"], str(bus["axes"]), tolerance)
-    say("")
+    echo("")
     console.print(buses)
 
 
-def _placeholders(robot: RobotReport, say: Callable[[str], None]) -> None:
+def _placeholders(robot: RobotReport, echo: Callable[[str], None]) -> None:
     if robot["placeholders"]:
-        say(f"  placeholders (numbers no one measured): {', '.join(robot['placeholders'])}")
+        echo(f"  placeholder values, measure these on your robot: {', '.join(robot['placeholders'])}")
 
 
 def _chain(chain: ChainReport) -> Iterator[str]:
-    """Links from base to base, and what the rope must keep."""
+    """Links from base to base, and the clearance of the rope."""
     first, second = (
         f"arm {arm['name']} on its base at ({', '.join(f'{value:g}' for value in arm['base_mm'])}) mm"
         for arm in chain["arms"]
@@ -84,8 +84,8 @@ def _chain(chain: ChainReport) -> Iterator[str]:
 def _axes(robot: RobotReport) -> Table:
     table = Table("axis", f"from ({robot['unit']})", f"to ({robot['unit']})", "bus", "device", "address")
     for axis in robot["axes"]:
-        ends = ("" if end is None else f"{end:g}" for end in (axis["least"], axis["greatest"]))
-        table.add_row(axis["name"], *ends, axis["bus"], axis["device"], axis["address"])
+        limits = ("" if end is None else f"{end:g}" for end in (axis["min"], axis["max"]))
+        table.add_row(axis["name"], *limits, axis["bus"], axis["device"], axis["address"])
     return table
 
 

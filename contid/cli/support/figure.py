@@ -1,4 +1,4 @@
-"""Type of options that name a figure to write: its ending says what kind, and is known before any work."""
+"""Type of options that name a figure to write; its ending is checked before any work."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ class FigurePath(_Path):
         super().__init__(dir_okay=False, path_type=Path)
 
     def convert(self, value: Any, param: click.Parameter | None, ctx: click.Context | None) -> Path:
-        """The path; an ending that is no kind of figure is a usage error."""
+        """The path; an unknown ending is a usage error."""
         path = Path(super().convert(value, param, ctx))
         if path.suffix.lower() not in _KINDS:
             self.fail(f"{str(path)!r} must end in {', '.join(_KINDS)}.", param, ctx)

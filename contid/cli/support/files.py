@@ -9,7 +9,7 @@ import click
 
 
 class NewFile(click.Path):
-    """Where something is written: the name of a file; ``-`` would become a file of that name."""
+    """An output file; ``-`` is refused because it would become a file of that name."""
 
     def convert(
         self, value: str | os.PathLike[str], param: click.Parameter | None, ctx: click.Context | None

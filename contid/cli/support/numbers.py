@@ -1,4 +1,4 @@
-"""Types of options that are numbers: what click lets through as one, ``nan`` and ``inf``, is refused."""
+"""Types of options that are numbers; unlike click's own they refuse ``nan`` and ``inf``."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ class Number(FloatParamType):
     name = "number"
 
     def convert(self, value: Any, param: click.Parameter | None, ctx: click.Context | None) -> float:
-        """The number; a value that is none, or not a finite one, is a usage error with the option's name."""
+        """The number; anything but a finite number is a usage error."""
         number = super().convert(value, param, ctx)
         if not math.isfinite(number):
             self.fail(f"{value!r} is not a finite number.", param, ctx)
@@ -28,28 +28,29 @@ class Number(FloatParamType):
 
 
 class NumberRange(click.FloatRange, Number):
-    """A finite number in a range: click compares with its ends what `Number` lets through."""
+    """A finite number in a range."""
 
     name = "number"
 
 
 class Numbers(_Tuple):
-    """From ``least`` to ``most`` numbers separated by commas: ``50,70``."""
+    """From ``min_count`` to ``max_count`` numbers separated by commas: ``50,70``."""
 
     name = "numbers"
 
-    def __init__(self, least: int, most: int, each: FloatParamType) -> None:
-        self.least, self.most, self.each = least, most, each
+    def __init__(self, min_count: int, max_count: int, each: FloatParamType) -> None:
+        self.min_count, self.max_count, self.each = min_count, max_count, each
 
     def convert(
         self, value: Any, param: click.Parameter | None, ctx: click.Context | None
     ) -> tuple[float, ...]:
-        """The numbers; another count, or one of them refused by ``each``, is a usage error."""
+        """The numbers; a wrong count, or a number that ``each`` refuses, is a usage error."""
         if isinstance(value, tuple):
             return value
         parts = value.split(",")
-        if not self.least <= len(parts) <= self.most:
-            count = f"{self.least} to {self.most}" if self.least < self.most else f"{self.least}"
+        if not self.min_count <= len(parts) <= self.max_count:
+            several = self.min_count < self.max_count
+            count = f"{self.min_count} to {self.max_count}" if several else f"{self.min_count}"
             self.fail(f"{value!r} is not {count} numbers with commas between.", param, ctx)
         return tuple(self.each.convert(part, param, ctx) for part in parts)
 

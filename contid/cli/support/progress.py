@@ -1,4 +1,4 @@
-"""Progress on stderr, only when someone is looking."""
+"""Progress on stderr, when it is a terminal."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ from contextlib import contextmanager
 
 @contextmanager
 def counting(what: str) -> Iterator[Callable[[int], None]]:
-    """A spinner with a growing count on a terminal; silence elsewhere."""
+    """A spinner with a growing count on a terminal; nothing elsewhere."""
     if not sys.stderr.isatty():
         yield lambda count: None
         return

@@ -1,4 +1,4 @@
-"""`contid status` for a person: buses, robots, faults and axes as tables, once or again and again."""
+"""`contid status` as tables: buses, robots, faults and axes; once, or repeatedly."""
 
 from __future__ import annotations
 
@@ -17,12 +17,12 @@ from contid.remote.protocol.wire import Fields
 BAR: Final = 24
 _TIER_STYLE: Final = {"fresh": "green", "late": "yellow", "stale": "yellow", "old": "red", "lost": "bold red"}
 _STATE_STYLE: Final = {"RUN": "green", "APPROACH": "cyan", "HOLD": "blue", "FAULT": "bold red", "OFF": "dim"}
-#: How often a watcher looks for a daemon that is not there.
-AGAIN_S: Final = 1.0
+#: Period of the search for a daemon that ended.
+RETRY_S: Final = 1.0
 
 
-def picture(status: Fields) -> Group:
-    """Everything of one status."""
+def render_status(status: Fields) -> Group:
+    """One status as tables."""
     parts: list[Any] = [_head(status), _buses(status)]
     for name, robot in status["robots"].items():
         parts += _robot(name, robot)
@@ -104,7 +104,7 @@ def _axes(robot: Fields) -> Table:
 
 
 def bar(value: float | None, low: float, high: float) -> str:
-    """Where a value lies between its limits; beyond them the bar is full or empty."""
+    """A bar of the value between its limits; beyond them it is full or empty."""
     if value is None or not high > low:
         return "·" * BAR
     filled = round(min(max((value - low) / (high - low), 0.0), 1.0) * BAR)
@@ -115,8 +115,8 @@ def _shown(value: float | None, how: str) -> str:
     return "-" if value is None else format(value, how)
 
 
-def watching(socket: str | None, rate_hz: float, as_json: bool) -> None:
-    """Look again and again until Ctrl-C; a daemon that ended is looked for again."""
+def watch_status(socket: str | None, rate_hz: float, as_json: bool) -> None:
+    """Show the status until Ctrl-C; a daemon that ended is searched again."""
     console = Console()
     with Live(console=console, auto_refresh=False, screen=False) as live:
         while True:
@@ -128,9 +128,9 @@ def watching(socket: str | None, rate_hz: float, as_json: bool) -> None:
                             live.console.file.write(json.dumps(status) + "\n")
                             live.console.file.flush()
                         else:
-                            live.update(picture(status), refresh=True)
+                            live.update(render_status(status), refresh=True)
                         time.sleep(1.0 / rate_hz)
             except (NoDaemonError, ConnectionLostError) as error:
                 if not as_json:
                     live.update(Text(str(error), style="yellow"), refresh=True)
-                time.sleep(AGAIN_S)
+                time.sleep(RETRY_S)

@@ -1,4 +1,4 @@
-"""What a shell completes where a command takes a robot file: the names of shipped ones, and files."""
+"""Shell completion of robot files: the shipped names, and files."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ if TYPE_CHECKING:
 
 
 def robot_names(ctx: click.Context, param: click.Parameter, incomplete: str) -> list[CompletionItem]:
-    """Shipped names that begin so; the shell adds the files."""
+    """Shipped names with this beginning; the shell adds the files."""
     from click.shell_completion import CompletionItem
 
     from contid.robot_file.shipped import configs_folder

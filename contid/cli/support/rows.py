@@ -1,4 +1,4 @@
-"""What ``fk``, ``ik`` and ``shape`` share: rows of a CSV or NDJSON in, answers out, as they come."""
+"""Shared by ``fk``, ``ik`` and ``shape``: rows of CSV or NDJSON in, one result per row out, as they come."""
 
 from __future__ import annotations
 
@@ -17,17 +17,17 @@ from contid.targets import Target
 from contid.trajectory.rows import RowReader, is_comment, numbered_lines
 
 Cell = float | int | bool | str
-Answer = Callable[[Mapping[str, Target]], dict[str, Cell]]
+Convert = Callable[[Mapping[str, Target]], dict[str, Cell]]
 
 
-def answer_rows(loaded: LoadedFile, source: TextIO, answer: Answer, as_json: bool) -> None:
-    """Read targets row by row and print what ``answer`` makes of them; ``t_s`` is passed through.
+def convert_rows(loaded: LoadedFile, source: TextIO, convert: Convert, as_json: bool) -> None:
+    """Read targets row by row and print the result of ``convert``; ``t_s`` is passed through.
 
     Raises:
-        BadInputError: at the first wrong row; the rows before it have been answered.
+        BadInputError: at the first wrong row; the results of the rows before it are printed.
     """
     header: tuple[str, ...] | None = None
-    for cells in _answers(loaded, source, answer):
+    for cells in _results(loaded, source, convert):
         if as_json:
             click.echo(json.dumps(cells))
             continue
@@ -40,7 +40,7 @@ def answer_rows(loaded: LoadedFile, source: TextIO, answer: Answer, as_json: boo
 def read_rows(
     loaded: LoadedFile, source: TextIO
 ) -> Iterator[tuple[Located, float | None, Mapping[str, Target]]]:
-    """Where each row stands, its time if it has one, and its targets in the world frame.
+    """Location of each row, its time if it has one, and its targets in the world frame.
 
     Raises:
         BadInputError: at the first wrong row.
@@ -62,24 +62,24 @@ def read_rows(
         raise BadInputError([Located(name, 1, 1, "no rows: the first line is a header such as x_mm,y_mm")])
 
 
-def _answers(loaded: LoadedFile, source: TextIO, answer: Answer) -> Iterator[dict[str, Cell]]:
+def _results(loaded: LoadedFile, source: TextIO, convert: Convert) -> Iterator[dict[str, Cell]]:
     for place, time_s, targets in read_rows(loaded, source):
-        with blamed_on(place):
-            cells = answer(targets)
+        with located_at(place):
+            cells = convert(targets)
         yield cells if time_s is None else {"t_s": time_s, **cells}
 
 
 @contextmanager
-def blamed_on(place: Located) -> Iterator[None]:
-    """A ValueError while a row is answered is a mistake of that row."""
+def located_at(place: Located) -> Iterator[None]:
+    """Turn a ValueError into a finding of this row."""
     try:
         yield
     except ValueError as error:
         raise BadInputError([replace(place, message=str(error))]) from error
 
 
-def front(loaded: LoadedFile, robot: str) -> str:
-    """What stands before a quantity in a column: nothing when there is only one robot."""
+def column_prefix(loaded: LoadedFile, robot: str) -> str:
+    """``ROBOT.`` in front of column names; empty when the file has one robot."""
     return "" if len(loaded.file.robots) == 1 else f"{robot}."
 
 
@@ -90,7 +90,7 @@ def _text(value: Cell) -> str:
 
 
 def open_rows(path: str | None) -> TextIO:
-    """The file named, or stdin; a terminal on stdin is a mistake worth a word."""
+    """The named file, or stdin; a terminal on stdin is a usage error."""
     if path is not None and path != "-":
         return click.open_file(path, encoding="utf-8", errors="replace")  # type: ignore[return-value]  # text mode
     if sys.stdin.isatty():

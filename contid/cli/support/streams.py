@@ -1,7 +1,7 @@
-"""The three standard streams, whatever the shell made of them: closed, full, gone, or in a narrow encoding.
+"""Standard streams that are closed, full, broken, or in a narrow encoding.
 
-A closed descriptor 0, 1 or 2 is dangerous beyond its own stream: the next file or socket that is opened gets
-its number, and words meant for the terminal end up in a recording.
+The next file or socket that is opened would get the number of a closed descriptor 0, 1 or 2, and messages for
+the terminal would end up in a recording.
 """
 
 from __future__ import annotations
@@ -14,13 +14,13 @@ from io import TextIOWrapper
 from typing import TextIO
 
 
-def stand_in() -> None:
-    """Open what is closed to ``/dev/null``, and let no character be one that cannot be written."""
+def open_closed_streams() -> None:
+    """Open closed streams to ``/dev/null``; escape characters the encoding cannot write."""
     for number, mode in ((0, os.O_RDONLY), (1, os.O_WRONLY), (2, os.O_WRONLY)):
         try:
             os.fstat(number)
         except OSError:
-            # Python numbers from the lowest that is free, which is this one; children inherit it too.
+            # The lowest free number is used, which is this one; child processes inherit it.
             opened = os.open(os.devnull, mode)
             if opened != number:
                 os.dup2(opened, number)
@@ -37,30 +37,30 @@ def stand_in() -> None:
             stream.reconfigure(errors="backslashreplace")
 
 
-def tell(message: str) -> None:
-    """One message on stderr; a stderr that takes nothing is no reason to fail in another way."""
+def print_error(message: str) -> None:
+    """One message on stderr; a stderr that cannot be written is ignored."""
     with suppress(OSError):
         sys.stderr.write(f"contid: {message}\n")
         sys.stderr.flush()
 
 
-def finish(code: int) -> int:
-    """Write what is left of the output; the exit code, 2 when it could not be written.
+def flush_stdout(code: int) -> int:
+    """Write the buffered output; the exit code, 2 when it could not be written.
 
-    A reader that went away (``| head``) is no failure.
+    A closed pipe (``| head``) is no failure.
     """
     try:
         sys.stdout.flush()
     except OSError as error:
         if error.errno != errno.EPIPE:
-            tell(unwritten(error))
+            print_error(system_error_message(error))
             code = code or 2
-        give_up(sys.stdout)
+        _discard(sys.stdout)
     return code
 
 
-def unwritten(error: OSError) -> str:
-    """What an error of the operating system means that no command has put into words."""
+def system_error_message(error: OSError) -> str:
+    """The message of an error of the operating system that no command converted."""
     if error.errno in (errno.EMFILE, errno.ENFILE):
         return f"{error.strerror}: raise the limit (ulimit -n) and start again"
     if error.filename is None:
@@ -68,8 +68,8 @@ def unwritten(error: OSError) -> str:
     return f"{os.fsdecode(error.filename)}: {error.strerror or error}"
 
 
-def give_up(stream: TextIO) -> None:
-    """Send what a stream still holds to ``/dev/null``: Python would try again, and fail, when it ends."""
+def _discard(stream: TextIO) -> None:
+    """Send the buffered output to ``/dev/null``: Python would flush it again at exit, and fail."""
     with suppress(OSError):
         null = os.open(os.devnull, os.O_WRONLY)
         os.dup2(null, stream.fileno())

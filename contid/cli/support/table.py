@@ -4,15 +4,19 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from importlib import import_module
+from typing import Any
 
 import click
 
 
 class TableGroup(click.Group):
-    """``table``: name -> (module that defines it as ``command``, one line of help)."""
+    """``table``: name -> (``module`` or ``module:attribute``, one line of help).
 
-    def __init__(self, table: Mapping[str, tuple[str, str]], heading: str, help: str) -> None:
-        super().__init__(help=help)
+    The attribute is ``command`` when left out. Help imports no command.
+    """
+
+    def __init__(self, table: Mapping[str, tuple[str, str]], heading: str, **options: Any) -> None:
+        super().__init__(**options)
         self.table = table
         self.heading = heading
 
@@ -24,10 +28,11 @@ class TableGroup(click.Group):
         """Import the module of one command."""
         if cmd_name not in self.table:
             return None
-        found: click.Command = import_module(self.table[cmd_name][0]).command
+        module, _, attribute = self.table[cmd_name][0].partition(":")
+        found: click.Command = getattr(import_module(module), attribute or "command")
         return found
 
     def format_commands(self, ctx: click.Context, formatter: click.HelpFormatter) -> None:
-        """The table itself is the help."""
+        """Print the table."""
         with formatter.section(self.heading):
             formatter.write_dl([(name, line) for name, (_, line) in self.table.items()])

@@ -1,0 +1,28 @@
+"""``contid hold``, ``resume``, ``stop``, ``estop`` and ``clear-fault``: one order to a running daemon."""
+
+from __future__ import annotations
+
+import click
+
+from contid.cli.support.orders import json_option, order, send, socket_option
+
+hold = order("hold", "Stop with limited jerk and stay. Needs no lease.")
+resume = order("resume", "Arm and continue with what was followed. After FAULT use clear-fault first.")
+estop = order("estop", "Relax or vent at once, by stop.estop of the robot file. Needs no lease.")
+clear_fault = order(
+    "clear_fault",
+    "Clear the devices' faults, re-check all devices and leave FAULT. Never moves; resume arms.",
+)
+
+
+@click.command()
+@click.argument("robots", nargs=-1)
+@click.option("--end", is_flag=True, help="End the daemon too, as the first Ctrl-C does.")
+@socket_option
+@json_option
+def stop(robots: tuple[str, ...], end: bool, socket: str | None, as_json: bool) -> None:
+    """Stop robots by stop.on_interrupt of the robot file. Needs no lease.
+
+    ROBOTS: names in the robot file; default all.
+    """
+    send(socket, as_json, lambda client: client.stop(robots or None, end=end))
