@@ -1,7 +1,7 @@
 """Comparing a replayed tick with the recorded one: bit for bit, or within a tolerance; the first difference.
 
-Looked at in the order of cause and effect: target, solution, command, limits, device, then the state of the
-robot. What only describes (iterations, residuals, timing) is not compared.
+The order is that of cause and effect: target, solution, command, device, limits, then the state of the robot.
+Values that only describe (iterations, residuals, timing) are not compared.
 """
 
 from __future__ import annotations
@@ -14,21 +14,13 @@ from enum import IntEnum
 from operator import itemgetter
 from typing import Any, Final
 
-from contid.control.engine.tick_layout import RecordLayout
+from contid.control.engine.tick_layout import AXIS, ROBOT, SOURCE_TIME, TICK, RecordLayout
 from contid.control.tick.faults import Fault
 from contid.control.tick.supervisor import Mode
-from contid.session.format.channels import COMMAND, DEVICE, LIMITS, SI, SOLUTION, TARGET, axis_at, robot_at
+from contid.session.format.channels import SI
 
-#: Values of a robot that are compared: name and place in its part of a record.
-_OF_ROBOT: Final = (
-    *((f"target {axis}", 5 + place) for place, axis in enumerate("xyz")),
-    *((f"target direction {axis}", 8 + place) for place, axis in enumerate("xyz")),
-    *((f"target mid-point {axis}", 11 + place) for place, axis in enumerate("xyz")),
-    *((f"target load {axis}", 14 + place) for place, axis in enumerate("xyz")),
-)
-_OF_AXIS: Final = (("target", TARGET), ("solution", SOLUTION), ("command", COMMAND), ("limits", LIMITS),
-                   ("device", DEVICE))  # fmt: skip
 _PER_SI: Final = {"mm": 1e3, "bar": 1e-5}
+_UNITS: Final = {"_m": "m", "_n": "n"}
 
 
 @dataclass(frozen=True, slots=True)
@@ -118,24 +110,26 @@ class Comparison:
         return difference * per_si <= self._tolerance
 
     def _divergence(self, value: _Value, old: float, new: float, recorded: Sequence[float]) -> Divergence:
-        tick = int(recorded[0])
+        tick = int(recorded[TICK])
         robot = self._layout.robots[value.robot]
         last: dict[str, Any] = {}
         if self._previous is not None:
-            last = {"tick": int(self._previous[0]), **self._state(value.robot, self._previous)}
+            last = {"tick": int(self._previous[TICK]), **self._state(value.robot, self._previous)}
         return Divergence(
-            tick, tick / self._layout.rate_hz, recorded[5], robot.name, value.axis, value.what, old, new,
-            value.unit, last,
+            tick, tick / self._layout.rate_hz, recorded[SOURCE_TIME], robot.name, value.axis, value.what,
+            old, new, value.unit, last,
         )  # fmt: skip
 
     def _state(self, index: int, values: Sequence[float]) -> dict[str, Any]:
         """A robot's values in a tick, for a person."""
-        robot, at = self._layout.robots[index], robot_at(self._layout, index)
-        state: dict[str, Any] = {"mode": named(Mode, values[at]), "fault": named(Fault, values[at + 1])}
-        for number, axis in enumerate(robot.axes):
-            start = axis_at(self._layout, index, number)
+        layout = self._layout
+        state: dict[str, Any] = {
+            name: named(kind, values[layout.robot_place(index, name)])
+            for name, kind in (("mode", Mode), ("fault", Fault))
+        }
+        for number, axis in enumerate(layout.robots[index].axes):
             state[axis] = {
-                name: values[start + place] for name, place in _OF_AXIS if name in ("solution", "command")
+                name: values[layout.axis_place(index, number, name)] for name in ("solution", "command")
             }
         return state
 
@@ -146,20 +140,23 @@ def named(kind: type[IntEnum], value: float) -> str:
 
 
 def _compared(layout: RecordLayout, device_units: Mapping[str, str], exact: bool) -> list[_Value]:
-    """What is compared, in the order of cause and effect; a tolerance looks at commands and modes only."""
+    """The compared values in the order of cause and effect; a tolerance compares commands and modes only."""
     out = []
+    vectors = [value for value in ROBOT.values if value.about.compared and value.numbers > 1 and exact]
+    states = [value for value in ROBOT.values if value.about.compared and value.numbers == 1]
+    of_axis = [value for value in AXIS.values if value.about.compared and (exact or value.name == "command")]
     for index, robot in enumerate(layout.robots):
-        at, unit = robot_at(layout, index), SI[robot.quantity]
-        if exact:
-            for what, place in _OF_ROBOT:
-                of = "n" if "load" in what else "" if "direction" in what else "m"
-                out.append(_Value(at + place, index, "", what, of))
-        for what, place in _OF_AXIS:
+        for value in vectors:
+            place = layout.robot_place(index, value.name)
+            for number, letter in enumerate("xyz"):
+                what = f"{value.about.compared} {letter}"
+                out.append(_Value(place + number, index, "", what, _UNITS.get(value.name[-2:], "")))
+        for value in of_axis:
             for number, axis in enumerate(robot.axes):
-                if exact or what == "command":
-                    device = device_units[f"{robot.name}.{axis}"]
-                    of = device if what == "device" else "" if what == "limits" else unit
-                    out.append(_Value(axis_at(layout, index, number) + place, index, axis, what, of))
-        out.append(_Value(at, index, "", "mode", ""))
-        out.append(_Value(at + 1, index, "", "fault", ""))
+                units = {"unit": SI[robot.quantity], "device": device_units[f"{robot.name}.{axis}"]}
+                unit = next((unit for key, unit in units.items() if f"_{{{key}}}" in value.about.path), "")
+                place = layout.axis_place(index, number, value.name)
+                out.append(_Value(place, index, axis, value.about.compared, unit))
+        for value in states:
+            out.append(_Value(layout.robot_place(index, value.name), index, "", value.about.compared, ""))
     return out

@@ -16,6 +16,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, Final, TextIO
 
+from contid.control.engine.tick_layout import TICK
 from contid.session.format.channels import TICK_CHANNELS, Field, fields
 from contid.session.format.mcap_records import MAGIC
 from contid.session.read import Session, SessionError
@@ -187,7 +188,7 @@ def _writer(file: TextIO) -> Any:
 
 
 def _row(session: Session, values: Sequence[float], table: Sequence[Column]) -> list[Any]:
-    cells: list[Any] = [int(values[0]), values[0] / session.rate_hz]
+    cells: list[Any] = [int(values[TICK]), values[TICK] / session.rate_hz]
     for column in table:
         value = values[column.slot]
         if value != value:

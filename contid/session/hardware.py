@@ -15,12 +15,12 @@ import numpy as np
 from contid.control.daemon.control_child import ControlChild
 from contid.control.daemon.daemon import Daemon, RunOptions
 from contid.control.engine.report import RunReport
+from contid.control.engine.tick_layout import TICK
 from contid.control.engine.wiring import build_preflight, driven_robots
 from contid.control.tick.preflight import Unreachable
 from contid.errors import ContidError
 from contid.robot_file.load import LoadedFile
 from contid.session.differences import refuse_another_robot
-from contid.session.format.channels import COMMAND, axis_at
 from contid.session.read import Session
 from contid.trajectory.columns import TIME, read_layout
 from contid.trajectory.timed import Interpolation, Trajectory
@@ -39,7 +39,7 @@ def recorded_commands(session: Session, loaded: LoadedFile) -> Trajectory:
     for index, robot in enumerate(session.layout.robots):
         for number, axis in enumerate(robot.axes):
             names.append(f"{robot.name}.{axis}_{robot.quantity}")
-            slots.append(axis_at(session.layout, index, number) + COMMAND)
+            slots.append(session.layout.axis_place(index, number, "command"))
     rows, first = array("d"), -1
     for entry in session.entries():
         if entry.values is None:
@@ -47,8 +47,8 @@ def recorded_commands(session: Session, loaded: LoadedFile) -> Trajectory:
         commands = [entry.values[slot] for slot in slots]
         if all(map(math.isnan, commands)):
             continue
-        first = int(entry.values[0]) if first < 0 else first
-        rows.append((int(entry.values[0]) - first) / session.rate_hz)
+        first = int(entry.values[TICK]) if first < 0 else first
+        rows.append((int(entry.values[TICK]) - first) / session.rate_hz)
         rows.extend(commands)
     if first < 0:
         raise ContidError(f"{session.path}: no robot was ever commanded")

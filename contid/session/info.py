@@ -6,9 +6,9 @@ from collections import Counter
 from dataclasses import asdict, dataclass, field
 from typing import Any
 
+from contid.control.engine.tick_layout import LATENESS, SKIPPED
 from contid.control.tick.supervisor import Mode
 from contid.session.compare import named
-from contid.session.format.channels import robot_at
 from contid.session.format.entries import DAMAGED, GROWING
 from contid.session.read import Session
 
@@ -101,8 +101,8 @@ def summarize(session: Session) -> Info:
         last = entry.values
         first_ns, last_ns = first_ns or entry.time_ns, entry.time_ns
         info.ticks += 1
-        info.late += last[3] > late_s
-        info.skipped = int(last[1])
+        info.late += last[LATENESS] > late_s
+        info.skipped = int(last[SKIPPED])
     info.duration_s = (last_ns - first_ns) / 1e9
     info.events = dict(sorted(kinds.items()))
     info.compacted = session.chunked
@@ -110,7 +110,7 @@ def summarize(session: Session) -> Info:
     if "repaired" in session.about:
         info.state += f", repaired {session.about['repaired'].get('when', '')}".rstrip()
     for index, robot in enumerate(session.layout.robots):
-        mode = "never seen" if last is None else named(Mode, last[robot_at(session.layout, index)])
+        mode = "never seen" if last is None else named(Mode, last[session.layout.robot_place(index, "mode")])
         info.robots[robot.name] = {"model": robot.model, "axes": list(robot.axes), "mode": mode}
     return info
 

@@ -23,6 +23,7 @@ from contextlib import suppress
 from pathlib import Path
 from typing import Final
 
+from contid.control.engine.tick_layout import DEADLINE
 from contid.control.process.ring import RingReader
 from contid.errors import ContidError
 from contid.session.compact import compact
@@ -112,7 +113,7 @@ class McapRecorder:
             writer.tick(values)
         if raw:
             self._taken += len(raw)
-            self._next_s = raw[-1][2] + (1.0 + _AFTER) * self._period_s
+            self._next_s = raw[-1][DEADLINE] + (1.0 + _AFTER) * self._period_s
         if writer.pending:
             writer.flush()
         return self._taken < written

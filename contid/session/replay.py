@@ -20,13 +20,13 @@ from contid.control.engine.engine import Engine
 from contid.control.engine.messages import Message, Play
 from contid.control.engine.order_events import answer_of, order_of
 from contid.control.engine.ports import BusJob, BusReply
+from contid.control.engine.tick_layout import AXIS, SKIPPED, TICK, AxisRecord
 from contid.control.engine.wiring import build_robot_configs, chain_guards
 from contid.errors import ContidError
 from contid.hal import Sample
 from contid.robot_file.load import LoadedFile
 from contid.session.compare import Comparison, Divergence
 from contid.session.differences import refuse_other_robots
-from contid.session.format.channels import VALUE, axis_at
 from contid.session.read import Session
 
 #: Events that a replay needs besides the records.
@@ -102,14 +102,17 @@ class RecordedPort:
         values, faults = self._told.values, self._told.faults
         out = {}
         for axis, at in self._slots.items():
-            value, time_s, valid, age_s, velocity, effort, temperature, voltage = values[at : at + 8]
+            read = AxisRecord(*values[at : at + AXIS.size])
             out[axis] = Sample(
-                None if value != value else value, time_s, bool(valid), age_s,
-                None if velocity != velocity else velocity, None if effort != effort else effort,
-                None if temperature != temperature else temperature,
-                None if voltage != voltage else voltage, faults.get(axis, ""),
+                _number(read.value), read.time_s, bool(read.valid), read.age_s, _number(read.velocity),
+                _number(read.effort), _number(read.temperature_c), _number(read.voltage_v),
+                faults.get(axis, ""),
             )  # fmt: skip
         return out
+
+
+def _number(value: float) -> float | None:
+    return None if value != value else value
 
 
 class _Told:
@@ -178,7 +181,7 @@ def replay(session: Session, loaded: LoadedFile, tolerance: float = 0.0) -> Repl
             continue
         values = entry.values
         assert values is not None
-        tick, skipped = int(values[0]), int(values[1])
+        tick, skipped = int(values[TICK]), int(values[SKIPPED])
         if tick - last != 1 + skipped - last_skipped:
             message = f"ticks {last + 1} to {tick - 1} are not in the recording"
             if tick <= last:
@@ -232,9 +235,9 @@ def _understood(event: Mapping[str, Any], told: _Told) -> Message | None:
 
 
 def _slots(session: Session, axes: Sequence[str]) -> dict[str, int]:
-    """Where the samples of a bus's axes begin in a record."""
+    """Where a bus's axes begin in a record."""
     slots = {}
     for index, robot in enumerate(session.layout.robots):
         for number, axis in enumerate(robot.axes):
-            slots[f"{robot.name}.{axis}"] = axis_at(session.layout, index, number) + VALUE
+            slots[f"{robot.name}.{axis}"] = session.layout.axis_start(index, number)
     return {axis: slots[axis] for axis in axes if axis in slots}

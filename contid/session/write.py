@@ -16,6 +16,7 @@ from contextlib import suppress
 from pathlib import Path
 from typing import Any, Final
 
+from contid.control.engine.tick_layout import DEADLINE, TICK
 from contid.errors import ContidError
 from contid.session.format import mcap_records as mcap
 from contid.session.format.channels import CHANNELS, EVENT, schema
@@ -64,7 +65,7 @@ class SessionWriter:
 
     def tick(self, values: Sequence[float]) -> None:
         """Add a tick: all values of a record in order, integers as integers."""
-        tick, time_ns = int(values[0]), self._header.time_ns(values[2])
+        tick, time_ns = int(values[TICK]), self._header.time_ns(values[DEADLINE])
         self._time_ns, self._sequence = time_ns, tick
         for number, data in enumerate(self._encoder.encode(values), 1):
             self._buffer += mcap.message(number, tick, time_ns, data)

@@ -12,13 +12,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from jsonschema import Draft202012Validator
 
-from contid.control.engine.tick_layout import (
-    AXIS_VALUES,
-    HEAD_VALUES,
-    ROBOT_VALUES,
-    RecordLayout,
-    RobotLayout,
-)
+from contid.control.engine.tick_layout import AXIS, HEAD, ROBOT, RecordLayout, RobotLayout
 from contid.control.tick.supervisor import Mode
 from contid.session.format.channels import INFINITE, TICK_CHANNELS, fields, schema
 from contid.session.format.decode import Decoder
@@ -42,13 +36,14 @@ VALIDATORS = {
 def _record(numbers: list[float], counts: list[int], vectors: list[bool]) -> tuple[float, ...]:
     values: list[float] = []
     source, whole = iter(numbers), iter(counts)
-    values += [next(whole), next(whole), *(next(source) for _ in range(HEAD_VALUES - 2))]
+    values += [next(whole), next(whole), *(next(source) for _ in range(HEAD.size - 2))]
     for robot in LAYOUT.robots:
         values += [next(whole) for _ in range(5)]
-        values += [next(source) for _ in range(ROBOT_VALUES - 5)]
+        values += [next(source) for _ in range(ROBOT.size - 5)]
         for _ in robot.axes:
-            axis = [next(source) for _ in range(AXIS_VALUES)]
-            axis[3], axis[7] = float(next(whole) % 16), float(next(whole) % 2)
+            axis = [next(source) for _ in range(AXIS.size)]
+            axis[AXIS.place("limits")] = float(next(whole) % 16)
+            axis[AXIS.place("valid")] = float(next(whole) % 2)
             values += axis
     for slots, there in zip(VECTORS, vectors, strict=True):  # a vector is there as a whole, or not at all
         for slot in slots:

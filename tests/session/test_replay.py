@@ -109,11 +109,10 @@ def test_a_millionth_of_a_millimetre_is_found_and_named(recorded: Path) -> None:
 
 def test_the_sign_of_zero_is_a_bit(recorded: Path) -> None:
     from contid.session.compare import Comparison
-    from contid.session.format.channels import COMMAND, axis_at
 
     session = Session(recorded)
     values = next(entry.values for entry in session.entries() if entry.values is not None)
-    slot = axis_at(session.layout, 0, 0) + COMMAND
+    slot = session.layout.axis_place(0, 0, "command")
     zero, minus = [*values], [*values]
     zero[slot], minus[slot] = 0.0, -0.0
     found = Comparison(session.layout, session.device_units, 0.0).check(zero, minus)

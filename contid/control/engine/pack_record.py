@@ -1,13 +1,29 @@
-"""From what a cycle decided to the flat list of numbers of a record."""
+"""Packs what a cycle decided into the flat numbers of a record, in the order of its declaration."""
 
 from __future__ import annotations
 
 import math
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
+from functools import reduce
+from operator import or_
+from typing import Final
 
 from contid.control.engine.cycle import Sink, Timing
-from contid.control.engine.tick_layout import CONVERGED, ENABLED, HAS_TARGET, NAN3
+from contid.control.engine.tick_layout import (
+    AXIS,
+    CONVERGED,
+    DEADLINE,
+    ENABLED,
+    HAS_TARGET,
+    HEAD,
+    LATENESS,
+    ROBOT,
+    SKIPPED,
+    SOURCE_TIME,
+    TICK,
+    WORK,
+)
 from contid.control.tick.config import RobotConfig
 from contid.control.tick.robot_tick import TickResult
 from contid.control.tick.state import RobotState
@@ -16,17 +32,31 @@ from contid.hal import Sample
 from contid.targets import Target
 
 _NAN = math.nan
-_NO_SAMPLE = (_NAN, _NAN, 0.0, _NAN, _NAN, _NAN, _NAN, _NAN)
-#: A measurement older than this is recorded no more.
-FORGOTTEN_S = 1.0
-_UNSEEN = (*NAN3, *NAN3, _NAN)
+#: A measurement older than this is not recorded.
+MEASURED_MAX_AGE_S: Final = 1.0
+_HEAD, _ROBOT, _AXIS = HEAD.blank, ROBOT.blank, AXIS.blank
+# Places by name, fetched once.
+_MODE, _FAULT, _FLAGS, _LIMITED_BY, _ITERATIONS, _RESIDUAL, _TIP_ERROR, _MEASURED_AGE = map(
+    ROBOT.place,
+    ("mode", "fault", "flags", "limited_by", "iterations", "residual_m", "tip_error_m", "measured_age_s"),
+)
+_TIP, _DIRECTION, _MID, _LOAD, _MEASURED_TIP, _MEASURED_DIRECTION = map(
+    ROBOT.vector, ("tip_m", "direction", "mid_m", "load_n", "measured_tip_m", "measured_direction")
+)
+_TARGET, _SOLUTION, _COMMAND, _DEVICE, _LIMITS, _VALUE, _TIME, _VALID, _AGE = map(
+    AXIS.place,
+    ("target", "solution", "command", "device", "limits", "value", "time_s", "valid", "age_s"),
+)
+_VELOCITY, _EFFORT, _TEMPERATURE, _VOLTAGE = map(
+    AXIS.place, ("velocity", "effort", "temperature_c", "voltage_v")
+)
 #: Bits that a float64 of the record keeps exactly.
-_MAX_NAMES = 52
+_MAX_NAMES: Final = 52
 
 
 @dataclass(frozen=True, slots=True)
 class CycleSnapshot:
-    """What one cycle saw and decided.
+    """Inputs and results of one cycle.
 
     Attributes:
         timing: its place in time, on the clock of the buses.
@@ -50,54 +80,61 @@ class CycleSnapshot:
 
 
 class RecordPacker:
-    """Packs cycles for a sink; knows which bit stands for which name in ``limited_by``."""
+    """Packs cycles for a sink; assigns the bits of ``limited_by``."""
 
     def __init__(self, configs: Sequence[RobotConfig], sink: Sink, now: Callable[[], float]) -> None:
         """``now``: the clock of the buses."""
-        self._plans = configs
+        self._configs = configs
         self._sink = sink
         self._now = now
         self._bits: list[dict[str, int]] = [{} for _ in configs]
 
-    def record(self, turn: CycleSnapshot) -> None:
-        """One record of a cycle."""
-        timing, source_s = turn.timing, turn.source_s
-        values: list[float] = [
-            timing.tick, timing.skipped, timing.deadline_s, timing.lateness_s, 0.0,
-            _NAN if source_s is None else source_s,
-        ]  # fmt: skip
-        for index, config in enumerate(self._plans):
-            outcome, state = turn.outcomes[index], turn.states[index]
-            target, seen = turn.targets.get(config.name), turn.measured.get(config.name)
-            self._robot(values, index, outcome, state, target)
-            values += _UNSEEN if seen is None else _seen(seen, turn.now_s)
-            _axes(values, config, outcome, state, target, turn.samples)
-        values[4] = self._now() - timing.deadline_s - timing.lateness_s
+    def record(self, cycle: CycleSnapshot) -> None:
+        """Write one record."""
+        timing, source_s = cycle.timing, cycle.source_s
+        values = [*_HEAD]
+        values[TICK], values[SKIPPED] = timing.tick, timing.skipped
+        values[DEADLINE], values[LATENESS] = timing.deadline_s, timing.lateness_s
+        if source_s is not None:
+            values[SOURCE_TIME] = source_s
+        for index, config in enumerate(self._configs):
+            outcome, state = cycle.outcomes[index], cycle.states[index]
+            target = cycle.targets.get(config.name)
+            row = self._robot(index, outcome, state, target)
+            measured = cycle.measured.get(config.name)
+            if measured is not None and (age_s := cycle.now_s - measured.time_s) <= MEASURED_MAX_AGE_S:
+                row[_MEASURED_TIP], row[_MEASURED_AGE] = measured.tip_in_world, age_s
+                if measured.direction_in_world:
+                    row[_MEASURED_DIRECTION] = measured.direction_in_world
+            values += row
+            _add_axes(values, config, outcome, state, target, cycle.samples)
+        values[WORK] = self._now() - timing.deadline_s - timing.lateness_s
         self._sink.write(values)
 
     def _robot(
-        self, values: list[float], index: int, outcome: TickResult, state: RobotState, target: Target | None
-    ) -> None:
-        solution = outcome.solution
+        self, index: int, outcome: TickResult, state: RobotState, target: Target | None
+    ) -> list[float]:
+        row = [*_ROBOT]
+        row[_MODE], row[_FAULT] = state.mode, state.fault
+        row[_TIP_ERROR] = outcome.tip_error_m
         flags = ENABLED if state.enabled else 0
-        bits = iterations = 0
-        residual_m = _NAN
+        solution = outcome.solution
         if solution is not None:
             flags |= CONVERGED if solution.converged else 0
-            iterations, residual_m = solution.iterations, solution.residual_m
-            for name in solution.limited_by:
-                bits |= self._bit(index, name)
-        tip = direction = mid = load = NAN3
+            row[_ITERATIONS], row[_RESIDUAL] = solution.iterations, solution.residual_m
+            if solution.limited_by:
+                row[_LIMITED_BY] = reduce(or_, [self._bit(index, name) for name in solution.limited_by])
         if target is not None:
             flags |= HAS_TARGET
-            tip, direction, mid = target.tip_m or NAN3, target.direction or NAN3, target.mid_m or NAN3
-            load = target.load_n
-        values += (state.mode, state.fault, flags, bits, iterations)
-        values += tip
-        values += direction
-        values += mid
-        values += load
-        values += (residual_m, outcome.tip_error_m)
+            if target.tip_m:
+                row[_TIP] = target.tip_m
+            if target.direction:
+                row[_DIRECTION] = target.direction
+            if target.mid_m:
+                row[_MID] = target.mid_m
+            row[_LOAD] = target.load_n
+        row[_FLAGS] = flags
+        return row
 
     def _bit(self, index: int, name: str) -> int:
         """The bit of a limit's name; a new one is announced in an event."""
@@ -105,11 +142,11 @@ class RecordPacker:
         if name not in bits:
             number = min(len(bits), _MAX_NAMES)
             bits[name] = 1 << number
-            self._sink.event("limit_name", robot=self._plans[index].name, bit=number, name=name)
+            self._sink.event("limit_name", robot=self._configs[index].name, bit=number, name=name)
         return bits[name]
 
 
-def _axes(
+def _add_axes(
     values: list[float],
     config: RobotConfig,
     outcome: TickResult,
@@ -117,41 +154,40 @@ def _axes(
     target: Target | None,
     samples: Mapping[str, Sample],
 ) -> None:
-    wanted: Sequence[float] = () if target is None else _wanted(config, target)
-    solved: Sequence[float] = () if outcome.solution is None else outcome.solution.actuation
+    asked = () if target is None else _asked(config, target)
+    solution = () if outcome.solution is None else outcome.solution.actuation
     command, device, limits = state.command, outcome.device, outcome.limits
     for axis, name in enumerate(config.axes):
-        values += (
-            wanted[axis] if axis < len(wanted) else _NAN,
-            solved[axis] if solved else _NAN,
-            command[axis] if command else _NAN,
-            limits[axis] if limits else 0,
-            device[axis] if device else _NAN,
-        )
-        sample = samples.get(name)
-        if sample is None:
-            values += _NO_SAMPLE
-            continue
-        value, velocity, effort = sample.value, sample.velocity, sample.effort
-        temperature, voltage = sample.temperature_c, sample.voltage_v
-        values += (
-            _NAN if value is None else value, sample.time_s, sample.valid, sample.age_s,
-            _NAN if velocity is None else velocity, _NAN if effort is None else effort,
-            _NAN if temperature is None else temperature, _NAN if voltage is None else voltage,
-        )  # fmt: skip
+        row = [*_AXIS]
+        if asked:
+            row[_TARGET] = asked[axis]
+        if solution:
+            row[_SOLUTION] = solution[axis]
+        if command:
+            row[_COMMAND] = command[axis]
+        if device:
+            row[_DEVICE] = device[axis]
+        if limits:
+            row[_LIMITS] = limits[axis]
+        if (sample := samples.get(name)) is not None:
+            row[_TIME], row[_VALID], row[_AGE] = sample.time_s, sample.valid, sample.age_s
+            if sample.value is not None:
+                row[_VALUE] = sample.value
+            if sample.velocity is not None:
+                row[_VELOCITY] = sample.velocity
+            if sample.effort is not None:
+                row[_EFFORT] = sample.effort
+            if sample.temperature_c is not None:
+                row[_TEMPERATURE] = sample.temperature_c
+            if sample.voltage_v is not None:
+                row[_VOLTAGE] = sample.voltage_v
+        values += row
 
 
-def _seen(seen: Measurement, now_s: float) -> tuple[float, ...]:
-    """A tracker's newest pose and its age; nothing of a tracker that is gone."""
-    age_s = now_s - seen.time_s
-    if age_s > FORGOTTEN_S:
-        return _UNSEEN
-    return (*seen.tip_in_world, *(seen.direction_in_world or NAN3), age_s)
-
-
-def _wanted(config: RobotConfig, target: Target) -> Sequence[float]:
-    """What a target asks of every axis itself, NaN where the model decides; empty for tips alone."""
-    if not target.extra:
-        return target.actuation or ()
-    own = target.actuation or (_NAN,) * (len(config.axes) - config.extra_axes)
+def _asked(config: RobotConfig, target: Target) -> Sequence[float]:
+    """The actuation a target gives for every axis, NaN where the model decides; empty for tips alone."""
+    own = target.actuation or ()
+    if not target.extra and len(own) in (0, len(config.axes)):
+        return own
+    own = own or (_NAN,) * (len(config.axes) - config.extra_axes)
     return (*own, *(target.extra.get(name, _NAN) for name in config.axis_names[len(own) :]))

@@ -1,11 +1,11 @@
-"""What one tick leaves behind, and how it lies in a slot of the ring.
+"""The record of one tick: every value declared once, with its place, its channel and its meaning.
 
-Everything is a float64 or a uint64 at a fixed place, so the control process packs a tick with one call and
-no object crosses a process border. A reader gets the layout as JSON from the head of the ring: it needs
-neither the robot file nor a model.
+`TickRecord`, `RobotRecord` and `AxisRecord` are the declaration. From it derive the slot of the ring, the
+packer, the decoder, the channels and schemas of a session file and what a replay compares.
 
-A slot holds ``tick, skipped`` (uint64), ``deadline_s, lateness_s, work_s, source_s`` (float64), then per
-robot the fields of `RobotRecord` in order, then per axis those of `AxisRecord`. What is absent is NaN.
+A record is a flat sequence: the values of the tick, then per robot its values, then those of its axes.
+``int`` is stored as uint64, ``float`` as float64, `Vec3` as three float64; absent is NaN. The ring carries
+its `RecordLayout` as JSON, so a reader needs neither the robot file nor a model.
 """
 
 from __future__ import annotations
@@ -13,9 +13,13 @@ from __future__ import annotations
 import json
 import math
 import struct
-from collections.abc import Iterable
+from collections.abc import Callable, Sequence
 from dataclasses import asdict, dataclass
-from typing import Final, NamedTuple
+from operator import itemgetter
+from typing import Annotated, Any, Final, NamedTuple, get_args, get_type_hints
+
+from contid.control.tick.supervisor import Mode
+from contid.targets import Vec3
 
 NAN3: Final = (math.nan,) * 3
 
@@ -25,103 +29,184 @@ CONVERGED: Final = 2
 ENABLED: Final = 4
 
 
-class AxisRecord(NamedTuple):
-    """One axis at one tick: what was wanted, asked, commanded and read.
+@dataclass(frozen=True, slots=True)
+class About:
+    """What is declared about a value beside its name and type.
 
     Attributes:
-        target: actuation the target asked for itself [m or Pa]; NaN for tip targets.
-        solution: actuation the model answered [m or Pa].
-        command: actuation commanded after the limits [m or Pa].
-        limits: bits of `contid.control.tick.limits` that bound this axis.
-        device: commanded device value [rad or Pa]; NaN when nothing was commanded.
-        value: sample [rad or Pa].
-        time_s: when it was measured.
-        valid: 1 when the newest exchange read it.
-        age_s: its age at the end of that exchange.
-        velocity: [rad/s or Pa/s].
-        effort: [A] or duty.
-        temperature_c: [deg C].
-        voltage_v: [V].
+        channel: of the session file that carries it.
+        meaning: for the schema.
+        path: its keys in a message of that channel, ``/`` between them; "" for its name. ``{axis}``,
+            ``{unit}`` and ``{device}`` stand for the axis, the unit of its actuation and that of its device.
+        json: its JSON type; "" for that of its Python type.
+        compared: its name in a replay that compares it; "" when it only describes.
     """
 
-    target: float
-    solution: float
-    command: float
-    limits: float
-    device: float
-    value: float
-    time_s: float
-    valid: float
-    age_s: float
-    velocity: float
-    effort: float
-    temperature_c: float
-    voltage_v: float
+    channel: str
+    meaning: str
+    path: str = ""
+    json: str = ""
+    compared: str = ""
+
+
+class AxisRecord(NamedTuple):
+    """One axis at one tick; actuation in [m or Pa], device values in [rad or Pa]."""
+
+    target: Annotated[
+        float, About("target", "actuation the target asks for", "{axis}_{unit}", compared="target")
+    ]
+    solution: Annotated[
+        float, About("solution", "actuation of the model's solution", "{axis}_{unit}", compared="solution")
+    ]
+    command: Annotated[
+        float, About("command", "actuation commanded after the limits", "{axis}_{unit}", compared="command")
+    ]
+    device: Annotated[
+        float, About("command", "value sent to the device", "device/{axis}_{device}", compared="device")
+    ]
+    limits: Annotated[
+        float,
+        About("command", "bits: 1 position, 2 velocity, 4 acceleration, 8 refused", "limits/{axis}",
+              "integer", "limits"),
+    ]  # fmt: skip
+    value: Annotated[float, About("sample", "value the device reported", "{axis}/value_{device}")]
+    time_s: Annotated[
+        float, About("sample", "when it was measured, on the clock of deadline_s", "{axis}/time_s")
+    ]
+    valid: Annotated[float, About("sample", "the newest exchange read it", "{axis}/valid", "boolean")]
+    age_s: Annotated[float, About("sample", "its age at the end of that exchange", "{axis}/age_s")]
+    velocity: Annotated[float, About("sample", "velocity the device reported", "{axis}/velocity_{device}_s")]
+    effort: Annotated[
+        float, About("sample", "current [A] of servos and motors, duty of regulators", "{axis}/effort")
+    ]
+    temperature_c: Annotated[float, About("sample", "temperature of the device", "{axis}/temperature_c")]
+    voltage_v: Annotated[float, About("sample", "supply of the device", "{axis}/voltage_v")]
 
 
 class RobotRecord(NamedTuple):
-    """One robot at one tick; positions and directions in the world frame.
+    """One robot at one tick; positions [m] and directions in the world frame."""
 
-    Attributes:
-        mode: `contid.control.tick.supervisor.Mode`.
-        fault: `contid.control.tick.faults.Fault`.
-        flags: HAS_TARGET, CONVERGED, ENABLED.
-        limited_by: bits; their names are events (``limit_name``) of the ring.
-        iterations: of the solver.
-        tip_m: target.
-        direction: target.
-        mid_m: target.
-        load_n: known tip load.
-        residual_m: of the solution.
-        tip_error_m: distance of the commanded model's tip from the target.
-        measured_tip_m: where a tracker saw the tip; NaN when none did within a second.
-        measured_direction: unit tangent it saw there; NaN when it saw none.
-        measured_age_s: since that was captured.
-        axes: one per axis of the robot.
-    """
-
-    mode: int
-    fault: int
-    flags: int
-    limited_by: int
-    iterations: int
-    tip_m: tuple[float, float, float]
-    direction: tuple[float, float, float]
-    mid_m: tuple[float, float, float]
-    load_n: tuple[float, float, float]
-    residual_m: float
-    tip_error_m: float
-    measured_tip_m: tuple[float, float, float]
-    measured_direction: tuple[float, float, float]
-    measured_age_s: float
+    mode: Annotated[
+        int, About("tick", ", ".join(f"{mode.value} {mode.name}" for mode in Mode), compared="mode")
+    ]
+    fault: Annotated[
+        int, About("tick", "0 none; `contid fault NUMBER` explains the others", compared="fault")
+    ]
+    flags: Annotated[int, About("tick", "bits: 1 has a target, 2 converged, 4 devices enabled")]
+    limited_by: Annotated[int, About("solution", "bits; events 'limit_name' give their names")]
+    iterations: Annotated[int, About("solution", "steps of the solver")]
+    tip_m: Annotated[Vec3, About("target", "tip position in the world frame", compared="target")]
+    direction: Annotated[
+        Vec3, About("target", "unit tangent at the tip in the world frame", compared="target direction")
+    ]
+    mid_m: Annotated[Vec3, About("target", "mid-point in the world frame", compared="target mid-point")]
+    load_n: Annotated[
+        Vec3, About("target", "known force on the tip in the world frame", compared="target load")
+    ]
+    residual_m: Annotated[
+        float, About("solution", "distance between the model's tip at the solution and the target")
+    ]
+    tip_error_m: Annotated[
+        float, About("command", "distance between the model's tip at the command and the target")
+    ]
+    measured_tip_m: Annotated[
+        Vec3, About("sample", "tip position a tracker measured within the last second, world frame")
+    ]
+    measured_direction: Annotated[Vec3, About("sample", "unit tangent it measured there, world frame")]
+    measured_age_s: Annotated[float, About("sample", "time since that capture")]
     axes: tuple[AxisRecord, ...]
 
 
 class TickRecord(NamedTuple):
-    """One tick of the whole robot file.
+    """One tick of the whole robot file; missing tick numbers were skipped."""
 
-    Attributes:
-        tick: its number; numbers that are missing were skipped.
-        skipped: ticks skipped so far.
-        deadline_s: when it should have started, on the clock of the buses.
-        lateness_s: how much later it did start.
-        work_s: how long it took, up to the record itself.
-        source_s: time in the trajectory, NaN while none runs.
-        robots: in the order of the layout.
-    """
-
-    tick: int
-    skipped: int
-    deadline_s: float
-    lateness_s: float
-    work_s: float
-    source_s: float
+    tick: Annotated[int, About("tick", "number of the tick")]
+    skipped: Annotated[int, About("tick", "ticks skipped so far")]
+    deadline_s: Annotated[
+        float, About("tick", "when it should have started, on CLOCK_MONOTONIC or in virtual time")
+    ]
+    lateness_s: Annotated[float, About("tick", "how much later it started")]
+    work_s: Annotated[float, About("tick", "how long it took, up to its record")]
+    source_s: Annotated[float, About("tick", "time in the trajectory")]
     robots: tuple[RobotRecord, ...]
 
 
 @dataclass(frozen=True, slots=True)
+class Value:
+    """A declared value with its place.
+
+    Attributes:
+        name: in its part of the record.
+        place: of its first number there.
+        numbers: 1, or 3 for a vector.
+        json: its JSON type.
+        about: the rest of its declaration.
+    """
+
+    name: str
+    place: int
+    numbers: int
+    json: str
+    about: About
+
+
+class Part:
+    """One of the three kinds of records as flat numbers.
+
+    Attributes:
+        values: in order.
+        format: of `struct`.
+        size: numbers.
+        pick: the arguments of the named tuple from a slice of a record.
+        blank: numbers of a record in which everything is absent; to be copied.
+    """
+
+    _TYPES: Final = {int: ("Q", 1, "integer"), float: ("d", 1, "number"), Vec3: ("3d", 3, "array")}
+
+    def __init__(self, record: type[tuple[Any, ...]]) -> None:
+        values, form, place = [], "", 0
+        for name, hint in get_type_hints(record, include_extras=True).items():
+            if (parts := get_args(hint)) and isinstance(about := parts[-1], About):
+                code, numbers, kind = self._TYPES[parts[0]]
+                values.append(Value(name, place, numbers, about.json or kind, about))
+                form, place = form + code, place + numbers
+        self.values: tuple[Value, ...] = tuple(values)
+        self.format, self.size = form, place
+        self.pick: Callable[[Sequence[float]], tuple[Any, ...]] = itemgetter(
+            *(each.place if each.numbers == 1 else slice(each.place, each.place + 3) for each in values)
+        )
+        self.blank: list[float] = [
+            math.nan if each.json in ("number", "array") else 0
+            for each in values
+            for _ in range(each.numbers)
+        ]
+        self._places = {each.name: each.place for each in values}
+
+    def place(self, name: str) -> int:
+        """Place of the first number of a value."""
+        return self._places[name]
+
+    def vector(self, name: str) -> slice:
+        """Place of a vector."""
+        return slice(self._places[name], self._places[name] + 3)
+
+
+HEAD: Final = Part(TickRecord)
+ROBOT: Final = Part(RobotRecord)
+AXIS: Final = Part(AxisRecord)
+
+# Places of the values of the tick itself.
+TICK: Final = HEAD.place("tick")
+SKIPPED: Final = HEAD.place("skipped")
+DEADLINE: Final = HEAD.place("deadline_s")
+LATENESS: Final = HEAD.place("lateness_s")
+WORK: Final = HEAD.place("work_s")
+SOURCE_TIME: Final = HEAD.place("source_s")
+
+
+@dataclass(frozen=True, slots=True)
 class RobotLayout:
-    """A robot as a reader of the ring needs it: name, model, unit suffix of its actuation, axes."""
+    """A robot as a reader of records needs it: name, model, unit suffix of its actuation, axes."""
 
     name: str
     model: str
@@ -129,25 +214,34 @@ class RobotLayout:
     axes: tuple[str, ...]
 
 
-HEAD: Final = "QQdddd"
-ROBOT: Final = "QQQQQ21d"
-AXIS: Final = "13d"
-HEAD_VALUES: Final = 6
-ROBOT_VALUES: Final = 26
-AXIS_VALUES: Final = 13
-
-
 @dataclass(frozen=True, slots=True)
 class RecordLayout:
-    """Where everything lies in a slot."""
+    """The robots of a record, and with them the place of every value."""
 
     name: str
     rate_hz: float
     robots: tuple[RobotLayout, ...]
 
     def packer(self) -> struct.Struct:
-        """The whole record as one struct: head, then per robot its fields and its axes."""
-        return struct.Struct("=" + HEAD + "".join(ROBOT + AXIS * len(robot.axes) for robot in self.robots))
+        """The whole record as one struct."""
+        robots = "".join(ROBOT.format + AXIS.format * len(robot.axes) for robot in self.robots)
+        return struct.Struct("=" + HEAD.format + robots)
+
+    def robot_start(self, robot: int) -> int:
+        """Place of the first value of a robot."""
+        return HEAD.size + sum(ROBOT.size + AXIS.size * len(each.axes) for each in self.robots[:robot])
+
+    def axis_start(self, robot: int, axis: int) -> int:
+        """Place of the first value of an axis."""
+        return self.robot_start(robot) + ROBOT.size + AXIS.size * axis
+
+    def robot_place(self, robot: int, name: str) -> int:
+        """Place of a value of a robot."""
+        return self.robot_start(robot) + ROBOT.place(name)
+
+    def axis_place(self, robot: int, axis: int, name: str) -> int:
+        """Place of a value of an axis."""
+        return self.axis_start(robot, axis) + AXIS.place(name)
 
     def to_json(self) -> str:
         """The layout for the head of the ring."""
@@ -161,27 +255,12 @@ class RecordLayout:
         return cls(raw["name"], raw["rate_hz"], robots)
 
     def decode(self, values: tuple[float, ...]) -> TickRecord:
-        """A record from the values of `packer`."""
-        at = HEAD_VALUES
-        robots = []
+        """A record from the numbers of `packer`."""
+        robots, at = [], HEAD.size
         for robot in self.robots:
-            head = values[at : at + ROBOT_VALUES]
-            at += ROBOT_VALUES
-            axes = []
-            for _ in robot.axes:
-                axes.append(AxisRecord(*values[at : at + AXIS_VALUES]))
-                at += AXIS_VALUES
-            robots.append(_robot(head, axes))
-        tick, skipped, deadline_s, lateness_s, work_s, source_s = values[:HEAD_VALUES]
-        return TickRecord(int(tick), int(skipped), deadline_s, lateness_s, work_s, source_s, tuple(robots))
-
-
-def _robot(head: tuple[float, ...], axes: Iterable[AxisRecord]) -> RobotRecord:
-    mode, fault, flags, limited_by, iterations = (int(value) for value in head[:5])
-    return RobotRecord(
-        mode, fault, flags, limited_by, iterations,
-        (head[5], head[6], head[7]), (head[8], head[9], head[10]),
-        (head[11], head[12], head[13]), (head[14], head[15], head[16]),
-        head[17], head[18],
-        (head[19], head[20], head[21]), (head[22], head[23], head[24]), head[25], tuple(axes),
-    )  # fmt: skip
+            start = at + ROBOT.size
+            end = start + AXIS.size * len(robot.axes)
+            axes = [AxisRecord(*values[each : each + AXIS.size]) for each in range(start, end, AXIS.size)]
+            robots.append(RobotRecord._make((*ROBOT.pick(values[at:start]), tuple(axes))))
+            at = end
+        return TickRecord._make((*HEAD.pick(values), tuple(robots)))

@@ -27,10 +27,10 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, Final
 
-from contid.control.engine.tick_layout import RecordLayout, TickRecord
+from contid.control.engine.tick_layout import LATENESS, RecordLayout, TickRecord
 from contid.errors import ContidError
 
-MAGIC: Final = b"contidR3"
+MAGIC: Final = b"contidR4"
 HEAD: Final = struct.Struct("=8sQQQQQ")  # magic, bytes of JSON, tick slots, bytes per tick, event slots
 HEAD_BYTES: Final = 64
 TICKS_AT, EVENTS_AT, CLOSED_AT = 48, 56, 40
@@ -253,8 +253,8 @@ class RingReader(_Mapped):
         """How late the newest ticks started [s], without moving the position."""
         written = self.written
         newest = range(max(written - min(ticks, self.slots - 1), 0), written)
-        at = struct.calcsize("=QQd")
-        return [F64.unpack_from(self._tick_slot(number), STAMP + at)[0] for number in newest]
+        at = STAMP + LATENESS * F64.size
+        return [F64.unpack_from(self._tick_slot(number), at)[0] for number in newest]
 
     def events(self) -> list[dict[str, Any]]:
         """Unread events, oldest first; an event with overwritten parts is dropped."""

@@ -1,10 +1,9 @@
-"""What the channels of a session hold: which number of a record goes where in which JSON message.
+"""The channels of a session: the JSON keys of every value of a record, and their JSON Schemas.
 
-A tick leaves one message on each of `TICK_CHANNELS`; ``event`` has one per event. Values are SI with the unit
-in the key (``left_m``, ``p1_pa``, ``tip_m``); a dot in an axis name becomes an underscore, so that plotting
-programs find the way. What a record has as NaN is absent: a number or a vector then has no key, integers,
-booleans and objects are always there. Written by `contid.session.format.encode`, read by
-`contid.session.format.decode`.
+Each tick writes one message to each of `TICK_CHANNELS`, each event one to ``event``. Values are SI with the
+unit in the key (``left_m``, ``p1_pa``, ``tip_m``); a dot in an axis name becomes an underscore, because
+plotting programs split keys at dots. A number or vector that is NaN has no key; integers, booleans and
+objects are always present. The values are declared in `contid.control.engine.tick_layout`.
 """
 
 from __future__ import annotations
@@ -13,7 +12,7 @@ from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 from typing import Any, Final
 
-from contid.control.engine.tick_layout import AXIS_VALUES, HEAD_VALUES, ROBOT_VALUES, RecordLayout
+from contid.control.engine.tick_layout import AXIS, HEAD, ROBOT, RecordLayout, Value
 
 TICK_CHANNELS: Final = ("tick", "target", "solution", "command", "sample")
 EVENT: Final = "event"
@@ -28,14 +27,6 @@ INFINITE: Final = "infinite"
 RENAMED_EVENT_KEYS: Final = {"words": "message"}
 #: Unit in a robot file -> unit of SI.
 SI: Final = {"mm": "m", "bar": "pa"}
-
-# Places in a record, relative to its robot and to its axis (`contid.control.engine.tick_layout`).
-_MODE, _FAULT, _FLAGS, _LIMITED_BY, _ITERATIONS = range(5)
-_TIP, _DIRECTION, _MID, _LOAD = (5, 6, 7), (8, 9, 10), (11, 12, 13), (14, 15, 16)
-_RESIDUAL, _TIP_ERROR = 17, 18
-_MEASURED_TIP, _MEASURED_DIRECTION, _MEASURED_AGE = (19, 20, 21), (22, 23, 24), 25
-TARGET, SOLUTION, COMMAND, LIMITS, DEVICE = range(5)
-VALUE, TIME, VALID, AGE, VELOCITY, EFFORT, TEMPERATURE, VOLTAGE = range(5, 13)
 
 
 @dataclass(frozen=True, slots=True)
@@ -60,17 +51,6 @@ class Field:
         return self.kind in ("integer", "boolean")
 
 
-def robot_at(layout: RecordLayout, index: int) -> int:
-    """Place of the first value of a robot in a record."""
-    before = sum(ROBOT_VALUES + AXIS_VALUES * len(robot.axes) for robot in layout.robots[:index])
-    return HEAD_VALUES + before
-
-
-def axis_at(layout: RecordLayout, robot: int, axis: int) -> int:
-    """Place of the first value of an axis in a record."""
-    return robot_at(layout, robot) + ROBOT_VALUES + AXIS_VALUES * axis
-
-
 def key_of(axis: str) -> str:
     """An axis name as it stands in keys."""
     return axis.replace(".", "_")
@@ -84,80 +64,28 @@ def fields(layout: RecordLayout, device_units: Mapping[str, str], channel: str) 
         device_units: ``rad`` or ``pa`` by ``ROBOT.AXIS``.
         channel: one of `TICK_CHANNELS`.
     """
-    yield Field(("tick",), (0,), "integer", "number of the tick")
-    if channel == "tick":
-        yield Field(("skipped",), (1,), "integer", "ticks skipped so far")
-        for slot, name, message in (
-            (2, "deadline_s", "when it should have started, on CLOCK_MONOTONIC or in virtual time"),
-            (3, "lateness_s", "how much later it started"),
-            (4, "work_s", "how long it took"),
-            (5, "source_s", "time in the trajectory"),
-        ):
-            yield Field((name,), (slot,), "number", message)
+    head = HEAD.values if channel == TICK_CHANNELS[0] else HEAD.values[:1]
+    yield from (_field(value, value.place, (), value.name) for value in head)
+    of_robot = [value for value in ROBOT.values if value.about.channel == channel]
+    of_axis = [value for value in AXIS.values if value.about.channel == channel]
     for index, robot in enumerate(layout.robots):
-        at, front, unit = robot_at(layout, index), ("robots", robot.name), SI[robot.quantity]
-        for place, name, kind, message in _OF_ROBOT[channel]:
-            slots = tuple(at + each for each in (place if isinstance(place, tuple) else (place,)))
-            yield Field((*front, name), slots, kind, message)
-        for number, axis in enumerate(robot.axes):
-            start, key = axis_at(layout, index, number), key_of(axis)
-            device = device_units[f"{robot.name}.{axis}"]
-            if channel == "sample":
-                for place, name, kind, message in _SAMPLE:
-                    full = name.format(unit=device)
-                    yield Field((*front, key, full), (start + place,), kind, message)
-            elif channel in _ACTUATION:
-                place, message = _ACTUATION[channel]
-                yield Field((*front, f"{key}_{unit}"), (start + place,), "number", message)
-        if channel == "command":
+        front = ("robots", robot.name)
+        for value in of_robot:
+            yield _field(value, layout.robot_place(index, value.name), front, value.name)
+        for nested in (False, True):
             for number, axis in enumerate(robot.axes):
-                start, key = axis_at(layout, index, number), key_of(axis)
-                path = (*front, "device", f"{key}_{device_units[f'{robot.name}.{axis}']}")
-                yield Field(path, (start + DEVICE,), "number", "value sent to the device")
-                message = "bits: 1 position, 2 velocity, 4 acceleration, 8 refused"
-                yield Field((*front, "limits", key), (start + LIMITS,), "integer", message)
+                device = device_units[f"{robot.name}.{axis}"]
+                for value in of_axis:
+                    path = value.about.path
+                    if ("/" in path) == nested:
+                        place = layout.axis_place(index, number, value.name)
+                        path = path.format(axis=key_of(axis), unit=SI[robot.quantity], device=device)
+                        yield _field(value, place, front, path)
 
 
-_MODES: Final = "0 OFF, 1 CONNECTING, 2 READY, 3 ARMING, 4 APPROACH, 5 RUN, 6 HOLD, 7 STOPPING, 8 FAULT"
-_OF_ROBOT: Final[dict[str, tuple[tuple[int | tuple[int, ...], str, str, str], ...]]] = {
-    "tick": (
-        (_MODE, "mode", "integer", _MODES),
-        (_FAULT, "fault", "integer", "0 none; `contid fault NUMBER` tells what another means"),
-        (_FLAGS, "flags", "integer", "bits: 1 has a target, 2 converged, 4 devices enabled"),
-    ),
-    "target": (
-        (_TIP, "tip_m", "array", "tip position in the world frame"),
-        (_DIRECTION, "direction", "array", "unit tangent at the tip in the world frame"),
-        (_MID, "mid_m", "array", "mid-point in the world frame"),
-        (_LOAD, "load_n", "array", "known force on the tip in the world frame"),
-    ),
-    "solution": (
-        (_RESIDUAL, "residual_m", "number", "distance of what the model reaches from the target"),
-        (_ITERATIONS, "iterations", "integer", "steps of the solver"),
-        (_LIMITED_BY, "limited_by", "integer", "bits; events 'limit_name' say what they stand for"),
-    ),
-    "command": ((_TIP_ERROR, "tip_error_m", "number", "distance of the commanded model's tip"),),
-    "sample": (
-        (_MEASURED_TIP, "measured_tip_m", "array", "where a tracker saw the tip, world frame"),
-        (_MEASURED_DIRECTION, "measured_direction", "array", "unit tangent it saw there, world frame"),
-        (_MEASURED_AGE, "measured_age_s", "number", "since that was captured"),
-    ),
-}
-_ACTUATION: Final = {
-    "target": (TARGET, "actuation the target asked for"),
-    "solution": (SOLUTION, "actuation the model answered"),
-    "command": (COMMAND, "actuation commanded after the limits"),
-}
-_SAMPLE: Final = (
-    (VALUE, "value_{unit}", "number", "what the device reported"),
-    (TIME, "time_s", "number", "when it was measured, on the clock of deadline_s"),
-    (VALID, "valid", "boolean", "the newest exchange read it"),
-    (AGE, "age_s", "number", "its age at the end of that exchange"),
-    (VELOCITY, "velocity_{unit}_s", "number", "velocity the device reported"),
-    (EFFORT, "effort", "number", "current [A] of servos and motors, duty of regulators"),
-    (TEMPERATURE, "temperature_c", "number", "temperature of the device"),
-    (VOLTAGE, "voltage_v", "number", "supply of the device"),
-)
+def _field(value: Value, place: int, front: tuple[str, ...], path: str) -> Field:
+    slots = tuple(range(place, place + value.numbers))
+    return Field((*front, *path.split("/")), slots, value.json, value.about.meaning)
 
 
 #: Keys of events that plotting programs can use; which of them an event has depends on its kind, and some

@@ -7,7 +7,6 @@ has fewer keys, and ``null`` in revisions 0 and 1 is absent as well.
 from __future__ import annotations
 
 import json
-import struct
 from collections.abc import Callable, Mapping, Sequence
 from math import inf, nan
 from operator import itemgetter
@@ -53,7 +52,7 @@ class Decoder:
                 order |= {slot: self._size + place for place, slot in enumerate(group.slots)}
                 self._size += len(group.slots)
         self._arrange = itemgetter(*(order[slot] for slot in sorted(order)))
-        self._check = struct.Struct(f"{len(order)}d").pack
+        self._check = layout.packer().pack
         self._decode = json.JSONDecoder().decode
 
     def gather(self, gathered: list[Any], channel: str, data: bytes) -> None:

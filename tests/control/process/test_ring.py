@@ -12,13 +12,7 @@ from pathlib import Path
 
 import pytest
 
-from contid.control.engine.tick_layout import (
-    AXIS_VALUES,
-    HEAD_VALUES,
-    ROBOT_VALUES,
-    RecordLayout,
-    RobotLayout,
-)
+from contid.control.engine.tick_layout import AXIS, HEAD, ROBOT, RecordLayout, RobotLayout
 from contid.control.process import ring
 
 LAYOUT = RecordLayout(
@@ -26,7 +20,7 @@ LAYOUT = RecordLayout(
     100.0,
     (RobotLayout("one", "rack_finger", "mm", ("left", "right")), RobotLayout("two", "x", "bar", ("p",))),
 )
-VALUES = HEAD_VALUES + 2 * ROBOT_VALUES + 3 * AXIS_VALUES
+VALUES = HEAD.size + 2 * ROBOT.size + 3 * AXIS.size
 
 
 def values(tick: int) -> list[float]:
@@ -34,7 +28,7 @@ def values(tick: int) -> list[float]:
     for robot, axes in enumerate((2, 1)):
         out += [5, 0, 7, 1 << 40, robot, *(k + 0.25 for k in range(21))]
         for axis in range(axes):
-            out += [axis + 0.1 * k for k in range(AXIS_VALUES)]
+            out += [axis + 0.1 * k for k in range(AXIS.size)]
     return out
 
 
@@ -63,7 +57,7 @@ def test_a_record_comes_back_exactly(path: Path) -> None:
     assert (one.residual_m, one.tip_error_m) == (12.25, 13.25)
     assert (one.measured_tip_m, one.measured_direction) == ((14.25, 15.25, 16.25), (17.25, 18.25, 19.25))
     assert one.measured_age_s == 20.25
-    assert list(two.axes[0]) == [0.1 * k for k in range(AXIS_VALUES)]
+    assert list(two.axes[0]) == [0.1 * k for k in range(AXIS.size)]
     assert reader.layout == LAYOUT
     assert reader.ticks() == []
     writer.close()
