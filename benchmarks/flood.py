@@ -2,7 +2,7 @@
 
 ``python -m benchmarks.flood [--rounds 4] [--seconds 8]``. In turn, round after round: nobody; one that floods
 requests and reads every answer; one that subscribes to everything at the highest rate and never reads; one
-that sends garbage and comes back when it is sent away; one that takes the motion right, streams, and dies by
+that sends garbage and comes back when it is sent away; one that acquires the lease, streams, and dies by
 kill -9, again and again; a tracker that measures both fingers at 1 kHz. All the time another client stops the
 robots (estop, stop, hold in turn) and resumes. Each run is `contid run hand --mock`, recorded; figures are of
 the recorded ticks: how late they started, beside a bare loop that sleeps to the same deadlines in another
@@ -34,7 +34,7 @@ from contid.errors import ContidError
 from contid.session.read import Session
 
 RATE_HZ: Final = 200.0
-#: How long a holder of the motion right lives.
+#: How long a holder of the lease lives.
 LIFE_S: Final = 0.6
 #: Between two stops.
 STOP_EVERY_S: Final = 0.5
@@ -83,7 +83,7 @@ def garbage(path: str) -> None:
 def holds(path: str) -> None:
     """Takes the right from whoever has it and streams, until it is killed."""
     with Client(path, name="doomed") as client:
-        client.take(2.0, takeover=True)
+        client.acquire(2.0, takeover=True)
         client.resume()
         client.stream(["left.x_mm", "left.y_mm", "right.x_mm", "right.y_mm"], waving())
 

@@ -11,7 +11,7 @@
 `AsyncClient` is the same with ``await``. Needs nothing beyond the standard library at run time.
 
 A client never reconnects by itself: when the connection ends, every call raises `ConnectionLostError`, the
-motion right is lost and the robots hold. Make a new client, look at `status`, and go on from there.
+lease lapses and the robots hold. Make a new client, look at `status`, and go on from there.
 """
 
 from contid.remote.client.async_client import AsyncClient

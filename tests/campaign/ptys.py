@@ -148,7 +148,7 @@ class Run:
         until(lambda: is_listening(socket) or self._process.poll() is not None, "the daemon listens")
         assert self._process.poll() is None, self._said.read_text()
         self._client = stack.enter_context(Client(socket, name="campaign"))
-        self._client.take(60.0)
+        self._client.acquire(60.0)
         until(lambda: self._states() == {"HOLD"}, "armed")
 
     def _kill(self) -> None:
@@ -203,7 +203,7 @@ class Run:
     def _bring(self, state: str) -> None:
         """Into a state; a robot or two may have another one, by chance."""
         client, dice = self._client, self._dice
-        client.take(60.0, takeover=True)
+        client.acquire(60.0, takeover=True)
         self._place = 1 - self._place
         if state == "run":
             columns, rows = self._rows()
@@ -269,7 +269,7 @@ class Run:
         message = ""
         while time.monotonic() < deadline_s:
             try:
-                self._client.take(60.0, takeover=True)
+                self._client.acquire(60.0, takeover=True)
                 if "FAULT" in self._states():
                     self._client.clear_fault()
                 self._client.resume()

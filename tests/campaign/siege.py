@@ -1,6 +1,6 @@
 """A real daemon whose socket is fed garbage: it refuses in words, moves nothing, stays small, answers others.
 
-A client of ours, the guard, holds the motion right, so whatever is sent may at most stop robots; after some
+A client of ours, the guard, holds the lease, so whatever is sent may at most stop robots; after some
 attacks it looks at everything the daemon shows, and arms again what was stopped.
 """
 
@@ -39,10 +39,10 @@ BUGS: dict[str, str] = {
     "lines without a limit": "import contid.remote.server.server as s; s.MAX_LINE = 1 << 30",
     "a hold that moves": (
         "import contid.remote.server.request_handler as v\n"
-        "async def hold(self, caller, take):\n"
+        "async def hold(self, caller, request):\n"
         "    target = {'f0.x_mm': 40.0, 'f0.y_mm': 80.0}\n"
-        "    return await self.moves.point(caller.number, target, caller.tell)\n"
-        "v.Verbs._hold = hold"
+        "    return await self.moves.point(caller.number, target, caller.notify)\n"
+        "v.RequestHandler._hold = hold"
     ),
 }
 
@@ -63,7 +63,7 @@ REQUESTS: tuple[dict[str, Any], ...] = (
     {"verb": "subscribe", "rate_hz": 50, "robots": ["f0"], "fields": ["state", "tip_mm"], "events": True},
     {"verb": "unsubscribe"},
     {"verb": "hold", "robots": ["f1"]}, {"verb": "stop", "robots": ["f0"]}, {"verb": "estop"},
-    {"verb": "take", "timeout_s": 1.0}, {"verb": "release"}, {"verb": "resume", "robots": ["f0"]},
+    {"verb": "acquire", "timeout_s": 1.0}, {"verb": "release"}, {"verb": "resume", "robots": ["f0"]},
     {"verb": "clear_fault"}, {"verb": "move", "target": {"f0.u_mm": 50.0, "f0.v_mm": 75.0}},
     {"verb": "move", "columns": ["t_s", "f0.u_mm", "f0.v_mm"]},
     {"verb": "rows", "move": 7, "rows": [[50.0, 75.0], [51.0, 75.0]]}, {"verb": "end", "move": 7},
@@ -85,12 +85,14 @@ BOMBS: dict[str, bytes] = {
     "nesting of objects": b'{"id":1,"verb":"status","x":' + b'{"a":' * 10_000,
     "nesting that is closed": b'{"verb":"move","target":' + b'{"a":' * 9_000 + b"1" + b"}" * 9_001,
     "a number of many digits": b'{"id":' + b"9" * 60_000 + b',"verb":"ping"}',
-    "numbers that are none": b'{"verb":"take","timeout_s":NaN}\n{"verb":"take","timeout_s":-Infinity}',
-    "numbers beyond all": b'{"verb":"take","timeout_s":1e999}\n{"verb":"rows","move":1e999,"rows":[[1e999]]}',
+    "numbers that are none": b'{"verb":"acquire","timeout_s":NaN}\n{"verb":"acquire","timeout_s":-Infinity}',
+    "numbers beyond all": (
+        b'{"verb":"acquire","timeout_s":1e999}\n{"verb":"rows","move":1e999,"rows":[[1e999]]}'
+    ),
     "the same key again": b'{"verb":"estop","verb":"ping","id":1,"id":2}',
     "half of a character": b'{"id":"\\ud800","verb":"hello","name":"\\udfff"}',
     "zeros in names": b'{"id":"\\u0000","verb":"\\u0000","robots":["\\u0000"]}',
-    "controls of a terminal": b'{"verb":"hello","name":"\\u001b[2J\\u001b]0;x\\u0007"}\n{"verb":"take"}',
+    "controls of a terminal": b'{"verb":"hello","name":"\\u001b[2J\\u001b]0;x\\u0007"}\n{"verb":"acquire"}',
     "another encoding": '{"id":1,"verb":"ping"}\n'.encode("utf-16"),
     "a byte order mark": b"\xef\xbb\xbf" + b'{"id":1,"verb":"ping"}',
     "no requests": b"\n" * 5_000,
@@ -176,7 +178,7 @@ class Siege:
             self.rearm()
 
     def rearm(self) -> None:
-        self.guard.take(60.0, takeover=True)
+        self.guard.acquire(60.0, takeover=True)
         self.guard.clear_fault()  # a machine that stood still looks like a dead bus
         self.guard.resume()
         armed(self.guard)

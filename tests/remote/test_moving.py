@@ -24,7 +24,7 @@ def test_a_day_with_a_client() -> None:
         arrives(client, "f0", (50.0, 75.0, 0.0))
         arrives(client, "f1", (50.0, 80.0, 0.0))
         status = client.status()
-        assert status["right"]["holder"] == "day"
+        assert status["lease"]["holder"] == "day"
         assert status["buses"]["bus0"]["tier"] in {"fresh", "late"}
         live = [(50.0 + 0.02 * step, 75.0) for step in range(50)]
         assert client.stream(["f0.x_mm", "f0.y_mm"], live) == []

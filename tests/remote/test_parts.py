@@ -26,7 +26,7 @@ from contid.remote.protocol.socket_path import Endpoint, SocketError, default_pa
 from contid.remote.protocol.wire import Code, NoDaemonError, RemoteError, RequestFields, decode, encode
 from contid.remote.server.health import Tier, bus_health, tier_of
 from contid.remote.server.lease import Lease
-from contid.remote.server.outbox import MAX_ANSWERS, MAX_FRAMES, Outbox
+from contid.remote.server.outbox import MAX_FRAMES, MAX_RESPONSES, Outbox
 
 
 @given(st.binary(max_size=400))
@@ -78,51 +78,51 @@ def test_a_field_of_another_kind_is_refused_by_name(
             take(RequestFields({"x": value}))
 
 
-def test_the_right_has_one_holder_and_an_explicit_takeover() -> None:
-    right = Lease(0.0, input_active=False)
-    right.use(1, "one", 0.0)
-    with pytest.raises(RemoteError, match="'one' has the motion right since 1"):
-        right.use(2, "two", 1.0)
-    before = right.take(2, "two", 1.0, takeover=True)
+def test_the_lease_has_one_holder_and_an_explicit_takeover() -> None:
+    lease = Lease(0.0, input_active=False)
+    lease.require(1, "one", 0.0)
+    with pytest.raises(RemoteError, match="'one' has held the lease for 1"):
+        lease.require(2, "two", 1.0)
+    before = lease.acquire(2, "two", 1.0, takeover=True)
     assert before is not None
     assert before.client == 1
-    assert right.held_by(2)
-    with pytest.raises(RemoteError, match=r"'two' has the motion right since 2\.5 s"):
-        right.use(1, "one", 3.5)
-    assert right.as_fields(3.5) == {"holder": "two", "client": 2, "since_s": 2.5}
+    assert lease.held_by(2)
+    with pytest.raises(RemoteError, match=r"'two' has held the lease for 2\.5 s"):
+        lease.require(1, "one", 3.5)
+    assert lease.as_fields(3.5) == {"holder": "two", "client": 2, "since_s": 2.5}
 
 
-def test_the_right_is_lost_without_requests_and_not_with_them() -> None:
-    right = Lease(0.0, input_active=False)
-    right.take(1, "one", 0.0, timeout_s=2.0)
-    right.refresh(1, 1.9)
-    right.refresh(2, 3.5)
-    assert right.expired(3.8) is None
-    assert right.expired(4.0) is not None
-    assert right.holder is None
+def test_the_lease_lapses_without_requests_of_its_holder() -> None:
+    lease = Lease(0.0, input_active=False)
+    lease.acquire(1, "one", 0.0, timeout_s=2.0)
+    lease.refresh(1, 1.9)
+    lease.refresh(2, 3.5)
+    assert lease.expire(3.8) is None
+    assert lease.expire(4.0) is not None
+    assert lease.holder is None
 
 
-def test_the_input_holds_the_right_until_it_is_taken_over_and_may_be_resumed() -> None:
-    right = Lease(0.0, input_active=True)
+def test_the_input_holds_the_lease_until_a_takeover_and_may_be_resumed() -> None:
+    lease = Lease(0.0, input_active=True)
     with pytest.raises(RemoteError, match="own input"):
-        right.use(1, "one", 0.0)
-    right.allow(1, 0.0)
-    assert right.expired(1e9) is None
-    assert right.revoke(1, "one (hold)") is None
-    assert right.input_holds
-    right.take(1, "one", 0.0, takeover=True)
-    assert not right.input_holds
+        lease.require(1, "one", 0.0)
+    lease.allow(1, 0.0)
+    assert lease.expire(1e9) is None
+    assert lease.revoke(1, "one (hold)") is None
+    assert lease.held_by(0)
+    lease.acquire(1, "one", 0.0, takeover=True)
+    assert not lease.held_by(0)
 
 
-def test_a_stop_by_another_is_not_undone_by_a_script_in_a_loop() -> None:
-    right = Lease(0.0, input_active=False)
-    right.use(1, "script", 0.0)
-    assert right.revoke(2, "person (estop)") is not None
+def test_a_lease_revoked_by_a_stop_must_be_acquired_explicitly() -> None:
+    lease = Lease(0.0, input_active=False)
+    lease.require(1, "script", 0.0)
+    assert lease.revoke(2, "person (estop)") is not None
     with pytest.raises(RemoteError) as refused:
-        right.use(1, "script", 0.1)
+        lease.require(1, "script", 0.1)
     assert refused.value.code == Code.STOPPED
-    right.take(1, "script", 0.2)
-    right.use(1, "script", 0.3)
+    lease.acquire(1, "script", 0.2)
+    lease.require(1, "script", 0.3)
 
 
 def test_tiers_follow_the_age_and_the_rate() -> None:
@@ -157,13 +157,13 @@ def test_a_bus_is_as_old_as_its_oldest_axis_and_names_those_that_are_silent() ->
 async def test_an_outbox_keeps_the_newest_frames_and_every_answer() -> None:
     outbox = Outbox()
     for number in range(MAX_FRAMES + 5):
-        outbox.frame(b"%d" % number)
-    outbox.answer(b"answer")
-    assert (outbox.dropped, await outbox.take(), await outbox.take()) == (5, b"answer", b"5")
-    for _ in range(MAX_ANSWERS):
-        outbox.answer(b"")
+        outbox.put_frame(b"%d" % number)
+    outbox.put(b"answer")
+    assert (outbox.dropped, await outbox.get(), await outbox.get()) == (5, b"answer", b"5")
+    for _ in range(MAX_RESPONSES):
+        outbox.put(b"")
     assert not outbox.overflowed
-    outbox.answer(b"")
+    outbox.put(b"")
     assert outbox.overflowed
 
 
@@ -286,7 +286,7 @@ def test_bars_stay_within_their_width() -> None:
 async def test_stopping_is_never_queued_behind_the_clock() -> None:
     """The outbox gives its turn back to the loop: nobody waits for a client that does not read."""
     outbox = Outbox()
-    waiting = asyncio.create_task(outbox.take())
+    waiting = asyncio.create_task(outbox.get())
     await asyncio.sleep(0)
-    outbox.answer(b"now")
+    outbox.put(b"now")
     assert await waiting == b"now"

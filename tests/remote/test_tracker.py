@@ -148,7 +148,7 @@ def test_wrong_measurements_are_named_and_only_one_tracker_is_heard() -> None:
         assert first.measure(TIP, age_ms=150.0)["used"] is False, "a newer one was there"
         with pytest.raises(RemoteError, match="client 'first' tracks f0") as refused:
             other.measure(TIP)
-        assert refused.value.code == Code.HELD
+        assert refused.value.code == Code.TRACKER_HELD
         until(lambda: other.status()["trackers"] == {}, "the tracker was silent for long enough")
         assert other.measure([50.0, 75.0, 3.0])["used"], "a planar robot takes no notice of the third number"
         status = other.status()
@@ -157,7 +157,7 @@ def test_wrong_measurements_are_named_and_only_one_tracker_is_heard() -> None:
         seen = next(frame["robots"]["f0"] for frame in frames if frame["robots"]["f0"]["measured_tip_mm"])
         assert seen == {"measured_tip_mm": [50.0, 75.0, 0.0], "measured_direction": None}
         frames.close()  # type: ignore[attr-defined]
-        assert status["right"]["holder"] is None, "measuring moves nothing"
+        assert status["lease"]["holder"] is None, "measuring moves nothing"
 
 
 async def test_a_flood_of_measurements_reaches_the_tick_no_more_often_than_it_ticks(own_folder: Path) -> None:

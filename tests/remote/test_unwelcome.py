@@ -64,7 +64,7 @@ def test_clients_that_connect_and_vanish_leave_nothing_and_one_more_always_gets_
 
     with daemon() as running, running.client(name="old") as client:
         armed(client)
-        client.take(60)
+        client.acquire(60)
         process = psutil.Process(running.process.pid)
         before = process.num_fds()
         for _ in range(50):

@@ -68,7 +68,7 @@ def test_it_answers_everything_and_begins_when_the_input_comes() -> None:
         status = client.status()
         assert status["waiting"] == "waiting for a trajectory on stdin"
         assert status["robots"]["f0"]["state"] == "OFF"
-        assert status["right"]["holder"] == "input"
+        assert status["lease"]["holder"] == "input"
         assert client.describe()["robots"]["f0"]["axes"]
         assert client.request("subscribe", rate_hz=50)["rate_hz"] == 50
         assert client.clear_fault()["cleared"] == []
@@ -77,7 +77,7 @@ def test_it_answers_everything_and_begins_when_the_input_comes() -> None:
         assert refused.value.code == Code.REFUSED
         with pytest.raises(RemoteError) as refused:
             client.move({"x_mm": 50.0, "y_mm": 75.0})
-        assert refused.value.code == Code.HELD
+        assert refused.value.code == Code.LEASE_HELD
         shown = subprocess.run(
             command("status", "--socket", str(running.socket)), capture_output=True, text=True
         )
@@ -125,7 +125,7 @@ def test_what_was_stopped_before_it_began_waits_for_resume(order: str) -> None:
 
 def test_a_takeover_makes_it_a_daemon_without_an_input() -> None:
     with waiting() as running, running.client() as client:
-        assert client.take(takeover=True)["from"] == "input"
+        assert client.acquire(takeover=True)["from"] == "input"
         until(lambda: state(client) == "READY", "it connects")
         client.resume()
         client.move({"x_mm": 50.0, "y_mm": 75.0})
@@ -186,4 +186,4 @@ def test_dev_null_is_no_input() -> None:
     with daemon() as running, running.client() as client:
         armed(client)
         assert client.status()["waiting"] is None
-        assert client.status()["right"]["holder"] is None
+        assert client.status()["lease"]["holder"] is None

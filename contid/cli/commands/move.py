@@ -39,7 +39,7 @@ def command(
 
     def request(client: Client) -> dict[str, Any]:
         if takeover:
-            client.take(takeover=True)
+            client.acquire(takeover=True)
         if trajectory is None:
             return {"move": client.move(target, wait=not no_wait)}
         return {"refused": client.stream(columns, rows)}

@@ -30,16 +30,16 @@ def render_status(status: Fields) -> Group:
 
 
 def _head(status: Fields) -> Text:
-    late, right = status["lateness_us"], status["right"]
+    late, lease = status["lateness_us"], status["lease"]
     text = Text()
     text.append(status["name"], style="bold")
     text.append(f"  {status['rate_hz']:g} Hz  tick {status['tick']}  {status.get('skipped', 0)} skipped")
     text.append(
         f"  late p50 {_shown(late['p50'], '.0f')} us, max {_shown(late['max'], '.0f')} us (last second)"
     )
-    text.append(f"\n{status['clients']} clients, motion right: {right['holder'] or 'free'}")
-    if right.get("stopped_by"):
-        text.append(f" (stopped by {right['stopped_by']})", style="yellow")
+    text.append(f"\n{status['clients']} clients, lease: {lease['holder'] or 'free'}")
+    if lease.get("stopped_by"):
+        text.append(f" (stopped by {lease['stopped_by']})", style="yellow")
     if status.get("waiting"):
         text.append(f"\n{status['waiting']}; nothing is connected yet", style="yellow")
     if status.get("source_s") is not None:

@@ -21,7 +21,7 @@ from contid.remote.protocol.wire import PROTOCOL, ConnectionLostError, Fields, N
 class AsyncClient:
     """A connection to a daemon; several tasks may use it. Open it with ``async with``.
 
-    The motion right is kept only by requests and by awaiting a move or telemetry, never by a task in the
+    The lease is kept only by requests and by awaiting a move or telemetry, never by a task in the
     background: a program that hangs shall lose it.
 
     Args:
@@ -92,7 +92,7 @@ class AsyncClient:
         return await self.request("describe")
 
     async def ping(self) -> None:
-        """Show that this client is alive; keeps the motion right."""
+        """Show that this client is alive; keeps the lease."""
         await self.request("ping")
 
     async def hold(self, robots: Robots = None) -> Fields:
@@ -115,12 +115,12 @@ class AsyncClient:
         """Arm if need be and go on with what was followed; waits until the robots are armed."""
         return await self._follow(steps.resume(robots, wait))
 
-    async def take(self, timeout_s: float = 2.0, *, takeover: bool = False) -> Fields:
-        """Take the motion right: without a request for ``timeout_s`` it is lost and the robots hold."""
-        return await self.request("take", timeout_s=timeout_s, takeover=takeover)
+    async def acquire(self, timeout_s: float = 2.0, *, takeover: bool = False) -> Fields:
+        """Acquire the lease; without a request for ``timeout_s`` it lapses and the robots hold."""
+        return await self.request("acquire", timeout_s=timeout_s, takeover=takeover)
 
     async def release(self) -> bool:
-        """Give the motion right back; a point that is under way is still reached."""
+        """Release the lease; a point that is under way is still reached."""
         return bool((await self.request("release"))["released"])
 
     async def move(self, target: Mapping[str, float], *, wait: bool = True) -> int:
@@ -143,7 +143,7 @@ class AsyncClient:
         return sender.refused
 
     async def wait(self, move: int) -> None:
-        """Wait until a move has ended; keeps the motion right meanwhile.
+        """Wait until a move has ended; keeps the lease meanwhile.
 
         Raises:
             RemoteError: it was stopped before its end.
@@ -243,7 +243,7 @@ class AsyncClient:
                 future.set_result(result)
 
     async def close(self) -> None:
-        """Give the motion right back and disconnect; idempotent."""
+        """Give the lease back and disconnect; idempotent."""
         if self._lost is None and self._writer is not None:
             with suppress(ConnectionLostError, RemoteError):
                 await self.request("release")

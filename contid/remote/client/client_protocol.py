@@ -155,8 +155,8 @@ class ClientProtocol:
     def _notice(self, fields: Fields) -> None:
         match fields["event"]:
             case "hello" if fields.get("protocol") != PROTOCOL:
-                told, mine = fields.get("protocol"), PROTOCOL
-                message = f"the daemon speaks protocol {told}, this client {mine}; update the older one"
+                theirs = fields.get("protocol")
+                message = f"the daemon has protocol {theirs}, this client {PROTOCOL}; update the older one"
                 raise RemoteError(Code.PROTOCOL, message)
             case "telemetry" | "event":
                 self.frames.append(fields)

@@ -20,7 +20,7 @@ T = TypeVar("T")
 #: Which robots: one by name, several, or None for all.
 Robots: TypeAlias = str | tuple[str, ...] | list[str] | None
 
-#: How often a client that only waits shows that it is alive: well within the motion right's two seconds.
+#: How often a client that only waits shows that it is alive: well within the lease's two seconds.
 ALIVE_S: Final = 0.5
 #: How often a client looks whether robots are armed by now.
 LOOK_S: Final = 0.02
@@ -58,7 +58,7 @@ Steps: TypeAlias = Generator[Step, Fields, T]
 
 
 def listen(dialogue: ClientProtocol) -> Steps[None]:
-    """Wait for a notice; whoever waits in a loop of these is seen to be alive and keeps the motion right."""
+    """Wait for a notice; whoever waits in a loop of these is seen to be alive and keeps the lease."""
     yield Listen(ALIVE_S)
     if time.monotonic() - dialogue.asked_s > ALIVE_S:
         yield Ask("ping")

@@ -90,7 +90,7 @@ class Client:
         return self.request("describe")
 
     def ping(self) -> None:
-        """Show that this client is alive; keeps the motion right."""
+        """Show that this client is alive; keeps the lease."""
         self.request("ping")
 
     def hold(self, robots: Robots = None) -> Fields:
@@ -113,12 +113,12 @@ class Client:
         """Arm if need be and go on with what was followed; waits until the robots are armed."""
         return self._follow(steps.resume(robots, wait))
 
-    def take(self, timeout_s: float = 2.0, *, takeover: bool = False) -> Fields:
-        """Take the motion right: without a request for ``timeout_s`` it is lost and the robots hold."""
-        return self.request("take", timeout_s=timeout_s, takeover=takeover)
+    def acquire(self, timeout_s: float = 2.0, *, takeover: bool = False) -> Fields:
+        """Acquire the lease; without a request for ``timeout_s`` it lapses and the robots hold."""
+        return self.request("acquire", timeout_s=timeout_s, takeover=takeover)
 
     def release(self) -> bool:
-        """Give the motion right back; a point that is under way is still reached."""
+        """Release the lease; a point that is under way is still reached."""
         return bool(self.request("release")["released"])
 
     # -- moving --------------------------------------------------------------------------------------------
@@ -154,7 +154,7 @@ class Client:
         return sender.refused
 
     def wait(self, move: int) -> None:
-        """Wait until a move has ended; keeps the motion right meanwhile.
+        """Wait until a move has ended; keeps the lease meanwhile.
 
         Raises:
             RemoteError: it was stopped before its end.
@@ -172,7 +172,7 @@ class Client:
         age_ms: float | None = None,
         time_s: float | None = None,
     ) -> Fields:
-        """Say where a tracker sees the tip of a robot; needs no motion right, one tracker per robot.
+        """Say where a tracker sees the tip of a robot; needs no lease, one tracker per robot.
 
         Args:
             tip_mm: position in the world frame.
@@ -202,7 +202,7 @@ class Client:
         """Frames as they come, for ever; ``break`` when it is enough.
 
         Whoever is too slow gets the newest frames, with a count of the dropped ones. With ``events``, states,
-        faults and refusals come in between. Iterating keeps the motion right; not iterating loses it.
+        faults and refusals come in between. Iterating keeps the lease; not iterating loses it.
         """
         self.request("subscribe", **steps.subscription(rate_hz, robots, fields, events))
         try:
@@ -262,7 +262,7 @@ class Client:
                 self._read(left_s)
 
     def close(self) -> None:
-        """Give the motion right back and disconnect; idempotent."""
+        """Give the lease back and disconnect; idempotent."""
         if self._socket.fileno() < 0:
             return
         try:

@@ -15,7 +15,7 @@ from typing import Any, Final, TypeAlias
 from contid.errors import ContidError
 
 #: Grows when an old client would misunderstand a new server, or the other way round.
-PROTOCOL: Final = 1
+PROTOCOL: Final = 2
 #: Bytes of one line, its end included; a row of a sixteen-finger robot is about a thousand.
 MAX_LINE: Final = 1 << 16
 #: Clients at a time; one more displaces the one that was idle longest.
@@ -31,8 +31,9 @@ class Code(enum.StrEnum):
     UNKNOWN_VERB = "unknown-verb"
     UNKNOWN_ROBOT = "unknown-robot"
     PROTOCOL = "protocol"  # another version
-    HELD = "held"  # somebody else has the motion right
-    STOPPED = "stopped"  # somebody else stopped the robots since; take the right again
+    LEASE_HELD = "lease-held"  # another client holds the lease
+    TRACKER_HELD = "tracker-held"  # another client tracks this robot
+    STOPPED = "stopped"  # another client stopped the robots; acquire the lease again
     BAD_TARGET = "bad-target"  # wrong columns or numbers
     BAD_MEASUREMENT = "bad-measurement"  # wrong numbers, too old, or no tip of this robot
     UNREACHABLE = "unreachable"

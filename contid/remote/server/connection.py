@@ -1,7 +1,7 @@
-"""One client: its requests in, its answers and telemetry out, and nothing that others would wait for.
+"""One client connection: requests in, responses and telemetry out.
 
-Requests are begun in their order; one that takes long does not hold up the next, so that a stop after a large
-trajectory is not kept waiting. Between two requests of a client everybody else gets a turn.
+Requests start in their order; a long one does not delay the next, so a stop after a large trajectory is
+carried out at once. Between two requests of one client the others get a turn.
 """
 
 from __future__ import annotations
@@ -16,11 +16,11 @@ from contid.remote.protocol.wire import MAX_LINE, Code, RemoteError, decode, enc
 from contid.remote.server.outbox import Outbox
 from contid.remote.server.request_handler import RequestHandler
 
-#: Requests of one client under way; more wait in its socket.
+#: Requests of one client in progress; more wait in its socket.
 MAX_PENDING: Final = 32
-#: Lines that are no requests after which a client is sent away.
-MAX_GARBAGE: Final = 100
-#: Seconds that a client may leave what was sent to it unread.
+#: Lines that are no requests after which a client is disconnected.
+MAX_BAD_REQUESTS: Final = 100
+#: Seconds that a client may leave sent data unread.
 STALL_S: Final = 5.0
 #: Bytes that may wait in the kernel's and asyncio's buffers before writing pauses.
 HIGH_WATER: Final = 1 << 16
@@ -28,14 +28,14 @@ HIGH_WATER: Final = 1 << 16
 
 @dataclass(slots=True)
 class Subscription:
-    """What a client wants to hear.
+    """The telemetry that a client subscribed to.
 
     Attributes:
         rate_hz: frames per second, 0 for none.
-        robots: which.
+        robots: names.
         fields: of `contid.remote.server.telemetry_view.FIELDS`.
-        events: states, faults and refusals as they happen.
-        next_s: when the next frame is due.
+        events: send states, faults and refusals as they happen.
+        next_s: due time of the next frame.
         tick: of the last frame.
     """
 
@@ -48,10 +48,14 @@ class Subscription:
 
 
 class Connection:
-    """A client that is connected."""
+    """A connected client (`contid.remote.server.query_handler.Caller`)."""
 
     def __init__(
-        self, number: int, reader: asyncio.StreamReader, writer: asyncio.StreamWriter, verbs: RequestHandler
+        self,
+        number: int,
+        reader: asyncio.StreamReader,
+        writer: asyncio.StreamWriter,
+        handler: RequestHandler,
     ) -> None:
         self.number = number
         self.name = f"client {number}"
@@ -60,17 +64,17 @@ class Connection:
         self.active_s = asyncio.get_running_loop().time()
         self._reader = reader
         self._writer = writer
-        self._verbs = verbs
+        self._handler = handler
         self._pending = asyncio.Semaphore(MAX_PENDING)
         self._requests: set[asyncio.Task[None]] = set()
-        self._garbage = 0
-        self._leaving = asyncio.Event()
+        self._bad_requests = 0
+        self._closing = asyncio.Event()
 
     async def run(self) -> None:
-        """Serve it until it leaves or is sent away."""
+        """Serve the client until it leaves or is disconnected."""
         self._writer.transport.set_write_buffer_limits(high=HIGH_WATER)
-        self.tell(self._verbs.reading.hello())
-        tasks = [asyncio.create_task(part()) for part in (self._read, self._write, self._leaving.wait)]
+        self.notify(self._handler.queries.hello())
+        tasks = [asyncio.create_task(part()) for part in (self._read, self._write, self._closing.wait)]
         try:
             await asyncio.wait(tasks, return_when=asyncio.FIRST_COMPLETED)
         finally:
@@ -79,30 +83,28 @@ class Connection:
             await asyncio.gather(*tasks, *self._requests, return_exceptions=True)
             self._writer.transport.abort()
 
-    def send_away(self, message: str) -> None:
-        """End the connection; tries to say why, and waits for nobody."""
-        if not self._leaving.is_set():
-            self._leaving.set()
+    def disconnect(self, message: str) -> None:
+        """End the connection with a notice ``bye`` if the buffer takes it; waits for nothing."""
+        if not self._closing.is_set():
+            self._closing.set()
             with suppress(Exception):
                 self._writer.write(encode({"event": "bye", "message": message}))
 
-    # -- what the verbs need -----------------------------------------------------------------------------
-
-    def tell(self, fields: Mapping[str, Any]) -> None:
-        """An answer or a notice."""
-        self.outbox.answer(encode(fields))
+    def notify(self, fields: Mapping[str, Any]) -> None:
+        """Send a response or a notice."""
+        self.outbox.put(encode(fields))
         if self.outbox.overflowed:
-            self.send_away("answers are not read")
+            self.disconnect("responses are not read")
 
     def subscribe(self, rate_hz: float, robots: Sequence[str], fields: Sequence[str], events: bool) -> None:
-        """See `contid.remote.server.query_handler.Caller`."""
+        """Send telemetry from now on."""
         self.subscription = Subscription(rate_hz, tuple(robots), tuple(fields), events)
 
     def unsubscribe(self) -> None:
-        """See `contid.remote.server.query_handler.Caller`."""
+        """Send no more telemetry and events."""
         self.subscription = None
 
-    # -- the two directions --------------------------------------------------------------------------------
+    # -- inside ------------------------------------------------------------------------------------------
 
     async def _read(self) -> None:
         while True:
@@ -110,21 +112,21 @@ class Connection:
                 line = await self._reader.readuntil(b"\n")
             except asyncio.LimitOverrunError:
                 self._refuse(None, RemoteError(Code.BAD_REQUEST, f"a line has at most {MAX_LINE} bytes"))
-                await asyncio.sleep(0)  # the writer's turn, to say so
+                await asyncio.sleep(0)  # lets the writer send the refusal
                 return
             except (asyncio.IncompleteReadError, ConnectionError, OSError):
                 return
             self.active_s = asyncio.get_running_loop().time()
             await self._pending.acquire()
-            if self._leaving.is_set():
+            if self._closing.is_set():
                 return
             task = asyncio.create_task(self._request(line))
             self._requests.add(task)
-            task.add_done_callback(self._answered)
-            # Everybody else's turn: a client that floods does not get two requests in a row.
+            task.add_done_callback(self._done)
+            # The other clients' turn: one that floods does not get two requests in a row.
             await asyncio.sleep(0)
 
-    def _answered(self, task: asyncio.Task[None]) -> None:
+    def _done(self, task: asyncio.Task[None]) -> None:
         self._requests.discard(task)
         self._pending.release()
 
@@ -136,22 +138,21 @@ class Connection:
             if not isinstance(number, int | str | None) or (isinstance(number, str) and len(number) > 200):
                 number = None
                 raise RemoteError(Code.BAD_REQUEST, "id: a whole number or a short text is expected")
-            result = await self._verbs.serve(self, fields)
+            result = await self._handler.serve(self, fields)
         except RemoteError as error:
             self._refuse(number, error)
-            self._garbage += error.code == Code.BAD_REQUEST
-            if self._garbage >= MAX_GARBAGE:
-                self.send_away(f"{MAX_GARBAGE} lines were no requests")
+            self._bad_requests += error.code == Code.BAD_REQUEST
+            if self._bad_requests >= MAX_BAD_REQUESTS:
+                self.disconnect(f"{MAX_BAD_REQUESTS} lines were no requests")
         else:
-            self.tell({"id": number, "ok": True, "result": result})
+            self.notify({"id": number, "ok": True, "result": result})
 
     def _refuse(self, number: Any, error: RemoteError) -> None:
-        self.tell({"id": number, "ok": False, "error": error.as_fields()})
+        self.notify({"id": number, "ok": False, "error": error.as_fields()})
 
     async def _write(self) -> None:
         with suppress(ConnectionError, TimeoutError):
             while True:
-                self._writer.write(await self.outbox.take())
-                # At once while there is room; a client that reads nothing is not waited for long.
+                self._writer.write(await self.outbox.get())
                 async with asyncio.timeout(STALL_S):
                     await self._writer.drain()

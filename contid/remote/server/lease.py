@@ -1,7 +1,7 @@
-"""The right to move: at most one client has it, and only while it shows that it is alive.
+"""The lease: the exclusive, expiring right of one client to move the robots.
 
-Pure bookkeeping with the time given; the server acts on what it returns. The input of the daemon (stdin or
---trajectory) has the right before any client until it ends or somebody takes over.
+Bookkeeping only, with the time as an argument; `contid.remote.server.request_handler` acts on the results.
+While stdin or ``--trajectory`` moves the robots, that input holds the lease as client 0.
 """
 
 from __future__ import annotations
@@ -11,24 +11,24 @@ from typing import Final
 
 from contid.remote.protocol.wire import Code, Fields, RemoteError
 
-#: Seconds without a request of its holder after which the right is lost, unless asked for otherwise.
+#: Seconds without a request of the holder after which the lease lapses, unless the holder chose another time.
 TIMEOUT_S: Final = 2.0
-LEAST_TIMEOUT_S: Final = 0.1
-GREATEST_TIMEOUT_S: Final = 60.0
+MIN_TIMEOUT_S: Final = 0.1
+MAX_TIMEOUT_S: Final = 60.0
 #: The name of the daemon's own input as a holder.
 INPUT: Final = "input"
 
 
 @dataclass(slots=True)
 class LeaseHolder:
-    """Who has the right.
+    """The client that holds the lease.
 
     Attributes:
         client: its number; 0 is the daemon's input.
-        name: what it calls itself.
-        since_s: when it took it.
-        timeout_s: after how long without a request it loses it.
-        seen_s: its last request.
+        name: its name in messages.
+        since_s: time of acquisition.
+        timeout_s: the lease lapses after so long without a request.
+        seen_s: time of its last request.
     """
 
     client: int
@@ -39,11 +39,11 @@ class LeaseHolder:
 
 
 class Lease:
-    """Who may move the robots.
+    """The state of the lease.
 
     Attributes:
-        holder: who has it, None while nobody has.
-        stopped_by: who took it away with a stop; then it must be taken explicitly again.
+        holder: None while the lease is free.
+        stopped_by: who revoked it with a stop; it must then be acquired explicitly.
     """
 
     def __init__(self, now_s: float, input_active: bool) -> None:
@@ -53,60 +53,55 @@ class Lease:
             self.holder = LeaseHolder(0, INPUT, now_s, float("inf"), now_s)
 
     def held_by(self, client: int) -> bool:
-        """True when this client has it."""
+        """True when this client holds the lease."""
         return self.holder is not None and self.holder.client == client
 
-    @property
-    def input_holds(self) -> bool:
-        """True while the daemon's own input has it."""
-        return self.held_by(0)
-
     def refresh(self, client: int, now_s: float) -> None:
-        """The client made a request."""
+        """Note a request of a client."""
         if self.holder is not None and self.holder.client == client:
             self.holder.seen_s = now_s
 
-    def take(
+    def acquire(
         self, client: int, name: str, now_s: float, timeout_s: float = TIMEOUT_S, takeover: bool = False
     ) -> LeaseHolder | None:
-        """Take the right; returns the holder it was taken from.
+        """Acquire the lease; returns the previous holder if it was another one.
 
         Raises:
-            RemoteError: somebody else has it and ``takeover`` is not set.
+            RemoteError: another client holds it and ``takeover`` is not set.
         """
         before = self.holder
         if before is not None and before.client != client and not takeover:
-            raise self.refusal(now_s)
+            raise self._refusal(before, now_s)
         self.stopped_by = ""
         since_s = now_s if before is None or before.client != client else before.since_s
         self.holder = LeaseHolder(client, name, since_s, timeout_s, now_s)
         return before if before is not None and before.client != client else None
 
-    def use(self, client: int, name: str, now_s: float) -> None:
-        """Make sure that a client may move: it has the right, or takes it because it is free.
+    def require(self, client: int, name: str, now_s: float) -> None:
+        """Ensure that a client may move: it holds the lease, or acquires a free one.
 
         Raises:
-            RemoteError: somebody else has it, or a stop took it away.
+            RemoteError: another client holds it, or a stop revoked it.
         """
         if self.held_by(client):
             return
         if self.holder is None and self.stopped_by:
-            message = f"{self.stopped_by} stopped the robots; look, then take the motion right to go on"
+            message = f"{self.stopped_by} stopped the robots; check them, then acquire the lease to go on"
             raise RemoteError(Code.STOPPED, message)
-        self.take(client, name, now_s)
+        self.acquire(client, name, now_s)
 
     def allow(self, client: int, now_s: float) -> None:
-        """Make sure that a client may resume or clear: nobody else, except the input, has the right.
+        """Ensure that a client may resume or clear faults: no other client (but the input) holds the lease.
 
         Raises:
-            RemoteError: another client has it.
+            RemoteError: another client holds it.
         """
         if self.holder is not None and self.holder.client not in (0, client):
-            raise self.refusal(now_s)
+            raise self._refusal(self.holder, now_s)
         self.stopped_by = ""
 
     def revoke(self, by: int, message: str) -> LeaseHolder | None:
-        """A stop by somebody else takes the right from a client; the input keeps it, it only pauses."""
+        """Revoke the lease of another client after a stop; the input keeps it and pauses."""
         holder = self.holder
         if holder is None or holder.client in (0, by):
             return None
@@ -114,33 +109,30 @@ class Lease:
         return holder
 
     def release(self, client: int) -> bool:
-        """Give it back; True when the client had it."""
+        """Release the lease; True when the client held it."""
         if not self.held_by(client):
             return False
         self.holder = None
         return True
 
-    def expired(self, now_s: float) -> LeaseHolder | None:
-        """The holder that has not been heard of for too long; it has lost the right."""
+    def expire(self, now_s: float) -> LeaseHolder | None:
+        """Free a lapsed lease; returns its former holder."""
         holder = self.holder
         if holder is None or now_s - holder.seen_s <= holder.timeout_s:
             return None
         self.holder = None
         return holder
 
-    def refusal(self, now_s: float) -> RemoteError:
-        """Who has the right, and how to get it."""
-        assert self.holder is not None
-        name = "the daemon's own input" if self.holder.client == 0 else f"client {self.holder.name!r}"
-        since_s = now_s - self.holder.since_s
-        return RemoteError(
-            Code.HELD,
-            f"{name} has the motion right since {since_s:.1f} s; take it over explicitly (takeover)",
-        )
-
     def as_fields(self, now_s: float) -> Fields:
-        """For ``status``."""
+        """The field ``lease`` of ``status``."""
         holder = self.holder
         if holder is None:
             return {"holder": None, "stopped_by": self.stopped_by or None}
         return {"holder": holder.name, "client": holder.client, "since_s": round(now_s - holder.since_s, 3)}
+
+    @staticmethod
+    def _refusal(holder: LeaseHolder, now_s: float) -> RemoteError:
+        name = "the daemon's own input" if holder.client == 0 else f"client {holder.name!r}"
+        held_s = now_s - holder.since_s
+        message = f"{name} has held the lease for {held_s:.1f} s; set takeover to acquire it all the same"
+        return RemoteError(Code.LEASE_HELD, message)

@@ -21,7 +21,7 @@ LIVE_ROWS: Final = 8
 TIMED_ROWS: Final = 1024
 
 #: Tells the owner of a move about it.
-Tell: TypeAlias = Callable[[Mapping[str, Any]], None]
+Notify: TypeAlias = Callable[[Mapping[str, Any]], None]
 
 
 class Credit:
@@ -70,7 +70,7 @@ class Move:
     Attributes:
         number: its name on the socket.
         client: whose it is.
-        tell: reaches its owner.
+        notify: reaches its owner.
         waiting: robots whose goto has not ended.
         failed: robots whose goto was dropped.
         closed: no further row may come.
@@ -78,7 +78,7 @@ class Move:
 
     number: int
     client: int
-    tell: Tell
+    notify: Notify
     waiting: set[str] = field(default_factory=set)
     failed: set[str] = field(default_factory=set)
     closed: bool = False
@@ -87,7 +87,7 @@ class Move:
         """It is over; its owner is told."""
         self.closed = True
         told: Fields = {"event": "move", "move": self.number, "reached": reached, "message": message}
-        self.tell({**told, "faults": dict(faults)} if faults else told)
+        self.notify({**told, "faults": dict(faults)} if faults else told)
 
 
 @dataclass(slots=True, eq=False, kw_only=True)

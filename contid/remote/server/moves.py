@@ -1,4 +1,4 @@
-"""What the holder of the motion right moves: points, and trajectories row by row under credit.
+"""What the holder of the lease moves: points, and trajectories row by row under credit.
 
 A point becomes a goto of every robot it names. The rows of a live stream are sent on one by one
 (`contid.remote.server.move`). A timed trajectory is collected, checked as a whole like a file, and then
@@ -19,9 +19,9 @@ from contid.control.engine.messages import Begin, Goto, Hold, Message, Play, Res
 from contid.control.tick.supervisor import MOVING, Mode
 from contid.errors import BadInputError
 from contid.remote.protocol.wire import Code, Fields, RemoteError
-from contid.remote.server.move import Credit, Move, RowMove, Tell
-from contid.remote.server.pending_orders import BULK_S, PendingOrders
-from contid.remote.server.preconditions import Readiness, bad_target
+from contid.remote.server.move import Credit, Move, Notify, RowMove
+from contid.remote.server.pending_orders import BULK_TIMEOUT_S, PendingOrders
+from contid.remote.server.preconditions import Preconditions, bad_target
 from contid.remote.server.telemetry_view import TelemetryView
 from contid.targets import Target
 from contid.trajectory.stream import StreamParser
@@ -36,47 +36,47 @@ LOOK_S: Final = 0.02
 class Moves:
     """The moves under way."""
 
-    def __init__(self, orders: RunControl, picture: TelemetryView, ledger: PendingOrders) -> None:
+    def __init__(self, orders: RunControl, view: TelemetryView, pending: PendingOrders) -> None:
         self._orders = orders
-        self._picture = picture
-        self._ledger = ledger
-        self._readiness = Readiness(orders, picture)
+        self._view = view
+        self._pending = pending
+        self._preconditions = Preconditions(orders, view)
         self._numbers = 0
-        self._going: dict[str, deque[Move]] = {name: deque() for name in picture.configs}
+        self._going: dict[str, deque[Move]] = {name: deque() for name in view.configs}
         self._stream: RowMove | None = None
 
     # -- points ------------------------------------------------------------------------------------------
 
-    async def point(self, client: int, target: Mapping[str, Any], tell: Tell) -> Fields:
+    async def point(self, client: int, target: Mapping[str, Any], notify: Notify) -> Fields:
         """Begin to go to a point; the answer comes when the control process took it."""
         line = json.dumps(target)
         try:
-            parser = StreamParser(line, "move", self._picture.robots)
+            parser = StreamParser(line, "move", self._view.robots)
             targets = dict(parser.parse(line, 1) or {})
         except BadInputError as error:
             raise bad_target(error) from None
         if parser.timed:
             raise RemoteError(Code.BAD_TARGET, "a point has no time; stream rows with columns for that")
-        self._readiness.armed(tuple(targets))
-        wrong = self._readiness.wrong(targets)
+        self._preconditions.armed(tuple(targets))
+        wrong = self._preconditions.unreachable(targets)
         if wrong:
             raise RemoteError(Code.UNREACHABLE, "; ".join(wrong.values()))
         if self._stream is not None and self._stream.client == client:
             self.abort(self._stream, "another move began")
-        return await self._goto(Move(self._number(), client, tell), targets)
+        return await self._goto(Move(self._number(), client, notify), targets)
 
     async def _goto(self, move: Move, targets: Mapping[str, Target], *before: Message) -> Fields:
         for name in targets:
             move.waiting.add(name)
             self._going[name].append(move)
-        future = self._ledger.order([*before, *(Goto(name, target) for name, target in targets.items())])
-        outcome = await self._ledger.confirmed(future)
+        future = self._pending.send([*before, *(Goto(name, target) for name, target in targets.items())])
+        outcome = await self._pending.confirmed(future)
         if outcome.refused:
             for name in outcome.refused:
                 move.waiting.discard(name)
                 if move in self._going.get(name, ()):
                     self._going[name].remove(move)
-            faults = self._picture.faults(self._orders.newest(), tuple(targets))
+            faults = self._view.faults(self._orders.newest(), tuple(targets))
             # A chain says the same of both its arms.
             message = "; ".join(dict.fromkeys(outcome.refused.values()))
             raise RemoteError(Code.FAULT if faults else Code.REFUSED, message, faults)
@@ -84,22 +84,22 @@ class Moves:
 
     # -- streams -----------------------------------------------------------------------------------------
 
-    async def begin(self, client: int, columns: Sequence[str], tell: Tell) -> Fields:
+    async def begin(self, client: int, columns: Sequence[str], notify: Notify) -> Fields:
         """Begin a stream of rows; the answer grants the first credit."""
         if any("," in name or "\n" in name or name.startswith(("{", "#")) for name in columns):
             raise RemoteError(Code.BAD_TARGET, "a column is one name, such as x_mm or left.x_mm")
         header = ",".join(columns)
         try:
-            parser = StreamParser(header, "rows", self._picture.robots)
+            parser = StreamParser(header, "rows", self._view.robots)
         except BadInputError as error:
             raise bad_target(error) from None
-        self._readiness.armed(parser.robots)
+        self._preconditions.armed(parser.robots)
         self.abort_streams("another move began")
         credit = Credit(parser.timed, self._orders.rate_hz, asyncio.get_running_loop().time())
-        move = RowMove(self._number(), client, tell, parser=parser, credit=credit, lines=[header])
+        move = RowMove(self._number(), client, notify, parser=parser, credit=credit, lines=[header])
         self._stream = move
         if not parser.timed:
-            await self._ledger.confirmed(self._ledger.order([Begin(), Resume(parser.robots)]))
+            await self._pending.confirmed(self._pending.send([Begin(), Resume(parser.robots)]))
         return {"move": move.number, "timed": parser.timed, "credits": credit.rows}
 
     def rows(self, client: int, number: int, rows: Sequence[Sequence[float]]) -> Fields:
@@ -131,7 +131,7 @@ class Moves:
         except BadInputError as error:
             self._orders.send(Rows(dict.fromkeys(move.parser.robots)))
             return [str(error)]
-        wrong = self._readiness.wrong(targets)
+        wrong = self._preconditions.unreachable(targets)
         targets |= dict.fromkeys(wrong)
         move.last |= {name: target for name, target in targets.items() if target is not None}
         self._orders.send(Rows(targets))
@@ -154,16 +154,16 @@ class Moves:
         """Check a timed trajectory as a whole and have the tick follow it."""
         # Checking takes long for a large one: not in the loop that has to answer a stop.
         record = self._orders.newest()
-        trajectory = await asyncio.to_thread(self._readiness.trajectory, move.lines, record)
+        trajectory = await asyncio.to_thread(self._preconditions.trajectory, move.lines, record)
         robots = tuple(trajectory.targets_of_row(0))
-        await self._ledger.confirmed(self._ledger.order([Hold()]))
+        await self._pending.confirmed(self._pending.send([Hold()]))
         await self._standstill()
         self._still_mine(move)
         self._orders.send_bulk(Play(trajectory))
-        await self._ledger.confirmed(self._ledger.mark_bulk(self._orders.send_bulk), BULK_S)
+        await self._pending.confirmed(self._pending.mark_bulk(self._orders.send_bulk), BULK_TIMEOUT_S)
         self._still_mine(move)
         move.playing = True
-        outcome = await self._ledger.confirmed(self._ledger.order([Resume(robots)]))
+        outcome = await self._pending.confirmed(self._pending.send([Resume(robots)]))
         duration_s = trajectory.end_s - trajectory.start_s
         return {"move": move.number, "tick": outcome.tick, "duration_s": duration_s}
 
@@ -187,12 +187,12 @@ class Moves:
         if move is None or move.closed:
             return
         if move.credit.came_back(asyncio.get_running_loop().time()):
-            move.tell({"event": "credit", "move": move.number, "credits": move.credit.rows})
+            move.notify({"event": "credit", "move": move.number, "credits": move.credit.rows})
 
     # -- ends --------------------------------------------------------------------------------------------
 
     def abort_streams(self, message: str) -> None:
-        """Whatever is streamed or played ends here; gotos tell their end themselves."""
+        """Whatever is streamed or played ends here; gotos notify their end themselves."""
         if self._stream is not None:
             self.abort(self._stream, message)
 
@@ -218,7 +218,7 @@ class Moves:
             if not event["arrived"]:
                 move.failed.add(robot)
             if not move.waiting:
-                faults = self._picture.faults(self._orders.newest(), tuple(move.failed))
+                faults = self._view.faults(self._orders.newest(), tuple(move.failed))
                 message = f"{', '.join(sorted(move.failed))} did not arrive" if move.failed else ""
                 move.end(not move.failed, message, faults)
         elif event["event"] == "end" and self._stream is not None and self._stream.playing:

@@ -1,7 +1,7 @@
-"""What waits to be written to one client: bounded, so that a client that never reads costs nothing.
+"""Lines that wait to be written to one client, bounded in number.
 
-Answers and notices keep their order and are never dropped: a client that lets too many of them pile up is
-sent away. Telemetry keeps only its newest frames; the older ones are dropped and counted.
+Responses and notices keep their order and are never dropped; too many of them mark the outbox as overflowed.
+Of telemetry only the newest frames are kept; dropped ones are counted.
 """
 
 from __future__ import annotations
@@ -10,8 +10,8 @@ import asyncio
 from collections import deque
 from typing import Final
 
-#: Answers and notices that may wait; more means that the client does not read.
-MAX_ANSWERS: Final = 256
+#: Responses and notices that may wait; more mean that the client does not read.
+MAX_RESPONSES: Final = 256
 #: Frames of telemetry that may wait.
 MAX_FRAMES: Final = 32
 
@@ -20,41 +20,36 @@ class Outbox:
     """Lines for one client.
 
     Attributes:
-        dropped: frames of telemetry that were dropped.
-        overflowed: more answers waited than are allowed.
+        dropped: number of dropped frames of telemetry.
+        overflowed: a response found no room.
     """
 
     def __init__(self) -> None:
-        self._answers: deque[bytes] = deque()
+        self._responses: deque[bytes] = deque()
         self._frames: deque[bytes] = deque()
         self._ready = asyncio.Event()
         self.dropped = 0
         self.overflowed = False
 
-    def answer(self, line: bytes) -> None:
-        """An answer or a notice."""
-        if len(self._answers) >= MAX_ANSWERS:
+    def put(self, line: bytes) -> None:
+        """Add a response or a notice."""
+        if len(self._responses) >= MAX_RESPONSES:
             self.overflowed = True
         else:
-            self._answers.append(line)
+            self._responses.append(line)
         self._ready.set()
 
-    def frame(self, line: bytes) -> None:
-        """A frame of telemetry; the oldest one goes when there is no room."""
+    def put_frame(self, line: bytes) -> None:
+        """Add a frame of telemetry; without room the oldest one is dropped."""
         if len(self._frames) >= MAX_FRAMES:
             self._frames.popleft()
             self.dropped += 1
         self._frames.append(line)
         self._ready.set()
 
-    async def take(self) -> bytes:
-        """The next line, answers first; waits for one."""
-        while not (self._answers or self._frames):
+    async def get(self) -> bytes:
+        """The next line, responses first; waits for one."""
+        while not (self._responses or self._frames):
             self._ready.clear()
             await self._ready.wait()
-        return self._answers.popleft() if self._answers else self._frames.popleft()
-
-    @property
-    def empty(self) -> bool:
-        """True when nothing waits."""
-        return not (self._answers or self._frames)
+        return self._responses.popleft() if self._responses else self._frames.popleft()

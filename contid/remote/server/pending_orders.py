@@ -1,8 +1,7 @@
-"""Orders to the control process and what became of them.
+"""Orders sent to the control process, and their results.
 
-The pipe keeps its order, and so does the ring: after some orders a `Mark` is sent; the refusals that come
-back before that mark belong to them. So a client's answer says what the control process did, not what was
-asked of it.
+Pipe and ring keep their order: a `Mark` is sent before and after some orders, and the refusals that come back
+between the two marks belong to them. So a response states what the control process did.
 """
 
 from __future__ import annotations
@@ -15,19 +14,19 @@ from typing import Any, Final
 from contid.control.engine.messages import Mark, Message
 from contid.remote.protocol.wire import Code, RemoteError
 
-#: The control process confirms within a tick; the daemon looks every 20 ms.
-PATIENCE_S: Final = 3.0
-#: What was sent in bulk crosses the pipe in parts, beside everything else.
-BULK_S: Final = 30.0
+#: The control process confirms within a tick; the daemon polls every 20 ms.
+CONFIRM_TIMEOUT_S: Final = 3.0
+#: A bulk order crosses the pipe in parts, interleaved with others.
+BULK_TIMEOUT_S: Final = 30.0
 
 
 @dataclass(slots=True)
 class OrderResult:
-    """What became of some orders.
+    """The result of some orders.
 
     Attributes:
         tick: before which they were obeyed.
-        refused: words by robot.
+        refused: messages by robot.
     """
 
     tick: int = 0
@@ -35,7 +34,7 @@ class OrderResult:
 
 
 class PendingOrders:
-    """Marks that are under way."""
+    """Orders that are not yet confirmed."""
 
     def __init__(self, send: Callable[[Message], None]) -> None:
         self._send = send
@@ -43,10 +42,9 @@ class PendingOrders:
         self._open: int | None = None
         self._waiting: dict[int, tuple[OrderResult, asyncio.Future[OrderResult]]] = {}
 
-    def order(self, orders: Sequence[Message]) -> asyncio.Future[OrderResult]:
-        """Send orders at once; the future tells what became of them."""
+    def send(self, orders: Sequence[Message]) -> asyncio.Future[OrderResult]:
+        """Send orders at once; returns the future of their result."""
         number = self._number = self._number + 2
-        # One mark before, too: what is refused outside of the two is not ours.
         self._send(Mark(number - 1))
         for order in orders:
             self._send(order)
@@ -54,7 +52,7 @@ class PendingOrders:
         return self._expect(number)
 
     def mark_bulk(self, send_bulk: Callable[[Message], None]) -> asyncio.Future[OrderResult]:
-        """The future of what was sent in bulk before."""
+        """The future of the bulk order that was sent before."""
         number = self._number = self._number + 2
         send_bulk(Mark(number))
         return self._expect(number)
@@ -65,22 +63,22 @@ class PendingOrders:
         return future
 
     async def confirmed(
-        self, future: asyncio.Future[OrderResult], patience_s: float = PATIENCE_S
+        self, future: asyncio.Future[OrderResult], timeout_s: float = CONFIRM_TIMEOUT_S
     ) -> OrderResult:
-        """Wait for what became of orders.
+        """Wait for the result of orders.
 
         Raises:
-            RemoteError: nothing came back in time; the orders were sent all the same.
+            RemoteError: no confirmation in time; the orders were sent all the same.
         """
         try:
-            async with asyncio.timeout(patience_s):
+            async with asyncio.timeout(timeout_s):
                 return await future
         except TimeoutError:
-            message = f"sent, but the control process has not confirmed it within {patience_s:g} s"
+            message = f"sent, but the control process has not confirmed it within {timeout_s:g} s"
             raise RemoteError(Code.NO_ANSWER, message) from None
 
     def notice(self, event: Mapping[str, Any]) -> None:
-        """An event of the ring."""
+        """Take in an event of the ring."""
         if event["event"] == "mark":
             number = int(event["number"])
             self._open = number + 1 if number % 2 else None
@@ -93,7 +91,7 @@ class PendingOrders:
             self._waiting[self._open][0].refused[str(event.get("robot", ""))] = str(event["message"])
 
     def close(self) -> None:
-        """Nobody will confirm any more."""
+        """Cancel what will not be confirmed any more."""
         for _, future in self._waiting.values():
             future.cancel()
         self._waiting.clear()

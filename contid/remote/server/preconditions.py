@@ -24,12 +24,12 @@ MAX_FINDINGS: Final = 20
 _ARMED: Final = frozenset({Mode.APPROACH, Mode.RUN, Mode.HOLD})
 
 
-class Readiness:
+class Preconditions:
     """Asks the newest record and the models."""
 
-    def __init__(self, orders: RunControl, picture: TelemetryView) -> None:
+    def __init__(self, orders: RunControl, view: TelemetryView) -> None:
         self._orders = orders
-        self._picture = picture
+        self._view = view
         self._guards = chain_guards(orders.loaded)
         self._refuses = orders.unreachable is Unreachable.REFUSE or bool(self._guards)
 
@@ -40,16 +40,16 @@ class Readiness:
             RemoteError: one is in FAULT, or not armed.
         """
         record = self._orders.newest()
-        faults = self._picture.faults(record, robots)
+        faults = self._view.faults(record, robots)
         if faults:
             what = "; ".join(f"{name}: fault {f['number']} {f['name']}" for name, f in faults.items())
             raise RemoteError(Code.FAULT, f"{what}; clear-fault, then resume", faults)
         for name in robots:
-            mode = self._picture.mode(name, record)
+            mode = self._view.mode(name, record)
             if mode not in _ARMED:
                 raise RemoteError(Code.NOT_ARMED, f"{name} is {mode.name}, not armed; resume first")
 
-    def wrong(self, targets: Mapping[str, Target | None]) -> dict[str, str]:
+    def unreachable(self, targets: Mapping[str, Target | None]) -> dict[str, str]:
         """Why which robots cannot go to their targets from where they are; empty when all can."""
         return self._preflight(self._orders.newest()).row(targets) if self._refuses else {}
 
@@ -60,7 +60,7 @@ class Readiness:
             RemoteError: rows are wrong, out of reach, or forbidden by a chain.
         """
         try:
-            trajectory = read_trajectory(io.StringIO("\n".join(lines)), "rows", self._picture.robots)
+            trajectory = read_trajectory(io.StringIO("\n".join(lines)), "rows", self._view.robots)
             if self._refuses:
                 self._preflight(record).trajectory(trajectory, "rows")
         except BadInputError as error:
@@ -68,9 +68,9 @@ class Readiness:
         return trajectory
 
     def _preflight(self, record: TickRecord | None) -> Preflight:
-        commands = {name: self._picture.command(name, record) for name in self._picture.configs}
+        commands = {name: self._view.command(name, record) for name in self._view.configs}
         seeds = {name: command for name, command in commands.items() if command is not None}
-        return Preflight(tuple(self._picture.configs.values()), self._guards, self._orders.unreachable, seeds)
+        return Preflight(tuple(self._view.configs.values()), self._guards, self._orders.unreachable, seeds)
 
 
 def bad_target(error: BadInputError) -> RemoteError:

@@ -1,4 +1,4 @@
-"""What every client may ask without any right: who is there, how things stand, and telemetry."""
+"""The verbs that change nothing: hello, ping, status, describe, telemetry. Every client may use them."""
 
 from __future__ import annotations
 
@@ -13,32 +13,32 @@ from contid.remote.server.lease import Lease
 from contid.remote.server.telemetry_view import DEFAULT_FIELDS, FIELDS, TelemetryView
 from contid.remote.server.trackers import Trackers
 
-#: Ticks that the lateness in ``status`` looks back.
-LOOK_BACK: Final = 200
+#: Newest ticks that the lateness in ``status`` covers.
+LATENESS_TICKS: Final = 200
 #: Frames per second that one client can get.
-GREATEST_RATE_HZ: Final = 200.0
+MAX_RATE_HZ: Final = 200.0
 
 
 class Caller(Protocol):
-    """The client that asks."""
+    """The client that sent a request."""
 
     number: int
     name: str
 
-    def tell(self, fields: Mapping[str, Any]) -> None:
-        """Send it a notice."""
+    def notify(self, fields: Mapping[str, Any]) -> None:
+        """Send a notice."""
         ...
 
     def subscribe(self, rate_hz: float, robots: Sequence[str], fields: Sequence[str], events: bool) -> None:
-        """Send it telemetry from now on."""
+        """Send telemetry from now on."""
         ...
 
     def unsubscribe(self) -> None:
-        """No more telemetry, no more events."""
+        """Send no more telemetry and events."""
         ...
 
 
-#: Carries out one verb for a client: its fields to the result of the answer.
+#: Carries out one verb for a client: the fields of the request to the result of the response.
 Verb: TypeAlias = Callable[[Caller, RequestFields], Awaitable[Fields]]
 
 
@@ -52,15 +52,15 @@ class QueryHandler:
     def __init__(
         self,
         orders: RunControl,
-        picture: TelemetryView,
-        right: Lease,
+        view: TelemetryView,
+        lease: Lease,
         trackers: Trackers,
         clients: Callable[[], int],
     ) -> None:
-        """Read from all of these; ``clients`` counts who is connected."""
+        """Read from all of these; ``clients`` counts the connected clients."""
         self._orders = orders
-        self._picture = picture
-        self._right = right
+        self._view = view
+        self._lease = lease
         self._trackers = trackers
         self._clients = clients
         self._began_s = time.monotonic()
@@ -71,34 +71,33 @@ class QueryHandler:
         }  # fmt: skip
 
     def notice(self, event: Mapping[str, Any]) -> None:
-        """An event of the ring."""
+        """Take in an event of the ring."""
         if event["event"] == "started":
             self._realtime = bool(event["realtime"])
 
     def hello(self) -> Fields:
-        """The first line a client reads."""
-        return {
-            "event": "hello", "protocol": PROTOCOL, "version": __version__,
-            "name": self._orders.loaded.file.name,
-        }  # fmt: skip
+        """The first line of the server."""
+        name = self._orders.loaded.file.name
+        return {"event": "hello", "protocol": PROTOCOL, "version": __version__, "name": name}
 
-    async def _hello(self, caller: Caller, take: RequestFields) -> Fields:
-        protocol = int(take.number("protocol", PROTOCOL, 0, 1e6))
-        caller.name = take.text("name", caller.name)
-        take.end()
+    async def _hello(self, caller: Caller, request: RequestFields) -> Fields:
+        protocol = int(request.number("protocol", PROTOCOL, 0, 1e6))
+        caller.name = request.text("name", caller.name)
+        request.end()
         if protocol != PROTOCOL:
-            message = f"this daemon speaks protocol {PROTOCOL}, the client {protocol}; update the older one"
+            older = "client" if protocol < PROTOCOL else "daemon"
+            message = f"protocol {protocol} is not supported; this daemon has {PROTOCOL}: update the {older}"
             raise RemoteError(Code.PROTOCOL, message)
         return {**self.hello(), "client": caller.number}
 
-    async def _ping(self, caller: Caller, take: RequestFields) -> Fields:
-        take.end()
+    async def _ping(self, caller: Caller, request: RequestFields) -> Fields:
+        request.end()
         return {}
 
-    async def _status(self, caller: Caller, take: RequestFields) -> Fields:
-        take.end()
+    async def _status(self, caller: Caller, request: RequestFields) -> Fields:
+        request.end()
         now_s = time.monotonic()
-        lateness = sorted(self._orders.lateness(LOOK_BACK))
+        lateness = sorted(self._orders.lateness(LATENESS_TICKS))
         return {
             "name": self._orders.loaded.file.name,
             "file": str(self._orders.loaded.path),
@@ -108,25 +107,25 @@ class QueryHandler:
             "uptime_s": round(now_s - self._began_s, 3),
             "clients": self._clients(),
             "waiting": self._orders.waiting or None,
-            "right": self._right.as_fields(now_s),
+            "lease": self._lease.as_fields(now_s),
             "trackers": self._trackers.as_fields(now_s),
             "lateness_us": {
                 "p50": round(lateness[len(lateness) // 2] * 1e6, 1) if lateness else None,
                 "max": round(lateness[-1] * 1e6, 1) if lateness else None,
             },
-            **self._picture.status(self._orders.newest()),
+            **self._view.status(self._orders.newest()),
         }
 
-    async def _describe(self, caller: Caller, take: RequestFields) -> Fields:
-        take.end()
-        return {**self._picture.describe(), "rate_hz": self._orders.rate_hz, "fields": list(FIELDS)}
+    async def _describe(self, caller: Caller, request: RequestFields) -> Fields:
+        request.end()
+        return {**self._view.describe(), "rate_hz": self._orders.rate_hz, "fields": list(FIELDS)}
 
-    async def _subscribe(self, caller: Caller, take: RequestFields) -> Fields:
-        rate_hz = take.number("rate_hz", 20.0, 0.0, GREATEST_RATE_HZ)
-        robots = self._picture.named(take) or tuple(self._picture.configs)
-        fields = take.names("fields") or DEFAULT_FIELDS
-        events = take.flag("events")
-        take.end()
+    async def _subscribe(self, caller: Caller, request: RequestFields) -> Fields:
+        rate_hz = request.number("rate_hz", 20.0, 0.0, MAX_RATE_HZ)
+        robots = self._view.named(request) or tuple(self._view.configs)
+        fields = request.names("fields") or DEFAULT_FIELDS
+        events = request.flag("events")
+        request.end()
         unknown = [name for name in fields if name not in FIELDS]
         if unknown:
             message = f"no field {unknown[0]!r}; there are {', '.join(FIELDS)}"
@@ -134,7 +133,7 @@ class QueryHandler:
         caller.subscribe(rate_hz, robots, fields, events)
         return {"rate_hz": rate_hz, "robots": list(robots), "fields": list(fields), "events": events}
 
-    async def _unsubscribe(self, caller: Caller, take: RequestFields) -> Fields:
-        take.end()
+    async def _unsubscribe(self, caller: Caller, request: RequestFields) -> Fields:
+        request.end()
         caller.unsubscribe()
         return {}

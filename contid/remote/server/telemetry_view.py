@@ -78,13 +78,13 @@ class TelemetryView:
                 known = ", ".join(self.configs)
                 raise RemoteError(Code.UNKNOWN_ROBOT, f"no robot {name!r}; there are {known}")
 
-    def named(self, take: RequestFields) -> tuple[str, ...] | None:
+    def named(self, request: RequestFields) -> tuple[str, ...] | None:
         """The robots that a request names, None for all of them.
 
         Raises:
             RemoteError: one is not there.
         """
-        robots = take.names("robots")
+        robots = request.names("robots")
         self.check(robots)
         return robots
 

@@ -1,6 +1,6 @@
 """Where clients say that they see tips: checked, one tracker per robot, and never more than the tick can use.
 
-A measurement needs no motion right, but where ``feedback`` is on it moves the target, so what one can do is
+A measurement needs no lease, but where ``feedback`` is on it moves the target, so what one can do is
 bounded here and in `contid.control.tick.tip_feedback`: only the first to measure a robot is heard until it
 has
 been silent for `SILENT_S` or is gone; a tip must lie within the robot's reach; old measurements are refused;
@@ -67,9 +67,9 @@ class Tracker:
 class Trackers:
     """The trackers of one daemon."""
 
-    def __init__(self, orders: RunControl, picture: TelemetryView) -> None:
+    def __init__(self, orders: RunControl, view: TelemetryView) -> None:
         self._orders = orders
-        self._picture = picture
+        self._view = view
         self._trackers: dict[str, Tracker] = {}
         self._reach_m: dict[str, float] = {}
 
@@ -78,23 +78,23 @@ class Trackers:
         """True while a measurement may wait to be sent."""
         return bool(self._trackers)
 
-    def measure(self, client: int, name: str, take: RequestFields) -> Fields:
+    def measure(self, client: int, name: str, request: RequestFields) -> Fields:
         """Take one measurement.
 
         Raises:
             RemoteError: it is none, it is too old, too far, or somebody else tracks this robot.
         """
         now_s = time.monotonic()
-        config = self._plan(take)
-        dimension = self._picture.robots[config.name].dimension
-        tip_mm = _vector(take.anything("tip_mm"), "tip_mm", dimension)
-        given, direction = take.anything("direction"), None
+        config = self._config_of(request)
+        dimension = self._view.robots[config.name].dimension
+        tip_mm = _vector(request.anything("tip_mm"), "tip_mm", dimension)
+        given, direction = request.anything("direction"), None
         if given is not None:
             direction = unit_vector(_vector(given, "direction", dimension))
             if direction is None:
                 raise _bad("direction: the zero vector points nowhere")
-        captured_s = self._captured(take, now_s, config)
-        take.end()
+        captured_s = self._captured(request, now_s, config)
+        request.end()
         tip_in_world: Vec3 = (tip_mm[0] / MM_PER_M, tip_mm[1] / MM_PER_M, tip_mm[2] / MM_PER_M)
         self._within_reach(config, tip_in_world)
         tracker = self._tracker(config.name, client, name, now_s)
@@ -119,7 +119,7 @@ class Trackers:
             else:
                 self._send(tracker, now_s)
 
-    def gone(self, client: int) -> None:
+    def disconnected(self, client: int) -> None:
         """A client is gone; somebody else may track its robots at once."""
         for robot, tracker in tuple(self._trackers.items()):
             if tracker.client == client:
@@ -133,7 +133,7 @@ class Trackers:
                 "name": tracker.name,
                 "age_ms": round((now_s - tracker.captured_s) * _MS_PER_S, 3),
                 "rate_hz": _rate(tracker),
-                "feedback": self._picture.configs[robot].feedback is not None,
+                "feedback": self._view.configs[robot].feedback is not None,
             }
             for robot, tracker in self._trackers.items()
         }
@@ -149,18 +149,18 @@ class Trackers:
         age_s = max(now_s - tracker.captured_s, 0.0)
         self._orders.send(Measured(pending.robot, pending.tip_in_world, pending.direction_in_world, age_s))
 
-    def _plan(self, take: RequestFields) -> RobotConfig:
-        configs = self._picture.configs
+    def _config_of(self, request: RequestFields) -> RobotConfig:
+        configs = self._view.configs
         alone = next(iter(configs)) if len(configs) == 1 else ""
-        name = take.text("robot", alone)
+        name = request.text("robot", alone)
         if not name:
             raise RemoteError(Code.BAD_REQUEST, f"robot: one of {', '.join(configs)} is expected")
-        self._picture.check((name,))
+        self._view.check((name,))
         return configs[name]
 
-    def _captured(self, take: RequestFields, now_s: float, config: RobotConfig) -> float:
+    def _captured(self, request: RequestFields, now_s: float, config: RobotConfig) -> float:
         """When it was captured, on CLOCK_MONOTONIC: by a stamp, by an age, or now."""
-        stamp, age_ms = take.anything("time_s"), take.anything("age_ms")
+        stamp, age_ms = request.anything("time_s"), request.anything("age_ms")
         if stamp is not None and age_ms is not None:
             raise RemoteError(Code.BAD_REQUEST, "time_s or age_ms, one of them")
         captured_s = now_s
@@ -195,7 +195,7 @@ class Trackers:
                 message = (
                     f"client {tracker.name!r} tracks {robot} since {since_s:.1f} s; one tracker per robot"
                 )
-                raise RemoteError(Code.HELD, message)
+                raise RemoteError(Code.TRACKER_HELD, message)
             tracker = None
         if tracker is None:
             tracker = self._trackers[robot] = Tracker(client, name, now_s, now_s)

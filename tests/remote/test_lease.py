@@ -1,4 +1,4 @@
-"""Who may move the robots of a running daemon, and how the right is lost."""
+"""The lease of a running daemon: acquired, released, lapsed, revoked."""
 
 from __future__ import annotations
 
@@ -13,10 +13,10 @@ from tests.control.fingers import circle_csv
 from tests.remote.daemons import FAR, HERE, armed, daemon, states, until
 
 
-def test_the_holder_that_dies_leaves_its_robots_holding() -> None:
+def test_robots_hold_when_the_holder_dies() -> None:
     script = (
         "import sys, time\nfrom contid.client import AsyncClient, Client\n"
-        "client = Client(sys.argv[1], name='doomed')\nclient.take(60)\n"
+        "client = Client(sys.argv[1], name='doomed')\nclient.acquire(60)\n"
         "rows = ((50.0 + 5 * (step % 2), 75.0) for step in range(10**9))\n"
         "client.stream(['x_mm', 'y_mm'], rows)\n"
     )
@@ -27,38 +27,37 @@ def test_the_holder_that_dies_leaves_its_robots_holding() -> None:
             until(lambda: states(client) == {"RUN"}, "it streams")
             with pytest.raises(RemoteError) as refused:
                 client.move(HERE)
-            assert refused.value.code == Code.HELD
+            assert refused.value.code == Code.LEASE_HELD
             assert "'doomed'" in str(refused.value)
         finally:
             doomed.kill()
             doomed.wait()
         until(lambda: states(client) == {"HOLD"}, "it holds")
-        assert client.status()["right"]["holder"] is None
+        assert client.status()["lease"]["holder"] is None
         client.move(HERE)
-        assert "lost the motion right (its connection ended)" in running.end()
+        assert "lost the lease (its connection ended)" in running.end()
 
 
-def test_a_holder_that_falls_silent_loses_the_right() -> None:
+def test_the_lease_of_a_silent_holder_lapses() -> None:
     with daemon() as running, running.client(name="sleepy") as sleepy, running.client() as other:
         armed(other)
-        sleepy.take(0.2)
-        until(lambda: other.status()["right"]["holder"] is None, "its time is over")
+        sleepy.acquire(0.2)
+        until(lambda: other.status()["lease"]["holder"] is None, "its time is over")
         other.move(HERE)
 
 
-def test_a_holder_whose_trajectory_is_being_checked_keeps_the_right() -> None:
+def test_the_lease_lasts_while_a_trajectory_is_checked() -> None:
     rows = [(0.005 * number, 50.0 + 0.0001 * number, 75.0) for number in range(20_000)]
     with daemon() as running, running.client(name="patient") as client:
         armed(client)
-        client.take(0.3)  # checking takes longer
+        client.acquire(0.3)  # checking takes longer
         client.stream(["t_s", "x_mm", "y_mm"], rows, wait=False)
-        right = client.status()["right"]
-        assert right["holder"] == "patient"
+        assert client.status()["lease"]["holder"] == "patient"
         client.release()
-        assert "lost the motion right" not in running.end()
+        assert "lost the lease" not in running.end()
 
 
-def test_everybody_may_stop_and_a_script_does_not_undo_it() -> None:
+def test_any_client_may_stop_and_the_holder_must_then_acquire_again() -> None:
     with (
         daemon() as running,
         running.client(name="script") as script,
@@ -73,35 +72,44 @@ def test_everybody_may_stop_and_a_script_does_not_undo_it() -> None:
             script.move(HERE)
         assert refused.value.code == Code.STOPPED
         assert states(person) == {"HOLD"}
-        script.take()
+        script.acquire()
         script.move(HERE)
 
 
-def test_the_input_keeps_the_right_until_somebody_takes_over() -> None:
+def test_the_input_holds_the_lease_until_a_takeover() -> None:
     given = circle_csv(1, period_s=20.0)
     with daemon(1, stdin=given) as running, running.client(name="other") as client:
         until(lambda: states(client) == {"RUN"}, "it follows the input")
         with pytest.raises(RemoteError) as refused:
             client.move(HERE)
-        assert refused.value.code == Code.HELD
+        assert refused.value.code == Code.LEASE_HELD
         client.hold()
         until(lambda: states(client) == {"HOLD"}, "it pauses")
         client.resume()
         until(lambda: states(client) == {"RUN"}, "it goes on")
-        assert client.take(takeover=True)["from"] == "input"
+        assert client.acquire(takeover=True)["from"] == "input"
         client.move(HERE)
         time.sleep(0.1)
         assert states(client) == {"HOLD"}
 
 
-async def test_whoever_iterates_telemetry_keeps_the_right_in_asyncio_too() -> None:
+async def test_iterating_telemetry_keeps_the_lease_in_asyncio() -> None:
     with daemon() as running:
         async with AsyncClient(running.socket, name="watcher") as client:
-            await client.take(1.0)
+            await client.acquire(1.0)
             began_s = time.monotonic()
             frames = client.telemetry(50.0, fields=["state"])
             async for _ in frames:
                 if time.monotonic() - began_s > 1.5:
                     break
             await frames.aclose()  # type: ignore[attr-defined]
-            assert (await client.status())["right"]["holder"] == "watcher"
+            assert (await client.status())["lease"]["holder"] == "watcher"
+
+
+def test_protocol_1_is_refused_with_what_to_update() -> None:
+    with daemon() as running, running.client() as client:
+        with pytest.raises(
+            RemoteError, match=r"protocol 1 is not supported; .* 2: update the client"
+        ) as refused:
+            client.request("hello", protocol=1)
+        assert refused.value.code == Code.PROTOCOL
