@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import asyncio
 import gc
+import os
 import tempfile
 import threading
 import time
@@ -37,7 +38,7 @@ def _descriptors() -> dict[int, str]:
     return found
 
 
-def _words_of(process: psutil.Process) -> str:
+def _command_line(process: psutil.Process) -> str:
     try:
         return " ".join(process.cmdline()[:4])
     except psutil.NoSuchProcess:  # a zombie, or gone meanwhile
@@ -53,9 +54,9 @@ def _left_behind(threads: set[int | None], children: set[int], descriptors: dict
             if t.ident not in threads and not t.name.startswith(RUNNER_THREADS)
         ),
         *(
-            f"child process {p.pid} {message}"
+            f"child process {p.pid} {line}"
             for p in psutil.Process().children()
-            if p.pid not in children and "resource_tracker" not in (message := _words_of(p))
+            if p.pid not in children and "resource_tracker" not in (line := _command_line(p))
         ),
         *(
             f"file descriptor {fd} ({what})"
@@ -80,7 +81,7 @@ def nothing_left_behind(garbage_of_other_modules: None) -> Iterator[None]:
     resource_tracker.ensure_running()
     children = {p.pid for p in psutil.Process().children()}
     descriptors = _descriptors()
-    # What is here already is not this test's: collecting after it then looks at its own objects only.
+    # Objects made before this test are frozen, so that collecting after it covers its own objects only.
     gc.freeze()
     yield
     gc.collect()
@@ -101,18 +102,33 @@ async def no_tasks_left() -> AsyncIterator[None]:
     assert not left, f"tasks left: {left}"
 
 
-# Tests of these folders run real processes against real deadlines. A virtual machine that stands still for a
-# tenth of a second looks exactly like a dead bus, so they may be tried three times; nothing else may.
-REAL_TIME = frozenset({"cli", "contract", "docs", "remote", "service", "session", "view", "wire"})
+# A virtual machine that stands still for a tenth of a second looks exactly like a dead bus, so `realtime`
+# tests may be tried three times. `pytest_sessionfinish` limits how many need it.
+RERUNS = 2
 
 
 def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
-    """Every coroutine test gets the task check, every test against real time its second try."""
+    """Every coroutine test gets the task check, every `realtime` test its further tries."""
     for item in items:
-        if REAL_TIME & set(item.path.parent.parts):
-            item.add_marker(pytest.mark.flaky(reruns=2))
+        if item.get_closest_marker("realtime"):
+            item.add_marker(pytest.mark.flaky(reruns=RERUNS))
         if isinstance(item, pytest.Function) and asyncio.iscoroutinefunction(item.function):
             item.fixturenames.append("no_tasks_left")
+
+
+def pytest_sessionfinish(session: pytest.Session, exitstatus: int) -> None:
+    """Fail a run in which more than CONTID_MAX_RERUN_RATE of the tests had to be tried again (CI: 0.01)."""
+    limit = os.environ.get("CONTID_MAX_RERUN_RATE")
+    reporter = session.config.pluginmanager.get_plugin("terminalreporter")
+    if limit is None or reporter is None or exitstatus != pytest.ExitCode.OK:
+        return
+    again = {report.nodeid for report in reporter.stats.get("rerun", [])}
+    run = len(reporter.stats.get("passed", []))
+    if len(again) > float(limit) * run:
+        reporter.write_line(f"{len(again)} of {run} tests were tried again, allowed {float(limit):.1%}:")
+        for test in sorted(again):
+            reporter.write_line(f"  {test}")
+        session.exitstatus = pytest.ExitCode.TESTS_FAILED
 
 
 @pytest.fixture(scope="session", autouse=True)

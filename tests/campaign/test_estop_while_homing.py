@@ -24,7 +24,7 @@ from tests.remote.daemons import until
 #: Driven by these hands: whether a search is under way, and whether any output is driven.
 Look = Callable[[], bool]
 DRIVES = 2
-pytestmark = pytest.mark.flaky(reruns=2)
+pytestmark = pytest.mark.realtime
 
 
 @contextmanager

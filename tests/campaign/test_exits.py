@@ -17,7 +17,7 @@ SHORT = (
 
 
 # Against real time: a machine that stands still for a second may be asked again.
-@pytest.mark.flaky(reruns=2)
+@pytest.mark.realtime
 @pytest.mark.parametrize(
     "state", STATES if os.environ.get("CONTID_CAMPAIGN") else SHORT, ids=lambda state: state.__name__
 )

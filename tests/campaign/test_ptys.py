@@ -12,7 +12,7 @@ from tests.campaign.wired_checks import STATES, Tally
 
 CASES = int(os.environ.get("CONTID_CAMPAIGN_PTYS", "4"))
 # Against real time: a machine that stands still for a tenth of a second looks like a dead bus.
-pytestmark = pytest.mark.flaky(reruns=2)
+pytestmark = pytest.mark.realtime
 
 
 def test_no_fault_on_wires_makes_anything_unsafe() -> None:

@@ -67,6 +67,7 @@ def folder(tmp_path: Path, configs: Path) -> Path:
     return tmp_path
 
 
+@pytest.mark.realtime
 def test_emulate_doctor_scan_servo_and_home(folder: Path) -> None:
     before = (folder / "hand.yaml").read_text()
     with emulating(folder, "hand.yaml", "--faults", "faults.jsonl"):

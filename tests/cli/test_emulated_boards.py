@@ -6,7 +6,11 @@ import json
 import shutil
 from pathlib import Path
 
+import pytest
+
 from tests.cli.test_devices import contid, emulating
+
+pytestmark = pytest.mark.realtime
 
 
 def test_two_arms_on_four_boards_swing_their_rope(tmp_path: Path, configs: Path) -> None:

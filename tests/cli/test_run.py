@@ -19,6 +19,8 @@ import pytest
 from tests.cli.command import contid
 from tests.control.fingers import circle_csv, fingers
 
+pytestmark = pytest.mark.realtime
+
 
 @pytest.fixture
 def robot(tmp_path: Path) -> Callable[..., Path]:

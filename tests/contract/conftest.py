@@ -8,8 +8,14 @@ import pytest
 
 from tests.contract.harness import HARNESSES, BusUnderTest, harness
 
+# Simulated buses run in virtual time; all others are behind a wire, against real deadlines.
+RIGS = [
+    pytest.param(name, marks=[] if name.startswith("sim-") else pytest.mark.realtime)
+    for name in sorted(HARNESSES)
+]
 
-@pytest.fixture(params=sorted(HARNESSES))
+
+@pytest.fixture(params=RIGS)
 def rig(request: pytest.FixtureRequest) -> Iterator[BusUnderTest]:
     """A bus that was never opened, closed again whatever the test did."""
     with harness(request.param) as made:

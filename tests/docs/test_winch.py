@@ -87,6 +87,7 @@ def test_a_mistake_in_its_keys_is_named_with_its_place(folder: Path) -> None:
     assert "'drumm'" in errors
 
 
+@pytest.mark.realtime
 def test_the_arm_follows_a_circle_on_the_emulated_box_and_the_recording_replays(emulated: Path) -> None:
     path = contid(
         emulated, "path", "circle", "--size", "60", "--height", "200", "--period", "2", "--for", "arm.yaml"

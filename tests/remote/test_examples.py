@@ -12,6 +12,8 @@ import pytest
 
 from tests.remote.daemons import armed, daemon
 
+pytestmark = pytest.mark.realtime
+
 EXAMPLES = Path(__file__).parents[2] / "examples"
 
 

@@ -12,6 +12,8 @@ from contid.client import AsyncClient, Code, RemoteError
 from tests.control.fingers import circle_csv
 from tests.remote.daemons import FAR, HERE, armed, daemon, states, until
 
+pytestmark = pytest.mark.realtime
+
 
 def test_robots_hold_when_the_holder_dies() -> None:
     script = (

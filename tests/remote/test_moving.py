@@ -13,6 +13,8 @@ import pytest
 from contid.client import AsyncClient, Code, ConnectionLostError, RemoteError
 from tests.remote.daemons import HERE, Running, armed, arrives, command, daemon, states, until
 
+pytestmark = pytest.mark.realtime
+
 
 def test_a_day_with_a_client() -> None:
     with daemon(2) as running, running.client(name="day") as client:

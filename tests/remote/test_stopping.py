@@ -14,6 +14,8 @@ import pytest
 from contid.client import Code, ConnectionLostError, NoDaemonError, RemoteError
 from tests.remote.daemons import HERE, armed, command, daemon, states, until
 
+pytestmark = pytest.mark.realtime
+
 SILENT = "faults:\n  - {at_s: 1.0, for_s: 1.0, kind: silent, axis: f0.left}\n"
 
 

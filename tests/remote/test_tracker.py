@@ -22,6 +22,8 @@ from contid.session.replay import replay
 from tests.control.fingers import fingers
 from tests.remote.daemons import Running, armed, daemon, until
 
+pytestmark = pytest.mark.realtime
+
 EXAMPLE = Path(__file__).parents[2] / "examples" / "tracker.py"
 TARGET_MM = (30.0, 70.0)
 CORRECTION = "correction: {a_per_mm: 0.0013, b: -0.2774, arc_length_mm: [0, 213.4]}"

@@ -14,6 +14,8 @@ import pytest
 from contid.remote.protocol.wire import MAX_CLIENTS, MAX_LINE
 from tests.remote.daemons import armed, command, daemon, raw, states, until
 
+pytestmark = pytest.mark.realtime
+
 
 def test_a_client_that_floods_stalls_or_talks_garbage_blocks_no_stop() -> None:
     with daemon() as running, running.client() as client:

@@ -17,6 +17,8 @@ from contid.remote.protocol.wire import Code
 from tests.control.fingers import circle_csv, fingers
 from tests.remote.daemons import Running, command, until
 
+pytestmark = pytest.mark.realtime
+
 ROWS = "x_mm,y_mm\n50,75\n"
 
 

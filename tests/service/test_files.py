@@ -84,6 +84,7 @@ def test_the_doctor_says_who_may_give_orders_to_the_service(group: str, tmp_path
     assert machine.clients(tmp_path / "elsewhere") == []
 
 
+@pytest.mark.realtime
 def test_the_service_is_found_by_who_may_give_it_orders(
     tmp_path: Path, own_folder: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:

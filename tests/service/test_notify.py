@@ -41,6 +41,7 @@ def said(end: socket.socket) -> list[str]:
     return out
 
 
+@pytest.mark.realtime
 @pytest.mark.parametrize("abstract", [False, True])
 def test_ready_once_then_alive_by_ticks_only(tmp_path: Path, abstract: bool) -> None:
     address = f"@contid-test-{os.getpid()}" if abstract else str(tmp_path / "notify")
@@ -77,6 +78,7 @@ def test_nobody_to_tell() -> None:
         notifier.stopping()
 
 
+@pytest.mark.realtime
 def test_a_disarmed_robot_waits_for_resume_without_torque() -> None:
     seen = Collector(load(1))
     process = VirtualProcess(load(1), 200.0, seen, attended=True)
@@ -94,6 +96,7 @@ def test_a_disarmed_robot_waits_for_resume_without_torque() -> None:
     assert records[-1].mode == Mode.HOLD
 
 
+@pytest.mark.realtime
 def test_a_control_process_that_stands_still_is_not_called_alive(tmp_path: Path) -> None:
     """The real daemon: ready, alive, silent while its ticks stand still, alive again, stopping."""
     address = str(tmp_path / "notify")

@@ -182,6 +182,7 @@ def test_replay_of_another_robot_file(recorded: Path, tmp_path: Path) -> None:
     assert "within the tolerance" in _run("replay", recorded, "--robot", changed, "--tolerance", "1e-4")
 
 
+@pytest.mark.realtime
 def test_recorded_commands_go_to_buses(tmp_path: Path) -> None:
     """The buses here are simulated ones in real time; the way is the one to the wire."""
     robot, rows, path = tmp_path / "r.yaml", tmp_path / "t.csv", tmp_path / "s.mcap"

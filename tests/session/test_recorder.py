@@ -48,6 +48,7 @@ def _values(writer: ring.RingWriter, tick: int) -> list[float]:
     return [tick, 0, tick / 200.0, *([0] * (size - 3))]
 
 
+@pytest.mark.realtime
 @pytest.mark.parametrize("buses", [1, 3])
 def test_a_run_in_real_time_is_recorded_whole_and_replays(buses: int, tmp_path: Path) -> None:
     """With several buses each has a worker thread, and what was late or refused is in the events."""
@@ -64,6 +65,7 @@ def test_a_run_in_real_time_is_recorded_whole_and_replays(buses: int, tmp_path: 
     assert "every command is the same, bit for bit" in replayed.stdout
 
 
+@pytest.mark.realtime
 def test_a_row_for_forty_robots_is_recorded_whole_and_replays(tmp_path: Path) -> None:
     """Its event takes several slots of the ring."""
     robot, path = tmp_path / "r.yaml", tmp_path / "s.mcap"
@@ -78,6 +80,7 @@ def test_a_row_for_forty_robots_is_recorded_whole_and_replays(tmp_path: Path) ->
     assert replayed.returncode == 0, replayed.stdout
 
 
+@pytest.mark.realtime
 @pytest.mark.parametrize("victim", VICTIMS)
 @pytest.mark.parametrize("number", range(KILLS))
 def test_a_kill_loses_at_most_the_last_tick(victim: str, number: int, tmp_path: Path) -> None:
@@ -127,6 +130,7 @@ def test_being_lapped_is_counted(tmp_path: Path, shared: Path) -> None:
     assert replay(session, load(2)).stopped.startswith("ticks 0 to ")
 
 
+@pytest.mark.realtime
 def test_it_ends_when_its_writer_is_gone(tmp_path: Path, shared: Path) -> None:
     writer = ring.RingWriter(shared)
     control = subprocess.Popen([sys.executable, "-c", "import time; time.sleep(60)"])
@@ -143,6 +147,7 @@ def test_it_ends_when_its_writer_is_gone(tmp_path: Path, shared: Path) -> None:
     assert {"event": "recorder", "message": "the control process ended without a word"} in session.events()
 
 
+@pytest.mark.realtime
 def test_it_sleeps_between_ticks(tmp_path: Path, shared: Path) -> None:
     """Processor time, not time: however busy the machine is, an idle ring costs next to nothing."""
     control = subprocess.Popen([sys.executable, "-c", "import time; time.sleep(0.5)"])

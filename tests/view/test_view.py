@@ -151,6 +151,7 @@ def test_a_measured_tip_and_the_curve_to_it_are_drawn_beside_the_model(tmp_path:
     assert replayed.returncode == 0, replayed.stdout + replayed.stderr
 
 
+@pytest.mark.realtime
 def test_the_picture_of_a_real_run_has_its_events_and_no_more_pictures_than_an_eye_needs(
     tmp_path: Path,
 ) -> None:
@@ -227,6 +228,7 @@ def commands(log: Path) -> list[str]:
     return [line.partition(",")[2] for line in log.read_text().splitlines()]
 
 
+@pytest.mark.realtime
 @pytest.mark.parametrize("harm", [signal.SIGSTOP, signal.SIGKILL])
 def test_a_stalled_or_killed_viewer_changes_no_command(
     harm: signal.Signals, tmp_path: Path, started: Callable[..., subprocess.Popen[str]]
@@ -246,6 +248,7 @@ def test_a_stalled_or_killed_viewer_changes_no_command(
     assert commands(viewed) == commands(alone)
 
 
+@pytest.mark.realtime
 def test_a_viewer_that_comes_back_says_what_it_missed(tmp_path: Path, configs: Path) -> None:
     loaded = load_robot_file(configs / "hand.yaml")
     layout = record_layout(loaded, 200.0)
@@ -268,6 +271,7 @@ def test_a_viewer_that_comes_back_says_what_it_missed(tmp_path: Path, configs: P
     assert 30 <= there["plots/timing"] <= 45  # the pictures of what the ring still had
 
 
+@pytest.mark.realtime
 def test_the_served_page_is_on_loopback_and_locked_in(
     tmp_path: Path, started: Callable[..., subprocess.Popen[str]]
 ) -> None:
@@ -309,6 +313,7 @@ def test_rerun_stays_out_of_a_run_without_a_picture() -> None:
     assert done.stdout.strip() == "False"
 
 
+@pytest.mark.realtime
 @pytest.mark.parametrize(("display", "message"), [(None, "no display"), (":4711", "no window: ")])
 def test_a_robot_does_without_a_window(
     display: str | None, message: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
@@ -342,6 +347,7 @@ def test_wrong_places_are_refused_before_anything_starts(tmp_path: Path) -> None
         assert message in done.stderr
 
 
+@pytest.mark.realtime
 def test_a_page_of_a_running_robot(tmp_path: Path, started: Callable[..., subprocess.Popen[str]]) -> None:
     trajectory = tmp_path / "circle.csv"
     trajectory.write_text(rows_of("hand", "--laps", "4"))

@@ -25,6 +25,8 @@ from contid_drivers.due.emulator import DueEmulator
 from contid_drivers.due.options import DueAxisOptions, DueBusOptions, EndStop
 from contid_drivers.due.service import doctor, home
 
+pytestmark = pytest.mark.realtime
+
 MOTORS = [AxisOnBus(f"arm.l{i}", DueAxisOptions(channel=f"m{i}", power_up_deg=90.0), None) for i in range(3)]
 PARKED = {"power_up_deg": 229.2, "homing": {"direction": -1, "at_deg": 199.2}}
 AIR = {"calibration": [[0, 0], [100, 3]], "readback": [[600, 0], [3000, 3]], "ceiling_bar": 1.6}

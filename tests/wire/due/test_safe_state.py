@@ -28,6 +28,8 @@ from contid_drivers.due import frames, messages, wiring
 from contid_drivers.due.codes import Type
 from contid_drivers.due.emulator import DueEmulator
 
+pytestmark = pytest.mark.realtime
+
 TEN_CM_S = 6081.0  # counts/s
 WATCHDOG_MS = 100
 # From 1.5 bar at 2 bar/s, and the regulator's lag.

@@ -16,6 +16,8 @@ from contid_drivers.dynamixel import registers as reg
 from contid_drivers.dynamixel.bus import DynamixelBus
 from contid_drivers.dynamixel.emulator import Servo
 
+pytestmark = pytest.mark.realtime
+
 TICK = reg.RAD_PER_TICK
 Make = Callable[..., Any]
 

@@ -17,6 +17,8 @@ from contid_drivers.dynamixel import registers as reg
 from contid_drivers.dynamixel.emulator import InjectedFault
 from contid_drivers.dynamixel.emulator.faults import FaultSyntaxError
 
+pytestmark = pytest.mark.realtime
+
 TICK = reg.RAD_PER_TICK
 Make = Callable[..., Any]
 ALL = ["r.a1", "r.a2", "r.a3"]

@@ -14,6 +14,8 @@ from contid_drivers.dynamixel import registers as reg
 from contid_drivers.dynamixel.commission import reboot, scan, set_baud, set_id
 from contid_drivers.dynamixel.emulator import Servo
 
+pytestmark = pytest.mark.realtime
+
 TICK = reg.RAD_PER_TICK
 Make = Callable[..., Any]
 STOP = {

@@ -16,6 +16,8 @@ import pytest
 
 from contid_drivers.dynamixel.emulator import DynamixelEmulator, Servo
 
+pytestmark = pytest.mark.realtime
+
 ROOT = Path(__file__).parents[3]
 WATCHDOG_MS = 100
 

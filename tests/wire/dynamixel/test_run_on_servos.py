@@ -20,6 +20,8 @@ from contid.robot_file.load import load_robot_file
 from contid_drivers.dynamixel.emulator import DynamixelEmulator
 from contid_drivers.dynamixel.emulator.bench import Bench
 
+pytestmark = pytest.mark.realtime
+
 ROOT = Path(__file__).parents[3]
 IDS = (1, 2, 3, 4)
 WATCHDOG_S = 0.4

@@ -12,6 +12,8 @@ import pytest
 from contid_drivers.dynamixel.emulator import DynamixelEmulator, Servo
 from contid_drivers.dynamixel.emulator.servo import BOOT_S
 
+pytestmark = pytest.mark.realtime
+
 
 @pytest.fixture
 def bus() -> Iterator[DynamixelEmulator]:

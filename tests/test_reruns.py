@@ -1,0 +1,58 @@
+"""Only `realtime` tests are tried again, and only up to the rate that CI allows."""
+
+from __future__ import annotations
+
+import os
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+
+ROOT = Path(__file__).parent.parent
+HOOKS = "from tests.conftest import pytest_collection_modifyitems, pytest_sessionfinish\n"
+UNSTEADY = """
+import pytest
+
+tries = []
+
+{mark}
+def test_unsteady():
+    tries.append(1)
+    assert len(tries) > 1
+
+@pytest.mark.parametrize("number", range(9))
+def test_steady(number):
+    pass
+"""
+
+
+@pytest.mark.parametrize(
+    ("mark", "rate", "code"),
+    [
+        ("@pytest.mark.realtime", None, 0),
+        ("@pytest.mark.realtime", "0.11", 0),
+        ("@pytest.mark.realtime", "0.09", 1),
+        ("", "0.11", 1),
+    ],
+)
+@pytest.mark.parametrize("workers", [(), ("-n", "1")], ids=["alone", "xdist"])
+def test_reruns(mark: str, rate: str | None, code: int, workers: tuple[str, ...], tmp_path: Path) -> None:
+    (tmp_path / "conftest.py").write_text(HOOKS)
+    (tmp_path / "test_unsteady.py").write_text(UNSTEADY.format(mark=mark))
+    (tmp_path / "pytest.ini").write_text("[pytest]\nmarkers =\n  realtime: as in contid\n")
+    environment = {
+        key: value for key, value in os.environ.items() if not key.startswith(("CONTID_", "PYTEST_"))
+    }
+    environment["PYTHONPATH"] = str(ROOT)
+    if rate is not None:
+        environment["CONTID_MAX_RERUN_RATE"] = rate
+    done = subprocess.run(
+        [sys.executable, "-m", "pytest", "-q", "-p", "no:cacheprovider", *workers],
+        cwd=tmp_path,
+        env=environment,
+        capture_output=True,
+        text=True,
+        check=False,
+    )
+    assert done.returncode == code, done.stdout + done.stderr
