@@ -1,8 +1,7 @@
-"""One error tree: what failed, where, what is allowed, what to do next.
+"""The error tree of contid.
 
-Every error a user can cause or meet derives from `ContidError`; the command line turns it into one message
-on stderr and the exit code of its class (see docs: 0 done, 1 comparison failed, 2 usage or a bad file,
-3 a fault stopped the robot, 4 a device could not be opened, 130 interrupted).
+Every error that a user can cause or meet derives from `ContidError`; the command line prints its message on
+stderr and exits with the exit code of its class (2 usage or a bad file, 4 a device error).
 """
 
 from __future__ import annotations
@@ -12,7 +11,7 @@ from dataclasses import dataclass
 
 
 class ContidError(Exception):
-    """Base of everything contid raises on purpose."""
+    """Base of all errors of contid."""
 
     exit_code = 2
 
@@ -27,12 +26,12 @@ class Located:
     message: str
 
     def __str__(self) -> str:
-        """The finding the way compilers print it, so editors can jump to it."""
+        """The format of compilers, which editors can jump to."""
         return f"{self.file}:{self.line}:{self.column}: {self.message}"
 
 
 class BadInputError(ContidError):
-    """A user's file or stream is wrong; carries every finding, not only the first."""
+    """A user's file or stream is wrong; holds every finding."""
 
     def __init__(self, findings: Sequence[Located]) -> None:
         self.findings = tuple(findings)
@@ -40,7 +39,7 @@ class BadInputError(ContidError):
 
 
 class DeviceError(ContidError):
-    """A device said no, or could not be reached; ``device`` names it the way the robot file does."""
+    """A device refused, or could not be reached; ``device`` is its name in the robot file."""
 
     exit_code = 4
 
@@ -52,20 +51,8 @@ class DeviceError(ContidError):
 
 
 class DeviceNotFoundError(DeviceError):
-    """The port, id or channel is not there, or the handshake found something else."""
+    """The port, id or channel does not exist, or the handshake found another device."""
 
 
 class DeviceLostError(DeviceError):
-    """A device that was open is gone: unplugged, reset without being asked, or its port failed."""
-
-
-class FaultError(ContidError):
-    """A fault stopped the robot."""
-
-    exit_code = 3
-
-
-class ComparisonError(ContidError):
-    """A comparison the user asked for failed (replay, golden values)."""
-
-    exit_code = 1
+    """An open device is gone: unplugged, reset unexpectedly, or its port failed."""

@@ -1,32 +1,32 @@
-"""What a bus is and what a sample is: the one contract every driver keeps.
+"""The hardware abstraction layer: the interface of drivers, buses and samples.
 
 A bus carries axes. Values at this boundary are SI and belong to the *device*: the angle of an output shaft
-in rad for servos and geared motors, a pressure in Pa for regulators. How a length becomes an angle is the
-transmission's business, how an angle becomes ticks is the driver's.
+in rad for servos and geared motors, a pressure in Pa for regulators. The transmission converts lengths to
+angles, the driver angles to ticks.
 
 Life of a bus::
 
-    bus = driver.open_bus(name, options, axes)   # nothing is touched yet
+    bus = driver.open_bus(name, options, axes)   # accesses no device
     bus.open()                                   # handshake; never moves, never changes torque
     bus.exchange({})                             # reads only, until every axis has a valid sample
-    bus.enable(axes)                             # goal := present, then torque, then the device's dead-man
-    bus.exchange({axis: value, ...})             # one tick; feeds the dead-man
-    bus.disable(axes, Rest.RELAX)                # the device's own safe state
+    bus.enable(axes)                             # goal := present, then torque, then the device's watchdog
+    bus.exchange({axis: value, ...})             # one tick; refreshes the watchdog
+    bus.disable(axes, Rest.RELAX)                # the device's own state of rest
     bus.close()                                  # idempotent; never touches torque
 
-Rules (the contract suite in ``tests/contract`` holds every bus to them):
+Rules (``tests/contract`` checks every bus against them):
 
-* no command is sent to an axis that is not enabled: such commands are dropped and the others go out, so an
-  axis whose device disarmed itself costs nobody else; its sample says why;
+* no command is sent to an axis that is not enabled: such commands are dropped and the others are sent;
+  the sample of an axis whose device disarmed itself holds the reason;
 * a command that is not finite, or names no axis of the bus, is refused with `DeviceError` before anything of
   that tick is sent;
-* `enable` is all or nothing, leaves axes alone that are enabled already, and raises `DeviceError` for an
+* `enable` is all or nothing, does not affect axes that are enabled already, and raises `DeviceError` for an
   axis that is silent or in a latched fault;
-* a failed read is never a number: the sample keeps the last good value, its time, ``valid=False``;
+* after a failed read the sample keeps the last good value and its time, with ``valid=False``;
 * a lost device raises `DeviceLostError` out of `exchange` within one call, and every call after that too,
-  until `open` succeeds again; an axis that is silent alone shows as ``valid=False`` and costs nobody else;
-* only a completed `exchange` feeds the dead-man of the devices; a tripped one is latched: the axis rests,
-  ignores commands and names the trip in ``fault`` until `clear_fault`, then it needs `enable` again;
+  until `open` succeeds again; a single silent axis has ``valid=False`` and does not affect the others;
+* only a completed `exchange` refreshes the watchdog of the devices; a trip is latched: the axis rests,
+  ignores commands and reports the trip in ``fault`` until `clear_fault`, then it needs `enable` again;
 * `open`, `disable` and `close` may be called in any state and twice.
 """
 
@@ -47,10 +47,10 @@ if TYPE_CHECKING:
 
 ENTRY_POINT_GROUP: Final = "contid.drivers"
 
-#: Takes one line about the progress of something slow.
-Say: TypeAlias = Callable[[str], None]
+#: Takes one line about the progress of a slow operation.
+Report: TypeAlias = Callable[[str], None]
 
-#: Drivers of this distribution, found without installed metadata (a checkout on PYTHONPATH works too).
+#: Drivers of this distribution; found without installed metadata, as in a checkout on PYTHONPATH.
 BUILT_IN: Final[dict[str, str]] = {
     "sim": "contid_drivers.sim:DRIVER",
     "dynamixel": "contid_drivers.dynamixel:DRIVER",
@@ -59,7 +59,7 @@ BUILT_IN: Final[dict[str, str]] = {
 
 
 class Rest(enum.StrEnum):
-    """What a device does once nobody commands it."""
+    """State of rest of a device that is no longer commanded."""
 
     HOLD = "hold"
     RELAX = "relax"
@@ -67,7 +67,7 @@ class Rest(enum.StrEnum):
 
 
 class DeviceKind(enum.StrEnum):
-    """Kinds of actuator; decides the unit at this boundary and the simulated twin."""
+    """Kind of actuator; determines its unit and its simulated device."""
 
     SERVO = "servo"  # rad
     MOTOR = "motor"  # rad
@@ -76,12 +76,12 @@ class DeviceKind(enum.StrEnum):
 
 @dataclass(frozen=True, slots=True)
 class AxisOnBus:
-    """One axis as its driver sees it.
+    """One axis as passed to its driver.
 
     Attributes:
         name: unique in the robot file, ``ROBOT.AXIS``.
         options: the driver's own validated options of this axis (id, channel, ...).
-        travel: least and greatest device value [rad or Pa] the robot file allows, or None when open.
+        travel: min and max device value [rad or Pa] allowed by the robot file, or None.
     """
 
     name: str
@@ -91,18 +91,18 @@ class AxisOnBus:
 
 @dataclass(frozen=True, slots=True)
 class Sample:
-    """What one axis reported.
+    """The state of one axis.
 
     Attributes:
-        value: position [rad] or pressure [Pa]; None only while nothing valid was ever read.
-        time_s: when ``value`` was measured, on the clock given to the bus.
+        value: position [rad] or pressure [Pa]; None before the first valid read.
+        time_s: when ``value`` was measured, on the clock of the bus.
         valid: True when the newest exchange read this axis successfully.
         age_s: time since ``time_s`` at the end of the newest exchange.
         velocity: [rad/s] or [Pa/s] when the device reports it.
         effort: current [A] for motors and servos, duty [0..1] for regulators, when reported.
         temperature_c: [deg C] when reported.
         voltage_v: supply [V] when reported.
-        fault: the device's own fault in words, "" while there is none.
+        fault: the device's own fault as text, "" without one.
     """
 
     value: float | None
@@ -118,7 +118,7 @@ class Sample:
 
 @dataclass(frozen=True, slots=True)
 class Finding:
-    """One line of a ``doctor`` report: what was looked at, whether it is well, and the remedy."""
+    """One line of a ``doctor`` report."""
 
     subject: str
     ok: bool
@@ -127,20 +127,20 @@ class Finding:
 
 
 class Clock(Protocol):
-    """Where a bus gets the time from: the real monotonic clock, or a virtual one in tests and replay."""
+    """The clock of a bus: the monotonic clock, or a virtual one in tests and replay."""
 
     def now(self) -> float:
-        """Seconds; only differences mean anything."""
+        """Seconds since an arbitrary origin."""
         ...
 
     def sleep(self, seconds: float) -> None:
-        """Let time pass; a virtual clock just moves on, so a late bus makes a late tick there as well."""
+        """Wait; a virtual clock advances, so a slow bus delays the tick in virtual time as well."""
         ...
 
 
 @runtime_checkable
 class Bus(Protocol):
-    """A set of axes behind one wire. Not thread-safe: one owner calls it."""
+    """A set of axes on one line; not thread-safe."""
 
     name: str
     axes: tuple[str, ...]
@@ -149,13 +149,13 @@ class Bus(Protocol):
         """Connect and shake hands.
 
         Raises:
-            DeviceNotFoundError: the port or a device is missing, or is not what the robot file says; the
-                message lists expected against found.
+            DeviceNotFoundError: the port or a device is missing, or differs from the robot file; the message
+                lists expected and found.
         """
         ...
 
     def enable(self, axes: Sequence[str]) -> None:
-        """Make axes ready to move without moving them: goal := present, torque on, dead-man armed."""
+        """Make axes ready to move without moving them: goal := present, torque on, watchdog armed."""
         ...
 
     def exchange(self, commands: Mapping[str, float]) -> Mapping[str, Sample]:
@@ -173,20 +173,20 @@ class Bus(Protocol):
         ...
 
     def disable(self, axes: Sequence[str], rest: Rest) -> None:
-        """Bring axes to a state of rest now; best effort, never raises for a lost device."""
+        """Bring axes to a state of rest; does not raise for a lost device."""
         ...
 
     def clear_fault(self, axes: Sequence[str]) -> None:
-        """Clear latched device faults without moving anything; raises `DeviceError` if one persists."""
+        """Clear latched device faults without motion; raises `DeviceError` if one persists."""
         ...
 
     def close(self) -> None:
-        """Let the port go. Idempotent; never changes torque."""
+        """Close the port. Idempotent; never changes torque."""
         ...
 
 
 class Driver(Protocol):
-    """What an entry point of the group ``contid.drivers`` names: options and a factory, imported lightly."""
+    """Object of an entry point in the group ``contid.drivers``: options and a factory; cheap to import."""
 
     #: Validated options of a bus (``buses.NAME`` without ``driver``) and of an axis (``bus`` and the common
     #: keys removed). Both forbid unknown keys.
@@ -198,31 +198,31 @@ class Driver(Protocol):
         ...
 
     def address(self, axis: BaseModel) -> str:
-        """What must be unique on one bus, in words: ``id 3``, ``channel m2``; "" when names suffice."""
+        """Text that must be unique on one bus: ``id 3``, ``channel m2``; "" for none."""
         ...
 
     def mock_options(self, bus: BaseModel) -> Mapping[str, Any]:
-        """Options of the ``sim`` bus that stands in for this bus under ``--mock``."""
+        """Options of the ``sim`` bus that replaces this bus under ``--mock``."""
         ...
 
     def mock_axis_options(self, axis: BaseModel) -> Mapping[str, Any]:
-        """Options of the ``sim`` axis that stands in for this axis, at least ``{"device": KIND}``."""
+        """Options of the ``sim`` axis that replaces this axis, at least ``{"device": KIND}``."""
         ...
 
     def open_bus(self, name: str, options: BaseModel, axes: Sequence[AxisOnBus], clock: Clock) -> Bus:
-        """Build a bus; touches no device."""
+        """Build a bus; accesses no device."""
         ...
 
 
 @dataclass(frozen=True, slots=True)
 class Homed:
-    """What homing one axis found.
+    """Result of homing one axis.
 
     Attributes:
         axis: ``ROBOT.AXIS``.
-        value: the device's value at the reference [rad], on the scale `Sample.value` has from now on.
-        at_mm: the actuator's length or travel at the reference, as the robot file says.
-        how: how it was found, in words; it goes into the robot file beside the result.
+        value: the device's value at the reference [rad], on the scale of `Sample.value` after homing.
+        at_mm: the actuator's length or travel at the reference, from the robot file.
+        how: description of the method, written into the robot file.
     """
 
     axis: str
@@ -231,66 +231,65 @@ class Homed:
     how: str
 
 
-# What a driver may offer beyond `Driver`. A command looks the driver up and asks
-# ``isinstance(driver, Emulates)``; a driver without the capability is named in the message.
+# Optional interfaces of drivers; commands test for them with ``isinstance(driver, Emulates)``.
 
 
 @runtime_checkable
 class Emulates(Protocol):
-    """Has wire-level devices to stand in for hardware: ``contid emulate``."""
+    """Emulates its devices on the wire: ``contid emulate``."""
 
     def emulator(
         self, name: str, options: BaseModel, axes: Sequence[AxisOnBus], control: Path | None = None
     ) -> AbstractContextManager[Sequence[str]]:
-        """The devices of one bus, alive at the port its options name for as long as the context lasts.
+        """Emulate the devices of one bus at the port in its options.
 
         Args:
             name: the bus.
-            options: the bus's own options; a port that is no real device becomes a link to a pty.
+            options: the bus's own options; a port that does not exist becomes a link to a pty.
             axes: its axes.
-            control: file the emulator follows; each line appended is one fault switch in JSON.
+            control: file of fault switches; each appended line is one switch in JSON.
 
         Returns:
-            A context manager; entering gives lines for the user: what stands where.
+            A context manager; entering it returns lines for the user about the ports.
         """
         ...
 
 
 @runtime_checkable
 class Diagnoses(Protocol):
-    """Can look at a bus and its host and say what is wrong: ``contid doctor``."""
+    """Examines a bus and its host: ``contid doctor``."""
 
     def doctor(self, name: str, options: BaseModel, axes: Sequence[AxisOnBus]) -> list[Finding]:
-        """Examine without moving anything; never raises for what it finds, it reports it."""
+        """Examine without motion; problems are findings, not exceptions."""
         ...
 
 
 @runtime_checkable
 class Homes(Protocol):
-    """Can find the reference of its axes: ``contid home``."""
+    """Finds the reference of its axes: ``contid home``."""
 
     def home(
-        self, name: str, options: BaseModel, axes: Sequence[AxisOnBus], only: Sequence[str], say: Say
+        self, name: str, options: BaseModel, axes: Sequence[AxisOnBus], only: Sequence[str], report: Report
     ) -> list[Homed]:
-        """Move axes to their reference, one after the other, and leave them at rest.
+        """Move axes to their reference one after the other; they rest afterwards.
 
         Args:
             name: the bus.
             options: the bus's own options.
             axes: every axis of the bus, homed or not.
             only: names of the axes to home.
-            say: takes a line about the progress.
+            report: takes lines about the progress.
 
         Raises:
-            DeviceError: an axis has no homing method, or its reference was not found; nothing of it may be
-                written then.
+            DeviceError: an axis has no homing method, or its reference was not found; its result must not
+                be saved.
         """
         ...
 
 
 @dataclass(frozen=True, slots=True)
 class FoundDevice:
-    """A device that answered a scan: where, at which baud rate, its address there, and what it says it is."""
+    """A device that answered a scan."""
 
     port: str
     baud: int
@@ -301,30 +300,30 @@ class FoundDevice:
 
 @runtime_checkable
 class Scans(Protocol):
-    """Can look for its devices without a robot file: ``contid scan``."""
+    """Finds its devices without a robot file: ``contid scan``."""
 
-    def scan(self, ports: Sequence[str], bauds: Sequence[int], say: Say) -> list[FoundDevice]:
+    def scan(self, ports: Sequence[str], bauds: Sequence[int], report: Report) -> list[FoundDevice]:
         """Devices on ``ports`` (empty: every likely one) at ``bauds`` (empty: every possible one)."""
         ...
 
 
 @runtime_checkable
 class Commissions(Protocol):
-    """Can give a single device its id and baud rate: ``contid servo``.
+    """Configures a single device: ``contid servo``.
 
     Every method raises `DeviceError` when the device is silent, under torque, or refuses.
     """
 
     def set_id(self, port: str, baud: int, device: int, new: int) -> None:
-        """Give a device another id."""
+        """Change the id of a device."""
         ...
 
     def set_baud(self, port: str, baud: int, device: int, new: int) -> None:
-        """Give a device another baud rate."""
+        """Change the baud rate of a device."""
         ...
 
     def reboot(self, port: str, baud: int, device: int) -> None:
-        """Restart a device; its torque is off then."""
+        """Restart a device; its torque is off afterwards."""
         ...
 
 
@@ -333,16 +332,16 @@ class UnknownDriverError(ContidError):
 
 
 def driver_names() -> tuple[str, ...]:
-    """Every driver that can be named in a robot file: the built-in ones, then installed plug-ins."""
+    """Names of all drivers: built-in ones, then installed plug-ins."""
     installed = {point.name for point in entry_points(group=ENTRY_POINT_GROUP)}
     return (*BUILT_IN, *sorted(installed - set(BUILT_IN)))
 
 
 def load_driver(name: str) -> Driver:
-    """Import the driver called ``name``; only a robot file that names it pays for the import.
+    """Import a driver by name.
 
     Raises:
-        UnknownDriverError: no such driver; the message lists those there are.
+        UnknownDriverError: no such driver.
     """
     from importlib import import_module
     from importlib.metadata import EntryPoint
@@ -352,7 +351,7 @@ def load_driver(name: str) -> Driver:
     else:
         found = [point for point in entry_points(group=ENTRY_POINT_GROUP) if point.name == name]
         if not found:
-            raise UnknownDriverError(f"no driver {name!r}; there are {', '.join(driver_names())}")
+            raise UnknownDriverError(f"unknown driver {name!r}; available: {', '.join(driver_names())}")
         point = found[0]
     module = import_module(point.module)
     driver: Driver = getattr(module, point.attr)

@@ -1,8 +1,7 @@
-"""What travels through the house: a target going in, a solution coming out of a model.
+"""Input and output of the kinematic models: targets, poses, solutions.
 
-Frames: positions of a `Target` given to a model are in that robot's *base frame*; the control loop moves
-targets from the world frame of the trajectory into it. Vectors are plain tuples of three floats (planar
-models use x and y and leave z at 0), so a target is immutable and cheap to build in the tick.
+Models take and return positions in the robot's *base frame*; the control loop transforms targets from the
+world frame of the trajectory into it. Vectors are tuples of three floats (planar models use x and y, z is 0).
 """
 
 from __future__ import annotations
@@ -22,17 +21,17 @@ _NO_EXTRA: Final[Mapping[str, float]] = MappingProxyType({})
 
 @dataclass(frozen=True, slots=True)
 class Target:
-    """Where one robot shall be at one instant; exactly one of ``tip_m`` and ``actuation`` is set.
+    """Target of one robot at one instant; exactly one of ``tip_m`` and ``actuation`` is set.
 
     Attributes:
         tip_m: tip position [m].
-        direction: unit tangent at the tip, or None when only the position matters.
+        direction: unit tangent at the tip, or None for a target of position only.
         mid_m: position of the mid-point (end of the first section) [m], or None.
         actuation: the model's own axes in its own order [m or Pa].
         load_n: known force on the tip [N], in the same frame as ``tip_m``.
         extra: axes beyond the model's kinematics (wrist, gripper) by name, SI.
-        measured_tip_m: where an outside measurement saw the tip [m], or None; same frame as ``tip_m``.
-        measured_direction: unit tangent it saw there, or None.
+        measured_tip_m: externally measured tip position [m], or None; same frame as ``tip_m``.
+        measured_direction: unit tangent measured there, or None.
     """
 
     tip_m: Vec3 | None = None
@@ -67,17 +66,16 @@ class Pose:
 
 @dataclass(frozen=True, slots=True)
 class Solution:
-    """Answer of an inverse model: always inside the limits, never an exception for an unreachable target.
+    """Result of an inverse model; inside the limits also for an unreachable target.
 
     Attributes:
-        actuation: the model's axes [m or Pa], inside every limit.
-        residual_m: distance between the target and what ``actuation`` reaches [m] (task rows that are not
-            lengths, such as a direction, are scaled by the model's stated length).
+        actuation: the model's axes [m or Pa].
+        residual_m: distance between the target and the point ``actuation`` reaches [m] (directions scaled by
+            the model's characteristic length).
         converged: True when the target is met within the model's tolerance.
-        limited_by: names of the limits that bind, e.g. ``("right.max",)`` or ``("curvature",)``; empty when
-            the target is met in the interior.
+        limited_by: names of the active limits, e.g. ``("right.max",)`` or ``("curvature",)``.
         iterations: steps of the solver, 0 for closed forms.
-        note: one sentence for the user when something deserves it (by how much a limit is exceeded).
+        note: remark for the user, such as by how much a limit is exceeded.
     """
 
     actuation: Actuation

@@ -7,7 +7,7 @@ from contextlib import AbstractContextManager
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from contid.hal import AxisOnBus, Bus, Clock, DeviceKind, Driver, Finding, Homed, Say
+from contid.hal import AxisOnBus, Bus, Clock, DeviceKind, Driver, Finding, Homed, Report
 from contid_drivers.due.options import DueAxisOptions, DueBusOptions, SafeState
 
 if TYPE_CHECKING:
@@ -78,13 +78,13 @@ class DueDriver:
         return doctor(name, options, axes)
 
     def home(
-        self, name: str, options: BaseModel, axes: Sequence[AxisOnBus], only: Sequence[str], say: Say
+        self, name: str, options: BaseModel, axes: Sequence[AxisOnBus], only: Sequence[str], report: Report
     ) -> list[Homed]:
         """Homing against end stops, done by the board; see `contid.hal.Homes`."""
         from contid_drivers.due.service import home
 
         assert isinstance(options, DueBusOptions)
-        return home(name, options, axes, only, say)
+        return home(name, options, axes, only, report)
 
 
 DRIVER: Driver = DueDriver()

@@ -8,7 +8,7 @@ from collections.abc import Sequence
 from pathlib import Path
 
 from contid.errors import ContidError, DeviceError
-from contid.hal import AxisOnBus, Finding, Homed, Rest, Say
+from contid.hal import AxisOnBus, Finding, Homed, Report, Rest
 from contid_drivers.due.bus import DueBus
 from contid_drivers.due.options import DueBusOptions
 from contid_drivers.due.wiring import axis_options
@@ -101,7 +101,7 @@ def _timing(name: str, options: DueBusOptions, bus: DueBus) -> list[Finding]:
 
 
 def home(
-    name: str, options: DueBusOptions, axes: Sequence[AxisOnBus], only: Sequence[str], say: Say
+    name: str, options: DueBusOptions, axes: Sequence[AxisOnBus], only: Sequence[str], report: Report
 ) -> list[Homed]:
     """Let the board look for the end stop of each axis in turn; see `contid.hal.Homes`."""
     by_name = {axis.name: axis for axis in axes}
@@ -115,7 +115,7 @@ def home(
     bus.open()
     try:
         for axis in only:
-            homed.append(_home_one(bus, by_name[axis], say))
+            homed.append(_home_one(bus, by_name[axis], report))
     finally:
         with unbroken():
             try:
@@ -125,10 +125,10 @@ def home(
     return homed
 
 
-def _home_one(bus: DueBus, axis: AxisOnBus, say: Say) -> Homed:
+def _home_one(bus: DueBus, axis: AxisOnBus, report: Report) -> Homed:
     method = axis_options(axis).homing
     assert method is not None
-    say(f"{axis.name}: towards its end stop at {method.speed_deg_s:g} deg/s")
+    report(f"{axis.name}: towards its end stop at {method.speed_deg_s:g} deg/s")
     bus.home([axis.name])
     while True:
         sample = bus.exchange({})[axis.name]
@@ -139,5 +139,5 @@ def _home_one(bus: DueBus, axis: AxisOnBus, say: Say) -> Homed:
         if not bus.homing(axis.name):
             break
         time.sleep(_TICK_S)
-    say(f"{axis.name}: stop found, backed off to {sample.value:.3f} rad")
+    report(f"{axis.name}: stop found, backed off to {sample.value:.3f} rad")
     return Homed(axis.name, math.radians(method.at_deg), method.at_mm, "end stop, met by the Due board")

@@ -11,7 +11,7 @@ from typing import Final
 from serial.tools import list_ports
 
 from contid.errors import DeviceError
-from contid.hal import FoundDevice, Say
+from contid.hal import FoundDevice, Report
 from contid_drivers.dynamixel import registers as reg
 from contid_drivers.dynamixel.port import BlockingPort
 from contid_drivers.dynamixel.protocol import ServoClient
@@ -39,17 +39,17 @@ def client_on(path: str, baud: int) -> Iterator[ServoClient]:
         port.close()
 
 
-def scan(ports: Sequence[str], bauds: Sequence[int], say: Say) -> list[FoundDevice]:
+def scan(ports: Sequence[str], bauds: Sequence[int], report: Report) -> list[FoundDevice]:
     """Ask everybody at every rate; a port that does not open is reported and passed over."""
     found: list[FoundDevice] = []
     for path in ports or likely_ports():
         for baud in bauds or SCAN_BAUDS:
-            say(f"{path} at {baud} baud")
+            report(f"{path} at {baud} baud")
             try:
                 with client_on(path, baud) as client:
                     here = client.broadcast_ping()
             except DeviceError as error:
-                say(str(error))
+                report(str(error))
                 break
             for device, (model, firmware) in sorted(here.items()):
                 name = reg.MODELS.get(model, f"model {model}")

@@ -7,7 +7,7 @@ from contextlib import AbstractContextManager
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from contid.hal import AxisOnBus, Bus, Clock, DeviceKind, Driver, Finding, FoundDevice, Homed, Say
+from contid.hal import AxisOnBus, Bus, Clock, DeviceKind, Driver, Finding, FoundDevice, Homed, Report
 from contid_drivers.dynamixel.options import DynamixelAxisOptions, DynamixelBusOptions
 
 if TYPE_CHECKING:
@@ -61,19 +61,19 @@ class DynamixelDriver:
         return examine(name, options, axes)
 
     def home(
-        self, name: str, options: BaseModel, axes: Sequence[AxisOnBus], only: Sequence[str], say: Say
+        self, name: str, options: BaseModel, axes: Sequence[AxisOnBus], only: Sequence[str], report: Report
     ) -> list[Homed]:
         """See `contid.hal.Homes`."""
         from contid_drivers.dynamixel.homing import home
 
         assert isinstance(options, DynamixelBusOptions)
-        return home(name, options, axes, only, say)
+        return home(name, options, axes, only, report)
 
-    def scan(self, ports: Sequence[str], bauds: Sequence[int], say: Say) -> list[FoundDevice]:
+    def scan(self, ports: Sequence[str], bauds: Sequence[int], report: Report) -> list[FoundDevice]:
         """See `contid.hal.Scans`."""
         from contid_drivers.dynamixel import commission
 
-        return commission.scan(ports, bauds, say)
+        return commission.scan(ports, bauds, report)
 
     def set_id(self, port: str, baud: int, device: int, new: int) -> None:
         """See `contid.hal.Commissions`."""

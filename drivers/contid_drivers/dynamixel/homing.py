@@ -15,7 +15,7 @@ from collections.abc import Sequence
 from typing import Final
 
 from contid.errors import DeviceError
-from contid.hal import AxisOnBus, Homed, Say
+from contid.hal import AxisOnBus, Homed, Report
 from contid_drivers.dynamixel import arming, turns
 from contid_drivers.dynamixel import registers as reg
 from contid_drivers.dynamixel.axis import Axis
@@ -34,7 +34,7 @@ _CURRENT_BASED: Final = reg.MODE_NUMBERS["current_based_position"]
 
 
 def home(
-    name: str, options: DynamixelBusOptions, axes: Sequence[AxisOnBus], only: Sequence[str], say: Say
+    name: str, options: DynamixelBusOptions, axes: Sequence[AxisOnBus], only: Sequence[str], report: Report
 ) -> list[Homed]:
     """See `contid.hal.Homes.home`."""
     states = [Axis.of(axis, options) for axis in axes]
@@ -53,7 +53,7 @@ def home(
             if client.read(axis.device, reg.TORQUE_ENABLE) and client.read(axis.device, reg.MOVING):
                 raise DeviceError(client.name(axis.device), "it is moving", "stop its robot first")
         try:
-            return [_home_one(client, axis, options, say) for axis in chosen]
+            return [_home_one(client, axis, options, report) for axis in chosen]
         except BaseException:
             # An interrupt may come between the end of a search and its torque off.
             with unbroken():
@@ -63,30 +63,30 @@ def home(
         port.close()
 
 
-def _home_one(client: ServoClient, axis: Axis, options: DynamixelBusOptions, say: Say) -> Homed:
+def _home_one(client: ServoClient, axis: Axis, options: DynamixelBusOptions, report: Report) -> Homed:
     homing = axis.options.homing
     if isinstance(homing, SingleTurn):
-        return _by_pose(client, axis, homing, say)
+        return _by_pose(client, axis, homing, report)
     assert isinstance(homing, HardStop)
     try:
-        return _by_stop(client, axis, homing, options, say)
+        return _by_stop(client, axis, homing, options, report)
     finally:
         with unbroken():
             arming.torque_off(client, [axis])
 
 
-def _by_pose(client: ServoClient, axis: Axis, homing: SingleTurn, say: Say) -> Homed:
+def _by_pose(client: ServoClient, axis: Axis, homing: SingleTurn, report: Report) -> Homed:
     axis.value = None
     client.write(axis.device, turns.MARKER, turns.MARKER.default)
     turns.settle(client, axis)
     value = axis.to_rad(client.read(axis.device, reg.PRESENT_POSITION))
     off_deg = math.degrees(value) - homing.pose_deg
-    say(f"{axis.name}: {math.degrees(value):.2f} deg, {off_deg:+.2f} deg from its stored pose")
+    report(f"{axis.name}: {math.degrees(value):.2f} deg, {off_deg:+.2f} deg from its stored pose")
     return Homed(axis.name, value, homing.at_mm, f"stored pose, {off_deg:+.2f} deg from it")
 
 
 def _by_stop(
-    client: ServoClient, axis: Axis, homing: HardStop, options: DynamixelBusOptions, say: Say
+    client: ServoClient, axis: Axis, homing: HardStop, options: DynamixelBusOptions, report: Report
 ) -> Homed:
     device, name = axis.device, client.name(axis.device)
     if arming.torque_off(client, [axis]):
@@ -106,9 +106,9 @@ def _by_stop(
     arming.arm(client, axis, options.watchdog_ms // reg.WATCHDOG_MS_PER_UNIT)
     reach = homing.speed_deg_s * homing.timeout_s / 360.0 * reg.TICKS_PER_REV
     client.write(device, reg.GOAL_POSITION, start + homing.direction * round(reach))
-    say(f"{axis.name}: searching its stop with {homing.current_ma} mA")
+    report(f"{axis.name}: searching its stop with {homing.current_ma} mA")
     stop = _until_blocked(client, axis, homing, start)
-    say(f"{axis.name}: stop at {math.degrees(stop * reg.RAD_PER_TICK):.2f} deg")
+    report(f"{axis.name}: stop at {math.degrees(stop * reg.RAD_PER_TICK):.2f} deg")
     back = stop - homing.direction * round(homing.backoff_deg / 360.0 * reg.TICKS_PER_REV)
     client.write(device, reg.GOAL_POSITION, back)
     _wait_there(client, axis, back, homing.backoff_deg / homing.speed_deg_s + 1.0)
