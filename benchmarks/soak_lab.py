@@ -30,7 +30,7 @@ from contid.control.process.setup import RunSetup
 from contid.errors import ContidError
 from contid.hal import Emulates
 from contid.robot_file.load import load_robot_file
-from contid.view.observer import Viewing
+from contid.view.observer import ViewerObserver
 from contid.view.view_target import Kind, ViewTarget
 
 RATE_HZ: Final = 200.0
@@ -88,7 +88,7 @@ class Viewers:
             await asyncio.sleep(0.1)
         while True:
             self._path.unlink(missing_ok=True)
-            viewing = Viewing(ViewTarget(Kind.FILE, self._path))
+            viewing = ViewerObserver(ViewTarget(Kind.FILE, self._path))
             viewing.attach(*self._run)
             try:
                 await asyncio.sleep(self._seconds)

@@ -42,7 +42,7 @@ from contid.robot_file.load import LoadedFile, load_robot_file, with_mock
 from contid.robot_file.shipped import find_robot_file
 from contid.trajectory.read import read_trajectory
 from contid.trajectory.timed import Trajectory
-from contid.view.observer import Viewing
+from contid.view.observer import ViewerObserver
 from contid.view.view_target import Kind, ViewTarget
 
 CASES = ("no viewer", "file", "page", "stopped")
@@ -67,7 +67,7 @@ class Eye:
     """Reads every tick's lateness, watches the viewer, stops it if asked to, and ends the run."""
 
     def __init__(
-        self, viewing: Viewing | None, where: ViewTarget | None, stops: bool, seconds: float
+        self, viewing: ViewerObserver | None, where: ViewTarget | None, stops: bool, seconds: float
     ) -> None:
         self.late_s: list[float] = []
         self.start_s: float | None = None
@@ -160,7 +160,7 @@ def one(
         if case != "no viewer":
             page = case == "page"
             where = ViewTarget(Kind.SERVE) if page else ViewTarget(Kind.FILE, Path(folder, "run.rrd"))
-        viewing = None if where is None else Viewing(where)
+        viewing = None if where is None else ViewerObserver(where)
         eye = Eye(viewing, where, case == "stopped", seconds)
         observers: list[RunObserver] = [eye] if viewing is None else [viewing, eye]
         run = RunOptions(rate_hz=rate, on_end=OnEnd.STOP, commands=[eye], observers=observers)

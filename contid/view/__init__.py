@@ -1,1 +1,1 @@
-"""Pictures of a running robot or of a session, drawn by Rerun in a process that nothing waits for."""
+"""Drawing a running robot or a session with Rerun, in a process that the control loop never waits for."""

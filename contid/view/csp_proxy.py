@@ -1,7 +1,7 @@
-"""The page of the web viewer, on this machine only and with the outside locked.
+"""The page of the web viewer, served on loopback under a content security policy.
 
-Rerun's page asks Google for a font and, unless told otherwise, Rerun for statistics. This server passes the
-page on with a content security policy under which a browser refuses every address but this machine's.
+Rerun's page loads a font from Google and reports usage statistics by default. The policy makes a browser
+refuse every address but this machine's.
 """
 
 from __future__ import annotations
@@ -16,12 +16,13 @@ from urllib.parse import quote
 from urllib.request import urlopen
 
 LOOPBACK: Final = "127.0.0.1"
-_PASSED_ON: Final = ("Content-Type", "Content-Length", "Content-Encoding", "rerun-final-length")
+_FORWARDED_HEADERS: Final = ("Content-Type", "Content-Length", "Content-Encoding", "rerun-final-length")
 
 
 def policy(data_port: int) -> str:
-    """What a browser may do with the page: run it, draw it, fetch the data from this machine."""
-    data = " ".join(f"{scheme}://{host}:{data_port}" for scheme in ("http", "ws") for host in _HOSTS)
+    """The policy: a browser may run and draw the page, and fetch data from this machine only."""
+    hosts = (LOOPBACK, "localhost")
+    data = " ".join(f"{scheme}://{host}:{data_port}" for scheme in ("http", "ws") for host in hosts)
     return (
         "default-src 'self'; script-src 'self' 'unsafe-inline' 'wasm-unsafe-eval'; "
         "style-src 'self' 'unsafe-inline'; img-src 'self' data: blob:; worker-src 'self' blob:; "
@@ -29,19 +30,16 @@ def policy(data_port: int) -> str:
     )
 
 
-_HOSTS: Final = (LOOPBACK, "localhost")
-
-
 class CspProxy:
-    """Serves what the web server of Rerun serves, plus the policy."""
+    """Forwards Rerun's web server and adds the policy."""
 
     def __init__(self, port: int, inner_port: int, data_port: int) -> None:
-        """Begin to serve.
+        """Start to serve.
 
         Args:
-            port: where, 0 for any.
-            inner_port: of Rerun's own web server.
-            data_port: of the server that has the data.
+            port: of the page, 0 for any.
+            inner_port: of Rerun's web server.
+            data_port: of the server with the data.
         """
         rules = policy(data_port)
 
@@ -50,12 +48,12 @@ class CspProxy:
                 try:
                     with urlopen(f"http://{LOOPBACK}:{inner_port}{self.path}") as answer:
                         self.send_response(answer.status)
-                        for name in _PASSED_ON:
+                        for name in _FORWARDED_HEADERS:
                             if (value := answer.headers.get(name)) is not None:
                                 self.send_header(name, value)
                         self.send_header("Content-Security-Policy", rules)
                         self.end_headers()
-                        with suppress(ConnectionError):  # the browser went away
+                        with suppress(ConnectionError):  # the browser closed the connection
                             shutil.copyfileobj(answer, self.wfile)
                 except HTTPError as error:
                     self.send_error(error.code)
@@ -64,7 +62,7 @@ class CspProxy:
                     self.send_error(502)
 
             def log_message(self, format: str, *args: object) -> None:
-                """Nobody reads them."""
+                """Requests are not logged."""
 
         self._server = ThreadingHTTPServer((LOOPBACK, port), Handler)
         source = quote(f"rerun+http://{LOOPBACK}:{data_port}/proxy", safe="")

@@ -1,4 +1,4 @@
-"""What the daemon hands to the viewer's process."""
+"""The job of a viewer's process."""
 
 from __future__ import annotations
 
@@ -11,17 +11,17 @@ from contid.view.view_target import ViewTarget
 
 @dataclass(frozen=True, slots=True)
 class ViewerJob:
-    """What a viewer needs to know.
+    """Sent by the daemon to the viewer's process.
 
     Attributes:
-        where: the picture goes.
+        target: where to draw.
         ring: to read.
-        pid: of its writer.
+        pid: of the ring's writer.
         loaded: the robot file.
         rate_hz: of the ticks.
     """
 
-    where: ViewTarget
+    target: ViewTarget
     ring: Path
     pid: int
     loaded: LoadedFile

@@ -1,8 +1,7 @@
-"""The measured shape: a curve from the base to where a tracker sees the tip, and how it points there.
+"""The measured shape: a curve from the base to the tip and direction that a tracker measured.
 
-It is the Pythagorean-hodograph quintic of `contid shape --from-poses`. Of the robot's model it knows the
-length only, so it can be looked at beside the model's backbone. It is computed where somebody looks, never in
-a tick.
+It is the Pythagorean-hodograph quintic of `contid shape --from-poses`. Of the robot's model it uses only the
+length, so it can be compared with the model's backbone. It is computed for drawings, never in a tick.
 """
 
 from __future__ import annotations
@@ -21,38 +20,38 @@ from contid.units import MM_PER_M
 
 #: Points of the curve.
 POINTS: Final = 33
-#: A tip this near its base [m] leaves no curve to draw.
-NEAREST_M: Final = 1e-4
+#: A tip closer to its base than this [m] has no curve.
+MIN_DISTANCE_M: Final = 1e-4
 
 
 @dataclass(frozen=True, slots=True)
 class MeasuredShape:
-    """What a tracker sees of one robot.
+    """What a tracker measured of one robot, world frame.
 
     Attributes:
-        tip: where it sees the tip, (1, 3) [mm], world frame.
-        line: curve from the base to it, (n, 3) [mm]; None when it sees no direction.
+        tip: position, (1, 3) [mm].
+        line: curve from the base to the tip, (n, 3) [mm]; None without a measured direction.
     """
 
     tip: NDArray[np.float64]
     line: NDArray[np.float64] | None
 
 
-def sight(config: RobotConfig, record: RobotRecord, length_mm: float | None) -> MeasuredShape | None:
-    """What the tracker saw at a tick; None while there is none.
+def measured_shape(config: RobotConfig, record: RobotRecord, length_mm: float | None) -> MeasuredShape | None:
+    """What the tracker measured at a tick; None without a measurement.
 
     Args:
         config: of the robot.
         record: its part of the tick.
-        length_mm: of the backbone, as the samples of the actuators have it; None while they are unknown. Then
-            the curve is good up to some 150 degrees of bending (docs/ph-curves.md).
+        length_mm: of the backbone from the samples of the actuators; None while they are unknown, the curve
+            is then valid up to some 150 degrees of bending (docs/ph-curves.md).
     """
     tip, direction = record.measured_tip_m, record.measured_direction
     if not all(map(math.isfinite, tip)):
         return None
     point = np.array([tip]) * MM_PER_M
-    # A direction that was seen is a unit vector; NaN is not greater than anything.
-    if not math.hypot(*direction) > 0.5 or math.dist(tip, config.frame.origin_in_world) < NEAREST_M:
+    # A measured direction is a unit vector; a comparison with NaN is false.
+    if not math.hypot(*direction) > 0.5 or math.dist(tip, config.frame.origin_in_world) < MIN_DISTANCE_M:
         return MeasuredShape(point, None)
     frame, dimension = config.frame, config.model.dimension
     if length_mm is None:

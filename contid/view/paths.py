@@ -1,4 +1,4 @@
-"""Names of everything that is drawn: the picture writes these entities, the layout shows them."""
+"""Names of Rerun's entities: `rerun_writer` writes them, `layout` shows them."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ FLOOR: Final = "floor"
 TIMING: Final = "plots/timing"
 TIMES: Final = ("worst lateness", "longest work")
 
-#: Timeline in seconds of the run, and the number of the tick.
+#: Timelines: seconds of the run, number of the tick.
 TIME: Final = "time"
 TICK: Final = "tick"
 
@@ -20,5 +20,5 @@ def body(robot: str, part: str) -> str:
 
 
 def plot(robot: str, what: str) -> str:
-    """A curve or bars: command, measured, tip_error, tip_error_measured, range."""
+    """Curves or bars: command, measured, tip_error, tip_error_measured, range."""
     return f"plots/{robot}/{what}"

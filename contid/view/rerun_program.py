@@ -1,7 +1,7 @@
-"""Rerun's own program, started on loopback and silent.
+"""Rerun's own program, on loopback and without usage statistics.
 
-Its servers listen on every interface unless told otherwise, and its viewer reports usage statistics: neither
-happens here (``--bind 127.0.0.1``; ``CI=1`` is what Rerun itself takes as "do not report").
+By default its servers listen on every interface and its viewer reports statistics. ``--bind 127.0.0.1`` and
+``CI=1``, which Rerun reads as "do not report", prevent both.
 """
 
 from __future__ import annotations
@@ -19,14 +19,14 @@ from typing import IO, Final
 from contid.view.csp_proxy import LOOPBACK
 from contid.view.view_target import ViewError
 
-#: How long it may take to begin: the program is 300 MB.
-PATIENCE_S: Final = 20.0
+#: How long the program, of 300 MB, may take to start.
+START_TIMEOUT_S: Final = 20.0
 _PR_SET_PDEATHSIG: Final = 1
 _LIBC: Final = ctypes.CDLL(None)
 
 
 def rerun_program() -> str:
-    """Rerun's own program: the command ``rerun`` is a script around it, which would be in the way of signals.
+    """Path of Rerun's program itself; the command ``rerun`` is a script that does not forward signals.
 
     Raises:
         ViewError: it is not installed.
@@ -38,9 +38,9 @@ def rerun_program() -> str:
     return str(program)
 
 
-def free_port(wanted: int = 0) -> int:
-    """``wanted`` on loopback if it is free, else any."""
-    for port in (wanted, 0):
+def free_port(preferred: int = 0) -> int:
+    """``preferred`` on loopback if it is free, else any."""
+    for port in (preferred, 0):
         with socket.socket() as probe:
             probe.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEADDR, 1)
             try:
@@ -52,38 +52,38 @@ def free_port(wanted: int = 0) -> int:
 
 
 def start_rerun(
-    *arguments: str, stays: bool = False, message: IO[bytes] | None = None
+    *arguments: str, outlives: bool = False, stderr: IO[bytes] | None = None
 ) -> subprocess.Popen[bytes]:
     """Start the program on loopback, without statistics.
 
     Args:
         arguments: of the program.
-        stays: it outlives this process.
-        message: takes what it says; else nobody hears it.
+        outlives: the program outlives this process.
+        stderr: takes its error output, which is dropped otherwise.
     """
     return subprocess.Popen(
         [rerun_program(), "--bind", LOOPBACK, *arguments],
         stdin=subprocess.DEVNULL,
         stdout=subprocess.DEVNULL,
-        stderr=subprocess.DEVNULL if message is None else message,
+        stderr=subprocess.DEVNULL if stderr is None else stderr,
         start_new_session=True,
-        preexec_fn=None if stays else _end_with_parent,  # no thread of ours runs yet
+        preexec_fn=None if outlives else _end_with_parent,  # no other thread runs yet
         env={**os.environ, "CI": "1"},
     )
 
 
 def _end_with_parent() -> None:
-    """In the new process: be killed when the one that started it ends, however it does."""
+    """In the new process: request SIGKILL for the end of its parent."""
     _LIBC.prctl(_PR_SET_PDEATHSIG, signal.SIGKILL, 0, 0, 0)
 
 
 def await_port(process: subprocess.Popen[bytes], port: int) -> None:
-    """Wait until a server that was just started listens.
+    """Wait until a new server listens.
 
     Raises:
-        ViewError: it ended, or never did.
+        ViewError: it ended, or did not listen in time.
     """
-    deadline_s = time.monotonic() + PATIENCE_S
+    deadline_s = time.monotonic() + START_TIMEOUT_S
     while time.monotonic() < deadline_s:
         if process.poll() is not None:
             raise ViewError(f"the viewer ended at its start with status {process.returncode}")
@@ -91,4 +91,4 @@ def await_port(process: subprocess.Popen[bytes], port: int) -> None:
             if probe.connect_ex((LOOPBACK, port)) == 0:
                 return
         time.sleep(0.05)
-    raise ViewError(f"the viewer did not listen on port {port} within {PATIENCE_S:g} s")
+    raise ViewError(f"the viewer did not listen on port {port} within {START_TIMEOUT_S:g} s")

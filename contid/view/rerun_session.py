@@ -1,4 +1,4 @@
-"""The Rerun side of a picture: a file, a window or a server for the browser."""
+"""A Rerun recording at its target: a file, a window or a server for the browser."""
 
 from __future__ import annotations
 
@@ -8,28 +8,29 @@ from typing import Final
 
 import rerun as rr
 
+from contid.robot_file.load import LoadedFile
 from contid.view.csp_proxy import LOOPBACK, CspProxy
 from contid.view.layout import build_layout
-from contid.view.rerun_program import PATIENCE_S, await_port, free_port, start_rerun
+from contid.view.rerun_program import START_TIMEOUT_S, await_port, free_port, start_rerun
 from contid.view.rerun_writer import RerunWriter
-from contid.view.stage import Stage
+from contid.view.scene import build_scene
 from contid.view.view_target import Kind, ViewError, ViewTarget
 from contid.view.window import Window
 
-#: Ports that stay the same from run to run, when they are free.
+#: Port of the page, if it is free: the same from run to run.
 PAGE_PORT: Final = 9090
-#: What of a run a server keeps for a browser that comes late.
+#: How much of a run a server keeps for a browser that connects later.
 KEPT: Final = "512MiB"
 
 
 class WebServer:
-    """A page, and a server with the data it shows."""
+    """A page, and a server with its data."""
 
     def __init__(self, *files: str) -> None:
-        """Serve files, or nothing yet: then data come to `data_url`.
+        """Serve files, or the data sent to `data_url`.
 
         Raises:
-            ViewError: it does not begin.
+            ViewError: it does not start.
         """
         inner, data = free_port(), free_port()
         self.data_url = f"rerun+http://{LOOPBACK}:{data}/proxy"
@@ -45,11 +46,11 @@ class WebServer:
         self.url = self._page.url
 
     def wait(self) -> None:
-        """Until the server ends by itself or an interrupt comes."""
+        """Wait until the server ends or an interrupt comes."""
         self._process.wait()
 
     def close(self) -> None:
-        """No page any more; what a browser has loaded it keeps."""
+        """End the page; a browser keeps what it has loaded."""
         self._page.close()
         self._end()
 
@@ -59,33 +60,33 @@ class WebServer:
 
 
 class RerunSession:
-    """A recording at its place, with its layout, ready for a `RerunWriter`."""
+    """A recording at its target with its layout, ready for its `RerunWriter`."""
 
-    def __init__(self, where: ViewTarget, name: str, stage: Stage, rate_hz: float, live: bool) -> None:
-        """Open the place.
+    def __init__(self, target: ViewTarget, loaded: LoadedFile, rate_hz: float, live: bool) -> None:
+        """Open the target.
 
         Args:
-            where: it is.
-            name: of the robot file; layouts are kept by it.
-            stage: what there is to draw.
+            target: where to draw.
+            loaded: the robot file; Rerun stores layouts by its name.
             rate_hz: of the ticks.
             live: the robot is running.
 
         Raises:
             ViewError: the viewer does not start, or the file cannot be written.
         """
-        self.recording = rr.RecordingStream(f"contid {name}")
-        self._path = where.path
+        scene = build_scene(loaded, rate_hz)
+        self.recording = rr.RecordingStream(f"contid {loaded.file.name}")
+        self._path = target.path
         self.server: WebServer | None = None
         self.window: Window | None = None
-        layout = build_layout(stage, live=live, finished=not live or where.kind is Kind.FILE)
-        match where.kind:
+        layout = build_layout(scene, live=live, finished=not live or target.kind is Kind.FILE)
+        match target.kind:
             case Kind.FILE:
-                assert where.path is not None
+                assert target.path is not None
                 try:
-                    self.recording.save(where.path, default_blueprint=layout)
+                    self.recording.save(target.path, default_blueprint=layout)
                 except Exception as error:  # rerun's own classes
-                    raise ViewError(f"{where.path}: cannot write it: {error}") from error
+                    raise ViewError(f"{target.path}: cannot write it: {error}") from error
             case Kind.SERVE:
                 self.server = WebServer()
                 self.recording.connect_grpc(self.server.data_url, default_blueprint=layout)
@@ -94,10 +95,10 @@ class RerunSession:
                 self.recording.connect_grpc(self.window.data_url, default_blueprint=layout)
         rr.set_log_time_enabled(False, recording=self.recording)
         rr.set_log_tick_enabled(False, recording=self.recording)
-        self.picture = RerunWriter(self.recording, stage, rate_hz)
+        self.writer = RerunWriter(self.recording, scene, rate_hz)
 
     def __enter__(self) -> RerunSession:
-        """The host itself."""
+        """The session itself."""
         return self
 
     def __exit__(
@@ -107,14 +108,14 @@ class RerunSession:
         self.close()
 
     def close(self) -> None:
-        """Write what is left; a served page ends, a window stays."""
+        """Write what is left; a served page ends, a window stays open."""
         try:
             if self.window is None or self.window.open:
-                self.recording.flush(timeout_sec=PATIENCE_S)
-        except Exception as error:  # rerun's own classes; a viewer that was closed is no failure of the run
+                self.recording.flush(timeout_sec=START_TIMEOUT_S)
+        except Exception as error:  # rerun's own classes; a closed viewer is not a failure of the run
             if self._path is not None:
                 raise ViewError(f"{self._path}: cannot write it whole: {error}; is the disk full?") from error
-            sys.stderr.write(f"contid: the viewer did not take the last pictures: {error}\n")
+            sys.stderr.write(f"contid: the viewer did not take the last frames: {error}\n")
         self.recording.disconnect()
         if self.server is not None:
             self.server.close()

@@ -1,6 +1,6 @@
-"""Writes frames and events into a Rerun recording; the only place that knows how a robot is drawn there.
+"""Writes frames and events into a Rerun recording.
 
-Everything of a batch goes column by column (`send_columns`), which costs a tenth of row by row.
+A batch is written column by column (`send_columns`), which costs a tenth of row by row.
 """
 
 from __future__ import annotations
@@ -11,21 +11,21 @@ from typing import Any, Final
 
 import numpy as np
 import rerun as rr
-from numpy.typing import NDArray
 
 from contid.control.engine.tick_layout import RobotRecord
 from contid.control.tick.config import RobotConfig
 from contid.targets import Vec3
 from contid.units import MM_PER_M
 from contid.view import paths
+from contid.view.event_line import LEVELS, SILENT, event_line
 from contid.view.frames import Frame
-from contid.view.measured_shape import sight
-from contid.view.scene import ARM, Look, Scene
-from contid.view.stage import Stage
+from contid.view.measured_shape import measured_shape
+from contid.view.robot_scene import ARROW, Array, RobotDrawing, RobotScene
+from contid.view.scene import Scene
 
 Colour = tuple[int, int, int]
 US_PER_S: Final = 1e6
-#: One per robot: first section, second section.
+#: One pair per robot: first section, second section.
 SECTIONS: Final[tuple[tuple[Colour, Colour], ...]] = (
     ((64, 156, 255), (134, 205, 255)),
     ((255, 150, 50), (255, 200, 120)),
@@ -47,63 +47,56 @@ FLOOR: Final[Colour] = (48, 52, 57)
 ROPE: Final[Colour] = (215, 175, 125)
 AXES: Final[tuple[Colour, ...]] = ((230, 70, 70), (80, 200, 90), (80, 120, 255))
 
-LEVELS: Final = {
-    "fault": "ERROR",
-    "failed": "ERROR",
-    "refused": "WARN",
-    "bus": "WARN",
-    "device": "WARN",
-    "stall": "WARN",
-    "skipped": "WARN",
-    "viewer": "WARN",
-}
-#: Events for machines: they would bury the others.
-SILENT: Final = frozenset({"answer", "limit_name", "mark", "order", "report", "robot"})
+#: A line with its colour and its radius on the screen.
+Strip = tuple[Array, Colour, float]
+_NO_POINT: Final = np.full((1, 3), np.nan)
 
 
 class RerunWriter:
-    """One recording of the robots of one file."""
+    """Writes one recording of the robots of one file."""
 
-    def __init__(self, recording: rr.RecordingStream, stage: Stage, rate_hz: float) -> None:
+    def __init__(self, recording: rr.RecordingStream, scene: Scene, rate_hz: float) -> None:
         self._recording = recording
-        self._stage = stage
-        self._scenes = stage.scenes
+        self._scene = scene
         self._rate_hz = rate_hz
         self._tick = 0
-        self._drawn: dict[str, bool] = {}
-        self._begin()
+        # Entities whose last row shows something. The layout shows these entities of every robot; initially
+        # True makes them exist even if their first row is empty.
+        self._visible = {paths.body(rope.guard.name, "rope"): True for rope in scene.ropes}
+        for robot in scene.robots:
+            self._visible |= {
+                paths.body(robot.config.name, part): True for part in ("tracked", "tracked_tip")
+            }
+        self._log_static()
 
-    def _begin(self) -> None:
-        """What never changes: base frames, limits, names and colours of the curves."""
-        log = self._recording.log
-        floor = rr.LineStrips3D(self._stage.floor(), colors=[FLOOR], radii=rr.Radius.ui_points(0.5))
-        log(paths.FLOOR, floor, static=True)
-        self._drawn |= {paths.body(rope.guard.name, "rope"): True for rope in self._stage.ropes}
-        for index, scene in enumerate(self._scenes):
-            config = scene.config
-            # Their first row says that there is nothing yet: what the layout shows, exists.
-            self._drawn |= {paths.body(config.name, part): True for part in ("tracked", "tracked_tip")}
-            log(
-                paths.body(config.name, "base"), _arrows([scene.base], 2 * ARM * scene.length_mm), static=True
-            )
-            if scene.outline is not None:
-                outline = rr.LineStrips3D([scene.outline], colors=[REACH], radii=rr.Radius.ui_points(1.0))
-                log(paths.body(config.name, "reach"), outline, static=True)
-            for group, axes in scene.groups.items():
-                names = config.axis_names[axes]
-                inks = [CURVES[k % len(CURVES)] for k in range(len(names))]
-                curves = rr.SeriesLines(names=names, colors=inks, widths=[2.0] * len(inks))
-                log(paths.plot(config.name, f"{group}command"), curves, static=True)
+    def _log_static(self) -> None:
+        """Write what never changes: base frames, outlines, names and colours of the curves."""
+        floor = rr.LineStrips3D(self._scene.floor(), colors=[FLOOR], radii=rr.Radius.ui_points(0.5))
+        self._static(paths.FLOOR, floor)
+        for index, robot in enumerate(self._scene.robots):
+            name = robot.config.name
+            origins, vectors = _arrows([robot.base], 2 * ARROW * robot.length_mm)
+            self._static(paths.body(name, "base"), rr.Arrows3D(origins=origins, vectors=vectors, colors=AXES))
+            if robot.outline is not None:
+                outline = rr.LineStrips3D([robot.outline], colors=[REACH], radii=rr.Radius.ui_points(1.0))
+                self._static(paths.body(name, "reach"), outline)
+            for group, axes in robot.groups.items():
+                names = robot.config.axis_names[axes]
+                count = len(names)
+                inks = [CURVES[k % len(CURVES)] for k in range(count)]
+                curves = rr.SeriesLines(names=names, colors=inks, widths=[2.0] * count)
+                self._static(paths.plot(name, f"{group}command"), curves)
                 names = tuple(f"{axis} measured" for axis in names)
-                curves = rr.SeriesLines(names=names, colors=[MEASURED] * len(inks), widths=[0.75] * len(inks))
-                log(paths.plot(config.name, f"{group}measured"), curves, static=True)
-            error = rr.SeriesLines(
-                names=f"{config.name} commanded", colors=SECTIONS[index % len(SECTIONS)][0]
-            )
-            log(paths.plot(config.name, "tip_error"), error, static=True)
-            error = rr.SeriesLines(names=f"{config.name} measured", colors=MEASURED, widths=0.75)
-            log(paths.plot(config.name, "tip_error_measured"), error, static=True)
-        log(paths.TIMING, rr.SeriesLines(names=paths.TIMES, colors=CURVES[:2]), static=True)
+                curves = rr.SeriesLines(names=names, colors=[MEASURED] * count, widths=[0.75] * count)
+                self._static(paths.plot(name, f"{group}measured"), curves)
+            error = rr.SeriesLines(names=f"{name} commanded", colors=_sections(index)[0])
+            self._static(paths.plot(name, "tip_error"), error)
+            error = rr.SeriesLines(names=f"{name} measured", colors=MEASURED, widths=0.75)
+            self._static(paths.plot(name, "tip_error_measured"), error)
+        self._static(paths.TIMING, rr.SeriesLines(names=paths.TIMES, colors=CURVES[:2]))
+
+    def _static(self, entity: str, what: Any) -> None:
+        self._recording.log(entity, what, static=True)
 
     def write(self, frames: Sequence[Frame]) -> None:
         """Add frames, oldest first."""
@@ -113,189 +106,179 @@ class RerunWriter:
         ticks = [frame.record.tick for frame in frames]
         timing = [[frame.lateness_s * US_PER_S, frame.work_s * US_PER_S] for frame in frames]
         self._scalars(paths.TIMING, ticks, timing)
-        drawn = [k for k, frame in enumerate(frames) if frame.drawn]
-        looks = []
-        for index, scene in enumerate(self._scenes):
-            records = [frame.record.robots[index] for frame in frames]
-            self._curves(scene, ticks, records)
+        drawn = [frame for frame in frames if frame.drawn]
+        drawn_ticks = [frame.record.tick for frame in drawn]
+        drawings = []
+        for index, robot in enumerate(self._scene.robots):
+            self._curves(robot, ticks, [frame.record.robots[index] for frame in frames])
             if drawn:
-                looks.append(
-                    self._space(index, scene, [ticks[k] for k in drawn], [records[k] for k in drawn])
-                )
-        if drawn:
-            self._ropes([ticks[k] for k in drawn], list(zip(*looks, strict=True)))
+                records = [frame.record.robots[index] for frame in drawn]
+                drawings.append(self._space(index, robot, drawn_ticks, records))
+        for rope in self._scene.ropes if drawn else ():
+            lines = [rope.line(each) for each in zip(*drawings, strict=True)]
+            self._lines(paths.body(rope.guard.name, "rope"), drawn_ticks, lines, ROPE)
 
     def event(self, event: Mapping[str, Any]) -> None:
-        """Add an event of the ring, unless it is for machines only."""
+        """Add an event of the ring, unless it is for programs only."""
         kind = event["event"]
-        if kind in SILENT:
-            return
-        text = _words({name: value for name, value in event.items() if name != "tick" and value != ""})
-        columns = rr.TextLog.columns(text=[text], level=[LEVELS.get(kind, "INFO")])
-        self._send(paths.EVENTS, [int(event.get("tick", self._tick))], columns)
+        if kind not in SILENT:
+            columns = rr.TextLog.columns(text=[event_line(event)], level=[LEVELS.get(kind, "INFO")])
+            self._send(paths.EVENTS, [int(event.get("tick", self._tick))], columns)
 
-    def _curves(self, scene: Scene, ticks: Sequence[int], records: Sequence[RobotRecord]) -> None:
+    def _curves(self, robot: RobotScene, ticks: Sequence[int], records: Sequence[RobotRecord]) -> None:
         """Lengths or pressures and the distance of the tip from its target, commanded and measured."""
-        config = scene.config
+        config = robot.config
         commands, samples = _commands(records), _samples(config, records)
         for what, rows in (("command", commands), ("measured", samples)):
-            for group, axes in scene.groups.items():
-                self._scalars(
-                    paths.plot(config.name, group + what), ticks, rows[:, axes] * config.quantity.per_si
-                )
+            for group, axes in robot.groups.items():
+                values = rows[:, axes] * config.quantity.per_si
+                self._scalars(paths.plot(config.name, group + what), ticks, values)
         errors = [[record.tip_error_m * MM_PER_M] for record in records]
         self._scalars(paths.plot(config.name, "tip_error"), ticks, errors)
-        errors = [[_off(config, *each) * MM_PER_M] for each in zip(records, samples, strict=True)]
+        errors = [
+            [_measured_tip_error_m(config, *each) * MM_PER_M] for each in zip(records, samples, strict=True)
+        ]
         self._scalars(paths.plot(config.name, "tip_error_measured"), ticks, errors)
 
     def _space(
-        self, index: int, scene: Scene, ticks: Sequence[int], records: Sequence[RobotRecord]
-    ) -> list[Look | None]:
-        """Backbones, frames, target and trail; bars. Returns what was commanded, or measured before that."""
-        config = scene.config
+        self, index: int, robot: RobotScene, ticks: Sequence[int], records: Sequence[RobotRecord]
+    ) -> list[RobotDrawing | None]:
+        """Backbones, frames, target, trail and bars of range.
+
+        Returns:
+            The robot as commanded, or as measured before the first command.
+        """
+        config = robot.config
         commands, samples = _commands(records), _samples(config, records)
-        if not scene.planar:
-            self._range(index, scene, ticks, commands)
-        loads = [_known(record.load_n) for record in records]
-        wanted = [scene.look(tuple(q), load) for q, load in zip(commands.tolist(), loads, strict=True)]
-        seen = [scene.look(tuple(q), load) for q, load in zip(samples.tolist(), loads, strict=True)]
-        self._body(scene, "backbone", ticks, wanted, SECTIONS[index % len(SECTIONS)], 2.5)
-        self._body(scene, "measured", ticks, seen, (MEASURED, MEASURED), 1.0)
-        looks = [a or b for a, b in zip(wanted, seen, strict=True)]
-        self._frames(scene, ticks, looks)
+        if not robot.planar:
+            self._range(index, robot, ticks, commands)
+        loads = [_load(record.load_n) for record in records]
+        commanded = [robot.drawing(tuple(q), load) for q, load in zip(commands.tolist(), loads, strict=True)]
+        measured = [robot.drawing(tuple(q), load) for q, load in zip(samples.tolist(), loads, strict=True)]
+        self._body(robot, "backbone", ticks, commanded, _sections(index), 2.5)
+        self._body(robot, "measured", ticks, measured, (MEASURED, MEASURED), 1.0)
+        drawings = [a or b for a, b in zip(commanded, measured, strict=True)]
+        self._frames(robot, ticks, drawings)
         targets = [np.array([record.tip_m]) * MM_PER_M for record in records]
         self._points(paths.body(config.name, "target"), ticks, targets, TARGET, 7.0)
-        tips = [np.full((1, 3), np.nan) if look is None else look.tip[None] for look in seen]
+        tips = [_NO_POINT if drawing is None else drawing.tip[None] for drawing in measured]
         self._points(paths.body(config.name, "trail"), ticks, tips, TRAIL, 1.0)
-        self._tracked(scene, ticks, records, seen)
-        return looks
+        self._tracked(robot, ticks, records, measured)
+        return drawings
 
     def _tracked(
-        self, scene: Scene, ticks: Sequence[int], records: Sequence[RobotRecord], looks: Sequence[Look | None]
+        self,
+        robot: RobotScene,
+        ticks: Sequence[int],
+        records: Sequence[RobotRecord],
+        measured: Sequence[RobotDrawing | None],
     ) -> None:
-        """What a tracker sees, and the curve through it; ``looks`` are what the samples say."""
-        config = scene.config
-        lengths = [None if look is None else scene.backbone_mm(look) for look in looks]
-        sights = [sight(config, record, mm) for record, mm in zip(records, lengths, strict=True)]
-        tips = [np.full((1, 3), np.nan) if seen is None else seen.tip for seen in sights]
+        """The tip that a tracker measured, and the curve to it; ``measured`` is drawn from the samples."""
+        config = robot.config
+        lengths = [None if drawing is None else robot.backbone_mm(drawing) for drawing in measured]
+        shapes = [measured_shape(config, record, mm) for record, mm in zip(records, lengths, strict=True)]
+        tips = [_NO_POINT if shape is None else shape.tip for shape in shapes]
         self._points(paths.body(config.name, "tracked_tip"), ticks, tips, TRACKED, 4.0)
-        lines = [None if seen is None else seen.line for seen in sights]
+        lines = [None if shape is None else shape.line for shape in shapes]
         self._lines(paths.body(config.name, "tracked"), ticks, lines, TRACKED)
-
-    def _ropes(self, ticks: Sequence[int], looks: Sequence[Sequence[Look | None]]) -> None:
-        """The ropes between the arms of closed chains, none where they do not reach."""
-        for rope in self._stage.ropes:
-            self._lines(paths.body(rope.guard.name, "rope"), ticks, [rope.line(each) for each in looks], ROPE)
-
-    def _lines(
-        self, entity: str, ticks: Sequence[int], lines: Sequence[NDArray[np.float64] | None], ink: Colour
-    ) -> None:
-        """One curve per frame, or none."""
-        keep = self._changes(entity, [line is not None for line in lines])
-        if not keep:
-            return
-        shown = [[] if (line := lines[k]) is None else [line.tolist()] for k in keep]
-        count = sum(map(len, shown))
-        columns = rr.LineStrips3D.columns(
-            strips=[strip for each in shown for strip in each],
-            colors=[ink] * count,
-            radii=rr.Radius.ui_points([1.5] * count) if count else [],
-        ).partition([len(each) for each in shown])
-        self._send(entity, [ticks[k] for k in keep], columns)
 
     def _body(
         self,
-        scene: Scene,
+        robot: RobotScene,
         part: str,
         ticks: Sequence[int],
-        looks: Sequence[Look | None],
+        drawings: Sequence[RobotDrawing | None],
         colours: tuple[Colour, Colour],
         radius: float,
     ) -> None:
-        """Strips of every frame: sections in the robot's colours, edges thin; none where it is unknown."""
-        entity = paths.body(scene.config.name, part)
-        keep = self._changes(entity, [look is not None for look in looks])
-        shown = [looks[k] for k in keep]
-        strips = [[] if look is None else [strip.tolist() for strip in look.strips] for look in shown]
-        edges = 2 if scene.outline is not None else 0
-        inks: list[Colour] = []
-        radii: list[float] = []
-        for each in strips:
-            sections = max(len(each) - edges, 0)
-            inks += [colours[k % 2] for k in range(sections)] + [EDGES] * (len(each) - sections)
-            radii += [radius] * sections + [0.5 * radius] * (len(each) - sections)
+        """A robot in every frame: sections in its colours, edges thin; nothing where it is unknown."""
+        edges = 2 if robot.outline is not None else 0
+        strips: list[list[Strip]] = []
+        for drawing in drawings:
+            lines = [] if drawing is None else drawing.strips
+            sections = len(lines) - edges
+            strips.append(
+                [
+                    (line, colours[k % 2], radius) if k < sections else (line, EDGES, 0.5 * radius)
+                    for k, line in enumerate(lines)
+                ]
+            )
+        self._strips(paths.body(robot.config.name, part), ticks, strips)
+
+    def _lines(self, entity: str, ticks: Sequence[int], lines: Sequence[Array | None], ink: Colour) -> None:
+        """One curve per frame, or none."""
+        self._strips(entity, ticks, [[] if line is None else [(line, ink, 1.5)] for line in lines])
+
+    def _strips(self, entity: str, ticks: Sequence[int], strips: Sequence[Sequence[Strip]]) -> None:
+        """The strips of every frame."""
+        keep = self._changes(entity, [bool(each) for each in strips])
         if not keep:
             return
+        shown = [strip for k in keep for strip in strips[k]]
         columns = rr.LineStrips3D.columns(
-            strips=[strip for each in strips for strip in each],
-            colors=inks,
-            radii=rr.Radius.ui_points(radii) if radii else [],
-        ).partition([len(each) for each in strips])
+            strips=[line.tolist() for line, _, _ in shown],
+            colors=[ink for _, ink, _ in shown],
+            radii=rr.Radius.ui_points([radius for _, _, radius in shown]) if shown else [],
+        ).partition([len(strips[k]) for k in keep])
         self._send(entity, [ticks[k] for k in keep], columns)
 
-    def _frames(self, scene: Scene, ticks: Sequence[int], looks: Sequence[Look | None]) -> None:
+    def _frames(
+        self, robot: RobotScene, ticks: Sequence[int], drawings: Sequence[RobotDrawing | None]
+    ) -> None:
         """Frames at the end of the first section and at the tip."""
-        entity = paths.body(scene.config.name, "frames")
-        shown = [(tick, look) for tick, look in zip(ticks, looks, strict=True) if look is not None]
+        shown = [(tick, each) for tick, each in zip(ticks, drawings, strict=True) if each is not None]
         if not shown:
             return
         count = len(shown[0][1].frames)
-        frames = np.array([frame for _, look in shown for frame in look.frames[:count]])
+        frames = [frame for _, drawing in shown for frame in drawing.frames[:count]]
+        origins, vectors = _arrows(frames, ARROW * robot.length_mm)
         columns = rr.Arrows3D.columns(
-            origins=np.repeat(frames[:, 0], 3, axis=0),
-            vectors=frames[:, 1:].reshape(-1, 3) * ARM * scene.length_mm,
-            colors=[*AXES] * len(frames),
+            origins=origins, vectors=vectors, colors=[*AXES] * len(frames)
         ).partition([3 * count] * len(shown))
-        self._send(entity, [tick for tick, _ in shown], columns)
+        self._send(paths.body(robot.config.name, "frames"), [tick for tick, _ in shown], columns)
 
     def _points(
-        self,
-        entity: str,
-        ticks: Sequence[int],
-        points: Sequence[NDArray[np.float64]],
-        ink: Colour,
-        size: float,
+        self, entity: str, ticks: Sequence[int], points: Sequence[Array], ink: Colour, size: float
     ) -> None:
         """One point per frame, or none."""
-        known = [bool(np.isfinite(point).all()) for point in points]
-        keep = self._changes(entity, known)
+        finite = [bool(np.isfinite(point).all()) for point in points]
+        keep = self._changes(entity, finite)
         if not keep:
             return
-        shown = [points[k] for k in keep if known[k]]
+        shown = [points[k] for k in keep if finite[k]]
         columns = rr.Points3D.columns(
             positions=np.vstack(shown) if shown else np.zeros((0, 3)),
             colors=[ink] * len(shown),
             radii=rr.Radius.ui_points([size] * len(shown)) if shown else [],
-        ).partition([int(known[k]) for k in keep])
+        ).partition([int(finite[k]) for k in keep])
         self._send(entity, [ticks[k] for k in keep], columns)
 
-    def _range(self, index: int, scene: Scene, ticks: Sequence[int], commands: NDArray[np.float64]) -> None:
-        """How much of its range every axis uses [%], as bars."""
-        low, high = np.array(scene.config.model.lower), np.array(scene.config.model.upper)
-        used = 100.0 * (commands - low) / (high - low)
-        known = np.isfinite(used).all(axis=1)
-        left, ink = np.arange(len(low)) + 0.5, SECTIONS[index % len(SECTIONS)][0]  # bars about 1, 2, 3
-        for tick, row in zip(np.array(ticks)[known].tolist(), used[known], strict=True):
+    def _range(self, index: int, robot: RobotScene, ticks: Sequence[int], commands: Array) -> None:
+        """The position of every axis in its range [%], as bars."""
+        lower, upper = np.array(robot.config.model.lower), np.array(robot.config.model.upper)
+        used = 100.0 * (commands - lower) / (upper - lower)
+        finite = np.isfinite(used).all(axis=1)
+        abscissa = np.arange(len(lower)) + 0.5  # centres the bars at 1, 2, 3
+        entity = paths.plot(robot.config.name, "range")
+        for tick, row in zip(np.array(ticks)[finite].tolist(), used[finite], strict=True):
             self._recording.set_time(paths.TICK, sequence=tick)
             self._recording.set_time(paths.TIME, duration=tick / self._rate_hz)
-            self._recording.log(
-                paths.plot(scene.config.name, "range"), rr.BarChart(row, abscissa=left, color=ink)
-            )
+            self._recording.log(entity, rr.BarChart(row, abscissa=abscissa, color=_sections(index)[0]))
 
     def _scalars(self, entity: str, ticks: Sequence[int], values: Any) -> None:
         """Rows of equally many curves; rows with an unknown value are left out."""
         rows = np.asarray(values, dtype=np.float64)
-        known = np.isfinite(rows).all(axis=1)
-        if known.any():
-            self._send(entity, np.array(ticks)[known].tolist(), rr.Scalars.columns(scalars=rows[known]))
+        finite = np.isfinite(rows).all(axis=1)
+        if finite.any():
+            self._send(entity, np.array(ticks)[finite].tolist(), rr.Scalars.columns(scalars=rows[finite]))
 
-    def _changes(self, entity: str, known: Sequence[bool]) -> list[int]:
-        """Frames to write: those that show something, and the first that does not any more."""
+    def _changes(self, entity: str, visible: Sequence[bool]) -> list[int]:
+        """Indices of the frames to write: those that show something, and the first that does not."""
         keep = []
-        for k, is_known in enumerate(known):
-            if is_known or self._drawn.get(entity, False):
+        for k, is_visible in enumerate(visible):
+            if is_visible or self._visible.get(entity, False):
                 keep.append(k)
-            self._drawn[entity] = is_known
+            self._visible[entity] = is_visible
         return keep
 
     def _send(self, entity: str, ticks: Sequence[int], columns: Any) -> None:
@@ -304,47 +287,37 @@ class RerunWriter:
         self._recording.send_columns(entity, indexes=times, columns=columns)
 
 
-def _arrows(frames: Sequence[NDArray[np.float64]], length_mm: float) -> rr.Arrows3D:
+def _sections(index: int) -> tuple[Colour, Colour]:
+    """Colours of the sections of a robot."""
+    return SECTIONS[index % len(SECTIONS)]
+
+
+def _arrows(frames: Sequence[Array], length_mm: float) -> tuple[Array, Array]:
+    """Origins and vectors of the axes of frames, each (3 n, 3) [mm]."""
     stacked = np.array(frames)
-    return rr.Arrows3D(
-        origins=np.repeat(stacked[:, 0], 3, axis=0),
-        vectors=stacked[:, 1:].reshape(-1, 3) * length_mm,
-        colors=[*AXES] * len(frames),
-    )
+    return np.repeat(stacked[:, 0], 3, axis=0), stacked[:, 1:].reshape(-1, 3) * length_mm
 
 
-def _commands(records: Sequence[RobotRecord]) -> NDArray[np.float64]:
-    """What was commanded [m or Pa], a row per record."""
+def _commands(records: Sequence[RobotRecord]) -> Array:
+    """The commanded actuation [m or Pa], a row per record."""
     return np.array([[axis.command for axis in record.axes] for record in records])
 
 
-def _samples(config: RobotConfig, records: Sequence[RobotRecord]) -> NDArray[np.float64]:
-    """The actuation [m or Pa] that was measured, a row per record."""
+def _samples(config: RobotConfig, records: Sequence[RobotRecord]) -> Array:
+    """The measured actuation [m or Pa], a row per record."""
     values = (tuple(axis.value for axis in record.axes) for record in records)
     return np.array([config.transmission.to_actuation(each) for each in values])
 
 
-def _off(config: RobotConfig, record: RobotRecord, sample: NDArray[np.float64]) -> float:
-    """Distance [m] of the target from the tip as the model has it for a sample; nan unless it is followed."""
+def _measured_tip_error_m(config: RobotConfig, record: RobotRecord, sample: Array) -> float:
+    """Distance of the target from the tip that the model computes from a sample; NaN without a target."""
     if not (np.isfinite(sample).all() and math.isfinite(record.tip_error_m)):
         return math.nan
-    load = config.frame.vector_in_base(_known(record.load_n))
+    load = config.frame.vector_in_base(_load(record.load_n))
     pose = config.model.forward(tuple(sample.tolist()), load)
     return math.dist(config.frame.point_in_world(pose.tip_m), record.tip_m)
 
 
-def _known(load_n: Vec3) -> Vec3:
-    """A load, or none where the record has none."""
+def _load(load_n: Vec3) -> Vec3:
+    """The load of a record, zero if it has none."""
     return load_n if all(map(math.isfinite, load_n)) else (0.0, 0.0, 0.0)
-
-
-def _words(event: Mapping[str, Any]) -> str:
-    """One line: whom it is about, what happened, what is known about it."""
-    rest = dict(event)
-    kind = rest.pop("event")
-    robot = rest.pop("robot", None)
-    said = rest.pop("message", None)
-    rounded = {name: f"{value:.4g}" if isinstance(value, float) else value for name, value in rest.items()}
-    details = ", ".join(f"{name} {value}" for name, value in rounded.items())
-    line = str(said) if said is not None else f"{kind}{': ' if details else ''}{details}"
-    return line if robot is None else f"{robot}: {line}"

@@ -1,169 +1,92 @@
-"""What a robot looks like: lines, frames and limits in the world frame, in mm, for any model.
-
-Only the model protocol is needed; planar fingers add the edges of their body and the outline of their reach.
-"""
+"""What is drawn of one robot file: robots, the ropes between them, the floor."""
 
 from __future__ import annotations
 
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass
-from itertools import pairwise
 from typing import Final
 
 import numpy as np
-from numpy.typing import NDArray
 
-from contid.control.tick.config import RobotConfig
-from contid.kinematics.rack.finger import RackFingerModel
-from contid.robot_file.cosserat import Cosserat
-from contid.robot_file.rack_finger import RackFinger
-from contid.robot_file.robot import RobotDescription
-from contid.targets import ZERO3, Actuation, Vec3
+from contid.control.engine.wiring import build_robot_configs, chain_guards
+from contid.kinematics.rope.chain import ChainGuard, Tip
+from contid.robot_file.load import LoadedFile
 from contid.units import MM_PER_M
+from contid.view.robot_scene import Array, RobotDrawing, RobotScene
 
-Array = NDArray[np.float64]
-#: Points of a backbone, and of each of the three curves around a finger's reach.
+#: Points of a rope.
 POINTS: Final = 33
-OUTLINE: Final = 100
-#: Arms of a drawn frame, as part of the robot's length.
-ARM: Final = 0.08
-#: How far a point of a spatial arm is likely to go to any side, as part of its distance from the base.
-SWAY: Final = 0.5
+#: Allowed distances between the lines of the floor [mm], and how many cells the robots may span.
+CELLS_MM: Final = (5.0, 10.0, 20.0, 50.0, 100.0, 200.0, 500.0)
+MAX_CELLS: Final = 20
 
 
-@dataclass(frozen=True, slots=True)
-class Look:
-    """One robot at one actuation.
+@dataclass(frozen=True)
+class RopeDrawing:
+    """The rope of a closed chain.
 
     Attributes:
-        strips: sections of the backbone from base to tip, then the edges of the body, each (n, 3) [mm].
-        frames: origin and three axes of length 1 as rows, (4, 3), of the mid-point (if any) and the tip.
+        guard: computes its shape.
+        arms: indices of its two arms among the robots.
     """
 
-    strips: list[Array]
-    frames: list[Array]
+    guard: ChainGuard
+    arms: tuple[int, int]
 
-    @property
-    def tip(self) -> Array:
-        """Of the backbone [mm]."""
-        tip: Array = self.frames[-1][0]
-        return tip
+    def line(self, drawings: Sequence[RobotDrawing | None]) -> Array | None:
+        """The rope between drawn robots [mm], (n, 3); None if an arm is unknown or the rope too short."""
+        tips: dict[str, Tip] = {}
+        for name, arm in zip(self.guard.arms, self.arms, strict=True):
+            if (drawing := drawings[arm]) is None:
+                return None
+            x, y, z = (drawing.tip / MM_PER_M).tolist()
+            u, v, w = drawing.frames[-1][3].tolist()
+            tips[name] = ((x, y, z), (u, v, w))
+        points = self.guard.points(tips, POINTS)
+        return points * MM_PER_M if len(points) else None
 
 
+@dataclass(frozen=True)
 class Scene:
-    """One robot.
+    """What is drawn.
 
     Attributes:
-        config: of the robot.
-        length_mm: from base to tip, at rest or half-way through its range, whichever is longer.
-        outline: closed line around the reach of a planar finger [mm], None for other robots.
-        seen: points that the robot is likely to come to, (n, 3) [mm]; the camera is set to see them all.
-        groups: axes that share a plot, by the prefix of its entities: grippers are not mixed with tubes.
-        up: what is up in the world for whoever looks at the robot: a hanging arm hangs.
+        robots: the driven robots, in the order of the records.
+        ropes: of the closed chains.
+        cell_mm: distance between the lines of the floor.
     """
 
-    def __init__(self, config: RobotConfig, robot: RobotDescription) -> None:
-        self.config = config
-        self._rotation = np.array(config.frame.rotation).reshape(3, 3)
-        self._origin = np.array(config.frame.origin_in_world)
-        own, count = len(config.axis_names) - len(robot.extra_axis_names), len(config.axis_names)
-        self.groups = {"": slice(0, own)} | ({"extra_": slice(own, count)} if own < count else {})
-        self._spacing_m = 0.0
-        self.outline: Array | None = None
-        self.up: Vec3 = (0.0, 0.0, 1.0)
-        halfway = tuple(0.5 * (a + b) for a, b in zip(config.model.lower, config.model.upper, strict=True))
-        lines = [config.model.shape(actuation, POINTS) for actuation in (config.rest, halfway)]
-        self.length_mm = max(map(_length, lines)) * MM_PER_M
-        if isinstance(robot, RackFinger):
-            self._spacing_m = robot.geometry.rack_spacing_mm / MM_PER_M
-            self.outline = self._outline(robot)
-            self.seen = np.vstack([self._world(lines[0]), self.outline])
-        else:
-            self.seen = self._world(_swayed(np.vstack(lines)))
-        if isinstance(robot, Cosserat):
-            x, y, z = config.frame.vector_in_world(robot.geometry.gravity_unit)
-            self.up = (-x, -y, -z)
+    robots: Sequence[RobotScene]
+    ropes: Sequence[RopeDrawing]
+    cell_mm: float
 
     @property
     def planar(self) -> bool:
-        """True when the robot stays in its x-y plane."""
-        return self.config.model.dimension == 2
+        """True when all robots stay in the x-y plane."""
+        return all(robot.planar for robot in self.robots)
 
-    @property
-    def base(self) -> Array:
-        """The base frame: origin and axes of length 1, (4, 3)."""
-        return np.vstack([self._world(np.zeros((1, 3))), self._rotation.T])
+    def workspace(self) -> Array:
+        """Points that the robots are likely to reach, (n, 3) [mm]."""
+        return np.vstack([robot.workspace for robot in self.robots])
 
-    def look(self, actuation: Actuation, load_in_world: Vec3 = ZERO3) -> Look | None:
-        """The robot at an actuation and a known tip load; None where an axis is unknown."""
-        if not all(map(math.isfinite, actuation)):
-            return None
-        load = self.config.frame.vector_in_base(load_in_world)
-        line = self.config.model.shape(actuation, POINTS, load)
-        pose = self.config.model.forward(actuation, load)
-        frames = [np.vstack([self._world(np.array([pose.tip_m])), self._turned(pose.rotation)])]
-        sections = [line]
-        cut = int(np.argmin(np.linalg.norm(line - np.array(pose.mid_m), axis=1)))
-        if 0 < cut < POINTS - 1:
-            sections = [line[: cut + 1], line[cut:]]
-            turned = self._turned(_carried(sections[0]).ravel().tolist())
-            frames.insert(0, np.vstack([self._world(line[cut : cut + 1]), turned]))
-        return Look([self._world(part) for part in (*sections, *self._edges(line))], frames)
-
-    def backbone_mm(self, look: Look) -> float:
-        """Length of its backbone [mm]."""
-        sections = look.strips[:-2] if self._spacing_m else look.strips
-        return sum(float(np.linalg.norm(np.diff(line, axis=0), axis=1).sum()) for line in sections)
-
-    def _edges(self, line: Array) -> Sequence[Array]:
-        """Left and right edge of a planar body."""
-        if not self._spacing_m:
-            return ()
-        along = np.gradient(line, axis=0)
-        along /= np.maximum(np.linalg.norm(along, axis=1, keepdims=True), 1e-12)
-        across = 0.5 * self._spacing_m * np.stack([-along[:, 1], along[:, 0], along[:, 2]], axis=1)
-        return (line + across, line - across)
-
-    def _outline(self, robot: RackFinger) -> Array:
-        model = RackFingerModel(robot)
-        racks = list(model.envelope.outline(OUTLINE))
-        return self._world(np.array([model.forward(pair).tip_m for pair in (*racks, racks[0])]))
-
-    def _turned(self, rotation: Sequence[float]) -> Array:
-        """Axes of a frame given in the base frame, as rows in the world."""
-        turned: Array = np.array(rotation).reshape(3, 3).T @ self._rotation.T
-        return turned
-
-    def _world(self, points_in_base: Array) -> Array:
-        """Points [m] in the base frame -> [mm] in the world."""
-        world: Array = (points_in_base @ self._rotation.T + self._origin) * MM_PER_M
-        return world
+    def floor(self) -> list[Array]:
+        """Lines of a grid at height 0 below the workspace, each (2, 3) [mm]."""
+        points, cell = self.workspace()[:, :2], self.cell_mm
+        (left, front), (right, back) = np.floor(points.min(axis=0) / cell), np.ceil(points.max(axis=0) / cell)
+        across = [[[left, y, 0.0], [right, y, 0.0]] for y in np.arange(front, back + 1.0)]
+        along = [[[x, front, 0.0], [x, back, 0.0]] for x in np.arange(left, right + 1.0)]
+        return [np.array(line) * cell for line in (*across, *along)]
 
 
-def _length(line: Array) -> float:
-    return float(np.linalg.norm(np.diff(line, axis=0), axis=1).sum())
-
-
-def _swayed(points: Array) -> Array:
-    """Points of an arm along z, and where they are when it leans to each of four sides."""
-    far = SWAY * np.linalg.norm(points, axis=1)[:, None]
-    sides = np.array([[1.0, 0.0, 0.0], [-1.0, 0.0, 0.0], [0.0, 1.0, 0.0], [0.0, -1.0, 0.0]])
-    swayed: Array = np.vstack([points, *(points + far * side for side in sides)])
-    return swayed
-
-
-def _carried(line: Array) -> Array:
-    """Rotation at the end of a line that starts along the frame's own axis and does not twist, (3, 3).
-
-    Every step turns the frame the short way from one tangent to the next: ``R = I + [w]x + [w]x^2 / (1 + c)``
-    with ``w`` the cross and ``c`` the dot product of the two.
-    """
-    along = np.gradient(line, axis=0)
-    along /= np.maximum(np.linalg.norm(along, axis=1, keepdims=True), 1e-12)
-    rotation = np.eye(3)
-    for before, after in pairwise(along):
-        w, c = np.cross(before, after), float(before @ after)
-        skew = np.array([[0.0, -w[2], w[1]], [w[2], 0.0, -w[0]], [-w[1], w[0], 0.0]])
-        rotation = (np.eye(3) + skew + skew @ skew / (1.0 + c)) @ rotation
-    return rotation
+def build_scene(loaded: LoadedFile, rate_hz: float) -> Scene:
+    """All robots and ropes of a file."""
+    configs = build_robot_configs(loaded, rate_hz)
+    robots = [RobotScene(config, loaded.file.robots[config.name]) for config in configs]
+    index = {config.name: number for number, config in enumerate(configs)}
+    ropes = [
+        RopeDrawing(guard, (index[guard.arms[0]], index[guard.arms[1]])) for guard in chain_guards(loaded)
+    ]
+    size_mm = float(np.ptp(np.vstack([robot.workspace for robot in robots]), axis=0).max())
+    cell_mm = next((cell for cell in CELLS_MM if cell * MAX_CELLS >= size_mm), math.ceil(size_mm / MAX_CELLS))
+    return Scene(robots, ropes, cell_mm)

@@ -1,4 +1,4 @@
-"""Where a picture goes: a window of the native viewer, a page on this machine, or a file."""
+"""Where a run is drawn: a window of the native viewer, a page on this machine, or a file."""
 
 from __future__ import annotations
 
@@ -12,15 +12,15 @@ from contid.errors import ContidError
 
 
 class ViewError(ContidError):
-    """A picture cannot be shown or written where it was asked for."""
+    """A run cannot be drawn there."""
 
 
 class NoDisplayError(ViewError):
-    """There is nowhere to open a window; a robot can do without."""
+    """There is no display for a window; a run goes on without it."""
 
 
 class Kind(enum.Enum):
-    """The three places."""
+    """The three kinds of targets."""
 
     SPAWN = "spawn"
     SERVE = "serve"
@@ -29,45 +29,40 @@ class Kind(enum.Enum):
 
 @dataclass(frozen=True, slots=True)
 class ViewTarget:
-    """One place.
-
-    Attributes:
-        kind: which of the three.
-        path: of the file, None for the others.
-    """
+    """One target; ``path`` is that of a file, None for the other kinds."""
 
     kind: Kind
     path: Path | None = None
 
 
-def parse_where(text: str) -> ViewTarget:
-    """The place that ``--view`` names.
+def parse_view_target(text: str) -> ViewTarget:
+    """The value of ``--view``.
 
     Raises:
-        ViewError: it names none.
+        ViewError: it is not a target.
     """
     if text in (Kind.SPAWN.value, Kind.SERVE.value):
         return ViewTarget(Kind(text))
     if text.endswith(".rrd"):
         return ViewTarget(Kind.FILE, Path(text).absolute())
-    raise ViewError(f"--view {text}: say spawn (a window), serve (a page on this machine) or FILE.rrd")
+    raise ViewError(f"--view {text}: allowed: spawn (a window), serve (a page on this machine) or FILE.rrd")
 
 
-def require(where: ViewTarget, environment: Mapping[str, str] = os.environ) -> None:
-    """Refuse now what could only fail later.
+def check(target: ViewTarget, environment: Mapping[str, str] = os.environ) -> None:
+    """Refuse a target before the run starts.
 
     Raises:
-        NoDisplayError: a window was asked for, without a display.
-        ViewError: no such folder, or a file that is there already.
+        NoDisplayError: a window without a display.
+        ViewError: the folder does not exist, or the file does.
     """
-    if where.kind is Kind.SPAWN and not (environment.get("DISPLAY") or environment.get("WAYLAND_DISPLAY")):
+    if target.kind is Kind.SPAWN and not (environment.get("DISPLAY") or environment.get("WAYLAND_DISPLAY")):
         raise NoDisplayError(
             "no display for the viewer's window (neither DISPLAY nor WAYLAND_DISPLAY is set); "
             "a page for a browser (serve) or a file needs none"
         )
-    if where.path is None:
+    if target.path is None:
         return
-    if where.path.exists():
-        raise ViewError(f"{where.path}: is there already; a recording is never overwritten")
-    if not os.access(where.path.parent, os.W_OK):
-        raise ViewError(f"{where.path.parent}: no such folder, or it cannot be written")
+    if target.path.exists():
+        raise ViewError(f"{target.path}: file exists; recordings are never overwritten")
+    if not os.access(target.path.parent, os.W_OK):
+        raise ViewError(f"{target.path.parent}: no such folder, or it cannot be written")

@@ -1,8 +1,8 @@
-"""The viewer's process: reads the ring, draws, holds nobody up.
+"""The viewer's process: reads the ring and draws; no other process waits for it.
 
 Started as ``python -m contid.view.viewer_process`` with a pickled `ViewerJob` on stdin, at a lower priority
-than all that moves. It is the only process of a run that imports Rerun. What it cannot keep up
-with is dropped and counted; it ends when the ring is finished or its writer is gone.
+than the processes that move the robot; the only one of a run that imports Rerun. Ticks that it misses are
+counted. It ends when the ring is finished or the ring's writer has ended.
 """
 
 from __future__ import annotations
@@ -16,7 +16,7 @@ from typing import Final
 
 from contid.control.process.ring import RingReader
 from contid.errors import ContidError
-from contid.view.frames import BATCH, FRAMES_HZ, Decimator, Frame
+from contid.view.frames import BATCH, FRAMES_HZ, Decimator
 from contid.view.job import ViewerJob
 from contid.view.view_target import Kind
 
@@ -24,83 +24,70 @@ NICE: Final = 10
 
 
 class Viewer:
-    """From a ring to a picture."""
+    """Draws the records of a ring."""
 
     def __init__(self, job: ViewerJob, reader: RingReader) -> None:
-        # Here: whoever only wants the job must not pay for Rerun.
-        from contid.view.rerun_session import RerunSession
-        from contid.view.stage import build_stage
+        from contid.view.rerun_session import RerunSession  # after `main` has set priority and RUST_LOG
 
         self._reader = reader
-        self._decimator = Decimator(reader.layout)
-        self._batch = BATCH if job.where.kind is Kind.FILE else 1
-        self._frames: list[Frame] = []
         self._missed = 0
         try:
             self._pidfd = os.pidfd_open(job.pid)
         except ProcessLookupError:
             self._pidfd = -1
-        stage = build_stage(job.loaded, job.rate_hz)
-        self._host = RerunSession(job.where, job.loaded.file.name, stage, job.rate_hz, live=True)
-        self._picture = self._host.picture
-        if self._host.server is not None:
-            sys.stderr.write(f"contid: view: {self._host.server.url}\n")
+        self._session = RerunSession(job.target, job.loaded, job.rate_hz, live=True)
+        self._writer = self._session.writer
+        batch = BATCH if job.target.kind is Kind.FILE else 1
+        self._decimator = Decimator(reader.layout, self._writer.write, batch)
+        if self._session.server is not None:
+            sys.stderr.write(f"contid: view: {self._session.server.url}\n")
 
     def run(self) -> None:
-        """Until the writer is done."""
+        """Draw until the writer is done."""
         gone = self._pidfd < 0
         while True:
             finished = self._reader.finished
-            self._look()
+            self._draw_new()
             if finished or gone:
                 break
-            if self._host.window is not None and not self._host.window.open:
+            if self._session.window is not None and not self._session.window.open:
                 sys.stderr.write("contid: view: the window was closed; the run goes on\n")
                 return
             gone = bool(select.select([self._pidfd], [], [], 1.0 / FRAMES_HZ)[0])
-        if (frame := self._decimator.rest()) is not None:
-            self._frames.append(frame)
-        self._draw()
+        self._decimator.finish()
 
     def close(self) -> None:
-        """Let go of everything."""
-        self._host.close()
+        """End the drawing."""
+        self._session.close()
         if self._pidfd >= 0:
             os.close(self._pidfd)
 
-    def _look(self) -> None:
-        """Take what is new in the ring."""
+    def _draw_new(self) -> None:
+        """Draw what is new in the ring."""
         events = self._reader.events()
         for values in self._reader.raw_ticks(1 << 30):
-            if (frame := self._decimator.add(values)) is not None:
-                self._frames.append(frame)
-                if len(self._frames) >= self._batch:
-                    self._draw()
+            self._decimator.add(values)
         for event in events:
-            self._picture.event(event)
+            self._writer.event(event)
         missed = self._reader.missed_ticks
         if missed != self._missed:
-            message = f"{missed - self._missed} ticks passed while the viewer stood still"
-            self._picture.event({"event": "viewer", "message": message})
+            message = f"the viewer missed {missed - self._missed} ticks"
+            self._writer.event({"event": "viewer", "message": message})
             self._missed = missed
-
-    def _draw(self) -> None:
-        self._picture.write(self._frames)
-        self._frames.clear()
 
 
 def main() -> int:
     """Run the viewer's process."""
-    # A terminal sends Ctrl-C to everyone; the daemon decides what it means.
+    # A terminal sends Ctrl-C to the whole process group; the daemon decides how the run ends.
     signal.signal(signal.SIGINT, signal.SIG_IGN)
     os.nice(NICE)
-    os.environ.setdefault("RUST_LOG", "off")  # Rerun's own words about a window that was closed
-    job = pickle.load(sys.stdin.buffer)  # from the daemon that started this process, nobody else has the pipe
+    os.environ.setdefault("RUST_LOG", "off")  # Rerun logs an error when its window is closed
+    job = pickle.load(sys.stdin.buffer)  # from the daemon, the only other end of this pipe
     assert isinstance(job, ViewerJob)
     try:
         reader = RingReader(job.ring)
     except ContidError:
-        return 0  # the run was over before this process began
+        return 0  # the run ended before this process started
     try:
         viewer = Viewer(job, reader)
         try:

@@ -1,4 +1,4 @@
-"""The viewer beside a real daemon: what it shows exists, and nothing it suffers moves a tick."""
+"""The viewer of a real daemon: the entities of its layout exist, and it never disturbs a tick."""
 
 from __future__ import annotations
 
@@ -16,11 +16,12 @@ import urllib.request
 from collections.abc import Callable, Iterator
 from functools import cache
 from pathlib import Path
-from typing import IO
+from typing import IO, Any
 
 import numpy as np
 import psutil
 import pytest
+import rerun.blueprint as rrb
 
 from contid.control.daemon.run import run
 from contid.control.daemon.run_request import RunRequest
@@ -29,10 +30,10 @@ from contid.control.process.ring import RingReader, RingWriter, create
 from contid.robot_file.load import load_robot_file
 from contid.view.csp_proxy import CspProxy, policy
 from contid.view.job import ViewerJob
-from contid.view.layout import SEEN, build_layout, eye_of, shown
-from contid.view.observer import Viewing
+from contid.view.layout import FIELD_OF_VIEW, build_layout, camera
+from contid.view.observer import ViewerObserver
 from contid.view.rerun_program import rerun_program
-from contid.view.stage import CELLS, build_stage
+from contid.view.scene import MAX_CELLS, build_scene
 from contid.view.view_target import Kind, ViewTarget
 from contid.view.viewer_process import Viewer
 from tests.cli.command import contid
@@ -54,17 +55,17 @@ def rows_of(robot: str, *more: str) -> str:
 
 
 def drawn(robot: str, folder: Path) -> Path:
-    """What `contid run ROBOT --virtual --view` writes; in this process, which has Rerun already."""
+    """The file of `contid run ROBOT --virtual --view`, made in this process, which has imported Rerun."""
     trajectory, recording = folder / f"{robot}.csv", folder / f"{robot}.rrd"
     trajectory.write_text(rows_of(robot))
-    observers = [Viewing(ViewTarget(Kind.FILE, recording))]
+    observers = [ViewerObserver(ViewTarget(Kind.FILE, recording))]
     request = RunRequest(robot, trajectory=str(trajectory), mock=True, virtual=True, observers=observers)
     assert run(request).exit_code == 0
     return recording
 
 
 def entities(path: Path) -> dict[str, int]:
-    """Rows of every entity of the recording itself, not of its layout."""
+    """Rows of every entity of the recording, without its layout."""
     done = subprocess.run(
         [rerun_program(), "rrd", "print", str(path)], capture_output=True, text=True, check=True, timeout=60
     )
@@ -74,72 +75,84 @@ def entities(path: Path) -> dict[str, int]:
     return rows
 
 
+def shown(part: Any) -> Iterator[str]:
+    """Entities that a layout, or a part of one, shows."""
+    if isinstance(part, rrb.Blueprint):
+        yield from shown(part.root_container)
+    elif isinstance(part, rrb.Container):
+        for child in part.contents:
+            yield from shown(child)
+    else:
+        for expression in part.contents:
+            yield expression.removeprefix("+ /")
+
+
 @pytest.mark.parametrize("robot", PATHS)
 def test_every_entity_of_the_layout_is_in_the_file(robot: str, tmp_path: Path, configs: Path) -> None:
     recording = drawn(robot, tmp_path)
     loaded = load_robot_file(configs / f"{robot}.yaml")
-    stage = build_stage(loaded, loaded.file.rate_hz)
-    wanted = set(shown(build_layout(stage, live=True, finished=True)))
-    assert len(wanted) > 8
+    scene = build_scene(loaded, loaded.file.rate_hz)
+    in_layout = set(shown(build_layout(scene, live=True, finished=True)))
+    assert len(in_layout) > 8
     there = entities(recording)
-    assert wanted <= set(there)
-    for robot_name in (scene.config.name for scene in stage.scenes):
-        assert there[f"robots/{robot_name}/backbone"] >= 30  # a second of pictures
+    assert in_layout <= set(there)
+    for robot_name in (each.config.name for each in scene.robots):
+        assert there[f"robots/{robot_name}/backbone"] >= 30  # frames of one second
         assert there[f"plots/{robot_name}/tip_error"] >= 30
         assert there[f"plots/{robot_name}/tip_error_measured"] >= 30
-    for rope in stage.ropes:
+    for rope in scene.ropes:
         assert there[f"robots/{rope.guard.name}/rope"] >= 30
 
 
 @pytest.mark.parametrize("robot", PATHS)
-def test_the_eye_sees_the_robot_at_rest_and_half_way(robot: str, configs: Path) -> None:
-    """Whatever the size of a robot: what it is likely to do is inside the picture and fills it."""
+def test_the_camera_shows_the_whole_workspace(robot: str, configs: Path) -> None:
+    """At any size of a robot its workspace is inside the view and fills it."""
     loaded = load_robot_file(configs / f"{robot}.yaml")
-    stage = build_stage(loaded, loaded.file.rate_hz)
-    eye, target, up = eye_of(stage)
-    ahead = (target - eye) / np.linalg.norm(target - eye)
+    scene = build_scene(loaded, loaded.file.rate_hz)
+    position, look_target, up = camera(scene)
+    ahead = (look_target - position) / np.linalg.norm(look_target - position)
     right = np.cross(ahead, up) / np.linalg.norm(np.cross(ahead, up))
     across, upwards = right, np.cross(right, ahead)
-    points = stage.seen() - eye
+    points = scene.workspace() - position
     depth = points @ ahead
     assert depth.min() > 0.0
     filled = [2.0 * np.abs(points @ axis / depth).max() for axis in (across, upwards)]
-    assert np.all(filled <= SEEN + 1e-9)
-    assert np.any(filled >= SEEN - 1e-9)
-    floor = np.vstack(stage.floor())
+    assert np.all(filled <= FIELD_OF_VIEW + 1e-9)
+    assert np.any(filled >= FIELD_OF_VIEW - 1e-9)
+    floor = np.vstack(scene.floor())
     assert np.all(floor[:, 2] == 0.0)
-    assert len(stage.floor()) <= 2 * (CELLS + 3)
+    assert len(scene.floor()) <= 2 * (MAX_CELLS + 3)
 
 
-def test_a_rope_hangs_between_its_tips_and_is_not_there_when_they_are_unknown(configs: Path) -> None:
-    stage = build_stage(load_robot_file(configs / "chain.yaml"), 100.0)
-    looks = [scene.look(scene.config.rest) for scene in stage.scenes]
-    (rope,) = stage.ropes
-    line = rope.line(looks)
+def test_a_rope_hangs_between_its_tips_and_is_missing_when_one_is_unknown(configs: Path) -> None:
+    scene = build_scene(load_robot_file(configs / "chain.yaml"), 100.0)
+    drawings = [robot.drawing(robot.config.rest) for robot in scene.robots]
+    (rope,) = scene.ropes
+    line = rope.line(drawings)
     assert line is not None
-    tips = [look.tip for look in looks if look is not None]
+    tips = [drawing.tip for drawing in drawings if drawing is not None]
     assert np.allclose(line[[0, -1]], tips, atol=1e-6)
     assert np.linalg.norm(np.diff(line, axis=0), axis=1).sum() == pytest.approx(1000.0, rel=2e-3)
     assert line[:, 2].min() < min(tip[2] for tip in tips) - 100.0
-    assert rope.line([looks[0], None]) is None
+    assert rope.line([drawings[0], None]) is None
 
 
 def test_a_measured_tip_and_the_curve_to_it_are_drawn_beside_the_model(tmp_path: Path) -> None:
     rows = [row.split(",") for row in rows_of("stiffflop2", "--rate", "50").splitlines() if row[0] != "#"]
     head, *numbers = rows
     assert head == ["t_s", "x_mm", "y_mm", "z_mm"]
-    seen = [f"meas.{name}" for name in (*head[1:], "ax", "ay", "az")]
-    lines = [",".join([*head, *seen])]
+    measured = [f"meas.{name}" for name in (*head[1:], "ax", "ay", "az")]
+    lines = [",".join([*head, *measured])]
     lines += [
         ",".join([*row, *row[1:], *(("0", "0", "1") if float(row[0]) < 0.5 else ("0",) * 3)])
         for row in numbers
     ]
-    session, picture, folder = tmp_path / "run.mcap", tmp_path / "run.rrd", tmp_path / "csv"
+    session, rrd, folder = tmp_path / "run.mcap", tmp_path / "run.rrd", tmp_path / "csv"
     recorded = contid("run", "stiffflop2", "--virtual", "--record", str(session), stdin="\n".join(lines))
     assert recorded.returncode == 0, recorded.stderr
-    assert contid("session", "export", str(session), "--rrd", str(picture)).returncode == 0
-    there = entities(picture)
-    # Every picture has the tip; half of them the curve, where the tracker saw a direction.
+    assert contid("session", "export", str(session), "--rrd", str(rrd)).returncode == 0
+    there = entities(rrd)
+    # Every frame has the tip; half of them the curve, where the tracker measured a direction.
     assert there["robots/arm/tracked_tip"] >= 30
     assert 10 <= there["robots/arm/tracked"] <= there["robots/arm/tracked_tip"] - 10
     assert contid("session", "export", str(session), "--csv", str(folder)).returncode == 0
@@ -152,7 +165,7 @@ def test_a_measured_tip_and_the_curve_to_it_are_drawn_beside_the_model(tmp_path:
 
 
 @pytest.mark.realtime
-def test_the_picture_of_a_real_run_has_its_events_and_no_more_pictures_than_an_eye_needs(
+def test_the_drawing_of_a_real_run_has_its_events_and_some_thirty_frames_a_second(
     tmp_path: Path,
 ) -> None:
     path = tmp_path / "run.rrd"
@@ -165,18 +178,18 @@ def test_the_picture_of_a_real_run_has_its_events_and_no_more_pictures_than_an_e
 
 
 def test_a_recorded_session_keeps_every_tick_in_its_curves(tmp_path: Path) -> None:
-    session, picture = tmp_path / "run.mcap", tmp_path / "run.rrd"
+    session, rrd = tmp_path / "run.mcap", tmp_path / "run.rrd"
     assert contid("run", "hand", "--virtual", "--record", str(session), stdin=rows_of("hand")).returncode == 0
-    assert contid("session", "export", str(session), "--rrd", str(picture)).returncode == 0
+    assert contid("session", "export", str(session), "--rrd", str(rrd)).returncode == 0
     ticks = json.loads(contid("session", "info", "--json", str(session)).stdout)["ticks"]
-    there = entities(picture)
+    there = entities(rrd)
     assert there["plots/timing"] == ticks + 1  # and the names of the curves
     assert there["robots/left/backbone"] <= ticks * 30 / 200 + 2
 
 
 @pytest.fixture
 def started() -> Iterator[Callable[..., subprocess.Popen[str]]]:
-    """Start a command; one that a failed test leaves running is ended, its socket is wanted by the next."""
+    """Start a command; one that a failed test leaves running is ended, the next needs its socket."""
     running: list[subprocess.Popen[str]] = []
 
     def start(*arguments: str) -> subprocess.Popen[str]:
@@ -194,26 +207,26 @@ def started() -> Iterator[Callable[..., subprocess.Popen[str]]]:
             process.communicate(timeout=30)
 
 
-def line_with(stream: IO[str] | None, message: str) -> str:
-    """The first line that has these words; others may come before, of a tick that was skipped."""
+def line_with(stream: IO[str] | None, text: str) -> str:
+    """The first line with a text; lines about skipped ticks may come before."""
     assert stream is not None
     before = []
     for line in stream:
-        if message in line:
+        if text in line:
             return line
         before.append(line)
-    raise AssertionError(f"never: {message}; but {before}")
+    raise AssertionError(f"never: {text}; but {before}")
 
 
-def children_with(process: subprocess.Popen[str], message: str) -> list[psutil.Process]:
-    with_words = []
+def children_with(process: subprocess.Popen[str], text: str) -> list[psutil.Process]:
+    found = []
     for child in psutil.Process(process.pid).children(recursive=True):
         try:
-            if message in " ".join(child.cmdline()):
-                with_words.append(child)
+            if text in " ".join(child.cmdline()):
+                found.append(child)
         except psutil.NoSuchProcess:
             continue
-    return with_words
+    return found
 
 
 def until(condition: Callable[[], object], what: str) -> None:
@@ -224,37 +237,37 @@ def until(condition: Callable[[], object], what: str) -> None:
 
 
 def commands(log: Path) -> list[str]:
-    """Lines of a command log without the number of the tick, which says when the run began."""
+    """Lines of a command log without the number of the tick, which depends on the start of the run."""
     return [line.partition(",")[2] for line in log.read_text().splitlines()]
 
 
 @pytest.mark.realtime
-@pytest.mark.parametrize("harm", [signal.SIGSTOP, signal.SIGKILL])
+@pytest.mark.parametrize("number", [signal.SIGSTOP, signal.SIGKILL])
 def test_a_stalled_or_killed_viewer_changes_no_command(
-    harm: signal.Signals, tmp_path: Path, started: Callable[..., subprocess.Popen[str]]
+    number: signal.Signals, tmp_path: Path, started: Callable[..., subprocess.Popen[str]]
 ) -> None:
     """Without a skipped tick the commands of a real run are those of virtual time, bit for bit."""
-    trajectory, picture = tmp_path / "circle.csv", tmp_path / "run.rrd"
+    trajectory, rrd = tmp_path / "circle.csv", tmp_path / "run.rrd"
     trajectory.write_text(rows_of("hand"))
     alone, viewed = tmp_path / "alone.csv", tmp_path / "viewed.csv"
     source = ["--trajectory", str(trajectory)]
     assert contid("run", "hand", "--virtual", "--log", str(alone), *source).returncode == 0
-    process = started("run", "hand", "--mock", "--log", str(viewed), "--view", str(picture), *source)
-    until(picture.exists, "a file")
-    children_with(process, "contid.view.viewer_process")[0].send_signal(harm)
+    process = started("run", "hand", "--mock", "--log", str(viewed), "--view", str(rrd), *source)
+    until(rrd.exists, "a file")
+    children_with(process, "contid.view.viewer_process")[0].send_signal(number)
     output, errors = process.communicate(timeout=60)
     assert process.returncode == 0, errors
-    assert "the viewer" in output  # the report says what became of it
+    assert "the viewer" in output  # the report names its end
     assert commands(viewed) == commands(alone)
 
 
 @pytest.mark.realtime
-def test_a_viewer_that_comes_back_says_what_it_missed(tmp_path: Path, configs: Path) -> None:
+def test_a_viewer_that_was_stopped_reports_the_ticks_it_missed(tmp_path: Path, configs: Path) -> None:
     loaded = load_robot_file(configs / "hand.yaml")
     layout = record_layout(loaded, 200.0)
-    ring, picture = create(layout, seconds=1.0), tmp_path / "run.rrd"
+    ring, rrd = create(layout, seconds=1.0), tmp_path / "run.rrd"
     reader, writer = RingReader(ring), RingWriter(ring)
-    viewer = Viewer(ViewerJob(ViewTarget(Kind.FILE, picture), ring, os.getpid(), loaded, 200.0), reader)
+    viewer = Viewer(ViewerJob(ViewTarget(Kind.FILE, rrd), ring, os.getpid(), loaded, 200.0), reader)
     try:
         blank = layout.packer().unpack(bytes(layout.packer().size))
         for tick in range(1000):
@@ -266,13 +279,13 @@ def test_a_viewer_that_comes_back_says_what_it_missed(tmp_path: Path, configs: P
         reader.close()
         writer.close()
         ring.unlink()
-    there = entities(picture)
-    assert there["events"] == 1  # nobody else had anything to tell
-    assert 30 <= there["plots/timing"] <= 45  # the pictures of what the ring still had
+    there = entities(rrd)
+    assert there["events"] == 1  # that of the missed ticks
+    assert 30 <= there["plots/timing"] <= 45  # the frames of the ticks left in the ring
 
 
 @pytest.mark.realtime
-def test_the_served_page_is_on_loopback_and_locked_in(
+def test_the_served_page_is_on_loopback_and_under_a_policy(
     tmp_path: Path, started: Callable[..., subprocess.Popen[str]]
 ) -> None:
     process = started("view", "--serve", str(drawn("hand", tmp_path)))
@@ -294,9 +307,9 @@ def test_the_served_page_is_on_loopback_and_locked_in(
     assert not [each for each in family if each.is_running() and each.status() != psutil.STATUS_ZOMBIE]
 
 
-def test_a_page_answers_for_what_is_not_there() -> None:
+def test_a_page_without_a_server_behind_it_answers_502() -> None:
     before = threading.active_count()
-    page = CspProxy(0, 1, 2)  # nobody listens on port 1
+    page = CspProxy(0, 1, 2)  # no server listens on port 1
     try:
         with pytest.raises(urllib.error.HTTPError, match="502") as caught:
             urllib.request.urlopen(page.url)
@@ -306,8 +319,8 @@ def test_a_page_answers_for_what_is_not_there() -> None:
     assert threading.active_count() == before
 
 
-def test_rerun_stays_out_of_a_run_without_a_picture() -> None:
-    """Neither the daemon nor what it imports for ``--view`` pays for Rerun."""
+def test_a_run_without_a_viewer_does_not_import_rerun() -> None:
+    """Neither the daemon nor the modules it imports for ``--view`` import Rerun."""
     code = "import sys, contid.control.daemon.run, contid.view.observer; print('rerun' in sys.modules)"
     done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
     assert done.stdout.strip() == "False"
@@ -315,10 +328,10 @@ def test_rerun_stays_out_of_a_run_without_a_picture() -> None:
 
 @pytest.mark.realtime
 @pytest.mark.parametrize(("display", "message"), [(None, "no display"), (":4711", "no window: ")])
-def test_a_robot_does_without_a_window(
+def test_a_run_goes_on_without_a_window(
     display: str | None, message: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    """No display at all, and one that does not answer: told why, and the run goes on."""
+    """No display, or one that does not answer: the reason is printed and the run goes on."""
     recording = drawn("hand", tmp_path)
     monkeypatch.delenv("WAYLAND_DISPLAY", raising=False)
     monkeypatch.delenv("DISPLAY", raising=False)
@@ -334,7 +347,7 @@ def test_a_robot_does_without_a_window(
     assert message in looked.stderr
 
 
-def test_wrong_places_are_refused_before_anything_starts(tmp_path: Path) -> None:
+def test_invalid_targets_are_refused_before_the_run_starts(tmp_path: Path) -> None:
     there = tmp_path / "there.rrd"
     there.write_bytes(b"")
     for view, message in (
@@ -361,7 +374,7 @@ def test_a_page_of_a_running_robot(tmp_path: Path, started: Callable[..., subpro
         urllib.request.urlopen(line.split("view: ")[1].strip())
 
 
-def test_the_environment_tells_rerun_to_be_silent() -> None:
+def test_the_environment_disables_the_statistics_of_rerun() -> None:
     assert Path(rerun_program()).name == "rerun"
     done = subprocess.run(
         [rerun_program(), "--version"],

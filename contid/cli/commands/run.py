@@ -92,7 +92,7 @@ def command(
     from contid.control.process.unblocked_stderr import make_stderr_nonblocking
 
     make_stderr_nonblocking()
-    where = None if view is None else _where(view)
+    view_target = None if view is None else _view_target(view)
     # First, because its imports take as long as ours.
     spawned = None if virtual else spawn()
     from contid.control.daemon.run import run
@@ -104,10 +104,10 @@ def command(
 
         asked = {"mock": mock or virtual, "unreachable": unreachable, "input": trajectory or "stdin"}
         observers.append(Recording(Path(record), {name: str(value) for name, value in asked.items()}))
-    if where is not None:
-        from contid.view.observer import Viewing
+    if view_target is not None:
+        from contid.view.observer import ViewerObserver
 
-        observers.append(Viewing(where))
+        observers.append(ViewerObserver(view_target))
     commands, endpoint = [], None
     if not virtual:
         from contid.remote.protocol.socket_path import Endpoint, default_path
@@ -137,17 +137,17 @@ def command(
     finish(report, as_json)
 
 
-def _where(text: str) -> ViewTarget | None:
-    """The view target, checked before anything starts; None where only a display is missing."""
-    from contid.view.view_target import NoDisplayError, parse_where, require
+def _view_target(text: str) -> ViewTarget | None:
+    """The target of --view, refused before the run starts; None if only a display is missing."""
+    from contid.view.view_target import NoDisplayError, check, parse_view_target
 
-    where = parse_where(text)
+    target = parse_view_target(text)
     try:
-        require(where)
+        check(target)
     except NoDisplayError as error:
         click.echo(f"contid: view: {error}; the run continues without a view", err=True)
         return None
-    return where
+    return target
 
 
 def finish(report: RunReport, as_json: bool) -> None:

@@ -21,12 +21,12 @@ def command(recording: str, serve: bool, robot: str | None) -> None:
 
     Nothing leaves this machine: the page is served on the loopback address, statistics are off.
     """
-    from contid.view.view_target import Kind, ViewTarget, require
+    from contid.view.view_target import Kind, ViewTarget, check
 
-    where = ViewTarget(Kind.SERVE if serve else Kind.SPAWN)
-    require(where)
+    target = ViewTarget(Kind.SERVE if serve else Kind.SPAWN)
+    check(target)
     if recording.endswith(".rrd"):
-        _show_file(recording, where.kind is Kind.SERVE)
+        _show_file(recording, target.kind is Kind.SERVE)
         return
     from contid.cli.commands.session import file_to_draw
     from contid.session.read import Session
@@ -34,7 +34,7 @@ def command(recording: str, serve: bool, robot: str | None) -> None:
 
     session = Session(Path(recording))
     entries = ((entry.values, entry.event) for entry in session.entries())
-    draw(entries, file_to_draw(session, robot), session.layout, where, shown=_stay)
+    draw(entries, file_to_draw(session, robot), session.layout, target, on_drawn=_stay)
 
 
 def _show_file(path: str, serve: bool) -> None:
@@ -51,10 +51,10 @@ def _show_file(path: str, serve: bool) -> None:
         server.close()
 
 
-def _stay(host: RerunSession) -> None:
-    if host.server is not None:
-        host.recording.flush()
-        _wait(host.server)
+def _stay(session: RerunSession) -> None:
+    if session.server is not None:
+        session.recording.flush()
+        _wait(session.server)
 
 
 def _wait(server: WebServer) -> None:

@@ -1,0 +1,172 @@
+"""The geometry of one robot for drawings: lines, frames and limits in the world frame, in mm, for any model.
+
+It needs only the model protocol; planar fingers add the edges of their body and the outline of their reach.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass
+from itertools import pairwise
+from typing import Final
+
+import numpy as np
+from numpy.typing import NDArray
+
+from contid.control.tick.config import RobotConfig
+from contid.kinematics.rack.finger import RackFingerModel
+from contid.robot_file.cosserat import Cosserat
+from contid.robot_file.rack_finger import RackFinger
+from contid.robot_file.robot import RobotDescription
+from contid.targets import ZERO3, Actuation, Vec3
+from contid.units import MM_PER_M
+
+Array = NDArray[np.float64]
+#: Points of a backbone, and of each of the three curves around a finger's reach.
+POINTS: Final = 33
+OUTLINE: Final = 100
+#: Arrows of a drawn frame, as a fraction of the robot's length.
+ARROW: Final = 0.08
+#: Sideways motion of a point of a spatial arm, as a fraction of its distance from the base.
+SWAY: Final = 0.5
+
+
+@dataclass(frozen=True, slots=True)
+class RobotDrawing:
+    """One robot at one actuation.
+
+    Attributes:
+        strips: sections of the backbone from base to tip, then the edges of the body, each (n, 3) [mm].
+        frames: origin and three axes of length 1 as rows, (4, 3), of the mid-point (if any) and the tip.
+    """
+
+    strips: list[Array]
+    frames: list[Array]
+
+    @property
+    def tip(self) -> Array:
+        """Tip of the backbone [mm]."""
+        tip: Array = self.frames[-1][0]
+        return tip
+
+
+class RobotScene:
+    """One robot.
+
+    Attributes:
+        config: of the robot.
+        length_mm: of the backbone at rest or in the middle of its range, the larger of the two.
+        outline: closed line around the reach of a planar finger [mm], None for other robots.
+        workspace: points that the robot is likely to reach, (n, 3) [mm]; the camera shows them all.
+        groups: axes that share a plot, by the prefix of its entities; extra axes have their own.
+        up: up direction of the camera in the world frame; opposite to the gravity of the model.
+    """
+
+    def __init__(self, config: RobotConfig, robot: RobotDescription) -> None:
+        self.config = config
+        self._rotation = np.array(config.frame.rotation).reshape(3, 3)
+        self._origin = np.array(config.frame.origin_in_world)
+        own, count = len(config.axis_names) - len(robot.extra_axis_names), len(config.axis_names)
+        self.groups = {"": slice(0, own)} | ({"extra_": slice(own, count)} if own < count else {})
+        self._spacing_m = 0.0
+        self.outline: Array | None = None
+        self.up: Vec3 = (0.0, 0.0, 1.0)
+        halfway = tuple(0.5 * (a + b) for a, b in zip(config.model.lower, config.model.upper, strict=True))
+        lines = [config.model.shape(actuation, POINTS) for actuation in (config.rest, halfway)]
+        self.length_mm = max(map(_length, lines)) * MM_PER_M
+        if isinstance(robot, RackFinger):
+            self._spacing_m = robot.geometry.rack_spacing_mm / MM_PER_M
+            self.outline = self._outline(robot)
+            self.workspace = np.vstack([self._world(lines[0]), self.outline])
+        else:
+            self.workspace = self._world(_swayed(np.vstack(lines)))
+        if isinstance(robot, Cosserat):
+            x, y, z = config.frame.vector_in_world(robot.geometry.gravity_unit)
+            self.up = (-x, -y, -z)
+
+    @property
+    def planar(self) -> bool:
+        """True when the robot stays in its x-y plane."""
+        return self.config.model.dimension == 2
+
+    @property
+    def base(self) -> Array:
+        """The base frame: origin and axes of length 1, (4, 3)."""
+        return np.vstack([self._world(np.zeros((1, 3))), self._rotation.T])
+
+    def drawing(self, actuation: Actuation, load_in_world: Vec3 = ZERO3) -> RobotDrawing | None:
+        """The robot at an actuation and a known tip load; None if an axis is unknown."""
+        if not all(map(math.isfinite, actuation)):
+            return None
+        load = self.config.frame.vector_in_base(load_in_world)
+        line = self.config.model.shape(actuation, POINTS, load)
+        pose = self.config.model.forward(actuation, load)
+        frames = [np.vstack([self._world(np.array([pose.tip_m])), self._turned(pose.rotation)])]
+        sections = [line]
+        cut = int(np.argmin(np.linalg.norm(line - np.array(pose.mid_m), axis=1)))
+        if 0 < cut < POINTS - 1:
+            sections = [line[: cut + 1], line[cut:]]
+            turned = self._turned(_transported(sections[0]).ravel().tolist())
+            frames.insert(0, np.vstack([self._world(line[cut : cut + 1]), turned]))
+        return RobotDrawing([self._world(part) for part in (*sections, *self._edges(line))], frames)
+
+    def backbone_mm(self, drawing: RobotDrawing) -> float:
+        """Length of the backbone [mm]."""
+        return sum(map(_length, drawing.strips[:-2] if self._spacing_m else drawing.strips))
+
+    def _edges(self, line: Array) -> Sequence[Array]:
+        """Left and right edge of a planar body."""
+        if not self._spacing_m:
+            return ()
+        along = _tangents(line)
+        across = 0.5 * self._spacing_m * np.stack([-along[:, 1], along[:, 0], along[:, 2]], axis=1)
+        return (line + across, line - across)
+
+    def _outline(self, robot: RackFinger) -> Array:
+        model = RackFingerModel(robot)
+        racks = list(model.envelope.outline(OUTLINE))
+        return self._world(np.array([model.forward(pair).tip_m for pair in (*racks, racks[0])]))
+
+    def _turned(self, rotation: Sequence[float]) -> Array:
+        """Axes of a frame given in the base frame, as rows in the world."""
+        turned: Array = np.array(rotation).reshape(3, 3).T @ self._rotation.T
+        return turned
+
+    def _world(self, points_in_base: Array) -> Array:
+        """Points [m] in the base frame -> [mm] in the world."""
+        world: Array = (points_in_base @ self._rotation.T + self._origin) * MM_PER_M
+        return world
+
+
+def _tangents(line: Array) -> Array:
+    """Unit tangents at the points of a line, (n, 3)."""
+    along = np.gradient(line, axis=0)
+    along /= np.maximum(np.linalg.norm(along, axis=1, keepdims=True), 1e-12)
+    return np.asarray(along)
+
+
+def _length(line: Array) -> float:
+    return float(np.linalg.norm(np.diff(line, axis=0), axis=1).sum())
+
+
+def _swayed(points: Array) -> Array:
+    """Points of an arm along z, and their positions when it leans to each of four sides."""
+    far = SWAY * np.linalg.norm(points, axis=1)[:, None]
+    sides = np.array([[1.0, 0.0, 0.0], [-1.0, 0.0, 0.0], [0.0, 1.0, 0.0], [0.0, -1.0, 0.0]])
+    swayed: Array = np.vstack([points, *(points + far * side for side in sides)])
+    return swayed
+
+
+def _transported(line: Array) -> Array:
+    """Rotation at the end of a line by parallel transport of the frame at its start, (3, 3).
+
+    The minimal rotation from one tangent to the next is ``R = I + [w]x + [w]x^2 / (1 + c)`` with ``w`` the
+    cross and ``c`` the dot product of the two.
+    """
+    rotation = np.eye(3)
+    for before, after in pairwise(_tangents(line)):
+        w, c = np.cross(before, after), float(before @ after)
+        skew = np.array([[0.0, -w[2], w[1]], [w[2], 0.0, -w[0]], [-w[1], w[0], 0.0]])
+        rotation = (np.eye(3) + skew + skew @ skew / (1.0 + c)) @ rotation
+    return rotation
