@@ -7,6 +7,7 @@ import sys
 
 from tests.campaign import ptys
 from tests.campaign.campaign import Tally, campaign
+from tests.campaign.wired_checks import Tally as WireTally
 
 
 def main() -> int:
@@ -18,7 +19,7 @@ def main() -> int:
 
     cases = asked.cases if asked.ptys is None else asked.ptys
 
-    def progress(tally: Tally | ptys.Tally) -> None:
+    def progress(tally: Tally | WireTally) -> None:
         if sys.stderr.isatty():
             violations = sum(tally.violations.values())
             sys.stderr.write(f"\r\x1b[K{tally.cases}/{cases} cases, {violations} violations")

@@ -12,7 +12,7 @@ from contid.control.engine.wiring import chain_guards
 from contid.control.tick.config import STALE_S, RobotConfig
 from contid.control.tick.faults import Fault
 from contid.control.tick.supervisor import Mode
-from contid_drivers.sim.options import FaultKind
+from contid_drivers.sim.options import FaultKind, SimAxisOptions
 from tests.campaign.script import RESUMED_S
 from tests.campaign.watch import Seen
 
@@ -106,7 +106,10 @@ def _quantum(seen: Seen, config: RobotConfig) -> float:
         bus for bus in seen.case.machine.loaded.buses.values() for axis, _ in bus.axes if axis in config.axes
     ]
     return max(
-        character_of(options).quantum for bus in wiring for axis, options in bus.axes if axis in config.axes
+        character_of(options).quantum
+        for bus in wiring
+        for axis, options in bus.axes
+        if axis in config.axes and isinstance(options, SimAxisOptions)
     )
 
 

@@ -7,7 +7,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
-from typing import Any
+from typing import Any, cast
 
 import pytest
 
@@ -112,9 +112,10 @@ def _shared_fate(patch: pytest.MonkeyPatch) -> None:
     def cycling(engine: Engine, timing: Timing) -> None:
         cycle(engine, timing)
         if any(state.mode is Mode.FAULT for state in engine.states):
-            for index, (config, state) in enumerate(zip(engine.configs, engine.states, strict=True)):
+            states = cast("list[RobotState]", engine.states)
+            for index, (config, state) in enumerate(zip(engine.configs, states, strict=True)):
                 if state.mode in (Mode.APPROACH, Mode.RUN):
-                    engine.states[index] = stay(config, state, timing.tick * config.period_s)
+                    states[index] = stay(config, state, timing.tick * config.period_s)
 
     patch.setattr(Engine, "cycle", cycling)
 

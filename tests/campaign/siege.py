@@ -10,7 +10,7 @@ import json
 import random
 import shutil
 import signal
-import socket
+import socket as sockets
 import subprocess
 import sys
 import tempfile
@@ -121,7 +121,7 @@ class Siege:
         """Send bytes as a client of its own; the daemon answers a last request, or sends it away."""
         self.attacks += 1
         cut = zlib.crc32(data) % 8 == 0
-        with socket.socket(socket.AF_UNIX) as connected:
+        with sockets.socket(sockets.AF_UNIX) as connected:
             connected.settimeout(10.0)
             connected.connect(str(self.socket))
             if cut:
@@ -133,7 +133,7 @@ class Siege:
         if self.attacks % EVERY == 0:
             self.look()
 
-    def _talk(self, connected: socket.socket, data: bytes) -> None:
+    def _talk(self, connected: sockets.socket, data: bytes) -> None:
         connected.setblocking(False)
         received, unsent, until_s = b"", memoryview(data), time.monotonic() + 20.0
         while b'"id":"last"' not in received[-4096:]:
@@ -193,7 +193,7 @@ class Siege:
     def flood(self, requests: int, read: bool) -> int:
         """So many small requests in one connection; how many were answered."""
         small = LAST.replace(b"last", b"more")
-        with socket.socket(socket.AF_UNIX) as connected:
+        with sockets.socket(sockets.AF_UNIX) as connected:
             connected.connect(str(self.socket))
             connected.setblocking(False)
             unsent, answered, until_s = memoryview(small * requests), 0, time.monotonic() + 120.0

@@ -12,6 +12,7 @@ from contid.control.engine.virtual import VirtualProcess
 from contid.control.engine.wiring import record_layout
 from contid.hal import Bus
 from contid_drivers.sim.bus import SimBus
+from contid_drivers.sim.options import SimBusOptions
 from tests.campaign.script import Case
 
 #: However long a stop takes by itself, a run that does not end so much later is taken as stuck.
@@ -95,7 +96,14 @@ def watch(case: Case) -> Seen:
             seen.lost.append(frozenset(name for name, port in process.ports.items() if port.lost))
         seen.finished, seen.skipped = process.engine.finished, process.skipped
         # From here on nobody feeds the devices.
-        longest_s = max(bus.options.watchdog_ms for bus in case.machine.loaded.buses.values()) / 1e3
+        longest_s = (
+            max(
+                bus.options.watchdog_ms
+                for bus in case.machine.loaded.buses.values()
+                if isinstance(bus.options, SimBusOptions)
+            )
+            / 1e3
+        )
         process.clock.sleep(longest_s + 1.0 / rate_hz)
         for bus in buses.values():
             assert isinstance(bus, SimBus)

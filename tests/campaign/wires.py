@@ -345,4 +345,4 @@ def _scale(config: Any, index: int) -> float:
         for place, (value, limit) in enumerate(zip(low, config.limits, strict=True))
     )
     device = [config.transmission.to_device(values)[index] for values in (low, near)]
-    return abs(device[1] - device[0]) / (near[index] - low[index])
+    return float(abs(device[1] - device[0]) / (near[index] - low[index]))

@@ -33,13 +33,14 @@ def vine() -> Iterator[Any]:
         exec(compile(source, name, "exec"), module.__dict__)
     patch.setitem(models.MODELS, "vine", "contid.kinematics.vine:VineModel")
     text = re.findall(r"^```yaml\n(.*?)^```", PAGE, re.MULTILINE | re.DOTALL)[0]
-    data = read_document(text, "page").data["robots"]["vine"]
+    document: Any = read_document(text, "page").data
+    data = document["robots"]["vine"]
     robot = sys.modules["contid.robot_file.vine"].Vine.model_validate_json(json.dumps(data), strict=True)
     yield models.build_model(robot)
     patch.undo()
 
 
-def reached(vine: Any) -> list[tuple[float, float]]:
+def reached(vine: Any) -> list[tuple[float, ...]]:
     """Actuations from all over the range, the straight line included."""
     chance = random.Random(7)
     some = [
