@@ -23,7 +23,7 @@ from contid.trajectory.approach import Limit, MotionError, per_axis
 class JerkLimitedStop:
     """A motion to a standstill; see `stopping`."""
 
-    def __init__(self, axes: Sequence[_Axis], position: Actuation, velocity: Actuation) -> None:
+    def __init__(self, axes: Sequence[_StoppingAxis], position: Actuation, velocity: Actuation) -> None:
         together_s = max((axis.shortest_s for axis in axes), default=0.0)
         self._start = position, velocity
         self._knots = [axis.knots(each, together_s) for axis, each in zip(axes, position, strict=True)]
@@ -78,7 +78,7 @@ def stopping(
             f"no stop from position {list(position)}, velocity {list(velocity)}, "
             f"acceleration {list(acceleration)}: they must be finite"
         )
-    ways = [_Axis(*each) for each in zip(velocity, acceleration, most, jerk, strict=True)]
+    ways = [_StoppingAxis(*each) for each in zip(velocity, acceleration, most, jerk, strict=True)]
     return JerkLimitedStop(ways, tuple(map(float, position)), tuple(map(float, velocity)))
 
 
@@ -86,7 +86,7 @@ def stopping(
 _Knot = tuple[float, float, float, float, float]
 
 
-class _Axis:
+class _StoppingAxis:
     """The stops of one axis, mirrored so that its acceleration is not negative.
 
     Attributes:

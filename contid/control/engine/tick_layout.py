@@ -150,7 +150,7 @@ class Value:
     about: About
 
 
-class Part:
+class RecordPart:
     """One of the three kinds of records as flat numbers.
 
     Attributes:
@@ -191,9 +191,9 @@ class Part:
         return slice(self._places[name], self._places[name] + 3)
 
 
-HEAD: Final = Part(TickRecord)
-ROBOT: Final = Part(RobotRecord)
-AXIS: Final = Part(AxisRecord)
+HEAD: Final = RecordPart(TickRecord)
+ROBOT: Final = RecordPart(RobotRecord)
+AXIS: Final = RecordPart(AxisRecord)
 
 # Places of the values of the tick itself.
 TICK: Final = HEAD.place("tick")
