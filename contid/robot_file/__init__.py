@@ -1,1 +1,1 @@
-"""Robot files: what a lab writes, validated, with the line and column of every mistake."""
+"""Robot files: loading and validation, with the line and column of every mistake."""

@@ -1,7 +1,6 @@
-"""Pieces every robot description shares: strictness, base pose, axes, limits, stops.
+"""Parts that every robot description shares: base pose, axes, limits, stops.
 
-Keys carry their unit (``_mm``, ``_bar``, ``_deg``); properties without a unit suffix in the key's sense
-(``_m``, ``_pa``, ``_rad``) give the same quantity in SI to the rest of the house.
+Keys carry the unit of the file (``_mm``, ``_bar``, ``_deg``), properties the SI unit (``_m``, ``_pa``).
 """
 
 from __future__ import annotations
@@ -16,16 +15,16 @@ from contid.units import BAR, MM_PER_M
 
 
 class Strict(BaseModel):
-    """Base of every part of a robot file: unknown keys are refused, values never change after loading."""
+    """Base of every part of a robot file: unknown keys are refused, values are frozen."""
 
     model_config = ConfigDict(extra="forbid", frozen=True, allow_inf_nan=False)
 
 
 Positive: TypeAlias = Annotated[float, Field(gt=0)]
 NonNegative: TypeAlias = Annotated[float, Field(ge=0)]
-#: A dimension of a robot [mm]. Below a tenth of a millimetre it was written in metres.
+#: A dimension of a robot [mm]. A smaller number was probably written in metres.
 Size: TypeAlias = Annotated[float, Field(ge=0.1, le=1e5)]
-#: A rate: beyond these bounds a motion has no duration that float64 can tell.
+#: A rate: outside these bounds the duration of a motion is lost in float64 rounding.
 Rate: TypeAlias = Annotated[float, Field(ge=1e-3, le=1e12)]
 
 
@@ -35,7 +34,7 @@ def _ordered(pair: tuple[float, float]) -> tuple[float, float]:
     return pair
 
 
-#: ``[least, greatest]`` with least < greatest.
+#: ``[min, max]`` with min < max.
 Interval: TypeAlias = Annotated[tuple[float, float], AfterValidator(_ordered)]
 
 
@@ -45,12 +44,12 @@ def _not_negative(pair: tuple[float, float]) -> tuple[float, float]:
     return pair
 
 
-#: ``[least, greatest]`` of something that has a length.
+#: ``[min, max]`` of a length.
 LengthInterval: TypeAlias = Annotated[Interval, AfterValidator(_not_negative)]
 
 
 class Quantity(enum.StrEnum):
-    """What a robot's axes are: lengths [m] or pressures [Pa]."""
+    """Quantity of a robot's axes: lengths [m] or pressures [Pa]."""
 
     LENGTH = "length"
     PRESSURE = "pressure"
@@ -67,14 +66,14 @@ class Quantity(enum.StrEnum):
 
 
 class BasePose(Strict):
-    """Where a robot's base frame stands in the world frame: rotation Rz(yaw) Ry(pitch) Rx(roll), then shift.
+    """Pose of a robot's base frame in the world frame: rotation Rz(yaw) Ry(pitch) Rx(roll), then translation.
 
     Attributes:
         x_mm, y_mm, z_mm: origin of the base frame in the world.
         roll_deg: first rotation, about the world's x.
         pitch_deg: second rotation, about the world's y.
         yaw_deg: third rotation, about the world's z.
-        mirror_x: reflect the robot's own x before placing it: the right finger of a hand.
+        mirror_x: mirror the robot in its own x first: the right finger of a hand.
     """
 
     x_mm: float = 0.0
@@ -105,14 +104,14 @@ class BasePose(Strict):
 
 
 def _cos_sin_deg(angle_deg: float) -> tuple[float, float]:
-    """Cosine and sine, exact at the quarter turns that robot files are full of."""
+    """Cosine and sine, exact at quarter turns."""
     exact = {0.0: (1.0, 0.0), 90.0: (0.0, 1.0), 180.0: (-1.0, 0.0), 270.0: (0.0, -1.0)}
     angle_rad = math.radians(angle_deg)
     return exact.get(angle_deg % 360.0, (math.cos(angle_rad), math.sin(angle_rad)))
 
 
 class StopPolicy(enum.StrEnum):
-    """How a robot stops: stay, move to the rest pose and stay, torque off, or pressure to zero at a rate."""
+    """How a robot stops: hold position, move to the rest pose, torque off, or pressure to zero at a rate."""
 
     HOLD = "hold"
     REST = "rest"
@@ -123,14 +122,15 @@ class StopPolicy(enum.StrEnum):
 class Stops(Strict):
     """One policy per reason to stop.
 
-    ``hold`` stays, ``rest`` goes to the rest pose, ``relax`` lets torque go, ``vent`` lets pressure go.
+    ``hold`` keeps the position, ``rest`` moves to the rest pose, ``relax`` cuts torque, ``vent`` releases
+    pressure.
 
     Attributes:
-        on_end: the trajectory is at its end.
+        on_end: the trajectory ended.
         on_interrupt: the first Ctrl-C, SIGTERM, a closed terminal, or a stop over the socket.
         on_fault: a fault stopped the robot.
-        on_host_loss: the daemon died.
-        estop: the second Ctrl-C; never moves the robot first.
+        on_host_loss: the daemon process died.
+        estop: the second Ctrl-C, or `contid estop`; no motion before it.
     """
 
     on_end: StopPolicy = StopPolicy.HOLD
@@ -141,7 +141,7 @@ class Stops(Strict):
 
 
 class Rates(Strict):
-    """How fast actuators may go, per axis; compared with the last command, never with the measurement.
+    """Rate limits per axis, applied to successive commands.
 
     Attributes:
         velocity_mm_s, acceleration_mm_s2, jerk_mm_s3: needed by robots whose axes are lengths.
@@ -157,14 +157,13 @@ class Rates(Strict):
 
 
 class TipFeedback(Strict):
-    """Closed loop on the tip: measured tip positions correct what the model gets wrong.
+    """Closed loop on the tip: measured tip positions correct the error of the model.
 
     Attributes:
-        gain_per_s: how fast the estimate of the model's error follows the measurements; its time constant is
-            the inverse.
-        limit_mm: greatest correction; a larger error is a wrong measurement or a wrong model.
-        stale_ms: without a measurement for this long the correction begins to fade.
-        fade_ms: how long it takes to fade; with ``stale_ms`` at most one second.
+        gain_per_s: gain of the estimate of the model's error; its time constant is the inverse.
+        limit_mm: maximum correction; a larger error means a wrong measurement or a wrong model.
+        stale_ms: time without a measurement after which the correction fades.
+        fade_ms: duration of the fade; with ``stale_ms`` at most one second.
     """
 
     gain_per_s: Annotated[float, Field(gt=0, le=50)] = 5.0
@@ -174,13 +173,13 @@ class TipFeedback(Strict):
 
 
 class AxisDescription(BaseModel):
-    """One axis of a robot: its bus and its transmission; further keys belong to the bus's driver.
+    """One axis of a robot: its bus and its transmission; further keys belong to the driver of the bus.
 
-    The transmission turns the model's length or pressure into the device's angle [rad] or pressure [Pa].
-    Pressures on regulators need none: they are the same pressure.
+    The transmission maps the model's length or pressure to the device's angle or pressure. Pressures on
+    regulators need none.
 
     Attributes:
-        bus: name of the bus it is wired to.
+        bus: name of its bus.
         mm_per_rev: a pinion or spool on a rotary device:
             ``angle = zero_deg + direction * 360 * length / mm_per_rev``.
         zero_deg: the device's angle at length 0.

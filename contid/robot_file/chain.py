@@ -1,4 +1,4 @@
-"""Robot description of a closed chain: two arms on their bases and the rope their tips hold between them."""
+"""Robot description of a closed chain: two arms on their bases and the rope between their tips."""
 
 from __future__ import annotations
 
@@ -10,22 +10,22 @@ from pydantic import Field, model_validator
 from contid.errors import Located
 from contid.robot_file.base import Positive, Quantity, Rates, Strict
 from contid.robot_file.findings import allowed_names
-from contid.robot_file.positions import Document, Path
+from contid.robot_file.positions import Document, KeyPath
 from contid.robot_file.robot import RobotDescription
 from contid.targets import Actuation
 from contid.units import MM_PER_M
 
 
 class RopeDescription(Strict):
-    """A rope that hangs from the tips of two arms.
+    """A rope between the tips of two arms.
 
     Attributes:
-        length_mm: between the two points where it is held.
-        mass_g: of that length; gives the pull on the tips. Left out, the pull is not known.
-        ends: ``pinned``: free to turn at the tips, it hangs as a catenary. ``clamped``: it leaves the first
-            tip along that arm's direction and enters the second against the other's.
-        pieces: of the curve that stands for it: one, or two joined at the middle of the catenary, which a
-            clamped rope with level ends needs.
+        length_mm: between its two ends.
+        mass_g: of that length; gives the force on the tips. Without it that force is not computed.
+        ends: ``pinned``: free to turn at the tips; a catenary. ``clamped``: tangent to the directions of the
+            two tips.
+        pieces: of its curve: one, or two joined at the middle of the catenary, which a clamped rope with
+            level ends needs.
     """
 
     length_mm: Positive
@@ -38,7 +38,7 @@ class ChainLink(Strict):
     """One link: an arm or a rope.
 
     Attributes:
-        arm: name of a robot of this file, which stands on its own base.
+        arm: name of a robot of this file.
         rope: a rope between the arms before and after it.
     """
 
@@ -53,17 +53,17 @@ class ChainLink(Strict):
 
 
 class Chain(RobotDescription):
-    """Two arms and a rope, closed through the ground: it has no actuators, it watches over its arms.
+    """Two arms and a rope, closed through the ground: no actuators of its own, constraints on its arms.
 
-    A trajectory is refused, and a row of a live stream holds the arms, where the rope would be too short or
-    would hang below the floor; approaches, orders to points and ways to rest poses do not begin there. The
-    arms are one body: a fault of one stops the other by its own ``stop.on_fault``, an order that stops one
-    holds the other. Gravity is along -z of the world.
+    Where the rope would be too short or below the floor, a trajectory is refused, a row of a live stream
+    holds the arms, and no approach, move or path to a rest pose begins. A fault of one arm stops the other
+    by its own ``stop.on_fault``; an order that stops one arm holds the other. Gravity is along -z of the
+    world.
 
     Attributes:
         model: ``chain``.
         links: an arm, a rope, an arm.
-        floor_mm: least height of the rope's lowest point in the world.
+        floor_mm: minimum height of the rope in the world.
     """
 
     quantity: ClassVar[Quantity] = Quantity.LENGTH
@@ -95,48 +95,48 @@ class Chain(RobotDescription):
 
     @property
     def floor_m(self) -> float:
-        """Least height of the rope [m]."""
+        """Minimum height of the rope [m]."""
         return self.floor_mm / MM_PER_M
 
     @property
     def passive(self) -> bool:
-        """A chain only watches."""
+        """A chain has no actuators."""
         return True
 
     @property
     def axis_names(self) -> tuple[str, ...]:
-        """None of its own."""
+        """No axes of its own."""
         return ()
 
     @property
     def accepts(self) -> frozenset[str]:
-        """No target moves it."""
+        """It takes no targets."""
         return frozenset()
 
     @property
     def lower(self) -> Actuation:
-        """No axis, no limit."""
+        """Empty: no axes."""
         return ()
 
     @property
     def upper(self) -> Actuation:
-        """No axis, no limit."""
+        """Empty: no axes."""
         return ()
 
 
 def check_chain(
     document: Document,
-    at: Path,
+    at: KeyPath,
     chain: Chain,
     robots: Mapping[str, RobotDescription | None],
 ) -> Iterator[Located]:
-    """That its arms are two different spatial robots of the file.
+    """Findings unless its arms are two different spatial robots of the file.
 
     Args:
         document: the robot file.
-        at: place of the chain in it.
+        at: path of the chain in it.
         chain: to check.
-        robots: of the file, None for one that is wrong itself.
+        robots: of the file, None for one with mistakes.
     """
     movable = [name for name, robot in robots.items() if robot is None or not robot.passive]
     for index, name in ((0, chain.arms[0]), (2, chain.arms[1])):

@@ -1,4 +1,4 @@
-"""Checks that look at several keys of a robot at once: what no single key can get wrong alone."""
+"""Checks that involve several keys of a robot."""
 
 from __future__ import annotations
 
@@ -14,43 +14,43 @@ from contid.errors import Located
 from contid.hal import DeviceKind
 from contid.robot_file.base import AxisDescription, Quantity, StopPolicy
 from contid.robot_file.findings import allowed_names
-from contid.robot_file.positions import Document, Path
+from contid.robot_file.positions import Document, KeyPath
 from contid.robot_file.robot import RobotDescription
 
-#: First words of trajectory columns that are not a robot's name.
+#: Prefixes of trajectory columns that are not names of robots.
 RESERVED_NAMES: Final = ("t_s", "mid", "load", "meas")
 _NAME: Final = re.compile(r"[A-Za-z][A-Za-z0-9_-]*")
 
 
 @dataclass(frozen=True, slots=True)
 class WiredAxis:
-    """One axis of a robot as far as it could be read.
+    """One axis of a robot, as far as it is valid.
 
     Attributes:
         at: its place in the document.
-        description: its common keys, None when they are beyond reading.
-        kind: the actuator behind it, None when its bus or driver is not known.
+        description: its common keys, None when invalid.
+        kind: its actuator, None when its bus or driver is invalid.
     """
 
-    at: Path
+    at: KeyPath
     description: AxisDescription | None
     kind: DeviceKind | None
 
 
-def check_name(document: Document, at: Path) -> Iterator[Located]:
-    """A robot's or bus's name: it becomes part of column names and messages."""
+def check_name(document: Document, at: KeyPath) -> Iterator[Located]:
+    """Check a robot's or bus's name, which becomes part of column names and messages."""
     name = str(at[-1])
     if not _NAME.fullmatch(name):
         message = f"name {name!r}: allowed are letters, digits, _ and -, beginning with a letter"
         yield document.at_key(at, message)
     if at[0] == "robots" and name in RESERVED_NAMES:
-        yield document.at_key(at, f"name {name!r} means something else in trajectory columns; choose another")
+        yield document.at_key(at, f"name {name!r} is reserved in trajectory columns; choose another")
 
 
 def check_robot(
-    document: Document, at: Path, robot: RobotDescription, wired: Mapping[str, WiredAxis]
+    document: Document, at: KeyPath, robot: RobotDescription, wired: Mapping[str, WiredAxis]
 ) -> Iterator[Located]:
-    """Everything that must agree inside one robot, apart from what its class already checked."""
+    """Check the keys of one robot against each other, beyond the validators of its class."""
     yield from _check_axes(document, at, robot, wired)
     if robot.passive:
         yield from _check_passive(document, at, robot)
@@ -68,7 +68,7 @@ def check_robot(
 
 
 def _check_axes(
-    document: Document, at: Path, robot: RobotDescription, wired: Mapping[str, WiredAxis]
+    document: Document, at: KeyPath, robot: RobotDescription, wired: Mapping[str, WiredAxis]
 ) -> Iterator[Located]:
     needed = () if robot.passive else robot.all_axis_names
     for name in needed:
@@ -78,7 +78,7 @@ def _check_axes(
     fronts = {name.partition(".")[0] for name in robot.axis_names if "." in name}
     if at[-1] in fronts:
         yield document.at_key(at, f"name {at[-1]!r} is also the beginning of an axis name; choose another")
-    driven = dict(zip(robot.axis_names, driven_range(robot), strict=True))
+    driven = dict(zip(robot.all_axis_names, robot.driven_limits, strict=True))
     for name, axis in wired.items():
         if name not in needed:
             what = "a passive robot has no axes" if robot.passive else allowed_names(needed, name)
@@ -89,37 +89,23 @@ def _check_axes(
             )
 
 
-def _check_passive(document: Document, at: Path, robot: RobotDescription) -> Iterator[Located]:
-    """Keys that only a robot with actuators can use."""
+def _check_passive(document: Document, at: KeyPath, robot: RobotDescription) -> Iterator[Located]:
+    """Refuse keys that only a robot with actuators can use."""
     for key in ("base", "rates", "stop", "rest_mm", "rest_bar", "feedback"):
         if key in robot.model_fields_set:
             message = f"{key} has no meaning here: {at[-1]!r} has no actuators of its own"
             yield document.at_key((*at, key), message)
 
 
-def driven_range(robot: RobotDescription) -> tuple[tuple[float, float], ...]:
-    """Range [m or Pa] each transmission can be asked for: the limits through `coupling`."""
-    limits = tuple(zip(robot.lower, robot.upper, strict=True))
-    if robot.coupling is None:
-        return limits
-    ranges = []
-    for row in robot.coupling:
-        ends = [
-            sorted((factor * low, factor * high)) for factor, (low, high) in zip(row, limits, strict=True)
-        ]
-        ranges.append((sum(low for low, _ in ends), sum(high for _, high in ends)))
-    return tuple(ranges)
-
-
 def _check_transmission(
     document: Document,
-    at: Path,
+    at: KeyPath,
     axis: AxisDescription,
     kind: DeviceKind,
     quantity: Quantity,
     driven: tuple[float, float] | None,
 ) -> Iterator[Located]:
-    """The transmission that fits the device: see `AxisDescription`."""
+    """Check that the transmission fits the device; see `AxisDescription`."""
     regulator = kind is DeviceKind.REGULATOR
     fitting = None
     if quantity is Quantity.LENGTH:
@@ -132,7 +118,7 @@ def _check_transmission(
     for key in ("mm_per_rev", "mm_to_bar"):
         given = getattr(axis, key) is not None
         if key == fitting and not given:
-            message = f"{key} is missing: it turns the length of axis {at[-1]!r} into what its {kind} does"
+            message = f"{key} is missing: it maps the length of axis {at[-1]!r} to its {kind}"
             yield document.at_key(at, message)
         elif given and key != fitting:
             need = f"write {fitting}" if fitting else "its pressure needs no transmission"
@@ -145,7 +131,10 @@ def _check_transmission(
 
 
 def _check_table(
-    document: Document, at: Path, table: tuple[tuple[float, float], ...], driven: tuple[float, float] | None
+    document: Document,
+    at: KeyPath,
+    table: tuple[tuple[float, float], ...],
+    driven: tuple[float, float] | None,
 ) -> Iterator[Located]:
     if len(table) < 2:
         yield document.at_value(at, "mm_to_bar: at least two rows of [length_mm, pressure_bar] are needed")
@@ -165,8 +154,8 @@ def _check_table(
             yield document.at_value(at, message)
 
 
-def _check_plane(document: Document, at: Path, robot: RobotDescription) -> Iterator[Located]:
-    """A planar robot is told x and y of the world, so its plane must be theirs."""
+def _check_plane(document: Document, at: KeyPath, robot: RobotDescription) -> Iterator[Located]:
+    """A planar robot takes x and y of the world, so its plane must be the world's xy plane."""
     if robot.dimension == 2:
         for key in ("roll_deg", "pitch_deg"):
             angle_deg = getattr(robot.base, key)
@@ -178,7 +167,7 @@ def _check_plane(document: Document, at: Path, robot: RobotDescription) -> Itera
                 yield document.at_key((*at, "base", key), message)
 
 
-def _check_rates(document: Document, at: Path, robot: RobotDescription) -> Iterator[Located]:
+def _check_rates(document: Document, at: KeyPath, robot: RobotDescription) -> Iterator[Located]:
     unit = robot.quantity.unit
     for what, per in (("velocity", "s"), ("acceleration", "s2"), ("jerk", "s3")):
         key = f"{what}_{unit}_{per}"
@@ -190,7 +179,7 @@ def _check_rates(document: Document, at: Path, robot: RobotDescription) -> Itera
             yield document.at_key((*at, "rates", other), message)
 
 
-def _check_rest(document: Document, at: Path, robot: RobotDescription) -> Iterator[Located]:
+def _check_rest(document: Document, at: KeyPath, robot: RobotDescription) -> Iterator[Located]:
     unit = robot.quantity.unit
     other = "bar" if unit == "mm" else "mm"
     if getattr(robot, f"rest_{other}") is not None:
@@ -214,9 +203,9 @@ def _check_rest(document: Document, at: Path, robot: RobotDescription) -> Iterat
 
 
 def _check_stops(
-    document: Document, at: Path, robot: RobotDescription, wired: Mapping[str, WiredAxis]
+    document: Document, at: KeyPath, robot: RobotDescription, wired: Mapping[str, WiredAxis]
 ) -> Iterator[Located]:
-    """``vent`` needs a regulator; ``relax`` needs something with torque. Defaults are checked like keys."""
+    """``vent`` needs a regulator, ``relax`` a device with torque. Defaults are checked too."""
     kinds = {axis.kind for axis in wired.values()}
     if None in kinds or not kinds:
         return
@@ -233,14 +222,14 @@ def _check_stops(
             yield document.at_value(place, message)
 
 
-def _names_something(document: Document, at: Path, robot: RobotDescription, key: str) -> bool:
-    """True when a dotted key is written in the robot, or is a key of it that was left to its default.
+def _names_something(document: Document, at: KeyPath, robot: RobotDescription, key: str) -> bool:
+    """True when a dotted key is written in the robot, or is a top-level key of its class.
 
-    Names of axes contain dots themselves, so steps are taken greedily.
+    Names of axes contain dots, so every split is tried.
     """
     steps = key.split(".")
 
-    def below(place: Path, rest: list[str]) -> bool:
+    def below(place: KeyPath, rest: list[str]) -> bool:
         if not rest:
             return True
         here = document.get(place)

@@ -25,12 +25,12 @@ class SectionGeometry(Strict):
         chamber_radius_mm: of one chamber.
         chamber_placement_mm: distance of the chambers' centres from the axis.
         pair_angle_deg: angle between the two chambers of one pair.
-        first_pair_deg: azimuth of the first pair; the paper does not say, 0 puts it on +x.
+        first_pair_deg: azimuth of the first pair; not in the paper, 0 is +x.
         modulus_pa: b1..b5 of ``E = b1 x^4 + b2 x^3 + b3 x^2 + b4 x + b5``, E in Pa, x the average pressure in
             bar (eq. 20); `contid calibrate modulus` fits them.
-        modulus_up_to_bar: x is clamped here (the printed fits rise again or were not measured beyond).
-        bending_gain: scale of the pressure's bending moment; 1 is the section as derived.
-        density_kg_m3: of the silicone; 0 leaves the section weightless.
+        modulus_up_to_bar: x is clamped here (the printed fits rise again beyond, or were not measured).
+        bending_gain: scale of the pressure's bending moment; 1 as derived.
+        density_kg_m3: of the silicone; 0 for no weight.
         link_mass_g: of the rigid part.
     """
 
@@ -72,12 +72,12 @@ class SectionGeometry(Strict):
 
 
 class CosseratGeometry(Strict):
-    """Sections from base to tip, and where down is.
+    """Sections from base to tip, and the direction of gravity.
 
     Attributes:
         sections: one entry per section, from the base; each has three pressures.
-        gravity: direction of gravity in the base frame. The arm grows along +z, so the default hangs it tip
-            down. Only the arm's own weight uses it; the load on the tip is a force of the trajectory.
+        gravity: direction of gravity in the base frame. The arm grows along +z, so by default its tip hangs
+            down. It applies to the arm's own weight; the load on the tip is a force of the trajectory.
     """
 
     sections: Annotated[tuple[SectionGeometry, ...], Field(min_length=1, max_length=8)]
@@ -103,8 +103,8 @@ class CosseratLimits(Strict):
     """Pressures of the chamber pairs.
 
     Attributes:
-        pressure_bar: ``[least, greatest]`` pressure of every pair.
-        max_bar: another greatest pressure for single pairs, by axis name: ``{s2.p1: 1.2}``.
+        pressure_bar: ``[min, max]`` pressure of every pair.
+        max_bar: another maximum for single pairs, by axis name: ``{s2.p1: 1.2}``.
     """
 
     pressure_bar: Interval
@@ -112,11 +112,11 @@ class CosseratLimits(Strict):
 
 
 class Orientation(enum.StrEnum):
-    """What a direction of the target asks for.
+    """Meaning of a target's direction.
 
-    ``direction`` (position and tip axis) is the default. ``full_rotation`` is the paper's eq. 17: the whole
-    tip frame, twist-free about the direction. Roll cannot be commanded (without load the Jacobian has rank 5
-    everywhere), so it converges only where the roll happens to fit; it is there for comparison.
+    ``direction``: position and tip axis. ``full_rotation``, for comparison: the paper's eq. 17, the whole tip
+    frame, twist-free about the direction; roll cannot be commanded (without load the Jacobian has rank 5), so
+    it converges only where the roll fits.
     """
 
     DIRECTION = "direction"
@@ -124,16 +124,16 @@ class Orientation(enum.StrEnum):
 
 
 class CosseratSolver(Strict):
-    """How the inverse is computed.
+    """Settings of the inverse kinematics.
 
     Attributes:
         orientation: ``direction``: a target's direction is that of the tip's axis. ``full_rotation``: the
             whole tip frame, as in the paper's eq. 17; for comparison, it converges only where the roll fits.
-        elements: steps of the integration per section.
+        elements: integration steps per section.
         error_mm: estimated discretisation error at which a solve under load doubles its elements.
-        tolerance_mm: task error that counts as met; the preference for ``centre_bar`` costs up to 2e-7.
-        centre_bar: pressures that are preferred where the target leaves a choice; the middle by default.
-        direction_length_mm: how many mm of position one unit of direction is worth in a least-squares sense.
+        tolerance_mm: task error of a converged solution; the preference for ``centre_bar`` costs up to 2e-7.
+        centre_bar: preferred pressure of redundant solutions; the middle by default.
+        direction_length_mm: weight of one unit of direction against mm of position, in least squares.
     """
 
     orientation: Orientation = Orientation.DIRECTION
@@ -154,7 +154,7 @@ class Cosserat(RobotDescription):
         model: ``cosserat``.
         geometry: sections and the direction of gravity.
         limits: of the pressures.
-        solver: of the inverse kinematics; every key has a default.
+        solver: of the inverse kinematics.
     """
 
     quantity: ClassVar[Quantity] = Quantity.PRESSURE
@@ -172,18 +172,18 @@ class Cosserat(RobotDescription):
 
     @property
     def accepts(self) -> frozenset[str]:
-        """One section has three pressures and no freedom left for a direction."""
+        """One section has three pressures, too few for a direction."""
         kinds = {"tip", "actuation", "load"}
         return frozenset(kinds if len(self.geometry.sections) == 1 else kinds | {"mid", "direction"})
 
     @property
     def lower(self) -> Actuation:
-        """Least pressures [Pa]."""
+        """Minimum pressures [Pa]."""
         return tuple(self.limits.pressure_bar[0] * BAR for _ in self.axis_names)
 
     @property
     def upper(self) -> Actuation:
-        """Greatest pressures [Pa]."""
+        """Maximum pressures [Pa]."""
         top = self.limits.pressure_bar[1]
         return tuple(self.limits.max_bar.get(name, top) * BAR for name in self.axis_names)
 

@@ -1,6 +1,6 @@
-"""The page about the robot file, made from its schema: ``contid schema --markdown``.
+"""The page about the robot file, generated from its schema: ``contid schema --markdown``.
 
-Only contid's own drivers are on it, so that the page does not depend on what else is installed.
+It holds contid's own drivers only, so that it does not depend on installed packages.
 """
 
 from __future__ import annotations
@@ -42,26 +42,26 @@ _INTRODUCTION: Final = """\
 
 <!-- Made by `contid schema --markdown` from the docstrings of contid/robot_file and of the drivers. -->
 
-One YAML file describes everything from geometry to wire. `contid check FILE` validates it and names every
-mistake at once, as `file:line:column: what; allowed; nearest name`; `contid schema` prints the JSON Schema
-for editors. This is a whole one; without hardware it moves with `contid run FILE --mock`:
+One YAML file describes everything from geometry to wire. `contid check FILE` validates it and lists every
+mistake, as `file:line:column: what; allowed; nearest name`; `contid schema` prints the JSON Schema
+for editors. A complete file; `contid run FILE --mock` runs it without hardware:
 
 ```yaml
 {EXAMPLE}```
 
 * A key carries its unit (`_mm`, `_bar`, `_deg`, `_hz`). Unknown keys are refused.
-* Scalars follow YAML 1.2: `1e-3` is a number, `on` is a word. Tags are refused; an anchored value (`&name`)
+* Scalars follow YAML 1.2: `1e-3` is a number, `on` is text. Tags are refused; an anchored value (`&name`)
   may be repeated (`*name`).
 * Names of robots and buses are letters, digits, `_` and `-`, beginning with a letter. A robot's name stands
   in front of its trajectory columns.
-* `placeholder` lists keys whose numbers no one measured, such as `geometry.tip_length_mm`; `contid check` and
-  `contid run` report them.
+* `placeholder` lists keys whose values are not measured yet, such as `geometry.tip_length_mm`;
+  `contid check` and `contid run` report them.
 * Lengths on servos and motors need `mm_per_rev`, lengths on regulators need `mm_to_bar`, pressures go to
   regulators as they are.
-* The stop policy `vent` needs a robot with a regulator; `relax` needs one with something else than
-  regulators. That holds for the defaults too.
+* The stop policy `vent` needs a robot with a regulator; `relax` needs a device with torque. This applies
+  to the defaults too.
 * The rest pose (`rest_mm` or `rest_bar`) lies inside the limits; without one it is the middle of the range
-  for lengths and the lower end for pressures.
+  for lengths and the minimum for pressures.
 
 """
 
@@ -110,7 +110,7 @@ def _robots(schema: Schema) -> list[Schema]:
 
 
 def _only(definition: Schema, keys: set[str]) -> Schema:
-    """The same object with some of its keys."""
+    """An object with only these keys."""
     return {**definition, "properties": {k: v for k, v in definition["properties"].items() if k in keys}}
 
 
@@ -133,7 +133,7 @@ def _default(value: Schema) -> str:
 
 
 def _allowed(value: Schema, definitions: dict[str, Schema]) -> str:
-    """What a value may be, in a few words."""
+    """Allowed values, in brief."""
     if "$ref" in value:
         name = value["$ref"].rpartition("/")[2]
         if definitions[name].get("type") != "object" and name not in ("BusDescription", "AxisDescription"):
@@ -142,8 +142,8 @@ def _allowed(value: Schema, definitions: dict[str, Schema]) -> str:
         if "model" in definitions[name].get("properties", {}):
             model = definitions[name]["properties"]["model"]["const"]
             links[name] = (f"model {model}", f"model-{model}")
-        message, anchor = links.get(name, (name, name.lower()))
-        return f"[{message}](#{anchor})"
+        text, anchor = links.get(name, (name, name.lower()))
+        return f"[{text}](#{anchor})"
     if "const" in value:
         return f"`{value['const']}`"
     if "enum" in value:
@@ -160,31 +160,31 @@ def _allowed(value: Schema, definitions: dict[str, Schema]) -> str:
         return f"list of {count}{' ' * bool(count)}{_allowed(value.get('items', {}), definitions)}"
     if kind == "object" and isinstance(value.get("additionalProperties"), dict):
         return f"names with {_allowed(value['additionalProperties'], definitions)}"
-    message = {"string": "text", "boolean": "`true`, `false`"}.get(kind, kind)
-    return " ".join([message, *_bounds(value)])
+    text = {"string": "text", "boolean": "`true`, `false`"}.get(kind, kind)
+    return " ".join([text, *_bounds(value)])
 
 
 def _bounds(value: Schema) -> Iterator[str]:
-    """What a number may be: ``1 to 5``, ``> 0, <= 20``."""
-    least, greatest = value.get("minimum"), value.get("maximum")
-    if least is not None and greatest is not None:
-        yield f"{least:g} to {greatest:g}"
+    """Allowed numbers: ``1 to 5``, ``> 0, <= 20``."""
+    low, high = value.get("minimum"), value.get("maximum")
+    if low is not None and high is not None:
+        yield f"{low:g} to {high:g}"
     else:
         bounds = {
             ">": value.get("exclusiveMinimum"),
-            ">=": least,
+            ">=": low,
             "<": value.get("exclusiveMaximum"),
-            "<=": greatest,
+            "<=": high,
         }
-        said = [f"{sign} {bound:g}" for sign, bound in bounds.items() if bound is not None]
-        if said:
-            yield ", ".join(said)
+        limits = [f"{sign} {bound:g}" for sign, bound in bounds.items() if bound is not None]
+        if limits:
+            yield ", ".join(limits)
     if "multipleOf" in value:
         yield f"in steps of {value['multipleOf']:g}"
 
 
-def _range(least: int | None, greatest: int | None) -> str:
-    """How many there may be, "" for any number."""
-    if greatest is None:
-        return "" if least is None or least < 2 else f"{least} or more"
-    return f"{greatest}" if least == greatest else f"{least or 0} to {greatest}"
+def _range(low: int | None, high: int | None) -> str:
+    """Allowed count of items, "" for any."""
+    if high is None:
+        return "" if low is None or low < 2 else f"{low} or more"
+    return f"{high}" if low == high else f"{low or 0} to {high}"

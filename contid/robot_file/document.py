@@ -1,4 +1,4 @@
-"""The whole robot file: buses and robots, as validated values (loading with positions is in `load`)."""
+"""The whole robot file: buses and robots as validated values; see `load` for positions."""
 
 from __future__ import annotations
 
@@ -18,15 +18,15 @@ AnyRobot: TypeAlias = Annotated[
     RackFinger | TriRack | TriTube | Cosserat | Chain, Field(discriminator="model")
 ]
 
-#: Beyond a thousand ticks per second a tick has no time left for a serial bus.
+#: A shorter tick leaves no time for a serial bus.
 MAX_RATE_HZ: Final = 1000.0
 
 
 class BusDescription(BaseModel):
-    """One bus: its driver, how patient to be, and the driver's own keys.
+    """One bus: its driver, its tolerance of missed exchanges, and the keys of the driver.
 
     Attributes:
-        driver: who speaks to the devices.
+        driver: name of the driver.
         tolerance_ticks: exchanges in a row an axis may miss before its robot goes to FAULT.
     """
 
@@ -43,8 +43,8 @@ class RobotFile(Strict):
         contid: version of this format.
         name: of the whole file, one line; goes into recordings.
         rate_hz: ticks per second of the control loop.
-        buses: what axes are wired to, by a name of your choice.
-        robots: what moves, by a name of your choice.
+        buses: what axes are wired to, by names of your choice.
+        robots: by names of your choice.
     """
 
     contid: Literal[1]

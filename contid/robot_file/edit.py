@@ -1,7 +1,6 @@
-"""Writing single values back into a robot file: comments and order stay, and the file is never half written.
+"""Writing single values into a robot file atomically; comments, order, anchors, quotes and style stay.
 
-The new text is made in memory, written beside the file, flushed to the disk and renamed over it; whatever
-interrupts that leaves the old file whole. Anchors, quotes and flow style survive (ruamel.yaml round trip).
+The new text is written beside the file, flushed to the disk and renamed over it (ruamel.yaml round trip).
 """
 
 from __future__ import annotations
@@ -25,7 +24,7 @@ class EditError(ContidError):
 
 @dataclass(frozen=True, slots=True)
 class Change:
-    """One value to write: a dotted key, its new value, and where it comes from (written as a comment).
+    """One value to write: a dotted key, its new value, and its origin (written as a comment).
 
     Parts of lists are numbered from 0: ``robots.arm.geometry.sections.0.modulus_pa``.
     """
@@ -35,15 +34,10 @@ class Change:
     comment: str = ""
 
 
-def set_value(path: Path, key: str, value: Value, comment: str = "") -> None:
-    """Write one value; see `set_values`."""
-    set_values(path, [Change(key, value, comment)])
-
-
 def set_values(path: Path, changes: Sequence[Change]) -> None:
     """Write values into a YAML file, all of them or none.
 
-    A last part of a key that is missing is added; the mapping it belongs to has to be there.
+    A missing last part of a key is added; its mapping must exist.
 
     Raises:
         EditError: a key's mapping is not in the file, or the file cannot be written.
@@ -88,7 +82,7 @@ def edited(text: str, changes: Sequence[Change]) -> str:
 
 
 def _path(document: Any, key: str) -> list[str]:
-    """The parts of a dotted key; axis names contain dots themselves, so the longest name there is counts."""
+    """The parts of a dotted key; axis names contain dots, so the longest existing name wins."""
     rest = key.split(".")
     path: list[str] = []
     node = document
@@ -110,7 +104,7 @@ def _below(node: Any, part: str) -> Any:
 
 
 def _comment(document: Any, node: Any, parents: list[str], last: str, comment: str) -> None:
-    """Behind the value, or behind the whole mapping when that is written on one line."""
+    """Write the comment behind the value, or behind its mapping when that is on one line."""
     while node.fa.flow_style() and parents:
         *parents, last = parents
         node = document
@@ -118,7 +112,7 @@ def _comment(document: Any, node: Any, parents: list[str], last: str, comment: s
             node = _below(node, parent)
     items = node.ca.items.get(last)
     if items is not None and items[2] is not None and items[2].value.lstrip().startswith("#"):
-        # Keep what follows the comment in the same token: blank lines and the next key's own comment.
+        # The same token holds the blank lines and the comment that follow; keep them.
         _, _, rest = items[2].value.partition("\n")
         items[2].value = f"# {comment}\n{rest}"
     else:
@@ -126,7 +120,7 @@ def _comment(document: Any, node: Any, parents: list[str], last: str, comment: s
 
 
 def replace_whole(path: Path, text: str) -> None:
-    """Write a file so that it is either the old one or the new one, whatever happens."""
+    """Replace a file atomically."""
     path = path.resolve()
     handle, name = tempfile.mkstemp(prefix=f".{path.name}.", dir=path.parent)
     try:

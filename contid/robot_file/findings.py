@@ -1,4 +1,4 @@
-"""From pydantic's errors to what a person can act on: what is wrong, what is allowed, the nearest name."""
+"""Pydantic's errors as located findings: what is wrong, what is allowed, the nearest name."""
 
 from __future__ import annotations
 
@@ -12,30 +12,30 @@ from pydantic import BaseModel, ValidationError
 from pydantic_core import ErrorDetails
 
 from contid.errors import Located
-from contid.robot_file.positions import Data, Document, Path, step_into
+from contid.robot_file.positions import Data, Document, KeyPath, step_into
 from contid.robot_file.renamed import RENAMED_KEYS
 
 Schema: TypeAlias = dict[str, Any]
 
 
 def allowed_names(names: Iterable[str], wrong: str = "") -> str:
-    """The end of a message: what is allowed, and the nearest of it to what was written."""
+    """End of a message: the allowed names, and the nearest to the written one."""
     names = list(dict.fromkeys(names))
     near = difflib.get_close_matches(wrong, names, n=1, cutoff=0.5)
     return f"allowed: {', '.join(names)}" + (f"; did you mean {near[0]!r}?" if near else "")
 
 
 def explain(
-    error: ValidationError, document: Document, at: Path, kind: type[BaseModel], also: Iterable[str] = ()
+    error: ValidationError, document: Document, at: KeyPath, kind: type[BaseModel], also: Iterable[str] = ()
 ) -> list[Located]:
     """Every finding of one failed validation.
 
     Args:
         error: what pydantic raised for the data at ``at``.
         document: where positions come from.
-        at: path of the validated data in the document.
-        kind: the class that was validated; its schema says what would have been allowed.
-        also: keys allowed at the top of the data beyond the class's own.
+        at: path of that data in the document.
+        kind: the class that refused it; its schema gives the allowed values.
+        also: further keys allowed at the top of the data.
     """
     explainer = _Explainer(document, at, kind.model_json_schema(), tuple(also))
     # A union reports the same place once per alternative; one finding is enough.
@@ -45,7 +45,7 @@ def explain(
 @dataclass(frozen=True, slots=True)
 class _Explainer:
     document: Document
-    at: Path
+    at: KeyPath
     schema: Schema
     also: tuple[str, ...]
 
@@ -73,12 +73,12 @@ class _Explainer:
         elif kind == "value_error":
             message = f"{name}: {context.get('error', detail['msg'])}"
         else:
-            message = f"{name}: {_wanted(kind, context, detail['msg'])}, not {shown(written)}"
+            message = f"{name}: {_allowed_value(kind, context, detail['msg'])}, not {shown(written)}"
         return self.document.at_value(path, message)
 
 
-def _name(path: Path) -> str:
-    """What messages call a place: its key, with the numbers of row and item inside a list."""
+def _name(path: KeyPath) -> str:
+    """Name of a path in messages: its key, with the numbers of row and item inside a list."""
     match path:
         case (*_, str(key)):
             return key
@@ -89,8 +89,8 @@ def _name(path: Path) -> str:
     return "the file"
 
 
-def _wanted(kind: str, context: dict[str, Any], message: str) -> str:
-    """What pydantic wants to see, in the words of a robot file."""
+def _allowed_value(kind: str, context: dict[str, Any], message: str) -> str:
+    """The allowed values behind an error of pydantic."""
     numbers = {
         "greater_than": ("gt", "greater than"),
         "greater_than_equal": ("ge", "at least"),
@@ -123,13 +123,13 @@ def _wanted(kind: str, context: dict[str, Any], message: str) -> str:
 
 
 def shown(value: Data) -> str:
-    """A value as it would be written, cut to a readable length."""
+    """A value as it would be written, shortened."""
     text = json.dumps(value) if not isinstance(value, str) else repr(value)
     return text if len(text) <= 40 else f"{text[:37]}..."
 
 
-def _written_path(document: Document, at: Path, location: tuple[str | int, ...]) -> Path:
-    """Path in the document of a pydantic location, which also names the tags of unions on its way."""
+def _written_path(document: Document, at: KeyPath, location: tuple[str | int, ...]) -> KeyPath:
+    """KeyPath in the document of a pydantic location, without its tags of unions."""
     path = at
     for index, step in enumerate(location):
         if step_into(document.get(path), step) or index == len(location) - 1:
@@ -137,8 +137,8 @@ def _written_path(document: Document, at: Path, location: tuple[str | int, ...])
     return path
 
 
-def _places(schema: Schema, root: Schema, path: Path) -> Iterator[Schema]:
-    """Every alternative the schema has for the place ``path``."""
+def _places(schema: Schema, root: Schema, path: KeyPath) -> Iterator[Schema]:
+    """Every alternative of the schema at ``path``."""
     if "$ref" in schema:
         yield from _places(root["$defs"][schema["$ref"].rpartition("/")[2]], root, path)
         return

@@ -1,4 +1,4 @@
-"""Loading a robot file: text to validated buses and robots, or every mistake at once with its place."""
+"""Loading a robot file: validated buses and robots, or every mistake with its place."""
 
 from __future__ import annotations
 
@@ -17,8 +17,7 @@ from contid.robot_file.chain import Chain, check_chain
 from contid.robot_file.checks import WiredAxis, check_name, check_robot
 from contid.robot_file.document import AnyRobot, BusDescription, RobotFile
 from contid.robot_file.findings import allowed_names, explain, shown
-from contid.robot_file.positions import Data, Document, read_document
-from contid.robot_file.positions import Path as Place
+from contid.robot_file.positions import Data, Document, KeyPath, read_document
 from contid.robot_file.recovery import recovered
 from contid.robot_file.renamed import with_renamed_keys
 from contid.robot_file.robot import RobotDescription
@@ -26,7 +25,7 @@ from contid.robot_file.watchdog import watchdog_too_short
 
 _Part = TypeVar("_Part", bound=BaseModel)
 
-#: Keys of a bus and of an axis that belong to contid; every other key belongs to the driver.
+#: Keys of a bus and of an axis that belong to contid; the others belong to the driver.
 BUS_KEYS: Final = tuple(BusDescription.model_fields)
 AXIS_KEYS: Final = tuple(AxisDescription.model_fields)
 
@@ -49,7 +48,7 @@ class BusWiring:
 
 @dataclass(frozen=True, slots=True)
 class LoadedFile:
-    """A robot file that passed every check; ``text`` is exactly what was read, for the record."""
+    """A robot file that passed every check; ``text`` is what was read, for recordings."""
 
     path: Path
     text: str
@@ -70,7 +69,6 @@ def load_robot_file(path: str | Path) -> LoadedFile:
     except OSError as error:
         raise ContidError(f"{path}: cannot read it: {error.strerror}") from error
     try:
-        # As a text file is read: any kind of line end is one.
         text = raw.decode("utf-8").replace("\r\n", "\n").replace("\r", "\n")
     except UnicodeDecodeError as error:
         line = raw.count(b"\n", 0, error.start) + 1
@@ -104,10 +102,7 @@ def parse_robot_file(text: str, name: str, recorded: bool = False) -> LoadedFile
 
 
 def with_mock(loaded: LoadedFile) -> LoadedFile:
-    """The same robots on simulated buses: what ``--mock`` runs.
-
-    Every driver says what stands in for its buses and axes.
-    """
+    """The same robots on simulated buses, for ``--mock``; drivers give the options of their substitutes."""
     sim = load_driver("sim")
     buses: dict[str, BusWiring] = {}
     for name, bus in loaded.buses.items():
@@ -124,7 +119,7 @@ def with_mock(loaded: LoadedFile) -> LoadedFile:
 
 
 class _Loader:
-    """One pass over a document; collects findings and what could be built all the same."""
+    """One pass over a document; collects findings, and builds every valid part."""
 
     def __init__(self, document: Document) -> None:
         self.document = document
@@ -159,8 +154,10 @@ class _Loader:
                 self.findings += check_chain(self.document, ("robots", name), robot, described)
         return {name: replace(bus, axes=tuple(self.axes[name])) for name, bus in wirings.items() if bus}
 
-    def _validated(self, kind: type[_Part], data: Data, at: Place, also: Sequence[str] = ()) -> _Part | None:
-        """``data`` as a ``kind``; notes what is wrong and mends it when it can."""
+    def _validated(
+        self, kind: type[_Part], data: Data, at: KeyPath, also: Sequence[str] = ()
+    ) -> _Part | None:
+        """``data`` as a ``kind``; mistakes become findings and are replaced where possible."""
         try:
             return kind.model_validate_json(json.dumps(data), strict=True)
         except ValidationError as error:
@@ -168,7 +165,7 @@ class _Loader:
             return recovered(kind, data)
 
     def _bus(self, name: str, raw: Data) -> BusWiring | None:
-        at: Place = ("buses", name)
+        at: KeyPath = ("buses", name)
         self.findings += check_name(self.document, at)
         common = self._validated(BusDescription, _mine(raw, BUS_KEYS), at)
         if not isinstance(raw, dict) or not isinstance(raw.get("driver"), str) or common is None:
@@ -186,7 +183,7 @@ class _Loader:
         return BusWiring(name, common.driver, options, (), common.tolerance_ticks)
 
     def _robot(self, name: str, raw: Data) -> RobotDescription | None:
-        at: Place = ("robots", name)
+        at: KeyPath = ("robots", name)
         self.findings += check_name(self.document, at)
         if not isinstance(raw, dict):
             message = f"{name}: a robot is a mapping of keys to values, not {shown(raw)}"
@@ -209,8 +206,8 @@ class _Loader:
             self.findings += check_robot(self.document, at, robot, wired)
         return robot
 
-    def _axis(self, at: Place, raw: Data) -> WiredAxis:
-        """One axis: its common keys, its bus, its driver's keys, and that its address is its own."""
+    def _axis(self, at: KeyPath, raw: Data) -> WiredAxis:
+        """One axis: its common keys, its bus, its driver's keys, and a unique address."""
         common = self._validated(AxisDescription, _mine(raw, AXIS_KEYS), at)
         bus = raw.get("bus") if isinstance(raw, dict) else None
         if not isinstance(bus, str) or not isinstance(raw, dict):
@@ -226,7 +223,7 @@ class _Loader:
             return WiredAxis(at, common, None)
         owner = f"{at[1]}.{at[3]}"
         address = driver.address(options)
-        # A driver whose axes need no address of their own says "".
+        # "" when axes of this driver need no address.
         first = self.addresses.setdefault((bus, address), owner) if address else owner
         if first != owner:
             message = f"{address} on bus {bus!r} already belongs to {first}"
@@ -247,10 +244,10 @@ def _mapping(data: Data) -> dict[str, Data]:
 
 
 def _mine(data: Data, keys: Sequence[str]) -> Data:
-    """The part of a mapping that belongs to contid; anything else as it is."""
+    """The keys of a mapping that belong to contid; other data unchanged."""
     return {key: data[key] for key in keys if key in data} if isinstance(data, dict) else data
 
 
 def _theirs(data: dict[str, Data], keys: Sequence[str]) -> Data:
-    """The part of a mapping that belongs to the driver."""
+    """The keys of a mapping that belong to the driver."""
     return {key: value for key, value in data.items() if key not in keys}

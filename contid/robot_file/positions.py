@@ -1,9 +1,8 @@
 """A YAML document with the line and column of every key and value.
 
-Read from the parser's events, not through a YAML object loader: scalars follow the YAML 1.2 core schema (so
-``1e-3`` is a number and ``on`` is a word), and what makes YAML dangerous or ambiguous - tags, duplicate keys,
-bottomless nesting, aliases that multiply - is a finding instead of a surprise. An anchored value may be
-repeated by its alias; a mistake inside it is located where it was written, once.
+Read from the parser's events: scalars follow the YAML 1.2 core schema (``1e-3`` is a number, ``on`` is text);
+tags, duplicate keys, deep nesting and multiplying aliases are findings. A mistake inside an aliased value is
+located once, where it was written.
 """
 
 from __future__ import annotations
@@ -17,18 +16,18 @@ import yaml
 
 from contid.errors import BadInputError, Located
 
-#: Where something stands in a document: keys of mappings and indices of sequences from the root.
-Path: TypeAlias = tuple[str | int, ...]
+#: KeyPath in a document: keys of mappings and indices of sequences from the root.
+KeyPath: TypeAlias = tuple[str | int, ...]
 Data: TypeAlias = "str | int | float | bool | list[Data] | dict[str, Data] | None"
 
-#: A robot file is a page or two; the caps only keep a wrong file from eating the machine.
+#: Far beyond any robot file; they bound time and memory for a wrong one.
 MAX_CHARACTERS: Final = 1_000_000
 MAX_DEPTH: Final = 32
 MAX_VALUES: Final = 50_000
 
 _INTEGER: Final = re.compile(r"[-+]?[0-9]+")
 _FLOAT: Final = re.compile(r"[-+]?(\.[0-9]+|[0-9]+(\.[0-9]*)?)([eE][-+]?[0-9]+)?")
-_WORDS: Final[dict[str, bool | float | None]] = {
+_CONSTANTS: Final[dict[str, bool | float | None]] = {
     **dict.fromkeys(("", "~", "null", "Null", "NULL"), None),
     **dict.fromkeys(("true", "True", "TRUE"), True),
     **dict.fromkeys(("false", "False", "FALSE"), False),
@@ -43,18 +42,18 @@ class Document:
 
     file: str
     data: Data = None
-    keys: dict[Path, tuple[int, int]] = field(default_factory=dict)
-    values: dict[Path, tuple[int, int]] = field(default_factory=dict)
+    keys: dict[KeyPath, tuple[int, int]] = field(default_factory=dict)
+    values: dict[KeyPath, tuple[int, int]] = field(default_factory=dict)
 
-    def at_key(self, path: Path, message: str) -> Located:
-        """A finding at the key of ``path``, or at the nearest place above it that was written."""
+    def at_key(self, path: KeyPath, message: str) -> Located:
+        """A finding at the key of ``path``, or at its nearest parent in the text."""
         return self._located(path, message, (self.keys, self.values))
 
-    def at_value(self, path: Path, message: str) -> Located:
-        """A finding at the value of ``path``, or at the nearest place above it that was written."""
+    def at_value(self, path: KeyPath, message: str) -> Located:
+        """A finding at the value of ``path``, or at its nearest parent in the text."""
         return self._located(path, message, (self.values, self.keys))
 
-    def get(self, path: Path) -> Data:
+    def get(self, path: KeyPath) -> Data:
         """The data at ``path``; None when nothing is there."""
         here = self.data
         for step in path:
@@ -64,7 +63,9 @@ class Document:
             here = below[0]
         return here
 
-    def _located(self, path: Path, message: str, tables: tuple[dict[Path, tuple[int, int]], ...]) -> Located:
+    def _located(
+        self, path: KeyPath, message: str, tables: tuple[dict[KeyPath, tuple[int, int]], ...]
+    ) -> Located:
         while True:
             for table in tables:
                 if path in table:
@@ -78,10 +79,10 @@ def read_document(text: str, file: str) -> Document:
     """Parse ``text``.
 
     Raises:
-        BadInputError: not YAML, or with tags, duplicate keys, too deep or too large; every finding.
+        BadInputError: not YAML, tags, duplicate keys, too deep or too large; every finding.
     """
     if len(text) > MAX_CHARACTERS:
-        message = f"{len(text)} characters are no robot file; at most {MAX_CHARACTERS}"
+        message = f"{len(text)} characters; a robot file has at most {MAX_CHARACTERS}"
         raise BadInputError([Located(file, 1, 1, message)])
     reader = _Reader(Document(file))
     try:
@@ -101,12 +102,12 @@ def read_document(text: str, file: str) -> Document:
 
 
 class _Reader:
-    """Turns events into data, collecting what is refused on the way."""
+    """Turns events into data and collects findings."""
 
     def __init__(self, document: Document) -> None:
         self.document = document
         self.findings: list[Located] = []
-        self.anchors: dict[str, Path] = {}
+        self.anchors: dict[str, KeyPath] = {}
         self.anchored: dict[str, Data] = {}
         self.values = 0
 
@@ -127,7 +128,7 @@ class _Reader:
     def _refuse(self, event: yaml.Event, message: str) -> None:
         self.findings.append(self._located(event, message))
 
-    def _value(self, event: yaml.Event, events: Iterator[yaml.Event], path: Path) -> Data:
+    def _value(self, event: yaml.Event, events: Iterator[yaml.Event], path: KeyPath) -> Data:
         self.document.values.setdefault(path, _place(event))
         self._count(event)
         if isinstance(event, yaml.AliasEvent):
@@ -137,7 +138,7 @@ class _Reader:
         if anchor in self.anchors:
             self._refuse(event, f"anchor &{anchor} is used twice; an anchor names one value")
         elif anchor:
-            # Only now: a value cannot contain itself.
+            # After the value, which cannot contain itself.
             self.anchors[anchor] = path
             self.anchored[anchor] = value
         return value
@@ -147,14 +148,14 @@ class _Reader:
         if self.values > MAX_VALUES:
             raise BadInputError([self._located(event, f"more than {MAX_VALUES} values, aliases written out")])
 
-    def _repeat(self, event: yaml.AliasEvent, path: Path) -> Data:
-        """The value an alias stands for, with the positions of where it was written."""
+    def _repeat(self, event: yaml.AliasEvent, path: KeyPath) -> Data:
+        """The value of an alias, with the positions of the original."""
         if event.anchor not in self.anchors:
             self._refuse(event, f"alias *{event.anchor} repeats nothing: no value above has &{event.anchor}")
             return None
         origin = self.anchors[event.anchor]
 
-        def copied(value: Data, below: Path) -> Data:
+        def copied(value: Data, below: KeyPath) -> Data:
             self._count(event)
             for table in (self.document.keys, self.document.values):
                 if below and origin + below in table:
@@ -167,14 +168,13 @@ class _Reader:
 
         return copied(self.anchored[event.anchor], ())
 
-    def _new_value(self, event: yaml.Event, events: Iterator[yaml.Event], path: Path) -> Data:
+    def _new_value(self, event: yaml.Event, events: Iterator[yaml.Event], path: KeyPath) -> Data:
         tag = getattr(event, "tag", None)
         if tag:
             self._refuse(event, f"tags ({tag}) are not allowed")
         if isinstance(event, yaml.ScalarEvent):
             return _scalar(event)
         if len(path) >= MAX_DEPTH:
-            # The parser cannot skip; nothing below can be trusted, so stop here with this one finding.
             raise BadInputError([self._located(event, f"nested deeper than {MAX_DEPTH} levels")])
         if isinstance(event, yaml.SequenceStartEvent):
             items: list[Data] = []
@@ -183,11 +183,11 @@ class _Reader:
             return items
         return self._mapping(events, path)
 
-    def _mapping(self, events: Iterator[yaml.Event], path: Path) -> dict[str, Data]:
+    def _mapping(self, events: Iterator[yaml.Event], path: KeyPath) -> dict[str, Data]:
         mapping: dict[str, Data] = {}
         while not isinstance(event := next(events), yaml.MappingEndEvent):
             if not isinstance(event, yaml.ScalarEvent):
-                self._refuse(event, "a key must be one word")
+                self._refuse(event, "a key must be a plain scalar")
                 self._value(event, events, (*path, "?"))
                 self._value(next(events), events, (*path, "?"))
                 continue
@@ -203,7 +203,7 @@ class _Reader:
 
 
 def step_into(data: Data, step: str | int) -> tuple[Data] | tuple[()]:
-    """What is below ``data`` at one step of a path, as a tuple of one; empty when nothing is there."""
+    """The data one step below, as a tuple of one; empty when there is none."""
     if isinstance(data, dict) and isinstance(step, str) and step in data:
         return (data[step],)
     if isinstance(data, list) and isinstance(step, int) and step < len(data):
@@ -212,7 +212,7 @@ def step_into(data: Data, step: str | int) -> tuple[Data] | tuple[()]:
 
 
 def _place(event: yaml.Event) -> tuple[int, int]:
-    """Line and column where an event begins, counted from 1."""
+    """Line and column of an event, from 1."""
     mark = event.start_mark
     return (mark.line + 1, mark.column + 1) if mark is not None else (1, 1)
 
@@ -222,8 +222,8 @@ def _scalar(event: yaml.ScalarEvent) -> Data:
     text = event.value
     if event.style is not None:
         return str(text)
-    if text in _WORDS:
-        return _WORDS[text]
+    if text in _CONSTANTS:
+        return _CONSTANTS[text]
     if _INTEGER.fullmatch(text) and len(text) < 40:
         return int(text)
     if _FLOAT.fullmatch(text):

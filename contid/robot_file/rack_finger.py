@@ -56,9 +56,9 @@ class RackFingerLimits(Strict):
     """Eq. 8 with erratum A-4 (both bending signs).
 
     Attributes:
-        length_mm: least and greatest length of a rack between base and tip body.
-        curvature_max_per_mm: greatest curvature to either side; the one of the links (Eq. 9) by default.
-        arc_length_min_mm: shortest arc; near zero the curvature is ill-conditioned.
+        length_mm: ``[min, max]`` length of a rack between base and tip body.
+        curvature_max_per_mm: maximum curvature to either side; that of the links (Eq. 9) by default.
+        arc_length_min_mm: minimum arc; near zero the curvature is ill-conditioned.
     """
 
     length_mm: LengthInterval
@@ -80,13 +80,13 @@ class CurvatureCorrection(Strict):
     arc_length_mm: Interval
 
     @model_validator(mode="after")
-    def _bends_as_told(self) -> CurvatureCorrection:
+    def _keeps_sense_of_bending(self) -> CurvatureCorrection:
         for arc_length_mm in self.arc_length_mm:
             gain = 1.0 + self.a_per_mm * arc_length_mm + self.b
             if not gain > 0.0:
                 raise ValueError(
-                    f"1 + a S + b is {gain:g} at S = {arc_length_mm:g} mm; a finger bends as it is told: "
-                    "allowed are a, b and arc_length_mm that keep it above 0"
+                    f"1 + a S + b is {gain:g} at S = {arc_length_mm:g} mm; it must stay above 0, "
+                    "or the finger bends to the wrong side"
                 )
         return self
 
@@ -94,7 +94,7 @@ class CurvatureCorrection(Strict):
 class RackFinger(RobotDescription):
     """A planar finger between two racks; it grows along +y and bends to +x when the right rack is longer.
 
-    Axes: ``left`` and ``right``, the racks as seen with the finger growing away from you. Targets: a tip in
+    Axes: ``left`` and ``right``, the racks seen with the finger growing away from you. Targets: a tip in
     the plane.
 
     Attributes:
@@ -114,17 +114,17 @@ class RackFinger(RobotDescription):
 
     @property
     def axis_names(self) -> tuple[str, ...]:
-        """L1 is the left rack, L2 the right one, seen with the finger growing along +y."""
+        """L1 is the left rack, L2 the right one, with the finger growing along +y."""
         return ("left", "right")
 
     @property
     def lower(self) -> Actuation:
-        """Least rack lengths [m]."""
+        """Minimum rack lengths [m]."""
         return (self.limits.length_mm[0] / MM_PER_M,) * 2
 
     @property
     def upper(self) -> Actuation:
-        """Greatest rack lengths [m]."""
+        """Maximum rack lengths [m]."""
         return (self.limits.length_mm[1] / MM_PER_M,) * 2
 
     @property

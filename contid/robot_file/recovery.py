@@ -1,8 +1,7 @@
-"""A stand-in for a part of a robot file that has mistakes, so that the rest of it can still be checked.
+"""Replacement of invalid values, so that the rest of a robot file can still be checked.
 
-One typing mistake must not hide a missing axis: after the mistakes of a robot are noted, the values that
-caused them are dropped or replaced by something harmless, and the checks that look at several keys at once
-run on what remains. Nothing built here ever leaves the loader: its findings are already an error.
+After the findings of a part are collected, its invalid values are dropped or replaced, and the checks that
+involve several keys run on the rest. The result never leaves the loader.
 """
 
 from __future__ import annotations
@@ -16,26 +15,26 @@ from pydantic import BaseModel, ValidationError
 from contid.robot_file.positions import Data, step_into
 
 _Model = TypeVar("_Model", bound=BaseModel)
-#: Mending one mistake can uncover the next (a dropped optional key never does, a replaced one may).
+#: A replaced value can cause the next error.
 _ROUNDS: Final = 4
 
 
 def recovered(kind: type[_Model], data: Data) -> _Model | None:
-    """``data`` as a ``kind`` with every mistake dropped or replaced; None when that is not possible."""
+    """``data`` as a ``kind`` with every invalid value dropped or replaced; None when that fails."""
     data = copy.deepcopy(data)
     for _ in range(_ROUNDS):
         try:
             return kind.model_validate_json(json.dumps(data), strict=True)
         except ValidationError as error:
             for detail in error.errors(include_url=False):
-                _mend(data, detail["loc"], detail["type"], detail.get("ctx", {}))
+                _replace(data, detail["loc"], detail["type"], detail.get("ctx", {}))
     return None
 
 
-def _mend(data: Data, location: tuple[str | int, ...], kind: str, context: dict[str, object]) -> None:
+def _replace(data: Data, location: tuple[str | int, ...], kind: str, context: dict[str, object]) -> None:
     table, parent = None, data
     for step in location[:-1]:
-        # A location also names the tags of unions on its way; those are no steps.
+        # A location also holds the tags of unions; those are no steps.
         below = step_into(parent, step)
         table, parent = (parent, below[0]) if below else (table, parent)
     key = location[-1] if location else None
@@ -59,7 +58,7 @@ def _mend(data: Data, location: tuple[str | int, ...], kind: str, context: dict[
 
 
 def _increasing(data: Data) -> Data:
-    """An interval written the wrong way round, turned; anything else as it is."""
+    """The numbers of a list in rising order; other data unchanged."""
     if not isinstance(data, list):
         return data
     numbers: list[float] = sorted(item for item in data if isinstance(item, (int, float)))

@@ -1,7 +1,8 @@
-"""What every kind of robot description offers to the layers above, whatever its model."""
+"""The interface of every robot description, independent of its model."""
 
 from __future__ import annotations
 
+import math
 from abc import abstractmethod
 from collections.abc import Mapping
 from typing import ClassVar
@@ -21,22 +22,22 @@ from contid.targets import Actuation
 
 
 class RobotDescription(Strict):
-    """One robot of a file. Each model derives one class from this and adds geometry, limits and correction.
+    """One robot of a file. Each model derives a class and adds geometry, limits and correction.
 
     Attributes:
-        model: its kinematics; decides which further keys there are.
+        model: its kinematics; decides the further keys.
         base: pose of the base frame in the world.
-        axes: one entry per axis of the model, wired to a bus.
+        axes: one entry per axis of the model.
         rates: velocity, acceleration and jerk of the actuators.
-        stop: what to do for every reason to stop.
-        rest_mm: the rest pose of a robot whose axes are lengths, in the order of its axes.
+        stop: policy for every reason to stop.
+        rest_mm: rest pose of a robot whose axes are lengths, in the order of its axes.
         rest_bar: the same for pressures.
         feedback: closed loop on measured tip positions; off when left out.
-        placeholder: dotted keys whose numbers no one measured, e.g. ``geometry.tip_length_mm``.
+        placeholder: dotted keys whose values are not measured yet, e.g. ``geometry.tip_length_mm``.
     """
 
     quantity: ClassVar[Quantity]
-    #: 2 for planar robots, which live in x and y and grow along +y; 3 for spatial ones, along +z.
+    #: 2 for planar robots (xy plane, growing along +y), 3 for spatial ones (along +z).
     dimension: ClassVar[int]
 
     model: str
@@ -52,11 +53,11 @@ class RobotDescription(Strict):
     @property
     @abstractmethod
     def axis_names(self) -> tuple[str, ...]:
-        """Names of the model's actuation in its own order; trajectory columns add ``_mm`` or ``_bar``."""
+        """Names of the model's axes in its order; trajectory columns add ``_mm`` or ``_bar``."""
 
     @property
     def extra_axis_names(self) -> tuple[str, ...]:
-        """Axes beyond the kinematics (wrist, gripper), driven straight from their columns."""
+        """Axes beyond the kinematics (wrist, gripper), commanded by their own columns."""
         return ()
 
     @property
@@ -66,12 +67,12 @@ class RobotDescription(Strict):
 
     @property
     def extra_limits(self) -> Mapping[str, tuple[float, float]]:
-        """Least and greatest value of every extra axis [m or Pa]; an axis that is missing is open."""
+        """Limits of the extra axes [m or Pa]; a missing axis has none."""
         return {}
 
     @property
     def kinematics(self) -> str:
-        """Which implementation of the model answers: its name, and the solver where there is a choice."""
+        """Name of the model, with the solver where there is a choice."""
         return self.model
 
     @property
@@ -81,27 +82,42 @@ class RobotDescription(Strict):
 
     @property
     def passive(self) -> bool:
-        """True for robots without actuators of their own, such as a chain that only watches its arms."""
+        """True for robots without actuators of their own, such as a chain."""
         return False
 
     @property
     @abstractmethod
     def lower(self) -> Actuation:
-        """Least value of every axis [m or Pa]."""
+        """Lower limit of every axis [m or Pa]."""
 
     @property
     @abstractmethod
     def upper(self) -> Actuation:
-        """Greatest value of every axis [m or Pa]."""
+        """Upper limit of every axis [m or Pa]."""
 
     @property
     def coupling(self) -> tuple[tuple[float, ...], ...] | None:
-        """Square matrix C with ``driven = C @ actuation`` (what the transmissions see), None for identity."""
+        """Square matrix C with ``driven = C @ actuation`` (inputs of the transmissions); None: identity."""
         return None
 
     @property
+    def driven_limits(self) -> tuple[tuple[float, float], ...]:
+        """Range [m or Pa] of every transmission's input, extra axes last: the limits through `coupling`."""
+        lower, upper = self.lower, self.upper
+        extra = tuple(self.extra_limits.get(name, (-math.inf, math.inf)) for name in self.extra_axis_names)
+        if self.coupling is None:
+            return (*zip(lower, upper, strict=True), *extra)
+        ranges = []
+        for row in self.coupling:
+            terms = [(c, low, high) for c, low, high in zip(row, lower, upper, strict=True) if c != 0.0]
+            lowest = sum(c * (low if c > 0.0 else high) for c, low, high in terms)
+            highest = sum(c * (high if c > 0.0 else low) for c, low, high in terms)
+            ranges.append((lowest, highest))
+        return (*ranges, *extra)
+
+    @property
     def rest(self) -> Actuation:
-        """The rest pose [m or Pa]: as written, else half-way for lengths and the least pressures."""
+        """The rest pose [m or Pa]: as written, else half-way for lengths, minimum for pressures."""
         written = self.rest_mm if self.quantity is Quantity.LENGTH else self.rest_bar
         if written is not None:
             return tuple(value / self.quantity.per_si for value in written)
@@ -111,17 +127,17 @@ class RobotDescription(Strict):
 
     @property
     def velocity_limit(self) -> float:
-        """Greatest speed of an axis [m/s or Pa/s]."""
+        """Maximum speed of an axis [m/s or Pa/s]."""
         return self._rate("velocity", "_s")
 
     @property
     def acceleration_limit(self) -> float:
-        """Greatest acceleration of an axis [m/s^2 or Pa/s^2]."""
+        """Maximum acceleration of an axis [m/s^2 or Pa/s^2]."""
         return self._rate("acceleration", "_s2")
 
     @property
     def jerk_limit(self) -> float:
-        """Greatest jerk of an axis [m/s^3 or Pa/s^3]."""
+        """Maximum jerk of an axis [m/s^3 or Pa/s^3]."""
         return self._rate("jerk", "_s3")
 
     def _rate(self, what: str, per: str) -> float:

@@ -1,7 +1,7 @@
 """The JSON Schema of a robot file (draft 2020-12), with the keys of every driver in it.
 
-For editors: completion and squiggles while a robot file is written. ``contid check`` checks more, because a
-schema cannot say that an axis a model needs is missing or that two axes share an id.
+For completion and checks in editors. ``contid check`` also finds what a schema cannot express, such as a
+missing axis or two axes with one id.
 """
 
 from __future__ import annotations
@@ -27,7 +27,7 @@ def robot_file_schema(drivers: Iterable[str] | None = None) -> Schema:
     """The schema of a whole robot file.
 
     Args:
-        drivers: whose keys to include; every installed driver by default.
+        drivers: those whose keys to include; every installed one by default.
     """
     loaded = {name: load_driver(name) for name in (driver_names() if drivers is None else drivers)}
     kinds: list[type[BaseModel]] = [RobotFile, BusDescription, AxisDescription]
@@ -58,7 +58,7 @@ def robot_file_schema(drivers: Iterable[str] | None = None) -> Schema:
         buses.append(bus)
         axes.append(joined(AxisDescription, driver.axis_options, f"axis on a bus with driver {name}"))
     definitions[name_of[BusDescription]] = {"oneOf": buses}
-    # Which driver an axis belongs to stands in its bus, out of a schema's sight: any of them will do.
+    # The driver of an axis is a key of its bus, which a schema cannot relate: any driver is allowed.
     definitions[name_of[AxisDescription]] = {"anyOf": axes}
     for driver in loaded.values():
         for own in (driver.bus_options, driver.axis_options):
@@ -68,7 +68,7 @@ def robot_file_schema(drivers: Iterable[str] | None = None) -> Schema:
 
 
 def meanings(kind: type[BaseModel]) -> dict[str, str]:
-    """What each key means, from the ``Attributes`` of a class's docstring and of those it derives from."""
+    """Meaning of each key, from the ``Attributes`` of a class and of its bases."""
     found: dict[str, str] = {}
     for each in reversed(kind.__mro__):
         _, _, section = (each.__dict__.get("__doc__") or "").partition("Attributes:\n")
@@ -94,7 +94,7 @@ def summary(kind: type[BaseModel]) -> str:
 
 
 def _by_name(kinds: Iterable[type[BaseModel]]) -> dict[str, type[BaseModel]]:
-    """Every class below the given ones by its own name."""
+    """The given classes and those of their fields, by name."""
     found: dict[str, type[BaseModel]] = {}
     seen: set[type[BaseModel]] = set()
     waiting: list[Any] = list(kinds)
@@ -109,14 +109,14 @@ def _by_name(kinds: Iterable[type[BaseModel]]) -> dict[str, type[BaseModel]]:
 
 
 def _describe(definitions: Mapping[str, Schema], kinds: Mapping[str, type[BaseModel]]) -> None:
-    """Give every key the meaning its class documents, and every object its summary."""
+    """Add the documented meaning of every key, and the summary of every object."""
     for name, definition in definitions.items():
         kind = kinds.get(name)
         if kind is None:
             continue
         definition["description"] = summary(kind)
         if issubclass(kind, RobotDescription):
-            # What makes a model this model first, then what every robot has.
+            # The keys of the model first, then the common ones.
             keys = sorted(
                 definition["properties"],
                 key=lambda key: (key != "model", key in RobotDescription.model_fields),

@@ -1,4 +1,4 @@
-"""What every robot of constant-curvature sections writes in its file: lengths per section, their limits."""
+"""Robot descriptions of constant-curvature sections: lengths per section and their limits."""
 
 from __future__ import annotations
 
@@ -12,19 +12,19 @@ from contid.robot_file.robot import RobotDescription
 from contid.targets import Actuation
 from contid.units import MM_PER_M
 
-#: Most sections of one arm; the native kernel keeps its scratch for so many on the stack.
-MOST_SECTIONS = 4
+#: The native kernel has scratch on the stack for so many.
+MAX_SECTIONS = 4
 
 
 class SectionLimits(Strict):
     """Limits of the sections.
 
     Attributes:
-        length_mm: ``[least, greatest]`` length of the tubes or racks, one row per section.
-        bend_radius_min_mm: least radius the backbone may be bent to, in every section.
+        length_mm: ``[min, max]`` length of the tubes or racks, one row per section.
+        bend_radius_min_mm: minimum bend radius of the backbone, in every section.
     """
 
-    length_mm: Annotated[tuple[LengthInterval, ...], Field(min_length=1, max_length=MOST_SECTIONS)]
+    length_mm: Annotated[tuple[LengthInterval, ...], Field(min_length=1, max_length=MAX_SECTIONS)]
     bend_radius_min_mm: Positive | None = None
 
 
@@ -48,29 +48,29 @@ class SectionRobot(RobotDescription):
 
     @property
     def accepts(self) -> frozenset[str]:
-        """A tip; with a direction or a mid-point where there are lengths enough for it."""
+        """A tip; from two sections on also a direction or a mid-point."""
         more = {"direction", "mid"} if self.sections > 1 else set()
         return frozenset({"tip", "actuation"} | more)
 
     @property
     def lower(self) -> Actuation:
-        """Least length of every tube [m]."""
+        """Minimum length of every tube [m]."""
         return tuple(low / MM_PER_M for low, _ in self.limits.length_mm for _ in range(3))
 
     @property
     def upper(self) -> Actuation:
-        """Greatest length of every tube [m]."""
+        """Maximum length of every tube [m]."""
         return tuple(high / MM_PER_M for _, high in self.limits.length_mm for _ in range(3))
 
     @property
     def curvature_max_per_m(self) -> float:
-        """Greatest curvature of the backbone [1/m], inf without a bend radius."""
+        """Maximum curvature of the backbone [1/m], inf without a bend radius."""
         radius_mm = self.limits.bend_radius_min_mm
         return float("inf") if radius_mm is None else MM_PER_M / radius_mm
 
     @property
     def rack_m(self) -> float:
-        """Greatest sum of one rack's lengths over the sections [m]; tubes have no such limit."""
+        """Maximum sum of one rack's lengths over the sections [m]; inf for tubes."""
         return float("inf")
 
     @property
@@ -89,7 +89,7 @@ class SectionRobot(RobotDescription):
         """Length of the rigid piece after every section [m]."""
 
     def per_section(self, values: tuple[float, ...] | None, what: str) -> tuple[float, ...]:
-        """One number per section [m]: zeros when left out; one number stands for all.
+        """One number per section [m]: zeros when left out; one number applies to all.
 
         Raises:
             ValueError: neither one number nor one per section.

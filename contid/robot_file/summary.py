@@ -1,4 +1,4 @@
-"""What a robot file describes, in plain data: the report of ``contid check``."""
+"""The report of ``contid check``: contents of a robot file as plain data."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ from contid.robot_file.robot import RobotDescription
 
 
 class AxisReport(TypedDict):
-    """One axis: its limits in the unit of its robot, and where it is wired."""
+    """One axis: its limits in the unit of its robot, its bus and its address."""
 
     name: str
     min: float | None
@@ -23,14 +23,14 @@ class AxisReport(TypedDict):
 
 
 class ArmReport(TypedDict):
-    """An arm of a chain and where its base stands."""
+    """An arm of a chain and the position of its base."""
 
     name: str
     base_mm: list[float]
 
 
 class ChainReport(TypedDict):
-    """What closes between the bases of two arms; ``mass_g`` is None when it was not stated."""
+    """Two arms and their rope; ``mass_g`` is None when left out."""
 
     arms: list[ArmReport]
     bases_apart_mm: float
@@ -157,7 +157,7 @@ def _bus(bus: BusWiring) -> BusReport:
     return {
         "name": bus.name,
         "driver": bus.driver,
-        # What it is called is the driver's affair; these two are what most call it.
+        # Drivers choose the key; these two are usual.
         "port": str(getattr(bus.options, "port", getattr(bus.options, "address", ""))),
         "axes": len(bus.axes),
         "tolerance_ticks": bus.tolerance_ticks,
@@ -165,5 +165,5 @@ def _bus(bus: BusWiring) -> BusReport:
 
 
 def _rounded(value: float | None) -> float | None:
-    """Edge units again, without the last bit that the way through SI may have cost."""
+    """Rounded to 12 digits: the conversion through SI costs the last bit."""
     return None if value is None else float(f"{value:.12g}")

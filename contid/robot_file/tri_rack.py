@@ -15,16 +15,14 @@ class TriRackGeometry(Strict):
     """Dimensions of the arm.
 
     Attributes:
-        rack_radius_mm: distance of the racks from the backbone, the same in all segments (racks are
-            continuous).
+        rack_radius_mm: distance of the racks from the backbone, the same in all segments.
         phi_deg: azimuth of rack 1; the paper's single segment has 180.
-        convention: sense in which phi and the racks are counted, seen from +z. ``clockwise`` changes one
-            entry of the printed M (its sign error); ``counterclockwise`` mirrors the arm in y.
+        convention: sense of phi and of the rack order, seen from +z. ``clockwise`` corrects the sign error of
+            the printed M; ``counterclockwise`` mirrors the arm in y.
         platform_mm: thickness of the platform after each segment, one number or one per segment.
-        coupling: where the racks are clamped, which decides what the motors turn. ``base_fixed``: platforms
-            climb, motor 2 counts both segments; ``tip_fixed``: the motors at the base count both segments;
-            ``printed``: the paper's matrix, for study - it asks for negative strokes when the second segment
-            is the longer one.
+        coupling: where the racks are clamped. ``base_fixed``: platforms climb, segment 2's motors move by
+            both lengths; ``tip_fixed``: segment 1's motors do; ``printed``: the paper's matrix, for study:
+            strokes are negative when the second segment is longer.
     """
 
     rack_radius_mm: Size
@@ -38,7 +36,7 @@ class TriRackLimits(SectionLimits):
     """Limits of the arm.
 
     Attributes:
-        rack_length_mm: free length of a rack: the sum of its lengths in all segments stays below.
+        rack_length_mm: free length of a rack: maximum sum of its lengths in all segments.
     """
 
     rack_length_mm: Positive | None = None
@@ -91,13 +89,13 @@ class TriRack(SectionRobot):
 
     @property
     def rack_m(self) -> float:
-        """The rack budget [m], inf when none is stated."""
+        """The free rack length [m], inf when left out."""
         longest_mm = self.limits.rack_length_mm
         return float("inf") if longest_mm is None else longest_mm / MM_PER_M
 
     @property
     def coupling(self) -> tuple[tuple[float, ...], ...] | None:
-        """Travel of the motors by segment lengths; platform thickness is part of the zero of each motor."""
+        """Travel of the motors by segment lengths; platform thickness is part of each zero."""
         if self.sections == 1:
             return None
         order = range(self.sections)

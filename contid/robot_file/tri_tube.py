@@ -20,7 +20,7 @@ class TriTubeGeometry(Strict):
     Attributes:
         radius_mm: distance of the tubes from the backbone, one number or one per section; where a section
             tapers, its mean.
-        layout: where tube 1, 2, 3 of a section stand. ``paper``: 180, 60, -60 degrees, the only layout with
+        layout: azimuths of tube 1, 2, 3 of a section. ``paper``: 180, 60, -60 degrees, the only layout with
             which Eq. 2 and 3 of Singh et al. agree; ``ccw``: 0, 120, 240 degrees.
         angles_deg: instead of a layout, three azimuths, counter-clockwise from +x seen from +z.
         rigid_mm: rigid piece after each section, one number or one per section.
@@ -33,13 +33,13 @@ class TriTubeGeometry(Strict):
 
 
 class TubeSolver(Strict):
-    """How the inverse is computed.
+    """Settings of the inverse kinematics.
 
     Attributes:
         method: ``bounded``: exact for constant curvature, within every limit. ``ph``: tube lengths along a
-            Pythagorean-hodograph quintic from base to tip, an approximation; it takes no mid-points, and no
-            rigid pieces but the one at the tip.
-        tolerance_mm: with ``ph``, the error up to which a target counts as met; 5 when left out.
+            Pythagorean-hodograph quintic from base to tip, an approximation without mid-points, and
+            with a rigid piece at the tip only.
+        tolerance_mm: with ``ph``, the error of a converged solution; 5 when left out.
     """
 
     method: Literal["bounded", "ph"] = "bounded"
@@ -48,7 +48,7 @@ class TubeSolver(Strict):
     @model_validator(mode="after")
     def _of_one_method(self) -> TubeSolver:
         if self.method != "ph" and self.tolerance_mm is not None:
-            raise ValueError("tolerance_mm belongs to method: ph; bounded meets what it can to 1e-3 mm")
+            raise ValueError("tolerance_mm belongs to method: ph; bounded converges to 1e-3 mm")
         return self
 
 
@@ -62,8 +62,8 @@ class TriTube(SectionRobot):
         model: ``tri_tube``.
         geometry: dimensions.
         limits: of the tubes; as many sections as ``length_mm`` has rows.
-        solver: of the inverse kinematics; every key has a default.
-        extra_mm: strokes of axes beyond the kinematics (wrist, gripper) by name, ``[least, greatest]``.
+        solver: of the inverse kinematics.
+        extra_mm: ``[min, max]`` stroke of axes beyond the kinematics (wrist, gripper), by name.
     """
 
     model: Literal["tri_tube"]
@@ -80,10 +80,7 @@ class TriTube(SectionRobot):
         if min(*gaps) < 1.0 or not (abs(sum(gaps) - 360.0) < 1e-6 or abs(sum(gaps) - 720.0) < 1e-6):
             raise ValueError("geometry.angles_deg: the three tubes must stand at three different azimuths")
         if self.solver.method == "ph" and any(self.rigid_m[:-1]):
-            raise ValueError(
-                "geometry.rigid_mm: solver.method ph takes one smooth curve; allowed: a piece after the last "
-                "section only"
-            )
+            raise ValueError("geometry.rigid_mm: solver.method ph allows a piece after the last section only")
         return self
 
     @property
@@ -93,17 +90,17 @@ class TriTube(SectionRobot):
 
     @property
     def accepts(self) -> frozenset[str]:
-        """As for every arm of sections; a quintic passes through no given mid-point."""
+        """As for every arm of sections; ``ph`` takes no mid-point."""
         return super().accepts - {"mid"} if self.solver.method == "ph" else super().accepts
 
     @property
     def extra_axis_names(self) -> tuple[str, ...]:
-        """Wrist, gripper and whatever else has a stroke in ``extra_mm``."""
+        """The axes of ``extra_mm``."""
         return tuple(self.extra_mm)
 
     @property
     def extra_limits(self) -> Mapping[str, tuple[float, float]]:
-        """Strokes of wrist, gripper and others [m]."""
+        """The strokes of ``extra_mm`` [m]."""
         return {name: (low / MM_PER_M, high / MM_PER_M) for name, (low, high) in self.extra_mm.items()}
 
     @property

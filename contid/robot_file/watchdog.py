@@ -1,4 +1,4 @@
-"""A rate and the devices' dead-men: ticks feed them, so ticks must come often enough."""
+"""The tick rate against the devices' watchdogs, which ticks refresh."""
 
 from __future__ import annotations
 
@@ -7,7 +7,7 @@ from typing import Final, Protocol
 
 from pydantic import BaseModel
 
-#: A dead-man outlasts one tick that was lost.
+#: One lost tick must not trip a watchdog.
 _PERIODS: Final = 2.0
 
 
@@ -19,12 +19,12 @@ class _Bus(Protocol):
 
 
 def watchdog_too_short(buses: Iterable[_Bus], rate_hz: float) -> Iterator[str]:
-    """What is wrong with a rate, for every bus whose driver has the option ``watchdog_ms``."""
+    """A message for every bus whose ``watchdog_ms`` is too short for a rate."""
     for bus in buses:
         watchdog_ms = getattr(bus.options, "watchdog_ms", None)
         if isinstance(watchdog_ms, int | float) and watchdog_ms * rate_hz < _PERIODS * 1e3:
-            least = _PERIODS * 1e3 / watchdog_ms
+            rate_min_hz = _PERIODS * 1e3 / watchdog_ms
             yield (
-                f"{rate_hz:g} Hz feeds the dead-man of bus {bus.name!r} (watchdog_ms {watchdog_ms:g}) "
-                f"too late; allowed is at least {least:g} Hz, or a longer watchdog_ms"
+                f"{rate_hz:g} Hz is too slow for the watchdog of bus {bus.name!r} (watchdog_ms "
+                f"{watchdog_ms:g}); allowed is at least {rate_min_hz:g} Hz, or a longer watchdog_ms"
             )

@@ -7,7 +7,7 @@ from pathlib import Path
 import pytest
 
 from contid.robot_file import edit
-from contid.robot_file.edit import Change, EditError, edited, set_value, set_values
+from contid.robot_file.edit import Change, EditError, edited, set_values
 from contid.robot_file.load import load_robot_file
 
 TEXT = """\
@@ -66,7 +66,7 @@ def test_an_interrupted_write_leaves_the_old_file_and_nothing_else(
 
     monkeypatch.setattr(edit.os, "fsync", interrupted)
     with pytest.raises(KeyboardInterrupt):
-        set_value(path, "robots.left.axes.right.zero_deg", 3.0)
+        set_values(path, [Change("robots.left.axes.right.zero_deg", 3.0)])
     assert path.read_text() == TEXT
     assert list(tmp_path.iterdir()) == [path]
 
@@ -76,7 +76,7 @@ def test_the_mode_of_the_file_and_a_link_to_it_survive(tmp_path: Path) -> None:
     path.write_text(TEXT)
     path.chmod(0o640)
     link.symlink_to(path)
-    set_value(link, "robots.left.axes.right.zero_deg", 3.0)
+    set_values(link, [Change("robots.left.axes.right.zero_deg", 3.0)])
     assert link.is_symlink()
     assert path.stat().st_mode & 0o777 == 0o640
     assert "zero_deg: 3.0 #" in path.read_text()
@@ -85,7 +85,7 @@ def test_the_mode_of_the_file_and_a_link_to_it_survive(tmp_path: Path) -> None:
 def test_a_shipped_robot_file_is_valid_after_an_edit(configs: Path, tmp_path: Path) -> None:
     path = tmp_path / "hand.yaml"
     path.write_text((configs / "hand.yaml").read_text())
-    set_value(path, "robots.left.axes.right.zero_deg", 12.5, "homed")
+    set_values(path, [Change("robots.left.axes.right.zero_deg", 12.5, "homed")])
     assert load_robot_file(path).file.robots["left"].axes["right"].zero_deg == 12.5
     before, after = (configs / "hand.yaml").read_text().splitlines(), path.read_text().splitlines()
     assert len([line for line in after if line not in before]) == 1

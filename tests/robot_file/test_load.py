@@ -153,7 +153,7 @@ def test_a_file_that_cannot_be_read_says_so(tmp_path: Path) -> None:
         ("velocity_mm_s: 60", "velocity_mm_s: 1e300", "at most 1e+12"),
         ("jerk_mm_s3: 20000", "jerk_mm_s3: 1e-300", "at least 0.001"),
         ("name: finger", 'name: "a\\e[2J"', "name"),
-        ("rate_hz: 200", "rate_hz: 15", "feeds the dead-man of bus 'servos' (watchdog_ms 100) too late"),
+        ("rate_hz: 200", "rate_hz: 15", "is too slow for the watchdog of bus 'servos' (watchdog_ms 100)"),
     ],
 )
 def test_what_could_not_be_a_robot_is_refused(before: str, after: str, says: str, finger: str) -> None:

@@ -28,8 +28,6 @@ _Sparse: TypeAlias = tuple[tuple[tuple[int, float], ...], ...]
 
 #: A table may fall short of the limits by the rounding of its units, not by more.
 _TABLE_SLACK: Final = 1e-9
-#: Range of an extra axis whose stroke nobody states.
-_OPEN: Final = (-math.inf, math.inf)
 
 
 class TransmissionError(ContidError):
@@ -134,12 +132,7 @@ class RobotTransmission:
             None if rows is None else (*rows, *(((axis, 1.0),) for axis in extra))
             for rows in _coupling(description.coupling, coupled)
         )
-        strokes = [description.extra_limits.get(name, _OPEN) for name in description.extra_axis_names]
-        self._driven = _image_of_box(
-            self._forward,
-            (*description.lower, *(low for low, _ in strokes)),
-            (*description.upper, *(high for _, high in strokes)),
-        )
+        self._driven = description.driven_limits
         for name, one, (low, high) in zip(self.axis_names, self.maps, self._driven, strict=True):
             if isinstance(one, Table):
                 _refuse_short_table(name, one, low, high)
@@ -207,18 +200,3 @@ def _sparse(matrix: Sequence[Sequence[float]]) -> _Sparse:
 
 def _multiply(rows: _Sparse, vector: Sequence[float]) -> tuple[float, ...]:
     return tuple([sum([c * vector[j] for j, c in row]) for row in rows])
-
-
-def _image_of_box(
-    rows: _Sparse | None, lower: Actuation, upper: Actuation
-) -> tuple[tuple[float, float], ...]:
-    """Range of every driven quantity when the actuation fills its box; each end is attained at a corner."""
-    if rows is None:
-        return tuple(zip(lower, upper, strict=True))
-    return tuple(
-        (
-            sum(c * (lower if c > 0 else upper)[j] for j, c in row),
-            sum(c * (upper if c > 0 else lower)[j] for j, c in row),
-        )
-        for row in rows
-    )
