@@ -1,17 +1,17 @@
-"""Talking to a running daemon from a script or a notebook.
+"""Clients of a running daemon, for scripts and notebooks.
 
     from contid.client import Client
 
-    with Client() as robot:                       # the only daemon that runs, or Client("PATH.sock")
+    with Client() as robot:                       # the only running daemon, or Client("PATH.sock")
         robot.resume()
         robot.move({"x_mm": 40, "y_mm": 75})      # returns when the tip is there
         for frame in robot.telemetry(rate_hz=20):
             print(frame["robots"])
 
-`AsyncClient` is the same with ``await``. Needs nothing beyond the standard library at run time.
+`AsyncClient` is the same with ``await``. Needs only the standard library at run time.
 
 A client never reconnects by itself: when the connection ends, every call raises `ConnectionLostError`, the
-lease lapses and the robots hold. Make a new client, look at `status`, and go on from there.
+lease lapses and the robots hold. Make a new client and look at `status` first.
 """
 
 from contid.remote.client.async_client import AsyncClient

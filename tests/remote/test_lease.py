@@ -104,7 +104,7 @@ async def test_iterating_telemetry_keeps_the_lease_in_asyncio() -> None:
             async for _ in frames:
                 if time.monotonic() - began_s > 1.5:
                     break
-            await frames.aclose()  # type: ignore[attr-defined]
+            await frames.aclose()
             assert (await client.status())["lease"]["holder"] == "watcher"
 
 

@@ -37,7 +37,7 @@ def test_a_day_with_a_client() -> None:
         seen = [next(frames) for _ in range(8)]
         ticks = [frame["tick"] for frame in seen if frame["event"] == "telemetry"]
         assert ticks == sorted(set(ticks))
-        frames.close()  # type: ignore[attr-defined]
+        frames.close()
         client.stop()
         until(lambda: states(client) == {"OFF"}, "every robot rests")
         client.resume()
@@ -113,7 +113,7 @@ async def test_the_asyncio_client_does_the_same() -> None:
                 seen.append(frame["robots"]["f0"]["tip_mm"])
                 if len(seen) == 3:
                     break
-            await frames.aclose()  # type: ignore[attr-defined]
+            await frames.aclose()
             assert all(len(tip) == 3 for tip in seen)
             await client.estop()
             assert running.off()

@@ -68,7 +68,7 @@ def test_an_estop_says_whom_it_did_not_reach(fault: str, axes: list[str]) -> Non
         done = subprocess.run(
             command("estop", "--socket", str(running.socket)), capture_output=True, text=True, check=True
         )
-        assert f"f0: {', '.join(axes)} did not answer and may not have heard it" in done.stdout
+        assert f"f0: {', '.join(axes)} did not answer and may have missed the order" in done.stdout
         assert ("which is lost" in running.end(None)) == (fault == "lost")
 
 

@@ -158,7 +158,7 @@ def test_wrong_measurements_are_named_and_only_one_tracker_is_heard() -> None:
         frames = first.telemetry(100.0, fields=["measured_tip_mm", "measured_direction"])
         seen = next(frame["robots"]["f0"] for frame in frames if frame["robots"]["f0"]["measured_tip_mm"])
         assert seen == {"measured_tip_mm": [50.0, 75.0, 0.0], "measured_direction": None}
-        frames.close()  # type: ignore[attr-defined]
+        frames.close()
         assert status["lease"]["holder"] is None, "measuring moves nothing"
 
 

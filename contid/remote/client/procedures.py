@@ -1,169 +1,319 @@
-"""What takes a client more than one request, step by step and without I/O.
+"""Everything a client does, as coroutines over the few operations that are I/O.
 
-A procedure is a generator: it yields what has to be done next (`Ask`, `Pause`, `Listen`), is sent the result
-of a request, and returns what the caller wants to know. `contid.remote.client.sync_client` and
-`contid.remote.client.async_client` carry the steps out, each in its way of waiting.
+`contid.remote.client.async_client.AsyncClient` implements these operations with asyncio.
+`contid.remote.client.sync_client.Client` implements them with blocking calls: its coroutines never suspend.
 """
 
 from __future__ import annotations
 
+import os
+import sys
 import time
-from collections.abc import Generator, Mapping, Sequence
-from dataclasses import dataclass, field
-from typing import Final, TypeAlias, TypeVar
+from abc import ABC, abstractmethod
+from collections.abc import AsyncGenerator, AsyncIterable, AsyncIterator, Iterable, Mapping, Sequence
+from contextlib import suppress
+from pathlib import Path
+from typing import Any, Final, Self, TypeAlias
 
-from contid.remote.client.client_protocol import ClientProtocol
-from contid.remote.protocol.wire import Fields
+from contid.remote.client.client_protocol import RESPONSE_TIMEOUT_S, ClientProtocol, Request
+from contid.remote.protocol.socket_path import find
+from contid.remote.protocol.wire import PROTOCOL, ConnectionLostError, Fields, NoDaemonError, RemoteError
 
-T = TypeVar("T")
-
-#: Which robots: one by name, several, or None for all.
+#: One robot by name, several, or None for all.
 Robots: TypeAlias = str | tuple[str, ...] | list[str] | None
 
-#: How often a client that only waits shows that it is alive: well within the lease's two seconds.
-ALIVE_S: Final = 0.5
-#: How often a client looks whether robots are armed by now.
-LOOK_S: Final = 0.02
-#: Rows of a timed trajectory that go in one request.
-ROWS_AT_ONCE: Final = 256
+#: Period of pings while a client only waits; the lease lapses after two seconds.
+PING_PERIOD_S: Final = 0.5
+#: Period of the check whether robots are armed.
+POLL_S: Final = 0.02
+#: Rows of a timed trajectory in one request.
+BATCH_ROWS: Final = 256
 
 _NOT_ARMED_YET: Final = {"CONNECTING", "READY", "ARMING"}
 
 
-@dataclass(frozen=True, slots=True)
-class Ask:
-    """Make a request; its result is sent back."""
+class Procedures(ABC):
+    """A connection to a daemon.
 
-    verb: str
-    fields: Fields = field(default_factory=dict)
-
-
-@dataclass(frozen=True, slots=True)
-class Pause:
-    """Let time pass [s]."""
-
-    seconds: float
-
-
-@dataclass(frozen=True, slots=True)
-class Listen:
-    """Wait until a notice comes, so many seconds at most."""
-
-    seconds: float
-
-
-Step: TypeAlias = Ask | Pause | Listen
-#: A procedure that returns a T; what is sent to it is the result of an `Ask`, and of no meaning otherwise.
-Steps: TypeAlias = Generator[Step, Fields, T]
-
-
-def listen(dialogue: ClientProtocol) -> Steps[None]:
-    """Wait for a notice; whoever waits in a loop of these is seen to be alive and keeps the lease."""
-    yield Listen(ALIVE_S)
-    if time.monotonic() - dialogue.asked_s > ALIVE_S:
-        yield Ask("ping")
-
-
-def resume(robots: Robots, wait: bool) -> Steps[Fields]:
-    """Resume, and wait until the robots are armed."""
-    told = yield Ask("resume", {"robots": list_of(robots)})
-    while wait and _NOT_ARMED_YET & set(told["robots"].values()):
-        yield Pause(LOOK_S)
-        status = yield Ask("status")
-        told["robots"] = {name: status["robots"][name]["state"] for name in told["robots"]}
-    return told
-
-
-def move(dialogue: ClientProtocol, target: Mapping[str, float], wait: bool) -> Steps[int]:
-    """Go to a point, and wait for the arrival; the number of the move."""
-    told = yield Ask("move", {"target": dict(target)})
-    number = int(told["move"])
-    if wait:
-        yield from arrival(dialogue, number)
-    return number
-
-
-def arrival(dialogue: ClientProtocol, number: int) -> Steps[None]:
-    """Wait until a move has ended.
-
-    Raises:
-        RemoteError: it was stopped before its end.
-    """
-    while not dialogue.arrived(number):
-        yield from listen(dialogue)
-
-
-class RowSender:
-    """A stream of rows under the daemon's credit.
+    Args:
+        path: of the socket; None for the only running daemon.
+        name: of this client in the daemon's messages.
+        timeout_s: how long to wait for a response.
 
     Attributes:
-        refused: rows that were refused so far, in words.
+        path: of the socket, once connected.
+        hello: the daemon's greeting: protocol, version, name, number of this client.
     """
 
-    def __init__(self, dialogue: ClientProtocol, columns: Sequence[str]) -> None:
-        self.refused: list[str] = []
-        self._dialogue = dialogue
-        self._columns = list(columns)
-        self._move = 0
-        self._at_once = 1
-        self._batch: list[list[float]] = []
+    path: Path
+    hello: Fields
 
-    def begin(self) -> Steps[None]:
-        """Ask for the stream."""
-        begun = yield Ask("move", {"columns": self._columns})
-        self._move = int(begun["move"])
-        # Without times every row is the target at once; with them the rows are played after the last.
-        self._at_once = min(int(begun["credits"]), ROWS_AT_ONCE) if begun["timed"] else 1
+    def __init__(
+        self,
+        path: str | Path | None = None,
+        *,
+        name: str | None = None,
+        timeout_s: float = RESPONSE_TIMEOUT_S,
+    ) -> None:
+        self._given = None if path is None else str(path)
+        self.name = name or f"{Path(sys.argv[0]).name or 'python'}[{os.getpid()}]"
+        self._protocol = ClientProtocol(timeout_s)
 
-    def add(self, row: Sequence[float]) -> Steps[None]:
-        """One more row."""
-        self._batch.append(list(row))
-        if len(self._batch) >= self._at_once:
-            yield from self._send()
+    # -- I/O ---------------------------------------------------------------------------------------------
 
-    def end(self, wait: bool) -> Steps[None]:
-        """No further row; wait for the end of the move."""
-        if self._batch:
-            yield from self._send()
-        yield Ask("end", {"move": self._move})
+    @abstractmethod
+    async def _open(self, path: Path) -> None:
+        """Connect; an OSError when nothing listens."""
+
+    @abstractmethod
+    async def _exchange(self, request: Request) -> Fields:
+        """Send a request and wait for its result."""
+
+    @abstractmethod
+    async def _wait_notice(self, seconds: float) -> None:
+        """Wait for a notice, at most so long."""
+
+    @abstractmethod
+    async def _sleep(self, seconds: float) -> None:
+        """Let time pass."""
+
+    @abstractmethod
+    async def _disconnect(self) -> None:
+        """Close the connection; idempotent."""
+
+    # -- connection --------------------------------------------------------------------------------------
+
+    async def connect(self) -> Self:
+        """Connect; ``with`` and ``async with`` do it.
+
+        Raises:
+            NoDaemonError: no daemon there, or several and no path.
+        """
+        self.path = find(self._given)
+        try:
+            await self._open(self.path)
+            self.hello = await self.request("hello", protocol=PROTOCOL, name=self.name)
+        except OSError as error:
+            await self._disconnect()
+            reason = error.strerror or error
+            raise NoDaemonError(f"{self.path}: no daemon listens there ({reason})") from error
+        except BaseException:
+            await self._disconnect()
+            raise
+        return self
+
+    async def close(self) -> None:
+        """Release the lease and disconnect; idempotent."""
+        with suppress(ConnectionLostError, RemoteError):
+            await self.request("release")
+        await self._disconnect()
+
+    async def request(self, verb: str, /, **fields: Any) -> Fields:
+        """Send any request and wait for its result; docs/remote.md lists the verbs.
+
+        Raises:
+            RemoteError: the daemon refused.
+            ConnectionLostError: the connection ended.
+        """
+        request = self._protocol.request(verb, fields)
+        try:
+            return await self._exchange(request)
+        finally:
+            self._protocol.forget(request)
+
+    # -- orders ------------------------------------------------------------------------------------------
+
+    async def status(self) -> Fields:
+        """Buses with the age of their data, robots with state, fault, tip and axes, and the lease."""
+        return await self.request("status")
+
+    async def describe(self) -> Fields:
+        """Robots, axes, limits, and the columns of each."""
+        return await self.request("describe")
+
+    async def ping(self) -> None:
+        """Keep the lease."""
+        await self.request("ping")
+
+    async def hold(self, robots: Robots = None) -> Fields:
+        """Stop with limited jerk and stay; needs no lease."""
+        return await self.request("hold", robots=_names(robots))
+
+    async def stop(self, robots: Robots = None, *, end: bool = False) -> Fields:
+        """Stop by the robot file's ``stop.on_interrupt``; ``end`` also ends the daemon. Needs no lease."""
+        return await self.request("stop", robots=_names(robots), end=end)
+
+    async def estop(self, robots: Robots = None) -> Fields:
+        """Relax or vent now; needs no lease."""
+        return await self.request("estop", robots=_names(robots))
+
+    async def clear_fault(self, robots: Robots = None) -> Fields:
+        """Re-check all devices and leave FAULT; never moves. `resume` arms."""
+        return await self.request("clear_fault", robots=_names(robots))
+
+    async def resume(self, robots: Robots = None, *, wait: bool = True) -> Fields:
+        """Arm if need be and follow the previous target again; waits until the robots are armed."""
+        result = await self.request("resume", robots=_names(robots))
+        while wait and _NOT_ARMED_YET & set(result["robots"].values()):
+            await self._sleep(POLL_S)
+            status = await self.status()
+            result["robots"] = {name: status["robots"][name]["state"] for name in result["robots"]}
+        return result
+
+    async def acquire(self, timeout_s: float = 2.0, *, takeover: bool = False) -> Fields:
+        """Acquire the lease; without a request for ``timeout_s`` it lapses and the robots hold."""
+        return await self.request("acquire", timeout_s=timeout_s, takeover=takeover)
+
+    async def release(self) -> bool:
+        """Release the lease; a point in progress is still reached. True when this client held it."""
+        return bool((await self.request("release"))["released"])
+
+    # -- moving ------------------------------------------------------------------------------------------
+
+    async def move(self, target: Mapping[str, float], *, wait: bool = True) -> int:
+        """Go to a point, jerk-limited, and hold there; returns the number of the move.
+
+        Args:
+            target: columns as in a trajectory: ``{"x_mm": 40, "y_mm": 75}``, ``{"left.x_mm": ...}``.
+            wait: return on arrival; otherwise call `wait` with the returned number, or `release`.
+
+        Raises:
+            RemoteError: refused, or stopped on the way.
+        """
+        number = int((await self.request("move", target=dict(target)))["move"])
         if wait:
-            yield from arrival(self._dialogue, self._move)
+            await self.wait(number)
+        return number
 
-    def _send(self) -> Steps[None]:
-        while self._dialogue.credits.get(self._move, 0) < len(self._batch):
-            yield from listen(self._dialogue)
-            if self._dialogue.arrived(self._move):
-                break  # the daemon says what it thinks of further rows
-        told = yield Ask("rows", {"move": self._move, "rows": self._batch})
-        self.refused += told["refused"]
-        self._batch = []
+    async def stream(
+        self,
+        columns: Sequence[str],
+        rows: Iterable[Sequence[float]] | AsyncIterable[Sequence[float]],
+        *,
+        wait: bool = True,
+    ) -> list[str]:
+        """Follow rows; with a column ``t_s`` they are collected, checked and then played in time.
+
+        Sends only as many rows as the daemon grants. Without ``t_s`` every row is the target at once, and
+        ``rows`` may be a slow generator.
+
+        Returns:
+            Messages about refused rows; their robots held until the next good row.
+        """
+        begun = await self.request("move", columns=list(columns))
+        move = int(begun["move"])
+        batch_rows = min(int(begun["credits"]), BATCH_ROWS) if begun["timed"] else 1
+        batch: list[list[float]] = []
+        refused: list[str] = []
+        async for row in _each(rows):
+            batch.append(list(row))
+            if len(batch) >= batch_rows:
+                refused += await self._send_rows(move, batch)
+                batch = []
+        if batch:
+            refused += await self._send_rows(move, batch)
+        await self.request("end", move=move)
+        if wait:
+            await self.wait(move)
+        return refused
+
+    async def _send_rows(self, move: int, rows: list[list[float]]) -> list[str]:
+        while self._protocol.credits.get(move, 0) < len(rows):
+            await self._listen()
+            if self._protocol.arrived(move):
+                break  # the daemon refuses further rows with the reason
+        refused: list[str] = (await self.request("rows", move=move, rows=rows))["refused"]
+        return refused
+
+    async def wait(self, move: int) -> None:
+        """Wait until a move has ended; keeps the lease meanwhile.
+
+        Raises:
+            RemoteError: it was stopped before its end.
+        """
+        while not self._protocol.arrived(move):
+            await self._listen()
+
+    # -- measuring and telemetry -------------------------------------------------------------------------
+
+    async def measure(
+        self,
+        tip_mm: Sequence[float],
+        *,
+        direction: Sequence[float] | None = None,
+        robot: str | None = None,
+        age_ms: float | None = None,
+        time_s: float | None = None,
+    ) -> Fields:
+        """Send the tip position that a tracker measured; needs no lease, one tracker per robot.
+
+        Args:
+            tip_mm: position in the world frame.
+            direction: of the body at its tip, in the world frame; its length does not matter.
+            robot: its name; may be left out when there is only one.
+            age_ms: time since the capture.
+            time_s: time of the capture, by `time.monotonic` on this machine; instead of ``age_ms``.
+
+        Returns:
+            ``used``: False when a newer one was there already; ``feedback``: True when it corrects targets.
+
+        Raises:
+            RemoteError: not a finite number, too old, out of reach, or another client tracks the robot.
+        """
+        return await self.request(
+            "measure",
+            robot=robot,
+            tip_mm=[float(value) for value in tip_mm],  # also NumPy's numbers
+            direction=None if direction is None else [float(value) for value in direction],
+            age_ms=None if age_ms is None else float(age_ms),
+            time_s=None if time_s is None else float(time_s),
+        )
+
+    async def telemetry(
+        self,
+        rate_hz: float = 20.0,
+        *,
+        robots: Robots = None,
+        fields: Sequence[str] | None = None,
+        events: bool = False,
+    ) -> AsyncGenerator[Fields, None]:
+        """Frames as they come, without end.
+
+        A slow reader gets the newest frames, with a count of the dropped ones. With ``events``, states,
+        faults and refusals come in between. Iterating keeps the lease.
+        """
+        chosen = list(fields) if fields else None
+        await self.request("subscribe", rate_hz=rate_hz, robots=_names(robots), fields=chosen, events=events)
+        try:
+            while True:
+                for frame in self._protocol.new_frames():
+                    yield frame
+                await self._listen()
+        finally:
+            with suppress(ConnectionLostError, RemoteError):
+                await self.request("unsubscribe")
+                self._protocol.frames.clear()
+
+    async def _listen(self) -> None:
+        """Wait for a notice; a loop of these keeps the lease."""
+        await self._wait_notice(PING_PERIOD_S)
+        if time.monotonic() - self._protocol.requested_s > PING_PERIOD_S:
+            await self.ping()
 
 
-def subscription(rate_hz: float, robots: Robots, fields: Sequence[str] | None, events: bool) -> Fields:
-    """The fields of ``subscribe``."""
-    wanted = list(fields) if fields else None
-    return {"rate_hz": rate_hz, "robots": list_of(robots), "fields": wanted, "events": events}
+async def _each(
+    rows: Iterable[Sequence[float]] | AsyncIterable[Sequence[float]],
+) -> AsyncIterator[Sequence[float]]:
+    """Rows of either kind of iterable."""
+    if isinstance(rows, AsyncIterable):
+        async for row in rows:
+            yield row
+    else:
+        for row in rows:
+            yield row
 
 
-def measurement(
-    tip_mm: Sequence[float],
-    direction: Sequence[float] | None,
-    robot: str | None,
-    age_ms: float | None,
-    time_s: float | None,
-) -> Fields:
-    """The fields of ``measure``; numbers of NumPy become Python's own."""
-    return {
-        "robot": robot,
-        "tip_mm": [float(value) for value in tip_mm],
-        "direction": None if direction is None else [float(value) for value in direction],
-        "age_ms": None if age_ms is None else float(age_ms),
-        "time_s": None if time_s is None else float(time_s),
-    }
-
-
-def list_of(robots: Robots) -> list[str] | None:
-    """One robot, several, or None for all of them."""
+def _names(robots: Robots) -> list[str] | None:
     if robots is None:
         return None
     return [robots] if isinstance(robots, str) else list(robots)

@@ -1,0 +1,74 @@
+"""The client side of the protocol without I/O: lines in their order, whatever the chunks."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from contid.remote.client.client_protocol import ClientProtocol, Request
+from contid.remote.protocol.wire import Code, RemoteError, encode
+
+
+def response(request: Request, **result: Any) -> bytes:
+    return encode({"id": request.number, "ok": True, "result": result})
+
+
+def credit(move: int, credits: int) -> bytes:
+    return encode({"event": "credit", "move": move, "credits": credits})
+
+
+@given(st.lists(st.integers(1, 40), max_size=8))
+def test_lines_mean_the_same_wherever_chunks_are_cut(cuts: list[int]) -> None:
+    protocol = ClientProtocol()
+    request = protocol.request("status", {})
+    line = credit(3, 5) + response(request, tick=7) + encode({"event": "telemetry", "tick": 8})
+    for cut in cuts:
+        protocol.receive(line[:cut])
+        line = line[cut:]
+    protocol.receive(line)
+    assert protocol.result(request) == {"tick": 7}
+    assert list(protocol.new_frames()) == [{"event": "telemetry", "tick": 8}]
+    assert protocol.credits == {3: 5}
+
+
+def test_the_response_to_a_forgotten_request_is_dropped() -> None:
+    protocol = ClientProtocol()
+    late, request = protocol.request("status", {}), protocol.request("ping", {})
+    protocol.forget(late)
+    protocol.receive(response(late, tick=1))
+    assert protocol.result(late) is None
+    refusal = {"id": None, "ok": False, "error": {"code": "bad-request", "message": "what?"}}
+    protocol.receive(encode(refusal))
+    with pytest.raises(RemoteError, match="what") as refused:
+        protocol.result(request)
+    assert refused.value.code == Code.BAD_REQUEST
+
+
+def test_another_protocol_is_refused_at_its_hello() -> None:
+    with pytest.raises(RemoteError, match="protocol 99"):
+        ClientProtocol().receive(encode({"event": "hello", "protocol": 99}))
+
+
+def test_credit_is_that_of_the_newest_line() -> None:
+    """A notice before the response to further rows is spent by them."""
+    protocol = ClientProtocol()
+    begun = protocol.request("move", {"columns": ["x_mm"]})
+    protocol.receive(response(begun, move=4, timed=False, credits=8))
+    assert protocol.credits[4] == 8
+    rows = protocol.request("rows", {"move": 4, "rows": [[1.0]]})
+    protocol.receive(credit(4, 4) + response(rows, credits=0, refused=[]))
+    assert protocol.credits[4] == 0
+    protocol.receive(credit(4, 4))
+    assert protocol.credits[4] == 4
+
+
+def test_a_stopped_move_raises_its_reason() -> None:
+    protocol = ClientProtocol()
+    assert not protocol.arrived(2)
+    protocol.receive(encode({"event": "move", "move": 2, "reached": False, "message": "another client held"}))
+    with pytest.raises(RemoteError, match="another client held") as refused:
+        protocol.arrived(2)
+    assert refused.value.code == Code.STOPPED
