@@ -1,4 +1,4 @@
-"""The files of the service, as the real tools read them, and what `contid doctor` says about them."""
+"""The files of the service: checked by systemd and udev, and by `contid doctor`."""
 
 from __future__ import annotations
 
@@ -15,14 +15,14 @@ from pathlib import Path
 import pytest
 
 from contid.client import Client
-from contid.control.process import host_checks as machine
-from contid.remote.protocol import socket_path as place
+from contid.control.process import host_checks
+from contid.remote.protocol import socket_path
 from tests.control.fingers import fingers
 from tests.remote.daemons import until
 
 ROOT = Path(__file__).parents[2]
-UNIT = ROOT / "service" / machine.UNIT
-RULES = ROOT / "udev" / machine.RULES
+UNIT = ROOT / "service" / host_checks.UNIT
+RULES = ROOT / "udev" / host_checks.RULES
 
 
 @pytest.fixture
@@ -38,75 +38,75 @@ def test_systemd_reads_the_unit(tmp_path: Path) -> None:
     copy = tmp_path / "contid@hand.service"
     # The command itself is not installed where tests run.
     copy.write_text(UNIT.read_text().replace("/usr/local/bin/contid", "/bin/true"))
-    told = subprocess.run(["systemd-analyze", "verify", str(copy)], capture_output=True, text=True)
-    if "Failed to initialize manager" in told.stderr:
-        pytest.skip(f"systemd-analyze cannot work here: {told.stderr.strip()}")
-    assert told.returncode == 0, told.stderr
-    assert "contid@hand" not in told.stderr
+    checked = subprocess.run(["systemd-analyze", "verify", str(copy)], capture_output=True, text=True)
+    if "Failed to initialize manager" in checked.stderr:
+        pytest.skip(f"systemd-analyze cannot work here: {checked.stderr.strip()}")
+    assert checked.returncode == 0, checked.stderr
+    assert "contid@hand" not in checked.stderr
 
 
 def test_udev_reads_the_rules() -> None:
     if shutil.which("udevadm") is None:
         pytest.skip("udevadm is not installed")
-    told = subprocess.run(["udevadm", "verify", str(RULES)], capture_output=True, text=True)
-    if "Unknown command verb" in told.stderr:
+    checked = subprocess.run(["udevadm", "verify", str(RULES)], capture_output=True, text=True)
+    if "Unknown command verb" in checked.stderr:
         pytest.skip("this udevadm is older than 254 and has no verify")
-    assert told.returncode == 0, told.stdout + told.stderr
+    assert checked.returncode == 0, checked.stdout + checked.stderr
 
 
 def test_the_shipped_files_satisfy_the_doctor(tmp_path: Path) -> None:
-    for folder, file in ((machine.UNIT_FOLDERS[0], UNIT), (machine.RULES_FOLDERS[0], RULES)):
+    for folder, file in ((host_checks.UNIT_FOLDERS[0], UNIT), (host_checks.RULES_FOLDERS[0], RULES)):
         where = tmp_path / folder.lstrip("/")
         where.mkdir(parents=True)
         shutil.copy(file, where)
-    finding = machine.unit(tmp_path)
+    finding = host_checks.unit(tmp_path)
     assert not finding.ok
-    assert "/usr/local/bin/contid, which is not there" in finding.message
+    assert "/usr/local/bin/contid, which does not exist" in finding.message
     program = tmp_path / "usr/local/bin/contid"
     program.parent.mkdir(parents=True)
     program.touch(0o755)
-    for finding in (machine.unit(tmp_path), machine.rules(tmp_path)):
+    for finding in (host_checks.unit(tmp_path), host_checks.rules(tmp_path)):
         assert finding.ok
         assert not finding.remedy
 
 
 @pytest.mark.parametrize("group", ["own", "none", "absent"])
-def test_the_doctor_says_who_may_give_orders_to_the_service(group: str, tmp_path: Path) -> None:
-    where = tmp_path / machine.UNIT_FOLDERS[0].lstrip("/")
+def test_the_doctor_names_who_may_give_orders_to_the_service(group: str, tmp_path: Path) -> None:
+    where = tmp_path / host_checks.UNIT_FOLDERS[0].lstrip("/")
     where.mkdir(parents=True)
     names = {"own": grp.getgrgid(os.getegid()).gr_name, "none": "no-such-group", "absent": ""}
     option = f" --socket-group {names[group]}" if names[group] else ""
-    (where / machine.UNIT).write_text(UNIT.read_text().replace(" --socket-group contid", option))
-    (finding,) = machine.clients(tmp_path)
+    (where / host_checks.UNIT).write_text(UNIT.read_text().replace(" --socket-group contid", option))
+    (finding,) = host_checks.clients(tmp_path)
     assert finding.ok == (group != "none")
-    assert (names[group] or "its own user and root") in finding.message
+    assert (names[group] or "the service's own user and root") in finding.message
     assert bool(finding.remedy) == (group == "none")
-    assert machine.clients(tmp_path / "elsewhere") == []
+    assert host_checks.clients(tmp_path / "elsewhere") == []
 
 
 @pytest.mark.realtime
-def test_the_service_is_found_by_who_may_give_it_orders(
+def test_a_client_finds_the_service(
     tmp_path: Path, own_folder: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    """The unit's own command line, with its folders and group replaced; a client that is told no path."""
-    assert Path("/run/contid") == place.SERVICES  # what %t/contid is for a system service
+    """The unit's own command line, with its folders and group replaced; a client without a path."""
+    assert Path("/run/contid") == socket_path.SERVICES  # what %t/contid is for a system service
     (line,) = [each for each in UNIT.read_text().splitlines() if each.startswith("ExecStart=")]
     runtime = own_folder / "run"
     (runtime / "contid").mkdir(parents=True)
     (tmp_path / "finger.yaml").write_text(fingers(1))
     replaced = {"%t": str(runtime), "%i": "finger", "/etc/contid": str(tmp_path)}
-    message = line.split()[1:]
+    arguments = line.split()[1:]
     for old, new in replaced.items():
-        message = [each.replace(old, new) for each in message]
-    message[message.index("--socket-group") + 1] = grp.getgrgid(os.getegid()).gr_name
-    monkeypatch.setattr(place, "SERVICES", runtime / "contid")
+        arguments = [each.replace(old, new) for each in arguments]
+    arguments[arguments.index("--socket-group") + 1] = grp.getgrgid(os.getegid()).gr_name
+    monkeypatch.setattr(socket_path, "SERVICES", runtime / "contid")
     monkeypatch.setenv("XDG_RUNTIME_DIR", str(own_folder / "user"))
     with subprocess.Popen(
-        [sys.executable, "-m", "contid", *message],
+        [sys.executable, "-m", "contid", *arguments],
         stdin=subprocess.DEVNULL, stdout=subprocess.PIPE, stderr=subprocess.STDOUT, text=True,
     ) as daemon:  # fmt: skip
         try:
-            until(lambda: bool(place.running()) or daemon.poll() is not None, "it listens")
+            until(lambda: bool(socket_path.running()) or daemon.poll() is not None, "it listens")
             with Client() as client:
                 until(lambda: client.status()["robots"]["f0"]["state"] == "READY", "it connects")
                 assert client.path.parent == runtime / "contid"
@@ -120,24 +120,22 @@ def test_the_service_is_found_by_who_may_give_it_orders(
 
 
 def test_what_is_missing_comes_with_its_remedy(tmp_path: Path) -> None:
-    for finding in (machine.unit(tmp_path), machine.rules(tmp_path)):
+    for finding in (host_checks.unit(tmp_path), host_checks.rules(tmp_path)):
         assert "not installed" in finding.message
         assert finding.remedy
 
 
 def test_a_unit_that_arms_by_itself_is_wrong(tmp_path: Path) -> None:
-    where = tmp_path / machine.UNIT_FOLDERS[0].lstrip("/")
+    where = tmp_path / host_checks.UNIT_FOLDERS[0].lstrip("/")
     where.mkdir(parents=True)
-    (where / machine.UNIT).write_text(UNIT.read_text().replace(" --disarmed", ""))
-    finding = machine.unit(tmp_path)
+    (where / host_checks.UNIT).write_text(UNIT.read_text().replace(" --disarmed", ""))
+    finding = host_checks.unit(tmp_path)
     assert not finding.ok
     assert "--disarmed" in finding.message
 
 
 def test_asking_for_real_time_leaves_nothing_behind() -> None:
-    import os
-
     before = os.sched_getscheduler(0)
-    assert machine.real_time().subject == "real time"
+    assert host_checks.real_time().subject == "real time"
     assert os.sched_getscheduler(0) == before
-    assert machine.shared_memory().message
+    assert host_checks.shared_memory().message

@@ -1,4 +1,4 @@
-"""The daemon as a service: what the manager is told, and that a restart never arms."""
+"""The daemon as a service: its notifications to systemd, and that a restart never arms."""
 
 from __future__ import annotations
 
@@ -32,7 +32,7 @@ def manager(address: str) -> Iterator[socket.socket]:
         yield end
 
 
-def said(end: socket.socket) -> list[str]:
+def received(end: socket.socket) -> list[str]:
     end.setblocking(False)
     out = []
     with suppress(BlockingIOError):
@@ -48,19 +48,19 @@ def test_ready_once_then_alive_by_ticks_only(tmp_path: Path, abstract: bool) -> 
     with manager(address) as end:
         notifier = Notifier({"NOTIFY_SOCKET": address, "WATCHDOG_USEC": "2000000"})
         notifier.ticked(0, 100.0)
-        assert said(end) == []
+        assert received(end) == []
         notifier.ticked(1, 100.1)
-        assert said(end) == ["READY=1", "WATCHDOG=1"]
+        assert received(end) == ["READY=1", "WATCHDOG=1"]
         notifier.ticked(50, 100.2)
-        assert said(end) == []  # not yet due
+        assert received(end) == []  # not yet due
         notifier.ticked(150, 100.7)
-        assert said(end) == ["WATCHDOG=1"]
+        assert received(end) == ["WATCHDOG=1"]
         for seconds in range(200, 300):
             notifier.ticked(150, float(seconds))
-        assert said(end) == []  # time alone is no sign of life
+        assert received(end) == []  # time alone is no sign of life
         notifier.stopping()
         notifier.stopping()
-        assert said(end) == ["STOPPING=1"]
+        assert received(end) == ["STOPPING=1"]
 
 
 def test_a_watchdog_of_another_process_is_not_fed(tmp_path: Path) -> None:
@@ -68,10 +68,10 @@ def test_a_watchdog_of_another_process_is_not_fed(tmp_path: Path) -> None:
     with manager(address) as end:
         environment = {"NOTIFY_SOCKET": address, "WATCHDOG_USEC": "2000000", "WATCHDOG_PID": "1"}
         Notifier(environment, pid=2).ticked(5, 100.0)
-        assert said(end) == ["READY=1"]
+        assert received(end) == ["READY=1"]
 
 
-def test_nobody_to_tell() -> None:
+def test_without_a_manager_nothing_is_sent() -> None:
     for environment in ({}, {"NOTIFY_SOCKET": "/nowhere/at/all", "WATCHDOG_USEC": "soon"}):
         notifier = Notifier(environment)
         notifier.ticked(1, 0.0)
@@ -97,7 +97,7 @@ def test_a_disarmed_robot_waits_for_resume_without_torque() -> None:
 
 
 @pytest.mark.realtime
-def test_a_control_process_that_stands_still_is_not_called_alive(tmp_path: Path) -> None:
+def test_a_stopped_control_process_is_not_reported_alive(tmp_path: Path) -> None:
     """The real daemon: ready, alive, silent while its ticks stand still, alive again, stopping."""
     address = str(tmp_path / "notify")
     with manager(address) as end:
@@ -119,7 +119,7 @@ def test_a_control_process_that_stands_still_is_not_called_alive(tmp_path: Path)
                 assert end.recv(4096) == b"WATCHDOG=1"
             (child,) = psutil.Process(process.pid).children()
             child.send_signal(signal.SIGSTOP)
-            # What was completed before may still be told once or twice.
+            # Ticks completed before may still be reported once or twice.
             end.settimeout(1.0)
             with pytest.raises(TimeoutError):
                 assert [end.recv(4096) for _ in range(4)] == []
