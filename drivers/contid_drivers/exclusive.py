@@ -1,7 +1,7 @@
-"""One owner per serial port: flock binds those who ask for it, TIOCEXCL everybody except root.
+"""Exclusive use of a serial port: flock binds cooperating programs, TIOCEXCL every process but root's.
 
-A vendor's wizard or a terminal program asks for no lock. It would read answers that are for contid, and could
-write to devices that contid moves; with TIOCEXCL it cannot open the port at all.
+A vendor's wizard or a terminal program takes no lock; it would read contid's answers and could write to
+moving devices. With TIOCEXCL it cannot open the port at all.
 """
 
 from __future__ import annotations
@@ -12,15 +12,15 @@ import termios
 from contextlib import suppress
 
 
-def keep_others_out(descriptor: int, path: str) -> None:
-    """Nobody else opens this port until `let_others_in`, or until it is closed for the last time."""
-    # The end of a pseudo terminal that an emulator holds outlives a killed owner, and the ban with it.
+def lock_port(descriptor: int, path: str) -> None:
+    """Refuse further opens of this port until `unlock_port`, or until its last descriptor is closed."""
+    # An emulator holds the other end of its pseudo terminal, so the flag would outlive a killed owner.
     if not os.path.realpath(path).startswith("/dev/pts/"):
         with suppress(OSError):
             fcntl.ioctl(descriptor, termios.TIOCEXCL)
 
 
-def let_others_in(descriptor: int) -> None:
-    """Undo it; on a dead port nothing is left to undo."""
+def unlock_port(descriptor: int) -> None:
+    """Allow further opens again; does nothing on a dead port."""
     with suppress(OSError, ValueError):
         fcntl.ioctl(descriptor, termios.TIOCNXCL)

@@ -1,4 +1,4 @@
-"""Serial ports by what a robot file says of them, and who holds them."""
+"""Serial ports: found by path, glob or USB identity, and the processes that have them open."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ from contid.errors import DeviceNotFoundError
 
 @dataclass(frozen=True, slots=True)
 class UsbIdentity:
-    """What stays the same when an adapter is plugged in again under another name."""
+    """Identity of an adapter, the same under every device name."""
 
     vid: int | None
     pid: int | None
@@ -23,7 +23,7 @@ class UsbIdentity:
 
 
 def identity_of(path: str) -> UsbIdentity | None:
-    """USB identity of the adapter behind a device path, None for anything without a serial number."""
+    """USB identity of the adapter behind a device path; None without a serial number."""
     real = str(Path(path).resolve())
     for port in list_ports.comports():
         if port.device == real and port.serial_number:
@@ -31,32 +31,32 @@ def identity_of(path: str) -> UsbIdentity | None:
     return None
 
 
-def find_port(bus: str, wanted: str, known: UsbIdentity | None = None) -> str:
+def find_port(bus: str, pattern: str, adapter: UsbIdentity | None = None) -> str:
     """Device path for the ``port`` of a robot file.
 
     Args:
         bus: its name, for messages.
-        wanted: a path (``~`` allowed) or a glob.
-        known: the adapter that was there before; it is found again under another name.
+        pattern: a path (``~`` allowed) or a glob.
+        adapter: searched for under another name when the pattern matches nothing.
 
     Raises:
-        DeviceNotFoundError: nothing or more than one device fits; lists what there is.
+        DeviceNotFoundError: no match or several; lists the ports present.
     """
-    wanted = str(Path(wanted).expanduser())
-    found = sorted(glob.glob(wanted))  # noqa: PTH207  # an absolute pattern has no Path to start from
-    if not found and known is not None:
+    pattern = str(Path(pattern).expanduser())
+    found = sorted(glob.glob(pattern))  # noqa: PTH207  # an absolute pattern has no Path to start from
+    if not found and adapter is not None:
         found = sorted(
             port.device
             for port in list_ports.comports()
-            if (port.vid, port.pid, port.serial_number) == (known.vid, known.pid, known.serial_number)
+            if UsbIdentity(port.vid, port.pid, port.serial_number or "") == adapter
         )
     if len(found) == 1:
         return found[0]
     if found:
         raise DeviceNotFoundError(
             bus,
-            f"port {wanted} fits {', '.join(found)}",
-            "name one of them, best by its /dev/serial/by-id path",
+            f"port {pattern} matches {', '.join(found)}",
+            "name one of them, preferably by its /dev/serial/by-id path",
         )
     present = [
         *(str(p) for p in sorted(Path("/dev/serial/by-id").glob("*"))),
@@ -64,13 +64,13 @@ def find_port(bus: str, wanted: str, known: UsbIdentity | None = None) -> str:
     ]
     raise DeviceNotFoundError(
         bus,
-        f"there is no port {wanted}; serial ports here: {', '.join(present) or 'none'}",
+        f"no port {pattern}; serial ports present: {', '.join(present) or 'none'}",
         "plug the adapter in, or run `contid scan`",
     )
 
 
 def holders(path: str) -> list[str]:
-    """Processes of this user that have a device open: ``pid NAME``."""
+    """Other processes of this user that have a device open: ``pid NUMBER NAME``."""
     real = str(Path(path).resolve())
     found = []
     for process in Path("/proc").glob("[0-9]*"):

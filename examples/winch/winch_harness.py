@@ -34,7 +34,7 @@ class WinchRig(RealTimeRig):
             settle_s=0.15,
             watchdog_s=0.15,
             vent_s=0.0,
-            dead_man=Rest.RELAX,
+            on_watchdog=Rest.RELAX,
         )
         self.box = box
         host, port = box.address
@@ -65,13 +65,13 @@ class WinchRig(RealTimeRig):
             drum.rest("jammed")
             drum.cause = "jammed"
 
-    def mend_device(self, axis: str) -> None:
+    def repair_device(self, axis: str) -> None:
         with self._drum(axis) as drum:
             drum.cause = ""
 
     @contextmanager
     def _drum(self, axis: str) -> Iterator[Drum]:
-        with self.box.looked_at() as drums:
+        with self.box.locked_drums() as drums:
             yield drums[DRUMS[axis]]
 
 

@@ -79,7 +79,7 @@ void tick(int32_t count, int32_t analog, uint8_t faults) {
       broken("a motor drives before it was armed");
     }
     const bool commanded = state == State::ARMED || state == State::HOMING;
-    if (commanded && board.silence_ms() >= watchdog_ms) broken("the dead-man did not trip");
+    if (commanded && board.silence_ms() >= watchdog_ms) broken("the watchdog did not trip");
   }
 }
 

@@ -36,7 +36,7 @@ def config(role: str, *axes: dict[str, object]) -> tuple[bytes, int]:
 
 
 def motor_dialogue() -> Iterator[tuple[str, ...]]:
-    """Every message of a motor board, what it refuses, a motion, a dead-man."""
+    """Every message of a motor board, what it refuses, a motion, a watchdog."""
     body, crc = config(
         "motor", {"channel": "m0"}, {"channel": "m3", "on_watchdog": "coast", "homing": HOMING}
     )
@@ -71,7 +71,7 @@ def motor_dialogue() -> Iterator[tuple[str, ...]]:
     yield ask(Type.ARM, messages.masked(crc, [0, 1]))
     yield ask(Type.ARM, messages.masked(crc, [3]))
     yield ask(Type.ARM, messages.masked(crc, [0]))
-    yield ("#", "a stream of demands that the shaft follows, then a stale one, then silence for the dead-man")
+    yield ("#", "a stream of demands that the shaft follows, then a stale one, then silence for the watchdog")
     for i in range(12):
         yield ("count", "0", str(i * i))
         yield ("tick", "5")
@@ -146,7 +146,7 @@ def record(lines: Iterator[tuple[str, ...]]) -> Iterator[str]:
     """Play a dialogue to the core and write it down with its answers."""
     process: subprocess.Popen[str] | None = None
 
-    def tell(line: str) -> str:
+    def send(line: str) -> str:
         assert process is not None and process.stdin is not None and process.stdout is not None  # noqa: PT018
         process.stdin.write(line + "\n")
         process.stdin.flush()
@@ -158,13 +158,13 @@ def record(lines: Iterator[tuple[str, ...]]) -> Iterator[str]:
             process = subprocess.Popen(
                 [str(build_host()), line[1], "--lockstep"], stdin=-1, stdout=-1, text=True
             )
-            tell("input count 0 0")
+            send("input count 0 0")
         elif line[0] == "tick":
-            tell(f"step {line[1]}")
+            send(f"step {line[1]}")
         elif line[0] in ("count", "analog"):
-            tell(f"input {line[0]} {line[1]} {line[2]}")
+            send(f"input {line[0]} {line[1]} {line[2]}")
         elif line[0] == ">":
-            answer = tell("rx " + frames.seal(bytes.fromhex(line[1])).hex())
+            answer = send("rx " + frames.seal(bytes.fromhex(line[1])).hex())
             payload = b"" if answer in ("-", "") else frames.unseal(bytes.fromhex(answer)[:-1])
             yield f"< {payload.hex() if payload else ''}".rstrip()
     if process is not None:

@@ -52,7 +52,7 @@ def motors(folder: Path, configs: Path) -> Iterator[tuple[Path, Look]]:
     (bus,) = wired_buses(load_robot_file(path))
     assert isinstance(bus.wiring.options, DueOptions)
     with Board(bus.wiring.options, bus.axes) as board:
-        yield path, lambda: any(float(board.tell(f"get {n}").split()[4]) == DRIVES for n in range(3))
+        yield path, lambda: any(float(board.command(f"get {n}").split()[4]) == DRIVES for n in range(3))
 
 
 def _estop(process: subprocess.Popen[str]) -> None:

@@ -176,7 +176,7 @@ class ChannelEyes:
     seen: deque[tuple[float, float]] = field(default_factory=lambda: deque(maxlen=500))
 
     def look(self) -> None:
-        shaft, speed, pressure, _, drive, *_ = map(float, self.board.tell(f"get {self.number}").split())
+        shaft, speed, pressure, _, drive, *_ = map(float, self.board.command(f"get {self.number}").split())
         now_s, now = time.monotonic(), drive == DRIVES
         if self.powered and not now:
             self.off_s = now_s

@@ -55,7 +55,7 @@ class DueRig(RealTimeRig):
         return now
 
     def _get(self, axis: str) -> list[float]:
-        return [float(number) for number in self.emulator.tell(f"get {self._channels[axis]}").split()]
+        return [float(number) for number in self.emulator.command(f"get {self._channels[axis]}").split()]
 
     def value(self, axis: str) -> float:
         truth = self._truth(axis)
@@ -80,7 +80,7 @@ class DueRig(RealTimeRig):
     def break_device(self, axis: str) -> None:
         self._fault(axis, True)
 
-    def mend_device(self, axis: str) -> None:
+    def repair_device(self, axis: str) -> None:
         self._fault(axis, False)
 
     def _fault(self, axis: str, on: bool) -> None:

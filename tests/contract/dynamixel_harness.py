@@ -52,7 +52,7 @@ class DynamixelRig(RealTimeRig):
         self._servo(axis).cause = OVERLOAD
         self.emulator.set("overload", self._ids[axis])
 
-    def mend_device(self, axis: str) -> None:
+    def repair_device(self, axis: str) -> None:
         self._servo(axis).cause = 0
 
     def _servo(self, axis: str) -> Servo:

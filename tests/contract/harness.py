@@ -1,4 +1,4 @@
-"""What the contract suite needs to know and do about a bus; one harness per driver and kind of device.
+"""Interface of the contract tests to a bus under test; one harness per driver and kind of device.
 
 A harness opens nothing by itself: it gives a bus that was never opened, with two axes or more at rest, and
 handles to what stands behind the wire. Simulated buses run in virtual time, emulators and firmware in real
@@ -34,10 +34,10 @@ class Facts:
         reading: a sample differs from the device by less (noise and quantisation).
         near: distance that any axis covers and settles within ``settle_s``, well above ``reading``.
         far: distance that takes much longer than ``watchdog_s`` and ``settle_s`` together.
-        settle_s: time for ``near``, and for any device to come to rest once told to.
-        watchdog_s: the dead-man.
+        settle_s: time for ``near``, and for any device to come to rest after `disable`.
+        watchdog_s: the watchdog.
         vent_s: time to lose all pressure from ``near`` above the start; 0 for other kinds.
-        dead_man: what the device does when it trips.
+        on_watchdog: what the device does when it trips.
     """
 
     kind: DeviceKind
@@ -48,7 +48,7 @@ class Facts:
     settle_s: float
     watchdog_s: float
     vent_s: float
-    dead_man: Rest
+    on_watchdog: Rest
 
 
 class BusUnderTest(Protocol):
@@ -74,7 +74,7 @@ class BusUnderTest(Protocol):
         ...
 
     def silence(self, axis: str, silent: bool) -> None:
-        """Make one axis neither hear nor answer, or end that."""
+        """Make one axis neither receive nor answer, or end that."""
         ...
 
     def unplug(self) -> None:
@@ -89,7 +89,7 @@ class BusUnderTest(Protocol):
         """Make a device report a latched fault of its own and drop its torque or pressure."""
         ...
 
-    def mend_device(self, axis: str) -> None:
+    def repair_device(self, axis: str) -> None:
         """End the cause of that fault; the latch stays."""
         ...
 

@@ -55,7 +55,7 @@ class SimRig:
     def break_device(self, axis: str) -> None:
         self.bus.inject(FaultKind.OVERLOAD, axis)
 
-    def mend_device(self, axis: str) -> None:
+    def repair_device(self, axis: str) -> None:
         self.bus.heal(FaultKind.OVERLOAD, axis)
 
     def _device(self, axis):

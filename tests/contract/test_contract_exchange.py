@@ -38,7 +38,7 @@ def test_the_order_of_commands_does_not_matter(enabled):
         assert enabled.value(axis) == pytest.approx(goal, abs=enabled.facts.reading)
 
 
-def test_a_command_to_a_resting_axis_is_dropped_and_costs_nobody_else(ready):
+def test_a_command_to_a_resting_axis_is_dropped_and_costs_no_other(ready):
     first, *others = ready.bus.axes
     ready.bus.enable(others)
     before = ready.value(first)
@@ -72,9 +72,9 @@ def test_a_command_that_is_not_finite_stops_the_whole_tick(enabled, bad):
     assert enabled.value(first) == pytest.approx(before, abs=enabled.facts.reading)
 
 
-def test_a_command_to_nobody_is_refused(enabled):
-    with pytest.raises(DeviceError, match="nobody"):
-        enabled.bus.exchange({"nobody": 0.0})
+def test_a_command_to_an_unknown_axis_is_refused(enabled):
+    with pytest.raises(DeviceError, match="unknown"):
+        enabled.bus.exchange({"unknown": 0.0})
     assert all(sample.valid for sample in enabled.pump(0.0).values())
 
 
@@ -96,7 +96,7 @@ def test_a_sample_given_out_never_changes(enabled):
     assert samples[first] is kept
 
 
-def test_reading_alone_feeds_the_dead_man(enabled):
+def test_reading_alone_feeds_the_watchdog(enabled):
     samples = enabled.pump(enabled.facts.watchdog_s * 3)
     assert all(sample.fault == "" for sample in samples.values())
     assert all(enabled.powered(axis) for axis in enabled.bus.axes)

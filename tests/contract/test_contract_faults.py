@@ -1,4 +1,4 @@
-"""Faults: a failed read is never a number, a lost bus says so, a dead-man trips and stays tripped."""
+"""Faults: a failed read is never a number, a lost bus raises, a watchdog trips and stays tripped."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ def at(rig):
 # -- one axis is silent ----------------------------------------------------------------------------------
 
 
-def test_a_silent_axis_keeps_its_last_value_and_costs_nobody_else(enabled):
+def test_a_silent_axis_keeps_its_last_value_and_costs_no_other(enabled):
     first, *others = enabled.bus.axes
     good = enabled.pump(0.0)[first]
     enabled.silence(first, True)
@@ -119,10 +119,10 @@ def test_devices_of_a_lost_bus_come_to_rest_and_do_not_move_when_it_is_back(enab
         assert enabled.value(axis) == pytest.approx(goal, abs=enabled.facts.reading)
 
 
-# -- the dead-man ----------------------------------------------------------------------------------------
+# -- the watchdog ----------------------------------------------------------------------------------------
 
 
-def starve(rig):
+def let_watchdog_expire(rig):
     """Send every axis far away, then fall silent until all of them rest."""
     goals = offset(rig, rig.bus.axes, rig.facts.far)
     rig.pump(0.0, goals)
@@ -130,23 +130,23 @@ def starve(rig):
     return goals
 
 
-def test_the_dead_man_brings_devices_to_rest_by_itself(enabled):
+def test_the_watchdog_brings_devices_to_rest_by_itself(enabled):
     start = at(enabled)
-    goals = starve(enabled)
+    goals = let_watchdog_expire(enabled)
     rested = at(enabled)
     enabled.wait(enabled.facts.settle_s)
     for axis, value in rested.items():
         assert enabled.value(axis) == pytest.approx(value, abs=enabled.facts.still)
         assert value < goals[axis] - enabled.facts.near
-        if enabled.facts.dead_man is Rest.VENT:
+        if enabled.facts.on_watchdog is Rest.VENT:
             assert value == pytest.approx(0.0, abs=enabled.facts.reading)
         else:
             assert value >= start[axis] - enabled.facts.still
-        assert enabled.powered(axis) == (enabled.facts.dead_man is Rest.HOLD)
+        assert enabled.powered(axis) == (enabled.facts.on_watchdog is Rest.HOLD)
 
 
 def test_a_trip_is_latched_and_clearing_it_never_moves(enabled):
-    goals = starve(enabled)
+    goals = let_watchdog_expire(enabled)
     rested = at(enabled)
     samples = enabled.pump(enabled.facts.settle_s, goals)
     for axis, value in rested.items():
@@ -167,7 +167,7 @@ def test_a_trip_is_latched_and_clearing_it_never_moves(enabled):
         assert enabled.value(axis) == pytest.approx(goal, abs=enabled.facts.reading)
 
 
-def test_a_refused_tick_does_not_feed_the_dead_man(enabled):
+def test_a_refused_tick_does_not_feed_the_watchdog(enabled):
     first = enabled.bus.axes[0]
     for _ in range(6):
         enabled.wait(enabled.facts.watchdog_s / 3)
@@ -215,7 +215,7 @@ def test_a_mended_device_stays_at_rest_until_it_is_cleared_and_enabled(enabled):
     first = enabled.bus.axes[0]
     enabled.break_device(first)
     enabled.pump(enabled.facts.settle_s + enabled.facts.vent_s)
-    enabled.mend_device(first)
+    enabled.repair_device(first)
     before = enabled.value(first)
     goal = {first: before + enabled.facts.near}
     assert enabled.pump(enabled.facts.settle_s, goal)[first].fault != ""

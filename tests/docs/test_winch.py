@@ -104,7 +104,7 @@ def test_without_the_box_the_message_says_what_to_look_at(folder: Path) -> None:
     with start(folder, "run", "arm.yaml") as process:
         report, _ = process.communicate(timeout=60)
     assert process.returncode == 4
-    assert "is the box switched on" in report
+    assert "check that the box is on" in report
 
 
 def test_it_runs_simulated_without_the_box(folder: Path) -> None:

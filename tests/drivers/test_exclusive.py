@@ -1,4 +1,4 @@
-"""A port of contid is nobody else's; a pseudo terminal stays free: its emulator outlives a killed owner."""
+"""A port of contid is exclusive; a pseudo terminal is not: its emulator outlives a killed owner."""
 
 from __future__ import annotations
 
@@ -8,7 +8,7 @@ import struct
 
 import pytest
 
-from contid_drivers.exclusive import keep_others_out, let_others_in
+from contid_drivers.exclusive import lock_port, unlock_port
 
 TIOCGEXCL = 0x80045440
 
@@ -21,11 +21,11 @@ def banned(descriptor: int) -> bool:
 def test_others_are_kept_out_while_it_is_open(called: str, kept: bool) -> None:
     master, slave = os.openpty()
     try:
-        keep_others_out(slave, called or os.ttyname(slave))
+        lock_port(slave, called or os.ttyname(slave))
         assert banned(slave) == kept
-        let_others_in(slave)
+        unlock_port(slave)
         assert not banned(slave)
     finally:
         os.close(master)
         os.close(slave)
-    let_others_in(-1)  # a port that died
+    unlock_port(-1)  # a port that died

@@ -50,7 +50,7 @@ class VirtualBoard:
         self._process.stdout.close()
         assert self._process.wait(timeout=10) == 0, "the host build failed (sanitizer?)"
 
-    def tell(self, line: str) -> str:
+    def command(self, line: str) -> str:
         assert self._process.stdin is not None
         assert self._process.stdout is not None
         self._process.stdin.write(line + "\n")
@@ -60,11 +60,11 @@ class VirtualBoard:
         return answer[3:]
 
     def step(self, ms: int = 1) -> None:
-        self.tell(f"step {ms}")
+        self.command(f"step {ms}")
 
     def wire(self, data: bytes) -> bytes:
         """Bytes in, bytes out."""
-        answer = self.tell(f"rx {data.hex()}")
+        answer = self.command(f"rx {data.hex()}")
         return b"" if answer == "-" else bytes.fromhex(answer)
 
     def ask(self, kind: Type, body: bytes = b"") -> Answer | None:
@@ -91,7 +91,7 @@ class VirtualBoard:
             )
         for axis in on_bus:
             for line in plant_commands(axis):
-                self.tell(line)
+                self.command(line)
         blob = wiring.board_config(
             "board", DueBusOptions(port="x", role=self.role, watchdog_ms=watchdog_ms), on_bus
         )
@@ -100,8 +100,8 @@ class VirtualBoard:
         self.step(50)
         return answer
 
-    def demand(self, values: Mapping[int, int] | None = None, heard_ms: int | None = None) -> Telemetry:
-        heard = heard_ms if heard_ms is not None else self.telemetry.uptime_ms if self.telemetry else 0
+    def demand(self, values: Mapping[int, int] | None = None, echo_ms: int | None = None) -> Telemetry:
+        heard = echo_ms if echo_ms is not None else self.telemetry.uptime_ms if self.telemetry else 0
         answer = self.ask(Type.DEMAND, messages.demand(self.crc, heard, values or {}))
         assert isinstance(answer, Telemetry), answer
         return answer
@@ -115,7 +115,7 @@ class VirtualBoard:
 
     def truth(self, channel: int) -> list[float]:
         """Shaft [counts], speed [counts/s], pressure [Pa], rate [Pa/s], drive, duty, world time [ms]."""
-        return [float(number) for number in self.tell(f"get {channel}").split()]
+        return [float(number) for number in self.command(f"get {channel}").split()]
 
     def journal(self, event: str) -> list[dict[str, Any]]:
         entries = [json.loads(line) for line in self.journal_file.read_text().splitlines()]

@@ -35,11 +35,11 @@ def _pressed(board, **options):
 
 
 @pytest.mark.parametrize("safe", ["brake", "coast", "hold"])
-def test_dead_man_stops_a_motor_at_10_cm_s(board, safe):
+def test_watchdog_stops_a_motor_at_10_cm_s(board, safe):
     motors, _ = _moving_motor(board, on_watchdog=safe)
     motors.step(400 if safe != "coast" else 1500)
     trip = motors.trip()
-    assert (trip["reason"], trip["silence_ms"]) == ("dead_man", 100)
+    assert (trip["reason"], trip["silence_ms"]) == ("watchdog", 100)
     rest = next(e for e in motors.journal("rest") if e["world_ms"] >= trip["world_ms"])
     assert rest["world_ms"] - trip["world_ms"] <= {"brake": 150, "coast": 1000, "hold": 400}[safe]
     drive = motors.truth(0)[4]
@@ -47,20 +47,20 @@ def test_dead_man_stops_a_motor_at_10_cm_s(board, safe):
 
 
 @pytest.mark.parametrize(("safe", "longest_ms"), [("vent", 1000), ("close", 400)])
-def test_dead_man_vents_1_5_bar(board, safe, longest_ms):
+def test_watchdog_vents_1_5_bar(board, safe, longest_ms):
     air = _pressed(board, on_watchdog=safe, vent_bar_s=2.0)
     air.step(1500)
     trip = air.trip()
-    assert (trip["reason"], trip["silence_ms"]) == ("dead_man", 100)
+    assert (trip["reason"], trip["silence_ms"]) == ("watchdog", 100)
     vented = next(e for e in air.journal("rest") if e["world_ms"] > trip["world_ms"])
     assert vented["world_ms"] - trip["world_ms"] <= longest_ms
     assert air.truth(0)[4:6] == [0, 0]
 
 
-def test_dead_man_that_holds_keeps_the_pressure(board):
+def test_watchdog_that_holds_keeps_the_pressure(board):
     air = _pressed(board, on_watchdog="hold")
     air.step(1500)
-    assert air.trip()["reason"] == "dead_man"
+    assert air.trip()["reason"] == "watchdog"
     assert air.truth(0)[2] == pytest.approx(150_000, abs=1500)
 
 
@@ -68,7 +68,7 @@ def test_latched_until_cleared_then_armed_where_it_stands(board):
     motors, _ = _moving_motor(board)
     motors.step(300)
     stood = motors.demand({0: 60_000}).channels[0]
-    assert (stood.state, stood.reason) == (BoardState.SAFE, Reason.DEAD_MAN)
+    assert (stood.state, stood.reason) == (BoardState.SAFE, Reason.WATCHDOG)
     refused = motors.masked(Type.ARM, 0)
     assert isinstance(refused, Refused)
     assert motors.masked(Type.CLEAR, 0).channels[0].state is BoardState.READY
@@ -81,19 +81,19 @@ def test_a_host_that_does_not_hear_does_not_feed(board):
     motors, ramp = _moving_motor(board)
     deaf_since = motors.telemetry.uptime_ms
     for _ in range(60):  # demands keep coming, but always name the same old telemetry
-        motors.demand(ramp(deaf_since), heard_ms=deaf_since)
+        motors.demand(ramp(deaf_since), echo_ms=deaf_since)
         motors.step(5)
     trip = motors.trip()
     # The last demand that counts is one that heard the board less than 100 ms ago.
-    assert trip["reason"] == "dead_man"
+    assert trip["reason"] == "watchdog"
     assert trip["world_ms"] - deaf_since <= 2 * 100
-    assert motors.demand(heard_ms=deaf_since).stale
+    assert motors.demand(echo_ms=deaf_since).stale
 
 
 @pytest.mark.parametrize("left_ms", [50, 300, 1000])
 def test_the_clock_wraps_after_49_days_and_nobody_notices(board, left_ms):
     motors = board("motor")
-    motors.tell(f"old {2**32 - left_ms}")
+    motors.command(f"old {2**32 - left_ms}")
     motors.step(40)  # it starts
     motors.configure({"m0": {}})
     motors.arm(0)
@@ -106,12 +106,12 @@ def test_the_clock_wraps_after_49_days_and_nobody_notices(board, left_ms):
     assert motors.telemetry.uptime_ms < 2000
     assert motors.truth(0)[1] == pytest.approx(MOVING, rel=0.05)
     motors.step(400)
-    assert (motors.trip()["reason"], motors.trip()["silence_ms"]) == ("dead_man", 100)
+    assert (motors.trip()["reason"], motors.trip()["silence_ms"]) == ("watchdog", 100)
 
 
-def test_the_dead_man_trips_across_the_wrap_and_old_demands_stay_old(board):
+def test_the_watchdog_trips_across_the_wrap_and_old_demands_stay_old(board):
     motors = board("motor")
-    motors.tell(f"old {2**32 - 250}")
+    motors.command(f"old {2**32 - 250}")
     motors.step(40)
     motors.configure({"m0": {}})
     motors.arm(0)
@@ -120,14 +120,14 @@ def test_the_dead_man_trips_across_the_wrap_and_old_demands_stay_old(board):
         motors.step(5)
         heard = motors.demand({0: 100}).uptime_ms
     motors.step(150)
-    assert (motors.trip()["reason"], motors.trip()["silence_ms"]) == ("dead_man", 100)
-    assert motors.demand({0: 200}, heard_ms=heard).stale
+    assert (motors.trip()["reason"], motors.trip()["silence_ms"]) == ("watchdog", 100)
+    assert motors.demand({0: 200}, echo_ms=heard).stale
     assert not motors.demand({0: 200}).stale
 
 
 def test_stalled_motor(board):
     motors, ramp = _moving_motor(board, stall_ms=100)
-    motors.tell("set 0 stall 1")
+    motors.command("set 0 stall 1")
     began = motors.telemetry.uptime_ms
     _run(motors, ramp, 300)
     trip = motors.trip()
@@ -138,7 +138,7 @@ def test_stalled_motor(board):
 @pytest.mark.parametrize(("switch", "reason"), [("encoder_stuck", "encoder_silent"), ("stall", "stalled")])
 def test_current_tells_a_dead_encoder_from_a_stall(board, switch, reason):
     motors, ramp = _moving_motor(board, stall_ms=100, stall_current_ma=1000)
-    motors.tell(f"set 0 {switch} 1")
+    motors.command(f"set 0 {switch} 1")
     began = motors.telemetry.uptime_ms
     _run(motors, ramp, 300)
     assert motors.trip()["reason"] == reason
@@ -147,7 +147,7 @@ def test_current_tells_a_dead_encoder_from_a_stall(board, switch, reason):
 
 def test_reversed_encoder_while_moving(board):
     motors, ramp = _moving_motor(board)
-    motors.tell("set 0 encoder_reversed 1")
+    motors.command("set 0 encoder_reversed 1")
     began = motors.telemetry.uptime_ms
     _run(motors, ramp, 300)
     assert motors.trip()["reason"] == "encoder_reversed"
@@ -157,7 +157,7 @@ def test_reversed_encoder_while_moving(board):
 def test_reversed_encoder_at_the_first_motion(board):
     motors = board("motor")
     motors.configure({"m0": {}})
-    motors.tell("set 0 encoder_reversed 1")
+    motors.command("set 0 encoder_reversed 1")
     motors.arm(0)
     began = motors.telemetry.uptime_ms
     _run(motors, lambda now: {0: 6000}, 400)
@@ -169,7 +169,7 @@ def test_reversed_encoder_at_the_first_motion(board):
 def test_motor_or_encoder_turned_around_by_configuration(board):
     motors = board("motor")
     motors.configure({"m0": {"encoder_reversed": True}})
-    motors.tell("set 0 encoder_reversed 1")
+    motors.command("set 0 encoder_reversed 1")
     motors.arm(0)
     _run(motors, lambda now: {0: 3000}, 1500)
     assert motors.demand().channels[0].position == pytest.approx(3000, abs=5)
@@ -177,7 +177,7 @@ def test_motor_or_encoder_turned_around_by_configuration(board):
 
 def test_leak(board):
     air = _pressed(board, leak_ms=300)
-    air.tell("set 0 leak 1")
+    air.command("set 0 leak 1")
     began = air.telemetry.uptime_ms
     _run(air, lambda now: {0: 150_000}, 800)
     trip = air.trip()
@@ -189,7 +189,7 @@ def test_leak(board):
 
 def test_broken_sensor_wire(board):
     air = _pressed(board)
-    air.tell("set 0 wire 1")
+    air.command("set 0 wire 1")
     began = air.telemetry.uptime_ms
     _run(air, lambda now: {0: 150_000}, 100)
     trip = air.trip()
@@ -197,21 +197,21 @@ def test_broken_sensor_wire(board):
     assert trip["world_ms"] - began <= 30
     assert not air.telemetry.channels[0].sensor_ok
     assert isinstance(air.masked(Type.CLEAR, 0), Refused)  # it persists
-    air.tell("set 0 wire 0")
+    air.command("set 0 wire 0")
     air.step(2)
     assert isinstance(air.masked(Type.CLEAR, 0), Telemetry)
 
 
 def test_broken_wire_of_a_0_to_10_v_signal_shows_as_a_leak(board):
     air = _pressed(board, readback=[[0, 0], [3125, 3]], wire_break_mv=0)
-    air.tell("set 0 wire 1")
+    air.command("set 0 wire 1")
     _run(air, lambda now: {0: 150_000}, 800)
     assert air.trip()["reason"] == "leak"
 
 
 def test_over_pressure_vents_even_when_the_safe_state_holds(board):
     air = _pressed(board, on_watchdog="hold")
-    air.tell("set 0 full_pa 600000")  # the regulator's gain doubles
+    air.command("set 0 full_pa 600000")  # the regulator's gain doubles
     began = air.telemetry.uptime_ms
     _run(air, lambda now: {0: 150_000}, 300)
     trip = air.trip()
@@ -224,7 +224,7 @@ def test_over_pressure_vents_even_when_the_safe_state_holds(board):
 @pytest.mark.parametrize(("command", "cause"), [("reset", "PIN"), ("brown_out", "BROWN_OUT")])
 def test_reset_leaves_outputs_off_and_is_told(board, command, cause):
     motors, _ = _moving_motor(board)
-    motors.tell(command)
+    motors.command(command)
     motors.step(1)
     assert motors.truth(0)[4:6] == [0, 0]
     motors.step(30)
@@ -232,13 +232,13 @@ def test_reset_leaves_outputs_off_and_is_told(board, command, cause):
     assert (hello.cause, hello.boot, hello.configured) == (ResetCause[cause], 2, False)
 
 
-def test_frozen_loop_dead_man_first_then_the_hardware_watchdog(board):
+def test_frozen_loop_watchdog_first_then_the_hardware_watchdog(board):
     motors, _ = _moving_motor(board)
     began = motors.telemetry.uptime_ms
-    motors.tell("freeze")
+    motors.command("freeze")
     motors.step(400)
     trip = motors.trip()
-    assert trip["reason"] == "dead_man"
+    assert trip["reason"] == "watchdog"
     assert trip["world_ms"] - began <= 100 + 5
     boot = motors.journal("boot")[-1]
     assert (boot["cause"], boot["world_ms"] - began <= 260) == ("watchdog", True)
@@ -258,7 +258,7 @@ def test_homing_finds_the_end_stop(board):
     motors = board("motor")
     homing = {"direction": -1, "speed_deg_s": 90, "at_deg": 30.0, "backoff_deg": 10.0}
     motors.configure({"m0": {"homing": homing}})
-    motors.tell("set 0 low -2000")
+    motors.command("set 0 low -2000")
     assert isinstance(motors.arm(0), Refused)
     motors.masked(Type.HOME, 0)
     _run(motors, lambda now: {}, 6000)
@@ -273,7 +273,7 @@ def test_homing_finds_the_end_stop(board):
 def test_homing_without_end_stop_gives_up(board):
     motors = board("motor")
     motors.configure({"m0": {"homing": {"direction": 1, "timeout_s": 0.5}}})
-    motors.tell("set 0 high 1e9")
+    motors.command("set 0 high 1e9")
     motors.demand()
     motors.masked(Type.HOME, 0)
     _run(motors, lambda now: {}, 700)
@@ -282,13 +282,13 @@ def test_homing_without_end_stop_gives_up(board):
 
 def test_bridge_fault(board):
     motors, ramp = _moving_motor(board)
-    motors.tell("set 0 bridge 1")
+    motors.command("set 0 bridge 1")
     began = motors.telemetry.uptime_ms
     _run(motors, ramp, 20)
     assert motors.trip()["reason"] == "bridge"
     assert motors.trip()["world_ms"] - began <= 5 + 2
     assert isinstance(motors.masked(Type.CLEAR, 0), Refused)
-    motors.tell("set 0 bridge 0")
+    motors.command("set 0 bridge 0")
     motors.step()
     assert motors.masked(Type.CLEAR, 0).channels[0].state is BoardState.READY
 
@@ -296,29 +296,29 @@ def test_bridge_fault(board):
 def test_a_channel_that_falls_out_tells_nothing_and_cannot_be_armed(board):
     motors = board("motor")
     motors.configure({"m0": {}, "m1": {}})
-    motors.tell("silent 1 1")
+    motors.command("silent 1 1")
     assert set(motors.demand().channels) == {0}
     assert isinstance(motors.arm(0, 1), Refused)
     assert isinstance(motors.arm(0), Telemetry)
 
 
-def test_homing_is_under_the_dead_man(board):
+def test_homing_is_under_the_watchdog(board):
     motors = board("motor")
     motors.configure({"m0": {"homing": {"direction": 1}}})
     motors.demand()
     motors.masked(Type.HOME, 0)
     motors.step(150)
     trip = motors.trip()
-    assert (trip["reason"], trip["silence_ms"]) == ("dead_man", 100)
+    assert (trip["reason"], trip["silence_ms"]) == ("watchdog", 100)
     assert motors.truth(0)[4] == 1  # it brakes
 
 
 def test_frozen_loop_of_a_pressure_board(board):
     air = _pressed(board, vent_bar_s=4.0)
     began = air.telemetry.uptime_ms
-    air.tell("freeze")
+    air.command("freeze")
     air.step(1500)
-    assert air.trip()["reason"] == "dead_man"
+    assert air.trip()["reason"] == "watchdog"
     assert air.trip()["world_ms"] - began <= 100 + 5
     # Venting had begun when the watchdog restarted the board; its start state goes on letting the air out.
     assert air.journal("boot")[-1]["cause"] == "watchdog"

@@ -14,16 +14,16 @@ from contid_drivers.due.options import DueBusOptions
 from contid_drivers.due.session import DueConnection, refused
 from contid_drivers.due.wiring import Scale, axis_options
 
-#: A board that says nothing for so long is gone, not late.
+#: A board silent for longer counts as lost.
 SILENCE_S = 0.5
-#: Demands stay inside what the board computes with.
-_MOST = 1_000_000_000
+#: Magnitude limit of a demand [counts or Pa]; the board computes in 32 bits.
+_DEMAND_LIMIT = 1_000_000_000
 _REST = {Rest.HOLD: RestCode.HOLD, Rest.RELAX: RestCode.RELAX, Rest.VENT: RestCode.VENT}
-_REFERENCE_LOST = "position lost in a reset: home it, or park it where it is powered up and clear the fault"
+_REFERENCE_LOST = "position lost in a reset: home it, or park it at power_up_deg and clear the fault"
 
 
 class _Axis:
-    """What the bus keeps of one axis."""
+    """State of one axis on the host."""
 
     def __init__(self, axis: AxisOnBus) -> None:
         options = axis_options(axis)
@@ -42,18 +42,18 @@ class _Axis:
 
     @property
     def fault(self) -> str:
-        """The device's own fault in words."""
+        """Fault of the device, empty for none."""
         if self.report is not None and self.report.state is BoardState.SAFE:
             return self.report.reason.message
         return _REFERENCE_LOST if self.reference_lost else ""
 
     @property
     def armed(self) -> bool:
-        """Whether the newest telemetry says the channel follows demands."""
+        """Whether the channel followed demands in the newest telemetry."""
         return self.report is not None and self.report.state is BoardState.ARMED
 
-    def take(self, report: BoardReport, now: float) -> None:
-        """Keep what the board says of this axis; a reading without sensor is no reading."""
+    def update(self, report: BoardReport, now: float) -> None:
+        """Store the channel's report; the value changes only with a valid sensor."""
         self.report = report
         self.silent = False
         if report.sensor_ok:
@@ -61,7 +61,7 @@ class _Axis:
             self.time_s = now
 
     def sample(self, now: float, fresh: bool) -> Sample:
-        """The sample of this exchange."""
+        """Sample of this exchange."""
         report = self.report
         if self.value is None or report is None:
             return Sample(value=None, time_s=now, valid=False, age_s=math.inf, fault=self.fault)
@@ -92,12 +92,12 @@ class DueBus:
         self._clock = clock
         self._by_name = {axis.name: _Axis(axis) for axis in axes}
         self._session: DueConnection | None = None
-        self._lost = "it was never opened"
+        self._lost = "it is not open"
         self._boot: int | None = None
-        self._heard_s = -math.inf
+        self._answered_s = -math.inf
 
     def open(self) -> None:
-        """Wait for hello, check role, version and configuration; a board that kept all goes on as it is."""
+        """See `contid.hal.Bus.open`; a board with the same configuration keeps its state."""
         self.close()
         session = DueConnection(self.name, self._options, self._given)
         self._session = session
@@ -106,15 +106,15 @@ class DueBus:
             for axis in self._by_name.values():
                 axis.reference_lost = axis.motor and not axis.homes
         self._boot = session.hello.boot
-        self._heard_s = self._clock.now()
+        self._answered_s = self._clock.now()
 
     @property
     def hello(self) -> Hello:
-        """What the board said of itself when it was opened."""
+        """The board's hello at `open`."""
         return self._need_session().hello
 
     def close(self) -> None:
-        """Let the port go; outputs are left to the board."""
+        """See `contid.hal.Bus.close`; outputs stay under the board's watchdog."""
         if self._session is not None:
             self._session.close()
         self._session = None
@@ -123,39 +123,38 @@ class DueBus:
             axis.enabled = False
 
     def exchange(self, commands: Mapping[str, float]) -> Mapping[str, Sample]:
-        """One demand with the values of this tick, one telemetry."""
+        """See `contid.hal.Bus.exchange`: one demand out, one telemetry back."""
         values = self._checked(commands)
         session = self._need_session()
-        body = messages.demand(session.config_crc, session.heard_ms, values)
-        fresh = self._take(self._command(session, Type.DEMAND, body))
+        body = messages.demand(session.config_crc, session.echo_ms, values)
+        fresh = self._update(self._command(session, Type.DEMAND, body))
         now = self._clock.now()
-        if not fresh and now - self._heard_s > SILENCE_S:
-            self._lose(f"no answer for {now - self._heard_s:.1f} s")
+        if not fresh and now - self._answered_s > SILENCE_S:
+            self._lose(f"no answer for {now - self._answered_s:.1f} s")
         return {name: axis.sample(now, fresh) for name, axis in self._by_name.items()}
 
     def enable(self, axes: Sequence[str]) -> None:
-        """Arm channels where they stand; the board's dead-man starts."""
-        wanted = [self._axis(name) for name in axes]
+        """See `contid.hal.Bus.enable`; starts the board's watchdog."""
+        chosen = [self._axis(name) for name in axes]
         session = self._need_session()
-        if not self._take(
-            self._command(session, Type.DEMAND, messages.demand(session.config_crc, session.heard_ms, {}))
-        ):
+        body = messages.demand(session.config_crc, session.echo_ms, {})
+        if not self._update(self._command(session, Type.DEMAND, body)):
             raise refused(self.name, "cannot enable", axes, None)
-        for axis in wanted:
+        for axis in chosen:
             if axis.fault:
                 raise DeviceError(f"{self.name}: {axis.name}", axis.fault, "clear the fault first")
             if axis.silent or axis.value is None:
-                raise DeviceError(f"{self.name}: {axis.name}", "it is silent")
-        stray = [axis.name for axis in wanted if axis.armed and not axis.enabled]
+                raise DeviceError(f"{self.name}: {axis.name}", "it does not answer")
+        stray = [axis.name for axis in chosen if axis.armed and not axis.enabled]
         if stray:
-            # Armed by a host that is gone, with that host's goal: from rest it is armed where it stands.
+            # Armed by an earlier host with that host's goal; arming from rest takes the present position.
             self.disable(stray, Rest.HOLD)
-        self._grant(session, Type.ARM, "cannot enable", [axis for axis in wanted if not axis.armed])
-        for axis in wanted:
+        self._grant(session, Type.ARM, "cannot enable", [axis for axis in chosen if not axis.armed])
+        for axis in chosen:
             axis.enabled = True
 
     def disable(self, axes: Sequence[str], rest: Rest) -> None:
-        """Stop channels: motors hold or coast, regulators hold, close or vent. Best effort."""
+        """See `contid.hal.Bus.disable`: motors hold or coast, regulators hold, close or vent."""
         for name in axes:
             self._axis(name).enabled = False
         session = self._session
@@ -164,25 +163,25 @@ class DueBus:
         body = messages.stop((self._axis(name).channel for name in axes), _REST[rest])
         for _ in range(3):
             try:
-                if self._take(self._command(session, Type.STOP, body)):
+                if self._update(self._command(session, Type.STOP, body)):
                     return
             except DeviceLostError:
                 return
 
     def clear_fault(self, axes: Sequence[str]) -> None:
-        """Acknowledge latched faults, and that a robot without homing is parked again after a reset."""
+        """See `contid.hal.Bus.clear_fault`; also confirms that an axis without homing is parked again."""
         session = self._need_session()
-        wanted = [self._axis(name) for name in axes]
-        self._grant(session, Type.CLEAR, "cannot clear", wanted)
-        for axis in wanted:
+        chosen = [self._axis(name) for name in axes]
+        self._grant(session, Type.CLEAR, "cannot clear", chosen)
+        for axis in chosen:
             axis.reference_lost = False
 
     def home(self, axes: Sequence[str]) -> None:
-        """Start homing; `exchange` keeps it alive and shows `homing` until it ends."""
+        """Start homing; call `exchange` until `homing` is false."""
         self._grant(self._need_session(), Type.HOME, "cannot home", [self._axis(name) for name in axes])
 
     def homing(self, axis: str) -> bool:
-        """Whether the newest telemetry says the axis is still looking for its end stop."""
+        """Whether the axis was still searching its end stop in the newest telemetry."""
         report = self._axis(axis).report
         return report is not None and report.state is BoardState.HOMING
 
@@ -190,16 +189,16 @@ class DueBus:
         if not axes:
             return
         body = messages.masked(session.config_crc, (axis.channel for axis in axes))
-        # Asked again when an answer is lost: arming, clearing and homing twice is the same as once.
+        # Arming, clearing and homing are idempotent, so a lost answer is asked for again.
+        refusal = None
         for _ in range(3):
             answer = self._command(session, kind, body)
-            if self._take(answer):
+            if self._update(answer):
                 return
             if isinstance(answer, Refused):
+                refusal = answer
                 break
-        raise refused(
-            self.name, what, [axis.name for axis in axes], answer if isinstance(answer, Refused) else None
-        )
+        raise refused(self.name, what, [axis.name for axis in axes], refusal)
 
     def _command(self, session: DueConnection, kind: Type, body: bytes) -> Telemetry | Refused | None:
         try:
@@ -208,16 +207,16 @@ class DueBus:
             self._lost = lost.message
             raise
 
-    def _take(self, answer: Telemetry | Refused | None) -> bool:
+    def _update(self, answer: Telemetry | Refused | None) -> bool:
         if not isinstance(answer, Telemetry):
             return False
         now = self._clock.now()
-        self._heard_s = now
+        self._answered_s = now
         for axis in self._by_name.values():
             report = answer.channels.get(axis.channel)
             axis.silent = report is None
             if report is not None:
-                axis.take(report, now)
+                axis.update(report, now)
         return True
 
     def _checked(self, commands: Mapping[str, float]) -> dict[int, int]:
@@ -227,22 +226,22 @@ class DueBus:
             if not math.isfinite(value):
                 raise DeviceError(f"{self.name}: {name}", f"command {value} is not finite")
             if axis.enabled and axis.armed and not axis.fault:
-                values[axis.channel] = max(-_MOST, min(_MOST, axis.scale.to_board(value)))
+                values[axis.channel] = max(-_DEMAND_LIMIT, min(_DEMAND_LIMIT, axis.scale.to_board(value)))
         return values
 
     def _axis(self, name: str) -> _Axis:
         try:
             return self._by_name[name]
         except KeyError:
-            raise DeviceError(self.name, f"no axis {name!r}; there are {', '.join(self.axes)}") from None
+            raise DeviceError(self.name, f"no axis {name!r}; axes: {', '.join(self.axes)}") from None
 
     def _need_session(self) -> DueConnection:
         if self._session is None or self._lost:
-            raise DeviceLostError(self.name, self._lost or "it is not open", "open it again")
+            raise DeviceLostError(self.name, self._lost, "open it again")
         return self._session
 
     def _lose(self, why: str) -> None:
         if self._session is not None:
             self._session.close()
         self._lost = why
-        raise DeviceLostError(self.name, why, "is it powered? is its sketch running?")
+        raise DeviceLostError(self.name, why, "check power and that the contid sketch runs")

@@ -1,4 +1,4 @@
-"""Numbers of the Due protocol by name, as in firmware/contid_due/src/core/protocol.h: a test compares."""
+"""Numbers of the Due protocol by name; protocol.h and PROTOCOL.md are checked against them by a test."""
 
 from __future__ import annotations
 
@@ -7,12 +7,12 @@ from typing import Final
 
 PROTOCOL_VERSION: Final = 1
 CHANNELS: Final = 6
-#: Full duty in either direction.
+#: Duty at full scale, either direction.
 DUTY_FULL: Final = 32767
-#: Steps of the board's analogue inputs over 3.3 V.
+#: Steps of an analogue input over its 3.3 V.
 ADC_STEPS: Final = 4095
 ADC_MV: Final = 3300.0
-#: Bits beside the state of a channel in telemetry.
+#: Bits next to the state of a channel in telemetry.
 CHANNEL_HOMED: Final = 0x10
 CHANNEL_LIMITED: Final = 0x20
 CHANNEL_SENSOR_OK: Final = 0x40
@@ -22,7 +22,7 @@ BOARD_DEMAND_STALE: Final = 0x02
 
 
 class Type(enum.IntEnum):
-    """First byte after the version."""
+    """Message type: the byte after the version."""
 
     HELLO = 0x01
     CONFIGURE = 0x02
@@ -49,10 +49,10 @@ class BoardState(enum.IntEnum):
 
 
 class Reason(enum.IntEnum):
-    """Why a channel is in its safe state: the fault's number."""
+    """Fault that put a channel into its safe state."""
 
     NONE = 0
-    DEAD_MAN = 1
+    WATCHDOG = 1
     STALLED = 2
     ENCODER_SILENT = 3
     ENCODER_REVERSED = 4
@@ -65,27 +65,27 @@ class Reason(enum.IntEnum):
 
     @property
     def message(self) -> str:
-        """The fault for people."""
-        return _REASON_WORDS[self]
+        """The fault as text."""
+        return _REASON_TEXT[self]
 
 
-_REASON_WORDS: Final = {
+_REASON_TEXT: Final = {
     Reason.NONE: "",
-    Reason.DEAD_MAN: "dead-man: no valid demand in time",
+    Reason.WATCHDOG: "watchdog: no valid demand in time",
     Reason.STALLED: "stalled: driven, but the shaft does not turn",
-    Reason.ENCODER_SILENT: "encoder silent: driven without stall current, but nothing is counted",
+    Reason.ENCODER_SILENT: "encoder silent: driven without stall current, but no counts",
     Reason.ENCODER_REVERSED: "runs away from its set-point: encoder or motor reversed",
-    Reason.FOLLOWING: "too far behind its set-point",
+    Reason.FOLLOWING: "following error too large",
     Reason.HOME_FAILED: "homing did not find the end stop",
     Reason.SENSOR_WIRE: "pressure signal out of range: broken wire",
     Reason.LEAK: "pressure stays below its set-point: leak, no supply or no signal",
     Reason.OVER_PRESSURE: "pressure above the ceiling",
-    Reason.BRIDGE: "the H-bridge reports a fault of its own (heat, current or supply)",
+    Reason.BRIDGE: "the H-bridge reports a fault (heat, current or supply)",
 }
 
 
 class Refusal(enum.IntEnum):
-    """Why the board did not do what it was asked."""
+    """Why the board refused a request."""
 
     UNKNOWN_MESSAGE = 1
     WRONG_VERSION = 2
@@ -105,14 +105,14 @@ class Refusal(enum.IntEnum):
 
 
 class RoleCode(enum.IntEnum):
-    """What a board is built to drive."""
+    """Kind of actuator a board drives."""
 
     MOTOR = 0
     PRESSURE = 1
 
 
 class SafeCode(enum.IntEnum):
-    """What a channel does in its safe state."""
+    """Safe state of a channel."""
 
     BRAKE = 0
     COAST = 1
@@ -122,7 +122,7 @@ class SafeCode(enum.IntEnum):
 
 
 class RestCode(enum.IntEnum):
-    """What a stop asks for."""
+    """Rest requested by a stop."""
 
     HOLD = 0
     RELAX = 1
@@ -130,7 +130,7 @@ class RestCode(enum.IntEnum):
 
 
 class ResetCause(enum.IntEnum):
-    """What started the board."""
+    """Cause of the board's last start."""
 
     POWER_UP = 0
     BACKUP = 1
@@ -141,5 +141,5 @@ class ResetCause(enum.IntEnum):
 
     @property
     def message(self) -> str:
-        """The cause for people."""
+        """The cause as text."""
         return self.name.lower().replace("_", "-")

@@ -1,7 +1,6 @@
-"""The core as Cortex-M3 code, built by the clang in PyPI's ``ziglang``: its size here, its run in the tests.
+"""The firmware core built for Cortex-M3 by the clang in PyPI's ``ziglang``, and the ELF file read back.
 
-The Arduino IDE's own compiler is gcc 4.8; the sizes here are those of another compiler and without the
-Arduino core itself (about 21 KB of flash and 2.6 KB of RAM), so they are estimates.
+Sizes are estimates: the Arduino IDE compiles with gcc 4.8 and adds its own core (21 KB flash, 2.6 KB RAM).
 """
 
 from __future__ import annotations
@@ -20,7 +19,7 @@ from typing import Final
 from contid.errors import DeviceError
 from contid_drivers.due.firmware import SKETCH_STANDARD, cache_dir, core_sources, firmware_dir
 
-#: What the Arduino core brings along, measured for a small sketch (reference: hardware facts, section 1).
+#: Size of the Arduino core, measured for a small sketch (reference: hardware facts, section 1).
 ARDUINO_FLASH: Final = 21 * 1024
 ARDUINO_RAM: Final = 2662
 FLASH_BYTES: Final = 512 * 1024
@@ -38,7 +37,7 @@ _FLAGS: Final = (
 
 @dataclass(frozen=True)
 class Image:
-    """A linked program: what is loaded where, and where its functions are."""
+    """A linked program: segments by address, addresses of symbols, bytes of flash and RAM."""
 
     segments: tuple[tuple[int, bytes], ...]
     symbols: Mapping[str, int]
@@ -47,10 +46,10 @@ class Image:
 
 
 def build_m3() -> Path:
-    """The ELF file of the core for Cortex-M3, built when its sources changed.
+    """The ELF file of the core for Cortex-M3, built anew when its sources changed.
 
     Raises:
-        DeviceError: ``ziglang`` is not installed, or refuses the sources.
+        DeviceError: ``ziglang`` is not installed, or the build fails.
     """
     if find_spec("ziglang") is None:
         raise DeviceError("firmware", "the Cortex-M3 build needs the package ziglang", "pip install ziglang")
@@ -76,7 +75,7 @@ def build_m3() -> Path:
 
 
 def read_elf(path: Path) -> Image:
-    """Read a 32-bit little-endian ELF file: loadable segments, symbols, and the memory they take."""
+    """Read a 32-bit little-endian ELF file."""
     data = path.read_bytes()
     phoff, shoff = struct.unpack_from("<II", data, 28)
     phentsize, phnum, shentsize, shnum = struct.unpack_from("<HHHH", data, 42)
@@ -95,9 +94,9 @@ def read_elf(path: Path) -> Image:
                 name, value = struct.unpack_from("<II", data, at)
                 end = data.index(b"\0", names + name)
                 symbols[data[names + name : end].decode()] = value
-        if flags & 2:  # takes memory on the device
+        if flags & 2:  # SHF_ALLOC: takes memory on the device
             in_ram = address >= RAM_START
             ram += size if in_ram else 0
-            # What starts with a value lies in flash as well, to be copied from.
+            # Initialised data lies in flash as well, to be copied from.
             flash += size if not in_ram or kind != 8 else 0
     return Image(tuple(segments), symbols, flash, ram)

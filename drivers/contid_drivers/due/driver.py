@@ -1,4 +1,4 @@
-"""The entry point: options and factories; everything that touches a port is imported when it is needed."""
+"""The entry point of driver ``due``; modules that touch a port are imported on use."""
 
 from __future__ import annotations
 
@@ -31,12 +31,12 @@ class DueDriver:
         return f"channel {axis.channel}"
 
     def mock_options(self, bus: BaseModel) -> Mapping[str, Any]:
-        """The simulated twin has the same dead-man."""
+        """See `contid.hal.Driver`; the simulated bus has the same watchdog."""
         assert isinstance(bus, DueBusOptions)
         return {"watchdog_ms": max(bus.watchdog_ms, 10)}
 
     def mock_axis_options(self, axis: BaseModel) -> Mapping[str, Any]:
-        """The simulated twin of a channel, with its limits and its safe state."""
+        """See `contid.hal.Driver`; limits and safe state are kept."""
         assert isinstance(axis, DueAxisOptions)
         if axis.kind is DeviceKind.MOTOR:
             return {
@@ -71,7 +71,7 @@ class DueDriver:
         return emulated(name, options, axes, control)
 
     def doctor(self, name: str, options: BaseModel, axes: Sequence[AxisOnBus]) -> list[Finding]:
-        """Port, hello, configuration, timing; see `contid.hal.Diagnoses`."""
+        """See `contid.hal.Diagnoses`."""
         from contid_drivers.due.service import doctor
 
         assert isinstance(options, DueBusOptions)
@@ -80,7 +80,7 @@ class DueDriver:
     def home(
         self, name: str, options: BaseModel, axes: Sequence[AxisOnBus], only: Sequence[str], report: Report
     ) -> list[Homed]:
-        """Homing against end stops, done by the board; see `contid.hal.Homes`."""
+        """See `contid.hal.Homes`; the board itself searches the end stops."""
         from contid_drivers.due.service import home
 
         assert isinstance(options, DueBusOptions)

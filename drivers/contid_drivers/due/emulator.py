@@ -1,4 +1,4 @@
-"""A Due on a pty: the firmware itself, built for this computer, with a plant behind it."""
+"""Emulated Due board: the firmware built for this computer, on a pty, with a simulated plant."""
 
 from __future__ import annotations
 
@@ -14,34 +14,35 @@ from typing import Final, Self
 from contid.errors import DeviceError
 from contid.hal import AxisOnBus, DeviceKind
 from contid.units import BAR
+from contid_drivers.control_file import ControlFile
 from contid_drivers.due.codes import ADC_MV, ADC_STEPS
 from contid_drivers.due.firmware import build_host
 from contid_drivers.due.options import DueAxisOptions, DueBusOptions
 from contid_drivers.due.wiring import axis_options
 
-#: Switches of one channel, on or off: ``{"fault": "leak", "channel": 2, "on": true}``.
+#: Switches of one channel: ``{"fault": "leak", "channel": 2, "on": true}``.
 CHANNEL_FAULTS: Final = ("stall", "bridge", "encoder_stuck", "encoder_reversed", "leak", "wire")
-#: One channel falls out of the board, on or off: ``{"fault": "silent", "channel": 2, "on": true}``.
+#: One channel does not answer: ``{"fault": "silent", "channel": 2, "on": true}``.
 SILENT: Final = "silent"
-#: Switches of the line, on or off: ``{"fault": "garbage", "on": true}``.
+#: Switches of the line: ``{"fault": "garbage", "on": true}``.
 LINE_FAULTS: Final = ("garbage", "mute")
-#: Events: ``{"fault": "freeze", "ms": 400}``; without ``ms`` for good.
+#: Events: ``{"fault": "freeze", "ms": 400}``; without ``ms`` without end.
 BOARD_FAULTS: Final = ("reset", "brown_out", "freeze", "unplug", "plug")
-#: How far the emulated end stops lie beyond the travel or the homing angle.
+#: Distance of the emulated end stops beyond the travel.
 _STOP_MARGIN_DEG: Final = 30.0
-#: How often the control file is looked at.
+#: Polling interval of the control file.
 _FOLLOW_S: Final = 0.02
 
 
 def fault_command(entry: object) -> str:
-    """One JSON fault switch as the emulator's own command line.
+    """Command line of the emulator for one JSON fault switch.
 
     Raises:
-        DeviceError: there is no such switch; the message lists them.
+        DeviceError: no such switch; the message lists them.
     """
-    known = ", ".join((*CHANNEL_FAULTS, SILENT, *LINE_FAULTS, *BOARD_FAULTS))
+    names = ", ".join((*CHANNEL_FAULTS, SILENT, *LINE_FAULTS, *BOARD_FAULTS))
     if not isinstance(entry, dict) or "fault" not in entry:
-        raise DeviceError("due emulator", f'a fault switch is {{"fault": NAME, ...}}; names: {known}')
+        raise DeviceError("due emulator", f'a fault switch is {{"fault": NAME, ...}}; names: {names}')
     name, on = entry["fault"], 1 if entry.get("on", True) else 0
     if name in CHANNEL_FAULTS:
         return f"set {int(entry.get('channel', 0))} {name} {on}"
@@ -51,11 +52,11 @@ def fault_command(entry: object) -> str:
         return f"{name} {on}"
     if name in BOARD_FAULTS:
         return f"{name} {int(entry['ms'])}" if "ms" in entry else str(name)
-    raise DeviceError("due emulator", f"no fault switch {name!r}; there are {known}")
+    raise DeviceError("due emulator", f"no fault switch {name!r}; names: {names}")
 
 
 def plant_commands(axis: AxisOnBus) -> list[str]:
-    """What hangs on one channel, taken from what the robot file says of it."""
+    """Commands that set the plant of one channel to the values of the robot file."""
     options = axis_options(axis)
     channel = options.number
     numbers = _motor(axis, options) if options.kind is DeviceKind.MOTOR else _regulator(options)
@@ -97,7 +98,7 @@ def _regulator(o: DueAxisOptions) -> dict[str, float]:
 
 
 class DueEmulator:
-    """One running emulated board. Use it as a context manager."""
+    """One emulated board; a context manager."""
 
     def __init__(
         self, options: DueBusOptions, axes: Sequence[AxisOnBus], journal: Path | None = None
@@ -114,26 +115,26 @@ class DueEmulator:
                 self._command += ["--world", line]
 
     def __enter__(self) -> Self:
-        """Start the board; it answers when this returns."""
+        """Start the board; it answers on return."""
         try:
             self.port.parent.mkdir(parents=True, exist_ok=True)
         except OSError as error:
-            raise self._no_port() from error
+            raise self._port_error() from error
         self._process = subprocess.Popen(
             self._command, stdin=subprocess.PIPE, stdout=subprocess.PIPE, text=True, bufsize=1
         )
         assert self._process.stdout is not None
         if self._process.stdout.readline().strip() != "ready":
             self.__exit__()
-            raise self._no_port()
+            raise self._port_error()
         return self
 
-    def _no_port(self) -> DeviceError:
+    def _port_error(self) -> DeviceError:
         remedy = "run it where you may write, or name another port"
         return DeviceError("due emulator", f"cannot make a pty at {self.port}", remedy)
 
     def __exit__(self, *_: object) -> None:
-        """End the board; its link goes with it."""
+        """End the board and remove its link."""
         assert self._process.stdin is not None
         assert self._process.stdout is not None
         with contextlib.suppress(BrokenPipeError):
@@ -141,8 +142,8 @@ class DueEmulator:
         self._process.stdout.close()
         self._process.wait(timeout=10)
 
-    def tell(self, line: str) -> str:
-        """Give the board's world one command, and return its answer."""
+    def command(self, line: str) -> str:
+        """Send one command of firmware/host/README.md; return its answer."""
         assert self._process.stdin is not None
         assert self._process.stdout is not None
         with self._lock:
@@ -150,38 +151,28 @@ class DueEmulator:
             self._process.stdin.flush()
             answer = self._process.stdout.readline().strip()
         if not answer.startswith("ok"):
-            raise DeviceError("due emulator", f"it does not understand {line!r}")
+            raise DeviceError("due emulator", f"unknown command {line!r}")
         return answer[3:]
 
     def fault(self, name: str, **details: int | bool) -> None:
-        """Throw one fault switch (see `fault_command`)."""
-        self.tell(fault_command({"fault": name, **details}))
+        """Set one fault switch (see `fault_command`)."""
+        self.command(fault_command({"fault": name, **details}))
 
 
-def _follow(emulator: DueEmulator, control: Path, ended: threading.Event) -> None:
-    """Hand every line appended to the control file to the emulator."""
-    at = control.stat().st_size if control.exists() else 0
+def _follow(emulator: DueEmulator, control: ControlFile, ended: threading.Event) -> None:
     while not ended.wait(_FOLLOW_S):
-        if not control.exists():
-            continue
-        with control.open() as stream:
-            stream.seek(at)
-            while (line := stream.readline()).endswith("\n"):
-                at += len(line.encode())
-                if line.strip():
-                    # A wrong line is the user's to see, not the board's end.
-                    try:
-                        emulator.tell(fault_command(json.loads(line)))
-                    except (DeviceError, ValueError) as error:
-                        with control.with_name(control.name + ".errors").open("a") as errors:
-                            errors.write(f"{line.strip()}: {error}\n")
+        for line in control.new_lines():
+            try:
+                emulator.command(fault_command(json.loads(line)))
+            except (DeviceError, ValueError) as error:
+                control.report_error(line, error)
 
 
 @contextlib.contextmanager
 def emulated(
     name: str, options: DueBusOptions, axes: Sequence[AxisOnBus], control: Path | None = None
 ) -> Iterator[Sequence[str]]:
-    """The board of one bus at the port its options name; see `contid.hal.Emulates`."""
+    """See `contid.hal.Emulates`: the board of one bus at the port of its options."""
     path = Path(options.port)
     if path.exists() and path.is_char_device() and not path.is_symlink():
         raise DeviceError(name, f"{path} is a real device", "name a path that does not exist yet")
@@ -189,7 +180,8 @@ def emulated(
     with DueEmulator(options, axes) as board:
         follower = None
         if control is not None:
-            follower = threading.Thread(target=_follow, args=(board, control, ended), daemon=True)
+            arguments = (board, ControlFile(control), ended)
+            follower = threading.Thread(target=_follow, args=arguments, daemon=True)
             follower.start()
         channels = ", ".join(f"{axis_options(axis).channel} {axis.name}" for axis in axes)
         try:

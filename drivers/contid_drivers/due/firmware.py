@@ -1,4 +1,4 @@
-"""The sketch's sources, and the same core built for this computer (cached by the sources' content)."""
+"""Sources of the sketch, and the emulator built from them for this computer (cached by content)."""
 
 from __future__ import annotations
 
@@ -12,20 +12,20 @@ from typing import Final
 
 from contid.errors import DeviceError
 
-#: What the sketch itself must compile with: the Arduino SAM core uses gcc 4.8.
+#: Standard of the sketch: the Arduino SAM core uses gcc 4.8.
 SKETCH_STANDARD: Final = "-std=gnu++11"
-#: What another compiler than ours warns of shall not keep anybody from the emulator.
+#: Without -Werror: a warning of an unknown compiler must not block the emulator.
 _HOST_FLAGS: Final = ("-std=gnu++17", "-O1", "-pthread")
-#: Of every build in the tests.
+#: Warnings of every build in the tests.
 WARNINGS: Final = ("-Wall", "-Wextra", "-Werror", "-Wconversion")
-_ELSEWHERE: Final = "set XDG_CACHE_HOME to a folder you may write to"
+_CACHE_REMEDY: Final = "set XDG_CACHE_HOME to a folder you may write to"
 
 
 def firmware_dir() -> Path:
-    """The folder ``firmware``: of a checkout, of an installed contid, or ``$CONTID_FIRMWARE``.
+    """The folder ``firmware``: ``$CONTID_FIRMWARE``, of an installed contid, or of a checkout.
 
     Raises:
-        DeviceError: none of them is there.
+        DeviceError: none exists.
     """
     given = os.environ.get("CONTID_FIRMWARE")
     candidates = [
@@ -37,38 +37,38 @@ def firmware_dir() -> Path:
         if (folder / "contid_due" / "src" / "core" / "board.cpp").is_file():
             return folder
     raise DeviceError(
-        "firmware", f"its sources are in none of {', '.join(map(str, candidates))}", "set CONTID_FIRMWARE"
+        "firmware", f"no sources in any of {', '.join(map(str, candidates))}", "set CONTID_FIRMWARE"
     )
 
 
 def core_sources() -> list[Path]:
-    """The portable core: what runs on the board and here."""
+    """Sources of the portable core, which runs on the board and on a PC."""
     return sorted((firmware_dir() / "contid_due" / "src" / "core").glob("*.cpp"))
 
 
 def cache_dir() -> Path:
-    """Where built programs are kept.
+    """Folder of built programs.
 
     Raises:
-        DeviceError: nowhere: this user has no home folder, as in some containers.
+        DeviceError: this user has no home folder, as in some containers.
     """
     base = os.environ.get("XDG_CACHE_HOME")
     try:
         cache = Path(base) if base else Path.home() / ".cache"
     except RuntimeError as error:
-        raise DeviceError("due emulator", "no home folder to build it in", _ELSEWHERE) from error
+        raise DeviceError("due emulator", "no home folder to build it in", _CACHE_REMEDY) from error
     return cache / "contid" / "firmware"
 
 
 def build_host(extra_flags: Sequence[str] = (), main: str = "main.cpp") -> Path:
-    """The emulator of this computer, built when its sources changed.
+    """A host program, built anew when its sources changed.
 
     Args:
         extra_flags: more compiler flags, for example sanitizers.
-        main: the file in ``firmware/host`` that has ``main``.
+        main: the file in ``firmware/host`` with ``main``.
 
     Raises:
-        DeviceError: there is no g++, it refuses the sources, or there is no place for the program.
+        DeviceError: no g++, the build fails, or the cache cannot be written.
     """
     host = firmware_dir() / "host"
     sources = [*core_sources(), host / "machine.cpp", host / "plant.cpp", host / main]
@@ -83,21 +83,19 @@ def build_host(extra_flags: Sequence[str] = (), main: str = "main.cpp") -> Path:
     compiler = shutil.which("g++")
     if compiler is None:
         raise DeviceError(
-            "due emulator",
-            "it is the firmware built for this computer, and there is no g++",
-            "apt install g++",
+            "due emulator", "it is built from the firmware, and g++ is missing", "apt install g++"
         )
     try:
         program.parent.mkdir(parents=True, exist_ok=True)
     except OSError as error:
-        why = f"cannot keep what is built in {program.parent}: {error.strerror or error}"
-        raise DeviceError("due emulator", why, _ELSEWHERE) from error
+        why = f"cannot keep the program in {program.parent}: {error.strerror or error}"
+        raise DeviceError("due emulator", why, _CACHE_REMEDY) from error
     fresh = program.with_name(f"{program.name}.{os.getpid()}")
     done = subprocess.run(
         [compiler, *flags, "-o", str(fresh), *map(str, sources)], capture_output=True, text=True, check=False
     )
     if done.returncode != 0:
-        raise DeviceError("due emulator", f"g++ refuses the firmware:\n{done.stderr.strip()}")
-    # In one step, so that two builders at once both end with a whole program.
+        raise DeviceError("due emulator", f"g++ fails on the firmware:\n{done.stderr.strip()}")
+    # One atomic step: two builders at once both end with a whole program.
     fresh.replace(program)
     return program

@@ -1,4 +1,4 @@
-"""Frames of the Due protocol: COBS around payload and CRC-16, ended by a zero byte (firmware/PROTOCOL.md)."""
+"""Frames of the Due protocol: COBS of payload and CRC-16, ended by a zero byte (firmware/PROTOCOL.md)."""
 
 from __future__ import annotations
 
@@ -9,24 +9,24 @@ from typing import Final
 from cobs import cobs
 
 CRC_START: Final = 0xFFFF
-#: Longest payload the board takes, CRC not included.
+#: Longest payload the board accepts, without CRC.
 MAX_PAYLOAD: Final = 640
-#: More bytes than any frame has without a zero among them are noise.
+#: More bytes than this without a zero are noise.
 _MAX_FRAME: Final = 1024
 
 
 def crc16(data: bytes) -> int:
-    """CRC-16-CCITT (polynomial 0x1021, start 0xFFFF), as the board computes it."""
+    """CRC-16-CCITT: polynomial 0x1021, start 0xFFFF."""
     return binascii.crc_hqx(data, CRC_START)
 
 
 def seal(payload: bytes) -> bytes:
-    """Payload -> bytes on the wire."""
+    """Bytes on the wire of a payload."""
     return bytes(cobs.encode(payload + crc16(payload).to_bytes(2, "little"))) + b"\0"
 
 
 def unseal(frame: bytes) -> bytes | None:
-    """A frame without its zero -> payload; None when it is damaged."""
+    """Payload of a frame without its zero; None when it is damaged."""
     try:
         data = bytes(cobs.decode(frame))
     except cobs.DecodeError:
@@ -37,15 +37,10 @@ def unseal(frame: bytes) -> bytes | None:
 
 
 class FrameReader:
-    """Bytes as they arrive -> payloads; counts what was no frame."""
+    """Splits received bytes into payloads; damaged frames are dropped."""
 
     def __init__(self) -> None:
         self._buffer = bytearray()
-        self.damaged = 0
-
-    def clear(self) -> None:
-        """Forget a half-received frame."""
-        self._buffer.clear()
 
     def feed(self, data: bytes) -> Iterator[bytes]:
         """Yield the payload of every whole frame."""
@@ -53,13 +48,7 @@ class FrameReader:
         while (end := self._buffer.find(0)) >= 0:
             frame = bytes(self._buffer[:end])
             del self._buffer[: end + 1]
-            if not frame:
-                continue
-            payload = unseal(frame)
-            if payload is None:
-                self.damaged += 1
-            else:
+            if (payload := unseal(frame)) is not None:
                 yield payload
         if len(self._buffer) > _MAX_FRAME:
             self._buffer.clear()
-            self.damaged += 1

@@ -1,4 +1,4 @@
-"""Messages of the Due protocol as values: builders of requests, readers of answers (firmware/PROTOCOL.md)."""
+"""Messages of the Due protocol: builders of requests, decoders of answers (firmware/PROTOCOL.md)."""
 
 from __future__ import annotations
 
@@ -28,7 +28,7 @@ from contid_drivers.due.codes import (
 
 @dataclass(frozen=True, slots=True)
 class Hello:
-    """What a board says of itself."""
+    """Identity and state of a board."""
 
     role: int
     channels: int
@@ -43,14 +43,14 @@ class Hello:
 
     @property
     def role_name(self) -> str:
-        """The role as the robot file writes it."""
+        """The role as written in a robot file."""
         names = {role.value: role.name.lower() for role in RoleCode}
         return names.get(self.role, f"{self.role}?")
 
 
 @dataclass(frozen=True, slots=True)
 class BoardReport:
-    """One channel in a telemetry: counts and counts/s, or Pa and Pa/s."""
+    """One channel of a telemetry: counts and counts/s, or Pa and Pa/s."""
 
     state: BoardState
     reason: Reason
@@ -65,7 +65,7 @@ class BoardReport:
 
 @dataclass(frozen=True, slots=True)
 class Telemetry:
-    """The answer to every demand."""
+    """State of the board and of its configured channels at one tick."""
 
     uptime_ms: int
     boot: int
@@ -80,14 +80,14 @@ class Telemetry:
 
 @dataclass(frozen=True, slots=True)
 class Configured:
-    """The board took a configuration."""
+    """The board accepted a configuration."""
 
     config_crc: int
 
 
 @dataclass(frozen=True, slots=True)
 class Refused:
-    """The board did not do what it was asked; ``detail`` depends on the reason."""
+    """The board refused a request; ``detail`` depends on the reason."""
 
     request: int
     refusal: int
@@ -95,7 +95,7 @@ class Refused:
 
     @property
     def message(self) -> str:
-        """The reason for people."""
+        """The reason as text."""
         try:
             name = Refusal(self.refusal).name.lower().replace("_", " ")
         except ValueError:
@@ -107,7 +107,7 @@ Answer: TypeAlias = Hello | Configured | Telemetry | Refused
 
 
 class BadAnswerError(ContidError):
-    """An answer with a good CRC that this version cannot read."""
+    """An answer with a valid CRC that this version cannot decode."""
 
 
 _HEADER = struct.Struct("<BBB")
@@ -121,10 +121,10 @@ def request(kind: Type, sequence: int, body: bytes = b"") -> bytes:
     return _HEADER.pack(PROTOCOL_VERSION, kind, sequence) + body
 
 
-def demand(config_crc: int, heard_ms: int, values: Mapping[int, int]) -> bytes:
-    """The body of a demand: channel -> counts or Pa. ``heard_ms`` is the uptime in the newest telemetry."""
+def demand(config_crc: int, echo_ms: int, values: Mapping[int, int]) -> bytes:
+    """The body of a demand: counts or Pa by channel. ``echo_ms`` is the uptime in the newest telemetry."""
     channels = sorted(values)
-    body = struct.pack("<HIB", config_crc, heard_ms, mask_of(channels))
+    body = struct.pack("<HIB", config_crc, echo_ms, mask_of(channels))
     return body + struct.pack(f"<{len(channels)}i", *(values[channel] for channel in channels))
 
 
@@ -144,17 +144,15 @@ def mask_of(channels: Iterable[int]) -> int:
 
 
 def read_answer(payload: bytes) -> tuple[int, Answer]:
-    """A payload -> its sequence number and the answer.
+    """Sequence number and answer of a payload.
 
     Raises:
-        BadAnswerError: another protocol version, or a length that fits no answer.
+        BadAnswerError: another protocol version, or a length of no answer.
     """
     try:
         version, kind, sequence = _HEADER.unpack_from(payload)
         if version != PROTOCOL_VERSION:
-            raise BadAnswerError(
-                f"the board speaks protocol version {version}, this contid speaks {PROTOCOL_VERSION}"
-            )
+            raise BadAnswerError(f"the board has protocol version {version}, this contid {PROTOCOL_VERSION}")
         return sequence, _read_body(kind, payload[_HEADER.size :])
     except (struct.error, ValueError) as error:
         raise BadAnswerError(f"unreadable answer {payload.hex()}: {error}") from error

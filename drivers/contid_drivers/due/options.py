@@ -1,7 +1,4 @@
-"""What a robot file says about a Due board and about each channel of it.
-
-Numbers of a motor are those of its *output shaft*; counts exist only inside the driver and the board.
-"""
+"""Robot-file keys of a Due board and of its channels. Motor values are those of the output shaft."""
 
 from __future__ import annotations
 
@@ -14,14 +11,14 @@ from pydantic import Field, model_validator
 from contid.hal import DeviceKind
 from contid.robot_file.base import NonNegative, Positive, Strict
 
-#: Most duty <-> pressure points the board keeps per regulator.
+#: Calibration points of a regulator the board can hold.
 MAX_CALIBRATION_POINTS = 8
 Percent: TypeAlias = Annotated[float, Field(ge=0, le=100)]
 PinMillivolt: TypeAlias = Annotated[float, Field(ge=0, le=3300)]
 
 
 class SafeState(enum.StrEnum):
-    """What an output does once nobody commands it.
+    """State of an output without a host.
 
     Motors: brake (terminals shorted), coast (bridge off), hold (position kept, under power). Regulators: vent
     (set-point falls to zero at ``vent_bar_s``), hold (set-point kept), close (command to zero at once).
@@ -35,7 +32,7 @@ class SafeState(enum.StrEnum):
 
 
 class Role(enum.StrEnum):
-    """What the sketch on the board was built for."""
+    """Kind of actuator a board drives."""
 
     MOTOR = "motor"
     PRESSURE = "pressure"
@@ -45,15 +42,15 @@ class DueBusOptions(Strict):
     """Keys of ``buses.NAME`` with ``driver: due``.
 
     Attributes:
-        port: device path, best ``/dev/serial/by-id/...``, or a glob that matches exactly one device.
+        port: device path, preferably ``/dev/serial/by-id/...``, or a glob that matches exactly one device.
         connection: ``native`` is the USB port of the SAM3X itself (fast, opening does not reset the board);
-            ``programming`` goes through the board's second chip at 250000 baud, and opening that resets the
+            ``programming`` goes through the board's second chip at 250000 baud, and opening it resets the
             board.
-        role: ``motor`` or ``pressure``, as the board's hello must say.
-        watchdog_ms: the board's dead-man: so long without a valid demand and every armed channel goes to its
-            safe state, latched.
-        latency_ms: how much later than on the wire an answer may arrive; added to every time-out.
-        hello_ms: how long `open` waits for the board to say hello (a reset and its start-up included).
+        role: ``motor`` or ``pressure``; the board's hello must match.
+        watchdog_ms: watchdog of the board: without a valid demand for this time every armed channel goes to
+            its safe state, latched.
+        latency_ms: allowance for the adapter and the host, added to every time-out.
+        hello_ms: time-out of `open` for the board's hello, a reset and its start-up included.
     """
 
     port: str = Field(min_length=1)
@@ -70,11 +67,11 @@ class EndStop(Strict):
     Attributes:
         direction: sense of the shaft's rotation towards the stop.
         speed_deg_s: speed of the approach.
-        duty_percent: most duty while pushing, so that the stop is met gently.
-        at_deg: the shaft's angle when it touches the stop, on the scale the axis's ``zero_deg`` uses.
-        at_mm: the actuator's length (or travel) there.
-        backoff_deg: how far it moves back afterwards.
-        timeout_s: longest search.
+        duty_percent: duty limit of the approach; limits the force on the stop.
+        at_deg: angle of the shaft at the stop, on the scale of the axis's ``zero_deg``.
+        at_mm: length (or travel) of the actuator there.
+        backoff_deg: distance moved back afterwards.
+        timeout_s: time limit of the search.
     """
 
     direction: Literal[1, -1]
@@ -92,25 +89,25 @@ class MotorOptions(Strict):
     Attributes:
         counts_per_rev: encoder counts (every edge of both tracks) per turn of the output shaft;
             398:1 gear and 12 counts per motor turn by default.
-        velocity_deg_s: greatest speed of the shaft; streamed demands below it pass unchanged (the last 2 %
-            are kept for catching up).
-        acceleration_deg_s2: greatest acceleration of the shaft; streamed demands below it pass unchanged.
+        velocity_deg_s: speed limit of the shaft; streamed demands below it pass unchanged (2 % are reserved
+            for catching up).
+        acceleration_deg_s2: acceleration limit of the shaft; streamed demands below it pass unchanged.
         position_gain_per_s: speed per position error.
         speed_gain_percent_s_per_deg: duty per speed error.
         integral_percent_per_deg: duty per integral of the speed error.
-        no_load_deg_s: speed of the unloaded shaft at full duty; feeds the speed forward.
-        time_constant_ms: in which the loaded shaft takes up a speed; feeds the acceleration forward.
+        no_load_deg_s: speed of the unloaded shaft at full duty, for the speed feed-forward.
+        time_constant_ms: speed response of the loaded shaft, for the acceleration feed-forward.
         friction_percent: duty that just moves the shaft; added in the direction of motion.
-        deadband_deg: position error that is left alone, so that the shaft does not hunt.
-        stall_percent: so much duty for ``stall_ms`` without a count is a stall (or a dead encoder).
+        deadband_deg: position error without correction, against hunting.
+        stall_percent: this duty for ``stall_ms`` without a count is a stall (or a dead encoder).
         stall_ms: see ``stall_percent``.
         stall_current_ma: motor current of a stall; 0 without a current sensor. Needs ``current_ma_per_v``.
         current_ma_per_v: current per volt at the board's analogue input.
-        follow_deg: greatest distance between set-point and shaft.
-        encoder_reversed: turns the count around; positive duty must count up.
-        motor_reversed: turns the duty around; positive duty must count up.
-        power_up_deg: the shaft's angle when the board is powered up (where the robot is parked).
-        homing: how the shaft finds its zero; without it ``power_up_deg`` is believed.
+        follow_deg: limit of the following error.
+        encoder_reversed: inverts the count; positive duty must count up.
+        motor_reversed: inverts the duty; positive duty must count up.
+        power_up_deg: angle of the shaft at power-up (the parked pose).
+        homing: search of the zero; without it ``power_up_deg`` is used unchecked.
     """
 
     counts_per_rev: Annotated[float, Field(ge=4, le=1_000_000)] = 4776.0
@@ -140,15 +137,15 @@ class RegulatorOptions(Strict):
     Attributes:
         calibration: rows ``[duty_percent, bar]``, both rising; the regulator's command, measured.
         readback: two rows ``[mV at the analogue pin, bar]``; the regulator's pressure output, measured.
-        ceiling_bar: no demand passes it, and a reading well above it vents.
-        slew_bar_s: how fast the set-point may change.
-        vent_bar_s: how fast it falls to zero in the safe state ``vent``.
-        wire_break_mv: below it the sensor's wire is broken (540 for 4-20 mA over 150 ohm: 3.6 mA); 0 for
+        ceiling_bar: limit of demands; a reading well above it vents.
+        slew_bar_s: rate limit of the set-point.
+        vent_bar_s: rate at which it falls to zero in the safe state ``vent``.
+        wire_break_mv: a lower signal means a broken wire (540 for 4-20 mA over 150 ohm: 3.6 mA); 0 for
             signals that start at 0 V, where a break shows as a leak.
-        leak_bar: so far below a steady set-point for ``leak_ms`` is a leak.
+        leak_bar: a reading this far below a steady set-point for ``leak_ms`` is a leak.
         leak_ms: see ``leak_bar``.
-        trim_bar: how much an outer loop on the reading may add to the command; 0 leaves the regulator alone.
-        trim_per_s: how fast it does, per second and bar of error.
+        trim_bar: limit of the correction by an outer loop on the reading; 0 switches the loop off.
+        trim_per_s: gain of that loop, per second and bar of error.
     """
 
     calibration: tuple[tuple[float, float], ...] | None = None
@@ -164,14 +161,14 @@ class RegulatorOptions(Strict):
 
 
 class DueAxisOptions(MotorOptions, RegulatorOptions):
-    """Keys of an axis on a Due board, next to the common ones; the channel's letter says which of them apply.
+    """Keys of an axis on a Due board, next to the common ones; the channel's letter selects which apply.
 
     Attributes:
         channel: ``m0`` .. ``m5`` on a motor board, ``p0`` .. ``p5`` on a pressure board.
-        on_watchdog: the output's state after the watchdog expired: ``brake`` (default), ``coast`` or ``hold``
-            for motors; ``vent`` (default), ``hold`` or ``close`` for regulators.
-        start_state: what the wiring makes the output do while the board is not configured (in reset, without
-            host). The board refuses a configuration where it differs from the safe state.
+        on_watchdog: safe state, taken when the watchdog trips: ``brake`` (default), ``coast`` or ``hold`` for
+            motors; ``vent`` (default), ``hold`` or ``close`` for regulators.
+        start_state: state given by the wiring while the board is not configured (in reset, without host).
+            The board refuses a configuration where it differs from the safe state.
     """
 
     channel: Literal["m0", "m1", "m2", "m3", "m4", "m5", "p0", "p1", "p2", "p3", "p4", "p5"]
@@ -190,13 +187,13 @@ class DueAxisOptions(MotorOptions, RegulatorOptions):
 
     @property
     def safe(self) -> SafeState:
-        """The safe state, or the default of this kind."""
+        """The safe state; the default of this kind if not given."""
         default = SafeState.BRAKE if self.kind is DeviceKind.MOTOR else SafeState.VENT
         return self.on_watchdog or default
 
     @property
     def start(self) -> SafeState:
-        """The start state; the safe state unless the file says otherwise."""
+        """The start state; the safe state if not given."""
         return self.start_state or self.safe
 
     @model_validator(mode="after")
@@ -217,8 +214,8 @@ class DueAxisOptions(MotorOptions, RegulatorOptions):
                 raise ValueError(f"{key} of channel {self.channel} must be one of {', '.join(allowed)}")
         if self.safe is not self.start:
             raise ValueError(
-                f"start_state {self.start} differs from on_watchdog {self.safe}: the board would leave its "
-                "safe state whenever it resets, and refuses such a configuration"
+                f"start_state {self.start} differs from on_watchdog {self.safe}: a reset leaves the safe "
+                "state, so the board refuses this configuration"
             )
         if not motor:
             self._check_regulator()

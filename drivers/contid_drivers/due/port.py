@@ -1,4 +1,4 @@
-"""The serial port of a Due: opened exclusively, read with a deadline, lost in one way only."""
+"""The serial port of a Due: opened exclusively, read with a deadline."""
 
 from __future__ import annotations
 
@@ -12,11 +12,11 @@ import serial
 
 from contid.errors import DeviceLostError, DeviceNotFoundError
 from contid_drivers.due.frames import FrameReader, seal
-from contid_drivers.exclusive import keep_others_out, let_others_in
+from contid_drivers.exclusive import lock_port, unlock_port
 
-#: The one rate that is exact on both chips of the programming port; the native port ignores it.
+#: Exact on both chips of the programming port; the native port ignores it.
 BAUD = 250_000
-#: What an unplugged port raises, depending on where the call was.
+#: Errors of an unplugged port, depending on the call.
 PORT_ERRORS = (OSError, serial.SerialException, termios.error)
 
 
@@ -27,7 +27,7 @@ class DuePort:
         """Open the port.
 
         Raises:
-            DeviceNotFoundError: it cannot be opened; permission and other owners are named.
+            DeviceNotFoundError: it cannot be opened.
         """
         self._device = device
         self.path = path
@@ -37,17 +37,17 @@ class DuePort:
             self._serial = serial.Serial(path, BAUD, timeout=0, write_timeout=0, exclusive=True)
         except PORT_ERRORS as error:
             raise DeviceNotFoundError(
-                device, f"cannot open {path}: {error}", "permission? (group dialout) another program on it?"
+                device, f"cannot open {path}: {error}", "check permission (group dialout) and other programs"
             ) from error
         self._fd = self._serial.fileno()
-        keep_others_out(self._fd, path)
+        lock_port(self._fd, path)
 
     def wire_seconds(self, size: int) -> float:
-        """Time ``size`` bytes take on the slowest part of the way."""
+        """Time of ``size`` bytes on the programming port [s]."""
         return size * 10 / BAUD
 
     def ask(self, payload: bytes, deadline: float) -> bytes | None:
-        """Send a request and return the payload of the answer with its sequence number, or None in time.
+        """Send a request; return the payload of its answer, None after the deadline.
 
         Args:
             payload: the request; its third byte is the sequence number.
@@ -80,12 +80,12 @@ class DuePort:
         while data:
             _, ready, _ = select.select([], [self._fd], [], max(0.0, deadline - time.monotonic()))
             if not ready:
-                return  # nobody takes it; the time-out says the rest
+                return  # the buffer stays full; the caller's time-out follows
             data = data[os.write(self._fd, data) :]
 
     def close(self) -> None:
-        """Let the device go; idempotent."""
-        if self._serial.is_open:  # closed twice, its number may be another port's
-            let_others_in(self._fd)
+        """Close the port; idempotent."""
+        if self._serial.is_open:  # after a close the descriptor number may belong to another port
+            unlock_port(self._fd)
         with contextlib.suppress(*PORT_ERRORS):
             self._serial.close()

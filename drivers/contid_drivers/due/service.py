@@ -1,4 +1,4 @@
-"""What ``contid doctor`` and ``contid home`` do with a Due board."""
+"""``contid doctor`` and ``contid home`` for a Due board."""
 
 from __future__ import annotations
 
@@ -9,11 +9,11 @@ from pathlib import Path
 
 from contid.errors import ContidError, DeviceError
 from contid.hal import AxisOnBus, Finding, Homed, Report, Rest
+from contid_drivers.defer_signals import defer_signals
 from contid_drivers.due.bus import DueBus
 from contid_drivers.due.options import DueBusOptions
 from contid_drivers.due.wiring import axis_options
 from contid_drivers.serial_ports import find_port
-from contid_drivers.unbroken import unbroken
 
 #: Exchanges timed by the doctor.
 _EXCHANGES = 50
@@ -21,29 +21,20 @@ _TICK_S = 0.005
 
 
 class _Monotonic:
-    """The real clock."""
+    """The host's monotonic clock."""
 
-    def now(self) -> float:
-        """Seconds of the monotonic clock."""
-        return time.monotonic()
-
-    def sleep(self, seconds: float) -> None:
-        """Wait."""
-        time.sleep(seconds)
+    now = staticmethod(time.monotonic)
+    sleep = staticmethod(time.sleep)
 
 
 def doctor(name: str, options: DueBusOptions, axes: Sequence[AxisOnBus]) -> list[Finding]:
     """Port, hello, configuration and the time of an exchange; arms nothing and moves nothing."""
-    findings: list[Finding] = []
     try:
         path = find_port(name, options.port)
     except ContidError as error:
-        return [
-            Finding(
-                f"{name} port", False, str(error), "plug the board in, or correct buses." + name + ".port"
-            )
-        ]
-    findings.append(Finding(f"{name} port", True, f"{path} -> {Path(path).resolve()}"))
+        remedy = f"plug the board in, or correct buses.{name}.port"
+        return [Finding(f"{name} port", False, str(error), remedy)]
+    findings = [Finding(f"{name} port", True, f"{path} -> {Path(path).resolve()}")]
     bus = DueBus(name, options, axes, _Monotonic())
     try:
         bus.open()
@@ -57,9 +48,8 @@ def doctor(name: str, options: DueBusOptions, axes: Sequence[AxisOnBus]) -> list
                 f"{hello.uptime_ms / 1000:.1f} s; pins {hello.pins}",
             )
         )
-        findings.append(
-            Finding(f"{name} configuration", True, f"taken, safe state = start state on {len(axes)} axes")
-        )
+        accepted = f"accepted, safe state = start state on {len(axes)} axes"
+        findings.append(Finding(f"{name} configuration", True, accepted))
         findings.extend(_timing(name, options, bus))
     except ContidError as error:
         findings.append(Finding(f"{name} board", False, str(error), "see the message"))
@@ -85,25 +75,19 @@ def _timing(name: str, options: DueBusOptions, bus: DueBus) -> list[Finding]:
             f"{name} exchange",
             well,
             f"median {median_ms:.2f} ms, worst {worst_ms:.2f} ms, {missed} of {_EXCHANGES} incomplete",
-            "" if well else "native port instead of programming? a USB hub? more latency_ms?",
+            "" if well else "use the native port, avoid USB hubs, or raise latency_ms",
         )
     ]
-    findings.extend(
-        Finding(
-            axis,
-            not sample.fault,
-            sample.fault or f"reads {sample.value}",
-            "" if not sample.fault else "clear",
-        )
-        for axis, sample in samples.items()
-    )
+    for axis, sample in samples.items():
+        remedy = "remove the cause, then clear-fault" if sample.fault else ""
+        findings.append(Finding(axis, not sample.fault, sample.fault or f"reads {sample.value}", remedy))
     return findings
 
 
 def home(
     name: str, options: DueBusOptions, axes: Sequence[AxisOnBus], only: Sequence[str], report: Report
 ) -> list[Homed]:
-    """Let the board look for the end stop of each axis in turn; see `contid.hal.Homes`."""
+    """See `contid.hal.Homes`: the board searches the end stop of one axis after the other."""
     by_name = {axis.name: axis for axis in axes}
     for axis in only:
         if axis_options(by_name[axis]).homing is None:
@@ -111,18 +95,15 @@ def home(
                 f"{name}: {axis}", "it has no homing", "add homing: {direction: ...} to the axis"
             )
     bus = DueBus(name, options, axes, _Monotonic())
-    homed = []
     bus.open()
     try:
-        for axis in only:
-            homed.append(_home_one(bus, by_name[axis], report))
+        return [_home_one(bus, by_name[axis], report) for axis in only]
     finally:
-        with unbroken():
+        with defer_signals():
             try:
                 bus.disable(list(only), Rest.RELAX)
             finally:
                 bus.close()
-    return homed
 
 
 def _home_one(bus: DueBus, axis: AxisOnBus, report: Report) -> Homed:
@@ -140,4 +121,4 @@ def _home_one(bus: DueBus, axis: AxisOnBus, report: Report) -> Homed:
             break
         time.sleep(_TICK_S)
     report(f"{axis.name}: stop found, backed off to {sample.value:.3f} rad")
-    return Homed(axis.name, math.radians(method.at_deg), method.at_mm, "end stop, met by the Due board")
+    return Homed(axis.name, math.radians(method.at_deg), method.at_mm, "end stop, found by the Due board")

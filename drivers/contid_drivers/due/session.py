@@ -1,9 +1,10 @@
-"""The conversation with one board: hello, configuration, requests with time-outs, and noticing a reset."""
+"""Connection to one board: hello, configuration, requests with time-outs, detection of a reset."""
 
 from __future__ import annotations
 
 import time
 from collections.abc import Sequence
+from typing import Final
 
 from contid.errors import DeviceError, DeviceLostError, DeviceNotFoundError
 from contid.hal import AxisOnBus
@@ -16,17 +17,23 @@ from contid_drivers.due.port import DuePort
 from contid_drivers.due.wiring import axis_options, board_config, config_body
 from contid_drivers.serial_ports import find_port
 
-#: How often hello is repeated while a board starts.
+#: Interval of repeated hellos while a board starts.
 _HELLO_EVERY_S = 0.05
 #: Bytes of the longest telemetry frame, for its time on the wire.
 _TELEMETRY_BYTES = 112
+_REMEDIES: Final[dict[int, str]] = {
+    Refusal.LATCHED: "clear the fault first",
+    Refusal.NOT_HOMED: "contid home",
+    Refusal.NO_SENSOR: "check the wire of the pressure signal",
+    Refusal.PERSISTS: "remove its cause",
+}
 
 
 def ask_hello(name: str, options: DueBusOptions) -> Hello:
-    """What the board at the port says of itself; nothing else is said to it.
+    """Hello of the board at the port; sends nothing else.
 
     Raises:
-        DeviceNotFoundError: the port is missing, or nobody says hello.
+        DeviceNotFoundError: the port is missing, or no board answers.
     """
     port = DuePort(name, find_port(name, options.port))
     try:
@@ -52,7 +59,7 @@ def _wait_for_hello(name: str, options: DueBusOptions, port: DuePort) -> Hello:
     raise DeviceNotFoundError(
         name,
         f"no hello from {port.path} within {options.hello_ms:g} ms",
-        "is the contid sketch on the board? (contid firmware flash); is this the right port?",
+        "check that the contid sketch is on the board (contid firmware flash) and that the port is right",
     )
 
 
@@ -60,11 +67,10 @@ def _refusal(name: str, what: str, answer: Refused) -> DeviceNotFoundError:
     remedy = ""
     if answer.refusal == Refusal.WRONG_VERSION:
         remedy = (
-            f"the board speaks protocol {answer.detail}, this contid {PROTOCOL_VERSION}: "
-            "contid firmware flash"
+            f"the board has protocol {answer.detail}, this contid {PROTOCOL_VERSION}: contid firmware flash"
         )
     elif answer.refusal == Refusal.ARMED_NOW:
-        remedy = "another host armed it with another configuration; its dead-man will disarm it"
+        remedy = "another host armed it with another configuration; its watchdog will disarm it"
     return DeviceNotFoundError(name, f"{what} refused: {answer.message}", remedy)
 
 
@@ -78,10 +84,10 @@ class DueConnection:
         self.config_crc = crc16(self._blob)
         self._sequence = 0
         self._port = DuePort(name, find_port(name, options.port))
-        self.heard_ms = 0
+        self.echo_ms = 0
         try:
             self.hello = _wait_for_hello(name, options, self._port)
-            self.heard_ms = self.hello.uptime_ms
+            self.echo_ms = self.hello.uptime_ms
             self._check_role()
             self._check_channels(axes)
             self._configure()
@@ -95,8 +101,7 @@ class DueConnection:
         try:
             return None if payload is None else messages.read_answer(payload)[1]
         except messages.BadAnswerError:
-            # Garbage with a good CRC happens once in 65536 times; it is no answer.
-            return None
+            return None  # noise passes the CRC once in 65536 times
 
     def _check_role(self) -> None:
         if self.hello.role_name != self._options.role:
@@ -115,7 +120,7 @@ class DueConnection:
                 self._name,
                 f"expected channels of {', '.join(missing)}, "
                 f"found channels {', '.join(map(str, fitted)) or 'none'}",
-                "the pin map in hello (contid doctor) says what the board was built for",
+                "see the pin map in contid doctor",
             )
 
     def _configure(self) -> None:
@@ -130,12 +135,12 @@ class DueConnection:
             )
 
     def command(self, kind: Type, body: bytes) -> Telemetry | Refused | None:
-        """One request whose answer is a telemetry; None when it did not come in time.
+        """One request answered by a telemetry; None after the time-out.
 
         Raises:
             DeviceLostError: the port is gone, or the board was reset since hello.
         """
-        # On the native port the bytes take no time worth counting; the slower port bounds both.
+        # The programming port bounds the time of both ports.
         size = len(body) + 8 + _TELEMETRY_BYTES
         seconds = self._port.wire_seconds(size) + self._options.latency_ms / 1000.0
         answer = self._request(kind, body, seconds)
@@ -144,11 +149,11 @@ class DueConnection:
             cause = hello.cause.message if isinstance(hello, Hello) else "unknown"
             self._lost_by_reset(cause)
         if isinstance(answer, Telemetry):
-            # The uptime wraps after 49 days; half of its range tells later from earlier.
-            earlier = (answer.uptime_ms - self.heard_ms) & 0xFFFF_FFFF > 0x8000_0000
+            # The uptime wraps after 49 days; half of its range separates later from earlier.
+            earlier = (answer.uptime_ms - self.echo_ms) & 0xFFFF_FFFF > 0x8000_0000
             if answer.boot != self.hello.boot or earlier:
                 self._lost_by_reset(answer.cause.message)
-            self.heard_ms = answer.uptime_ms
+            self.echo_ms = answer.uptime_ms
             return answer
         return answer if isinstance(answer, Refused) else None
 
@@ -158,28 +163,13 @@ class DueConnection:
             self._name, f"the board was reset (cause: {cause}); its configuration and counts are gone"
         )
 
-    @property
-    def damaged(self) -> int:
-        """Frames that arrived damaged."""
-        return self._port.reader.damaged
-
     def close(self) -> None:
-        """Let the port go; idempotent, the board notices through its dead-man."""
+        """Close the port; idempotent. The board's watchdog stops what is armed."""
         self._port.close()
 
 
 def refused(name: str, what: str, axes: Sequence[str], answer: Refused | None) -> DeviceError:
-    """The error for a request the board did not grant."""
+    """The error for a request the board did not grant; ``answer`` is None without an answer."""
     message = "no answer" if answer is None else answer.message
-    remedy = {
-        Refusal.LATCHED: "clear the fault first",
-        Refusal.NOT_HOMED: "contid home",
-        Refusal.NO_SENSOR: "look at the pressure signal's wire",
-        Refusal.PERSISTS: "its cause is still there",
-    }.get(
-        Refusal(answer.refusal)
-        if answer is not None and answer.refusal in set(Refusal)
-        else Refusal.BAD_VALUE,
-        "",
-    )
+    remedy = "" if answer is None else _REMEDIES.get(answer.refusal, "")
     return DeviceError(name, f"{what} {', '.join(axes)}: {message}", remedy)

@@ -1,10 +1,10 @@
-"""Options in the units of people -> the board's configuration in counts, Pa, ADC steps and duty."""
+"""Configuration of a board in counts, Pa, ADC steps and duty, from the options of the robot file."""
 
 from __future__ import annotations
 
 import math
 import struct
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from typing import Final
 
 from contid.errors import DeviceError
@@ -14,31 +14,46 @@ from contid_drivers.due.codes import ADC_MV, ADC_STEPS, DUTY_FULL, RoleCode, Saf
 from contid_drivers.due.frames import crc16
 from contid_drivers.due.options import DueAxisOptions, DueBusOptions, EndStop, Role
 
-#: Travel of an axis whose robot file leaves it open [counts].
+#: Travel of an axis without limits in the robot file [counts].
 _OPEN: Final = 1_000_000_000
-_MOTOR = struct.Struct("<4B9ihih3H3ih2iH")
-_REGULATOR = struct.Struct("<3B3iHiHiHiH2iB")
+#: Fields of a motor channel in the order of the wire, with their struct codes; units: firmware/PROTOCOL.md.
+MOTOR_FIELDS: Final = {
+    "channel": "B", "safe": "B", "start": "B", "flags": "B",
+    "low": "i", "high": "i", "velocity": "i", "acceleration": "i",
+    "kp": "i", "ks": "i", "ki": "i", "kv": "i", "ka": "i",
+    "friction": "h", "deadband": "i",
+    "stall_duty": "h", "stall_ms": "H", "stall_current_ma": "H", "full_scale_ma": "H",
+    "follow": "i", "power_up": "i",
+    "home_velocity": "i", "home_duty": "h", "home_at": "i", "home_backoff": "i", "home_timeout_ms": "H",
+}  # fmt: skip
+#: The same for a regulator channel; its table of ``points`` pairs (duty ``H``, pressure ``i``) follows.
+REGULATOR_FIELDS: Final = {
+    "channel": "B", "safe": "B", "start": "B",
+    "ceiling": "i", "slew": "i", "vent": "i",
+    "raw_low": "H", "low": "i", "raw_high": "H", "high": "i",
+    "wire_raw": "H", "leak": "i", "leak_ms": "H", "trim": "i", "trim_rate": "i", "points": "B",
+}  # fmt: skip
 
 
 def axis_options(axis: AxisOnBus) -> DueAxisOptions:
-    """The options of one axis with their type."""
+    """Options of an axis, typed."""
     assert isinstance(axis.options, DueAxisOptions)
     return axis.options
 
 
 class Scale:
-    """Between the HAL's unit of one axis and the board's: rad and counts, or Pa and Pa."""
+    """Conversion between the HAL's unit of one axis and the board's: rad and counts, or Pa and Pa."""
 
     def __init__(self, options: DueAxisOptions) -> None:
         motor = options.kind is DeviceKind.MOTOR
         self.per_unit = options.counts_per_rev / math.tau if motor else 1.0
 
     def to_board(self, value: float) -> int:
-        """The HAL's value, rounded to the board's steps."""
+        """Value of the HAL in the board's unit, rounded."""
         return round(value * self.per_unit)
 
     def from_board(self, value: int) -> float:
-        """The board's value in the HAL's unit."""
+        """Value of the board in the HAL's unit."""
         return value / self.per_unit
 
 
@@ -54,54 +69,64 @@ def _bounds(axis: AxisOnBus, scale: Scale) -> tuple[int, int]:
     if axis.travel is None:
         return -_OPEN, _OPEN
     low, high = axis.travel
-    # Rounded outwards: the ends of the travel can be reached.
+    # Rounded outwards, so that the ends of the travel can be reached.
     return math.floor(low * scale.per_unit), math.ceil(high * scale.per_unit)
 
 
+def _pack(fields: Mapping[str, str], values: Mapping[str, int]) -> bytes:
+    """Values by name in the order of the wire.
+
+    Raises:
+        OverflowError: a value exceeds its field; names the field.
+    """
+    assert values.keys() == fields.keys()
+    packed = b""
+    for name, code in fields.items():
+        try:
+            packed += struct.pack(f"<{code}", values[name])
+        except struct.error:
+            raise OverflowError(f"{name} = {values[name]} exceeds its field on the board") from None
+    return packed
+
+
 def _motor(axis: AxisOnBus, o: DueAxisOptions) -> bytes:
-    scale = Scale(o)
     per_deg = o.counts_per_rev / 360.0
-    low, high = _bounds(axis, scale)
+    low, high = _bounds(axis, Scale(o))
     home = o.homing or EndStop(direction=1)
-    flags = (
-        (1 if o.encoder_reversed else 0)
-        | (2 if o.motor_reversed else 0)
-        | (4 if o.homing else 0)
-        | (8 if home.direction > 0 else 0)
-    )
+    flags = (o.encoder_reversed, o.motor_reversed, o.homing is not None, home.direction > 0)
 
     def gain(percent_per_deg: float) -> int:
         return round(percent_per_deg / 100.0 * DUTY_FULL / per_deg * 256.0)
 
-    full_scale_ma = o.current_ma_per_v * ADC_MV / 1000.0
-    return _MOTOR.pack(
-        o.number,
-        SafeCode[o.safe.name],
-        SafeCode[o.start.name],
-        flags,
-        low,
-        high,
-        round(o.velocity_deg_s * per_deg),
-        round(o.acceleration_deg_s2 * per_deg),
-        round(o.position_gain_per_s * 256.0),
-        gain(o.speed_gain_percent_s_per_deg),
-        gain(o.integral_percent_per_deg),
-        gain(100.0 / o.no_load_deg_s),
-        round(o.time_constant_ms / 1000.0 * DUTY_FULL / (o.no_load_deg_s * per_deg) * 65536.0),
-        _duty(o.friction_percent),
-        round(o.deadband_deg * per_deg),
-        max(1, _duty(o.stall_percent)),
-        o.stall_ms,
-        round(o.stall_current_ma),
-        min(0xFFFF, round(full_scale_ma)),
-        max(1, round(o.follow_deg * per_deg)),
-        round(o.power_up_deg * per_deg),
-        max(1, round(home.speed_deg_s * per_deg)),
-        max(1, _duty(home.duty_percent)),
-        round(home.at_deg * per_deg),
-        round(home.backoff_deg * per_deg),
-        round(home.timeout_s * 1000.0),
-    )
+    values = {
+        "channel": o.number,
+        "safe": SafeCode[o.safe.name],
+        "start": SafeCode[o.start.name],
+        "flags": sum(flag << bit for bit, flag in enumerate(flags)),
+        "low": low,
+        "high": high,
+        "velocity": round(o.velocity_deg_s * per_deg),
+        "acceleration": round(o.acceleration_deg_s2 * per_deg),
+        "kp": round(o.position_gain_per_s * 256.0),
+        "ks": gain(o.speed_gain_percent_s_per_deg),
+        "ki": gain(o.integral_percent_per_deg),
+        "kv": gain(100.0 / o.no_load_deg_s),
+        "ka": round(o.time_constant_ms / 1000.0 * DUTY_FULL / (o.no_load_deg_s * per_deg) * 65536.0),
+        "friction": _duty(o.friction_percent),
+        "deadband": round(o.deadband_deg * per_deg),
+        "stall_duty": max(1, _duty(o.stall_percent)),
+        "stall_ms": o.stall_ms,
+        "stall_current_ma": round(o.stall_current_ma),
+        "full_scale_ma": min(0xFFFF, round(o.current_ma_per_v * ADC_MV / 1000.0)),
+        "follow": max(1, round(o.follow_deg * per_deg)),
+        "power_up": round(o.power_up_deg * per_deg),
+        "home_velocity": max(1, round(home.speed_deg_s * per_deg)),
+        "home_duty": max(1, _duty(home.duty_percent)),
+        "home_at": round(home.at_deg * per_deg),
+        "home_backoff": round(home.backoff_deg * per_deg),
+        "home_timeout_ms": round(home.timeout_s * 1000.0),
+    }
+    return _pack(MOTOR_FIELDS, values)
 
 
 def _regulator(o: DueAxisOptions) -> bytes:
@@ -109,50 +134,51 @@ def _regulator(o: DueAxisOptions) -> bytes:
     assert o.readback is not None
     assert o.ceiling_bar is not None
     (low_mv, low_bar), (high_mv, high_bar) = o.readback
-    body = _REGULATOR.pack(
-        o.number,
-        SafeCode[o.safe.name],
-        SafeCode[o.start.name],
-        round(o.ceiling_bar * BAR),
-        round(o.slew_bar_s * BAR),
-        round(o.vent_bar_s * BAR),
-        _steps(low_mv),
-        round(low_bar * BAR),
-        _steps(high_mv),
-        round(high_bar * BAR),
-        _steps(o.wire_break_mv),
-        round(o.leak_bar * BAR),
-        o.leak_ms,
-        round(o.trim_bar * BAR),
-        round(o.trim_per_s * 256.0),
-        len(o.calibration),
-    )
-    return body + b"".join(struct.pack("<Hi", _duty(duty), round(bar * BAR)) for duty, bar in o.calibration)
+    values = {
+        "channel": o.number,
+        "safe": SafeCode[o.safe.name],
+        "start": SafeCode[o.start.name],
+        "ceiling": round(o.ceiling_bar * BAR),
+        "slew": round(o.slew_bar_s * BAR),
+        "vent": round(o.vent_bar_s * BAR),
+        "raw_low": _steps(low_mv),
+        "low": round(low_bar * BAR),
+        "raw_high": _steps(high_mv),
+        "high": round(high_bar * BAR),
+        "wire_raw": _steps(o.wire_break_mv),
+        "leak": round(o.leak_bar * BAR),
+        "leak_ms": o.leak_ms,
+        "trim": round(o.trim_bar * BAR),
+        "trim_rate": round(o.trim_per_s * 256.0),
+        "points": len(o.calibration),
+    }
+    table = b"".join(struct.pack("<Hi", _duty(duty), round(bar * BAR)) for duty, bar in o.calibration)
+    return _pack(REGULATOR_FIELDS, values) + table
 
 
 def board_config(bus: str, options: DueBusOptions, axes: Sequence[AxisOnBus]) -> bytes:
-    """The whole configuration of one board, without its CRC.
+    """The configuration of one board, without its CRC.
 
     Raises:
-        DeviceError: an axis is of the other kind of board, or a number does not fit the wire.
+        DeviceError: an axis belongs to the other kind of board, or a value exceeds its field.
     """
-    wanted = DeviceKind.MOTOR if options.role is Role.MOTOR else DeviceKind.REGULATOR
+    kind = DeviceKind.MOTOR if options.role is Role.MOTOR else DeviceKind.REGULATOR
     blob = struct.pack("<BHB", RoleCode[options.role.name], options.watchdog_ms, len(axes))
     for axis in sorted(axes, key=lambda one: axis_options(one).number):
         o = axis_options(axis)
-        if o.kind is not wanted:
+        if o.kind is not kind:
             raise DeviceError(
                 f"{bus}: {axis.name}",
-                f"channel {o.channel} is no channel of a {options.role} board",
+                f"channel {o.channel} does not exist on a {options.role} board",
                 f"use {'m0..m5' if options.role is Role.MOTOR else 'p0..p5'}, or put it on the other board",
             )
         try:
-            blob += _motor(axis, o) if wanted is DeviceKind.MOTOR else _regulator(o)
-        except struct.error as error:
-            raise DeviceError(f"{bus}: {axis.name}", f"a number does not fit the board: {error}") from error
+            blob += _motor(axis, o) if kind is DeviceKind.MOTOR else _regulator(o)
+        except OverflowError as error:
+            raise DeviceError(f"{bus}: {axis.name}", str(error)) from None
     return blob
 
 
 def config_body(blob: bytes) -> bytes:
-    """The body of a configure message: CRC, then the configuration."""
+    """The body of a configure message: CRC and configuration."""
     return struct.pack("<H", crc16(blob)) + blob

@@ -1,4 +1,4 @@
-"""Handshake and arming: who is there, are they set as the robot file says, and torque on without a jump."""
+"""Handshake, settings, arming without a jump, and recovery of Dynamixel servos."""
 
 from __future__ import annotations
 
@@ -19,15 +19,15 @@ from contid_drivers.dynamixel.registers import Register
 
 log = logging.getLogger(__name__)
 
-#: How far outside the robot file's travel a position may be before it is another turn or another zero.
+#: A position further outside the robot file's travel means another turn or another zero.
 TRAVEL_SLACK_RAD: Final = math.radians(20.0)
 
 
 def handshake(client: ServoClient, axes: Sequence[Axis], options: DynamixelBusOptions) -> None:
-    """Find every servo and read what the exchange depends on.
+    """Find every servo; read its firmware and return delay.
 
     Raises:
-        DeviceNotFoundError: expected against found, when they differ.
+        DeviceNotFoundError: a servo is missing or another model; lists expected and found.
     """
     lines = []
     for axis in axes:
@@ -36,14 +36,13 @@ def handshake(client: ServoClient, axes: Sequence[Axis], options: DynamixelBusOp
         if found != axis.options.model:
             lines.append(f"id {axis.device} ({axis.name}): expected {axis.options.model}, found {found}")
     if lines:
-        present = client.broadcast_ping() or {}
-        known = ", ".join(
+        present = ", ".join(
             f"id {device} {reg.MODELS.get(model, f'model {model}')} firmware {firmware}"
-            for device, (model, firmware) in sorted(present.items())
+            for device, (model, firmware) in sorted(client.broadcast_ping().items())
         )
         raise DeviceNotFoundError(
             client.bus,
-            f"at {options.baud} baud: " + "; ".join(lines) + f"; on the bus: {known or 'nobody'}",
+            f"at {options.baud} baud: " + "; ".join(lines) + f"; on the bus: {present or 'none'}",
             "check power, ids and baud rate with `contid scan`",
         )
     for axis in axes:
@@ -56,22 +55,22 @@ def handshake(client: ServoClient, axes: Sequence[Axis], options: DynamixelBusOp
 def map_block(client: ServoClient, device: int) -> bool:
     """Point the indirect addresses at the block of the exchange; False when the servo has none."""
     size = 2 * len(INDIRECT_ORDER)
-    wanted = b"".join(address.to_bytes(2, "little") for address in INDIRECT_ORDER)
+    mapping = b"".join(address.to_bytes(2, "little") for address in INDIRECT_ORDER)
     try:
-        if client.read_block(device, reg.INDIRECT_ADDRESS, size) == wanted:
+        if client.read_block(device, reg.INDIRECT_ADDRESS, size) == mapping:
             return True
         for i, address in enumerate(INDIRECT_ORDER):
             register = next(r for r in reg.TABLE if r.address == reg.INDIRECT_ADDRESS + 2 * i)
             client.write(device, register, address)
-        return client.read_block(device, reg.INDIRECT_ADDRESS, size) == wanted
+        return client.read_block(device, reg.INDIRECT_ADDRESS, size) == mapping
     except ServoRefusedError:
         return False
 
 
 def settings(axis: Axis, options: DynamixelBusOptions) -> list[tuple[Register, int]]:
-    """What the servo's registers have to be, EEPROM first; changing the mode resets what follows it."""
+    """Register values required by the robot file, EEPROM first; changing the mode resets those after it."""
     a = axis.options
-    wanted: list[tuple[Register, int | None]] = [
+    values: list[tuple[Register, int | None]] = [
         (reg.RETURN_DELAY, options.return_delay_us // 2),
         (reg.DRIVE_MODE, 0),
         (reg.OPERATING_MODE, axis.operating_mode),
@@ -84,14 +83,14 @@ def settings(axis: Axis, options: DynamixelBusOptions) -> list[tuple[Register, i
         (reg.POSITION_I, a.position_i),
         (reg.POSITION_D, a.position_d),
     ]
-    return [(register, value) for register, value in wanted if value is not None]
+    return [(register, value) for register, value in values if value is not None]
 
 
 def configure(client: ServoClient, axis: Axis, options: DynamixelBusOptions) -> None:
     """Write the settings that differ.
 
     Raises:
-        DeviceError: one differs that cannot be changed while torque is on.
+        DeviceError: an EEPROM setting differs and torque is on.
     """
     device = axis.device
     torque = client.read(device, reg.TORQUE_ENABLE)
@@ -102,26 +101,20 @@ def configure(client: ServoClient, axis: Axis, options: DynamixelBusOptions) -> 
         if register.eeprom and torque:
             raise DeviceError(
                 client.name(device),
-                f"{register.name} is {found}, the robot file wants {value}, and torque is on",
+                f"{register.name} is {found}, the robot file requires {value}, and torque is on",
                 "it can only be changed without torque: support the robot and relax it first",
             )
-        log.info(
-            "%s: %s %d -> %d%s",
-            client.name(device),
-            register.name,
-            found,
-            value,
-            " under torque" if torque else "",
-        )
+        under = " under torque" if torque else ""
+        log.info("%s: %s %d -> %d%s", client.name(device), register.name, found, value, under)
         client.write(device, register, value)
     axis.return_delay_s = options.return_delay_us / 1e6
 
 
 def plausible(client: ServoClient, axis: Axis, position: int) -> None:
-    """Refuse a position outside the axis's travel.
+    """Refuse a position outside the axis's travel: the first command would be a long motion.
 
     Raises:
-        DeviceError: it is; a wrong turn or a wrong zero, and the first command would be a long way off.
+        DeviceError: a wrong turn or a wrong zero.
     """
     if axis.travel is None:
         return
@@ -130,8 +123,8 @@ def plausible(client: ServoClient, axis: Axis, position: int) -> None:
         remedy = "a wrong turn or a wrong zero_deg: run `contid home`, or bring it inside by hand"
         if axis.options.homing is None:
             remedy = (
-                "without `homing` its count begins between 0 and 360 deg at power-up: give it homing, or "
-                "the zero_deg of where it is powered up"
+                "without `homing` its count begins between 0 and 360 deg at power-up: configure homing, or "
+                "set zero_deg to its angle at power-up"
             )
         raise DeviceError(
             client.name(axis.device),
@@ -142,20 +135,20 @@ def plausible(client: ServoClient, axis: Axis, position: int) -> None:
 
 
 def arm(client: ServoClient, axis: Axis, watchdog: int) -> None:
-    """Goal := present, torque on, watchdog on; every step is checked on the servo.
+    """Goal := present, torque on, watchdog on; every step is read back.
 
     Raises:
-        DeviceError: silent, faulty, or a step did not take.
+        DeviceError: silent, faulty, or a step had no effect.
     """
     device = axis.device
     if bits := client.read(device, reg.HARDWARE_ERROR):
         raise DeviceError(
             client.name(device),
-            f"hardware error: {reg.hardware_error_in_words(bits)}",
+            f"hardware error: {reg.describe_hardware_error(bits)}",
             "clear-fault reboots it",
         )
     plausible(client, axis, client.read(device, reg.PRESENT_POSITION))
-    hold_here(client, axis)
+    hold_position(client, axis)
     client.write(device, reg.TORQUE_ENABLE, 1)
     if client.read(device, reg.TORQUE_ENABLE) != 1:
         raise DeviceError(client.name(device), "torque does not come on")
@@ -163,13 +156,13 @@ def arm(client: ServoClient, axis: Axis, watchdog: int) -> None:
     axis.armed, axis.enabled = watchdog, True
 
 
-def hold_here(client: ServoClient, axis: Axis) -> None:
-    """Disarm the watchdog, tripped or not, and make the present position the goal in the same breath.
+def hold_position(client: ServoClient, axis: Axis) -> None:
+    """Disarm the watchdog, tripped or not, and set the goal to the present position.
 
-    Both go out in one write: a servo that still had torque and an old goal has no time to go there.
+    Both go out in one write, so that a servo with torque and an old goal does not start towards it.
     """
     device, present = axis.device, reg.PRESENT_POSITION
-    # A servo that is silent already must not cost the others on its bus more than one time-out.
+    # A silent servo costs the others on its bus one time-out at most.
     tries = 1 if axis.misses else TRIES
     position = present.decode(client.read_block(device, present.address, present.size, tries))
     release = sync_write(reg.BUS_WATCHDOG.address, 1, [(device, b"\0")])
@@ -183,7 +176,7 @@ def hold_here(client: ServoClient, axis: Axis) -> None:
 
 
 def torque_off(client: ServoClient, axes: Sequence[Axis]) -> list[str]:
-    """Torque off, then watchdog off, for all at once; names those that did not confirm."""
+    """Torque off, then watchdog off, for all axes at once; returns the names that did not confirm."""
     packet = sync_write(reg.TORQUE_ENABLE.address, 1, [(axis.device, b"\0") for axis in axes])
     silent = list(axes)
     for _ in range(3):
@@ -206,8 +199,8 @@ def _reads_zero(client: ServoClient, axis: Axis, register: Register) -> bool:
         return False
 
 
-def revive(client: ServoClient, axis: Axis) -> None:
-    """Bring a faulty servo back to a state that can be armed, without moving it.
+def recover(client: ServoClient, axis: Axis) -> None:
+    """Bring a faulty servo to a state that can be armed, without moving it.
 
     Raises:
         DeviceError: the fault persists, or its turn count cannot be inferred.
@@ -220,7 +213,7 @@ def revive(client: ServoClient, axis: Axis) -> None:
         if bits := client.read(device, reg.HARDWARE_ERROR):
             raise DeviceError(
                 client.name(device),
-                f"hardware error persists: {reg.hardware_error_in_words(bits)}",
+                f"hardware error persists: {reg.describe_hardware_error(bits)}",
                 "remove its cause",
             )
     if client.read(device, reg.STATUS_RETURN_LEVEL) != reg.STATUS_RETURN_LEVEL.default:
@@ -228,5 +221,5 @@ def revive(client: ServoClient, axis: Axis) -> None:
     map_block(client, device)
     turns.settle(client, axis)
     if client.read(device, reg.BUS_WATCHDOG) != 0:
-        hold_here(client, axis)
+        hold_position(client, axis)
     axis.armed, axis.hardware_error, axis.fault, axis.misses = 0, 0, "", 0

@@ -1,4 +1,4 @@
-"""What the bus knows about one servo, and how a reading becomes a sample or a fault in words."""
+"""State of one servo on the host; converts its readings into samples and faults."""
 
 from __future__ import annotations
 
@@ -9,8 +9,8 @@ from contid_drivers.dynamixel import registers as reg
 from contid_drivers.dynamixel.cyclic import ServoReading
 from contid_drivers.dynamixel.options import DynamixelAxisOptions, DynamixelBusOptions
 
-RESET_IN_WORDS = "it reset itself (brown-out?); its watchdog, settings and turn count are gone"
-LIMP_IN_WORDS = "its torque is off, and nobody here switched it off: does another program use this bus?"
+RESET_FAULT = "it reset itself (brown-out?); its watchdog, settings and turn count are gone"
+TORQUE_OFF_FAULT = "its torque was switched off from outside: does another program use this bus?"
 
 
 @dataclass(slots=True)
@@ -19,17 +19,16 @@ class Axis:
 
     Attributes:
         name: ``ROBOT.AXIS``.
-        options: its part of the robot file.
+        options: its keys in the robot file.
         travel: device range of the robot file [rad].
-        operating_mode: register 11 it is driven in.
-        firmware: as found at `open`.
-        return_delay_s: as found at `open`.
-        enabled: commands go out.
+        operating_mode: value of register 11.
+        firmware, return_delay_s: read at `open`.
+        enabled: commands are sent.
         armed: Bus Watchdog written to it (counts of 20 ms), 0 while not armed.
-        turns: whole turns added to what the servo counts; see `turns`.
-        misses: exchanges in a row without an answer.
-        fault: latched, in words.
-        value, time_s: last good position [rad] and when it was read.
+        turns: whole turns added to the servo's count; see `turns`.
+        misses: consecutive exchanges without an answer.
+        fault: latched fault, empty for none.
+        value, time_s: last valid position [rad] and its time.
     """
 
     name: str
@@ -68,11 +67,11 @@ class Axis:
         return (ticks + self.turns * reg.TICKS_PER_REV) * reg.RAD_PER_TICK
 
     def to_ticks(self, angle: float) -> int:
-        """Nearest position of the servo for an angle [rad]."""
+        """Nearest position count of an angle [rad]."""
         return round(angle / reg.RAD_PER_TICK) - self.turns * reg.TICKS_PER_REV
 
     def latch(self, fault: str) -> bool:
-        """Remember a fault and stop commanding the servo; True when it is news."""
+        """Latch a fault and stop commanding the servo; False when one is latched already."""
         if self.fault:
             return False
         self.fault, self.enabled = fault, False
@@ -84,13 +83,13 @@ class Axis:
         return self._sample(time_s, valid=False)
 
     def take(self, reading: ServoReading, time_s: float) -> Sample:
-        """An answer: check it, remember it, and give its sample."""
+        """Store an answer and return its sample."""
         if reading.voltage_low == 0 or reading.voltage == 0:
-            # Indirect data of a servo without its mapping: none of this block is what it seems to be.
-            self.latch(RESET_IN_WORDS)
+            # A servo that reset has lost its indirect mapping: nothing in this block is valid.
+            self.latch(RESET_FAULT)
             return self._sample(time_s, valid=False)
         self.misses = 0
-        self._judge(reading)
+        self._detect_faults(reading)
         self.value = self.to_rad(reading.position)
         self.time_s = time_s
         self.velocity = reading.velocity * reg.RAD_S_PER_UNIT
@@ -101,23 +100,23 @@ class Axis:
             self.temperature_c = float(reading.temperature)
         return self._sample(time_s, valid=True)
 
-    def _judge(self, reading: ServoReading) -> None:
+    def _detect_faults(self, reading: ServoReading) -> None:
         if reading.hardware_error is not None:
             self.hardware_error = reading.hardware_error
         if reading.alert or reading.hardware_error:
-            message = reg.hardware_error_in_words(self.hardware_error) or "hardware alert, cause not read yet"
+            message = reg.describe_hardware_error(self.hardware_error) or "hardware alert, cause not read yet"
             if self.fault.endswith("cause not read yet"):
                 self.fault = ""
-            self.latch(f"hardware error: {message}; torque is off if the shutdown mask says so")
+            self.latch(f"hardware error: {message}; torque is off if the shutdown mask includes it")
         if self.enabled and reading.torque is False and reading.watchdog == self.armed:
-            self.latch(LIMP_IN_WORDS)
+            self.latch(TORQUE_OFF_FAULT)
         if not self.armed or reading.watchdog is None or reading.watchdog == self.armed:
             return
         if reading.watchdog == reg.WATCHDOG_TRIPPED:
             waited = self.armed * reg.WATCHDOG_MS_PER_UNIT
-            self.latch(f"Bus Watchdog tripped: nothing was heard for {waited} ms, it stopped")
+            self.latch(f"Bus Watchdog tripped: no instruction for {waited} ms, it stopped")
         else:
-            self.latch(RESET_IN_WORDS)
+            self.latch(RESET_FAULT)
 
     def _sample(self, now: float, valid: bool) -> Sample:
         return Sample(

@@ -21,12 +21,12 @@ from contid_drivers.serial_ports import UsbIdentity, find_port, identity_of
 
 log = logging.getLogger(__name__)
 
-#: Exchanges without a miss before fast reads are tried again after one.
+#: Complete exchanges after a miss before fast reads are tried again.
 FAST_AGAIN: Final = 200
 
 
 class DynamixelBus:
-    """See `contid.hal.Bus`; one serial port, its servos, and the state the host keeps of them."""
+    """See `contid.hal.Bus`: one serial port and its servos."""
 
     def __init__(
         self,
@@ -42,7 +42,7 @@ class DynamixelBus:
         self._clock = clock
         self._states = {axis.name: Axis.of(axis, options) for axis in axes}
         self._by_id = {axis.device: axis for axis in self._states.values()}
-        self._wanted_layout = layout
+        self._layout = layout
         self._identity: UsbIdentity | None = None
         self._port: BlockingPort | None = None
         self._client: ServoClient | None = None
@@ -67,7 +67,7 @@ class DynamixelBus:
             states = tuple(self._states.values())
             arming.handshake(client, states, options)
             mapped = [arming.map_block(client, axis.device) for axis in states]
-            layout = self._wanted_layout or (INDIRECT if all(mapped) else PLAIN)
+            layout = self._layout or (INDIRECT if all(mapped) else PLAIN)
             for axis in states:
                 axis.enabled, axis.misses = False, 0
                 try:
@@ -84,9 +84,7 @@ class DynamixelBus:
         self._port, self._client, self._lost = port, client, None
         self._identity = identity_of(path) or self._identity
         if not all(mapped):
-            log.warning(
-                "%s: no indirect addresses; reading %d bytes per servo instead", self.name, PLAIN.full
-            )
+            log.warning("%s: no indirect addresses; reading %d bytes per servo", self.name, PLAIN.full)
         self._cyclic.fast = self._probe_fast()
 
     def _probe_fast(self) -> bool:
@@ -124,9 +122,9 @@ class DynamixelBus:
         try:
             readings = cyclic.run(goals, full)
             if len(readings) < len(self._by_id):
-                self._ask_again(cyclic, readings, full)
+                self._retry(cyclic, readings, full)
             else:
-                self._missed_nothing(cyclic)
+                self._count_complete(cyclic)
             now = self._clock.now()
             samples = {}
             for name, axis in self._states.items():
@@ -134,20 +132,18 @@ class DynamixelBus:
                 before = axis.fault
                 samples[name] = axis.missed(now) if reading is None else axis.take(reading, now)
                 if axis.fault != before:
-                    samples[name] = self._explained(axis, reading, now, samples[name])
+                    samples[name] = self._find_cause(axis, reading, now, samples[name])
         except DeviceLostError as error:
             raise self._gone(error) from None
         return samples
 
     def _goals(self, commands: Mapping[str, float]) -> dict[int, int]:
-        """Commands of the enabled axes in ticks by id; nothing is sent when one of them is wrong."""
+        """Commands of the enabled axes in ticks by id; one invalid command refuses all."""
         goals: dict[int, int] = {}
         for name, angle in commands.items():
-            axis = self._states.get(name)
-            if axis is None:
-                raise DeviceError(self.name, f"no axis {name!r}; there are {', '.join(self.axes)}")
+            (axis,) = self._named([name])
             if not math.isfinite(angle):
-                raise DeviceError(self.name, f"{name}: {angle} is no angle")
+                raise DeviceError(self.name, f"{name}: command {angle} is not finite")
             goal = axis.to_ticks(angle)
             if not reg.GOAL_POSITION.low <= goal <= reg.GOAL_POSITION.high:
                 raise DeviceError(self.name, f"{name}: {angle:g} rad is beyond the 256 turns of a servo")
@@ -155,12 +151,12 @@ class DynamixelBus:
                 goals[axis.device] = goal
         return goals
 
-    def _ask_again(self, cyclic: Cyclic, readings: dict[int, ServoReading], full: bool) -> None:
-        """Ask those that did not answer once more, together, within the time the options give.
+    def _retry(self, cyclic: Cyclic, readings: dict[int, ServoReading], full: bool) -> None:
+        """Ask the servos that did not answer once more, in one read, within ``retry_ms``.
 
-        A servo that was silent in the last exchange as well is not asked twice, or it would cost the budget
-        in every tick. A fast read that broke off says nothing about who is there: everybody behind the break
-        is asked plainly, and the next exchanges are plain ones.
+        A servo that was silent in the last exchange as well is skipped: it would cost the budget in every
+        tick. A fast read that broke off hides all servos after the break: they are asked by a plain read, and
+        the next exchanges use plain reads.
         """
         fast, cyclic.fast, self._clean = cyclic.fast, False, 0
         missing = [
@@ -176,15 +172,15 @@ class DynamixelBus:
             until += cyclic.timeout_s(full)
         readings.update(cyclic.again(missing, full, until))
 
-    def _missed_nothing(self, cyclic: Cyclic) -> None:
+    def _count_complete(self, cyclic: Cyclic) -> None:
         if cyclic.fast or self.options.fast_read == "off":
             return
         self._clean += 1
         if self._clean == FAST_AGAIN:
             cyclic.fast = self._probe_fast()
 
-    def _explained(self, axis: Axis, reading: ServoReading | None, now: float, sample: Sample) -> Sample:
-        """A new fault: find its cause where the block did not hold it, and say it once."""
+    def _find_cause(self, axis: Axis, reading: ServoReading | None, now: float, sample: Sample) -> Sample:
+        """Read the cause of a new fault if the block did not hold it, and log it once."""
         if reading is not None and reading.alert and not axis.hardware_error and self._client is not None:
             try:
                 axis.hardware_error = self._client.read(axis.device, reg.HARDWARE_ERROR)
@@ -215,38 +211,38 @@ class DynamixelBus:
         self._opened()
         client = self._client
         assert client is not None
-        wanted = [axis for axis in self._named(axes) if not axis.enabled]
-        for axis in wanted:
+        chosen = [axis for axis in self._named(axes) if not axis.enabled]
+        for axis in chosen:
             if axis.fault:
                 raise DeviceError(self.name, f"{axis.name}: {axis.fault}", "clear the fault first")
         started: list[Axis] = []
         try:
-            for axis in wanted:
+            for axis in chosen:
                 arming.configure(client, axis, self.options)
             assert self._port is not None
             self._port.return_delay_s = max(axis.return_delay_s for axis in self._states.values())
-            for axis in wanted:
+            for axis in chosen:
                 if not client.read(axis.device, reg.TORQUE_ENABLE):
                     started.append(axis)
                 arming.arm(client, axis, self.options.watchdog_ms // reg.WATCHDOG_MS_PER_UNIT)
         except DeviceLostError as error:
             raise self._gone(error) from None
         except DeviceError:
-            self._back_out(wanted, started)
+            self._back_out(chosen, started)
             raise
 
-    def _back_out(self, wanted: Sequence[Axis], started: Sequence[Axis]) -> None:
-        """All or nothing: torque that this call switched on goes off again, what was held stays held."""
+    def _back_out(self, chosen: Sequence[Axis], started: Sequence[Axis]) -> None:
+        """Undo a failed `enable`: torque it switched on goes off, axes held before stay held."""
         assert self._client is not None
         if started:
             arming.torque_off(self._client, started)
-        for axis in wanted:
+        for axis in chosen:
             axis.enabled = False
             if axis.armed and axis not in started:
-                arming.hold_here(self._client, axis)
+                arming.hold_position(self._client, axis)
 
     def disable(self, axes: Sequence[str], rest: Rest) -> None:
-        """See `contid.hal.Bus.disable`; servos cannot vent, so that is relaxing them."""
+        """See `contid.hal.Bus.disable`; servos cannot vent, so ``vent`` relaxes them."""
         named = self._named(axes)
         client = self._client
         if client is None or self._lost is not None:
@@ -259,11 +255,11 @@ class DynamixelBus:
             for axis in named:
                 axis.enabled = False
                 try:
-                    arming.hold_here(client, axis)
+                    arming.hold_position(client, axis)
                 except DeviceLostError:
                     raise
                 except DeviceError as error:
-                    # Its watchdog stays armed and stops it where it is, which is what holding means.
+                    # Its watchdog stays armed and will hold it where it is.
                     log.error("%s", error)
         except DeviceLostError as error:
             self._gone(error)
@@ -277,12 +273,12 @@ class DynamixelBus:
         try:
             for axis in self._named(axes):
                 if axis.fault or not axis.enabled:
-                    arming.revive(self._client, axis)
+                    arming.recover(self._client, axis)
         except DeviceLostError as error:
             raise self._gone(error) from None
 
     def _named(self, axes: Sequence[str]) -> list[Axis]:
         unknown = [name for name in axes if name not in self._states]
         if unknown:
-            raise DeviceError(self.name, f"no axis {unknown[0]!r}; there are {', '.join(self.axes)}")
+            raise DeviceError(self.name, f"no axis {unknown[0]!r}; axes: {', '.join(self.axes)}")
         return [self._states[name] for name in axes]

@@ -17,7 +17,7 @@ from contid_drivers.dynamixel.port import BlockingPort
 from contid_drivers.dynamixel.protocol import ServoClient
 from contid_drivers.serial_ports import find_port
 
-#: Rates in the order in which they are likely: the factory's, contid's, the others.
+#: Rates in the order of likelihood.
 SCAN_BAUDS: Final = (1000000, 57600, 2000000, 4000000, 3000000, 115200, 9600)
 LATENCY_S: Final = 0.02
 

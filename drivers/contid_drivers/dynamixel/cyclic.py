@@ -1,17 +1,16 @@
 """One exchange with every servo: goals out in a sync write, a block of registers back from each.
 
-Written without the SDK, because the tick has a budget: both packets leave in one write, the answers are
-waited for in select, nothing is copied twice. The time-out is computed from the bytes on the wire, the return
-delays and the adapter's latency, once for all servos; a silent one costs that and nobody's data.
+Both packets leave in one write and the answers are awaited in select. One time-out, computed from the bytes
+on the wire, the return delays and the adapter's latency, serves all servos, so a silent one costs no data of
+the others.
 
 The block holds, through indirect addresses where the servo has them::
 
     98 watchdog | 126 current 2, velocity 4, position 4 | 144 voltage, low byte  <- every exchange
     70 hardware error | 64 torque enable | 146 temperature                       <- every n-th as well
 
-The low byte alone is the voltage: an XL330 never sees 25.6 V. It is never 0 on a living servo, but indirect
-data of one that reset itself is: it shows that the mapping is gone. Without indirect addresses the plain
-block 98..146 is read, which does not tell whether torque is on.
+The low byte is the whole voltage (an XL330 stays below 25.6 V). It is 0 only when a reset lost the mapping.
+Without indirect addresses the plain block 98..146 is read, which lacks the torque enable.
 """
 
 from __future__ import annotations
@@ -33,13 +32,13 @@ from contid_drivers.dynamixel.packets import (
 )
 from contid_drivers.dynamixel.port import BlockingPort
 
-#: Registers bytes in the order of the indirect block.
+#: Register addresses in the order of the indirect block.
 INDIRECT_ORDER: Final = (98, *range(126, 136), 144, 70, 64, 146)
 
 
 @dataclass(frozen=True, slots=True)
 class ServoReading:
-    """A block, decoded; None for what this exchange did not ask."""
+    """A decoded block; None for registers this exchange did not read."""
 
     current_ma: int
     velocity: int
@@ -55,14 +54,14 @@ class ServoReading:
 
 @dataclass(frozen=True, slots=True)
 class CyclicLayout:
-    """Where the block is: its address, and how many bytes of it an exchange reads."""
+    """Address of the block, and its bytes in a lean and in a full exchange."""
 
     address: int
     lean: int
     full: int
 
     def decode(self, data: bytes, alert: bool) -> ServoReading:
-        """Values of a block read by this layout."""
+        """Decode a block read with this layout."""
         if self is INDIRECT:
             watchdog, current, velocity, position, low = _LEAN.unpack_from(data)
             if len(data) == self.lean:
@@ -85,12 +84,12 @@ _PLAIN: Final = struct.Struct("<B27xhii8xHB")
 _MOTION: Final = struct.Struct("<hii")
 INDIRECT: Final = CyclicLayout(reg.INDIRECT_DATA, _LEAN.size, len(INDIRECT_ORDER))
 PLAIN: Final = CyclicLayout(98, _PLAIN.size, _PLAIN.size)
-#: Only current, velocity and position: the comparison of the benchmarks, no watchdog read back.
+#: Only current, velocity and position; for benchmarks.
 MOTION: Final = CyclicLayout(126, _MOTION.size, _MOTION.size)
 
 
 class Cyclic:
-    """The exchange of one bus; see the module."""
+    """The exchange of one bus."""
 
     def __init__(self, port: BlockingPort, ids: Sequence[int], layout: CyclicLayout, fast: bool) -> None:
         self.port = port
@@ -104,7 +103,7 @@ class Cyclic:
         }
 
     def timeout_s(self, full: bool = True) -> float:
-        """Time-out of the answers, counted from the end of the instruction [s]."""
+        """Time-out of the answers from the end of the instruction [s]."""
         size = self.layout.full if full else self.layout.lean
         return self._answers_s(size, self.fast) + self.port.latency_s
 
@@ -118,7 +117,7 @@ class Cyclic:
         """Send goals [ticks by id] and read every servo.
 
         Returns:
-            What came back intact, by id.
+            Intact readings by id.
 
         Raises:
             DeviceLostError: the port failed.
@@ -134,7 +133,7 @@ class Cyclic:
         return self._fast(size, deadline) if fast else self._collect(set(self.ids), size, deadline)
 
     def again(self, devices: Sequence[int], full: bool, until: float) -> dict[int, ServoReading]:
-        """Ask some servos once more, if their answers can be there before ``until`` [monotonic s]."""
+        """Read some servos once more, if their answers can arrive before ``until`` [monotonic s]."""
         size = self.layout.full if full else self.layout.lean
         port = self.port
         wire = sync_read(self.layout.address, size, devices)
@@ -153,7 +152,7 @@ class Cyclic:
             data = receive(deadline)
             stream += data
             while (packet := take(stream, final=not data)) is not None:
-                # Echoes are instructions, copies of an answer are not waited for any more.
+                # Skips echoes (instructions) and copies of an answer.
                 if (
                     packet.instruction == Instruction.STATUS
                     and packet.device in waiting

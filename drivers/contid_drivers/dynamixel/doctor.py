@@ -1,4 +1,4 @@
-"""What is wrong with a servo bus or its host, each with its remedy: ``contid doctor``."""
+"""``contid doctor`` for a servo bus: findings with remedies."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ from contid_drivers.serial_ports import find_port, holders
 
 HOT_C: Final = 60
 LOW_DECIVOLT: Final = 37
-#: Reads of a free-running counter that show two servos answering to one id.
+#: Reads of a free-running counter that detect two servos with one id.
 DUPLICATE_READS: Final = 12
 _UDEV: Final = "install udev/99-contid.rules (see docs/dynamixel.md) and plug the adapter in again"
 
@@ -37,14 +37,12 @@ def examine(name: str, options: DynamixelBusOptions, axes: Sequence[AxisOnBus]) 
         return [*findings, Finding(f"{name} port", False, error.message, error.remedy)]
     try:
         others = holders(path)
-        owner = (
-            f"locked for contid; also open in {', '.join(others)}" if others else "nobody else has it open"
-        )
+        owner = f"locked for contid; also open in {', '.join(others)}" if others else "no other process"
         findings.append(Finding(f"{name} owner", True, owner))
         client = ServoClient(name, port)
         for axis in axes:
             findings += _servo(client, Axis.of(axis, options), options)
-        findings.append(_strangers(client, axes, options))
+        findings.append(_others(client, axes, options))
     except DeviceError as error:
         findings.append(Finding(f"{name} port", False, error.message, error.remedy))
     finally:
@@ -57,7 +55,7 @@ def _permission(name: str, path: str) -> Finding:
     return Finding(
         f"{name} permission",
         good,
-        f"{path} is {'readable and writable' if good else 'not ours'}",
+        f"{path} is {'readable and writable' if good else 'not accessible to this user'}",
         "" if good else _UDEV,
     )
 
@@ -68,7 +66,7 @@ def _latency(name: str, path: str) -> Finding:
     try:
         value = int(timer.read_text())
     except (OSError, ValueError):
-        return Finding(subject, True, "this adapter has none")
+        return Finding(subject, True, "none on this adapter")
     remedy = "" if value <= 1 else f"{_UDEV}; now: echo 1 | sudo tee {timer}"
     return Finding(subject, value <= 1, f"{value} ms of delay per read; 1 is right", remedy)
 
@@ -80,28 +78,28 @@ def _servo(client: ServoClient, axis: Axis, options: DynamixelBusOptions) -> lis
         remedy = "check its power and cable, then `contid scan`"
         return [Finding(subject, False, f"no answer at {options.baud} baud", remedy)]
     try:
-        return _looked_at(client, axis, options, model)
+        return _examine_servo(client, axis, options, model)
     except NoAnswerError as error:
-        twice = "two servos with this id? Disconnect one and give it another (`contid servo set-id`)"
+        twice = "two servos with this id? Disconnect one and change its id (`contid servo set-id`)"
         return [Finding(subject, False, f"answers badly: {error.message}", twice)]
 
 
-def _looked_at(client: ServoClient, axis: Axis, options: DynamixelBusOptions, model: int) -> list[Finding]:
+def _examine_servo(
+    client: ServoClient, axis: Axis, options: DynamixelBusOptions, model: int
+) -> list[Finding]:
     device, subject = axis.device, f"id {axis.device}"
     expected, found = axis.options.model, reg.MODELS.get(model, f"model {model}")
     firmware, delay_us = client.firmware(device), client.read(device, reg.RETURN_DELAY) * 2
     volts, hot = client.read(device, reg.PRESENT_VOLTAGE), client.read(device, reg.PRESENT_TEMPERATURE)
     errors = client.read(device, reg.HARDWARE_ERROR)
     mode = client.read(device, reg.OPERATING_MODE)
-    bad = sum(not _one_voice(client, device) for _ in range(DUPLICATE_READS))
+    bad = sum(not _answers_intact(client, device) for _ in range(DUPLICATE_READS))
 
     def finding(what: str, ok: bool, message: str, remedy: str) -> Finding:
         return Finding(f"{subject} {what}", ok, message, "" if ok else remedy)
 
     return [
-        finding(
-            "model", found == expected, f"{found}, the robot file says {expected}", "correct one of them"
-        ),
+        finding("model", found == expected, f"{found}, robot file: {expected}", "correct one of them"),
         finding(
             "firmware",
             firmware >= reg.FAST_READ_FIRMWARE,
@@ -111,28 +109,20 @@ def _looked_at(client: ServoClient, axis: Axis, options: DynamixelBusOptions, mo
         finding(
             "return delay",
             delay_us <= options.return_delay_us,
-            f"{delay_us} us, the robot file says {options.return_delay_us}",
+            f"{delay_us} us, robot file: {options.return_delay_us} us",
             "it is written when the robot is armed",
         ),
         finding(
-            "voltage",
-            volts > LOW_DECIVOLT,
-            f"{volts / 10:.1f} V",
-            "check supply and cable: 5 V are recommended",
+            "voltage", volts > LOW_DECIVOLT, f"{volts / 10:.1f} V", "check supply and cable: 5 V nominal"
         ),
-        finding("temperature", hot < HOT_C, f"{hot} deg C", "let it cool; check for a load that never rests"),
+        finding("temperature", hot < HOT_C, f"{hot} deg C", "let it cool; check for a permanent load"),
         finding(
             "hardware error",
             errors == 0,
-            reg.hardware_error_in_words(errors) or "none",
+            reg.describe_hardware_error(errors) or "none",
             "remove the cause, `clear-fault`",
         ),
-        finding(
-            "operating mode",
-            True,
-            reg.MODE_NAMES.get(mode, str(mode)),
-            "",
-        ),
+        finding("operating mode", True, reg.MODE_NAMES.get(mode, str(mode)), ""),
         finding(
             "answers",
             bad == 0,
@@ -142,8 +132,8 @@ def _looked_at(client: ServoClient, axis: Axis, options: DynamixelBusOptions, mo
     ]
 
 
-def _one_voice(client: ServoClient, device: int) -> bool:
-    """Two servos with one id talk at once; where their positions or counters differ, the answer breaks."""
+def _answers_intact(client: ServoClient, device: int) -> bool:
+    """One read; two servos with one id answer at once, and differing counters break the answer."""
     try:
         client.read_block(device, reg.REALTIME_TICK.address, 16, tries=1)
     except NoAnswerError:
@@ -151,12 +141,8 @@ def _one_voice(client: ServoClient, device: int) -> bool:
     return True
 
 
-def _strangers(client: ServoClient, axes: Sequence[AxisOnBus], options: DynamixelBusOptions) -> Finding:
-    known = {Axis.of(axis, options).device for axis in axes}
-    others = sorted(set(client.broadcast_ping()) - known)
-    message = (
-        f"also on the bus: id {', '.join(map(str, others))}"
-        if others
-        else "nobody but the robot file's servos"
-    )
+def _others(client: ServoClient, axes: Sequence[AxisOnBus], options: DynamixelBusOptions) -> Finding:
+    configured = {Axis.of(axis, options).device for axis in axes}
+    others = ", ".join(map(str, sorted(set(client.broadcast_ping()) - configured)))
+    message = f"also on the bus: id {others}" if others else "only the servos of the robot file"
     return Finding(f"{client.bus} others", True, message)

@@ -1,4 +1,4 @@
-"""The entry point: options and factories; everything that touches a port is imported when it is needed."""
+"""The entry point of driver ``dynamixel``; modules that touch a port are imported on use."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ class DynamixelDriver:
     axis_options: type[BaseModel] = DynamixelAxisOptions
 
     def kind(self, axis: BaseModel) -> DeviceKind:
-        """Every axis is a servo: rad at the boundary."""
+        """Every axis is a servo; its values are angles [rad]."""
         return DeviceKind.SERVO
 
     def address(self, axis: BaseModel) -> str:
@@ -30,11 +30,11 @@ class DynamixelDriver:
         return f"id {axis.id}"
 
     def mock_options(self, bus: BaseModel) -> Mapping[str, Any]:
-        """The simulated twin needs nothing of this bus's wire."""
+        """See `contid.hal.Driver`; a simulated bus needs no key of this one."""
         return {}
 
     def mock_axis_options(self, axis: BaseModel) -> Mapping[str, Any]:
-        """A simulated servo."""
+        """See `contid.hal.Driver`; a simulated servo."""
         return {"device": DeviceKind.SERVO.value}
 
     def open_bus(self, name: str, options: BaseModel, axes: Sequence[AxisOnBus], clock: Clock) -> Bus:

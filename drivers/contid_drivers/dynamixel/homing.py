@@ -1,10 +1,8 @@
-"""Homing: find the reference of an axis, against a hard stop with little current or by its stored pose.
+"""Homing: find the reference of an axis, against a hard stop with low current or by its stored pose.
 
 Against a stop: current-based position mode with a small Goal Current, a slow profile, the Bus Watchdog armed,
-and a goal beyond the stop. The stop is where the servo stands still with its current at the limit; a servo
-that only starts slowly moves, one that is blocked half-way stands still as well, so the search refuses a stop
-before it has moved at all. Torque goes off afterwards, however it ended. The port's lock keeps it from
-running while anybody else moves a robot of the same bus.
+and a goal beyond the stop. The stop is where the servo stands still with its current at the limit. Torque is
+switched off afterwards in every case. The port's lock excludes other processes that drive the bus.
 """
 
 from __future__ import annotations
@@ -16,6 +14,7 @@ from typing import Final
 
 from contid.errors import DeviceError
 from contid.hal import AxisOnBus, Homed, Report
+from contid_drivers.defer_signals import defer_signals
 from contid_drivers.dynamixel import arming, turns
 from contid_drivers.dynamixel import registers as reg
 from contid_drivers.dynamixel.axis import Axis
@@ -23,10 +22,9 @@ from contid_drivers.dynamixel.options import DynamixelBusOptions, HardStop, Sing
 from contid_drivers.dynamixel.port import BlockingPort
 from contid_drivers.dynamixel.protocol import ServoClient
 from contid_drivers.serial_ports import find_port
-from contid_drivers.unbroken import unbroken
 
 POLL_S: Final = 0.01
-#: Standing still: fewer ticks per poll than this, for so long, with this part of the current.
+#: Standing still: less motion than this per poll, for this time, with this share of the current.
 STILL_TICKS: Final = 3
 STILL_S: Final = 0.25
 PUSHING: Final = 0.8
@@ -55,8 +53,8 @@ def home(
         try:
             return [_home_one(client, axis, options, report) for axis in chosen]
         except BaseException:
-            # An interrupt may come between the end of a search and its torque off.
-            with unbroken():
+            # An interrupt may arrive between the end of a search and its torque off.
+            with defer_signals():
                 arming.torque_off(client, [a for a in chosen if isinstance(a.options.homing, HardStop)])
             raise
     finally:
@@ -71,7 +69,7 @@ def _home_one(client: ServoClient, axis: Axis, options: DynamixelBusOptions, rep
     try:
         return _by_stop(client, axis, homing, options, report)
     finally:
-        with unbroken():
+        with defer_signals():
             arming.torque_off(client, [axis])
 
 
@@ -129,7 +127,7 @@ def _until_blocked(client: ServoClient, axis: Axis, homing: HardStop, start: int
     while True:
         time.sleep(POLL_S)
         if bits := client.read(device, reg.HARDWARE_ERROR):
-            raise DeviceError(name, f"hardware error while homing: {reg.hardware_error_in_words(bits)}")
+            raise DeviceError(name, f"hardware error while homing: {reg.describe_hardware_error(bits)}")
         if client.read(device, reg.BUS_WATCHDOG) != axis.armed:
             raise DeviceError(name, "its watchdog tripped or it reset itself while homing", "home again")
         position = client.read(device, reg.PRESENT_POSITION)
@@ -143,7 +141,7 @@ def _until_blocked(client: ServoClient, axis: Axis, homing: HardStop, start: int
             went_deg = (position - start) * 360.0 / reg.TICKS_PER_REV
             raise DeviceError(
                 name,
-                f"it met no stop within {homing.timeout_s:g} s: it went {went_deg:+.0f} deg "
+                f"no stop found within {homing.timeout_s:g} s: it moved {went_deg:+.0f} deg "
                 f"with {current} of {homing.current_ma} mA",
                 "check direction, speed and current of its homing",
             )

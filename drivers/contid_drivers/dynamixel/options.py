@@ -1,4 +1,4 @@
-"""What a robot file says about a Dynamixel bus and about each servo on it."""
+"""Robot-file keys of a Dynamixel bus and of its servos."""
 
 from __future__ import annotations
 
@@ -8,7 +8,7 @@ from pydantic import Field
 
 from contid.robot_file.base import NonNegative, Positive, Strict
 
-#: Operating modes contid drives: both count several turns; the second also limits the current.
+#: Supported operating modes: both count several turns; the second also limits the current.
 Mode: TypeAlias = Literal["extended_position", "current_based_position"]
 
 
@@ -16,17 +16,17 @@ class DynamixelBusOptions(Strict):
     """Keys of ``buses.NAME`` with ``driver: dynamixel``.
 
     Attributes:
-        port: device path, best ``/dev/serial/by-id/...``, or a glob that matches exactly one device.
+        port: device path, preferably ``/dev/serial/by-id/...``, or a glob that matches exactly one device.
         baud: rate on the wire; every servo must have it (`contid servo set-baud`).
         return_delay_us: Return Delay Time (register 9) written to every servo; the factory's is 500.
-        usb_latency_ms: how much later than on the wire a reply may arrive; added to every time-out. An FTDI
-            adapter needs its latency timer at 1 ms for the default to be right (`contid doctor`).
-        watchdog_ms: Bus Watchdog (register 98): a servo that hears nothing for so long stops.
-        mode: operating mode of every axis that names none.
-        fast_read: ``auto`` uses Fast Sync Read where every servo's firmware has it, ``off`` never does.
-        telemetry_every: voltage, temperature and error status are read every so many exchanges; position,
-            velocity, current and watchdog are read in each one.
-        retry_ms: time inside one exchange for asking again for replies that went missing; 0 never asks.
+        usb_latency_ms: allowance for the adapter, added to every time-out. The default requires the latency
+            timer of an FTDI adapter at 1 ms (`contid doctor`).
+        watchdog_ms: Bus Watchdog (register 98): a servo stops after this time without an instruction.
+        mode: operating mode of axes without their own.
+        fast_read: ``auto`` uses Fast Sync Read if every servo's firmware has it, ``off`` never does.
+        telemetry_every: voltage, temperature and error status are read in every n-th exchange; position,
+            velocity, current and watchdog in each one.
+        retry_ms: time for repeating lost reads within one exchange; 0 switches retries off.
     """
 
     port: str = Field(min_length=1)
@@ -41,16 +41,16 @@ class DynamixelBusOptions(Strict):
 
 
 class HardStop(Strict):
-    """Homing against a mechanical stop with little current.
+    """Homing against a mechanical stop with low current.
 
     Attributes:
         method: ``hard_stop``.
         direction: sense of the servo's own rotation towards the stop.
         current_ma: current while pushing; the stop is where the servo stands still with it.
         speed_deg_s: speed of the approach.
-        backoff_deg: how far it moves back afterwards.
-        at_mm: the actuator's length (or travel) when it touches the stop.
-        timeout_s: longest search.
+        backoff_deg: distance moved back afterwards.
+        at_mm: length (or travel) of the actuator at the stop.
+        timeout_s: time limit of the search.
     """
 
     method: Literal["hard_stop"]
@@ -63,13 +63,13 @@ class HardStop(Strict):
 
 
 class SingleTurn(Strict):
-    """The robot is parked in one pose at power-up; the single-turn encoder tells the turn it must be in.
+    """Homing by a stored pose: the robot is parked in it at power-up, so the nearest turn is the right one.
 
     Attributes:
         method: ``single_turn``.
-        pose_deg: the servo's angle in that pose, on the scale the axis's ``zero_deg`` uses.
-        plausible_deg: how far from it the servo may stand and still be believed.
-        at_mm: the actuator's length (or travel) in that pose.
+        pose_deg: angle of the servo in that pose, on the scale of the axis's ``zero_deg``.
+        plausible_deg: largest accepted distance from it at power-up.
+        at_mm: length (or travel) of the actuator in that pose.
     """
 
     method: Literal["single_turn"]
@@ -82,20 +82,20 @@ Homing: TypeAlias = Annotated[HardStop | SingleTurn, Field(discriminator="method
 
 
 class DynamixelAxisOptions(Strict):
-    """Keys of an axis on a Dynamixel bus; settings left out stay as the servo has them.
+    """Keys of an axis on a Dynamixel bus; settings left out keep the servo's values.
 
     Attributes:
         id: the servo's id.
-        model: what the handshake must find.
-        mode: operating mode, or the bus's.
+        model: model the handshake must find.
+        mode: operating mode; the bus's if left out.
         current_limit_ma: Current Limit (register 38).
         goal_current_ma: Goal Current (register 102) in current-based position mode.
-        profile_velocity_deg_s: Profile Velocity (register 112); 0 is none, which is right for streamed goals.
+        profile_velocity_deg_s: Profile Velocity (register 112); 0 is none, as streamed goals need.
         profile_acceleration_deg_s2: Profile Acceleration (register 108); likewise.
         position_p: Position P Gain (register 84).
         position_i: Position I Gain (register 82).
         position_d: Position D Gain (register 80).
-        homing: how the servo finds its turn after power-up. Without it the count is trusted as it is.
+        homing: search of the turn after power-up; without it the servo's count is used unchecked.
     """
 
     id: int = Field(ge=0, le=252)

@@ -1,13 +1,12 @@
-"""Packets of Dynamixel Protocol 2.0: header, byte stuffing, CRC, and taking packets out of a stream.
+"""Packets of Dynamixel Protocol 2.0: header, byte stuffing, CRC, and extraction from a stream.
 
 A packet is ``FF FF FD 00 ID LEN_L LEN_H INST PARAM.. CRC_L CRC_H``; a status packet has instruction 0x55 and
 its error byte as first parameter. Between instruction and CRC every ``FF FF FD`` is sent as ``FF FF FD FD``,
 so the header cannot occur inside a packet. LEN counts from INST to the CRC's end, stuffing included. The CRC
 is CRC-16/BUYPASS (polynomial 0x8005, start 0) over everything before it.
 
-Source: e-manual, DYNAMIXEL Protocol 2.0. The answer to a fast read is one packet to which every servo adds
-``ERROR ID DATA CRC``, each CRC over all bytes before it; its length is known in advance, so it carries no
-stuffing.
+The answer to a fast read is one packet to which every servo adds ``ERROR ID DATA CRC``, each CRC over all
+bytes before it; its length is fixed in advance, so it has no stuffing. Source: e-manual, Protocol 2.0.
 """
 
 from __future__ import annotations
@@ -22,13 +21,13 @@ BROADCAST: Final = 0xFE
 #: Bytes of a status packet around its parameters: header 4, id, length 2, instruction, error, CRC 2.
 STATUS_OVERHEAD: Final = 11
 ALERT: Final = 0x80
-#: Longest LEN taken for one; a corrupted length must not make the receiver wait for more than a bus can send.
+#: Longest LEN accepted; a corrupted length must not make the receiver wait for bytes that never come.
 LENGTH_MAX: Final = 4096
 _PATTERN, _STUFFED = b"\xff\xff\xfd", b"\xff\xff\xfd\xfd"
 
 
 class Instruction(IntEnum):
-    """What a packet asks for."""
+    """Instruction of a packet."""
 
     PING = 0x01
     READ = 0x02
@@ -60,7 +59,7 @@ class StatusError(IntEnum):
     ACCESS = 7
 
 
-STATUS_ERROR_WORDS: Final[dict[int, str]] = {
+STATUS_ERROR_TEXT: Final[dict[int, str]] = {
     1: "could not be processed",
     2: "unknown instruction",
     3: "CRC error",
@@ -93,12 +92,12 @@ def crc16(data: Iterable[int], crc: int = 0) -> int:
 
 
 def stuff(body: bytes) -> bytes:
-    """Body of a packet (instruction and parameters) as it goes over the wire."""
+    """Body of a packet (instruction and parameters) with byte stuffing."""
     return body.replace(_PATTERN, _STUFFED)
 
 
 def unstuff(body: bytes) -> bytes:
-    """Inverse of `stuff` for everything `stuff` can produce."""
+    """Inverse of `stuff`."""
     return body.replace(_STUFFED, _PATTERN)
 
 
@@ -121,20 +120,20 @@ def read_parameters(address: int, size: int) -> bytes:
 
 
 def sync_read(address: int, size: int, ids: Sequence[int], fast: bool = False) -> bytes:
-    """Read the same block of several servos with one instruction."""
+    """A packet that reads the same block of several servos."""
     instruction = Instruction.FAST_SYNC_READ if fast else Instruction.SYNC_READ
     return build(BROADCAST, instruction, read_parameters(address, size) + bytes(ids))
 
 
 def sync_write(address: int, size: int, values: Iterable[tuple[int, bytes]]) -> bytes:
-    """Write the same block of several servos with one instruction; nobody answers."""
+    """A packet that writes the same block of several servos; it gets no answer."""
     block = b"".join(bytes((device,)) + data for device, data in values)
     return build(BROADCAST, Instruction.SYNC_WRITE, read_parameters(address, size) + block)
 
 
 @dataclass(frozen=True, slots=True)
 class Packet:
-    """A packet that arrived intact; ``parameters`` are un-stuffed and, in a status, start after the error."""
+    """An intact packet; ``parameters`` are un-stuffed and, in a status, start after the error."""
 
     device: int
     instruction: int
@@ -144,14 +143,14 @@ class Packet:
 
 
 def take(stream: bytearray, final: bool = False) -> Packet | None:
-    """Remove the first intact packet from ``stream`` and return it, with the rubbish before it.
+    """Remove the first intact packet from ``stream`` with everything before it, and return it.
 
     Args:
         stream: bytes received so far; shortened in place.
-        final: nothing more will come: a packet that is not whole is skipped instead of waited for.
+        final: no more bytes will come: an incomplete packet is skipped instead of awaited.
 
     Returns:
-        None when there is no whole packet (yet).
+        None without a whole packet (yet).
     """
     while True:
         start = stream.find(HEADER)
@@ -170,7 +169,7 @@ def take(stream: bytearray, final: bool = False) -> Packet | None:
             if crc16(wire[:-2]) == wire[-2] | wire[-1] << 8:
                 del stream[:end]
                 return _opened(wire)
-        # Broken: the next header may already be inside what this one claimed.
+        # Broken: the next header may lie inside the length this one declared.
         del stream[: len(HEADER)]
 
 
@@ -184,7 +183,7 @@ def _opened(wire: bytes) -> Packet:
 
 @dataclass(frozen=True, slots=True)
 class Part:
-    """What one servo put into the answer to a fast read."""
+    """One servo's part of the answer to a fast read."""
 
     device: int
     error: int
@@ -192,10 +191,10 @@ class Part:
 
 
 def fast_parts(stream: bytes | bytearray, ids: Sequence[int], sizes: Sequence[int]) -> list[Part]:
-    """Parts of the answer to a fast read, as many as arrived whole, in order, and intact.
+    """Intact parts of the answer to a fast read, from its start up to the first damaged one.
 
-    The last CRC covers everything, so an answer that is whole needs only that one; a shorter one is
-    believed up to the last part whose own CRC holds.
+    The last CRC covers everything, so a whole answer needs only that one; a shorter one is accepted up to
+    the last part whose own CRC is valid.
     """
     start = bytes(stream).find(HEADER + bytes((BROADCAST,)))
     if start < 0 or len(stream) - start < 8 or stream[start + 7] != Instruction.STATUS:

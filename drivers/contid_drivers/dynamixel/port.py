@@ -22,7 +22,7 @@ import serial
 from dynamixel_sdk.port_handler import PortHandler
 
 from contid.errors import DeviceLostError, DeviceNotFoundError
-from contid_drivers.exclusive import keep_others_out, let_others_in
+from contid_drivers.exclusive import lock_port, unlock_port
 from contid_drivers.serial_ports import holders
 
 BITS_PER_BYTE: Final = 10
@@ -67,7 +67,7 @@ class BlockingPort(PortHandler):  # type: ignore[misc]  # the SDK has no types
         except (OSError, ValueError, termios.error) as error:
             raise self._not_opened(error) from error
         self.fd = int(self.ser.fileno())
-        keep_others_out(self.fd, self.port_name)
+        lock_port(self.fd, self.port_name)
         # Answers to a process that held the port a moment ago may still be on their way.
         self.drain()
         self.is_open = True
@@ -94,7 +94,7 @@ class BlockingPort(PortHandler):  # type: ignore[misc]  # the SDK has no types
     def close(self) -> None:
         """Let the port go; may be called twice and on a dead port."""
         if self.ser is not None:
-            let_others_in(self.fd)
+            unlock_port(self.fd)
             with contextlib.suppress(OSError, termios.error):
                 self.ser.close()
         self.fd = -1

@@ -21,7 +21,7 @@ from contid_drivers.dynamixel import registers as reg
 from contid_drivers.dynamixel.packets import (
     ALERT,
     BROADCAST,
-    STATUS_ERROR_WORDS,
+    STATUS_ERROR_TEXT,
     STATUS_OVERHEAD,
     Instruction,
     build,
@@ -174,7 +174,7 @@ class ServoClient:
     def _refused(self, device: int, what: str, error: int) -> None:
         number = error & ~ALERT
         if number:
-            message = STATUS_ERROR_WORDS.get(number, f"error {number}")
+            message = STATUS_ERROR_TEXT.get(number, f"error {number}")
             raise ServoRefusedError(self.name(device), f"{what} was refused: {message}")
 
     def reboot(self, device: int) -> None:

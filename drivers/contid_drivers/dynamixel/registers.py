@@ -1,8 +1,7 @@
-"""Control table of the XL330: what is where, how wide, what it starts as, what it may be, in which unit.
+"""Control table of the XL330: address, size, default, range and unit of every register.
 
-Source: e-manual of the XL330-M288-T (control table) and the facts measured around it; addresses below 64
-are EEPROM, which survives power-off and is locked while torque is on. Goal Current counts 1 mA on this
-model, whatever one include of the manual says.
+Addresses below 64 are EEPROM, which survives power-off and is locked while torque is on. Goal Current counts
+1 mA on this model, although one include of the manual differs. Source: e-manual of the XL330-M288-T.
 """
 
 from __future__ import annotations
@@ -27,12 +26,12 @@ class Register:
     """One item of the control table.
 
     Attributes:
-        address, size: where it is, and its width in bytes (little endian).
+        address, size: position and width in bytes (little endian).
         default: value of a new servo (EEPROM) or after a reboot (RAM).
-        low, high: what may be written; equal to the width's range when the manual gives none.
+        low, high: range of writes; the range of the width where the manual gives none.
         signed: two's complement.
-        writable: False for what only the servo writes.
-        unit: what one count is.
+        writable: False for registers only the servo writes.
+        unit: unit of one count.
     """
 
     name: str
@@ -172,9 +171,9 @@ HARDWARE_ERRORS: Final[dict[int, str]] = {
 WATCHDOG_TRIPPED: Final = 0xFF
 
 
-def hardware_error_in_words(bits: int) -> str:
-    """Hardware Error Status (register 70) in words, "" when there is none."""
-    known = [message for bit, message in HARDWARE_ERRORS.items() if bits & bit]
+def describe_hardware_error(bits: int) -> str:
+    """Hardware Error Status (register 70) as text, "" for none."""
+    names = [name for bit, name in HARDWARE_ERRORS.items() if bits & bit]
     if unknown := bits & ~sum(HARDWARE_ERRORS):
-        known.append(f"unknown bits 0x{unknown:02x}")
-    return ", ".join(known)
+        names.append(f"unknown bits 0x{unknown:02x}")
+    return ", ".join(names)

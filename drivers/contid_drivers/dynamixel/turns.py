@@ -1,13 +1,12 @@
-"""Which turn a servo is in: its count is lost at power-off, and a wrong turn is a wrong length of a rack.
+"""The turn of a servo, which it loses at power-off; a wrong turn is a wrong length of a rack.
 
-The servo keeps its count while it is powered, so the host's part of it, whole turns to add, is kept where it
-is lost together with it: in the servo's RAM, as the last Indirect Address (its default, 227, means that
-nobody has found the turn since power-up; 145 + n means n turns to add).
+The turns to add to the servo's count are stored in the servo's RAM, so that both are lost together: in the
+last Indirect Address (default 227: turn unknown since power-up; 145 + n: n turns to add).
 
 * An axis that homes against a hard stop is refused until it was homed.
-* An axis with a stored pose takes the turn nearest to it, if it stands near enough.
-* An axis without homing is believed.
-* A servo that reset while the host was connected takes the turn nearest to where it was last seen.
+* An axis with a stored pose takes the turn nearest to it, if it is near enough.
+* The count of an axis without homing is used unchecked.
+* A servo that reset while the host was connected takes the turn nearest to its last position.
 """
 
 from __future__ import annotations
@@ -27,13 +26,13 @@ log = logging.getLogger(__name__)
 MARKER: Final = next(r for r in reg.TABLE if r.name == f"indirect address {reg.INDIRECT_COUNT}")
 _CENTRE: Final = 145
 TURNS_MAX: Final = 80
-#: A servo that reset is believed to have moved less than this meanwhile.
+#: Largest motion assumed during a reset of the servo.
 SEEN_TOLERANCE_RAD: Final = math.radians(45.0)
 _TURN: Final = 2.0 * math.pi
 
 
 def recall(client: ServoClient, axis: Axis) -> bool:
-    """Take the turns from the servo; False when nobody found them since it was powered up."""
+    """Read the turns stored in the servo; False when it has none since power-up."""
     stored = client.read(axis.device, MARKER)
     if stored == MARKER.default:
         return False
@@ -42,7 +41,7 @@ def recall(client: ServoClient, axis: Axis) -> bool:
 
 
 def store(client: ServoClient, axis: Axis, turns: int) -> None:
-    """Remember the turns in the servo, for as long as it is powered.
+    """Store the turns in the servo, for as long as it is powered.
 
     Raises:
         DeviceError: too many turns.
@@ -54,10 +53,10 @@ def store(client: ServoClient, axis: Axis, turns: int) -> None:
 
 
 def settle(client: ServoClient, axis: Axis) -> None:
-    """Know the turn before the axis may move.
+    """Determine the turn before the axis may move.
 
     Raises:
-        DeviceError: it is not known and cannot be inferred; says what to do.
+        DeviceError: it cannot be inferred.
     """
     if recall(client, axis):
         return
@@ -73,7 +72,7 @@ def settle(client: ServoClient, axis: Axis) -> None:
             name, "it has lost its turn count (power was off) and is not homed", "run `contid home`"
         )
     else:
-        log.warning("%s: powered up since, and it has no homing: its count of turns is believed", name)
+        log.warning("%s was power-cycled and has no homing; its turn count is used unchecked", name)
         store(client, axis, 0)
         return
     turns = round((expected - raw) / _TURN)
@@ -82,7 +81,7 @@ def settle(client: ServoClient, axis: Axis) -> None:
         raise DeviceError(
             name,
             f"it lost its turn count and stands {math.degrees(off):+.0f} deg from where {what} "
-            f"({math.degrees(expected):.0f} deg); {math.degrees(tolerance):.0f} deg are believed",
+            f"({math.degrees(expected):.0f} deg); limit {math.degrees(tolerance):.0f} deg",
             "bring it there by hand, or run `contid home`",
         )
     store(client, axis, turns)

@@ -1,4 +1,4 @@
-"""Simulated buses: servo, geared motor and pressure regulator on a clock of your choice."""
+"""Simulated buses: servo, geared motor and pressure regulator on a given clock."""
 
 from __future__ import annotations
 
@@ -27,19 +27,19 @@ class SimDriver:
         return axis.device
 
     def address(self, axis: BaseModel) -> str:
-        """Simulated axes are told apart by their names alone."""
+        """Simulated axes have names only."""
         return ""
 
     def mock_options(self, bus: BaseModel) -> Mapping[str, Any]:
-        """A simulated bus is its own stand-in."""
+        """See `contid.hal.Driver`; a simulated bus replaces itself."""
         return bus.model_dump(exclude_unset=True)
 
     def mock_axis_options(self, axis: BaseModel) -> Mapping[str, Any]:
-        """A simulated axis is its own stand-in."""
+        """See `contid.hal.Driver`; a simulated axis replaces itself."""
         return axis.model_dump(exclude_unset=True)
 
     def open_bus(self, name: str, options: BaseModel, axes: Sequence[AxisOnBus], clock: Clock) -> Bus:
-        """Build the bus and its devices, at rest at their start values."""
+        """Build the bus with its devices at rest at their start values."""
         from contid_drivers.sim.bus import SimBus
 
         assert isinstance(options, SimBusOptions)

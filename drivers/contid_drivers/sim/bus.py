@@ -1,8 +1,8 @@
-"""The simulated bus: the wire between a host that keeps the contract of `contid.hal` and its devices.
+"""The simulated bus: `contid.hal.Bus` over simulated devices.
 
-Nothing runs in the background. Devices live on the clock given to the bus and are brought up to date at each
-call, event by event: the edges of faults and the trips of dead-men happen at their own instants, not when
-somebody looks. With a virtual clock and a seed everything is deterministic to the bit.
+Nothing runs in the background. Each call advances the devices to the clock's time, event by event, so that
+edges of faults and trips of watchdogs happen at their own instants. With a virtual clock and a seed the run
+is deterministic to the bit.
 """
 
 from __future__ import annotations
@@ -44,15 +44,15 @@ class SimBus:
     # -- the contract ------------------------------------------------------------------------------------
 
     def open(self) -> None:
-        """See `contid.hal.Bus.open`; a silent axis is a missing one."""
-        now = self._up_to_date()
+        """See `contid.hal.Bus.open`; a silent axis counts as missing."""
+        now = self._advance()
         if self._open:
             return
         if not self._scheduled:
             self._scheduled = True
             for fault in self._options.faults:
                 self._switches.schedule(fault, now)
-            self._up_to_date()
+            self._advance()
         if self._switches.is_on(FaultKind.LOST):
             raise DeviceNotFoundError(self.name, "the simulated bus is unplugged", "end the fault 'lost'")
         missing = [axis for axis in self.axes if self._silent(axis)]
@@ -66,7 +66,7 @@ class SimBus:
 
     def enable(self, axes: Sequence[str]) -> None:
         """See `contid.hal.Bus.enable`."""
-        now = self._reach()
+        now = self._advance_open()
         for axis in axes:
             device = self._answering(axis)
             if device.fault:
@@ -83,7 +83,7 @@ class SimBus:
             self._device(axis)
             if not math.isfinite(value):
                 raise DeviceError(axis, f"a command must be finite, got {value!r}")
-        now = self._reach()
+        now = self._advance_open()
         for axis, value in commands.items():
             if axis in self._enabled and not self._silent(axis):
                 self.devices[axis].command(value)
@@ -92,11 +92,11 @@ class SimBus:
                 self._samples[axis] = device.read(now)
         end = self._wait(now, self._options.latency_ms / 1e3 + self._switches.delay_s)
         for axis, device in self.devices.items():
-            heard = not self._silent(axis)
-            if heard:
+            answered = not self._silent(axis)
+            if answered:
                 device.fed_at_s = end
             sample = self._samples[axis]
-            valid = heard and sample.value is not None
+            valid = answered and sample.value is not None
             if sample.time_s != end or sample.valid != valid:
                 self._samples[axis] = replace(sample, valid=valid, age_s=end - sample.time_s)
         return dict(self._samples)
@@ -106,7 +106,7 @@ class SimBus:
         for axis in axes:
             self._device(axis)
         self._enabled.difference_update(axes)
-        now = self._up_to_date()
+        now = self._advance()
         if not self._open:
             return
         for axis in axes:
@@ -116,7 +116,7 @@ class SimBus:
 
     def clear_fault(self, axes: Sequence[str]) -> None:
         """See `contid.hal.Bus.clear_fault`."""
-        now = self._reach()
+        now = self._advance_open()
         for axis in axes:
             device = self._answering(axis)
             if device.fault and self._switches.is_on(FaultKind.OVERLOAD, axis):
@@ -129,7 +129,7 @@ class SimBus:
 
     def close(self) -> None:
         """See `contid.hal.Bus.close`."""
-        now = self._up_to_date()
+        now = self._advance()
         self._enabled.clear()
         if self._open:
             self._open = False
@@ -141,23 +141,23 @@ class SimBus:
     def inject(
         self, kind: FaultKind, axis: str | None = None, for_s: float | None = None, delay_ms: float = 20.0
     ) -> None:
-        """Begin a fault now, for a while or until `heal`."""
+        """Begin a fault now, for ``for_s`` or until `heal`."""
         if axis is not None:
             self._device(axis)
         fault = ScheduledFault(at_s=0.0, kind=kind, axis=axis, for_s=for_s, delay_ms=delay_ms)
         self._switches.schedule(fault, self._clock.now())
-        self._up_to_date()
+        self._advance()
 
     def heal(self, kind: FaultKind, axis: str | None = None) -> None:
         """End a fault now; latched consequences stay until `clear_fault` or `open`."""
-        self._up_to_date()
+        self._advance()
         self._switches.end(kind, axis or "")
         if kind is FaultKind.STALL and axis is not None:
             self._device(axis).motion.blocked = False
 
     def refresh(self) -> None:
-        """Bring `devices` up to the clock's now, for whoever looks at them directly."""
-        self._up_to_date()
+        """Advance `devices` to the clock's time, for direct access to them."""
+        self._advance()
 
     # -- inside ------------------------------------------------------------------------------------------
 
@@ -166,7 +166,7 @@ class SimBus:
             return self.devices[axis]
         except KeyError:
             raise DeviceError(
-                axis, f"no such axis on bus {self.name}; there are {', '.join(self.axes)}"
+                axis, f"no such axis on bus {self.name}; axes: {', '.join(self.axes)}"
             ) from None
 
     def _silent(self, axis: str) -> bool:
@@ -178,9 +178,9 @@ class SimBus:
             raise DeviceError(axis, "does not answer", "check its cable and its power")
         return device
 
-    def _reach(self) -> float:
-        """Bring the devices up to date and make sure that the bus is open and there."""
-        now = self._up_to_date()
+    def _advance_open(self) -> float:
+        """Advance the devices; raise if the bus is not open or lost."""
+        now = self._advance()
         if not self._open:
             raise DeviceLostError(self.name, self._lost or "the bus is not open")
         return now
@@ -189,12 +189,12 @@ class SimBus:
         if seconds <= 0.0:
             return now
         self._clock.sleep(seconds)
-        return self._up_to_date()
+        return self._advance()
 
-    def _up_to_date(self) -> float:
+    def _advance(self) -> float:
         now = self._clock.now()
         while (edge_s := self._switches.next_s) <= now:
-            self._live(edge_s)
+            self._advance_devices(edge_s)
             edge = self._switches.take()
             if edge.kind is FaultKind.LOST and edge.on and self._open:
                 self._open, self._lost = False, "the simulated bus was unplugged"
@@ -204,11 +204,11 @@ class SimBus:
             elif edge.kind is FaultKind.STALL:
                 self.devices[edge.axis].motion.blocked = edge.on
             self._note(f"{edge.kind.value} {'begins' if edge.on else 'ends'}", edge_s, edge.axis)
-        self._live(now)
+        self._advance_devices(now)
         return now
 
-    def _live(self, to_s: float) -> None:
-        """Let every device live until ``to_s``, dead-men at their own instants included."""
+    def _advance_devices(self, to_s: float) -> None:
+        """Advance every device to ``to_s``; watchdogs trip at their own instants."""
         while True:
             armed = [(d.fed_at_s + self._watchdog_s, axis) for axis, d in self.devices.items() if d.on]
             deadline, first = min(armed, default=(math.inf, ""))
@@ -229,9 +229,8 @@ class SimBus:
 
 def _device(bus: str, options: SimBusOptions, axis: AxisOnBus, now: float) -> SimDevice:
     if not isinstance(axis.options, SimAxisOptions):
-        raise ContidError(
-            f"{axis.name}: options of a simulated axis expected, got {type(axis.options).__name__}"
-        )
+        got = type(axis.options).__name__
+        raise ContidError(f"{axis.name}: options of a simulated axis expected, got {got}")
     start = axis.options.start
     if start is None:
         low, high = axis.travel or (0.0, 0.0)

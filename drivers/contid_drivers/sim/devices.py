@@ -1,8 +1,8 @@
 """Simulated devices: an XL330 servo, a geared motor with encoder, a pressure regulator.
 
-All three are the same machine with other numbers: a goal quantised to the device's own steps, a profile
-towards it, a first-order response, a reading with noise and quantisation, and a set of ways to rest.
-The numbers below that no data sheet states are plausible choices, not measurements of any real device.
+All three share one model with different numbers: a goal quantised to the device's steps, a profile towards
+it, a first-order response, a reading with noise and quantisation, and rest states. Numbers without a data
+sheet are plausible choices, not measurements.
 """
 
 from __future__ import annotations
@@ -23,21 +23,21 @@ AMBIENT_C: Final = 25.0
 
 @dataclass(frozen=True, slots=True)
 class Character:
-    """What distinguishes one kind of device from another; SI, rad or Pa.
+    """Numbers of one kind of device; SI, rad or Pa.
 
     Attributes:
         quantum: step of goals and readings.
         velocity_quantum: step of the reported velocity, 0 for none.
-        lowest, highest: goals are clamped between these by the device itself.
+        lowest, highest: the device clamps goals to this range.
         velocity, acceleration: limits of the profile.
         vent_rate: speed towards zero while venting.
         tau_s: first-order response.
         noise: standard deviation of a reading before quantisation.
         current_limit_a: 0 for devices that report no current.
         overload_s: time at the current limit after which the device drops its torque.
-        overload: the device's words for that.
+        overload: its fault text.
         supply_v: voltage at rest, 0 for devices that report none.
-        on_watchdog: rest taken when the watchdog expires.
+        on_watchdog: rest taken when the watchdog trips.
     """
 
     quantum: float
@@ -115,7 +115,7 @@ _OF_KIND: Final = {
 
 
 def character_of(options: SimAxisOptions) -> Character:
-    """The numbers of one axis: those of its kind, with what the robot file says instead."""
+    """The numbers of one axis: those of its kind, overridden by the robot file."""
     base = _OF_KIND[options.device]
     highest = base.highest if options.ceiling_bar is None else options.ceiling_bar * BAR
     if options.device is DeviceKind.REGULATOR:
@@ -148,10 +148,10 @@ def character_of(options: SimAxisOptions) -> Character:
 
 
 class SimDevice:
-    """One device at the far end of the wire; knows nothing of the bus and obeys only what reaches it."""
+    """One device on the bus."""
 
-    # Shares of the current limit: friction of the gear, and the lag of the response at full speed. Moving
-    # freely therefore never reaches the limit; only a shaft that is held does.
+    # Shares of the current limit: friction of the gear, and the lag of the response at full speed. Free
+    # motion therefore never reaches the limit; only a blocked shaft does.
     FRICTION_SHARE: Final = 0.05
     FULL_SPEED_SHARE: Final = 0.5
     THERMAL_TAU_S: Final = 120.0
@@ -162,7 +162,7 @@ class SimDevice:
         self.character = character_of(options)
         self.motion = ProfileMotion(time_s, start, self.character.tau_s)
         self.goal = start
-        #: True while the device obeys goals: torque on, or regulator active.
+        #: True while the device follows goals: torque on, or regulator active.
         self.on = False
         self.rest = Rest.RELAX
         self.fault = ""
@@ -174,7 +174,7 @@ class SimDevice:
         self._amperes_per_lag = self.FULL_SPEED_SHARE * self.character.current_limit_a / lag
 
     def advance(self, to_s: float) -> bool:
-        """Live until ``to_s``; True when the device dropped its torque on the way."""
+        """Advance to ``to_s``; True when the device dropped its torque on the way."""
         dt = to_s - self.motion.time_s
         if dt <= 0.0:
             return False
@@ -193,7 +193,7 @@ class SimDevice:
 
     @property
     def current_a(self) -> float:
-        """Current the device draws: friction plus a share that grows with its lag, limited."""
+        """Current drawn [A]: friction plus a share that grows with the lag, limited."""
         if not self.on and self.rest is not Rest.HOLD:
             return 0.0
         motion, limit = self.motion, self.character.current_limit_a
@@ -202,14 +202,14 @@ class SimDevice:
         return min(limit, max(-limit, current))
 
     def switch_on(self, time_s: float) -> None:
-        """Goal := present, then obey; arms the dead-man."""
+        """Goal := present, then follow goals; arms the watchdog."""
         self.goal = self.motion.value
         self.motion.freeze()
         self.on = True
         self.fed_at_s = time_s
 
     def command(self, value: float) -> None:
-        """Head for a goal, in the device's own steps and inside its own range."""
+        """Go to a goal, rounded to the device's steps and clamped to its range."""
         if not self.on:
             return
         character = self.character
@@ -220,8 +220,7 @@ class SimDevice:
     def settle(self, rest: Rest) -> None:
         """Rest: hold (keep position, or close the valve), relax, or vent at the vent rate.
 
-        A regulator without power vents, and an actuator without pressure cannot, so each of ``relax`` and
-        ``vent`` means what the device can do.
+        A relaxed regulator vents, and a shaft cannot vent: ``vent`` relaxes it.
         """
         self.on = False
         self.rest = rest
@@ -233,18 +232,18 @@ class SimDevice:
             self.motion.go(0.0, self.character.vent_rate, math.inf)
 
     def trip(self, after_s: float) -> None:
-        """The dead-man fires: rest by itself, latched."""
+        """Trip the watchdog: rest, latched."""
         self.settle(self.character.on_watchdog)
-        self.fault = f"dead-man tripped: no exchange for {after_s * 1e3:g} ms"
+        self.fault = f"watchdog tripped: no exchange for {after_s * 1e3:g} ms"
 
     def overload(self) -> None:
-        """Drop the torque and say so, latched."""
+        """Drop the torque and report it, latched."""
         self.settle(Rest.RELAX)
         self.fault = self.character.overload
         self._saturated_s = 0.0
 
     def read(self, now_s: float) -> Sample:
-        """What the device answers now."""
+        """The device's answer now."""
         character, motion = self.character, self.motion
         noise = self._noise.gauss(0.0, character.noise) if character.noise > 0.0 else 0.0
         value = round((motion.value + noise) / character.quantum) * character.quantum

@@ -1,4 +1,4 @@
-"""Which faults are on at an instant: from the schedule of the robot file, or switched by hand."""
+"""Faults of a simulated bus: scheduled by the robot file, or set by `SimBus.inject`."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ from contid_drivers.sim.options import FaultKind, ScheduledFault
 
 @dataclass(frozen=True, slots=True, order=True)
 class Edge:
-    """A fault begins or ends; the number keeps edges of one instant in the order of the file."""
+    """Begin or end of a fault; the number keeps edges of one instant in the order of the file."""
 
     time_s: float
     number: int
@@ -21,7 +21,7 @@ class Edge:
 
 
 class Switches:
-    """The faults that are on, and the edges still to come. ``axis`` is "" for faults of the bus."""
+    """Faults that are on, and future edges. ``axis`` is "" for faults of the bus."""
 
     def __init__(self) -> None:
         self._edges: list[Edge] = []
@@ -29,7 +29,7 @@ class Switches:
         self._on: dict[tuple[FaultKind, str], float] = {}
 
     def schedule(self, fault: ScheduledFault, origin_s: float) -> None:
-        """Plan the begin and the end of a fault; its times count from ``origin_s``."""
+        """Schedule begin and end of a fault; its times count from ``origin_s``."""
         begin = origin_s + fault.at_s
         ends = [] if fault.for_s is None else [(begin + fault.for_s, False)]
         for time_s, on in [(begin, True), *ends]:
@@ -39,11 +39,11 @@ class Switches:
 
     @property
     def next_s(self) -> float:
-        """When the next edge comes, infinity when none does."""
+        """Time of the next edge, infinity for none."""
         return self._edges[0].time_s if self._edges else float("inf")
 
     def take(self) -> Edge:
-        """Pass the next edge."""
+        """Remove the next edge, apply and return it."""
         edge = heapq.heappop(self._edges)
         if edge.on:
             self._on[edge.kind, edge.axis] = edge.delay_s
@@ -61,5 +61,5 @@ class Switches:
 
     @property
     def delay_s(self) -> float:
-        """How much longer replies take now."""
+        """Additional delay of replies now."""
         return self._on.get((FaultKind.LATE, ""), 0.0)

@@ -1,7 +1,6 @@
-"""The journal of a simulated bus: one JSON line per event, on disk before the next thing happens.
+"""The journal of a simulated bus: one JSON line per event with the state of every axis, written at once.
 
-It proves to a test, and to a person, what the devices did when the host died: each line carries the state of
-every axis at that instant.
+It shows what the devices did after their host died.
 """
 
 from __future__ import annotations
@@ -16,10 +15,7 @@ from contid_drivers.sim.devices import SimDevice
 
 
 class Journal:
-    """Appends to a file with one system call per line, so that a killed process leaves whole lines.
-
-    The file is open only while a line is written: events are rare, and devices go on after `Bus.close`.
-    """
+    """Appends to a file with one system call per line, so that a killed process leaves whole lines."""
 
     def __init__(self, path: str | None) -> None:
         self._path = path
@@ -27,7 +23,7 @@ class Journal:
     def write(
         self, event: str, t_s: float, bus: str, devices: Mapping[str, SimDevice], subject: str = ""
     ) -> None:
-        """One line: what happened, when, to what, and how every axis stood."""
+        """Append one event with the state of every axis."""
         if self._path is None:
             return
         line = {

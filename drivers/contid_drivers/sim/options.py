@@ -1,4 +1,4 @@
-"""What a robot file may say about a simulated bus, its axes and the faults that shall happen on it."""
+"""Robot-file keys of a simulated bus, of its axes and of scheduled faults."""
 
 from __future__ import annotations
 
@@ -10,33 +10,35 @@ from pydantic import Field, model_validator
 
 from contid.hal import DeviceKind, Rest
 from contid.robot_file.base import NonNegative, Positive, Strict
+from contid.units import BAR
 
 
 class FaultKind(enum.StrEnum):
-    """Everything that can go wrong on a simulated bus."""
+    """Faults of a simulated bus; see `ScheduledFault.kind`."""
 
-    SILENT = "silent"  # the wire to one axis is cut: it neither hears nor answers
-    STALE = "stale"  # one axis answers, with what it measured when the fault began
-    OVERLOAD = "overload"  # the device drops its torque and says so, latched
-    STALL = "stall"  # something holds the shaft; the overload follows by itself
-    LOST = "lost"  # the whole bus is gone; the end of this fault is the plug coming back
-    LATE = "late"  # replies take `delay_ms` longer
+    SILENT = "silent"
+    STALE = "stale"
+    OVERLOAD = "overload"
+    STALL = "stall"
+    LOST = "lost"
+    LATE = "late"
 
 
 OF_AN_AXIS: Final = frozenset({FaultKind.SILENT, FaultKind.STALE, FaultKind.OVERLOAD, FaultKind.STALL})
 
 
 class ScheduledFault(Strict):
-    """One fault of a campaign on a simulated bus.
+    """One scheduled fault of a simulated bus.
 
     Attributes:
-        at_s: when it begins, after the bus was first opened.
-        kind: ``silent``: one axis neither hears nor answers. ``stale``: it answers with what it measured when
-            the fault began. ``overload``: it drops its torque and says so, latched. ``stall``: something
-            holds its shaft. ``lost``: the whole bus is gone. ``late``: the bus answers ``delay_ms`` later.
+        at_s: begin, after the bus was first opened.
+        kind: ``silent``: one axis neither receives nor answers. ``stale``: it answers with its measurement
+            from the begin of the fault. ``overload``: it drops its torque and reports it, latched.
+            ``stall``: its shaft is blocked; an overload follows. ``lost``: the whole bus is unplugged.
+            ``late``: the bus answers ``delay_ms`` later.
         axis: ``ROBOT.AXIS``, for the first four kinds.
-        for_s: how long it lasts; for good when left out.
-        delay_ms: of the kind ``late``.
+        for_s: duration; without end if left out.
+        delay_ms: delay of the kind ``late``.
     """
 
     at_s: NonNegative
@@ -48,8 +50,8 @@ class ScheduledFault(Strict):
     @model_validator(mode="after")
     def _axis_where_it_belongs(self) -> Self:
         if (self.axis is None) == (self.kind in OF_AN_AXIS):
-            wants = "needs" if self.kind in OF_AN_AXIS else "is a fault of the whole bus and takes no"
-            raise ValueError(f"kind {self.kind.value} {wants} axis")
+            rule = "needs" if self.kind in OF_AN_AXIS else "is a fault of the whole bus and takes no"
+            raise ValueError(f"kind {self.kind.value} {rule} axis")
         return self
 
 
@@ -57,11 +59,11 @@ class SimBusOptions(Strict):
     """A simulated bus.
 
     Attributes:
-        seed: of the noise of readings; the same seed gives the same run.
-        watchdog_ms: watchdog of the devices: time without a completed exchange after which they rest.
-        latency_ms: how long an exchange takes.
+        seed: seed of the noise of readings; the same seed gives the same run.
+        watchdog_ms: watchdog of the devices: without a completed exchange for this time they rest.
+        latency_ms: duration of an exchange.
         journal_file: receives one JSON line per event with the state of every axis.
-        faults: what shall go wrong, and when.
+        faults: scheduled faults.
     """
 
     seed: int = 0
@@ -71,7 +73,7 @@ class SimBusOptions(Strict):
     faults: tuple[ScheduledFault, ...] = ()
 
 
-#: Keys beyond ``device`` and ``on_watchdog`` that mean something for each kind of device.
+#: Keys of each kind of device besides ``device`` and ``on_watchdog``.
 KEYS_OF: Final[dict[DeviceKind, frozenset[str]]] = {
     DeviceKind.SERVO: frozenset(
         {
@@ -95,22 +97,21 @@ class SimAxisOptions(Strict):
     """A simulated device; keys left out take the defaults of its kind.
 
     Attributes:
-        device: kind of device; some keys mean something for one kind only.
-        on_watchdog: what the device does when its watchdog expires; shafts hold, regulators vent.
-        start_deg: angle of a shaft before anything moved; the middle of its travel, a pose every robot has.
-        start_bar: the same for a regulator; no pressure, or as near to that as its travel allows.
-        velocity_deg_s: greatest speed of a shaft; 618 for a servo, 458 for a motor.
-        acceleration_deg_s2: greatest acceleration of a shaft; 28600 for a servo, 4580 for a motor.
-        response_ms: time constant with which the device follows; 15 for a servo, 30 for a motor, 50 for a
-            regulator.
+        device: kind of device; some keys apply to one kind only.
+        on_watchdog: rest taken when the watchdog trips; by default shafts hold and regulators vent.
+        start_deg: initial angle of a shaft; by default the middle of its travel.
+        start_bar: initial pressure; by default the pressure of the travel nearest to 0.
+        velocity_deg_s: speed limit of a shaft; 618 for a servo, 458 for a motor.
+        acceleration_deg_s2: acceleration limit of a shaft; 28600 for a servo, 4580 for a motor.
+        response_ms: time constant of the response; 15 for a servo, 30 for a motor, 50 for a regulator.
         counts_per_rev: encoder counts per turn of a motor's shaft; 4776.
         noise_deg: standard deviation of a servo's readings; 0.026.
         noise_bar: standard deviation of a regulator's readings; 0.003.
-        current_limit_ma: current at which a shaft pushes hardest; 1470 for a servo, 1000 for a motor.
+        current_limit_ma: current limit of a shaft; 1470 for a servo, 1000 for a motor.
         overload_s: time at that current after which it drops its torque; 1 for a servo, 0.5 for a motor.
-        slew_bar_s: how fast a regulator's pressure changes at most; 5.
-        vent_bar_s: how fast it falls while venting; 2.
-        ceiling_bar: greatest pressure of a regulator; 3.
+        slew_bar_s: rate limit of a regulator's pressure; 5.
+        vent_bar_s: rate at which it falls while venting; 2.
+        ceiling_bar: pressure limit of a regulator; 3.
     """
 
     device: DeviceKind
@@ -132,10 +133,10 @@ class SimAxisOptions(Strict):
     @model_validator(mode="after")
     def _keys_of_this_device(self) -> Self:
         allowed = KEYS_OF[self.device]
-        strange = sorted(self.model_fields_set - allowed - {"device", "on_watchdog"})
-        if strange:
+        foreign = sorted(self.model_fields_set - allowed - {"device", "on_watchdog"})
+        if foreign:
             raise ValueError(
-                f"{', '.join(strange)} means nothing for a simulated {self.device.value}; "
+                f"a simulated {self.device.value} has no {', '.join(foreign)}; "
                 f"allowed: {', '.join(sorted(allowed))}"
             )
         if self.device is not DeviceKind.REGULATOR and self.on_watchdog is Rest.VENT:
@@ -144,7 +145,7 @@ class SimAxisOptions(Strict):
 
     @property
     def start(self) -> float | None:
-        """Value before anything moved [rad or Pa], None to choose it from the travel."""
+        """Initial value [rad or Pa], None to choose it from the travel."""
         if self.start_deg is not None:
             return math.radians(self.start_deg)
-        return None if self.start_bar is None else self.start_bar * 1e5
+        return None if self.start_bar is None else self.start_bar * BAR

@@ -1,4 +1,4 @@
-"""Trapezoidal profile followed by a first-order response, both evaluated in closed form.
+"""Trapezoidal profile and first-order response, both in closed form.
 
 The profile r(t) is the time-optimal motion to rest under ``|r'| <= v_max`` and ``|r''| <= a_max`` from any
 start position and velocity: at most four phases of constant acceleration. The device follows it as
@@ -22,7 +22,7 @@ from dataclasses import dataclass
 
 @dataclass(frozen=True, slots=True)
 class Phase:
-    """Constant acceleration from ``start_s`` on, until the next phase begins."""
+    """Constant acceleration from ``start_s`` until the next phase."""
 
     start_s: float
     position: float
@@ -77,7 +77,7 @@ def plan(
 
 
 class ProfileMotion:
-    """State of one simulated actuator: where its profile is, and where it really is."""
+    """State of one simulated actuator: its profile and its own position."""
 
     __slots__ = ("_phases", "blocked", "tau_s", "time_s", "value")
 
@@ -85,7 +85,7 @@ class ProfileMotion:
         self.time_s = time_s
         self.value = value
         self.tau_s = tau_s
-        #: True while something holds the shaft: the profile goes on, the value does not.
+        #: True while the shaft is blocked: the profile continues, the value does not.
         self.blocked = False
         self._phases: tuple[Phase, ...] = (Phase(time_s, value, 0.0, 0.0),)
 
@@ -103,20 +103,20 @@ class ProfileMotion:
         return (position - self.value) / self.tau_s if self.tau_s > 0.0 else velocity
 
     def go(self, goal: float, v_max: float, a_max: float) -> None:
-        """Head for a goal from wherever the profile is now, without a jump of its velocity."""
+        """Go to a goal from the present state of the profile, without a jump of its velocity."""
         position, velocity = self.reference
         self._phases = plan(self.time_s, position, velocity, goal, v_max, a_max)
 
     def stop(self) -> None:
-        """End the profile where it is; the device settles there with its own response."""
+        """End the profile where it is; the value follows with its response."""
         self._phases = (Phase(self.time_s, self.reference[0], 0.0, 0.0),)
 
     def freeze(self) -> None:
-        """Stand still exactly where the device is."""
+        """Stop at the present value."""
         self._phases = (Phase(self.time_s, self.value, 0.0, 0.0),)
 
     def advance(self, to_s: float) -> None:
-        """Move on to a later time; an earlier one changes nothing."""
+        """Advance to a later time; an earlier one changes nothing."""
         while self.time_s < to_s:
             while len(self._phases) > 1 and self._phases[1].start_s <= self.time_s:
                 self._phases = self._phases[1:]

@@ -1,7 +1,7 @@
-"""A driver that is not contid's own: a box of winches on the network, which exists only as its emulator.
+"""Example of an external driver: a box of winches on the network, which exists only as an emulator.
 
-This module is what the entry point names. Every command that meets ``driver: winch`` in a robot file imports
-it, so it holds the keys of the file and little else; what talks to the box is imported when it is needed.
+The entry point names this module. Every command that reads ``driver: winch`` in a robot file imports it, so
+it holds the keys of the file only; modules that talk to the box are imported on use.
 """
 
 from __future__ import annotations
@@ -23,8 +23,8 @@ class BusOptions(Strict):
 
     Attributes:
         address: of the box on the network, ``HOST:PORT``.
-        watchdog_ms: the box's dead-man: so long without an exchange and every drum stops by itself.
-        reply_ms: how long the box may take to answer.
+        watchdog_ms: watchdog of the box: every drum stops after this time without an exchange.
+        reply_ms: time-out of an answer.
     """
 
     address: Annotated[str, Field(pattern=r"^[^:]+:[0-9]+$")]
@@ -66,7 +66,7 @@ class WinchDriver:
         return f"drum {axis.drum}"
 
     def mock_options(self, bus: BaseModel) -> Mapping[str, Any]:
-        """Under ``--mock`` the dead-man is as patient as the box's."""
+        """See `contid.hal.Driver`; ``--mock`` keeps the watchdog time."""
         assert isinstance(bus, BusOptions)
         return {"watchdog_ms": bus.watchdog_ms}
 

@@ -12,9 +12,9 @@ from contid.hal import AxisOnBus, Clock, Rest, Sample
 from contid_winch import AxisOptions, BusOptions
 from contid_winch.link import Link, drum_of
 
-#: A box that says nothing for so long is gone, not late.
+#: A box silent for longer counts as lost.
 SILENCE_S: Final = 0.5
-#: What a drum says of itself while nothing is wrong; anything else is a fault.
+#: States of a drum without a fault; every other state is a fault.
 WELL: Final = frozenset({"on", "off", "held"})
 
 
@@ -31,7 +31,7 @@ class WinchBus:
         self._rad_per_step = {axis.name: rad_per_step(axis) for axis in axes}
         self._link: Link | None = None
         self._lost = "it is not open"
-        self._heard_s = 0.0
+        self._answered_s = 0.0
         self._enabled: set[str] = set()
         self._samples: dict[str, Sample] = {}
 
@@ -39,8 +39,8 @@ class WinchBus:
         """See `contid.hal.Bus.open`."""
         self.close()
         self._link = Link(self.name, self._options, self._given)
-        self._heard_s = self._clock.now()
-        self._samples = {axis: Sample(None, self._heard_s, False, 0.0) for axis in self.axes}
+        self._answered_s = self._clock.now()
+        self._samples = {axis: Sample(None, self._answered_s, False, 0.0) for axis in self.axes}
 
     def close(self) -> None:
         """See `contid.hal.Bus.close`."""
@@ -61,15 +61,15 @@ class WinchBus:
         answer = self._ask(" ".join(["x", *goals]))
         now = self._clock.now()
         if answer is not None:
-            self._heard_s = now
-        elif now - self._heard_s > SILENCE_S:
+            self._answered_s = now
+        elif now - self._answered_s > SILENCE_S:
             self.close()
-            self._lost = f"no answer for {now - self._heard_s:.1f} s"
+            self._lost = f"no answer for {now - self._answered_s:.1f} s"
             raise self._gone()
-        heard = _reports(answer or "")
+        answering = _reports(answer or "")
         for axis, drum in self._drums.items():
-            if drum in heard:
-                steps, state = heard[drum]
+            if drum in answering:
+                steps, state = answering[drum]
                 fault = "" if state in WELL else state
                 value = steps * self._rad_per_step[axis]
                 self._samples[axis] = Sample(value, now, True, 0.0, fault=fault)
@@ -93,7 +93,7 @@ class WinchBus:
             self._enabled.update(new)
 
     def disable(self, axes: Sequence[str], rest: Rest) -> None:
-        """See `contid.hal.Bus.disable`; a drum that is told to vent lets go."""
+        """See `contid.hal.Bus.disable`; ``vent`` relaxes a drum."""
         drums = [str(self._drum(axis)) for axis in axes]
         self._enabled.difference_update(axes)
         if drums and self._link is not None:
@@ -116,13 +116,13 @@ class WinchBus:
     # -- inside ------------------------------------------------------------------------------------------
 
     def _order(self, verb: str, axes: Sequence[str]) -> None:
-        """Say it until it is answered: all orders of a box may be said twice.
+        """Send an order up to three times, until it is answered; orders are idempotent.
 
         Raises:
             DeviceError: the box refuses, or does not answer.
         """
         request = " ".join([verb, *(str(self._drums[axis]) for axis in axes)])
-        answer = next((said for _ in range(3) if (said := self._ask(request)) is not None), None)
+        answer = next((reply for _ in range(3) if (reply := self._ask(request)) is not None), None)
         if answer == "ok":
             return
         refused, _, why = (answer or "no").removeprefix("no ").partition(" ")
@@ -158,10 +158,10 @@ def rad_per_step(axis: AxisOnBus) -> float:
 
 
 def _reports(answer: str) -> dict[int, tuple[int, str]]:
-    """Position [steps] and state by drum; a word that is not a report is as good as none."""
+    """Position [steps] and state by drum; malformed items are skipped."""
     found = {}
-    for word in answer.split():
-        drum, _, report = word.partition("=")
+    for item in answer.split():
+        drum, _, report = item.partition("=")
         steps, _, state = report.partition(",")
         if drum.isdecimal() and steps.lstrip("-").isdecimal() and state:
             found[int(drum)] = (int(steps), state)

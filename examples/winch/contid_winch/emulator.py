@@ -1,4 +1,4 @@
-"""The winch box itself, in software: what the driver is tried on, and held to contid's contract with."""
+"""The winch box in software, for use without hardware and for the contract tests."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ from contid_winch.link import drum_of
 
 #: Of every drum [steps/s].
 SPEED: Final = 8000.0
-DEAD_MAN: Final = "dead-man"
+WATCHDOG: Final = "watchdog"
 
 
 @dataclass
@@ -75,18 +75,18 @@ class Box:
         self._thread.start()
 
     def unplug(self) -> None:
-        """Pull the network cable; drums keep their power, and the dead-man its count."""
+        """Pull the network cable; drums keep their power, and the watchdog counts on."""
         for each in reversed(self._sockets):
             with suppress(OSError):
-                each.shutdown(socket.SHUT_RDWR)  # wakes who waits in it
+                each.shutdown(socket.SHUT_RDWR)  # wakes the thread that waits in it
             each.close()
         if self._thread is not None:
             self._thread.join()
             self._thread = None
 
     @contextmanager
-    def looked_at(self) -> Iterator[dict[int, Drum]]:
-        """The drums as they are now; nobody else touches them meanwhile."""
+    def locked_drums(self) -> Iterator[dict[int, Drum]]:
+        """The drums as they are now, locked against the server thread."""
         with self._lock:
             self._live()
             yield self.drums
@@ -98,7 +98,7 @@ class Box:
             powered = drum.state == "on"
             drum.live(min(now, trip) - self._now if powered else 0.0)
             if powered and now > trip:
-                drum.rest(DEAD_MAN)
+                drum.rest(WATCHDOG)
         self._now = now
 
     def _serve(self, listener: socket.socket) -> None:
@@ -114,35 +114,35 @@ class Box:
                 ):
                     for request in requests:
                         number, *message = request.split()
-                        with self.looked_at():
+                        with self.locked_drums():
                             answer = self._answer(message)
                         line.sendall(f"{number} {answer}\n".encode())
 
     def _answer(self, message: list[str]) -> str:
         verb, *rest = message
-        heard = {drum: each for drum, each in self.drums.items() if not each.silent}
+        answering = {drum: each for drum, each in self.drums.items() if not each.silent}
         if verb == "hello":
-            return " ".join(["winch", "1", *(str(drum) for drum in heard)])
+            return " ".join(["winch", "1", *(str(drum) for drum in answering)])
         if verb == "watchdog":
             self._watchdog_s = float(rest[0]) / 1e3
         elif verb == "x":
             self._fed = self._now
-            for word in rest:
-                drum, _, goal = word.partition("=")
-                if int(drum) in heard and heard[int(drum)].state == "on":
-                    heard[int(drum)].goal = float(goal)
-            return " ".join(f"{n}={each.position:.0f},{each.state}" for n, each in heard.items())
+            for item in rest:
+                drum, _, goal = item.partition("=")
+                if int(drum) in answering and answering[int(drum)].state == "on":
+                    answering[int(drum)].goal = float(goal)
+            return " ".join(f"{n}={each.position:.0f},{each.state}" for n, each in answering.items())
         elif verb == "off":
             for drum in rest[1:]:
-                each = heard.get(int(drum))
+                each = answering.get(int(drum))
                 if each is not None and each.state in ("on", "held", "off"):
                     each.rest("held" if rest[0] == "hold" else "off")
         else:
-            asked = [(drum, heard.get(int(drum))) for drum in rest]
+            asked = [(drum, answering.get(int(drum))) for drum in rest]
             for drum, each in asked:
                 if each is None:
                     return f"no {drum} does not answer"
-                if each.cause or (verb == "on" and each.state == DEAD_MAN):
+                if each.cause or (verb == "on" and each.state == WATCHDOG):
                     return f"no {drum} {each.cause or each.state}"
             for _, each in asked:
                 if each is not None:
@@ -157,7 +157,7 @@ def emulated(options: BusOptions, axes: Sequence[AxisOnBus]) -> Iterator[Sequenc
     from contid_winch.bus import rad_per_step
 
     with Box(options.host_and_port, [drum_of(axis) for axis in axes]) as box:
-        with box.looked_at() as drums:
+        with box.locked_drums() as drums:
             for axis in axes:
                 low, high = axis.travel or (0.0, 0.0)
                 drums[drum_of(axis)].position = round((low + high) / 2.0 / rad_per_step(axis))

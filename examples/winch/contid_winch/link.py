@@ -1,10 +1,10 @@
-"""The network line to a winch box: one numbered request, one answer with its number, or none in time.
+"""The network line to a winch box: one numbered request, one answer with its number, or a time-out.
 
-Requests, and what the box answers after ``NUMBER``; drums that do not answer the box are missing::
+Requests, and the answers after ``NUMBER``; drums that do not answer the box are left out::
 
     hello                     winch 1 DRUM...
     watchdog MS               ok
-    x [DRUM=GOAL]...          DRUM=POSITION,STATE...    goals and positions in steps; feeds the dead-man
+    x [DRUM=GOAL]...          DRUM=POSITION,STATE...    goals and positions in steps; feeds the watchdog
     on DRUM...                ok                        goal := position, then power
     off hold|relax DRUM...    ok                        stop there, with or without power
     clear DRUM...             ok, or: no DRUM FAULT     never moves, never powers
@@ -33,10 +33,10 @@ class Link:
     """An open line to a box that has every drum it should have."""
 
     def __init__(self, name: str, options: BusOptions, axes: Sequence[AxisOnBus]) -> None:
-        """Connect and shake hands; nothing moves, no drum is powered or let go.
+        """Connect and shake hands; changes no drum.
 
         Raises:
-            DeviceNotFoundError: nobody is there, it is no winch box, or drums are missing.
+            DeviceNotFoundError: no answer, another device, or missing drums.
         """
         self._name = name
         self._reply_s = options.reply_ms / 1e3
@@ -45,7 +45,7 @@ class Link:
         try:
             self._socket = socket.create_connection(options.host_and_port, timeout=1.0)
         except OSError as error:
-            remedy = "is the box switched on, and its address the one in the robot file?"
+            remedy = "check that the box is on, and its address in the robot file"
             raise DeviceNotFoundError(name, f"cannot reach {options.address}: {error}", remedy) from error
         try:
             self._socket.setsockopt(socket.IPPROTO_TCP, socket.TCP_NODELAY, 1)
@@ -57,7 +57,7 @@ class Link:
     def _shake_hands(self, options: BusOptions, axes: Sequence[AxisOnBus]) -> None:
         greeting = (self.ask("hello") or "nothing").split()
         if greeting[:2] != ["winch", "1"]:
-            message = f"{options.address} is no winch box of version 1: it says {' '.join(greeting)!r}"
+            message = f"{options.address} is no winch box of version 1; its hello: {' '.join(greeting)!r}"
             raise DeviceNotFoundError(self._name, message)
         missing = [
             f"{axis.name} (drum {drum_of(axis)})" for axis in axes if str(drum_of(axis)) not in greeting[2:]
@@ -89,7 +89,7 @@ class Link:
                 *lines, self._unread = (self._unread + received).split(b"\n")
                 for line in lines:
                     number, _, answer = line.decode("ascii", "replace").partition(" ")
-                    if number == ours:  # others answer requests that were given up
+                    if number == ours:  # others answer requests that timed out
                         return answer
         except TimeoutError:
             return None
@@ -98,5 +98,5 @@ class Link:
         return None
 
     def close(self) -> None:
-        """Hang up; idempotent, and the drums do not notice."""
+        """Close the connection; idempotent, changes no drum."""
         self._socket.close()

@@ -1,4 +1,4 @@
-"""Where the emulator's program is kept, and what is said when there is no place for it."""
+"""Cache of the emulator program, and the errors without a place for it."""
 
 from __future__ import annotations
 

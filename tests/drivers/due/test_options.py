@@ -31,9 +31,9 @@ BAD = [
 ]
 
 
-@pytest.mark.parametrize(("options", "says"), BAD)
-def test_refused(options, says):
-    with pytest.raises(ValidationError, match=says):
+@pytest.mark.parametrize(("options", "message"), BAD)
+def test_refused(options, message):
+    with pytest.raises(ValidationError, match=message):
         DueAxisOptions.model_validate(options)
 
 
@@ -56,8 +56,14 @@ def test_the_configuration_is_in_the_boards_units():
 
 
 def test_the_configuration_of_a_regulator_is_in_pascal():
-    told = {"slew_bar_s": 2.0, "vent_bar_s": 4.0, "wire_break_mv": 540, "leak_bar": 0.3, "leak_ms": 700}
-    options = DueAxisOptions(channel="p1", **REGULATOR, **told, trim_bar=0.2, trim_per_s=1.5)
+    options_given = {
+        "slew_bar_s": 2.0,
+        "vent_bar_s": 4.0,
+        "wire_break_mv": 540,
+        "leak_bar": 0.3,
+        "leak_ms": 700,
+    }
+    options = DueAxisOptions(channel="p1", **REGULATOR, **options_given, trim_bar=0.2, trim_per_s=1.5)
     blob = board_config("b", DueBusOptions(port="x", role="pressure"), [AxisOnBus("a.x", options, None)])
     # firmware/PROTOCOL.md: channel, safe, start, then the regulator's numbers.
     found = struct.unpack("<3B3iHiHiHiH2iB", blob[4:-12])
@@ -76,7 +82,7 @@ def test_the_configuration_of_a_regulator_is_in_pascal():
 
 def test_a_motor_on_a_pressure_board_is_refused_by_name():
     motor = AxisOnBus("arm.s1.l1", DueAxisOptions(channel="m0"), None)
-    with pytest.raises(DeviceError, match=r"arm\.s1\.l1.*no channel of a pressure board"):
+    with pytest.raises(DeviceError, match=r"arm\.s1\.l1.*channel m0 does not exist on a pressure board"):
         board_config("air", DueBusOptions(port="x", role="pressure"), [motor])
 
 

@@ -237,12 +237,12 @@ def test_a_campaign_in_the_file_happens_at_its_times(tmp_path):
     ]  # fmt: skip
     assert at["silent begins"] == pytest.approx(0.2)
     assert at["lost begins"] == pytest.approx(0.6)
-    # 100 ms after the last completed exchange, although nobody looked before 1.1 s.
+    # 100 ms after the last completed exchange, although nothing advanced the bus before 1.1 s.
     assert 0.69 < at["trip"] <= 0.7
     trip = next(line for line in lines if line["event"] == "trip")
     assert trip["subject"] == "r.a"
     assert trip["axes"]["r.a"]["rest"] == "hold"
-    assert "dead-man" in trip["axes"]["r.a"]["fault"]
+    assert "watchdog" in trip["axes"]["r.a"]["fault"]
     assert trip["axes"]["r.b"]["fault"] == "overload"
 
 
@@ -261,7 +261,7 @@ def test_a_journal_that_cannot_be_written_is_named(tmp_path):
 @pytest.mark.parametrize(
     ("options", "powered"), [({"on_watchdog": "relax"}, False), ({"on_watchdog": "hold"}, True), ({}, True)]
 )
-def test_the_dead_man_does_what_the_file_says(options, powered):
+def test_the_watchdog_takes_the_configured_rest(options, powered):
     rig = Rig({"device": "servo", **options}, watchdog_ms=60).start()
     rig.run(0.1, a=5.0)
     rig.clock.sleep(0.0601)

@@ -51,11 +51,11 @@ def test_a_file_may_ask_for_simulation(finger):
         ({"bus": "faults: [{at_s: 1.0, kind: silent}]"}, "kind silent needs axis"),
         ({"bus": "faults: [{at_s: 1.0, kind: lost, axis: finger.left}]"}, "takes no axis"),
         ({"bus": "watchdog_ms: 1"}, "watchdog_ms"),
-        ({"left": "ceiling_bar: 2,"}, "ceiling_bar means nothing for a simulated servo"),
+        ({"left": "ceiling_bar: 2,"}, "a simulated servo has no ceiling_bar"),
         ({"left": "on_watchdog: vent,"}, "cannot vent"),
     ],
 )
-def test_what_makes_no_sense_is_refused_where_it_stands(finger, keys, message):
+def test_invalid_keys_are_refused_with_their_location(finger, keys, message):
     with pytest.raises(BadInputError, match=message):
         parse_robot_file(finger(**keys), "x.yaml")
 

@@ -180,7 +180,7 @@ def test_coming_back_to_the_same_board_keeps_it_holding(world):
     bus.open()
     samples = bus.exchange({})
     assert [sample.value for sample in samples.values()] == pytest.approx([2.0] * 3, abs=0.01)
-    assert emulator.tell("get 0").split()[4] == "2"  # still under power
+    assert emulator.command("get 0").split()[4] == "2"  # still under power
 
 
 def test_demand_beyond_the_travel_ends_at_it(world):
@@ -202,13 +202,13 @@ def test_home_and_doctor(world):
     bus, emulator = world(axes)
     options = DueBusOptions(port=str(emulator.port), role="motor", latency_ms=60.0)
     assert all(finding.ok for finding in doctor("board", options, axes))
-    said: list[str] = []
-    (homed,) = home("board", options, axes, ["arm.l1"], said.append)
+    reported: list[str] = []
+    (homed,) = home("board", options, axes, ["arm.l1"], reported.append)
     assert (homed.axis, homed.at_mm) == ("arm.l1", 49.0)
     assert homed.value == pytest.approx(math.radians(-20.0))
-    assert said
+    assert reported
     with pytest.raises(DeviceError, match="no homing"):
-        home("board", options, axes, ["arm.l2"], said.append)
+        home("board", options, axes, ["arm.l2"], reported.append)
     bus.open()
     assert bus.exchange({})["arm.l1"].value == pytest.approx(math.radians(-15.0), abs=0.01)
     bus.enable(bus.axes)
@@ -226,8 +226,8 @@ def test_emulator_of_the_driver_follows_its_control_file(tmp_path):
     options = DueBusOptions(port=str(tmp_path / "board"), role="motor", latency_ms=60.0)
     control = tmp_path / "faults"
     control.touch()
-    with driver.emulator("motors", options, MOTORS, control) as said:
-        assert "m2 arm.l2" in said[0]
+    with driver.emulator("motors", options, MOTORS, control) as reported:
+        assert "m2 arm.l2" in reported[0]
         bus = driver.open_bus("motors", options, MOTORS, RealClock())
         bus.open()
         bus.exchange({})
@@ -258,9 +258,9 @@ def test_firmware_command(world, tmp_path, configs):
     file = tmp_path / "arm.yaml"
     text = (configs / "trirack.emulated.yaml").read_text().replace("./trirack.tty", str(emulator.port))
     file.write_text(text)
-    told = run(firmware_command, ["info", str(file)])
-    assert told.exit_code == 0, told.output
-    assert "role motor, firmware 1.0.0" in told.output
+    result = run(firmware_command, ["info", str(file)])
+    assert result.exit_code == 0, result.output
+    assert "role motor, firmware 1.0.0" in result.output
 
 
 def test_home_command_writes_the_zero_of_an_axis_with_a_dotted_name(world, tmp_path, configs):

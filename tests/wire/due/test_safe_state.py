@@ -1,7 +1,7 @@
 """Whatever happens to the host, every channel reaches its safe state in the configured time.
 
 Motors run at 10 cm/s, regulators stand at 1.5 bar when it happens; the times are the emulated board's own,
-from its journal. A motor whose demands end runs out towards the last of them before the dead-man brakes it.
+from its journal. A motor whose demands end runs out towards the last of them before the watchdog brakes it.
 """
 
 from __future__ import annotations
@@ -53,7 +53,7 @@ class Board:
         self.emulator = DueEmulator(wired.options, self.axes, self.journal_file)
 
     def truth(self, channel: int) -> list[float]:
-        return [float(number) for number in self.emulator.tell(f"get {channel}").split()]
+        return [float(number) for number in self.emulator.command(f"get {channel}").split()]
 
     def journal(self) -> list[dict[str, Any]]:
         return [json.loads(line) for line in self.journal_file.read_text().splitlines()]
@@ -71,7 +71,7 @@ class Board:
         return all(self.truth(i)[2] > 148_000 for i in range(3))
 
     def check_safe_state(self) -> None:
-        """Every channel tripped by the dead-man, on time, and came to rest afterwards."""
+        """Every channel tripped by the watchdog, on time, and came to rest afterwards."""
 
         def all_at_rest() -> bool:
             trips = {e["channel"]: e for e in self.journal() if e.get("state") == "safe"}
@@ -93,7 +93,7 @@ class Board:
                 for e in self.journal()
                 if e["event"] == "rest" and e["channel"] == channel and e["world_ms"] >= trip["world_ms"]
             )
-            assert (trip["reason"], trip["silence_ms"]) == ("dead_man", WATCHDOG_MS)
+            assert (trip["reason"], trip["silence_ms"]) == ("watchdog", WATCHDOG_MS)
             if not motors:
                 assert trip["value"] == pytest.approx(150_000, rel=0.02)
             assert rest["world_ms"] - trip["world_ms"] <= (200 if motors else VENT_MS)
@@ -152,7 +152,7 @@ def test_kill_9_of_daemon_and_control_process(board):
 def test_frozen_loop(board):
     with _contid(board):
         board.wait(board.working)
-        board.emulator.tell("watchdog 0")  # without the hardware watchdog: the dead-man alone
+        board.emulator.command("watchdog 0")  # without the hardware watchdog: the watchdog alone
         board.emulator.fault("freeze")
         board.check_safe_state()
 
@@ -178,10 +178,10 @@ def test_port_that_stays_open_but_is_not_read(board):
 
         assert termios.tcgetattr(fd)
         ask(Type.CONFIGURE, wiring.config_body(blob))
-        heard = ask(Type.DEMAND, messages.demand(crc, 0, {}))
-        heard = ask(Type.ARM, messages.masked(crc, range(3)))
-        start = {channel: heard.channels[channel].position for channel in range(3)}
-        began = heard.uptime_ms
+        telemetry = ask(Type.DEMAND, messages.demand(crc, 0, {}))
+        telemetry = ask(Type.ARM, messages.masked(crc, range(3)))
+        start = {channel: telemetry.channels[channel].position for channel in range(3)}
+        began = telemetry.uptime_ms
 
         def goals(uptime_ms: int) -> dict[int, int]:
             if board.options.role == "pressure":
@@ -190,10 +190,12 @@ def test_port_that_stays_open_but_is_not_read(board):
 
         end = time.monotonic() + 20.0
         while not board.working() and time.monotonic() < end:
-            heard = ask(Type.DEMAND, messages.demand(crc, heard.uptime_ms, goals(heard.uptime_ms)))
+            telemetry = ask(
+                Type.DEMAND, messages.demand(crc, telemetry.uptime_ms, goals(telemetry.uptime_ms))
+            )
         assert board.working()
         for i in range(100):
-            body = messages.demand(crc, heard.uptime_ms, goals(heard.uptime_ms + 5 * i))
+            body = messages.demand(crc, telemetry.uptime_ms, goals(telemetry.uptime_ms + 5 * i))
             os.write(fd, frames.seal(messages.request(Type.DEMAND, 1, body)))
             time.sleep(0.005)
         board.check_safe_state()

@@ -106,7 +106,7 @@ def test_an_eeprom_setting_under_torque_is_refused_in_words(rig: Make) -> None:
     r = rig(1)
     r.emulator.servos[0].put(reg.TORQUE_ENABLE, 1)
     r.bus.open()
-    with pytest.raises(DeviceError, match="operating mode is 3, the robot file wants 4, and torque is on"):
+    with pytest.raises(DeviceError, match="operating mode is 3, the robot file requires 4, and torque is on"):
         r.bus.enable(["r.a1"])
     assert r.emulator.servo(1).torque
 
@@ -116,10 +116,10 @@ def test_the_handshake_lists_expected_against_found(rig: Make) -> None:
     r = rig(3, made=made)
     with pytest.raises(DeviceNotFoundError) as error:
         r.bus.open()
-    said = str(error.value)
-    assert "id 2 (r.a2): expected xl330-m288, found nothing" in said
-    assert "id 3 (r.a3): expected xl330-m288, found xl330-m077" in said
-    assert "id 7 xl330-m288 firmware 52" in said
+    message = str(error.value)
+    assert "id 2 (r.a2): expected xl330-m288, found nothing" in message
+    assert "id 3 (r.a3): expected xl330-m288, found xl330-m077" in message
+    assert "id 7 xl330-m288 firmware 52" in message
 
 
 def test_enable_is_all_or_nothing(rig: Make) -> None:
@@ -187,7 +187,7 @@ def test_wrong_commands_are_refused_before_anything_is_sent(rig: Make) -> None:
     r.bus.open()
     r.bus.enable(["r.a1"])
     before = r.emulator.instructions
-    for bad in ({"r.a1": math.nan}, {"r.a1": math.inf}, {"r.nobody": 0.0}, {"r.a1": 1e6}):
+    for bad in ({"r.a1": math.nan}, {"r.a1": math.inf}, {"r.unknown": 0.0}, {"r.a1": 1e6}):
         with pytest.raises(DeviceError):
             r.bus.exchange(bad)
     assert r.emulator.instructions == before

@@ -25,7 +25,7 @@ POSE = {"method": "single_turn", "pose_deg": 3 * 360 + 30, "plausible_deg": 20, 
 
 
 def quiet(line: str) -> None:
-    """Nobody looks."""
+    """Ignore the report."""
 
 
 def home(r: Any, *only: str) -> Any:
@@ -45,7 +45,7 @@ def test_a_hard_stop_is_found_with_little_current_and_left_relaxed(rig: Make) ->
 
 def test_no_stop_is_an_error_and_torque_is_off(rig: Make) -> None:
     r = rig(1, axis={"homing": {**STOP, "timeout_s": 0.5}})
-    with pytest.raises(DeviceError, match="met no stop"):
+    with pytest.raises(DeviceError, match="no stop found"):
         home(r)
     assert not r.emulator.servo(1).torque
 
@@ -161,8 +161,8 @@ def test_doctor_names_what_is_wrong_and_the_remedy(rig: Make) -> None:
     r = rig(3, made=made)
     r.emulator.set("overload", 1)
     r.emulator.servo(1).supply_decivolt = 36
-    said = doctor(r)
-    wrong = {subject for subject, finding in said.items() if not finding.ok}
+    findings = doctor(r)
+    wrong = {subject for subject, finding in findings.items() if not finding.ok}
     assert (
         wrong
         == {
@@ -175,8 +175,8 @@ def test_doctor_names_what_is_wrong_and_the_remedy(rig: Make) -> None:
         }
         or "id 2 (r.a2)" in wrong
     )
-    assert all(finding.remedy for finding in said.values() if not finding.ok)
-    assert "8" in said["servos others"].message
+    assert all(finding.remedy for finding in findings.values() if not finding.ok)
+    assert "8" in findings["servos others"].message
 
 
 def test_doctor_finds_nothing_wrong_with_a_good_bus(rig: Make) -> None:

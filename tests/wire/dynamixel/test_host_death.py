@@ -76,8 +76,8 @@ def test_killing_the_driving_process_stops_every_servo(tmp_path: Path) -> None:
             assert time.monotonic() - killed < 5
             time.sleep(0.005)
         for servo in servos:
-            # By the servo's own clock: from the last instruction it heard until it stopped.
-            assert servo.stopped_at - servo.heard_at == pytest.approx(WATCHDOG_MS / 1e3, abs=0.003)
+            # By the servo's own clock: from the last instruction it received until it stopped.
+            assert servo.stopped_at - servo.fed_at == pytest.approx(WATCHDOG_MS / 1e3, abs=0.003)
         stopped = [emulator.servo(i).position_ticks for i in (1, 2, 3, 4)]
         time.sleep(0.1)
         assert [emulator.servo(i).position_ticks for i in (1, 2, 3, 4)] == stopped

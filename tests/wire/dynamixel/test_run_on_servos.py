@@ -37,7 +37,7 @@ def environment() -> dict[str, str]:
 
 @pytest.fixture
 def hand(tmp_path: Path, configs: Path) -> Path:
-    """The shipped file; only patience is added, because tests share the machine."""
+    """The shipped file; only time-outs are longer, because tests share the machine."""
     text = (configs / "hand.emulated.yaml").read_text()
     text = text.replace("./hand.tty", str(tmp_path / "hand.tty"))
     text = text.replace(
@@ -129,8 +129,8 @@ def test_kill_9_of_daemon_and_control_process_stops_every_servo(
     until(lambda: all(emulator.servo(i).tripped for i in IDS))
     for i in IDS:
         servo = emulator.servo(i)
-        # By the servo's own clock, from the last instruction it heard.
-        assert servo.stopped_at - servo.heard_at == pytest.approx(WATCHDOG_S, abs=0.003)
+        # By the servo's own clock, from the last instruction it received.
+        assert servo.stopped_at - servo.fed_at == pytest.approx(WATCHDOG_S, abs=0.003)
     stopped = [emulator.servo(i).position_ticks for i in IDS]
     time.sleep(0.2)
     assert [emulator.servo(i).position_ticks for i in IDS] == stopped

@@ -1,4 +1,4 @@
-"""Emulated XL330 bus on a pseudo terminal: what the driver is proven against where there is no hardware."""
+"""Emulated XL330 bus on a pseudo terminal, for tests and use without hardware."""
 
 from contid_drivers.dynamixel.emulator.faults import FaultSwitches, InjectedFault
 from contid_drivers.dynamixel.emulator.servo import Servo

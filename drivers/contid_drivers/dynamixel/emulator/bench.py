@@ -1,4 +1,4 @@
-"""The servos of one bus of a robot file, powered up on a bench: what ``contid emulate`` starts."""
+"""Emulated servos for one bus of a robot file: ``contid emulate dynamixel``."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ from contid_drivers.dynamixel.emulator.servo import Servo
 from contid_drivers.dynamixel.emulator.wire import DynamixelEmulator
 from contid_drivers.dynamixel.options import DynamixelAxisOptions, DynamixelBusOptions, SingleTurn
 
-#: The mechanical end of an axis, beyond the travel the robot file allows.
+#: Distance of the mechanical stops beyond the travel of the robot file.
 BEYOND_TRAVEL_RAD: Final = math.radians(10.0)
 _MODEL_NUMBERS: Final = {name: number for number, name in reg.MODELS.items()}
 
@@ -22,8 +22,7 @@ _MODEL_NUMBERS: Final = {name: number for number, name in reg.MODELS.items()}
 def servo_of(axis: AxisOnBus, baud: int) -> Servo:
     """The servo of an axis: parked at its stored pose, or in the first turn of its travel.
 
-    Without homing it stands where the count that it has after power-up, 0 to 360 degrees, is inside its
-    travel and therefore right; a travel without such a place cannot do without homing.
+    Without homing its count at power-up, 0 to 360 degrees, must lie inside its travel to be right.
     """
     options = axis.options
     assert isinstance(options, DynamixelAxisOptions)
@@ -44,7 +43,7 @@ def servo_of(axis: AxisOnBus, baud: int) -> Servo:
 
 
 class Bench:
-    """Context manager: the bus is alive at the port of the robot file while it lasts."""
+    """Context manager that serves the bus at the port of the robot file."""
 
     def __init__(
         self, name: str, options: DynamixelBusOptions, axes: Sequence[AxisOnBus], control: Path | None = None
@@ -55,7 +54,7 @@ class Bench:
         self.emulator = DynamixelEmulator(servos, options.port, control)
 
     def __enter__(self) -> Sequence[str]:
-        """Start; gives what stands where."""
+        """Start; returns a description of the bus."""
         self.emulator.start()
         ids = ", ".join(str(servo.device) for servo in self.emulator.servos)
         lines = [f"{self._name}: {self.emulator.port}, servos {ids}"]

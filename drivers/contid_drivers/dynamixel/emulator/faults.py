@@ -1,26 +1,27 @@
 """Fault switches of an emulated bus, by call and by a control file.
 
-Each switch is a `InjectedFault`; as JSON it is one line of the control file, which is read from its end on::
+Each switch is an `InjectedFault`; as JSON it is one line appended to the control file::
 
     {"fault": "drop", "id": 3, "count": 2}      the next two answers of servo 3 never arrive
     {"fault": "delay", "id": 3, "ms": 4}        every answer of servo 3 is 4 ms late, until ms is 0
     {"fault": "corrupt", "id": 3, "count": 1}   a flipped bit in its next answer
     {"fault": "duplicate", "id": 3}             its next answer arrives twice
     {"fault": "echo", "on": true}               the adapter returns what the host sends
-    {"fault": "silent", "id": 3, "on": true}    deaf and mute until "on": false
+    {"fault": "silent", "id": 3, "on": true}    no reception and no answers until "on": false
     {"fault": "alert", "id": 3, "bits": 4}      hardware error status; 4 is overheated
     {"fault": "overload", "id": 3}              the same with bits 32, which drops the torque
-    {"fault": "brownout"}                       every servo resets itself; with an id, only that one
+    {"fault": "brownout"}                       every servo resets; with an id, only that one
     {"fault": "trip", "id": 3}                  Bus Watchdog trip
     {"fault": "unplug"}                         the port disappears
-    {"fault": "replug", "port": "servos2.pty"}  and comes back, under another name if one is given
+    {"fault": "replug", "port": "servos2.pty"}  and returns, under another name if one is given
+
+Refused lines are appended with their error to the file's name plus ``.errors``.
 """
 
 from __future__ import annotations
 
 import json
 from dataclasses import dataclass, field
-from pathlib import Path
 from typing import Any, Final
 
 from contid.errors import ContidError
@@ -43,12 +44,12 @@ _NEED_ID: Final = {"drop", "delay", "corrupt", "duplicate", "silent", "alert", "
 
 
 class FaultSyntaxError(ContidError):
-    """A fault switch that is none."""
+    """An invalid fault switch."""
 
 
 @dataclass(frozen=True, slots=True)
 class InjectedFault:
-    """One fault switch; fields a kind does not have are ignored."""
+    """One fault switch; a kind ignores fields it does not use."""
 
     kind: str
     device: int | None = None
@@ -59,15 +60,15 @@ class InjectedFault:
     port: str | None = None
 
     def __post_init__(self) -> None:
-        """Refuse kinds there are not."""
+        """Check kind and id."""
         if self.kind not in _KEYS:
-            raise FaultSyntaxError(f"no fault {self.kind!r}; there are {', '.join(_KEYS)}")
+            raise FaultSyntaxError(f"no fault {self.kind!r}; faults: {', '.join(_KEYS)}")
         if self.kind in _NEED_ID and self.device is None:
             raise FaultSyntaxError(f"fault {self.kind!r} needs an id")
 
     @classmethod
     def parse(cls, line: str) -> InjectedFault:
-        """From one line of a control file.
+        """Decode one line of a control file.
 
         Raises:
             FaultSyntaxError: no JSON object, no such fault, or a key the fault does not have.
@@ -88,7 +89,7 @@ class InjectedFault:
 
 @dataclass(slots=True)
 class FaultSwitches:
-    """What is wrong with the answers of a bus right now."""
+    """Faults of the answers of a bus that are on."""
 
     echo: bool = False
     silent: set[int] = field(default_factory=set)
@@ -98,7 +99,7 @@ class FaultSwitches:
     duplicate: dict[int, int] = field(default_factory=dict)
 
     def set(self, fault: InjectedFault) -> bool:
-        """Take over a switch that concerns answers; False for those that concern servos or the port."""
+        """Set a fault of the answers; False for faults of servos or of the port."""
         device = fault.device if fault.device is not None else -1
         if fault.kind == "echo":
             self.echo = fault.on
@@ -114,29 +115,9 @@ class FaultSwitches:
         return True
 
     def spent(self, kind: str, device: int) -> bool:
-        """True when the next answer of a servo has this fault; counts it off."""
+        """Whether the next answer of a servo has this fault; decrements its count."""
         counts: dict[int, int] = getattr(self, kind)
         if not counts.get(device):
             return False
         counts[device] -= 1
         return True
-
-
-class ControlFile:
-    """Follows a file to which fault switches are appended, one JSON object per line."""
-
-    def __init__(self, path: Path) -> None:
-        self.path = path
-        path.touch()
-        self._at = path.stat().st_size
-
-    def news(self) -> list[str]:
-        """Whole lines added since the last call."""
-        if self.path.stat().st_size <= self._at:
-            return []
-        with self.path.open("rb") as file:
-            file.seek(self._at)
-            data = file.read()
-        whole = data[: data.rfind(b"\n") + 1]
-        self._at += len(whole)
-        return [line for line in whole.decode(errors="replace").splitlines() if line.strip()]

@@ -1,7 +1,7 @@
-"""Motion of an emulated servo: a trapezoid profile towards a goal, a current, and hard stops to push against.
+"""Motion of an emulated servo: a trapezoidal profile towards a goal, a current, and hard stops.
 
-Deliberately simple; it has what the driver and homing depend on: finite speed, standing still at a stop
-while the current rises to its limit, and an overload after pushing too hard for too long.
+Simplified to what the driver and homing depend on: finite speed, standstill at a stop while the current rises
+to its limit, and an overload after pushing too hard for too long.
 """
 
 from __future__ import annotations
@@ -12,11 +12,11 @@ from typing import Final
 #: No-load speed at 5 V, 103 rpm [ticks/s], and the acceleration of a free servo without a profile.
 SPEED_MAX: Final = 103.0 / 60.0 * 4096.0
 ACCELERATION_MAX: Final = 200_000.0
-#: Ticks per second and tick of error near the goal, where the profile ends and the position loop holds.
+#: Ticks per second and tick of error near the goal, after the profile.
 STIFFNESS: Final = 60.0
 FRICTION_MA: Final = 40.0
 MA_PER_TICK: Final = 8.0
-#: Pushing with more than this against a stop for so long is an overload.
+#: Pushing with more than this current against a stop for this time is an overload.
 OVERLOAD_MA: Final = 900.0
 OVERLOAD_S: Final = 0.5
 
@@ -41,7 +41,7 @@ class ShaftMotion:
         self._current_limit = current
 
     def release(self) -> None:
-        """Torque off: the shaft stays where it is (a worm-like load), nothing drives it."""
+        """Torque off: the shaft stays where it is (a self-locking load)."""
         self.velocity = self.current = self._pushed_s = 0.0
         self.goal = self.position
 
@@ -57,17 +57,17 @@ class ShaftMotion:
             self.current = 0.0
             self._pushed_s = 0.0
             return
-        wanted = min(
+        target = min(
             self._speed,
             math.sqrt(2.0 * self._acceleration * abs(error)),
             STIFFNESS * abs(error),
             abs(error) / dt,
         )
-        wanted = math.copysign(wanted, error)
+        target = math.copysign(target, error)
         if self._current_limit < FRICTION_MA:
-            wanted = 0.0
+            target = 0.0
         change = self._acceleration * dt
-        self.velocity += max(-change, min(change, wanted - self.velocity))
+        self.velocity += max(-change, min(change, target - self.velocity))
         moved = self.position + self.velocity * dt
         free = max(self.stops[0], min(self.stops[1], moved))
         if moved != free:

@@ -1,8 +1,8 @@
-"""What the servos of a bus answer to an instruction packet, and when, without any port.
+"""Answers of the servos of a bus to an instruction packet, and their times, without a port.
 
 Times count from the end of the instruction on the wire. Servos answer a sync or bulk read in the order of
-their ids in it; one that is missing costs the next one a slot. Two servos with one id talk at the same time:
-what arrives is the AND of their levels.
+their ids in it; a missing one costs the next one a slot. Two servos with one id answer at the same time: the
+AND of their levels arrives.
 """
 
 from __future__ import annotations
@@ -23,7 +23,7 @@ from contid_drivers.dynamixel.packets import (
     crc16,
 )
 
-#: How long the next servo of a sync read waits for one that does not talk (assumed; the manual is silent).
+#: Wait of the next servo of a sync read for a silent one (assumed; not in the manual).
 SLOT_S: Final = 100e-6
 _FAST: Final = (Instruction.FAST_SYNC_READ, Instruction.FAST_BULK_READ)
 _READS: Final = (Instruction.PING, Instruction.READ)
@@ -31,7 +31,7 @@ _READS: Final = (Instruction.PING, Instruction.READ)
 
 @dataclass(frozen=True, slots=True)
 class StatusReply:
-    """Bytes on the wire and the end of their sending, after the end of the instruction [s]."""
+    """Bytes on the wire and the time of their last byte, after the end of the instruction [s]."""
 
     device: int
     wire: bytes
@@ -39,11 +39,11 @@ class StatusReply:
 
 
 def answers(packet: Packet, servos: Sequence[Servo], byte_s: float) -> list[StatusReply]:
-    """Let servos act on an instruction and give what they answer.
+    """Let servos execute an instruction and return their answers.
 
     Args:
         packet: the instruction.
-        servos: those that hear it (right baud rate, powered, not silent).
+        servos: those that receive it (same baud rate, powered, not silent).
         byte_s: time of one byte on the wire.
     """
     instruction = packet.instruction
@@ -54,8 +54,8 @@ def answers(packet: Packet, servos: Sequence[Servo], byte_s: float) -> list[Stat
         )
     if instruction in (Instruction.BULK_READ, Instruction.FAST_BULK_READ):
         p = packet.parameters
-        wanted = [(p[i], _word(p, i + 1), _word(p, i + 3)) for i in range(0, len(p) - 4, 5)]
-        return _reads(instruction, wanted, servos, byte_s)
+        blocks = [(p[i], _word(p, i + 1), _word(p, i + 3)) for i in range(0, len(p) - 4, 5)]
+        return _reads(instruction, blocks, servos, byte_s)
     if instruction == Instruction.SYNC_WRITE:
         _sync_write(packet.parameters, servos)
         return []
@@ -108,16 +108,16 @@ def _act(packet: Packet, servo: Servo) -> tuple[int, bytes]:
 
 
 def _reads(
-    instruction: int, wanted: list[tuple[int, int, int]], servos: Sequence[Servo], byte_s: float
+    instruction: int, blocks: list[tuple[int, int, int]], servos: Sequence[Servo], byte_s: float
 ) -> list[StatusReply]:
     by_id: dict[int, list[Servo]] = {}
     for servo in servos:
         by_id.setdefault(servo.device, []).append(servo)
     if instruction in _FAST:
-        return _fast(wanted, by_id, byte_s)
+        return _fast(blocks, by_id, byte_s)
     at_s = 0.0
     found: list[StatusReply] = []
-    for device, start, size in wanted:
+    for device, start, size in blocks:
         talking = [s for s in by_id.get(device, ()) if s.get(reg.STATUS_RETURN_LEVEL) > 0]
         if not talking:
             at_s += SLOT_S
@@ -132,13 +132,13 @@ def _reads(
 
 
 def _fast(
-    wanted: list[tuple[int, int, int]], by_id: dict[int, list[Servo]], byte_s: float
+    blocks: list[tuple[int, int, int]], by_id: dict[int, list[Servo]], byte_s: float
 ) -> list[StatusReply]:
-    """One packet; whoever is missing ends it, because the next one waits for its bytes in vain."""
-    length = 3 + sum(size + 4 for _, _, size in wanted) - 2
+    """One packet; a missing servo ends it, because the next one waits for its bytes."""
+    length = 3 + sum(size + 4 for _, _, size in blocks) - 2
     wire = bytearray(HEADER + bytes((BROADCAST, length & 0xFF, length >> 8, Instruction.STATUS)))
     at_s = 0.0
-    for i, (device, start, size) in enumerate(wanted):
+    for i, (device, start, size) in enumerate(blocks):
         servo = next(iter(by_id.get(device, ())), None)
         if servo is None or servo.get(reg.FIRMWARE) < reg.FAST_READ_FIRMWARE:
             if i == 0:
@@ -148,7 +148,7 @@ def _fast(
             at_s = servo.return_delay_s
         wire += bytes((servo.alert, device)) + servo.read(start, size)
         wire += crc16(wire).to_bytes(2, "little")
-    return [StatusReply(BROADCAST, bytes(wire), at_s + len(wire) * byte_s)] if wanted else []
+    return [StatusReply(BROADCAST, bytes(wire), at_s + len(wire) * byte_s)] if blocks else []
 
 
 def _sync_write(p: bytes, servos: Sequence[Servo]) -> None:

@@ -1,10 +1,9 @@
-"""One emulated XL330: a register table, the rules of writing to it, its motion and its ways to fail.
+"""One emulated XL330: a register table, the rules of writing to it, its motion and its faults.
 
-A state machine without a clock of its own: `advance` moves it to a given time, so a test can run it in
-virtual time and the wire can run it in real time. It keeps the traps of the real servo: goals stay where
-they were while torque is off, so torque on jumps unless the goal was set first; the turn count is lost at a
-reboot; a tripped Bus Watchdog ignores goals until 0 is written, and with a Homing Offset it moves the motor
-when it trips (DynamixelSDK issue 584).
+It has no clock: `advance` moves it to a given time, virtual in tests, real on the wire. It reproduces the
+hazards of the real servo: goals are kept while torque is off, so torque on jumps unless the goal was set
+first; the turn count is lost at a reboot; a tripped Bus Watchdog ignores goals until 0 is written, and with a
+Homing Offset it moves the motor when it trips (DynamixelSDK issue 584).
 """
 
 from __future__ import annotations
@@ -20,7 +19,7 @@ from contid_drivers.dynamixel.packets import StatusError
 from contid_drivers.dynamixel.registers import Register
 
 BOOT_S: Final = 0.1
-#: Longest step of the motion; the watchdog is looked at in every one.
+#: Longest step of the motion; the watchdog is checked in every step.
 STEP_S: Final = 0.002
 _EXTENDED_MODES: Final = (4, 5)
 #: Modes in which the emulated motor moves; in the others it stands still.
@@ -42,14 +41,14 @@ _BY_NAME: Final = {register.name: register for register in reg.TABLE}
 
 @dataclass(slots=True)
 class Registered:
-    """A REG WRITE that waits for its ACTION."""
+    """A REG WRITE awaiting its ACTION."""
 
     address: int
     data: bytes
 
 
 class Servo(ControlTable):
-    """An emulated servo; see the module."""
+    """An emulated servo."""
 
     def __init__(
         self,
@@ -65,14 +64,14 @@ class Servo(ControlTable):
         self.motion = ShaftMotion(position_ticks, stops_ticks)
         self.now = 0.0
         self.booted_at = 0.0
-        self.heard_at = 0.0
+        self.fed_at = 0.0
         self.stopped_at = 0.0
         self.tripped_goal: float | None = None
         self.registered: Registered | None = None
         #: Whole turns the servo forgot when it lost power.
         self.forgotten_ticks = 0
         self.supply_decivolt = 50
-        #: Hardware error that comes back after every reboot, until its cause ends.
+        #: Hardware error that returns after every reboot until it is set to 0.
         self.cause = 0
         code = next(code for code, rate in reg.BAUD_CODES.items() if rate == baud)
         for register, value in ((reg.ID, device), (reg.BAUD, code), (reg.FIRMWARE, firmware)):
@@ -82,7 +81,7 @@ class Servo(ControlTable):
 
     @property
     def position_ticks(self) -> float:
-        """Where the shaft really is, over all turns."""
+        """True position of the shaft, over all turns."""
         return self.motion.position
 
     @property
@@ -91,12 +90,12 @@ class Servo(ControlTable):
         return self.now >= self.booted_at
 
     def read(self, address: int, size: int) -> bytes:
-        """Bytes of the control table as they are now."""
+        """Bytes of the control table now."""
         self._report()
         return super().read(address, size)
 
     def write(self, address: int, data: bytes) -> StatusError:
-        """Write as the wire does: whole registers, in range, not read-only, EEPROM only without torque."""
+        """Write with the wire's rules: whole registers, in range, writable, EEPROM only without torque."""
         if self.write_mapped(address, data):
             return StatusError.NONE
         writes: list[tuple[Register, int]] = []
@@ -141,9 +140,9 @@ class Servo(ControlTable):
         if changed_mode:
             self._reset_control()
         elif register is reg.BUS_WATCHDOG:
-            self.heard_at = self.now
+            self.fed_at = self.now
             if value == 0 and self.tripped_goal is not None:
-                # The stale goal stays in its register; the motor stays where it stopped until a new one.
+                # The stale goal stays in its register; the motor stays stopped until a new one.
                 self.tripped_goal = None
                 self.motion.goal = self.motion.position
         elif register is reg.GOAL_POSITION or (register is reg.TORQUE_ENABLE and value):
@@ -157,10 +156,10 @@ class Servo(ControlTable):
 
     # -- instructions --------------------------------------------------------------------------------------
 
-    def heard(self, now: float) -> None:
-        """Any instruction packet on the bus feeds the Bus Watchdog."""
+    def feed(self, now: float) -> None:
+        """Feed the Bus Watchdog; any instruction packet on the bus does."""
         self.advance(now)
-        self.heard_at = now
+        self.fed_at = now
 
     def register_write(self, address: int, data: bytes) -> StatusError:
         """REG WRITE."""
@@ -198,7 +197,7 @@ class Servo(ControlTable):
         return StatusError.NONE
 
     def reboot(self) -> None:
-        """REBOOT, or a brown-out: RAM and turn count are gone, torque is off, and it is deaf for a while."""
+        """REBOOT, or a brown-out: RAM and turn count are lost, torque is off, no answers during the start."""
         self.booted_at = self.now + BOOT_S
         self._power_up()
         if self.cause:
@@ -240,14 +239,14 @@ class Servo(ControlTable):
             elif self.motion.velocity:
                 self.motion.release()
             if now - self.now > 1.0 and not self.motion.velocity:
-                # Nobody looked for a long time and nothing moves: skip ahead.
+                # Not advanced for a long time and nothing moves: skip ahead.
                 self.now = now - 1.0
 
     def _watch(self) -> None:
         armed = self.memory[reg.BUS_WATCHDOG.address]
         if not self.torque or not 1 <= armed <= 127:
             return
-        if self.now - self.heard_at > armed * reg.WATCHDOG_MS_PER_UNIT / 1e3:
+        if self.now - self.fed_at > armed * reg.WATCHDOG_MS_PER_UNIT / 1e3:
             self.trip()
 
     def trip(self) -> None:

@@ -1,4 +1,4 @@
-"""The control table of an emulated servo: its bytes by register, and what is mapped into it."""
+"""The control table of an emulated servo, with indirect addressing."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ MEMORY_SIZE: Final = 256
 
 
 class ControlTable:
-    """Registers with their values after a factory reset, and what they say about the servo."""
+    """Registers of a servo, initially at their factory values."""
 
     def __init__(self) -> None:
         self.memory = bytearray(MEMORY_SIZE)
@@ -24,7 +24,7 @@ class ControlTable:
         return register.decode(self.memory[register.address : register.address + register.size])
 
     def put(self, register: Register, value: int) -> None:
-        """Set a register from the inside, without the rules of the wire."""
+        """Set a register without the rules of the wire."""
         self.memory[register.address : register.address + register.size] = register.encode(value)
 
     @property
@@ -34,7 +34,7 @@ class ControlTable:
 
     @property
     def baud(self) -> int:
-        """Rate at which it hears."""
+        """Baud rate."""
         return reg.BAUD_CODES[self.memory[reg.BAUD.address]]
 
     @property

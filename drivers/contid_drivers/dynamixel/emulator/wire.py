@@ -1,8 +1,8 @@
-"""The wire of an emulated bus: a pseudo terminal that paces answers the way a serial line does.
+"""The wire of an emulated bus: a pseudo terminal that paces answers like a serial line.
 
-A pty takes any baud rate and transfers at once, so the time of every byte is kept here: an instruction ends
-its bytes' time after it came, each answer is handed over when its last byte would have arrived. The rate is
-the one the host set on its side; a servo with another one hears nothing.
+A pty transfers at once at any baud rate, so the time of every byte is computed here: an instruction ends
+after the time of its bytes, an answer is written when its last byte would have arrived. The rate is the one
+set by the host; servos with another rate receive nothing.
 """
 
 from __future__ import annotations
@@ -21,9 +21,9 @@ from types import TracebackType
 from typing import Final, Self
 
 from contid.errors import DeviceNotFoundError
+from contid_drivers.control_file import ControlFile
 from contid_drivers.dynamixel import registers as reg
 from contid_drivers.dynamixel.emulator.faults import (
-    ControlFile,
     FaultSwitches,
     FaultSyntaxError,
     InjectedFault,
@@ -34,23 +34,23 @@ from contid_drivers.dynamixel.packets import Packet, take
 
 #: The last part of a wait is spent spinning, because a sleep is late by about as much.
 SPIN_S: Final = 120e-6
-#: After its last answer the wire listens without sleeping for so long: a cycle's next instruction comes then,
-#: and the time this process takes to wake up is none a wire has.
+#: After its last answer the wire polls without sleeping for this time, because a cycle's next instruction
+#: follows at once and a real wire has no wake-up time.
 ALERT_S: Final = 150e-6
-#: Servos are moved on (and watchdogs looked at) at least so often.
+#: Interval at which idle servos and their watchdogs are advanced.
 IDLE_S: Final = 0.01
 BITS_PER_BYTE: Final = 10
 _RATES: Final = {getattr(termios, f"B{rate}"): rate for rate in reg.BAUD_CODES.values()}
 
 
 class DynamixelEmulator:
-    """A bus of emulated servos on a pty, served by a thread of its own between `start` and `stop`.
+    """A bus of emulated servos on a pty, served by a thread between `start` and `stop`.
 
     Args:
         servos: the servos.
-        port: name under which hosts find the pty (a symbolic link), None for the pty's own name.
-        control: file of fault switches to follow.
-        paced: False answers as fast as the host's machine can, for tests that do not look at time.
+        port: symbolic link to the pty, None for the pty's own name.
+        control: file of fault switches.
+        paced: False answers without delay, for tests that do not depend on time.
     """
 
     def __init__(
@@ -62,7 +62,7 @@ class DynamixelEmulator:
     ) -> None:
         self.servos = tuple(servos)
         self.faults = FaultSwitches()
-        self.complaints: list[str] = []
+
         self._link = Path(port).expanduser() if port is not None else None
         self._control = ControlFile(control) if control is not None else None
         self._paced = paced
@@ -80,10 +80,10 @@ class DynamixelEmulator:
     # -- life ----------------------------------------------------------------------------------------------
 
     def start(self) -> None:
-        """Make the pty and serve it."""
+        """Create the pty and serve it."""
         now = time.monotonic()
         for servo in self.servos:
-            servo.now = servo.booted_at = servo.heard_at = now
+            servo.now = servo.booted_at = servo.fed_at = now
         self._plug(self._link)
         self._wake_r, self._wake_w = os.pipe()
         self._stop.clear()
@@ -111,22 +111,22 @@ class DynamixelEmulator:
 
     @property
     def port(self) -> str:
-        """What a host opens."""
+        """Path a host opens."""
         return str(self._link) if self._link is not None else os.ttyname(self._slave)
 
     def servo(self, device: int) -> Servo:
-        """The (first) servo with an id, at its present state."""
+        """The (first) servo with an id, advanced to now."""
         with self._lock:
             servo = next(each for each in self.servos if each.device == device)
             servo.advance(time.monotonic())
             return servo
 
     def set(self, kind: str, device: int | None = None, **values: object) -> None:
-        """Operate a fault switch; its fields are those of `InjectedFault`."""
+        """Set a fault switch by the fields of `InjectedFault`."""
         self.apply(InjectedFault(kind, device, **values))  # type: ignore[arg-type]  # a dataclass checks nothing here
 
     def apply(self, fault: InjectedFault) -> None:
-        """Operate a fault switch."""
+        """Set a fault switch."""
         with self._lock:
             self._apply(fault)
         self._wake()
@@ -163,19 +163,16 @@ class DynamixelEmulator:
             elif link.exists():
                 os.close(master)
                 os.close(slave)
-                raise DeviceNotFoundError(
-                    str(link), "is a real file or device", "give the emulator a new name"
-                )
+                raise DeviceNotFoundError(str(link), "is a real file or device", "choose another name")
             try:
                 link.parent.mkdir(parents=True, exist_ok=True)
                 link.symlink_to(os.ttyname(slave))
             except OSError as error:
                 os.close(master)
                 os.close(slave)
+                why = f"cannot be created: {error.strerror or error}"
                 remedy = "run it where you may write, or name another port"
-                raise DeviceNotFoundError(
-                    str(link), f"cannot be made: {error.strerror or error}", remedy
-                ) from error
+                raise DeviceNotFoundError(str(link), why, remedy) from error
         self._link, self._master, self._slave = link, master, slave
         self._received.clear()
         self._due.clear()
@@ -219,18 +216,20 @@ class DynamixelEmulator:
                 if self._deliver() and self._paced:
                     alert_until = time.monotonic() + ALERT_S
                 if not self._due and time.monotonic() - looked >= IDLE_S:
-                    self._look_around()
+                    self._idle()
                     looked = time.monotonic()
 
-    def _look_around(self) -> None:
+    def _idle(self) -> None:
         now = time.monotonic()
         for servo in self.servos:
             servo.advance(now)
-        for line in self._control.news() if self._control is not None else ():
+        if self._control is None:
+            return
+        for line in self._control.new_lines():
             try:
                 self._apply(InjectedFault.parse(line))
             except (FaultSyntaxError, TypeError, DeviceNotFoundError) as error:
-                self.complaints.append(str(error))
+                self._control.report_error(line, error)
 
     def _receive(self) -> None:
         try:
@@ -249,22 +248,22 @@ class DynamixelEmulator:
 
     def _answer(self, packet: Packet, now: float, rate: int, byte_s: float) -> None:
         self.instructions += 1
-        hearing = []
+        receiving = []
         for servo in self.servos:
             if servo.baud == rate and servo.device not in self.faults.silent:
                 servo.advance(now)
                 if servo.answers:
-                    servo.heard(now)
-                    hearing.append(servo)
+                    servo.feed(now)
+                    receiving.append(servo)
         end = self._line_free
-        for answer in answers(packet, hearing, byte_s):
+        for answer in answers(packet, receiving, byte_s):
             device, wire = answer.device, answer.wire
             at = end + answer.at_s
             self._line_free = max(self._line_free, at)
             if self.faults.spent("drop", device):
                 continue
             if self.faults.spent("corrupt", device):
-                # A bit in the middle, so that header, id and length still look right.
+                # A bit near the end, so that header, id and length stay intact.
                 wire = wire[:-3] + bytes((wire[-3] ^ 0x10,)) + wire[-2:]
             late = self.faults.delay_s.get(device, 0.0)
             self._schedule(at + late, wire)
@@ -276,7 +275,7 @@ class DynamixelEmulator:
         heapq.heappush(self._due, (at, self._sent, wire))
 
     def _deliver(self) -> bool:
-        """Hand over what is due; True when that was something."""
+        """Write the answers that are due; True when there was one."""
         delivered = False
         while self._due and self._master >= 0:
             at, _, wire = self._due[0]
@@ -287,7 +286,7 @@ class DynamixelEmulator:
                 pass
             heapq.heappop(self._due)
             delivered = True
-            # Nobody reads and the buffer is full: a serial line would lose it as well.
+            # Full buffer without a reader: a serial line would lose the bytes as well.
             with contextlib.suppress(BlockingIOError):
                 os.write(self._master, wire)
         return delivered

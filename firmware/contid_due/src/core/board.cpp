@@ -34,7 +34,7 @@ void Board::tick(const Inputs& in, Outputs& out) {
       continue;
     }
     const bool commanded = channel.state == State::ARMED || channel.state == State::HOMING;
-    if (commanded && now_ - fed_ >= static_cast<uint32_t>(config_.watchdog_ms)) trip(i, Reason::DEAD_MAN);
+    if (commanded && now_ - fed_ >= static_cast<uint32_t>(config_.watchdog_ms)) trip(i, Reason::WATCHDOG);
     out.channel[i] = motors ? drive_motor(i) : drive_regulator(i);
   }
 }
@@ -70,7 +70,7 @@ Output Board::drive_motor(uint8_t i) {
       break;
     case State::SAFE:
       // Holding takes a working encoder and shaft: after a fault of their own the drive is off.
-      powered = motor.config().safe == Safe::HOLD && channel.reason == Reason::DEAD_MAN;
+      powered = motor.config().safe == Safe::HOLD && channel.reason == Reason::WATCHDOG;
       if (powered) {
         out = motor.follow();
         break;
@@ -96,7 +96,7 @@ Output Board::drive_regulator(uint8_t i) {
   const Safe safe = config_.regulator[i].safe;
   const bool holds = (channel.state == State::STOPPED && channel.rest == Rest::HOLD) ||
                      (channel.state == State::READY && safe == Safe::HOLD) ||
-                     (channel.state == State::SAFE && safe == Safe::HOLD && channel.reason == Reason::DEAD_MAN);
+                     (channel.state == State::SAFE && safe == Safe::HOLD && channel.reason == Reason::WATCHDOG);
   if (channel.state == State::ARMED || holds) {
     const Output out = holds ? regulator.hold() : regulator.follow();
     if (regulator.fault() == Reason::NONE) return out;

@@ -162,7 +162,7 @@ Verdict Board::clear(Reader& in) {
     if ((mask & (1u << i)) == 0 || channel_[i].state != State::SAFE) continue;
     const Safe safe = identity_.role == Role::MOTOR ? config_.motor[i].safe : config_.regulator[i].safe;
     // What held goes on holding: clearing moves nothing.
-    const bool holding = safe == Safe::HOLD && channel_[i].reason == Reason::DEAD_MAN;
+    const bool holding = safe == Safe::HOLD && channel_[i].reason == Reason::WATCHDOG;
     channel_[i] = Channel{holding ? State::STOPPED : State::READY, Reason::NONE, Rest::HOLD};
   }
   let_tick_in();

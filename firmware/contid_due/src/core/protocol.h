@@ -52,7 +52,7 @@ enum class State : uint8_t {
 
 enum class Reason : uint8_t {
   NONE = 0,
-  DEAD_MAN = 1,
+  WATCHDOG = 1,
   STALLED = 2,
   ENCODER_SILENT = 3,
   ENCODER_REVERSED = 4,

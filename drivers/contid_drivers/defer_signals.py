@@ -1,4 +1,4 @@
-"""A stretch of code that a signal does not break off: what brings devices to rest goes to its end."""
+"""Signals deferred while devices are brought to rest."""
 
 from __future__ import annotations
 
@@ -9,25 +9,25 @@ from contextlib import contextmanager
 from types import FrameType
 from typing import Final
 
-_ENDS: Final = (signal.SIGINT, signal.SIGTERM, signal.SIGHUP)
+_ENDING: Final = (signal.SIGINT, signal.SIGTERM, signal.SIGHUP)
 
 
 @contextmanager
-def unbroken() -> Iterator[None]:
-    """Signals that would end the process wait until this is over; they reach their handlers then."""
+def defer_signals() -> Iterator[None]:
+    """Hold back signals that would end the process; their handlers run after the block."""
     if threading.current_thread() is not threading.main_thread():
         yield  # handlers run in the main thread only
         return
-    came: list[int] = []
+    received: list[int] = []
 
     def remember(number: int, _frame: FrameType | None) -> None:
-        came.append(number)
+        received.append(number)
 
-    before = {number: signal.signal(number, remember) for number in _ENDS}
+    before = {number: signal.signal(number, remember) for number in _ENDING}
     try:
         yield
     finally:
         for number, handler in before.items():
             signal.signal(number, handler)
-        for late in dict.fromkeys(came):
+        for late in dict.fromkeys(received):
             signal.raise_signal(late)
