@@ -1,4 +1,4 @@
-"""The house rules that a machine can check: lint, types, layers."""
+"""Lint, format, types and layers."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ ROOT = Path(__file__).parent.parent
     ],
     ids=["ruff", "format", "mypy", "layers"],
 )
-def test_house_rules(command: list[str]) -> None:
+def test_checks_pass(command: list[str]) -> None:
     tool = Path(sys.executable).parent / command[0]
     path = os.pathsep.join([str(ROOT), str(ROOT / "drivers"), os.environ.get("PYTHONPATH", "")])
     done = subprocess.run(

@@ -22,7 +22,7 @@ BANNED_WORD = re.compile(rf"(?<![A-Za-z])(?<!of )({'|'.join(BANNED)})(?![A-Za-z]
 SCANNED = ("contid", "drivers", "studies", "firmware", "examples", "service", "configs", "docs", "benchmarks")
 SUFFIXES = frozenset({".py", ".cpp", ".hpp", ".h", ".ino", ".md", ".yaml", ".service", ".rules"})
 DOCS_NOT_YET_CLEAN = (
-    *("benchmarks", "campaigns", "cbha", "drivers", "due", "dynamixel", "faults", "first-hour", "models"),
+    *("cbha", "drivers", "due", "dynamixel", "faults", "first-hour", "models"),
     *("ph-curves", "pictures", "remote", "robot-file", "service", "sessions", "states", "stiffflop", "tra"),
     *("trirack", "viewing"),
 )

@@ -244,7 +244,7 @@ def attempt(name: str, data: bytes) -> str:
     try:
         TARGETS[name](data)
     except ContidError as error:
-        return "" if str(error).strip() else "an error without words"
+        return "" if str(error).strip() else "an error without a message"
     except Exception:
         return traceback.format_exc()
     return ""

@@ -12,7 +12,7 @@ from tests.campaign.invariants import ALONE, UNAFFECTED, unaffected
 from tests.campaign.script import Case, Machine, Script, machines
 from tests.campaign.watch import Seen, watch
 
-#: Violations kept with their words.
+#: Violations kept with their message.
 KEPT = 20
 
 

@@ -35,7 +35,7 @@ from tests.remote.daemons import until
 LIMIT_S = 2.0
 #: States in which the daemon may not have begun to listen for signals.
 EARLY = ("importing", "waiting for stdin", "servos that do not answer", "board that does not answer")
-#: Exit codes by state: 130 unless a fault is what is told, or nobody listens for signals yet.
+#: Exit codes by state: 130, unless a fault ended the run or signal handlers are not installed yet.
 CODES = {
     **dict.fromkeys(EARLY, (-signal.SIGTERM, 130)),
     "fault": (3,),
@@ -52,12 +52,12 @@ def limit_s() -> float:
 
 @dataclass
 class Leaving:
-    """A `contid run` that shall end.
+    """How one `contid run` ended after SIGTERM.
 
     Attributes:
         seconds: from SIGTERM to the end of its last process.
         code: its exit code.
-        said: on stderr.
+        stderr: its output on stderr.
         left: what it left behind.
         limit_s: what `seconds` may be at most.
     """
@@ -65,7 +65,7 @@ class Leaving:
     state: str
     seconds: float = 0.0
     code: int = 0
-    said: str = ""
+    stderr: str = ""
     left: list[str] = field(default_factory=list)
 
     limit_s: float = field(default_factory=lambda: limit_s())
@@ -74,16 +74,16 @@ class Leaving:
         out = [f"{self.state}: {what} left" for what in self.left]
         if self.seconds > self.limit_s:
             out.append(f"{self.state}: {self.seconds:.2f} s, {self.limit_s:.2f} s allowed")
-        if "Traceback" in self.said:
-            out.append(f"{self.state}: {self.said}")
+        if "Traceback" in self.stderr:
+            out.append(f"{self.state}: {self.stderr}")
         if self.code not in CODES.get(self.state, (130,)):
-            out.append(f"{self.state}: exit code {self.code}: {self.said}")
+            out.append(f"{self.state}: exit code {self.code}: {self.stderr}")
         return out
 
 
 @contextmanager
 def dead_port() -> Iterator[str]:
-    """A port that opens and at which nobody listens."""
+    """A port that opens and never answers."""
     master, slave = pty.openpty()
     tty.setraw(slave)
     try:
@@ -207,7 +207,7 @@ class Exits:
             self.folder = Path(folder)
             self._stack.callback(self._clean)
             state(self)
-            assert self.process.poll() is None, self._said()
+            assert self.process.poll() is None, self._stderr()
             family = [psutil.Process(self.process.pid)]
             family += family[0].children(recursive=True)
             begin_s = time.monotonic()
@@ -218,7 +218,7 @@ class Exits:
                 alive = [each for each in alive if _alive(each)]
                 time.sleep(0.002)
             seconds = time.monotonic() - begin_s
-            left = Leaving(name, seconds, self.process.wait(5.0), self._said())
+            left = Leaving(name, seconds, self.process.wait(5.0), self._stderr())
             left.left += [f"process {each.pid}" for each in alive]
             if left.code != -signal.SIGTERM:  # else the next daemon clears it away
                 left.left += [str(path) for path in ring_folder().glob(f"contid-{self.process.pid}-*")]
@@ -238,19 +238,18 @@ class Exits:
     def _start(self, text: str, *arguments: str, stdin: int = subprocess.DEVNULL) -> None:
         (self.folder / "robot.yaml").write_text(text)
         self.socket = self.folder / "s"
-        with (self.folder / "said").open("wb") as said:
+        with (self.folder / "stderr").open("wb") as stderr:
             command = [sys.executable, "-m", "contid", "run", "robot.yaml", "--socket", str(self.socket)]
             self.process = subprocess.Popen(
-                [*command, *arguments], stdin=stdin, stdout=said, stderr=said, cwd=self.folder
+                [*command, *arguments], stdin=stdin, stdout=stderr, stderr=stderr, cwd=self.folder
             )
 
     def _dead(self, robot: str) -> None:
         port = self._stack.enter_context(dead_port())
         text = (configs_folder() / f"{robot}.emulated.yaml").read_text()
-        # Patience enough to be met while it waits.
         text = re.sub(r"port: \S+", f"port: {port}", text)
         self._start(text)
-        until(lambda: is_listening(self.socket) or self.process.poll() is not None, "the daemon is there")
+        until(lambda: is_listening(self.socket) or self.process.poll() is not None, "the daemon listens")
         self._wait(0.0, 0.6)
 
     def _client(self) -> None:
@@ -266,8 +265,8 @@ class Exits:
     def _wait(self, least_s: float, most_s: float) -> None:
         time.sleep(self._dice.uniform(least_s, most_s))
 
-    def _said(self) -> str:
-        return (self.folder / "said").read_text(errors="replace")
+    def _stderr(self) -> str:
+        return (self.folder / "stderr").read_text(errors="replace")
 
 
 def _alive(process: psutil.Process) -> bool:

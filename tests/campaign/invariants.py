@@ -147,9 +147,9 @@ def detected(seen: Seen) -> Iterator[str]:
 
 
 def latched(seen: Seen) -> Iterator[str]:
-    """A fault stays until an order ends it, and every one is told."""
+    """A fault stays until an order ends it, and each has its event."""
     orders = (msg.ClearFault, msg.Stop, msg.Estop, msg.Finish)
-    told = {(e["robot"], e["tick"]) for e in seen.events if e["event"] == "fault"}
+    reported = {(e["robot"], e["tick"]) for e in seen.events if e["event"] == "fault"}
     for robot, config in _robots(seen):
         for was, now in pairwise(seen.records):
             old, new = was.robots[robot].mode, now.robots[robot].mode
@@ -162,13 +162,13 @@ def latched(seen: Seen) -> Iterator[str]:
             if old == Mode.FAULT != new and not given:
                 yield f"{config.name}: FAULT left without an order at {now.tick}"
                 return
-            if old != Mode.FAULT == new and (config.name, now.tick) not in told:
-                yield f"{config.name}: FAULT at {now.tick} was not told"
+            if old != Mode.FAULT == new and (config.name, now.tick) not in reported:
+                yield f"{config.name}: FAULT at {now.tick} has no event"
                 return
 
 
 def estop(seen: Seen) -> Iterator[str]:
-    """After an emergency stop: OFF (a fault stays), no command in that tick, no power in what hears."""
+    """After an emergency stop: OFF (a fault stays), and no command or power from that tick on."""
     case = seen.case
     place_of = {record.tick: place for place, record in enumerate(seen.records)}
     for tick, messages in case.orders.items():
@@ -202,13 +202,13 @@ def complete(seen: Seen) -> Iterator[str]:
     if sorted(set(ticks)) != ticks or missing != counted:
         yield f"{missing} ticks without a record, {counted} counted as skipped"
     for robot, config in _robots(seen):
-        told = [e for e in seen.events if e["event"] == "state" and e["robot"] == config.name]
-        mode, modes = Mode.OFF, {e["tick"]: Mode[e["mode"]] for e in told}
+        reported = [e for e in seen.events if e["event"] == "state" and e["robot"] == config.name]
+        mode, modes = Mode.OFF, {e["tick"]: Mode[e["mode"]] for e in reported}
         for record in seen.records:
             mode = modes.get(record.tick, mode)
             if record.robots[robot].mode != mode:
                 was = Mode(record.robots[robot].mode).name
-                yield f"{config.name}: {was} at {record.tick}, told {mode.name}"
+                yield f"{config.name}: {was} at {record.tick}, events give {mode.name}"
                 return
 
 
@@ -237,8 +237,8 @@ def controllable(seen: Seen) -> Iterator[str]:
             yield f"{config.name}: {Mode(state.mode).name} (fault {state.fault}) after clear and resume"
 
 
-def dead_man(seen: Seen) -> Iterator[str]:
-    """Whatever way the host went, no device obeys once its dead-man's time is over."""
+def watchdog(seen: Seen) -> Iterator[str]:
+    """However the host ended, no device obeys once its watchdog time is over."""
     if seen.powered_at_end:
         yield f"{', '.join(sorted(seen.powered_at_end))} powered without a host"
 
@@ -267,10 +267,10 @@ ALONE: dict[str, Callable[[Seen], Iterator[str]]] = {
     "velocity and acceleration limits": rates,
     "no jump on arming": no_jump,
     "fault within the stated ticks": detected,
-    "faults latch and are told": latched,
+    "faults latch and are reported": latched,
     "estop within the tick": estop,
     "records and events complete": complete,
     "controllable, and ends": controllable,
-    "no power without a host": dead_man,
+    "no power without a host": watchdog,
 }
 UNAFFECTED = "other robots unaffected"

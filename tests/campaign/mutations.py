@@ -71,7 +71,7 @@ def _no_tolerance(patch: pytest.MonkeyPatch) -> None:
     patch.setattr(loop, "watched", blind)
 
 
-def _no_dead_man(patch: pytest.MonkeyPatch) -> None:
+def _no_watchdog(patch: pytest.MonkeyPatch) -> None:
     """Devices go on without a host."""
 
     def deaf(device: SimDevice, after_s: float) -> None:
@@ -124,7 +124,7 @@ MUTATIONS: dict[str, Mutation] = {
     "limiter replaced by a gain": Mutation("position limits", 1, _gain),
     "limiter removed": Mutation("velocity and acceleration limits", 2, _no_limiter),
     "tolerance ignored": Mutation("fault within the stated ticks", 2, _no_tolerance),
-    "dead-man disabled": Mutation("no power without a host", 6, _no_dead_man),
+    "watchdog disabled": Mutation("no power without a host", 6, _no_watchdog),
     "re-arm without goal := present": Mutation("no jump on arming", 2, _old_goal),
     "estop forgets the devices": Mutation("estop within the tick", 1, _powered_stop),
     "a fault slows everybody": Mutation("other robots unaffected", 1, _shared_fate),

@@ -34,7 +34,7 @@ from tests.remote.daemons import until
 ORDERS: Final = ("", "", "", "estop", "stop", "hold", "resume", "clear_fault")
 #: Cases that one daemon sees.
 PER_DAEMON: Final = 6
-#: From an emergency stop on this side of the socket until no device that hears is driven.
+#: From an emergency stop on this side of the socket until no device that answers is driven.
 RELAX_S: Final = 0.25
 #: Until every chamber is empty: 1.5 bar at the vent rate of the file, and the regulator's lag.
 EMPTY_S: Final = 2.5
@@ -125,28 +125,28 @@ class Run:
             except ConnectionLostError as error:
                 with suppress(subprocess.TimeoutExpired):
                     self._process.wait(5.0)
-                said = self._said.read_text(errors="replace")
+                stderr = self._stderr.read_text(errors="replace")
                 last = self._injected[-1] if self._injected else None
-                self._tally.check("controllable", [f"{error}: {said[-2000:]} after {last}"])
+                self._tally.check("controllable", [f"{error}: {stderr[-2000:]} after {last}"])
             judge(self._tally, self._wires, self._folder / "s.mcap", self._injected)
         self._tally.daemons += 1
 
     def _start(self, stack: ExitStack) -> None:
         socket = self._folder / "s"
         command = [sys.executable, "-m", "contid", "run", str(self._path), "--socket", str(socket)]
-        self._said = self._folder / "said"
+        self._stderr = self._folder / "stderr"
         # Python imports a module of this name, if there is one, before anything else.
         (self._folder / "sitecustomize.py").write_text(self._bug)
         paths = [str(self._folder), *sys.path[1:]] if self._bug else [*sys.path[1:]]
-        with self._said.open("wb") as said:
+        with self._stderr.open("wb") as stderr:
             self._process = subprocess.Popen(
                 [*command, "--record", str(self._folder / "s.mcap")],
-                stdin=subprocess.DEVNULL, stdout=said, stderr=said,
+                stdin=subprocess.DEVNULL, stdout=stderr, stderr=stderr,
                 env={**os.environ, "PYTHONPATH": os.pathsep.join(filter(None, paths))},
             )  # fmt: skip
         stack.callback(self._kill)
         until(lambda: is_listening(socket) or self._process.poll() is not None, "the daemon listens")
-        assert self._process.poll() is None, self._said.read_text()
+        assert self._process.poll() is None, self._stderr.read_text()
         self._client = stack.enter_context(Client(socket, name="campaign"))
         self._client.acquire(60.0)
         until(lambda: self._states() == {"HOLD"}, "armed")
@@ -186,7 +186,7 @@ class Run:
             injected.order_s = time.monotonic()
             self._order(order)
             if order == "estop":
-                # A faulty device may not hear; the others have to.
+                # A faulty device may miss it; the others must not.
                 self._relaxed(injected.order_s, state, frozenset({axes[axis]} if switch.on_axis else axes))
         time.sleep(dice.uniform(0.4, 0.6))
         injected.until_s = time.monotonic()
@@ -251,7 +251,7 @@ class Run:
     def _relaxed(
         self, since_s: float, state: str, deaf: frozenset[str] = frozenset(), way: str = "estop"
     ) -> None:
-        """No output is driven any more, and no chamber has pressure, of the devices that hear."""
+        """No output is driven any more, and no chamber has pressure, of the devices that answer."""
         while still := set(self._wires.driven()) - deaf:
             if time.monotonic() > since_s + EMPTY_S:
                 break
@@ -313,14 +313,14 @@ class Run:
         left = [f"process {each.pid}" for each in alive]
         left += [f"ring {path}" for path in Path("/dev/shm").glob(f"contid-{self._process.pid}-*")]
         left += ["its socket"] if (self._folder / "s").exists() else []
-        said = self._said.read_text(errors="replace")
-        left += [said] if "Traceback" in said else []
+        stderr = self._stderr.read_text(errors="replace")
+        left += [stderr] if "Traceback" in stderr else []
         tally.check("nothing left behind", left)
         if twice and not self._had_ended(begin_s):
             self._relaxed(begin_s, state, way="second Ctrl-C")
 
     def _had_ended(self, at_s: float) -> bool:
-        """The orderly stop, which leaves devices as its policy says, was done before the second Ctrl-C."""
+        """The orderly stop, which leaves devices at rest by its policy, ended before the second Ctrl-C."""
         session = Session(self._folder / "s.mcap")
         orders = [str(event["order"]) for event in session.events() if event["event"] == "order"]
         pressed = "estop" in orders[orders.index("finish") :] if "finish" in orders else False

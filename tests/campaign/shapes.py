@@ -62,7 +62,7 @@ def chunk(inside: bytes, claims: int) -> bytes:
 
 
 def session(data: bytes, dice: random.Random, mutate: Mutate) -> bytes:
-    """A session in which one record says something else; half of them in a chunk."""
+    """A session in which one record is changed; half of them in a chunk."""
     parts = records(data)
     kinds = sorted({opcode for opcode, _ in parts})
     if not kinds:

@@ -1,4 +1,4 @@
-"""A real daemon whose socket is fed garbage: it refuses in words, moves nothing, stays small, answers others.
+"""A real daemon whose socket gets garbage: it refuses it, moves nothing, stays small, serves others.
 
 A client of ours, the guard, holds the lease, so whatever is sent may at most stop robots; after some
 attacks it looks at everything the daemon shows, and arms again what was stopped.
@@ -55,10 +55,10 @@ STILL_MM = 0.1
 START = "from contid.cli.main import main; main()"
 LAST = b'{"id":"last","verb":"ping"}\n'
 
-#: Requests of every verb that can move nothing: their targets have columns that no robot has, nobody takes
-#: over, and nobody ends the run.
+#: Requests of every verb that can move nothing: their targets have columns that no robot has, and none takes
+#: over or ends the run.
 REQUESTS: tuple[dict[str, Any], ...] = (
-    {"verb": "hello", "protocol": 1, "name": "somebody"},
+    {"verb": "hello", "protocol": 1, "name": "other"},
     {"verb": "ping"}, {"verb": "status"}, {"verb": "describe"},
     {"verb": "subscribe", "rate_hz": 50, "robots": ["f0"], "fields": ["state", "tip_mm"], "events": True},
     {"verb": "unsubscribe"},
@@ -110,7 +110,7 @@ class Siege:
 
     process: subprocess.Popen[bytes]
     socket: Path
-    said: Path
+    stderr: Path
     guard: Client
     place: list[float] = field(default_factory=list)
     least: int = 0
@@ -158,16 +158,16 @@ class Siege:
         *whole, rest = received.split(b"\n")
         assert len(rest) < MAX_LINE
         for answer in whole:
-            told = json.loads(answer, parse_constant=_none)
-            assert "event" in told or (told["ok"] in (True, False) and "id" in told), answer
-            assert told.get("ok", True) or told["error"]["message"].strip(), answer
+            response = json.loads(answer, parse_constant=_none)
+            assert "event" in response or (response["ok"] in (True, False) and "id" in response), answer
+            assert response.get("ok", True) or response["error"]["message"].strip(), answer
 
     def look(self) -> None:
-        """What the guard sees: the daemon lives, said nothing of a defect, did not grow; nothing moved."""
+        """What the guard sees: the daemon lives, reported no defect, did not grow; nothing moved."""
         assert self.process.poll() is None, "the daemon ended"
-        said = self.said.read_text(errors="replace")
+        stderr = self.stderr.read_text(errors="replace")
         for word in ("Traceback", "Error:", "exception was never retrieved", "never awaited"):
-            assert word not in said, said[max(said.find(word) - 500, 0) :][:3000]
+            assert word not in stderr, stderr[max(stderr.find(word) - 500, 0) :][:3000]
         self.most = max(self.most, self._memory())
         assert self.most - self.least < GROWTH, f"it grew by {(self.most - self.least) >> 20} MB"
         robots = self.guard.status()["robots"]
@@ -187,8 +187,8 @@ class Siege:
         """The most that daemon and control process ever had in memory [bytes]."""
         daemon = psutil.Process(self.process.pid)
         pids = [daemon.pid, *(child.pid for child in daemon.children(recursive=True))]
-        told = [Path(f"/proc/{pid}/status").read_text() for pid in pids]
-        return sum(int(each.split("VmHWM:")[1].split()[0]) << 10 for each in told)
+        status = [Path(f"/proc/{pid}/status").read_text() for pid in pids]
+        return sum(int(each.split("VmHWM:")[1].split()[0]) << 10 for each in status)
 
     def flood(self, requests: int, read: bool) -> int:
         """So many small requests in one connection; how many were answered."""
@@ -227,18 +227,18 @@ def siege(bug: str = "") -> Iterator[Siege]:
     """`contid run` on two simulated fingers, armed and holding; ``bug`` is code of `BUGS`."""
     # Short: the path of a socket has 107 bytes.
     folder = Path(tempfile.mkdtemp(prefix="contid-"))
-    robot, place, said = folder / "fingers.yaml", folder / "s", folder / "said"
+    robot, place, stderr = folder / "fingers.yaml", folder / "s", folder / "stderr"
     robot.write_text(fingers(2))
-    with said.open("wb") as errors:
+    with stderr.open("wb") as errors:
         process = subprocess.Popen(
             [sys.executable, "-c", f"{bug}\n{START}", "run", str(robot), "--socket", str(place)],
             stdin=subprocess.DEVNULL, stdout=subprocess.DEVNULL, stderr=errors,
         )  # fmt: skip
     try:
         until(lambda: is_listening(place) or process.poll() is not None, "the daemon listens")
-        assert process.poll() is None, said.read_text()
+        assert process.poll() is None, stderr.read_text()
         with Client(place, name="guard") as guard:
-            made = Siege(process, place, said, guard)
+            made = Siege(process, place, stderr, guard)
             made.rearm()
             robots = guard.status()["robots"]
             made.place = [a["measured_mm"] for robot in robots.values() for a in robot["axes"].values()]
@@ -247,8 +247,8 @@ def siege(bug: str = "") -> Iterator[Siege]:
             yield made
             made.look()
         process.send_signal(signal.SIGTERM)
-        assert process.wait(10) == 130, said.read_text()
-        assert "Traceback" not in said.read_text()
+        assert process.wait(10) == 130, stderr.read_text()
+        assert "Traceback" not in stderr.read_text()
     finally:
         if process.poll() is None:
             process.kill()

@@ -1,4 +1,4 @@
-"""`contid home` on wires, stopped in every way while it searches: torque off, the file as it was, 130."""
+"""`contid home` on wires, stopped by every means while it searches: torque off, the file as it was, 130."""
 
 from __future__ import annotations
 
@@ -94,11 +94,11 @@ def test_a_search_that_is_stopped_leaves_nothing_driven(
             until(lambda: driven() or process.poll() is not None, "it searches")
             assert process.poll() is None, process.communicate()[1]
             WAYS[way](process)
-            said = process.communicate(timeout=30)[1]
+            stderr = process.communicate(timeout=30)[1]
         finally:
             process.kill()
             process.communicate()
         assert not driven()
-        assert process.returncode == 130, said
-        assert "Traceback" not in said
+        assert process.returncode == 130, stderr
+        assert "Traceback" not in stderr
         assert path.read_text() == before

@@ -25,7 +25,7 @@ def looks(kb_per_h: float, descriptors_per_h: float = 0.0) -> list[Look]:
     return out
 
 
-def test_a_leak_is_told_from_noise() -> None:
+def test_a_leak_is_distinguished_from_noise() -> None:
     assert slope_of(looks(0.0)).flat
     assert slope_of(looks(0.0)).kb_per_h == pytest.approx(0.0, abs=100.0)
     leak = slope_of(looks(2000.0))
@@ -42,6 +42,6 @@ def test_the_laboratory_is_on_wires_only() -> None:
 
 def test_some_of_it(capfd: pytest.CaptureFixture[str]) -> None:
     code = soak.soak(MINUTES, every_s=1.0, viewer_s=3.0)
-    told = capfd.readouterr().out
-    assert code == 0, told
-    assert "verdict: memory and descriptors flat, nothing lost" in told
+    printed = capfd.readouterr().out
+    assert code == 0, printed
+    assert "verdict: memory and descriptors flat, nothing lost" in printed

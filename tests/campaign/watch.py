@@ -27,11 +27,11 @@ class Seen:
         case: what was run.
         records: of every tick.
         events: kind and fields, in order.
-        powered: per tick the axes whose device obeys commands, as the device itself knows.
+        powered: per tick the axes whose device obeys commands, read from the device itself.
         lost: per tick the buses that are gone.
         finished: the engine came to its end by itself.
         skipped: ticks skipped.
-        powered_at_end: axes still obeying after the host was gone for longer than any dead-man takes.
+        powered_at_end: axes still obeying after the host was gone for longer than any watchdog time.
     """
 
     case: Case
@@ -95,7 +95,7 @@ def watch(case: Case) -> Seen:
             seen.powered.append(_powered(buses))
             seen.lost.append(frozenset(name for name, port in process.ports.items() if port.lost))
         seen.finished, seen.skipped = process.engine.finished, process.skipped
-        # From here on nobody feeds the devices.
+        # From here on no tick refreshes the watchdogs.
         longest_s = (
             max(
                 bus.options.watchdog_ms

@@ -120,7 +120,7 @@ def judge(tally: Tally, wires: Wires, recorded: Path, thrown: Sequence[Injected]
 def _unaffected(faults: list[tuple[float, str, str]], thrown: Sequence[Injected]) -> Iterator[str]:
     """Every fault has a switch on its own bus that was on, or had just been."""
     for at_s, robot, message in faults:
-        # A device may latch what ails it while nobody looks, and refuse to be armed much later.
+        # A device may latch what ails it between two looks, and refuse to be armed much later.
         late_s = math.inf if "arm-refused" in message else 0.5
         if not any(robot in i.robots and i.at_s - 0.05 <= at_s <= i.latest_s + late_s for i in thrown):
             yield f"{robot}: {message}"

@@ -1,7 +1,7 @@
 """The laboratory on wires: emulated servos, the Due's firmware on ptys, fault switches, eyes on the devices.
 
 Hand (Dynamixel), tri-rack (Due, motors) and CBHA (two Due boards, pressures) in one robot file. What the
-devices were told and did is looked at on their side of the wire, not on the driver's.
+devices received and did is checked on their side of the wire, not on the driver's.
 """
 
 from __future__ import annotations
@@ -33,9 +33,9 @@ from contid_drivers.dynamixel.emulator.servo import Servo
 from contid_drivers.dynamixel.options import DynamixelBusOptions as ServoOptions
 
 RATE_HZ: Final = 100.0
-#: The emulators share two cores with everything else: patience, so that a fault is one that was switched on.
+#: The emulators share two cores with everything else: long timeouts, so that only injected faults occur.
 TOLERANCE_TICKS: Final = 20
-PATIENCE: Final = {
+LONG_TIMEOUTS: Final = {
     "dynamixel": {"usb_latency_ms": 15, "watchdog_ms": 400},
     "due": {"latency_ms": 15, "watchdog_ms": 400},
 }
@@ -92,7 +92,9 @@ def robot_file(folder: Path, on_interrupt: Mapping[str, str] | None = None) -> P
     """The laboratory's file, its ports in a folder."""
     raw = yaml.safe_load(lab_text(RATE_HZ, ".emulated"))
     for name, bus in raw["buses"].items():
-        bus |= {"port": f"{folder}/{name}.tty", "tolerance_ticks": TOLERANCE_TICKS} | PATIENCE[bus["driver"]]
+        bus |= {"port": f"{folder}/{name}.tty", "tolerance_ticks": TOLERANCE_TICKS} | LONG_TIMEOUTS[
+            bus["driver"]
+        ]
     for name, robot in raw["robots"].items():
         robot.pop("placeholder", None)
         robot["stop"]["on_interrupt"] = (on_interrupt or {}).get(name, robot["stop"]["on_interrupt"])
@@ -103,7 +105,7 @@ def robot_file(folder: Path, on_interrupt: Mapping[str, str] | None = None) -> P
 
 @dataclass
 class ServoEyes:
-    """What one servo was told: every goal under torque, in ticks of its shaft."""
+    """What one servo received: every goal under torque, in ticks of its shaft."""
 
     servo: Servo
     axis: str

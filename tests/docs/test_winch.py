@@ -100,7 +100,7 @@ def test_the_arm_follows_a_circle_on_the_emulated_box_and_the_recording_replays(
     assert "bit for bit" in contid(emulated, "replay", "circle.mcap")
 
 
-def test_without_the_box_the_message_says_what_to_look_at(folder: Path) -> None:
+def test_without_the_box_the_message_names_what_to_check(folder: Path) -> None:
     with start(folder, "run", "arm.yaml") as process:
         report, _ = process.communicate(timeout=60)
     assert process.returncode == 4
