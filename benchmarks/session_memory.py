@@ -30,7 +30,7 @@ from contid.robot_file.load import load_robot_file, with_mock
 from contid.robot_file.shipped import find_robot_file
 from contid.session.info import summarize
 from contid.session.read import Session
-from contid.session.recording_observer import Recording
+from contid.session.recording_observer import RecordingObserver
 from contid.trajectory.read import read_trajectory
 
 FLAT = 1.05
@@ -65,7 +65,7 @@ def main() -> int:
     writer = ring.RingWriter(shared)
     with tempfile.TemporaryDirectory() as folder:
         path = Path(folder) / "long.mcap"
-        recording = Recording(path, {"mock": "True"})
+        recording = RecordingObserver(path, {"mock": "True"})
         recording.attach(
             RunSetup(loaded, rate_hz, shared, rows, OnEnd.STOP, attended=False), psutil.Process().pid
         )

@@ -23,7 +23,7 @@ from contid.control.process.setup import RunSetup
 from contid.robot_file.load import load_robot_file, with_mock
 from contid.robot_file.shipped import find_robot_file
 from contid.session.read import Session
-from contid.session.recording_observer import Recording
+from contid.session.recording_observer import RecordingObserver
 from contid.session.replay import replay
 from contid.trajectory.read import read_trajectory
 
@@ -49,7 +49,7 @@ def main() -> int:
     with tempfile.TemporaryDirectory() as folder:
         path = Path(folder) / "hand.mcap"
         start_s = time.perf_counter()
-        recording = Recording(path, {"mock": "True"})
+        recording = RecordingObserver(path, {"mock": "True"})
         sink = recording.follow(RunSetup(loaded, 200.0, Path(), rows, OnEnd.STOP, attended=False))
         run_virtual(loaded, 200.0, rows, sinks=[sink], on_end=OnEnd.STOP)
         recording.detach()

@@ -105,7 +105,7 @@ def daemon(folder: Path, viewer_s: float) -> int:
     from contid.control.daemon.run_request import RunRequest
     from contid.remote.protocol.socket_path import Endpoint
     from contid.remote.server.server import SocketServer
-    from contid.session.recording_observer import Recording
+    from contid.session.recording_observer import RecordingObserver
 
     endpoint = Endpoint(folder / "lab.sock", default=False)
     viewers = Viewers(folder, viewer_s)
@@ -114,7 +114,7 @@ def daemon(folder: Path, viewer_s: float) -> int:
         on_end="hold",
         unreachable="nearest",
         commands=[SocketServer(endpoint), viewers],
-        observers=[Recording(folder / "lab.mcap", {}), viewers],
+        observers=[RecordingObserver(folder / "lab.mcap", {}), viewers],
     )
     try:
         report = run(request)

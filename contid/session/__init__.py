@@ -1,1 +1,1 @@
-"""What happened: record, read, replay, compare, export."""
+"""Recordings of runs: write, read, replay, compare, export."""

@@ -1,12 +1,11 @@
-"""From a session as it was written to one as it is kept: compressed chunks, an index, statistics.
+"""Compaction of a session: compressed chunks, an index, statistics.
 
-Message records are copied as bytes; only their heads are looked at. The new file stands beside the old one
-until it is complete, then takes its place in one step, so that there is a readable session at every instant.
+Message records are copied as bytes; only their heads are decoded. The new file replaces the old one in one
+step, so that a readable session exists at every instant.
 """
 
 from __future__ import annotations
 
-import os
 import struct
 import zlib
 from collections import defaultdict
@@ -15,10 +14,10 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any, BinaryIO, Final
 
-from contid.errors import ContidError
 from contid.session.format import mcap_records as mcap
 from contid.session.format.channels import TICK_CHANNELS
 from contid.session.format.mcap_records import MESSAGE_INSIDE, RECORD, RecordStream
+from contid.session.output import exists_error, replacing
 
 CHUNK_BYTES: Final = 1 << 20
 LEVEL: Final = 3
@@ -27,7 +26,7 @@ _PAIR: Final = struct.Struct("<QQ")
 
 @dataclass(slots=True)
 class _Summary:
-    """What is known when everything was copied."""
+    """Collected while copying, for the end of the file."""
 
     schemas: list[Any] = field(default_factory=list)
     channels: list[Any] = field(default_factory=list)
@@ -43,52 +42,42 @@ def compact(
     source: Path,
     target: Path | None = None,
     note: Mapping[str, Mapping[str, str]] | None = None,
-    most_ticks: int | None = None,
+    max_ticks: int | None = None,
 ) -> Path:
     """Rewrite a session, whole or truncated, as an indexed and compressed one.
 
     Args:
         source: the session.
-        target: where to, a file that does not exist; None replaces ``source``.
+        target: a file that does not exist; None replaces ``source``.
         note: metadata to add, by name.
-        most_ticks: what comes after so many is left out; None for everything.
+        max_ticks: number of ticks to copy; None for all.
 
     Returns:
         The new file.
 
     Raises:
-        ContidError: it exists, or cannot be written; ``source`` is as it was.
+        ContidError: ``target`` exists or cannot be written; ``source`` is unchanged.
     """
     if target is not None and target.exists():
-        raise ContidError(f"{target}: is there already; a recording is never overwritten")
+        raise exists_error(target)
     target = target or source
-    beside = target.with_name(f".{target.name}.{os.getpid()}.tmp")
-    try:
-        with source.open("rb") as old, beside.open("xb") as new:
-            _Compactor(new, most_ticks).copy(RecordStream(old), note or {})
-            new.flush()
-            os.fsync(new.fileno())
-        beside.replace(target)
-    except BaseException as error:
-        beside.unlink(missing_ok=True)
-        if isinstance(error, OSError):
-            raise ContidError(f"{target}: cannot write it: {error.strerror}") from error
-        raise
+    with replacing(target) as new, source.open("rb") as old:
+        _Compactor(new, max_ticks).copy(RecordStream(old), note or {})
     return target
 
 
 class _Compactor:
     """One copy."""
 
-    def __init__(self, out: BinaryIO, most_ticks: int | None) -> None:
+    def __init__(self, out: BinaryIO, max_ticks: int | None) -> None:
         self._out = out
-        self._most, self._ticks = most_ticks, 0
+        self._max_ticks, self._ticks = max_ticks, 0
         self._summary = _Summary()
         self._parts: list[bytes] = []
         self._size = self._time_ns = 0
         self._index: dict[int, list[tuple[int, int]]] = defaultdict(list)
-        # A tick that was cut off is not kept: what came of it waits here until its last message.
-        self._held: list[bytes] = []
+        # Messages of a tick until its last one: an incomplete tick is dropped.
+        self._tick: list[bytes] = []
         self._first = self._last = -1
 
     def copy(self, stream: RecordStream, note: Mapping[str, Mapping[str, str]]) -> None:
@@ -96,42 +85,42 @@ class _Compactor:
         self._out.write(mcap.MAGIC)
         from mcap import records
 
-        known: set[tuple[int, int]] = set()
+        copied: set[tuple[int, int]] = set()
         for opcode, body in stream:
             if opcode == mcap.MESSAGE:
-                if self._ticks == self._most:
+                if self._ticks == self._max_ticks:
                     break
-                self._hold(body)
+                self._add_message(body)
                 continue
             if opcode in (mcap.SCHEMA, mcap.CHANNEL):
                 key = (opcode, int.from_bytes(body[:2], "little"))
-                if key in known:
+                if key in copied:
                     continue
-                known.add(key)
-            self._rare(opcode, body)
+                copied.add(key)
+            self._write_record(opcode, body)
         for name, texts in note.items():
             body = mcap.built(records.Metadata(name=name, metadata=dict(texts)))
-            self._rare(mcap.METADATA, body[RECORD.size :])
+            self._write_record(mcap.METADATA, body[RECORD.size :])
         self._chunk()
         self._finish()
 
-    def _hold(self, body: bytes) -> None:
+    def _add_message(self, body: bytes) -> None:
         channel = int.from_bytes(body[:2], "little")
         if channel == self._first:
-            self._held = [body]
+            self._tick = [body]
         elif channel == self._last:
-            for each in (*self._held, body):
-                self._message(each)
-            self._held = []
+            for each in (*self._tick, body):
+                self._write_message(each)
+            self._tick = []
             self._ticks += 1
-        elif self._held:
-            self._held.append(body)
+        elif self._tick:
+            self._tick.append(body)
         else:
-            self._message(body)
+            self._write_message(body)
 
-    def _message(self, body: bytes) -> None:
+    def _write_message(self, body: bytes) -> None:
         channel, _, time_ns, _ = MESSAGE_INSIDE.unpack_from(body)
-        # Never within an instant: readers take chunks whose times overlap for messages out of order.
+        # Only between two times: readers treat chunks whose times overlap as messages out of order.
         if self._size >= CHUNK_BYTES and time_ns != self._time_ns:
             self._chunk()
         self._time_ns = time_ns
@@ -139,7 +128,7 @@ class _Compactor:
         self._parts += (RECORD.pack(mcap.MESSAGE, len(body)), body)
         self._size += RECORD.size + len(body)
 
-    def _rare(self, opcode: int, body: bytes) -> None:
+    def _write_record(self, opcode: int, body: bytes) -> None:
         from mcap import records
 
         summary, at = self._summary, self._out.tell()
@@ -170,19 +159,19 @@ class _Compactor:
             )
 
     def _chunk(self) -> None:
-        """Write what has gathered as one chunk and its index."""
+        """Write the collected messages as one chunk and its index."""
         if not self._parts:
             return
         import zstandard
         from mcap import records
 
         body = b"".join(self._parts)
-        packed = zstandard.ZstdCompressor(level=LEVEL).compress(body)
+        compressed = zstandard.ZstdCompressor(level=LEVEL).compress(body)
         times = [time_ns for pairs in self._index.values() for time_ns, _ in pairs]
         start_ns, end_ns = min(times), max(times)
         at = self._out.tell()
         self._out.write(
-            mcap.built(records.Chunk("zstd", packed, end_ns, start_ns, zlib.crc32(body), len(body)))
+            mcap.built(records.Chunk("zstd", compressed, end_ns, start_ns, zlib.crc32(body), len(body)))
         )
         index_at = self._out.tell()
         offsets = {}
@@ -200,7 +189,7 @@ class _Compactor:
                 chunk_length=index_at - at,
                 chunk_start_offset=at,
                 compression="zstd",
-                compressed_size=len(packed),
+                compressed_size=len(compressed),
                 message_end_time=end_ns,
                 message_index_length=self._out.tell() - index_at,
                 message_index_offsets=offsets,
@@ -211,7 +200,7 @@ class _Compactor:
         self._parts, self._size, self._index = [], 0, defaultdict(list)
 
     def _finish(self) -> None:
-        """Data end, summary, footer."""
+        """Write data end, summary and footer."""
         from mcap import records
         from mcap.opcode import Opcode
 

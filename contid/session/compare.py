@@ -1,4 +1,4 @@
-"""Comparing a replayed tick with the recorded one: bit for bit, or within a tolerance; the first difference.
+"""Comparison of a replayed tick with the recorded one, bit for bit or within a tolerance.
 
 The order is that of cause and effect: target, solution, command, device, limits, then the state of the robot.
 Values that only describe (iterations, residuals, timing) are not compared.
@@ -25,19 +25,18 @@ _UNITS: Final = {"_m": "m", "_n": "n"}
 
 @dataclass(frozen=True, slots=True)
 class Divergence:
-    """The first value that came out differently.
+    """The first value that differs.
 
     Attributes:
-        tick: its number.
+        tick: number of the tick.
         time_s: of the tick since the start.
         source_s: time in the trajectory, NaN without one.
-        robot: its name.
+        robot: name of the robot.
         axis: of the robot, "" for a value of the whole robot.
-        what: which value.
-        recorded: then.
-        replayed: now.
+        what: name of the value.
+        recorded, replayed: the two values.
         unit: of both.
-        last_equal: what the robot's values were in the last tick that came out the same.
+        last_equal: values of the robot in the last tick that was equal.
     """
 
     tick: int
@@ -72,11 +71,11 @@ class Comparison:
     """Compares ticks in their order.
 
     Attributes:
-        largest: greatest difference of a command so far [m or Pa].
+        largest: largest difference of a command so far [m or Pa].
     """
 
     def __init__(self, layout: RecordLayout, device_units: Mapping[str, str], tolerance: float) -> None:
-        """Prepare; ``tolerance`` is in mm or bar, 0 for bit for bit."""
+        """Prepare; ``tolerance`` in mm or bar, 0 compares bit for bit."""
         self._layout = layout
         self._tolerance = tolerance
         self._values = list(_compared(layout, device_units, exact=tolerance == 0.0))
@@ -87,7 +86,7 @@ class Comparison:
         self.largest = 0.0
 
     def check(self, recorded: Sequence[float], replayed: Sequence[float]) -> Divergence | None:
-        """The first difference of a tick."""
+        """The first difference of a tick, None if it is equal."""
         then, now = self._pick(recorded), self._pick(replayed)
         if self._pack(*then) != self._pack(*now):
             for value, old, new in zip(self._values, then, now, strict=True):
@@ -121,7 +120,7 @@ class Comparison:
         )  # fmt: skip
 
     def _state(self, index: int, values: Sequence[float]) -> dict[str, Any]:
-        """A robot's values in a tick, for a person."""
+        """A robot's values in a tick, for the report."""
         layout = self._layout
         state: dict[str, Any] = {
             name: named(kind, values[layout.robot_place(index, name)])
@@ -135,7 +134,7 @@ class Comparison:
 
 
 def named(kind: type[IntEnum], value: float) -> str:
-    """The name of a number in a record; the number itself when today's contid knows none."""
+    """The name of a number in a record; the number itself if it has none in this version."""
     return next((each.name for each in kind if each == value), f"{value:g}")
 
 

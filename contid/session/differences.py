@@ -1,4 +1,4 @@
-"""What differs between two robot files, key by key; and what one may do with another's recording."""
+"""Differences of two robot files, key by key, and which of them exclude a recording."""
 
 from __future__ import annotations
 
@@ -21,8 +21,8 @@ class Difference:
 
     Attributes:
         key: dotted path, list entries by number.
-        recorded: its value then, as text; "" when it was absent.
-        now: its value now.
+        recorded: its recorded value as text; "" if absent.
+        now: its present value, likewise.
     """
 
     key: str
@@ -30,7 +30,7 @@ class Difference:
     now: str
 
     def __str__(self) -> str:
-        """``key: then -> now``."""
+        """``key: recorded -> now``."""
         return f"{self.key}: {self.recorded or 'absent'} -> {self.now or 'absent'}"
 
 
@@ -61,17 +61,16 @@ def _leaves(data: Any, path: str = "") -> Iterator[tuple[str, str]]:
 
 
 def refuse_other_robots(session: Session, loaded: LoadedFile) -> None:
-    """A recording means nothing to a robot file with other robots or axes.
+    """Refuse a robot file with other robots or axes than a recording.
 
     Raises:
-        ContidError: with both.
+        ContidError: naming both.
     """
     then = {(robot.name, robot.axes) for robot in session.layout.robots}
     now = {(robot.name, robot.axes) for robot in record_layout(loaded, session.rate_hz).robots}
     if then != now or len(driven_robots(loaded)) != len(session.layout.robots):
         raise ContidError(
-            f"{loaded.path}: other robots or axes than were recorded: "
-            f"recorded {_named(then)}; here {_named(now)}"
+            f"{loaded.path}: other robots or axes than recorded: recorded {_named(then)}; here {_named(now)}"
         )
 
 
@@ -80,22 +79,20 @@ def _named(robots: set[tuple[str, tuple[str, ...]]]) -> str:
 
 
 def refuse_another_robot(recorded: LoadedFile, now: LoadedFile) -> None:
-    """Commands of one robot file may be sent by another only when it is the same machine.
+    """Refuse to send recorded commands to another robot.
 
-    Names, models, limits, rates and all about the axes (bus, id, direction, zero, pinion) must be equal; the
-    port of a bus may be another one, and geometry has no say in actuator space.
+    Names, models, limits, rates and the axes (bus, id, direction, zero, pinion) must be equal. Ports of buses
+    may differ, and geometry, which does not matter in actuator space.
 
     Raises:
-        ContidError: with every key that stands in the way.
+        ContidError: naming every key that differs.
     """
-    wrong = [
+    different = [
         each for each in differences(recorded.text, now.text) if _binding(each.key, set(recorded.file.robots))
     ]
-    if wrong:
-        lines = "\n".join(f"  {each}" for each in wrong)
-        raise ContidError(
-            f"{now.path}: not the robot that was recorded; its commands are not sent. Different:\n{lines}"
-        )
+    if different:
+        lines = "\n".join(f"  {each}" for each in different)
+        raise ContidError(f"{now.path}: not the recorded robot; no command is sent. Differences:\n{lines}")
 
 
 def _binding(key: str, robots: set[str]) -> bool:

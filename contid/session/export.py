@@ -8,8 +8,8 @@ absent is an empty cell.
 from __future__ import annotations
 
 import csv
+import io
 import json
-import os
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import ExitStack, contextmanager
 from dataclasses import dataclass
@@ -19,6 +19,7 @@ from typing import Any, Final, TextIO
 from contid.control.engine.tick_layout import TICK
 from contid.session.format.channels import TICK_CHANNELS, Field, fields
 from contid.session.format.mcap_records import MAGIC
+from contid.session.output import exists_error, replacing
 from contid.session.read import Session, SessionError
 
 _VECTORS: Final = {
@@ -38,7 +39,7 @@ class Column:
     Attributes:
         name: with its unit.
         slot: place in a record.
-        scale: from SI to the unit; None for whole numbers.
+        scale: from SI to the unit; None for integers.
     """
 
     name: str
@@ -84,7 +85,7 @@ def _to_bar(value: float) -> float:
     return value / 1e5
 
 
-#: End of a key in SI -> end in a file, and how to get there.
+#: Suffix of a key in SI -> suffix of a column, and the conversion.
 _UNITS: Final = (
     ("_pa_s", "_bar_s", _to_bar),
     ("_pa", "_bar", _to_bar),
@@ -95,45 +96,33 @@ _UNITS: Final = (
 
 @contextmanager
 def _file(path: Path) -> Iterator[TextIO]:
-    """A file that takes its place when it is whole: half a table looks like a short run.
+    """A text file that is complete or not there: half a table looks like a short run."""
+    with replacing(path) as file:
+        text = io.TextIOWrapper(file, encoding="utf-8", newline="", write_through=True)
+        try:
+            yield text
+        finally:
+            text.detach()
+
+
+def refuse_recording(path: Path) -> None:
+    """Recordings are never overwritten, by exports neither.
 
     Raises:
-        SessionError: a disk that is full, or a place where nothing can be written.
-    """
-    device = path.exists() and not path.is_file()
-    target = path if device else path.resolve()
-    beside = path if device else target.with_name(f".{target.name}.{os.getpid()}.tmp")
-    try:
-        with beside.open("w", encoding="utf-8", newline="") as file:
-            yield file
-        if not device:
-            beside.replace(target)
-    except BaseException as error:
-        if not device:
-            beside.unlink(missing_ok=True)
-        if isinstance(error, OSError):
-            raise SessionError(f"{path}: cannot write it: {error.strerror}") from error
-        raise
-
-
-def refuse_to_replace(path: Path) -> None:
-    """A recording is never overwritten, neither by another one nor by what is made of it.
-
-    Raises:
-        SessionError: there is one.
+        ContidError: the file is a recording.
     """
     if path.is_file():
         with path.open("rb") as file:
             if file.read(len(MAGIC)) == MAGIC:
-                raise SessionError(f"{path}: is there already; a recording is never overwritten")
+                raise exists_error(path)
 
 
 def export_channels(session: Session, folder: Path) -> list[Path]:
-    """One CSV per channel into a folder, which is made; returns the files."""
+    """Write one CSV per channel into a folder, created if absent; returns the files."""
     try:
         folder.mkdir(parents=True, exist_ok=True)
     except OSError as error:
-        message = "it is a file; name a folder, or a table FILE.csv" if folder.is_file() else error.strerror
+        message = "it is a file; give a folder, or a table FILE.csv" if folder.is_file() else error.strerror
         raise SessionError(f"{folder}: cannot write tables there: {message}") from error
     tables = {channel: columns(session, channel) for channel in TICK_CHANNELS}
     paths = [folder / f"{channel}.csv" for channel in (*TICK_CHANNELS, "event")]
@@ -142,7 +131,7 @@ def export_channels(session: Session, folder: Path) -> list[Path]:
         for writer, table in zip(ticks, tables.values(), strict=True):
             writer.writerow(["tick", "t_s", *(column.name for column in table)])
         events.writerow(["t_s", "event", "tick", "details"])
-        start_ns = int(session.about["clock"]["wall_ns"])
+        start_ns = int(session.metadata["clock"]["wall_ns"])
         for entry in session.entries():
             if entry.values is not None:
                 for writer, table in zip(ticks, tables.values(), strict=True):
@@ -156,7 +145,7 @@ def export_channels(session: Session, folder: Path) -> list[Path]:
 
 
 def export_joined(session: Session, path: Path) -> list[Path]:
-    """Every tick channel in one table, one row per tick; returns the file."""
+    """Write all tick channels as one table, one row per tick; returns the file."""
     names, table = ["tick", "t_s"], []
     for channel in TICK_CHANNELS:
         for column in columns(session, channel):
@@ -172,13 +161,13 @@ def export_joined(session: Session, path: Path) -> list[Path]:
 
 
 def export_robot_file(session: Session, path: Path) -> None:
-    """The text of the robot file; nothing that is there is replaced, it may be the lab's own.
+    """Write the text of the robot file; an existing file is never replaced.
 
     Raises:
-        SessionError: there is such a file, or it cannot be written.
+        ContidError: the file exists, or cannot be written.
     """
     if path.exists():
-        raise SessionError(f"{path}: is there already; a robot file is not overwritten")
+        raise SessionError(f"{path}: file exists; robot files are never overwritten")
     with _file(path) as file:
         file.write(session.robot_text)
 

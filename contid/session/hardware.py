@@ -1,7 +1,7 @@
-"""Sending recorded commands to real buses: as a timed trajectory in actuator space, like any other.
+"""Sending recorded commands to real buses, as a timed trajectory in actuator space.
 
-So they go the one way every target goes: checked before anything moves, a jerk-limited approach to the first,
-the limiter at every tick, the stop policies of the robot file at the end.
+Like every trajectory they are checked before the robot moves, approached with limited jerk, limited at every
+tick and ended by the stop policies of the robot file.
 """
 
 from __future__ import annotations
@@ -32,7 +32,7 @@ def recorded_commands(session: Session, loaded: LoadedFile) -> Trajectory:
     A robot that was armed later than others waits at its first command.
 
     Raises:
-        ContidError: there is none, or a robot cannot be given actuation.
+        ContidError: there are none, or a robot does not accept actuation.
     """
     names = [TIME]
     slots = []
@@ -54,12 +54,12 @@ def recorded_commands(session: Session, loaded: LoadedFile) -> Trajectory:
         raise ContidError(f"{session.path}: no robot was ever commanded")
     table = np.frombuffer(rows, dtype=np.float64).reshape(-1, len(names)).copy()
     for column in range(1, len(names)):
-        known = np.flatnonzero(~np.isnan(table[:, column]))
-        if not len(known):
+        given = np.flatnonzero(~np.isnan(table[:, column]))
+        if not len(given):
             raise ContidError(f"{session.path}: {names[column]} was never commanded")
-        # Forward from the last known value, and backward from the first.
+        # Gaps take the last command before them, those at the beginning the first command.
         last = np.maximum.accumulate(np.where(np.isnan(table[:, column]), -1, np.arange(len(table))))
-        table[:, column] = table[np.where(last < 0, known[0], last), column]
+        table[:, column] = table[np.where(last < 0, given[0], last), column]
     layout = read_layout([(name, 1) for name in names], str(session.path), 1, driven_robots(loaded))
     table.setflags(write=False)
     return Trajectory(layout, table, range(1, len(table) + 1), Interpolation.LINEAR)
@@ -70,11 +70,11 @@ def run_on_hardware(session: Session, recorded: LoadedFile, loaded: LoadedFile) 
 
     Args:
         session: the recording.
-        recorded: its robot file, as it was.
+        recorded: its robot file.
         loaded: the robot file whose buses are used.
 
     Raises:
-        ContidError: another robot, other ids or limits; nothing is opened then.
+        ContidError: other robots, ids or limits; no bus is opened.
     """
     refuse_another_robot(recorded, loaded)
     trajectory = recorded_commands(session, loaded)

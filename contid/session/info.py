@@ -1,9 +1,9 @@
-"""What a session is about, from one pass through it."""
+"""Summary of a session, from one pass through it."""
 
 from __future__ import annotations
 
 from collections import Counter
-from dataclasses import asdict, dataclass, field
+from dataclasses import dataclass, field
 from typing import Any
 
 from contid.control.engine.tick_layout import LATENESS, SKIPPED
@@ -12,9 +12,9 @@ from contid.session.compare import named
 from contid.session.format.entries import DAMAGED, GROWING
 from contid.session.read import Session
 
-#: Events that a summary shows one by one; of the others it says how many.
-_TOLD = ("fault", "refused", "bus", "tier", "overrun", "skipped", "recorder", "failed", "end", "stopping")
-_MOST = 20
+#: Events that a summary lists; the others are counted only.
+_LISTED = ("refused", "bus", "tier", "overrun", "skipped", "recorder", "failed", "end", "stopping")
+_MAX_LISTED = 20
 
 
 @dataclass(slots=True)
@@ -31,15 +31,15 @@ class Info:
         ticks: recorded.
         rate_hz: of the ticks.
         virtual: in virtual time.
-        late: started more than a tenth of a period after their deadline; always 0 in virtual time.
-        skipped: never started.
-        lost: ticks the recorder was overrun by.
+        late: ticks that started more than a tenth of a period after their deadline; 0 in virtual time.
+        skipped: ticks that were not started.
+        lost: ticks that the recorder missed.
         robots: model, axes and last mode by name.
-        input: what was followed.
-        faults: in words.
-        events: how many of each kind.
-        told: the ones worth reading, with their tick.
-        versions: of everything that took part.
+        input: source of the targets.
+        faults: messages.
+        events: number of each kind.
+        listed: important events with their tick.
+        versions: of the software.
     """
 
     file: str
@@ -58,15 +58,11 @@ class Info:
     input: str = ""
     faults: list[str] = field(default_factory=list)
     events: dict[str, int] = field(default_factory=dict)
-    told: list[str] = field(default_factory=list)
+    listed: list[str] = field(default_factory=list)
     versions: dict[str, str] = field(default_factory=dict)
 
-    def as_dict(self) -> dict[str, Any]:
-        """For ``--json``."""
-        return asdict(self)
-
     def __str__(self) -> str:
-        """For a person."""
+        """As lines of text."""
         size = f"{self.bytes / 1e6:.3g} MB" + (", compacted" if self.compacted else "")
         lines = [
             f"{self.file}: {self.state}, {size}",
@@ -79,24 +75,28 @@ class Info:
             lines.append(f"{name}: {robot['model']}, axes {', '.join(robot['axes'])}; last {robot['mode']}")
         lines += [f"fault: {message}" for message in self.faults] or ["no fault"]
         lines.append("events: " + (", ".join(f"{n} {kind}" for kind, n in self.events.items()) or "none"))
-        lines += [f"  {line}" for line in self.told]
+        lines += [f"  {line}" for line in self.listed]
         lines.append(", ".join(f"{name} {value}" for name, value in self.versions.items()))
         return "\n".join(lines)
 
 
 def summarize(session: Session) -> Info:
     """Read a session once."""
-    about = session.about["contid"]
+    versions = session.metadata["contid"]
     info = Info(str(session.path), session.path.stat().st_size, rate_hz=session.rate_hz)
-    info.began, info.virtual, info.input = about.get("created", "unknown"), session.virtual, _input(session)
-    info.versions = {name: text for name, text in about.items() if name not in ("format", "created")}
+    info.began, info.virtual, info.input = (
+        versions.get("created", "unknown"),
+        session.virtual,
+        _input(session),
+    )
+    info.versions = {name: text for name, text in versions.items() if name not in ("format", "created")}
     kinds: Counter[str] = Counter()
     first_ns = last_ns = 0
     last: list[float] | None = None
     late_s = 0.1 / session.rate_hz
     for entry in session.entries():
         if entry.values is None:
-            _notice(info, kinds, entry.event or {})
+            _add_event(info, kinds, entry.event or {})
             continue
         last = entry.values
         first_ns, last_ns = first_ns or entry.time_ns, entry.time_ns
@@ -107,10 +107,10 @@ def summarize(session: Session) -> Info:
     info.events = dict(sorted(kinds.items()))
     info.compacted = session.chunked
     info.state = _state(session, info.ticks)
-    if "repaired" in session.about:
-        info.state += f", repaired {session.about['repaired'].get('when', '')}".rstrip()
+    if "repaired" in session.metadata:
+        info.state += f", repaired {session.metadata['repaired'].get('when', '')}".rstrip()
     for index, robot in enumerate(session.layout.robots):
-        mode = "never seen" if last is None else named(Mode, last[session.layout.robot_place(index, "mode")])
+        mode = "unknown" if last is None else named(Mode, last[session.layout.robot_place(index, "mode")])
         info.robots[robot.name] = {"model": robot.model, "axes": list(robot.axes), "mode": mode}
     return info
 
@@ -122,16 +122,16 @@ def _state(session: Session, ticks: int) -> str:
         return GROWING
     if session.cut == DAMAGED:
         return f"{DAMAGED} after {ticks} ticks; what follows is not read"
-    return f"cut off ({session.cut}); `contid session repair` makes it whole"
+    return f"cut off ({session.cut}); `contid session repair` completes it"
 
 
 def _input(session: Session) -> str:
-    about = session.about.get("trajectory")
+    trajectory = session.metadata.get("trajectory")
     name = session.option("input") or "none"
-    return f"{name}, live" if about is None else f"{name}, {about.get('rows', '?')} rows"
+    return f"{name}, live" if trajectory is None else f"{name}, {trajectory.get('rows', '?')} rows"
 
 
-def _notice(info: Info, kinds: Counter[str], event: Any) -> None:
+def _add_event(info: Info, kinds: Counter[str], event: Any) -> None:
     kind = str(event.get("event"))
     kinds[kind] += 1
     if kind == "fault":
@@ -139,10 +139,10 @@ def _notice(info: Info, kinds: Counter[str], event: Any) -> None:
     elif kind == "overrun":
         missed = event.get("missed_ticks")
         info.lost += missed if isinstance(missed, int) else 0
-    if kind in _TOLD and kind != "fault" and len(info.told) < _MOST:
+    if kind in _LISTED and len(info.listed) < _MAX_LISTED:
         details = {key: value for key, value in event.items() if key not in ("event", "tick")}
         rest = ", ".join(
             f"{key} {f'{value:.3g}' if isinstance(value, float) else value}" for key, value in details.items()
         )
         tick = f"tick {event['tick']}: " if "tick" in event else ""
-        info.told.append(f"{tick}{kind}: {rest}")
+        info.listed.append(f"{tick}{kind}: {rest}")

@@ -1,12 +1,12 @@
-"""The recorder's process: reads the ring, writes every tick through, outlives the daemon.
+"""The recorder's process: reads the ring, writes every tick at once, outlives the daemon.
 
-Started before the first tick as ``python -m contid.session.mcap_recorder``; its `RecorderJob` comes pickled
-on stdin, its answers go as lines to stdout: ``ready`` or what is wrong, later what went wrong. It sleeps
-until half a period after the next deadline, which it knows from the newest record, with the writer's pidfd
-in the same ``select``: one wake-up per tick, no spinning, and nothing to do for the control process.
+Started before the first tick as ``python -m contid.session.mcap_recorder`` with a pickled `RecorderJob` on
+stdin. Its stdout has lines for the daemon: ``ready`` or an error, later further errors. It sleeps until half
+a period after the next deadline, computed from the newest record, with the writer's pidfd in the same
+``select``: one wake-up per tick, no polling, no work for the control process.
 
-It ends when the ring is finished or its writer is gone, whatever became of the daemon: drains, adds the
-footer, compacts. SIGTERM and SIGINT are ignored for that reason (a service manager sends them to everyone).
+It ends when the ring is finished or the ring's writer has ended, with or without the daemon: drains the ring,
+adds the footer, compacts. It ignores SIGTERM and SIGINT, which service managers send to the whole group.
 """
 
 from __future__ import annotations
@@ -31,17 +31,17 @@ from contid.session.format.header import NPZ, Attached, RecorderJob
 from contid.session.write import SessionWriter
 
 READY: Final = "ready"
-#: Records taken from the ring before they are written: what bounds the memory after a long stop of the disk.
-_AT_ONCE: Final = 256
-#: Share of a period after a deadline at which its record is fetched.
-_AFTER: Final = 0.5
-_SHORTEST_S: Final = 5e-4
-#: Nice value while recording: what is in the ring only is what a kill of this process loses.
+#: Records read from the ring before they are written; limits the memory after a long stall of the disk.
+_MAX_RECORDS: Final = 256
+#: Fraction of a period after a deadline at which its record is read.
+_DELAY: Final = 0.5
+_MIN_SLEEP_S: Final = 5e-4
+#: Nice value while recording: a kill of this process loses the records that are only in the ring.
 _PRIORITY: Final = -10
 
 
 class McapRecorder:
-    """From a ring to a file."""
+    """Writes the records of a ring to a file."""
 
     def __init__(self, job: RecorderJob) -> None:
         self._reader = RingReader(job.ring)
@@ -62,14 +62,14 @@ class McapRecorder:
             self._pidfd = -1
 
     def run(self) -> None:
-        """Until the writer is done.
+        """Record until the writer is done.
 
         Raises:
-            ContidError: the file cannot be written any more.
+            ContidError: the file cannot be written.
         """
         gone = self._pidfd < 0
         while True:
-            # Asked before the ring is emptied: what was written until then is read below.
+            # Read before the ring is drained: what was written until then is read below.
             finished = self._reader.finished
             while self._drain():
                 pass
@@ -77,32 +77,32 @@ class McapRecorder:
                 break
             gone = self._sleep()
         if not finished:
-            self._writer.event({"event": "recorder", "message": "the control process ended without a word"})
+            self._writer.event({"event": "recorder", "message": "the control process ended unexpectedly"})
         self._writer.finish()
 
     def listen(self, descriptor: int) -> None:
-        """Take trajectories that come during the run from the daemon's pipe."""
+        """Take trajectories of the daemon's later orders from its pipe."""
         os.set_blocking(descriptor, False)
         self._inbox = descriptor
 
     def close(self) -> None:
-        """Let file and ring go."""
+        """Close file and ring."""
         self._writer.close()
         self._reader.close()
         if self._pidfd >= 0:
             os.close(self._pidfd)
 
     def _drain(self) -> bool:
-        """Write what is new, at most `_AT_ONCE` ticks; True when there may be more."""
+        """Write what is new, at most `_MAX_RECORDS` ticks; True if there may be more."""
         reader, writer = self._reader, self._writer
         written = reader.written
         if self._inbox >= 0:
-            self._take_attached()  # sent here before its order was sent, so it is here when its event is
-        # Events of a tick are in the ring before its record: fetched in this order, they are in the file too.
+            self._take_attached()  # it was sent before its order, hence before the event of the order
+        # The ring has the events of a tick before its record; this order keeps that in the file.
         for event in reader.events():
             writer.event(event)
-        wanted = min(written - self._taken, _AT_ONCE)
-        raw = reader.raw_ticks(wanted) if wanted > 0 else []
+        count = min(written - self._taken, _MAX_RECORDS)
+        raw = reader.raw_ticks(count) if count > 0 else []
         missed = (reader.missed_ticks, reader.missed_events)
         if missed != self._missed:
             ticks, events = missed[0] - self._missed[0], missed[1] - self._missed[1]
@@ -113,7 +113,7 @@ class McapRecorder:
             writer.tick(values)
         if raw:
             self._taken += len(raw)
-            self._next_s = raw[-1][DEADLINE] + (1.0 + _AFTER) * self._period_s
+            self._next_s = raw[-1][DEADLINE] + (1.0 + _DELAY) * self._period_s
         if writer.pending:
             writer.flush()
         return self._taken < written
@@ -123,22 +123,22 @@ class McapRecorder:
             chunk = os.read(self._inbox, 1 << 16)
         except BlockingIOError:
             return
-        if not chunk:  # the daemon is gone, or has nothing more to say
+        if not chunk:  # the daemon has closed the pipe or has ended
             self._inbox = -1
             return
         *lines, self._lines = (self._lines + chunk).split(b"\n")
         for line in lines:
-            told = Attached(**json.loads(line))
-            path = Path(told.path)
+            attached = Attached(**json.loads(line))
+            path = Path(attached.path)
             with suppress(OSError):
-                self._writer.attach(told.name, NPZ, path.read_bytes(), told.about)
+                self._writer.attach(attached.name, NPZ, path.read_bytes(), attached.about)
                 path.unlink()
 
     def _sleep(self) -> bool:
-        """Until the next record should be there; True when its writer is gone."""
+        """Sleep until the next record is due; True if the writer has ended."""
         wait_s = self._next_s - time.monotonic()
-        if wait_s <= 0.0:  # it is late: connecting, or a skipped tick
-            wait_s = max(_AFTER * self._period_s, _SHORTEST_S)
+        if wait_s <= 0.0:  # overdue: the robots are connecting, or a tick was skipped
+            wait_s = max(_DELAY * self._period_s, _MIN_SLEEP_S)
         ready, _, _ = select.select([self._pidfd], [], [], min(wait_s, 0.1))
         return bool(ready)
 
@@ -148,7 +148,7 @@ def main() -> int:
     for number in (signal.SIGINT, signal.SIGTERM):
         signal.signal(number, signal.SIG_IGN)
     daemon = os.getppid()
-    job = pickle.load(sys.stdin.buffer)  # from the daemon that started this process, nobody else has the pipe
+    job = pickle.load(sys.stdin.buffer)  # from the daemon, the only other end of this pipe
     assert isinstance(job, RecorderJob)
     try:
         recorder = McapRecorder(job)
@@ -158,7 +158,7 @@ def main() -> int:
     _answer(READY)
     gc.collect()
     gc.freeze()
-    _ask_for(_PRIORITY)
+    _set_nice(_PRIORITY)
     recorder.listen(sys.stdin.fileno())
     try:
         recorder.run()
@@ -168,8 +168,8 @@ def main() -> int:
         return error.exit_code
     finally:
         recorder.close()
-    _ask_for(-_PRIORITY)  # making the file small may take as long as it likes
-    if os.getppid() != daemon:  # nobody else is left to clean up
+    _set_nice(-_PRIORITY)  # compaction is not urgent
+    if os.getppid() != daemon:  # the daemon, which removes the ring, has ended
         job.ring.unlink(missing_ok=True)
     try:
         compact(job.path)
@@ -178,14 +178,14 @@ def main() -> int:
     return 0
 
 
-def _ask_for(nice: int) -> None:
-    """Come sooner, or later, than others; without the right to it, as everybody."""
+def _set_nice(nice: int) -> None:
+    """Set the nice value, if permitted."""
     with suppress(PermissionError):
         os.setpriority(os.PRIO_PROCESS, 0, nice)
 
 
 def _answer(message: str) -> None:
-    """A line for the daemon, if it still lives."""
+    """Write a line for the daemon, if it still runs."""
     with suppress(OSError):
         os.write(1, (message.replace("\n", " ") + "\n").encode())
 

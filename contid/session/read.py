@@ -1,4 +1,4 @@
-"""Reading a session, whole or cut off at any byte: its head, then ticks and events in their order."""
+"""Reading a session, complete or truncated at any byte: its head, then ticks and events in their order."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ from contid.trajectory.timed import Trajectory
 
 
 class SessionError(ContidError):
-    """A file is no session, or one that this version cannot use."""
+    """A file is not a session, or not one that this version can read."""
 
 
 class Session:
@@ -28,7 +28,7 @@ class Session:
 
     Attributes:
         path: of the file.
-        about: texts by group and name, as `contid.session.format.metadata` writes them.
+        metadata: texts by group and name, written by `contid.session.format.metadata`.
         layout: of the records.
         device_units: ``rad`` or ``pa`` by ``ROBOT.AXIS``.
         rate_hz: of the ticks.
@@ -39,48 +39,49 @@ class Session:
 
         Args:
             path: of the file.
-            progress: called with the number of ticks now and then, while `entries` reads.
+            progress: called from time to time with the number of ticks that `entries` has read.
 
         Raises:
-            SessionError: the file is no session, or its head is cut off.
+            SessionError: the file is not a session, or its head is incomplete.
         """
         self.path = path
         self._progress = progress
-        self.about: dict[str, dict[str, str]] = {}
+        self.metadata: dict[str, dict[str, str]] = {}
         self._end = EndOfFile()
         self._attachments: dict[str, bytes] = {}
         self._topics: dict[int, str] = {}
         if path.exists() and not path.is_file():
-            raise SessionError(f"{path}: not a file that can be read twice, as a session is")
+            raise SessionError(f"{path}: not a regular file")
         try:
             with path.open("rb") as file:
                 if (begin := file.read(len(mcap.MAGIC))) != mcap.MAGIC:
                     raise SessionError(f"{path}: {'not an MCAP file' if begin else 'empty'}")
                 file.seek(0)
-                begun = self._read_head(RecordStream(file))
+                has_message = self._read_head(RecordStream(file))
         except OSError as error:
             raise SessionError(f"{path}: cannot read it: {error.strerror}") from error
         except DamagedRecordError as error:
             raise SessionError(f"{path}: its head is damaged: {error}") from error
-        version = self.about.get("contid", {}).get("format")
-        known = set(self._topics.values()) & {*CHANNELS}
-        if version is None or not (begun or len(known) == len(CHANNELS)):
-            message = "; `mcap filter` keeps its metadata with --include-metadata" if begun and known else ""
+        version = self.metadata.get("contid", {}).get("format")
+        channels = set(self._topics.values()) & {*CHANNELS}
+        if version is None or not (has_message or len(channels) == len(CHANNELS)):
+            filtered = has_message and channels
+            message = "; `mcap filter` keeps its metadata with --include-metadata" if filtered else ""
             raise SessionError(f"{path}: not a session of contid, or cut off before its first tick{message}")
         if version != FORMAT:
             raise SessionError(f"{path}: format {version}; this contid reads format {FORMAT}")
         try:
-            self.layout = RecordLayout.from_json(self.about["layout"]["record"])
-            self.device_units: dict[str, str] = json.loads(self.about["layout"]["device_units"])
-            # Whatever follows needs these to fit each other.
+            self.layout = RecordLayout.from_json(self.metadata["layout"]["record"])
+            self.device_units: dict[str, str] = json.loads(self.metadata["layout"]["device_units"])
+            # Refuses layouts and units that do not fit each other.
             Decoder(self.layout, self.device_units)
-            int(self.about["clock"]["wall_ns"])
+            int(self.metadata["clock"]["wall_ns"])
         except (ValueError, KeyError, TypeError, AttributeError) as error:
             raise SessionError(f"{path}: its head is damaged: {type(error).__name__}: {error}") from error
         self.rate_hz = self.layout.rate_hz
 
     def _read_head(self, stream: RecordStream) -> bool:
-        """Everything before the first message; True when there is one."""
+        """Read everything before the first message; True if there is one."""
         for opcode, body in stream:
             if opcode == mcap.MESSAGE:
                 return True
@@ -88,37 +89,37 @@ class Session:
         return False
 
     def _keep(self, opcode: int, body: bytes) -> None:
-        """Take a record that is no message.
+        """Keep a record that is not a message.
 
-        Trajectories may come between messages; in files that other programs rewrote, channels as well.
+        Trajectories may occur between messages; in files that other programs rewrote, channels as well.
         """
         if opcode not in (mcap.METADATA, mcap.ATTACHMENT, mcap.CHANNEL):
             return
         record = mcap.understood(opcode, body)
         if opcode == mcap.METADATA:
-            self.about[record.name] = dict(record.metadata)
+            self.metadata[record.name] = dict(record.metadata)
         elif opcode == mcap.ATTACHMENT:
             self._attachments[record.name] = record.data
         else:
             self._topics[record.id] = record.topic
 
     def option(self, name: str) -> str:
-        """What the run was asked for; "" when it was not said."""
-        return self.about.get("options", {}).get(name, "")
+        """An option of the run; "" if it was not given."""
+        return self.metadata.get("options", {}).get(name, "")
 
     @property
     def clean(self) -> bool:
-        """After `entries` came to the end: the file ends as it should."""
+        """After `entries` is exhausted: the file has its proper end."""
         return self._end.clean
 
     @property
     def chunked(self) -> bool:
-        """The same: it was compacted."""
+        """After `entries` is exhausted: the file was compacted."""
         return self._end.chunked
 
     @property
     def cut(self) -> str:
-        """The same: what was found where it ends before its end, "" when it is clean."""
+        """After `entries` is exhausted: why the file ends early, "" if it is clean."""
         return self._end.cut
 
     @property
@@ -131,50 +132,51 @@ class Session:
         """The text of the robot file.
 
         Raises:
-            SessionError: it holds none.
+            SessionError: the session has none.
         """
-        text = self.about.get("robot_file", {}).get("text")
+        text = self.metadata.get("robot_file", {}).get("text")
         if text is None:
-            raise SessionError(f"{self.path}: it holds no robot file")
+            raise SessionError(f"{self.path}: has no robot file")
         return text
 
-    def robot_file(self, wired: bool = False) -> LoadedFile:
-        """The robot file of the run, its buses simulated when they were so.
+    def robot_file(self, real_buses: bool = False) -> LoadedFile:
+        """The robot file of the run, with simulated buses if they were simulated.
 
         Args:
-            wired: its own buses, even when they were simulated.
+            real_buses: its own buses, even if they were simulated.
 
         Raises:
-            SessionError: today's contid does not take it any more.
+            SessionError: this version of contid refuses it.
         """
-        text, name = self.robot_text, self.about["robot_file"].get("name", "robot_file")
+        text, name = self.robot_text, self.metadata["robot_file"].get("name", "robot_file")
         try:
             loaded = parse_robot_file(text, name, recorded=True)
         except BadInputError as error:
-            message = "its robot file is refused today; export it with --yaml, mend it, give it with --robot"
+            message = "its robot file is refused; export it with --yaml, correct it, give it with --robot"
             raise SessionError(f"{self.path}: {message}. In the recorded text:\n{error}") from error
-        return with_mock(loaded) if self.option("mock") == "True" and not wired else loaded
+        return with_mock(loaded) if self.option("mock") == "True" and not real_buses else loaded
 
     def trajectory(self, loaded: LoadedFile, played: int = 0) -> Trajectory | None:
         """A timed trajectory, bit for bit; None when there is none.
 
         Args:
-            loaded: whose columns they are.
-            played: 0 for the one the run began with; n for the n-th that came later, once `entries` is there.
+            loaded: the robot file with its columns.
+            played: 0 for the one the run started with; n for the n-th order to play one, once `entries` has
+                read it.
         """
         name = f"{TRAJECTORY}-{played}" if played else TRAJECTORY
-        about = self.about.get(name)
-        if about is None:
+        metadata = self.metadata.get(name)
+        if metadata is None:
             return None
         if f"{name}.npz" not in self._attachments:
             message = "`mcap filter` keeps it with --include-attachments, if its time is kept"
             raise SessionError(f"{self.path}: its {name}.npz is missing; {message}")
-        if not about.keys() >= {"columns", "sha256", "interpolation"}:
+        if not metadata.keys() >= {"columns", "sha256", "interpolation"}:
             raise SessionError(f"{self.path}: its trajectory has no columns")
-        return unpacked(self._attachments[f"{name}.npz"], about, loaded)
+        return unpacked(self._attachments[f"{name}.npz"], metadata, loaded)
 
     def entries(self) -> Iterator[Entry]:
-        """Ticks and events in their order; a tick that is not whole is left out."""
+        """Ticks and events in their order without incomplete ticks."""
         decoder = Decoder(self.layout, self.device_units)
         self._end = yield from read_entries(self.path, self._topics, decoder, self._keep, self._progress)
 
@@ -185,7 +187,7 @@ class Session:
                 yield self.layout.decode(tuple(entry.values))
 
     def events(self) -> Iterator[Mapping[str, Any]]:
-        """Events alone."""
+        """The events."""
         for entry in self.entries():
             if entry.event is not None:
                 yield entry.event

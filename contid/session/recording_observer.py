@@ -1,4 +1,4 @@
-"""The daemon's hold on a recording: a process of its own for a real run, a sink for one in virtual time."""
+"""A recording as an observer of the daemon: a process for a real run, a sink for one in virtual time."""
 
 from __future__ import annotations
 
@@ -24,19 +24,19 @@ from contid.session.format.metadata import TRAJECTORY, about_trajectory, describ
 from contid.session.mcap_recorder import READY
 from contid.session.write import SessionSink, SessionWriter
 
-#: How long the end of a run waits for the file to become small; 45 minutes of a hand need a tenth of it.
-PATIENCE_S: Final = 120.0
+#: How long the end of a run waits for compaction; 45 minutes of a hand take a third of it.
+COMPACTION_TIMEOUT_S: Final = 120.0
 
 
-class Recording:
-    """Records one run; an observer of the daemon (`contid.control.daemon.interfaces.Observer`)."""
+class RecordingObserver:
+    """Records one run; a `contid.control.daemon.interfaces.RunObserver`."""
 
     def __init__(self, path: Path, options: Mapping[str, str], host: str | None = None) -> None:
         """Prepare.
 
         Args:
             path: of the session; must not exist.
-            options: what the run was asked for, for the reader.
+            options: of the run, for the metadata.
             host: instead of this machine's name.
         """
         self.path = path
@@ -47,14 +47,12 @@ class Recording:
         self._played = 0
 
     def attach(self, setup: RunSetup, pid: int) -> None:
-        """Start the recorder's process and wait until its file is there.
+        """Start the recorder's process and wait until it has created its file.
 
         Raises:
-            ContidError: the file exists or cannot be written; nothing is started then.
+            ContidError: the file exists or cannot be written.
         """
-        if self.path.exists():
-            raise ContidError(f"{self.path}: is there already; a recording is never overwritten")
-        # A session of its own: what ends the daemon does not end the recording.
+        # In a session of its own: signals to the daemon's process group do not reach it.
         self._process = process = subprocess.Popen(
             [sys.executable, "-m", "contid.session.mcap_recorder"],
             stdin=subprocess.PIPE,
@@ -73,7 +71,7 @@ class Recording:
             answer = ""
         if answer != READY:
             self._close(5.0)
-            raise ContidError(answer or "the recorder ended before it began")
+            raise ContidError(answer or "the recorder did not start")
 
     def follow(self, setup: RunSetup) -> Sink:
         """Record a run in virtual time within this process.
@@ -86,38 +84,38 @@ class Recording:
         return SessionSink(self._writer, header.layout.packer())
 
     def before_order(self, message: Message) -> None:
-        """Hand the trajectory of an order over to the recorder; of other orders events hold everything."""
+        """Send the trajectory of an order to the recorder; other orders are complete in their events."""
         if not isinstance(message, Play):
             return
         self._played += 1
-        name, about = f"{TRAJECTORY}-{self._played}", about_trajectory(message.trajectory)
+        name, metadata = f"{TRAJECTORY}-{self._played}", about_trajectory(message.trajectory)
         data = packed(message.trajectory, at_once=True)
         if self._writer is not None:
-            self._writer.attach(name, NPZ, data, about)
+            self._writer.attach(name, NPZ, data, metadata)
         elif self._process is not None and self._process.stdin is not None:
-            # Through a file: a pipe would hold the daemon up for as long as the recorder takes to read.
+            # As a file: a pipe would block the daemon until the recorder has read it.
             descriptor, path = tempfile.mkstemp(".npz", "contid-", folder())
             with os.fdopen(descriptor, "wb") as file:
                 file.write(data)
             with suppress(BrokenPipeError):
-                self._process.stdin.write(Attached(name, about, path).line())
+                self._process.stdin.write(Attached(name, metadata, path).line())
                 self._process.stdin.flush()
 
     def detach(self) -> Sequence[str]:
-        """Wait until the session is whole; returns what went wrong."""
+        """Wait until the session is complete; returns errors."""
         if self._writer is not None:
             self._writer.finish()
             compact(self.path)
             self._writer = None
         if self._process is None:
             return ()
-        message, ended = self._close(PATIENCE_S)
+        message, ended = self._close(COMPACTION_TIMEOUT_S)
         if not ended:
             return (f"{self.path}: complete; it is still being compacted",)
         return message
 
-    def _close(self, patience_s: float) -> tuple[tuple[str, ...], bool]:
-        """What the recorder said since, and whether it ended in time."""
+    def _close(self, timeout_s: float) -> tuple[tuple[str, ...], bool]:
+        """Errors that the recorder reported, and whether it ended in time."""
         process, self._process = self._process, None
         assert process is not None
         assert process.stdin is not None
@@ -125,7 +123,7 @@ class Recording:
         with suppress(BrokenPipeError):
             process.stdin.close()
         try:
-            process.wait(patience_s)
+            process.wait(timeout_s)
         except subprocess.TimeoutExpired:
             process.stdout.close()
             return (), False

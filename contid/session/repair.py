@@ -1,4 +1,4 @@
-"""Making a session whole: what was cut off gets its end and an index, a copy leaves damage inside out."""
+"""Repair of a session: a truncated one gets an end and an index, a damaged one a copy of its valid part."""
 
 from __future__ import annotations
 
@@ -13,34 +13,34 @@ from contid.session.read import Session, SessionError
 
 
 def repair(source: Path, output: Path | None, progress: Callable[[int], None] = lambda ticks: None) -> str:
-    """Rewrite a session; a whole one is left alone, unless it is to be written elsewhere.
+    """Rewrite a session; a complete one is unchanged unless ``output`` is given.
 
     Args:
         source: the session.
-        output: where to, a file that does not exist; None replaces ``source``.
+        output: a file that does not exist; None replaces ``source``.
         progress: called with the number of ticks read.
 
     Returns:
-        What was done, in words.
+        What was done, as text.
 
     Raises:
-        ContidError: it is still being recorded; replacing it would lose what follows some damage; ``output``
-            exists, or cannot be written.
+        ContidError: it is still being recorded; it is damaged inside and ``output`` is None; ``output``
+            exists or cannot be written.
     """
     session = Session(source, progress)
     before = summarize(session)
     if session.clean and session.chunked and output is None:
         return f"{source}: nothing to repair"
     if session.cut == GROWING:
-        raise SessionError(f"{source}: {GROWING}; there is nothing to repair before the run has ended")
-    most = None
+        raise SessionError(f"{source}: {GROWING}; nothing to repair before the run has ended")
+    max_ticks = None
     if session.cut == DAMAGED:
-        most = before.ticks
+        max_ticks = before.ticks
         if output is None:
-            message = f"{DAMAGED} after {most} ticks; give --output for a copy of what comes before it"
-            raise SessionError(f"{source}: {message}, the rest is kept here only")
+            message = f"{DAMAGED} after {max_ticks} ticks; give --output for a copy of the part before it"
+            raise SessionError(f"{source}: {message}; this file keeps the rest")
     when = datetime.now(UTC).isoformat(timespec="seconds")
     note = {} if session.clean else {"repaired": {"when": when, "found": session.cut}}
-    target = compact(source, output, note, most)
+    target = compact(source, output, note, max_ticks)
     after = summarize(Session(target, progress))
     return f"{target}: {after.ticks} of {before.ticks} ticks, {after.state}"

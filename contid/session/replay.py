@@ -1,10 +1,10 @@
-"""Running a recording again: recorded inputs, today's code, every command compared.
+"""Replay: the recorded inputs through the present code, with every command compared.
 
     command(n) = engine(robot file, trajectory, orders up to n, samples and answers up to n - 1)
 
-The simulated drivers of a replay are the recording itself: a bus answers in every tick what it answered
-then, so commands depend on recorded inputs only, whether the devices were real or simulated and whatever time
-they ran in. Nothing waits; a tick takes as long as its arithmetic.
+The recording replaces the drivers: in every tick a bus returns its recorded answer, so commands depend on
+recorded inputs only, for real and simulated devices, in real and virtual time. Nothing waits; a tick takes as
+long as its arithmetic.
 """
 
 from __future__ import annotations
@@ -35,13 +35,13 @@ _INPUTS: Final = frozenset({"order", "answer", "stall", "device"})
 
 @dataclass(frozen=True, slots=True)
 class Replayed:
-    """What came of a replay.
+    """The result of a replay.
 
     Attributes:
-        ticks: compared.
-        divergence: the first one, None when every command was the same.
-        largest: greatest difference of a command met [m or Pa].
-        stopped: why not every recorded tick was compared, "" when every one was.
+        ticks: number of compared ticks.
+        divergence: the first one, None if every command was equal.
+        largest: largest difference of a command [m or Pa].
+        stopped: why not every recorded tick was compared, "" if all were.
     """
 
     ticks: int
@@ -50,8 +50,8 @@ class Replayed:
     stopped: str = ""
 
 
-class _Wires:
-    """The axes of a recorded bus; nothing ever calls it."""
+class RecordedBus:
+    """Name and axes of a recorded bus."""
 
     def __init__(self, name: str, axes: tuple[str, ...]) -> None:
         self.name = name
@@ -59,19 +59,19 @@ class _Wires:
 
 
 class RecordedPort:
-    """Stands in for `contid.control.engine.ports.Port`: answers as the bus did in the same tick."""
+    """Replaces `contid.control.engine.ports.Port`: returns the bus's answer recorded in the same tick."""
 
     threaded = False
 
-    def __init__(self, name: str, slots: Mapping[str, int], told: _Told) -> None:
-        self.bus = _Wires(name, tuple(slots))
+    def __init__(self, name: str, slots: Mapping[str, int], recorded: RecordedTick) -> None:
+        self.bus = RecordedBus(name, tuple(slots))
         self.lost = ""
         self.stalls = 0
         self.retry_at = 0
         self.exempt = False
         self.busy = False
         self._slots = dict(slots)
-        self._told = told
+        self._recorded = recorded
 
     def lose(self, message: str) -> None:
         """See `Port.lose`."""
@@ -82,11 +82,11 @@ class RecordedPort:
         self.busy, self.exempt = True, job.reopen or bool(job.effects)
 
     def take(self, timeout_s: float) -> BusReply | None:
-        """The recorded answer; None in a tick that ended without one."""
-        told, name = self._told, self.bus.name
-        answer = told.answers.pop(name, None)
+        """The recorded answer; None in a tick without one."""
+        recorded, name = self._recorded, self.bus.name
+        answer = recorded.answers.pop(name, None)
         if answer is None:
-            if self.lost or name in told.stalls:
+            if self.lost or name in recorded.stalls:
                 self.stalls += 1
                 return None
             answer = BusReply()
@@ -99,7 +99,7 @@ class RecordedPort:
         """See `Port.close`."""
 
     def _samples(self) -> dict[str, Sample]:
-        values, faults = self._told.values, self._told.faults
+        values, faults = self._recorded.values, self._recorded.faults
         out = {}
         for axis, at in self._slots.items():
             read = AxisRecord(*values[at : at + AXIS.size])
@@ -115,8 +115,8 @@ def _number(value: float) -> float | None:
     return None if value != value else value
 
 
-class _Told:
-    """What the recording says about the tick under way."""
+class RecordedTick:
+    """Recorded values and events of the present tick."""
 
     def __init__(self) -> None:
         self.values: Sequence[float] = ()
@@ -126,7 +126,7 @@ class _Told:
 
 
 class _Sink:
-    """Takes the record of a replayed tick."""
+    """Keeps the record of a replayed tick."""
 
     def __init__(self) -> None:
         self.values: list[float] = []
@@ -135,7 +135,7 @@ class _Sink:
         self.values = values
 
     def event(self, kind: str, **fields: Any) -> None:
-        """What the engine says again is in the recording already."""
+        """Ignored: the recording has the events."""
 
 
 def replay(session: Session, loaded: LoadedFile, tolerance: float = 0.0) -> Replayed:
@@ -144,15 +144,15 @@ def replay(session: Session, loaded: LoadedFile, tolerance: float = 0.0) -> Repl
     Args:
         session: the recording.
         loaded: robot file; the recorded one, or another with the same robots and axes.
-        tolerance: greatest difference of a command that is let pass [mm or bar]; 0 compares bit for bit.
+        tolerance: allowed difference of a command [mm or bar]; 0 compares bit for bit.
 
     Raises:
-        ContidError: the robot file has other robots or axes, or the trajectory no longer fits it.
+        ContidError: the robot file has other robots or axes, or the trajectory does not fit it.
     """
     refuse_other_robots(session, loaded)
-    told, sink = _Told(), _Sink()
+    recorded, sink = RecordedTick(), _Sink()
     ports = {
-        bus.name: RecordedPort(bus.name, _slots(session, [axis for axis, _ in bus.axes]), told)
+        bus.name: RecordedPort(bus.name, _slots(session, [axis for axis, _ in bus.axes]), recorded)
         for bus in loaded.buses.values()
         if bus.axes
     }
@@ -187,13 +187,13 @@ def replay(session: Session, loaded: LoadedFile, tolerance: float = 0.0) -> Repl
             if tick <= last:
                 message = f"tick {tick} comes after tick {last}: more than one run is in the file"
             return Replayed(count, None, comparison.largest, message)
-        told.values, told.stalls = values, set()
+        recorded.values, recorded.stalls = values, set()
         for event in by_tick.pop(tick, ()):
             try:
                 if event.get("order") == "play":
                     played += 1
                     event = {**event, "trajectory": session.trajectory(loaded, played)}
-                _apply(event, told, engine, tick)
+                _apply(event, recorded, engine, tick)
             except ContidError as error:
                 return Replayed(count, None, comparison.largest, str(error))
         engine.cycle(Timing(tick, skipped, math.nan))
@@ -204,14 +204,14 @@ def replay(session: Session, loaded: LoadedFile, tolerance: float = 0.0) -> Repl
     return Replayed(count, None, comparison.largest)
 
 
-def _apply(event: Mapping[str, Any], told: _Told, engine: Engine, tick: int) -> None:
-    """Give the tick under way what an event says about it.
+def _apply(event: Mapping[str, Any], recorded: RecordedTick, engine: Engine, tick: int) -> None:
+    """Apply an event to the present tick.
 
     Raises:
-        ContidError: it does not say it.
+        ContidError: the event is damaged.
     """
     try:
-        order = _understood(event, told)
+        order = _decode(event, recorded)
     except (ValueError, KeyError, TypeError, AttributeError, IndexError) as error:
         message = f"its event {event['event']!r} is damaged: {type(error).__name__}: {error}"
         raise ContidError(f"tick {tick}: {message}") from error
@@ -219,23 +219,23 @@ def _apply(event: Mapping[str, Any], told: _Told, engine: Engine, tick: int) -> 
         engine.obey(order, tick)
 
 
-def _understood(event: Mapping[str, Any], told: _Told) -> Message | None:
-    """The order that an event is; of other events, what they tell is kept."""
+def _decode(event: Mapping[str, Any], recorded: RecordedTick) -> Message | None:
+    """The order of an event, if it is one; other inputs are kept in ``recorded``."""
     match event["event"]:
         case "order":
-            known = event.get("trajectory")
-            return order_of(event) if known is None else Play(known)
+            trajectory = event.get("trajectory")
+            return order_of(event) if trajectory is None else Play(trajectory)
         case "answer":
-            told.answers[event["bus"]] = answer_of(event)
+            recorded.answers[event["bus"]] = answer_of(event)
         case "stall":
-            told.stalls.add(event["bus"])
+            recorded.stalls.add(event["bus"])
         case "device":
-            told.faults[event["axis"]] = event["fault"]
+            recorded.faults[event["axis"]] = event["fault"]
     return None
 
 
 def _slots(session: Session, axes: Sequence[str]) -> dict[str, int]:
-    """Where a bus's axes begin in a record."""
+    """Index of the first value of every axis of a bus in a record."""
     slots = {}
     for index, robot in enumerate(session.layout.robots):
         for number, axis in enumerate(robot.axes):

@@ -1,4 +1,4 @@
-"""What a replay found, in words and as JSON."""
+"""The result of a replay as text and as JSON."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ _SHOWN: dict[str, tuple[str, float]] = {"m": ("mm", 1e3), "pa": ("bar", 1e-5)}
 
 def changed_versions(session: Session) -> list[str]:
     """Versions that differ between the recording and now."""
-    then = session.about["contid"]
+    then = session.metadata["contid"]
     return [
         f"{name}: {then.get(name, '?')} -> {now}"
         for name, now in versions().items()
@@ -23,8 +23,8 @@ def changed_versions(session: Session) -> list[str]:
     ]
 
 
-def as_words(session: Session, replayed: Replayed, changed: list[Difference], took_s: float) -> list[str]:
-    """Lines for a person."""
+def as_text(session: Session, replayed: Replayed, changed: list[Difference], took_s: float) -> list[str]:
+    """Lines of text."""
     speed = replayed.ticks / session.rate_hz / took_s if took_s > 0 else 0.0
     lines = [f"replay: {replayed.ticks} ticks in {took_s:.1f} s, {speed:.0f} times real time"]
     lines += [f"robot file: {each}" for each in changed]
@@ -32,11 +32,9 @@ def as_words(session: Session, replayed: Replayed, changed: list[Difference], to
     if replayed.divergence is not None:
         lines += _divergence(replayed.divergence)
     elif replayed.ticks == 0:
-        lines.append("nothing compared: no tick was recorded")
+        lines.append("nothing to compare: no tick was recorded")
     elif replayed.largest > 0.0:
-        lines.append(
-            f"every command is within the tolerance; greatest difference {replayed.largest:.3g} (SI)"
-        )
+        lines.append(f"every command is within the tolerance; largest difference {replayed.largest:.3g} (SI)")
     else:
         lines.append("every command is the same, bit for bit")
     if replayed.stopped:
@@ -47,7 +45,7 @@ def as_words(session: Session, replayed: Replayed, changed: list[Difference], to
 
 
 def as_json(session: Session, replayed: Replayed, changed: list[Difference], took_s: float) -> dict[str, Any]:
-    """For ``--json``."""
+    """The object for ``--json``."""
     found = replayed.divergence
     divergence: dict[str, Any] | None = None
     if found is not None:
@@ -82,25 +80,25 @@ def _divergence(found: Divergence) -> list[str]:
     lines = [
         f"first divergence: {at}): {found.where} {found.what}",
         f"  recorded {found.recorded!r}{unit}",
-        f"  replayed {found.replayed!r}{unit}{_apart(found)}",
+        f"  replayed {found.replayed!r}{unit}{_difference(found)}",
     ]
     last = dict(found.last_equal)
     if not last:
-        return [*lines, "  it is the first tick; there is no equal state before it"]
+        return [*lines, "  the first tick differs; there is no equal state before it"]
     axes = {name: value for name, value in last.items() if isinstance(value, dict)}
     lines.append(
         f"last equal state: tick {last['tick']}, {found.robot} {last['mode']}, fault {last['fault']}"
     )
     for name, values in axes.items():
-        told = ", ".join(f"{what} {value!r}" for what, value in values.items())
-        lines.append(f"  {found.robot}.{name}: {told}")
+        details = ", ".join(f"{what} {value!r}" for what, value in values.items())
+        lines.append(f"  {found.robot}.{name}: {details}")
     return lines
 
 
-def _apart(found: Divergence) -> str:
+def _difference(found: Divergence) -> str:
     """The difference in the unit of robot files."""
-    apart = found.replayed - found.recorded
-    if apart != apart or not found.unit:
+    difference = found.replayed - found.recorded
+    if difference != difference or not found.unit:
         return ""
     unit, factor = _SHOWN.get(found.unit, (found.unit, 1.0))
-    return f" ({apart * factor:+.3g} {unit})"
+    return f" ({difference * factor:+.3g} {unit})"

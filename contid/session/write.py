@@ -1,8 +1,8 @@
-"""A session while it grows: unchunked MCAP, every tick in one write to the operating system.
+"""Recording: unchunked MCAP, every tick in one write to the operating system.
 
-What the operating system has taken survives any death of this process; a power cut costs what the system had
-not yet brought to the disk. A clean end adds the footer, and `contid.session.compact` makes the file small.
-Until then the file is locked: readers take what there is, and nobody repairs it.
+Written data survive the end of this process; a power cut loses what was not yet on the disk. A clean end adds
+the footer, and `contid.session.compact` compresses the file. Until then the file is locked: it can be read,
+but not repaired.
 """
 
 from __future__ import annotations
@@ -22,9 +22,10 @@ from contid.session.format import mcap_records as mcap
 from contid.session.format.channels import CHANNELS, EVENT, schema
 from contid.session.format.encode import Encoder
 from contid.session.format.header import Header
+from contid.session.output import exists_error
 
-#: Without anybody who waits for it (virtual time), so much is gathered before a write.
-_ENOUGH: Final = 1 << 20
+#: Bytes collected before a write in virtual time, where no reader follows the file.
+_BUFFER_BYTES: Final = 1 << 20
 _EVENT_ID: Final = CHANNELS.index(EVENT) + 1
 
 
@@ -32,10 +33,10 @@ class SessionWriter:
     """Writes one session."""
 
     def __init__(self, path: Path, header: Header) -> None:
-        """Create the file with everything that comes before the first tick.
+        """Create the file with its head.
 
         Raises:
-            ContidError: it exists already (a recording is never overwritten), or cannot be created.
+            ContidError: it exists, or cannot be created.
         """
         self.path = path
         self._header = header
@@ -45,7 +46,7 @@ class SessionWriter:
         try:
             self._file = os.open(path, os.O_WRONLY | os.O_CREAT | os.O_EXCL, 0o644)
         except FileExistsError:
-            raise ContidError(f"{path}: is there already; a recording is never overwritten") from None
+            raise exists_error(path) from None
         except OSError as error:
             raise ContidError(f"{path}: cannot record: {error.strerror}") from error
         with suppress(OSError):  # a file system without locks
@@ -64,31 +65,31 @@ class SessionWriter:
         return len(self._buffer)
 
     def tick(self, values: Sequence[float]) -> None:
-        """Add a tick: all values of a record in order, integers as integers."""
+        """Add a tick: the values of a record in order, integers as integers."""
         tick, time_ns = int(values[TICK]), self._header.time_ns(values[DEADLINE])
         self._time_ns, self._sequence = time_ns, tick
         for number, data in enumerate(self._encoder.encode(values), 1):
             self._buffer += mcap.message(number, tick, time_ns, data)
 
     def event(self, event: Mapping[str, Any]) -> None:
-        """Add an event; its time is that of the newest tick."""
+        """Add an event at the time of the newest tick."""
         data = json.dumps(event, separators=(",", ":")).encode()
         self._buffer += mcap.message(_EVENT_ID, self._sequence, self._time_ns, data)
 
-    def attach(self, name: str, media: str, data: bytes, about: Mapping[str, str]) -> None:
-        """Add a file and what is to be known about it."""
+    def attach(self, name: str, media: str, data: bytes, metadata: Mapping[str, str]) -> None:
+        """Add a file and its metadata."""
         from mcap.records import Attachment, Metadata
 
         self._buffer += mcap.built(
-            Metadata(name=name, metadata=dict(about)),
+            Metadata(name=name, metadata=dict(metadata)),
             Attachment(self._time_ns, self._time_ns, f"{name}.npz", media, data),
         )
 
     def flush(self) -> None:
-        """Hand everything to the operating system.
+        """Write the buffer to the file.
 
         Raises:
-            ContidError: the disk is full, or gone.
+            ContidError: the disk is full or disconnected.
         """
         view = memoryview(self._buffer)
         try:
@@ -102,7 +103,7 @@ class SessionWriter:
         self._buffer.clear()
 
     def finish(self) -> None:
-        """End the file as MCAP demands, without an index."""
+        """End the file as MCAP requires, without an index."""
         from mcap.records import DataEnd, Footer
 
         self._buffer += mcap.built(DataEnd(0), Footer(0, 0, 0)) + mcap.MAGIC
@@ -110,27 +111,27 @@ class SessionWriter:
         self.close()
 
     def close(self) -> None:
-        """Let the file go as it is; idempotent."""
+        """Close the file as it is; idempotent."""
         if self._file >= 0:
             os.close(self._file)
             self._file = -1
 
 
 class SessionSink:
-    """A session as a sink of an engine in the same process: runs in virtual time."""
+    """Records the ticks of a run in virtual time; see `contid.control.engine.cycle.Sink`."""
 
     def __init__(self, writer: SessionWriter, layout_packer: struct.Struct) -> None:
         self._writer = writer
         self._packer = layout_packer
 
     def write(self, values: list[float]) -> None:
-        """See `contid.control.engine.cycle.Sink`; the numbers become what they are in a ring."""
+        """Record a tick, with its numbers as a ring would return them."""
         self._writer.tick(self._packer.unpack(self._packer.pack(*values)))
-        if self._writer.pending > _ENOUGH:
+        if self._writer.pending > _BUFFER_BYTES:
             self._writer.flush()
 
     def event(self, kind: str, **fields: Any) -> None:
-        """See `contid.control.engine.cycle.Sink`."""
+        """Record an event."""
         self._writer.event({"event": kind, **fields})
 
 
@@ -144,7 +145,7 @@ def head_records(header: Header) -> bytes:
         out.append(records.Attachment(header.wall_ns, header.wall_ns, name, media, data))
     for number, channel in enumerate(CHANNELS, 1):
         text = json.dumps(schema(header.layout, header.device_units, channel)).encode()
-        about = records.Schema(id=number, name=f"contid.{channel}", encoding="jsonschema", data=text)
-        out.append(about)
+        declared = records.Schema(id=number, name=f"contid.{channel}", encoding="jsonschema", data=text)
+        out.append(declared)
         out.append(records.Channel(number, channel, "json", {}, number))
     return mcap.built(*out)

@@ -30,7 +30,7 @@ from contid.robot_file.shipped import configs_folder
 from contid.session.export import export_joined
 from contid.session.info import summarize
 from contid.session.read import Session
-from contid.session.recording_observer import Recording
+from contid.session.recording_observer import RecordingObserver
 from contid.session.replay import replay
 from contid.trajectory.read import read_trajectory
 from contid.trajectory.stream import StreamParser
@@ -207,7 +207,7 @@ def _recorded() -> bytes:
     source = read_trajectory(io.StringIO(text), "t.csv", dict(loaded.file.robots))
     with tempfile.TemporaryDirectory() as folder, ExitStack() as stack:
         path = Path(folder) / "s.mcap"
-        recording = Recording(path, {"mock": "True"})
+        recording = RecordingObserver(path, {"mock": "True"})
         sink = recording.follow(RunSetup(loaded, 50.0, Path(), source, OnEnd.STOP, attended=False))
         stack.callback(recording.detach)
         run_virtual(loaded, 50.0, source, sinks=[sink])

@@ -20,7 +20,7 @@ from contid.control.engine.wiring import build_robot_configs, driven_robots
 from contid.control.process.setup import RunSetup
 from contid.control.tick.config import RobotConfig
 from contid.robot_file.load import LoadedFile, load_robot_file, with_mock
-from contid.session.recording_observer import Recording
+from contid.session.recording_observer import RecordingObserver
 from contid.targets import Actuation
 from contid.trajectory.read import read_trajectory
 from contid.trajectory.timed import Trajectory
@@ -72,7 +72,7 @@ def record(name: str, path: Path, robot_file: Path | None = None) -> None:
     """Record one session."""
     loaded = with_mock(load_robot_file(robot_file or CONFIGS / f"{name}.yaml"))
     rows = trajectory(loaded, RATE_HZ)
-    recording = Recording(
+    recording = RecordingObserver(
         path, {"mock": "True", "unreachable": "refuse", "input": "golden.csv"}, host="golden"
     )
     sink = recording.follow(RunSetup(loaded, RATE_HZ, Path(), rows, OnEnd.STOP, attended=False))

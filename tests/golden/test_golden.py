@@ -72,12 +72,12 @@ def test_they_are_small_and_name_no_machine() -> None:
     for path in FOLDER.glob("*.mcap"):
         assert path.stat().st_size < 150_000
         session = Session(path)
-        assert session.about["contid"]["host"] == "golden"
-        assert not Path(session.about["robot_file"]["name"]).is_absolute()
+        assert session.metadata["contid"]["host"] == "golden"
+        assert not Path(session.metadata["robot_file"]["name"]).is_absolute()
 
 
 def _changed(session: Session) -> LoadedFile:
     old, new = MUTATIONS[session.path.stem]
-    text = session.about["robot_file"]["text"]
+    text = session.metadata["robot_file"]["text"]
     assert old in text
     return with_mock(parse_robot_file(text.replace(old, new, 1), "changed.yaml"))

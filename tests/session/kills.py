@@ -1,7 +1,7 @@
 """Killing what records, at random moments; a campaign is ``python -m tests.session.kills 200``.
 
-The ring of the run is mapped from outside before the kill, so that afterwards it says how many ticks there
-were, however everything ended.
+The ring of the run is mapped from outside before the kill, so that the number of written ticks
+is still readable afterwards.
 """
 
 from __future__ import annotations
@@ -132,8 +132,8 @@ def main() -> None:
         wrong += bad
         if bad or left.lost > 1:
             print(f"{number}: {left}", flush=True)
-    told = ", ".join(f"{ticks}: {count}" for ticks, count in sorted(lost.items()))
-    print(f"{chosen.victim} killed {chosen.times} times; ticks lost: times {{{told}}}; {wrong} wrong")
+    times = ", ".join(f"{ticks}: {count}" for ticks, count in sorted(lost.items()))
+    print(f"{chosen.victim} killed {chosen.times} times; ticks lost: times {{{times}}}; {wrong} wrong")
 
 
 if __name__ == "__main__":

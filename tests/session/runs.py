@@ -17,7 +17,7 @@ from contid.control.process.setup import RunSetup
 from contid.control.tick.config import RobotConfig
 from contid.kinematics.model import Pose
 from contid.robot_file.load import LoadedFile, parse_robot_file, with_mock
-from contid.session.recording_observer import Recording
+from contid.session.recording_observer import RecordingObserver
 from contid.targets import Target
 from contid.trajectory.timed import Trajectory
 from tests.control.fingers import circle, fingers
@@ -38,7 +38,7 @@ def record_virtual(
     rate_hz: float = 200.0,
 ) -> Path:
     """Record a run in virtual time."""
-    recording = Recording(path, {"mock": "False", "input": "test"}, host="test")
+    recording = RecordingObserver(path, {"mock": "False", "input": "test"}, host="test")
     sink = recording.follow(RunSetup(loaded, rate_hz, Path(), trajectory, on_end, attended=False))
     for messages in (orders or {}).values():
         for message in messages:

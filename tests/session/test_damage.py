@@ -1,4 +1,4 @@
-"""Sessions that lie about their size, or hold what no recorder writes: bounded memory, an answer in words."""
+"""Sessions with false sizes or contents that no recorder writes: bounded memory and a clear error."""
 
 from __future__ import annotations
 
@@ -100,7 +100,7 @@ def test_a_length_beyond_the_file_sets_nothing_aside() -> None:
 
 
 def _with(growing: Path, folder: Path, body: bytes, before: int = mcap.DATA_END) -> Path:
-    """The session with one more event before the first record of a kind, whole but for what it says."""
+    """The session with one more event, of damaged content, before the first record of a kind."""
     path = folder / "more.mcap"
     data = growing.read_bytes()
     at = len(mcap.MAGIC)
@@ -244,6 +244,6 @@ def test_every_bit_of_an_attachment_matters(growing: Path) -> None:
     for at in range(0, len(data), max(1, len(data) // 300)):
         flipped = bytearray(data)
         flipped[at] ^= 1 << at % 8
-        # Some bits mean nothing to the rows; of the others the checksum tells.
+        # Some bits do not change the rows; the checksum detects the others.
         with suppress(ContidError):
             assert unpacked(bytes(flipped), about, loaded).rows.tobytes() == trajectory.rows.tobytes()

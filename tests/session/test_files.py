@@ -9,6 +9,7 @@ import os
 import subprocess
 import sys
 from collections import Counter
+from dataclasses import asdict
 from pathlib import Path
 
 import pytest
@@ -240,11 +241,11 @@ def test_the_summary_tells_what_happened(recorded: Path) -> None:
     assert {name: robot["mode"] for name, robot in info.robots.items()} == {"f0": "OFF", "f1": "OFF"}
     assert info.duration_s == pytest.approx((info.ticks - 1) / 200.0, abs=1e-6)
     assert info.input == "test, 51 rows"
-    json.dumps(info.as_dict())
+    json.dumps(asdict(info))
 
 
 def test_the_recorder_does_not_carry_numpy_along() -> None:
     """It stays for as long as the run: 14 MB of a library that it has no use for."""
     message = "import contid.session.mcap_recorder, sys; print('numpy' in sys.modules)"
-    told = subprocess.run([sys.executable, "-c", message], capture_output=True, text=True, check=True)
-    assert told.stdout.strip() == "False"
+    done = subprocess.run([sys.executable, "-c", message], capture_output=True, text=True, check=True)
+    assert done.stdout.strip() == "False"

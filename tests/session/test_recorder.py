@@ -1,4 +1,4 @@
-"""The recorder's process: loses nothing, bothers nobody, survives the daemon, says what it could not keep."""
+"""The recorder's process: loses no tick, does not disturb a run, outlives the daemon, reports an overrun."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ from contid.session.format.metadata import describe
 from contid.session.info import summarize
 from contid.session.mcap_recorder import McapRecorder
 from contid.session.read import Session
-from contid.session.recording_observer import Recording
+from contid.session.recording_observer import RecordingObserver
 from contid.session.replay import replay
 from tests.cli.command import contid
 from tests.control.fingers import circle_csv, fingers, load
@@ -107,7 +107,7 @@ def test_a_file_that_exists_stops_the_run_before_it_moves(tmp_path: Path) -> Non
 
 
 def test_a_folder_that_is_not_there_is_named(tmp_path: Path, shared: Path) -> None:
-    recording = Recording(tmp_path / "missing" / "s.mcap", {})
+    recording = RecordingObserver(tmp_path / "missing" / "s.mcap", {})
     setup = RunSetup(load(2), 200.0, shared, None, OnEnd.HOLD, attended=True)
     with pytest.raises(ContidError, match=r"missing/s\.mcap: cannot record: No such file"):
         recording.attach(setup, os.getpid())
@@ -126,7 +126,7 @@ def test_being_lapped_is_counted(tmp_path: Path, shared: Path) -> None:
     info = summarize(session)
     assert info.ticks + info.lost == 1000
     assert info.lost > 700
-    assert any("overrun" in line for line in info.told)
+    assert any("overrun" in line for line in info.listed)
     assert replay(session, load(2)).stopped.startswith("ticks 0 to ")
 
 
@@ -144,7 +144,7 @@ def test_it_ends_when_its_writer_is_gone(tmp_path: Path, shared: Path) -> None:
     writer.close()
     session = Session(tmp_path / "s.mcap")
     assert summarize(session).ticks == 10
-    assert {"event": "recorder", "message": "the control process ended without a word"} in session.events()
+    assert {"event": "recorder", "message": "the control process ended unexpectedly"} in session.events()
 
 
 @pytest.mark.realtime

@@ -17,7 +17,7 @@ from contid.errors import ContidError
 from contid.robot_file.load import parse_robot_file
 from contid.session.differences import differences
 from contid.session.read import Session
-from contid.session.recording_observer import Recording
+from contid.session.recording_observer import RecordingObserver
 from contid.session.replay import Replayed, replay
 from contid.targets import Target
 from tests.control.fingers import circle, fingers, load
@@ -92,7 +92,7 @@ def test_faults_of_devices(faults: str, tmp_path: Path) -> None:
 
 def test_a_millionth_of_a_millimetre_is_found_and_named(recorded: Path) -> None:
     session = Session(recorded)
-    text = session.about["robot_file"]["text"]
+    text = session.metadata["robot_file"]["text"]
     changed = parse_robot_file(
         text.replace("tip_length_mm: 22", "tip_length_mm: 22.000001", 1), "changed.yaml"
     )
@@ -123,13 +123,13 @@ def test_the_sign_of_zero_is_a_bit(recorded: Path) -> None:
 
 
 def test_other_robots_are_refused(recorded: Path) -> None:
-    with pytest.raises(ContidError, match="other robots or axes than were recorded"):
+    with pytest.raises(ContidError, match="other robots or axes than recorded"):
         replay(Session(recorded), load(1))
 
 
 def test_a_gap_in_the_recording_ends_the_replay(recorded: Path, tmp_path: Path) -> None:
     loaded = load(2)
-    recording = Recording(tmp_path / "gap.mcap", {"mock": "False"})
+    recording = RecordingObserver(tmp_path / "gap.mcap", {"mock": "False"})
     sink = recording.follow(RunSetup(loaded, 200.0, Path(), circle(loaded), OnEnd.STOP, attended=False))
     assert record_layout(loaded, 200.0) == Session(recorded).layout
     for entry in Session(recorded).entries():
@@ -147,7 +147,7 @@ def test_a_gap_in_the_recording_ends_the_replay(recorded: Path, tmp_path: Path) 
 
 def test_two_runs_in_one_file_are_not_taken_for_one(recorded: Path, tmp_path: Path) -> None:
     loaded = load(2)
-    recording = Recording(tmp_path / "two.mcap", {"mock": "False"})
+    recording = RecordingObserver(tmp_path / "two.mcap", {"mock": "False"})
     sink = recording.follow(RunSetup(loaded, 200.0, Path(), circle(loaded), OnEnd.STOP, attended=False))
     for _ in range(2):
         for entry in Session(recorded).entries():
@@ -183,7 +183,7 @@ def test_the_recorder_takes_a_trajectory_that_came_during_the_run(tmp_path: Path
     loaded = load(2)
     shared = ring.create(record_layout(loaded, 200.0))
     writer = ring.RingWriter(shared)
-    recording = Recording(tmp_path / "s.mcap", {"mock": "False"})
+    recording = RecordingObserver(tmp_path / "s.mcap", {"mock": "False"})
     recording.attach(RunSetup(loaded, 200.0, shared, None, OnEnd.HOLD, attended=True), os.getpid())
     second = circle(loaded, period_s=0.8)
     recording.before_order(msg.Play(second))

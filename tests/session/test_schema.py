@@ -106,8 +106,8 @@ def _optional(schema: dict[str, Any], message: dict[str, Any]) -> Iterator[tuple
 @pytest.mark.parametrize("path", REVISIONS, ids=lambda path: path.stem)
 def test_sessions_of_every_revision_are_read_and_replayed(path: Path) -> None:
     session = Session(path)
-    assert session.about["contid"].get("revision", "0") == path.stem
-    assert not Path(session.about["robot_file"]["name"]).is_absolute()
+    assert session.metadata["contid"].get("revision", "0") == path.stem
+    assert not Path(session.metadata["robot_file"]["name"]).is_absolute()
     result = replay(session, session.robot_file(), TOLERANCE)
     assert session.clean
     assert (result.divergence, result.stopped) == (None, "")
@@ -121,9 +121,9 @@ def test_values_of_every_revision_are_those_in_the_file(path: Path) -> None:
     for topic, _, message in _messages(path):
         if topic == "sample":
             record = next(records)
-            for robot, told in zip(record.robots, message["robots"].values(), strict=True):
-                seen = told.get("measured_tip_m") or [math.nan] * 3
+            for robot, sample in zip(record.robots, message["robots"].values(), strict=True):
+                seen = sample.get("measured_tip_m") or [math.nan] * 3
                 assert repr(list(robot.measured_tip_m)) == repr(seen)
                 for axis, name in zip(robot.axes, ("left", "right"), strict=True):
-                    assert (axis.value, axis.valid) == (told[name]["value_rad"], told[name]["valid"])
+                    assert (axis.value, axis.valid) == (sample[name]["value_rad"], sample[name]["valid"])
     assert next(records, None) is None

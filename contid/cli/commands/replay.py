@@ -44,7 +44,7 @@ def command(session_file: str, robot: str | None, tolerance: float, hardware: bo
         from contid.cli.commands.run import finish
         from contid.session.hardware import run_on_hardware
 
-        recorded = session.robot_file(wired=True)
+        recorded = session.robot_file(real_buses=True)
         finish(run_on_hardware(session, recorded, given or recorded), as_json)
     with counting("ticks replayed") as count:
         session = Session(Path(session_file), count)
@@ -57,5 +57,5 @@ def command(session_file: str, robot: str | None, tolerance: float, hardware: bo
     if as_json:
         click.echo(json.dumps(result))
     else:
-        click.echo("\n".join(replay_report.as_words(session, replayed, changed, took_s)))
+        click.echo("\n".join(replay_report.as_text(session, replayed, changed, took_s)))
     sys.exit(0 if result["same"] else 1)

@@ -100,10 +100,10 @@ def command(
 
     observers: list[RunObserver] = []
     if record is not None:
-        from contid.session.recording_observer import Recording
+        from contid.session.recording_observer import RecordingObserver
 
         asked = {"mock": mock or virtual, "unreachable": unreachable, "input": trajectory or "stdin"}
-        observers.append(Recording(Path(record), {name: str(value) for name, value in asked.items()}))
+        observers.append(RecordingObserver(Path(record), {name: str(value) for name, value in asked.items()}))
     if view_target is not None:
         from contid.view.observer import ViewerObserver
 

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import os
+from dataclasses import asdict
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -34,7 +35,7 @@ def info(session_file: str, as_json: bool) -> None:
 
     with counting("ticks read") as count:
         summary = summarize(Session(Path(session_file), count))
-    click.echo(json.dumps(summary.as_dict()) if as_json else str(summary))
+    click.echo(json.dumps(asdict(summary)) if as_json else str(summary))
 
 
 @command.command()
@@ -49,7 +50,7 @@ def export(
     session_file: str, csv_path: str | None, rrd_path: str | None, yaml_path: str | None, robot: str | None
 ) -> None:
     """Write SESSION_FILE as CSV (mm, bar), as a Rerun recording, or its robot file."""
-    from contid.session.export import export_channels, export_joined, export_robot_file, refuse_to_replace
+    from contid.session.export import export_channels, export_joined, export_robot_file, refuse_recording
     from contid.session.read import Session
 
     outputs = [Path(path) for path in (csv_path, rrd_path, yaml_path) if path is not None]
@@ -60,7 +61,7 @@ def export(
     with counting("ticks read") as count:
         session = Session(Path(session_file), count)
         for path in outputs:
-            refuse_to_replace(path)
+            refuse_recording(path)
         if yaml_path is not None:
             export_robot_file(session, Path(yaml_path))
         written = [] if yaml_path is None else [Path(yaml_path)]
