@@ -1,8 +1,7 @@
-"""Jerk-limited motion in actuator space: the way to the first row, to a rest pose, and to a standstill.
+"""Jerk-limited motion in actuator space, to the first row of a trajectory or to a rest pose.
 
 Time-optimal third-order profiles, synchronised so that every axis arrives at once. Values are scaled by the
-velocity limit before they reach the solver, so lengths in metres and pressures in pascals are equally well
-conditioned for its absolute tolerances.
+velocity limit, so that lengths [m] and pressures [Pa] suit the solver's absolute tolerances.
 
 Source: L. Berscheid, T. Kroeger, "Jerk-limited Real-time Trajectory Generation with Arbitrary Target
 States", RSS 2021 (the ruckig library).
@@ -19,22 +18,22 @@ from contid.targets import Actuation
 
 Limit = float | Sequence[float]
 
-#: A speed so little above its limit is the limit, rounded. The solver finds no way for several axes that are
-#: all a few float64 steps above it (one in eight of such problems); it does for the limit itself.
+#: A speed above its limit by rounding is set to the limit: the solver fails for one in eight problems where
+#: several axes are a few float64 steps above it.
 _ROUNDING: Final = 1e-9
 
 
 class MotionError(ContidError):
-    """No jerk-limited motion exists for these numbers; the message says which were not usable."""
+    """No jerk-limited motion exists for these numbers; the message names them."""
 
 
 class Approach:
     """A motion from a state to a goal at rest.
 
     Args:
-        start: where every axis is [m or Pa].
-        start_velocity: how fast every axis moves now [m/s or Pa/s].
-        goal: where every axis shall rest.
+        start: position of every axis [m or Pa].
+        start_velocity: [m/s or Pa/s].
+        goal: position of every axis at rest.
         velocity_limit, acceleration_limit, jerk_limit: one for all axes, or one per axis.
         start_acceleration: zero when left out.
 
@@ -52,7 +51,7 @@ class Approach:
         jerk_limit: Limit,
         start_acceleration: Sequence[float] | None = None,
     ) -> None:
-        self._goal: Actuation | None = tuple(float(value) for value in goal)
+        self._goal: Actuation = tuple(float(value) for value in goal)
         self._solve(start, start_velocity, start_acceleration, velocity_limit, acceleration_limit, jerk_limit)
 
     @property
@@ -62,12 +61,12 @@ class Approach:
 
     @property
     def goal(self) -> Actuation:
-        """Where the motion ends."""
-        return self.at(self._duration_s)[0]
+        """Position at the end."""
+        return self._goal
 
     def at(self, time_s: float) -> tuple[Actuation, Actuation]:
         """Position and velocity ``time_s`` after the start; the start before it, the goal at rest after."""
-        if time_s >= self._duration_s and self._goal is not None:
+        if time_s >= self._duration_s:
             return self._goal, (0.0,) * len(self._goal)
         if time_s <= 0.0:
             return self._start, self._start_velocity
@@ -105,11 +104,8 @@ class Approach:
         problem.synchronization = ruckig.Synchronization.Time
         problem.target_velocity = [0.0] * axes
         problem.target_acceleration = [0.0] * axes
-        if self._goal is None:
-            problem.control_interface = ruckig.ControlInterface.Velocity
-        else:
-            problem.target_position = _scaled(self._goal, self._scale)
-            problem.current_velocity = [_at_most_one(value) for value in problem.current_velocity]
+        problem.target_position = _scaled(self._goal, self._scale)
+        problem.current_velocity = [_at_most_one(value) for value in problem.current_velocity]
         self._trajectory: Any = ruckig.Trajectory(axes)
         try:
             result = ruckig.Ruckig(axes).calculate(problem, self._trajectory)

@@ -1,7 +1,6 @@
-"""What the columns of a trajectory mean: names to robots, quantities and SI.
+"""Columns of a trajectory: names to robots, quantities and SI.
 
-A column is ``ROBOT.QUANTITY``; the robot's name may be left out when only one robot knows the quantity.
-``vocabulary`` is the one list of quantities; everything else - parsing, messages, ``contid path`` - uses it.
+A column is ``ROBOT.QUANTITY``; the robot's name may be left out when only one robot has the quantity.
 """
 
 from __future__ import annotations
@@ -19,7 +18,7 @@ from contid.targets import ZERO3, Target, Vec3
 
 TIME: Final = "t_s"
 _AXES: Final = ("x", "y", "z")
-#: Quantities that say where the robot goes; the others only travel along.
+#: Quantities that command motion; the others are inputs (loads, measurements).
 MOVING: Final = frozenset({"tip", "direction", "mid", "actuation", "extra"})
 
 
@@ -27,7 +26,7 @@ MOVING: Final = frozenset({"tip", "direction", "mid", "actuation", "extra"})
 class Meaning:
     """One quantity of a robot: its group, its place in the group, and ``si = value * factor / divisor``.
 
-    Two numbers for one scale because 70 / 1000 is the nearest double to 0.07 and 70 * 0.001 is not.
+    Two numbers for one scale: 70 / 1000 is the nearest double to 0.07, 70 * 0.001 is not.
     """
 
     group: str
@@ -37,7 +36,7 @@ class Meaning:
 
 
 def vocabulary(robot: RobotDescription) -> dict[str, Meaning]:
-    """Every column a robot understands, without its name in front."""
+    """Every column of a robot, without its name in front."""
     known: dict[str, Meaning] = {}
     axes = _AXES[: robot.dimension]
     positions = (("tip", "", "tip"), ("mid", "mid.", "mid"), ("tip", "meas.", "measured"))
@@ -46,7 +45,7 @@ def vocabulary(robot: RobotDescription) -> dict[str, Meaning]:
             for place, axis in enumerate(axes):
                 known[f"{prefix}{axis}_mm"] = Meaning(group, place, divisor=1e3)
     if "tip" in robot.accepts:
-        # A tracker may see a direction that the robot cannot be asked for.
+        # Trackers may measure a direction that the robot cannot be commanded to.
         known.update(
             {f"meas.a{axis}": Meaning("measured_direction", place) for place, axis in enumerate(axes)}
         )
@@ -64,23 +63,23 @@ def vocabulary(robot: RobotDescription) -> dict[str, Meaning]:
     return known
 
 
-def column_groups(front: str, robot: RobotDescription) -> dict[str, list[str]]:
-    """The columns of a robot by kind of target, in the order a row may have them.
+def column_groups(prefix: str, robot: RobotDescription) -> dict[str, list[str]]:
+    """The columns of a robot by kind of target.
 
     Args:
-        front: what stands before each name: ``"left."``, or ``""`` for a robot alone.
+        prefix: in front of each name: ``"left."``, or ``""`` for a single robot.
         robot: its description.
     """
     found: dict[str, list[str]] = {}
     for name, meaning in vocabulary(robot).items():
-        found.setdefault(meaning.group, []).append(f"{front}{name}")
+        found.setdefault(meaning.group, []).append(f"{prefix}{name}")
     order = ("tip", "direction", "mid", "load", "actuation", "extra", "measured", "measured_direction")
     return {kind: found[kind] for kind in order if kind in found}
 
 
 @dataclass(frozen=True, slots=True)
 class RobotColumns:
-    """Where in a row the quantities of one robot stand: indices into the row, in the order of the group."""
+    """Indices in a row of the quantities of one robot, in the order of the group."""
 
     robot: str
     tip: tuple[int, ...] = ()
@@ -94,11 +93,11 @@ class RobotColumns:
 
     @property
     def moving(self) -> tuple[int, ...]:
-        """Indices of everything that says where this robot goes."""
+        """Indices of the quantities that command motion."""
         return (*self.tip, *self.direction, *self.mid, *self.actuation, *(index for _, index in self.extra))
 
     def target(self, row: Sequence[float]) -> Target:
-        """The target a row of SI values holds for this robot; its direction becomes a unit vector."""
+        """The target of this robot in a row of SI values; its direction becomes a unit vector."""
         return Target(
             tip_m=_vector(row, self.tip) if self.tip else None,
             direction=unit_vector(_vector(row, self.direction)) if self.direction else None,
@@ -120,7 +119,7 @@ class ColumnLayout:
     Attributes:
         names: the columns as written, in file order.
         time: index of ``t_s``, or None for a stream.
-        factors, divisors: what makes each column SI.
+        factors, divisors: from each column to SI.
         robots: one entry per robot that has columns.
     """
 
@@ -138,11 +137,11 @@ class ColumnLayout:
 def read_layout(
     names: Sequence[tuple[str, int]], file: str, line: int, robots: Mapping[str, RobotDescription]
 ) -> ColumnLayout:
-    """Understand a header.
+    """Interpret a header.
 
     Args:
-        names: each column's name and where in the line it begins (from 1).
-        file: what messages call the source.
+        names: each column's name and its position in the line (from 1).
+        file: name of the source in messages.
         line: line of the header.
         robots: descriptions by name.
 
@@ -161,7 +160,7 @@ def read_layout(
         meaning = Meaning("time", 0) if name == TIME else vocabularies[owner][name.removeprefix(f"{owner}.")]
         key = (owner, meaning.group, meaning.place)
         if key in seen:
-            twice = f"column {name!r} is already there as {seen[key][1]!r}"
+            twice = f"column {name!r} repeats column {seen[key][1]!r}"
             findings.append(Located(file, line, column, twice))
             continue
         seen[key] = (index, name)
@@ -184,14 +183,14 @@ def read_layout(
     return ColumnLayout(names_only, time[0] if time else None, tuple(factors), tuple(divisors), tuple(groups))
 
 
-def _owner(name: str, message: Mapping[str, Mapping[str, Meaning]]) -> tuple[str, str]:
+def _owner(name: str, vocabularies: Mapping[str, Mapping[str, Meaning]]) -> tuple[str, str]:
     """The robot a column belongs to ("" for the time), or a message."""
     if name == TIME:
         return "", ""
-    for robot, known in message.items():
+    for robot, known in vocabularies.items():
         if name.startswith(f"{robot}.") and name.removeprefix(f"{robot}.") in known:
             return robot, ""
-    owners = [robot for robot, known in message.items() if name in known]
+    owners = [robot for robot, known in vocabularies.items() if name in known]
     if len(owners) == 1:
         return owners[0], ""
     if owners:
@@ -199,20 +198,20 @@ def _owner(name: str, message: Mapping[str, Mapping[str, Meaning]]) -> tuple[str
         return "", f"column {name!r} could belong to {len(owners)} robots; write {choices}"
     if not name:
         return "", "a column has no name"
-    return "", f"unknown column {name[:60]!r}{_habit(name)}; {_choices(message, name)}"
+    return "", f"unknown column {name[:60]!r}{_format_hint(name)}; {_choices(vocabularies, name)}"
 
 
-def _habit(name: str) -> str:
-    """What a program that writes tables did otherwise, when the name shows it."""
+def _format_hint(name: str) -> str:
+    """A hint at the usual mistakes of programs that write tables."""
     if "\0" in name or "\ufffd" in name:
         return " (is this UTF-8 text? save it as CSV in UTF-8)"
     return " (columns are separated by commas, not by semicolons or tabs)" if {";", "\t"} & {*name} else ""
 
 
-def _choices(message: Mapping[str, Mapping[str, Meaning]], wrong: str = "") -> str:
-    alone = len(message) == 1
-    full = [f"{robot}.{name}" for robot, known in message.items() for name in known]
-    names = [TIME, *(name for known in message.values() for name in known)] if alone else [TIME, *full]
+def _choices(vocabularies: Mapping[str, Mapping[str, Meaning]], wrong: str = "") -> str:
+    alone = len(vocabularies) == 1
+    full = [f"{robot}.{name}" for robot, known in vocabularies.items() for name in known]
+    names = [TIME, *(name for known in vocabularies.values() for name in known)] if alone else [TIME, *full]
     near = difflib.get_close_matches(wrong, [*names, *full], n=1)
     return f"allowed: {', '.join(names)}" + (f"; did you mean {near[0]!r}?" if near else "")
 
@@ -221,17 +220,17 @@ def _gaps(
     robot: str,
     known: Mapping[str, Meaning],
     mine: Mapping[tuple[str, int], int],
-    message: Mapping[str, object],
+    vocabularies: Mapping[str, object],
 ) -> Iterable[str]:
-    """What a robot's columns lack, or have too much of."""
-    front = f"{robot}." if len(message) > 1 else ""
+    """Missing and contradicting columns of a robot."""
+    prefix = f"{robot}." if len(vocabularies) > 1 else ""
     groups = {group for group, _ in mine}
     for group in sorted(groups - {"extra"}):
         members = {name: meaning for name, meaning in known.items() if meaning.group == group}
-        there = [name for name, meaning in members.items() if (group, meaning.place) in mine]
-        lacking = [front + name for name in members if name not in there]
-        if lacking:
-            yield f"column {front + there[0]!r} needs {', '.join(repr(name) for name in lacking)} beside it"
+        given = [name for name, meaning in members.items() if (group, meaning.place) in mine]
+        missing = [prefix + name for name in members if name not in given]
+        if missing:
+            yield f"column {prefix + given[0]!r} needs {', '.join(repr(name) for name in missing)} beside it"
     if {"tip", "actuation"} <= groups:
         yield f"robot {robot!r} has tip and actuation columns; allowed is one of them"
     elif not groups & {"tip", "actuation"}:

@@ -15,9 +15,9 @@ from contid.trajectory.rows import MAX_ROWS, RowReader, is_comment, numbered_lin
 from contid.trajectory.spline import Floats
 from contid.trajectory.timed import Interpolation, Trajectory
 
-#: Reading stops after so many findings: a wrong file is usually wrong in every row.
+#: Reading stops after so many findings; mistakes usually repeat in every row.
 MAX_FINDINGS: Final = 50
-#: Directions of neighbouring rows further apart than this (150 degrees) have no path between them.
+#: Cosine of 150 degrees: directions of neighbouring rows further apart have no unique path between them.
 _MIN_COSINE: Final = -0.866
 
 
@@ -31,9 +31,9 @@ def read_trajectory(
 
     Args:
         stream: the text; read to its end.
-        name: what messages call it.
+        name: of the source, for messages.
         robots: descriptions by name.
-        interpolation: how to go from row to row.
+        interpolation: from row to row.
 
     Raises:
         BadInputError: every finding (at most `MAX_FINDINGS`), each with line and column.
@@ -48,8 +48,8 @@ def read_trajectory(
             continue
         try:
             if reader is None:
-                reader = RowReader(line, number, name, robots)
-                if reader.layout.time is None:
+                reader = RowReader(line, name, robots, number)
+                if not reader.timed:
                     message = f"no column {TIME!r}: a trajectory with times begins with it"
                     raise BadInputError([Located(name, number, 1, message)])
                 if not reader.is_json:
@@ -65,7 +65,7 @@ def read_trajectory(
             last_time = time_s
         except BadInputError as error:
             findings += error.findings
-            if reader is None or reader.layout.time is None:
+            if reader is None or not reader.timed:
                 break
             if len(findings) >= MAX_FINDINGS:
                 findings = findings[:MAX_FINDINGS]
@@ -90,7 +90,7 @@ def read_trajectory(
 
 
 def _check_directions(reader: RowReader, rows: Floats, lines: array[int], name: str) -> None:
-    """Make directions unit vectors in place; refuse neighbours that point to opposite sides."""
+    """Normalise directions in place; refuse neighbours more than 150 degrees apart."""
     findings = []
     for columns in reader.layout.robots:
         if not columns.direction:
@@ -102,6 +102,6 @@ def _check_directions(reader: RowReader, rows: Floats, lines: array[int], name: 
             what = (
                 f"the direction of {columns.robot!r} turns by more than 150 degrees since line {lines[row]}"
             )
-            findings.append(Located(name, lines[row + 1], 1, f"{what}; rows between would say which way"))
+            findings.append(Located(name, lines[row + 1], 1, f"{what}; add rows between them"))
     if findings:
         raise BadInputError(findings)

@@ -8,20 +8,19 @@ from collections.abc import Iterator, Mapping
 from typing import Final, TextIO
 
 from contid.errors import BadInputError, Located
+from contid.lines import MAX_LINE
 from contid.robot_file.robot import RobotDescription
+from contid.targets import Target
 from contid.trajectory.columns import ColumnLayout, read_layout
 
-#: A row of a sixteen-finger robot is about a thousand characters.
-MAX_LINE: Final = 65_536
 #: Two million rows are almost three hours at 200 Hz.
 MAX_ROWS: Final = 2_000_000
-#: Greatest number in a row, as written: ten thousand kilometres; 300 years of seconds. Squares of larger ones
-#: overflow in the models.
-GREATEST: Final = 1e10
+#: Maximum number in a row, as written: 10 000 km, 300 years. Squares of larger ones overflow in the models.
+MAX_NUMBER: Final = 1e10
 
 
 def numbered_lines(stream: TextIO) -> Iterator[tuple[int, str]]:
-    """Lines with their numbers from 1, without line ends; a line is never held beyond `MAX_LINE` + 1."""
+    """Lines with their numbers from 1, without line ends, cut at `MAX_LINE` + 1 characters."""
     number = 0
     while line := stream.readline(MAX_LINE + 1):
         number += 1
@@ -32,22 +31,24 @@ def numbered_lines(stream: TextIO) -> Iterator[tuple[int, str]]:
 
 
 def is_comment(line: str) -> bool:
-    """True for lines that carry nothing: blank, or beginning with ``#``."""
+    """True for blank lines and those beginning with ``#``."""
     text = line.lstrip()
     return not text or text.startswith("#")
 
 
 class RowReader:
-    """Understands one header and turns lines into rows.
+    """Reads one header, then rows.
 
-    The first line that is no comment decides: one that begins with ``{`` is NDJSON, where the first object
-    is header and first row in one; anything else is the header of a CSV.
+    A header that begins with ``{`` is NDJSON: it is the first row too. Anything else is the header of a CSV.
 
     Raises:
         BadInputError: from the constructor, when the header is wrong.
     """
 
-    def __init__(self, header: str, number: int, name: str, robots: Mapping[str, RobotDescription]) -> None:
+    def __init__(
+        self, header: str, name: str, robots: Mapping[str, RobotDescription], number: int = 1
+    ) -> None:
+        header = header.rstrip("\r\n").removeprefix("\ufeff")
         self.name = name
         self.is_json = header.lstrip().startswith("{")
         if len(header) > MAX_LINE:
@@ -62,6 +63,30 @@ class RowReader:
                 columns.append((cell.strip().strip('"'), begin + len(cell) - len(cell.lstrip())))
                 begin += len(cell) + 1
         self.layout: ColumnLayout = read_layout(columns, name, number, robots)
+
+    @property
+    def timed(self) -> bool:
+        """True with a column ``t_s``: a trajectory, not a live stream."""
+        return self.layout.time is not None
+
+    @property
+    def columns(self) -> tuple[str, ...]:
+        """Names of the columns as written."""
+        return self.layout.names
+
+    @property
+    def robots(self) -> tuple[str, ...]:
+        """Robots that have columns."""
+        return tuple(columns.robot for columns in self.layout.robots)
+
+    def targets(self, line: str, number: int) -> Mapping[str, Target] | None:
+        """Targets by robot in the world frame, or None for a comment or blank line.
+
+        Raises:
+            BadInputError: this line is wrong; the next one can be read all the same.
+        """
+        line = line.rstrip("\r\n")
+        return None if is_comment(line) else self.layout.targets(self.row(line, number))
 
     def row(self, line: str, number: int) -> list[float]:
         """One row in SI.
@@ -85,7 +110,7 @@ class RowReader:
         return row
 
     def column(self, line: str, index: int) -> int:
-        """Where in ``line`` the value of column ``index`` begins, from 1."""
+        """Position in ``line`` of the value of column ``index``, from 1."""
         if self.is_json:
             return _key_column(line, self.layout.names[index])
         cells = line.split(",")
@@ -104,7 +129,7 @@ class RowReader:
                 column = sum(len(cell) + 1 for cell in cells[: len(names)]) + 1
             raise BadInputError([Located(self.name, number, column, what)])
         if '"' in line:
-            # Spreadsheets may quote numbers; a comma inside quotes stays a mistake.
+            # Spreadsheets may quote numbers; a comma inside quotes is still a mistake.
             cells = [_unquoted(cell) for cell in cells]
         try:
             values = [float(cell) for cell in cells]
@@ -113,7 +138,7 @@ class RowReader:
         if (
             not values
             or not all(map(math.isfinite, values))
-            or max(map(abs, values)) > GREATEST
+            or max(map(abs, values)) > MAX_NUMBER
             or "_" in line
         ):
             findings = []
@@ -168,7 +193,7 @@ class RowReader:
         twice = [key for index, key in enumerate(keys) if key in keys[:index]]
         if twice:
             found = [
-                Located(self.name, number, _key_column(line, key, last=True), f"{key!r} is there twice")
+                Located(self.name, number, _key_column(line, key, last=True), f"{key!r} is written twice")
                 for key in twice
             ]
             raise BadInputError(found)
@@ -176,7 +201,7 @@ class RowReader:
 
 
 class _Pairs(list[tuple[str, object]]):
-    """A JSON object as its keys and values in order, so that a duplicate key stays visible."""
+    """Keys and values of a JSON object in order, duplicates included."""
 
 
 _JSON: Final = json.JSONDecoder(object_pairs_hook=_Pairs)
@@ -187,7 +212,7 @@ def _too_long() -> str:
 
 
 def _not_a_number(name: str, cell: str) -> str:
-    """What is wrong with one cell, "" when nothing is."""
+    """The mistake in one cell, "" for none."""
     if not cell:
         return f"{name} is empty; allowed are finite numbers"
     try:
@@ -202,7 +227,11 @@ def _not_a_number(name: str, cell: str) -> str:
 def _out_of_bounds(name: str, value: float, shown: str) -> str:
     if not math.isfinite(value):
         return f"{name} is {shown[:40]}; allowed are finite numbers"
-    return "" if abs(value) <= GREATEST else f"{name} is {value:g}; allowed is -{GREATEST:g} to {GREATEST:g}"
+    return (
+        ""
+        if abs(value) <= MAX_NUMBER
+        else f"{name} is {value:g}; allowed is -{MAX_NUMBER:g} to {MAX_NUMBER:g}"
+    )
 
 
 def _unquoted(cell: str) -> str:
@@ -218,6 +247,6 @@ def _as_float(value: int | float) -> float:
 
 
 def _key_column(line: str, key: str, last: bool = False) -> int:
-    """Where a key begins in a line of JSON, from 1; 1 when it is written with escapes."""
+    """Position of a key in a line of JSON, from 1; 1 when it is written with escapes."""
     text = json.dumps(key, ensure_ascii=False)
     return max(line.rfind(text) if last else line.find(text), 0) + 1

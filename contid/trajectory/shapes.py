@@ -1,12 +1,11 @@
-"""Shapes to follow, as points by time: what ``contid path`` prints.
+"""Shapes to follow, as points by time, for ``contid path``.
 
-Every shape is a function of laps: ``tau`` counts rounds, one per period. Plane coordinates (x, y) are about
-the shape's centre, z is added to the height; lengths in mm. Closed shapes go on round after round, open ones
-come back the way they went.
+Every shape is a function of ``tau``, the number of laps, one per period. Plane coordinates (x, y) are about
+the shape's centre, z is added to the height; lengths in mm. Open shapes return the way they came.
 
 Source: the trajectories of Shi et al. (Fig. 7: square, ellipse, spiral, box with variable height), Hughes et
-al. (Fig. 5: traverse, diagonal, corners) and Morita et al. (section V: circle, line). The papers draw them
-without formulae; the ones here are our reading of the figures' captions.
+al. (Fig. 5: traverse, diagonal, corners) and Morita et al. (section V: circle, line). The papers print no
+formulae; these follow the captions of the figures.
 """
 
 from __future__ import annotations
@@ -22,7 +21,7 @@ from contid.trajectory.rows import MAX_ROWS
 
 
 class Shape(enum.StrEnum):
-    """What can be followed."""
+    """Kinds of shape."""
 
     LINE = "line"
     CIRCLE = "circle"
@@ -41,7 +40,7 @@ class Shape(enum.StrEnum):
 
     @property
     def can_lean(self) -> bool:
-        """True when it stays off its centre, or leaves it in one direction: then "outward" has a meaning."""
+        """True when "outward" is defined: it does not pass through its centre."""
         return self not in (Shape.LINE, Shape.TRAVERSE, Shape.DIAGONAL)
 
 
@@ -65,21 +64,21 @@ _CORNERS = ((1.0, 1.0), (-1.0, 1.0), (-1.0, -1.0), (1.0, -1.0))
 
 
 @dataclass(frozen=True, slots=True)
-class Path:
+class ShapePath:
     """A shape with its numbers.
 
     Attributes:
         shape: which one.
         center_mm: of the shape, in the world.
-        size_mm: side of squares, length of lines, greatest diameter of round shapes.
+        size_mm: side of squares, length of lines, maximum diameter of round shapes.
         height_mm: z of the shape, or of its lowest point when ``dz_mm`` is positive.
-        dz_mm: how much the height varies.
+        dz_mm: variation of the height.
         turns: of the spiral.
         ratio: second semi-axis of the ellipse by its first.
         angle_deg: rotation of the shape about its centre.
         lean_deg: tilt of the direction outward from +z, in the radial plane of the point; None without one.
         period_s: time of one lap.
-        laps: how many.
+        laps: number of laps.
         rate_hz: rows per second.
     """
 
@@ -97,13 +96,13 @@ class Path:
     rate_hz: float = 50.0
 
     def __post_init__(self) -> None:
-        """Refuse what has no meaning."""
+        """Refuse numbers that are not positive, and a lean that is undefined."""
         for name in ("size_mm", "period_s", "laps", "rate_hz", "turns", "ratio"):
             if not (math.isfinite(getattr(self, name)) and getattr(self, name) > 0.0):
                 raise ContidError(f"{name} is {getattr(self, name)}; allowed are numbers greater than 0")
         check_row_count(self.period_s, self.laps, self.rate_hz)
         if self.lean_deg is not None and not self.shape.can_lean:
-            raise ContidError(f"a {self.shape} passes its centre, where outward turns round; it cannot lean")
+            raise ContidError(f"a {self.shape} passes its centre, where outward is undefined; it cannot lean")
 
     def times(self) -> Iterator[float]:
         """Times of the rows [s]: tick by rate, the last at or after the end of the laps."""
@@ -112,7 +111,7 @@ class Path:
             yield tick / self.rate_hz
 
     def point_mm(self, time_s: float) -> Vec3:
-        """Where the shape is at ``time_s`` [mm]; it stays at its end after the last lap."""
+        """Point of the shape at ``time_s`` [mm]; its end after the last lap."""
         x, y, rise = self._local(self._tau(time_s))
         cos, sin = _cos_sin_turns(self.angle_deg / 360.0)
         center_x, center_y = self.center_mm
@@ -131,7 +130,7 @@ class Path:
         return min(time_s / self.period_s, self.laps)
 
     def _local(self, tau: float) -> Vec3:
-        """Offset from the centre before rotation [mm], and the rise (0..1) that ``dz_mm`` multiplies."""
+        """Offset from the centre before rotation [mm], and the factor (0..1) of ``dz_mm``."""
         half = self.size_mm / 2.0
         cos, sin = _cos_sin_turns(tau)
         wave = (1.0 - cos) / 2.0
@@ -160,10 +159,7 @@ class Path:
 
 
 def _polygon(corners: tuple[tuple[float, float], ...], tau: float, rest: bool = False) -> tuple[float, float]:
-    """The point at ``tau`` in [0, 1) of a round through the corners, edge by edge.
-
-    At constant speed, or from rest to rest on every edge.
-    """
+    """The point at ``tau`` in [0, 1) of a lap through the corners, at constant speed or rest to rest."""
     edge = math.floor(tau * len(corners))
     part = tau * len(corners) - edge
     part = _smooth(part) if rest else part
@@ -172,7 +168,7 @@ def _polygon(corners: tuple[tuple[float, float], ...], tau: float, rest: bool = 
 
 
 def _smooth(part: float) -> float:
-    """From 0 to 1 with the least jerk: ``10 p^3 - 15 p^4 + 6 p^5`` (Flash and Hogan 1985)."""
+    """Minimum-jerk polynomial from 0 to 1: ``10 p^3 - 15 p^4 + 6 p^5`` (Flash and Hogan 1985)."""
     return part**3 * (10.0 + part * (-15.0 + 6.0 * part))
 
 
@@ -183,7 +179,7 @@ def _there_and_back(tau: float) -> float:
 
 
 def _cos_sin_turns(turns: float) -> tuple[float, float]:
-    """Cosine and sine of whole turns, exact at the quarters, so that closed shapes close exactly."""
+    """Cosine and sine of whole turns, exact at the quarters, so that shapes close exactly."""
     part = turns % 1.0
     quarter = {0.0: (1.0, 0.0), 0.25: (0.0, 1.0), 0.5: (-1.0, 0.0), 0.75: (0.0, -1.0)}
     angle = 2.0 * math.pi * part

@@ -1,4 +1,4 @@
-"""Curves through rows: piecewise polynomials, computed once, cheap to evaluate in the tick.
+"""Curves through rows: piecewise polynomials, computed once.
 
 Cubic: Overhauser's parabolic blending (Hermite form). The slope at a row is that of the parabola through it
 and its neighbours at their own times, at the ends the one-sided slope of the same parabola,
@@ -6,9 +6,8 @@ and its neighbours at their own times, at the ends the one-sided slope of the sa
     m_i = (h_i d_{i-1} + h_{i-1} d_i) / (h_{i-1} + h_i),   d_i = (p_{i+1} - p_i) / h_i,   m_0 = 2 d_0 - m_1,
 
 so the curve is C1, passes through every row, is exact for parabolas, converges with the third power of the
-spacing for any times, and a row moves only the four intervals around it. (A C2 spline would let a corner
-ring through the whole file.) Where a robot stands still between two rows its slopes there are zero: a
-dwell stays a dwell.
+spacing for any times, and a row moves only the four intervals around it. (A C2 spline would
+ring after a corner.) Where a robot stands still between two rows its slopes are zero: a dwell stays a dwell.
 
 Source: A. W. Overhauser, "Analytic definition of curves and surfaces by parabolic blending", Ford Motor
 Company SL68-40, 1968; for non-uniform times the slopes are Bessel's (C. de Boor, "A Practical Guide to
@@ -36,7 +35,7 @@ def cubic(times: Floats, rows: Floats) -> Floats:
 
     Args:
         times: strictly increasing, shape ``(n,)`` with n >= 2.
-        rows: shape ``(n, columns)``; the columns stand still only together.
+        rows: shape ``(n, columns)``; all of one robot.
 
     Returns:
         ``c`` of shape ``(n - 1, 4, columns)`` with ``p(t) = c0 + c1 u + c2 u^2 + c3 u^3``, ``u = t - t_i``.

@@ -1,14 +1,13 @@
 """The jerk-limited stop: from any velocity and acceleration to rest, every axis at the same instant.
 
-An axis brings its acceleration a to a plateau b at full jerk j, stays there, and brings it back to zero:
+The acceleration a of an axis goes to a plateau b at full jerk j, stays there, and returns to zero:
 
     T = |b - a| / j + hold + |b| / j,        v + ramps(b) + b hold = 0
 
-The slowest axis sets T. A greater b adds more to the speed at every T, so each of the others has exactly one
-b, the root of a quadratic. Acceleration beyond its limit is brought back to it first. Nothing is searched and
-nothing compared with a tolerance, so nothing can fail: this is what a robot does when everything else went
-wrong. (ruckig 0.19, which the approach is made of, refuses one in eleven pairs of axes that move alike with
-an acceleration beyond the limit: its step for equal arrival finds no way in the time one of them takes.)
+The slowest axis sets T. The change of speed is monotone in b, so each of the others has exactly one b, the
+root of a quadratic. Acceleration beyond its limit returns to the limit first. There is no search and no
+tolerance, so it cannot fail. (ruckig 0.19, used for the approach, refuses one in eleven pairs of axes that
+move alike with an acceleration beyond the limit.)
 """
 
 from __future__ import annotations
@@ -37,7 +36,7 @@ class JerkLimitedStop:
 
     @property
     def goal(self) -> Actuation:
-        """Where the motion ends."""
+        """Position at the end."""
         return self._end[0]
 
     def at(self, time_s: float) -> tuple[Actuation, Actuation]:
@@ -57,12 +56,12 @@ def stopping(
     acceleration_limit: Limit,
     jerk_limit: Limit,
 ) -> JerkLimitedStop:
-    """The stop from any state, every axis at rest at the same instant; there is one for every state.
+    """The stop from any state, every axis at rest at the same instant.
 
     Args:
         position: [m or Pa].
         velocity: [m/s or Pa/s], also beyond any velocity limit.
-        acceleration: [m/s^2 or Pa/s^2], also beyond ``acceleration_limit``: it is brought back first.
+        acceleration: [m/s^2 or Pa/s^2], also beyond ``acceleration_limit``.
         acceleration_limit: one for all axes, or one per axis.
         jerk_limit: the same.
 
@@ -70,19 +69,19 @@ def stopping(
         MotionError: numbers that are not finite, or limits that are not positive.
     """
     axes = len(position)
-    most, jerk = per_axis(acceleration_limit, axes), per_axis(jerk_limit, axes)
-    if any(not value > 0.0 for value in (*most, *jerk)):
-        raise MotionError(f"acceleration and jerk limits must be positive, got {most} and {jerk}")
+    limit, jerk = per_axis(acceleration_limit, axes), per_axis(jerk_limit, axes)
+    if any(not value > 0.0 for value in (*limit, *jerk)):
+        raise MotionError(f"acceleration and jerk limits must be positive, got {limit} and {jerk}")
     if not all(map(math.isfinite, (*position, *velocity, *acceleration))):
         raise MotionError(
             f"no stop from position {list(position)}, velocity {list(velocity)}, "
             f"acceleration {list(acceleration)}: they must be finite"
         )
-    ways = [_StoppingAxis(*each) for each in zip(velocity, acceleration, most, jerk, strict=True)]
-    return JerkLimitedStop(ways, tuple(map(float, position)), tuple(map(float, velocity)))
+    stops = [_StoppingAxis(*each) for each in zip(velocity, acceleration, limit, jerk, strict=True)]
+    return JerkLimitedStop(stops, tuple(map(float, position)), tuple(map(float, velocity)))
 
 
-#: When a part of constant jerk begins, then position, velocity, acceleration and jerk there.
+#: Start time of a part of constant jerk; position, velocity, acceleration and jerk there.
 _Knot = tuple[float, float, float, float, float]
 
 
@@ -90,27 +89,27 @@ class _StoppingAxis:
     """The stops of one axis, mirrored so that its acceleration is not negative.
 
     Attributes:
-        shortest_s: least time to rest.
+        shortest_s: minimum time to rest.
     """
 
-    def __init__(self, velocity: float, acceleration: float, most: float, jerk: float) -> None:
+    def __init__(self, velocity: float, acceleration: float, limit: float, jerk: float) -> None:
         self._velocity, self._acceleration, self._jerk = velocity, acceleration, jerk
         self._sign = math.copysign(1.0, acceleration)
-        self._begin = min(abs(acceleration), most)
+        self._begin = min(abs(acceleration), limit)
         self._back_s = (abs(acceleration) - self._begin) / jerk
-        wanted = -self._sign * velocity - 0.5 * (abs(acceleration) + self._begin) * self._back_s
-        #: What a plateau adds to a speed that only lets its acceleration run out.
-        self._added = wanted - 0.5 * self._begin**2 / jerk
+        change = -self._sign * velocity - 0.5 * (abs(acceleration) + self._begin) * self._back_s
+        #: Change of speed by the plateau, beyond that of letting the acceleration run out.
+        self._added = change - 0.5 * self._begin**2 / jerk
         self._out_s = self._begin / jerk
-        # The plateau of no length, and the one of the shortest stop.
+        # The plateau of the shortest stop; without a hold when below its limit.
         if self._added >= 0.0:
-            self._peak = min(most, math.sqrt(self._begin**2 + jerk * self._added))
+            self._peak = min(limit, math.sqrt(self._begin**2 + jerk * self._added))
         else:
-            self._peak = -min(most, math.sqrt(-jerk * self._added))
+            self._peak = -min(limit, math.sqrt(-jerk * self._added))
         self.shortest_s = self._back_s + sum(self._parts(self._peak))
 
     def knots(self, position: float, together_s: float) -> list[_Knot]:
-        """The parts of the stop that takes so long, the last one at rest."""
+        """The parts of a stop of this duration, the last one at rest."""
         plateau = self._plateau(together_s - self._back_s)
         up_s, hold_s, down_s = self._parts(plateau)
         parts = (
@@ -127,7 +126,7 @@ class _StoppingAxis:
         return out
 
     def _plateau(self, lasts_s: float) -> float:
-        """The plateau of a stop that takes so long, once the acceleration is within its limit."""
+        """The plateau of a stop of this duration, from an acceleration within its limit."""
         left_s = lasts_s - self._out_s
         if self._added >= self._begin * left_s:
             # b^2 - j (T + a/j) b + a^2 + j added = 0
@@ -137,11 +136,11 @@ class _StoppingAxis:
             value = self._added / left_s
         else:
             value = -_small_root(0.5 * self._jerk * left_s, -self._jerk * self._added)
-        # Rounding near the peak must not lead beyond it: there the hold would be negative.
+        # Rounding must not exceed the peak, where the hold would be negative.
         return math.copysign(min(abs(value), abs(self._peak)), value)
 
     def _parts(self, plateau: float) -> tuple[float, float, float]:
-        """How long the way to a plateau, the plateau, and the way to zero take [s]."""
+        """Durations of the ramp to a plateau, the plateau, and the ramp to zero [s]."""
         if plateau == 0.0:
             return self._out_s, 0.0, 0.0
         ramps = 0.0
@@ -169,7 +168,7 @@ def _state(knots: Sequence[_Knot], time_s: float) -> tuple[float, float]:
 
 
 def _advanced(knot: _Knot, by_s: float) -> tuple[float, float, float]:
-    """Position, velocity and acceleration some time into a part of constant jerk."""
+    """Position, velocity and acceleration ``by_s`` into a part of constant jerk."""
     _, position, velocity, acceleration, jerk = knot
     return (
         position + by_s * (velocity + by_s * (acceleration / 2.0 + by_s * jerk / 6.0)),

@@ -1,14 +1,14 @@
 """The two tips of a closed chain that swing a rope, as rows by time: ``contid path swing``.
 
-Each tip goes round an ellipse over its own base, both in step: to the same side at the same time, and apart
-and together along the line between the bases,
+Each tip follows an ellipse over its own base, in phase across the line between the bases and in antiphase
+along it,
 
     ``tip = base + across cos(2 pi tau) n -+ along sin(2 pi tau) e``  at one height
 
-with e from the first base to the second, n level and square to it. The rope follows as a hanging one does
-when it is swung slowly; a skipping rope is another curve (a troposkein), which nobody here computes.
+with e from the first base to the second, n level and square to it. The rope is quasi-static: it hangs as a
+catenary. (A fast skipping rope is a troposkein, which contid does not compute.)
 
-Source: the video of Singh et al. (IROS 2018) shows such a swing without numbers; this form is ours.
+Source: the video of Singh et al. (IROS 2018) shows such a swing without numbers; this form is contid's.
 """
 
 from __future__ import annotations
@@ -21,7 +21,7 @@ from typing import TextIO
 from contid.errors import ContidError
 from contid.targets import Vec3
 from contid.trajectory.columns import TIME
-from contid.trajectory.shapes import Path, Shape
+from contid.trajectory.shapes import Shape, ShapePath
 
 
 @dataclass(frozen=True, slots=True)
@@ -30,12 +30,12 @@ class Swing:
 
     Attributes:
         arms: names of the two arms.
-        bases_mm: where they stand in the world.
-        size_mm: how far the tips go across, from end to end.
-        ratio: how far they go along the line between the bases, by that.
+        bases_mm: their bases in the world.
+        size_mm: travel of the tips across, end to end.
+        ratio: travel along the line between the bases, by that.
         height_mm: of the tips in the world.
         period_s: time of one lap.
-        laps: how many.
+        laps: number of laps.
         rate_hz: rows per second.
     """
 
@@ -48,13 +48,13 @@ class Swing:
     laps: float = 1.0
     rate_hz: float = 50.0
 
-    def path(self) -> Path:
+    def path(self) -> ShapePath:
         """The first tip's ellipse about its base."""
         (x0, y0, _), (x1, y1, _) = self.bases_mm
         if math.hypot(x1 - x0, y1 - y0) == 0.0:
-            raise ContidError(f"{self.arms[0]} and {self.arms[1]} stand on one spot; a swing needs two")
+            raise ContidError(f"{self.arms[0]} and {self.arms[1]} have the same base; a swing needs two")
         # The long axis lies across: angle 0 of the ellipse is n.
-        return Path(
+        return ShapePath(
             Shape.ELLIPSE,
             (0.0, 0.0),
             self.size_mm,
@@ -67,7 +67,7 @@ class Swing:
         )
 
     def rows_mm(self) -> Iterator[tuple[float, Vec3, Vec3]]:
-        """Time [s] and where the two tips are, in the world [mm]."""
+        """Time [s] and the two tips in the world [mm]."""
         path = self.path()
         (x0, y0, _), (x1, y1, _) = self.bases_mm
         distance = math.hypot(x1 - x0, y1 - y0)

@@ -1,4 +1,4 @@
-"""A timed trajectory: rows read from a file, and the target between them at any instant."""
+"""A timed trajectory: rows, and the target at any time between them."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ from contid.trajectory.spline import Floats, cubic, linear
 
 
 class Interpolation(enum.StrEnum):
-    """How the target moves from row to row."""
+    """Interpolation of the target from row to row."""
 
     CUBIC = "cubic"
     LINEAR = "linear"
@@ -24,12 +24,12 @@ class Interpolation(enum.StrEnum):
 
 @dataclass(frozen=True, slots=True)
 class Trajectory:
-    """Rows and the curve through them. Built by `contid.trajectory.read.read_trajectory`.
+    """Rows and the curve through them, built by `contid.trajectory.read.read_trajectory`.
 
     Attributes:
-        layout: what the columns mean.
+        layout: meaning of the columns.
         rows: SI values in the order of the columns, shape ``(n, columns)``.
-        lines: line in the file of every row.
+        lines: line of every row in the file.
         interpolation: cubic or linear.
     """
 
@@ -48,7 +48,7 @@ class Trajectory:
         if len(times) > 1:
             coefficients = linear(times, self.rows)
             if self.interpolation is Interpolation.CUBIC:
-                # Known loads and measurements only travel along: between rows they go straight.
+                # Loads and measurements are interpolated linearly.
                 for robot in self.layout.robots:
                     columns = list(robot.moving)
                     coefficients[:, :, columns] = cubic(times, self.rows[:, columns])
@@ -100,5 +100,5 @@ class Trajectory:
         return self.layout.targets(row)
 
     def targets_of_row(self, index: int) -> Mapping[str, Target]:
-        """Targets exactly as row ``index`` has them."""
+        """Targets of row ``index``."""
         return self.layout.targets(self.rows[index].tolist())

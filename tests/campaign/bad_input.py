@@ -33,7 +33,7 @@ from contid.session.read import Session
 from contid.session.recording_observer import RecordingObserver
 from contid.session.replay import replay
 from contid.trajectory.read import read_trajectory
-from contid.trajectory.stream import StreamParser
+from contid.trajectory.rows import RowReader
 from contid_drivers.due.codes import Type
 from contid_drivers.due.frames import FrameReader, seal
 from contid_drivers.due.messages import read_answer
@@ -93,10 +93,10 @@ def trajectory(data: bytes) -> None:
 
 def stream(data: bytes) -> None:
     lines = data.decode(errors="replace").split("\n")
-    parser = StreamParser(lines[0], "fuzz", hand())  # type: ignore[arg-type]
+    parser = RowReader(lines[0], "fuzz", hand())  # type: ignore[arg-type]
     for number, line in enumerate(lines[1:], 2):
         with suppress(ContidError):
-            parser.parse(line, number)
+            parser.targets(line, number)
 
 
 def request(data: bytes) -> None:

@@ -26,8 +26,8 @@ import psutil
 
 from contid.client import Client
 from contid.errors import ContidError
+from contid.lines import MAX_LINE
 from contid.remote.protocol.socket_path import is_listening
-from contid.remote.protocol.wire import MAX_LINE
 from tests.control.fingers import fingers
 from tests.remote.daemons import armed, until
 

@@ -88,7 +88,7 @@ def test_a_path_may_be_for_one_robot_of_a_file() -> None:
     ("arguments", "says"),
     [
         (["--for", "hnd"], "did you mean 'hand'"),
-        (["--for", "hand", "--robots", "up"], "no robot 'up' takes a tip position; there are left, right"),
+        (["--for", "hand", "--robots", "up"], "no robot 'up' takes a tip position; allowed: left, right"),
         (["--for", "hand", "--height", "1", "--lean", "3"], "left takes no direction"),
         (["--for", "hand", "--height", "1", "--mid", "1,2,3"], "left takes no mid"),
     ],

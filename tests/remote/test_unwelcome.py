@@ -11,7 +11,8 @@ from pathlib import Path
 
 import pytest
 
-from contid.remote.protocol.wire import MAX_CLIENTS, MAX_LINE
+from contid.lines import MAX_LINE
+from contid.remote.protocol.wire import MAX_CLIENTS
 from tests.remote.daemons import armed, command, daemon, raw, states, until
 
 pytestmark = pytest.mark.realtime

@@ -11,12 +11,12 @@ from contid.kinematics.frames import BaseFrame
 from contid.kinematics.model import build_model
 from contid.robot_file.load import load_robot_file
 from contid.targets import Target
-from contid.trajectory.shapes import Path, Shape
+from contid.trajectory.shapes import Shape, ShapePath
 from contid.units import m_to_mm, mm_to_m
 
 RATE_HZ = 50.0
-CIRCLE = Path(Shape.CIRCLE, (50.0, 70.0), 40.0, rate_hz=RATE_HZ)
-LINE = Path(Shape.LINE, (50.0, 60.0), 80.0, angle_deg=90.0, rate_hz=RATE_HZ)
+CIRCLE = ShapePath(Shape.CIRCLE, (50.0, 70.0), 40.0, rate_hz=RATE_HZ)
+LINE = ShapePath(Shape.LINE, (50.0, 60.0), 80.0, angle_deg=90.0, rate_hz=RATE_HZ)
 
 
 @pytest.mark.parametrize("robot", ["left", "right"])
@@ -27,7 +27,7 @@ LINE = Path(Shape.LINE, (50.0, 60.0), 80.0, angle_deg=90.0, rate_hz=RATE_HZ)
     ids=["circle", "line"],
 )
 def test_both_fingers_reach_the_paths_of_the_paper(
-    configs: File, robot: str, path: Path, longest_mm: float
+    configs: File, robot: str, path: ShapePath, longest_mm: float
 ) -> None:
     description = load_robot_file(configs / "hand.yaml").file.robots[robot]
     model, frame = build_model(description), BaseFrame.of(description.base)

@@ -8,11 +8,11 @@ from pathlib import Path
 import pytest
 
 from contid.errors import BadInputError
+from contid.lines import MAX_LINE
 from contid.robot_file.load import load_robot_file
 from contid.robot_file.robot import RobotDescription
 from contid.trajectory.read import MAX_FINDINGS, read_trajectory
-from contid.trajectory.rows import MAX_LINE
-from contid.trajectory.stream import StreamParser
+from contid.trajectory.rows import RowReader
 from contid.trajectory.timed import Trajectory
 
 
@@ -82,7 +82,7 @@ HEADERS = [
     ("t_s,x_mm,y_mm", 5, "write left.x_mm or right.x_mm"),
     ("t_s,left.x_mm", 5, "needs 'left.y_mm'"),
     ("t_s,left.x_mm,left.y_m", 15, "did you mean 'left.y_mm'?"),
-    ("t_s,left.x_mm,left.y_mm,left.x_mm", 25, "already there"),
+    ("t_s,left.x_mm,left.y_mm,left.x_mm", 25, "repeats column"),
     ("t_s,left.x_mm,left.y_mm,left.z_mm", 25, "unknown column"),
     ("t_s,left.x_mm,left.y_mm,left.left_mm,left.right_mm", 5, "allowed is one of them"),
     ("t_s,left.x_mm,left.y_mm,left.meas.ax,left.meas.ay", 5, "a measured direction, but no measured tip"),
@@ -157,15 +157,15 @@ def test_json_rows_that_are_refused(hand: dict[str, RobotDescription], line: str
 
 
 def test_a_bad_line_of_a_stream_costs_only_itself(hand: dict[str, RobotDescription]) -> None:
-    parser = StreamParser("left.x_mm,left.y_mm\n", "stdin", hand)
+    parser = RowReader("left.x_mm,left.y_mm\n", "stdin", hand)
     assert not parser.timed
-    assert parser.parse("# nothing\n", 2) is None
+    assert parser.targets("# nothing\n", 2) is None
     with pytest.raises(BadInputError, match=r"stdin:3:1: left\.x_mm"):
-        parser.parse("fifty,70\n", 3)
-    targets = parser.parse("50,70\n", 4)
+        parser.targets("fifty,70\n", 3)
+    targets = parser.targets("50,70\n", 4)
     assert targets is not None
     assert targets["left"].tip_m == (0.05, 0.07, 0.0)
     first = '{"left.x_mm": 50, "left.y_mm": 70}'
-    parser = StreamParser(first, "stdin", hand)
-    assert parser.first_line_is_row
-    assert parser.parse(first, 1) == targets
+    parser = RowReader(first, "stdin", hand)
+    assert parser.is_json
+    assert parser.targets(first, 1) == targets

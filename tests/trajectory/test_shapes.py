@@ -9,8 +9,8 @@ import math
 import pytest
 
 from contid.errors import ContidError
-from contid.trajectory.shapes import Path, Shape
-from contid.trajectory.table import Who, write_path
+from contid.trajectory.shapes import Shape, ShapePath
+from contid.trajectory.table import PathRobot, write_path
 
 CLOSED = [Shape.LINE, Shape.CIRCLE, Shape.ELLIPSE, Shape.SQUARE, Shape.BOX, Shape.CORNERS]
 OPEN = [Shape.SPIRAL, Shape.TRAVERSE, Shape.DIAGONAL]
@@ -18,13 +18,13 @@ OPEN = [Shape.SPIRAL, Shape.TRAVERSE, Shape.DIAGONAL]
 
 @pytest.mark.parametrize("shape", CLOSED)
 def test_closed_shapes_close_exactly_after_every_lap(shape: Shape) -> None:
-    path = Path(shape, (50.0, 70.0), 40.0, height_mm=100.0, dz_mm=10.0, period_s=3.0, laps=3)
+    path = ShapePath(shape, (50.0, 70.0), 40.0, height_mm=100.0, dz_mm=10.0, period_s=3.0, laps=3)
     assert path.point_mm(0.0) == path.point_mm(3.0) == path.point_mm(9.0) == path.point_mm(100.0)
 
 
 @pytest.mark.parametrize("shape", OPEN)
 def test_open_shapes_come_back_the_way_they_went(shape: Shape) -> None:
-    path = Path(shape, (0.0, 0.0), 40.0, dz_mm=10.0, period_s=2.0, laps=2)
+    path = ShapePath(shape, (0.0, 0.0), 40.0, dz_mm=10.0, period_s=2.0, laps=2)
     assert path.point_mm(0.0) != path.point_mm(2.0)
     for time_s in (0.0, 0.25, 0.75, 1.5):
         assert path.point_mm(time_s) == pytest.approx(path.point_mm(4.0 - time_s), abs=1e-12)
@@ -32,7 +32,7 @@ def test_open_shapes_come_back_the_way_they_went(shape: Shape) -> None:
 
 @pytest.mark.parametrize("shape", list(Shape))
 def test_shapes_are_continuous_and_stay_in_their_size(shape: Shape) -> None:
-    path = Path(shape, (5.0, -3.0), 40.0, height_mm=100.0, dz_mm=10.0, laps=2, period_s=4.0)
+    path = ShapePath(shape, (5.0, -3.0), 40.0, height_mm=100.0, dz_mm=10.0, laps=2, period_s=4.0)
     step = 8.0 / 4000
     points = [path.point_mm(i * step) for i in range(4001)]
     assert max(math.dist(a, b) for a, b in itertools.pairwise(points)) < 0.6
@@ -41,35 +41,35 @@ def test_shapes_are_continuous_and_stay_in_their_size(shape: Shape) -> None:
 
 
 def test_a_circle_is_round_and_a_square_has_its_corners() -> None:
-    circle = Path(Shape.CIRCLE, (50.0, 70.0), 40.0)
+    circle = ShapePath(Shape.CIRCLE, (50.0, 70.0), 40.0)
     assert all(math.dist(circle.point_mm(t / 10)[:2], (50.0, 70.0)) == pytest.approx(20.0) for t in range(40))
-    square = Path(Shape.SQUARE, (0.0, 0.0), 30.0)
+    square = ShapePath(Shape.SQUARE, (0.0, 0.0), 30.0)
     assert [square.point_mm(t)[:2] for t in range(4)] == [(15, -15), (15, 15), (-15, 15), (-15, -15)]
-    ellipse = Path(Shape.ELLIPSE, (0.0, 0.0), 30.0)
+    ellipse = ShapePath(Shape.ELLIPSE, (0.0, 0.0), 30.0)
     assert ellipse.point_mm(1.0)[1] == pytest.approx(10.0)
 
 
 def test_the_paths_of_the_tri_rack_paper() -> None:
-    corners = Path(Shape.CORNERS, (0.0, 0.0), 240.0, height_mm=300.0)
+    corners = ShapePath(Shape.CORNERS, (0.0, 0.0), 240.0, height_mm=300.0)
     expected = [(120, 120, 300), (-120, 120, 300), (-120, -120, 300), (120, -120, 300)]
     assert [corners.point_mm(t) for t in range(4)] == expected
     # From rest to rest: almost no way in the first hundredth of an edge.
     assert math.dist(corners.point_mm(0.01), corners.point_mm(0.0)) < 0.01
-    diagonal = Path(Shape.DIAGONAL, (0.0, 0.0), 240.0, height_mm=250.0, dz_mm=100.0)
+    diagonal = ShapePath(Shape.DIAGONAL, (0.0, 0.0), 240.0, height_mm=250.0, dz_mm=100.0)
     assert diagonal.point_mm(0.0) == (-120, -120, 250)
     assert diagonal.point_mm(4.0) == (120, 120, 350)
-    traverse = Path(Shape.TRAVERSE, (0.0, 0.0), 300.0, height_mm=300.0)
+    traverse = ShapePath(Shape.TRAVERSE, (0.0, 0.0), 300.0, height_mm=300.0)
     assert (traverse.point_mm(0.0), traverse.point_mm(4.0)) == ((-150, 0, 300), (150, 0, 300))
 
 
 def test_a_line_turned_by_a_quarter_is_the_line_of_the_finger_paper() -> None:
-    line = Path(Shape.LINE, (50.0, 60.0), 80.0, angle_deg=90.0)
+    line = ShapePath(Shape.LINE, (50.0, 60.0), 80.0, angle_deg=90.0)
     assert line.point_mm(0.0) == (50.0, 100.0, 0.0)
     assert line.point_mm(2.0) == (50.0, 20.0, 0.0)
 
 
 def test_leaning_tilts_outward_by_the_angle() -> None:
-    path = Path(Shape.SPIRAL, (0.0, 0.0), 60.0, height_mm=120.0, lean_deg=30.0)
+    path = ShapePath(Shape.SPIRAL, (0.0, 0.0), 60.0, height_mm=120.0, lean_deg=30.0)
     for time_s in (0.5, 1.7, 4.0):
         x, y, _ = path.point_mm(time_s)
         ax, ay, az = path.direction(time_s)
@@ -77,12 +77,12 @@ def test_leaning_tilts_outward_by_the_angle() -> None:
         assert az == pytest.approx(math.cos(math.radians(30.0)))
         assert (ax * x + ay * y) / math.hypot(x, y) == pytest.approx(math.sin(math.radians(30.0)))
     with pytest.raises(ContidError, match="cannot lean"):
-        Path(Shape.LINE, (0.0, 0.0), 60.0, lean_deg=30.0)
+        ShapePath(Shape.LINE, (0.0, 0.0), 60.0, lean_deg=30.0)
 
 
 @pytest.mark.parametrize(("rate", "period", "rows"), [(200.0, 4.0, 801), (3.0, 0.1, 2), (50.0, 0.3, 16)])
 def test_times_are_whole_ticks(rate: float, period: float, rows: int) -> None:
-    times = list(Path(Shape.CIRCLE, (0.0, 0.0), 1.0, period_s=period, rate_hz=rate).times())
+    times = list(ShapePath(Shape.CIRCLE, (0.0, 0.0), 1.0, period_s=period, rate_hz=rate).times())
     assert times == [tick / rate for tick in range(rows)]
 
 
@@ -92,13 +92,13 @@ def test_times_are_whole_ticks(rate: float, period: float, rows: int) -> None:
 def test_numbers_without_meaning_are_refused(wrong: dict[str, float]) -> None:
     numbers = {"size_mm": 1.0, **wrong}
     with pytest.raises(ContidError, match="greater than 0"):
-        Path(Shape.CIRCLE, (0.0, 0.0), **numbers)
+        ShapePath(Shape.CIRCLE, (0.0, 0.0), **numbers)
 
 
 def test_written_numbers_read_back_to_the_same_bits() -> None:
-    path = Path(Shape.CIRCLE, (50.0, 70.0), 40.0, rate_hz=37.0)
+    path = ShapePath(Shape.CIRCLE, (50.0, 70.0), 40.0, rate_hz=37.0)
     stream = io.StringIO()
-    write_path(stream, path, [Who("left.", 2), Who("right.", 2)])
+    write_path(stream, path, [PathRobot("left.", 2), PathRobot("right.", 2)])
     header, *rows = stream.getvalue().splitlines()
     assert header == "t_s,left.x_mm,left.y_mm,right.x_mm,right.y_mm"
     for row, time_s in zip(rows, path.times(), strict=True):

@@ -12,7 +12,7 @@ from contid.cli.support.numbers import NUMBER, POSITIVE, Numbers
 from contid.cli.support.robot_names import robot_names
 
 if TYPE_CHECKING:
-    from contid.trajectory.shapes import Path
+    from contid.trajectory.shapes import ShapePath
 
 #: The curve through the points on which the CBHA's methods are compared (`contid bench ik`).
 GOLDEN = "cbha-golden"
@@ -88,8 +88,8 @@ def command(
             raise click.UsageError("swing needs --for ROBOT.yaml with a chain in it")
         _swing(robot_file, size, ratio, height, period, laps, rate)
         return
-    from contid.trajectory.shapes import Path, Shape
-    from contid.trajectory.table import Who, owners_in_file, write_path
+    from contid.trajectory.shapes import Shape, ShapePath
+    from contid.trajectory.table import PathRobot, robots_in_file, write_path
 
     kind = Shape(shape)
     if (radius is None) == (size is None):
@@ -101,16 +101,20 @@ def command(
     height = center[2] if len(center) == 3 else height
     names = [name.strip() for name in robots.split(",")] if robots else []
     if robot_file is not None:
-        who = owners_in_file(robot_file, names)
+        targets = robots_in_file(robot_file, names)
     else:
-        who = [Who(f"{name}." if name else "", 2 if height is None else 3) for name in names or [""]]
+        targets = [
+            PathRobot(f"{name}." if name else "", 2 if height is None else 3) for name in names or [""]
+        ]
     if height is None and (
-        dz or lean is not None or mid_text is not None or any(each.dimension == 3 for each in who)
+        dz or lean is not None or mid_text is not None or any(each.dimension == 3 for each in targets)
     ):
         raise click.UsageError("a spatial path needs --height (z in the world, mm)")
 
-    def with_shape(shape: Shape, size_mm: float, height_mm: float, dz_mm: float, lean: float | None) -> Path:
-        return Path(
+    def with_shape(
+        shape: Shape, size_mm: float, height_mm: float, dz_mm: float, lean: float | None
+    ) -> ShapePath:
+        return ShapePath(
             shape,
             (center[0], center[1]),
             size_mm,
@@ -129,13 +133,13 @@ def command(
     size_mm = size if size is not None else 2.0 * (radius or 0.0)
     path = with_shape(kind, size_mm, height or 0.0, rise, lean)
     mid = _mid(mid_text, with_shape) if mid_text is not None else None
-    write_path(sys.stdout, path, who, mid)
+    write_path(sys.stdout, path, targets, mid)
 
 
 def _golden(period: float, laps: float, rate: float, robot_file: str | None, robots: str | None) -> None:
     """The golden trajectory of the CBHA, for every robot named or of the file."""
     from contid.trajectory.shapes import check_row_count
-    from contid.trajectory.table import owners_in_file
+    from contid.trajectory.table import robots_in_file
     from contid.units import m_to_mm
     from studies.singh import golden_rows
 
@@ -143,7 +147,7 @@ def _golden(period: float, laps: float, rate: float, robot_file: str | None, rob
     names = [name.strip() for name in robots.split(",")] if robots else []
     fronts = [f"{name}." if name else "" for name in names or [""]]
     if robot_file is not None:
-        fronts = [who.front for who in owners_in_file(robot_file, names)]
+        fronts = [each.prefix for each in robots_in_file(robot_file, names)]
     sys.stdout.write(",".join(["t_s"] + [f"{front}{axis}_mm" for front in fronts for axis in "xyz"]) + "\n")
     for time_s, tip in golden_rows(period, laps, rate):
         point = [m_to_mm(value) for value in tip] * len(fronts)
@@ -183,7 +187,7 @@ def _swing(
     write_swing(sys.stdout, swing)
 
 
-def _mid(text: str, with_shape: Callable[..., Path]) -> Path | tuple[float, float, float]:
+def _mid(text: str, with_shape: Callable[..., ShapePath]) -> ShapePath | tuple[float, float, float]:
     """The value of ``--mid``: a fixed point, or a shape of its own."""
     from contid.trajectory.shapes import Shape
 
@@ -197,5 +201,5 @@ def _mid(text: str, with_shape: Callable[..., Path]) -> Path | tuple[float, floa
         size_mm, height_mm = POSITIVE(numbers[0]), NUMBER(numbers[1])
     except click.BadParameter as error:
         raise click.BadParameter(error.message, param_hint="'--mid'") from None
-    path: Path = with_shape(Shape(name), size_mm, height_mm, 0.0, None)
+    path: ShapePath = with_shape(Shape(name), size_mm, height_mm, 0.0, None)
     return path

@@ -51,7 +51,7 @@ def read_rows(
         if is_comment(line):
             continue
         if reader is None:
-            reader = RowReader(line, number, name, loaded.file.robots)
+            reader = RowReader(line, name, loaded.file.robots, number)
             if not reader.is_json:
                 continue
         row = reader.row(line, number)

@@ -11,9 +11,8 @@ from contid.control.daemon.inputs import Stream
 from contid.control.engine.messages import Message, Rows
 from contid.control.tick.preflight import Preflight
 from contid.errors import BadInputError
+from contid.lines import MAX_LINE
 
-#: Longest line of a stream.
-MAX_LINE: Final = 1 << 16
 CUT: Final = "the last row has no end of line and may be cut off: not followed"
 
 
@@ -38,7 +37,7 @@ class LiveRowReader:
 
         JSON needs no end of line: a part of an object does not parse.
         """
-        if line.endswith("\n") or self._parser.first_line_is_row or not line.strip():
+        if line.endswith("\n") or self._parser.is_json or not line.strip():
             return False
         self._say(f"{self._name}:{number}:1: {CUT}")
         return True
@@ -46,7 +45,7 @@ class LiveRowReader:
     def row(self, line: str, number: int) -> Rows | None:
         """The row of a line, None for a comment; robots of a wrong row hold until their next good one."""
         try:
-            row = self._parser.parse(line, number)
+            row = self._parser.targets(line, number)
         except BadInputError as error:
             self._say(f"{error}; holding")
             return Rows(dict.fromkeys(self._parser.robots))

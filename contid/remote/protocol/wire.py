@@ -16,8 +16,6 @@ from contid.errors import ContidError
 
 #: Grows when an old client would misunderstand a new server, or the other way round.
 PROTOCOL: Final = 2
-#: Bytes of one line, its end included; a row of a sixteen-finger robot is about a thousand.
-MAX_LINE: Final = 1 << 16
 #: Clients at a time; one more displaces the one that was idle longest.
 MAX_CLIENTS: Final = 64
 

@@ -12,7 +12,8 @@ from contextlib import suppress
 from dataclasses import dataclass
 from typing import Any, Final
 
-from contid.remote.protocol.wire import MAX_LINE, Code, RemoteError, decode, encode
+from contid.lines import MAX_LINE
+from contid.remote.protocol.wire import Code, RemoteError, decode, encode
 from contid.remote.server.outbox import Outbox
 from contid.remote.server.request_handler import RequestHandler
 

@@ -13,7 +13,7 @@ from typing import Any, Final, TypeAlias
 
 from contid.remote.protocol.wire import Code, Fields, RemoteError
 from contid.targets import Target
-from contid.trajectory.stream import StreamParser
+from contid.trajectory.rows import RowReader
 
 #: Rows of a live stream that may be under way: a burst of so many ticks.
 LIVE_ROWS: Final = 8
@@ -103,7 +103,7 @@ class RowMove(Move):
         playing: a timed trajectory is being followed.
     """
 
-    parser: StreamParser
+    parser: RowReader
     credit: Credit
     lines: list[str]
     rows: int = 0

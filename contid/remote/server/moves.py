@@ -24,7 +24,7 @@ from contid.remote.server.pending_orders import BULK_TIMEOUT_S, PendingOrders
 from contid.remote.server.preconditions import Preconditions, bad_target
 from contid.remote.server.telemetry_view import TelemetryView
 from contid.targets import Target
-from contid.trajectory.stream import StreamParser
+from contid.trajectory.rows import RowReader
 
 #: Rows of a timed trajectory in all: 250 s at 200 Hz.
 MAX_ROWS: Final = 50_000
@@ -51,8 +51,8 @@ class Moves:
         """Begin to go to a point; the answer comes when the control process took it."""
         line = json.dumps(target)
         try:
-            parser = StreamParser(line, "move", self._view.robots)
-            targets = dict(parser.parse(line, 1) or {})
+            parser = RowReader(line, "move", self._view.robots)
+            targets = dict(parser.targets(line, 1) or {})
         except BadInputError as error:
             raise bad_target(error) from None
         if parser.timed:
@@ -90,7 +90,7 @@ class Moves:
             raise RemoteError(Code.BAD_TARGET, "a column is one name, such as x_mm or left.x_mm")
         header = ",".join(columns)
         try:
-            parser = StreamParser(header, "rows", self._view.robots)
+            parser = RowReader(header, "rows", self._view.robots)
         except BadInputError as error:
             raise bad_target(error) from None
         self._preconditions.armed(parser.robots)
@@ -127,7 +127,7 @@ class Moves:
         """A row of a live stream; what is wrong with it, in words."""
         move.rows += 1
         try:
-            targets: dict[str, Target | None] = dict(move.parser.parse(line, move.rows) or {})
+            targets: dict[str, Target | None] = dict(move.parser.targets(line, move.rows) or {})
         except BadInputError as error:
             self._orders.send(Rows(dict.fromkeys(move.parser.robots)))
             return [str(error)]

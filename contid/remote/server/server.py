@@ -10,9 +10,10 @@ from typing import Any, Final
 
 from contid.control.daemon.interfaces import RunControl
 from contid.control.tick.faults import Fault
+from contid.lines import MAX_LINE
 from contid.remote.protocol.peer_credentials import is_authorized, peer_of
 from contid.remote.protocol.socket_path import Endpoint
-from contid.remote.protocol.wire import MAX_CLIENTS, MAX_LINE, Fields, encode
+from contid.remote.protocol.wire import MAX_CLIENTS, Fields, encode
 from contid.remote.server.connection import Connection
 from contid.remote.server.request_handler import RequestHandler
 from contid.remote.server.telemetry_view import fault_fields

@@ -16,8 +16,9 @@ from types import TracebackType
 from typing import Final, Self
 
 from contid import __version__
+from contid.lines import MAX_LINE
 from contid.remote.protocol.socket_path import Endpoint, default_path
-from contid.remote.protocol.wire import MAX_LINE, PROTOCOL, Code, Fields, RemoteError, decode, encode
+from contid.remote.protocol.wire import PROTOCOL, Code, Fields, RemoteError, decode, encode
 
 _STOPS: Final = ("estop", "stop", "hold")
 #: How long a client may leave the answers to it unread, and how long the devices may take to come to rest.
