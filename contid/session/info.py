@@ -139,7 +139,8 @@ def _add_event(info: Info, kinds: Counter[str], event: Any) -> None:
     elif kind == "overrun":
         missed = event.get("missed_ticks")
         info.lost += missed if isinstance(missed, int) else 0
-    if kind in _LISTED and len(info.listed) < _MAX_LISTED:
+    listed = kind in _LISTED or (kind == "log" and event.get("level") not in ("debug", "info"))
+    if listed and len(info.listed) < _MAX_LISTED:
         details = {key: value for key, value in event.items() if key not in ("event", "tick")}
         rest = ", ".join(
             f"{key} {f'{value:.3g}' if isinstance(value, float) else value}" for key, value in details.items()

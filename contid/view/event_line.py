@@ -14,6 +14,9 @@ LEVELS: Final = {
     "stall": "WARN",
     "skipped": "WARN",
     "viewer": "WARN",
+    "warning": "WARN",
+    "error": "ERROR",
+    "critical": "CRITICAL",
 }
 #: Events for programs, too many for a log.
 SILENT: Final = frozenset({"answer", "limit_name", "mark", "order", "report", "robot"})

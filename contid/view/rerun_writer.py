@@ -122,7 +122,10 @@ class RerunWriter:
         """Add an event of the ring, unless it is for programs only."""
         kind = event["event"]
         if kind not in SILENT:
-            columns = rr.TextLog.columns(text=[event_line(event)], level=[LEVELS.get(kind, "INFO")])
+            columns = rr.TextLog.columns(
+                text=[event_line(event)],
+                level=[LEVELS.get(event["level"] if kind == "log" else kind, "INFO")],
+            )
             self._send(paths.EVENTS, [int(event.get("tick", self._tick))], columns)
 
     def _curves(self, robot: RobotScene, ticks: Sequence[int], records: Sequence[RobotRecord]) -> None:

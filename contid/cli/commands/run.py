@@ -66,6 +66,8 @@ if TYPE_CHECKING:
     help="Members of this group may give orders as well; default: only the daemon's own user and root.",
 )
 @click.option("--json", "as_json", is_flag=True, help="Print the final report as JSON.")
+@click.option("-v", "--verbose", is_flag=True, help="Also print and record debug messages.")
+@click.option("-q", "--quiet", is_flag=True, help="Print warnings and errors only.")
 def command(
     robot_file: str,
     mock: bool,
@@ -81,6 +83,8 @@ def command(
     socket: str | None,
     socket_group: str | None,
     as_json: bool,
+    verbose: bool,
+    quiet: bool,
 ) -> None:
     """Make the robots of ROBOT_FILE follow a trajectory.
 
@@ -88,6 +92,8 @@ def command(
     newest row is the target. Without input (at a terminal, or < /dev/null) the robots hold and wait for
     orders over the socket: `contid move`, `contid status`, contid.client.
     """
+    import logging
+
     from contid.control.daemon.spawn import spawn
     from contid.control.process.unblocked_stderr import make_stderr_nonblocking
 
@@ -128,6 +134,7 @@ def command(
         log=None if log is None else Path(log),
         observers=observers,
         commands=commands,
+        log_level=logging.DEBUG if verbose else logging.WARNING if quiet else logging.INFO,
     )
     try:
         report = run(request, spawned)

@@ -26,6 +26,9 @@ def render_status(status: Fields) -> Group:
     parts: list[Any] = [_head(status), _buses(status)]
     for name, robot in status["robots"].items():
         parts += _robot(name, robot)
+    for each in status["warnings"]:
+        style = "yellow" if each["level"] == "warning" else "red"
+        parts.append(Text(f"{each['at_s']:.0f} s {each['level']}: {each['message']}", style=style))
     return Group(*parts)
 
 

@@ -8,6 +8,7 @@ manager and the listeners.
 from __future__ import annotations
 
 import asyncio
+import logging
 import signal
 from collections.abc import Callable, Coroutine, Mapping, Sequence
 from contextlib import suppress
@@ -31,6 +32,7 @@ from contid.control.engine.messages import Begin, EndOfRows, Estop, Finish, Hold
 from contid.control.engine.report import RunReport
 from contid.control.engine.tick_layout import RecordLayout, TickRecord
 from contid.control.engine.wiring import build_preflight, record_layout
+from contid.control.process.log_queue import LogQueue, handle_logs
 from contid.control.process.setup import RunSetup
 from contid.control.tick.preflight import Unreachable
 from contid.robot_file.load import LoadedFile
@@ -40,6 +42,8 @@ from contid.trajectory.timed import Trajectory
 POLL_S: Final = 0.02
 #: A pending input is reported on the terminal after so long.
 REPORT_WAITING_S: Final = 3.0
+
+log = logging.getLogger(__name__)
 
 
 @dataclass(slots=True)
@@ -54,7 +58,7 @@ class RunOptions:
         armed: arm at once; False to wait for `resume`.
         commands: sources of commands besides the input, such as the socket.
         observers: readers of the ring.
-        say: prints a message.
+        log_level: lowest level of log records on the terminal.
     """
 
     rate_hz: float
@@ -64,7 +68,7 @@ class RunOptions:
     armed: bool = True
     commands: Sequence[CommandSource] = ()
     observers: Sequence[RunObserver] = ()
-    say: Callable[[str], None] = terminal.say
+    log_level: int = logging.INFO
 
 
 class Daemon:
@@ -88,10 +92,13 @@ class Daemon:
         self._report = ReportBuilder(options.rate_hz)
         self._shutdown = ShutdownSequence()
         self._notifier = Notifier()
+        self._logs = LogQueue("daemon")
+        # The recording holds records from INFO also when the terminal shows warnings only.
+        self._recorded_level = min(options.log_level, logging.INFO)
         self._listeners: list[Callable[[Mapping[str, Any]], None]] = []
         self._attached: list[RunObserver] = []
         self._tasks: list[asyncio.Task[None]] = []
-        self._log: CommandLog | None = None
+        self._command_log: CommandLog | None = None
         self._fetching = False
         self._signals = {signal.SIGINT: self.interrupt, signal.SIGTERM: self.interrupt}
         if signal.getsignal(signal.SIGHUP) is not signal.SIG_IGN:  # nohup
@@ -104,10 +111,6 @@ class Daemon:
         """See `RunControl.waiting`."""
         return self._pending.message if self._pending is not None else ""
 
-    def say(self, message: str) -> None:
-        """See `RunControl.say`."""
-        self._options.say(message)
-
     def send(self, message: Message) -> None:
         """See `RunControl.send`."""
         if self._pending is not None:
@@ -115,6 +118,7 @@ class Daemon:
                 asyncio.get_running_loop().call_soon(self._on_event, event)
             return
         self._notify_observers(message)
+        self._forward_logs()
         self._child.send(message)
 
     def send_bulk(self, message: Message) -> None:
@@ -124,6 +128,11 @@ class Daemon:
             return
         self._notify_observers(message)
         self._child.send_bulk(message)
+
+    def _forward_logs(self) -> None:
+        """Send log records to the control process, which writes them to the ring."""
+        for line in self._logs.take():
+            self._child.send(line)
 
     def _notify_observers(self, message: Message) -> None:
         """Give the observers the trajectory of an order before the control process gets it."""
@@ -164,15 +173,15 @@ class Daemon:
         if self._pending is not None:
             self._pending.cancel()
         elif self._shutdown.requests == 1:
+            log.info("Stopping. Press Ctrl-C again to cut torque now.")
             self.send(Finish())
             self._shutdown.stop(asyncio.get_running_loop().time())
             if not self._report.started:
                 # Opening the buses takes long when no device answers, and no order is read meanwhile.
                 self._child.terminate()
-            self.say("Stopping. Press Ctrl-C again to cut torque now.")
         else:
+            log.info("Relaxing now.")
             self._relax()
-            self.say("Relaxing now.")
 
     def hung_up(self) -> None:
         """The terminal was closed: an orderly stop. Shells send the signal twice; the second is ignored."""
@@ -188,9 +197,13 @@ class Daemon:
 
     async def run(self) -> RunReport:
         """Run to the end and report; the control process has ended on return."""
+        with handle_logs(self._recorded_level, self._logs, terminal.TerminalHandler(self._options.log_level)):
+            return await self._run()
+
+    async def _run(self) -> RunReport:
         layout = record_layout(self.loaded, self.rate_hz)
         ring = self._child.create_ring(layout)
-        line = terminal.ProgressLine(layout)
+        line = terminal.ProgressLine(layout, self._options.log_level)
         loop = asyncio.get_running_loop()
         try:
             for number, handler in self._signals.items():
@@ -210,7 +223,7 @@ class Daemon:
             for observer in self._attached:
                 with suppress(Exception):
                     self._report.report.problems += observer.detach()
-            self._end_log("")
+            self._end_command_log("")
         return self._report.report
 
     async def _read_pending(self) -> bool:
@@ -222,7 +235,7 @@ class Daemon:
         pending = self._pending
         if pending is None:
             return True
-        reminder = asyncio.get_running_loop().call_later(REPORT_WAITING_S, self.say, pending.message)
+        reminder = asyncio.get_running_loop().call_later(REPORT_WAITING_S, log.info, pending.message)
         try:
             self._source = await pending.result()
         except InputCancelledError:
@@ -234,7 +247,7 @@ class Daemon:
     def _begin(self, ring: Path, layout: RecordLayout, armed: bool) -> None:
         """Attach the observers and start the control process."""
         options, source = self._options, self._source
-        self._log = None if options.log is None else CommandLog(options.log, layout)
+        self._command_log = None if options.log is None else CommandLog(options.log, layout)
         setup = RunSetup(
             self.loaded,
             options.rate_hz,
@@ -244,18 +257,20 @@ class Daemon:
             # A run with an input ends with it, or when every robot is in FAULT; others wait for orders.
             attended=source is None or options.on_end is OnEnd.HOLD or not armed,
             armed=armed,
+            log_level=self._recorded_level,
         )
         for observer in options.observers:
             observer.attach(setup, self._child.pid)
             self._attached.append(observer)
         self._child.start(setup)
+        log.debug("control process %d writes %s", self._child.pid, ring)
         self._pending = None
         if isinstance(source, Stream):
             self._start_task(self._follow(source))
 
     async def _follow(self, stream: Stream) -> None:
         preflight = build_preflight(self.loaded, self.rate_hz, self.unreachable)
-        await follow_stream(stream, LiveRowReader(stream, preflight, self.say), self._send_input)
+        await follow_stream(stream, LiveRowReader(stream, preflight), self._send_input)
         self._send_input(EndOfRows())
 
     def _send_input(self, message: Message) -> None:
@@ -269,6 +284,7 @@ class Daemon:
         end_s = self._source.end_s if isinstance(self._source, Trajectory) else None
         while self._child.status is None:
             await asyncio.sleep(POLL_S)
+            self._forward_logs()
             self._child.flush()
             self._fetch()
             if self._child.reader is not None:
@@ -292,30 +308,30 @@ class Daemon:
                 self._on_event(event)
         finally:
             self._fetching = False
-        if self._log is not None:
+        if self._command_log is not None:
             try:
                 for record in reader.ticks():
-                    self._log.add(record)
+                    self._command_log.add(record)
             except OSError as error:
-                self._end_log(
+                self._end_command_log(
                     f"{self._options.log}: the command log ends here, the run continues: {error.strerror}"
                 )
 
-    def _end_log(self, message: str) -> None:
+    def _end_command_log(self, message: str) -> None:
         """Close the command log and report ``message``: the run continues when the disk is full."""
-        log, self._log = self._log, None
-        if log is not None:
+        command_log, self._command_log = self._command_log, None
+        if command_log is not None:
             with suppress(OSError):
-                log.close()
+                command_log.close()
         if message:
             self._report.problem(message)
-            self.say(message)
+            log.warning(message)
 
     def _on_event(self, event: Mapping[str, Any]) -> None:
         """Pass an event on."""
         self._report.add(event)
-        if message := terminal.event_text(event):
-            self.say(message)
+        if message := terminal.event_text(event, self._options.log_level):
+            terminal.print_message(message)
         match event["event"]:
             case "end":
                 self.input_active = False
@@ -340,7 +356,7 @@ class Daemon:
             return
         message = f"a source of commands ended early: {type(error).__name__}: {error}"
         self._report.problem(message)
-        self.say(message)
+        log.error(message)
         if not self._shutdown.requests and self._child.status is None:
             self.interrupt()
             self._report.broken(message)
@@ -356,7 +372,7 @@ class Daemon:
         line.clear()
         reader = self._child.reader
         assert reader is not None
-        missed = reader.missed_ticks if self._log is not None else 0
+        missed = reader.missed_ticks if self._command_log is not None else 0
         self._report.conclude(reader, self._child.status)
         if missed:
             self._report.problem(f"{missed} ticks are missing in the command log")

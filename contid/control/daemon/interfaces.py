@@ -45,10 +45,6 @@ class RunControl(Protocol):
         """What the run waits for before it begins, "" once it has begun."""
         ...
 
-    def say(self, message: str) -> None:
-        """Print a message on the daemon's stderr."""
-        ...
-
     def detach_input(self) -> None:
         """Hold, and stop following the input of the run."""
         ...

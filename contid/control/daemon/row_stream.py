@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import asyncio
+import logging
 import os
 from collections.abc import AsyncIterator, Callable
 from typing import Final
@@ -15,22 +16,22 @@ from contid.lines import MAX_LINE
 
 CUT: Final = "the last row has no end of line and may be cut off: not followed"
 
+log = logging.getLogger(__name__)
+
 
 class LiveRowReader:
     """Turns the lines of a stream into checked rows."""
 
-    def __init__(self, stream: Stream, preflight: Preflight | None, say: Callable[[str], None]) -> None:
+    def __init__(self, stream: Stream, preflight: Preflight | None) -> None:
         """Read a stream.
 
         Args:
             stream: after its header.
             preflight: refuses rows out of reach or forbidden by a chain; None accepts every row.
-            say: takes the findings.
         """
         self._name = stream.name
         self._parser = stream.parser
         self._preflight = preflight
-        self._say = say
 
     def ends(self, line: str, number: int) -> bool:
         """True for a last line without end of line: a killed producer may leave ``50,7`` of ``50,75``.
@@ -39,7 +40,7 @@ class LiveRowReader:
         """
         if line.endswith("\n") or self._parser.is_json or not line.strip():
             return False
-        self._say(f"{self._name}:{number}:1: {CUT}")
+        log.warning(f"{self._name}:{number}:1: {CUT}")
         return True
 
     def row(self, line: str, number: int) -> Rows | None:
@@ -47,13 +48,13 @@ class LiveRowReader:
         try:
             row = self._parser.targets(line, number)
         except BadInputError as error:
-            self._say(f"{error}; holding")
+            log.warning(f"{error}; holding")
             return Rows(dict.fromkeys(self._parser.robots))
         if row is None:
             return None
         wrong = {} if self._preflight is None else self._preflight.row(row)
         for message in dict.fromkeys(wrong.values()):  # one message for both arms of a chain
-            self._say(f"{self._name}:{number}:1: {message}; holding")
+            log.warning(f"{self._name}:{number}:1: {message}; holding")
         return Rows({**row, **dict.fromkeys(wrong)})
 
 

@@ -8,7 +8,8 @@ virtual time takes place in this process.
 from __future__ import annotations
 
 import asyncio
-from collections.abc import Iterator, Mapping
+import logging
+from collections.abc import Iterator, Mapping, Sequence
 from contextlib import ExitStack, closing
 from itertools import chain
 from pathlib import Path
@@ -21,12 +22,13 @@ from contid.control.daemon.inputs import Stream
 from contid.control.daemon.row_stream import LiveRowReader
 from contid.control.daemon.run_request import RunRequest, load, open_input, preflight_of, rate_of, read_input
 from contid.control.daemon.spawn import Spawned
-from contid.control.daemon.terminal import event_text, say
+from contid.control.daemon.terminal import event_text, print_message
 from contid.control.engine.command_log import CommandLog
 from contid.control.engine.cycle import OnEnd, Sink
 from contid.control.engine.report import RunReport
 from contid.control.engine.virtual import run_virtual
 from contid.control.engine.wiring import record_layout
+from contid.control.process.log_queue import LogQueue, handle_logs
 from contid.control.process.setup import RunSetup
 from contid.control.tick.preflight import Preflight, Unreachable
 from contid.errors import ContidError
@@ -51,6 +53,7 @@ def run(request: RunRequest, spawned: Spawned | None = None) -> RunReport:
             on_end=OnEnd(request.on_end),
             unreachable=Unreachable(request.unreachable),
             log=request.log,
+            log_level=request.log_level,
             armed=not request.disarmed,
             commands=request.commands,
             observers=request.observers,
@@ -67,7 +70,7 @@ def _virtual(request: RunRequest) -> RunReport:
     with closing(CancellableReader()) as reader:
         source = read_input(request, loaded, reader)
     with ExitStack() as stack:
-        sinks: list[Sink] = [TerminalSink()]
+        sinks: list[Sink] = [TerminalSink(request.log_level)]
         if request.log is not None:
             log = CommandLog(request.log, record_layout(loaded, rate_hz))
             stack.callback(log.close)
@@ -79,13 +82,14 @@ def _virtual(request: RunRequest) -> RunReport:
         for observer in request.observers:
             sinks.append(observer.follow(setup))
             stack.callback(observer.detach)
+        stack.enter_context(handle_logs(min(request.log_level, logging.INFO), SinkHandler(sinks)))
         rows = _rows(source, preflight_of(request, loaded)) if isinstance(source, Stream) else None
         return run_virtual(loaded, rate_hz, timed, sinks=sinks, on_end=on_end, rows=rows)
 
 
 def _rows(stream: Stream, preflight: Preflight | None) -> Iterator[Mapping[str, Target | None]]:
     """Rows of a stream, blocking for each."""
-    rows = LiveRowReader(stream, preflight, say)
+    rows = LiveRowReader(stream, preflight)
     with open(stream.descriptor, encoding="utf-8", errors="replace", closefd=False) as file:
         for number, line in chain(stream.pending, enumerate(file, stream.number + 1)):
             if rows.ends(line, number):
@@ -95,13 +99,31 @@ def _rows(stream: Stream, preflight: Preflight | None) -> Iterator[Mapping[str, 
                 yield row.targets
 
 
+class SinkHandler(LogQueue):
+    """Writes log records to the sinks of a run in virtual time."""
+
+    def __init__(self, sinks: Sequence[Sink]) -> None:
+        super().__init__("control")
+        self._sinks = sinks
+
+    def emit(self, record: logging.LogRecord) -> None:
+        """See `logging.Handler.emit`."""
+        super().emit(record)
+        for line in self.take():
+            for sink in self._sinks:
+                line.write(sink)
+
+
 class TerminalSink:
-    """A sink that prints faults and refusals."""
+    """A sink that prints faults, refusals and log records."""
+
+    def __init__(self, log_level: int) -> None:
+        self._log_level = log_level
 
     def write(self, values: list[float]) -> None:
         """Records are not printed."""
 
     def event(self, kind: str, **fields: Any) -> None:
         """See `contid.control.engine.cycle.Sink`."""
-        if message := event_text({"event": kind, **fields}):
-            say(message)
+        if message := event_text({"event": kind, **fields}, self._log_level):
+            print_message(message)

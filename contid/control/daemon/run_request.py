@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import logging
 import sys
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -38,6 +39,7 @@ class RunRequest:
         disarmed: connect only; arm on `resume`.
         commands: further sources of commands.
         observers: readers of the ring.
+        log_level: lowest level of log records on the terminal.
     """
 
     robot_file: str
@@ -51,6 +53,7 @@ class RunRequest:
     disarmed: bool = False
     commands: Sequence[CommandSource] = ()
     observers: Sequence[RunObserver] = ()
+    log_level: int = logging.INFO
 
 
 def load(request: RunRequest) -> LoadedFile:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import logging
 import math
 import sys
 from collections.abc import Callable, Mapping
@@ -18,16 +19,34 @@ PROGRESS_HZ: Final = 5.0
 LONG_TRAJECTORY_ROWS: Final = 20_000
 
 
-def say(message: str) -> None:
+def print_message(message: str) -> None:
     """Print a message in place of the progress line."""
     clear = CLEAR if sys.stderr.isatty() else ""
     sys.stderr.write(f"{clear}contid: {message}\n")
     sys.stderr.flush()
 
 
-def event_text(event: Mapping[str, Any]) -> str:
+class TerminalHandler(logging.Handler):
+    """Prints log records."""
+
+    def emit(self, record: logging.LogRecord) -> None:
+        """See `logging.Handler.emit`."""
+        print_message(log_text(record.levelname, self.format(record)))
+
+
+def log_text(level: str, message: str) -> str:
+    """A log record for the terminal; the level is shown when it is not ``info``."""
+    return message if level.lower() == "info" else f"{level.lower()}: {message}"
+
+
+def event_text(event: Mapping[str, Any], log_level: int = logging.INFO) -> str:
     """The message of an event for the terminal; "" for events that are not shown."""
     match event["event"]:
+        case "log":
+            level = logging.getLevelNamesMapping()[event["level"].upper()]
+            # The daemon has printed its own records already.
+            shown = event["process"] == "control" and level >= log_level
+            return log_text(event["level"], event["message"]) if shown else ""
         case "fault":
             return f"{event['robot']}: {event['message']}"
         case "refused":
@@ -41,12 +60,12 @@ def event_text(event: Mapping[str, Any]) -> str:
 
 
 class ProgressLine:
-    """States of the robots and time in the trajectory in one line; prints on terminals only."""
+    """States of the robots and time in the trajectory in one line; on terminals, and not with ``-q``."""
 
-    def __init__(self, layout: RecordLayout) -> None:
+    def __init__(self, layout: RecordLayout, log_level: int) -> None:
         self._names = [robot.name for robot in layout.robots]
         self._ticks_between = layout.rate_hz / PROGRESS_HZ
-        self._terminal = sys.stderr.isatty()
+        self._terminal = sys.stderr.isatty() and log_level <= logging.INFO
         self._shown = -math.inf
 
     def show(self, newest: Callable[[], TickRecord | None], end_s: float | None) -> None:

@@ -8,6 +8,7 @@ its ``on_host_loss`` policy.
 
 from __future__ import annotations
 
+import logging
 import math
 import signal
 from contextlib import suppress
@@ -21,12 +22,15 @@ from contid.control.engine.messages import Finish
 from contid.control.engine.ports import BusPort
 from contid.control.engine.report import robot_reports
 from contid.control.engine.wiring import build_robot_configs, chain_guards, open_buses
+from contid.control.process.log_queue import LogLine, LogQueue, handle_logs
 from contid.control.process.pace import Pace
 from contid.control.process.pipe import Inbox
 from contid.control.process.realtime import disable_gc, request_real_time, sleep_until, warm_up
 from contid.control.process.ring import RingWriter
 from contid.control.process.setup import RunSetup
 from contid.errors import ContidError
+
+log = logging.getLogger(__name__)
 
 #: Longest stop after the daemon is gone.
 ORPHAN_STOP_S: Final = 2.0
@@ -68,12 +72,14 @@ class ControlProcess:
         parent_watch: ParentWatch,
         ring: RingWriter,
         ports: dict[str, BusPort],
+        logs: LogQueue,
     ) -> None:
         self._clock = RealClock()
         self._inbox = inbox
         self._parent_watch = parent_watch
         self._ring = ring
         self._setup = setup
+        self._logs = logs
         self.engine = Engine(
             build_robot_configs(setup.loaded, setup.rate_hz), ports, setup.rate_hz, ring, self._clock.now,
             trajectory=setup.trajectory, on_end=setup.on_end, attended=setup.attended,
@@ -93,11 +99,15 @@ class ControlProcess:
             start_s = sleep_until(pace.deadline_s)
             timing = pace.begin(start_s, engine.moving)
             for message in self._inbox.poll():
-                engine.obey(message, timing.tick)
+                if isinstance(message, LogLine):
+                    message.write(self._ring)
+                else:
+                    engine.obey(message, timing.tick)
             if self._parent_watch.parent_gone and stop_by_s == math.inf:
                 stop_by_s = start_s + ORPHAN_STOP_S
                 engine.obey(Finish(None, "on_host_loss"), timing.tick)
             engine.cycle(timing)
+            self._logs.write(self._ring)
             if start_s > stop_by_s:
                 break
         self._ring.event("report", **pace.report())
@@ -114,10 +124,12 @@ def main(descriptor: int) -> int:
     assert isinstance(setup, RunSetup)
     parent_watch = ParentWatch(inbox)
     signal.signal(signal.SIGTERM, parent_watch.signalled)  # ended this process until here
-    ring = RingWriter(setup.ring)
+    ring, logs = RingWriter(setup.ring), LogQueue("control")
     try:
-        return _serve(setup, inbox, parent_watch, ring)
+        with handle_logs(setup.log_level, logs):
+            return _serve(setup, inbox, parent_watch, ring, logs)
     finally:
+        logs.write(ring)
         ring.finish()
         ring.close()
         if parent_watch.parent_gone:
@@ -125,17 +137,19 @@ def main(descriptor: int) -> int:
                 Path(setup.ring).unlink()
 
 
-def _serve(setup: RunSetup, inbox: Inbox, parent_watch: ParentWatch, ring: RingWriter) -> int:
+def _serve(setup: RunSetup, inbox: Inbox, parent_watch: ParentWatch, ring: RingWriter, logs: LogQueue) -> int:
     """Open the buses, run, close them."""
     ports: dict[str, BusPort] = {}
     try:
         buses = open_buses(setup.loaded, RealClock())
+        log.debug("open: %s", ", ".join(buses))
+        logs.write(ring)
         why_not = request_real_time()
         ring.event("started", realtime=not why_not, message=why_not)
         ports |= {
             name: BusPort(bus, threaded=len(buses) > 1, reopen_aside=True) for name, bus in buses.items()
         }
-        process = ControlProcess(setup, inbox, parent_watch, ring, ports)
+        process = ControlProcess(setup, inbox, parent_watch, ring, ports, logs)
         parent_watch.running = True
         disable_gc()
         try:

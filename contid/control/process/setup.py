@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import logging
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -22,6 +23,7 @@ class RunSetup:
         on_end: what to do at its end.
         attended: orders may follow, so the run does not end when every robot is in FAULT.
         armed: arm at once; False to connect and wait for `resume`.
+        log_level: lowest level of log records in the recording.
     """
 
     loaded: LoadedFile
@@ -31,3 +33,4 @@ class RunSetup:
     on_end: OnEnd
     attended: bool
     armed: bool = True
+    log_level: int = logging.INFO

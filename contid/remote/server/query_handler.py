@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import time
+from collections import deque
 from collections.abc import Awaitable, Callable, Mapping, Sequence
 from typing import Any, Final, Protocol, TypeAlias
 
@@ -15,6 +16,8 @@ from contid.remote.server.trackers import Trackers
 
 #: Newest ticks that the lateness in ``status`` covers.
 LATENESS_TICKS: Final = 200
+#: Newest warnings and errors in ``status``.
+WARNINGS: Final = 20
 #: Frames per second that one client can get.
 MAX_RATE_HZ: Final = 200.0
 
@@ -65,6 +68,7 @@ class QueryHandler:
         self._clients = clients
         self._began_s = time.monotonic()
         self._realtime: bool | None = None
+        self._warnings: deque[Fields] = deque(maxlen=WARNINGS)
         self.verbs: dict[str, Verb] = {
             "hello": self._hello, "ping": self._ping, "status": self._status, "describe": self._describe,
             "subscribe": self._subscribe, "unsubscribe": self._unsubscribe,
@@ -74,6 +78,11 @@ class QueryHandler:
         """Take in an event of the ring."""
         if event["event"] == "started":
             self._realtime = bool(event["realtime"])
+        elif event["event"] == "log" and event["level"] not in ("debug", "info"):
+            at_s = round(time.monotonic() - self._began_s, 3)
+            self._warnings.append(
+                {"at_s": at_s} | {key: event[key] for key in ("level", "logger", "message")}
+            )
 
     def hello(self) -> Fields:
         """The first line of the server."""
@@ -107,6 +116,7 @@ class QueryHandler:
             "uptime_s": round(now_s - self._began_s, 3),
             "clients": self._clients(),
             "waiting": self._orders.waiting or None,
+            "warnings": list(self._warnings),
             "lease": self._lease.as_fields(now_s),
             "trackers": self._trackers.as_fields(now_s),
             "lateness_us": {

@@ -9,6 +9,7 @@ most one tracker (`contid.remote.server.trackers`).
 from __future__ import annotations
 
 import asyncio
+import logging
 import time
 from collections import Counter
 from collections.abc import Callable, Mapping
@@ -24,6 +25,8 @@ from contid.remote.server.pending_orders import CONFIRM_TIMEOUT_S, OrderResult, 
 from contid.remote.server.query_handler import Caller, QueryHandler, Verb
 from contid.remote.server.telemetry_view import TelemetryView
 from contid.remote.server.trackers import Trackers
+
+log = logging.getLogger(__name__)
 
 
 class RequestHandler:
@@ -116,7 +119,7 @@ class RequestHandler:
     def _lapsed(self, holder: LeaseHolder, message: str) -> None:
         self._orders.send(Hold())
         self.moves.abort_streams(message)
-        self._orders.say(f"client {holder.name!r} lost the lease ({message}); holding")
+        log.warning("client %r lost the lease (%s); holding", holder.name, message)
         self._notify(holder.client, {"event": "lease-lost", "message": message})
 
     # -- stopping: every client may ------------------------------------------------------------------------
@@ -172,7 +175,7 @@ class RequestHandler:
                 self._orders.send(Hold())
                 self._notify(before.client, {"event": "lease-lost", "message": message})
             self.moves.abort_streams(message)
-            self._orders.say(f"{message} from {before.name!r}; holding")
+            log.warning("%s from %r; holding", message, before.name)
         return {"timeout_s": timeout_s, "from": None if before is None else before.name}
 
     async def _release(self, caller: Caller, request: RequestFields) -> Fields:

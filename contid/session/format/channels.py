@@ -108,6 +108,9 @@ _EVENT_KEYS: Final = (
     ("age_s", "number", "age of a measurement"),
     ("ticks", "integer", "report: that were run; skipped: in a row"),
     ("total", "integer", "skipped: so far"),
+    ("process", "string", "log: daemon or control"),
+    ("level", "string", "log: debug, info, warning, error or critical"),
+    ("logger", "string", "log: the module"),
     ("missed_ticks", "integer", "overrun: that are not in the file"),
     ("missed_events", "integer", "overrun: that are not in the file"),
 )

@@ -1,0 +1,80 @@
+"""Log records of any thread on their way into the ``log`` events of a run.
+
+The control process writes its records (those of the drivers) to the ring; the daemon sends its own to the
+control process as `LogLine`. So the recording, `status` and the terminal get both from the events.
+"""
+
+from __future__ import annotations
+
+import logging
+from collections import deque
+from collections.abc import Iterator
+from contextlib import contextmanager
+from dataclasses import asdict, dataclass
+from typing import Final
+
+from contid.control.engine.cycle import Sink
+
+#: Records kept until the next `LogQueue.take`; older ones are dropped.
+CAPACITY: Final = 1024
+
+
+@dataclass(frozen=True, slots=True)
+class LogLine:
+    """One log record.
+
+    Attributes:
+        process: ``daemon`` or ``control``.
+        level: ``debug``, ``info``, ``warning``, ``error`` or ``critical``.
+        logger: name of the logger, which is the module.
+        message: its text, with the traceback of an exception.
+    """
+
+    process: str
+    level: str
+    logger: str
+    message: str
+
+    def write(self, sink: Sink) -> None:
+        """Publish it as event ``log``."""
+        sink.event("log", **asdict(self))
+
+
+class LogQueue(logging.Handler):
+    """Collects log records; safe in threads that must not write to the ring."""
+
+    def __init__(self, process: str) -> None:
+        super().__init__()
+        self._process = process
+        self._lines: deque[LogLine] = deque(maxlen=CAPACITY)
+
+    def emit(self, record: logging.LogRecord) -> None:
+        """See `logging.Handler.emit`."""
+        level = record.levelname.lower()
+        self._lines.append(LogLine(self._process, level, record.name, self.format(record)))
+
+    def take(self) -> Iterator[LogLine]:
+        """Remove and return the records collected so far."""
+        while self._lines:
+            yield self._lines.popleft()
+
+    def write(self, sink: Sink) -> None:
+        """Publish the records collected so far."""
+        for line in self.take():
+            line.write(sink)
+
+
+@contextmanager
+def handle_logs(level: int, *handlers: logging.Handler) -> Iterator[None]:
+    """Pass log records of this process from ``level`` to handlers."""
+    root = logging.getLogger()
+    before = root.level
+    root.setLevel(level)
+    for handler in handlers:
+        root.addHandler(handler)
+    try:
+        yield
+    finally:
+        root.setLevel(before)
+        for handler in handlers:
+            root.removeHandler(handler)
