@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from array import array
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping, Sequence
 from typing import Final, TextIO
 
 import numpy as np
@@ -38,28 +38,51 @@ def read_trajectory(
     Raises:
         BadInputError: every finding (at most `MAX_FINDINGS`), each with line and column.
     """
-    reader: RowReader | None = None
+    return _read(numbered_lines(stream), name, robots, interpolation)
+
+
+def trajectory_of_rows(reader: RowReader, rows: Iterable[Sequence[float]]) -> Trajectory:
+    """The trajectory of rows of numbers in the units of their columns; the header counts as line 1.
+
+    Args:
+        reader: of a header with times.
+        rows: as they came.
+
+    Raises:
+        BadInputError: see `read_trajectory`.
+    """
+    return _read(enumerate(rows, 2), reader.name, {}, Interpolation.CUBIC, reader)
+
+
+def _read(
+    numbered: Iterable[tuple[int, str | Sequence[float]]],
+    name: str,
+    robots: Mapping[str, RobotDescription],
+    interpolation: Interpolation,
+    reader: RowReader | None = None,
+) -> Trajectory:
     findings: list[Located] = []
     values, lines = array("d"), array("q")
     last_time: float | None = None
     number = 0
-    for number, line in numbered_lines(stream):
-        if is_comment(line):
+    for number, given in numbered:
+        if isinstance(given, str) and is_comment(given):
             continue
         try:
             if reader is None:
-                reader = RowReader(line, name, robots, number)
+                assert isinstance(given, str), "rows of numbers come with a reader"
+                reader = RowReader(given, name, robots, number)
                 if not reader.timed:
                     message = f"no column {TIME!r}: a trajectory with times begins with it"
                     raise BadInputError([Located(name, number, 1, message)])
                 if not reader.is_json:
                     continue
-            row = reader.row(line, number)
+            row = reader.row(given, number)
             assert reader.layout.time is not None
             time_s = row[reader.layout.time]
             if last_time is not None and time_s <= last_time:
                 what = "repeats" if time_s == last_time else "runs backwards"
-                column = reader.column(line, reader.layout.time)
+                column = reader.column(given, reader.layout.time)
                 message = f"time {what}: {time_s!r} after {last_time!r} on line {lines[-1]}"
                 raise BadInputError([Located(name, number, column, message)])
             last_time = time_s

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import json
 import math
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator, Mapping, Sequence
 from typing import Final, TextIO
 
 from contid.errors import BadInputError, Located
@@ -88,15 +88,18 @@ class RowReader:
         line = line.rstrip("\r\n")
         return None if is_comment(line) else self.layout.targets(self.row(line, number))
 
-    def row(self, line: str, number: int) -> list[float]:
-        """One row in SI.
+    def row(self, given: str | Sequence[float], number: int) -> list[float]:
+        """One row in SI, from a line or from numbers in the units of the columns.
 
         Raises:
-            BadInputError: with every finding of this line.
+            BadInputError: with every finding of this row.
         """
-        if len(line) > MAX_LINE:
+        if not isinstance(given, str):
+            values = self._numbers(given, number)
+        elif len(given) > MAX_LINE:
             raise BadInputError([Located(self.name, number, 1, _too_long())])
-        values = self._json_values(line, number) if self.is_json else self._csv_values(line, number)
+        else:
+            values = self._json_values(given, number) if self.is_json else self._csv_values(given, number)
         layout = self.layout
         row = [
             value * factor / divisor
@@ -106,16 +109,33 @@ class RowReader:
             if columns.direction and math.hypot(*(row[index] for index in columns.direction)) == 0.0:
                 index = columns.direction[0]
                 message = f"the direction at {layout.names[index]!r} is the zero vector; it needs a length"
-                raise BadInputError([Located(self.name, number, self.column(line, index), message)])
+                raise BadInputError([Located(self.name, number, self.column(given, index), message)])
         return row
 
-    def column(self, line: str, index: int) -> int:
-        """Position in ``line`` of the value of column ``index``, from 1."""
+    def column(self, given: str | Sequence[float], index: int) -> int:
+        """Position of the value of column ``index`` in a line, or among numbers, from 1."""
+        if not isinstance(given, str):
+            return index + 1
         if self.is_json:
-            return _key_column(line, self.layout.names[index])
-        cells = line.split(",")
+            return _key_column(given, self.layout.names[index])
+        cells = given.split(",")
         cell = cells[index]
         return sum(len(before) + 1 for before in cells[:index]) + len(cell) - len(cell.lstrip()) + 1
+
+    def _numbers(self, given: Sequence[float], number: int) -> list[float]:
+        names = self.layout.names
+        if len(given) != len(names):
+            message = f"the row has {len(given)} values, the header {len(names)} columns"
+            raise BadInputError([Located(self.name, number, 1, message)])
+        values = [_as_float(value) for value in given]
+        findings = [
+            Located(self.name, number, position, message)
+            for position, (name, value) in enumerate(zip(names, values, strict=True), 1)
+            if (message := _out_of_bounds(name, value, str(value)))
+        ]
+        if findings:
+            raise BadInputError(findings)
+        return values
 
     def _csv_values(self, line: str, number: int) -> list[float]:
         cells = line.split(",")

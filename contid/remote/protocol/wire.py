@@ -1,8 +1,8 @@
-"""What crosses the socket: newline-delimited JSON objects, their limits and their errors.
+"""Lines of the socket: newline-delimited JSON objects, their limits and their errors.
 
-A request is ``{"id": 7, "verb": "hold", ...}``; its answer carries the same id and ``"ok": true`` with a
+A request is ``{"id": 7, "verb": "hold", ...}``; its response has the same id and ``"ok": true`` with a
 ``result``, or ``"ok": false`` with an ``error`` (a code of `Code`, a message, and the faults of the robots
-concerned). Objects with ``"event"`` come unasked. The first line of the server is its hello.
+concerned). Objects with ``"event"`` are notices. The first line of the server is the notice ``hello``.
 """
 
 from __future__ import annotations
@@ -14,7 +14,7 @@ from typing import Any, Final, TypeAlias
 
 from contid.errors import ContidError
 
-#: Grows when an old client would misunderstand a new server, or the other way round.
+#: Incremented when an old client would misunderstand a new server, or the other way round.
 PROTOCOL: Final = 2
 #: Clients at a time; one more displaces the one that was idle longest.
 MAX_CLIENTS: Final = 64
@@ -23,9 +23,9 @@ Fields: TypeAlias = dict[str, Any]
 
 
 class Code(enum.StrEnum):
-    """Why a request was not carried out; programs may rely on these words."""
+    """Why a request was refused; stable, for programs."""
 
-    BAD_REQUEST = "bad-request"  # not JSON, not an object, a field that is missing or of the wrong kind
+    BAD_REQUEST = "bad-request"  # not JSON, not an object, a field that is missing or of the wrong type
     UNKNOWN_VERB = "unknown-verb"
     UNKNOWN_ROBOT = "unknown-robot"
     PROTOCOL = "protocol"  # another version
@@ -46,8 +46,8 @@ class RemoteError(ContidError):
     """The daemon refused a request.
 
     Attributes:
-        code: why, for programs.
-        faults: per robot in FAULT its number, name, cause, what it did and what to do.
+        code: of `Code`.
+        faults: by robot in FAULT its number, name, cause, reaction and remedy.
     """
 
     def __init__(self, code: Code | str, message: str, faults: Mapping[str, Fields] | None = None) -> None:
@@ -57,26 +57,26 @@ class RemoteError(ContidError):
         self.exit_code = 3 if self.faults else 2
 
     def as_fields(self) -> Fields:
-        """The ``error`` of an answer."""
-        told: Fields = {"code": self.code, "message": str(self)}
-        return {**told, "faults": self.faults} if self.faults else told
+        """The ``error`` of a response."""
+        fields: Fields = {"code": self.code, "message": str(self)}
+        return {**fields, "faults": self.faults} if self.faults else fields
 
     @classmethod
     def of(cls, error: Mapping[str, Any]) -> RemoteError:
-        """The error of an answer, as an exception again."""
+        """The exception of the ``error`` of a response."""
         return cls(str(error.get("code", "")), str(error.get("message", "")), error.get("faults"))
 
 
 class NoDaemonError(ContidError):
-    """There is no daemon to talk to, or more than one to choose from."""
+    """No daemon runs, or more than one and none was chosen."""
 
 
 class ConnectionLostError(ContidError):
-    """The connection ended: the daemon is gone, or sent this client away."""
+    """The connection ended: the daemon ended, or disconnected this client."""
 
 
 def encode(fields: Mapping[str, Any]) -> bytes:
-    """One line; numbers that are not finite become null, which JSON has a word for."""
+    """One line; numbers that are not finite become null, as JSON lacks them."""
     try:
         text = json.dumps(fields, separators=(",", ":"), allow_nan=False)
     except ValueError:
@@ -95,15 +95,14 @@ def _finite(value: Any) -> Any:
 
 
 def _no_constant(name: str) -> float:
-    raise ValueError(f"{name} is not a number that JSON knows")
+    raise ValueError(f"{name} is not a number in JSON")
 
 
 def decode(line: bytes) -> Fields:
-    """One line back.
+    """The object of one line.
 
     Raises:
-        RemoteError: it is not a JSON object in UTF-8; also for what only looks like one, such as brackets
-            nested deeper than the parser goes.
+        RemoteError: not a JSON object in UTF-8, or nested deeper than the parser goes.
     """
     try:
         fields = json.loads(line.decode("utf-8"), parse_constant=_no_constant)
@@ -115,8 +114,13 @@ def decode(line: bytes) -> Fields:
     return fields
 
 
+def is_number(value: object) -> bool:
+    """True for a number of JSON; Python's bool is none."""
+    return isinstance(value, int | float) and not isinstance(value, bool)
+
+
 class RequestFields:
-    """The fields of a request, taken one by one with their kind checked; what is left over is an error."""
+    """The fields of a request, removed one by one with a check of their type; `end` refuses the others."""
 
     def __init__(self, fields: Mapping[str, Any]) -> None:
         self._fields = {key: value for key, value in fields.items() if key not in ("id", "verb")}
@@ -125,21 +129,21 @@ class RequestFields:
         """A text of at most 200 characters."""
         value = self._fields.pop(name, default)
         if not isinstance(value, str) or len(value) > 200:
-            raise _wrong(name, "a text of at most 200 characters", value)
+            raise _unexpected(name, "a text of at most 200 characters", value)
         return value
 
-    def number(self, name: str, default: float, least: float, greatest: float) -> float:
+    def number(self, name: str, default: float, minimum: float, maximum: float) -> float:
         """A number in a range."""
         value = self._fields.pop(name, default)
-        if isinstance(value, bool) or not isinstance(value, int | float) or not least <= value <= greatest:
-            raise _wrong(name, f"a number from {least:g} to {greatest:g}", value)
+        if not is_number(value) or not minimum <= value <= maximum:
+            raise _unexpected(name, f"a number from {minimum:g} to {maximum:g}", value)
         return float(value)
 
     def flag(self, name: str) -> bool:
         """True or false; false when absent."""
         value = self._fields.pop(name, False)
         if not isinstance(value, bool):
-            raise _wrong(name, "true or false", value)
+            raise _unexpected(name, "true or false", value)
         return value
 
     def names(self, name: str) -> tuple[str, ...] | None:
@@ -148,37 +152,34 @@ class RequestFields:
         if value is None:
             return None
         if not isinstance(value, list) or not all(isinstance(item, str) for item in value):
-            raise _wrong(name, "a list of names", value)
+            raise _unexpected(name, "a list of names", value)
         return tuple(value)
 
     def mapping(self, name: str) -> Fields | None:
         """An object, or None when absent."""
         value = self._fields.pop(name, None)
         if value is not None and not isinstance(value, dict):
-            raise _wrong(name, "an object", value)
+            raise _unexpected(name, "an object", value)
         return value
 
     def rows(self, name: str) -> list[list[float]]:
         """A list of rows of numbers."""
         value = self._fields.pop(name, None)
         if not isinstance(value, list) or not all(
-            isinstance(row, list)
-            and all(isinstance(cell, int | float) and not isinstance(cell, bool) for cell in row)
-            for row in value
+            isinstance(row, list) and all(map(is_number, row)) for row in value
         ):
-            raise _wrong(name, "a list of rows of numbers", value)
+            raise _unexpected(name, "a list of rows of numbers", value)
         return value
 
     def anything(self, name: str) -> Any:
-        """Whatever it is, for a verb that refuses it in its own words; None when absent."""
+        """A field that the verb checks itself; None when absent."""
         return self._fields.pop(name, None)
 
     def end(self) -> None:
-        """Refuse what nobody asked for: a misspelt key shall not be ignored."""
+        """Refuse the fields that are left: a misspelt key must not be ignored."""
         if self._fields:
             raise RemoteError(Code.BAD_REQUEST, f"unknown field {', '.join(map(repr, self._fields))}")
 
 
-def _wrong(name: str, wanted: str, value: object) -> RemoteError:
-    shown = repr(value)
-    return RemoteError(Code.BAD_REQUEST, f"{name}: {wanted} is expected, got {shown[:60]}")
+def _unexpected(name: str, expected: str, value: object) -> RemoteError:
+    return RemoteError(Code.BAD_REQUEST, f"{name}: {expected} is expected, got {repr(value)[:60]}")

@@ -1,13 +1,12 @@
-"""One move of a client, and the credit under which its rows may be sent.
+"""One move of a client, and the credit that limits its rows.
 
-A live stream (no column ``t_s``) makes its newest row the target; its credit is a bucket of `LIVE_ROWS` that
-refills at the rate of the tick, so that a client cannot send faster than rows can be followed. The rows of a
-timed trajectory are only collected: their credit bounds what is under way.
+A live stream (no column ``t_s``) makes its newest row the target; its credit refills at the rate of the tick:
+a client cannot send faster than rows can be followed. Rows of a timed trajectory are only collected.
 """
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
 from typing import Any, Final, TypeAlias
 
@@ -15,12 +14,12 @@ from contid.remote.protocol.wire import Code, Fields, RemoteError
 from contid.targets import Target
 from contid.trajectory.rows import RowReader
 
-#: Rows of a live stream that may be under way: a burst of so many ticks.
+#: Credit of a live stream: a burst of so many ticks.
 LIVE_ROWS: Final = 8
-#: Rows of a timed trajectory that may be under way.
+#: Credit of a timed trajectory.
 TIMED_ROWS: Final = 1024
 
-#: Tells the owner of a move about it.
+#: Sends a notice to the client of a move.
 Notify: TypeAlias = Callable[[Mapping[str, Any]], None]
 
 
@@ -39,19 +38,19 @@ class Credit:
         return int(self._rows)
 
     def spend(self, rows: int, now_s: float) -> None:
-        """Rows were sent.
+        """Account for received rows.
 
         Raises:
-            RemoteError: more than may be.
+            RemoteError: more than the credit.
         """
         self._grow(now_s)
         if rows > self.rows:
             raise RemoteError(Code.NO_CREDIT, f"{rows} rows sent, {self.rows} allowed; wait for credit")
-        if not self._timed:  # rows that are only collected are done with at once
+        if not self._timed:  # collected rows are processed at once
             self._rows -= rows
 
-    def came_back(self, now_s: float) -> bool:
-        """True when a client that had to wait may send again: at half a bucket, not row by row."""
+    def refilled(self, now_s: float) -> bool:
+        """True when a waiting client may send again: at half the credit, not row by row."""
         if self._rows >= LIVE_ROWS / 2:
             return False
         self._grow(now_s)
@@ -65,12 +64,12 @@ class Credit:
 
 @dataclass(slots=True, eq=False)
 class Move:
-    """A move that was begun.
+    """A move in progress.
 
     Attributes:
         number: its name on the socket.
-        client: whose it is.
-        notify: reaches its owner.
+        client: its owner.
+        notify: sends a notice to the owner.
         waiting: robots whose goto has not ended.
         failed: robots whose goto was dropped.
         closed: no further row may come.
@@ -84,10 +83,10 @@ class Move:
     closed: bool = False
 
     def end(self, reached: bool, message: str, faults: Mapping[str, Fields] | None = None) -> None:
-        """It is over; its owner is told."""
+        """End the move and notify its owner."""
         self.closed = True
-        told: Fields = {"event": "move", "move": self.number, "reached": reached, "message": message}
-        self.notify({**told, "faults": dict(faults)} if faults else told)
+        notice: Fields = {"event": "move", "move": self.number, "reached": reached, "message": message}
+        self.notify({**notice, "faults": dict(faults)} if faults else notice)
 
 
 @dataclass(slots=True, eq=False, kw_only=True)
@@ -95,17 +94,17 @@ class RowMove(Move):
     """A move along rows.
 
     Attributes:
-        parser: of the rows.
-        credit: for further ones.
-        lines: header and rows of a timed trajectory, as text.
-        rows: how many came.
+        reader: of the rows.
+        credit: for further rows.
+        count: rows received.
+        timed_rows: of a timed trajectory, in the units of the columns.
         last: newest good target of every robot of a live stream.
-        playing: a timed trajectory is being followed.
+        playing: the tick follows the timed trajectory.
     """
 
-    parser: RowReader
+    reader: RowReader
     credit: Credit
-    lines: list[str]
-    rows: int = 0
+    count: int = 0
+    timed_rows: list[Sequence[float]] = field(default_factory=list)
     last: dict[str, Target] = field(default_factory=dict)
     playing: bool = False

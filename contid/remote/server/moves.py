@@ -1,15 +1,12 @@
-"""What the holder of the lease moves: points, and trajectories row by row under credit.
+"""The moves of the lease holder: points, and trajectories row by row under credit.
 
-A point becomes a goto of every robot it names. The rows of a live stream are sent on one by one
-(`contid.remote.server.move`). A timed trajectory is collected, checked as a whole like a file, and then
-played by
-the tick itself.
+A point becomes a goto of every robot that it names. Rows of a live stream are forwarded one by one. A timed
+trajectory is collected, checked as a whole like a file, and then played by the tick.
 """
 
 from __future__ import annotations
 
 import asyncio
-import json
 from collections import deque
 from collections.abc import Mapping, Sequence
 from typing import Any, Final
@@ -18,7 +15,7 @@ from contid.control.daemon.interfaces import RunControl
 from contid.control.engine.messages import Begin, Goto, Hold, Message, Play, Resume, Rows
 from contid.control.tick.supervisor import MOVING, Mode
 from contid.errors import BadInputError
-from contid.remote.protocol.wire import Code, Fields, RemoteError
+from contid.remote.protocol.wire import Code, Fields, RemoteError, is_number
 from contid.remote.server.move import Credit, Move, Notify, RowMove
 from contid.remote.server.pending_orders import BULK_TIMEOUT_S, PendingOrders
 from contid.remote.server.preconditions import Preconditions, bad_target
@@ -28,13 +25,13 @@ from contid.trajectory.rows import RowReader
 
 #: Rows of a timed trajectory in all: 250 s at 200 Hz.
 MAX_ROWS: Final = 50_000
-#: How long robots may take to stand still before a trajectory is played, and how often that is looked at.
-STANDSTILL_S: Final = 20.0
-LOOK_S: Final = 0.02
+#: Time for robots to stand still before a trajectory is played, and the period of that check.
+STANDSTILL_TIMEOUT_S: Final = 20.0
+POLL_S: Final = 0.02
 
 
 class Moves:
-    """The moves under way."""
+    """The moves in progress."""
 
     def __init__(self, orders: RunControl, view: TelemetryView, pending: PendingOrders) -> None:
         self._orders = orders
@@ -42,25 +39,27 @@ class Moves:
         self._pending = pending
         self._preconditions = Preconditions(orders, view)
         self._numbers = 0
-        self._going: dict[str, deque[Move]] = {name: deque() for name in view.configs}
+        self._gotos: dict[str, deque[Move]] = {name: deque() for name in view.configs}
         self._stream: RowMove | None = None
 
     # -- points ------------------------------------------------------------------------------------------
 
     async def point(self, client: int, target: Mapping[str, Any], notify: Notify) -> Fields:
-        """Begin to go to a point; the answer comes when the control process took it."""
-        line = json.dumps(target)
+        """Start a goto; returns when the control process has accepted it."""
+        for name, value in target.items():
+            if not is_number(value):
+                raise RemoteError(Code.BAD_TARGET, f"{name[:60]}: {str(value)[:40]!r} is not a number")
         try:
-            parser = RowReader(line, "move", self._view.robots)
-            targets = dict(parser.targets(line, 1) or {})
+            reader = RowReader(_header(target), "move", self._view.robots)
+            targets = reader.layout.targets(reader.row(tuple(target.values()), 1))
         except BadInputError as error:
             raise bad_target(error) from None
-        if parser.timed:
+        if reader.timed:
             raise RemoteError(Code.BAD_TARGET, "a point has no time; stream rows with columns for that")
         self._preconditions.armed(tuple(targets))
-        wrong = self._preconditions.unreachable(targets)
-        if wrong:
-            raise RemoteError(Code.UNREACHABLE, "; ".join(wrong.values()))
+        unreachable = self._preconditions.unreachable(targets)
+        if unreachable:
+            raise RemoteError(Code.UNREACHABLE, "; ".join(unreachable.values()))
         if self._stream is not None and self._stream.client == client:
             self.abort(self._stream, "another move began")
         return await self._goto(Move(self._number(), client, notify), targets)
@@ -68,16 +67,16 @@ class Moves:
     async def _goto(self, move: Move, targets: Mapping[str, Target], *before: Message) -> Fields:
         for name in targets:
             move.waiting.add(name)
-            self._going[name].append(move)
+            self._gotos[name].append(move)
         future = self._pending.send([*before, *(Goto(name, target) for name, target in targets.items())])
         outcome = await self._pending.confirmed(future)
         if outcome.refused:
             for name in outcome.refused:
                 move.waiting.discard(name)
-                if move in self._going.get(name, ()):
-                    self._going[name].remove(move)
+                if move in self._gotos.get(name, ()):
+                    self._gotos[name].remove(move)
             faults = self._view.faults(self._orders.newest(), tuple(targets))
-            # A chain says the same of both its arms.
+            # Both arms of a chain have the same message.
             message = "; ".join(dict.fromkeys(outcome.refused.values()))
             raise RemoteError(Code.FAULT if faults else Code.REFUSED, message, faults)
         return {"move": move.number, "tick": outcome.tick}
@@ -85,63 +84,57 @@ class Moves:
     # -- streams -----------------------------------------------------------------------------------------
 
     async def begin(self, client: int, columns: Sequence[str], notify: Notify) -> Fields:
-        """Begin a stream of rows; the answer grants the first credit."""
-        if any("," in name or "\n" in name or name.startswith(("{", "#")) for name in columns):
-            raise RemoteError(Code.BAD_TARGET, "a column is one name, such as x_mm or left.x_mm")
-        header = ",".join(columns)
+        """Begin a stream of rows; the result grants the first credit."""
         try:
-            parser = RowReader(header, "rows", self._view.robots)
+            reader = RowReader(_header(columns), "rows", self._view.robots)
         except BadInputError as error:
             raise bad_target(error) from None
-        self._preconditions.armed(parser.robots)
+        self._preconditions.armed(reader.robots)
         self.abort_streams("another move began")
-        credit = Credit(parser.timed, self._orders.rate_hz, asyncio.get_running_loop().time())
-        move = RowMove(self._number(), client, notify, parser=parser, credit=credit, lines=[header])
+        credit = Credit(reader.timed, self._orders.rate_hz, asyncio.get_running_loop().time())
+        move = RowMove(self._number(), client, notify, reader=reader, credit=credit)
         self._stream = move
-        if not parser.timed:
-            await self._pending.confirmed(self._pending.send([Begin(), Resume(parser.robots)]))
-        return {"move": move.number, "timed": parser.timed, "credits": credit.rows}
+        if not reader.timed:
+            await self._pending.confirmed(self._pending.send([Begin(), Resume(reader.robots)]))
+        return {"move": move.number, "timed": reader.timed, "credits": credit.rows}
 
     def rows(self, client: int, number: int, rows: Sequence[Sequence[float]]) -> Fields:
-        """Take rows of the stream; what cannot be followed holds its robots and is told."""
-        move = self._mine(client, number)
+        """Take rows of the stream; robots of a refused row hold."""
+        move = self._open_stream(client, number)
         move.credit.spend(len(rows), asyncio.get_running_loop().time())
-        lines = [",".join(map(repr, row)) for row in rows]
         refused: list[str] = []
-        if move.parser.timed:
-            self._collect(move, lines)
+        if move.reader.timed:
+            move.timed_rows += rows
+            if len(move.timed_rows) > MAX_ROWS:
+                self.abort(move, "too long")
+                message = f"more than {MAX_ROWS} rows; send the trajectory in pieces"
+                raise RemoteError(Code.BAD_TARGET, message)
         else:
-            for line in lines:
-                refused += self._follow(move, line)
+            for row in rows:
+                refused += self._follow(move, row)
         return {"credits": move.credit.rows, "refused": refused}
 
-    def _collect(self, move: RowMove, lines: Sequence[str]) -> None:
-        """Rows of a timed trajectory."""
-        move.lines += lines
-        move.rows += len(lines)
-        if move.rows > MAX_ROWS:
-            self.abort(move, "too long")
-            raise RemoteError(Code.BAD_TARGET, f"more than {MAX_ROWS} rows; send the trajectory in pieces")
-
-    def _follow(self, move: RowMove, line: str) -> list[str]:
-        """A row of a live stream; what is wrong with it, in words."""
-        move.rows += 1
+    def _follow(self, move: RowMove, row: Sequence[float]) -> list[str]:
+        """Forward a row of a live stream; returns messages about what is refused."""
+        move.count += 1
         try:
-            targets: dict[str, Target | None] = dict(move.parser.targets(line, move.rows) or {})
+            targets: dict[str, Target | None] = {
+                **move.reader.layout.targets(move.reader.row(row, move.count))
+            }
         except BadInputError as error:
-            self._orders.send(Rows(dict.fromkeys(move.parser.robots)))
+            self._orders.send(Rows(dict.fromkeys(move.reader.robots)))
             return [str(error)]
-        wrong = self._preconditions.unreachable(targets)
-        targets |= dict.fromkeys(wrong)
+        unreachable = self._preconditions.unreachable(targets)
+        targets |= dict.fromkeys(unreachable)
         move.last |= {name: target for name, target in targets.items() if target is not None}
         self._orders.send(Rows(targets))
-        return [f"rows:{move.rows}: {message}" for message in wrong.values()]
+        return [f"rows:{move.count}: {message}" for message in unreachable.values()]
 
     async def end(self, client: int, number: int) -> Fields:
-        """No further row: a live stream ends on its last one, a timed trajectory is checked and played."""
-        move = self._mine(client, number)
+        """End the rows: a live stream ends on its last one, a timed trajectory is checked and played."""
+        move = self._open_stream(client, number)
         move.closed = True
-        if move.parser.timed:
+        if move.reader.timed:
             return await self._play(move)
         self._stream = None
         if move.last:
@@ -151,30 +144,32 @@ class Moves:
         return {"move": move.number}
 
     async def _play(self, move: RowMove) -> Fields:
-        """Check a timed trajectory as a whole and have the tick follow it."""
-        # Checking takes long for a large one: not in the loop that has to answer a stop.
+        """Check a timed trajectory as a whole and let the tick follow it."""
+        # In a thread: the check of a large one would delay the response to a stop.
         record = self._orders.newest()
-        trajectory = await asyncio.to_thread(self._preconditions.trajectory, move.lines, record)
+        check = self._preconditions.trajectory
+        trajectory = await asyncio.to_thread(check, move.reader, move.timed_rows, record)
         robots = tuple(trajectory.targets_of_row(0))
         await self._pending.confirmed(self._pending.send([Hold()]))
         await self._standstill()
-        self._still_mine(move)
+        self._not_stopped(move)
         self._orders.send_bulk(Play(trajectory))
         await self._pending.confirmed(self._pending.mark_bulk(self._orders.send_bulk), BULK_TIMEOUT_S)
-        self._still_mine(move)
+        self._not_stopped(move)
         move.playing = True
         outcome = await self._pending.confirmed(self._pending.send([Resume(robots)]))
         duration_s = trajectory.end_s - trajectory.start_s
         return {"move": move.number, "tick": outcome.tick, "duration_s": duration_s}
 
     async def _standstill(self) -> None:
-        """Wait until nothing moves: taking over a long trajectory may cost more than a tick."""
-        for _ in range(int(STANDSTILL_S / LOOK_S)):
+        """Wait until nothing moves: the transfer of a long trajectory may cost more than a tick."""
+        for _ in range(int(STANDSTILL_TIMEOUT_S / POLL_S)):
             record = self._orders.newest()
             if record is not None and not any(Mode(robot.mode) in MOVING for robot in record.robots):
                 return
-            await asyncio.sleep(LOOK_S)
-        raise RemoteError(Code.REFUSED, f"the robots did not stand still within {STANDSTILL_S:g} s")
+            await asyncio.sleep(POLL_S)
+        message = f"the robots did not stand still within {STANDSTILL_TIMEOUT_S:g} s"
+        raise RemoteError(Code.REFUSED, message)
 
     @property
     def open(self) -> bool:
@@ -182,25 +177,25 @@ class Moves:
         return self._stream is not None and not self._stream.closed
 
     def refill(self) -> None:
-        """Grant what the time that passed allows; called often."""
+        """Grant the credit that has grown with time; called periodically."""
         move = self._stream
         if move is None or move.closed:
             return
-        if move.credit.came_back(asyncio.get_running_loop().time()):
+        if move.credit.refilled(asyncio.get_running_loop().time()):
             move.notify({"event": "credit", "move": move.number, "credits": move.credit.rows})
 
     # -- ends --------------------------------------------------------------------------------------------
 
     def abort_streams(self, message: str) -> None:
-        """Whatever is streamed or played ends here; gotos notify their end themselves."""
+        """End the stream or the played trajectory; gotos notify their own end."""
         if self._stream is not None:
             self.abort(self._stream, message)
 
     def abort(self, move: RowMove, message: str) -> None:
-        """A stream or a played trajectory ends before its end."""
+        """End a stream or a played trajectory before its end."""
         if self._stream is move:
             self._stream = None
-        # Nothing is left to follow: a later resume arms and goes nowhere.
+        # Without targets a later resume arms and goes nowhere.
         self._orders.send(Begin())
         move.end(False, message)
 
@@ -210,10 +205,10 @@ class Moves:
         return move is not None and move.client == client and (move.playing or not move.closed)
 
     def notice(self, event: Mapping[str, Any]) -> None:
-        """An event of the ring."""
-        if event["event"] == "goto" and self._going.get(event["robot"]):
+        """Take in an event of the ring."""
+        if event["event"] == "goto" and self._gotos.get(event["robot"]):
             robot = str(event["robot"])
-            move = self._going[robot].popleft()
+            move = self._gotos[robot].popleft()
             move.waiting.discard(robot)
             if not event["arrived"]:
                 move.failed.add(robot)
@@ -232,12 +227,19 @@ class Moves:
         self._numbers += 1
         return self._numbers
 
-    def _mine(self, client: int, number: int) -> RowMove:
+    def _open_stream(self, client: int, number: int) -> RowMove:
         move = self._stream
         if move is None or move.number != number or move.client != client or move.closed:
             raise RemoteError(Code.REFUSED, f"move {number} is not open; it ended or was stopped")
         return move
 
-    def _still_mine(self, move: RowMove) -> None:
+    def _not_stopped(self, move: RowMove) -> None:
         if self._stream is not move:
             raise RemoteError(Code.STOPPED, "the robots were stopped meanwhile; nothing was played")
+
+
+def _header(columns: Sequence[str] | Mapping[str, Any]) -> str:
+    """Names of columns as the header of a CSV."""
+    if any("," in name or "\n" in name or name.startswith(("{", "#")) for name in columns):
+        raise RemoteError(Code.BAD_TARGET, "a column is one name, such as x_mm or left.x_mm")
+    return ",".join(columns)

@@ -1,8 +1,7 @@
-"""Whether robots can do what a client asks: armed, without a fault, and every target within reach."""
+"""The conditions of a move: robots armed and without a fault, every target within reach."""
 
 from __future__ import annotations
 
-import io
 from collections.abc import Mapping, Sequence
 from typing import Final
 
@@ -15,7 +14,8 @@ from contid.errors import BadInputError
 from contid.remote.protocol.wire import Code, RemoteError
 from contid.remote.server.telemetry_view import TelemetryView
 from contid.targets import Target
-from contid.trajectory.read import read_trajectory
+from contid.trajectory.read import trajectory_of_rows
+from contid.trajectory.rows import RowReader
 from contid.trajectory.timed import Trajectory
 
 #: Findings of one refusal.
@@ -25,7 +25,7 @@ _ARMED: Final = frozenset({Mode.APPROACH, Mode.RUN, Mode.HOLD})
 
 
 class Preconditions:
-    """Asks the newest record and the models."""
+    """Checks moves against the newest record and the models."""
 
     def __init__(self, orders: RunControl, view: TelemetryView) -> None:
         self._orders = orders
@@ -34,7 +34,7 @@ class Preconditions:
         self._refuses = orders.unreachable is Unreachable.REFUSE or bool(self._guards)
 
     def armed(self, robots: Sequence[str]) -> None:
-        """Refuse what a robot would not follow.
+        """Refuse robots that would not follow a target.
 
         Raises:
             RemoteError: one is in FAULT, or not armed.
@@ -42,25 +42,27 @@ class Preconditions:
         record = self._orders.newest()
         faults = self._view.faults(record, robots)
         if faults:
-            what = "; ".join(f"{name}: fault {f['number']} {f['name']}" for name, f in faults.items())
-            raise RemoteError(Code.FAULT, f"{what}; clear-fault, then resume", faults)
+            found = "; ".join(f"{name}: fault {f['number']} {f['name']}" for name, f in faults.items())
+            raise RemoteError(Code.FAULT, f"{found}; clear-fault, then resume", faults)
         for name in robots:
             mode = self._view.mode(name, record)
             if mode not in _ARMED:
                 raise RemoteError(Code.NOT_ARMED, f"{name} is {mode.name}, not armed; resume first")
 
     def unreachable(self, targets: Mapping[str, Target | None]) -> dict[str, str]:
-        """Why which robots cannot go to their targets from where they are; empty when all can."""
+        """Robots that cannot reach their targets from where they are, with the reason."""
         return self._preflight(self._orders.newest()).row(targets) if self._refuses else {}
 
-    def trajectory(self, lines: Sequence[str], record: TickRecord | None) -> Trajectory:
-        """The trajectory of a header and rows, checked from where the robots were in a record.
+    def trajectory(
+        self, reader: RowReader, rows: Sequence[Sequence[float]], record: TickRecord | None
+    ) -> Trajectory:
+        """The trajectory of rows, checked from where the robots were in a record.
 
         Raises:
             RemoteError: rows are wrong, out of reach, or forbidden by a chain.
         """
         try:
-            trajectory = read_trajectory(io.StringIO("\n".join(lines)), "rows", self._view.robots)
+            trajectory = trajectory_of_rows(reader, rows)
             if self._refuses:
                 self._preflight(record).trajectory(trajectory, "rows")
         except BadInputError as error:
@@ -74,5 +76,5 @@ class Preconditions:
 
 
 def bad_target(error: BadInputError) -> RemoteError:
-    """What is wrong with rows or a point, for a client."""
+    """The refusal of rows or a point, with the first findings."""
     return RemoteError(Code.BAD_TARGET, "\n".join(map(str, error.findings[:MAX_FINDINGS])))
