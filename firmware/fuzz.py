@@ -23,13 +23,13 @@ def seeds() -> list[bytes]:
     found: list[bytes] = []
     dialogue = bytearray()
     for line in (HERE / "vectors" / "vectors.txt").read_text().splitlines():
-        word, *rest = line.split() or [""]
-        if word == "board":
+        item, *rest = line.split() or [""]
+        if item == "board":
             found.append(bytes(dialogue))
             dialogue = bytearray([0 if rest[0] == "motor" else 1])
-        elif word == "tick":
+        elif item == "tick":
             dialogue += bytes([14, 6]) + (100).to_bytes(4, "little") + (745).to_bytes(2, "little")
-        elif word == ">":
+        elif item == ">":
             payload = bytes.fromhex(rest[0])
             configure = len(payload) > 9 and payload[1] == 2
             operation = 3 if configure else 2 if len(payload) >= 5 else 1

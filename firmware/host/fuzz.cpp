@@ -7,7 +7,7 @@
 //
 // An input is a list of operations: raw bytes on the wire, a payload that gets its CRC and COBS (so that the
 // fuzzer reaches what lies behind them), one that also gets the configuration's CRC, a configuration that gets its
-// own, and ticks with inputs. Besides what the sanitizers see, these must hold after every tick: no duty beyond
+// own, and ticks with inputs. Besides the sanitizers' checks, these must hold after every tick: no duty beyond
 // full, none on a channel that is not commanded or held, and no armed channel that was not fed in time.
 
 #include <algorithm>
@@ -248,12 +248,12 @@ __sanitizer_cov_trace_pc() {
   if (hit[place] < 255) ++hit[place];
 }
 
-// Every finding ends in abort(), so that the input can be told.
+// Every finding ends in abort(), so that the input can be reported.
 extern "C" const char* __asan_default_options() { return "abort_on_error=1"; }
 extern "C" const char* __ubsan_default_options() { return "abort_on_error=1:print_stacktrace=1"; }
 
 int main(int argc, char** argv) {
-  const long inputs_wanted = argc > 1 ? std::atol(argv[1]) : 10000;
+  const long input_count = argc > 1 ? std::atol(argv[1]) : 10000;
   random_state = 0x9E3779B97F4A7C15ull + (argc > 2 ? std::strtoull(argv[2], nullptr, 10) : 0);
   std::signal(SIGABRT, save_crash);
   std::vector<std::vector<uint8_t>> corpus;
@@ -268,7 +268,7 @@ int main(int argc, char** argv) {
     is_new(seed);
   }
   if (corpus.empty()) corpus.push_back(std::vector<uint8_t>(1, 0));
-  for (long i = 0; i < inputs_wanted; ++i) {
+  for (long i = 0; i < input_count; ++i) {
     current = corpus[random_below(corpus.size())];
     mutate(current, corpus);
     if (is_new(current)) corpus.push_back(current);
@@ -276,7 +276,7 @@ int main(int argc, char** argv) {
   }
   size_t places = 0;
   for (uint8_t one : seen) places += one != 0;
-  std::printf("%ld inputs, %zu kept, %zu places\n", inputs_wanted, corpus.size(), places);
+  std::printf("%ld inputs, %zu kept, %zu places\n", input_count, corpus.size(), places);
   return 0;
 }
 

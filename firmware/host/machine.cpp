@@ -1,3 +1,4 @@
+// Runs the emulated Due: boots, ticks, resets, commands, and the journal.
 #include "machine.h"
 
 #include <cmath>
@@ -14,7 +15,8 @@ const double VENTED_PA = 2000.0;
 
 const char* const STATES[] = {"off", "ready", "armed", "homing", "stopped", "safe"};
 const char* const REASONS[] = {"none",      "watchdog",    "stalled",     "encoder_silent", "encoder_reversed",
-                               "following", "home_failed", "sensor_wire", "leak",           "over_pressure", "bridge"};
+                               "following", "home_failed", "sensor_wire", "leak",           "over_pressure",
+                               "bridge"};
 const char* const CAUSES[] = {"power_up", "backup", "watchdog", "software", "pin", "brown_out"};
 
 }  // namespace
@@ -30,7 +32,7 @@ void Machine::boot(ResetCause cause, uint32_t uptime_ms) {
   board_.start(identity, nullptr, nullptr, uptime_ms);
   link_.start();
   outputs_ = Outputs();
-  starved_ms_ = 0;
+  unfed_ms_ = 0;
   frozen_ms_ = 0;
   ticked_ = false;
   for (int i = 0; i < CHANNELS; ++i) {
@@ -60,9 +62,9 @@ void Machine::tick() {
   note();
   if (frozen_ms_ > 0) {
     --frozen_ms_;
-    if (++starved_ms_ >= HARDWARE_WATCHDOG_MS && watchdog_fires_) reset(ResetCause::WATCHDOG);
+    if (++unfed_ms_ >= HARDWARE_WATCHDOG_MS && watchdog_fires_) reset(ResetCause::WATCHDOG);
   } else {
-    starved_ms_ = 0;
+    unfed_ms_ = 0;
   }
 }
 
@@ -132,7 +134,8 @@ bool Machine::command(const std::string& line, std::string& out) {
     const MotorPlant& m = plant.motor[channel];
     const Output& o = outputs_.channel[channel];
     std::snprintf(text, sizeof text, "%.6f %.6f %.3f %.3f %d %d %llu", m.shaft, m.speed,
-                  plant.regulator[channel].pressure, plant.regulator[channel].rate, static_cast<int>(o.drive), o.duty, static_cast<unsigned long long>(world_ms_));
+                  plant.regulator[channel].pressure, plant.regulator[channel].rate, static_cast<int>(o.drive), o.duty,
+                  static_cast<unsigned long long>(world_ms_));
     out = text;
     return true;
   }

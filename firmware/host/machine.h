@@ -1,4 +1,4 @@
-// An emulated Due: the sketch's core, its plant, its resets, and a journal of what happened when.
+// An emulated Due: the sketch's core, its plant, its resets, and a journal of events.
 #ifndef CONTID_MACHINE_H
 #define CONTID_MACHINE_H
 
@@ -18,9 +18,9 @@ class Machine {
   // The timer interrupt and one millisecond of the world.
   void tick();
   // A byte for the sketch; answers are appended to `reply`. A board that starts (until its first tick) or whose
-  // loop() is frozen hears nothing: the caller keeps the byte.
+  // loop() is frozen receives nothing: the caller keeps the byte.
   void take(uint8_t byte, std::vector<uint8_t>& reply);
-  bool hears() const { return starting_ms_ == 0 && frozen_ms_ == 0 && ticked_; }
+  bool receives() const { return starting_ms_ == 0 && frozen_ms_ == 0 && ticked_; }
 
   void reset(ResetCause cause, uint32_t uptime_ms = 0);
   // loop() stands still: after the watchdog's 250 ms the board resets, as the hardware would.
@@ -35,7 +35,9 @@ class Machine {
  private:
   void boot(ResetCause cause, uint32_t uptime_ms);
   void note();
-  uint8_t capability() const { return role_ == Role::MOTOR ? contid::CURRENT_SENSE | contid::BRIDGE_FAULT : contid::READ_BACK; }
+  uint8_t capability() const {
+    return role_ == Role::MOTOR ? contid::CURRENT_SENSE | contid::BRIDGE_FAULT : contid::READ_BACK;
+  }
 
   Role role_;
   FILE* journal_;
@@ -44,7 +46,7 @@ class Machine {
   Outputs outputs_ = Outputs();
   uint16_t boots_ = 0;
   uint64_t world_ms_ = 0;
-  uint32_t starting_ms_ = 0, frozen_ms_ = 0, starved_ms_ = 0;
+  uint32_t starting_ms_ = 0, frozen_ms_ = 0, unfed_ms_ = 0;
   bool watchdog_fires_ = true, ticked_ = false;
   State state_[CHANNELS] = {};
   Reason reason_[CHANNELS] = {};

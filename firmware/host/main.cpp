@@ -1,25 +1,25 @@
 // contid_due_host: the sketch's core on this computer.
 //
-//   contid_due_host motor|pressure --pty LINK [--journal FILE] [--reset-on-open] [--world "set ..."]   in real time, on a pty
-//   contid_due_host motor|pressure --lockstep [--journal FILE]                     time moves when told
+//   contid_due_host motor|pressure --pty LINK [--journal FILE] [--reset-on-open] [--world "set ..."]   in real time, on
+//   a pty contid_due_host motor|pressure --lockstep [--journal FILE]                     time moves by command
 //
 // Both take commands on stdin (firmware/host/README.md); the end of stdin ends the program.
 
+#include <fcntl.h>
+#include <poll.h>
+#include <sys/ioctl.h>
+#include <termios.h>
+#include <time.h>
+#include <unistd.h>
 #include <cerrno>
 #include <cstdio>
 #include <cstdlib>
 #include <cstring>
-#include <fcntl.h>
 #include <iostream>
 #include <mutex>
-#include <poll.h>
 #include <sstream>
 #include <string>
-#include <sys/ioctl.h>
-#include <termios.h>
 #include <thread>
-#include <time.h>
-#include <unistd.h>
 
 #include "machine.h"
 
@@ -66,7 +66,7 @@ int run_lockstep(Machine& machine) {
       understood = machine.command(line, out);
     }
     std::vector<uint8_t> reply;
-    if (machine.hears()) {
+    if (machine.receives()) {
       for (uint8_t byte : waiting) machine.take(byte, reply);
       waiting.clear();
     }
@@ -95,7 +95,7 @@ class Port {
     close(slave);
     const std::string fresh = link_ + ".new";
     ::unlink(fresh.c_str());
-    // The link changes in one step: whoever looks finds the old device or the new one.
+    // The link changes atomically from the old device to the new one.
     if (symlink(name, fresh.c_str()) != 0 || rename(fresh.c_str(), link_.c_str()) != 0) return false;
     return true;
   }
@@ -152,16 +152,16 @@ void run_loop(Shared& shared, Port& port, bool reset_on_open) {
   uint32_t noise = 1;
   while (true) {
     bool want_plugged = false;
-    bool hears = false;
+    bool receives = false;
     {
       std::lock_guard<std::mutex> masked(shared.interrupts);
       if (shared.ended) return;
       want_plugged = shared.unplugged_ms == 0;
-      hears = shared.machine->hears();
+      receives = shared.machine->receives();
     }
     if (!want_plugged && port.plugged()) port.unplug();
     if (want_plugged && !port.plugged() && !port.plug()) std::perror("pty");
-    if (!port.plugged() || !hears) {
+    if (!port.plugged() || !receives) {
       usleep(500);
       continue;
     }
@@ -244,17 +244,18 @@ int main(int argc, char** argv) {
   std::vector<std::string> world;  // commands that describe the plant before the board is powered
   bool lockstep = false, reset_on_open = false;
   for (int i = 2; i < argc; ++i) {
-    const std::string word = argv[i];
-    if (word == "--lockstep") lockstep = true;
-    if (word == "--reset-on-open") reset_on_open = true;
-    if (word == "--world" && i + 1 < argc) world.push_back(argv[++i]);
-    if (word == "--pty" && i + 1 < argc) link = argv[++i];
-    if (word == "--journal" && i + 1 < argc) journal = argv[++i];
+    const std::string item = argv[i];
+    if (item == "--lockstep") lockstep = true;
+    if (item == "--reset-on-open") reset_on_open = true;
+    if (item == "--world" && i + 1 < argc) world.push_back(argv[++i]);
+    if (item == "--pty" && i + 1 < argc) link = argv[++i];
+    if (item == "--journal" && i + 1 < argc) journal = argv[++i];
   }
   const bool motor = argc > 1 && std::strcmp(argv[1], "motor") == 0;
   const bool pressure = argc > 1 && std::strcmp(argv[1], "pressure") == 0;
   if ((!motor && !pressure) || (!lockstep && link.empty())) {
-    std::fprintf(stderr, "use: contid_due_host motor|pressure --lockstep | --pty LINK [--journal FILE] [--reset-on-open]\n");
+    std::fprintf(stderr,
+                 "use: contid_due_host motor|pressure --lockstep | --pty LINK [--journal FILE] [--reset-on-open]\n");
     return 2;
   }
   FILE* file = std::fopen(journal.c_str(), "a");

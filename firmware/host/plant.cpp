@@ -1,3 +1,4 @@
+// Parameters and motion of the simulated plant.
 #include "plant.h"
 
 namespace contid {
@@ -13,12 +14,15 @@ bool Plant::set(int channel, const std::string& name, double value) {
     const char* name;
     double* value;
   } const numbers[] = {
-      {"no_load", &m.no_load},     {"tau", &m.tau},           {"friction", &m.friction},
-      {"low", &m.low},             {"high", &m.high},         {"stall_ma", &m.stall_ma},
-      {"shaft", &m.shaft},         {"full_scale_ma", &m.full_scale_ma},
-      {"full_pa", &r.full_pa},     {"lag", &r.tau},           {"swelling", &r.swelling},
-      {"flow", &r.flow},           {"raw_low", &r.raw_low},   {"low_pa", &r.low_pa},
-      {"raw_high", &r.raw_high},   {"high_pa", &r.high_pa},   {"pressure", &r.pressure},
+      {"no_load", &m.no_load},   {"tau", &m.tau},
+      {"friction", &m.friction}, {"low", &m.low},
+      {"high", &m.high},         {"stall_ma", &m.stall_ma},
+      {"shaft", &m.shaft},       {"full_scale_ma", &m.full_scale_ma},
+      {"full_pa", &r.full_pa},   {"lag", &r.tau},
+      {"swelling", &r.swelling}, {"flow", &r.flow},
+      {"raw_low", &r.raw_low},   {"low_pa", &r.low_pa},
+      {"raw_high", &r.raw_high}, {"high_pa", &r.high_pa},
+      {"pressure", &r.pressure},
   };
   for (const auto& number : numbers) {
     if (name == number.name) {
@@ -30,12 +34,8 @@ bool Plant::set(int channel, const std::string& name, double value) {
     const char* name;
     bool* value;
   } const switches[] = {
-      {"stall", &m.stalled},
-      {"bridge", &m.bridge},
-      {"encoder_stuck", &m.stuck},
-      {"encoder_reversed", &m.reversed},
-      {"leak", &r.leaking},
-      {"wire", &r.wire_broken},
+      {"stall", &m.stalled}, {"bridge", &m.bridge},    {"encoder_stuck", &m.stuck}, {"encoder_reversed", &m.reversed},
+      {"leak", &r.leaking},  {"wire", &r.wire_broken},
   };
   for (const auto& one : switches) {
     if (name == one.name) {

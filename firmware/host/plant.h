@@ -1,4 +1,4 @@
-// What hangs on an emulated board: a geared motor with encoder, or a regulator with a soft chamber.
+// Plant of an emulated board: geared motors with encoders, or regulators with soft chambers.
 #ifndef CONTID_PLANT_H
 #define CONTID_PLANT_H
 
@@ -13,9 +13,9 @@ namespace contid {
 // First order motor behind a gear that friction can hold:
 // tau dv/dt = duty v0 - v - friction v0 sign(v); brake: duty 0; coast: only friction acts.
 struct MotorPlant {
-  double no_load = 7630.0;  // speed at full duty [counts/s]
-  double tau = 0.04;        // [s]
-  double friction = 0.05;   // of the full duty
+  double no_load = 7630.0;          // speed at full duty [counts/s]
+  double tau = 0.04;                // [s]
+  double friction = 0.05;           // of the full duty
   double low = -1e12, high = 1e12;  // end stops [counts]
   double stall_ma = 1600.0;
   double full_scale_ma = 3300.0;
@@ -72,9 +72,9 @@ struct RegulatorPlant {
   bool leaking = false, wire_broken = false;
 
   void step(const Output& out, double dt) {
-    const double wanted = out.drive == Drive::RUN ? full_pa * out.duty / DUTY_FULL : 0.0;
+    const double target = out.drive == Drive::RUN ? full_pa * out.duty / DUTY_FULL : 0.0;
     const double lag = tau * (1.0 + swelling * pressure / 1e5);
-    double rise = (wanted - pressure) / lag;
+    double rise = (target - pressure) / lag;
     if (rise > flow) rise = flow;
     if (rise < -flow) rise = -flow;
     if (leaking) rise -= leak_per_s * pressure;

@@ -73,21 +73,21 @@ int main(int argc, char** argv) {
   while (std::getline(file, line)) {
     ++number;
     std::istringstream in(line);
-    std::string word, first, second;
-    in >> word >> first >> second;
+    std::string item, first, second;
+    in >> item >> first >> second;
     std::string expected = first, found = first;
-    if (word == "frame") {
+    if (item == "frame") {
       const std::vector<uint8_t> wire = sealed(first);
       found = hex_of(wire.data(), wire.size()) + " " + open_frame(bytes_of(second));
       expected = second + " " + first;
       ++checked;
-    } else if (word == "noise") {
+    } else if (item == "noise") {
       expected = "";
       std::vector<uint8_t> wire = bytes_of(first);
       wire.push_back(0);
       found = open_frame(wire);
       ++checked;
-    } else if (word == "board") {
+    } else if (item == "board") {
       contid::Identity identity = contid::Identity();
       identity.role = first == "motor" ? contid::Role::MOTOR : contid::Role::PRESSURE;
       identity.boot = 1;
@@ -98,19 +98,19 @@ int main(int argc, char** argv) {
       board.start(identity, nullptr, nullptr);
       link.start();
       inputs = contid::Inputs();
-    } else if (word == "tick") {
+    } else if (item == "tick") {
       for (int i = std::atoi(first.c_str()); i > 0; --i) board.tick(inputs, outputs);
-    } else if (word == "count") {
+    } else if (item == "count") {
       inputs.count[std::atoi(first.c_str())] = std::atoi(second.c_str());
-    } else if (word == "analog") {
+    } else if (item == "analog") {
       inputs.analog[std::atoi(first.c_str())] = std::atoi(second.c_str());
-    } else if (word == ">") {
+    } else if (item == ">") {
       answer.clear();
       for (uint8_t byte : sealed(first)) {
         const size_t size = link.take(byte, board);
         if (size > 0) answer = open_frame(std::vector<uint8_t>(link.reply(), link.reply() + size));
       }
-    } else if (word == "<") {
+    } else if (item == "<") {
       found = answer;
       ++checked;
     }

@@ -1,5 +1,5 @@
-// What the Cortex-M3 run calls: the core behind C functions, and the edge interrupt with the Arduino core's own
-// way to it. Freestanding: no libc, no Arduino.
+// C entry points of the core for the Cortex-M3 tests, and the edge interrupt as the Arduino core dispatches it.
+// Freestanding: no libc, no Arduino.
 #include "../contid_due/src/core/link.h"
 #include "../contid_due/src/core/quadrature.h"
 
@@ -8,7 +8,7 @@ namespace {
 contid::Board board;
 contid::Link link;
 contid::Quadrature decoder;
-volatile uint32_t port_levels;  // stands for PIOD->PIO_PDSR
+volatile uint32_t port_levels;   // stands for PIOD->PIO_PDSR
 volatile uint32_t port_changes;  // stands for PIOD->PIO_ISR
 
 void on_edge() { decoder.edge((port_levels >> 1) & 3u); }

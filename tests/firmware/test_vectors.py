@@ -22,16 +22,16 @@ def lines() -> list[list[str]]:
 
 def test_python_codec():
     checked = 0
-    for word, *rest in lines():
-        if word == "frame":
+    for item, *rest in lines():
+        if item == "frame":
             payload, wire = map(bytes.fromhex, rest)
             assert frames.seal(payload) == wire
             assert frames.unseal(wire[:-1]) == payload
             checked += 1
-        elif word == "noise":
+        elif item == "noise":
             assert frames.unseal(bytes.fromhex(rest[0])) is None
             checked += 1
-        elif word == "<" and rest:
+        elif item == "<" and rest:
             messages.read_answer(bytes.fromhex(rest[0]))
             checked += 1
     assert checked > 100
@@ -39,11 +39,11 @@ def test_python_codec():
 
 def test_every_message_and_refusal_is_in_the_vectors():
     answers = [
-        messages.read_answer(bytes.fromhex(rest[0]))[1] for word, *rest in lines() if word == "<" and rest
+        messages.read_answer(bytes.fromhex(rest[0]))[1] for item, *rest in lines() if item == "<" and rest
     ]
     refusals = {Refusal(one.refusal) for one in answers if isinstance(one, messages.Refused)}
     assert refusals == set(Refusal) - {Refusal.NO_SENSOR}
-    requests = {bytes.fromhex(rest[0])[1] for word, *rest in lines() if word == ">" and len(rest[0]) > 4}
+    requests = {bytes.fromhex(rest[0])[1] for item, *rest in lines() if item == ">" and len(rest[0]) > 4}
     assert requests >= {kind for kind in Type if kind < 0x80}
     assert {type(one) for one in answers} == {
         messages.Hello, messages.Configured, messages.Telemetry, messages.Refused,
@@ -61,20 +61,20 @@ def test_core_on_cortex_m3():
     board = M3Board(read_elf(build_m3()))
     answer: bytes | None = None
     checked = 0
-    for number, (word, *rest) in enumerate(lines(), 1):
-        if word == "board":
+    for number, (item, *rest) in enumerate(lines(), 1):
+        if item == "board":
             board.start(rest[0])
-        elif word == "tick":
+        elif item == "tick":
             for _ in range(int(rest[0])):
                 board.tick()
-        elif word == "count":
+        elif item == "count":
             board.set_count(int(rest[0]), int(rest[1]))
-        elif word == "analog":
+        elif item == "analog":
             board.set_analog(int(rest[0]), int(rest[1]))
-        elif word == ">":
+        elif item == ">":
             wire = board.wire(frames.seal(bytes.fromhex(rest[0])))
             answer = frames.unseal(wire[:-1]) if wire else b""
-        elif word == "<":
+        elif item == "<":
             expected = bytes.fromhex(rest[0]) if rest else b""
             assert answer == expected, f"vectors.txt:{number}"
             checked += 1

@@ -1,4 +1,4 @@
-"""Numbers of the Due protocol by name; protocol.h and PROTOCOL.md are checked against them by a test."""
+"""Numbers of the Due protocol by name; a test compares them with protocol.h, which is the reference."""
 
 from __future__ import annotations
 

@@ -1,7 +1,7 @@
-// The Arduino Due under the core: every register and every Arduino call is in this file.
+// Hardware layer of the Arduino Due: every register access and every Arduino call is in this file.
 //
-// Interrupts, by priority: 0 encoder edges (PIOD), 1 the control tick (TC3), 3 ports (UOTGHS, UART). A port that
-// spins inside its own interrupt or in loop() cannot hold up the tick, and the dead-man lives in the tick.
+// Interrupts, by priority: 0 encoder edges (PIOD), 1 the control tick (TC3) with the watchdog, 3 ports (UOTGHS,
+// UART). A port that spins inside its own interrupt or in loop() cannot delay the tick.
 #ifdef ARDUINO_ARCH_SAM
 
 #include "hal_due.h"
@@ -20,7 +20,7 @@ using contid::PINS;
 
 const uint32_t PWM_PERIOD = VARIANT_MCK / 20000;  // 20 kHz: 4200 steps, 12 bit
 const uint32_t WATCHDOG_MS = 250;
-const uint32_t ANSWER_PATIENCE_MS = 50;
+const uint32_t WRITE_TIMEOUT_MS = 50;
 const uint32_t NATIVE_PACKET = 512;
 const uint32_t PROGRAMMING_BAUD = 250000;  // exact on both chips of the programming port
 
@@ -32,18 +32,11 @@ contid::Quadrature decoder[4];
 
 // ---- encoders ----
 
-template <uint8_t N>
-uint32_t levels() {
-  return (PIOD->PIO_PDSR >> contid::EDGE_PINS[N].shift) & 3u;
-}
+template <uint8_t N> uint32_t levels() { return (PIOD->PIO_PDSR >> contid::EDGE_PINS[N].shift) & 3u; }
 
-template <uint8_t N>
-void on_edge() {
-  decoder[N].edge(levels<N>());
-}
+template <uint8_t N> void on_edge() { decoder[N].edge(levels<N>()); }
 
-template <uint8_t N>
-void start_edge_decoder() {
+template <uint8_t N> void start_edge_decoder() {
   pinMode(contid::EDGE_PINS[N].a, INPUT_PULLUP);
   pinMode(contid::EDGE_PINS[N].b, INPUT_PULLUP);
   decoder[N].start(levels<N>());
@@ -133,7 +126,7 @@ void start_tick() {
 
 void read_inputs() {
   for (uint8_t i = 0; i < CHANNELS; ++i) {
-    // What was converted since the last tick; nobody waits for a conversion.
+    // Conversions finished since the last tick; the tick never waits for one.
     inputs.analog[i] = static_cast<int32_t>(ADC->ADC_CDR[PINS[i].adc_channel] & 0xFFFu);
   }
   ADC->ADC_CR = ADC_CR_START;
@@ -181,7 +174,7 @@ struct Port {
     left -= size;
   }
   void give_up_in_time() {
-    if (left == 0 || millis() - since_ms < ANSWER_PATIENCE_MS) return;
+    if (left == 0 || millis() - since_ms < WRITE_TIMEOUT_MS) return;
     left = 0;
     board.count_dropped_answer();
   }
@@ -190,11 +183,9 @@ struct Port {
 Port native;
 Port programming;
 
-// SerialUSB.availableForWrite() always says yes; only the endpoint knows whether it has a free bank. With one, a
-// packet of up to 512 bytes goes out without waiting.
-bool native_has_room() {
-  return SerialUSB.dtr() && (UOTGHS->UOTGHS_DEVEPTISR[CDC_TX] & UOTGHS_DEVEPTISR_TXINI) != 0;
-}
+// SerialUSB.availableForWrite() is always true; only the endpoint's register shows a free bank, with which a packet
+// of up to 512 bytes goes out without waiting.
+bool native_has_room() { return SerialUSB.dtr() && (UOTGHS->UOTGHS_DEVEPTISR[CDC_TX] & UOTGHS_DEVEPTISR_TXINI) != 0; }
 
 void serve_native() {
   if (native.left > 0 && native_has_room()) {
@@ -227,14 +218,13 @@ contid::ResetCause reset_cause() {
 
 uint8_t capabilities(uint8_t channel) {
   if (role == contid::Role::PRESSURE) return contid::READ_BACK;
-  const uint8_t encoder =
-      channel < contid::FIRST_EDGE_CHANNEL ? contid::HARDWARE_DECODER : contid::EDGE_DECODER;
+  const uint8_t encoder = channel < contid::FIRST_EDGE_CHANNEL ? contid::HARDWARE_DECODER : contid::EDGE_DECODER;
   return static_cast<uint8_t>(encoder | contid::CURRENT_SENSE | contid::BRIDGE_FAULT);
 }
 
 }  // namespace
 
-// main() calls it before setup(); the core's own version turns the watchdog off, once and for all.
+// main() calls it before setup(); the version of the Arduino core disables the watchdog until the next reset.
 void watchdogSetup(void) { watchdogEnable(WATCHDOG_MS); }
 
 extern "C" void TC3_Handler(void) {
@@ -261,7 +251,7 @@ void contid_setup() {
   native.start();
   programming.start();
 
-  // First of all the outputs that a bridge or a valve goes by.
+  // First the outputs that drive bridges and valves.
   start_pwm();
   uint32_t adc_channels = 0;
   for (uint8_t i = 0; i < CHANNELS; ++i) {
@@ -283,7 +273,7 @@ void contid_setup() {
   }
   delay(1);  // the first conversions
   start_tick();
-  // Nobody is answered before the first tick: its inputs are what the first telemetry tells.
+  // No answers before the first tick, whose inputs the first telemetry contains.
   while (board.uptime_ms() == 0) {
   }
   Serial.begin(PROGRAMMING_BAUD);

@@ -1,4 +1,4 @@
-// Which pin is what, for both kinds of board. Everything else follows from this table.
+// The pin map of both roles.
 //
 // Encoders of channels 0 and 1 are on the two hardware decoders whose pins the Due has (TC0: D2 and D13, TC2: D5
 // and D4); those of channels 2 to 5 are decoded in pin interrupts and lie on neighbouring bits of port D.

@@ -1,4 +1,4 @@
-// One request, one answer: who carries it out, and what the board tells.
+// Dispatches a request to its handler and writes the answer.
 #include "board.h"
 #include "fixed.h"
 
@@ -60,15 +60,15 @@ size_t Board::answer(const uint8_t* request, size_t size, uint8_t* out, size_t c
   head.u8(sequence);
   uint8_t* rest = out + head.size();
   const size_t room = capacity - head.size();
-  if (type == HELLO) return head.size() + say_hello(rest, room);
+  if (type == HELLO) return head.size() + write_hello(rest, room);
   if (type == CONFIGURE) {
     head.u16(config_crc_);
     return head.size();
   }
-  return head.size() + say_telemetry(rest, room);
+  return head.size() + write_telemetry(rest, room);
 }
 
-size_t Board::say_hello(uint8_t* out, size_t capacity) const {
+size_t Board::write_hello(uint8_t* out, size_t capacity) const {
   Writer to(out, capacity);
   to.u8(static_cast<uint8_t>(identity_.role));
   to.u8(CHANNELS);
@@ -85,10 +85,10 @@ size_t Board::say_hello(uint8_t* out, size_t capacity) const {
   return to.size();
 }
 
-size_t Board::say_telemetry(uint8_t* out, size_t capacity) {
+size_t Board::write_telemetry(uint8_t* out, size_t capacity) {
   Writer to(out, capacity);
   // All numbers of one answer are of one tick.
-  keep_tick_out();
+  block_tick();
   to.u32(now_);
   to.u16(identity_.boot);
   to.u8(static_cast<uint8_t>(identity_.cause));
@@ -96,13 +96,13 @@ size_t Board::say_telemetry(uint8_t* out, size_t capacity) {
   to.u8((config_.mask != 0 ? BOARD_CONFIGURED : 0u) | (stale_ ? BOARD_DEMAND_STALE : 0u));
   to.u16(bad_frames_);
   to.u16(dropped_);
-  uint8_t told = 0;
+  uint8_t reported = 0;
   for (uint8_t i = 0; i < CHANNELS; ++i) {
-    if ((config_.mask & (1u << i)) != 0 && fitted(i)) told = static_cast<uint8_t>(told | (1u << i));
+    if ((config_.mask & (1u << i)) != 0 && fitted(i)) reported = static_cast<uint8_t>(reported | (1u << i));
   }
-  to.u8(told);
+  to.u8(reported);
   for (uint8_t i = 0; i < CHANNELS; ++i) {
-    if ((told & (1u << i)) == 0) continue;
+    if ((reported & (1u << i)) == 0) continue;
     const Motor& m = motor_[i];
     const Regulator& r = regulator_[i];
     const bool motor = identity_.role == Role::MOTOR;
@@ -117,7 +117,7 @@ size_t Board::say_telemetry(uint8_t* out, size_t capacity) {
     to.i16(motor ? m.duty() : r.duty());
     to.i16(motor ? clamp(m.current_ma(), -32767, 32767) : r.raw());
   }
-  let_tick_in();
+  allow_tick();
   return to.size();
 }
 

@@ -1,13 +1,11 @@
-// The board in its timer interrupt: dead-man, laws, safe states. What it is asked is in orders.cpp, what it tells
-// in answers.cpp.
+// The board in its timer interrupt: watchdog, control laws, safe states. Requests: orders.cpp; answers: answers.cpp.
 #include "board.h"
 
 #include <string.h>
 
 namespace contid {
 
-void Board::start(const Identity& identity, void (*mask_tick)(), void (*unmask_tick)(),
-                  uint32_t uptime_ms) {
+void Board::start(const Identity& identity, void (*mask_tick)(), void (*unmask_tick)(), uint32_t uptime_ms) {
   // A board is plain data: all zero is its state after a reset.
   memset(static_cast<void*>(this), 0, sizeof(*this));
   identity_ = identity;
@@ -69,7 +67,7 @@ Output Board::drive_motor(uint8_t i) {
       out = powered ? motor.follow() : motor.rest(Drive::COAST);
       break;
     case State::SAFE:
-      // Holding takes a working encoder and shaft: after a fault of their own the drive is off.
+      // Holding needs a working encoder and shaft: after a fault of theirs the drive is off.
       powered = motor.config().safe == Safe::HOLD && channel.reason == Reason::WATCHDOG;
       if (powered) {
         out = motor.follow();
@@ -78,7 +76,7 @@ Output Board::drive_motor(uint8_t i) {
       out = motor.rest(motor.config().safe == Safe::COAST ? Drive::COAST : Drive::BRAKE);
       break;
     default:
-      // Nothing is powered before it was armed: `hold` brakes here.
+      // A channel that was never armed has no power: `hold` brakes here.
       out = motor.rest(motor.config().safe == Safe::COAST ? Drive::COAST : Drive::BRAKE);
       break;
   }
@@ -106,7 +104,7 @@ Output Board::drive_regulator(uint8_t i) {
     case State::STOPPED:
       return channel.rest == Rest::VENT ? regulator.vent() : regulator.close();
     case State::SAFE:
-      // After a fault of its own a chamber is never kept under pressure.
+      // After a fault of its own a chamber is vented or closed, never held under pressure.
       return safe == Safe::CLOSE ? regulator.close() : regulator.vent();
     default:
       return safe == Safe::CLOSE ? regulator.close() : regulator.vent();

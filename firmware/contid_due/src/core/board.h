@@ -1,7 +1,7 @@
-// One board: states of its channels, dead-man, messages. No heap, no clock of its own, no Arduino.
+// One board: states of its channels, watchdog, messages. No heap, no clock of its own, no Arduino.
 //
-// Two contexts call it. The 1 kHz timer interrupt calls tick(); nothing else moves an output, and the dead-man
-// lives there. loop() calls answer() with frames from the wire; what it changes is changed with the tick masked.
+// Two contexts call it. The 1 kHz timer interrupt calls tick(), which alone changes outputs and holds the watchdog.
+// loop() calls answer() with frames from the wire; answer() changes state with the tick masked.
 #ifndef CONTID_BOARD_H
 #define CONTID_BOARD_H
 
@@ -17,7 +17,7 @@ struct Identity {
   uint16_t boot;  // counts starts, kept over resets
   ResetCause cause;
   uint8_t capabilities[CHANNELS];  // 0: the channel is not fitted
-  const char* pins;  // the pin map in words
+  const char* pins;                // the pin map as text
 };
 
 struct Inputs {
@@ -32,8 +32,8 @@ struct Outputs {
 
 class Board {
  public:
-  // `mask_tick` and `unmask_tick` keep the timer interrupt out for a moment; null where it cannot interrupt.
-  // `uptime_ms` is other than 0 only where the wrap of the clock after 49 days is tried out.
+  // `mask_tick` and `unmask_tick` disable and enable the timer interrupt; null where it cannot interrupt.
+  // `uptime_ms` other than 0 is for tests of the clock's wrap after 49 days.
   void start(const Identity& identity, void (*mask_tick)(), void (*unmask_tick)(), uint32_t uptime_ms = 0);
 
   void tick(const Inputs& in, Outputs& out);
@@ -41,17 +41,17 @@ class Board {
   // Answers one request (header and body, CRC checked and removed). Returns the size of the answer.
   size_t answer(const uint8_t* request, size_t size, uint8_t* out, size_t capacity);
 
-  // A channel that is not fitted, or fell out, tells nothing and cannot be armed.
+  // A channel that is not fitted, or dropped out, is absent from telemetry and cannot be armed.
   void fit(uint8_t channel, uint8_t capabilities) { identity_.capabilities[channel] = capabilities; }
 
-  // Frames that were no frames, and answers nobody made room for: only counted.
+  // Counters of damaged frames, and of answers dropped because the port had no room.
   void count_bad_frame() { ++bad_frames_; }
   void count_dropped_answer() { ++dropped_; }
 
   uint32_t uptime_ms() const { return now_; }
   State state(uint8_t channel) const { return channel_[channel].state; }
   Reason reason(uint8_t channel) const { return channel_[channel].reason; }
-  // Time since the last demand that fed the dead-man.
+  // Time since the last demand that fed the watchdog.
   uint32_t silence_ms() const { return now_ - fed_; }
   Role role() const { return identity_.role; }
 
@@ -71,23 +71,23 @@ class Board {
   Verdict check_crc(Reader& in) const;
   Verdict check_mask(uint8_t mask) const;
   Verdict read_mask(Reader& in, uint8_t& mask) const;
-  Verdict may_arm(uint8_t channel) const;
-  Verdict may_clear(uint8_t channel) const;
-  Verdict may_home(uint8_t channel) const;
-  // The first objection of a channel in the mask. With the tick kept out: what it says still holds afterwards.
-  Verdict ask_each(uint8_t mask, Verdict (Board::*may)(uint8_t channel) const) const;
+  Verdict check_arm(uint8_t channel) const;
+  Verdict check_clear(uint8_t channel) const;
+  Verdict check_home(uint8_t channel) const;
+  // The first refusal of a channel in the mask. Call it with the tick blocked, so that the result stays valid.
+  Verdict check_each(uint8_t mask, Verdict (Board::*may)(uint8_t channel) const) const;
 
-  size_t say_hello(uint8_t* out, size_t capacity) const;
-  size_t say_telemetry(uint8_t* out, size_t capacity);
+  size_t write_hello(uint8_t* out, size_t capacity) const;
+  size_t write_telemetry(uint8_t* out, size_t capacity);
 
   bool fitted(uint8_t channel) const { return identity_.capabilities[channel] != 0; }
   void trip(uint8_t channel, Reason reason);
   Output drive_motor(uint8_t channel);
   Output drive_regulator(uint8_t channel);
-  void keep_tick_out() {
+  void block_tick() {
     if (mask_tick_ != nullptr) mask_tick_();
   }
-  void let_tick_in() {
+  void allow_tick() {
     if (unmask_tick_ != nullptr) unmask_tick_();
   }
 

@@ -1,4 +1,4 @@
-// Little-endian reading and writing with bounds: a reader that ran out stays failed and gives zeros.
+// Little-endian reading and writing with bounds: a reader past its end stays failed and returns zeros.
 #ifndef CONTID_BYTES_H
 #define CONTID_BYTES_H
 

@@ -1,3 +1,4 @@
+// Encodes and decodes COBS frames.
 #include "cobs.h"
 
 namespace contid {

@@ -1,3 +1,4 @@
+// Decodes and range-checks the configuration a host sends.
 #include "config.h"
 
 namespace contid {
@@ -9,23 +10,23 @@ const uint8_t MOTOR_REVERSED = 2;
 const uint8_t HOMING_GIVEN = 4;
 const uint8_t HOME_UP = 8;
 
-// Counts a board may be asked to go to: a margin to the ends of int32 keeps every difference inside it.
+// Range of count values: the margin to int32 keeps every difference inside it.
 const int32_t COUNT_LIMIT = 1000000000;
 const int32_t RATE_LIMIT = 1000000;
-const int32_t ACCELERATION_LEAST = 16;  // one step of the set-point's fixed point arithmetic
+const int32_t ACCELERATION_MIN = 16;  // one step of the set-point's fixed point arithmetic
 const int32_t GAIN_LIMIT = 1 << 24;
 const int32_t PRESSURE_LIMIT = 2000000;
 const int32_t PRESSURE_STEP = 100;  // neighbouring points of a table at least this far apart [Pa]
 
-// Range checks; the offset of the first value out of range is kept.
+// Range checks; keeps the offset of the first value out of range.
 class Checker {
  public:
   explicit Checker(Reader& in) : in_(in), bad_at_(0), bad_(false) {}
 
-  int32_t within(int32_t value, int32_t least, int32_t most) {
-    if (value >= least && value <= most) return value;
+  int32_t within(int32_t value, int32_t min, int32_t max) {
+    if (value >= min && value <= max) return value;
     fail();
-    return 0;  // what is computed from it until the refusal stays small
+    return 0;  // keeps values computed from it before the refusal small
   }
   void require(bool condition) {
     if (!condition) fail();
@@ -54,7 +55,7 @@ void read_motor(Reader& in, Checker& check, MotorConfig& m) {
   m.low = check.within(in.i32(), -COUNT_LIMIT, COUNT_LIMIT);
   m.high = check.within(in.i32(), m.low, COUNT_LIMIT);
   m.velocity = check.within(in.i32(), 1, RATE_LIMIT);
-  m.acceleration = check.within(in.i32(), ACCELERATION_LEAST, 100 * RATE_LIMIT);
+  m.acceleration = check.within(in.i32(), ACCELERATION_MIN, 100 * RATE_LIMIT);
   m.kp = check.within(in.i32(), 0, GAIN_LIMIT);
   m.ks = check.within(in.i32(), 0, GAIN_LIMIT);
   m.ki = check.within(in.i32(), 0, GAIN_LIMIT);
@@ -95,7 +96,7 @@ void read_regulator(Reader& in, Checker& check, RegulatorConfig& r) {
     r.pressure[i] =
         check.within(in.i32(), i == 0 ? -PRESSURE_LIMIT : r.pressure[i - 1] + PRESSURE_STEP, PRESSURE_LIMIT);
   }
-  // The table must reach from no pressure to the ceiling: nothing is ever extrapolated.
+  // The table must reach from no pressure to the ceiling: it is never extrapolated.
   check.require(r.pressure[0] <= 0 && r.pressure[r.points - 1] >= r.ceiling);
 }
 
@@ -108,8 +109,8 @@ bool fits_role(Safe safe, Role role) {
 }  // namespace
 
 Verdict read_config(Reader& in, Role role, BoardConfig& out) {
-  const uint8_t wanted = in.u8();
-  if (in.ok() && wanted != static_cast<uint8_t>(role)) {
+  const uint8_t requested = in.u8();
+  if (in.ok() && requested != static_cast<uint8_t>(role)) {
     return Verdict{Refusal::WRONG_ROLE, static_cast<uint16_t>(role)};
   }
   Checker check(in);

@@ -1,4 +1,4 @@
-// The whole configuration of a board, as the host sends it.
+// The configuration of a board.
 #ifndef CONTID_CONFIG_H
 #define CONTID_CONFIG_H
 
@@ -27,12 +27,12 @@ struct MotorConfig {
 
 struct RegulatorConfig {
   Safe safe;
-  int32_t ceiling, slew, vent;             // [Pa], [Pa/s], [Pa/s]
-  int32_t raw_low, low, raw_high, high;    // read-back: two points, ADC steps and Pa
-  int32_t wire_raw;                        // below: broken wire; 0: cannot tell
-  int32_t leak, leak_ms;                   // [Pa]
-  int32_t trim, trim_rate;                 // outer loop: most it adds [Pa]; 1/s times 256
-  int32_t points;                          // calibration: duty at pressure
+  int32_t ceiling, slew, vent;           // [Pa], [Pa/s], [Pa/s]
+  int32_t raw_low, low, raw_high, high;  // read-back: two points, ADC steps and Pa
+  int32_t wire_raw;                      // below: broken wire; 0: not monitored
+  int32_t leak, leak_ms;                 // [Pa]
+  int32_t trim, trim_rate;               // outer loop: limit of its correction [Pa]; 1/s times 256
+  int32_t points;                        // calibration: duty at pressure
   int32_t duty[TABLE_POINTS], pressure[TABLE_POINTS];
 };
 

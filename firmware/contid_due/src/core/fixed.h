@@ -1,4 +1,4 @@
-// Small pieces of fixed point arithmetic.
+// Fixed point arithmetic: clamp, sign, magnitude, square root.
 #ifndef CONTID_FIXED_H
 #define CONTID_FIXED_H
 
@@ -6,12 +6,12 @@
 
 namespace contid {
 
-inline int32_t clamp(int32_t value, int32_t least, int32_t most) {
-  return value < least ? least : (value > most ? most : value);
+inline int32_t clamp(int32_t value, int32_t min, int32_t max) {
+  return value < min ? min : (value > max ? max : value);
 }
 
-inline int64_t clamp64(int64_t value, int64_t least, int64_t most) {
-  return value < least ? least : (value > most ? most : value);
+inline int64_t clamp64(int64_t value, int64_t min, int64_t max) {
+  return value < min ? min : (value > max ? max : value);
 }
 
 inline int32_t sign(int64_t value) { return (value > 0) - (value < 0); }

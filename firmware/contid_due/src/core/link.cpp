@@ -1,3 +1,4 @@
+// Collects frames from bytes, checks their CRC and frames the answers.
 #include "link.h"
 
 #include "crc16.h"

@@ -1,4 +1,4 @@
-// Bytes to frames to answers: one per port.
+// One port: received bytes to frames to answers.
 #ifndef CONTID_LINK_H
 #define CONTID_LINK_H
 

@@ -1,3 +1,4 @@
+// Runs a geared motor with encoder: speed estimate, position and speed law, fault detection, homing.
 #include "motor.h"
 
 #include "fixed.h"
@@ -5,18 +6,16 @@
 namespace contid {
 
 namespace {
-const int32_t STILL_MS = 50;     // against the end stop: pushing so long without a count
-const int32_t SETTLE_MS = 2000;  // after backing off: longest wait for the shaft
-const int32_t REVERSED_MS = 15;  // running away from the set-point for so long
-const int32_t SILENT_MS = 20;    // following error with a count that stood still for so long
+const int32_t STILL_MS = 50;     // pushing against the end stop without a count
+const int32_t SETTLE_MS = 2000;  // time limit of the shaft's settling after backing off
+const int32_t REVERSED_MS = 15;  // running away from the set-point
+const int32_t SILENT_MS = 20;    // following error without a count
 
 // Differences of counts wrap like the hardware counters do.
 int32_t minus(int32_t a, int32_t b) {
   return static_cast<int32_t>(static_cast<uint32_t>(a) - static_cast<uint32_t>(b));
 }
-int32_t plus(int32_t a, int32_t b) {
-  return static_cast<int32_t>(static_cast<uint32_t>(a) + static_cast<uint32_t>(b));
-}
+int32_t plus(int32_t a, int32_t b) { return static_cast<int32_t>(static_cast<uint32_t>(a) + static_cast<uint32_t>(b)); }
 }  // namespace
 
 void Motor::configure(const MotorConfig& config) {
@@ -52,7 +51,7 @@ void Motor::sense(int32_t raw_count, int32_t raw_analog) {
 }
 
 int32_t Motor::velocity() const {
-  // A counter that jumps (a cable, a reset chip) must not overflow what is computed from its speed.
+  // A counter that jumps (a cable, a reset chip) must not overflow the values computed from its speed.
   const int64_t most = 1 << 24;
   return static_cast<int32_t>(clamp64(speed_q8_ >> 8, -most, most));
 }
@@ -96,8 +95,9 @@ Output Motor::follow() {
   return law(DUTY_FULL);
 }
 
-// v = v* + kp e, no faster than the velocity limit;  duty = kv v + ka a* + ks (v - v_measured) + ki int (v - v_measured)
-// + friction sign(v).  The inner speed loop is what keeps a shaft that catches up below the limit.
+// v = v* + kp e, no faster than the velocity limit;  duty = kv v + ka a* + ks (v - v_measured) + ki int (v -
+// v_measured)
+// + friction sign(v).  The inner speed loop keeps a shaft that catches up below the limit.
 Output Motor::law(int32_t most) {
   const int64_t error_q8 = clamp64((set_.position_q16() - static_cast<int64_t>(position_) * 65536) >> 8,
                                    -(static_cast<int64_t>(1) << 30), static_cast<int64_t>(1) << 30);
@@ -105,15 +105,15 @@ Output Motor::law(int32_t most) {
   // At rest inside the dead band nothing is corrected: the integrator would hunt against the friction.
   const bool resting = !set_.moving() && near && moved_ == 0;
   const int64_t catching_up = resting ? 0 : (config_->kp * error_q8) >> 16;
-  const int32_t wanted = static_cast<int32_t>(
-      clamp64(set_.velocity() + catching_up, -config_->velocity, config_->velocity));
-  const int64_t e = resting ? 0 : wanted - velocity();
+  const int32_t target =
+      static_cast<int32_t>(clamp64(set_.velocity() + catching_up, -config_->velocity, config_->velocity));
+  const int64_t e = resting ? 0 : target - velocity();
 
   int64_t duty = sum_q16_ >> 16;
-  duty += (static_cast<int64_t>(config_->kv) * wanted) >> 8;
+  duty += (static_cast<int64_t>(config_->kv) * target) >> 8;
   duty += (static_cast<int64_t>(config_->ka) * set_.acceleration()) >> 16;
   duty += (config_->ks * e) >> 8;
-  duty += config_->friction * sign(wanted);
+  duty += config_->friction * sign(target);
 
   const int64_t limited = clamp64(duty, -most, most);
   const bool winds_up = duty != limited && sign(e) == sign(duty);
@@ -135,14 +135,14 @@ void Motor::watch(int64_t error_q8) {
                     sign(duty_) == sign(error_q8);
   reversed_ticks_ = away ? reversed_ticks_ + 1 : 0;
 
-  if (phase_ == Phase::APPROACH) return;  // there, standing still under drive is what is looked for
+  if (phase_ == Phase::APPROACH) return;  // homing searches for standstill under drive
   const bool lost = magnitude64(error_q8) > follow_q8;
   if (reversed_ticks_ >= REVERSED_MS) {
     fault_ = Reason::ENCODER_REVERSED;
   } else if (stall_ticks_ >= config_->stall_ms || (lost && stall_ticks_ >= SILENT_MS)) {
-    // A shaft that is held draws the stall current; one that turns unseen does not.
-    const bool seen = config_->stall_current_ma == 0 || current_ >= config_->stall_current_ma;
-    fault_ = seen ? Reason::STALLED : Reason::ENCODER_SILENT;
+    // A blocked shaft draws the stall current; one that turns with a dead encoder does not.
+    const bool blocked = config_->stall_current_ma == 0 || current_ >= config_->stall_current_ma;
+    fault_ = blocked ? Reason::STALLED : Reason::ENCODER_SILENT;
   } else if (lost) {
     fault_ = Reason::FOLLOWING;
   }
@@ -152,7 +152,7 @@ Output Motor::search() {
   const int32_t towards = config_->home_up ? 1 : -1;
   ++phase_ticks_;
   if (phase_ == Phase::APPROACH) {
-    // Always a little ahead of the shaft: it moves at the homing speed and never gathers a large error.
+    // Slightly ahead of the shaft: it moves at the homing speed without a large error.
     set_.demand(plus(position_, towards * (config_->home_velocity / 8 + config_->deadband + 64)), 0);
     set_.tick();
     const Output out = law(config_->home_duty);

@@ -1,4 +1,4 @@
-// A geared motor with encoder: position law, faults, homing. Counts and ticks only; no floating point.
+// A geared motor with encoder: position law, faults, homing. In counts and ticks; no floating point.
 #ifndef CONTID_MOTOR_H
 #define CONTID_MOTOR_H
 
@@ -16,7 +16,7 @@ struct Output {
 
 class Motor {
  public:
-  // `power_up` gives the count its value once after a reset; a later configuration keeps the count.
+  // `power_up` sets the count once after a reset; a later configuration keeps the count.
   void configure(const MotorConfig& config);
   void sense(int32_t raw_count, int32_t raw_analog);
 
@@ -28,11 +28,11 @@ class Motor {
   // One step of the position law under power.
   Output follow();
   Output rest(Drive drive);
-  // One step of homing; done() or a reason says how it ended.
+  // One step of homing; it ends with search_done() or a fault.
   Output search();
   bool search_done() const { return phase_ == Phase::FOUND; }
 
-  // What is wrong while under power.
+  // Fault while under power.
   Reason fault() const { return fault_; }
 
   int32_t position() const { return position_; }

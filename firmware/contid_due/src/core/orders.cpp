@@ -1,4 +1,4 @@
-// What the board is asked to do: each order is read and checked whole before anything changes.
+// Handlers of the requests: each is read and checked completely before it changes any state.
 #include <string.h>
 
 #include "board.h"
@@ -17,7 +17,7 @@ Verdict Board::check_mask(uint8_t mask) const {
   return accepted();
 }
 
-// The rest of an order that names channels only.
+// The body of a request that names channels only.
 Verdict Board::read_mask(Reader& in, uint8_t& mask) const {
   const Verdict verdict = check_crc(in);
   if (verdict.refusal != Refusal::NONE) return verdict;
@@ -35,14 +35,14 @@ Verdict Board::configure(Reader& in) {
   memset(static_cast<void*>(&staged_), 0, sizeof(staged_));
   const Verdict verdict = read_config(in, identity_.role, staged_);
   if (verdict.refusal != Refusal::NONE) return verdict;
-  // A host that comes back with the same file finds everything as it left it.
+  // The same configuration again changes nothing, for a host that reconnects.
   if (config_.mask != 0 && crc == config_crc_) return accepted();
   for (uint8_t i = 0; i < CHANNELS; ++i) {
     if ((staged_.mask & (1u << i)) != 0 && !fitted(i)) return Verdict{Refusal::BAD_CHANNEL, i};
     const State state = channel_[i].state;
     if (state == State::ARMED || state == State::HOMING) return Verdict{Refusal::ARMED_NOW, i};
   }
-  keep_tick_out();
+  block_tick();
   config_ = staged_;
   config_crc_ = crc;
   for (uint8_t i = 0; i < CHANNELS; ++i) {
@@ -50,7 +50,7 @@ Verdict Board::configure(Reader& in) {
       channel_[i] = Channel{State::OFF, Reason::NONE, Rest::RELAX};
       continue;
     }
-    // A latched channel stays latched: a new configuration is no acknowledgement.
+    // A latched channel stays latched until clear.
     if (channel_[i].state == State::OFF) channel_[i] = Channel{State::READY, Reason::NONE, Rest::RELAX};
     if (identity_.role == Role::MOTOR) {
       motor_[i].configure(config_.motor[i]);
@@ -58,11 +58,11 @@ Verdict Board::configure(Reader& in) {
       regulator_[i].configure(config_.regulator[i]);
     }
   }
-  let_tick_in();
+  allow_tick();
   return accepted();
 }
 
-Verdict Board::ask_each(uint8_t mask, Verdict (Board::*may)(uint8_t channel) const) const {
+Verdict Board::check_each(uint8_t mask, Verdict (Board::*may)(uint8_t channel) const) const {
   for (uint8_t i = 0; i < CHANNELS; ++i) {
     if ((mask & (1u << i)) == 0) continue;
     const Verdict verdict = (this->*may)(i);
@@ -71,7 +71,7 @@ Verdict Board::ask_each(uint8_t mask, Verdict (Board::*may)(uint8_t channel) con
   return accepted();
 }
 
-Verdict Board::may_arm(uint8_t i) const {
+Verdict Board::check_arm(uint8_t i) const {
   if (channel_[i].state == State::SAFE) return Verdict{Refusal::LATCHED, i};
   if (!fitted(i)) return Verdict{Refusal::BAD_CHANNEL, i};
   if ((bridge_faults_ & (1u << i)) != 0) return Verdict{Refusal::PERSISTS, i};
@@ -88,10 +88,10 @@ Verdict Board::arm(Reader& in) {
   uint8_t mask = 0;
   Verdict verdict = read_mask(in, mask);
   if (verdict.refusal != Refusal::NONE) return verdict;
-  keep_tick_out();
-  verdict = ask_each(mask, &Board::may_arm);
+  block_tick();
+  verdict = check_each(mask, &Board::check_arm);
   if (verdict.refusal != Refusal::NONE) {
-    let_tick_in();
+    allow_tick();
     return verdict;
   }
   fed_ = now_;
@@ -105,14 +105,14 @@ Verdict Board::arm(Reader& in) {
     }
     channel_[i] = Channel{State::ARMED, Reason::NONE, Rest::HOLD};
   }
-  let_tick_in();
+  allow_tick();
   return accepted();
 }
 
 Verdict Board::demand(Reader& in) {
   Verdict verdict = check_crc(in);
   if (verdict.refusal != Refusal::NONE) return verdict;
-  const uint32_t heard = in.u32();
+  const uint32_t echo = in.u32();
   const uint8_t mask = in.u8();
   int32_t value[CHANNELS] = {0, 0, 0, 0, 0, 0};
   for (uint8_t i = 0; i < CHANNELS; ++i) {
@@ -121,10 +121,10 @@ Verdict Board::demand(Reader& in) {
   if (!in.finished()) return Verdict{Refusal::WRONG_LENGTH, static_cast<uint16_t>(in.at())};
   verdict = check_mask(mask);
   if (verdict.refusal != Refusal::NONE) return verdict;
-  keep_tick_out();
-  // The host tells which telemetry it heard last. One that no longer hears the board (it does not read, or this
-  // demand waited in some buffer) commands nothing and does not feed the dead-man.
-  stale_ = now_ - heard >= static_cast<uint32_t>(config_.watchdog_ms);
+  block_tick();
+  // The host echoes the uptime of the newest telemetry it read. A demand with an old echo (the host does not read,
+  // or the demand waited in a buffer) commands nothing and does not feed the watchdog.
+  stale_ = now_ - echo >= static_cast<uint32_t>(config_.watchdog_ms);
   if (!stale_) {
     const uint32_t since = now_ - demanded_;
     for (uint8_t i = 0; i < CHANNELS; ++i) {
@@ -138,11 +138,11 @@ Verdict Board::demand(Reader& in) {
     fed_ = now_;
     if (mask != 0) demanded_ = now_;
   }
-  let_tick_in();
+  allow_tick();
   return accepted();
 }
 
-Verdict Board::may_clear(uint8_t i) const {
+Verdict Board::check_clear(uint8_t i) const {
   const bool wire = channel_[i].reason == Reason::SENSOR_WIRE && !regulator_[i].sensor_ok();
   const bool bridge = channel_[i].reason == Reason::BRIDGE && (bridge_faults_ & (1u << i)) != 0;
   return wire || bridge ? Verdict{Refusal::PERSISTS, i} : accepted();
@@ -152,10 +152,10 @@ Verdict Board::clear(Reader& in) {
   uint8_t mask = 0;
   Verdict verdict = read_mask(in, mask);
   if (verdict.refusal != Refusal::NONE) return verdict;
-  keep_tick_out();
-  verdict = ask_each(mask, &Board::may_clear);
+  block_tick();
+  verdict = check_each(mask, &Board::check_clear);
   if (verdict.refusal != Refusal::NONE) {
-    let_tick_in();
+    allow_tick();
     return verdict;
   }
   for (uint8_t i = 0; i < CHANNELS; ++i) {
@@ -165,7 +165,7 @@ Verdict Board::clear(Reader& in) {
     const bool holding = safe == Safe::HOLD && channel_[i].reason == Reason::WATCHDOG;
     channel_[i] = Channel{holding ? State::STOPPED : State::READY, Reason::NONE, Rest::HOLD};
   }
-  let_tick_in();
+  allow_tick();
   return accepted();
 }
 
@@ -177,10 +177,10 @@ Verdict Board::stop(Reader& in) {
   if (rest > static_cast<uint8_t>(Rest::VENT)) return Verdict{Refusal::BAD_VALUE, rest};
   const Verdict verdict = check_mask(mask);
   if (verdict.refusal != Refusal::NONE) return verdict;
-  keep_tick_out();
+  block_tick();
   for (uint8_t i = 0; i < CHANNELS; ++i) {
     const State state = channel_[i].state;
-    // What was never armed, or is safe already, rests better than any wish.
+    // A channel that was never armed, or is in its safe state, keeps its rest.
     if ((mask & (1u << i)) == 0 || state == State::READY || state == State::SAFE) continue;
     if (identity_.role == Role::MOTOR && state != State::STOPPED) motor_[i].hold();
     const bool limp = state == State::STOPPED && channel_[i].rest != Rest::HOLD;
@@ -188,11 +188,11 @@ Verdict Board::stop(Reader& in) {
     if (limp && rest == static_cast<uint8_t>(Rest::HOLD)) continue;
     channel_[i] = Channel{State::STOPPED, Reason::NONE, static_cast<Rest>(rest)};
   }
-  let_tick_in();
+  allow_tick();
   return accepted();
 }
 
-Verdict Board::may_home(uint8_t i) const {
+Verdict Board::check_home(uint8_t i) const {
   if (identity_.role != Role::MOTOR || !config_.motor[i].homing) return Verdict{Refusal::NO_HOMING, i};
   if (channel_[i].state == State::SAFE) return Verdict{Refusal::LATCHED, i};
   if (channel_[i].state == State::ARMED) return Verdict{Refusal::ARMED_NOW, i};
@@ -204,10 +204,10 @@ Verdict Board::home(Reader& in) {
   uint8_t mask = 0;
   Verdict verdict = read_mask(in, mask);
   if (verdict.refusal != Refusal::NONE) return verdict;
-  keep_tick_out();
-  verdict = ask_each(mask, &Board::may_home);
+  block_tick();
+  verdict = check_each(mask, &Board::check_home);
   if (verdict.refusal != Refusal::NONE) {
-    let_tick_in();
+    allow_tick();
     return verdict;
   }
   fed_ = now_;
@@ -216,7 +216,7 @@ Verdict Board::home(Reader& in) {
     motor_[i].home();
     channel_[i] = Channel{State::HOMING, Reason::NONE, Rest::HOLD};
   }
-  let_tick_in();
+  allow_tick();
   return accepted();
 }
 

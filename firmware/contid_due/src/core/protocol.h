@@ -1,4 +1,5 @@
-// The words of the wire; firmware/PROTOCOL.md is their specification.
+// Numbers of the protocol: the reference for PROTOCOL.md and drivers/contid_drivers/due/codes.py, which a test
+// compares.
 #ifndef CONTID_PROTOCOL_H
 #define CONTID_PROTOCOL_H
 
@@ -44,9 +45,9 @@ enum class Safe : uint8_t { BRAKE = 0, COAST = 1, HOLD = 2, VENT = 3, CLOSE = 4 
 enum class State : uint8_t {
   OFF = 0,      // not configured; the output is off
   READY = 1,    // configured, never armed: the start state
-  ARMED = 2,    // follows demands, under the dead-man
-  HOMING = 3,   // looks for its end stop, under the dead-man
-  STOPPED = 4,  // rests the way the host asked
+  ARMED = 2,    // follows demands, under the watchdog
+  HOMING = 3,   // searches its end stop, under the watchdog
+  STOPPED = 4,  // rests as the host requested
   SAFE = 5,     // safe state, latched with its reason
 };
 
@@ -67,25 +68,25 @@ enum class Reason : uint8_t {
 enum class Refusal : uint8_t {
   NONE = 0,
   UNKNOWN_MESSAGE = 1,
-  WRONG_VERSION = 2,   // detail: the board's version
-  WRONG_LENGTH = 3,    // detail: bytes of body received
-  WRONG_CRC = 4,       // detail: the board's configuration CRC
+  WRONG_VERSION = 2,  // detail: the board's version
+  WRONG_LENGTH = 3,   // detail: bytes of body received
+  WRONG_CRC = 4,      // detail: the board's configuration CRC
   NOT_CONFIGURED = 5,
-  BAD_CHANNEL = 6,     // detail: the channel or mask
-  BAD_VALUE = 7,       // detail: offset in the configuration after the offending field
+  BAD_CHANNEL = 6,        // detail: the channel or mask
+  BAD_VALUE = 7,          // detail: offset in the configuration after the offending field
   SAFE_IS_NOT_START = 8,  // detail: the channel
-  WRONG_ROLE = 9,      // detail: the board's role
+  WRONG_ROLE = 9,         // detail: the board's role
   ARMED_NOW = 10,
-  LATCHED = 11,        // detail: the channel; clear first
-  NOT_HOMED = 12,      // detail: the channel
-  NO_SENSOR = 13,      // detail: the channel
-  NO_HOMING = 14,      // detail: the channel
-  PERSISTS = 15,       // detail: the channel
+  LATCHED = 11,    // detail: the channel; clear first
+  NOT_HOMED = 12,  // detail: the channel
+  NO_SENSOR = 13,  // detail: the channel
+  NO_HOMING = 14,  // detail: the channel
+  PERSISTS = 15,   // detail: the channel
 };
 
 enum class ResetCause : uint8_t { POWER_UP = 0, BACKUP = 1, WATCHDOG = 2, SOFTWARE = 3, PIN = 4, BROWN_OUT = 5 };
 
-// What hello says of a channel; 0 is a channel that is not fitted.
+// Capabilities of a channel in hello; 0: not fitted.
 const uint8_t HARDWARE_DECODER = 1;
 const uint8_t EDGE_DECODER = 2;
 const uint8_t CURRENT_SENSE = 4;
@@ -101,7 +102,7 @@ const uint8_t CHANNEL_SENSOR_OK = 0x40;
 const uint8_t BOARD_CONFIGURED = 0x01;
 const uint8_t BOARD_DEMAND_STALE = 0x02;
 
-// Full duty in either direction; the board layer scales it to its PWM period.
+// Duty at full scale, either direction; the hardware layer scales it to its PWM period.
 const int32_t DUTY_FULL = 32767;
 
 const uint32_t TICK_HZ = 1000;

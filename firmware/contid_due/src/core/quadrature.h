@@ -1,4 +1,4 @@
-// Quadrature decoding of every edge (x4): what an edge interrupt does.
+// Quadrature decoding of every edge (x4), run by an edge interrupt.
 #ifndef CONTID_QUADRATURE_H
 #define CONTID_QUADRATURE_H
 

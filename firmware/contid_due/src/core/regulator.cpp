@@ -1,3 +1,4 @@
+// Runs a proportional pressure regulator: set-point slew, calibration table, outer loop, fault detection.
 #include "regulator.h"
 
 #include "fixed.h"
@@ -7,7 +8,7 @@ namespace contid {
 namespace {
 const int32_t WIRE_MS = 20;
 const int32_t OVER_MS = 20;
-const int32_t ADC_TOP = 4090;  // a reading at the rail says nothing
+const int32_t ADC_TOP = 4090;  // readings from here on are saturated
 }  // namespace
 
 void Regulator::configure(const RegulatorConfig& config) {
@@ -27,7 +28,7 @@ void Regulator::configure(const RegulatorConfig& config) {
   over_ticks_ = 0;
   measure();
   for (uint32_t i = 0; i < RATE_WINDOW; ++i) past_[i] = pressure_;
-  // A set-point that stands (a host that came back) stays, below the new ceiling.
+  // A present set-point (of a host that reconnects) stays, below the new ceiling.
   set_q8_ = clamp64(set_q8_, 0, static_cast<int64_t>(config.ceiling) * 256);
   demand_ = static_cast<int32_t>(set_q8_ >> 8);
 }
@@ -35,7 +36,7 @@ void Regulator::configure(const RegulatorConfig& config) {
 void Regulator::sense(int32_t raw_analog) {
   raw_ = raw_analog;
   if (!primed_) {
-    // The average starts with the first reading, not with the zeros of a fresh memory.
+    // The average starts with the first reading, not with zeros.
     for (uint32_t i = 0; i < WINDOW; ++i) readings_[i] = raw_analog;
     reading_sum_ = raw_analog * static_cast<int32_t>(WINDOW);
     primed_ = true;
@@ -46,8 +47,8 @@ void Regulator::sense(int32_t raw_analog) {
   if (config_ == nullptr) return;
   measure();
   const int64_t change = static_cast<int64_t>(pressure_) - past_[past_at_];
-  rate_ = static_cast<int32_t>(clamp64(change * (static_cast<int32_t>(TICK_HZ) / static_cast<int32_t>(RATE_WINDOW)),
-                                       INT32_MIN, INT32_MAX));
+  rate_ = static_cast<int32_t>(
+      clamp64(change * (static_cast<int32_t>(TICK_HZ) / static_cast<int32_t>(RATE_WINDOW)), INT32_MIN, INT32_MAX));
   past_[past_at_] = pressure_;
   past_at_ = (past_at_ + 1) % RATE_WINDOW;
   const bool broken = (config_->wire_raw > 0 && raw_ < config_->wire_raw) || raw_ >= ADC_TOP;
@@ -78,7 +79,7 @@ Output Regulator::follow() {
   const int64_t error = static_cast<int64_t>(demand_) * 256 - set_q8_;
   set_q8_ += clamp64(error, -slew_q8_, slew_q8_);
   watch();
-  // While the set-point moves, the error is the regulator's lag; the outer loop is for what stays.
+  // While the set-point moves, the error is the regulator's lag; the outer loop corrects the remaining error.
   return command(error == 0);
 }
 

@@ -19,10 +19,10 @@ class Regulator {
   Output follow();
   Output hold();
   Output vent();
-  // The command to zero at once.
+  // Sets the command to zero at once.
   Output close();
 
-  // What is wrong while pressure may stand in the chamber.
+  // Fault while the chamber may be under pressure.
   Reason fault() const { return fault_; }
   bool sensor_ok() const { return primed_ && wire_ticks_ == 0; }
 

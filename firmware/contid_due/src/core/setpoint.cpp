@@ -1,3 +1,4 @@
+// Generates the set-point of a motor: a time-optimal profile per tick in fixed point, with stream interpolation.
 #include "setpoint.h"
 
 #include "fixed.h"
@@ -8,16 +9,16 @@ namespace contid {
 namespace {
 // Demands further apart than this [ticks] are steps, not a stream.
 const uint32_t STREAM_GAP = 100;
-// Ticks over which the acceleration of a stream is averaged before it is fed forward: rounded demands jitter,
-// and the drive would rattle with them. A step's own acceleration is clean and is fed forward at once.
+// Ticks over which the acceleration of a stream is averaged before it is fed forward, because rounded demands
+// jitter. The acceleration of a step is fed forward at once.
 const int32_t SMOOTH = 32;
-// Distances beyond it brake no earlier; keeps 8 a d inside 64 bit.
+// Distances are clamped to this; keeps 8 a d inside 64 bit.
 const int64_t FAR = static_cast<int64_t>(1) << 34;
 }  // namespace
 
 void SetPoint::limit(int32_t velocity, int32_t acceleration) {
   most_ = static_cast<int32_t>(static_cast<int64_t>(velocity) * 65536 / static_cast<int32_t>(TICK_HZ));
-  most_ -= most_ / 64;  // the rest of the limit is left to the shaft that catches up
+  most_ -= most_ / 64;  // the rest of the limit is reserved for a shaft that catches up
   step_ = static_cast<int32_t>(static_cast<int64_t>(acceleration) * 65536 / (TICK_HZ * TICK_HZ));
 }
 
@@ -34,11 +35,11 @@ void SetPoint::start(int32_t position) {
 void SetPoint::demand(int32_t goal, uint32_t since) {
   const int64_t target = static_cast<int64_t>(goal) * 65536;
   goal_ = goal;
-  // A quarter more than the velocity limit lets a jittering host still be a stream.
+  // A quarter above the velocity limit: a stream of a jittering host is still a stream.
   const int64_t reach = static_cast<int64_t>(most_ + most_ / 4) * 2 * since;
   if (since >= 1 && since <= STREAM_GAP && magnitude64(target - reference_) <= reach) {
-    // Spread over two intervals: what the host's jitter and the rounding to counts add to one is taken back in
-    // the next, and the reference does not stand still when a demand is a tick late.
+    // Spread over two intervals: errors by the host's jitter and by rounding to counts cancel in the next one, and
+    // the reference does not stop when a demand is a tick late.
     left_ = 2 * since;
     rate_ = (target - reference_) / static_cast<int32_t>(left_);
   } else {
@@ -56,7 +57,7 @@ void SetPoint::stop() {
   left_ = 0;
 }
 
-// Fastest speed from which steps v, v - a, v - 2a, .. do not pass the distance: v (v + a) = 2 a d.
+// Highest speed from which steps v, v - a, v - 2a, .. stay within the distance: v (v + a) = 2 a d.
 int64_t SetPoint::stopping_speed(int64_t distance) const {
   const int64_t d = distance < FAR ? distance : FAR;
   const int64_t a = step_;
@@ -74,10 +75,10 @@ void SetPoint::tick() {
     if (--left_ == 0) reference_ = static_cast<int64_t>(goal_) * 65536;
   }
   const int64_t error = reference_ - position_;
-  // The part of the error the moving reference makes this tick is covered by its rate.
+  // The rate covers the error caused by the reference's motion in this tick.
   const int64_t behind = error - rate;
-  const int64_t wanted = clamp64(rate + sign(behind) * stopping_speed(magnitude64(behind)), -most_, most_);
-  const int32_t change = static_cast<int32_t>(clamp64(wanted - velocity_, -step_, step_));
+  const int64_t target = clamp64(rate + sign(behind) * stopping_speed(magnitude64(behind)), -most_, most_);
+  const int32_t change = static_cast<int32_t>(clamp64(target - velocity_, -step_, step_));
   velocity_ += change;
   smooth_ += (static_cast<int64_t>(change) * SMOOTH - smooth_) / (rate != 0 ? SMOOTH : 1);
   position_ += velocity_;

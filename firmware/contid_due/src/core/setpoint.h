@@ -15,7 +15,7 @@ class SetPoint {
   // A new demand [counts], `since` ticks after the one before. Demands that follow each other within the
   // velocity limit are joined by a straight line over that time, so a stream of them is a smooth motion.
   void demand(int32_t goal, uint32_t since);
-  // Come to rest as soon as the acceleration allows, from wherever it is.
+  // Come to rest as soon as the acceleration limit allows.
   void stop();
   void tick();
 
