@@ -19,7 +19,7 @@ NOISE_KB: Final = 1024.0
 #: Clients that are there at the moment, and sockets being accepted.
 FEW_DESCRIPTORS: Final = 6
 #: Below this, what is extrapolated to an hour is noise.
-LEAST_H: Final = 0.1
+MIN_H: Final = 0.1
 #: Means of so many equal parts of the run are fitted: they are independent, where samples are not.
 PARTS: Final = 10
 
@@ -86,7 +86,7 @@ def slope_of(looks: Sequence[Look]) -> Slope:
     memory = [_mean([each.own_kb for each in part]) for part in parts]
     descriptors = [median([each.descriptors for each in part]) for part in parts]  # a lost bus has fewer
     count = len(parts)
-    if count < 4 or hours[-1] - hours[0] < LEAST_H:
+    if count < 4 or hours[-1] - hours[0] < MIN_H:
         return Slope(math.nan, math.inf, memory[-1] - memory[0], descriptors[-1] - descriptors[0])
     middle, level = _mean(hours), _mean(memory)
     spread = sum((hour - middle) ** 2 for hour in hours)

@@ -38,7 +38,7 @@ RATE_HZ: Final = 200.0
 VIEWER_S: Final = 20.0
 #: What pulls the plug of a bus and puts it back, by driver.
 UNPLUG: Final = {"dynamixel": ("unplug", "replug"), "due": ("unplug", "plug")}
-#: Emulated devices share two cores with everything else here: patience, so that a fault is a pulled cable.
+#: Emulated devices share two cores with everything else here: limits, so that a fault is a pulled cable.
 TOLERANCE_TICKS: Final = 40
 PATIENCE: Final = {
     "dynamixel": {"usb_latency_ms": 15, "watchdog_ms": 400},

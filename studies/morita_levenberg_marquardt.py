@@ -15,8 +15,8 @@ from dataclasses import dataclass
 from typing import Final
 
 import numpy as np
-from numpy.typing import NDArray
 
+from contid.kinematics.array import Array
 from contid.kinematics.rack.planar_arc import cosc, cosc_derivative, sinc, sinc_derivative
 
 PAPER_WEIGHT: Final = (1.0, 1.0 / (2.0 * math.pi))
@@ -33,9 +33,7 @@ class LevenbergMarquardtResult:
     converged: bool
 
 
-def _tip_and_jacobian(
-    curvature: float, arc_length: float, tip_length: float
-) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+def _tip_and_jacobian(curvature: float, arc_length: float, tip_length: float) -> tuple[Array, Array]:
     theta = curvature * arc_length
     sin, cos = math.sin(theta), math.cos(theta)
     tip = np.array([arc_length * cosc(theta) + tip_length * sin, arc_length * sinc(theta) + tip_length * cos])

@@ -8,7 +8,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from contid.kinematics.arc.arc import Array
+from contid.kinematics.array import Array
 
 
 @dataclass(frozen=True, slots=True)

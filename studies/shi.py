@@ -14,14 +14,11 @@ Units: mm, N, N·mm, bar.
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import TypeAlias
 
 import numpy as np
-from numpy.typing import NDArray
 
+from contid.kinematics.array import Array
 from contid.kinematics.cosserat.section import NEWTON_PER_BAR_MM2, Rod, Section
-
-Array: TypeAlias = NDArray[np.float64]
 
 #: Elements per segment of the paper.
 PAPER_ELEMENTS = 6

@@ -13,12 +13,13 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
+from contid.kinematics.array import Array
 from contid.kinematics.cosserat.engine import RodSetup, build_engine
 from contid.kinematics.cosserat.loads import Loads
 from contid.kinematics.cosserat.section import Rod, Section
 from contid.kinematics.cosserat.solve import Limits
 from contid.targets import Vec3
-from studies.shi import Array, Ends, forward
+from studies.shi import Ends, forward
 from studies.shi_paths import Run
 
 STANDARD_GRAVITY = 9.81

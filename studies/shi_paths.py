@@ -7,12 +7,10 @@ the model reaches at 1.5 bar (docs/stiffflop.md). Lengths in mm.
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import TypeAlias
 
 import numpy as np
-from numpy.typing import NDArray
 
-Array: TypeAlias = NDArray[np.float64]
+from contid.kinematics.array import Array
 
 
 @dataclass(frozen=True, slots=True)

@@ -20,8 +20,8 @@ from typing import Final
 
 import numpy as np
 
-from contid.kinematics.arc.arc import Array
 from contid.kinematics.arc.sections import Sections, differentiate, forward
+from contid.kinematics.array import Array
 from contid.targets import Vec3
 
 # Constants of the golden trajectory (simulated; no robot data exist in either paper).

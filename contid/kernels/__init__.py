@@ -1,4 +1,4 @@
-"""Compiled hot paths behind the models; each has a NumPy twin that specifies it."""
+"""Compiled kernels of the models; each has a NumPy twin that is its specification."""
 
 from __future__ import annotations
 
@@ -11,15 +11,14 @@ from typing import Final
 
 __all__ = ["PURE_PYTHON", "load"]
 
-#: Set to anything but 0 to leave the compiled kernels aside.
+#: Set to anything but 0 to disable the compiled kernels.
 PURE_PYTHON: Final = "CONTID_PURE_PYTHON"
 
 
 def load(name: str) -> ModuleType | None:
-    """The kernel ``contid.kernels._name``, or None: not compiled here, or ``CONTID_PURE_PYTHON`` is set.
+    """The kernel ``contid.kernels._name``, or None if it is not compiled or ``CONTID_PURE_PYTHON`` is set.
 
-    The caller then uses its NumPy twin, which answers the same to the stated tolerance, only slower.
-    Asked when a model is built, so that one process can hold both kinds (tests compare them).
+    Called when a model is built, so that one process can hold both kinds (tests compare them).
     """
     if os.environ.get(PURE_PYTHON, "") not in ("", "0"):
         return None
@@ -28,7 +27,7 @@ def load(name: str) -> ModuleType | None:
 
 @cache
 def has_avx2() -> bool:
-    """Whether this processor has AVX2; some kernels exist a second time for it, with the same results."""
+    """Whether this processor has AVX2; the kernels built for it have the same results."""
     try:
         return " avx2 " in Path("/proc/cpuinfo").read_text(encoding="ascii", errors="replace")
     except OSError:

@@ -1,4 +1,4 @@
-// Points that fill the unit cube evenly, the same ones every time. Twin and specification: contid/kinematics/halton.py.
+// Halton points, evenly spread in the unit cube. Twin and specification: contid/kinematics/halton.py.
 #pragma once
 
 namespace contid {

@@ -1,7 +1,7 @@
 """The shape of a body in the world: by its model from an actuation, or by a quintic from its measured ends.
 
-The reconstruction knows nothing of the model: base and tip, the directions there and perhaps the length
-(Singh et al., IROS 2018). What it is worth is in docs/ph-curves.md.
+The quintic needs no model: base and tip, the directions there and optionally the length (Singh et al., IROS
+2018). Its accuracy is in docs/ph-curves.md.
 """
 
 from __future__ import annotations
@@ -12,10 +12,17 @@ from typing import Final
 
 import numpy as np
 
+from contid.kinematics.array import Array
 from contid.kinematics.frames import BaseFrame
 from contid.kinematics.model import Model
-from contid.kinematics.ph.ends import DEAR, SMALL, CurveEnds, PhFit, least_energy, through
-from contid.kinematics.ph.lift import Array
+from contid.kinematics.ph.ends import (
+    ENERGY_ALLOWANCE,
+    MAX_ENERGY_RATIO,
+    CurveEnds,
+    PhFit,
+    least_energy,
+    through,
+)
 from contid.kinematics.rope.chain import ChainGuard
 from contid.targets import ZERO3, Actuation, Vec3
 
@@ -33,7 +40,7 @@ class BodyShape:
         points_in_world: at equal arc length from base to tip, shape ``(n, 3)`` [m].
         length_m: of the backbone [m].
         tip_direction_in_world: unit tangent at the tip.
-        note: one sentence when the wish could not be met.
+        note: one sentence when the length could not be met.
     """
 
     points_in_world: Array
@@ -56,7 +63,7 @@ class BodyShape:
 def by_model(
     model: Model, frame: BaseFrame, actuation: Actuation, points: int, load_in_world: Vec3 = ZERO3
 ) -> BodyShape:
-    """What the model says for an actuation [m or Pa] and a known force on the tip [N]."""
+    """The model's backbone for an actuation [m or Pa] and a known force on the tip [N]."""
     load = frame.vector_in_base(load_in_world)
     fine = model.shape(actuation, FINE + 1, load)
     # Chords are short by the square of their size: two polylines give the curve (Richardson).
@@ -76,7 +83,7 @@ def from_pose(
     """The quintic from the base to a measured pose of the tip.
 
     With a length, the branch of least energy (needed above 180 degrees); without one, the curve whose end
-    speed is its mean speed, which is good up to some 150 degrees.
+    speed is its mean speed, accurate up to about 150 degrees.
     """
     ends = _ends(frame, tip_in_world, direction_in_world, dimension)
     fit = through(ends) if length_m is None else least_energy(ends, length_m)
@@ -91,15 +98,13 @@ def from_rough_pose(
     rough_length_m: float,
     dimension: int = 3,
 ) -> BodyShape:
-    """As `from_pose`, for a length that is known to a hundredth or so, and a pose with noise.
+    """As `from_pose`, for a length known to about 1 % and a noisy pose.
 
-    Surplus length has to go somewhere: where it costs more than `DEAR` times the bending of the curve of
-    unknown length and `SMALL` besides (the energy of a turn of one radian is 1 per body length), it is an
-    error of the length, and the curve of unknown length is the better one. A bent body keeps its length.
+    The length is ignored where the curve of that length has an implausible energy (see `through_rough`).
     """
     ends = _ends(frame, tip_in_world, direction_in_world, dimension)
     free, fit = through(ends), least_energy(ends, rough_length_m)
-    if fit.energy_per_m > DEAR * free.energy_per_m + SMALL / rough_length_m:
+    if fit.energy_per_m > MAX_ENERGY_RATIO * free.energy_per_m + ENERGY_ALLOWANCE / rough_length_m:
         fit = free
     return _shaped(frame, fit, direction_in_world, points)
 

@@ -1,8 +1,7 @@
-"""A model with axes beyond its kinematics: wrist, gripper, whatever else a robot file gives a stroke.
+"""A model with axes beyond its kinematics: wrist, gripper or any other axis with a stroke.
 
-They stand behind the model's own axes in every actuation and go where their columns say, inside their own
-limits; a target that does not name one leaves it where it is. To the rest of the house they are axes like any
-other: limited, recorded, supervised.
+They follow the model's own axes in every actuation and take the value of their column, clamped to their
+limits; a target that does not name one leaves it where it is.
 """
 
 from __future__ import annotations
@@ -12,15 +11,15 @@ from collections.abc import Mapping
 from dataclasses import replace
 
 import numpy as np
-from numpy.typing import NDArray
 
+from contid.kinematics.array import Array
 from contid.kinematics.model import Model, build_model
 from contid.robot_file.robot import RobotDescription
 from contid.targets import ZERO3, Actuation, Pose, Solution, Target, Vec3
 
 
 class WithExtraAxes:
-    """Keeps the model protocol over ``own axes + extra axes``."""
+    """The `Model` protocol over ``own axes + extra axes``."""
 
     def __init__(
         self, model: Model, names: tuple[str, ...], limits: Mapping[str, tuple[float, float]]
@@ -50,10 +49,10 @@ class WithExtraAxes:
         for name, last, low, high in zip(
             self._extra, rest, self.lower[self._own :], self.upper[self._own :], strict=True
         ):
-            wanted = target.extra.get(name, last)
-            values.append(min(max(wanted, low), high))
-            if name in target.extra and values[-1] != wanted:
-                binding.append(f"{name}.{'max' if wanted > high else 'min'}")
+            requested = target.extra.get(name, last)
+            values.append(min(max(requested, low), high))
+            if name in target.extra and values[-1] != requested:
+                binding.append(f"{name}.{'max' if requested > high else 'min'}")
         actuation = (*solution.actuation, *values)
         if not binding:
             return replace(solution, actuation=actuation)
@@ -66,11 +65,11 @@ class WithExtraAxes:
             note=f"{note}{', '.join(binding)} exceeded",
         )
 
-    def shape(self, actuation: Actuation, points: int, load_n: Vec3 = ZERO3) -> NDArray[np.float64]:
+    def shape(self, actuation: Actuation, points: int, load_n: Vec3 = ZERO3) -> Array:
         """The model's own backbone, shape ``(points, 3)`` [m]."""
         return self._model.shape(actuation[: self._own], points, load_n)
 
-    def jacobian(self, actuation: Actuation, load_n: Vec3 = ZERO3) -> NDArray[np.float64]:
+    def jacobian(self, actuation: Actuation, load_n: Vec3 = ZERO3) -> Array:
         """The model's own Jacobian with zero columns for the extra axes, shape ``(3, axes)``."""
         own = self._model.jacobian(actuation[: self._own], load_n)
         return np.hstack([own, np.zeros((3, len(self._extra)))])

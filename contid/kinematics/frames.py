@@ -1,9 +1,9 @@
 """Between the world frame of trajectories and the base frame of a model.
 
-    p_world = R p_base + o        with R = Rz Ry Rx M (M mirrors x where the robot file says so)
+    p_world = R p_base + o        with R = Rz Ry Rx M (M mirrors x if the robot file has a mirror)
 
-R is orthogonal, also with the mirror, so the way back is its transpose. Directions and forces turn, they do
-not shift.
+R is orthogonal, also with the mirror: its inverse is its transpose. Directions and forces are not shifted by
+o.
 """
 
 from __future__ import annotations

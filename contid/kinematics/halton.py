@@ -1,4 +1,4 @@
-"""Points that fill the unit cube evenly, always the same: the specification of ``kernels/halton.hpp``."""
+"""Halton points, evenly spread in the unit cube: specification of ``kernels/halton.hpp``."""
 
 from __future__ import annotations
 

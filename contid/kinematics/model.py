@@ -1,7 +1,7 @@
-"""The protocol every kinematic model keeps, and the table that builds one from its description.
+"""The protocol of every kinematic model, and the table that builds one from its description.
 
-A model is pure arithmetic in the robot's base frame and SI: no I/O, no clock, no YAML. Everything it
-answers is a frozen value; an unreachable target is an answer with a residual, never an exception.
+A model is pure arithmetic in the robot's base frame and SI: no I/O, no clock, no YAML. Results are frozen; an
+unreachable target gives a solution with a residual, never an exception.
 """
 
 from __future__ import annotations
@@ -9,9 +9,7 @@ from __future__ import annotations
 from importlib import import_module
 from typing import Final, Protocol
 
-import numpy as np
-from numpy.typing import NDArray
-
+from contid.kinematics.array import Array
 from contid.robot_file.robot import RobotDescription
 from contid.targets import ZERO3, Actuation, Pose, Solution, Target, Vec3
 
@@ -34,16 +32,16 @@ class Model(Protocol):
         """Actuation for a target given in the base frame, inside every limit.
 
         Args:
-            target: see `Target`; ``target.actuation`` is answered by clamping it into the limits.
-            seed: the last *commanded* actuation; makes the answer continuous where it is not unique.
+            target: see `Target`; a ``target.actuation`` is clamped into the limits.
+            seed: the last commanded actuation; keeps the answer continuous where it is not unique.
         """
         ...
 
-    def shape(self, actuation: Actuation, points: int, load_n: Vec3 = ZERO3) -> NDArray[np.float64]:
+    def shape(self, actuation: Actuation, points: int, load_n: Vec3 = ZERO3) -> Array:
         """Backbone from base to tip at equal arc length, shape ``(points, 3)`` [m]."""
         ...
 
-    def jacobian(self, actuation: Actuation, load_n: Vec3 = ZERO3) -> NDArray[np.float64]:
+    def jacobian(self, actuation: Actuation, load_n: Vec3 = ZERO3) -> Array:
         """Derivative of the tip position by the actuation, shape ``(3, len(axis_names))``."""
         ...
 

@@ -74,8 +74,8 @@ def test_the_solver_takes_the_same_steps(name, mode):
         at = forward(feasible.sections, lengths)
         direction = tuple(at.rotation[:, 2].tolist()) if mode == "direction" else None
         mid = tuple(at.mid.tolist()) if mode == "mid" else None
-        aim = tuple(at.tip.tolist()), direction, mid, tuple(seed.tolist())
-        ours, spec = kernel.solve(*aim), twin.solve(*aim)
+        goal = tuple(at.tip.tolist()), direction, mid, tuple(seed.tolist())
+        ours, spec = kernel.solve(*goal), twin.solve(*goal)
         # Along a bend radius homing can end at its step budget, 1e-8 m short: rounding shows there.
         np.testing.assert_allclose(ours[0], spec[0], atol=1e-7)
         assert ours[2:] == spec[2:]
@@ -88,8 +88,8 @@ def test_the_same_answers_out_of_reach(name):
     for _ in range(6):
         away = rng.normal(size=3)
         tip = tuple((2.0 * sum(feasible.upper) * away / np.linalg.norm(away)).tolist())
-        aim = tip, None, None, tuple(feasible.home.tolist())
-        ours, spec = kernel.solve(*aim), twin.solve(*aim)
+        goal = tip, None, None, tuple(feasible.home.tolist())
+        ours, spec = kernel.solve(*goal), twin.solve(*goal)
         assert ours[1] == pytest.approx(spec[1], abs=1e-9)
         assert ours[2:4] == spec[2:4]
 

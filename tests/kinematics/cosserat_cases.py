@@ -9,10 +9,10 @@ from typing import Any
 
 import numpy as np
 
+from contid.kinematics.array import Array
 from contid.kinematics.cosserat.loads import Loads
 from contid.kinematics.cosserat.section import Rod, Section
 from contid.kinematics.cosserat.solve import Limits
-from contid.kinematics.cosserat.spatial import Array
 
 GOLDEN: dict[str, Any] = json.loads(
     (Path(__file__).parents[1] / "reference" / "cosserat-golden.json").read_text(encoding="utf-8")

@@ -3,10 +3,15 @@
 from __future__ import annotations
 
 import json
+import math
 from pathlib import Path
 from typing import Any
 
 import numpy as np
+
+from contid.kinematics.ph.ends import quintic_between
+from contid.kinematics.ph.lift import lift, nearest_turn, product, turned
+from contid.kinematics.ph.quintic import PhQuintic
 
 MM = 1e-3
 GOLDEN: dict[str, Any] = json.loads(
@@ -53,3 +58,21 @@ def golden_lengths(steps: int = 100) -> np.ndarray:
     lo, hi = np.array(GOLDEN["params"]["lo"]), np.array(GOLDEN["params"]["hi"])
     result: np.ndarray = (lo + (hi - lo) * x * (1 + 0.3 * (1 - x))) * MM
     return result
+
+
+def hermite(
+    start_m: np.ndarray,
+    end_m: np.ndarray,
+    start_derivative: np.ndarray,
+    end_derivative: np.ndarray,
+    beta: float = 0.0,
+    gamma: float = 0.0,
+) -> PhQuintic:
+    """The quintic with given end points and end derivatives (vectors, size included)."""
+    chord = end_m - start_m
+    a0 = lift(start_derivative)
+    a2 = lift(end_derivative)
+    a2 = turned(a2, *nearest_turn(a2, a0, chord))
+    a2 = turned(a2, math.cos(beta), math.sin(beta))
+    c = 120.0 * chord - 15.0 * (start_derivative + end_derivative) + 10.0 * product(a0, a2)
+    return quintic_between(start_m, chord, a0, a2, c, gamma)

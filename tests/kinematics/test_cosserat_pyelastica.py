@@ -13,10 +13,10 @@ import numpy as np
 import pytest
 import tqdm
 
+from contid.kinematics.array import Array
 from contid.kinematics.cosserat.equilibrium import equilibrium, newton
 from contid.kinematics.cosserat.loads import Loads
 from contid.kinematics.cosserat.section import Rod, Section
-from contid.kinematics.cosserat.spatial import Array
 
 pytestmark = pytest.mark.slow
 

@@ -7,11 +7,12 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
+from contid.kinematics.array import Array
 from contid.kinematics.cosserat.equilibrium import equilibrium, newton
 from contid.kinematics.cosserat.loads import Loads
 from contid.kinematics.cosserat.section import Rod, Section
 from contid.kinematics.cosserat.shape import backbone
-from contid.kinematics.cosserat.spatial import Array, exponential
+from contid.kinematics.cosserat.spatial import exponential
 from contid.kinematics.cosserat.statics import sweep
 from tests.kinematics.cosserat_cases import GOLDEN, hanging, loads_of, one, rod_of, section, two
 

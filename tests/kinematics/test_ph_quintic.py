@@ -9,10 +9,10 @@ from hypothesis import strategies as st
 from scipy.integrate import quad
 from scipy.spatial.transform import Rotation
 
-from contid.kinematics.ph.ends import BRANCHES, CurveEnds, hermite, least_energy, through
+from contid.kinematics.ph.ends import BRANCHES, CurveEnds, least_energy, through
 from contid.kinematics.ph.lift import lift, product, turned
 from contid.kinematics.ph.quintic import PhQuintic
-from tests.kinematics.ph_golden import GOLDEN, MM
+from tests.kinematics.ph_golden import GOLDEN, MM, hermite
 
 Z = (0.0, 0.0, 1.0)
 

@@ -1,4 +1,4 @@
-"""Quintics joined with C1, G1 and C0."""
+"""Several quintics as one curve."""
 
 from __future__ import annotations
 
@@ -6,28 +6,17 @@ import numpy as np
 import pytest
 
 from contid.kinematics.ph.ends import CurveEnds, through
-from contid.kinematics.ph.spline import PhSpline, c1
+from contid.kinematics.ph.spline import PhSpline
 from tests.kinematics.ph_golden import DISTANCE, golden_lengths, section_pose, two_section_pose
 
 Z = (0.0, 0.0, 1.0)
 
 
-def test_c1_pieces_share_their_derivative_vectors() -> None:
-    points = [np.array(p, dtype=float) for p in ([0, 0, 0], [0.1, 0.05, 0.2], [0.3, 0.0, 0.3])]
-    derivatives = [np.array(d) for d in ([0, 0, 0.2], [0.1, 0.05, 0.15], [0.2, -0.1, 0.02])]
-    curve = c1(points, derivatives)
-    assert curve.joints == ("C1",)
-    h = 1e-6
-    before, after = (piece.point(np.array([0.0, h, 1 - h, 1.0])) for piece in curve.pieces)
-    assert (before[3] - before[2]) / h == pytest.approx(derivatives[1], abs=1e-5)
-    assert (after[1] - after[0]) / h == pytest.approx(derivatives[1], abs=1e-5)
-    assert curve.length_m == pytest.approx(sum(piece.length_m for piece in curve.pieces))
-
-
 def test_equal_arc_length_runs_across_joints() -> None:
-    curve = c1(
-        [np.zeros(3), np.array([0.1, 0, 0.2]), np.array([0.3, 0, 0.3])], [np.array([0.05, 0, 0.2])] * 3
-    )
+    along = (0.25, 0.0, 1.0)
+    first = through(CurveEnds((0, 0, 0), (0.1, 0, 0.2), along, along)).curve
+    second = through(CurveEnds((0.1, 0, 0.2), (0.3, 0, 0.3), along, along)).curve
+    curve = PhSpline((first, second))
     points = curve.evenly(4001)
     chords = np.linalg.norm(np.diff(points, axis=0), axis=1)
     assert chords.sum() == pytest.approx(curve.length_m, rel=1e-6)
@@ -47,7 +36,6 @@ def test_one_piece_per_section_is_an_arm_of_constant_curvature() -> None:
         lower = through(CurveEnds((0, 0, 0), mid, Z, middle), lengths[0]).curve
         upper = through(CurveEnds(mid, tip, middle, tangent), lengths[1]).curve
         both = PhSpline((lower, upper))
-        assert both.joints in (("G1",), ("C1",))
         share = np.linspace(0.0, 1.0, 21)
         # A section cut at a share of itself: its tubes are that share of their lengths.
         truth = [section_pose(row[:3] * part, DISTANCE[0])[0] for part in share]
@@ -57,12 +45,3 @@ def test_one_piece_per_section_is_an_arm_of_constant_curvature() -> None:
             worst, float(np.linalg.norm(both.point_at(s) - np.array(truth), axis=1).max() / sum(lengths))
         )
     assert worst < 1e-4
-
-
-def test_joints_are_named() -> None:
-    ends = CurveEnds((0, 0, 0), (0, 0, 0.2), Z, Z)
-    here = through(ends).curve
-    on = through(CurveEnds((0, 0, 0.2), (0.1, 0, 0.4), Z, (1, 0, 1)), 0.25).curve
-    kink = through(CurveEnds((0.1, 0, 0.4), (0.3, 0, 0.4), (1, 0, 0), Z), 0.25).curve
-    away = through(CurveEnds((0.3, 0, 0.5), (0.3, 0, 0.9), Z, Z)).curve
-    assert PhSpline((here, on, kink, away)).joints == ("G1", "C0", "open")

@@ -5,10 +5,17 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from contid.kinematics.ph.ends import hermite
 from contid.kinematics.ph.inverse import TubeSection, ph_inverse
 from contid.kinematics.ph.tubes import frames, section_bending, tube_lengths
-from tests.kinematics.ph_golden import DISTANCE, GOLDEN, MM, PAPER_ANGLES, golden_lengths, two_section_pose
+from tests.kinematics.ph_golden import (
+    DISTANCE,
+    GOLDEN,
+    MM,
+    PAPER_ANGLES,
+    golden_lengths,
+    hermite,
+    two_section_pose,
+)
 
 SECTIONS = [TubeSection(float(d), tuple(PAPER_ANGLES.tolist())) for d in DISTANCE]
 

@@ -33,7 +33,7 @@ def backend(request: pytest.FixtureRequest, monkeypatch: pytest.MonkeyPatch) -> 
     return str(request.param)
 
 
-def aim(feasible: Feasible, lengths: np.ndarray, mode: str) -> tuple:
+def goal(feasible: Feasible, lengths: np.ndarray, mode: str) -> tuple:
     at = forward(feasible.sections, lengths)
     direction = tuple(at.rotation[:, 2].tolist()) if mode == "direction" else None
     mid = tuple(at.mid.tolist()) if mode == "mid" else None
@@ -51,7 +51,7 @@ def test_reachable_targets_from_cold_starts(backend, name, mode):
     count = 1000 if backend == "native" else 25
     seeds = random_lengths(feasible, count, seed=2)
     for lengths, seed in zip(random_lengths(feasible, count), seeds, strict=True):
-        tip, direction, mid = aim(feasible, lengths, mode)
+        tip, direction, mid = goal(feasible, lengths, mode)
         answer = solver.solve(tip, direction, mid, tuple(seed.tolist()))
         found, residual, converged = np.array(answer[0]), answer[1], answer[2]
         assert converged

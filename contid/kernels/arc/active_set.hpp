@@ -10,23 +10,23 @@
 
 namespace contid {
 
-constexpr int kMostRows = 9;  // of a task: tip, direction, mid-point
-constexpr int kMostHeld = kMostLengths + kMostRows;
+constexpr int kMaxRows = 9;  // of a task: tip, direction, mid-point
+constexpr int kMaxHeld = kMaxLengths + kMaxRows;
 constexpr double kRounding = 1e-12;  // excess that counts as rounding [m]; the caller pulls the rest inside
 constexpr int kLimitsTried = 40;
 
 // What the step is held to, in whitened coordinates F^-1: first the rows of a task, then limits, each with its
 // normal and its multiplier. A row of a task whose error counts 1/weight is an equation with a slack,
-// (row, sqrt(weight) e_a), so a stiff task brings no large numbers.
+// (row, sqrt(weight) e_a), which keeps a stiff task well conditioned.
 struct Held {
-  double normals[kMostHeld][kMostHeld];
-  double multipliers[kMostHeld];
-  int numbers[kMostHeld];  // of the limits
-  int wide, flat;          // length of a normal; limits with a lesser number are flat
+  double normals[kMaxHeld][kMaxHeld];
+  double multipliers[kMaxHeld];
+  int numbers[kMaxHeld];  // of the limits
+  int wide, flat;         // length of a normal; limits with a lesser number are flat
   int count;
   std::uint64_t mask = 0;  // of the flat limits
 
-  Held(const double (*task)[kMostLengths], int rows, double weight, const Feasible& feasible)
+  Held(const double (*task)[kMaxLengths], int rows, double weight, const Feasible& feasible)
       : wide(feasible.size() + rows), flat(feasible.flat()), count(rows) {
     const int n = feasible.size();
     for (int a = 0; a < rows; ++a) {
@@ -37,15 +37,15 @@ struct Held {
 
   // r = (N N^T)^-1 N v, how much of every normal is in v; false when the normals depend on each other.
   bool split(const double* v, double* r) const {
-    double gram[kMostHeld * kMostHeld];
+    double gram[kMaxHeld * kMaxHeld];
     for (int a = 0; a < count; ++a) {
-      for (int b = 0; b <= a; ++b) gram[a * kMostHeld + b] = dot(normals[a], normals[b], wide);
+      for (int b = 0; b <= a; ++b) gram[a * kMaxHeld + b] = dot(normals[a], normals[b], wide);
       r[a] = dot(normals[a], v, wide);
     }
     if (count == 0) return true;
-    if (!factor(gram, count, kMostHeld)) return false;
-    solve_lower(gram, count, kMostHeld, r);
-    solve_upper(gram, count, kMostHeld, r);
+    if (!factor(gram, count, kMaxHeld)) return false;
+    solve_lower(gram, count, kMaxHeld, r);
+    solve_upper(gram, count, kMaxHeld, r);
     return true;
   }
 
@@ -68,12 +68,12 @@ struct Held {
 };
 
 // The best step with l + d feasible, in place, from the best one without limits. `whiten` is the lower Cholesky
-// factor of the metric; `task` (may be null) are whitened rows of a task whose error counts 1/weight. The limits
-// are asked for one by one at the present point, so a curved one is met by as many tangent planes as it takes.
+// factor of the metric; `task` (may be null) are whitened rows of a task whose error counts 1/weight. Each limit is
+// linearised at the present point, so a curved one is met by several tangent planes.
 inline void bounded_step(const double* whiten, const double* at, const Feasible& feasible,
-                         const double (*task)[kMostLengths], int rows, double weight, double* d) {
+                         const double (*task)[kMaxLengths], int rows, double weight, double* d) {
   const int n = feasible.size();
-  double trial[kMostLengths];
+  double trial[kMaxLengths];
   for (int i = 0; i < n; ++i) trial[i] = at[i] + d[i];
   int number;
   double excess = feasible.worst(trial, 0, number);
@@ -81,11 +81,11 @@ inline void bounded_step(const double* whiten, const double* at, const Feasible&
   Held held(task, rows, weight, feasible);
   const int wide = held.wide;
   for (int tried = 0; tried < kLimitsTried; ++tried) {
-    double v[kMostHeld] = {}, added = 0.0;
+    double v[kMaxHeld] = {}, added = 0.0;
     feasible.normal(trial, number, v);
-    solve_lower(whiten, n, kMostLengths, v);
+    solve_lower(whiten, n, kMaxLengths, v);
     for (;;) {
-      double r[kMostHeld], move[kMostHeld];
+      double r[kMaxHeld], move[kMaxHeld];
       if (!held.split(v, r)) return;
       for (int i = 0; i < wide; ++i) {
         move[i] = v[i];
@@ -99,11 +99,11 @@ inline void bounded_step(const double* whiten, const double* at, const Feasible&
       for (int a = rows; a < held.count; ++a)
         if (r[a] > 0.0 && held.multipliers[a] / r[a] < partial) partial = held.multipliers[a] / r[a], blocking = a;
       const double t = full < partial ? full : partial;
-      if (t == kInfinity) return;  // depends on what is held: what is left of it is rounding
+      if (t == kInfinity) return;  // linearly dependent on the held ones: the excess left is rounding
       for (int a = rows; a < held.count; ++a) held.multipliers[a] -= t * r[a];
       added += t;
       if (full < kInfinity) {
-        solve_upper(whiten, n, kMostLengths, move);
+        solve_upper(whiten, n, kMaxLengths, move);
         for (int i = 0; i < n; ++i) d[i] -= t * move[i];
         excess -= t * gain;
       }
@@ -120,9 +120,9 @@ inline void bounded_step(const double* whiten, const double* at, const Feasible&
 }
 
 struct IdentityFactor {
-  double entries[kMostLengths * kMostLengths] = {};
+  double entries[kMaxLengths * kMaxLengths] = {};
   IdentityFactor() {
-    for (int i = 0; i < kMostLengths; ++i) entries[i * kMostLengths + i] = 1.0;
+    for (int i = 0; i < kMaxLengths; ++i) entries[i * kMaxLengths + i] = 1.0;
   }
 };
 
@@ -130,29 +130,29 @@ struct IdentityFactor {
 // `metric` is the lower Cholesky factor of W; null for the identity. Without limits in the way
 //     d = W^-1 (z + J^T y),    (J W^-1 J^T + weight) y = e - J W^-1 z
 // which factors a matrix of the size of the task and keeps the digits of the part of z that leaves it alone.
-inline void damped_step(const Feasible& feasible, const double (*J)[kMostLengths], const double* e, int rows,
+inline void damped_step(const Feasible& feasible, const double (*J)[kMaxLengths], const double* e, int rows,
                         double weight, const double* z, const double* at, const double* metric, double* d, double* y) {
   static const IdentityFactor identity;
   const int n = feasible.size();
-  double gram[kMostRows * kMostRows], K[kMostRows][kMostLengths];
+  double gram[kMaxRows * kMaxRows], K[kMaxRows][kMaxLengths];
   std::memcpy(d, z, n * sizeof(double));
   for (int a = 0; a < rows; ++a) std::memcpy(K[a], J[a], n * sizeof(double));
   if (metric) {
-    solve_lower(metric, n, kMostLengths, d);
-    for (int a = 0; a < rows; ++a) solve_lower(metric, n, kMostLengths, K[a]);
+    solve_lower(metric, n, kMaxLengths, d);
+    for (int a = 0; a < rows; ++a) solve_lower(metric, n, kMaxLengths, K[a]);
   }
   for (int a = 0; a < rows; ++a) {
-    for (int b = 0; b <= a; ++b) gram[a * kMostRows + b] = dot(K[a], K[b], n);
-    gram[a * kMostRows + a] += weight;
+    for (int b = 0; b <= a; ++b) gram[a * kMaxRows + b] = dot(K[a], K[b], n);
+    gram[a * kMaxRows + a] += weight;
     y[a] = e[a] - dot(K[a], d, n);
   }
-  if (factor(gram, rows, kMostRows)) {
-    solve_lower(gram, rows, kMostRows, y);
-    solve_upper(gram, rows, kMostRows, y);
+  if (factor(gram, rows, kMaxRows)) {
+    solve_lower(gram, rows, kMaxRows, y);
+    solve_upper(gram, rows, kMaxRows, y);
     for (int a = 0; a < rows; ++a)
       for (int i = 0; i < n; ++i) d[i] += K[a][i] * y[a];
   }
-  if (metric) solve_upper(metric, n, kMostLengths, d);
+  if (metric) solve_upper(metric, n, kMaxLengths, d);
   bounded_step(metric ? metric : identity.entries, at, feasible, K, rows, weight, d);
 }
 

@@ -1,35 +1,18 @@
-// contid.kernels._arc: constant-curvature sections for Python. Calls last microseconds and hold the GIL.
+// contid.kernels._arc: constant-curvature sections for Python. Calls take microseconds and hold the GIL.
 #include <nanobind/nanobind.h>
 #include <nanobind/ndarray.h>
 
+#include "../python.hpp"
 #include "section_solver.hpp"
 
 namespace nb = nanobind;
-using contid::SectionSolver;
+using contid::read, contid::SectionSolver, contid::tuple_of;
 
 namespace {
 
 using Out = nb::ndarray<double, nb::c_contig, nb::device::cpu>;
 
-// Floats of any sequence, without a temporary.
-void read(nb::handle sequence, double* out, Py_ssize_t size, const char* what) {
-  PyObject* fast = PySequence_Fast(sequence.ptr(), what);
-  if (!fast) throw nb::python_error();
-  const bool fits = PySequence_Fast_GET_SIZE(fast) == size;
-  if (fits)
-    for (Py_ssize_t i = 0; i < size; ++i) out[i] = PyFloat_AsDouble(PySequence_Fast_GET_ITEM(fast, i));
-  Py_DECREF(fast);
-  if (PyErr_Occurred()) throw nb::python_error();
-  if (!fits) throw nb::value_error(what);
-}
-
-nb::object tuple_of(const double* values, Py_ssize_t size) {
-  nb::object result = nb::steal(PyTuple_New(size));
-  for (Py_ssize_t i = 0; i < size; ++i) PyTuple_SET_ITEM(result.ptr(), i, PyFloat_FromDouble(values[i]));
-  return result;
-}
-
-void fill(Out& out, const double (*rows)[contid::kMostLengths], int columns, const char* what) {
+void fill(Out& out, const double (*rows)[contid::kMaxLengths], int columns, const char* what) {
   if (out.ndim() != 2 || out.shape(0) != 3 || static_cast<int>(out.shape(1)) != columns) throw nb::value_error(what);
   for (int k = 0; k < 3; ++k) std::memcpy(out.data() + k * columns, rows[k], columns * sizeof(double));
 }
@@ -37,7 +20,7 @@ void fill(Out& out, const double (*rows)[contid::kMostLengths], int columns, con
 void make(SectionSolver* self, nb::handle radius, nb::handle to_arc, nb::handle to_lengths, nb::handle rigid,
           nb::handle lower, nb::handle upper, nb::handle home, double rack, double curvature_max, nb::handle tuning) {
   const Py_ssize_t count = PyObject_Length(radius.ptr());
-  if (count < 1 || count > contid::kMostSections) throw nb::value_error("one to four sections");
+  if (count < 1 || count > contid::kMaxSections) throw nb::value_error("one to four sections");
   contid::Feasible f;
   contid::Sections& s = f.sections;
   s.count = static_cast<int>(count);
@@ -45,7 +28,7 @@ void make(SectionSolver* self, nb::handle radius, nb::handle to_arc, nb::handle 
   read(rigid, s.rigid, count, "rigid: one number per section");
   read(to_arc, s.to_arc[0], 9 * count, "to_arc: nine numbers per section");
   read(to_lengths, s.to_lengths[0], 9 * count, "to_lengths: nine numbers per section");
-  double low[contid::kMostSections], high[contid::kMostSections];
+  double low[contid::kMaxSections], high[contid::kMaxSections];
   read(lower, low, count, "lower: one number per section");
   read(upper, high, count, "upper: one number per section");
   for (int i = 0; i < f.size(); ++i) f.low[i] = low[i / 3], f.high[i] = high[i / 3];
@@ -62,7 +45,7 @@ void make(SectionSolver* self, nb::handle radius, nb::handle to_arc, nb::handle 
 }
 
 nb::tuple forward(const SectionSolver& self, nb::handle lengths) {
-  double l[contid::kMostLengths];
+  double l[contid::kMaxLengths];
   read(lengths, l, self.size(), "three lengths per section");
   contid::Frames frames;
   contid::forward(self.feasible().sections, l, frames);
@@ -70,7 +53,7 @@ nb::tuple forward(const SectionSolver& self, nb::handle lengths) {
 }
 
 nb::tuple solve(const SectionSolver& self, nb::handle tip, nb::handle direction, nb::handle mid, nb::handle seed) {
-  double p[3], t[3], m[3], l[contid::kMostLengths];
+  double p[3], t[3], m[3], l[contid::kMaxLengths];
   read(tip, p, 3, "tip: three numbers");
   if (!direction.is_none()) read(direction, t, 3, "direction: three numbers");
   if (!mid.is_none()) read(mid, m, 3, "mid: three numbers");
@@ -81,9 +64,9 @@ nb::tuple solve(const SectionSolver& self, nb::handle tip, nb::handle direction,
                         answer.iterations, answer.starts);
 }
 
-// Jacobians of tip, orientation and mid-point into arrays (3, 3 n) the caller made.
+// Jacobians of tip, orientation and mid-point into given arrays (3, 3 n).
 void differentiate(const SectionSolver& self, nb::handle lengths, Out tip, Out spin, Out mid) {
-  double l[contid::kMostLengths];
+  double l[contid::kMaxLengths];
   const int n = self.size();
   read(lengths, l, n, "three lengths per section");
   contid::Derivatives at;
@@ -93,13 +76,13 @@ void differentiate(const SectionSolver& self, nb::handle lengths, Out tip, Out s
   fill(mid, at.mid, n, "mid: an array (3, 3 n)");
 }
 
-// Solve a whole path, each point from the answer before: for benchmarks of the kernel alone.
+// Solve a path, each point from the previous answer: for benchmarks of the kernel alone.
 int follow(const SectionSolver& self, Out tips, nb::handle seed, Out lengths) {
   const std::size_t n = self.size();
   if (tips.ndim() != 2 || tips.shape(1) != 3 || lengths.ndim() != 2 || lengths.shape(0) != tips.shape(0) ||
       lengths.shape(1) != n)
     throw nb::value_error("tips (points, 3) and lengths (points, 3 n)");
-  double l[contid::kMostLengths];
+  double l[contid::kMaxLengths];
   read(seed, l, n, "seed: three lengths per section");
   int met = 0;
   for (std::size_t k = 0; k < tips.shape(0); ++k) {

@@ -9,15 +9,15 @@
 
 namespace contid {
 
-constexpr int kMostSections = 4;
-constexpr int kMostLengths = 3 * kMostSections;
+constexpr int kMaxSections = 4;
+constexpr int kMaxLengths = 3 * kMaxSections;
 
 struct Sections {
   int count = 0;
-  double radius[kMostSections];
-  double rigid[kMostSections];
-  double to_arc[kMostSections][9];      // (l1, l2, l3) -> (u, v, L), row-major
-  double to_lengths[kMostSections][9];  // its inverse
+  double radius[kMaxSections];
+  double rigid[kMaxSections];
+  double to_arc[kMaxSections][9];      // (l1, l2, l3) -> (u, v, L), row-major
+  double to_lengths[kMaxSections][9];  // its inverse
 
   int size() const { return 3 * count; }
 
@@ -98,12 +98,12 @@ struct Frames {
   double mid[3];
 };
 
-// Derivatives by the lengths; rows of kMostLengths columns, size() of them in use.
+// Derivatives by the lengths; rows of kMaxLengths columns, size() of them in use.
 struct Derivatives {
   Frames frames;
-  double tip[3][kMostLengths];
-  double spin[3][kMostLengths];
-  double mid[3][kMostLengths];
+  double tip[3][kMaxLengths];
+  double spin[3][kMaxLengths];
+  double mid[3][kMaxLengths];
 };
 
 inline void forward(const Sections& s, const double* lengths, Frames& out) {
@@ -128,7 +128,7 @@ inline void forward(const Sections& s, const double* lengths, Frames& out) {
 // J_i = R (Jp_i + Jw_i x rest_i) d(u, v, L)/dl; see differentiate() in contid/kinematics/arc/sections.py.
 inline void differentiate(const Sections& s, const double* lengths, Derivatives& out, bool want_mid) {
   static constexpr double kIdentity[9] = {1, 0, 0, 0, 1, 0, 0, 0, 1};
-  double position[3] = {0, 0, 0}, rotation[9], ends[kMostSections][3];
+  double position[3] = {0, 0, 0}, rotation[9], ends[kMaxSections][3];
   std::memcpy(rotation, kIdentity, sizeof rotation);
   for (int i = 0; i < s.count; ++i) {
     double uvl[3], p[3], r[9], next[9], moved[3];

@@ -1,5 +1,5 @@
 // The lengths a chain of sections may take: a convex set, with a number for every limit.
-// Twin and specification: contid/kinematics/arc/feasible.py, which also says what each limit is.
+// Twin and specification: contid/kinematics/arc/feasible.py, with the definition of each limit.
 #pragma once
 
 #include <cstdint>
@@ -14,10 +14,10 @@ constexpr double kBinding = 1e-9;  // a limit binds when less than this is left 
 
 struct Feasible {
   Sections sections;
-  double low[kMostLengths], high[kMostLengths], home[kMostLengths];
-  double metric[kMostLengths * kMostLengths];  // what counts as far from home
-  double rack = kInfinity;                     // greatest sum of one rack's lengths [m]
-  double curvature_max = kInfinity;            // [1/m]
+  double low[kMaxLengths], high[kMaxLengths], home[kMaxLengths];
+  double metric[kMaxLengths * kMaxLengths];  // of the distance from home
+  double rack = kInfinity;                   // maximum sum of one rack's lengths [m]
+  double curvature_max = kInfinity;          // [1/m]
 
   int size() const { return sections.size(); }
   int flat() const { return 2 * size() + 3; }  // limits before the cones
@@ -112,7 +112,7 @@ struct Feasible {
       const double* m = sections.to_arc[s];
       for (int i = 0; i < 3; ++i)
         for (int j = 0; j < 3; ++j)
-          metric[(3 * s + i) * kMostLengths + 3 * s + j] =
+          metric[(3 * s + i) * kMaxLengths + 3 * s + j] =
               bend * (m[i] * m[j] + m[3 + i] * m[3 + j]) + 3.0 * m[6 + i] * m[6 + j];
     }
   }
@@ -129,7 +129,7 @@ struct Feasible {
     for (int i = 0; i < size(); ++i) l[i] = l[i] < low[i] ? low[i] : l[i] > high[i] ? high[i] : l[i];
   }
 
-  // Bring l inside: clip it to its intervals, then pull it towards home as far as the other limits ask.
+  // Bring l inside: clip it to its intervals, then pull it towards home until the other limits hold.
   void pull(double* l) const {
     clip(l);
     if (rack == kInfinity && curvature_max == kInfinity) return;

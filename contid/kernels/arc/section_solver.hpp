@@ -1,5 +1,4 @@
-// Bounded inverse kinematics of a chain of sections: starts, and the best of what they lead to. Scratch is on
-// the stack, nothing is allocated in solve().
+// Bounded inverse kinematics of a chain of sections from several starts. solve() does not allocate.
 // Twin and specification: contid/kinematics/arc/solve.py: same decisions, same order.
 #pragma once
 
@@ -12,10 +11,10 @@
 namespace contid {
 
 constexpr int kLibrary = 256;
-constexpr double kAbsurd = 1e6;  // an error no arm of this world has [m]; its square still fits a double
+constexpr double kMaxError = 1e6;  // larger than the error of any arm [m]; its square does not overflow
 
 struct Answer {
-  double lengths[kMostLengths];
+  double lengths[kMaxLengths];
   double residual;
   bool converged;
   std::uint64_t binding;
@@ -44,51 +43,51 @@ class SectionSolver {
   int size() const { return feasible().size(); }
 
   // The closed form where there is one, then the seed, then starts for what the seed does not meet.
-  void solve(const Aim& aim, const double* seed, Answer& out) const {
+  void solve(const Goal& goal, const double* seed, Answer& out) const {
     const int n = size();
     out.iterations = 0;
     out.starts = 0;
-    if (closed_form(aim, out.lengths)) {
+    if (closed_form(goal, out.lengths)) {
       feasible().clip(out.lengths);
-      out.residual = descent_.error(out.lengths, aim);
+      out.residual = descent_.error(out.lengths, goal);
       return finish(out);
     }
-    double trial[kMostLengths], begun[kMostLengths];
+    double trial[kMaxLengths], begun[kMaxLengths];
     std::memcpy(trial, seed, n * sizeof(double));
     feasible().pull(trial);
     std::memcpy(begun, trial, n * sizeof(double));
-    const double away = descent_.error(trial, aim);
-    if (!(away < kAbsurd)) {  // not a number included: nothing to descend
+    const double away = descent_.error(trial, goal);
+    if (!(away < kMaxError)) {  // NaN included
       std::memcpy(out.lengths, trial, n * sizeof(double));
       out.residual = away;
       return finish(out);
     }
-    out.residual = descent_.run(trial, aim, out.iterations);
+    out.residual = descent_.run(trial, goal, out.iterations);
     out.starts = 1;
     std::memcpy(out.lengths, trial, sizeof trial);
     if (out.residual > tuning().tolerance) {
-      Search search(aim, patience(aim, begun, trial));
-      const bool biarcs = feasible().sections.count == 2 && aim.direction && !aim.mid;
+      Search search(goal, limits(goal, begun, trial));
+      const bool biarcs = feasible().sections.count == 2 && goal.direction && !goal.mid;
       if (!biarcs || !try_biarcs(search, out)) try_library(search, out);
     }
     finish(out);
   }
 
  private:
-  // What ends the search of a target that is not met: so many starts that agree, or so many in all.
-  struct Patience {
+  // End of the search for a target that is not met: the number of agreeing starts, or of all.
+  struct SearchLimits {
     int agreeing, starts;
   };
 
   struct Search {
-    const Aim& aim;
-    const Patience patience;
+    const Goal& goal;
+    const SearchLimits limits;
     int agreeing = 1;  // starts that end at the best answer
-    Search(const Aim& aim, Patience patience) : aim(aim), patience(patience) {}
+    Search(const Goal& goal, SearchLimits limits) : goal(goal), limits(limits) {}
   };
 
   Descent descent_;
-  double library_[kLibrary][kMostLengths];
+  double library_[kLibrary][kMaxLengths];
   Frames frames_[kLibrary];
 
   const Tuning& tuning() const { return descent_.tuning; }
@@ -99,13 +98,13 @@ class SectionSolver {
   }
 
   // Lengths from the closed forms, when they exist and keep every limit.
-  bool closed_form(const Aim& aim, double* lengths) const {
+  bool closed_form(const Goal& goal, double* lengths) const {
     const Sections& s = feasible().sections;
     double arcs[6];
-    if (s.count == 1 && !aim.direction && !aim.mid) {
-      if (!through(aim.tip, s.rigid[0], arcs)) return false;
-    } else if (s.count == 2 && !aim.direction && aim.mid) {
-      if (!two_arcs(aim.mid, aim.tip, s.rigid, arcs)) return false;
+    if (s.count == 1 && !goal.direction && !goal.mid) {
+      if (!through(goal.tip, s.rigid[0], arcs)) return false;
+    } else if (s.count == 2 && !goal.direction && goal.mid) {
+      if (!two_arcs(goal.mid, goal.tip, s.rigid, arcs)) return false;
     } else {
       return false;
     }
@@ -117,9 +116,9 @@ class SectionSolver {
   }
 
   // Few starts beyond the length of the arm, and few when the seed's descent followed a bounded optimum.
-  Patience patience(const Aim& aim, const double* begun, const double* found) const {
+  SearchLimits limits(const Goal& goal, const double* begun, const double* found) const {
     constexpr int kAll = 2 * kLibrary;
-    const double far = std::sqrt(dot(aim.tip, aim.tip, 3));
+    const double far = std::sqrt(dot(goal.tip, goal.tip, 3));
     double step = 0.0;
     for (int i = 0; i < size(); ++i) step = std::max(step, std::fabs(found[i] - begun[i]));
     return {far > feasible().longest() ? tuning().agreeing : kAll,
@@ -128,18 +127,18 @@ class SectionSolver {
 
   // One more start; true when the search can end: the target is met, or enough starts agree.
   bool try_start(double* start, Search& search, Answer& out) const {
-    const double left = descent_.run(start, search.aim, out.iterations);
+    const double left = descent_.run(start, search.goal, out.iterations);
     ++out.starts;
-    // A clear gain only, so that noise does not make the answer jump between equal minima.
+    // A clear gain only, so that rounding cannot make the answer jump between equal minima.
     if (left <= tuning().tolerance || left < 0.999 * out.residual) {
-      std::memcpy(out.lengths, start, kMostLengths * sizeof(double));
+      std::memcpy(out.lengths, start, kMaxLengths * sizeof(double));
       out.residual = left;
       search.agreeing = 1;
     } else if (left < 1.001 * out.residual) {
       ++search.agreeing;
     }
-    return out.residual <= tuning().tolerance || search.agreeing >= search.patience.agreeing ||
-           out.starts >= search.patience.starts;
+    return out.residual <= tuning().tolerance || search.agreeing >= search.limits.agreeing ||
+           out.starts >= search.limits.starts;
   }
 
   // The three biarcs that exceed the limits least, out of 64 control legs; true when the search can end.
@@ -153,7 +152,7 @@ class SectionSolver {
     for (int k = 0; k < kLegs; ++k) {
       const double leg = 0.5 * scale * std::tan(0.5 * kPi * ((2.0 * k + 1.0) / kLegs - 1.0));
       double arcs[6];
-      if (!biarc(search.aim.tip, search.aim.direction, leg, f.sections.rigid, arcs)) continue;
+      if (!biarc(search.goal.tip, search.goal.direction, leg, f.sections.rigid, arcs)) continue;
       double* l = lengths[found];
       for (int i = 0; i < 2; ++i) f.sections.lengths(i, arcs + 3 * i, l);
       double sum = 0.0;
@@ -169,7 +168,7 @@ class SectionSolver {
     }
     nearest_first(score, order, found);
     for (int k = 0; k < std::min(found, kBest); ++k) {
-      double start[kMostLengths];
+      double start[kMaxLengths];
       std::memcpy(start, lengths[order[k]], n * sizeof(double));
       f.pull(start);
       if (try_start(start, search, out)) return true;
@@ -177,24 +176,24 @@ class SectionSolver {
     return false;
   }
 
-  // Postures of the library whose task is nearest to the aim, then ever farther ones.
+  // Postures of the library whose task is nearest to the goal, then ever farther ones.
   void try_library(Search& search, Answer& out) const {
-    const Aim& aim = search.aim;
+    const Goal& goal = search.goal;
     double distance[kLibrary];
     int order[kLibrary];
     for (int k = 0; k < kLibrary; ++k) {
       const Frames& f = frames_[k];
-      distance[k] = squared_distance(f.tip, aim.tip);
-      if (aim.direction) {
+      distance[k] = squared_distance(f.tip, goal.tip);
+      if (goal.direction) {
         const double tangent[3] = {f.rotation[2], f.rotation[5], f.rotation[8]};
-        distance[k] += tuning().ell * tuning().ell * squared_distance(tangent, aim.direction);
+        distance[k] += tuning().ell * tuning().ell * squared_distance(tangent, goal.direction);
       }
-      if (aim.mid) distance[k] += squared_distance(f.mid, aim.mid);
+      if (goal.mid) distance[k] += squared_distance(f.mid, goal.mid);
       order[k] = k;
     }
     nearest_first(distance, order, kLibrary);
     for (int k = 0; k < tuning().starts; ++k) {
-      double start[kMostLengths];
+      double start[kMaxLengths];
       std::memcpy(start, library_[order[std::min(k * (k + 7) / 8, kLibrary - 1)]], sizeof start);
       if (try_start(start, search, out)) return;
     }

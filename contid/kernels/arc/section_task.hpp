@@ -1,4 +1,4 @@
-// What a chain of sections shall reach, what is left of it, and its derivatives; all rows are lengths [m].
+// Goal of a chain of sections, its error and derivatives; all rows are lengths [m].
 // Twin and specification: Descent._task of contid/kinematics/arc/descent.py.
 #pragma once
 
@@ -8,7 +8,7 @@
 
 namespace contid {
 
-// Numbers of the solver: contid/kinematics/arc/descent.py says what each is for.
+// Parameters of the solver: see Tuning of contid/kinematics/arc/descent.py.
 struct Tuning {
   double ell, tolerance, home_tolerance, weight, near;
   int home_steps;
@@ -18,7 +18,7 @@ struct Tuning {
   double tracking;
 };
 
-struct Aim {
+struct Goal {
   const double* tip;
   const double* direction;  // may be null
   const double* mid;        // may be null
@@ -26,33 +26,33 @@ struct Aim {
 
 // e and J: tip, ell times the direction, mid-point.
 struct Task {
-  double e[kMostRows];
-  double J[kMostRows][kMostLengths];
+  double e[kMaxRows];
+  double J[kMaxRows][kMaxLengths];
   int rows;
   double error;  // |e|
 
   // e = (p* - p, ell (t* - t), m* - m);  J = (dp/dl, ell dt/dl = ell (spin x t), dm/dl)
-  void look(const Sections& sections, double ell, const double* lengths, const Aim& aim) {
+  void evaluate(const Sections& sections, double ell, const double* lengths, const Goal& goal) {
     const int n = sections.size();
     Derivatives at;
-    differentiate(sections, lengths, at, aim.mid != nullptr);
+    differentiate(sections, lengths, at, goal.mid != nullptr);
     for (int k = 0; k < 3; ++k) {
-      e[k] = aim.tip[k] - at.frames.tip[k];
+      e[k] = goal.tip[k] - at.frames.tip[k];
       std::memcpy(J[k], at.tip[k], n * sizeof(double));
     }
     rows = 3;
-    if (aim.direction) {
+    if (goal.direction) {
       const double t[3] = {at.frames.rotation[2], at.frames.rotation[5], at.frames.rotation[8]};
       for (int k = 0; k < 3; ++k) {
-        e[3 + k] = ell * (aim.direction[k] - t[k]);
+        e[3 + k] = ell * (goal.direction[k] - t[k]);
         const int a = (k + 1) % 3, b = (k + 2) % 3;
         for (int j = 0; j < n; ++j) J[3 + k][j] = ell * (at.spin[a][j] * t[b] - at.spin[b][j] * t[a]);
       }
       rows += 3;
     }
-    if (aim.mid) {
+    if (goal.mid) {
       for (int k = 0; k < 3; ++k) {
-        e[rows + k] = aim.mid[k] - at.frames.mid[k];
+        e[rows + k] = goal.mid[k] - at.frames.mid[k];
         std::memcpy(J[rows + k], at.mid[k], n * sizeof(double));
       }
       rows += 3;
@@ -69,7 +69,7 @@ struct Task {
   }
 };
 
-// trial = lengths + d, brought inside; returns the greatest move.
+// trial = lengths + d, brought inside the limits; returns the maximum change.
 inline double moved(const Feasible& feasible, const double* lengths, const double* d, double* trial) {
   const int n = feasible.size();
   double step = 0.0;

@@ -85,9 +85,8 @@ inline int negative(const Mat& a) {
   return changes;
 }
 
-// A sweep that also counts the independent virtual motions that lower the energy; 0 means stable. Three columns
-// suffice (a fourth, zero, fills the vector registers). The count means something in equilibrium only. How the
-// tip follows the moment balance falls out beside it; it is not set where it is singular.
+// A sweep that also counts the unstable modes, valid in equilibrium; 0 means stable. Three columns suffice (a fourth,
+// zero, fills the vector registers). Also sets the tip by the moment balance, unless that is singular.
 template <int K>
 int count_modes(const Rod<K>& rod, const double* pressures, Vec base_moment, Vec tip_force, double share, int elements,
                 Ends& ends, Mat& tip_by_balance) {
@@ -153,19 +152,19 @@ template <int K> bool loaded(const Rod<K>& rod, Vec tip_force) {
   return any;
 }
 
-// Least factor of the tip force at which the branch from the unloaded shape stops being stable; -1 when it is
-// stable up to `most`, 0 when the own weight alone is too much.
+// Least factor of the tip force at which the branch from the unloaded shape loses its stability; -1 when it is stable
+// up to `max_factor`, 0 when the own weight alone buckles it.
 template <int K>
-double critical_factor(const Rod<K>& rod, const double* pressures, Vec tip_force, double most, int elements) {
+double critical_factor(const Rod<K>& rod, const double* pressures, Vec tip_force, double max_factor, int elements) {
   Sweep<K> scratch;
   const auto stable = [&](double factor) {
     Vec moment;
     return equilibrium<K>(rod, pressures, factor * tip_force, 1.0, elements, moment, scratch) &&
            unstable_modes<K>(rod, pressures, moment, factor * tip_force, 1.0, elements) == 0;
   };
-  if (stable(most)) return -1.0;
+  if (stable(max_factor)) return -1.0;
   if (!stable(0.0)) return 0.0;
-  double low = 0.0, high = most;
+  double low = 0.0, high = max_factor;
   while (high - low > 1e-3 * high) {
     const double middle = 0.5 * (low + high);
     (stable(middle) ? low : high) = middle;

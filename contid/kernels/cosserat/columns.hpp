@@ -38,8 +38,8 @@ template <int A, bool Add, int C> inline void times(const Mat& a, const double (
 }
 
 // Rates of the columns at one stage; element._tangent_rates. The first `Base` columns (3 or none) belong to the
-// base moment, `Own` is the first of this section's pressures, -1 for none. dmu moves only under a distributed load;
-// of a massless rod it stays the identity.
+// base moment, `Own` is the first of this section's pressures, -1 for none. Without distributed load dmu is constant,
+// for a massless rod the identity.
 template <int A, int Base, int Own, int C>
 [[gnu::always_inline]] inline void column_rates(const Inflated& s, const Mat& R, const Columns<C>& at, Vec u, Vec v,
                                                 Vec N, Vec M, Vec f, bool weighs, bool massless, Columns<C>& rate) {

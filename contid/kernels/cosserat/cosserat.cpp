@@ -1,13 +1,12 @@
-// Python binding of the pneumatic rod: class Engine with the methods of contid.kinematics.cosserat.engine.Engine.
-//
-// A solve takes microseconds, so the interpreter lock is held: giving it up costs up to two switch intervals of
-// a busy thread. Nothing here allocates but the answers themselves.
+// contid.kernels._cosserat: the pneumatic rod for Python, the protocol contid.kinematics.cosserat.engine.RodSolver.
+// Calls take microseconds and hold the GIL: releasing it costs up to two switch intervals of a busy thread.
 
 #include <nanobind/nanobind.h>
 
 #include <memory>
 #include <stdexcept>
 
+#include "../python.hpp"
 #include "search.hpp"
 
 namespace nb = nanobind;
@@ -15,20 +14,9 @@ using namespace contid;
 
 namespace {
 
-// `count` numbers of a tuple, a list or another sequence; `what` is for the error.
-void read(nb::handle sequence, int count, double* to, const char* what) {
-  const nb::object fast = nb::steal(PySequence_Fast(sequence.ptr(), what));
-  if (!fast.is_valid()) throw nb::python_error();
-  if (PySequence_Fast_GET_SIZE(fast.ptr()) != count) throw std::invalid_argument(what);
-  for (int i = 0; i < count; ++i) {
-    to[i] = PyFloat_AsDouble(PySequence_Fast_GET_ITEM(fast.ptr(), i));
-    if (to[i] == -1.0 && PyErr_Occurred()) throw nb::python_error();
-  }
-}
-
 Vec vec(nb::handle sequence) {
   double a[3];
-  read(sequence, 3, a, "expected three numbers");
+  read(sequence, a, 3, "expected three numbers");
   return {a[0], a[1], a[2]};
 }
 
@@ -36,12 +24,12 @@ nb::tuple triple(Vec a) { return nb::make_tuple(a.x, a.y, a.z); }
 
 constexpr const char* kPressures = "expected three pressures per section";
 
-// One arm of a number of sections known at run time only.
+// One arm, its number of sections a value of the run.
 struct Arm {
   virtual ~Arm() = default;
   virtual nb::tuple inverse(const Task& task, Vec force, nb::handle seed) const = 0;
   virtual nb::tuple forward(nb::handle pressures, Vec force) const = 0;
-  virtual nb::object critical(nb::handle pressures, Vec force, double most) const = 0;
+  virtual nb::object critical(nb::handle pressures, Vec force, double max_factor) const = 0;
 };
 
 template <int K> struct ArmOf final : Arm {
@@ -87,34 +75,29 @@ template <int K> struct ArmOf final : Arm {
 
   nb::tuple inverse(const Task& task, Vec force, nb::handle seed) const override {
     double start[3 * K];
-    read(seed, 3 * K, start, kPressures);
+    read(seed, start, 3 * K, kPressures);
     const Found<K> found = search<K>(rod, task, force, limits, start, settings);
     const Outcome<K>& o = found.outcome;
-    PyObject* pressures = PyTuple_New(3 * K);
-    for (int i = 0; i < 3 * K; ++i) PyTuple_SET_ITEM(pressures, i, PyFloat_FromDouble(o.pressures[i]));
-    return nb::make_tuple(nb::steal(pressures), o.residual, o.met, o.optimal, found.stable, found.iterations,
+    return nb::make_tuple(tuple_of(o.pressures, 3 * K), o.residual, o.met, o.optimal, found.stable, found.iterations,
                           found.elements, o.statics);
   }
 
   nb::tuple forward(nb::handle pressures, Vec force) const override {
     double p[3 * K];
-    read(pressures, 3 * K, p, kPressures);
+    read(pressures, p, 3 * K, kPressures);
     Sweep<K> s;
     Vec moment;
     int elements;
     bool stable = fine_equilibrium<K>(rod, p, force, settings, moment, s, elements);
     if (stable) stable = unstable_modes<K>(rod, p, moment, force, 1.0, elements) == 0;
-    const auto& m = s.tip.R.m;
-    return nb::make_tuple(
-        triple(s.tip.p),
-        nb::make_tuple(m[0][0], m[0][1], m[0][2], m[1][0], m[1][1], m[1][2], m[2][0], m[2][1], m[2][2]), triple(s.mid),
-        stable, triple(moment), elements);
+    return nb::make_tuple(triple(s.tip.p), tuple_of(&s.tip.R.m[0][0], 9), triple(s.mid), stable, triple(moment),
+                          elements);
   }
 
-  nb::object critical(nb::handle pressures, Vec force, double most) const override {
+  nb::object critical(nb::handle pressures, Vec force, double max_factor) const override {
     double p[3 * K];
-    read(pressures, 3 * K, p, kPressures);
-    const double factor = critical_factor<K>(rod, p, force, most, settings.elements);
+    read(pressures, p, 3 * K, kPressures);
+    const double factor = critical_factor<K>(rod, p, force, max_factor, settings.elements);
     if (factor < 0.0) return nb::none();
     return nb::float_(factor);
   }
@@ -169,8 +152,8 @@ NB_MODULE(KERNEL_MODULE, m) {
           nb::arg("pressures"), nb::arg("force"))
       .def(
           "critical",
-          [](const Engine& e, nb::handle pressures, nb::handle force, double most) {
-            return e.arm->critical(pressures, vec(force), most);
+          [](const Engine& e, nb::handle pressures, nb::handle force, double max_factor) {
+            return e.arm->critical(pressures, vec(force), max_factor);
           },
-          nb::arg("pressures"), nb::arg("force"), nb::arg("most") = 1.0);
+          nb::arg("pressures"), nb::arg("force"), nb::arg("max_factor") = 1.0);
 }

@@ -16,7 +16,7 @@ template <int C> struct State {
   Columns<C> by;
 };
 
-// One element of reference length h; element.step. N is the force at its start; A = 0 leaves the columns alone.
+// One element of reference length h; element.step. N is the force at its start; A = 0: no columns.
 template <int A, int Base, int Own, int C>
 inline void step(const Inflated& s, State<C>& state, Vec N, Vec f, bool massless, double h) {
   const bool weighs = dot(f, f) > 0.0;
@@ -122,7 +122,7 @@ template <int K, int Base = 3> struct Sweep {
 
 inline Vec own_weight(const Section& s) { return s.length * s.weight + s.link * s.link_weight; }
 
-// No own weight at all.
+// True without own weight.
 template <int K> bool massless(const Rod<K>& rod, double share) {
   double most = 0.0;
   for (const Section& s : rod.sections) {

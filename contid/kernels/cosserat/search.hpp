@@ -9,18 +9,18 @@
 namespace contid {
 
 constexpr int kIterations = 60, kRestarts = 20, kRestartIterations = 25, kLoadSteps = 3, kRampIterations = 10,
-              kMostElements = 48, kMembers = 9;
+              kMaxElements = 48, kMembers = 9;
 constexpr double kRampTolerance = 1e-2, kTracking = 0.05;
 
 inline double average_pressure(const Section& s, double stretch) {
-  const double push = 3.0 * s.pair_force / s.area, wanted = stretch - 1.0, top = s.modulus_up_to;
+  const double push = 3.0 * s.pair_force / s.area, strain = stretch - 1.0, top = s.modulus_up_to;
   double slope;
-  if (wanted <= 0.0) return wanted * modulus(s, 0.0, slope) / push;
+  if (strain <= 0.0) return strain * modulus(s, 0.0, slope) / push;
   const double at_top = modulus(s, top, slope);
-  if (wanted >= push * top / at_top) return wanted * at_top / push;
+  if (strain >= push * top / at_top) return strain * at_top / push;
   double low = 0.0, high = top, x = 0.5 * top;
   for (int i = 0; i < 60; ++i) {
-    const double e = modulus(s, x, slope), error = push * x / e - wanted;
+    const double e = modulus(s, x, slope), error = push * x / e - strain;
     (error > 0.0 ? high : low) = x;
     const double newton = x - error / (push / e * (1.0 - x * slope / e));
     const double following = low < newton && newton < high ? newton : 0.5 * (low + high);
@@ -146,7 +146,7 @@ bool fine_equilibrium(const Rod<K>& rod, const double* pressures, Vec tip_force,
   elements = settings.elements;
   bool found = equilibrium<K>(rod, pressures, tip_force, 1.0, elements, moment, out);
   Mat by_moment;
-  while (found && elements < kMostElements && loaded<K>(rod, tip_force) &&
+  while (found && elements < kMaxElements && loaded<K>(rod, tip_force) &&
          inverse(first_columns(out.residual), by_moment)) {
     const Mat tip_by_balance = first_columns(out.tip.by.shift) * by_moment;
     if (discretisation_error<K>(rod, pressures, moment, out.ends(), tip_by_balance, tip_force, elements) <=
@@ -213,7 +213,7 @@ Found<K> search(const Rod<K>& rod, const Task& task, Vec tip_force, const Limits
       if (attempt(start, kRestartIterations)) return;
     }
   };
-  // A bounded optimum next to the last command is where tracking has led: looking elsewhere would only jump.
+  // A bounded optimum next to the last command continues a motion; another start would only jump.
   const auto tracked = [&] {
     double moved = 0.0;
     for (int i = 0; i < n; ++i) moved = std::fmax(moved, std::fabs(best.outcome.pressures[i] - seed[i]));
@@ -221,7 +221,7 @@ Found<K> search(const Rod<K>& rod, const Task& task, Vec tip_force, const Limits
   };
   if (!attempt(seed, kIterations) && !tracked()) everywhere();
   best.iterations = spent;
-  while (weighs && best.stable && best.elements < kMostElements) {
+  while (weighs && best.stable && best.elements < kMaxElements) {
     const Outcome<K>& o = best.outcome;
     if (discretisation_error<K>(rod, o.pressures, o.moment, o.ends, o.tip_by_balance, tip_force, best.elements) <=
         settings.error)

@@ -1,8 +1,7 @@
 // Bounded inverse statics: twin of contid/kinematics/cosserat/solve.py, its specification.
 //
-// It differs in one thing: derivatives are kept for further steps (chords) while these reduce the error tenfold,
-// since a sweep without derivatives costs less than half. Where it ends does not depend on that. The first try of a
-// search is left to track.hpp where that will do.
+// One difference: derivatives are reused for further steps (chords) while these reduce the error tenfold, since a sweep
+// without derivatives costs less than half. The result does not depend on it. A search tries track.hpp first.
 #pragma once
 
 #include <algorithm>
@@ -29,11 +28,11 @@ template <int K> struct Outcome {
   bool met, optimal;
   int iterations;
   Ends ends;           // of the last sweep
-  int modes;           // ways down the energy at the last sweep, -1 when it did not count them
-  Mat tip_by_balance;  // how the tip follows the moment balance, for the error estimate
+  int modes;           // unstable modes at the last sweep, -1 when not counted
+  Mat tip_by_balance;  // tip by moment balance, for the error estimate
 };
 
-// H = J^T J + weight + 1e-13 trace(J^T J): the last keeps it definite where the task leaves freedom.
+// H = J^T J + weight + 1e-13 trace(J^T J): the last term keeps it definite for a redundant task.
 template <int n, int C> void normal_matrix(const double (&J)[9][C], int rows, double weight, double (&H)[n][n]) {
   double trace = 0.0;
   for (int i = 0; i < n; ++i)
@@ -71,7 +70,7 @@ template <int K> struct Reduced {
     return true;
   }
 
-  // r - damping C A^-1 e: what the balance, mended, leaves of the task; Ge = A^-1 e.
+  // r - damping C A^-1 e: the task error with the balance restored; Ge = A^-1 e.
   void ahead(const double* r, double damping, Vec Ge, double* out) const {
     for (int a = 0; a < rows; ++a)
       out[a] = r[a] - damping * (by_both[a][0] * Ge.x + by_both[a][1] * Ge.y + by_both[a][2] * Ge.z);
@@ -133,8 +132,7 @@ Outcome<K> solve(const Rod<K>& rod, const Task& task, Vec tip_force, double shar
       out.tip_by_balance = first_columns(here.tip.by.shift) * by.inverse_A;
       factored = true;
     }
-    // The secondary goal converges linearly where the task is strongly curved; the second half of the
-    // iterations therefore belongs to the task alone.
+    // The secondary goal converges linearly where the task is strongly curved: only in the first half.
     const double pull = out.iterations <= iterations / 2 ? weight : 0.0;
     const Vec Ge = by.inverse_A * e;
     by.ahead(r, damping, Ge, ahead);
@@ -175,7 +173,7 @@ Outcome<K> solve(const Rod<K>& rod, const Task& task, Vec tip_force, double shar
     Ends trial;
     int modes = -1;
     if (carries && chords > 0) {
-      // Most likely the last one: its count of unstable modes is then at hand.
+      // Probably the last one: count unstable modes along.
       modes = count_modes<K>(rod, next, next_moment, tip_force, share, elements, trial, out.tip_by_balance);
     } else {
       sweep<K, false>(rod, next, next_moment, tip_force, share, elements, scratch);
@@ -184,7 +182,7 @@ Outcome<K> solve(const Rod<K>& rod, const Task& task, Vec tip_force, double shar
     double next_r[9];
     residual(task, trial, next_r);
     const double next_cost = task_cost(next_r, trial.moment), next_away = distance(next);
-    // Along the freedom the task leaves, a straight step costs task error until the next one mends it.
+    // In the null space of the task a straight step costs task error, which the next one removes.
     const bool sideways = pull > 0.0 && next_cost <= kSideways * kSideways && next_away < away;
     const bool better = next_cost + next_away < cost + away || (pull < weight && next_cost < cost);
     if (better || sideways || (size < 1e-6 && next_cost < cost + 1e-14)) {

@@ -1,4 +1,4 @@
-// What a rod shall do, what a sweep leaves of it, and the derivative of that; all rows are lengths [mm].
+// Task of a rod, its error for a sweep, and the derivative of that error; all rows are lengths [mm].
 // Twin and specification: contid/kinematics/cosserat/task.py.
 #pragma once
 
@@ -22,7 +22,7 @@ inline Mat tilt(Vec d) {
   return {{{1.0 - c * d.x * d.x, -c * d.x * d.y, d.x}, {-c * d.x * d.y, 1.0 - c * d.y * d.y, d.y}, {-d.x, -d.y, d.z}}};
 }
 
-// Quaternion (w >= 0, vector) of the rotation from the wanted to the found frame.
+// Quaternion (w >= 0, vector) of the rotation from the target to the found frame.
 inline double half_turn(const Task& task, const Mat& R, Vec& vector) {
   Mat q{};
   for (int i = 0; i < 3; ++i)

@@ -1,17 +1,16 @@
 // Descent from one command to the next, for solves in which the base moment is known beforehand.
 //
-// Of a rod without own weight the base moment in equilibrium is tip x force, and where the task is met the tip is
-// the target. Only the pressures are then unknown, which saves the columns of the moment. It is for tasks that
-// leave no freedom (a secondary goal takes more steps than it is good for), and it gives up, and leaves the work
-// to the general solve, as soon as a step does not reduce the error tenfold: the two end at the same pressures (to
-// the tolerance), for both stop by the same conditions.
+// Without own weight the base moment in equilibrium is tip x force, and where the task is met the tip is the target:
+// only the pressures are unknown, which saves the columns of the moment. For tasks without redundancy only. It ends in
+// favour of the general solve when a step does not reduce the error tenfold; both have the same stopping rule, so they
+// agree to the tolerance.
 #pragma once
 
 #include "solve.hpp"
 
 namespace contid {
 
-// False, with `out` undefined, where the general solve has to do it.
+// False, with `out` undefined, where the general solve is needed.
 template <int K>
 bool track(const Rod<K>& rod, const Task& task, Vec tip_force, const Limits<K>& limits, const double* start,
            int elements, double tolerance, Outcome<K>& out) {
@@ -53,7 +52,7 @@ bool track(const Rod<K>& rod, const Task& task, Vec tip_force, const Limits<K>& 
     if (chord == 0) {
       sweep<K, false>(rod, p, moment, tip_force, 1.0, elements, here);
       out.ends = here.ends();
-    } else {  // most likely the last one: its count of unstable modes is then at hand
+    } else {  // probably the last one: count unstable modes along
       out.modes = count_modes<K>(rod, p, moment, tip_force, 1.0, elements, out.ends, out.tip_by_balance);
     }
     const double before = error2;

@@ -1,4 +1,4 @@
-// contid.kernels._ph_curve: Pythagorean-hodograph quintics for Python. Calls last microseconds and keep the GIL.
+// contid.kernels._ph_curve: Pythagorean-hodograph quintics for Python. Calls take microseconds and hold the GIL.
 #include <nanobind/nanobind.h>
 #include <nanobind/ndarray.h>
 #include <nanobind/stl/vector.h>
@@ -7,20 +7,16 @@
 #include <stdexcept>
 #include <vector>
 
+#include "../python.hpp"
 #include "inverse.hpp"
 
 namespace nb = nanobind;
 using namespace contid::ph;
+using contid::tuple_of;
 
 namespace {
 
 constexpr double nan_value = std::numeric_limits<double>::quiet_NaN();
-
-nb::tuple tuple_of(const double* values, int count) {
-  nb::tuple result = nb::steal<nb::tuple>(PyTuple_New(count));
-  for (int i = 0; i < count; ++i) PyTuple_SET_ITEM(result.ptr(), i, PyFloat_FromDouble(values[i]));
-  return result;
-}
 
 class ShapeInverse {
  public:
@@ -50,7 +46,7 @@ class ShapeInverse {
                           found.length_met);
   }
 
-  // Rows of (x, y, z, ax, ay, az, length) to rows of tube lengths, in place of `out`.
+  // Rows of (x, y, z, ax, ay, az, length) to rows of tube lengths in `out`.
   void solve_rows(nb::ndarray<const double, nb::ndim<2>, nb::c_contig, nb::device::cpu> poses,
                   nb::ndarray<double, nb::ndim<2>, nb::c_contig, nb::device::cpu> out) const {
     const size_t width = static_cast<size_t>(arm_.sections * arm_.tubes);
@@ -75,11 +71,11 @@ nb::tuple fit_through(double x, double y, double z, const std::vector<double>& t
   return nb::make_tuple(fit.end_speed, fit.length, fit.length_met, tuple_of(&fit.preimage[0][0], 12));
 }
 
-// The lowest of `looks` points of the curve of a length through two ends, from its start.
+// The lowest of `samples` points of the curve of a length through two ends, from its start.
 nb::tuple lowest_point(double x, double y, double z, double ux, double uy, double uz, double vx, double vy, double vz,
-                       double length, int looks) {
-  if (looks < 2) throw std::invalid_argument("at least two looks, at both ends");
-  const Vec found = lowest(through({x, y, z}, {ux, uy, uz}, {vx, vy, vz}, length, 0.0, 0.0).preimage, looks);
+                       double length, int samples) {
+  if (samples < 2) throw std::invalid_argument("at least two samples");
+  const Vec found = lowest(through({x, y, z}, {ux, uy, uz}, {vx, vy, vz}, length, 0.0, 0.0).preimage, samples);
   return tuple_of(found.data(), 3);
 }
 

@@ -72,8 +72,8 @@ inline double parameter_at(const Preimage& A, double length, double s) {
   return t;
 }
 
-// The lowest of `looks` points of a curve, counted from its start; the hodograph is integrated exactly.
-inline Vec lowest(const Preimage& A, int looks) {
+// The lowest of `samples` points of a curve, counted from its start; the hodograph is integrated exactly.
+inline Vec lowest(const Preimage& A, int samples) {
   const Vec s0 = product(A[0], A[0]), s1 = product(A[0], A[1]), s2 = product(A[0], A[2]), s3 = product(A[1], A[1]),
             s4 = product(A[1], A[2]), s5 = product(A[2], A[2]);
   Vec P[6] = {{0.0, 0.0, 0.0}};
@@ -82,8 +82,8 @@ inline Vec lowest(const Preimage& A, int looks) {
     for (int k = 0; k < 5; ++k) P[k + 1][i] = P[k][i] + step[k];
   }
   Vec best = P[0];
-  for (int look = 1; look < looks; ++look) {
-    const double t = static_cast<double>(look) / (looks - 1);
+  for (int sample = 1; sample < samples; ++sample) {
+    const double t = static_cast<double>(sample) / (samples - 1);
     Vec Q[6];
     for (int k = 0; k < 6; ++k) Q[k] = P[k];
     for (int level = 5; level > 0; --level)

@@ -3,10 +3,8 @@
     minimise  1/2 (d - d0)^T H (d - d0)   subject to   l + d feasible,   d0 the step without limits
 
 Goldfarb and Idnani (1983): start at the unconstrained minimum, add the limit exceeded most, drop limits whose
-multiplier would change sign, until nothing is exceeded. The limits are asked for one by one, at the present
-point, so a curved limit (the cone of the bend radius) is met by as many tangent planes as it takes. When no
-limit is exceeded the cost is one factor of the size of the task: ``d = z + J^T (J J^T + w)^-1 (e - J z)``,
-which also keeps the digits of the part of z that leaves the task alone. The specification of
+multiplier would change sign, until nothing is exceeded. Each limit is linearised at the present point, so a
+curved one (the cone of the bend radius) is met by several tangent planes. Specification of
 ``contid/kernels/arc/active_set.hpp``.
 """
 
@@ -17,8 +15,8 @@ from typing import Final
 
 import numpy as np
 
-from contid.kinematics.arc.arc import Array
 from contid.kinematics.arc.feasible import Feasible
+from contid.kinematics.array import Array
 
 # Excess that counts as rounding [m]; the caller pulls the rest inside.
 _ROUNDING_M: Final = 1e-12
@@ -40,9 +38,9 @@ def damped_step(
 ) -> tuple[Array, Array]:
     """Minimise ``|J d - e|^2 + weight (d^T W d - 2 z^T d)`` within the limits; W defaults to the identity.
 
-    Shapes ``(m, N)``, ``(m,)``, scalar, ``(N,)``, ``(N,)``, ``(N, N)``. Without limits in the way
-    ``d = W^-1 (z + J^T y)`` with ``(J W^-1 J^T + weight) y = e - J W^-1 z``. The factor has the size of the
-    task, not of the arm, and the part of z that leaves the task alone keeps its digits.
+    Shapes ``(m, N)``, ``(m,)``, scalar, ``(N,)``, ``(N,)``, ``(N, N)``. Without active limits
+    ``d = W^-1 (z + J^T y)`` with ``(J W^-1 J^T + weight) y = e - J W^-1 z``: the factor has the size of the
+    task, and the part of z in the null space of J keeps its digits.
 
     Returns:
         The step, and the multipliers y of the task.
@@ -65,8 +63,7 @@ def bounded_step(
         at: where it starts, inside the limits.
         feasible: the limits.
         rows: Jacobian of a task, whitened by the factor, whose error counts ``1/weight``. Each row is held as
-            an equation with a slack: in whitened coordinates ``(row, sqrt(weight) e_a)``. The large numbers
-            of a stiff task never enter a matrix this way.
+            an equation with a slack, ``(row, sqrt(weight) e_a)``, which keeps a stiff task well conditioned.
         weight: see ``rows``.
     """
     excess, normal, number = feasible.worst(at + d, ())
@@ -94,7 +91,7 @@ def bounded_step(
                 if ratio > 0.0 and multipliers[k] / ratio < partial:
                     partial, blocking = float(multipliers[k] / ratio), k
             t = min(full, partial)
-            if t == math.inf:  # this limit depends on the held ones: what is left of it is rounding
+            if t == math.inf:  # linearly dependent on the held ones: the excess left is rounding
                 return d
             multipliers = multipliers - t * r[fixed:]
             added += t

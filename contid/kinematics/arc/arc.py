@@ -8,8 +8,8 @@ the length of the backbone ``L`` [m]. With ``q = u^2 + v^2``, ``A = sin(theta)/t
     R = [[1 - u^2 B, -u v B, u A], [-u v B, 1 - v^2 B, v A], [-u A, -v A, 1 - q B]] = exp([w]x)
     w = (-v, u, 0)
 
-No radius and no azimuth is ever formed, so the straight arm is a point like any other. Everything is
-vectorised over leading dimensions. This is the specification of ``contid/kernels/arc/arc.hpp``.
+No radius and no azimuth is formed, so the straight arm is no singularity. Vectorised over leading dimensions.
+Specification of ``contid/kernels/arc/arc.hpp``.
 
 Sources: Singh et al., ROBIO 2017, Eq. 2-5 (errata: ``atan`` for ``atan2`` in Eq. 2, R31 of Eq. 3 lacks its
 minus sign, D cancels near the straight arm) and Hughes et al., Eq. 2-3.
@@ -18,12 +18,11 @@ minus sign, D cancels near the straight arm) and Hughes et al., Eq. 2-3.
 from __future__ import annotations
 
 import math
-from typing import Final, NamedTuple, TypeAlias
+from typing import Final, NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
-Array: TypeAlias = NDArray[np.float64]
+from contid.kinematics.array import Array
 
 # Ten terms below this q leave a relative error of 1e-14 on both sides of the switch.
 SERIES_BELOW: Final = 0.5

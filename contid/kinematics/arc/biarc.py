@@ -1,16 +1,15 @@
 """Closed forms for two sections: the biarc through a tip and its tangent, and two arcs through two points.
 
-The tip pose of a torsion-free two-section arm has five degrees of freedom (spin about the tangent follows
-from the rest), the six lengths have six: what is left is one parameter, the control leg ``a`` of the first
-section, ``a = (L1/theta1) tan(theta1/2)``. With the tip p, its unit tangent t, and a rigid piece h between
-the sections:
+The tip pose of a torsion-free two-section arm has five degrees of freedom, its lengths have six. The free
+parameter is the control leg of the first section, ``a = (L1/theta1) tan(theta1/2)``. With the tip p, its unit
+tangent t, and a rigid piece h between the sections:
 
     b  = (p.p - 2 a p_z - h^2 - 2 h a) / (2 (p.t + a (1 - t_z) + h))      control leg of section 2
     tm = (p - b t - a e_z) / (a + b + h)                                  tangent at the joint
     theta1 = angle(e_z, tm), L1 = a theta1/tan(theta1/2), the same for section 2 in the frame of the joint
 
-Negative legs are sections bent by more than half a turn, so one formula covers the whole family.
-The rigid piece h and the negative legs go beyond the reference's form (h = 0, a > 0, b > 0).
+Negative legs are sections bent by more than half a turn. The rigid piece h and negative legs extend the
+reference's form (h = 0, a > 0, b > 0).
 """
 
 from __future__ import annotations
@@ -21,7 +20,7 @@ from typing import TypeAlias
 import numpy as np
 
 from contid.kinematics.arc import arc
-from contid.kinematics.arc.arc import Array
+from contid.kinematics.array import Array
 
 Arc: TypeAlias = tuple[float, float, float]
 

@@ -7,12 +7,10 @@ solves a quadratic programme over the limits (`active_set`), never clips:
 * near the target:       min |J d - e|^2 + w (d^T W d - 2 z^T d),  z towards the home posture
 * not met:               min 1/2 d^T H d - (J^T e)^T d,  H the second derivative of |e|^2/2
 
-Both dampings are dimensionless because J is: they are scaled by the length ``ell``, a fifth of the arm. With
-errors in mm against singular values near 1 the literature's ``lambda^2 = |e|^2/2`` stalls; a damped homing
-term leaks into the tip. Homing converges to the answer closest to home, so the answer is a function of the
-target and a closed path closes in the lengths as well. The specification of
-``contid/kernels/arc/descent.hpp``,
-``newton.hpp`` and ``section_task.hpp``.
+The damping is scaled by the length ``ell``, a fifth of the arm: with errors in mm against singular values
+near 1 the literature's ``lambda^2 = |e|^2/2`` stalls. Homing converges to the answer closest to home, so a
+closed path closes in the lengths as well. Specification of ``descent.hpp``, ``newton.hpp`` and
+``section_task.hpp``.
 """
 
 from __future__ import annotations
@@ -23,9 +21,9 @@ from typing import Final, NamedTuple
 import numpy as np
 
 from contid.kinematics.arc.active_set import bounded_step, cholesky, damped_step
-from contid.kinematics.arc.arc import Array
 from contid.kinematics.arc.feasible import BINDING_M, Feasible
 from contid.kinematics.arc.sections import differentiate
+from contid.kinematics.array import Array
 from contid.targets import Vec3
 
 # Central differences of the gradient [m]: 1e-10 of truncation, 1e-11 of rounding.
@@ -33,8 +31,8 @@ _DIFFERENCE_M: Final = 1e-5
 # Forward differences of J^T y, which need few digits.
 _FORWARD_M: Final = 1e-6
 # A shift that makes any Hessian of an arm positive definite.
-_HOPELESS: Final = 1e12
-_LEAST_SHIFT: Final = 1e-3
+_MAX_SHIFT: Final = 1e12
+_MIN_SHIFT: Final = 1e-3
 
 
 @dataclass(frozen=True, slots=True)
@@ -47,17 +45,15 @@ class Tuning:
         home_tolerance_m: step at which the redundancy counts as settled [m].
         weight: w, least damping and weight of homing; leaves ``w * 0.5 m / sigma``, below 1e-8 m, on the tip.
         near: homing starts below ``near * ell_m`` of error.
-        home_steps: greatest number of homing steps.
-        contraction: homing steps that shrink less than by this factor are given the curvature of the task.
-        slow: a damped step that leaves more than this share of the error ends the approach.
-        iterations: greatest number of damped steps per start.
-        settling: greatest number of Newton steps per start, for targets that are not met.
-        starts: starts after the seed for a target that is not met.
-        agreeing: so many starts that end at the best answer end the search for targets beyond the length of
-            the arm; within its length every start is tried.
-        tracking: a descent from the seed that moves less than ``tracking * ell_m`` and does not meet its
-            target follows a bounded optimum as the tick before did: only ``agreeing`` starts are tried then,
-            for a long search would miss the next tick.
+        home_steps: maximum number of homing steps.
+        contraction: where homing steps shrink less than by this factor, their metric gets the task's
+        curvature. slow: a damped step that leaves more than this share of the error ends the approach.
+        iterations: maximum number of damped steps per start. settling: maximum number of Newton steps per
+        start, for targets that are not met. starts: starts after the seed for a target that is not met.
+        agreeing: number of starts ending at the best answer that ends the search for a target beyond the
+            length of the arm; within its length every start is tried.
+        tracking: a descent from the seed that moves less than ``tracking * ell_m`` without meeting its target
+            follows a bounded optimum from tick to tick: then at most ``agreeing`` starts, to stay in time.
     """
 
     ell_m: float
@@ -80,8 +76,8 @@ def tuning_for(feasible: Feasible) -> Tuning:
     return Tuning(ell_m=0.2 * (float(feasible.home.sum()) / 3.0 + sum(feasible.sections.rigid_m)))
 
 
-class Aim(NamedTuple):
-    """What shall be reached: a tip, and maybe its unit tangent or the mid-point, in the base frame [m]."""
+class Goal(NamedTuple):
+    """Tip, and optionally its unit tangent or the mid-point, in the base frame [m]."""
 
     tip: Vec3
     direction: Vec3 | None = None
@@ -89,53 +85,52 @@ class Aim(NamedTuple):
 
 
 class Descent:
-    """Descends from one start after another; the native twin has the same decisions in the same order."""
+    """Descent from one start; the native twin makes the same decisions in the same order."""
 
     def __init__(self, feasible: Feasible, tuning: Tuning) -> None:
         self.feasible = feasible
         self.sections = feasible.sections
         self.tuning = tuning
 
-    def error(self, lengths: Array, aim: Aim) -> float:
-        """What lengths leave of an aim [m]."""
-        return float(np.linalg.norm(self._task(lengths, aim)[0]))
+    def error(self, lengths: Array, goal: Goal) -> float:
+        """Norm of the task error [m]."""
+        return float(np.linalg.norm(self._task(lengths, goal)[0]))
 
-    def run(self, lengths: Array, aim: Aim) -> tuple[Array, float, int]:
+    def run(self, lengths: Array, goal: Goal) -> tuple[Array, float, int]:
         """One start: lengths [m], shape ``(3 n,)``, error [m] and steps taken."""
         homes = self.tuning.home_steps
-        lengths, error, steps = self._approach(lengths, aim, homes)
+        lengths, error, steps = self._approach(lengths, goal, homes)
         if error > self.tuning.tolerance_m:
-            lengths, error, more = self._approach(lengths, aim, 0)
+            lengths, error, more = self._approach(lengths, goal, 0)
             steps += more
         if error > self.tuning.tolerance_m:
-            lengths, error, more = self._settle(lengths, aim)
+            lengths, error, more = self._settle(lengths, goal)
             steps += more
             if error <= self.tuning.tolerance_m:
-                lengths, error, more = self._approach(lengths, aim, homes)
+                lengths, error, more = self._approach(lengths, goal, homes)
                 steps += more
         return lengths, error, steps
 
-    def _task(self, lengths: Array, aim: Aim) -> tuple[Array, Array]:
+    def _task(self, lengths: Array, goal: Goal) -> tuple[Array, Array]:
         """Error rows [m] and their Jacobian at ``lengths``."""
         at = differentiate(self.sections, lengths)
-        errors, rows = [np.array(aim.tip) - at.frames.tip], [at.tip]
-        if aim.direction is not None:
+        errors, rows = [np.array(goal.tip) - at.frames.tip], [at.tip]
+        if goal.direction is not None:
             tangent = at.frames.rotation[:, 2]
-            errors.append(self.tuning.ell_m * (np.array(aim.direction) - tangent))
+            errors.append(self.tuning.ell_m * (np.array(goal.direction) - tangent))
             rows.append(self.tuning.ell_m * np.cross(at.spin, tangent[:, None], axis=0))
-        if aim.mid is not None:
-            errors.append(np.array(aim.mid) - at.frames.mid)
+        if goal.mid is not None:
+            errors.append(np.array(goal.mid) - at.frames.mid)
             rows.append(at.mid)
         return np.concatenate(errors), np.vstack(rows)
 
-    def _approach(self, lengths: Array, aim: Aim, homes_left: int) -> tuple[Array, float, int]:
-        """Damped steps and homing, until the target is met or progress ends; the best lengths on the way.
+    def _approach(self, lengths: Array, goal: Goal, homes_left: int) -> tuple[Array, float, int]:
+        """Damped steps and homing, until the target is met or progress ends; returns the best lengths.
 
-        Homing may lift the error for some steps; along limits at the rim of the workspace it may not settle,
-        and must not lose a target that was met.
+        Homing can raise the error for some steps, and along limits it may not settle.
         """
         t = self.tuning
-        e, J = self._task(lengths, aim)
+        e, J = self._task(lengths, goal)
         error = float(np.linalg.norm(e))
         boost, reach = 1.0, t.ell_m
         best, least = lengths, error
@@ -154,7 +149,7 @@ class Descent:
             d, y = damped_step(J, e, damping, z, lengths, self.feasible, metric if homing else None)
             trial = self.feasible.pulled(lengths + d)
             step = float(np.abs(trial - lengths).max())
-            e_trial, J_trial = self._task(trial, aim)
+            e_trial, J_trial = self._task(trial, goal)
             trial_error = float(np.linalg.norm(e_trial))
             if homing and trial_error >= t.near * t.ell_m:
                 reach *= 0.25
@@ -169,7 +164,7 @@ class Descent:
             if error < least or error <= t.tolerance_m:
                 best, least = lengths, error
             if homing and step > t.contraction * last_step:
-                metric = self._home_metric(lengths, aim, y)
+                metric = self._home_metric(lengths, goal, y)
             last_step = step if homing else float("inf")
             if not homing:
                 boost = max(0.25 * boost, 1e-6)
@@ -179,69 +174,67 @@ class Descent:
                 return best, least, iteration
         return best, least, t.iterations
 
-    def _home_metric(self, lengths: Array, aim: Aim, y: Array) -> Array:
+    def _home_metric(self, lengths: Array, goal: Goal, y: Array) -> Array:
         """Second derivatives of ``|l - home|^2/2 - y^T task``, shifted until they are positive definite.
 
-        A homing step in the metric of home alone ignores that the set of lengths that meet the task is
-        curved; where it bends as sharply as 1/distance from home, such steps do not converge.
+        The metric of home alone ignores the curvature of the set of lengths that meet the task; where its
+        radius is as small as the distance from home, such steps do not converge.
         """
         size = len(lengths)
-        base = self._task(lengths, aim)[1].T @ y
+        base = self._task(lengths, goal)[1].T @ y
         metric = self.feasible.metric.copy()
         for k in range(size):
             moved = lengths.copy()
             moved[k] += _FORWARD_M
-            metric[k] -= (self._task(moved, aim)[1].T @ y - base) / _FORWARD_M
+            metric[k] -= (self._task(moved, goal)[1].T @ y - base) / _FORWARD_M
         metric = 0.5 * (metric + metric.T)
         _, shift = _shifted_factor(metric, 0.0, least=0.5)
         return metric + shift * np.eye(size)
 
-    def _settle(self, lengths: Array, aim: Aim) -> tuple[Array, float, int]:
+    def _settle(self, lengths: Array, goal: Goal) -> tuple[Array, float, int]:
         """Newton's method on ``|e|^2/2`` for a target that is not met, to the minimum on the limits.
 
-        With a large residual the curvature of the kinematics counts, which J^T J leaves out: steps would
-        shrink by a constant factor only. The Hessian comes from differences of the gradient, shifted until
-        it is positive definite.
+        With a large residual the curvature left out by J^T J matters: Gauss-Newton would converge linearly.
         """
-        e, J = self._task(lengths, aim)
+        e, J = self._task(lengths, goal)
         error = float(np.linalg.norm(e))
         shift = 0.0
         for iteration in range(1, self.tuning.settling + 1):
             push = J.T @ e
-            H = self._hessian(lengths, aim)
+            H = self._hessian(lengths, goal)
             factor, shift = _shifted_factor(self._stiffened(H, lengths, push), shift)
             d = np.linalg.solve(factor.T, np.linalg.solve(factor, push))
             trial = self.feasible.pulled(lengths + bounded_step(factor, d, lengths, self.feasible))
             step = float(np.abs(trial - lengths).max())
-            e_trial, J_trial = self._task(trial, aim)
+            e_trial, J_trial = self._task(trial, goal)
             trial_error = float(np.linalg.norm(e_trial))
             if trial_error >= error:
                 if step < 1e-8:
                     return lengths, error, iteration
-                shift = max(4.0 * shift, _LEAST_SHIFT)
+                shift = max(4.0 * shift, _MIN_SHIFT)
                 continue
             lengths, e, J, error = trial, e_trial, J_trial, trial_error
             if error <= self.tuning.tolerance_m or step < 1e-9:
                 return lengths, error, iteration
-            shift = 0.25 * shift if shift > _LEAST_SHIFT else 0.0
+            shift = 0.25 * shift if shift > _MIN_SHIFT else 0.0
         return lengths, error, self.tuning.settling
 
-    def _hessian(self, lengths: Array, aim: Aim) -> Array:
+    def _hessian(self, lengths: Array, goal: Goal) -> Array:
         """Second derivatives of ``|e|^2/2``, from central differences of its gradient ``-J^T e``."""
         size = len(lengths)
         H = np.empty((size, size))
         for k in range(size):
             shift = np.zeros(size)
             shift[k] = _DIFFERENCE_M
-            e_up, J_up = self._task(lengths + shift, aim)
-            e_down, J_down = self._task(lengths - shift, aim)
+            e_up, J_up = self._task(lengths + shift, goal)
+            e_down, J_down = self._task(lengths - shift, goal)
             H[k] = (J_down.T @ e_down - J_up.T @ e_up) / (2.0 * _DIFFERENCE_M)
         return 0.5 * (H + H.T)
 
     def _stiffened(self, H: Array, lengths: Array, push: Array) -> Array:
-        """H made stiff across limits that bind and are pushed against: the step will not cross them.
+        """H made stiff across limits that bind and are pushed against.
 
-        A Hessian that is negative only across such a limit needs no shift then, and the step stays Newton's.
+        A Hessian that is indefinite only across such a limit then needs no shift.
         """
         weight = 10.0 * float(np.abs(np.diag(H)).max())
         for number in np.flatnonzero(self.feasible.excess(lengths) > -BINDING_M):
@@ -251,14 +244,14 @@ class Descent:
         return H
 
 
-def _shifted_factor(H: Array, shift: float, least: float = _LEAST_SHIFT) -> tuple[Array, float]:
+def _shifted_factor(H: Array, shift: float, least: float = _MIN_SHIFT) -> tuple[Array, float]:
     """Lower Cholesky factor of ``H + shift``, the shift raised until there is one, and the shift."""
     while True:
         try:
             factor = cholesky(H + (shift + 1e-12) * np.eye(len(H)))
         except np.linalg.LinAlgError:
             shift = max(4.0 * shift, least)
-            if shift > _HOPELESS:
+            if shift > _MAX_SHIFT:
                 raise
         else:
             return factor, shift

@@ -2,14 +2,13 @@
 
 Four kinds of limits, all convex in the lengths l:
 
-* least and greatest length of every tube or rack;
+* minimum and maximum length of every tube or rack;
 * the rack budget: the racks of a tri-rack arm pass through all segments, ``sum_i l_ij <= rack``;
 * the bend radius: ``theta <= kappa_max L`` in every section, a cone, kept by its tangent planes
-  ``d (u0 u + v0 v - kappa_max L) <= 0`` with ``(u0, v0)`` the direction of the bend (d makes it a length);
-* for robots without one of these, the limit is infinite.
+  ``d (u0 u + v0 v - kappa_max L) <= 0`` with ``(u0, v0)`` the direction of the bend (d makes it a length).
 
-Because the set is convex, a point outside is brought inside by pulling it towards the home posture, which is
-straight and well inside. The specification of ``contid/kernels/arc/feasible.hpp``.
+A point outside is brought inside by pulling it towards the home posture, which is straight and well inside.
+Specification of ``contid/kernels/arc/feasible.hpp``.
 """
 
 from __future__ import annotations
@@ -21,8 +20,8 @@ from typing import Final
 
 import numpy as np
 
-from contid.kinematics.arc.arc import Array
 from contid.kinematics.arc.sections import Sections
+from contid.kinematics.array import Array
 
 # A limit binds when less than this is left of it [m]; far below any actuator, far above rounding.
 BINDING_M: Final = 1e-9
@@ -35,13 +34,12 @@ class Feasible:
     Attributes:
         sections: the geometry.
         lower, upper: interval of the tubes of each section [m].
-        rack_m: greatest sum of one rack's lengths over the sections [m], may be inf.
-        curvature_max: greatest curvature of the backbone in every section [1/m], may be inf.
-        home: the posture the redundancy is drawn to: straight, in the middle of the range.
-        metric: what counts as far from home, ``(3 n, 3 n)``: ``3 (L - L0)^2 + max(1.5 d^2, L0^2/2) theta^2``
-            per section. With the plain distance of the lengths, 3 and 1.5 d^2 for tubes at 120 degrees, a
-            thin arm would rather buckle than shorten: straight is the nearest only while the weight of
-            theta^2 exceeds (L0 - L) L, at most L0^2/4.
+        rack_m: maximum sum of one rack's lengths over the sections [m], may be inf.
+        curvature_max: maximum curvature of the backbone in every section [1/m], may be inf.
+        home: the posture that resolves redundancy: straight, in the middle of the range.
+        metric: of the distance from home, ``(3 n, 3 n)``: ``3 (L - L0)^2 + max(1.5 d^2, L0^2/2) theta^2`` per
+            section. The Euclidean distance of the lengths has 1.5 d^2 there, with which a thin arm bends
+            instead of shortening: straight is nearest only while the weight of theta^2 exceeds (L0 - L) L.
     """
 
     sections: Sections

@@ -6,21 +6,20 @@ import math
 from typing import Protocol
 
 import numpy as np
-from numpy.typing import NDArray
 
 from contid.kernels import load
-from contid.kinematics.arc.arc import Array
 from contid.kinematics.arc.descent import Tuning, tuning_for
 from contid.kinematics.arc.feasible import Feasible
 from contid.kinematics.arc.sections import Sections, backbone
 from contid.kinematics.arc.solve import SectionSolution, SectionSolver, vec3
+from contid.kinematics.array import Array
 from contid.robot_file.sections import SectionRobot
 from contid.targets import ZERO3, Actuation, Pose, Solution, Target, Vec3
 from contid.units import m_to_mm
 
 
 class Solver(Protocol):
-    """What the native solver and its NumPy twin have in common."""
+    """Interface of the native solver and of its NumPy twin."""
 
     def forward(self, lengths: Actuation) -> tuple[Vec3, tuple[float, ...], Vec3]:
         """Tip [m], rotation row by row, end of the first section [m]."""
@@ -88,21 +87,21 @@ class SectionModel:
         tip, rotation, mid = self.solver.forward(actuation)
         return Pose(tip, rotation, (rotation[2], rotation[5], rotation[8]), mid)
 
-    def jacobian(self, actuation: Actuation, load_n: Vec3 = ZERO3) -> NDArray[np.float64]:
+    def jacobian(self, actuation: Actuation, load_n: Vec3 = ZERO3) -> Array:
         """Tip by lengths, shape (3, 3 n); regular on the straight arm."""
         tip, spin, mid = np.empty((3, 3, len(self.axis_names)))
         self.solver.differentiate(actuation, tip, spin, mid)
         return tip
 
-    def shape(self, actuation: Actuation, points: int, load_n: Vec3 = ZERO3) -> NDArray[np.float64]:
+    def shape(self, actuation: Actuation, points: int, load_n: Vec3 = ZERO3) -> Array:
         """Backbone at equal arc length, rigid pieces included, shape (points, 3) [m]."""
         return backbone(self.sections, actuation, points)
 
     def inverse(self, target: Target, seed: Actuation) -> Solution:
         """Lengths inside every limit for a tip, a tip and its direction, or a mid-point and a tip.
 
-        Where lengths are left over, the answer closest to the middle of their ranges. A direction enters the
-        residual times `Tuning.ell_m`, a fifth of the arm.
+        A redundant arm gets the answer closest to the middle of its ranges. A direction enters the residual
+        times `Tuning.ell_m`, a fifth of the arm.
         """
         if target.actuation is not None:
             return self._clamped(target.actuation)
@@ -123,12 +122,12 @@ class SectionModel:
         """Names of the limits whose bits are set."""
         return tuple(name for k, name in enumerate(self._limit_names) if binding >> k & 1)
 
-    def _clamped(self, wanted: Actuation) -> Solution:
-        if not any(excess > 0.0 for excess in self.feasible.excess(np.array(wanted))):
-            return Solution(wanted, 0.0, True)
-        lengths = self.feasible.pulled(wanted)
+    def _clamped(self, requested: Actuation) -> Solution:
+        if not any(excess > 0.0 for excess in self.feasible.excess(np.array(requested))):
+            return Solution(requested, 0.0, True)
+        lengths = self.feasible.pulled(requested)
         actuation = tuple(float(value) for value in lengths)
-        residual_m = math.dist(vec3(np.array(self.forward(actuation).tip_m)), self.forward(wanted).tip_m)
-        off_m = float(np.abs(lengths - np.array(wanted)).max())
+        residual_m = math.dist(vec3(np.array(self.forward(actuation).tip_m)), self.forward(requested).tip_m)
+        off_m = float(np.abs(lengths - np.array(requested)).max())
         note = f"lengths moved by up to {m_to_mm(off_m):.6g} mm to stay inside the limits"
         return Solution(actuation, residual_m, False, self.limits_in(self.feasible.binding(lengths)), 0, note)

@@ -4,10 +4,9 @@ A tube (or rack) at the angle ``a_i`` and the distance ``d`` from the backbone h
 
     l_i = L - d (u cos a_i + v sin a_i),
 
-exactly, for every torsion-free curve with the bending vector (u, v): the map between lengths and arcs is
-linear and its inverse is taken once. After section i comes a rigid piece of ``rigid_m[i]`` along the local z;
-the next section starts there. Vectorised over leading dimensions; the specification of
-``contid/kernels/arc/arc.hpp``.
+exactly, for every torsion-free curve with the bending vector (u, v), so lengths and arcs map linearly. A
+rigid piece of ``rigid_m[i]`` along the local z follows section i. Vectorised over leading dimensions.
+Specification of ``contid/kernels/arc/arc.hpp``.
 
 Errata this corrects: Hughes et al. Eq. 3 has a wrong sign in M(2,3) (equal racks would bend, and M is
 singular at phi = pi) and states twice the bend (Dx is half a difference); Singh et al. never state the
@@ -22,7 +21,7 @@ from dataclasses import dataclass, field
 import numpy as np
 
 from contid.kinematics.arc import arc
-from contid.kinematics.arc.arc import Array
+from contid.kinematics.array import Array
 
 
 @dataclass(frozen=True, eq=False)

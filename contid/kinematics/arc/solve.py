@@ -1,9 +1,8 @@
 """Bounded inverse kinematics of a chain of sections: starts, and the best of what they lead to.
 
-The closed form comes first where there is one, then the seed. When the seed does not meet the target, the
-postures of a fixed library whose task is nearest to it follow (for tip and direction: the biarcs with the
-best legs first). Each start is one `descent`; the best bounded answer counts. The specification of
-``contid/kernels/arc/section_solver.hpp``: both make the same decisions.
+The closed form comes first where there is one, then a `descent` from the seed. Where that does not meet the
+target, further descents start from biarcs (for tip and direction) and from the nearest postures of a fixed
+library. Specification of ``contid/kernels/arc/section_solver.hpp``: both make the same decisions.
 """
 
 from __future__ import annotations
@@ -15,20 +14,20 @@ from typing import Final, NamedTuple
 import numpy as np
 
 from contid.kinematics.arc import arc, biarc
-from contid.kinematics.arc.arc import Array
-from contid.kinematics.arc.descent import Aim, Descent, Tuning
+from contid.kinematics.arc.descent import Descent, Goal, Tuning
 from contid.kinematics.arc.feasible import Feasible
 from contid.kinematics.arc.sections import differentiate, forward
+from contid.kinematics.array import Array
 from contid.kinematics.halton import PRIMES, radical_inverse
 from contid.targets import Vec3
 
 LIBRARY: Final = 256
-# An error no arm of this world has [m]; its square still fits a double many times over.
-ABSURD_M: Final = 1e6
+# Larger than the error of any arm [m]; its square does not overflow.
+MAX_ERROR_M: Final = 1e6
 
 
 class SectionSolution(NamedTuple):
-    """Lengths inside every limit, what they leave of the error [m], and what it took."""
+    """Lengths inside every limit, the task error left [m], and the effort spent."""
 
     lengths: tuple[float, ...]
     residual_m: float
@@ -75,28 +74,28 @@ class SectionSolver:
 
         Continuous from ``seed`` where the target allows it.
         """
-        aim = Aim(tip, direction, mid)
-        exact = self._closed_form(aim)
+        goal = Goal(tip, direction, mid)
+        exact = self._closed_form(goal)
         if exact is not None:
             lengths = np.clip(exact, self.feasible.low, self.feasible.high)
-            error = self._descent.error(lengths, aim)
+            error = self._descent.error(lengths, goal)
             return self._answer(lengths, error, 0, 0)
         start = self.feasible.pulled(seed)
-        away = self._descent.error(start, aim)
-        if not away < ABSURD_M:  # not a number included: nothing to descend
+        away = self._descent.error(start, goal)
+        if not away < MAX_ERROR_M:  # NaN included
             return self._answer(start, away, 0, 0)
-        best, error, iterations = self._descent.run(start, aim)
+        best, error, iterations = self._descent.run(start, goal)
         tried = agreeing = 1
-        beyond = math.dist(aim.tip, (0.0, 0.0, 0.0)) > self.feasible.longest_m
+        beyond = math.dist(goal.tip, (0.0, 0.0, 0.0)) > self.feasible.longest_m
         tracked = float(np.abs(best - start).max()) <= self.tuning.tracking * self.tuning.ell_m
         enough = self.tuning.agreeing if beyond else 2 * LIBRARY
         most = self.tuning.agreeing if tracked else 2 * LIBRARY
         if error > self.tuning.tolerance_m:
-            for start in self._starts(aim):
-                lengths, left, steps = self._descent.run(start, aim)
+            for start in self._starts(goal):
+                lengths, left, steps = self._descent.run(start, goal)
                 iterations += steps
                 tried += 1
-                # A clear gain only, so that noise does not make the answer jump between equal minima.
+                # A clear gain only, so that rounding cannot make the answer jump between equal minima.
                 if left <= self.tuning.tolerance_m or left < 0.999 * error:
                     best, error, agreeing = lengths, left, 1
                 elif left < 1.001 * error:
@@ -115,42 +114,42 @@ class SectionSolver:
             tried,
         )
 
-    def _closed_form(self, aim: Aim) -> Array | None:
+    def _closed_form(self, goal: Goal) -> Array | None:
         """Lengths from the closed forms, when they exist and keep every limit."""
         arcs: Sequence[tuple[float, float, float]] | None = None
         rigid = self.sections.rigid_m
-        if self.sections.count == 1 and aim.direction is None and aim.mid is None:
-            found = arc.through(*aim.tip, rigid[0])
+        if self.sections.count == 1 and goal.direction is None and goal.mid is None:
+            found = arc.through(*goal.tip, rigid[0])
             arcs = None if found is None else (found,)
-        elif self.sections.count == 2 and aim.direction is None and aim.mid is not None:
-            arcs = biarc.two_arcs(np.array(aim.mid), np.array(aim.tip), (rigid[0], rigid[1]))
+        elif self.sections.count == 2 and goal.direction is None and goal.mid is not None:
+            arcs = biarc.two_arcs(np.array(goal.mid), np.array(goal.tip), (rigid[0], rigid[1]))
         if arcs is None:
             return None
         lengths = self.sections.lengths(np.array(arcs))
         return lengths if float(self.feasible.excess(lengths).max()) <= 1e-12 else None
 
-    def _starts(self, aim: Aim) -> Iterator[Array]:
+    def _starts(self, goal: Goal) -> Iterator[Array]:
         """Starts for a target the seed did not reach, most promising first."""
-        if self.sections.count == 2 and aim.direction is not None and aim.mid is None:
-            yield from self._biarc_starts(aim)
+        if self.sections.count == 2 and goal.direction is not None and goal.mid is None:
+            yield from self._biarc_starts(goal)
         frames = self._library_frames
-        distance = ((frames.tip - aim.tip) ** 2).sum(axis=-1)
-        if aim.direction is not None:
-            distance += self.tuning.ell_m**2 * ((frames.rotation[:, :, 2] - aim.direction) ** 2).sum(axis=-1)
-        if aim.mid is not None:
-            distance += ((frames.mid - aim.mid) ** 2).sum(axis=-1)
+        distance = ((frames.tip - goal.tip) ** 2).sum(axis=-1)
+        if goal.direction is not None:
+            distance += self.tuning.ell_m**2 * ((frames.rotation[:, :, 2] - goal.direction) ** 2).sum(axis=-1)
+        if goal.mid is not None:
+            distance += ((frames.mid - goal.mid) ** 2).sum(axis=-1)
         order = np.argsort(distance, kind="stable")
         for k in range(self.tuning.starts):  # the nearest ones, then ever farther ones
             yield self._library[order[min(k * (k + 7) // 8, LIBRARY - 1)]]
 
-    def _biarc_starts(self, aim: Aim) -> Iterator[Array]:
+    def _biarc_starts(self, goal: Goal) -> Iterator[Array]:
         """The three biarcs that exceed the limits least, out of 64 control legs."""
         scored: list[tuple[float, int, Array]] = []
         scale = float(self.feasible.home[:3].mean())
         rigid = self.sections.rigid_m
         for k in range(64):
             leg = 0.5 * scale * math.tan(0.5 * math.pi * ((2 * k + 1) / 64 - 1.0))
-            arcs = biarc.biarc(np.array(aim.tip), np.array(aim.direction), leg, (rigid[0], rigid[1]))
+            arcs = biarc.biarc(np.array(goal.tip), np.array(goal.direction), leg, (rigid[0], rigid[1]))
             if arcs is None:
                 continue
             lengths = self.sections.lengths(np.array(arcs))

@@ -7,7 +7,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from contid.kinematics.cosserat.spatial import Array
+from contid.kinematics.array import Array
 
 
 def box_step(H: Array, g: Array, low: Array, high: Array) -> Array:

@@ -1,8 +1,7 @@
-"""Inverse kinematics of the unloaded rod, exactly: each section is then a circular arc.
+"""Exact inverse kinematics of the unloaded rod: each section is a circular arc.
 
-Without load N = M = 0, the strains of a section are constant and the integration is one exponential. A
-section's end point fixes its arc and its arc fixes its three pressures; two sections with a tip direction
-form a biarc with one free parameter.
+Without load the strains of a section are constant. Its end point determines its arc, the arc its three
+pressures; two sections with a tip direction form a biarc with one free parameter.
 """
 
 from __future__ import annotations
@@ -11,8 +10,8 @@ import math
 
 import numpy as np
 
+from contid.kinematics.array import Array
 from contid.kinematics.cosserat.section import Rod, Section
-from contid.kinematics.cosserat.spatial import Array
 
 
 def average_pressure(section: Section, stretch: float) -> float:
@@ -22,17 +21,17 @@ def average_pressure(section: Section, stretch: float) -> float:
     right side grows with x up to the clamp of the modulus. Beyond, E is constant and x proportional.
     """
     push = 3.0 * section.pair_force / section.area
-    wanted = stretch - 1.0
-    if wanted <= 0.0:
-        return wanted * section.modulus(0.0)[0] / push
+    strain = stretch - 1.0
+    if strain <= 0.0:
+        return strain * section.modulus(0.0)[0] / push
     top = section.modulus_up_to_bar
     at_top = section.modulus(top)[0]
-    if wanted >= push * top / at_top:
-        return wanted * at_top / push
+    if strain >= push * top / at_top:
+        return strain * at_top / push
     low, high, x = 0.0, top, 0.5 * top
     for _ in range(60):
         modulus, slope = section.modulus(x)
-        error = push * x / modulus - wanted
+        error = push * x / modulus - strain
         if error > 0.0:
             high = x
         else:

@@ -1,10 +1,8 @@
 """One element of a loaded rod: Lie-group integration of its frame, its wrench and their derivatives.
 
-A step is commutator-free and of fourth order (Celledoni, Marthinsen, Owren 2003): exact without load, where
-the strains of a section are constant. The equations are in `statics`; the specification of ``step`` and
-``link`` of ``contid/kernels/cosserat/rod.hpp`` and of ``columns.hpp``.
-
-Units: mm, N, N·mm, bar. Every vector in the base frame unless its name says otherwise.
+A step is commutator-free and of fourth order (Celledoni, Marthinsen, Owren 2003); without load, where strains
+are constant, it is exact. The equations are in `statics`. Specification of ``step`` and ``link`` of
+``contid/kernels/cosserat/rod.hpp`` and of ``columns.hpp``.
 """
 
 from __future__ import annotations
@@ -13,8 +11,9 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from contid.kinematics.array import Array
 from contid.kinematics.cosserat.section import Inflated
-from contid.kinematics.cosserat.spatial import Array, cross, exponential, hat
+from contid.kinematics.cosserat.spatial import cross, exponential, hat
 
 
 @dataclass(slots=True)

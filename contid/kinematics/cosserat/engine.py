@@ -1,10 +1,6 @@
-"""The two ways a model computes: this NumPy engine, and the compiled kernel with the same methods.
+"""Solver of one rod: the compiled kernel (microseconds), or its specification in NumPy (milliseconds).
 
-The kernel `contid.kernels._cosserat` (class ``RodSolver``) is chosen when it can be imported and
-``CONTID_PURE_PYTHON`` is not set. The NumPy engine does the same arithmetic in milliseconds instead of
-microseconds; it is the specification the kernel is tested against.
-
-Units: mm, N, N·mm, bar.
+The kernel `contid.kernels._cosserat` is used when it can be imported and ``CONTID_PURE_PYTHON`` is not set.
 """
 
 from __future__ import annotations
@@ -16,12 +12,12 @@ from typing import Protocol, TypeAlias
 import numpy as np
 
 from contid.kernels import load
+from contid.kinematics.array import Array
 from contid.kinematics.cosserat.equilibrium import equilibrium, newton
 from contid.kinematics.cosserat.loads import Loads
-from contid.kinematics.cosserat.search import MOST_ELEMENTS, discretisation_error, search
+from contid.kinematics.cosserat.search import MAX_ELEMENTS, discretisation_error, search
 from contid.kinematics.cosserat.section import Rod
 from contid.kinematics.cosserat.solve import Limits, Problem
-from contid.kinematics.cosserat.spatial import Array
 from contid.kinematics.cosserat.stability import critical_factor, unstable_modes
 from contid.kinematics.cosserat.task import Task
 from contid.targets import Vec3
@@ -39,7 +35,7 @@ KERNEL_SECTIONS = 4
 
 @dataclass(frozen=True)
 class RodSetup:
-    """What an engine is built from: the rod, its own weight, limits and solver settings."""
+    """The rod, its own weight, limits and solver settings."""
 
     rod: Rod
     weight: Loads
@@ -64,7 +60,7 @@ class RodSolver(Protocol):
         """Equilibrium of given pressures [bar] under a force on the tip [N]."""
         ...
 
-    def critical(self, pressures: Sequence[float], force: Vec3, most: float) -> float | None:
+    def critical(self, pressures: Sequence[float], force: Vec3, max_factor: float) -> float | None:
         """Least factor of the force at which the arm buckles; see `stability.critical_factor`."""
         ...
 
@@ -106,7 +102,7 @@ class NumpyEngine:
         loads = self.loads(force)
         p: Array = np.array(pressures)
         found, elements = equilibrium(s.rod, p, loads, s.elements), s.elements
-        while found.converged and not loads.none and elements < MOST_ELEMENTS:
+        while found.converged and not loads.none and elements < MAX_ELEMENTS:
             if discretisation_error(s.rod, p, found.base_moment, loads, elements, found.sweep) <= s.error:
                 break
             elements *= 2
@@ -120,15 +116,15 @@ class NumpyEngine:
             stable, tuple(found.base_moment.tolist()), elements,
         )  # fmt: skip
 
-    def critical(self, pressures: Sequence[float], force: Vec3, most: float) -> float | None:
+    def critical(self, pressures: Sequence[float], force: Vec3, max_factor: float) -> float | None:
         """See `RodSolver`."""
         return critical_factor(
-            self.setup.rod, np.array(pressures), self.loads(force), most, self.setup.elements
+            self.setup.rod, np.array(pressures), self.loads(force), max_factor, self.setup.elements
         )
 
 
 def build_engine(setup: RodSetup) -> RodSolver:
-    """The kernel when there is one and it is wanted, else NumPy."""
+    """The kernel where available, else NumPy."""
     kernel = load("cosserat") if len(setup.rod.sections) <= KERNEL_SECTIONS else None
     if kernel is None:
         return NumpyEngine(setup)

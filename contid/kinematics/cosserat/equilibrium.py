@@ -6,9 +6,10 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from contid.kinematics.array import Array
 from contid.kinematics.cosserat.loads import Loads
 from contid.kinematics.cosserat.section import Rod
-from contid.kinematics.cosserat.spatial import Array, cross
+from contid.kinematics.cosserat.spatial import cross
 from contid.kinematics.cosserat.statics import Sweep, sweep
 
 #: Moment balance at the tip that counts as equilibrium [N·mm].
@@ -18,7 +19,7 @@ NEWTON_STEPS = 25
 
 @dataclass(frozen=True, slots=True)
 class Equilibrium:
-    """A rod in balance, or the best that was found.
+    """A rod in equilibrium, or the best approximation.
 
     Attributes:
         base_moment: total moment at the base [N·mm].
@@ -64,9 +65,8 @@ def newton(
 def equilibrium(rod: Rod, pressures: Array, loads: Loads, elements: int = 3) -> Equilibrium:
     """Equilibrium on the branch that grows out of the unloaded shape.
 
-    The load is raised from zero to its value in steps that shrink where Newton's method fails, so the branch
-    a robot reaches when it is loaded slowly is followed; whether it is still a minimum of energy is told by
-    `contid.kinematics.cosserat.stability.unstable_modes`.
+    The load is raised from zero in steps that shrink where Newton's method fails: this is the branch of a
+    slowly loaded robot. Its stability is not checked: `contid.kinematics.cosserat.stability.unstable_modes`.
     """
     found = newton(rod, pressures, np.zeros(3), loads.scaled(0.0), elements)
     reached, step = 0.0, 0.25

@@ -1,7 +1,4 @@
-"""What acts on a rod from outside.
-
-Units: mm, N, N·mm.
-"""
+"""Loads on a rod [N, N·mm]."""
 
 from __future__ import annotations
 
@@ -9,8 +6,8 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
+from contid.kinematics.array import Array
 from contid.kinematics.cosserat.section import Rod
-from contid.kinematics.cosserat.spatial import Array
 
 
 def _zeros() -> Array:

@@ -6,8 +6,8 @@ import math
 from typing import Final
 
 import numpy as np
-from numpy.typing import NDArray
 
+from contid.kinematics.array import Array
 from contid.kinematics.cosserat.engine import NumpyEngine, RodSetup, build_engine
 from contid.kinematics.cosserat.loads import Loads
 from contid.kinematics.cosserat.section import Rod, Section
@@ -92,9 +92,9 @@ class CosseratModel:
         )
 
     def inverse(self, target: Target, seed: Actuation) -> Solution:
-        """Pressures for a target; the nearest to it within the limits when it is out of reach.
+        """Pressures for a target; within the limits the nearest to it when it is out of reach.
 
-        A target that only an unstable equilibrium meets is not followed: the answer is then the seed itself.
+        Where every equilibrium found is unstable, the answer is the seed.
         """
         if target.actuation is not None:
             return self._clamped(target.actuation)
@@ -129,7 +129,7 @@ class CosseratModel:
         )
         return Solution(actuation, mm_to_m(residual), False, self._binding(actuation), iterations, note)
 
-    def jacobian(self, actuation: Actuation, load_n: Vec3 = ZERO3) -> NDArray[np.float64]:
+    def jacobian(self, actuation: Actuation, load_n: Vec3 = ZERO3) -> Array:
         """Tip by pressures in equilibrium, shape (3, 3k) [m/Pa]."""
         p = np.array(actuation) / BAR
         *_, base_moment, elements = self.engine.forward(p.tolist(), load_n)
@@ -138,25 +138,25 @@ class CosseratModel:
         assert found.tangents is not None
         by_moment, by_pressure = found.tangents.moment[:, :3], found.tangents.moment[:, 3:]
         held = found.tangents.tip[:, :3] @ np.linalg.solve(by_moment, by_pressure)
-        result: NDArray[np.float64] = (found.tangents.tip[:, 3:] - held) / (MM_PER_M * BAR)
+        result: Array = (found.tangents.tip[:, 3:] - held) / (MM_PER_M * BAR)
         return result
 
-    def shape(self, actuation: Actuation, points: int, load_n: Vec3 = ZERO3) -> NDArray[np.float64]:
+    def shape(self, actuation: Actuation, points: int, load_n: Vec3 = ZERO3) -> Array:
         """Backbone from base to tip at equal arc length of the deformed arm, shape (points, 3) [m]."""
         p = np.array(actuation) / BAR
         *_, base_moment, elements = self.engine.forward(p.tolist(), load_n)
         line = backbone(self.setup.rod, p, np.array(base_moment), self._spec.loads(load_n), elements)
         lengths = np.concatenate([[0.0], np.cumsum(np.linalg.norm(np.diff(line, axis=0), axis=1))])
-        wanted = np.linspace(0.0, lengths[-1], points)
-        return np.stack([np.interp(wanted, lengths, line[:, i]) for i in range(3)], axis=1) / MM_PER_M
+        stations = np.linspace(0.0, lengths[-1], points)
+        return np.stack([np.interp(stations, lengths, line[:, i]) for i in range(3)], axis=1) / MM_PER_M
 
-    def critical_load_n(self, actuation: Actuation, load_n: Vec3, most: float = 1.0) -> float | None:
+    def critical_load_n(self, actuation: Actuation, load_n: Vec3, max_factor: float = 1.0) -> float | None:
         """Magnitude of the tip force along ``load_n`` at which the arm buckles at these pressures [N].
 
-        The arm's own weight acts in full. None when it stays stable up to ``most`` times ``load_n``; 0.0 when
-        it does not even carry itself.
+        The arm's own weight acts in full. None when the arm is stable up to ``max_factor`` times ``load_n``;
+        0.0 when its own weight buckles it.
         """
-        factor = self.engine.critical([p / BAR for p in actuation], load_n, most)
+        factor = self.engine.critical([p / BAR for p in actuation], load_n, max_factor)
         return None if factor is None else factor * math.hypot(*load_n)
 
     def _binding(self, actuation: Actuation) -> tuple[str, ...]:
@@ -168,14 +168,14 @@ class CosseratModel:
                 names.append(f"{name}.max")
         return tuple(names)
 
-    def _clamped(self, wanted: Actuation) -> Solution:
+    def _clamped(self, requested: Actuation) -> Solution:
         actuation = tuple(
-            min(max(p, low), high) for p, low, high in zip(wanted, self.lower, self.upper, strict=True)
+            min(max(p, low), high) for p, low, high in zip(requested, self.lower, self.upper, strict=True)
         )
-        if actuation == wanted:
+        if actuation == requested:
             return Solution(actuation, 0.0, converged=True)
-        residual = math.dist(self.forward(actuation).tip_m, self.forward(wanted).tip_m)
-        off = max(abs(a - w) for a, w in zip(actuation, wanted, strict=True))
+        residual = math.dist(self.forward(actuation).tip_m, self.forward(requested).tip_m)
+        off = max(abs(a - w) for a, w in zip(actuation, requested, strict=True))
         note = f"pressures moved by up to {off / BAR:.4g} bar to stay inside the limits"
         return Solution(actuation, residual, False, self._binding(actuation), note=note)
 

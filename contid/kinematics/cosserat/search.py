@@ -1,10 +1,8 @@
 """Where solves start: the last command, then the unloaded closed form, then a fixed list of further starts.
 
-A rod under load has several solutions for one target, some of them unstable, and least squares with bounds
-has local minima. So a solve that did not meet its target in a stable equilibrium is tried again from other
-starts; all of them are fixed, so the same question always gets the same answer.
-
-Units: mm, N, N·mm, bar.
+A rod under load has several solutions for one target, some of them unstable, and bounded least squares has
+local minima. A solve that does not end on its target in a stable equilibrium is repeated from a fixed list of
+starts.
 """
 
 from __future__ import annotations
@@ -14,6 +12,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
+from contid.kinematics.array import Array
 from contid.kinematics.cosserat.closed_form import (
     mid_and_tip_pressures,
     tip_and_direction_pressures,
@@ -22,7 +21,7 @@ from contid.kinematics.cosserat.closed_form import (
 from contid.kinematics.cosserat.loads import Loads
 from contid.kinematics.cosserat.section import Rod
 from contid.kinematics.cosserat.solve import BALANCE_TOLERANCE, Limits, Problem, RodSolution, solve
-from contid.kinematics.cosserat.spatial import Array, cross
+from contid.kinematics.cosserat.spatial import cross
 from contid.kinematics.cosserat.stability import unstable_modes
 from contid.kinematics.cosserat.statics import Sweep, sweep
 from contid.kinematics.cosserat.task import Task
@@ -38,7 +37,7 @@ TRACKING = 0.05
 LOAD_STEPS = 3
 RAMP_TOLERANCE = 1e-2
 RAMP_ITERATIONS = 10
-MOST_ELEMENTS = 48
+MAX_ELEMENTS = 48
 
 
 @dataclass(frozen=True, slots=True)
@@ -120,7 +119,7 @@ def search(problem: Problem, seed: Array, error: float = np.inf) -> Found:
     """Solve from the seed; where that does not end on the target in a stable equilibrium, from elsewhere.
 
     Args:
-        problem: what to solve; its elements are the least.
+        problem: what to solve, with the minimum number of elements.
         seed: the last commanded pressures [bar].
         error: estimated discretisation error [mm] at which the elements are doubled.
     """
@@ -137,7 +136,7 @@ def search(problem: Problem, seed: Array, error: float = np.inf) -> Found:
             best = candidate
         return outcome.met and candidate.stable
 
-    # A bounded optimum next to the last command is where tracking has led: looking elsewhere would only jump.
+    # A bounded optimum next to the last command continues a motion; another start would only jump.
     if not attempt(seed, guess, ITERATIONS) and not _tracked(best, seed) and not _ramp(problem, attempt):
         for start in starts(problem.limits):
             if attempt(start, guess, RESTART_ITERATIONS):
@@ -186,7 +185,7 @@ def _ramp(problem: Problem, attempt: Callable[[Array, Array, int], bool]) -> boo
 
 def refine(problem: Problem, found: Found, error: float) -> Found:
     """Double the elements until the estimated error of the tip is at most ``error``."""
-    while found.elements < MOST_ELEMENTS:
+    while found.elements < MAX_ELEMENTS:
         here = replace(problem, elements=found.elements)
         o = found.outcome
         if (

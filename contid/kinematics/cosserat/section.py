@@ -7,7 +7,8 @@ from dataclasses import dataclass
 from functools import cached_property
 
 import numpy as np
-from numpy.typing import NDArray
+
+from contid.kinematics.array import Array
 
 #: One bar on one mm^2 pushes with 0.1 N.
 NEWTON_PER_BAR_MM2 = 0.1
@@ -28,7 +29,7 @@ class Section:
         arm: distance of a pair's resultant from the axis [mm].
         modulus_pa: coefficients b1..b5 of ``E = b1 x^4 + b2 x^3 + b3 x^2 + b4 x + b5`` (eq. 20), x the
             average pressure of the section in bar, E in Pa.
-        modulus_up_to_bar: x is clamped here; beyond, the fitted polynomial rises again or was never measured.
+        modulus_up_to_bar: x is clamped here; the fit is not valid beyond.
         bending_gain: scale of the pressure moment (1: section constants as derived; see docs/stiffflop.md).
         first_pair_rad: azimuth of the first chamber pair.
     """
@@ -94,7 +95,7 @@ class Section:
         return value * MPA_PER_PA, slope * MPA_PER_PA if inside else 0.0
 
     @cached_property
-    def pair_moment(self) -> NDArray[np.float64]:
+    def pair_moment(self) -> Array:
         """Moment of each pair per bar in the section's frame [N·mm/bar], shape (3, 3), one column a pair."""
         psi = self.first_pair_rad + np.arange(3) * (2.0 * math.pi / 3.0)
         scale = self.bending_gain * self.pair_force * self.arm
@@ -105,7 +106,7 @@ class Section:
         """Force of a pair per bar [N/bar]."""
         return 2.0 * self.chamber_area * NEWTON_PER_BAR_MM2
 
-    def inflated(self, pressures: NDArray[np.float64]) -> Inflated:
+    def inflated(self, pressures: Array) -> Inflated:
         """Compliances and reference strains at three pressures [bar], shape (3,)."""
         modulus, slope = self.modulus(float(pressures.sum()) / 3.0)
         bend = 1.0 / (modulus * self.inertia)
@@ -142,9 +143,9 @@ class Inflated:
     shear: float
     axial: float
     strain: float
-    curvature: NDArray[np.float64]
+    curvature: Array
     strain_per_bar: float
-    curvature_per_bar: NDArray[np.float64]
+    curvature_per_bar: Array
     softening: float
 
 

@@ -1,18 +1,16 @@
-"""The backbone of a rod as a fine line, without solving again.
-
-Units: mm, N, N·mm, bar.
-"""
+"""The backbone of a rod in equilibrium as a fine polyline."""
 
 from __future__ import annotations
 
 import numpy as np
 
+from contid.kinematics.array import Array
 from contid.kinematics.cosserat.element import RodState, link, step
 from contid.kinematics.cosserat.loads import Loads
 from contid.kinematics.cosserat.section import Rod
-from contid.kinematics.cosserat.spatial import Array, cross
+from contid.kinematics.cosserat.spatial import cross
 
-#: Points inside each element; a step of the scheme over a part of an element ends between its ends.
+#: Points per element, each by one step from its start.
 POINTS_PER_ELEMENT = 12
 
 

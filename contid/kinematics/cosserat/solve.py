@@ -5,10 +5,8 @@ Unknowns are the base moment and the pressures. The moment balance e(M, P) = 0 i
     dM = -A^-1 (e + B dP),    r + J dP  with  J = D - C A^-1 B,
 
 so an unreachable target never costs equilibrium (erratum: eqs. 13-17 put both in one sum). What is left is
-a Gauss-Newton step on the task r inside the pressure limits and a trust box; where the task leaves freedom, a
-small weight draws the pressures to a stated centre, which makes the answer unique and repeatable.
-
-Units: mm, N, N·mm, bar.
+a Gauss-Newton step on the task r inside the pressure limits and a trust box; where the task is redundant, a
+small weight on the distance from a centre makes the answer unique.
 """
 
 from __future__ import annotations
@@ -17,11 +15,11 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from contid.kinematics.array import Array
 from contid.kinematics.cosserat.box_step import box_step
 from contid.kinematics.cosserat.equilibrium import newton
 from contid.kinematics.cosserat.loads import Loads
 from contid.kinematics.cosserat.section import Rod
-from contid.kinematics.cosserat.spatial import Array
 from contid.kinematics.cosserat.statics import Sweep, sweep
 from contid.kinematics.cosserat.task import Task, jacobian, residual
 
@@ -31,7 +29,7 @@ CENTRE_WEIGHT = 1e-6
 BALANCE_TOLERANCE = 1e-6
 #: A step of pressure that no longer matters [bar].
 STEP_TOLERANCE = 1e-9
-#: A step along the freedom the task leaves, below which the secondary goal counts as reached [bar].
+#: A step in the null space of the task, below which the secondary goal counts as reached [bar].
 FREEDOM_TOLERANCE = 1e-4
 #: Task error a step towards the centre may cost for the moment [mm].
 SIDEWAYS = 0.3
@@ -53,7 +51,7 @@ class Problem:
     """One inverse problem.
 
     Attributes:
-        rod, loads, task, limits: what, under which loads, whereto, within which pressures.
+        rod, loads, task, limits: the rod, its loads, the target, the bounds of the pressures.
         elements: steps per section.
         tolerance: task error that counts as met [mm].
     """
@@ -133,8 +131,7 @@ def solve(problem: Problem, start: Array, start_moment: Array, iterations: int =
         ahead = r - damping * both[:, :3] @ G[:, -1]
         H = J.T @ J
         H[np.diag_indices(n)] += weight + 1e-13 * float(np.trace(H))
-        # The secondary goal converges linearly where the task is strongly curved; the second half of the
-        # iterations therefore belongs to the task alone.
+        # The secondary goal converges linearly where the task is strongly curved: only in the first half.
         pull = weight if used <= iterations // 2 else 0.0
         g = J.T @ ahead + pull * (pressures - limits.centre)
         step = box_step(
@@ -155,7 +152,7 @@ def solve(problem: Problem, start: Array, start_moment: Array, iterations: int =
         trial = sweep(rod, new_pressures, new_moment, loads, elements, tangents=True)
         new_r = residual(task, trial)
         new_cost, new_away = measures(new_r, trial.moment, new_pressures)
-        # Along the freedom the task leaves, a straight step costs task error until the next one mends it.
+        # In the null space of the task a straight step costs task error, which the next one removes.
         sideways = pull > 0.0 and new_cost <= SIDEWAYS**2 and new_away < away
         better = new_cost + new_away < cost + away or (pull < weight and new_cost < cost)
         if better or sideways or (size < 1e-6 and new_cost < cost + 1e-14):
@@ -169,7 +166,7 @@ def solve(problem: Problem, start: Array, start_moment: Array, iterations: int =
                 break
     met = float(np.linalg.norm(r)) <= tolerance and float(np.linalg.norm(found.moment)) <= BALANCE_TOLERANCE
     if not met:
-        # Out of reach or given up: what is answered is at least in equilibrium to the last digit.
+        # Out of reach or not converged: the answer is still an equilibrium to rounding.
         settled = newton(rod, pressures, moment, loads, elements)
         moment, found = settled.base_moment, settled.sweep
         r = residual(task, found)

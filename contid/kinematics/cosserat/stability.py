@@ -1,18 +1,15 @@
-"""Is an equilibrium a minimum of energy? Counting the directions in which it is not, along the rod.
+"""Stability of an equilibrium: the number of directions in which it is not a minimum of energy.
 
-Dead loads do not depend on the shape, so positions can be eliminated and the energy is a functional of the
-rotation alone, fixed at the base and free at the tip. Its second variation along the rod is Jacobi's linear
-equation for (turn, change of moment). Cut at the element boundaries it becomes a block-tridiagonal quadratic
-form; by Sylvester's law the negative eigenvalues of its 3x3 pivots add up to the number of independent ways
-down. With W_i the turns at boundary i of the three fields that leave the base with a unit change of moment,
-the pivot there is ``local^-1 W_(i+1) W_i^-1``: local, the response of the element by itself, is positive
-definite for an element short enough to be stable alone, so the signs are those of the eigenvalues of
-``W_(i+1) W_i^-1``. The last pivot is the stiffness ``m W^-1`` seen at the tip. A negative sign between two
-boundaries is a conjugate point between them, with its multiplicity; the sign of det(dM_tip/dM_0) misses it
-where an axisymmetric rod's double root leaves the sign unchanged.
+With dead loads the energy is a functional of the rotation alone, fixed at the base and free at the tip. Its
+second variation leads to Jacobi's linear equation for (turn, change of moment). Cut at the element boundaries
+it is a block-tridiagonal quadratic form, and by Sylvester's law the negative eigenvalues of its 3x3 pivots
+add up to the number of unstable modes. With W_i the turns at boundary i of the three fields with a unit
+change of moment at the base, the pivot is ``local^-1 W_(i+1) W_i^-1``. The response ``local`` of an element
+is positive definite if the element alone is stable, so the signs are those of the eigenvalues of ``W_(i+1)
+W_i^-1``. The last pivot is the stiffness ``m W^-1`` at the tip. A negative sign marks a conjugate point, with
+its multiplicity; the sign of det(dM_tip/dM_0) misses the double roots of an axisymmetric rod.
 
-It holds for dead forces; a dead moment does not derive from an energy in three dimensions, so moments are
-left to the equilibrium and not counted.
+A dead moment does not derive from an energy in three dimensions: it enters the equilibrium only.
 """
 
 from __future__ import annotations
@@ -22,10 +19,10 @@ from itertools import pairwise
 
 import numpy as np
 
+from contid.kinematics.array import Array
 from contid.kinematics.cosserat.equilibrium import equilibrium
 from contid.kinematics.cosserat.loads import Loads
 from contid.kinematics.cosserat.section import Rod
-from contid.kinematics.cosserat.spatial import Array
 from contid.kinematics.cosserat.statics import sweep
 
 
@@ -54,7 +51,7 @@ def critical_factor(
     rod: Rod,
     pressures: Array,
     loads: Loads,
-    most: float = 1.0,
+    max_factor: float = 1.0,
     elements: int = 3,
 ) -> float | None:
     """Least factor of the tip force at which the branch from the unloaded shape loses its stability.
@@ -63,12 +60,12 @@ def critical_factor(
         rod: the sections.
         pressures: [bar].
         loads: dead loads; only the tip force is scaled, the others act in full.
-        most: the largest factor looked at.
+        max_factor: upper end of the search.
         elements: steps per section.
 
     Returns:
-        The factor to about one part in a thousand, 0.0 when the others alone are too much, or None when
-        the branch is stable up to ``most``.
+        The factor to 0.1 %, 0.0 when the other loads alone suffice, or None when the branch is stable up to
+        ``max_factor``.
     """
 
     def stable(factor: float) -> bool:
@@ -78,9 +75,9 @@ def critical_factor(
             return False
         return unstable_modes(rod, pressures, found.base_moment, acting, elements) == 0
 
-    if stable(most):
+    if stable(max_factor):
         return None
-    low, high = 0.0, most
+    low, high = 0.0, max_factor
     if not stable(0.0):
         return 0.0
     while high - low > 1e-3 * high:

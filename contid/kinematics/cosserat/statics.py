@@ -6,11 +6,8 @@ Eqs. (1)-(11) in total-wrench form: with N = n - F_P and M = m - m_P (wall and f
     v = e3 (1 + strain) + diag(3/EA, 3/EA, 1/EA) R^T N,
     u = curvature + diag(1/EI, 1/EI, 3/EJ) R^T M.
 
-Loads are dead, so N(s) is known and only the base moment has to be found. mu = M + p x N obeys
-mu' = -p x f; it is what the sweep carries, element by element (`element`). The specification of
-``contid/kernels/cosserat/rod.hpp``.
-
-Units: mm, N, N·mm, bar. Every vector in the base frame unless its name says otherwise.
+Loads are dead, so N(s) is known and the base moment is the only unknown. The sweep integrates mu = M + p x N,
+mu' = -p x f, element by element (`element`). Specification of ``contid/kernels/cosserat/rod.hpp``.
 """
 
 from __future__ import annotations
@@ -19,10 +16,11 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from contid.kinematics.array import Array
 from contid.kinematics.cosserat.element import RodState, link, step
 from contid.kinematics.cosserat.loads import Loads
 from contid.kinematics.cosserat.section import Rod
-from contid.kinematics.cosserat.spatial import Array, cross, hat
+from contid.kinematics.cosserat.spatial import cross, hat
 
 
 @dataclass(frozen=True, slots=True)
@@ -53,7 +51,7 @@ class Sweep:
         stations: reference length at the points.
         turns: turn of the frame by the base moment at every element boundary, base included, shape (3, 3)
             each; empty without tangents.
-        tangents: derivatives when they were asked for.
+        tangents: derivatives, if requested.
     """
 
     tip: Array
@@ -82,9 +80,9 @@ def sweep(
         base_moment: total moment M at the base [N·mm], shape (3,).
         loads: dead loads.
         elements: steps per section.
-        tangents: also integrate the variational equations, one column per unknown. They are the derivative
-            of the continuous flow by the same scheme, so they differ from the derivative of the discrete map
-            by the discretisation error; Newton then converges linearly with a factor of 1e-2 or less.
+        tangents: also integrate the variational equations, one column per unknown. They differ from the
+            derivative of the discrete map by the discretisation error, so Newton's method converges linearly
+            with a factor of 1e-2 or less.
     """
     columns = 3 + rod.pressures
     dmu = np.zeros((3, columns))

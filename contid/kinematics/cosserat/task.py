@@ -1,6 +1,6 @@
-"""What a rod shall do, what a sweep leaves of it, and the derivative of that.
+"""Task of a rod, its error for a sweep, and the derivative of that error.
 
-Rows are lengths [mm]; a direction or a frame enters times `Task.length`. The specification of
+Rows are lengths [mm]; a direction or a frame enters times `Task.length`. Specification of
 ``contid/kernels/cosserat/task.hpp``.
 """
 
@@ -10,14 +10,15 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from contid.kinematics.array import Array
 from contid.kinematics.cosserat.closed_form import minimal_rotation
-from contid.kinematics.cosserat.spatial import Array, hat
+from contid.kinematics.cosserat.spatial import hat
 from contid.kinematics.cosserat.statics import Sweep
 
 
 @dataclass(frozen=True, slots=True)
 class Task:
-    """What the rod shall do; at least the tip position.
+    """Target of a solve.
 
     Attributes:
         tip: tip position [mm].
@@ -46,7 +47,7 @@ def twist_free(direction: Array) -> Array:
 
 
 def residual(task: Task, found: Sweep) -> Array:
-    """Task error of a sweep [mm]: three rows each for tip, mid-point and direction, of those asked for."""
+    """Task error of a sweep [mm]: three rows each for tip, mid-point and direction, as present."""
     rows = [found.tip - task.tip]
     if task.mid is not None:
         rows.append(found.ends[0] - task.mid)
@@ -59,7 +60,7 @@ def residual(task: Task, found: Sweep) -> Array:
 
 
 def _half_turn(task: Task, found: Sweep) -> tuple[float, Array]:
-    """Quaternion (w, vector) of the rotation from the wanted to the found frame, w >= 0.
+    """Quaternion (w, vector) of the rotation from the target to the found frame, w >= 0.
 
     Unlike the (R^T R_d - R_d^T R) of eq. 17 its vector part vanishes only at zero, not at half a turn too.
     """

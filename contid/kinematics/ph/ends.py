@@ -1,17 +1,16 @@
 """The quintic through two points with given directions there, with a given length or without.
 
-End data of a continuum body are unit tangents; the size of the end derivatives is not stated by Singh et al.
-(IROS 2018) and dominates the result. Here both have the size ``m``, chosen so that
+End data of a continuum body are unit tangents; the size of the end derivatives dominates the result, and
+Singh et al. (IROS 2018) do not state it. Here both have the size ``m``, chosen so that
 
 * the curve has a prescribed length S: ``120 S = m K + |120 dp + m G|``, a quadratic in m, or
 * the length being unknown, the end speed is the mean speed, ``m = S(m)``, a quadratic too,
 
 with the unit preimages ``a0, a2``, ``k = a0 . a2``, ``K = 30 - 10 k``, ``G = 10 <a0, a2> - 15 (t0 + t1)``.
 
-Two angles stay free. ``beta`` turns the end preimage away from the one nearest to the start's, ``gamma``
-turns the middle one; at (0, 0) the end preimages are joined by the minimal rotation and the second derivative
-of the preimage is least. That choice is in closed form and as good as the least bending-and-twisting energy.
-A body that turns by more than 180 degrees in total needs ``beta = pi``.
+Two angles are free. ``beta`` turns the end preimage away from the one nearest to the start's, ``gamma`` turns
+the middle one. (0, 0) is the minimal rotation and is as good as the least bending-and-twisting energy; a body
+that turns by more than 180 degrees in total needs ``beta = pi``.
 """
 
 from __future__ import annotations
@@ -22,19 +21,19 @@ from typing import Final
 
 import numpy as np
 
-from contid.kinematics.ph.lift import NO_TURN, Array, lift, nearest_turn, product, turned
+from contid.kinematics.array import Array
+from contid.kinematics.ph.lift import NO_TURN, lift, nearest_turn, product, turned
 from contid.kinematics.ph.quintic import PhQuintic
 from contid.targets import Vec3
 
-#: The closed-form choice, and the four branches that `least_energy` looks at.
-CLOSED_FORM: Final = (0.0, 0.0)
+#: (beta, gamma) of the branches that `least_energy` compares.
 BRANCHES: Final = ((0.0, 0.0), (math.pi, 0.0), (0.0, math.pi), (math.pi, math.pi))
 
-#: When a stated length is not believed: `through_rough`.
-DEAR: Final = 2.0
-SMALL: Final = 1.0
+#: Limits of the energy of a plausible length: `through_rough`.
+MAX_ENERGY_RATIO: Final = 2.0
+ENERGY_ALLOWANCE: Final = 1.0
 
-# Straight and just as long as the chord: every m gives that length, and the quadratic is 0/0.
+# Straight and as long as the chord: every m gives that length, and the quadratic is 0/0.
 STRAIGHT: Final = 1e-10
 
 
@@ -56,8 +55,7 @@ class PhFit:
         curve: the quintic.
         end_speed_m: size m of the derivative at both ends [m].
         beta, gamma: the free angles [rad].
-        length_met: False when a length was asked for that no such curve has.
-        note: one sentence when that happened.
+        length_met: False when no such curve has the given length; ``note`` is then one sentence about it.
     """
 
     curve: PhQuintic
@@ -73,34 +71,7 @@ class PhFit:
         return self.curve.bending_energy + self.curve.twist_energy
 
 
-def hermite(
-    start_m: Array,
-    end_m: Array,
-    start_derivative: Array,
-    end_derivative: Array,
-    beta: float = 0.0,
-    gamma: float = 0.0,
-) -> PhQuintic:
-    """The quintic with given end points and end *derivatives* (vectors, size included).
-
-    Args:
-        start_m: first point [m].
-        end_m: last point [m].
-        start_derivative: ``r'(0)`` [m].
-        end_derivative: ``r'(1)`` [m].
-        beta: free angle of the end preimage [rad], 0 for the minimal rotation.
-        gamma: free angle of the middle preimage [rad].
-    """
-    chord = end_m - start_m
-    a0 = lift(start_derivative)
-    a2 = lift(end_derivative)
-    a2 = turned(a2, *nearest_turn(a2, a0, chord))
-    a2 = turned(a2, math.cos(beta), math.sin(beta))
-    c = 120.0 * chord - 15.0 * (start_derivative + end_derivative) + 10.0 * product(a0, a2)
-    return _filled(start_m, chord, a0, a2, c, gamma)
-
-
-def _filled(start_m: Array, chord: Array, a0: Array, a2: Array, c: Array, gamma: float) -> PhQuintic:
+def quintic_between(start_m: Array, chord: Array, a0: Array, a2: Array, c: Array, gamma: float) -> PhQuintic:
     """The quintic over a chord with given end preimages, its middle one from ``c = C i C*``."""
     middle = lift(c)
     # With beta = pi and parallel tangents a0 + a2 vanishes and leaves the middle open: a0 - a2 then decides.
@@ -149,8 +120,8 @@ def speed_as_mean(chord: Array, G: Array, k: float) -> float:
 def through(ends: CurveEnds, length_m: float | None = None, beta: float = 0.0, gamma: float = 0.0) -> PhFit:
     """The quintic through the ends, of the given length or, without one, with end speed = mean speed.
 
-    A length that cannot be had (shorter than the chord, or beyond this branch) is answered by the curve of
-    unknown length, with ``length_met`` False.
+    An impossible length (shorter than the chord, or beyond this branch) gives the curve of unknown length,
+    with ``length_met`` False.
     """
     start, end = np.array(ends.start_m), np.array(ends.end_m)
     t0, t1 = _unit(ends.start_direction), _unit(ends.end_direction)
@@ -166,42 +137,41 @@ def through(ends: CurveEnds, length_m: float | None = None, beta: float = 0.0, g
         m = speed_as_mean(chord, G, k)
         if length_m is not None:
             met, note = False, _why_not(chord, length_m)
-    # With the very preimages m was found for: of nearly opposite tangents `hermite` would find others.
+    # The preimages m was found for: lifting nearly opposite derivatives again could give others.
     root = math.sqrt(m)
-    curve = _filled(start, chord, root * a0, root * a2, 120.0 * chord + m * G, gamma)
+    curve = quintic_between(start, chord, root * a0, root * a2, 120.0 * chord + m * G, gamma)
     return PhFit(curve, m, beta, gamma, met, note)
 
 
 def least_energy(ends: CurveEnds, length_m: float | None = None) -> PhFit:
-    """The branch of least bending and twisting energy among the four turns by 0 or pi of the free angles.
+    """The branch of least bending and twisting energy among beta, gamma of 0 or pi.
 
-    Needed above 180 degrees of total turning, and for surplus length between nearly parallel ends; elsewhere
-    it is the closed-form choice.
+    It differs from (0, 0) above 180 degrees of total turning, and for surplus length between nearly parallel
+    ends.
     """
     fits = [through(ends, length_m, beta, gamma) for beta, gamma in BRANCHES]
     return min(fits, key=lambda fit: (not fit.length_met, fit.energy_per_m))
 
 
 def through_rough(ends: CurveEnds, length_m: float | None = None) -> PhFit:
-    """The quintic for a length that is stated but may be wrong by a hundredth, and ends with noise.
+    """The quintic for a length with an error of up to about 1 %, and noisy ends.
 
-    Surplus length has to go somewhere: between nearly straight ends the closed form puts it into a loop,
-    and so do all four branches. Where the length costs more than `DEAR` times the energy of the curve of
-    unknown length and `SMALL` besides (a turn of one radian has the energy 1 per body length), for the closed
-    form and for the branch of least energy, it is an error of the length: the curve of unknown length is the
-    answer, with ``length_met`` False. Exact data of two-section arms stay below 1.2 times.
+    Between nearly straight ends every branch turns surplus length into a loop. Where that costs more than
+    `MAX_ENERGY_RATIO` times the energy of the curve of unknown length plus `ENERGY_ALLOWANCE` per body length
+    (the energy of a turn of one radian), the length is ignored and ``length_met`` is False. Exact data of
+    two-section arms stay below a ratio of 1.2.
     """
     fit = through(ends, length_m)
     if length_m is None:
         return fit
     free = through(ends)
-    most = DEAR * free.energy_per_m + SMALL / length_m
+    most = MAX_ENERGY_RATIO * free.energy_per_m + ENERGY_ALLOWANCE / length_m
     if fit.length_met and fit.energy_per_m <= most:
         return fit
     least = least_energy(ends, length_m)
     if least.length_met and least.energy_per_m <= most:
         return least
-    note = f"the length {length_m * 1e3:g} mm would fold the body between these ends: it is not believed"
+    note = f"the length {length_m * 1e3:g} mm would fold the body between these ends and is rejected"
     return replace(free, length_met=False, note=note if fit.length_met else fit.note)
 
 

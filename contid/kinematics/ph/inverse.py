@@ -1,12 +1,12 @@
 """Inverse kinematics by shape (Singh et al., IROS 2018): six tube lengths from the pose of the tip alone.
 
-One quintic from the base to the tip stands for the whole arm; the tubes are its offset curves. What goes in
-decides how good it is, and is stated in the result: the backbone length and the split between the sections
-may be known (a measurement, or a model) or not (then: end speed = mean speed, and the split of the geometry).
+One quintic from the base to the tip represents the whole arm; the tubes are its offset curves. The backbone
+length and the split between the sections may be known (measured, or from a model) or not (then: end speed =
+mean speed, and the split of the geometry).
 
-Note when comparing: this method uses the *direction* of the tip, a Newton-Raphson solver of the position does
-not. And six lengths cannot be identified from a tip pose by any method (the pose has five degrees of freedom
-for six tubes); the sums over the sections nearly can.
+When comparing methods: this one uses the *direction* of the tip, a Newton-Raphson solver of the position does
+not. A tip pose (five degrees of freedom) does not determine six lengths, but nearly their sums over the
+sections.
 """
 
 from __future__ import annotations
@@ -18,8 +18,8 @@ from dataclasses import dataclass
 import numpy as np
 
 from contid.kernels import load
+from contid.kinematics.array import Array
 from contid.kinematics.ph.ends import CurveEnds, PhFit, through_rough
-from contid.kinematics.ph.lift import Array
 from contid.kinematics.ph.tubes import section_bending, tube_lengths
 from contid.targets import ZERO3, Vec3
 
@@ -43,8 +43,8 @@ class ShapeSolution:
         totals_m: sum over the sections for each tube [m].
         backbone_m: backbone length of each section [m].
         bending: (u, v) of each section [rad], as in a constant-curvature section.
-        length_met: False when the stated backbone length is impossible for this pose, or would fold the arm;
-            it is left out then (`contid.kinematics.ph.ends.through_rough`).
+        length_met: False when the given backbone length was ignored
+        (`contid.kinematics.ph.ends.through_rough`).
     """
 
     lengths_m: tuple[float, ...]
@@ -61,14 +61,14 @@ def ph_inverse(
     split: Sequence[float],
     length_m: float | None = None,
 ) -> ShapeSolution:
-    """Tube lengths of an arm that stands on its base along +z, in NumPy: the specification of the kernel.
+    """Tube lengths of an arm that starts along +z, in NumPy: specification of the kernel.
 
     Args:
         tip_m: tip position in the base frame [m].
         direction: tangent at the tip in the base frame.
         sections: tubes of each section, from the base on.
         split: share of each section in the backbone length; must sum to 1.
-        length_m: backbone length [m], or None when it is not known.
+        length_m: backbone length [m], or None when unknown.
     """
     fit = through_rough(CurveEnds(ZERO3, tip_m, _BASE_DIRECTION, direction), length_m)
     backbone, bending, lengths = _offsets(fit, sections, np.array(split))
@@ -82,10 +82,7 @@ def ph_inverse(
 
 
 class ShapeInverse:
-    """`ph_inverse` for one arm, prepared: in the kernel where it is compiled, else in NumPy.
-
-    The lengths of both agree to 1e-12 m.
-    """
+    """`ph_inverse` for one arm, compiled where possible, else NumPy; they agree to 1e-12 m."""
 
     def __init__(self, sections: Sequence[TubeSection], split: Sequence[float]) -> None:
         self._sections = tuple(sections)
@@ -99,7 +96,7 @@ class ShapeInverse:
 
     @property
     def compiled(self) -> bool:
-        """True when the kernel answers."""
+        """True when the kernel is used."""
         return self._kernel is not None
 
     def solve(self, tip_m: Vec3, direction: Vec3, length_m: float | None = None) -> ShapeSolution:

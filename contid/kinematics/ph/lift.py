@@ -10,16 +10,15 @@ A quaternion is an array ``(..., 4)`` in the order scalar, i, j, k; a vector is 
 from __future__ import annotations
 
 import math
-from typing import Final, TypeAlias
+from typing import Final
 
 import numpy as np
-from numpy.typing import NDArray
 
-Array: TypeAlias = NDArray[np.float64]
+from contid.kinematics.array import Array
 
 #: Below this the two quaternions (of unit length) have no preferred relative turn.
 NO_TURN: Final = 1e-12
-#: Closer to -i than this its square underflows; the vector is -i to every digit long before.
+#: Closer to -i than this the square underflows.
 UNDERFLOW: Final = 1e-150
 
 
@@ -76,9 +75,8 @@ def lift(vector: Array) -> Array:
 def nearest_turn(b: Array, a: Array, hint: Array) -> tuple[float, float]:
     """Cosine and sine of the turn that brings the preimage ``b`` nearest to ``a``: it maximises ``a . b``.
 
-    Where every turn is equally near (opposite tangents: a half circle) the turn is chosen that points
-    ``<a, b>``, the tangent half-way, along ``hint``. Either choice turns with the data, which is what makes
-    the curves rotation-equivariant.
+    Where every turn is equally near (opposite tangents: a half circle), the turn points ``<a, b>``, the
+    tangent half-way, along ``hint``. Both choices are rotation-equivariant.
     """
     cosine, sine = float(b @ a), float(times_i(b) @ a)
     size = math.hypot(cosine, sine)

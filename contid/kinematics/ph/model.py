@@ -1,15 +1,13 @@
-"""The model of tube arms whose inverse goes by shape: lengths along a quintic from the base to the tip.
+"""The model of tube arms with inverse kinematics by shape: lengths along a quintic from the base to the tip.
 
-Forward kinematics, Jacobian, shape and limits are those of `SectionModel`, constant curvature per section.
-The inverse is given end poses only: the base, the tip and its direction. A target without a direction gets
-that of the one circular arc through it. The length of the backbone is not
-known (end speed = mean speed), and its sections share it as they do in the home posture.
+Forward kinematics, Jacobian, shape and limits are those of `SectionModel`. The inverse takes the base, the
+tip and its direction (by default that of the one circular arc to the tip); the backbone length is unknown
+(end speed = mean speed) and is split between the sections as in the home posture.
 
-One quintic is not two arcs, so the tip of the answer misses the target: by hundredths of a millimetre
-where the arm is one arc, by millimetres where its sections bend to different sides. That error is the
-residual; it counts as met up to ``solver.tolerance_mm`` of the robot file. Lengths beyond their limits are
-pulled inside (`Feasible.pulled`), which is continuous. Nothing depends on the seed, except where no curve is
-found.
+One quintic is not two arcs, so the tip misses the target: by hundredths of a millimetre where the arm is one
+arc, by millimetres where its sections bend to different sides. That error is the residual; up to
+``solver.tolerance_mm`` of the robot file it counts as met. Lengths beyond their limits are pulled inside
+(`Feasible.pulled`). The seed is used only where there is no curve.
 
 Source: Singh et al., IROS 2018; see `contid.kinematics.ph.inverse`.
 """
@@ -21,17 +19,17 @@ from typing import Final
 
 import numpy as np
 
-from contid.kinematics.arc.arc import Array
 from contid.kinematics.arc.descent import tuning_for
 from contid.kinematics.arc.feasible import BINDING_M
 from contid.kinematics.arc.section_model import SectionModel
-from contid.kinematics.arc.solve import ABSURD_M
+from contid.kinematics.arc.solve import MAX_ERROR_M
+from contid.kinematics.array import Array
 from contid.kinematics.ph.inverse import ShapeInverse, TubeSection
 from contid.robot_file.tri_tube import TriTube
 from contid.targets import Actuation, Solution, Target, Vec3
 from contid.units import MM_PER_M, m_to_mm
 
-#: What counts as met when the file does not say [mm]: the paper's arm is reconstructed to 1.2-4.2 mm.
+#: Default tolerance [mm]: the paper's arm is reconstructed to 1.2-4.2 mm.
 DEFAULT_MM: Final = 5.0
 
 
@@ -51,10 +49,9 @@ class PhModel(SectionModel):
         self._tolerance_m = (robot.solver.tolerance_mm or DEFAULT_MM) / MM_PER_M
 
     def inverse(self, target: Target, seed: Actuation) -> Solution:
-        """Lengths inside every limit for a tip, or a tip and its direction; an approximation.
+        """Approximate lengths inside every limit for a tip, or a tip and its direction.
 
-        The residual is that of the forward kinematics; a direction enters it times `Tuning.ell_m`, a fifth of
-        the arm.
+        A direction enters the residual times `Tuning.ell_m`, a fifth of the arm.
         """
         if target.actuation is not None or target.tip_m is None:
             return super().inverse(target, seed)
@@ -84,7 +81,7 @@ class PhModel(SectionModel):
         """Lengths along the quintic, inside the limits or not; None when there is none."""
         away = math.hypot(*tip_m)
         turn = math.hypot(*direction)
-        if not (1e-9 < away < ABSURD_M and 1e-9 < turn < ABSURD_M):  # not a number included
+        if not (1e-9 < away < MAX_ERROR_M and 1e-9 < turn < MAX_ERROR_M):  # NaN included
             return None
         x, y, z = direction
         a, b, c = tip_m

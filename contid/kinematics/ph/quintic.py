@@ -16,7 +16,8 @@ from itertools import pairwise
 
 import numpy as np
 
-from contid.kinematics.ph.lift import Array, product
+from contid.kinematics.array import Array
+from contid.kinematics.ph.lift import product
 
 # The energies' integrands are rational. 24 points give a 270 degree arc to 1e-15; 12 would leave 1e-9.
 _NODES, _WEIGHTS = np.polynomial.legendre.leggauss(24)

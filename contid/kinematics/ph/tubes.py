@@ -5,8 +5,8 @@ about the tangent, has the speed ``1 - d kappa . e`` exactly, so between two poi
 
     ``l_i = S - d (u cos alpha_i + v sin alpha_i)``,  ``u = int kappa . U ds``,  ``v = int kappa . V ds``
 
-which is the form of a constant-curvature section (L, u, v). For a plane curve u and v are turning angles: the
-lengths then depend on S and the end directions only, which is why they are good where the shape is not.
+as for a constant-curvature section (L, u, v). For a plane curve u and v are turning angles: the lengths
+depend on S and the end directions only.
 
 The rotation-minimising frame is the Euler-Rodrigues frame turned by psi with ``psi' = -w1``; psi at the three
 Gauss points of a panel comes from collocation, 8 panels per section agree with 64 in the 8th decimal of a mm.
@@ -19,7 +19,7 @@ from typing import Final
 
 import numpy as np
 
-from contid.kinematics.ph.lift import Array
+from contid.kinematics.array import Array
 from contid.kinematics.ph.quintic import PhQuintic
 
 PANELS: Final = 8

@@ -5,11 +5,11 @@ With racks L1 (left) and L2 (right), rack spacing w and straight tip h::
     S = (L1 + L2)/2      theta_cmd = (L2 - L1)/w      theta = theta_cmd (1 + a S + b)
     x = S cosc(theta) + h sin(theta)      y = S sinc(theta) + h cos(theta)
 
-Eq. 1 and 3, with r of Eq. 2 corrected (erratum A-1) and never formed. theta > 0 bends to +x. The curvature
-correction is Eq. 5 and 10; its S is clamped to the range in which a and b were identified.
+Eq. 1 and 3; r of Eq. 2 (erratum A-1) is never formed. theta > 0 bends to +x. The curvature correction is Eq.
+5 and 10; its S is clamped to the range in which a and b were identified.
 
-The inverse is closed (erratum A-3 refutes "analytic inverse challenging"): all arcs that end at a point share
-one circle ``k = 2x/(x^2 + y^2 - h^2)``, and inside the finger's limits exactly one of them fits.
+The inverse has a closed form (erratum A-3): all arcs that end at a point share one circle
+``k = 2x/(x^2 + y^2 - h^2)``, and within the finger's limits exactly one of them fits.
 """
 
 from __future__ import annotations
@@ -18,8 +18,8 @@ import math
 from typing import Final
 
 import numpy as np
-from numpy.typing import NDArray
 
+from contid.kinematics.array import Array
 from contid.kinematics.rack.finger_limits import RackFingerEnvelope
 from contid.kinematics.rack.planar_arc import cosc, cosc_derivative, sinc, sinc_derivative
 from contid.robot_file.rack_finger import RackFinger
@@ -80,7 +80,7 @@ class RackFingerModel:
         )
         return Pose(tip, (cos, sin, 0.0, -sin, cos, 0.0, 0.0, 0.0, 1.0), (sin, cos, 0.0), tip)
 
-    def jacobian(self, actuation: Actuation, load_n: Vec3 = ZERO3) -> NDArray[np.float64]:
+    def jacobian(self, actuation: Actuation, load_n: Vec3 = ZERO3) -> Array:
         """Tip by racks, shape (3, 2); regular on the straight line, unlike Eq. 6 in [r, theta]."""
         left, right = actuation
         arc_length_m, theta = self.arc(actuation)
@@ -99,7 +99,7 @@ class RackFingerModel:
         tip_by_length = np.array([cosc(theta), sinc(theta), 0.0])
         return np.outer(tip_by_length, (0.5, 0.5)) + np.outer(tip_by_theta, theta_by_rack)
 
-    def shape(self, actuation: Actuation, points: int, load_n: Vec3 = ZERO3) -> NDArray[np.float64]:
+    def shape(self, actuation: Actuation, points: int, load_n: Vec3 = ZERO3) -> Array:
         """Backbone at equal steps of S + h, shape (points, 3) [m]: the arc, then the straight tip."""
         arc_length_m, theta = self.arc(actuation)
         sin, cos = math.sin(theta), math.cos(theta)
@@ -172,10 +172,10 @@ class RackFingerModel:
             note=f"{note}; the nearest reachable point is {m_to_mm(residual):.6g} mm away",
         )
 
-    def _clamped(self, wanted: Actuation) -> Solution:
-        actuation = self.envelope.clamp(wanted)
-        off = max(abs(a - w) for a, w in zip(actuation, wanted, strict=True))
-        reached, goal = self.forward(actuation).tip_m, self.forward(wanted).tip_m
+    def _clamped(self, requested: Actuation) -> Solution:
+        actuation = self.envelope.clamp(requested)
+        off = max(abs(a - w) for a, w in zip(actuation, requested, strict=True))
+        reached, goal = self.forward(actuation).tip_m, self.forward(requested).tip_m
         names = () if off == 0.0 else self.envelope.binding(actuation)
         residual = 0.0 if off == 0.0 else math.dist(reached, goal)
         note = "" if off == 0.0 else f"racks moved by {m_to_mm(off):.6g} mm to stay inside the limits"

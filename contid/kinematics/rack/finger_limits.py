@@ -1,13 +1,13 @@
-"""Where a two-rack finger may go: Eq. 8 (with erratum A-4) in arc length S and commanded curvature k.
+"""Limits of a two-rack finger: Eq. 8 (with erratum A-4) in arc length S and commanded curvature k.
 
 For one S the feasible curvatures are an interval ``|k| <= K(S)``::
 
     K(S) = min( k_max/gain(S),  2 (L_max/S - 1)/w,  2 (1 - L_min/S)/w,  2 pi/(S gain(S)) )
 
-k_max bounds the *actual* curvature (links touch), the racks bound the *commanded* one. A slender finger is
-bounded by a full turn besides, at which it meets its own base: beyond it the inverse would not be unique.
-The region is the band between -K and K over S in [S_min, L_max]; its boundary is two curves and one edge, so
-that the nearest reachable point is a search along lines.
+k_max bounds the *actual* curvature (links touch), the racks bound the *commanded* one. Beyond a full turn,
+where a slender finger meets its own base, the inverse would not be unique. The region is the band between -K
+and K over S in [S_min, L_max]; the nearest reachable point is searched along its boundary, two curves and one
+edge.
 """
 
 from __future__ import annotations
@@ -36,8 +36,8 @@ class RackFingerEnvelope:
     Attributes:
         rack_spacing_m: w of Eq. 1.
         length_min_m, length_max_m: range of both racks.
-        curvature_max_per_m: greatest actual curvature, either sign.
-        arc_length_min_m: least S; towards S = 0 the curvature of a point is ill-conditioned.
+        curvature_max_per_m: maximum actual curvature, either sign.
+        arc_length_min_m: minimum S; towards S = 0 the curvature of a point is ill-conditioned.
         curvature_gain: actual over commanded curvature at an arc length.
     """
 
@@ -50,7 +50,7 @@ class RackFingerEnvelope:
     _pieces: tuple[tuple[float, ...], ...] = field(init=False, repr=False)
 
     def __post_init__(self) -> None:
-        """Where along a side of the boundary `nearest` looks first: evenly, in pieces without a corner."""
+        """Even samples along a side of the boundary, in pieces without a corner: where `nearest` starts."""
         pieces, piece = [], [0.0]
         for low, high in pairwise(i / _COARSE for i in range(_COARSE + 1)):
             if self._limit(low) != self._limit(high):
@@ -66,7 +66,7 @@ class RackFingerEnvelope:
         return arc_length_m - bend, arc_length_m + bend
 
     def exceeded(self, arc_length_m: float, curvature_per_m: float) -> dict[str, str]:
-        """Limits an arc breaks: name -> by how much, in words; empty when it is feasible."""
+        """Limits an arc exceeds: name -> sentence with the excess; empty when it is feasible."""
         found: dict[str, str] = {}
         if arc_length_m < self.arc_length_min_m * (1.0 - _ROUNDING):
             found["arc_length.min"] = (
@@ -89,11 +89,11 @@ class RackFingerEnvelope:
         return found
 
     def snap(self, racks: tuple[float, float]) -> Actuation:
-        """Remove the rounding by which a feasible answer may overstep its range."""
+        """Feasible racks with their rounding error beyond the range removed."""
         return tuple(min(max(length, self.length_min_m), self.length_max_m) for length in racks)
 
     def curvature_bound(self, arc_length_m: float) -> float:
-        """K(S): the greatest commanded curvature at an arc length."""
+        """K(S): the maximum commanded curvature at an arc length."""
         return max(0.0, min(self._curvature_bounds(arc_length_m)))
 
     def _curvature_bounds(self, arc_length_m: float) -> tuple[float, float, float, float]:
@@ -106,17 +106,17 @@ class RackFingerEnvelope:
         )
 
     def _arc_length(self, u: float) -> float:
-        """From the least arc length at u = 0 to the greatest at 1."""
+        """From the minimum arc length at u = 0 to the maximum at 1."""
         least = max(self.arc_length_min_m, self.length_min_m)
         return least + u * (self.length_max_m - least)
 
     def _limit(self, u: float) -> int:
-        """Which of the four makes K."""
+        """Index of the bound that determines K."""
         bounds = self._curvature_bounds(self._arc_length(u))
         return bounds.index(min(bounds))
 
     def _corner(self, low: float, high: float) -> float:
-        """Where another limit begins to make K, by bisection."""
+        """Where another bound begins to determine K, by bisection."""
         for _ in range(_BISECTIONS):
             middle = 0.5 * (low + high)
             low, high = (middle, high) if self._limit(middle) == self._limit(low) else (low, middle)
@@ -138,7 +138,7 @@ class RackFingerEnvelope:
         return self.snap(self.racks(arc_length_m, min(max(commanded, -bound), bound)))
 
     def binding(self, racks: Actuation) -> tuple[str, ...]:
-        """Names of the limits that a feasible pair of racks touches."""
+        """Names of the limits that bind at a feasible pair of racks."""
         left, right = racks
         slack = 1e-9 * self.length_max_m
         arc_length_m = 0.5 * (left + right)
@@ -171,14 +171,14 @@ class RackFingerEnvelope:
         yield lambda u: self.snap(self.racks(least, (2.0 * u - 1.0) * widest))
 
     def outline(self, points: int) -> Iterator[Actuation]:
-        """Racks around the boundary, once and in order: out along +K, back along -K, across at least S."""
+        """Racks around the boundary in order: out along +K, back along -K, across at minimum S."""
         out, back, across = self._boundary()
         yield from (out(i / points) for i in range(points))
         yield from (back(1.0 - i / points) for i in range(points))
         yield from (across(i / points) for i in range(points))
 
     def nearest(self, tip_of: Callable[[Actuation], Vec3], goal: Vec3) -> Actuation:
-        """The point of the boundary whose tip is nearest; ties go to the first curve, so it repeats."""
+        """The point of the boundary whose tip is nearest; ties go to the first curve."""
         boundary = tuple(self._boundary())
         curves = [lambda u, racks=racks: tip_of(racks(u)) for racks in boundary]
         number, u = nearest_on(curves, self._pieces, goal)

@@ -1,8 +1,8 @@
-"""The point of planar curves nearest to a goal: every valley of the distance, as long as it can still win.
+"""The point of planar curves nearest to a goal: branch and bound over the local minima of the distance.
 
-A finger at the rim of its reach moves its tip by a third of its length between two samples of the boundary:
-the nearest sample need not lie in the valley of the nearest point. So every sample nearer than its
-neighbours is looked into, unless the way of the tip there is too short to come nearer than what was found.
+Between two samples of the boundary a tip can move by a third of the finger's length, so the nearest sample
+need not be next to the nearest point. Every local minimum of the samples is refined, unless its lower bound
+exceeds the best distance found.
 """
 
 from __future__ import annotations
@@ -17,14 +17,14 @@ from contid.targets import Vec3
 Curve = Callable[[float], Vec3]
 
 _INVERSE_GOLDEN: Final = (math.sqrt(5.0) - 1.0) / 2.0
-# Golden section shrinks by 0.618 a step; the distance is flat at its least, so half the bits are enough.
+# Golden section shrinks by 0.618 a step; the distance is flat at its minimum, so half the bits are enough.
 _GOLDEN_STEPS: Final = 40
-# Way of the tip between two samples by its chord; 1.2 is that of an arc of two radians.
+# Path of the tip between two samples over its chord; 1.2 is that of an arc of two radians.
 _DETOUR: Final = 1.2
 
 
 class _Valley(NamedTuple):
-    """A sample nearer than its neighbours: its distance, which curve, the parameters, and what can be won."""
+    """A sample nearer than its neighbours: distance, curve, parameters, lower bound of the distance."""
 
     distance: float
     curve: int
@@ -40,8 +40,7 @@ def nearest_on(curves: Sequence[Curve], pieces: Sequence[Sequence[float]], goal:
     Args:
         curves: x and y over a common parameter; ties go to the first.
         pieces: samples of the parameter, in pieces without a corner of any curve.
-        goal: in the frame and unit of the curves. One that is no number is equally far from everything: the
-            first sample stands for all.
+        goal: in the frame and unit of the curves; for NaN the answer is the first sample.
     """
     valleys = sorted(
         valley

@@ -1,15 +1,13 @@
 """A rope that hangs between two points: the catenary of given length.
 
-With the height difference Z, the horizontal span X and the length l, one equation decides everything:
+With the height difference Z, the horizontal span X and the length l:
 
     ``sinh(xi) / xi = sqrt(l^2 - Z^2) / X``,  ``a = X / (2 xi)``,  ``x0 = X / 2 - a atanh(Z / l)``,
     ``z = a cosh((x - x0) / a) + const``
 
-where x runs horizontally from the start towards the end and x0 is where the lowest point of the whole curve
-lies (between the ends only when both pull upwards). Gravity is along -z of the frame the points are in.
-
-Singh et al. (IROS 2018) take the rope's end directions from measurements; a pinned rope has no measured
-direction, and this is where it comes from.
+where x runs horizontally from the start towards the end and x0 is the lowest point of the whole curve
+(between the ends only when both pull upwards). Gravity is along -z of the frame of the points. Singh et al.
+(IROS 2018) measure the end directions of the rope; the catenary gives those of a pinned one.
 """
 
 from __future__ import annotations
@@ -20,13 +18,13 @@ from typing import Final
 
 import numpy as np
 
+from contid.kinematics.array import Array
 from contid.kinematics.ph.ends import CurveEnds, PhFit, through
-from contid.kinematics.ph.lift import Array
 from contid.targets import Vec3
 
-#: A rope whose ends are closer together than this share of its length hangs folded; its span is this.
+#: Minimum span, as a share of the length; a rope with closer ends hangs folded.
 FOLDED: Final = 1e-9
-#: Below this xi the sag is lost in the rounding of the ends: the rope is the straight line.
+#: Below this xi the sag is below rounding: the rope is a straight line.
 TAUT: Final = 1e-7
 
 
@@ -35,10 +33,10 @@ class Catenary:
     """A hanging rope.
 
     Attributes:
-        start_m, end_m: where it is held [m].
+        start_m, end_m: ends [m].
         length_m: of the rope [m].
-        a_m: the catenary's parameter, horizontal pull by weight per length [m]; inf for a taut rope.
-        slope_start: ``sinh`` of where the start lies from the vertex, ``-x0 / a``: dz/dx there.
+        a_m: the catenary's parameter, horizontal tension by weight per length [m]; inf for a taut rope.
+        slope_start: dz/dx at the start, ``sinh(-x0 / a)``.
         heading: horizontal unit vector from start to end.
     """
 
@@ -51,13 +49,8 @@ class Catenary:
 
     @property
     def taut(self) -> bool:
-        """True for the straight line, which carries any pull."""
+        """True for the straight line, whose tension is undetermined."""
         return math.isinf(self.a_m)
-
-    @property
-    def vertex_m(self) -> float:
-        """x0: horizontal distance from the start to the vertex [m]; may lie beyond either end."""
-        return -self.a_m * math.asinh(self.slope_start)
 
     @property
     def start_direction(self) -> Vec3:
@@ -133,17 +126,17 @@ def hang(start_m: Vec3, end_m: Vec3, length_m: float) -> Catenary | None:
 def stretch(surplus: float) -> float:
     """The xi with ``(sinh(xi) / xi)^2 = 1 + surplus``: Newton inside a bracket, on logarithms.
 
-    The logarithm of ``sinh(xi) / xi`` is nearly a parabola below 1 and nearly a line above, so Newton is at
-    its best for short and for long ropes, and nothing overflows.
+    ``log(sinh(xi) / xi)`` is nearly a parabola below 1 and nearly a line above: Newton converges fast for
+    both, and nothing overflows.
     """
-    wanted = 0.5 * math.log1p(surplus)
-    if wanted <= 0.0:
+    ratio = 0.5 * math.log1p(surplus)
+    if ratio <= 0.0:
         return 0.0
-    low, high = math.sqrt(6.0 * wanted), wanted + math.log(2.0 * wanted + 4.0) + 1.0
+    low, high = math.sqrt(6.0 * ratio), ratio + math.log(2.0 * ratio + 4.0) + 1.0
     high = max(high, low * 1.5)
     xi = low
     for _ in range(60):
-        excess = _log_sinh_by(xi) - wanted
+        excess = _log_sinh_by(xi) - ratio
         low, high = (xi, high) if excess < 0.0 else (low, xi)
         step = xi - excess / _rate(xi)
         new = step if low < step < high else 0.5 * (low + high)

@@ -1,8 +1,7 @@
-"""Two arms and the rope between their tips: where the rope is, and whether it can be there.
+"""Two arms and the rope between their tips: the shape of the rope, and whether it is feasible.
 
-From base to base the chain is arm, rope, arm; with the tips B and C known, the rope is a catenary between
-them (pinned ends) or a Pythagorean-hodograph curve of its length between the tips' directions (clamped ends).
-The rope's length is indispensable: without it the mean error of the curve is some 20 mm per metre.
+The rope is a catenary between the tips (pinned ends) or a Pythagorean-hodograph curve of its length between
+the tips' directions (clamped ends). Without its length the mean error of the curve is some 20 mm per metre.
 
 Source: Singh et al., IROS 2018, section on the closed chain. Their link 3 runs from the tip to the base, so
 its directions are the negatives of the second arm's.
@@ -18,8 +17,8 @@ from typing import Final, TypeAlias
 import numpy as np
 
 from contid.kernels import load
+from contid.kinematics.array import Array
 from contid.kinematics.ph.ends import CurveEnds, PhFit, through
-from contid.kinematics.ph.lift import Array
 from contid.kinematics.ph.spline import PhSpline
 from contid.kinematics.rope.catenary import Catenary, as_quintic, hang
 from contid.robot_file.chain import Chain
@@ -31,21 +30,21 @@ Tip: TypeAlias = tuple[Vec3, Vec3]
 
 #: Standard gravity [m/s^2].
 GRAVITY: Final = 9.80665
-#: A sag found among so many points of a quintic is wrong by less than a thousandth of it.
-_LOOK: Final = np.linspace(0.0, 1.0, 129)
+#: The sag found among these samples of a quintic has an error below 0.1 %.
+_SAMPLES: Final = np.linspace(0.0, 1.0, 129)
 
 
 @dataclass(frozen=True, slots=True)
 class ChainState:
-    """What the rope does between two tips.
+    """State of the rope between two tips.
 
     Attributes:
         feasible: long enough, and above the floor.
-        margin_m: how far the lowest point is above the floor [m], negative below it; when the rope does not
-            reach, minus what is missing.
-        lowest: its lowest point in the world [m]; None when it does not reach.
+        margin_m: height of the lowest point above the floor [m]; when the rope is too short, minus the
+            missing length.
+        lowest: its lowest point in the world [m]; None when it is too short.
         reason: why it is not feasible, "" when it is.
-        pull_n: tension on the first and the second tip [N]; None unless it is pinned, of known mass, and not
+        pull_n: tension at the first and the second tip [N]; None unless it is pinned, of known mass, and not
             taut.
     """
 
@@ -55,14 +54,9 @@ class ChainState:
     reason: str = ""
     pull_n: tuple[float, float] | None = None
 
-    @property
-    def lowest_m(self) -> float:
-        """Height of the lowest point [m], nan when the rope does not reach."""
-        return math.nan if self.lowest is None else self.lowest[2]
-
 
 class ChainGuard:
-    """Tells whether the tips of two arms may be where they are."""
+    """Checks the rope of a chain for given tips of its arms."""
 
     def __init__(self, name: str, chain: Chain) -> None:
         self.name = name
@@ -73,7 +67,7 @@ class ChainGuard:
         self._kernel = load("ph_curve")
 
     def check(self, tips: Mapping[str, Tip]) -> ChainState:
-        """The state of the chain for the poses of its arms (others are not looked at)."""
+        """The state of the chain for the poses of its arms; other entries are ignored."""
         (start, _), (end, _) = (tips[arm] for arm in self.arms)
         hanging = hang(start, end, self._length_m)
         if hanging is None:
@@ -92,17 +86,16 @@ class ChainGuard:
         return ChainState(True, margin_m, lowest, "", pull)
 
     def curves(self, tips: Mapping[str, Tip]) -> tuple[PhFit, ...]:
-        """The rope as one or two quintics from the first tip to the second; none when it does not reach.
+        """The rope as one or two quintics from the first tip to the second; none when it is too short.
 
-        Both pieces share the direction at their joint; each has its own length, so the size of the derivative
-        differs there (G1, not C1).
+        Two pieces share the direction at their joint, not the size of the derivative (G1, not C1).
         """
         (start, _), (end, _) = (tips[arm] for arm in self.arms)
         hanging = hang(start, end, self._length_m)
         return () if hanging is None else self._pieces(tips, hanging)
 
     def points(self, tips: Mapping[str, Tip], count: int) -> Array:
-        """Points of the rope at equal arc length [m], shape ``(count, 3)``; empty when it does not reach."""
+        """Points of the rope at equal arc length [m], shape ``(count, 3)``; empty when it is too short."""
         fits = self.curves(tips)
         return PhSpline(tuple(fit.curve for fit in fits)).evenly(count) if fits else np.empty((0, 3))
 
@@ -128,18 +121,18 @@ class ChainGuard:
         )
 
     def _lowest(self, pieces: tuple[tuple[CurveEnds, float], ...]) -> Vec3:
-        """The lowest point of a clamped rope; in microseconds by the kernel, for looks in the tick."""
+        """The lowest point of a clamped rope; the kernel takes microseconds, as the tick needs."""
         found: list[Vec3] = []
         for ends, length_m in pieces:
             (x0, y0, z0), (x1, y1, z1) = ends.start_m, ends.end_m
             if self._kernel is None:
-                points = through(ends, length_m).curve.point(_LOOK)
+                points = through(ends, length_m).curve.point(_SAMPLES)
                 x, y, z = points[int(np.argmin(points[:, 2]))].tolist()
                 found.append((x, y, z))
                 continue
             chord = (x1 - x0, y1 - y0, z1 - z0)
             x, y, z = self._kernel.lowest(
-                *chord, *_unit(ends.start_direction), *_unit(ends.end_direction), length_m, len(_LOOK)
+                *chord, *_unit(ends.start_direction), *_unit(ends.end_direction), length_m, len(_SAMPLES)
             )
             found.append((x0 + x, y0 + y, z0 + z))
         return min(found, key=lambda point: point[2])
