@@ -168,7 +168,7 @@ def latched(seen: Seen) -> Iterator[str]:
 
 
 def estop(seen: Seen) -> Iterator[str]:
-    """After an emergency stop: OFF (a fault stays), and no command or power from that tick on."""
+    """After an emergency stop: OFF (a fault stays), and no command in that tick."""
     case = seen.case
     place_of = {record.tick: place for place, record in enumerate(seen.records)}
     for tick, messages in case.orders.items():

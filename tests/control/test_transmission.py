@@ -129,7 +129,10 @@ def test_table_round_trip(length_mm, falling):
     table = RobotTransmission(robot({"a": {"mm_to_bar": rows}}, box_mm=(0.0, 30.0)))
     length = length_mm / 1e3
     device = table.to_device((length,))
-    assert table.to_actuation(device) == pytest.approx((length,), abs=1e-12)
+    back = table.to_actuation(device)
+    assert table.to_device(back) == pytest.approx(device, abs=1e-10)
+    # The curve ends with slope 0: there one bit of pressure is up to a nanometre.
+    assert back == pytest.approx((length,), abs=1e-12 if length < 0.029 else 2e-9)
     assert table.travel()[0] == pytest.approx((0.5e5, 1.9e5) if falling else (0.1e5, 1.5e5))
 
 
