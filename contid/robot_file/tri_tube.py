@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from typing import Annotated, Literal
 
 from pydantic import Field, model_validator
@@ -117,32 +117,3 @@ class TriTube(SectionRobot):
     def rigid_m(self) -> tuple[float, ...]:
         """Rigid piece after every section [m]."""
         return self.per_section(self.geometry.rigid_mm, "geometry.rigid_mm")
-
-
-def lengths_from_totals(readings_m: Sequence[float]) -> tuple[float, ...]:
-    """Section lengths [m] from string potentiometers that measure from the base, section by section.
-
-    The potentiometers of the CBHA's second section run along both sections (Singh et al., IROS 2018): its
-    readings are totals and the first section must be subtracted before Eq. 2 of ROBIO 2017 holds for it.
-    The first section's readings are lengths already. Tube j of every section is assumed to run along tube j.
-    """
-    first = tuple(readings_m[:3])
-    differences = (here - before for before, here in zip(readings_m, readings_m[3:], strict=False))
-    return (*first, *differences)
-
-
-def totals_from_lengths(lengths_m: Sequence[float]) -> tuple[float, ...]:
-    """What potentiometers that measure from the base read [m] for section lengths [m]."""
-    totals = list(lengths_m[:3])
-    for length_m in lengths_m[3:]:
-        totals.append(totals[-3] + length_m)
-    return tuple(totals)
-
-
-def mean_radius_m(at_start_mm: float, at_end_mm: float) -> float:
-    """Radius [m] to use for a section that tapers evenly: the mean, exact for the length of an offset tube.
-
-    ``l_i = int (1 - d(s) kappa.e_i) ds = L - mean(d) (u cos a_i + v sin a_i)`` for constant curvature, up to
-    the slope of the taper (a factor ``sqrt(1 + d'^2)`` common to all three tubes).
-    """
-    return 0.5 * (at_start_mm + at_end_mm) / MM_PER_M

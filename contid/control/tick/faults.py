@@ -49,7 +49,7 @@ _BY_POLICY = "this robot stopped by its stop.on_fault policy; the others go on"
 PAGES: Final[dict[Fault, FaultPage]] = {
     Fault.DEVICE_LOST: FaultPage(
         "a bus that was open is gone: unplugged, switched off, or its port failed",
-        "every robot on that bus went to FAULT; its devices stop by their own dead-man; the others go on",
+        "every robot on that bus went to FAULT; its devices stop by their own watchdog; the others go on",
         "check cable and supply; the bus is reopened by itself, then clear-fault and resume",
     ),
     Fault.AXIS_SILENT: FaultPage(
@@ -58,7 +58,7 @@ PAGES: Final[dict[Fault, FaultPage]] = {
         "check that device's cable, supply and id; then clear-fault and resume",
     ),
     Fault.DEVICE_FAULT: FaultPage(
-        "a device reports a fault of its own (overload, overheating, voltage, dead-man, torque lost)",
+        "a device reports a fault of its own (overload, overheating, voltage, watchdog, torque lost)",
         _BY_POLICY,
         "remove what blocks or overheats it; clear-fault also clears the device, then resume",
     ),
@@ -74,7 +74,7 @@ PAGES: Final[dict[Fault, FaultPage]] = {
     ),
     Fault.BUS_STALLED: FaultPage(
         "an exchange did not come back for tolerance_ticks ticks",
-        "every robot on that bus went to FAULT; its devices stop by their own dead-man; the others go on",
+        "every robot on that bus went to FAULT; its devices stop by their own watchdog; the others go on",
         "lower rate_hz or the number of axes on this bus; `contid doctor` names slow ports",
     ),
     Fault.AXIS_STALE: FaultPage(
@@ -100,7 +100,7 @@ PAGES: Final[dict[Fault, FaultPage]] = {
     Fault.CHAIN_BROKEN: FaultPage(
         "another arm of the same closed chain went to FAULT",
         "this robot stopped by its own stop.on_fault policy",
-        "mend what that arm reports; then clear-fault and resume, both of them",
+        "fix the fault reported by that arm; then clear-fault and resume, both of them",
     ),
 }
 

@@ -66,7 +66,7 @@ def states_page() -> str:
     lines += [
         "```",
         "",
-        "Two moves are left out of the picture: a fault leads from every state to FAULT, and an emergency",
+        "Two moves are left out of the diagram: a fault leads from every state to FAULT, and an emergency",
         "stop from every state but FAULT to OFF. In FAULT both stops bring the devices to rest; the latch",
         "stays.",
         "",
