@@ -95,7 +95,7 @@ class RecordedPort:
             answer.samples = self._samples()
         return answer
 
-    def close(self, patience_s: float) -> None:
+    def close(self, timeout_s: float) -> None:
         """See `Port.close`."""
 
     def _samples(self) -> dict[str, Sample]:

@@ -220,7 +220,7 @@ def test_another_robot_is_not_sent_the_commands(
     assert not journal.exists()
 
 
-def test_geometry_has_no_say_in_what_hardware_is_sent(recorded: Path) -> None:
+def test_geometry_may_differ_for_hardware(recorded: Path) -> None:
     from contid.robot_file.load import parse_robot_file
     from contid.session.differences import refuse_another_robot
 

@@ -144,7 +144,7 @@ def test_an_event_that_is_none_ends_the_session_there(growing: Path, tmp_path: P
         {"event": "device", "tick": 3, "axis": [], "fault": 3},
     ],
 )
-def test_an_event_that_does_not_say_what_its_kind_says_ends_the_replay(
+def test_an_event_without_its_fields_ends_the_replay(
     growing: Path, tmp_path: Path, event: dict[str, object]
 ) -> None:
     session = Session(_with(growing, tmp_path, json.dumps(event).encode(), mcap.MESSAGE))
@@ -155,7 +155,7 @@ def test_an_event_that_does_not_say_what_its_kind_says_ends_the_replay(
 
 
 @pytest.mark.parametrize("missed", [{}, {"missed_ticks": "x"}])
-def test_an_overrun_without_a_number_is_no_reason_to_say_nothing(
+def test_an_overrun_without_a_number_is_summarized(
     growing: Path, tmp_path: Path, missed: dict[str, str]
 ) -> None:
     path = _with(growing, tmp_path, json.dumps({"event": "overrun", **missed}).encode())
@@ -216,7 +216,7 @@ def _attachment(array: object, size: int | None = None) -> bytes:
         b"",
     ],
 )
-def test_an_attachment_that_is_no_trajectory_is_refused_in_words(data: bytes) -> None:
+def test_an_attachment_that_is_no_trajectory_is_refused(data: bytes) -> None:
     loaded = load(1)
     about = about_trajectory(circle(loaded))
     columns = json.loads(about["columns"])

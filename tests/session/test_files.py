@@ -150,7 +150,7 @@ def test_other_files_are_refused(tmp_path: Path, recorded: Path) -> None:
         Session(other)
 
 
-def test_nobody_repairs_what_is_still_being_recorded(tmp_path: Path) -> None:
+def test_a_session_being_recorded_is_not_repaired(tmp_path: Path) -> None:
     """The recorder would go on writing into a file that has no name any more."""
     loaded = load(2)
     path = tmp_path / "s.mcap"
@@ -232,7 +232,7 @@ def _table(path: Path) -> list[dict[str, str]]:
         return list(csv.DictReader(file))
 
 
-def test_the_summary_tells_what_happened(recorded: Path) -> None:
+def test_the_summary_lists_faults_and_events(recorded: Path) -> None:
     info = summarize(Session(recorded))
     assert info.state == "clean"
     assert info.compacted

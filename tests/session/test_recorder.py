@@ -159,7 +159,7 @@ def test_it_sleeps_between_ticks(tmp_path: Path, shared: Path) -> None:
     assert time.process_time() - before_s < 0.3 * (time.monotonic() - wall_s)
 
 
-def test_a_full_disk_is_said(tmp_path: Path, shared: Path) -> None:
+def test_a_full_disk_is_reported(tmp_path: Path, shared: Path) -> None:
     recorder = McapRecorder(_job(tmp_path / "s.mcap", shared, os.getpid()))
     full = os.open("/dev/full", os.O_WRONLY)
     os.dup2(full, recorder._writer._file)

@@ -52,8 +52,8 @@ def test_every_message_matches_the_schema_in_its_file(runs: list[Path]) -> None:
         assert len(validators) == 6
 
 
-def test_what_events_say_is_described(runs: list[Path]) -> None:
-    """All but what an order asks for, what a bus did, and what a report counts."""
+def test_the_keys_of_events_are_described(runs: list[Path]) -> None:
+    """All keys but the arguments of orders, the results of buses and the counts of reports."""
     more = {
         "robots",
         "target",
