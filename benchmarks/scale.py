@@ -27,6 +27,7 @@ from typing import Any, Final
 
 import yaml
 
+from contid.control.engine.events import RunEvent
 from contid.control.engine.virtual import VirtualProcess
 from contid.control.engine.wiring import build_robot_configs, driven_robots
 from contid.hal import Sample
@@ -94,7 +95,7 @@ class Nowhere:
     def write(self, values: list[float]) -> None:
         """Dropped."""
 
-    def event(self, kind: str, **fields: Any) -> None:
+    def event(self, event: RunEvent) -> None:
         """Dropped."""
 
 

@@ -22,6 +22,7 @@ import psutil
 
 from benchmarks.session_replay import circle
 from contid.control.engine.cycle import OnEnd
+from contid.control.engine.events import RunEvent
 from contid.control.engine.virtual import run_virtual
 from contid.control.engine.wiring import driven_robots, record_layout
 from contid.control.process import ring
@@ -46,7 +47,7 @@ class Kept:
         """See `contid.control.engine.cycle.Sink`."""
         self.records.append(values)
 
-    def event(self, kind: str, **fields: object) -> None:
+    def event(self, event: RunEvent) -> None:
         """Events are rare."""
 
 

@@ -16,6 +16,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, Final, TextIO
 
+from contid.control.engine.events import to_json
 from contid.control.engine.tick_layout import TICK
 from contid.session.format.channels import TICK_CHANNELS, Field, fields
 from contid.session.format.mcap_records import MAGIC
@@ -137,8 +138,8 @@ def export_channels(session: Session, folder: Path) -> list[Path]:
                 for writer, table in zip(ticks, tables.values(), strict=True):
                     writer.writerow(_row(session, entry.values, table))
             elif entry.event is not None:
-                rest = {key: value for key, value in entry.event.items() if key not in ("event", "tick")}
-                kind, tick = entry.event["event"], entry.event.get("tick", "")
+                rest = to_json(entry.event)
+                kind, tick = rest.pop("event"), rest.pop("tick", "")
                 time_s = tick / session.rate_hz if tick != "" else (entry.time_ns - start_ns) / 1e9
                 events.writerow([time_s, kind, tick, json.dumps(rest)])
     return paths

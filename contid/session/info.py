@@ -6,6 +6,7 @@ from collections import Counter
 from dataclasses import dataclass, field
 from typing import Any
 
+from contid.control.engine.events import FaultLatched, LogWritten, RecorderOverrun, RunEvent, to_json
 from contid.control.engine.tick_layout import LATENESS, SKIPPED
 from contid.control.tick.supervisor import Mode
 from contid.session.compare import named
@@ -96,7 +97,8 @@ def summarize(session: Session) -> Info:
     late_s = 0.1 / session.rate_hz
     for entry in session.entries():
         if entry.values is None:
-            _add_event(info, kinds, entry.event or {})
+            assert entry.event is not None
+            _add_event(info, kinds, entry.event)
             continue
         last = entry.values
         first_ns, last_ns = first_ns or entry.time_ns, entry.time_ns
@@ -131,19 +133,18 @@ def _input(session: Session) -> str:
     return f"{name}, live" if trajectory is None else f"{name}, {trajectory.get('rows', '?')} rows"
 
 
-def _add_event(info: Info, kinds: Counter[str], event: Any) -> None:
-    kind = str(event.get("event"))
+def _add_event(info: Info, kinds: Counter[str], event: RunEvent) -> None:
+    values = to_json(event)
+    kind, tick = values.pop("event"), values.pop("tick", None)
     kinds[kind] += 1
-    if kind == "fault":
-        info.faults.append(f"tick {event.get('tick')}: {event.get('robot')}: {event.get('message')}")
-    elif kind == "overrun":
-        missed = event.get("missed_ticks")
-        info.lost += missed if isinstance(missed, int) else 0
-    listed = kind in _LISTED or (kind == "log" and event.get("level") not in ("debug", "info"))
+    match event:
+        case FaultLatched():
+            info.faults.append(f"tick {tick}: {event.robot}: {event.message}")
+        case RecorderOverrun():
+            info.lost += event.missed_ticks
+    listed = kind in _LISTED or (isinstance(event, LogWritten) and event.level not in ("debug", "info"))
     if listed and len(info.listed) < _MAX_LISTED:
-        details = {key: value for key, value in event.items() if key not in ("event", "tick")}
         rest = ", ".join(
-            f"{key} {f'{value:.3g}' if isinstance(value, float) else value}" for key, value in details.items()
+            f"{key} {f'{value:.3g}' if isinstance(value, float) else value}" for key, value in values.items()
         )
-        tick = f"tick {event['tick']}: " if "tick" in event else ""
-        info.listed.append(f"{tick}{kind}: {rest}")
+        info.listed.append(f"{'' if tick is None else f'tick {tick}: '}{kind}: {rest}")

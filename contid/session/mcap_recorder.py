@@ -23,6 +23,7 @@ from contextlib import suppress
 from pathlib import Path
 from typing import Final
 
+from contid.control.engine.events import RecorderFailed, RecorderOverrun
 from contid.control.engine.tick_layout import DEADLINE
 from contid.control.process.ring import RingReader
 from contid.errors import ContidError
@@ -77,7 +78,7 @@ class McapRecorder:
                 break
             gone = self._sleep()
         if not finished:
-            self._writer.event({"event": "recorder", "message": "the control process ended unexpectedly"})
+            self._writer.event(RecorderFailed(message="the control process ended unexpectedly"))
         self._writer.finish()
 
     def listen(self, descriptor: int) -> None:
@@ -106,7 +107,7 @@ class McapRecorder:
         missed = (reader.missed_ticks, reader.missed_events)
         if missed != self._missed:
             ticks, events = missed[0] - self._missed[0], missed[1] - self._missed[1]
-            writer.event({"event": "overrun", "missed_ticks": ticks, "missed_events": events})
+            writer.event(RecorderOverrun(missed_ticks=ticks, missed_events=events))
             self._taken += ticks
             self._missed = missed
         for values in raw:

@@ -3,10 +3,10 @@
 from __future__ import annotations
 
 import json
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Callable, Iterator
 from pathlib import Path
-from typing import Any
 
+from contid.control.engine.events import RunEvent
 from contid.control.engine.tick_layout import RecordLayout, TickRecord
 from contid.errors import BadInputError, ContidError
 from contid.robot_file.load import LoadedFile, parse_robot_file, with_mock
@@ -186,7 +186,7 @@ class Session:
             if entry.values is not None:
                 yield self.layout.decode(tuple(entry.values))
 
-    def events(self) -> Iterator[Mapping[str, Any]]:
+    def events(self) -> Iterator[RunEvent]:
         """The events."""
         for entry in self.entries():
             if entry.event is not None:

@@ -13,11 +13,20 @@ import math
 from collections import defaultdict
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
-from typing import Any, Final
+from typing import Final
 
 from contid.control.engine.cycle import OnEnd, Timing
 from contid.control.engine.engine import Engine
-from contid.control.engine.messages import Message, Play
+from contid.control.engine.events import (
+    BusAnswered,
+    BusStalled,
+    DeviceFaultChanged,
+    OrderGiven,
+    RunEvent,
+    UnknownEvent,
+    to_json,
+)
+from contid.control.engine.messages import Play
 from contid.control.engine.order_events import answer_of, order_of
 from contid.control.engine.ports import BusJob, BusReply
 from contid.control.engine.tick_layout import AXIS, SKIPPED, TICK, AxisRecord
@@ -28,9 +37,11 @@ from contid.robot_file.load import LoadedFile
 from contid.session.compare import Comparison, Divergence
 from contid.session.differences import refuse_other_robots
 from contid.session.read import Session
+from contid.trajectory.timed import Trajectory
 
 #: Events that a replay needs besides the records.
-_INPUTS: Final = frozenset({"order", "answer", "stall", "device"})
+_INPUTS: Final = (OrderGiven, BusAnswered, BusStalled, DeviceFaultChanged)
+_INPUT_KINDS: Final = frozenset(kind.KIND for kind in _INPUTS)
 
 
 @dataclass(frozen=True, slots=True)
@@ -134,7 +145,7 @@ class _Sink:
     def write(self, values: list[float]) -> None:
         self.values = values
 
-    def event(self, kind: str, **fields: Any) -> None:
+    def event(self, event: RunEvent) -> None:
         """Ignored: the recording has the events."""
 
 
@@ -168,7 +179,7 @@ def replay(session: Session, loaded: LoadedFile, tolerance: float = 0.0) -> Repl
         guards=chain_guards(loaded),
     )
     comparison = Comparison(session.layout, session.device_units, tolerance)
-    by_tick: dict[int, list[Mapping[str, Any]]] = defaultdict(list)
+    by_tick: dict[int, list[RunEvent]] = defaultdict(list)
     if session.option("armed") == "false":
         engine.connect()
     else:
@@ -176,8 +187,11 @@ def replay(session: Session, loaded: LoadedFile, tolerance: float = 0.0) -> Repl
     last, last_skipped, count, played = -1, 0, 0, 0
     for entry in session.entries():
         if entry.event is not None:
-            if entry.event["event"] in _INPUTS:
-                by_tick[entry.event.get("tick", last + 1)].append(entry.event)
+            match entry.event:
+                case UnknownEvent(kind=kind, values=fields) if kind in _INPUT_KINDS:
+                    by_tick[fields.get("tick", last + 1)].append(entry.event)
+                case OrderGiven() | BusAnswered() | BusStalled() | DeviceFaultChanged():
+                    by_tick[entry.event.tick].append(entry.event)
             continue
         values = entry.values
         assert values is not None
@@ -190,10 +204,11 @@ def replay(session: Session, loaded: LoadedFile, tolerance: float = 0.0) -> Repl
         recorded.values, recorded.stalls = values, set()
         for event in by_tick.pop(tick, ()):
             try:
-                if event.get("order") == "play":
+                trajectory = None
+                if isinstance(event, OrderGiven) and event.order["order"] == "play":
                     played += 1
-                    event = {**event, "trajectory": session.trajectory(loaded, played)}
-                _apply(event, recorded, engine, tick)
+                    trajectory = session.trajectory(loaded, played)
+                _apply(event, trajectory, recorded, engine, tick)
             except ContidError as error:
                 return Replayed(count, None, comparison.largest, str(error))
         engine.cycle(Timing(tick, skipped, math.nan))
@@ -204,34 +219,30 @@ def replay(session: Session, loaded: LoadedFile, tolerance: float = 0.0) -> Repl
     return Replayed(count, None, comparison.largest)
 
 
-def _apply(event: Mapping[str, Any], recorded: RecordedTick, engine: Engine, tick: int) -> None:
-    """Apply an event to the present tick.
+def _apply(
+    event: RunEvent, trajectory: Trajectory | None, recorded: RecordedTick, engine: Engine, tick: int
+) -> None:
+    """Apply an event to the present tick; ``trajectory`` is that of an order ``play``.
 
     Raises:
         ContidError: the event is damaged.
     """
     try:
-        order = _decode(event, recorded)
+        match event:
+            case OrderGiven():
+                engine.obey(order_of(event) if trajectory is None else Play(trajectory), tick)
+            case BusAnswered():
+                recorded.answers[event.bus] = answer_of(event)
+            case BusStalled():
+                recorded.stalls.add(event.bus)
+            case DeviceFaultChanged():
+                recorded.faults[event.axis] = event.fault
+            case UnknownEvent():
+                raise ValueError("keys or types are wrong")
     except (ValueError, KeyError, TypeError, AttributeError, IndexError) as error:
-        message = f"its event {event['event']!r} is damaged: {type(error).__name__}: {error}"
+        kind = to_json(event)["event"]
+        message = f"its event {kind!r} is damaged: {type(error).__name__}: {error}"
         raise ContidError(f"tick {tick}: {message}") from error
-    if order is not None:
-        engine.obey(order, tick)
-
-
-def _decode(event: Mapping[str, Any], recorded: RecordedTick) -> Message | None:
-    """The order of an event, if it is one; other inputs are kept in ``recorded``."""
-    match event["event"]:
-        case "order":
-            trajectory = event.get("trajectory")
-            return order_of(event) if trajectory is None else Play(trajectory)
-        case "answer":
-            recorded.answers[event["bus"]] = answer_of(event)
-        case "stall":
-            recorded.stalls.add(event["bus"])
-        case "device":
-            recorded.faults[event["axis"]] = event["fault"]
-    return None
 
 
 def _slots(session: Session, axes: Sequence[str]) -> dict[str, int]:

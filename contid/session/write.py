@@ -16,6 +16,7 @@ from contextlib import suppress
 from pathlib import Path
 from typing import Any, Final
 
+from contid.control.engine.events import RunEvent, to_json
 from contid.control.engine.tick_layout import DEADLINE, TICK
 from contid.errors import ContidError
 from contid.session.format import mcap_records as mcap
@@ -71,9 +72,9 @@ class SessionWriter:
         for number, data in enumerate(self._encoder.encode(values), 1):
             self._buffer += mcap.message(number, tick, time_ns, data)
 
-    def event(self, event: Mapping[str, Any]) -> None:
+    def event(self, event: RunEvent) -> None:
         """Add an event at the time of the newest tick."""
-        data = json.dumps(event, separators=(",", ":")).encode()
+        data = json.dumps(to_json(event), separators=(",", ":")).encode()
         self._buffer += mcap.message(_EVENT_ID, self._sequence, self._time_ns, data)
 
     def attach(self, name: str, media: str, data: bytes, metadata: Mapping[str, str]) -> None:
@@ -130,9 +131,9 @@ class SessionSink:
         if self._writer.pending > _BUFFER_BYTES:
             self._writer.flush()
 
-    def event(self, kind: str, **fields: Any) -> None:
+    def event(self, event: RunEvent) -> None:
         """Record an event."""
-        self._writer.event({"event": kind, **fields})
+        self._writer.event(event)
 
 
 def head_records(header: Header) -> bytes:

@@ -2,10 +2,11 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Sequence
 from pathlib import Path
-from typing import Any, Final
+from typing import Final
 
+from contid.control.engine.events import RunEvent
 from contid.control.engine.tick_layout import RecordLayout
 from contid.robot_file.load import LoadedFile
 from contid.view.frames import Decimator
@@ -15,7 +16,7 @@ from contid.view.view_target import Kind, ViewTarget
 #: Ticks that are written together.
 BATCH: Final = 1024
 #: Values of one record, or one event.
-Entry = tuple[Sequence[float] | None, Mapping[str, Any] | None]
+Entry = tuple[Sequence[float] | None, RunEvent | None]
 
 
 def draw(

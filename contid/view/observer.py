@@ -8,10 +8,11 @@ import subprocess
 import sys
 from collections.abc import Sequence
 from contextlib import suppress
-from typing import Any, Final
+from typing import Final
 
 from contid.control.daemon.spawn import ENVIRONMENT
 from contid.control.engine.cycle import Sink
+from contid.control.engine.events import RunEvent
 from contid.control.engine.messages import Message
 from contid.control.engine.wiring import record_layout
 from contid.control.process.setup import RunSetup
@@ -91,9 +92,9 @@ class DrawingSink:
         """Draw a tick."""
         self._decimator.add(values)
 
-    def event(self, kind: str, **fields: Any) -> None:
+    def event(self, event: RunEvent) -> None:
         """Draw an event."""
-        self._session.writer.event({"event": kind, **fields})
+        self._session.writer.event(event)
 
     def close(self) -> None:
         """Draw the last frames."""

@@ -6,12 +6,13 @@ A batch is written column by column (`send_columns`), which costs a tenth of row
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from typing import Any, Final
 
 import numpy as np
 import rerun as rr
 
+from contid.control.engine.events import RunEvent, to_json
 from contid.control.engine.tick_layout import RobotRecord
 from contid.control.tick.config import RobotConfig
 from contid.targets import Vec3
@@ -118,15 +119,16 @@ class RerunWriter:
             lines = [rope.line(each) for each in zip(*drawings, strict=True)]
             self._lines(paths.body(rope.guard.name, "rope"), drawn_ticks, lines, ROPE)
 
-    def event(self, event: Mapping[str, Any]) -> None:
+    def event(self, event: RunEvent) -> None:
         """Add an event of the ring, unless it is for programs only."""
-        kind = event["event"]
+        values = to_json(event)
+        kind = values["event"]
         if kind not in SILENT:
             columns = rr.TextLog.columns(
-                text=[event_line(event)],
-                level=[LEVELS.get(event["level"] if kind == "log" else kind, "INFO")],
+                text=[event_line(values)],
+                level=[LEVELS.get(values["level"] if kind == "log" else kind, "INFO")],
             )
-            self._send(paths.EVENTS, [int(event.get("tick", self._tick))], columns)
+            self._send(paths.EVENTS, [int(values.get("tick", self._tick))], columns)
 
     def _curves(self, robot: RobotScene, ticks: Sequence[int], records: Sequence[RobotRecord]) -> None:
         """Lengths or pressures and the distance of the tip from its target, commanded and measured."""

@@ -14,6 +14,7 @@ import signal
 import sys
 from typing import Final
 
+from contid.control.engine.events import ViewerPaused
 from contid.control.process.ring import RingReader
 from contid.errors import ContidError
 from contid.view.frames import BATCH, FRAMES_HZ, Decimator
@@ -72,7 +73,7 @@ class Viewer:
         missed = self._reader.missed_ticks
         if missed != self._missed:
             message = f"the viewer missed {missed - self._missed} ticks"
-            self._writer.event({"event": "viewer", "message": message})
+            self._writer.event(ViewerPaused(message=message))
             self._missed = missed
 
 

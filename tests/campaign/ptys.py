@@ -24,6 +24,7 @@ from typing import Final
 import psutil
 
 from contid.client import Client, ConnectionLostError, RemoteError
+from contid.control.engine.events import OrderGiven, StopBegan
 from contid.remote.protocol.socket_path import is_listening
 from contid.session.read import Session
 from tests.campaign.exits import limit_s
@@ -322,14 +323,14 @@ class Run:
     def _had_ended(self, at_s: float) -> bool:
         """The orderly stop, which leaves devices at rest by its policy, ended before the second Ctrl-C."""
         session = Session(self._folder / "s.mcap")
-        orders = [str(event["order"]) for event in session.events() if event["event"] == "order"]
+        orders = [str(event.order["order"]) for event in session.events() if isinstance(event, OrderGiven)]
         pressed = "estop" in orders[orders.index("finish") :] if "finish" in orders else False
         *_, last = session.ticks()
         return not pressed and last.deadline_s < at_s + 1.0 / RATE_HZ
 
     def _motion_s(self) -> float:
         events = Session(self._folder / "s.mcap").events()
-        return max((float(e["seconds"]) for e in events if e["event"] == "stopping"), default=0.0)
+        return max((e.seconds for e in events if isinstance(e, StopBegan)), default=0.0)
 
 
 def _alive(process: psutil.Process) -> bool:

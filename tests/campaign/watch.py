@@ -7,6 +7,7 @@ from typing import Any
 
 from contid.control.engine import messages as msg
 from contid.control.engine.cycle import OnEnd
+from contid.control.engine.events import RunEvent, to_json
 from contid.control.engine.tick_layout import TickRecord
 from contid.control.engine.virtual import VirtualProcess
 from contid.control.engine.wiring import record_layout
@@ -49,8 +50,8 @@ class Seen:
     def write(self, values: list[float]) -> None:
         self.records.append(self._layout.decode(tuple(values)))
 
-    def event(self, kind: str, **fields: Any) -> None:
-        self.events.append({"event": kind, **fields})
+    def event(self, event: RunEvent) -> None:
+        self.events.append(to_json(event))
 
     def modes(self) -> dict[str, list[int]]:
         """States of every robot, by tick of the record."""

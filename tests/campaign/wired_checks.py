@@ -11,6 +11,7 @@ from pathlib import Path
 from types import SimpleNamespace
 from typing import Any, Final
 
+from contid.control.engine.events import FaultLatched, OrderGiven
 from contid.control.engine.tick_layout import ENABLED, TickRecord
 from contid.control.engine.wiring import build_robot_configs
 from contid.control.tick.supervisor import Mode
@@ -108,9 +109,7 @@ def judge(tally: Tally, wires: Wires, recorded: Path, thrown: Sequence[Injected]
     tally.check("session complete", [*([] if session.clean else [session.cut]), *invariants.complete(seen)])
     tally.check("no jump on arming", list(_no_jump(configs, records)))
     by_tick = {record.tick: record.deadline_s for record in records}
-    faults = [
-        (by_tick.get(e["tick"], 0.0), e["robot"], e["message"]) for e in events if e["event"] == "fault"
-    ]
+    faults = [(by_tick.get(e.tick, 0.0), e.robot, e.message) for e in events if isinstance(e, FaultLatched)]
     tally.check("other robots unaffected", list(_unaffected(faults, thrown)))
     tally.check("estop within the tick", list(_estops(configs, records, events)))
     for injected in thrown:
@@ -178,9 +177,9 @@ def _estops(configs: Any, records: list[TickRecord], events: list[Any]) -> Itera
     """In the tick of an estop no robot is commanded any more: OFF, or a fault that was latched already."""
     by_tick = {record.tick: record for record in records}
     for event in events:
-        if event["event"] != "order" or event["order"] != "estop" or event["tick"] not in by_tick:
+        if not isinstance(event, OrderGiven) or event.order["order"] != "estop" or event.tick not in by_tick:
             continue
-        for config, robot in zip(configs, by_tick[event["tick"]].robots, strict=True):
+        for config, robot in zip(configs, by_tick[event.tick].robots, strict=True):
             commanded = any(axis.device == axis.device for axis in robot.axes)
             if robot.mode not in (Mode.OFF, Mode.FAULT) or commanded or robot.flags & ENABLED:
-                yield f"{config.name}: {Mode(robot.mode).name} in the tick of an estop, {event['tick']}"
+                yield f"{config.name}: {Mode(robot.mode).name} in the tick of an estop, {event.tick}"

@@ -5,6 +5,7 @@ from __future__ import annotations
 import io
 import math
 
+from contid.control.engine.events import RunEvent, to_json
 from contid.control.engine.virtual import run_virtual
 from contid.control.engine.wiring import driven_robots
 from contid.robot_file.load import LoadedFile, parse_robot_file
@@ -94,8 +95,8 @@ class Collector:
         if self.layout is not None:
             self.records.append(self.layout.decode(tuple(values)))
 
-    def event(self, kind: str, **fields: object) -> None:
-        self.events.append({"event": kind, **fields})
+    def event(self, event: RunEvent) -> None:
+        self.events.append(to_json(event))
 
     def modes(self, robot: str) -> list[str]:
         return [str(e["mode"]) for e in self.events if e["event"] == "state" and e["robot"] == robot]

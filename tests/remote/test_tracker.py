@@ -14,6 +14,7 @@ import numpy as np
 import pytest
 
 from contid.client import AsyncClient, Client, Code, RemoteError
+from contid.control.engine.events import OrderGiven
 from contid.control.engine.wiring import build_robot_configs
 from contid.kinematics.model import build_model
 from contid.robot_file.load import load_robot_file, parse_robot_file
@@ -94,11 +95,19 @@ def test_a_tracker_on_the_socket_takes_the_static_error_of_a_wrong_model_and_its
         falls_back_without_a_jump(recording)
 
 
+def _measured(session: Session) -> list[OrderGiven]:
+    return [
+        event
+        for event in session.events()
+        if isinstance(event, OrderGiven) and event.order["order"] == "measured"
+    ]
+
+
 def falls_back_without_a_jump(recording: Path) -> None:
     session = Session(recording)
     loaded = session.robot_file()
     config = build_robot_configs(loaded, session.rate_hz)[0]
-    measured = [event["tick"] for event in session.events() if event.get("order") == "measured"]
+    measured = [event.tick for event in _measured(session)]
     # Ticks that were skipped on a busy machine have not happened for anybody.
     ran = [(record.tick, [axis.command for axis in record.robots[0].axes]) for record in session.ticks()]
     first, last = (sum(tick < measured[end] for tick, _ in ran) for end in (0, -1))
@@ -180,13 +189,13 @@ async def test_a_flood_of_measurements_reaches_the_tick_no_more_often_than_it_ti
             sent = await flood()
             await person.hold()
         running.end()
-    events = [event for event in Session(recording).events() if event.get("order") == "measured"]
-    ticks = [event["tick"] for event in events]
+    events = _measured(Session(recording))
+    ticks = [event.tick for event in events]
     assert 10 < len(ticks) < sent
     # One is sent per record that is seen; it may come just after, or just before, a tick reads its orders.
     assert len(ticks) <= ticks[-1] - ticks[0] + 2
     assert max(map(ticks.count, ticks)) <= 2
-    assert all(0.0 <= event["age_s"] < 0.2 for event in events)
+    assert all(0.0 <= event.order["age_s"] < 0.2 for event in events)
 
 
 def test_a_table_of_poses_is_played_in_time(own_folder: Path) -> None:

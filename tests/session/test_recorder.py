@@ -12,6 +12,7 @@ from pathlib import Path
 import pytest
 
 from contid.control.engine.cycle import OnEnd
+from contid.control.engine.events import OrderGiven, RecorderFailed
 from contid.control.engine.wiring import record_layout
 from contid.control.process import ring
 from contid.control.process.setup import RunSetup
@@ -74,7 +75,11 @@ def test_a_row_for_forty_robots_is_recorded_whole_and_replays(tmp_path: Path) ->
     rows = "".join(",".join(["50", str(75 + row)] * 40) + "\n" for row in range(3))
     done = contid("run", str(robot), "--mock", "--record", str(path), stdin=f"{header}\n{rows}")
     assert done.returncode == 0, done.stderr
-    rows_seen = [event for event in Session(path).events() if event.get("order") == "rows"]
+    rows_seen = [
+        event.order
+        for event in Session(path).events()
+        if isinstance(event, OrderGiven) and event.order["order"] == "rows"
+    ]
     assert [len(event["targets"]) for event in rows_seen] == [40] * 3
     replayed = contid("replay", str(path))
     assert replayed.returncode == 0, replayed.stdout
@@ -144,7 +149,7 @@ def test_it_ends_when_its_writer_is_gone(tmp_path: Path, shared: Path) -> None:
     writer.close()
     session = Session(tmp_path / "s.mcap")
     assert summarize(session).ticks == 10
-    assert {"event": "recorder", "message": "the control process ended unexpectedly"} in session.events()
+    assert RecorderFailed(message="the control process ended unexpectedly") in session.events()
 
 
 @pytest.mark.realtime

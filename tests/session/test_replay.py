@@ -10,6 +10,7 @@ import pytest
 
 from contid.control.engine import messages as msg
 from contid.control.engine.cycle import OnEnd
+from contid.control.engine.events import OrderGiven
 from contid.control.engine.wiring import record_layout
 from contid.control.process import ring
 from contid.control.process.setup import RunSetup
@@ -56,7 +57,7 @@ def test_orders_come_at_their_ticks(tmp_path: Path) -> None:
         400: [msg.Finish()],
     }
     path = record_virtual(tmp_path / "s.mcap", loaded, circle(loaded, period_s=3.0), orders)
-    kinds = [event["order"] for event in Session(path).events() if event["event"] == "order"]
+    kinds = [event.order["order"] for event in Session(path).events() if isinstance(event, OrderGiven)]
     assert kinds == ["hold", "resume", "hold", "goto", "resume", "estop", "finish"]
     _same(path)
 
@@ -134,8 +135,7 @@ def test_a_gap_in_the_recording_ends_the_replay(recorded: Path, tmp_path: Path) 
     assert record_layout(loaded, 200.0) == Session(recorded).layout
     for entry in Session(recorded).entries():
         if entry.event is not None:
-            fields = {key: value for key, value in entry.event.items() if key != "event"}
-            sink.event(entry.event["event"], **fields)
+            sink.event(entry.event)
         elif entry.values is not None and entry.values[0] not in (100, 101):
             sink.write(entry.values)
     recording.detach()
@@ -152,8 +152,7 @@ def test_two_runs_in_one_file_are_not_taken_for_one(recorded: Path, tmp_path: Pa
     for _ in range(2):
         for entry in Session(recorded).entries():
             if entry.event is not None:
-                fields = {key: value for key, value in entry.event.items() if key != "event"}
-                sink.event(entry.event["event"], **fields)
+                sink.event(entry.event)
             elif entry.values is not None:
                 sink.write(entry.values)
     recording.detach()
@@ -188,13 +187,13 @@ def test_the_recorder_takes_a_trajectory_that_came_during_the_run(tmp_path: Path
     second = circle(loaded, period_s=0.8)
     recording.before_order(msg.Play(second))
     recording.before_order(msg.Hold())
-    writer.event("order", tick=0, order="play", rows=len(second))
+    writer.event(OrderGiven(tick=0, order={"order": "play", "rows": len(second)}))
     writer.finish()
     assert recording.detach() == ()
     writer.close()
     shared.unlink()
     session = Session(tmp_path / "s.mcap")
-    assert [event["order"] for event in session.events()] == ["play"]
+    assert [*session.events()] == [OrderGiven(tick=0, order={"order": "play", "rows": len(second)})]
     again = session.trajectory(loaded, 1)
     assert again is not None
     assert again.rows.tobytes() == second.rows.tobytes()

@@ -10,7 +10,7 @@ from __future__ import annotations
 import asyncio
 import logging
 import signal
-from collections.abc import Callable, Coroutine, Mapping, Sequence
+from collections.abc import Callable, Coroutine, Sequence
 from contextlib import suppress
 from dataclasses import dataclass
 from pathlib import Path
@@ -28,6 +28,7 @@ from contid.control.daemon.row_stream import LiveRowReader, follow_stream
 from contid.control.daemon.shutdown import Escalation, ShutdownSequence
 from contid.control.engine.command_log import CommandLog
 from contid.control.engine.cycle import OnEnd
+from contid.control.engine.events import PaceReported, RunEvent, RunFailed, SourceEnded, StopBegan
 from contid.control.engine.messages import Begin, EndOfRows, Estop, Finish, Hold, Message, Play
 from contid.control.engine.report import RunReport
 from contid.control.engine.tick_layout import RecordLayout, TickRecord
@@ -95,7 +96,7 @@ class Daemon:
         self._logs = LogQueue("daemon")
         # The recording holds records from INFO also when the terminal shows warnings only.
         self._recorded_level = min(options.log_level, logging.INFO)
-        self._listeners: list[Callable[[Mapping[str, Any]], None]] = []
+        self._listeners: list[Callable[[RunEvent], None]] = []
         self._attached: list[RunObserver] = []
         self._tasks: list[asyncio.Task[None]] = []
         self._command_log: CommandLog | None = None
@@ -153,7 +154,7 @@ class Daemon:
         if not self._fetching:
             self._fetch()
 
-    def listen(self, listener: Callable[[Mapping[str, Any]], None]) -> None:
+    def listen(self, listener: Callable[[RunEvent], None]) -> None:
         """See `RunControl.listen`."""
         self._listeners.append(listener)
 
@@ -327,18 +328,18 @@ class Daemon:
             self._report.problem(message)
             log.warning(message)
 
-    def _on_event(self, event: Mapping[str, Any]) -> None:
+    def _on_event(self, event: RunEvent) -> None:
         """Pass an event on."""
         self._report.add(event)
         if message := terminal.event_text(event, self._options.log_level):
             terminal.print_message(message)
-        match event["event"]:
-            case "end":
+        match event:
+            case SourceEnded():
                 self.input_active = False
-            case "stopping":
+            case StopBegan():
                 self._notifier.stopping()
-                self._shutdown.stop_takes(event["seconds"], asyncio.get_running_loop().time())
-            case "failed" | "report":
+                self._shutdown.stop_takes(event.seconds, asyncio.get_running_loop().time())
+            case RunFailed() | PaceReported():
                 self._notifier.stopping()
         for listener in self._listeners:
             listener(event)

@@ -6,10 +6,11 @@ A `RunObserver`, such as a recorder or a viewer, gets the path of the ring and r
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
-from typing import Any, Protocol
+from collections.abc import Callable, Sequence
+from typing import Protocol
 
 from contid.control.engine.cycle import Sink
+from contid.control.engine.events import RunEvent
 from contid.control.engine.messages import Message
 from contid.control.engine.tick_layout import TickRecord
 from contid.control.process.setup import RunSetup
@@ -69,7 +70,7 @@ class RunControl(Protocol):
         """Deliver every event up to now to the listeners."""
         ...
 
-    def listen(self, listener: Callable[[Mapping[str, Any]], None]) -> None:
+    def listen(self, listener: Callable[[RunEvent], None]) -> None:
         """Call ``listener`` with every further event."""
         ...
 

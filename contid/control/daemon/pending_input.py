@@ -9,12 +9,13 @@ from __future__ import annotations
 
 import asyncio
 import threading
-from collections.abc import Callable, Mapping
+from collections.abc import Callable
 from contextlib import suppress
-from typing import Any, Final
+from typing import Final
 
 from contid.control.daemon.cancellable_reader import CancellableReader, InputCancelledError
 from contid.control.daemon.inputs import Stream
+from contid.control.engine.events import MarkReached, OrderRefused, RunEvent
 from contid.control.engine.messages import Estop, Goto, Hold, Mark, Message, Play, Resume, Rows, Stop
 from contid.trajectory.timed import Trajectory
 
@@ -63,16 +64,16 @@ class PendingInput:
         if self._outcome is not None and not self._outcome.done():
             self._outcome.set_exception(InputCancelledError())
 
-    def answer(self, order: Message) -> list[Mapping[str, Any]]:
+    def answer(self, order: Message) -> list[RunEvent]:
         """The events that answer an order before the run has begun."""
         match order:
             case Mark(number):
-                return [{"event": "mark", "number": number, "tick": 0}]
+                return [MarkReached(number=number, tick=0)]
             case Hold() | Stop() | Estop():
                 self.stopped = True
             case Resume() | Goto() | Rows() | Play():
                 message = f"{self.message}; nothing is connected yet"
-                return [{"event": "refused", "robot": "", "message": message}]
+                return [OrderRefused(message=message)]
         return []
 
     def _work(self) -> None:

@@ -3,9 +3,8 @@
 from __future__ import annotations
 
 import signal
-from collections.abc import Mapping
-from typing import Any
 
+from contid.control.engine.events import PaceReported, RobotReported, RunEvent, RunFailed, RunStarted
 from contid.control.engine.report import RunReport, complete_from_records
 from contid.control.process.ring import RingReader
 
@@ -43,20 +42,20 @@ class ReportBuilder:
         )
         self.report.exit_code = 3
 
-    def add(self, event: Mapping[str, Any]) -> None:
+    def add(self, event: RunEvent) -> None:
         """Add an event of the ring."""
         report = self.report
-        match event["event"]:
-            case "started":
+        match event:
+            case RunStarted():
                 self.started = True
-                report.realtime = event["realtime"]
-            case "failed":
-                report.ending, report.exit_code = event["message"], event["exit_code"]
-            case "robot":
-                report.robots[event["robot"]] = event["told"]
-            case "report":
-                for name in ("ticks", "late", "skipped", "waited", "lateness"):
-                    setattr(report, name, event[name])
+                report.realtime = event.realtime
+            case RunFailed():
+                report.ending, report.exit_code = event.message, event.exit_code
+            case RobotReported():
+                report.robots[event.robot] = event.report
+            case PaceReported():
+                report.ticks, report.late, report.skipped = event.ticks, event.late, event.skipped
+                report.waited, report.lateness = event.waited, event.lateness
 
     def conclude(self, reader: RingReader, status: int | None) -> None:
         """Complete the report after the last event, and set the exit code.

@@ -13,7 +13,6 @@ from collections.abc import Iterator, Mapping, Sequence
 from contextlib import ExitStack, closing
 from itertools import chain
 from pathlib import Path
-from typing import Any
 
 from contid.control.daemon.cancellable_reader import CancellableReader
 from contid.control.daemon.control_child import ControlChild
@@ -25,6 +24,7 @@ from contid.control.daemon.spawn import Spawned
 from contid.control.daemon.terminal import event_text, print_message
 from contid.control.engine.command_log import CommandLog
 from contid.control.engine.cycle import OnEnd, Sink
+from contid.control.engine.events import RunEvent
 from contid.control.engine.report import RunReport
 from contid.control.engine.virtual import run_virtual
 from contid.control.engine.wiring import record_layout
@@ -111,7 +111,7 @@ class SinkHandler(LogQueue):
         super().emit(record)
         for line in self.take():
             for sink in self._sinks:
-                line.write(sink)
+                sink.event(line)
 
 
 class TerminalSink:
@@ -123,7 +123,7 @@ class TerminalSink:
     def write(self, values: list[float]) -> None:
         """Records are not printed."""
 
-    def event(self, kind: str, **fields: Any) -> None:
+    def event(self, event: RunEvent) -> None:
         """See `contid.control.engine.cycle.Sink`."""
-        if message := event_text({"event": kind, **fields}, self._log_level):
+        if message := event_text(event, self._log_level):
             print_message(message)

@@ -5,9 +5,18 @@ from __future__ import annotations
 import logging
 import math
 import sys
-from collections.abc import Callable, Mapping
-from typing import Any, Final
+from collections.abc import Callable
+from typing import Final
 
+from contid.control.engine.events import (
+    BusChanged,
+    FaultLatched,
+    LogWritten,
+    OrderRefused,
+    RunEvent,
+    RunStarted,
+    TicksSkipped,
+)
 from contid.control.engine.tick_layout import RecordLayout, TickRecord
 from contid.control.tick.supervisor import Mode
 
@@ -39,23 +48,22 @@ def log_text(level: str, message: str) -> str:
     return message if level.lower() == "info" else f"{level.lower()}: {message}"
 
 
-def event_text(event: Mapping[str, Any], log_level: int = logging.INFO) -> str:
+def event_text(event: RunEvent, log_level: int = logging.INFO) -> str:
     """The message of an event for the terminal; "" for events that are not shown."""
-    match event["event"]:
-        case "log":
-            level = logging.getLevelNamesMapping()[event["level"].upper()]
+    match event:
+        case LogWritten():
+            level = logging.getLevelNamesMapping()[event.level.upper()]
             # The daemon has printed its own records already.
-            shown = event["process"] == "control" and level >= log_level
-            return log_text(event["level"], event["message"]) if shown else ""
-        case "fault":
-            return f"{event['robot']}: {event['message']}"
-        case "refused":
-            return f"refused: {event['message']}"
-        case "bus" | "started":
-            return str(event["message"])
-        case "skipped":
-            what = "1 tick" if event["ticks"] == 1 else f"{event['ticks']} ticks"
-            return f"{what} skipped ({event['total']} in all)"
+            shown = event.process == "control" and level >= log_level
+            return log_text(event.level, event.message) if shown else ""
+        case FaultLatched():
+            return f"{event.robot}: {event.message}"
+        case OrderRefused():
+            return f"refused: {event.message}"
+        case BusChanged() | RunStarted():
+            return event.message
+        case TicksSkipped(ticks=ticks, total=total):
+            return f"{ticks} {'tick' if ticks == 1 else 'ticks'} skipped ({total} in all)"
     return ""
 
 

@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 
 from contid.control.engine.cycle import Sink
+from contid.control.engine.events import OrderRefused
 from contid.control.engine.exchange import Exchange
 from contid.control.engine.messages import Who
 from contid.control.engine.robots import Robots
@@ -38,12 +39,12 @@ class ChainOrders:
         for robot, message in self._watch.gotos(
             self._robots.states, targets, now_s, self._exchange.samples_of
         ):
-            self._sink.event("refused", robot=robot, message=message)
+            self._sink.event(OrderRefused(robot=robot, message=message))
 
     def stopped(self, who: Who, now_s: float) -> None:
         """After an order that stops robots: the rest of their chains, and forbidden ways to rest poses."""
         for robot, message in self._watch.stopped(self._robots.states, who, now_s, self._exchange.samples_of):
-            self._sink.event("refused", robot=robot, message=message)
+            self._sink.event(OrderRefused(robot=robot, message=message))
 
     def before_tick(
         self, targets: Mapping[str, Target | None], now_s: float, measured: Mapping[str, Measurement]

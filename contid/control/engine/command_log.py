@@ -9,8 +9,8 @@ from __future__ import annotations
 
 import math
 from pathlib import Path
-from typing import Any
 
+from contid.control.engine.events import RunEvent
 from contid.control.engine.tick_layout import RecordLayout, TickRecord
 from contid.control.tick.supervisor import Mode
 
@@ -41,7 +41,7 @@ class CommandLog:
         """See `contid.control.engine.cycle.Sink`."""
         self.add(self._layout.decode(tuple(values)))
 
-    def event(self, kind: str, **fields: Any) -> None:
+    def event(self, event: RunEvent) -> None:
         """Events are not commands."""
 
     def close(self) -> None:

@@ -4,7 +4,9 @@ from __future__ import annotations
 
 import enum
 from dataclasses import dataclass
-from typing import Any, Protocol
+from typing import Protocol
+
+from contid.control.engine.events import RunEvent
 
 
 class OnEnd(enum.StrEnum):
@@ -22,7 +24,7 @@ class Sink(Protocol):
         """One tick, all values of the layout in order."""
         ...
 
-    def event(self, kind: str, **fields: Any) -> None:
+    def event(self, event: RunEvent) -> None:
         """One event."""
         ...
 

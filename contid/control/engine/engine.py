@@ -11,6 +11,7 @@ from collections.abc import Callable, Mapping, Sequence
 from contid.control.engine import messages as msg
 from contid.control.engine.chain_orders import ChainOrders
 from contid.control.engine.cycle import OnEnd, Sink, Timing
+from contid.control.engine.events import GotoEnded, MarkReached, OrderRefused
 from contid.control.engine.exchange import Exchange
 from contid.control.engine.order_events import order_event
 from contid.control.engine.pack_record import CycleSnapshot, RecordPacker
@@ -132,8 +133,8 @@ class Engine:
         """Carry out a message of the daemon; what is refused becomes an event."""
         course = self._course
         step = self._step + 1
-        if (fields := order_event(message)) is not None:
-            self._sink.event("order", tick=tick_number, **fields)
+        if (order := order_event(message, tick_number)) is not None:
+            self._sink.event(order)
         if not isinstance(message, msg.Goto):
             self._chains.begin_gotos(step / self._rate_hz)
         # Whoever gives orders is waited for, also when every robot is in FAULT.
@@ -142,7 +143,8 @@ class Engine:
             # Nobody, and no script in a loop, holds up the end of a run.
             if not isinstance(message, msg.Rows):
                 robot = message.robot if isinstance(message, msg.Goto) else ""
-                self._sink.event("refused", robot=robot, message="the run is ending; nothing moves any more")
+                message_text = "the run is ending; nothing moves any more"
+                self._sink.event(OrderRefused(robot=robot, message=message_text))
             return
         self._carry_out(message, tick_number, step)
 
@@ -162,7 +164,7 @@ class Engine:
             case msg.Begin():
                 course.begin_rows(now_s)
             case msg.Mark(number):
-                self._sink.event("mark", number=number, tick=tick_number)
+                self._sink.event(MarkReached(number=number, tick=tick_number))
             case msg.Goto(robot, target) if chains.concerns(robot):
                 chains.goto(robot, target)
             case msg.Goto(robot, target):
@@ -225,14 +227,15 @@ class Engine:
         config, state, tally = robots.configs[index], robots.states[index], robots.tallies[index]
         going = state.goto
         if self._going[index] is not None and self._going[index] is not going:
-            self._sink.event("goto", robot=config.name, arrived=False, tick=number)
+            self._sink.event(GotoEnded(robot=config.name, arrived=False, tick=number))
         measured = self._course.measured.get(config.name)
         outcome = tick(config, state, now_s, self._exchange.samples_of(config), target, measured)
         state = outcome.state
         if state.pending is not Effect.NONE:
             state = self._exchange.ask(index, state)
         if going is not None and state.goto is None:
-            self._sink.event("goto", robot=config.name, arrived=state.mode is Mode.HOLD, tick=number)
+            arrived = state.mode is Mode.HOLD
+            self._sink.event(GotoEnded(robot=config.name, arrived=arrived, tick=number))
         self._going[index] = state.goto
         robots.states[index] = state
         if outcome.solution is not None:

@@ -9,6 +9,7 @@ from dataclasses import replace
 from typing import Final
 
 from contid.control.engine.cycle import Sink, Timing
+from contid.control.engine.events import BusChanged, BusStalled, DeviceFaultChanged, OrderRefused
 from contid.control.engine.order_events import answer_event
 from contid.control.engine.ports import BusJob, BusPort, BusReply
 from contid.control.engine.robots import Robots
@@ -82,13 +83,13 @@ class Exchange:
         name = self._robots.configs[index].name
         if lost and state.pending is Effect.CLEAR:
             message = f"{name}: not cleared, {self._ports[lost[0]].lost}"
-            self._sink.event("refused", robot=name, message=message)
+            self._sink.event(OrderRefused(robot=name, message=message))
             return replace(state, pending=Effect.NONE)
         for bus in lost:
             message = (
                 f"{name}: {state.pending.name.lower()} does not reach its devices on {bus}, which is lost"
             )
-            self._sink.event("bus", bus=bus, message=f"{message}; their own dead-man stops them")
+            self._sink.event(BusChanged(bus=bus, message=f"{message}; their own watchdog stops them"))
         for bus, axes in self._axes_on[index].items():
             if bus in lost:
                 continue
@@ -132,14 +133,14 @@ class Exchange:
 
     def _digest(self, name: str, port: BusPort, answer: BusReply, now_s: float) -> None:
         if answer.lost or answer.done or answer.refused or port.lost:
-            self._sink.event("answer", tick=self._tick, bus=name, **answer_event(answer))
+            self._sink.event(answer_event(answer, name, self._tick))
         if answer.lost:
             if not port.lost:
                 self._lose(name, port, Fault.DEVICE_LOST, answer.lost, now_s)
             return
         if port.lost:
             port.lost = ""
-            self._sink.event("bus", bus=name, message=f"{name} is back; clear-fault, then resume")
+            self._sink.event(BusChanged(bus=name, message=f"{name} is back; clear-fault, then resume"))
         assert answer.samples is not None
         if len(answer.samples) < len(port.bus.axes):  # what is left out is no sample of this tick
             self._invalidate(port)
@@ -149,7 +150,7 @@ class Exchange:
                 self.samples[axis] = replace(sample, value=None, valid=False)
             if sample.fault != self._device_faults.get(axis, ""):
                 self._device_faults[axis] = sample.fault
-                self._sink.event("device", tick=self._tick, axis=axis, fault=sample.fault)
+                self._sink.event(DeviceFaultChanged(tick=self._tick, axis=axis, fault=sample.fault))
         for index, effect in answer.done:
             self._outstanding[index].discard(name)
             if not self._outstanding[index]:
@@ -159,7 +160,8 @@ class Exchange:
             if effect is Effect.ENABLE:
                 self._robots.fail(index, Fault.ARM_REFUSED, message, now_s)
             else:
-                self._sink.event("refused", robot=self._robots.configs[index].name, message=message)
+                robot = self._robots.configs[index].name
+                self._sink.event(OrderRefused(robot=robot, message=message))
 
     def _done(self, index: int, effect: Effect, now_s: float) -> None:
         robots = self._robots
@@ -170,7 +172,7 @@ class Exchange:
             try:
                 robots.states[index] = change.clear(config, state, self.samples_of(config), now_s)
             except OrderRefusedError as error:
-                self._sink.event("refused", robot=config.name, message=str(error))
+                self._sink.event(OrderRefused(robot=config.name, message=str(error)))
 
     def _lose(self, name: str, port: BusPort, fault: Fault, message: str, now_s: float) -> None:
         """A bus is gone: so are its robots; they keep nothing queued on any bus."""
@@ -184,7 +186,7 @@ class Exchange:
 
     def _stalled(self, name: str, port: BusPort, now_s: float) -> None:
         """A worker is not back in time: a missed exchange for its robots, lost when it goes on."""
-        self._sink.event("stall", tick=self._tick, bus=name)
+        self._sink.event(BusStalled(tick=self._tick, bus=name))
         if port.exempt:
             return
         self._invalidate(port)

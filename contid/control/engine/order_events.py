@@ -1,14 +1,8 @@
-"""What a replay needs beside the records of the ticks: orders and what buses answered, as events and back.
+"""Orders and bus answers as events, and back: the inputs of a tick that a record does not hold.
 
-A record holds what was sampled in a tick, not how it came about. Everything else that reaches a tick from
-outside is rare, and becomes an event with the number of its tick:
-
-* ``order``: a message of the daemon, obeyed before that tick;
-* ``answer``: a bus that is gone or back, or that did or refused what was asked of it;
-* ``stall``: a bus that was not back by the end of that tick;
-* ``device``: an axis whose own fault changed.
-
-A bus without ``answer`` and ``stall`` in a tick simply answered with the samples of the record.
+A replay needs four kinds of events besides the records: ``order``, ``answer``, ``stall`` and ``device``
+(`contid.control.engine.events`). A bus with neither ``answer`` nor ``stall`` in a tick answered with the
+samples of the record.
 """
 
 from __future__ import annotations
@@ -17,6 +11,7 @@ from collections.abc import Mapping
 from typing import Any, Final
 
 from contid.control.engine import messages as msg
+from contid.control.engine.events import BusAnswered, OrderGiven
 from contid.control.engine.ports import BusReply
 from contid.control.tick.state import Effect
 from contid.errors import ContidError
@@ -32,8 +27,13 @@ _FOR_ROBOTS: Final[dict[str, type[msg.Hold | msg.Resume | msg.Estop | msg.ClearF
 _NAMES: Final[dict[type, str]] = {kind: name for name, kind in _FOR_ROBOTS.items()}
 
 
-def order_event(message: object) -> dict[str, Any] | None:
-    """A message as the fields of its ``order`` event; None for what is no order."""
+def order_event(message: object, tick: int) -> OrderGiven | None:
+    """The event of an order obeyed before a tick; None for a message that is no order."""
+    order = _order(message)
+    return None if order is None else OrderGiven(tick=tick, order=order)
+
+
+def _order(message: object) -> dict[str, Any] | None:
     match message:
         case msg.Rows(targets):
             return {"order": "rows", "targets": {robot: _target(each) for robot, each in targets.items()}}
@@ -57,65 +57,65 @@ def order_event(message: object) -> dict[str, Any] | None:
     return None
 
 
-def order_of(event: Mapping[str, Any]) -> msg.Message:
-    """The message of an ``order`` event.
+def order_of(event: OrderGiven) -> msg.Message:
+    """The message of an event.
 
     Raises:
-        ContidError: this version does not know it, or an event does not hold it (a second trajectory).
+        ContidError: an unknown order, or one whose event does not hold all of it (a trajectory).
+        ValueError, KeyError, TypeError, AttributeError: its keys are damaged.
     """
-    kind = event["order"]
-    policy = event.get("policy")
+    order = event.order
+    kind = order["order"]
+    policy = order.get("policy")
     stop = None if policy is None else StopPolicy(policy)
-    robots = event.get("robots")
+    robots = order.get("robots")
     if kind in _FOR_ROBOTS:
         return _FOR_ROBOTS[kind](None if robots is None else tuple(robots))
     match kind:
         case "rows":
             # Recordings of earlier versions have one event per robot of a row.
-            before = {event["robot"]: event["target"]} if "robot" in event else {}
-            targets = event.get("targets", before)
+            before = {order["robot"]: order["target"]} if "robot" in order else {}
+            targets = order.get("targets", before)
             return msg.Rows({robot: target_of(fields) for robot, fields in targets.items()})
         case "measured":
-            x, y, z = event["tip_m"]
-            direction = event.get("direction")
+            x, y, z = order["tip_m"]
+            direction = order.get("direction")
             # Recordings of earlier versions have neither direction nor age.
             return msg.Measured(
-                event["robot"],
+                order["robot"],
                 (x, y, z),
                 None if direction is None else tuple(direction),
-                event.get("age_s", 0.0),
+                order.get("age_s", 0.0),
             )
         case "goto":
-            target = target_of(event["target"])
+            target = target_of(order["target"])
             if target is not None:
-                return msg.Goto(event["robot"], target)
+                return msg.Goto(order["robot"], target)
         case "stop":
-            return msg.Stop(None if robots is None else tuple(robots), stop, event["reason"])
+            return msg.Stop(None if robots is None else tuple(robots), stop, order["reason"])
         case "finish":
-            return msg.Finish(stop, event["reason"])
+            return msg.Finish(stop, order["reason"])
         case "end":
             return msg.EndOfRows()
         case "begin":
             return msg.Begin()
-    raise ContidError(f"tick {event.get('tick')}: the order {kind!r} cannot be repeated from a recording")
+    raise ContidError(f"tick {event.tick}: the order {kind!r} cannot be repeated from a recording")
 
 
-def answer_event(answer: BusReply) -> dict[str, Any]:
-    """An answer without its samples, as the fields of an ``answer`` event."""
-    return {
-        "lost": answer.lost,
-        "done": [[robot, effect.name] for robot, effect in answer.done],
-        "refused": [[robot, effect.name, message] for robot, effect, message in answer.refused],
-    }
+def answer_event(answer: BusReply, bus: str, tick: int) -> BusAnswered:
+    """The event of an answer, which has no samples."""
+    done = [[robot, effect.name] for robot, effect in answer.done]
+    refused = [[robot, effect.name, message] for robot, effect, message in answer.refused]
+    return BusAnswered(tick=tick, bus=bus, lost=answer.lost, done=done, refused=refused)
 
 
-def answer_of(event: Mapping[str, Any]) -> BusReply:
-    """The answer of an ``answer`` event; its samples are in the record of the tick."""
+def answer_of(event: BusAnswered) -> BusReply:
+    """The answer of an event; its samples are in the record of the tick."""
     return BusReply(
         None,
-        event["lost"],
-        [(robot, Effect[name]) for robot, name in event["done"]],
-        [(robot, Effect[name], message) for robot, name, message in event["refused"]],
+        event.lost,
+        [(robot, Effect[name]) for robot, name in event.done],
+        [(robot, Effect[name], message) for robot, name, message in event.refused],
     )
 
 

@@ -10,6 +10,7 @@ from operator import or_
 from typing import Final
 
 from contid.control.engine.cycle import Sink, Timing
+from contid.control.engine.events import LimitNamed
 from contid.control.engine.tick_layout import (
     AXIS,
     CONVERGED,
@@ -142,7 +143,7 @@ class RecordPacker:
         if name not in bits:
             number = min(len(bits), _MAX_NAMES)
             bits[name] = 1 << number
-            self._sink.event("limit_name", robot=self._configs[index].name, bit=number, name=name)
+            self._sink.event(LimitNamed(robot=self._configs[index].name, bit=number, name=name))
         return bits[name]
 
 

@@ -7,6 +7,7 @@ from typing import TypeAlias
 
 from contid.control.engine import messages as msg
 from contid.control.engine.cycle import Sink
+from contid.control.engine.events import FaultLatched, ModeChanged, OrderRefused
 from contid.control.tick import state as change
 from contid.control.tick.config import RobotConfig
 from contid.control.tick.faults import Fault, describe
@@ -104,8 +105,7 @@ class Robots:
             self.told[index] = state.mode
             name = self.configs[index].name
             if state.mode is Mode.FAULT:
-                self._sink.event(
-                    "fault",
+                fault = FaultLatched(
                     robot=name,
                     fault=int(state.fault),
                     name=state.fault.name,
@@ -113,7 +113,8 @@ class Robots:
                     detail=state.message,
                     tick=tick,
                 )
-            self._sink.event("state", robot=name, mode=state.mode.name, tick=tick)
+                self._sink.event(fault)
+            self._sink.event(ModeChanged(robot=name, mode=state.mode.name, tick=tick))
 
     def _refuse(self, name: str, message: str) -> None:
-        self._sink.event("refused", robot=name, message=message)
+        self._sink.event(OrderRefused(robot=name, message=message))

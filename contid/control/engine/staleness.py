@@ -14,6 +14,7 @@ from collections.abc import Mapping, Sequence
 from typing import Final
 
 from contid.control.engine.cycle import Sink
+from contid.control.engine.events import StalenessChanged
 from contid.hal import Sample
 
 
@@ -78,4 +79,6 @@ class TierWatch:
                     continue
             self._better[bus] = 0
             self._told[bus] = tier
-            self._sink.event("tier", tick=tick, bus=bus, tier=str(tier), before=str(before), age_s=age_s)
+            self._sink.event(
+                StalenessChanged(tick=tick, bus=bus, tier=str(tier), before=str(before), age_s=age_s)
+            )

@@ -8,6 +8,7 @@ from typing import Final
 
 from contid.control.engine.chain_orders import ChainOrders
 from contid.control.engine.cycle import OnEnd, Sink
+from contid.control.engine.events import SourceEnded, StopBegan
 from contid.control.engine.messages import Who
 from contid.control.engine.robots import Robots, stopping
 from contid.control.engine.sources import Live, Source, Timed
@@ -105,7 +106,7 @@ class TargetSelector:
             source.watch(step, {p.name: s for p, s in zip(robots.configs, robots.states, strict=True)})
             if source.finished and not self.ended:
                 self.ended = True
-                self._sink.event("end", tick=tick, on_end=self._on_end.value)
+                self._sink.event(SourceEnded(tick=tick, on_end=self._on_end.value))
                 if self._on_end is not OnEnd.HOLD:
                     rest = StopPolicy.REST if self._on_end is OnEnd.REST else None
                     self.finish(rest, "on_end", now_s)
@@ -124,7 +125,7 @@ class TargetSelector:
         self._chains.stopped(None, now_s)
         motions = [state.motion for state in states if state.mode in (Mode.STOPPING, Mode.FAULT)]
         seconds = max((motion.duration_s for motion in motions if motion is not None), default=0.0)
-        self._sink.event("stopping", reason=reason, seconds=seconds)
+        self._sink.event(StopBegan(reason=reason, seconds=seconds))
 
     def _rest_faulted(self) -> None:
         """A robot that its fault has brought to a standstill: its devices shall stay so without a host."""

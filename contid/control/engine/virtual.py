@@ -3,11 +3,11 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Mapping, Sequence
-from typing import Any
 
 from contid.control.engine.clock import VirtualClock
 from contid.control.engine.cycle import OnEnd, Sink, Timing
 from contid.control.engine.engine import Engine
+from contid.control.engine.events import RunEvent, TicksSkipped
 from contid.control.engine.messages import EndOfRows, Message, Rows
 from contid.control.engine.ports import BusPort
 from contid.control.engine.report import RunReport, robot_reports
@@ -28,10 +28,10 @@ class Tee:
         for sink in self.sinks:
             sink.write(values)
 
-    def event(self, kind: str, **fields: Any) -> None:
+    def event(self, event: RunEvent) -> None:
         """See `contid.control.engine.cycle.Sink`."""
         for sink in self.sinks:
-            sink.event(kind, **fields)
+            sink.event(event)
 
 
 class VirtualProcess:
@@ -79,7 +79,7 @@ class VirtualProcess:
         if late >= 1.0:
             missed = int(late)
             self.tick, self.skipped = self.tick + missed, self.skipped + missed
-            self._sink.event("skipped", ticks=missed, total=self.skipped)
+            self._sink.event(TicksSkipped(ticks=missed, total=self.skipped))
         self.clock.set(max(self.tick / self._rate_hz, self.clock.now()))
 
     def turn(self) -> None:

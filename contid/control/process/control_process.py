@@ -18,11 +18,12 @@ from typing import Final
 
 from contid.control.engine.clock import RealClock
 from contid.control.engine.engine import Engine
+from contid.control.engine.events import LogWritten, RobotReported, RunFailed, RunStarted
 from contid.control.engine.messages import Finish
 from contid.control.engine.ports import BusPort
 from contid.control.engine.report import robot_reports
 from contid.control.engine.wiring import build_robot_configs, chain_guards, open_buses
-from contid.control.process.log_queue import LogLine, LogQueue, handle_logs
+from contid.control.process.log_queue import LogQueue, handle_logs
 from contid.control.process.pace import Pace
 from contid.control.process.pipe import Inbox
 from contid.control.process.realtime import disable_gc, request_real_time, sleep_until, warm_up
@@ -99,8 +100,8 @@ class ControlProcess:
             start_s = sleep_until(pace.deadline_s)
             timing = pace.begin(start_s, engine.moving)
             for message in self._inbox.poll():
-                if isinstance(message, LogLine):
-                    message.write(self._ring)
+                if isinstance(message, LogWritten):
+                    self._ring.event(message)
                 else:
                     engine.obey(message, timing.tick)
             if self._parent_watch.parent_gone and stop_by_s == math.inf:
@@ -110,7 +111,7 @@ class ControlProcess:
             self._logs.write(self._ring)
             if start_s > stop_by_s:
                 break
-        self._ring.event("report", **pace.report())
+        self._ring.event(pace.report())
 
 
 def main(descriptor: int) -> int:
@@ -145,7 +146,7 @@ def _serve(setup: RunSetup, inbox: Inbox, parent_watch: ParentWatch, ring: RingW
         log.debug("open: %s", ", ".join(buses))
         logs.write(ring)
         why_not = request_real_time()
-        ring.event("started", realtime=not why_not, message=why_not)
+        ring.event(RunStarted(realtime=not why_not, message=why_not))
         ports |= {
             name: BusPort(bus, threaded=len(buses) > 1, reopen_aside=True) for name, bus in buses.items()
         }
@@ -158,9 +159,9 @@ def _serve(setup: RunSetup, inbox: Inbox, parent_watch: ParentWatch, ring: RingW
             process.engine.abandon()
             raise
         for name, fields in robot_reports(process.engine).items():
-            ring.event("robot", robot=name, told=fields)
+            ring.event(RobotReported(robot=name, report=fields))
     except ContidError as error:
-        ring.event("failed", message=str(error), exit_code=error.exit_code)
+        ring.event(RunFailed(message=str(error), exit_code=error.exit_code))
         return error.exit_code
     finally:
         for port in ports.values():

@@ -1,7 +1,7 @@
 """Log records of any thread on their way into the ``log`` events of a run.
 
 The control process writes its records (those of the drivers) to the ring; the daemon sends its own to the
-control process as `LogLine`. So the recording, `status` and the terminal get both from the events.
+control process as `LogWritten`. So the recording, `status` and the terminal get both from the events.
 """
 
 from __future__ import annotations
@@ -10,34 +10,13 @@ import logging
 from collections import deque
 from collections.abc import Iterator
 from contextlib import contextmanager
-from dataclasses import asdict, dataclass
 from typing import Final
 
 from contid.control.engine.cycle import Sink
+from contid.control.engine.events import LogWritten
 
 #: Records kept until the next `LogQueue.take`; older ones are dropped.
 CAPACITY: Final = 1024
-
-
-@dataclass(frozen=True, slots=True)
-class LogLine:
-    """One log record.
-
-    Attributes:
-        process: ``daemon`` or ``control``.
-        level: ``debug``, ``info``, ``warning``, ``error`` or ``critical``.
-        logger: name of the logger, which is the module.
-        message: its text, with the traceback of an exception.
-    """
-
-    process: str
-    level: str
-    logger: str
-    message: str
-
-    def write(self, sink: Sink) -> None:
-        """Publish it as event ``log``."""
-        sink.event("log", **asdict(self))
 
 
 class LogQueue(logging.Handler):
@@ -46,14 +25,17 @@ class LogQueue(logging.Handler):
     def __init__(self, process: str) -> None:
         super().__init__()
         self._process = process
-        self._lines: deque[LogLine] = deque(maxlen=CAPACITY)
+        self._lines: deque[LogWritten] = deque(maxlen=CAPACITY)
 
     def emit(self, record: logging.LogRecord) -> None:
         """See `logging.Handler.emit`."""
         level = record.levelname.lower()
-        self._lines.append(LogLine(self._process, level, record.name, self.format(record)))
+        event = LogWritten(
+            process=self._process, level=level, logger=record.name, message=self.format(record)
+        )
+        self._lines.append(event)
 
-    def take(self) -> Iterator[LogLine]:
+    def take(self) -> Iterator[LogWritten]:
         """Remove and return the records collected so far."""
         while self._lines:
             yield self._lines.popleft()
@@ -61,7 +43,7 @@ class LogQueue(logging.Handler):
     def write(self, sink: Sink) -> None:
         """Publish the records collected so far."""
         for line in self.take():
-            line.write(sink)
+            sink.event(line)
 
 
 @contextmanager

@@ -8,9 +8,10 @@ the grid is shifted instead. Pure arithmetic on given times.
 
 from __future__ import annotations
 
-from typing import Any, Final
+from typing import Final
 
 from contid.control.engine.cycle import Sink, Timing
+from contid.control.engine.events import PaceReported, TicksSkipped
 from contid.control.tick.statistics import Lateness
 
 #: A tick that starts later than this share of the period counts as late.
@@ -70,20 +71,20 @@ class Pace:
         self._tick += 1
         return timing
 
-    def report(self) -> dict[str, Any]:
-        """The fields of the event ``report``."""
-        return {
-            "ticks": self._ticks,
-            "late": self._late,
-            "skipped": self._skipped,
-            "waited": self._waited,
-            "lateness": self._lateness.as_dict(),
-        }
+    def report(self) -> PaceReported:
+        """The statistics so far."""
+        return PaceReported(
+            ticks=self._ticks,
+            late=self._late,
+            skipped=self._skipped,
+            waited=self._waited,
+            lateness=self._lateness.as_dict(),
+        )
 
     def _skip(self, missed: int, now_s: float) -> None:
         """Count skipped ticks; report at most once per `REPORT_INTERVAL_S`."""
         self._skipped += missed
         self._unreported += missed
         if now_s - self._reported_s >= REPORT_INTERVAL_S:
-            self._sink.event("skipped", ticks=self._unreported, total=self._skipped)
+            self._sink.event(TicksSkipped(ticks=self._unreported, total=self._skipped))
             self._reported_s, self._unreported = now_s, 0

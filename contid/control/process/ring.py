@@ -27,6 +27,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, Final
 
+from contid.control.engine.events import EventTooLong, RunEvent, from_json, to_json
 from contid.control.engine.tick_layout import LATENESS, RecordLayout, TickRecord
 from contid.errors import ContidError
 
@@ -150,12 +151,12 @@ class RingWriter(_Mapped):
         U64.pack_into(self._map, at, self._ticks)
         U64.pack_into(self._map, TICKS_AT, self._ticks)
 
-    def event(self, kind: str, **fields: Any) -> None:
+    def event(self, event: RunEvent) -> None:
         """Publish one event; beyond `EVENT_PARTS` slots its longest text is cut or ``too_long`` sent."""
-        body = json.dumps({"event": kind, **fields}).encode()
+        body = json.dumps(to_json(event)).encode()
         room = EVENT_BYTES - EVENT.size
         if len(body) > room * EVENT_PARTS:
-            body = _shortened(kind, fields, room * EVENT_PARTS)
+            body = _shortened(to_json(event), room * EVENT_PARTS)
         parts = [body[start : start + room] for start in range(0, len(body), room)]
         for index, part in enumerate(parts):
             self._part(part, index, len(parts) - 1 - index)
@@ -174,18 +175,18 @@ class RingWriter(_Mapped):
         U64.pack_into(self._map, CLOSED_AT, 1)
 
 
-def _shortened(kind: str, fields: Mapping[str, Any], limit: int) -> bytes:
+def _shortened(event: Mapping[str, Any], limit: int) -> bytes:
     """The JSON of an event within ``limit`` bytes: its longest text cut, or the event ``too_long``."""
-    texts = {key: value for key, value in fields.items() if isinstance(value, str)}
+    texts = {key: value for key, value in event.items() if isinstance(value, str) and key != "event"}
     longest = max(texts, key=lambda key: len(texts[key]), default=None)
     if longest is not None:
         # A character takes at most twelve bytes, as two escapes.
-        others = len(json.dumps({"event": kind, **fields, longest: "..."}))
+        others = len(json.dumps({**event, longest: "..."}))
         kept = texts[longest][: max(limit - others, 0) // 12] + "..."
-        body = json.dumps({"event": kind, **fields, longest: kept}).encode()
+        body = json.dumps({**event, longest: kept}).encode()
         if len(body) <= limit:
             return body
-    return json.dumps({"event": "too_long", "kind": kind}).encode()
+    return json.dumps(to_json(EventTooLong(kind=event["event"]))).encode()
 
 
 @dataclass(slots=True)
@@ -256,9 +257,9 @@ class RingReader(_Mapped):
         at = STAMP + LATENESS * F64.size
         return [F64.unpack_from(self._tick_slot(number), at)[0] for number in newest]
 
-    def events(self) -> list[dict[str, Any]]:
+    def events(self) -> list[RunEvent]:
         """Unread events, oldest first; an event with overwritten parts is dropped."""
-        out: list[dict[str, Any]] = []
+        out: list[RunEvent] = []
         missed = self._event.missed
         while raw := self._next(self._event, EVENTS_AT, self.event_slots, self._event_slot):
             _, length, before, after = EVENT.unpack_from(raw)
@@ -269,7 +270,7 @@ class RingReader(_Mapped):
                 continue  # rest of an event whose first part was overwritten
             self._parts.append(raw[EVENT.size : EVENT.size + length])
             if after == 0:
-                out.append(json.loads(b"".join(self._parts)))
+                out.append(from_json(json.loads(b"".join(self._parts))))
         return out
 
     def _tick_slot(self, number: int) -> bytes:

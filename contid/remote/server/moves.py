@@ -12,6 +12,7 @@ from collections.abc import Mapping, Sequence
 from typing import Any, Final
 
 from contid.control.daemon.interfaces import RunControl
+from contid.control.engine.events import GotoEnded, RunEvent, SourceEnded
 from contid.control.engine.messages import Begin, Goto, Hold, Message, Play, Resume, Rows
 from contid.control.tick.supervisor import MOVING, Mode
 from contid.errors import BadInputError
@@ -204,19 +205,19 @@ class Moves:
         move = self._stream
         return move is not None and move.client == client and (move.playing or not move.closed)
 
-    def notice(self, event: Mapping[str, Any]) -> None:
+    def notice(self, event: RunEvent) -> None:
         """Take in an event of the ring."""
-        if event["event"] == "goto" and self._gotos.get(event["robot"]):
-            robot = str(event["robot"])
+        if isinstance(event, GotoEnded) and self._gotos.get(event.robot):
+            robot = event.robot
             move = self._gotos[robot].popleft()
             move.waiting.discard(robot)
-            if not event["arrived"]:
+            if not event.arrived:
                 move.failed.add(robot)
             if not move.waiting:
                 faults = self._view.faults(self._orders.newest(), tuple(move.failed))
                 message = f"{', '.join(sorted(move.failed))} did not arrive" if move.failed else ""
                 move.end(not move.failed, message, faults)
-        elif event["event"] == "end" and self._stream is not None and self._stream.playing:
+        elif isinstance(event, SourceEnded) and self._stream is not None and self._stream.playing:
             played, self._stream = self._stream, None
             self._orders.send(Begin())
             played.end(True, "")

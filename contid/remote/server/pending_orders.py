@@ -7,10 +7,11 @@ between the two marks belong to them. So a response states what the control proc
 from __future__ import annotations
 
 import asyncio
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
-from typing import Any, Final
+from typing import Final
 
+from contid.control.engine.events import MarkReached, OrderRefused, RunEvent
 from contid.control.engine.messages import Mark, Message
 from contid.remote.protocol.wire import Code, RemoteError
 
@@ -77,18 +78,18 @@ class PendingOrders:
             message = f"sent, but the control process has not confirmed it within {timeout_s:g} s"
             raise RemoteError(Code.NO_ANSWER, message) from None
 
-    def notice(self, event: Mapping[str, Any]) -> None:
+    def notice(self, event: RunEvent) -> None:
         """Take in an event of the ring."""
-        if event["event"] == "mark":
-            number = int(event["number"])
+        if isinstance(event, MarkReached):
+            number = event.number
             self._open = number + 1 if number % 2 else None
             if number % 2 == 0:
                 outcome, future = self._waiting.pop(number, (OrderResult(), None))
-                outcome.tick = int(event["tick"])
+                outcome.tick = event.tick
                 if future is not None and not future.done():
                     future.set_result(outcome)
-        elif event["event"] == "refused" and self._open in self._waiting:
-            self._waiting[self._open][0].refused[str(event.get("robot", ""))] = str(event["message"])
+        elif isinstance(event, OrderRefused) and self._open in self._waiting:
+            self._waiting[self._open][0].refused[event.robot] = event.message
 
     def close(self) -> None:
         """Cancel what will not be confirmed any more."""

@@ -9,6 +9,7 @@ from typing import Any, Final, Protocol, TypeAlias
 
 from contid import __version__
 from contid.control.daemon.interfaces import RunControl
+from contid.control.engine.events import LogWritten, RunEvent, RunStarted
 from contid.remote.protocol.wire import PROTOCOL, Code, Fields, RemoteError, RequestFields
 from contid.remote.server.lease import Lease
 from contid.remote.server.telemetry_view import DEFAULT_FIELDS, FIELDS, TelemetryView
@@ -74,14 +75,14 @@ class QueryHandler:
             "subscribe": self._subscribe, "unsubscribe": self._unsubscribe,
         }  # fmt: skip
 
-    def notice(self, event: Mapping[str, Any]) -> None:
+    def notice(self, event: RunEvent) -> None:
         """Take in an event of the ring."""
-        if event["event"] == "started":
-            self._realtime = bool(event["realtime"])
-        elif event["event"] == "log" and event["level"] not in ("debug", "info"):
+        if isinstance(event, RunStarted):
+            self._realtime = event.realtime
+        elif isinstance(event, LogWritten) and event.level not in ("debug", "info"):
             at_s = round(time.monotonic() - self._began_s, 3)
             self._warnings.append(
-                {"at_s": at_s} | {key: event[key] for key in ("level", "logger", "message")}
+                {"at_s": at_s, "level": event.level, "logger": event.logger, "message": event.message}
             )
 
     def hello(self) -> Fields:

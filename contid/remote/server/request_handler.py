@@ -16,6 +16,7 @@ from collections.abc import Callable, Mapping
 from typing import Any
 
 from contid.control.daemon.interfaces import RunControl
+from contid.control.engine.events import OrderRefused, RunEvent, SourceEnded
 from contid.control.engine.messages import ClearFault, Estop, Hold, Message, Resume, Stop
 from contid.control.tick.supervisor import Mode
 from contid.remote.protocol.wire import Code, Fields, RemoteError, RequestFields
@@ -79,12 +80,11 @@ class RequestHandler:
             if not self._busy[caller.number]:
                 del self._busy[caller.number]
 
-    def notice(self, event: Mapping[str, Any]) -> None:
+    def notice(self, event: RunEvent) -> None:
         """Take in an event of the ring."""
-        kind = event["event"]
-        if kind == "refused":
-            self._refusals[str(event.get("robot", ""))] = str(event["message"])
-        elif kind == "end" and self.lease.held_by(0):
+        if isinstance(event, OrderRefused):
+            self._refusals[event.robot] = event.message
+        elif isinstance(event, SourceEnded) and self.lease.held_by(0):
             self.lease.holder = None
         self.queries.notice(event)
         self.view.notice(event)

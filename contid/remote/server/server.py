@@ -9,6 +9,18 @@ from contextlib import suppress
 from typing import Any, Final
 
 from contid.control.daemon.interfaces import RunControl
+from contid.control.engine.events import (
+    BusChanged,
+    FaultLatched,
+    ModeChanged,
+    OrderRefused,
+    RunEvent,
+    SourceEnded,
+    StalenessChanged,
+    StopBegan,
+    TicksSkipped,
+    to_json,
+)
 from contid.control.tick.faults import Fault
 from contid.lines import MAX_LINE
 from contid.remote.protocol.peer_credentials import is_authorized, peer_of
@@ -24,7 +36,10 @@ IDLE_S: Final = 0.02
 #: Time for connections to close when the daemon ends.
 CLOSE_TIMEOUT_S: Final = 1.0
 #: Kinds of events that subscribers receive.
-EVENTS: Final = frozenset({"state", "fault", "refused", "bus", "tier", "skipped", "end", "stopping"})
+EVENTS: Final = (
+    *(ModeChanged, FaultLatched, OrderRefused, BusChanged, StalenessChanged),
+    *(TicksSkipped, SourceEnded, StopBegan),
+)
 
 
 class SocketServer:
@@ -102,15 +117,15 @@ class SocketServer:
 
     # -- telemetry and events ----------------------------------------------------------------------------
 
-    def _event(self, event: Mapping[str, Any]) -> None:
+    def _event(self, event: RunEvent) -> None:
         """Pass an event of the ring to the handler and to subscribers of events."""
         self._handler.notice(event)
-        if event["event"] not in EVENTS:
+        if not isinstance(event, EVENTS):
             return
-        notice: Fields = {"event": "event", "kind": event["event"]}
-        notice |= {key: value for key, value in event.items() if key != "event"}
-        if event["event"] == "fault":
-            notice["fault"] = fault_fields(Fault(event["fault"]), str(event.get("detail", "")))
+        notice: Fields = {"event": "event", "kind": event.KIND}
+        notice |= {key: value for key, value in to_json(event).items() if key != "event"}
+        if isinstance(event, FaultLatched):
+            notice["fault"] = fault_fields(Fault(event.fault), event.detail)
         line = encode(notice)
         for connection in tuple(self._connections.values()):
             if connection.subscription is not None and connection.subscription.events:

@@ -8,9 +8,10 @@ from __future__ import annotations
 
 import math
 import time
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Sequence
 from typing import Any, Final
 
+from contid.control.engine.events import FaultLatched, RunEvent
 from contid.control.engine.tick_layout import ENABLED, HAS_TARGET, RecordLayout, RobotRecord, TickRecord
 from contid.control.engine.wiring import build_robot_configs, driven_robots, record_layout
 from contid.control.tick.config import RobotConfig
@@ -66,10 +67,10 @@ class TelemetryView:
             name: tuple(axis for axis, _ in bus.axes) for name, bus in loaded.buses.items() if bus.axes
         }
 
-    def notice(self, event: Mapping[str, Any]) -> None:
+    def notice(self, event: RunEvent) -> None:
         """Keep the words of a fault: a record has its number only."""
-        if event["event"] == "fault":
-            self._details[event["robot"]] = str(event.get("detail", event["message"]))
+        if isinstance(event, FaultLatched):
+            self._details[event.robot] = event.detail
 
     def check(self, robots: Sequence[str] | None) -> None:
         """Raise for a robot that is not there."""

@@ -12,6 +12,7 @@ from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 from typing import Any, Final
 
+from contid.control.engine.events import KEYS, KINDS
 from contid.control.engine.tick_layout import AXIS, HEAD, ROBOT, RecordLayout, Value
 
 TICK_CHANNELS: Final = ("tick", "target", "solution", "command", "sample")
@@ -24,7 +25,7 @@ CHANNELS: Final = (*TICK_CHANNELS, EVENT)
 #: Key of a message for what JSON cannot say: paths of infinite numbers, a minus in front of negative ones.
 INFINITE: Final = "infinite"
 #: Keys of events in revisions 0 to 2 -> their names from revision 3 on.
-RENAMED_EVENT_KEYS: Final = {"words": "message"}
+RENAMED_EVENT_KEYS: Final = {"words": "message", "told": "report"}
 #: Unit in a robot file -> unit of SI.
 SI: Final = {"mm": "m", "bar": "pa"}
 
@@ -88,39 +89,26 @@ def _field(value: Value, place: int, front: tuple[str, ...], path: str) -> Field
     return Field((*front, *path.split("/")), slots, value.json, value.about.meaning)
 
 
-#: Keys of events that plotting programs can use; which of them an event has depends on its kind, and some
-#: kinds have more (what an order asks for, what a bus has done).
-_EVENT_KEYS: Final = (
-    ("event", "string", "its kind"),
-    ("tick", "integer", "number of the tick it belongs to"),
-    ("robot", "string", "name of the robot"),
-    ("bus", "string", "name of the bus"),
-    ("axis", "string", "ROBOT.AXIS"),
-    ("mode", "string", "state: the new mode of the robot"),
-    ("order", "string", "order: what was asked for"),
-    ("message", "string", "for a person"),
-    ("reason", "string", "why a stop began"),
-    ("seconds", "number", "stopping: how long it takes"),
-    ("name", "string", "of a fault, or of a limit"),
-    ("bit", "integer", "limit_name: the bit of limited_by that stands for the limit"),
-    ("tier", "string", "tier: how old the data of the bus are now"),
-    ("before", "string", "tier: and were before"),
-    ("age_s", "number", "age of a measurement"),
-    ("ticks", "integer", "report: that were run; skipped: in a row"),
-    ("total", "integer", "skipped: so far"),
-    ("process", "string", "log: daemon or control"),
-    ("level", "string", "log: debug, info, warning, error or critical"),
-    ("logger", "string", "log: the module"),
-    ("missed_ticks", "integer", "overrun: that are not in the file"),
-    ("missed_events", "integer", "overrun: that are not in the file"),
-)
+def _event_schema() -> dict[str, Any]:
+    """Schema of the events: every key with its types, its meanings and the kinds that have it."""
+    properties: dict[str, Any] = {"event": {"type": "string", "description": f"kind: {', '.join(KINDS)}"}}
+    for name in {name: None for keys in KEYS.values() for name in keys}:
+        kinds = {kind: keys[name] for kind, keys in KEYS.items() if name in keys}
+        types = list(dict.fromkeys(key.json for key in kinds.values()))
+        if name == "order":  # its value is the name of the order
+            types = ["string"]
+        meanings: dict[str, list[str]] = {}
+        for kind, key in kinds.items():
+            meanings.setdefault(key.meaning, []).append(kind)
+        text = "; ".join(f"{', '.join(some)}: {meaning}" for meaning, some in meanings.items())
+        properties[name] = {"type": types[0] if len(types) == 1 else types, "description": text}
+    return {"type": "object", "title": f"contid.{EVENT}", "properties": properties, "required": ["event"]}
 
 
 def schema(layout: RecordLayout, device_units: Mapping[str, str], channel: str) -> dict[str, Any]:
     """JSON Schema of a channel: every key of its messages, and which of them are always there."""
     if channel == EVENT:
-        keys = {name: {"type": kind, "description": message} for name, kind, message in _EVENT_KEYS}
-        return {"type": "object", "title": f"contid.{EVENT}", "properties": keys, "required": ["event"]}
+        return _event_schema()
     root: dict[str, Any] = {"title": f"contid.{channel}", **_object()}
     for each in fields(layout, device_units, channel):
         at = root

@@ -14,6 +14,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, BinaryIO, Final
 
+from contid.control.engine.events import RunEvent, from_json
 from contid.session.format import mcap_records as mcap
 from contid.session.format.channels import EVENT, RENAMED_EVENT_KEYS, TICK_CHANNELS
 from contid.session.format.decode import Decoder
@@ -41,12 +42,12 @@ class Entry:
     Attributes:
         time_ns: time of day since 1970.
         values: of the record, None for an event.
-        event: its fields, None for a tick.
+        event: None for a tick.
     """
 
     time_ns: int
     values: list[float] | None = None
-    event: Mapping[str, Any] | None = None
+    event: RunEvent | None = None
 
 
 @dataclass(frozen=True, slots=True)
@@ -122,8 +123,8 @@ def read_entries(
     )
 
 
-def _event(data: bytes) -> Mapping[str, Any]:
-    """The fields of an event.
+def _event(data: bytes) -> RunEvent:
+    """The event of a message.
 
     Raises:
         ValueError: it has no kind, or a tick that is no number of one.
@@ -137,7 +138,7 @@ def _event(data: bytes) -> Mapping[str, Any]:
     for old, new in RENAMED_EVENT_KEYS.items():
         if old in fields:
             fields[new] = fields.pop(old)
-    return fields
+    return from_json(fields)
 
 
 def _locked(file: BinaryIO) -> bool:

@@ -17,6 +17,7 @@ import pytest
 
 from contid.cli.support.buses import wired_buses
 from contid.client import Client
+from contid.control.engine.events import LogWritten, to_json
 from contid.errors import ContidError
 from contid.robot_file.load import load_robot_file
 from contid.session.read import Session
@@ -86,7 +87,7 @@ def stop(process: subprocess.Popen[str]) -> str:
 
 def logs(robot_file: Path) -> Sequence[dict[str, Any]]:
     events = Session(robot_file.with_name("run.mcap")).events()
-    return [dict(event) for event in events if event["event"] == "log"]
+    return [to_json(event) for event in events if isinstance(event, LogWritten)]
 
 
 def test_a_warning_of_a_driver_is_on_stderr_in_status_and_in_the_recording(hand: Path) -> None:

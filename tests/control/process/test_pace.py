@@ -8,6 +8,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
+from contid.control.engine.events import RunEvent, to_json
 from contid.control.process.pace import REPORT_INTERVAL_S, START_PERIODS, Pace
 
 RATE_HZ = 100.0
@@ -23,8 +24,8 @@ class Events:
     def write(self, values: list[float]) -> None:
         raise AssertionError("Pace must not write records")
 
-    def event(self, kind: str, **fields: Any) -> None:
-        self.events.append({"event": kind, **fields})
+    def event(self, event: RunEvent) -> None:
+        self.events.append(to_json(event))
 
 
 def test_ticks_in_time_are_one_period_apart() -> None:
@@ -34,9 +35,8 @@ def test_ticks_in_time_are_one_period_apart() -> None:
         assert timing.tick == number
         assert timing.deadline_s == pytest.approx(10.0 + (START_PERIODS + number) * PERIOD_S)
         assert timing.lateness_s == 0.0
-    assert {**pace.report(), "lateness": None} == {
-        "ticks": 50, "late": 0, "skipped": 0, "waited": 0, "lateness": None,
-    }  # fmt: skip
+    report = pace.report()
+    assert (report.ticks, report.late, report.skipped, report.waited) == (50, 0, 0, 0)
 
 
 def test_a_late_tick_does_not_shift_the_grid() -> None:
@@ -46,7 +46,7 @@ def test_a_late_tick_does_not_shift_the_grid() -> None:
     assert (timing.tick, timing.skipped) == (0, 0)
     assert timing.lateness_s == pytest.approx(0.6 * PERIOD_S)
     assert pace.deadline_s == pytest.approx(due_s + PERIOD_S)
-    assert pace.report()["late"] == 1
+    assert pace.report().late == 1
 
 
 def test_missed_deadlines_are_skipped_in_motion_and_shift_the_grid_at_rest() -> None:
@@ -61,10 +61,10 @@ def test_missed_deadlines_are_skipped_in_motion_and_shift_the_grid_at_rest() -> 
     assert moving.deadline_s == pytest.approx(resting.deadline_s)
     assert sink.events == [{"event": "skipped", "ticks": missed, "total": missed}]
     # The histogram holds the delay of skipped ticks completely, and without the shift of the grid.
-    assert moving.report()["lateness"]["max_us"] == pytest.approx(
+    assert moving.report().lateness["max_us"] == pytest.approx(
         (start_s - START_PERIODS * PERIOD_S) * 1e6, abs=0.1
     )
-    assert resting.report()["lateness"]["max_us"] == pytest.approx(0.25 * PERIOD_S * 1e6, abs=0.1)
+    assert resting.report().lateness["max_us"] == pytest.approx(0.25 * PERIOD_S * 1e6, abs=0.1)
 
 
 @given(st.lists(st.tuples(st.floats(0.0, 0.2), st.booleans()), max_size=40))
@@ -79,4 +79,4 @@ def test_every_deadline_is_run_skipped_or_waited_for(delays: list[tuple[float, b
         last = timing.tick
     report = pace.report()
     passed = round((pace.deadline_s - base_s) * RATE_HZ)
-    assert report["ticks"] + report["skipped"] + report["waited"] == passed
+    assert report.ticks + report.skipped + report.waited == passed

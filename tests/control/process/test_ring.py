@@ -8,10 +8,18 @@ import random
 import resource
 import stat
 from collections.abc import Iterator
+from dataclasses import replace
 from pathlib import Path
 
 import pytest
 
+from contid.control.engine.events import (
+    BusAnswered,
+    EventTooLong,
+    ModeChanged,
+    OrderGiven,
+    OrderRefused,
+)
 from contid.control.engine.tick_layout import AXIS, HEAD, ROBOT, RecordLayout, RobotLayout
 from contid.control.process import ring
 
@@ -81,8 +89,9 @@ def test_readers_count_what_they_missed(path: Path) -> None:
 
 def test_events_are_json(path: Path) -> None:
     writer, reader = ring.RingWriter(path), ring.RingReader(path)
-    writer.event("state", robot="one", mode="RUN")
-    assert reader.events() == [{"event": "state", "robot": "one", "mode": "RUN"}]
+    event = ModeChanged(robot="one", mode="RUN", tick=3)
+    writer.event(event)
+    assert reader.events() == [event]
     assert not reader.finished
     writer.finish()
     assert reader.finished
@@ -93,17 +102,19 @@ def test_events_are_json(path: Path) -> None:
 def test_events_longer_than_a_slot_arrive_complete_or_marked_as_cut(path: Path) -> None:
     writer, reader = ring.RingWriter(path), ring.RingReader(path)
     done = [[f"robot_{number}", "READY"] for number in range(500)]
-    writer.event("answer", done=done)
-    assert reader.events() == [{"event": "answer", "done": done}]
-    writer.event("fault", robot="one", message="\N{ROBOT FACE}" * 1_000_000)
+    event = BusAnswered(tick=1, bus="bus0", lost="", done=done, refused=[])
+    writer.event(event)
+    assert reader.events() == [event]
+    writer.event(OrderRefused(robot="one", message="\N{ROBOT FACE}" * 1_000_000))
     (cut,) = reader.events()
-    assert (cut["robot"], cut["message"][:1], cut["message"][-4:]) == (
+    assert isinstance(cut, OrderRefused)
+    assert (cut.robot, cut.message[:1], cut.message[-4:]) == (
         "one",
         "\N{ROBOT FACE}",
         "\N{ROBOT FACE}...",
     )
-    writer.event("answer", done=done * 50)
-    assert reader.events() == [{"event": "too_long", "kind": "answer"}]
+    writer.event(replace(event, done=done * 50))
+    assert reader.events() == [EventTooLong(kind="answer")]
     writer.close()
     reader.close()
 
@@ -113,11 +124,14 @@ def test_a_slow_reader_never_joins_parts_of_different_events(path: Path) -> None
     dice, written, read = random.Random(4), 0, []
     for _ in range(40):
         for _ in range(dice.randrange(1200)):
-            writer.event("mark", number=written, ballast=[written] * dice.choice((1, 1, 500, 3000)))
+            ballast = [written] * dice.choice((1, 1, 500, 3000))
+            writer.event(OrderGiven(tick=written, order={"order": "rows", "ballast": ballast}))
             written += 1
         read += reader.events()
-    assert all(set(event["ballast"]) == {event["number"]} for event in read)
-    numbers = [event["number"] for event in read]
+    orders = [event for event in read if isinstance(event, OrderGiven)]
+    assert orders == read
+    assert all(set(event.order["ballast"]) == {event.tick} for event in orders)
+    numbers = [event.tick for event in orders]
     assert numbers == sorted(set(numbers))
     assert len(numbers) < written  # some were overwritten
     assert reader.missed_events > 0

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from typing import Any
 
+from contid.control.engine.events import RunEvent, to_json
 from contid.control.engine.staleness import TierWatch
 from contid.hal import Sample
 
@@ -16,8 +17,8 @@ class Told:
     def __init__(self) -> None:
         self.events: list[dict[str, Any]] = []
 
-    def event(self, kind: str, **fields: Any) -> None:
-        self.events.append({"event": kind, **fields})
+    def event(self, event: RunEvent) -> None:
+        self.events.append(to_json(event))
 
 
 def sample(time_s: float) -> Sample:

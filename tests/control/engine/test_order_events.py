@@ -7,6 +7,7 @@ import json
 import pytest
 
 from contid.control.engine import messages as msg
+from contid.control.engine.events import BusAnswered, OrderGiven, from_json, to_json
 from contid.control.engine.order_events import answer_event, answer_of, order_event, order_of
 from contid.control.engine.ports import BusReply
 from contid.control.tick.state import Effect
@@ -34,28 +35,33 @@ TARGET = Target(
     ids=repr,
 )  # fmt: skip
 def test_an_order_comes_back(message: msg.Message) -> None:
-    fields = order_event(message)
-    assert fields is not None
-    assert order_of(json.loads(json.dumps(fields))) == message
+    event = order_event(message, 5)
+    assert event is not None
+    read = from_json(json.loads(json.dumps(to_json(event))))
+    assert isinstance(read, OrderGiven)
+    assert read.tick == 5
+    assert order_of(read) == message
 
 
 def test_a_row_of_an_early_recording_is_one_event_per_robot() -> None:
-    fields = order_event(msg.Goto("thumb", TARGET))
-    assert fields is not None
-    event = {"order": "rows", "robot": "thumb", "target": fields["target"]}
-    assert order_of(event) == msg.Rows({"thumb": TARGET})
+    event = order_event(msg.Goto("thumb", TARGET), 5)
+    assert event is not None
+    order = {"order": "rows", "robot": "thumb", "target": event.order["target"]}
+    assert order_of(OrderGiven(tick=5, order=order)) == msg.Rows({"thumb": TARGET})
 
 
 def test_a_measurement_of_an_early_recording_has_neither_direction_nor_age() -> None:
-    event = {"order": "measured", "robot": "thumb", "tip_m": [0.1, 0.2, 0.0], "tick": 3}
-    assert order_of(event) == msg.Measured("thumb", (0.1, 0.2, 0.0), None, 0.0)
+    order = {"order": "measured", "robot": "thumb", "tip_m": [0.1, 0.2, 0.0]}
+    assert order_of(OrderGiven(tick=3, order=order)) == msg.Measured("thumb", (0.1, 0.2, 0.0), None, 0.0)
 
 
 def test_an_unknown_order_is_refused() -> None:
     with pytest.raises(ContidError, match="tick 7: the order 'play'"):
-        order_of({"order": "play", "tick": 7})
+        order_of(OrderGiven(tick=7, order={"order": "play"}))
 
 
 def test_an_answer_comes_back() -> None:
     answer = BusReply(None, "gone", [(0, Effect.ENABLE)], [(1, Effect.CLEAR, "still hot")])
-    assert answer_of(json.loads(json.dumps(answer_event(answer)))) == answer
+    event = from_json(json.loads(json.dumps(to_json(answer_event(answer, "bus0", 3)))))
+    assert isinstance(event, BusAnswered)
+    assert answer_of(event) == answer
