@@ -22,10 +22,10 @@ from typing import Final
 import yaml
 
 from benchmarks.lab import lab_text
-from contid.cli.support.buses import wired_buses
 from contid.control.daemon.interfaces import RunControl
 from contid.control.engine.cycle import Sink
 from contid.control.engine.messages import Message
+from contid.control.engine.wiring import wired_buses
 from contid.control.process.setup import RunSetup
 from contid.errors import ContidError
 from contid.hal import Emulates

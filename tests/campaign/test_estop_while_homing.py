@@ -13,7 +13,7 @@ from pathlib import Path
 
 import pytest
 
-from contid.cli.support.buses import wired_buses
+from contid.control.engine.wiring import wired_buses
 from contid.robot_file.load import load_robot_file
 from contid_drivers.due.emulator import DueEmulator as Board
 from contid_drivers.due.options import DueBusOptions as DueOptions

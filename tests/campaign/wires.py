@@ -21,7 +21,7 @@ from typing import Any, Final, Self
 import yaml
 
 from benchmarks.lab import lab_text
-from contid.cli.support.buses import WiredBus, wired_buses
+from contid.control.engine.wiring import WiredBus, wired_buses
 from contid.hal import DeviceKind
 from contid.robot_file.load import LoadedFile, load_robot_file
 from contid_drivers.due.emulator import DueEmulator as Board

@@ -100,7 +100,7 @@ def test_emulate_doctor_scan_servo_and_home(folder: Path) -> None:
 def test_commands_name_what_is_missing(folder: Path) -> None:
     report = contid(folder, "doctor", "hand.yaml")
     assert report.returncode == 4
-    assert "there is no port" in report.stdout
+    assert "no port hand.tty" in report.stdout
     assert "contid scan" in report.stdout
     assert "no bus with axes has driver 'due'" in contid(folder, "emulate", "due", "hand.yaml").stderr
     assert contid(folder, "scan", "hand.tty").returncode == 2

@@ -174,6 +174,11 @@ def test_what_could_not_be_a_robot_is_refused(before: str, after: str, says: str
             "mm_to_bar: row 2, item 2: allowed is a finite number",
         ),
         ("chain", "[110.417, 0.25]", "[110.417]", "mm_to_bar: row 2, item 2 is missing"),
+        ("chain", "[10, 1.5]", "[5, 1.5]", "mm_to_bar covers 0 to 5 mm, the axis goes from 0 to 10 mm"),
+        ("chain", ", [10, 1.5]", "", "mm_to_bar: at least two rows"),
+        ("chain", "[10, 1.5]", "[10, 0]", "mm_to_bar: pressures must always rise or always fall"),
+        ("chain", "[10, 1.5]", "[0, 1], [10, 1.5]", "mm_to_bar: lengths must increase"),
+        ("chain", "mm_to_bar: [[0,", "mm_per_rev: 4, mm_to_bar: [[0,", "mm_per_rev has no meaning for a"),
     ],
 )
 def test_a_wrong_number_of_a_list_is_named_and_blames_nothing_else(

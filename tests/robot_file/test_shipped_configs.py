@@ -6,7 +6,7 @@ from pathlib import Path
 
 import pytest
 
-from contid.cli.support.buses import wired_buses
+from contid.control.engine.wiring import wired_buses
 from contid.kinematics.model import build_model
 from contid.robot_file.load import load_robot_file, with_mock
 

@@ -19,7 +19,7 @@ from contid.robot_file.shipped import load_named
 @click.option("--json", "as_json", is_flag=True, help="One JSON object per finding.")
 def command(robot_file: str, as_json: bool) -> None:
     """Examine the host and the buses and devices of ROBOT_FILE; moves nothing; exit code 4 on an ERROR."""
-    from contid.cli.support.buses import wired_buses
+    from contid.control.engine.wiring import wired_buses
     from contid.control.process.host_checks import examine
 
     def findings() -> Iterator[Finding]:

@@ -33,7 +33,7 @@ def command(driver: str, robot_file: str, faults: Path | None) -> None:
     """
     import signal
 
-    from contid.cli.support.buses import wired_buses
+    from contid.control.engine.wiring import wired_buses
 
     chosen = [bus for bus in wired_buses(load_named(robot_file)) if bus.wiring.driver == driver]
     if not chosen:

@@ -109,7 +109,7 @@ def info(robot_file: str | None) -> None:
     click.echo(f"protocol: {sources.firmware_dir() / 'PROTOCOL.md'}")
     if robot_file is None:
         return
-    from contid.cli.support.buses import wired_buses
+    from contid.control.engine.wiring import wired_buses
     from contid.robot_file.shipped import load_named
 
     boards = [bus for bus in wired_buses(load_named(robot_file)) if bus.wiring.driver == "due"]

@@ -17,9 +17,10 @@ import click
 from contid.errors import ContidError
 from contid.hal import Homed, Homes
 from contid.robot_file.load import LoadedFile, load_robot_file
+from contid.units import mm_to_m
 
 if TYPE_CHECKING:
-    from contid.cli.support.buses import WiredBus
+    from contid.control.engine.wiring import WiredBus
 
 
 @click.command()
@@ -32,7 +33,7 @@ def command(robot_file: Path, axes: tuple[str, ...], dry_run: bool) -> None:
     The file is replaced in one step after the last axis; interrupted, it stays unchanged. Ctrl-C,
     SIGTERM, and `contid estop`, `stop` or `hold` from another terminal take the torque off at once.
     """
-    from contid.cli.support.buses import wired_buses
+    from contid.control.engine.wiring import wired_buses
     from contid.remote.server.stop_server import StopServer
     from contid.robot_file.edit import Change, set_values
 
@@ -92,12 +93,12 @@ def interruptible() -> Iterator[None]:
 
 
 def zero_of(loaded: LoadedFile, found: Homed) -> float:
-    """``zero_deg`` such that the device's value at the reference stands for the reference's length.
+    """``zero_deg`` with which the transmission maps the device value at the reference to ``at_mm``."""
+    from contid.control.tick.transmission import axis_map
 
-    ``angle = zero_deg + direction * 360 * length / mm_per_rev``, solved for ``zero_deg``.
-    """
     robot, name = found.axis.split(".", 1)
     axis = loaded.file.robots[robot].axes[name]
     if axis.mm_per_rev is None:
         return math.degrees(found.value)
-    return math.degrees(found.value) - axis.direction * 360.0 * found.at_mm / axis.mm_per_rev
+    angle = axis_map(axis.model_copy(update={"zero_deg": 0.0})).to_device(mm_to_m(found.at_mm))
+    return math.degrees(found.value - angle)

@@ -1,30 +1,68 @@
-"""From a loaded robot file to what runs: buses by their drivers, plans by their models."""
+"""Builds buses, robot configurations and checks from a loaded robot file."""
 
 from __future__ import annotations
 
 from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import TypeVar
 
 from contid.control.engine.tick_layout import RecordLayout, RobotLayout
 from contid.control.tick.config import RobotConfig, robot_config
 from contid.control.tick.preflight import Preflight, Unreachable
 from contid.control.tick.transmission import RobotTransmission
-from contid.hal import AxisOnBus, Bus, Clock, load_driver
+from contid.errors import ContidError
+from contid.hal import AxisOnBus, Bus, Clock, Driver, load_driver
 from contid.kinematics.rope.chain import ChainGuard
 from contid.robot_file.chain import Chain
-from contid.robot_file.load import LoadedFile
+from contid.robot_file.load import BusWiring, LoadedFile
 from contid.robot_file.robot import RobotDescription
+
+_Capability = TypeVar("_Capability")
 
 
 def driven_robots(loaded: LoadedFile) -> Mapping[str, RobotDescription]:
-    """Robots with actuators of their own; a passive one only watches, it has no place in the tick."""
+    """Robots with actuators; passive ones have no place in the tick."""
     return {name: robot for name, robot in loaded.file.robots.items() if not robot.passive}
+
+
+@dataclass(frozen=True, slots=True)
+class WiredBus:
+    """One bus with axes, and its driver."""
+
+    wiring: BusWiring
+    driver: Driver
+    axes: tuple[AxisOnBus, ...]
+
+    def capable(self, capability: type[_Capability], command: str) -> _Capability:
+        """The driver, as one with an optional interface of `contid.hal`.
+
+        Raises:
+            ContidError: the driver lacks it.
+        """
+        if not isinstance(self.driver, capability):
+            name = self.wiring.driver
+            raise ContidError(f"bus {self.wiring.name}: driver {name!r} cannot `contid {command}`")
+        return self.driver
+
+
+def wired_buses(loaded: LoadedFile) -> list[WiredBus]:
+    """Every bus that carries an axis, in file order."""
+    travel: dict[str, tuple[float, float]] = {}
+    for name, robot in driven_robots(loaded).items():
+        ranges = RobotTransmission(robot).travel()
+        travel |= {f"{name}.{axis}": ends for axis, ends in zip(robot.all_axis_names, ranges, strict=True)}
+    buses = []
+    for wiring in filter(lambda each: each.axes, loaded.buses.values()):
+        axes = tuple(AxisOnBus(axis, options, travel.get(axis)) for axis, options in wiring.axes)
+        buses.append(WiredBus(wiring, load_driver(wiring.driver), axes))
+    return buses
 
 
 def open_buses(loaded: LoadedFile, clock: Clock) -> Mapping[str, Bus]:
     """Build and open every bus of a robot file that carries an axis.
 
     Raises:
-        DeviceNotFoundError: one could not be opened; those opened before it are closed again.
+        DeviceNotFoundError: one could not be opened; the others are closed again.
     """
     buses = build_buses(loaded, clock)
     try:
@@ -38,22 +76,15 @@ def open_buses(loaded: LoadedFile, clock: Clock) -> Mapping[str, Bus]:
 
 
 def build_buses(loaded: LoadedFile, clock: Clock) -> dict[str, Bus]:
-    """Every bus that carries an axis; no device is touched yet."""
-    travel: dict[str, tuple[float, float]] = {}
-    for name, robot in driven_robots(loaded).items():
-        ranges = RobotTransmission(robot).travel()
-        travel |= {f"{name}.{axis}": ends for axis, ends in zip(robot.all_axis_names, ranges, strict=True)}
-    buses = {}
-    for wiring in loaded.buses.values():
-        if not wiring.axes:
-            continue
-        axes = [AxisOnBus(axis, options, travel.get(axis)) for axis, options in wiring.axes]
-        buses[wiring.name] = load_driver(wiring.driver).open_bus(wiring.name, wiring.options, axes, clock)
-    return buses
+    """Every bus that carries an axis; accesses no device."""
+    return {
+        bus.wiring.name: bus.driver.open_bus(bus.wiring.name, bus.wiring.options, bus.axes, clock)
+        for bus in wired_buses(loaded)
+    }
 
 
 def build_robot_configs(loaded: LoadedFile, rate_hz: float) -> tuple[RobotConfig, ...]:
-    """One plan per driven robot, in file order."""
+    """One configuration per driven robot, in file order."""
     tolerance = {bus.name: bus.tolerance_ticks for bus in loaded.buses.values()}
     return tuple(
         robot_config(name, robot, RobotTransmission(robot), rate_hz, tolerance)
@@ -68,7 +99,7 @@ def chain_guards(loaded: LoadedFile) -> list[ChainGuard]:
 
 
 def build_preflight(loaded: LoadedFile, rate_hz: float, unreachable: Unreachable) -> Preflight | None:
-    """What rows must pass; None when nearest points will do and no chain watches."""
+    """The check of rows before motion; None when nearest points are allowed and no chain exists."""
     guards = chain_guards(loaded)
     if unreachable is Unreachable.NEAREST and not guards:
         return None
@@ -76,7 +107,7 @@ def build_preflight(loaded: LoadedFile, rate_hz: float, unreachable: Unreachable
 
 
 def record_layout(loaded: LoadedFile, rate_hz: float) -> RecordLayout:
-    """Where everything of these robots lies in a record."""
+    """The layout of a record of these robots."""
     robots = tuple(
         RobotLayout(name, robot.model, robot.quantity.unit, robot.all_axis_names)
         for name, robot in driven_robots(loaded).items()

@@ -15,9 +15,9 @@ from typing import Any
 import psutil
 import pytest
 
-from contid.cli.support.buses import wired_buses
 from contid.client import Client
 from contid.control.engine.events import LogWritten, to_json
+from contid.control.engine.wiring import wired_buses
 from contid.errors import ContidError
 from contid.robot_file.load import load_robot_file
 from contid.session.read import Session

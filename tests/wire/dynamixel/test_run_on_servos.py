@@ -15,7 +15,7 @@ from typing import Any
 import psutil
 import pytest
 
-from contid.cli.support.buses import wired_buses
+from contid.control.engine.wiring import wired_buses
 from contid.robot_file.load import load_robot_file
 from contid_drivers.dynamixel.emulator import DynamixelEmulator
 from contid_drivers.dynamixel.emulator.bench import Bench
