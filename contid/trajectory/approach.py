@@ -28,14 +28,13 @@ class MotionError(ContidError):
 
 
 class Approach:
-    """A motion from a state to a goal at rest.
+    """A motion to a goal at rest, from a position and velocity without acceleration.
 
     Args:
         start: position of every axis [m or Pa].
         start_velocity: [m/s or Pa/s].
         goal: position of every axis at rest.
         velocity_limit, acceleration_limit, jerk_limit: one for all axes, or one per axis.
-        start_acceleration: zero when left out.
 
     Raises:
         MotionError: numbers that are not finite or limits that are not positive.
@@ -49,10 +48,36 @@ class Approach:
         velocity_limit: Limit,
         acceleration_limit: Limit,
         jerk_limit: Limit,
-        start_acceleration: Sequence[float] | None = None,
     ) -> None:
+        import ruckig
+
+        axes = len(start)
+        limits = [per_axis(limit, axes) for limit in (velocity_limit, acceleration_limit, jerk_limit)]
+        if any(not value > 0.0 for limit in limits for value in limit):
+            raise MotionError(f"velocity, acceleration and jerk limits must be positive, got {limits}")
         self._goal: Actuation = tuple(float(value) for value in goal)
-        self._solve(start, start_velocity, start_acceleration, velocity_limit, acceleration_limit, jerk_limit)
+        self._start: Actuation = tuple(float(value) for value in start)
+        self._start_velocity: Actuation = tuple(float(value) for value in start_velocity)
+        self._scale = limits[0]
+        problem: Any = ruckig.InputParameter(axes)
+        problem.current_position = _scaled(start, self._scale)
+        problem.current_velocity = [_at_most_one(v) for v in _scaled(start_velocity, self._scale)]
+        problem.current_acceleration = [0.0] * axes
+        problem.max_velocity = [1.0] * axes
+        problem.max_acceleration = _scaled(limits[1], self._scale)
+        problem.max_jerk = _scaled(limits[2], self._scale)
+        problem.synchronization = ruckig.Synchronization.Time
+        problem.target_velocity = [0.0] * axes
+        problem.target_acceleration = [0.0] * axes
+        problem.target_position = _scaled(self._goal, self._scale)
+        self._trajectory: Any = ruckig.Trajectory(axes)
+        try:
+            result = ruckig.Ruckig(axes).calculate(problem, self._trajectory)
+        except Exception as error:
+            raise MotionError(f"no motion from {list(start)} to {self._goal}: {error}") from error
+        if result not in (ruckig.Result.Working, ruckig.Result.Finished):
+            raise MotionError(f"no motion from {list(start)} to {self._goal}: {result.name}")
+        self._duration_s: float = self._trajectory.duration
 
     @property
     def duration_s(self) -> float:
@@ -70,50 +95,11 @@ class Approach:
             return self._goal, (0.0,) * len(self._goal)
         if time_s <= 0.0:
             return self._start, self._start_velocity
-        position, velocity = self._trajectory.at_time(min(time_s, self._duration_s))[:2]
+        position, velocity = self._trajectory.at_time(time_s)[:2]
         return (
             tuple([value * scale for value, scale in zip(position, self._scale, strict=True)]),
             tuple([value * scale for value, scale in zip(velocity, self._scale, strict=True)]),
         )
-
-    def _solve(
-        self,
-        start: Sequence[float],
-        start_velocity: Sequence[float],
-        start_acceleration: Sequence[float] | None,
-        velocity_limit: Limit,
-        acceleration_limit: Limit,
-        jerk_limit: Limit,
-    ) -> None:
-        import ruckig
-
-        axes = len(start)
-        limits = [per_axis(limit, axes) for limit in (velocity_limit, acceleration_limit, jerk_limit)]
-        if any(not value > 0.0 for limit in limits for value in limit):
-            raise MotionError(f"velocity, acceleration and jerk limits must be positive, got {limits}")
-        self._start: Actuation = tuple(float(value) for value in start)
-        self._start_velocity: Actuation = tuple(float(value) for value in start_velocity)
-        self._scale = limits[0]
-        problem: Any = ruckig.InputParameter(axes)
-        problem.current_position = _scaled(start, self._scale)
-        problem.current_velocity = _scaled(start_velocity, self._scale)
-        problem.current_acceleration = _scaled(start_acceleration or (0.0,) * axes, self._scale)
-        problem.max_velocity = [1.0] * axes
-        problem.max_acceleration = _scaled(limits[1], self._scale)
-        problem.max_jerk = _scaled(limits[2], self._scale)
-        problem.synchronization = ruckig.Synchronization.Time
-        problem.target_velocity = [0.0] * axes
-        problem.target_acceleration = [0.0] * axes
-        problem.target_position = _scaled(self._goal, self._scale)
-        problem.current_velocity = [_at_most_one(value) for value in problem.current_velocity]
-        self._trajectory: Any = ruckig.Trajectory(axes)
-        try:
-            result = ruckig.Ruckig(axes).calculate(problem, self._trajectory)
-        except Exception as error:
-            raise MotionError(f"no motion from {list(start)} to {self._goal}: {error}") from error
-        if result not in (ruckig.Result.Working, ruckig.Result.Finished):
-            raise MotionError(f"no motion from {list(start)} to {self._goal}: {result.name}")
-        self._duration_s: float = self._trajectory.duration
 
 
 def per_axis(limit: Limit, axes: int) -> list[float]:

@@ -16,7 +16,6 @@ from __future__ import annotations
 import math
 from collections.abc import Iterator
 from dataclasses import dataclass
-from typing import TextIO
 
 from contid.errors import ContidError
 from contid.targets import Vec3
@@ -66,7 +65,11 @@ class Swing:
             rate_hz=self.rate_hz,
         )
 
-    def rows_mm(self) -> Iterator[tuple[float, Vec3, Vec3]]:
+    def columns(self) -> list[str]:
+        """Columns of the rows."""
+        return [TIME, *(f"{arm}.{axis}_mm" for arm in self.arms for axis in "xyz")]
+
+    def rows(self) -> Iterator[tuple[float, ...]]:
         """Time [s] and the two tips in the world [mm]."""
         path = self.path()
         (x0, y0, _), (x1, y1, _) = self.bases_mm
@@ -75,12 +78,4 @@ class Swing:
         for time_s in path.times():
             x, y, z = path.point_mm(time_s)
             along = 2.0 * (x * ex + y * ey)
-            yield time_s, (x0 + x, y0 + y, z), (x1 + x - along * ex, y1 + y - along * ey, z)
-
-
-def write_swing(stream: TextIO, swing: Swing) -> None:
-    """Write a swing as CSV."""
-    columns = [f"{arm}.{axis}_mm" for arm in swing.arms for axis in "xyz"]
-    stream.write(",".join([TIME, *columns]) + "\n")
-    for time_s, first, second in swing.rows_mm():
-        stream.write(",".join(map(repr, [time_s, *first, *second])) + "\n")
+            yield time_s, x0 + x, y0 + y, z, x1 + x - along * ex, y1 + y - along * ey, z

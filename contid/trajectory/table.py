@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass
 from typing import TextIO
 
@@ -72,15 +72,22 @@ def write_path(
             columns += [f"{each.prefix}a{axis}" for axis in "xyz"]
         if mid is not None:
             columns += [f"{each.prefix}mid.{axis}_mm" for axis in "xyz"]
+
+    def rows() -> Iterator[list[float]]:
+        for time_s in path.times():
+            point = path.point_mm(time_s)
+            direction = path.direction(time_s) if path.lean_deg is not None else ()
+            middle = mid.point_mm(time_s) if isinstance(mid, ShapePath) else mid or ()
+            row = [time_s]
+            for each in robots:
+                row += [*point[: each.dimension], *direction, *middle]
+            yield row
+
+    write_rows(stream, columns, rows())
+
+
+def write_rows(stream: TextIO, columns: Sequence[str], rows: Iterable[Sequence[float]]) -> None:
+    """Write CSV; repr is the shortest text that reads back to the same double."""
     stream.write(",".join(columns) + "\n")
-    for time_s in path.times():
-        row = [time_s]
-        point = path.point_mm(time_s)
-        direction = path.direction(time_s) if path.lean_deg is not None else ()
-        middle: tuple[float, ...] = ()
-        if mid is not None:
-            middle = mid.point_mm(time_s) if isinstance(mid, ShapePath) else mid
-        for each in robots:
-            row += [*point[: each.dimension], *direction, *middle]
-        # repr is the shortest text that reads back to the same double.
+    for row in rows:
         stream.write(",".join(map(repr, row)) + "\n")

@@ -43,7 +43,7 @@ def test_an_approach_starts_and_ends_at_rest_within_its_limits(
 
 
 def test_an_approach_may_begin_in_motion() -> None:
-    motion = Approach((0.05,), (0.08,), (0.05,), VELOCITY, ACCELERATION, JERK, start_acceleration=(0.5,))
+    motion = Approach((0.05,), (0.08,), (0.05,), VELOCITY, ACCELERATION, JERK)
     assert motion.at(0.0)[1] == (0.08,)
     assert motion.at(motion.duration_s) == ((0.05,), (0.0,))
     assert max(motion.at(t)[0][0] for t in np.linspace(0, motion.duration_s, 100)) > 0.05

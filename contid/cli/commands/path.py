@@ -139,19 +139,21 @@ def command(
 def _golden(period: float, laps: float, rate: float, robot_file: str | None, robots: str | None) -> None:
     """The golden trajectory of the CBHA, for every robot named or of the file."""
     from contid.trajectory.shapes import check_row_count
-    from contid.trajectory.table import robots_in_file
+    from contid.trajectory.table import robots_in_file, write_rows
     from contid.units import m_to_mm
     from studies.singh import golden_rows
 
     check_row_count(period, laps, rate)
     names = [name.strip() for name in robots.split(",")] if robots else []
-    fronts = [f"{name}." if name else "" for name in names or [""]]
+    prefixes = [f"{name}." if name else "" for name in names or [""]]
     if robot_file is not None:
-        fronts = [each.prefix for each in robots_in_file(robot_file, names)]
-    sys.stdout.write(",".join(["t_s"] + [f"{front}{axis}_mm" for front in fronts for axis in "xyz"]) + "\n")
-    for time_s, tip in golden_rows(period, laps, rate):
-        point = [m_to_mm(value) for value in tip] * len(fronts)
-        sys.stdout.write(",".join(map(repr, [time_s, *point])) + "\n")
+        prefixes = [each.prefix for each in robots_in_file(robot_file, names)]
+    columns = ["t_s", *(f"{prefix}{axis}_mm" for prefix in prefixes for axis in "xyz")]
+    rows = (
+        [time_s, *(m_to_mm(value) for value in tip * len(prefixes))]
+        for time_s, tip in golden_rows(period, laps, rate)
+    )
+    write_rows(sys.stdout, columns, rows)
 
 
 def _swing(
@@ -168,7 +170,8 @@ def _swing(
     from contid.kinematics.model import build_model
     from contid.robot_file.chain import Chain
     from contid.robot_file.shipped import load_named
-    from contid.trajectory.swing import Swing, write_swing
+    from contid.trajectory.swing import Swing
+    from contid.trajectory.table import write_rows
     from contid.units import m_to_mm
 
     found = load_named(robot_file).file.robots
@@ -184,7 +187,7 @@ def _swing(
     swing = Swing(
         chain.arms, (places[0], places[1]), 80.0 if size is None else size, ratio, height, period, laps, rate
     )
-    write_swing(sys.stdout, swing)
+    write_rows(sys.stdout, swing.columns(), swing.rows())
 
 
 def _mid(text: str, with_shape: Callable[..., ShapePath]) -> ShapePath | tuple[float, float, float]:
