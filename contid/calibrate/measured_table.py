@@ -136,9 +136,9 @@ def _check_header(header: list[str], name: str, line: int, columns: Columns) -> 
 def _fill(row: MeasuredRow, cells: list[str], columns: Columns) -> Iterator[Located]:
     """Put the cells into the row; yields a finding for each that is not a number."""
     for column, text in zip(row.places, cells, strict=True):
-        if not text and (column in columns.optional or column in columns.optional_text):
+        if not text and column in (*columns.optional, *columns.optional_text):
             continue
-        if column in columns.text or column in columns.optional_text:
+        if column in (*columns.text, *columns.optional_text):
             row.text[column] = text
             continue
         try:

@@ -25,14 +25,10 @@ Voxel = tuple[int, int, int]
 Progress = Callable[[int], None]
 
 _SEED: Final = 20171205
-_NEIGHBOURS: Final[tuple[Voxel, ...]] = (
-    (1, 0, 0),
-    (-1, 0, 0),
-    (0, 1, 0),
-    (0, -1, 0),
-    (0, 0, 1),
-    (0, 0, -1),
-)
+#: +x, -x, +y, -y, +z, -z.
+_NEIGHBOURS: Final[list[Voxel]] = [
+    (sign * (axis == 0), sign * (axis == 1), sign * (axis == 2)) for axis in range(3) for sign in (1, -1)
+]
 
 
 @dataclass(frozen=True, slots=True)

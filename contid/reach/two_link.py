@@ -6,7 +6,6 @@ with joints limited to one side ("0 to 120 degrees") (reference A3).
 
 from __future__ import annotations
 
-import math
 from typing import Final
 
 import numpy as np
@@ -24,24 +23,12 @@ def two_link_region(joint_limit_rad: float, link_m: float = 0.05) -> BaseGeometr
     mirror each other.
     """
     elbow = np.linspace(0.0, joint_limit_rad, _POINTS)
-    radius = 2.0 * link_m * np.cos(0.5 * elbow)
     shoulder = np.linspace(-joint_limit_rad, joint_limit_rad, _POINTS)
-    direction = np.concatenate(
-        [
-            joint_limit_rad + 0.5 * elbow,
-            shoulder[::-1] + 0.5 * joint_limit_rad,
-            -joint_limit_rad + 0.5 * elbow[::-1],
-            shoulder,
-        ]
-    )
-    distance = np.concatenate(
-        [
-            radius,
-            np.full(_POINTS, 2.0 * link_m * math.cos(0.5 * joint_limit_rad)),
-            radius[::-1],
-            np.full(_POINTS, 2.0 * link_m),
-        ]
-    )
+    bent, straight = np.full(_POINTS, joint_limit_rad), np.zeros(_POINTS)
+    # Along the boundary: upper shoulder limit, elbow bent, lower shoulder limit, elbow straight.
+    shoulders = np.concatenate([bent, shoulder[::-1], -bent, shoulder])
+    elbows = np.concatenate([elbow, bent, elbow[::-1], straight])
+    direction, distance = shoulders + 0.5 * elbows, 2.0 * link_m * np.cos(0.5 * elbows)
     x, y = distance * np.sin(direction), distance * np.cos(direction)
     one_sign: BaseGeometry = Polygon(np.column_stack([x, y])).buffer(0)
     other_sign: BaseGeometry = Polygon(np.column_stack([-x, y])).buffer(0)

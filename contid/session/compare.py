@@ -28,14 +28,11 @@ class Divergence:
     """The first value that differs.
 
     Attributes:
-        tick: number of the tick.
         time_s: of the tick since the start.
         source_s: time in the trajectory, NaN without one.
-        robot: name of the robot.
-        axis: of the robot, "" for a value of the whole robot.
+        axis: "" for a value of the whole robot.
         what: name of the value.
-        recorded, replayed: the two values.
-        unit: of both.
+        unit: of both values.
         last_equal: values of the robot in the last tick that was equal.
     """
 

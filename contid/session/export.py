@@ -50,11 +50,8 @@ class Column:
 
 def columns(session: Session, channel: str) -> list[Column]:
     """The columns of a channel after ``tick`` and ``t_s``."""
-    out: list[Column] = []
-    for each in fields(session.layout, session.device_units, channel):
-        if each.path != ("tick",):
-            out += _columns(each)
-    return out
+    values = fields(session.layout, session.device_units, channel)
+    return [column for each in values if each.path != ("tick",) for column in _columns(each)]
 
 
 def _columns(each: Field) -> Iterator[Column]:
@@ -147,14 +144,11 @@ def export_channels(session: Session, folder: Path) -> list[Path]:
 
 def export_joined(session: Session, path: Path) -> list[Path]:
     """Write all tick channels as one table, one row per tick; returns the file."""
-    names, table = ["tick", "t_s"], []
-    for channel in TICK_CHANNELS:
-        for column in columns(session, channel):
-            names.append(f"{channel}.{column.name}")
-            table.append(column)
+    of_channel = [(channel, column) for channel in TICK_CHANNELS for column in columns(session, channel)]
+    table = [column for _, column in of_channel]
     with _file(path) as file:
         writer = _writer(file)
-        writer.writerow(names)
+        writer.writerow(["tick", "t_s", *(f"{channel}.{column.name}" for channel, column in of_channel)])
         for entry in session.entries():
             if entry.values is not None:
                 writer.writerow(_row(session, entry.values, table))

@@ -66,12 +66,7 @@ def recorded_commands(session: Session, loaded: LoadedFile) -> Trajectory:
 
 
 def run_on_hardware(session: Session, recorded: LoadedFile, loaded: LoadedFile) -> RunReport:
-    """Send the commands of a session to the buses of a robot file.
-
-    Args:
-        session: the recording.
-        recorded: its robot file.
-        loaded: the robot file whose buses are used.
+    """Send the commands of a session, with robot file ``recorded``, to the buses of ``loaded``.
 
     Raises:
         ContidError: other robots, ids or limits; no bus is opened.

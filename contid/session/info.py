@@ -23,24 +23,16 @@ class Info:
     """A summary.
 
     Attributes:
-        file: path.
-        bytes: size of the file.
         state: ``clean`` or why not.
         compacted: indexed and compressed.
         began: UTC, ISO 8601.
         duration_s: from the first tick to the last.
-        ticks: recorded.
-        rate_hz: of the ticks.
-        virtual: in virtual time.
         late: ticks that started more than a tenth of a period after their deadline; 0 in virtual time.
         skipped: ticks that were not started.
         lost: ticks that the recorder missed.
         robots: model, axes and last mode by name.
-        input: source of the targets.
-        faults: messages.
         events: number of each kind.
         listed: important events with their tick.
-        versions: of the software.
     """
 
     file: str

@@ -21,7 +21,7 @@ def repair(source: Path, output: Path | None, progress: Callable[[int], None] = 
         progress: called with the number of ticks read.
 
     Returns:
-        What was done, as text.
+        A line for the user.
 
     Raises:
         ContidError: it is still being recorded; it is damaged inside and ``output`` is None; ``output``

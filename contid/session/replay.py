@@ -12,7 +12,7 @@ from __future__ import annotations
 import math
 from collections import defaultdict
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import Final
 
 from contid.control.engine.cycle import OnEnd, Timing
@@ -61,12 +61,12 @@ class Replayed:
     stopped: str = ""
 
 
+@dataclass(frozen=True, slots=True)
 class RecordedBus:
-    """Name and axes of a recorded bus."""
+    """A recorded bus."""
 
-    def __init__(self, name: str, axes: tuple[str, ...]) -> None:
-        self.name = name
-        self.axes = axes
+    name: str
+    axes: tuple[str, ...]
 
 
 class RecordedPort:
@@ -126,14 +126,14 @@ def _number(value: float) -> float | None:
     return None if value != value else value
 
 
+@dataclass(slots=True)
 class RecordedTick:
     """Recorded values and events of the present tick."""
 
-    def __init__(self) -> None:
-        self.values: Sequence[float] = ()
-        self.answers: dict[str, BusReply] = {}
-        self.stalls: set[str] = set()
-        self.faults: dict[str, str] = {}
+    values: Sequence[float] = ()
+    answers: dict[str, BusReply] = field(default_factory=dict)
+    stalls: set[str] = field(default_factory=set)
+    faults: dict[str, str] = field(default_factory=dict)
 
 
 class _Sink:
@@ -247,8 +247,9 @@ def _apply(
 
 def _slots(session: Session, axes: Sequence[str]) -> dict[str, int]:
     """Index of the first value of every axis of a bus in a record."""
-    slots = {}
-    for index, robot in enumerate(session.layout.robots):
-        for number, axis in enumerate(robot.axes):
-            slots[f"{robot.name}.{axis}"] = session.layout.axis_start(index, number)
+    slots = {
+        f"{robot.name}.{axis}": session.layout.axis_start(index, number)
+        for index, robot in enumerate(session.layout.robots)
+        for number, axis in enumerate(robot.axes)
+    }
     return {axis: slots[axis] for axis in axes if axis in slots}

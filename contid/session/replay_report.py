@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import asdict
 from typing import Any
 
 from contid.session.compare import Divergence
@@ -49,17 +50,8 @@ def as_json(session: Session, replayed: Replayed, changed: list[Difference], too
     found = replayed.divergence
     divergence: dict[str, Any] | None = None
     if found is not None:
-        divergence = {
-            "tick": found.tick,
-            "time_s": found.time_s,
-            "source_s": None if found.source_s != found.source_s else found.source_s,
-            "where": found.where,
-            "what": found.what,
-            "recorded": found.recorded,
-            "replayed": found.replayed,
-            "unit": found.unit,
-            "last_equal": dict(found.last_equal),
-        }
+        source_s = None if found.source_s != found.source_s else found.source_s
+        divergence = {**asdict(found), "where": found.where, "source_s": source_s}
     return {
         "ticks": replayed.ticks,
         "took_s": took_s,

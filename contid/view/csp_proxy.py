@@ -34,13 +34,7 @@ class CspProxy:
     """Forwards Rerun's web server and adds the policy."""
 
     def __init__(self, port: int, inner_port: int, data_port: int) -> None:
-        """Start to serve.
-
-        Args:
-            port: of the page, 0 for any.
-            inner_port: of Rerun's web server.
-            data_port: of the server with the data.
-        """
+        """Serve ``inner_port``, Rerun's web server, on ``port`` (0 for any) for data from ``data_port``."""
         rules = policy(data_port)
 
         class Handler(BaseHTTPRequestHandler):

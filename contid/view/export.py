@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Sequence
-from pathlib import Path
 from typing import Final
 
 from contid.control.engine.events import RunEvent
@@ -11,7 +10,7 @@ from contid.control.engine.tick_layout import RecordLayout
 from contid.robot_file.load import LoadedFile
 from contid.view.frames import Decimator
 from contid.view.rerun_session import RerunSession
-from contid.view.view_target import Kind, ViewTarget
+from contid.view.view_target import ViewTarget
 
 #: Ticks that are written together.
 BATCH: Final = 1024
@@ -26,7 +25,7 @@ def draw(
     target: ViewTarget,
     on_drawn: Callable[[RerunSession], None] = lambda session: None,
 ) -> None:
-    """Draw a whole run.
+    """Draw a whole run; a file that exists is replaced.
 
     Args:
         entries: ticks and events in their order.
@@ -47,8 +46,3 @@ def draw(
                 decimator.add(values)
         decimator.finish()
         on_drawn(session)
-
-
-def export_rrd(entries: Iterable[Entry], loaded: LoadedFile, layout: RecordLayout, path: Path) -> None:
-    """Write a run as a file for the viewer; replaces an existing file."""
-    draw(entries, loaded, layout, ViewTarget(Kind.FILE, path))

@@ -17,8 +17,7 @@ from contid.control.engine.messages import Message
 from contid.control.engine.wiring import record_layout
 from contid.control.process.setup import RunSetup
 from contid.view.frames import BATCH, Decimator
-from contid.view.job import ViewerJob
-from contid.view.view_target import Kind, ViewTarget
+from contid.view.view_target import Kind, ViewerJob, ViewTarget
 
 #: How long the end of a run waits for the viewer to draw the last frames.
 EXIT_TIMEOUT_S: Final = 5.0

@@ -90,10 +90,10 @@ class RerunWriter:
                 names = tuple(f"{axis} measured" for axis in names)
                 curves = rr.SeriesLines(names=names, colors=[MEASURED] * count, widths=[0.75] * count)
                 self._static(paths.plot(name, f"{group}measured"), curves)
-            error = rr.SeriesLines(names=f"{name} commanded", colors=_sections(index)[0])
-            self._static(paths.plot(name, "tip_error"), error)
-            error = rr.SeriesLines(names=f"{name} measured", colors=MEASURED, widths=0.75)
-            self._static(paths.plot(name, "tip_error_measured"), error)
+            errors = rr.SeriesLines(names=f"{name} commanded", colors=_sections(index)[0])
+            self._static(paths.plot(name, "tip_error"), errors)
+            errors = rr.SeriesLines(names=f"{name} measured", colors=MEASURED, widths=0.75)
+            self._static(paths.plot(name, "tip_error_measured"), errors)
         self._static(paths.TIMING, rr.SeriesLines(names=paths.TIMES, colors=CURVES[:2]))
 
     def _static(self, entity: str, what: Any) -> None:

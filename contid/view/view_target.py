@@ -7,8 +7,12 @@ import os
 from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 from contid.errors import ContidError
+
+if TYPE_CHECKING:
+    from contid.robot_file.load import LoadedFile
 
 
 class ViewError(ContidError):
@@ -33,6 +37,17 @@ class ViewTarget:
 
     kind: Kind
     path: Path | None = None
+
+
+@dataclass(frozen=True, slots=True)
+class ViewerJob:
+    """Sent by the daemon to the viewer's process; ``pid`` is that of the ring's writer."""
+
+    target: ViewTarget
+    ring: Path
+    pid: int
+    loaded: LoadedFile
+    rate_hz: float
 
 
 def parse_view_target(text: str) -> ViewTarget:

@@ -18,8 +18,7 @@ from contid.control.engine.events import ViewerPaused
 from contid.control.process.ring import RingReader
 from contid.errors import ContidError
 from contid.view.frames import BATCH, FRAMES_HZ, Decimator
-from contid.view.job import ViewerJob
-from contid.view.view_target import Kind
+from contid.view.view_target import Kind, ViewerJob
 
 NICE: Final = 10
 

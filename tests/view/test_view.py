@@ -29,12 +29,11 @@ from contid.control.engine.wiring import record_layout
 from contid.control.process.ring import RingReader, RingWriter, create
 from contid.robot_file.load import load_robot_file
 from contid.view.csp_proxy import CspProxy, policy
-from contid.view.job import ViewerJob
 from contid.view.layout import FIELD_OF_VIEW, build_layout, camera
 from contid.view.observer import ViewerObserver
 from contid.view.rerun_program import rerun_program
 from contid.view.scene import MAX_CELLS, build_scene
-from contid.view.view_target import Kind, ViewTarget
+from contid.view.view_target import Kind, ViewerJob, ViewTarget
 from contid.view.viewer_process import Viewer
 from tests.cli.command import contid
 

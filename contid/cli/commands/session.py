@@ -94,10 +94,11 @@ def repair(session_file: str, output: str | None) -> None:
 def _export_rrd(session: Session, robot: str | None, path: Path) -> None:
     loaded = file_to_draw(session, robot)
     os.environ.setdefault("RUST_LOG", "off")  # contid reports errors itself
-    from contid.view.export import export_rrd
+    from contid.view.export import draw
+    from contid.view.view_target import Kind, ViewTarget
 
     entries = ((entry.values, entry.event) for entry in session.entries())
-    export_rrd(entries, loaded, session.layout, path)
+    draw(entries, loaded, session.layout, ViewTarget(Kind.FILE, path))
 
 
 def file_to_draw(session: Session, robot: str | None) -> LoadedFile:
