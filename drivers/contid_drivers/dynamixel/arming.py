@@ -11,10 +11,10 @@ from contid.errors import DeviceError, DeviceNotFoundError
 from contid_drivers.dynamixel import registers as reg
 from contid_drivers.dynamixel import turns
 from contid_drivers.dynamixel.axis import Axis
+from contid_drivers.dynamixel.client import TRIES, NoAnswerError, ServoClient, ServoRefusedError
 from contid_drivers.dynamixel.cyclic import INDIRECT_ORDER
 from contid_drivers.dynamixel.options import DynamixelBusOptions
 from contid_drivers.dynamixel.packets import sync_write
-from contid_drivers.dynamixel.protocol import TRIES, NoAnswerError, ServoClient, ServoRefusedError
 from contid_drivers.dynamixel.registers import Register
 
 log = logging.getLogger(__name__)
@@ -32,12 +32,12 @@ def handshake(client: ServoClient, axes: Sequence[Axis], options: DynamixelBusOp
     lines = []
     for axis in axes:
         model = client.ping(axis.device)
-        found = "nothing" if model is None else reg.MODELS.get(model, f"model {model}")
+        found = "nothing" if model is None else reg.model_name(model)
         if found != axis.options.model:
             lines.append(f"id {axis.device} ({axis.name}): expected {axis.options.model}, found {found}")
     if lines:
         present = ", ".join(
-            f"id {device} {reg.MODELS.get(model, f'model {model}')} firmware {firmware}"
+            f"id {device} {reg.model_name(model)} firmware {firmware}"
             for device, (model, firmware) in sorted(client.broadcast_ping().items())
         )
         raise DeviceNotFoundError(

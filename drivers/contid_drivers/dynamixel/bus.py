@@ -13,10 +13,10 @@ from contid.hal import AxisOnBus, Clock, Rest, Sample
 from contid_drivers.dynamixel import arming, turns
 from contid_drivers.dynamixel import registers as reg
 from contid_drivers.dynamixel.axis import Axis
+from contid_drivers.dynamixel.client import NoAnswerError, ServoClient
 from contid_drivers.dynamixel.cyclic import INDIRECT, PLAIN, Cyclic, CyclicLayout, ServoReading
 from contid_drivers.dynamixel.options import DynamixelBusOptions
-from contid_drivers.dynamixel.port import BlockingPort
-from contid_drivers.dynamixel.protocol import NoAnswerError, ServoClient
+from contid_drivers.dynamixel.port import ServoPort
 from contid_drivers.serial_ports import UsbIdentity, find_port, identity_of
 
 log = logging.getLogger(__name__)
@@ -44,7 +44,7 @@ class DynamixelBus:
         self._by_id = {axis.device: axis for axis in self._states.values()}
         self._layout = layout
         self._identity: UsbIdentity | None = None
-        self._port: BlockingPort | None = None
+        self._port: ServoPort | None = None
         self._client: ServoClient | None = None
         self._cyclic: Cyclic | None = None
         self._lost: DeviceLostError | None = None
@@ -60,7 +60,7 @@ class DynamixelBus:
         self.close()
         options = self.options
         path = find_port(self.name, options.port, self._identity)
-        port = BlockingPort(self.name, path, options.baud, options.usb_latency_ms / 1e3)
+        port = ServoPort(self.name, path, options.baud, options.usb_latency_ms / 1e3)
         port.open()
         try:
             client = ServoClient(self.name, port, {axis.device: name for name, axis in self._states.items()})

@@ -1,20 +1,27 @@
-"""Finding servos and giving them ids and baud rates: ``contid scan`` and ``contid servo``."""
+"""``contid scan`` and ``contid servo``: find servos, set ids and baud rates, reboot; through the stock SDK.
+
+It is sound here, because no robot moves and each request stands alone: docs/decisions/0004.
+"""
 
 from __future__ import annotations
 
+import termios
 import time
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
 from pathlib import Path
-from typing import Final
+from typing import Any, Final
 
+from dynamixel_sdk import COMM_SUCCESS, PacketHandler, PortHandler
 from serial.tools import list_ports
 
 from contid.errors import DeviceError
 from contid.hal import FoundDevice, Report
 from contid_drivers.dynamixel import registers as reg
-from contid_drivers.dynamixel.port import BlockingPort
-from contid_drivers.dynamixel.protocol import ServoClient
+from contid_drivers.dynamixel.client import REBOOT_S, TRIES
+from contid_drivers.dynamixel.packets import ALERT
+from contid_drivers.dynamixel.port import ServoPort
+from contid_drivers.dynamixel.registers import Register
 from contid_drivers.serial_ports import find_port
 
 #: Rates in the order of likelihood.
@@ -22,65 +29,128 @@ SCAN_BAUDS: Final = (1000000, 57600, 2000000, 4000000, 3000000, 115200, 9600)
 LATENCY_S: Final = 0.02
 
 
-def likely_ports() -> list[str]:
-    """Serial ports of this machine, by-id names first."""
-    stable = {str(path.resolve()): str(path) for path in sorted(Path("/dev/serial/by-id").glob("*"))}
-    return [stable.get(port.device, port.device) for port in list_ports.comports() if port.vid is not None]
+class SdkBus:
+    """Servos at one baud rate of a locked port, through the SDK's packet handler."""
+
+    def __init__(self, path: str, handler: PortHandler) -> None:
+        self.path = path
+        self._port = handler
+        self._sdk = PacketHandler(2.0)
+
+    def name(self, device: int) -> str:
+        """Name of a servo in messages."""
+        return f"{self.path}, servo {device}"
+
+    def answers(self, device: int) -> bool:
+        """Whether a servo answers a ping."""
+        return any(self._sdk.ping(self._port, device)[1] == COMM_SUCCESS for _ in range(TRIES))
+
+    def broadcast_ping(self) -> dict[int, tuple[int, int]]:
+        """Model number and firmware of every servo, by id."""
+        found, _ = self._sdk.broadcastPing(self._port)
+        return {device: (model, firmware) for device, (model, firmware) in sorted(found.items())}
+
+    def read(self, device: int, register: Register) -> int:
+        """Value of a register.
+
+        Raises:
+            DeviceError: no answer, or an error of the servo.
+        """
+        at, size = register.address, register.size
+        data = self._checked(device, lambda: self._sdk.readTxRx(self._port, device, at, size))
+        return register.decode(bytes(data[0]))
+
+    def write(self, device: int, register: Register, value: int) -> None:
+        """Set a register; errors as `read`."""
+        at, data = register.address, list(register.encode(value))
+        self._checked(device, lambda: self._sdk.writeTxRx(self._port, device, at, len(data), data))
+
+    def reboot(self, device: int) -> None:
+        """Restart a servo and wait for its answer.
+
+        Raises:
+            DeviceError: it does not answer again.
+        """
+        self._sdk.reboot(self._port, device)
+        until = time.monotonic() + REBOOT_S
+        while time.monotonic() < until:
+            # The answer to the reboot may arrive before the servo goes down.
+            time.sleep(0.05)
+            if self.answers(device):
+                return
+        raise DeviceError(self.name(device), f"no answer within {REBOOT_S:g} s after a reboot")
+
+    def _checked(self, device: int, request: Callable[[], tuple[Any, ...]]) -> tuple[Any, ...]:
+        for _ in range(TRIES):
+            *data, result, error = request()
+            if result == COMM_SUCCESS:
+                if error & ~ALERT:
+                    raise DeviceError(self.name(device), self._sdk.getRxPacketError(error & ~ALERT))
+                return tuple(data)
+        raise DeviceError(self.name(device), self._sdk.getTxRxResult(result), "check power and cable")
 
 
 @contextmanager
-def client_on(path: str, baud: int) -> Iterator[ServoClient]:
-    """A client on a port, closed at the end."""
-    port = BlockingPort(path, find_port(path, path), baud, LATENCY_S)
+def sdk_bus(path: str, baud: int) -> Iterator[SdkBus]:
+    """The stock SDK on a port that contid opened and locked; closed at the end."""
+    port = ServoPort(path, find_port(path, path), baud, LATENCY_S)
     port.open()
+    handler = PortHandler(port.path)
+    handler.ser, handler.is_open, handler.baudrate = port.serial, True, baud
+    handler.tx_time_per_byte = 1e3 * port.byte_s
     try:
-        yield ServoClient(path, port)
+        yield SdkBus(path, handler)
+    except (OSError, termios.error) as error:
+        raise port.lost(error) from error
     finally:
         port.close()
 
 
+def likely_ports() -> list[str]:
+    """USB serial ports of this machine, by their by-id names where they have one."""
+    stable = {str(path.resolve()): str(path) for path in sorted(Path("/dev/serial/by-id").glob("*"))}
+    return [stable.get(port.device, port.device) for port in list_ports.comports() if port.vid is not None]
+
+
 def scan(ports: Sequence[str], bauds: Sequence[int], report: Report) -> list[FoundDevice]:
-    """Ask everybody at every rate; a port that does not open is reported and passed over."""
+    """Search every port at every rate; a port that does not open is reported and skipped."""
     found: list[FoundDevice] = []
     for path in ports or likely_ports():
         for baud in bauds or SCAN_BAUDS:
             report(f"{path} at {baud} baud")
             try:
-                with client_on(path, baud) as client:
-                    here = client.broadcast_ping()
+                with sdk_bus(path, baud) as bus:
+                    present = bus.broadcast_ping()
             except DeviceError as error:
                 report(str(error))
                 break
-            for device, (model, firmware) in sorted(here.items()):
-                name = reg.MODELS.get(model, f"model {model}")
-                found.append(FoundDevice(path, baud, device, name, firmware))
+            for device, (model, firmware) in present.items():
+                found.append(FoundDevice(path, baud, device, reg.model_name(model), firmware))
     return found
 
 
-def _only(client: ServoClient, device: int) -> None:
-    if client.ping(device) is None:
-        raise DeviceError(
-            client.name(device), f"no answer at {client.port.baudrate} baud", "run `contid scan`"
-        )
-    if client.read(device, reg.TORQUE_ENABLE):
-        raise DeviceError(client.name(device), "torque is on, its settings are locked", "relax it first")
+def _check_free(bus: SdkBus, device: int, baud: int) -> None:
+    if not bus.answers(device):
+        raise DeviceError(bus.name(device), f"no answer at {baud} baud", "run `contid scan`")
+    if bus.read(device, reg.TORQUE_ENABLE):
+        raise DeviceError(bus.name(device), "torque is on, its settings are locked", "relax it first")
 
 
 def set_id(path: str, baud: int, device: int, new: int) -> None:
     """Give a servo another id.
 
     Raises:
-        DeviceError: it is silent or under torque, or the new id is taken or is none.
+        DeviceError: it is silent or under torque, or the new id is invalid or taken.
     """
     if not reg.ID.low <= new <= reg.ID.high:
-        raise DeviceError(path, f"{new} is no id; {reg.ID.low} to {reg.ID.high} are")
-    with client_on(path, baud) as client:
-        if client.ping(new) is not None:
-            raise DeviceError(client.name(new), f"id {new} is taken", "connect one servo at a time")
-        _only(client, device)
-        client.write(device, reg.ID, new)
-        if client.ping(new) is None:
-            raise DeviceError(client.name(new), "does not answer to its new id", "run `contid scan`")
+        raise DeviceError(path, f"invalid id {new}; allowed {reg.ID.low} to {reg.ID.high}")
+    with sdk_bus(path, baud) as bus:
+        if bus.answers(new):
+            raise DeviceError(bus.name(new), f"id {new} is taken", "connect one servo at a time")
+        _check_free(bus, device, baud)
+        bus.write(device, reg.ID, new)
+        if not bus.answers(new):
+            raise DeviceError(bus.name(new), "does not answer to its new id", "run `contid scan`")
 
 
 def set_baud(path: str, baud: int, device: int, new: int) -> None:
@@ -91,25 +161,24 @@ def set_baud(path: str, baud: int, device: int, new: int) -> None:
     """
     code = next((code for code, rate in reg.BAUD_CODES.items() if rate == new), None)
     if code is None:
-        raise DeviceError(
-            path, f"no baud rate {new}; there are {', '.join(map(str, reg.BAUD_CODES.values()))}"
-        )
-    with client_on(path, baud) as client:
-        _only(client, device)
-        client.write(device, reg.BAUD, code)
+        rates = ", ".join(map(str, reg.BAUD_CODES.values()))
+        raise DeviceError(path, f"invalid baud rate {new}; allowed {rates}")
+    with sdk_bus(path, baud) as bus:
+        _check_free(bus, device, baud)
+        bus.write(device, reg.BAUD, code)
     time.sleep(0.05)
-    with client_on(path, new) as client:
-        if client.ping(device) is None:
-            raise DeviceError(client.name(device), f"does not answer at {new} baud", "run `contid scan`")
+    with sdk_bus(path, new) as bus:
+        if not bus.answers(device):
+            raise DeviceError(bus.name(device), f"does not answer at {new} baud", "run `contid scan`")
 
 
 def reboot(path: str, baud: int, device: int) -> None:
-    """Restart a servo: torque off, turn count gone, errors cleared.
+    """Restart a servo: torque off, turn count lost, errors cleared.
 
     Raises:
-        DeviceError: it is silent or does not come back.
+        DeviceError: it is silent or does not answer again.
     """
-    with client_on(path, baud) as client:
-        if client.ping(device) is None:
-            raise DeviceError(client.name(device), f"no answer at {baud} baud", "run `contid scan`")
-        client.reboot(device)
+    with sdk_bus(path, baud) as bus:
+        if not bus.answers(device):
+            raise DeviceError(bus.name(device), f"no answer at {baud} baud", "run `contid scan`")
+        bus.reboot(device)

@@ -23,14 +23,14 @@ from typing import Final
 
 from contid_drivers.dynamixel import registers as reg
 from contid_drivers.dynamixel.packets import (
+    ALERT,
     STATUS_OVERHEAD,
     Instruction,
     fast_parts,
     sync_read,
     sync_write,
-    take,
 )
-from contid_drivers.dynamixel.port import BlockingPort
+from contid_drivers.dynamixel.port import ServoPort
 
 #: Register addresses in the order of the indirect block.
 INDIRECT_ORDER: Final = (98, *range(126, 136), 144, 70, 64, 146)
@@ -91,7 +91,7 @@ MOTION: Final = CyclicLayout(126, _MOTION.size, _MOTION.size)
 class Cyclic:
     """The exchange of one bus."""
 
-    def __init__(self, port: BlockingPort, ids: Sequence[int], layout: CyclicLayout, fast: bool) -> None:
+    def __init__(self, port: ServoPort, ids: Sequence[int], layout: CyclicLayout, fast: bool) -> None:
         self.port = port
         self.ids = tuple(ids)
         self.layout = layout
@@ -146,22 +146,18 @@ class Cyclic:
 
     def _collect(self, waiting: set[int], size: int, deadline: float) -> dict[int, ServoReading]:
         found: dict[int, ServoReading] = {}
-        stream = bytearray()
-        receive, decode = self.port.receive, self.layout.decode
-        while waiting:
-            data = receive(deadline)
-            stream += data
-            while (packet := take(stream, final=not data)) is not None:
-                # Skips echoes (instructions) and copies of an answer.
-                if (
-                    packet.instruction == Instruction.STATUS
-                    and packet.device in waiting
-                    and len(packet.parameters) == size
-                ):
-                    waiting.discard(packet.device)
-                    found[packet.device] = decode(packet.parameters, packet.error >= 0x80)
-            if not data:
-                break
+        decode = self.layout.decode
+        for packet in self.port.packets(deadline):
+            # Skips echoes (instructions) and copies of an answer.
+            if (
+                packet.instruction == Instruction.STATUS
+                and packet.device in waiting
+                and len(packet.parameters) == size
+            ):
+                waiting.discard(packet.device)
+                found[packet.device] = decode(packet.parameters, packet.error >= ALERT)
+                if not waiting:
+                    break
         return found
 
     def _fast(self, size: int, deadline: float) -> dict[int, ServoReading]:
@@ -175,4 +171,4 @@ class Cyclic:
                 break
         else:
             parts = fast_parts(stream, self.ids, sizes)
-        return {part.device: self.layout.decode(part.data, part.error >= 0x80) for part in parts}
+        return {part.device: self.layout.decode(part.data, part.error >= ALERT) for part in parts}

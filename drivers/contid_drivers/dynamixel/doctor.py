@@ -11,9 +11,9 @@ from contid.errors import DeviceError
 from contid.hal import AxisOnBus, Finding
 from contid_drivers.dynamixel import registers as reg
 from contid_drivers.dynamixel.axis import Axis
+from contid_drivers.dynamixel.client import NoAnswerError, ServoClient
 from contid_drivers.dynamixel.options import DynamixelBusOptions
-from contid_drivers.dynamixel.port import BlockingPort
-from contid_drivers.dynamixel.protocol import NoAnswerError, ServoClient
+from contid_drivers.dynamixel.port import ServoPort
 from contid_drivers.serial_ports import find_port, holders
 
 HOT_C: Final = 60
@@ -30,7 +30,7 @@ def examine(name: str, options: DynamixelBusOptions, axes: Sequence[AxisOnBus]) 
     except DeviceError as error:
         return [Finding(f"{name} port", False, error.message, error.remedy)]
     findings = [_permission(name, path), _latency(name, path)]
-    port = BlockingPort(name, path, options.baud, max(options.usb_latency_ms, 20.0) / 1e3)
+    port = ServoPort(name, path, options.baud, max(options.usb_latency_ms, 20.0) / 1e3)
     try:
         port.open()
     except DeviceError as error:
@@ -88,7 +88,7 @@ def _examine_servo(
     client: ServoClient, axis: Axis, options: DynamixelBusOptions, model: int
 ) -> list[Finding]:
     device, subject = axis.device, f"id {axis.device}"
-    expected, found = axis.options.model, reg.MODELS.get(model, f"model {model}")
+    expected, found = axis.options.model, reg.model_name(model)
     firmware, delay_us = client.firmware(device), client.read(device, reg.RETURN_DELAY) * 2
     volts, hot = client.read(device, reg.PRESENT_VOLTAGE), client.read(device, reg.PRESENT_TEMPERATURE)
     errors = client.read(device, reg.HARDWARE_ERROR)

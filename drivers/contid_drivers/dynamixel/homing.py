@@ -18,9 +18,9 @@ from contid_drivers.defer_signals import defer_signals
 from contid_drivers.dynamixel import arming, turns
 from contid_drivers.dynamixel import registers as reg
 from contid_drivers.dynamixel.axis import Axis
+from contid_drivers.dynamixel.client import ServoClient
 from contid_drivers.dynamixel.options import DynamixelBusOptions, HardStop, SingleTurn
-from contid_drivers.dynamixel.port import BlockingPort
-from contid_drivers.dynamixel.protocol import ServoClient
+from contid_drivers.dynamixel.port import ServoPort
 from contid_drivers.serial_ports import find_port
 
 POLL_S: Final = 0.01
@@ -42,7 +42,7 @@ def home(
             raise DeviceError(
                 name, f"{axis.name} has no homing", "add `homing: {method: hard_stop, ...}` to the axis"
             )
-    port = BlockingPort(name, find_port(name, options.port), options.baud, options.usb_latency_ms / 1e3)
+    port = ServoPort(name, find_port(name, options.port), options.baud, options.usb_latency_ms / 1e3)
     port.open()
     try:
         client = ServoClient(name, port, {axis.device: axis.name for axis in states})

@@ -1,12 +1,4 @@
-"""The serial port of a servo bus: the SDK's port handler without its busy loops and wall clock.
-
-What is wrong in the stock handler, measured: every read spins on a zero time-out, deadlines are on the wall
-clock with 34 ms of slack, an unplug leaves the port busy for ever, and anybody may open the device a second
-time. Here reads block in select, deadlines are monotonic and computed from bytes, return delay and USB
-latency, a failed descriptor is a `DeviceLostError`, and the device is locked for one owner.
-"""
-
-# ruff: noqa: N802 - the methods below the line carry the names of the SDK they override
+"""The serial port of a servo bus: locked for one owner, read with select against monotonic deadlines."""
 
 from __future__ import annotations
 
@@ -16,121 +8,102 @@ import os
 import select
 import termios
 import time
+from collections.abc import Iterator
 from typing import Final
 
 import serial
-from dynamixel_sdk.port_handler import PortHandler
 
 from contid.errors import DeviceLostError, DeviceNotFoundError
+from contid_drivers.dynamixel.packets import Packet, take
 from contid_drivers.exclusive import lock_port, unlock_port
 from contid_drivers.serial_ports import holders
 
 BITS_PER_BYTE: Final = 10
-#: Return Delay Time is at most 254 x 2 us; used until the servos were asked.
+#: Return Delay Time is at most 254 x 2 us; used until the servos' own values are read.
 RETURN_DELAY_MAX_S: Final = 508e-6
-#: Outside the tick a time-out may be long, and has to be: an answer that comes after it would be taken for
-#: the answer to the next request of the same servo.
-ACYCLIC_LATENCY_S: Final = 0.03
 #: Longest wait for leftovers on the wire.
 DRAIN_S: Final = 0.01
 
 
-class BlockingPort(PortHandler):  # type: ignore[misc]  # the SDK has no types
-    """Port handler of the SDK on a locked device, blocking reads and the monotonic clock [ms, as the SDK]."""
+class ServoPort:
+    """A locked serial device; every failure closes it and raises `DeviceLostError`."""
 
     def __init__(self, device: str, path: str, baud: int, latency_s: float) -> None:
-        super().__init__(path)
         self.device = device
-        self.baudrate = baud
+        self.path = path
+        self.baud = baud
         self.latency_s = latency_s
         #: Return delay of the slowest servo.
         self.return_delay_s = RETURN_DELAY_MAX_S
         self.byte_s = BITS_PER_BYTE / baud
+        self.serial: serial.Serial | None = None
         self.fd = -1
-        self._sent_until = 0.0
-        self._deadline = 0.0
-
-    # -- life ----------------------------------------------------------------------------------------------
 
     def open(self) -> None:
         """Open, lock and flush.
 
         Raises:
-            DeviceNotFoundError: missing, not permitted, or somebody else's.
+            DeviceNotFoundError: missing, not permitted, or in use by another process.
         """
         try:
-            self.ser = serial.Serial(self.port_name, self.baudrate, timeout=0, exclusive=True)
+            self.serial = serial.Serial(self.path, self.baud, timeout=0, exclusive=True)
             with contextlib.suppress(OSError, ValueError):
-                # Only adapters whose kernel driver knows it; ptys do not.
-                self.ser.set_low_latency_mode(True)
-            self.ser.reset_input_buffer()
+                # Supported by some adapters' kernel drivers only, not by ptys.
+                self.serial.set_low_latency_mode(True)
+            self.serial.reset_input_buffer()
         except (OSError, ValueError, termios.error) as error:
-            raise self._not_opened(error) from error
-        self.fd = int(self.ser.fileno())
-        lock_port(self.fd, self.port_name)
-        # Answers to a process that held the port a moment ago may still be on their way.
+            raise self._open_error(error) from error
+        self.fd = int(self.serial.fileno())
+        lock_port(self.fd, self.path)
+        # Answers to a process that held the port before may still be on their way.
         self.drain()
-        self.is_open = True
-        self.is_using = False
-        self.tx_time_per_byte = 1e3 * self.byte_s
 
-    def _not_opened(self, error: Exception) -> DeviceNotFoundError:
-        others = holders(self.port_name)
+    def _open_error(self, error: Exception) -> DeviceNotFoundError:
         number = getattr(error, "errno", None)
         if "exclusively lock" in str(error) or number in (errno.EBUSY, errno.EAGAIN, errno.EWOULDBLOCK):
-            return DeviceNotFoundError(
-                self.device,
-                f"port {self.port_name} is in use by {', '.join(others) or 'another process'}",
-                "a bus has one owner: stop the other one first",
-            )
+            why = f"port {self.path} is in use by {', '.join(holders(self.path)) or 'another process'}"
+            return DeviceNotFoundError(self.device, why, "a bus has one owner: stop the other one first")
         if number == errno.EACCES:
-            return DeviceNotFoundError(
-                self.device,
-                f"no permission for {self.port_name}",
-                "install the udev rule, see `contid doctor`",
-            )
-        return DeviceNotFoundError(self.device, f"port {self.port_name} does not open: {error}")
+            why = f"no permission for {self.path}"
+            return DeviceNotFoundError(self.device, why, "install the udev rule, see `contid doctor`")
+        return DeviceNotFoundError(self.device, f"port {self.path} does not open: {error}")
 
     def close(self) -> None:
-        """Let the port go; may be called twice and on a dead port."""
-        if self.ser is not None:
+        """Close the port; idempotent, also on a dead port."""
+        if self.serial is not None:
             unlock_port(self.fd)
             with contextlib.suppress(OSError, termios.error):
-                self.ser.close()
+                self.serial.close()
         self.fd = -1
-        self.is_open = self.is_using = False
 
     def lost(self, error: BaseException | str) -> DeviceLostError:
-        """The port failed: close it and give the error to raise."""
+        """Close the failed port; returns the error to raise."""
         self.close()
-        return DeviceLostError(self.device, f"port {self.port_name} is gone: {error}", "plug it in again")
-
-    # -- bytes ---------------------------------------------------------------------------------------------
+        return DeviceLostError(self.device, f"port {self.path} is gone: {error}", "plug it in again")
 
     def flush(self) -> None:
-        """Throw away what came late or unasked."""
+        """Discard received bytes: late or unexpected answers."""
         try:
             termios.tcflush(self.fd, termios.TCIFLUSH)
         except (OSError, termios.error, TypeError, ValueError) as error:
             raise self.lost(error) from error
 
     def drain(self) -> None:
-        """Let what is under way arrive and throw it away, or it is taken for an answer to what follows."""
+        """Wait for bytes under way and discard them, so that they answer no later request."""
         time.sleep(min(self.latency_s, DRAIN_S))
         self.flush()
 
     def send(self, wire: bytes) -> float:
-        """Write; returns when the last byte will have left, on the monotonic clock [s]."""
+        """Write; returns the time at which the last byte will have left [monotonic s]."""
         try:
             if os.write(self.fd, wire) != len(wire):
-                raise self.lost("it takes no more data")
+                raise self.lost("its output buffer is full")
         except OSError as error:
             raise self.lost(error) from error
-        self._sent_until = time.monotonic() + len(wire) * self.byte_s
-        return self._sent_until
+        return time.monotonic() + len(wire) * self.byte_s
 
     def receive(self, deadline: float) -> bytes:
-        """Whatever has come, as soon as something has; b"" when nothing came until ``deadline``."""
+        """Received bytes, as soon as there are some; b"" after ``deadline`` [monotonic s]."""
         try:
             wait = deadline - time.monotonic()
             ready, _, _ = select.select([self.fd], [], [], wait if wait > 0.0 else 0.0)
@@ -143,56 +116,13 @@ class BlockingPort(PortHandler):  # type: ignore[misc]  # the SDK has no types
             raise self.lost("end of file")
         return data
 
-    # -- what the SDK calls --------------------------------------------------------------------------------
-
-    def openPort(self) -> bool:
-        """See `open`."""
-        self.open()
-        return True
-
-    def closePort(self) -> None:
-        """See `close`."""
-        self.close()
-
-    def clearPort(self) -> None:
-        """See `flush`."""
-        self.flush()
-
-    def writePort(self, packet: list[int] | bytes) -> int:
-        """See `send`."""
-        self.send(bytes(packet))
-        return len(packet)
-
-    def readPort(self, length: int) -> bytes:
-        """At most ``length`` bytes, waiting for the first of them until the packet's time-out."""
-        if length <= 0:
-            return b""
-        try:
-            wait = self._deadline - time.monotonic()
-            ready, _, _ = select.select([self.fd], [], [], max(0.0, wait))
-            return os.read(self.fd, length) if ready else b""
-        except (OSError, ValueError) as error:
-            raise self.lost(error) from error
-
-    def setPacketTimeout(self, packet_length: int) -> None:
-        """Time-out of one answer: rest of the sending, return delay, its bytes, and the adapter's latency."""
-        start = max(self._sent_until, time.monotonic())
-        self._deadline = start + self.return_delay_s + packet_length * self.byte_s
-        self._deadline += max(self.latency_s, ACYCLIC_LATENCY_S)
-
-    def setPacketTimeoutMillis(self, msec: float) -> None:
-        """Time-out by the SDK's own reckoning (broadcast ping)."""
-        self._deadline = time.monotonic() + msec / 1e3
-
-    def isPacketTimeout(self) -> bool:
-        """True once the time-out is over."""
-        return time.monotonic() > self._deadline
-
-    @property
-    def deadline(self) -> float:
-        """End of the present time-out [s]."""
-        return self._deadline
-
-    def getCurrentTime(self) -> float:
-        """Monotonic [ms]."""
-        return time.monotonic() * 1e3
+    def packets(self, deadline: float) -> Iterator[Packet]:
+        """Intact packets as they arrive, until ``deadline`` [monotonic s]."""
+        stream = bytearray()
+        while True:
+            data = self.receive(deadline)
+            stream += data
+            while (packet := take(stream, final=not data)) is not None:
+                yield packet
+            if not data:
+                return

@@ -171,6 +171,11 @@ HARDWARE_ERRORS: Final[dict[int, str]] = {
 WATCHDOG_TRIPPED: Final = 0xFF
 
 
+def model_name(number: int) -> str:
+    """Name of a model number."""
+    return MODELS.get(number, f"model {number}")
+
+
 def describe_hardware_error(bits: int) -> str:
     """Hardware Error Status (register 70) as text, "" for none."""
     names = [name for bit, name in HARDWARE_ERRORS.items() if bits & bit]

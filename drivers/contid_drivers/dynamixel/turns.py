@@ -18,8 +18,8 @@ from typing import Final
 from contid.errors import DeviceError
 from contid_drivers.dynamixel import registers as reg
 from contid_drivers.dynamixel.axis import Axis
+from contid_drivers.dynamixel.client import ServoClient
 from contid_drivers.dynamixel.options import HardStop, SingleTurn
-from contid_drivers.dynamixel.protocol import ServoClient
 
 log = logging.getLogger(__name__)
 

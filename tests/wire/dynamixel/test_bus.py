@@ -66,7 +66,7 @@ def test_goals_made_of_header_bytes_arrive_intact(rig: Make, goal: int) -> None:
     assert [r.emulator.servo(i).get(reg.GOAL_POSITION) for i in (1, 2)] == [goal, goal]
 
 
-def test_the_hardened_sdk_stuffs_what_it_sends_and_unstuffs_what_it_reads(rig: Make) -> None:
+def test_single_writes_and_reads_carry_header_bytes_intact(rig: Make) -> None:
     r = rig(1, servo={"firmware": 52})
     r.bus.open()
     r.bus.enable(["r.a1"])

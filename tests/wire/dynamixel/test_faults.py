@@ -16,6 +16,7 @@ from contid_drivers import serial_ports
 from contid_drivers.dynamixel import registers as reg
 from contid_drivers.dynamixel.emulator import InjectedFault
 from contid_drivers.dynamixel.emulator.faults import FaultSyntaxError
+from contid_drivers.dynamixel.packets import Instruction
 
 pytestmark = pytest.mark.realtime
 
@@ -96,10 +97,10 @@ def test_a_stale_answer_is_not_taken_for_the_answer_to_another_request(rig: Make
     r = rig(1)
     r.bus.open()
     client = r.bus._client
-    # The acknowledgement of this write comes only after its time-out, in the middle of what follows.
+    # The acknowledgement of this write arrives after its time-out, during the next request.
     r.emulator.set("delay", 1, ms=45)
     client.port.latency_s = 0.0
-    client._sdk.write1ByteTxRx(client.port, 1, 65, 1)
+    assert client._ask(1, Instruction.WRITE, b"\x41\0\1", 0, tries=1) is None
     r.emulator.set("delay", 1, ms=0)
     assert client.ping(1) == 1200
     assert client.read(1, reg.TORQUE_ENABLE) == 0

@@ -1,0 +1,137 @@
+"""Instructions to single servos on a bus that carries a robot: handshake, settings, homing, diagnosis."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Mapping
+from typing import Final
+
+from contid.errors import DeviceError
+from contid_drivers.dynamixel import registers as reg
+from contid_drivers.dynamixel.packets import (
+    ALERT,
+    BROADCAST,
+    STATUS_ERROR_TEXT,
+    STATUS_OVERHEAD,
+    Instruction,
+    Packet,
+    build,
+    read_parameters,
+)
+from contid_drivers.dynamixel.port import ServoPort
+from contid_drivers.dynamixel.registers import Register
+
+#: Attempts of one read or write before the servo counts as silent.
+TRIES: Final = 3
+#: Latency allowance outside the tick: long, because a late answer could pass for one to the next request.
+ACYCLIC_LATENCY_S: Final = 0.03
+#: Bytes of model number and firmware in the answer to a ping.
+PING_SIZE: Final = 3
+#: Answers to a broadcast ping take up to this time per id besides their bytes (as in the SDK).
+PING_SLOT_S: Final = 3e-3
+#: A servo answers again within this time after a reboot.
+REBOOT_S: Final = 2.0
+
+
+class NoAnswerError(DeviceError):
+    """A servo did not answer, or only damaged packets arrived."""
+
+
+class ServoRefusedError(DeviceError):
+    """A servo answered with an error."""
+
+
+class ServoClient:
+    """Reads and writes registers of single servos."""
+
+    def __init__(self, bus: str, port: ServoPort, names: Mapping[int, str] | None = None) -> None:
+        self.bus = bus
+        self.port = port
+        self._names = names or {}
+
+    def name(self, device: int) -> str:
+        """Name of a servo in messages."""
+        axis = f" ({self._names[device]})" if device in self._names else ""
+        return f"{self.bus}, servo {device}{axis}"
+
+    def ping(self, device: int, tries: int = TRIES) -> int | None:
+        """Model number of a servo, None when it is silent."""
+        answer = self._ask(device, Instruction.PING, b"", PING_SIZE, tries)
+        return None if answer is None else int.from_bytes(answer.parameters[:2], "little")
+
+    def broadcast_ping(self) -> dict[int, tuple[int, int]]:
+        """Model number and firmware of every servo on the bus, by id."""
+        self.port.flush()
+        sent = self.port.send(build(BROADCAST, Instruction.PING))
+        slot_s = PING_SLOT_S + (PING_SIZE + STATUS_OVERHEAD) * self.port.byte_s
+        return {
+            answer.device: (int.from_bytes(answer.parameters[:2], "little"), answer.parameters[2])
+            for answer in self.port.packets(sent + BROADCAST * slot_s + self.port.latency_s)
+            if answer.instruction == Instruction.STATUS and len(answer.parameters) == PING_SIZE
+        }
+
+    def read_block(self, device: int, address: int, size: int, tries: int = TRIES) -> bytes:
+        """Bytes of the control table.
+
+        Raises:
+            NoAnswerError: the servo is silent.
+            ServoRefusedError: it answered with an error.
+        """
+        what = f"reading register {address}"
+        return self._checked(device, what, Instruction.READ, read_parameters(address, size), size, tries)
+
+    def read(self, device: int, register: Register) -> int:
+        """Value of a register; errors as `read_block`."""
+        return register.decode(self.read_block(device, register.address, register.size))
+
+    def write(self, device: int, register: Register, value: int) -> None:
+        """Set a register; errors as `read_block`."""
+        parameters = register.address.to_bytes(2, "little") + register.encode(value)
+        self._checked(device, f"writing {value} to {register.name}", Instruction.WRITE, parameters, 0, TRIES)
+
+    def reboot(self, device: int) -> None:
+        """Restart a servo and wait for its answer; its torque and turn count are lost.
+
+        Raises:
+            NoAnswerError: it does not answer again.
+        """
+        self._ask(device, Instruction.REBOOT, b"", 0, 1)
+        until = time.monotonic() + REBOOT_S
+        while time.monotonic() < until:
+            # The answer to the reboot may arrive before the servo goes down.
+            time.sleep(0.05)
+            if self.ping(device, 1) is not None:
+                return
+        raise NoAnswerError(self.name(device), f"no answer within {REBOOT_S:g} s after a reboot")
+
+    def firmware(self, device: int) -> int:
+        """Firmware version."""
+        return self.read(device, reg.FIRMWARE)
+
+    def _checked(
+        self, device: int, what: str, instruction: Instruction, parameters: bytes, size: int, tries: int
+    ) -> bytes:
+        answer = self._ask(device, instruction, parameters, size, tries)
+        if answer is None:
+            raise NoAnswerError(self.name(device), f"no answer ({what})", "check its power")
+        if number := answer.error & ~ALERT:
+            message = STATUS_ERROR_TEXT.get(number, f"error {number}")
+            raise ServoRefusedError(self.name(device), f"{what} was refused: {message}")
+        return answer.parameters
+
+    def _ask(
+        self, device: int, instruction: Instruction, parameters: bytes, size: int, tries: int
+    ) -> Packet | None:
+        """The servo's answer with ``size`` bytes or an error; skips others (stale, echoed)."""
+        port = self.port
+        allowance_s = port.return_delay_s + max(port.latency_s, ACYCLIC_LATENCY_S)
+        for _ in range(tries):
+            port.flush()
+            sent = port.send(build(device, instruction, parameters))
+            for answer in port.packets(sent + (size + STATUS_OVERHEAD) * port.byte_s + allowance_s):
+                if answer.instruction != Instruction.STATUS or answer.device != device:
+                    continue
+                if len(answer.parameters) == size or answer.error & ~ALERT:
+                    return answer
+            port.drain()
+        return None
