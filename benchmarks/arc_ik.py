@@ -1,7 +1,7 @@
-"""Figures of the arms of sections: cold starts, closed paths, kernel and call times, ratios in one run.
+"""Measurements of the arms of sections: cold starts, closed paths, kernel and call times, ratios in one run.
 
 Run from the root of the repository: ``python benchmarks/arc_ik.py [TARGETS]``; 20 000 targets per robot and
-mode unless told otherwise. Times are medians; compare ratios, not machines.
+mode by default. Times are medians; compare ratios, not machines.
 """
 
 from __future__ import annotations

@@ -1,4 +1,4 @@
-"""Whether memory and descriptors of long-lived processes stay flat: looking, slopes, a verdict."""
+"""Growth of memory and descriptors of long-lived processes: samples, slopes, a verdict."""
 
 from __future__ import annotations
 
@@ -26,10 +26,10 @@ PARTS: Final = 10
 
 @dataclass(frozen=True, slots=True)
 class Look:
-    """One process at one time: resident, shared by share, its own alone [kB]; open descriptors.
+    """One process at one time: resident, proportional and own memory [kB]; open descriptors.
 
-    Its own is what it wrote and no file holds. Pages of libraries do not count: they become the process's
-    alone (psutil's ``uss``) whenever another that had them mapped ends, half a megabyte at a time.
+    ``own_kb`` is anonymous memory. Pages of libraries do not count: they become private (psutil's ``uss``)
+    when another process that mapped them ends.
     """
 
     t_s: float

@@ -1,13 +1,13 @@
-"""Whether a client can delay a tick or block a stop: the hand at 200 Hz beside clients that mean no good.
+"""Whether a client can delay a tick or block a stop: the hand at 200 Hz beside misbehaving clients.
 
-``python -m benchmarks.flood [--rounds 4] [--seconds 8]``. In turn, round after round: nobody; one that floods
-requests and reads every answer; one that subscribes to everything at the highest rate and never reads; one
-that sends garbage and comes back when it is sent away; one that acquires the lease, streams, and dies by
-kill -9, again and again; a tracker that measures both fingers at 1 kHz. All the time another client stops the
-robots (estop, stop, hold in turn) and resumes. Each run is `contid run hand --mock`, recorded; figures are of
-the recorded ticks: how late they started, beside a bare loop that sleeps to the same deadlines in another
-process at the same time, and how many ticks began between the moment the other client began to send and the
-tick that obeyed, that one included.
+``python -m benchmarks.flood [--rounds 4] [--seconds 8]``. In turn, round after round: no client; one that
+floods requests and reads every answer; one that subscribes to everything at the highest rate and never reads;
+one that sends garbage and reconnects when it is disconnected; one that acquires the lease, streams, and dies
+by kill -9, again and again; a tracker that measures both fingers at 1 kHz. All the time another client stops
+the robots (estop, stop, hold in turn) and resumes. Each run is `contid run hand --mock`, recorded; figures
+are of the recorded ticks: how late they started, beside a bare loop that sleeps to the same deadlines in
+another process at the same time, and how many ticks began between the moment the other client began to send
+and the tick that obeyed, that one included.
 """
 
 from __future__ import annotations
@@ -34,7 +34,7 @@ from contid.errors import ContidError
 from contid.session.read import Session
 
 RATE_HZ: Final = 200.0
-#: How long a holder of the lease lives.
+#: Life of a holder of the lease.
 LIFE_S: Final = 0.6
 #: Between two stops.
 STOP_EVERY_S: Final = 0.5
@@ -58,20 +58,20 @@ def floods(path: str) -> None:
 
 
 def never_reads(path: str) -> None:
-    """Everything, at the highest rate, into a socket that nobody empties."""
+    """Everything, at the highest rate, into a socket that is never read."""
     fields = '"state","fault","tip_mm","target_mm","error_mm","command","measured","limits","age_ms"'
     asked = f'{{"id":1,"verb":"subscribe","rate_hz":200,"events":true,"fields":[{fields}]}}\n'.encode()
     while True:
         with socket.socket(socket.AF_UNIX) as end, suppress(OSError):
             end.connect(path)
             end.sendall(asked)
-            while True:  # until it is sent away
+            while True:  # until it is disconnected
                 end.sendall(b" \n")
                 time.sleep(0.05)
 
 
 def garbage(path: str) -> None:
-    """Lines of noise; sent away after some, it is back at once."""
+    """Lines of noise; reconnects at once when it is disconnected."""
     noise = random.Random(1)
     while True:
         with socket.socket(socket.AF_UNIX) as end, suppress(OSError):
@@ -81,7 +81,7 @@ def garbage(path: str) -> None:
 
 
 def holds(path: str) -> None:
-    """Takes the right from whoever has it and streams, until it is killed."""
+    """Takes the lease over and streams, until it is killed."""
     with Client(path, name="doomed") as client:
         client.acquire(2.0, takeover=True)
         client.resume()
@@ -110,7 +110,7 @@ def waving() -> Iterator[tuple[float, float, float, float]]:
 
 
 CLIENTS: Final[dict[str, Callable[[str], None] | None]] = {
-    "nobody": None,
+    "no client": None,
     "floods requests": floods,
     "never reads": never_reads,
     "sends garbage": garbage,
@@ -145,7 +145,7 @@ class Seen:
 
 @contextmanager
 def child(*message: str, **keys: Any) -> Iterator[subprocess.Popen[str]]:
-    """A process that is killed when it is not needed any more."""
+    """A process that is killed at the end."""
     process = subprocess.Popen([sys.executable, "-m", *message], text=True, **keys)
     try:
         yield process
@@ -160,11 +160,11 @@ def run(kind: str, seconds: float, folder: Path, seen: Seen) -> None:
     session.unlink(missing_ok=True)
     own = ("contid", "run", "hand", "--mock", "--trajectory", str(table), "--on-end", "hold", "--json")
     quiet = {"stdin": subprocess.DEVNULL, "stdout": subprocess.PIPE, "stderr": subprocess.DEVNULL}
-    bare_words = ("benchmarks.flood", "--bare", str(seconds))
+    bare_command = ("benchmarks.flood", "--bare", str(seconds))
     with child(*own, "--socket", str(path), "--record", str(session), **quiet) as daemon:
         await_there(path, {"RUN"})
         begin_s = time.monotonic()
-        with child(*bare_words, stdout=subprocess.PIPE) as bare, Client(path, name="person") as person:
+        with child(*bare_command, stdout=subprocess.PIPE) as bare, Client(path, name="person") as person:
             stops = harass(kind, path, person, begin_s + seconds, seen)
             end_s = time.monotonic()
             seen.bare += json.loads(bare.communicate(timeout=30)[0])
@@ -203,10 +203,10 @@ def harass(kind: str, path: Path, person: Client, until_s: float, seen: Seen) ->
                 next_life_s = time.monotonic() + (LIFE_S if kind == "holds and dies" else 1e9)
             if time.monotonic() >= next_stop_s:
                 sent_s = time.monotonic()
-                told = person.request(STOPS[len(stops) % len(STOPS)])
+                response = person.request(STOPS[len(stops) % len(STOPS)])
                 seen.stop_ms.append((time.monotonic() - sent_s) * 1e3)
-                stops.append((sent_s, int(told["tick"])))
-                with suppress(ContidError):  # the doomed may have the right
+                stops.append((sent_s, int(response["tick"])))
+                with suppress(ContidError):  # the other client may hold the lease
                     person.resume(wait=False)
                 next_stop_s = time.monotonic() + STOP_EVERY_S
             time.sleep(0.002)
@@ -218,7 +218,7 @@ def harass(kind: str, path: Path, person: Client, until_s: float, seen: Seen) ->
 
 
 def take(session: Session, begin_s: float, end_s: float, stops: list[tuple[float, int]], seen: Seen) -> None:
-    """What the session says of the time between begin and end."""
+    """Add the ticks and stops that the session holds between begin and end."""
     ticks = [tick for tick in session.ticks() if begin_s <= tick.deadline_s <= end_s]
     seen.ticks += [tick.lateness_s for tick in ticks]
     seen.skipped += ticks[-1].skipped - ticks[0].skipped

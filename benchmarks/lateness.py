@@ -1,8 +1,8 @@
-"""Lateness of the tick while the daemon is paused on purpose, beside a bare timer loop at the same time.
+"""Lateness of the tick while the daemon is paused on purpose, with a bare timer loop as baseline.
 
 The daemon runs in this process, exactly as `contid run` runs it, with one more source of commands that blocks
 it for 15 ms four times a second. The bare loop is another process that only sleeps to the same deadlines
-under the same scheduling: what it shows is the machine, and what the tick shows beyond it is contid.
+under the same scheduling: the difference to it is due to contid.
 
     python benchmarks/lateness.py [--seconds 30] [--rate 200] [--robot hand] [--no-pause]
 """
@@ -90,8 +90,7 @@ def main() -> None:
         text=True,
     )
     report = asyncio.run(Daemon(loaded, trajectory, run, child).run())
-    told, _ = bare.communicate()
-    bare_figures = json.loads(told)
+    bare_figures = json.loads(bare.communicate()[0])
     print(f"{chosen.robot} at {chosen.rate:g} Hz for {chosen.seconds:g} s, {pauses.count} pauses of 15 ms")
     print(f"{'':14}{'p50':>8}{'p99':>8}{'p99.9':>8}{'max':>9}  skipped   [us]")
     for name, figures, skipped in (

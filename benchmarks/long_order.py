@@ -1,10 +1,10 @@
-"""What an order of 50 000 rows costs the tick and the daemon's other clients.
+"""Effect of an order of 50 000 rows on the tick and on the daemon's other clients.
 
 ``python -m benchmarks.long_order [--rows 50000] [--rounds 3]``. `contid run hand --mock` at 200 Hz,
-recorded. One client streams a timed trajectory of so many rows, which the daemon checks and then hands
-over; another one asks for the status all the time, and a third stops the robots while it is being played.
-Printed per phase: how late ticks started, the longest time between two ticks and the longest tick, and
-how long answers took; the phase before the order is the baseline of the same run.
+recorded. One client streams a timed trajectory of these rows, which the daemon checks and passes on; another
+one requests the status continuously, and a third stops the robots while it is being played. Printed per
+phase: how late ticks started, the longest time between two ticks and the longest tick, and how long answers
+took; the phase before the order is the baseline of the same run.
 """
 
 from __future__ import annotations
@@ -39,7 +39,7 @@ def rows(count: int) -> list[list[float]]:
 
 
 class Asking(threading.Thread):
-    """Asks for the status again and again; when each answer came, and after how long."""
+    """Requests the status continuously; records the time and latency of each answer."""
 
     def __init__(self, path: Path) -> None:
         super().__init__()
@@ -56,7 +56,7 @@ class Asking(threading.Thread):
                 self.answers.append((begin_s, time.monotonic() - begin_s))
 
     def stop(self) -> None:
-        """No further question."""
+        """No further request."""
         self._ended.set()
         self.join()
 

@@ -1,11 +1,9 @@
-"""What a tick costs from 1 to 256 fingers and from 1 to 128 arms, and how many hold 200 Hz in real time.
+"""Cost of a tick for 1 to 256 fingers and 1 to 128 arms, and how many of them hold 200 Hz in real time.
 
-``python -m benchmarks.scale [--plot FILE.svg] [--real-time]``. Every tip follows a way of its own, so
-each tick asks every model; all robots are on one simulated bus. The cost of the simulated devices is
-measured apart: real ones live elsewhere, and their bus takes its own time instead. Medians and 99th
-percentiles of single ticks, in time of the processor: what other jobs take is not theirs. Real time
-doubles the count until the rate is not held any more (more than 0.5 % of the ticks skipped), then halves
-the interval down to a tenth.
+``python -m benchmarks.scale [--plot FILE.svg] [--real-time]``. Every tip follows a path of its own, so
+each tick solves every model; all robots are on one simulated bus, whose cost is measured apart. Medians and
+99th percentiles of single ticks in processor time. In real time the count is doubled until more than 0.5 % of
+the ticks are skipped, then the interval is bisected to a tenth.
 """
 
 from __future__ import annotations
@@ -47,7 +45,7 @@ HELD: Final = 0.005
 
 
 def many(name: str, count: int) -> LoadedFile:
-    """The one robot of a shipped file so many times, on one simulated bus."""
+    """Copies of the one robot of a shipped file, on one simulated bus."""
     loaded = with_mock(load_robot_file(find_robot_file(name)))
     raw = yaml.safe_load(loaded.text)
     (robot,) = raw["robots"].values()
@@ -68,7 +66,7 @@ def many(name: str, count: int) -> LoadedFile:
 
 
 def tips(loaded: LoadedFile, seconds: float) -> str:
-    """Every tip on a small way around the middle of what its robot reaches: each tick asks the model."""
+    """Every tip on a small closed path around the middle of its range, so that each tick solves the model."""
     configs = build_robot_configs(loaded, RATE_HZ)
     flat = configs[0].kind == "rack_finger"
     header, columns = ["t_s"], []
@@ -89,7 +87,7 @@ def tips(loaded: LoadedFile, seconds: float) -> str:
     return "\n".join(lines) + "\n"
 
 
-class Nowhere:
+class NullSink:
     """A sink that keeps nothing."""
 
     def write(self, values: list[float]) -> None:
@@ -112,7 +110,7 @@ class Cost:
 def measure(name: str, count: int) -> Cost:
     loaded = many(name, count)
     trajectory = read_trajectory(io.StringIO(tips(loaded, 60.0)), "tips", driven_robots(loaded))
-    process = VirtualProcess(loaded, RATE_HZ, Nowhere(), trajectory=trajectory)
+    process = VirtualProcess(loaded, RATE_HZ, NullSink(), trajectory=trajectory)
     (bus,) = process.buses.values()
     assert isinstance(bus, SimBus)
     spent = [0.0]
@@ -148,27 +146,27 @@ def measure(name: str, count: int) -> Cost:
 
 
 def holds(name: str, count: int, seconds: float = 5.0) -> dict[str, Any]:
-    """A real run of so many robots: its report."""
+    """Report of a run of this many robots in real time."""
     loaded = many(name, count)
     with tempfile.TemporaryDirectory() as folder:
         robots, trajectory = Path(folder) / "robots.yaml", Path(folder) / "tips.csv"
         robots.write_text(loaded.text)
         trajectory.write_text(tips(loaded, seconds))
-        told = subprocess.run(
+        done = subprocess.run(
             [sys.executable, "-m", "contid", "run", str(robots), "--trajectory", str(trajectory), "--json"],
             capture_output=True, text=True,
         )  # fmt: skip
-    if told.returncode:
-        raise SystemExit(told.stderr + told.stdout)
-    report: dict[str, Any] = json.loads(told.stdout)
+    if done.returncode:
+        raise SystemExit(done.stderr + done.stdout)
+    report: dict[str, Any] = json.loads(done.stdout)
     return report
 
 
 def search(name: str, first: int) -> tuple[int, int]:
-    """The greatest count that was held in real time, and the least that was not, a tenth apart."""
+    """The maximum count that was held in real time, and the minimum that was not, a tenth apart."""
     low, high, count = 0, 0, first
     while not high or high - low > max(low // 10, 1):
-        # The better of two runs: another job's second is no limit of ours.
+        # The better of two runs, against load by other jobs.
         report = holds(name, count)
         if report["skipped"] > HELD * report["ticks"]:
             report = min(report, holds(name, count), key=lambda each: float(each["skipped"] / each["ticks"]))

@@ -1,4 +1,4 @@
-"""An hour of a laboratory: hand, tri-rack and pneumatic arm in one daemon at 200 Hz, and everything failing.
+"""Soak test: hand, tri-rack and pneumatic arm in one daemon at 200 Hz for an hour, with injected failures.
 
 ``python -m benchmarks.soak [--minutes 60] [--keep FILE.mcap]``. Devices are emulated on pseudo terminals
 (servos, and three boards that run the sketch itself), the daemon runs in real time and records. A live stream
@@ -30,22 +30,22 @@ from typing import Any, Final
 import psutil
 
 from benchmarks.flat import Look, look, slope_of
+from benchmarks.soak_clients import ARMED, Clients, Operator, Stream
 from benchmarks.soak_lab import VIEWER_S, robot_file
-from benchmarks.soak_people import ARMED, Clients, Operator, Stream
 from contid.client import Client
 from contid.errors import ContidError
 from contid.robot_file.load import load_robot_file
 
-#: Devices, daemon and first motion may take so long to be there, and the end of a run with its session.
+#: Time limits of the start (devices, daemon, first motion) and of the end of the run with its session.
 START_S: Final = 60.0
 END_S: Final = 900.0
-#: No cable is pulled so shortly before the end.
+#: No cable is pulled in this time before the end.
 AFTER_S: Final = 4.0
-#: A look at the processes every so often, a line of the table every so many of them.
+#: Period of the samples of the processes, and samples per line of the table.
 LOOK_S: Final = 5.0
 LOOKS_PER_LINE: Final = 12
 COLUMNS: Final = ("tick", "skipped", "clients", "cables", "faults", "file MB")
-#: Who is looked at, by what their command line says.
+#: Sampled processes, by a module name in their command line.
 PROCESSES: Final = {"control": "contid.control.process", "recorder": "contid.session.mcap_recorder"}
 
 
@@ -62,8 +62,8 @@ def part(*message: str, **keys: Any) -> Iterator[subprocess.Popen[str]]:
             child.communicate(timeout=END_S)
 
 
-def everyone_armed(path: Path) -> bool:
-    """True when the daemon says so."""
+def all_armed(path: Path) -> bool:
+    """True when every robot of the daemon is armed."""
     with suppress(ContidError), Client(path) as client:
         return {robot["state"] for robot in client.status()["robots"].values()} <= ARMED
     return False
@@ -80,7 +80,7 @@ def family(daemon: psutil.Process) -> dict[str, psutil.Process]:
 
 
 class Table:
-    """What is seen of the processes, and its lines."""
+    """Samples of the processes, and the lines of the report."""
 
     def __init__(self, members: dict[str, psutil.Process]) -> None:
         self.members = members
@@ -118,16 +118,16 @@ def soak(minutes: float, every_s: float, viewer_s: float = VIEWER_S, keep: Path 
         devices = stack.enter_context(part("devices", str(folder)))
         assert devices.stdout is not None
         assert devices.stdout.readline() == "ready\n"
-        said = stack.enter_context((folder / "daemon.txt").open("w"))
+        log = stack.enter_context((folder / "daemon.txt").open("w"))
         child = stack.enter_context(
-            part("daemon", str(folder), str(viewer_s), stdin=subprocess.PIPE, stderr=said)
+            part("daemon", str(folder), str(viewer_s), stdin=subprocess.PIPE, stderr=log)
         )
         assert child.stdin is not None
         stream = Stream(child.stdin, loaded)
         stream.start()
         stack.callback(stream.stop)
         give_up_s = time.monotonic() + START_S
-        while not everyone_armed(path):
+        while not all_armed(path):
             if child.poll() is not None or time.monotonic() > give_up_s:
                 message = (folder / "daemon.txt").read_text()
                 raise SystemExit(f"the laboratory did not come up:\n{message}")

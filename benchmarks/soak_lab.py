@@ -1,8 +1,8 @@
 """What the soak runs on: the laboratory on emulated wires, the daemon with its viewers, the devices' process.
 
 The hand is on emulated servos, tri-rack and pneumatic arm on three boards that run the sketch itself, each
-behind a pseudo terminal of its own. ``python -m benchmarks.soak_lab devices FOLDER`` stands in for them (a
-line appended to ``FOLDER/BUS.switch`` operates a fault switch of one bus); ``daemon FOLDER SECONDS`` is the
+behind a pseudo terminal of its own. ``python -m benchmarks.soak_lab devices FOLDER`` emulates them (a line
+appended to ``FOLDER/BUS.switch`` operates a fault switch of one bus); ``daemon FOLDER SECONDS`` is the
 daemon as `contid run` starts it, recording, with one viewer after the other, each killed after so long.
 """
 
@@ -40,7 +40,7 @@ VIEWER_S: Final = 20.0
 UNPLUG: Final = {"dynamixel": ("unplug", "replug"), "due": ("unplug", "plug")}
 #: Emulated devices share two cores with everything else here: limits, so that a fault is a pulled cable.
 TOLERANCE_TICKS: Final = 40
-PATIENCE: Final = {
+BUS_TIMEOUTS: Final = {
     "dynamixel": {"usb_latency_ms": 15, "watchdog_ms": 400},
     "due": {"latency_ms": 15, "watchdog_ms": 400},
 }
@@ -52,14 +52,16 @@ def robot_file(folder: Path) -> str:
     """The laboratory on wires, one pseudo terminal per bus in this folder."""
     raw = yaml.safe_load(lab_text(RATE_HZ, ".emulated"))
     for name, bus in raw["buses"].items():
-        bus |= {"port": f"{folder}/{name}.tty", "tolerance_ticks": TOLERANCE_TICKS} | PATIENCE[bus["driver"]]
+        bus |= {"port": f"{folder}/{name}.tty", "tolerance_ticks": TOLERANCE_TICKS} | BUS_TIMEOUTS[
+            bus["driver"]
+        ]
     for robot in raw["robots"].values():
         robot.pop("placeholder", None)
     return yaml.safe_dump(raw, sort_keys=False, default_flow_style=None)
 
 
 class Viewers:
-    """One viewer after the other, each killed while it draws: an observer and a source of no commands."""
+    """One viewer after another, each killed while it draws: an observer and an idle command source."""
 
     def __init__(self, folder: Path, seconds: float = VIEWER_S) -> None:
         self._path = folder / "view.rrd"
@@ -68,7 +70,7 @@ class Viewers:
         self.killed = 0
 
     def attach(self, setup: RunSetup, pid: int) -> None:
-        """Keep what a viewer needs to know."""
+        """Keep the arguments of a viewer."""
         self._run = setup, pid
 
     def follow(self, setup: RunSetup) -> Sink:
@@ -79,7 +81,7 @@ class Viewers:
         """Nothing to draw."""
 
     def detach(self) -> Sequence[str]:
-        """The last one is gone already."""
+        """The last viewer has ended already."""
         return ()
 
     async def serve(self, orders: RunControl) -> None:

@@ -1,4 +1,4 @@
-"""How long until something happens: ``contid --help``, and the first command of ``contid run --mock``.
+"""Start-up times: ``contid --help``, and the first command of ``contid run --mock``.
 
 The bars: help under 0.2 s without numpy, first command under 1 s after the process was started. The first
 command is taken from the records of the control process (their deadlines are on CLOCK_MONOTONIC, as is the

@@ -1,9 +1,9 @@
-"""Lateness of the tick without a viewer and with one: to a file, to a page, and standing still.
+"""Lateness of the tick without a viewer and with one: to a file, to a page, and stopped.
 
-The four take turns, round after round, so that whatever else the machine does meets them all. Beside each
-runs a bare timer loop under the same scheduling: what it shows is the machine. A viewer's start-up is the
-time from its process to its picture's place (the file is there, the page answers); its share of a processor
-is counted after that, together with the server it starts.
+The four cases alternate, so that the load of the machine affects all of them. A bare timer loop under the
+same scheduling runs beside each as the baseline of the machine. A viewer's start-up is the time from its
+process to its output (the file exists, the page answers); its share of a processor is counted after that,
+with the server it starts.
 
     python -m benchmarks.viewing [--rounds 3] [--seconds 10] [--rate 200] [--robot hand]
 """
@@ -64,7 +64,7 @@ class Figures:
 
 
 class Eye:
-    """Reads every tick's lateness, watches the viewer, stops it if asked to, and ends the run."""
+    """Reads the lateness of every tick, samples the viewer, optionally stops it, and ends the run."""
 
     def __init__(
         self, viewing: ViewerObserver | None, where: ViewTarget | None, stops: bool, seconds: float
@@ -170,11 +170,11 @@ def one(
             text=True,
         )
         report = asyncio.run(Daemon(loaded, trajectory, run, ControlChild()).run())
-        told = json.loads(bare.communicate()[0])
+        bare_result = json.loads(bare.communicate()[0])
     to.late_s += eye.late_s
     to.skipped += report.skipped
-    to.bare_s += told["late_s"]
-    to.bare_skipped += told["skipped"]
+    to.bare_s += bare_result["late_s"]
+    to.bare_skipped += bare_result["skipped"]
     to.start_s += [] if eye.start_s is None else [eye.start_s]
     to.share += [] if eye.share is None else [eye.share]
 

@@ -31,7 +31,7 @@ _SECTIONS: Final = singh.cbha_sections()
 
 @dataclass(frozen=True, slots=True)
 class Method:
-    """One way from tips to lengths, with what the paper's Table I says of it."""
+    """One method from tips to lengths, with its row of the paper's Table I."""
 
     name: str
     along: Along
@@ -43,7 +43,7 @@ class Method:
 
 @dataclass(frozen=True, slots=True)
 class ComparisonRow:
-    """Figures of one method; errors in mm, times in us.
+    """Results of one method; errors in mm, times in us.
 
     Attributes:
         name: the method.
@@ -137,7 +137,7 @@ def _printed_dls(
 
 
 def methods(network: InverseNetwork | None) -> list[Method]:
-    """Every method there is; the network only when one is given."""
+    """All methods; the neural network if given."""
     table = [
         Method(
             "Newton-Raphson (NumPy)",
@@ -212,9 +212,11 @@ def compare(
                 method.paper_us,
             )
         )
-    # Seventeen vertebrae as parallel robots: radii, joints and how tubes divide are not in the text.
+    # Seventeen vertebrae as parallel robots: the text gives neither radii nor joints nor the split of tubes.
     rows.append(
-        ComparisonRow("hybrid: not to be built from the text", *(None,) * 6, (15.519, 5.392, 9.930), 12_000.0)
+        ComparisonRow(
+            "hybrid: not reproducible from the text", *(None,) * 6, (15.519, 5.392, 9.930), 12_000.0
+        )
     )
     return rows
 

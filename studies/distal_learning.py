@@ -1,10 +1,10 @@
 """Inverse kinematics by distal supervised learning: the "neural network" of Singh et al.'s Table I.
 
 Two networks: a forward one learns lengths to tip from data; an inverse one learns tip to lengths *through*
-the frozen forward one, ``min |F(G(x)) - x|^2 + 1e-4 |G(x)|^2``. The tip error then says what to do about a
-redundancy that averaging examples of lengths could not resolve. Training data are simulated: every
-combination of a few pressures, mapped to lengths and tips by the model, with noise for the vision system. The
-real arm's hysteresis is not in it, so its errors come out smaller than the paper's.
+the frozen forward one, ``min |F(G(x)) - x|^2 + 1e-4 |G(x)|^2``. The tip error resolves the redundancy, which
+an average over examples of lengths cannot. Training data are simulated: every combination of a few pressures,
+mapped to lengths and tips by the model, with noise for the vision system. The real arm's hysteresis is
+missing, so the errors are smaller than the paper's.
 """
 
 from __future__ import annotations
@@ -75,7 +75,7 @@ class InverseNetwork:
         """Read a saved network.
 
         Raises:
-            NetworkFileError: it is not one; the message says what is missing.
+            NetworkFileError: not such a file; the message lists the missing keys.
         """
         try:
             with np.load(path, allow_pickle=False) as stored:
@@ -97,7 +97,7 @@ class Recipe:
         hidden: neurons of each network.
         levels: pressures per tube; ``levels^6`` samples.
         noise_m: standard deviation of the measured tip, per axis [m].
-        iterations: greatest number of L-BFGS iterations of each network.
+        iterations: maximum number of L-BFGS iterations of each network.
         seed: of weights, noise and the split into 70 % training, 15 % validation and 15 % test.
     """
 

@@ -6,7 +6,7 @@
 Three variants, all with the corrected M of `contid.kinematics.arc.sections`:
 
 * PRINTED: ``J_set`` takes rows of the identity *in Delta* and the push is plus or minus a column of M (in
-  mm/s), as the text says. It does not keep the limits (errata B-6, B-7).
+  mm/s), as printed. It does not keep the limits (errata B-6, B-7).
 * CORRECTED: ``J_set`` takes rows of M^-1 and ``e_set`` is bound minus length. Limits hold, but the rest
   points obey ``N J^+ e = 0``, which is not optimality: outside the workspace it stops far from the best
   answer (B-8).

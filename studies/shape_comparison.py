@@ -1,9 +1,8 @@
 """Tables II and III of Singh et al. (IROS 2018) beside today: tube lengths from the pose of the tip.
 
-The paper compares its Pythagorean-hodograph method with Newton-Raphson by the total lengths of the tubes (six
-lengths cannot be told from a tip pose). The comparison hides that the first is given the tip's direction and
-the second is not: what each method is given stands beside it here. Everything is simulated, on the arm with
-constant curvature per section.
+The paper compares its Pythagorean-hodograph method with Newton-Raphson by the total lengths of the tubes (a
+tip pose does not determine six lengths). The first uses the tip's direction, the second does not: the table
+lists the inputs of each method. Everything is simulated, on the arm with constant curvature per section.
 """
 
 from __future__ import annotations
@@ -26,7 +25,7 @@ from contid.kinematics.ph.inverse import ShapeInverse, TubeSection
 from contid.kinematics.ph.model import arc_direction
 from studies import singh
 
-#: Six lengths from: tip, direction, true lengths (for what a method is told of them), lengths before.
+#: Six lengths from: tip, direction, true lengths (for methods with a known length), previous lengths.
 ShapeStep: TypeAlias = Callable[[Array, Array, Array, Array], Array]
 
 _SECTIONS: Final = singh.cbha_sections()
@@ -46,7 +45,7 @@ class ShapeMethod:
 
 @dataclass(frozen=True, slots=True)
 class ShapeRow:
-    """Figures of one method; errors of lengths in mm, time in us.
+    """Results of one method; errors of lengths in mm, time in us.
 
     Attributes:
         name, given: of the method.
@@ -128,7 +127,7 @@ def compare_shapes(noise_mm: float = 0.0, noise_deg: float = 0.0, laps: int = 1)
     Args:
         noise_mm: standard deviation of each coordinate of the measured tip.
         noise_deg: standard deviation of the angle by which the measured direction is off, to each side.
-        laps: how often the trajectory is gone through, each time with other noise.
+        laps: repetitions of the trajectory, each with other noise.
     """
     golden = singh.golden_trajectory()
     frames = forward(_SECTIONS, golden.lengths_m)

@@ -5,8 +5,8 @@ Eqs. (1)-(11) with the errata of docs/stiffflop.md: the state is (p, R, n, m), t
 not keep orthogonal. `inverse` is eqs. (14)-(17): base force, base moment and pressures are all unknowns of
 one trust-region-reflective least squares with finite differences.
 
-It is here as a baseline for speed and, with more elements, as a plant that shares no integrator with contid's
-model. All functions work on many cases at once: the first axis of every array.
+It is a baseline for speed and, with more elements, a plant that shares no integrator with contid's model.
+Functions are vectorised over the first axis of every array.
 
 Units: mm, N, N·mm, bar.
 """
@@ -163,7 +163,7 @@ def forward(rod: Rod, pressures: Array, force: Array, elements: int) -> Ends:
 
 
 class _MetError(Exception):
-    """Raised inside scipy when the paper's stopping rule holds: its own rules know no residual."""
+    """Ends scipy's solver when the paper's stopping rule holds; scipy has no rule for the residual."""
 
     def __init__(self, unknown: Array) -> None:
         self.unknown = unknown
@@ -185,9 +185,9 @@ def inverse(
         rod: the segments.
         start: unknowns of the point before, shape (6 + 3k,).
         force: on the tip [N].
-        tip: wanted tip [mm].
-        mid: wanted end of the first segment [mm], eq. (16).
-        frame: wanted tip frame, eq. (17).
+        tip: target of the tip [mm].
+        mid: target of the end of the first segment [mm], eq. (16).
+        frame: target of the tip frame, eq. (17).
         upper_bar: greatest pressure.
         by_the_paper: stop at the paper's sum of squares instead of scipy's own relative tolerances of 1e-8.
     """

@@ -1,8 +1,8 @@
 """Cold starts: random reachable targets solved from one fixed start, far from the answer.
 
-Targets are what random pressures in [0, 1.5] bar reach with a weight on the tip, tip down, in a stable
-equilibrium. A failure is a target that is not met; an answer that claims to be met is put back into the
-statics now and then, because claiming it wrongly would be worse than failing.
+Targets are tips of random pressures in [0, 1.5] bar with a weight on the tip, tip down, in a stable
+equilibrium. A failure is a target that is not met; some answers that report success are checked by the
+forward statics.
 """
 
 from __future__ import annotations
@@ -18,7 +18,7 @@ from contid.kinematics.cosserat.equilibrium import newton
 from studies.shi_experiments import STANDARD_GRAVITY, arm, setup
 
 MODES = {"one segment, tip": (0,), "mid + tip": (0, 1), "tip + direction": (0, 1)}
-#: Every so many answers one is checked.
+#: One answer out of this many is checked.
 CHECK_EVERY = 20
 CHECK_TOLERANCE_MM = 1e-3
 

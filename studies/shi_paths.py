@@ -25,7 +25,7 @@ class Run:
         mid: points of the mid-point, or None.
         lean_deg: outward tilt of the tip, or None for no direction.
         grams: on the tip.
-        paper: the paper's figures for it, in words.
+        paper: the results printed in the paper.
     """
 
     experiment: int

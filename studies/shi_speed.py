@@ -74,8 +74,8 @@ def speed_runs(points: int) -> list[Run]:
 def measure(run: Run, paper_points: int, laps: int = 5) -> Speed:
     """Warm-started solves along a run, as a control loop calls them; the first lap is not counted.
 
-    The baseline is solved between the laps, so that both meet the same machine, and counted in processor
-    time: its milliseconds would else hold other programs' turns, which the median of microseconds does not.
+    The baseline is solved between the laps, under the same load of the machine, and counted in processor
+    time: its milliseconds would otherwise include other programs' time slices.
     """
     engine = build_engine(setup(arm(run.segments)))
     force = (0.0, 0.0, run.grams * 1e-3 * STANDARD_GRAVITY)
@@ -87,12 +87,12 @@ def measure(run: Run, paper_points: int, laps: int = 5) -> Speed:
     times = np.empty((laps + 1, len(tips)))
     unmet = 0
     baseline = paper_solves(run, by_the_paper=True), paper_solves(run, by_the_paper=False)
-    wanted = paper_points, max(3, paper_points // 4)
+    required = paper_points, max(3, paper_points // 4)
     solved: tuple[list[float], list[float]] = ([], [])
     met = [0, 0]
     for lap in range(laps + 1):
         for solves, kind in zip(baseline, range(2), strict=True):
-            while len(solved[kind]) < wanted[kind] * lap / laps:
+            while len(solved[kind]) < required[kind] * lap / laps:
                 seconds, good = next(solves)
                 solved[kind].append(seconds)
                 met[kind] += good

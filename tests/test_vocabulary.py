@@ -24,14 +24,11 @@ SUFFIXES = frozenset({".py", ".cpp", ".hpp", ".h", ".ino", ".md", ".yaml", ".ser
 DOCS_NOT_YET_CLEAN = (*("drivers", "due", "dynamixel", "pictures", "remote", "service"),)
 # Folders whose prose is not rewritten yet. The list only shrinks.
 NOT_YET_CLEAN = (
-    "benchmarks/",
     "contid/api.py",
     "contid/client.py",
     "contid/control/",
     "contid/errors.py",
     "contid/hal.py",
-    "contid/kernels/",
-    "contid/kinematics/",
     "contid/remote/",
     "contid/session/format/",
     "contid/targets.py",
@@ -41,7 +38,6 @@ NOT_YET_CLEAN = (
     "examples/",
     "firmware/",
     "service/",
-    "studies/",
 )
 # Lines that hold a banned word for a reason: keys of old recordings, a quotation, a word of another program.
 QUOTATIONS: dict[str, str] = {"contid/session/compact.py": "self._out.tell()"}

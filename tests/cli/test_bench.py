@@ -28,7 +28,7 @@ def test_train_then_compare(tmp_path):
     ours = next(row for name, row in rows.items() if name.startswith("contid"))
     assert max(ours["max_mm"]) < 1e-3
     assert any(name.startswith("neural network, 6") for name in rows)
-    assert rows["hybrid: not to be built from the text"]["max_mm"] is None
+    assert rows["hybrid: not reproducible from the text"]["max_mm"] is None
     drifts = [line for line in lines if line["kind"] == "drift" and line["point"] == 99]
     by_damping = {line["damping"]: line for line in drifts}
     # A smaller damping removes its own share and leaves the linearisation's; feedback leaves neither.

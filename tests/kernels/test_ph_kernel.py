@@ -87,7 +87,7 @@ def test_nearly_straight_arms_with_noise_and_a_stated_length() -> None:
     """A length a hundredth too long is not folded into a loop; kernel and specification decide alike."""
     rng = np.random.default_rng(41)
     arm = ShapeInverse(SECTIONS, SPLIT)
-    believed = 0
+    accepted = 0
     for _ in range(400):
         backbone = rng.uniform(0.2, 0.28)
         # 1 mm and 1 degree of noise about the straight arm, the length known to a hundredth.
@@ -97,6 +97,6 @@ def test_nearly_straight_arms_with_noise_and_a_stated_length() -> None:
         fast, slow = arm.solve(tip, direction, length), ph_inverse(tip, direction, SECTIONS, SPLIT, length)
         assert fast.length_met is slow.length_met
         assert fast.lengths_m == pytest.approx(slow.lengths_m, abs=1e-12)
-        believed += fast.length_met
+        accepted += fast.length_met
         assert np.abs(np.array(fast.totals_m) - backbone).max() < 0.012
-    assert 0 < believed < 400
+    assert 0 < accepted < 400

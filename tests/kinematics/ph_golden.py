@@ -76,3 +76,9 @@ def hermite(
     a2 = turned(a2, math.cos(beta), math.sin(beta))
     c = 120.0 * chord - 15.0 * (start_derivative + end_derivative) + 10.0 * product(a0, a2)
     return quintic_between(start_m, chord, a0, a2, c, gamma)
+
+
+def curvature(curve: PhQuintic, t: np.ndarray) -> np.ndarray:
+    """Curvature [1/m] from the angular rates, shape (n,)."""
+    _, k2, k3 = curve.rates(t)
+    return np.hypot(k2, k3) / curve.speed(t)

@@ -30,7 +30,7 @@ bends = st.tuples(st.floats(0.05, 5.8), st.floats(-3.1, 3.1), st.floats(0.05, 0.
 @given(bends, bends, st.floats(0.0, 0.1), st.floats(0.0, 0.1))
 def test_the_family_contains_every_pair_of_arcs(first, second, between, after):
     """For the control leg of the first arc the biarc through tip and tangent is that pair again."""
-    # At half a turn the leg is infinite; near a closed loop position and tangent say little.
+    # At half a turn the leg is infinite; near a closed loop position and tangent determine little.
     assume(all(abs(theta - math.pi) > 0.1 for theta, _, _ in (first, second)))
     arcs = np.array([(t * math.cos(a), t * math.sin(a), L) for t, a, L in (first, second)])
     sections = Sections((0.035, 0.035), (RACKS, RACKS), (between, after))

@@ -1,4 +1,4 @@
-"""The guard of a closed chain, and what a robot file may say of one."""
+"""The guard of a closed chain, and its keys in a robot file."""
 
 from __future__ import annotations
 

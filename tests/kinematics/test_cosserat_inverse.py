@@ -33,8 +33,8 @@ FAMILY = [case for case in GOLDEN["ik"] if case["name"] == "pose family"]
 
 @pytest.mark.parametrize("case", SINGLE, ids=[f"{c['name']} {c['load_g']} g" for c in SINGLE])
 def test_golden_inverse(case: dict[str, object]) -> None:
-    wanted = np.array(case["P"], float)
-    k = len(wanted) // 3
+    expected = np.array(case["P"], float)
+    k = len(expected) // 3
     rod = two() if k == 2 else one(case["seg0"])  # type: ignore[arg-type]  # JSON
     target = {key: np.array(value, float) for key, value in case["target"].items()}  # type: ignore[attr-defined]
     loads = hanging(case["load_g"])  # type: ignore[arg-type]  # JSON
@@ -42,7 +42,7 @@ def test_golden_inverse(case: dict[str, object]) -> None:
     problem = Problem(rod, loads, task, limits(k), elements=48, tolerance=1e-9)
     found = solve(problem, np.full(3 * k, 0.5), np.cross(target["p"], loads.tip_force))
     assert found.met
-    assert np.abs(found.pressures - wanted).max() < 1e-7
+    assert np.abs(found.pressures - expected).max() < 1e-7
     assert np.abs(found.base_moment - case["M0"]).max() < 1e-8
 
 

@@ -1,4 +1,4 @@
-"""The model as the house sees it: SI, named limits, notes, every mode, on the kernel and on NumPy."""
+"""The model from outside: SI, named limits, notes, every mode, on the kernel and on NumPy."""
 
 from __future__ import annotations
 

@@ -171,7 +171,7 @@ def test_backbone_ends_at_the_tip() -> None:
 
 
 def test_single_section_is_the_first_of_two() -> None:
-    """The mid-point of an unloaded arm does not know what follows."""
+    """The mid-point of an unloaded arm is independent of what follows."""
     p = np.array([0.3, 0.9, 0.1, 0.6, 0.0, 0.7])
     alone = equilibrium(one(), p[:3], Loads()).sweep.tip
     assert np.abs(equilibrium(two(), p, Loads()).sweep.ends[0] - alone).max() < 1e-12

@@ -144,10 +144,10 @@ def test_the_gradient_of_a_network(bounded):
 
 
 def test_a_small_network_learns_is_saved_and_comes_back(tmp_path):
-    told = []
+    reported = []
     recipe = Recipe(hidden=10, levels=3, noise_m=0.0, iterations=150)
-    network = train(recipe, lambda what, iteration, error_mm: told.append(what))
-    assert set(told) == {"forward network", "inverse network"}
+    network = train(recipe, lambda what, iteration, error_mm: reported.append(what))
+    assert set(reported) == {"forward network", "inverse network"}
     error = np.linalg.norm(forward(SECTIONS, network.lengths(PATH.tips_m)).tip - PATH.tips_m, axis=-1)
     assert error.mean() < 8e-3
     assert network.lengths(np.array((1.0, 1.0, 1.0))).max() <= 0.150

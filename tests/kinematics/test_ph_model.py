@@ -45,7 +45,7 @@ def selected(configs: Path, tmp_path: Path) -> Path:
 def test_the_golden_tips_without_and_with_their_directions(
     configs: Path, monkeypatch: pytest.MonkeyPatch, pure: bool
 ) -> None:
-    """A single arc is met to 0.05 mm; one quintic for two arcs misses by millimetres, and says so."""
+    """A single arc is met to 0.05 mm; one quintic for two arcs misses by millimetres and reports it."""
     if pure:
         monkeypatch.setenv(PURE_PYTHON, "1")
     elif load("ph_curve") is None:

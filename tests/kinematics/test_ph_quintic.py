@@ -12,7 +12,7 @@ from scipy.spatial.transform import Rotation
 from contid.kinematics.ph.ends import BRANCHES, CurveEnds, least_energy, through
 from contid.kinematics.ph.lift import lift, product, turned
 from contid.kinematics.ph.quintic import PhQuintic
-from tests.kinematics.ph_golden import GOLDEN, MM, hermite
+from tests.kinematics.ph_golden import GOLDEN, MM, curvature, hermite
 
 Z = (0.0, 0.0, 1.0)
 
@@ -43,7 +43,7 @@ def test_ph1_prescribed_length() -> None:
     assert fit.curve.point(t)[0] / MM == pytest.approx(
         [-19.0303238609, 12.8170435029, 111.9638912752], abs=1e-9
     )
-    assert fit.curve.curvature(t) * MM == pytest.approx(0.003228116756, abs=1e-12)
+    assert curvature(fit.curve, t) * MM == pytest.approx(0.003228116756, abs=1e-12)
 
 
 def test_ph2_unknown_length() -> None:
@@ -128,8 +128,8 @@ lengths = st.floats(1.05, 2.5)
 def test_ends_length_and_quadrature(chord, t0, t1, branch, surplus) -> None:  # type: ignore[no-untyped-def]
     """End data are met, the closed length is the quadrature of the speed, a prescribed one is met."""
     ends = CurveEnds((0.3, -0.2, 0.1), vec((np.array([0.3, -0.2, 0.1]) + chord).tolist()), t0, t1)
-    wanted = surplus * float(np.linalg.norm(chord))
-    for length in (None, wanted):
+    length_m = surplus * float(np.linalg.norm(chord))
+    for length in (None, length_m):
         fit = through(ends, length, *branch)
         curve, m = fit.curve, fit.end_speed_m
         assert curve.control_points_m[-1] == pytest.approx(np.array(ends.end_m), abs=2e-13 * max(1.0, m))
@@ -141,7 +141,7 @@ def test_ends_length_and_quadrature(chord, t0, t1, branch, surplus) -> None:  # 
         nodes, weights = np.polynomial.legendre.leggauss(10)
         assert curve.length_m == pytest.approx(0.5 * weights @ curve.speed(0.5 * (nodes + 1)), rel=1e-14)
         if length is not None and fit.length_met:
-            assert curve.length_m == pytest.approx(wanted, rel=1e-13)
+            assert curve.length_m == pytest.approx(length_m, rel=1e-13)
         if length is None:
             assert curve.length_m == pytest.approx(m, rel=1e-13)
 
@@ -177,7 +177,7 @@ def test_curvature_arc_length_and_frames_against_derivatives() -> None:
     plus, minus, here = curve.point(t + h), curve.point(t - h), curve.point(t)
     velocity, acceleration = (plus - minus) / (2 * h), (plus - 2 * here + minus) / h**2
     numeric = np.linalg.norm(np.cross(velocity, acceleration), axis=1) / np.linalg.norm(velocity, axis=1) ** 3
-    assert curve.curvature(t) == pytest.approx(numeric, rel=1e-5)
+    assert curvature(curve, t) == pytest.approx(numeric, rel=1e-5)
     assert curve.arc_length(t)[-1] == pytest.approx(
         quad(lambda x: curve.speed(np.array([x]))[0], 0, t[-1])[0]
     )

@@ -6,7 +6,15 @@ import numpy as np
 import pytest
 
 from contid.kinematics.ph.inverse import TubeSection, ph_inverse
-from contid.kinematics.ph.tubes import frames, section_bending, tube_lengths
+from contid.kinematics.ph.quintic import PhQuintic
+from contid.kinematics.ph.tubes import (
+    GAUSS3_NODES,
+    GAUSS3_WEIGHTS,
+    PANELS,
+    section_bending,
+    start_turn,
+    tube_lengths,
+)
 from tests.kinematics.ph_golden import (
     DISTANCE,
     GOLDEN,
@@ -18,6 +26,19 @@ from tests.kinematics.ph_golden import (
 )
 
 SECTIONS = [TubeSection(float(d), tuple(PAPER_ANGLES.tolist())) for d in DISTANCE]
+
+
+def frames(curve: PhQuintic, s_m: np.ndarray, axis: np.ndarray) -> np.ndarray:
+    """Rotation-minimising frames at arc lengths, columns (U, V, tangent), shape ``(n, 3, 3)``."""
+    t = curve.parameter_at(s_m)
+    panel = (np.arange(PANELS)[:, None] + GAUSS3_NODES).reshape(-1) / PANELS
+    weight = np.tile(GAUSS3_WEIGHTS, PANELS) / PANELS
+    nodes = t[:, None] * panel
+    spin, _, _ = curve.rates(nodes)
+    psi = start_turn(curve, axis) - t * (spin.reshape(nodes.shape) @ weight)
+    tangent, f2, f3 = curve.euler_rodrigues_frame(t)
+    cosine, sine = np.cos(psi)[:, None], np.sin(psi)[:, None]
+    return np.stack([cosine * f2 + sine * f3, cosine * f3 - sine * f2, tangent], axis=-1)
 
 
 def wild_curve():  # type: ignore[no-untyped-def]
@@ -49,7 +70,7 @@ def test_more_panels_change_nothing() -> None:
 
 
 def test_lengths_are_those_of_the_offset_curves() -> None:
-    """The offset curve, drawn point by point in a frame of its own, is as long as the formula says."""
+    """The offset curve, drawn point by point in a frame of its own, has the length of the formula."""
     curve, axis = wild_curve(), np.array([1.0, 0.0, 0.0])
     d, angle = 0.04, 0.7
     s = np.linspace(0.0, curve.length_m, 4001)

@@ -160,9 +160,9 @@ def test_table_one_envelope(configs):
     """5 to 65 cm for one segment, 5 to 82 cm for two, platform included."""
     for name, shortest, longest in (("trirack", 0.05, 0.65), ("trirack2", 0.05, 0.82)):
         model = shipped(configs, name)
-        for z, wanted in ((0.0, shortest), (2.0, longest)):
+        for z, expected in ((0.0, shortest), (2.0, longest)):
             found = model.inverse(Target(tip_m=(0.0, 0.0, z)), tuple(model.feasible.home.tolist()))
-            np.testing.assert_allclose(model.forward(found.actuation).tip_m, (0, 0, wanted), atol=1e-6)
+            np.testing.assert_allclose(model.forward(found.actuation).tip_m, (0, 0, expected), atol=1e-6)
 
 
 @pytest.mark.parametrize(

@@ -140,11 +140,6 @@ class PhQuintic:
         bend3 = -2.0 * (u * dp - du * p + v * dq - dv * q) / sigma
         return spin, bend2, bend3
 
-    def curvature(self, t: Array) -> Array:
-        """Curvature [1/m], shape ``(n,)``."""
-        _, k2, k3 = self.rates(t)
-        return np.hypot(k2, k3) / self.speed(t)
-
     def euler_rodrigues_frame(self, t: Array) -> tuple[Array, Array, Array]:
         """Tangent, f2 and f3: the rational frame the preimage carries, each of shape ``(n, 3)``."""
         a, _ = self.spinor(t)

@@ -80,19 +80,3 @@ def tube_lengths(section_m: Array, bending: Array, distance_m: Array, angles_rad
     """
     u, v = bending[:, :1], bending[:, 1:]
     return section_m[:, None] - distance_m[:, None] * (u * np.cos(angles_rad) + v * np.sin(angles_rad))
-
-
-def frames(curve: PhQuintic, s_m: Array, axis: Array) -> Array:
-    """Rotation-minimising frames at arc lengths, columns (U, V, tangent), shape ``(n, 3, 3)``.
-
-    The spin from the start to every point is integrated over its own 8 panels.
-    """
-    t = curve.parameter_at(s_m)
-    panel = (np.arange(PANELS)[:, None] + GAUSS3_NODES).reshape(-1) / PANELS
-    weight = np.tile(GAUSS3_WEIGHTS, PANELS) / PANELS
-    nodes = t[:, None] * panel
-    spin, _, _ = curve.rates(nodes)
-    psi = start_turn(curve, axis) - t * (spin.reshape(nodes.shape) @ weight)
-    tangent, f2, f3 = curve.euler_rodrigues_frame(t)
-    cosine, sine = np.cos(psi)[:, None], np.sin(psi)[:, None]
-    return np.stack([cosine * f2 + sine * f3, cosine * f3 - sine * f2, tangent], axis=-1)

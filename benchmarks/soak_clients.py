@@ -1,4 +1,4 @@
-"""Who works in the laboratory of the soak: the operator, the clients, and the script that streams."""
+"""Participants of the soak: the operator, clients, and the script that streams."""
 
 from __future__ import annotations
 
@@ -29,7 +29,7 @@ ARMED: Final = frozenset({"HOLD", "RUN", "APPROACH"})
 
 @dataclass
 class Cable:
-    """One pull: of which bus, when, what came of it."""
+    """One pulled cable: its bus, the time, the robots that faulted, the time until they were back."""
 
     bus: str
     at_s: float
@@ -39,7 +39,7 @@ class Cable:
 
 
 class Operator(threading.Thread):
-    """Pulls cables, puts them back, clears the faults and resumes, as a person would; counts the faults."""
+    """Pulls cables, plugs them in, clears the faults and resumes like a human operator; counts the faults."""
 
     def __init__(self, folder: Path, loaded: LoadedFile, times_s: Sequence[float]) -> None:
         super().__init__(name="operator")
@@ -113,7 +113,7 @@ class Operator(threading.Thread):
 
 
 class Clients:
-    """Come, subscribe, send rubbish, and vanish without a word."""
+    """Clients that connect, subscribe, send garbage and disconnect."""
 
     def __init__(self, path: Path) -> None:
         self._path = path
@@ -121,7 +121,7 @@ class Clients:
         self.visits = 0
 
     def visit(self) -> None:
-        """One more; the oldest of three is gone, with whatever it did not read."""
+        """Connect one more; the oldest of three is closed with its data unread."""
         end = socket.socket(socket.AF_UNIX, socket.SOCK_STREAM)
         self._open.append(end)
         with suppress(OSError):
@@ -134,7 +134,7 @@ class Clients:
             self._open.pop(0).close()
 
     def close(self) -> None:
-        """Nobody is left."""
+        """Disconnect all."""
         for end in self._open:
             end.close()
 
@@ -160,7 +160,7 @@ class Stream(threading.Thread):
         self.join()
 
     def run(self) -> None:
-        """Until stopped, or nobody reads."""
+        """Until stopped, or until the pipe is closed."""
         with suppress(BrokenPipeError):
             self._pipe.write(",".join(self._names) + "\n")
             while not self._ended.wait(0.05):
