@@ -7,6 +7,7 @@ from collections.abc import Callable, Iterator
 from itertools import pairwise
 
 from contid.control.engine import messages as msg
+from contid.control.engine.events import FaultLatched, ModeChanged
 from contid.control.engine.tick_layout import ENABLED
 from contid.control.engine.wiring import chain_guards
 from contid.control.tick.config import STALE_S, RobotConfig
@@ -149,7 +150,7 @@ def detected(seen: Seen) -> Iterator[str]:
 def latched(seen: Seen) -> Iterator[str]:
     """A fault stays until an order ends it, and each has its event."""
     orders = (msg.ClearFault, msg.Stop, msg.Estop, msg.Finish)
-    reported = {(e["robot"], e["tick"]) for e in seen.events if e["event"] == "fault"}
+    reported = {(e.robot, e.tick) for e in seen.events if isinstance(e, FaultLatched)}
     for robot, config in _robots(seen):
         for was, now in pairwise(seen.records):
             old, new = was.robots[robot].mode, now.robots[robot].mode
@@ -202,8 +203,8 @@ def complete(seen: Seen) -> Iterator[str]:
     if sorted(set(ticks)) != ticks or missing != counted:
         yield f"{missing} ticks without a record, {counted} counted as skipped"
     for robot, config in _robots(seen):
-        reported = [e for e in seen.events if e["event"] == "state" and e["robot"] == config.name]
-        mode, modes = Mode.OFF, {e["tick"]: Mode[e["mode"]] for e in reported}
+        reported = [e for e in seen.events if isinstance(e, ModeChanged) and e.robot == config.name]
+        mode, modes = Mode.OFF, {e.tick: Mode[e.mode] for e in reported}
         for record in seen.records:
             mode = modes.get(record.tick, mode)
             if record.robots[robot].mode != mode:

@@ -3,11 +3,10 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, field
-from typing import Any
 
 from contid.control.engine import messages as msg
 from contid.control.engine.cycle import OnEnd
-from contid.control.engine.events import RunEvent, to_json
+from contid.control.engine.events import RunEvent, StopBegan
 from contid.control.engine.tick_layout import TickRecord
 from contid.control.engine.virtual import VirtualProcess
 from contid.control.engine.wiring import record_layout
@@ -27,7 +26,7 @@ class Seen:
     Attributes:
         case: what was run.
         records: of every tick.
-        events: kind and fields, in order.
+        events: in order.
         powered: per tick the axes whose device obeys commands, read from the device itself.
         lost: per tick the buses that are gone.
         finished: the engine came to its end by itself.
@@ -37,7 +36,7 @@ class Seen:
 
     case: Case
     records: list[TickRecord] = field(default_factory=list)
-    events: list[dict[str, Any]] = field(default_factory=list)
+    events: list[RunEvent] = field(default_factory=list)
     powered: list[frozenset[str]] = field(default_factory=list)
     lost: list[frozenset[str]] = field(default_factory=list)
     finished: bool = False
@@ -51,7 +50,7 @@ class Seen:
         self.records.append(self._layout.decode(tuple(values)))
 
     def event(self, event: RunEvent) -> None:
-        self.events.append(to_json(event))
+        self.events.append(event)
 
     def modes(self) -> dict[str, list[int]]:
         """States of every robot, by tick of the record."""
@@ -87,8 +86,8 @@ def watch(case: Case) -> Seen:
                 for message in case.orders.get(before, ()):
                     process.engine.obey(message, process.tick)
                     if isinstance(message, msg.Finish):
-                        stopping = next(e for e in reversed(seen.events) if e["event"] == "stopping")
-                        give_up = process.tick + round((stopping["seconds"] + STUCK_S) * rate_hz)
+                        stopping = next(e for e in reversed(seen.events) if isinstance(e, StopBegan))
+                        give_up = process.tick + round((stopping.seconds + STUCK_S) * rate_hz)
             given = process.tick + 1
             if case.dies_at is not None and process.tick >= case.dies_at:
                 break

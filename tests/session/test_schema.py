@@ -52,7 +52,7 @@ def test_every_message_matches_the_schema_in_its_file(runs: list[Path]) -> None:
         assert len(validators) == 6
 
 
-def test_what_events_say_is_described(runs: list[Path]) -> None:
+def test_the_keys_of_events_are_described(runs: list[Path]) -> None:
     """All but the arguments of orders."""
     more = {"robots", "target", "targets", "tip_m", "direction", "policy"}
     for path in runs:
