@@ -2,34 +2,38 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
-from typing import Any, Final
+from typing import Final
 
-LEVELS: Final = {
-    "fault": "ERROR",
-    "failed": "ERROR",
-    "refused": "WARN",
-    "bus": "WARN",
-    "device": "WARN",
-    "stall": "WARN",
-    "skipped": "WARN",
-    "viewer": "WARN",
-    "warning": "WARN",
-    "error": "ERROR",
-    "critical": "CRITICAL",
-}
+from contid.control.engine import events as ev
+
+#: Levels of Rerun by kind; the others are INFO.
+_LEVELS: Final = {kind.KIND: "ERROR" for kind in (ev.FaultLatched, ev.RunFailed)} | {
+    kind.KIND: "WARN"
+    for kind in (
+        ev.OrderRefused, ev.BusChanged, ev.BusStalled, ev.DeviceFaultChanged, ev.TicksSkipped, ev.ViewerPaused
+    )
+}  # fmt: skip
+_LOG_LEVELS: Final = {"warning": "WARN", "error": "ERROR", "critical": "CRITICAL"}
 #: Events for programs, too many for a log.
-SILENT: Final = frozenset({"answer", "limit_name", "mark", "order", "report", "robot"})
+_PROGRAMS: Final = (
+    ev.BusAnswered, ev.LimitNamed, ev.MarkReached, ev.OrderGiven, ev.PaceReported, ev.RobotReported
+)  # fmt: skip
+_SILENT: Final = frozenset(kind.KIND for kind in _PROGRAMS)
 
 
-def event_line(event: Mapping[str, Any]) -> str:
-    """One line: the robot, what happened, further fields."""
-    fields = {name: value for name, value in event.items() if name not in ("event", "tick") and value != ""}
-    robot, message = fields.pop("robot", None), fields.pop("message", None)
-    if message is None:
-        rounded = (
-            f"{name} {f'{value:.4g}' if isinstance(value, float) else value}"
-            for name, value in fields.items()
+def event_line(event: ev.RunEvent) -> tuple[str, str] | None:
+    """Level and text (robot, what happened, further fields) of an event; None for those for programs."""
+    fields = {name: value for name, value in ev.to_json(event).items() if value != "" and name != "tick"}
+    kind = fields.pop("event")
+    if kind in _SILENT:
+        return None
+    level = _LOG_LEVELS.get(event.level) if isinstance(event, ev.LogWritten) else _LEVELS.get(kind)
+    robot, text = fields.pop("robot", None), fields.pop("message", None)
+    if text is None:
+        rounded = {
+            name: f"{value:.4g}" if isinstance(value, float) else value for name, value in fields.items()
+        }
+        text = ": ".join(
+            filter(None, (kind, ", ".join(f"{name} {value}" for name, value in rounded.items())))
         )
-        message = ": ".join(filter(None, (event["event"], ", ".join(rounded))))
-    return str(message) if robot is None else f"{robot}: {message}"
+    return level or "INFO", str(text) if robot is None else f"{robot}: {text}"

@@ -12,13 +12,13 @@ from typing import Any, Final
 import numpy as np
 import rerun as rr
 
-from contid.control.engine.events import RunEvent, to_json
+from contid.control.engine.events import RunEvent
 from contid.control.engine.tick_layout import RobotRecord
 from contid.control.tick.config import RobotConfig
 from contid.targets import Vec3
 from contid.units import MM_PER_M
 from contid.view import paths
-from contid.view.event_line import LEVELS, SILENT, event_line
+from contid.view.event_line import event_line
 from contid.view.frames import Frame
 from contid.view.measured_shape import measured_shape
 from contid.view.robot_scene import ARROW, Array, RobotDrawing, RobotScene
@@ -121,14 +121,9 @@ class RerunWriter:
 
     def event(self, event: RunEvent) -> None:
         """Add an event of the ring, unless it is for programs only."""
-        values = to_json(event)
-        kind = values["event"]
-        if kind not in SILENT:
-            columns = rr.TextLog.columns(
-                text=[event_line(values)],
-                level=[LEVELS.get(values["level"] if kind == "log" else kind, "INFO")],
-            )
-            self._send(paths.EVENTS, [int(values.get("tick", self._tick))], columns)
+        if (line := event_line(event)) is not None:
+            columns = rr.TextLog.columns(level=[line[0]], text=[line[1]])
+            self._send(paths.EVENTS, [int(getattr(event, "tick", self._tick))], columns)
 
     def _curves(self, robot: RobotScene, ticks: Sequence[int], records: Sequence[RobotRecord]) -> None:
         """Lengths or pressures and the distance of the tip from its target, commanded and measured."""

@@ -1,4 +1,4 @@
-"""One recorded run in virtual time, and one in real time, for all tests of sessions."""
+"""One recorded run, compacted and as it was written, for all tests of sessions."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ def recorded(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 @pytest.fixture(scope="session")
 def growing(tmp_path_factory: pytest.TempPathFactory, recorded: Path) -> Path:
-    """The same session as it was before it was compacted: what a kill leaves, with all its ticks."""
+    """The same session before compaction: what a kill leaves, with all its ticks."""
     from contid.control.engine.wiring import record_layout
     from contid.session.format.metadata import describe
     from contid.session.read import Session

@@ -1,4 +1,4 @@
-"""Killing what records, at random moments; a campaign is ``python -m tests.session.kills 200``.
+"""Kills of processes of a run at random times; a campaign is ``python -m tests.session.kills 200``.
 
 The ring of the run is mapped from outside before the kill, so that the number of written ticks
 is still readable afterwards.
@@ -31,7 +31,7 @@ _MODULES = {"recorder": "contid.session.mcap_recorder", "control process": "cont
 
 @dataclass(frozen=True)
 class Left:
-    """What was found after a kill.
+    """The session after a kill.
 
     Attributes:
         written: ticks there were; for a killed recorder, until just before the kill.
@@ -49,12 +49,12 @@ class Left:
 
     @property
     def lost(self) -> int:
-        """Ticks that are missing."""
+        """Missing ticks."""
         return max(self.written - self.recorded, 0)
 
 
 def kill_one(folder: Path, victim: str, after_s: float) -> Left:
-    """Start a recorded run, kill one of its processes after a while, look at the session."""
+    """Start a recorded run, kill one of its processes, read the session."""
     robot, rows, path = folder / "robot.yaml", folder / "rows.csv", folder / "session.mcap"
     robot.write_text(fingers(2))
     rows.write_text(circle_csv(2, period_s=60.0, rows=600))
@@ -75,7 +75,7 @@ def kill_one(folder: Path, victim: str, after_s: float) -> Left:
         written = ring.written
         psutil.Process(chosen).kill()
         if victim == "recorder":
-            # The run goes on without it; a second daemon would not be any the wiser.
+            # The run goes on without its recorder.
             time.sleep(0.05)
             daemon.terminate()
         daemon.wait(20.0)
@@ -98,7 +98,7 @@ def kill_one(folder: Path, victim: str, after_s: float) -> Left:
 
 
 def _ring(pid: int) -> RingReader:
-    """The ring of a daemon, as soon as it is there."""
+    """The ring of a daemon, as soon as it exists."""
     until = time.monotonic() + 20.0
     while time.monotonic() < until:
         for path in Path("/dev/shm").glob(f"contid-{pid}-*.ring"):
@@ -115,7 +115,7 @@ def _child(processes: list[psutil.Process], module: str) -> int:
 
 
 def main() -> None:
-    """A campaign."""
+    """Run a campaign."""
     parser = argparse.ArgumentParser(description="kill -9, many times")
     parser.add_argument("times", type=int)
     parser.add_argument("--victim", choices=VICTIMS, default="daemon")

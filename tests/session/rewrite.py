@@ -1,4 +1,4 @@
-"""A session as other programs leave it, written with the stock library."""
+"""A session rewritten by other programs, with the stock library."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ def rewritten(
     metadata: bool = True,
     attachments: bool = True,
 ) -> Path:
-    """What `mcap filter` and `mcap sort` make of a session: a channel comes just before its first message."""
+    """Output of `mcap filter` and `mcap sort`: a channel comes just before its first message."""
     with source.open("rb") as old, target.open("wb") as new:
         reader, writer = SeekingReader(old), Writer(new)
         writer.start()

@@ -49,7 +49,7 @@ def record_virtual(
 
 
 def tracked_hand(path: Path) -> Path:
-    """One finger led by its tip, which a tracker sees, the other by its racks."""
+    """One finger with tip targets and a tracker, the other with targets for its racks."""
     loaded = _simulated("hand")
     left, right = build_robot_configs(loaded, RATE_HZ)
     tip, direction = _in_world(left, _around(left, 1))
@@ -63,7 +63,7 @@ def tracked_hand(path: Path) -> Path:
 
 
 def loaded_arm(path: Path) -> Path:
-    """A pneumatic arm with a weight at its tip, then led by tip and direction, then by its pressures."""
+    """A pneumatic arm with a weight at its tip; targets: tip, tip and direction, pressures."""
     loaded = _simulated("stiffflop1")
     (config,) = build_robot_configs(loaded, RATE_HZ)
     tip, direction = _in_world(config, _around(config, 1))
@@ -78,7 +78,7 @@ def loaded_arm(path: Path) -> Path:
 
 
 def bent_cbha(path: Path) -> Path:
-    """Two sections led by mid-point and tip, wrist and gripper besides; then every tube by its length."""
+    """Two sections, wrist and gripper; targets: mid-point and tip, then the length of every tube."""
     loaded = _simulated("cbha")
     (config,) = build_robot_configs(loaded, RATE_HZ)
     pose = _around(config, 1)
@@ -94,7 +94,7 @@ def bent_cbha(path: Path) -> Path:
 
 
 def faulty_fingers(path: Path) -> Path:
-    """A servo that is silent at first, ticks that are skipped, an overload."""
+    """A servo that does not answer at first, skipped ticks, an overload."""
     faults = (
         "{at_s: 0.05, kind: silent, axis: f1.left, for_s: 0.05}",
         "{at_s: 0.7, kind: late, for_s: 0.05, delay_ms: 12}",
@@ -115,11 +115,11 @@ RUNS: Final[dict[str, Callable[[Path], Path]]] = {
 
 def _simulated(name: str) -> LoadedFile:
     text = (CONFIGS / f"{name}.yaml").read_text(encoding="utf-8")
-    return with_mock(parse_robot_file(text, f"{name}.yaml"))  # its name only: a kept file names no machine
+    return with_mock(parse_robot_file(text, f"{name}.yaml"))  # its name: committed files have no paths
 
 
 def _around(config: RobotConfig, k: int) -> Pose:
-    """A pose not far from the rest pose."""
+    """A pose near the rest pose."""
     model = config.model
     travel = np.asarray(model.upper) - np.asarray(model.lower)
     share = 0.03 * np.sin(k * (1.0 + np.arange(len(travel))))
@@ -134,7 +134,7 @@ def _in_world(
 
 
 def main() -> None:
-    """Record them all."""
+    """Record all runs."""
     folder = Path(sys.argv[1])
     for name, run in RUNS.items():
         print(run(folder / f"{name}.mcap"))

@@ -1,4 +1,4 @@
-"""A record comes back from its messages bit for bit, whatever its numbers and whichever their revision."""
+"""A record is decoded from its messages bit for bit, for all numbers and revisions."""
 
 from __future__ import annotations
 
@@ -45,7 +45,7 @@ def _record(numbers: list[float], counts: list[int], vectors: list[bool]) -> tup
             axis[AXIS.place("limits")] = float(next(whole) % 16)
             axis[AXIS.place("valid")] = float(next(whole) % 2)
             values += axis
-    for slots, there in zip(VECTORS, vectors, strict=True):  # a vector is there as a whole, or not at all
+    for slots, there in zip(VECTORS, vectors, strict=True):  # a vector is present completely or not at all
         for slot in slots:
             values[slot] = values[slot] if there and math.isfinite(values[slot]) else float(there) * math.e
         if not there:
@@ -70,7 +70,9 @@ def _decoded(messages: list[bytes]) -> bytes:
 
 
 def _packed(values: tuple[float, ...]) -> bytes:
-    return PACKED.pack(*(math.nan if value != value else value for value in values))  # JSON has no NaN's sign
+    return PACKED.pack(
+        *(math.nan if value != value else value for value in values)
+    )  # NaN has no sign in JSON
 
 
 def _refuse(constant: str) -> float:
@@ -89,7 +91,7 @@ def test_round_trip_is_exact_and_matches_the_schema(values: tuple[float, ...]) -
 
 
 def _of_an_earlier_revision(channel: str, values: tuple[float, ...], revision: int) -> bytes:
-    """What revisions 0 and 1 wrote: every key, null for what is absent, 1e999 for infinity."""
+    """A message of revisions 0 and 1: every key, null for absent values, 1e999 for infinity."""
     message: dict[str, Any] = {}
     for each in FIELDS[channel]:
         if revision == 0 and each.path[-1].startswith("measured_"):
@@ -180,7 +182,7 @@ def test_infinite_numbers_are_named() -> None:
     assert "age_s" not in message["robots"]["thumb"]["left"]
 
 
-def test_patterns_without_end_take_no_memory_without_end() -> None:
+def test_the_caches_of_patterns_are_bounded() -> None:
     encoder = Encoder(LAYOUT, UNITS)
     source = next(each.slots[0] for each in FIELDS["tick"] if each.path == ("source_s",))
     optional = [source, *(each.slots[0] for each in FIELDS["sample"] if each.kind == "number")]
@@ -202,7 +204,7 @@ def test_patterns_without_end_take_no_memory_without_end() -> None:
      b'{"tick":1,"robots":{"thumb":{"tip_m":"abc"},"arm":{}}}',
      b'{"tick":1,"robots":{"thumb":{"left_m":"far"},"arm":{}}}'],
 )  # fmt: skip
-def test_a_message_that_is_none_is_damage(wrong: bytes) -> None:
+def test_invalid_messages_are_damage(wrong: bytes) -> None:
     from contid.session.format.entries import _DAMAGE
 
     messages = Encoder(LAYOUT, UNITS).encode(PACKED.unpack(PACKED.pack(*range(SIZE))))

@@ -1,4 +1,4 @@
-"""``contid session`` and ``contid replay`` as a user meets them."""
+"""The commands ``contid session`` and ``contid replay``."""
 
 from __future__ import annotations
 
@@ -112,7 +112,7 @@ def test_files_that_are_no_session_are_refused(tmp_path: Path, content: bytes, m
             _run(*command, path)
 
 
-def test_a_pipe_is_not_waited_for(tmp_path: Path) -> None:
+def test_a_pipe_is_refused_at_once(tmp_path: Path) -> None:
     path = tmp_path / "pipe"
     os.mkfifo(path)
     with pytest.raises(ContidError, match="not a regular file"):
@@ -181,8 +181,8 @@ def test_replay_of_another_robot_file(recorded: Path, tmp_path: Path) -> None:
 
 
 @pytest.mark.realtime
-def test_recorded_commands_go_to_buses(tmp_path: Path) -> None:
-    """The buses here are simulated ones in real time; the way is the one to the wire."""
+def test_recorded_commands_are_sent_to_buses(tmp_path: Path) -> None:
+    """The buses are simulated in real time; the code is that of real ones."""
     robot, rows, path = tmp_path / "r.yaml", tmp_path / "t.csv", tmp_path / "s.mcap"
     journal = tmp_path / "journal.jsonl"
     robot.write_text(fingers(2, options=f"journal_file: {journal}"))
@@ -207,7 +207,7 @@ def test_recorded_commands_go_to_buses(tmp_path: Path) -> None:
         ("  f1:", "  f2:", "robots.f1.model: 'rack_finger' -> absent"),
     ],
 )
-def test_another_robot_is_not_sent_the_commands(
+def test_hardware_of_another_robot_is_refused(
     recorded: Path, tmp_path: Path, old: str, new: str, named: str
 ) -> None:
     other = tmp_path / "other.yaml"

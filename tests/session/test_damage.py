@@ -28,7 +28,7 @@ from contid.trajectory.read import MAX_ROWS
 from tests.control.fingers import circle, load
 
 ZEROS = 64 << 20
-#: A megabyte is read at a time, and the libraries have windows of a few.
+#: Reads are of one megabyte; the libraries have windows of a few.
 BOUND = 24 << 20
 
 
@@ -68,7 +68,7 @@ def chunk(compression: bytes, packed: bytes, claims: int, crc: int = 0) -> bytes
 @pytest.mark.parametrize("cut", [False, True])
 @pytest.mark.parametrize(("name", "pack"), [(b"zstd", zstd), (b"lz4", lz4)])
 @pytest.mark.parametrize("claims", [1000, 1 << 40])
-def test_a_chunk_that_holds_more_than_it_claims_is_given_up(
+def test_a_chunk_larger_than_its_declared_size_is_damage(
     name: bytes, pack: Callable[[bytes], bytes], claims: int, cut: bool
 ) -> None:
     whole = chunk(name, pack(bytes(ZEROS)), claims)
@@ -78,7 +78,7 @@ def test_a_chunk_that_holds_more_than_it_claims_is_given_up(
         assert not stream.clean
 
 
-def test_the_cap_holds_whatever_a_chunk_claims(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_the_size_limit_holds_for_every_declared_size(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(mcap, "CHUNK_MOST", 1 << 20)
     whole = chunk(b"zstd", zstd(bytes(ZEROS)), 1 << 20)
     for cut in (False, True):
@@ -93,7 +93,7 @@ def test_chunks_of_every_kind_are_read(name: bytes, pack: Callable[[bytes], byte
     assert [opcode for opcode, _ in stream] == [mcap.MESSAGE] * 5
 
 
-def test_a_length_beyond_the_file_sets_nothing_aside() -> None:
+def test_a_length_beyond_the_file_allocates_nothing() -> None:
     data = mcap.MAGIC + mcap.RECORD.pack(mcap.MESSAGE, (1 << 32) - 1) + bytes(1000)
     with bounded():
         assert list(mcap.RecordStream(io.BytesIO(data))) == []
@@ -122,7 +122,7 @@ def _with(growing: Path, folder: Path, body: bytes, before: int = mcap.DATA_END)
         json.dumps({"event": "end", "tick": 10**400}).encode(),
     ],
 )
-def test_an_event_that_is_none_ends_the_session_there(growing: Path, tmp_path: Path, body: bytes) -> None:
+def test_an_invalid_event_ends_the_session(growing: Path, tmp_path: Path, body: bytes) -> None:
     whole = sum(1 for _ in Session(growing).entries())
     session = Session(_with(growing, tmp_path, body))
     assert sum(1 for _ in session.entries()) == whole
@@ -162,8 +162,8 @@ def test_an_overrun_without_a_number_is_summarized(
     assert summarize(Session(path)).events["overrun"] == 1
 
 
-def test_damage_in_the_middle_is_not_repaired_away(growing: Path, recorded: Path, tmp_path: Path) -> None:
-    """What follows it may be all that is left of an afternoon: only a copy leaves it out."""
+def test_damage_inside_is_repaired_in_a_copy_only(growing: Path, recorded: Path, tmp_path: Path) -> None:
+    """The ticks behind the damage stay in the original."""
     path, copy = tmp_path / "s.mcap", tmp_path / "copy.mcap"
     for source in (growing, recorded):
         data = bytearray(source.read_bytes())
@@ -183,7 +183,7 @@ def test_damage_in_the_middle_is_not_repaired_away(growing: Path, recorded: Path
         copy.unlink()
 
 
-def test_a_mode_of_tomorrow_is_a_number(growing: Path, tmp_path: Path) -> None:
+def test_an_unknown_mode_is_printed_as_a_number(growing: Path, tmp_path: Path) -> None:
     path = tmp_path / "s.mcap"
     path.write_bytes(growing.read_bytes().replace(b'"mode":0,', b'"mode":9,'))
     assert [robot["mode"] for robot in summarize(Session(path)).robots.values()] == ["9", "9"]
@@ -196,7 +196,7 @@ def _attachment(array: object, size: int | None = None) -> bytes:
         plain = io.BytesIO()
         np.save(plain, np.asarray(array))
         body = plain.getvalue()
-        if size is not None:  # a head that claims a matrix of that many rows
+        if size is not None:  # a head that declares that many rows
             head = f"{{'descr': '<f8', 'fortran_order': False, 'shape': ({size}, 3), }}".encode()
             body = b"\x93NUMPY\x01\x00" + struct.pack("<H", len(head) + 1) + head + b"\n"
         archive.writestr("rows.npy", body)
@@ -225,7 +225,7 @@ def test_an_attachment_that_is_no_trajectory_is_refused(data: bytes) -> None:
         unpacked(data, about, loaded)
 
 
-def test_a_bomb_in_an_attachment_sets_nothing_aside() -> None:
+def test_a_decompression_bomb_allocates_nothing() -> None:
     loaded = load(1)
     about = about_trajectory(circle(loaded))
     out = io.BytesIO()
@@ -236,7 +236,7 @@ def test_a_bomb_in_an_attachment_sets_nothing_aside() -> None:
         unpacked(out.getvalue(), about, loaded)
 
 
-def test_every_bit_of_an_attachment_matters(growing: Path) -> None:
+def test_every_flipped_bit_of_an_attachment_is_detected(growing: Path) -> None:
     loaded = load(1)
     trajectory = circle(loaded)
     data, about = packed(trajectory), about_trajectory(trajectory)

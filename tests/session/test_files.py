@@ -1,4 +1,4 @@
-"""Sessions as files: stock readers take them, any truncation opens and is repaired, exports are exact."""
+"""Session files: stock readers read them, every truncation is readable and repairable, exports are exact."""
 
 from __future__ import annotations
 
@@ -48,8 +48,8 @@ def test_compaction_keeps_everything_and_is_smaller(recorded: Path, growing: Pat
 
 
 @pytest.mark.parametrize("which", ["recorded", "growing"])
-def test_the_stock_reader_takes_it(which: str, request: pytest.FixtureRequest) -> None:
-    """What Foxglove relies on: channels, schemas, JSON, times in order, an index when compacted."""
+def test_the_stock_reader_reads_it(which: str, request: pytest.FixtureRequest) -> None:
+    """Required by Foxglove: channels, schemas, JSON, ordered times, an index when compacted."""
     from mcap.reader import NonSeekingReader, SeekingReader
 
     path: Path = request.getfixturevalue(which)
@@ -82,7 +82,7 @@ def test_the_stock_reader_takes_it(which: str, request: pytest.FixtureRequest) -
 
 
 @pytest.mark.parametrize("which", ["recorded", "growing"])
-def test_cut_anywhere_it_opens_is_repaired_and_replays(
+def test_truncated_anywhere_it_is_read_repaired_and_replayed(
     which: str, request: pytest.FixtureRequest, tmp_path: Path
 ) -> None:
     path: Path = request.getfixturevalue(which)
@@ -95,7 +95,7 @@ def test_cut_anywhere_it_opens_is_repaired_and_replays(
         try:
             session = Session(cut)
         except SessionError:
-            assert size < 20_000  # within the head: there is no tick yet
+            assert size < 20_000  # within the head, before the first tick
             continue
         got = [entry.values for entry in session.entries() if entry.values is not None]
         assert repr(got) == repr(whole[: len(got)])
@@ -115,7 +115,7 @@ def test_cut_anywhere_it_opens_is_repaired_and_replays(
 
 
 def _tick_ends(path: Path) -> list[int]:
-    """Where in an unchunked file the last message of every tick ends."""
+    """End of the last message of every tick in an unchunked file."""
     from contid.session.format.mcap_records import MAGIC, MESSAGE, RECORD
 
     data, at, ends = path.read_bytes(), len(MAGIC), []
@@ -128,7 +128,7 @@ def _tick_ends(path: Path) -> list[int]:
     return ends
 
 
-def test_zeros_where_the_disk_was_not_reached_end_the_session(growing: Path, tmp_path: Path) -> None:
+def test_zeros_of_unwritten_blocks_end_the_session(growing: Path, tmp_path: Path) -> None:
     data = growing.read_bytes()
     cut = tmp_path / "zeros.mcap"
     for keep in (len(data) // 2, len(data) // 2 + 100, len(data) // 2 + 1000):
@@ -151,7 +151,7 @@ def test_other_files_are_refused(tmp_path: Path, recorded: Path) -> None:
 
 
 def test_a_session_being_recorded_is_not_repaired(tmp_path: Path) -> None:
-    """The recorder would go on writing into a file that has no name any more."""
+    """The recorder would continue to write into the replaced, unlinked file."""
     loaded = load(2)
     path = tmp_path / "s.mcap"
     setup = RunSetup(loaded, 200.0, Path(), None, OnEnd.STOP, attended=False)
@@ -167,7 +167,7 @@ def test_a_session_being_recorded_is_not_repaired(tmp_path: Path) -> None:
     assert repair(path, None).endswith("0 of 0 ticks, clean")
 
 
-def test_what_other_programs_rewrote_is_read_and_replayed(recorded: Path, tmp_path: Path) -> None:
+def test_files_rewritten_by_other_programs_are_read_and_replayed(recorded: Path, tmp_path: Path) -> None:
     session = Session(rewritten(recorded, tmp_path / "other.mcap"))
     assert repr(_values(session.path)) == repr(_values(recorded))
     assert _events(session.path) == _events(recorded)
@@ -177,7 +177,7 @@ def test_what_other_programs_rewrote_is_read_and_replayed(recorded: Path, tmp_pa
     assert summarize(whole).ticks == result.ticks
 
 
-def test_what_a_filter_left_out_is_named(recorded: Path, tmp_path: Path) -> None:
+def test_parts_removed_by_a_filter_are_named(recorded: Path, tmp_path: Path) -> None:
     with pytest.raises(SessionError, match="--include-metadata"):
         Session(rewritten(recorded, tmp_path / "bare.mcap", metadata=False))
     session = Session(rewritten(recorded, tmp_path / "rowless.mcap", attachments=False))
@@ -188,7 +188,7 @@ def test_what_a_filter_left_out_is_named(recorded: Path, tmp_path: Path) -> None
 def test_chunks_do_not_overlap_in_time(
     recorded: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    """What `mcap info` and Foxglove take for messages out of order."""
+    """`mcap info` and Foxglove treat overlaps as messages out of order."""
     from mcap.reader import SeekingReader
 
     monkeypatch.setattr("contid.session.compact.CHUNK_BYTES", 10_000)
@@ -209,7 +209,7 @@ def test_a_recording_is_never_overwritten(recorded: Path) -> None:
     assert recorded.read_bytes() == before
 
 
-def test_tables_hold_the_numbers_in_the_units_of_robot_files(recorded: Path, tmp_path: Path) -> None:
+def test_tables_have_the_units_of_robot_files(recorded: Path, tmp_path: Path) -> None:
     session = Session(recorded)
     ticks = list(session.ticks())
     paths = export_channels(session, tmp_path / "out")
@@ -244,8 +244,8 @@ def test_the_summary_lists_faults_and_events(recorded: Path) -> None:
     json.dumps(asdict(info))
 
 
-def test_the_recorder_does_not_carry_numpy_along() -> None:
-    """It stays for as long as the run: 14 MB of a library that it has no use for."""
+def test_the_recorder_does_not_import_numpy() -> None:
+    """It would cost 14 MB for the duration of a run."""
     message = "import contid.session.mcap_recorder, sys; print('numpy' in sys.modules)"
     done = subprocess.run([sys.executable, "-c", message], capture_output=True, text=True, check=True)
     assert done.stdout.strip() == "False"

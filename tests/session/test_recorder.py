@@ -51,8 +51,8 @@ def _values(writer: ring.RingWriter, tick: int) -> list[float]:
 
 @pytest.mark.realtime
 @pytest.mark.parametrize("buses", [1, 3])
-def test_a_run_in_real_time_is_recorded_whole_and_replays(buses: int, tmp_path: Path) -> None:
-    """With several buses each has a worker thread, and what was late or refused is in the events."""
+def test_a_run_in_real_time_is_recorded_completely_and_replays(buses: int, tmp_path: Path) -> None:
+    """With several buses each has a worker thread; late and refused answers are events."""
     robot, rows, path = tmp_path / "r.yaml", tmp_path / "t.csv", tmp_path / "s.mcap"
     robot.write_text(fingers(3, buses=buses))
     rows.write_text(circle_csv(3, period_s=0.5))
@@ -67,7 +67,7 @@ def test_a_run_in_real_time_is_recorded_whole_and_replays(buses: int, tmp_path: 
 
 
 @pytest.mark.realtime
-def test_a_row_for_forty_robots_is_recorded_whole_and_replays(tmp_path: Path) -> None:
+def test_a_row_for_forty_robots_is_recorded_completely_and_replays(tmp_path: Path) -> None:
     """Its event takes several slots of the ring."""
     robot, path = tmp_path / "r.yaml", tmp_path / "s.mcap"
     robot.write_text(fingers(40))
@@ -91,14 +91,14 @@ def test_a_row_for_forty_robots_is_recorded_whole_and_replays(tmp_path: Path) ->
 def test_a_kill_loses_at_most_the_last_tick(victim: str, number: int, tmp_path: Path) -> None:
     left = kill_one(tmp_path, victim, 0.1 + 0.37 * number % 1.0)
     if victim == "recorder":
-        assert left.recorded > 0  # how many may be missing depends on what else the machine does
+        assert left.recorded > 0  # the number of missing ticks depends on the load of the machine
     else:
         assert left.lost == 0
         assert left.clean
     assert left.recorded == left.repaired == left.replayed
 
 
-def test_a_file_that_exists_stops_the_run_before_it_moves(tmp_path: Path) -> None:
+def test_an_existing_file_is_refused_before_the_robot_moves(tmp_path: Path) -> None:
     robot, rows, path = tmp_path / "r.yaml", tmp_path / "t.csv", tmp_path / "s.mcap"
     robot.write_text(fingers(1, options=f"journal_file: {tmp_path / 'journal'}"))
     rows.write_text(circle_csv(1))
@@ -111,14 +111,14 @@ def test_a_file_that_exists_stops_the_run_before_it_moves(tmp_path: Path) -> Non
     assert not (tmp_path / "journal").exists() or "enable" not in (tmp_path / "journal").read_text()
 
 
-def test_a_folder_that_is_not_there_is_named(tmp_path: Path, shared: Path) -> None:
+def test_a_missing_folder_is_named(tmp_path: Path, shared: Path) -> None:
     recording = RecordingObserver(tmp_path / "missing" / "s.mcap", {})
     setup = RunSetup(load(2), 200.0, shared, None, OnEnd.HOLD, attended=True)
     with pytest.raises(ContidError, match=r"missing/s\.mcap: cannot record: No such file"):
         recording.attach(setup, os.getpid())
 
 
-def test_being_lapped_is_counted(tmp_path: Path, shared: Path) -> None:
+def test_ticks_lost_in_an_overrun_are_counted(tmp_path: Path, shared: Path) -> None:
     writer = ring.RingWriter(shared)
     recorder = McapRecorder(_job(tmp_path / "s.mcap", shared, os.getpid()))
     for tick in range(1000):
@@ -136,7 +136,7 @@ def test_being_lapped_is_counted(tmp_path: Path, shared: Path) -> None:
 
 
 @pytest.mark.realtime
-def test_it_ends_when_its_writer_is_gone(tmp_path: Path, shared: Path) -> None:
+def test_it_ends_with_the_writer_of_the_ring(tmp_path: Path, shared: Path) -> None:
     writer = ring.RingWriter(shared)
     control = subprocess.Popen([sys.executable, "-c", "import time; time.sleep(60)"])
     recorder = McapRecorder(_job(tmp_path / "s.mcap", shared, control.pid))
@@ -154,7 +154,7 @@ def test_it_ends_when_its_writer_is_gone(tmp_path: Path, shared: Path) -> None:
 
 @pytest.mark.realtime
 def test_it_sleeps_between_ticks(tmp_path: Path, shared: Path) -> None:
-    """Processor time, not time: however busy the machine is, an idle ring costs next to nothing."""
+    """An idle ring costs almost no processor time, which does not depend on the load of the machine."""
     control = subprocess.Popen([sys.executable, "-c", "import time; time.sleep(0.5)"])
     recorder = McapRecorder(_job(tmp_path / "s.mcap", shared, control.pid))
     before_s, wall_s = time.process_time(), time.monotonic()

@@ -1,4 +1,4 @@
-"""A recording replays bit for bit, whatever its inputs were; what is different is found and named."""
+"""A recording replays bit for bit for every kind of input; a difference is found and named."""
 
 from __future__ import annotations
 
@@ -45,7 +45,7 @@ def test_every_shipped_robot(name: str, tmp_path: Path) -> None:
     _same(path)
 
 
-def test_orders_come_at_their_ticks(tmp_path: Path) -> None:
+def test_orders_are_applied_at_their_ticks(tmp_path: Path) -> None:
     loaded = load(2)
     goto = msg.Goto("f0", Target(tip_m=(0.051, 0.077, 0.0)))
     orders = {
@@ -145,7 +145,7 @@ def test_a_gap_in_the_recording_ends_the_replay(recorded: Path, tmp_path: Path) 
     assert result.stopped == "ticks 100 to 101 are not in the recording"
 
 
-def test_two_runs_in_one_file_are_not_taken_for_one(recorded: Path, tmp_path: Path) -> None:
+def test_two_runs_in_one_file_are_detected(recorded: Path, tmp_path: Path) -> None:
     loaded = load(2)
     recording = RecordingObserver(tmp_path / "two.mcap", {"mock": "False"})
     sink = recording.follow(RunSetup(loaded, 200.0, Path(), circle(loaded), OnEnd.STOP, attended=False))
@@ -160,7 +160,7 @@ def test_two_runs_in_one_file_are_not_taken_for_one(recorded: Path, tmp_path: Pa
     assert result.stopped == f"tick 0 comes after tick {result.ticks - 1}: more than one run is in the file"
 
 
-def test_a_trajectory_that_came_during_the_run(tmp_path: Path) -> None:
+def test_a_trajectory_of_an_order(tmp_path: Path) -> None:
     loaded = load(2)
     first, second = circle(loaded, period_s=0.5), circle(loaded, period_s=0.8, radius_mm=3.0)
     orders: dict[int, list[msg.Message]] = {
@@ -177,8 +177,8 @@ def test_a_trajectory_that_came_during_the_run(tmp_path: Path) -> None:
     assert session.trajectory(loaded, 3) is None
 
 
-def test_the_recorder_takes_a_trajectory_that_came_during_the_run(tmp_path: Path) -> None:
-    """The way through the daemon's observer and the recorder's process, before the order is in the ring."""
+def test_the_recorder_attaches_the_trajectory_of_an_order(tmp_path: Path) -> None:
+    """Through the observer and the recorder's process, before the order is in the ring."""
     loaded = load(2)
     shared = ring.create(record_layout(loaded, 200.0))
     writer = ring.RingWriter(shared)

@@ -1,4 +1,4 @@
-"""Every message of recorded runs matches the JSON Schema in its file, read as a stranger would read it."""
+"""Every message of recorded runs matches the JSON Schema in its file, as read by stock libraries."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ from contid.session.replay import replay
 from tests.golden.make import TOLERANCE
 from tests.session.runs import RUNS
 
-#: A session of every revision, as the code of its time wrote it; `tracked_hand` from revision 1 on.
+#: A session of every revision, written by the code of that revision; `tracked_hand` from revision 1 on.
 REVISIONS = [Path(__file__).parent / "revisions" / f"{number}.mcap" for number in range(REVISION)]
 
 
@@ -62,7 +62,7 @@ def test_the_keys_of_events_are_described(runs: list[Path]) -> None:
 
 
 def test_the_runs_have_every_key_and_lack_every_key_that_may_be_absent(runs: list[Path]) -> None:
-    """What the test above is worth: a key that no run has would never be looked at."""
+    """The test above covers every key, present and absent."""
     seen: dict[str, set[bool]] = defaultdict(set)
     for path in runs:
         for topic, schema, message in _messages(path):
@@ -72,7 +72,7 @@ def test_the_runs_have_every_key_and_lack_every_key_that_may_be_absent(runs: lis
         f"{channel} {INFINITE}" for channel in TICK_CHANNELS
     }
     assert {key for key, how in seen.items() if False not in how} == {
-        *("tick deadline_s", "tick lateness_s", "tick work_s"),  # of every tick that is recorded
+        *("tick deadline_s", "tick lateness_s", "tick work_s"),  # of every recorded tick
         *("sample value_rad", "sample velocity_rad_s", "sample value_pa", "sample velocity_pa_s"),
         *(
             "sample time_s",
@@ -83,7 +83,7 @@ def test_the_runs_have_every_key_and_lack_every_key_that_may_be_absent(runs: lis
 
 
 def _optional(schema: dict[str, Any], message: dict[str, Any]) -> Iterator[tuple[str, bool]]:
-    """Last key of every value that may be absent, and whether it is there."""
+    """Last key of every value that may be absent, and whether it is present."""
     for key, about in schema["properties"].items():
         if about["type"] == "object":
             yield from _optional(about, message[key])
@@ -104,7 +104,7 @@ def test_sessions_of_every_revision_are_read_and_replayed(path: Path) -> None:
 
 @pytest.mark.parametrize("path", REVISIONS, ids=lambda path: path.stem)
 def test_values_of_every_revision_are_those_in_the_file(path: Path) -> None:
-    """By hand, without the code that is tested: what is null, and what the file has no key for, is NaN."""
+    """Independent of the tested code: null and missing keys are NaN."""
     records = iter(Session(path).ticks())
     for topic, _, message in _messages(path):
         if topic == "sample":
