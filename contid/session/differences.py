@@ -38,7 +38,7 @@ def differences(recorded: str, now: str) -> list[Difference]:
     """Keys of two YAML texts that differ; comments and layout do not count."""
     then, today = (
         dict(_leaves(with_renamed_keys(yaml.safe_load(recorded)))),
-        dict(_leaves(yaml.safe_load(now))),
+        dict(_leaves(with_renamed_keys(yaml.safe_load(now)))),
     )
     keys = [*then, *(key for key in today if key not in then)]
     return [
