@@ -115,9 +115,7 @@ def test_no_folder_holds_more_than_27_files() -> None:
 
 
 # Modules of tests that another test imports, until what they share moves. The list only shrinks.
-IMPORTED_TESTS = frozenset(
-    {"tests.calibrate.test_curvature", "tests.cli.test_devices", "tests.golden.test_golden"}
-)
+IMPORTED_TESTS = frozenset({"tests.calibrate.test_curvature", "tests.golden.test_golden"})
 TEST_MODULE = re.compile(r"tests\.(?:\w+\.)*?test_\w+")
 
 

@@ -1,9 +1,16 @@
-"""Running the real command the way a user does, in a process of its own."""
+"""The real command in a process of its own."""
 
 from __future__ import annotations
 
+import os
+import signal
 import subprocess
 import sys
+from collections.abc import Iterator
+from contextlib import contextmanager
+from pathlib import Path
+
+ROOT = Path(__file__).parents[2]
 
 
 def contid(*arguments: str, stdin: str = "", timeout_s: float = 60.0) -> subprocess.CompletedProcess[str]:
@@ -16,3 +23,41 @@ def contid(*arguments: str, stdin: str = "", timeout_s: float = 60.0) -> subproc
         timeout=timeout_s,
         check=False,
     )
+
+
+def environment() -> dict[str, str]:
+    return {**os.environ, "PYTHONPATH": os.pathsep.join((str(ROOT), str(ROOT / "drivers")))}
+
+
+def contid_in(folder: Path, *arguments: str) -> subprocess.CompletedProcess[str]:
+    """Run ``contid ARGUMENTS`` in a folder."""
+    return subprocess.run(
+        [sys.executable, "-m", "contid", *arguments],
+        cwd=folder,
+        env=environment(),
+        capture_output=True,
+        text=True,
+    )
+
+
+@contextmanager
+def emulating(folder: Path, *arguments: str, wire: str = "dynamixel") -> Iterator[subprocess.Popen[str]]:
+    """Run ``contid emulate`` in a folder, from its ready message on."""
+    process = subprocess.Popen(
+        [sys.executable, "-m", "contid", "emulate", wire, *arguments],
+        cwd=folder,
+        env=environment(),
+        stdout=subprocess.PIPE,
+        stderr=subprocess.PIPE,
+        text=True,
+    )
+    assert process.stdout is not None
+    assert process.stderr is not None
+    try:
+        assert "ready" in process.stderr.readline()
+        yield process
+    finally:
+        process.send_signal(signal.SIGINT)
+        process.wait(10)
+        process.stdout.close()
+        process.stderr.close()

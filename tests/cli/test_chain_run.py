@@ -75,9 +75,9 @@ def test_a_live_row_that_the_chain_forbids_holds_both_arms(tmp_path: Path, confi
     rows = "0,0,240,700,0,240\n-30,0,240,730,0,240\n0,10,240,700,10,240\n"
     done = contid("run", short, "--mock", "--virtual", stdin=header + rows)
     assert done.returncode == 0, done.stderr
-    told = [line for line in done.stderr.splitlines() if "holding" in line]
-    assert len(told) == 1
-    assert told[0].endswith("stdin:3:1: rope: the rope is 55 mm too short between left and right; holding")
+    lines = [line for line in done.stderr.splitlines() if "holding" in line]
+    assert len(lines) == 1
+    assert lines[0].endswith("stdin:3:1: rope: the rope is 55 mm too short between left and right; holding")
 
 
 def test_a_swing_needs_a_chain() -> None:

@@ -3,54 +3,13 @@
 from __future__ import annotations
 
 import json
-import os
-import signal
-import subprocess
-import sys
-from collections.abc import Iterator
-from contextlib import contextmanager
 from pathlib import Path
 
 import pytest
 
-ROOT = Path(__file__).parents[2]
+from tests.cli.command import contid_in, emulating
+
 HOMING = "homing: {method: hard_stop, direction: -1, current_ma: 120, speed_deg_s: 360, at_mm: -1.0}"
-
-
-def environment() -> dict[str, str]:
-    return {**os.environ, "PYTHONPATH": os.pathsep.join((str(ROOT), str(ROOT / "drivers")))}
-
-
-def contid(folder: Path, *message: str) -> subprocess.CompletedProcess[str]:
-    return subprocess.run(
-        [sys.executable, "-m", "contid", *message],
-        cwd=folder,
-        env=environment(),
-        capture_output=True,
-        text=True,
-    )
-
-
-@contextmanager
-def emulating(folder: Path, *message: str, wire: str = "dynamixel") -> Iterator[subprocess.Popen[str]]:
-    process = subprocess.Popen(
-        [sys.executable, "-m", "contid", "emulate", wire, *message],
-        cwd=folder,
-        env=environment(),
-        stdout=subprocess.PIPE,
-        stderr=subprocess.PIPE,
-        text=True,
-    )
-    assert process.stdout is not None
-    assert process.stderr is not None
-    try:
-        assert "ready" in process.stderr.readline()
-        yield process
-    finally:
-        process.send_signal(signal.SIGINT)
-        process.wait(10)
-        process.stdout.close()
-        process.stderr.close()
 
 
 @pytest.fixture
@@ -72,46 +31,48 @@ def test_emulate_doctor_scan_servo_and_home(folder: Path) -> None:
     before = (folder / "hand.yaml").read_text()
     with emulating(folder, "hand.yaml", "--faults", "faults.jsonl"):
         assert (folder / "hand.tty").is_symlink()
-        report = contid(folder, "doctor", "hand.yaml", "--json")
+        report = contid_in(folder, "doctor", "hand.yaml", "--json")
         findings = [json.loads(line) for line in report.stdout.splitlines()]
         assert report.returncode == 4
         assert {f["subject"] for f in findings if not f["ok"]} == {
             f"id {i} return delay" for i in (1, 2, 3, 4)
         }
-        found = contid(folder, "scan", "hand.tty", "--baud", "1000000", "--json")
+        found = contid_in(folder, "scan", "hand.tty", "--baud", "1000000", "--json")
         assert [json.loads(line)["address"] for line in found.stdout.splitlines()] == [1, 2, 3, 4]
-        assert "id 2 restarted" in contid(folder, "servo", "--port", "hand.tty", "reboot", "2").stdout
-        dry = contid(folder, "home", "hand.yaml", "--dry-run")
+        assert "id 2 restarted" in contid_in(folder, "servo", "--port", "hand.tty", "reboot", "2").stdout
+        dry = contid_in(folder, "home", "hand.yaml", "--dry-run")
         assert dry.returncode == 0, dry.stderr
         assert (folder / "hand.yaml").read_text() == before
-        homed = contid(folder, "home", "hand.yaml", "left.left")
+        homed = contid_in(folder, "home", "hand.yaml", "left.left")
         assert homed.returncode == 0, homed.stderr
-        # The emulated stop is 10 degrees below the travel, which starts at 0 mm; the file says -1 mm.
+        # The emulated stop is 10 degrees below the travel, which starts at 0 mm; the file has -1 mm.
         zero_deg = float(homed.stdout.split("zero_deg ")[1].split()[0])
         assert zero_deg == pytest.approx(-10.0 + 360.0 / 37.69911184307752, abs=0.3)
         text = (folder / "hand.yaml").read_text()
         assert f"zero_deg: {zero_deg:g}" in text
         assert "hard stop with 120 mA" in text
-        assert contid(folder, "home", "hand.yaml", "right.left").returncode == 4
-        assert contid(folder, "home", "hand.yaml", "left.nobody").returncode == 2
+        assert contid_in(folder, "home", "hand.yaml", "right.left").returncode == 4
+        assert contid_in(folder, "home", "hand.yaml", "left.missing").returncode == 2
     assert not (folder / "hand.tty").exists()
 
 
 def test_commands_name_what_is_missing(folder: Path) -> None:
-    report = contid(folder, "doctor", "hand.yaml")
+    report = contid_in(folder, "doctor", "hand.yaml")
     assert report.returncode == 4
     assert "no port hand.tty" in report.stdout
     assert "contid scan" in report.stdout
-    assert "no bus with axes has driver 'due'" in contid(folder, "emulate", "due", "hand.yaml").stderr
-    assert contid(folder, "scan", "hand.tty").returncode == 2
+    assert "no bus with axes has driver 'due'" in contid_in(folder, "emulate", "due", "hand.yaml").stderr
+    assert contid_in(folder, "scan", "hand.tty").returncode == 2
 
 
 @pytest.mark.parametrize(("driver", "robot"), [("dynamixel", "finger"), ("due", "trirack")])
-def test_an_emulator_says_where_it_cannot_put_its_port(tmp_path: Path, driver: str, robot: str) -> None:
+def test_an_emulator_reports_where_it_cannot_put_its_port(
+    tmp_path: Path, configs: Path, driver: str, robot: str
+) -> None:
     (tmp_path / "file").touch()
-    text = (ROOT / "configs" / f"{robot}.emulated.yaml").read_text()
+    text = (configs / f"{robot}.emulated.yaml").read_text()
     (tmp_path / "mine.yaml").write_text(text.replace(f"./{robot}.tty", "file/port.tty"))
-    done = contid(tmp_path, "emulate", driver, "mine.yaml")
+    done = contid_in(tmp_path, "emulate", driver, "mine.yaml")
     assert done.returncode == 4
     assert "port.tty" in done.stderr
     assert "run it where you may write" in done.stderr

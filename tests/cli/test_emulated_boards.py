@@ -8,18 +8,18 @@ from pathlib import Path
 
 import pytest
 
-from tests.cli.test_devices import contid, emulating
+from tests.cli.command import contid_in, emulating
 
 pytestmark = pytest.mark.realtime
 
 
 def test_two_arms_on_four_boards_swing_their_rope(tmp_path: Path, configs: Path) -> None:
     shutil.copy(configs / "chain.emulated.yaml", tmp_path / "chain.yaml")
-    rows = contid(tmp_path, "path", "swing", "--period", "4", "--size", "30", "--for", "chain.yaml")
+    rows = contid_in(tmp_path, "path", "swing", "--period", "4", "--size", "30", "--for", "chain.yaml")
     assert rows.returncode == 0, rows.stderr
     (tmp_path / "swing.csv").write_text(rows.stdout)
     with emulating(tmp_path, "chain.yaml", wire="due"):
-        run = contid(
+        run = contid_in(
             tmp_path, "run", "chain.yaml", "--trajectory", "swing.csv", "--record", "s.mcap", "--json"
         )
     assert run.returncode == 0, run.stderr
@@ -27,5 +27,5 @@ def test_two_arms_on_four_boards_swing_their_rope(tmp_path: Path, configs: Path)
     for name in ("left", "right"):
         assert report["robots"][name]["tip_error_max_mm"] < 1e-3
     # The links of a chain follow from its arms; what the boards answered stands in for them.
-    replayed = contid(tmp_path, "replay", "s.mcap")
+    replayed = contid_in(tmp_path, "replay", "s.mcap")
     assert replayed.returncode == 0, replayed.stdout + replayed.stderr

@@ -50,7 +50,7 @@ def test_spatial_paths_with_direction_and_mid_point() -> None:
 
 
 @pytest.mark.parametrize(
-    ("arguments", "says"),
+    ("arguments", "expected"),
     [
         (["circle"], "--size or --radius"),
         (["circle", "--size", "1", "--radius", "1"], "not both"),
@@ -71,10 +71,10 @@ def test_spatial_paths_with_direction_and_mid_point() -> None:
         (["cirle"], "cirle"),
     ],
 )
-def test_usage_that_is_refused(arguments: list[str], says: str) -> None:
+def test_usage_that_is_refused(arguments: list[str], expected: str) -> None:
     done = CliRunner().invoke(command, arguments)
     assert done.exit_code == 2
-    assert says in done.output
+    assert expected in done.output
 
 
 def test_a_path_may_be_for_one_robot_of_a_file() -> None:
@@ -85,7 +85,7 @@ def test_a_path_may_be_for_one_robot_of_a_file() -> None:
 
 
 @pytest.mark.parametrize(
-    ("arguments", "says"),
+    ("arguments", "expected"),
     [
         (["--for", "hnd"], "did you mean 'hand'"),
         (["--for", "hand", "--robots", "up"], "no robot 'up' takes a tip position; allowed: left, right"),
@@ -93,9 +93,9 @@ def test_a_path_may_be_for_one_robot_of_a_file() -> None:
         (["--for", "hand", "--height", "1", "--mid", "1,2,3"], "left takes no mid"),
     ],
 )
-def test_robots_that_cannot_follow(arguments: list[str], says: str) -> None:
+def test_robots_that_cannot_follow(arguments: list[str], expected: str) -> None:
     done = CliRunner().invoke(command, ["circle", "--radius", "1", *arguments])
-    assert says in str(done.exception)
+    assert expected in str(done.exception)
 
 
 @pytest.mark.parametrize("shape", [["circle", "--radius", "20"], ["cbha-golden"]])

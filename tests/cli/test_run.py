@@ -86,9 +86,9 @@ def test_real_time_follows_a_circle_and_reports(robot: Callable[..., Path]) -> N
     done = contid("run", str(robot(2)), "--json", stdin=circle_csv(2, period_s=0.5))
     report = json.loads(done.stdout)
     assert (done.returncode, report["exit_code"]) == (0, 0), done.stderr
-    for told in report["robots"].values():
-        assert told["mode"] == "OFF"
-        assert told["ticks_followed"] > 50
+    for each in report["robots"].values():
+        assert each["mode"] == "OFF"
+        assert each["ticks_followed"] > 50
     assert set(report["lateness"]) == {"p50_us", "p99_us", "p99_9_us", "max_us"}
 
 

@@ -59,7 +59,7 @@ def test_robots_of_a_hand_stand_in_the_world_and_keep_their_time() -> None:
     assert len(rows) == 2 * 2 * 5
     assert {row["robot"] for row in rows} == {"left", "right"}
     assert rows[-1]["t_s"] == "0.5"
-    # What fk says of the same racks.
+    # The result of fk for the same racks.
     tips = next(csv.DictReader(io.StringIO(contid("fk", "hand", stdin=racks).stdout)))
     last = next(row for row in reversed(rows) if row["robot"] == "right" and row["row"] == "1")
     assert math.dist(

@@ -1,4 +1,4 @@
-"""Robot files: what is refused, where, and that all of it is said at once."""
+"""Robot files: mistakes, their places, and that all of them are reported together."""
 
 from __future__ import annotations
 
@@ -44,7 +44,7 @@ def test_the_mock_has_the_same_axes_on_simulated_devices(configs: Path) -> None:
     assert with_mock(mock).buses == mock.buses
 
 
-# One mistake each: what is written, what it becomes, where the finding points, what it says.
+# One mistake each: what is written, what it becomes, where the finding points, the message.
 MISTAKES = [
     ("name: finger", "nam: finger", "nam:", "did you mean 'name'?"),
     ("rate_hz: 200", "rate_hz: -5", "-5", "greater than 0"),
@@ -80,17 +80,17 @@ MISTAKES = [
 
 
 @pytest.mark.parametrize(
-    ("old", "new", "at", "says"), MISTAKES, ids=[new.strip() or old for old, new, *_ in MISTAKES]
+    ("old", "new", "at", "expected"), MISTAKES, ids=[new.strip() or old for old, new, *_ in MISTAKES]
 )
-def test_a_mistake_is_found_where_it_stands(finger: str, old: str, new: str, at: str, says: str) -> None:
+def test_a_mistake_is_found_where_it_stands(finger: str, old: str, new: str, at: str, expected: str) -> None:
     text = finger.replace(old, new, 1)
     assert text != finger
     found = findings(text)
     begin = text.index(new) if new else 0
     after = text.find(at, begin)
     before = text[: after if after >= 0 else text.rindex(at, 0, begin)]
-    expected = (before.count("\n") + 1, len(before) - before.rfind("\n"))
-    assert any((each.line, each.column) == expected and says in each.message for each in found), found
+    place = (before.count("\n") + 1, len(before) - before.rfind("\n"))
+    assert any((each.line, each.column) == place and expected in each.message for each in found), found
 
 
 def test_twelve_different_mistakes_are_twelve_findings_in_the_order_of_the_file(finger: str) -> None:
@@ -146,7 +146,7 @@ def test_a_file_that_cannot_be_read_says_so(tmp_path: Path) -> None:
 
 
 @pytest.mark.parametrize(
-    ("before", "after", "says"),
+    ("before", "after", "expected"),
     [
         ("rack_spacing_mm: 13", "rack_spacing_mm: 0.013", "at least 0.1, not 0.013"),
         ("length_mm: [0, 100]", "length_mm: [-50, 100]", "a length is not negative"),
@@ -156,14 +156,14 @@ def test_a_file_that_cannot_be_read_says_so(tmp_path: Path) -> None:
         ("rate_hz: 200", "rate_hz: 15", "is too slow for the watchdog of bus 'servos' (watchdog_ms 100)"),
     ],
 )
-def test_what_could_not_be_a_robot_is_refused(before: str, after: str, says: str, finger: str) -> None:
+def test_what_could_not_be_a_robot_is_refused(before: str, after: str, expected: str, finger: str) -> None:
     assert before in finger
     found = findings(finger.replace(before, after, 1))
-    assert [says in each.message for each in found] == [True]
+    assert [expected in each.message for each in found] == [True]
 
 
 @pytest.mark.parametrize(
-    ("config", "before", "after", "says"),
+    ("config", "before", "after", "expected"),
     [
         ("trirack2", "[10, 10, 10,", "[10, .nan, 10,", "rest_mm: item 2: allowed is a finite number"),
         ("trirack2", "[10, 10, 10,", "[.inf, 10, 10,", "rest_mm: item 1: allowed is a finite number"),
@@ -182,12 +182,12 @@ def test_what_could_not_be_a_robot_is_refused(before: str, after: str, says: str
     ],
 )
 def test_a_wrong_number_of_a_list_is_named_and_blames_nothing_else(
-    config: str, before: str, after: str, says: str, configs: Path
+    config: str, before: str, after: str, expected: str, configs: Path
 ) -> None:
     text = (configs / f"{config}.yaml").read_text(encoding="utf-8")
     line = text[: text.index(before)].count("\n") + 1
     (found,) = findings(text.replace(before, after, 1))
-    assert found.message.startswith(says)
+    assert found.message.startswith(expected)
     assert found.line == line
 
 

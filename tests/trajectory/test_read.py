@@ -93,12 +93,12 @@ HEADERS = [
 ]
 
 
-@pytest.mark.parametrize(("header", "column", "says"), HEADERS)
+@pytest.mark.parametrize(("header", "column", "expected"), HEADERS)
 def test_headers_that_are_refused(
-    hand: dict[str, RobotDescription], header: str, column: int, says: str
+    hand: dict[str, RobotDescription], header: str, column: int, expected: str
 ) -> None:
     found = refused(f"# first\n{header}\n", hand)
-    assert any((line, at) == (2, column) and says in message for line, at, message in found), found
+    assert any((line, at) == (2, column) and expected in message for line, at, message in found), found
 
 
 ROWS = [
@@ -115,11 +115,11 @@ ROWS = [
 ]
 
 
-@pytest.mark.parametrize(("row", "column", "says"), ROWS, ids=[says for _, _, says in ROWS])
-def test_rows_that_are_refused(hand: dict[str, RobotDescription], row: str, column: int, says: str) -> None:
+@pytest.mark.parametrize(("row", "column", "text"), ROWS, ids=[text for _, _, text in ROWS])
+def test_rows_that_are_refused(hand: dict[str, RobotDescription], row: str, column: int, text: str) -> None:
     found = refused(f"t_s,left.x_mm,left.y_mm\n-0.5,50,70\n{row}\n10,50,70\n", hand)
     assert [(line, at) for line, at, _ in found] == [(3, column)]
-    assert says in found[0][2]
+    assert text in found[0][2]
 
 
 def test_every_bad_row_is_named_up_to_a_cap(hand: dict[str, RobotDescription]) -> None:
@@ -135,7 +135,7 @@ def test_every_bad_row_is_named_up_to_a_cap(hand: dict[str, RobotDescription]) -
 
 
 @pytest.mark.parametrize(
-    ("line", "says"),
+    ("line", "expected"),
     [
         ('{"t_s": 1, "left.x_mm": 50, "left.y_mm": NaN}', "is nan"),
         ('{"t_s": 1, "left.x_mm": 50, "left.y_mm": 1e400}', "is inf"),
@@ -150,10 +150,10 @@ def test_every_bad_row_is_named_up_to_a_cap(hand: dict[str, RobotDescription]) -
         ('{"t_s": ' + "9" * 5000 + "}", "not a row"),
     ],
 )
-def test_json_rows_that_are_refused(hand: dict[str, RobotDescription], line: str, says: str) -> None:
+def test_json_rows_that_are_refused(hand: dict[str, RobotDescription], line: str, expected: str) -> None:
     found = refused('{"t_s": 0, "left.x_mm": 50, "left.y_mm": 70}\n' + line + "\n", hand)
     assert found[0][0] == 2
-    assert says in found[0][2]
+    assert expected in found[0][2]
 
 
 def test_a_bad_line_of_a_stream_costs_only_itself(hand: dict[str, RobotDescription]) -> None:

@@ -133,14 +133,14 @@ def test_loads_step_without_overshoot(arm: dict[str, RobotDescription]) -> None:
 
 
 @pytest.mark.parametrize(
-    ("rows", "says"),
+    ("rows", "expected"),
     [
         ("0,0,0,110,0,0,0\n", "zero vector"),
         ("0,0,0,110,0,0,1\n1,0,0,110,0,0.1,-1\n", "150 degrees since line 2"),
     ],
 )
 def test_directions_that_say_nothing_are_refused(
-    arm: dict[str, RobotDescription], rows: str, says: str
+    arm: dict[str, RobotDescription], rows: str, expected: str
 ) -> None:
-    with pytest.raises(BadInputError, match=says):
+    with pytest.raises(BadInputError, match=expected):
         read("t_s,x_mm,y_mm,z_mm,ax,ay,az\n" + rows, arm, Interpolation.CUBIC)

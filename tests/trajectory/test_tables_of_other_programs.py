@@ -34,7 +34,7 @@ def test_the_same_rows_in_other_clothes(text: str) -> None:
 
 
 @pytest.mark.parametrize(
-    ("text", "says"),
+    ("text", "expected"),
     [
         (PLAIN.replace(",", ";"), "rows.csv:1:1: .*commas, not by semicolons"),
         (PLAIN.replace(",", "\t"), "rows.csv:1:1: .*commas, not by semicolons or tabs"),
@@ -45,6 +45,6 @@ def test_the_same_rows_in_other_clothes(text: str) -> None:
         ("t_s,x_mm,y_mm\n0," + "9" * 5000 + ",80\n", r"x_mm is 9{40}; allowed are finite numbers$"),
     ],
 )
-def test_the_habit_is_named(text: str, says: str) -> None:
-    with pytest.raises(BadInputError, match=says):
+def test_the_habit_is_named(text: str, expected: str) -> None:
+    with pytest.raises(BadInputError, match=expected):
         read(text)
