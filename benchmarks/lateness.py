@@ -18,8 +18,9 @@ import sys
 import time
 
 from contid.control.daemon.control_child import ControlChild
-from contid.control.daemon.daemon import Daemon, RunOptions
+from contid.control.daemon.daemon import Daemon
 from contid.control.daemon.interfaces import RunControl
+from contid.control.daemon.run_request import RunOptions
 from contid.control.engine.cycle import OnEnd
 from contid.control.engine.messages import Finish
 from contid.control.engine.wiring import driven_robots

@@ -105,6 +105,8 @@ def daemon(folder: Path, viewer_s: float) -> int:
     """The process that is watched: the daemon as `contid run` starts it."""
     from contid.control.daemon.run import run
     from contid.control.daemon.run_request import RunRequest
+    from contid.control.engine.cycle import OnEnd
+    from contid.control.tick.preflight import Unreachable
     from contid.remote.protocol.socket_path import Endpoint
     from contid.remote.server.server import SocketServer
     from contid.session.recording_observer import RecordingObserver
@@ -113,8 +115,8 @@ def daemon(folder: Path, viewer_s: float) -> int:
     viewers = Viewers(folder, viewer_s)
     request = RunRequest(
         robot_file=str(folder / "lab.yaml"),
-        on_end="hold",
-        unreachable="nearest",
+        on_end=OnEnd.HOLD,
+        unreachable=Unreachable.NEAREST,
         commands=[SocketServer(endpoint), viewers],
         observers=[RecordingObserver(folder / "lab.mcap", {}), viewers],
     )

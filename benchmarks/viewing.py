@@ -30,8 +30,9 @@ import numpy as np
 import psutil
 
 from contid.control.daemon.control_child import ControlChild
-from contid.control.daemon.daemon import Daemon, RunOptions
+from contid.control.daemon.daemon import Daemon
 from contid.control.daemon.interfaces import RunControl, RunObserver
+from contid.control.daemon.run_request import RunOptions
 from contid.control.engine.cycle import OnEnd, Sink
 from contid.control.engine.messages import Finish, Message
 from contid.control.engine.wiring import driven_robots

@@ -131,11 +131,9 @@ class Clock(Protocol):
 
     def now(self) -> float:
         """Seconds since an arbitrary origin."""
-        ...
 
     def sleep(self, seconds: float) -> None:
         """Wait; a virtual clock advances, so a slow bus delays the tick in virtual time as well."""
-        ...
 
 
 @runtime_checkable
@@ -152,11 +150,9 @@ class Bus(Protocol):
             DeviceNotFoundError: the port or a device is missing, or differs from the robot file; the message
                 lists expected and found.
         """
-        ...
 
     def enable(self, axes: Sequence[str]) -> None:
         """Make axes ready to move without moving them: goal := present, torque on, watchdog armed."""
-        ...
 
     def exchange(self, commands: Mapping[str, float]) -> Mapping[str, Sample]:
         """One tick: send the commands of this tick, read every axis.
@@ -170,19 +166,15 @@ class Bus(Protocol):
         Raises:
             DeviceLostError: the whole bus is gone.
         """
-        ...
 
     def disable(self, axes: Sequence[str], rest: Rest) -> None:
         """Bring axes to a state of rest; does not raise for a lost device."""
-        ...
 
     def clear_fault(self, axes: Sequence[str]) -> None:
         """Clear latched device faults without motion; raises `DeviceError` if one persists."""
-        ...
 
     def close(self) -> None:
         """Close the port. Idempotent; never changes torque."""
-        ...
 
 
 class Driver(Protocol):
@@ -195,23 +187,18 @@ class Driver(Protocol):
 
     def kind(self, axis: BaseModel) -> DeviceKind:
         """The kind of actuator behind an axis with these options."""
-        ...
 
     def address(self, axis: BaseModel) -> str:
         """Text that must be unique on one bus: ``id 3``, ``channel m2``; "" for none."""
-        ...
 
     def mock_options(self, bus: BaseModel) -> Mapping[str, Any]:
         """Options of the ``sim`` bus that replaces this bus under ``--mock``."""
-        ...
 
     def mock_axis_options(self, axis: BaseModel) -> Mapping[str, Any]:
         """Options of the ``sim`` axis that replaces this axis, at least ``{"device": KIND}``."""
-        ...
 
     def open_bus(self, name: str, options: BaseModel, axes: Sequence[AxisOnBus], clock: Clock) -> Bus:
         """Build a bus; accesses no device."""
-        ...
 
 
 @dataclass(frozen=True, slots=True)
@@ -252,7 +239,6 @@ class Emulates(Protocol):
         Returns:
             A context manager; entering it returns lines for the user about the ports.
         """
-        ...
 
 
 @runtime_checkable
@@ -261,7 +247,6 @@ class Diagnoses(Protocol):
 
     def doctor(self, name: str, options: BaseModel, axes: Sequence[AxisOnBus]) -> list[Finding]:
         """Examine without motion; problems are findings, not exceptions."""
-        ...
 
 
 @runtime_checkable
@@ -284,7 +269,6 @@ class Homes(Protocol):
             DeviceError: an axis has no homing method, or its reference was not found; its result must not
                 be saved.
         """
-        ...
 
 
 @dataclass(frozen=True, slots=True)
@@ -304,7 +288,6 @@ class Scans(Protocol):
 
     def scan(self, ports: Sequence[str], bauds: Sequence[int], report: Report) -> list[FoundDevice]:
         """Devices on ``ports`` (empty: every likely one) at ``bauds`` (empty: every possible one)."""
-        ...
 
 
 @runtime_checkable
@@ -316,15 +299,12 @@ class Commissions(Protocol):
 
     def set_id(self, port: str, baud: int, device: int, new: int) -> None:
         """Change the id of a device."""
-        ...
 
     def set_baud(self, port: str, baud: int, device: int, new: int) -> None:
         """Change the baud rate of a device."""
-        ...
 
     def reboot(self, port: str, baud: int, device: int) -> None:
         """Restart a device; its torque is off afterwards."""
-        ...
 
 
 class UnknownDriverError(ContidError):

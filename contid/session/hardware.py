@@ -13,7 +13,8 @@ from array import array
 import numpy as np
 
 from contid.control.daemon.control_child import ControlChild
-from contid.control.daemon.daemon import Daemon, RunOptions
+from contid.control.daemon.daemon import Daemon
+from contid.control.daemon.run_request import RunOptions
 from contid.control.engine.report import RunReport
 from contid.control.engine.tick_layout import TICK
 from contid.control.engine.wiring import build_preflight, driven_robots
@@ -79,6 +80,6 @@ def run_on_hardware(session: Session, recorded: LoadedFile, loaded: LoadedFile) 
         preflight.trajectory(trajectory, str(session.path))
     child = ControlChild()
     try:
-        return asyncio.run(Daemon(loaded, trajectory, RunOptions(rate_hz), child).run())
+        return asyncio.run(Daemon(loaded, trajectory, RunOptions(rate_hz=rate_hz), child).run())
     finally:
         child.close()

@@ -103,6 +103,8 @@ def command(
     spawned = None if virtual else spawn()
     from contid.control.daemon.run import run
     from contid.control.daemon.run_request import RunRequest
+    from contid.control.engine.cycle import OnEnd
+    from contid.control.tick.preflight import Unreachable
 
     observers: list[RunObserver] = []
     if record is not None:
@@ -127,10 +129,10 @@ def command(
         mock=mock or virtual,
         trajectory=trajectory,
         rate_hz=rate,
-        on_end=on_end,
-        unreachable=unreachable,
+        on_end=OnEnd(on_end),
+        unreachable=Unreachable(unreachable),
         virtual=virtual,
-        disarmed=disarmed,
+        armed=not disarmed,
         log=None if log is None else Path(log),
         observers=observers,
         commands=commands,

@@ -10,9 +10,8 @@ from __future__ import annotations
 import asyncio
 import logging
 import signal
-from collections.abc import Callable, Coroutine, Sequence
+from collections.abc import Callable, Coroutine
 from contextlib import suppress
-from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, Final
 
@@ -20,11 +19,12 @@ from contid.control.daemon import terminal
 from contid.control.daemon.cancellable_reader import InputCancelledError
 from contid.control.daemon.control_child import ControlChild
 from contid.control.daemon.inputs import Stream
-from contid.control.daemon.interfaces import CommandSource, RunObserver
+from contid.control.daemon.interfaces import RunObserver
 from contid.control.daemon.notify import Notifier
 from contid.control.daemon.pending_input import PendingInput
 from contid.control.daemon.report_builder import ReportBuilder
 from contid.control.daemon.row_stream import LiveRowReader, follow_stream
+from contid.control.daemon.run_request import RunOptions, preflight_of, rate_of
 from contid.control.daemon.shutdown import Escalation, ShutdownSequence
 from contid.control.engine.command_log import CommandLog
 from contid.control.engine.cycle import OnEnd
@@ -32,10 +32,9 @@ from contid.control.engine.events import PaceReported, RunEvent, RunFailed, Sour
 from contid.control.engine.messages import Begin, EndOfRows, Estop, Finish, Hold, Message, Play
 from contid.control.engine.report import RunReport
 from contid.control.engine.tick_layout import RecordLayout, TickRecord
-from contid.control.engine.wiring import build_preflight, record_layout
+from contid.control.engine.wiring import record_layout
 from contid.control.process.log_queue import LogQueue, handle_logs
 from contid.control.process.setup import RunSetup
-from contid.control.tick.preflight import Unreachable
 from contid.robot_file.load import LoadedFile
 from contid.trajectory.timed import Trajectory
 
@@ -45,31 +44,6 @@ POLL_S: Final = 0.02
 REPORT_WAITING_S: Final = 3.0
 
 log = logging.getLogger(__name__)
-
-
-@dataclass(slots=True)
-class RunOptions:
-    """Options of a run.
-
-    Attributes:
-        rate_hz: ticks per second.
-        on_end: what to do when the input ends.
-        unreachable: what to do with unreachable rows of a stream.
-        log: path of the command log.
-        armed: arm at once; False to wait for `resume`.
-        commands: sources of commands besides the input, such as the socket.
-        observers: readers of the ring.
-        log_level: lowest level of log records on the terminal.
-    """
-
-    rate_hz: float
-    on_end: OnEnd = OnEnd.STOP
-    unreachable: Unreachable = Unreachable.REFUSE
-    log: Path | None = None
-    armed: bool = True
-    commands: Sequence[CommandSource] = ()
-    observers: Sequence[RunObserver] = ()
-    log_level: int = logging.INFO
 
 
 class Daemon:
@@ -83,14 +57,14 @@ class Daemon:
         child: ControlChild,
     ) -> None:
         self.loaded = loaded
-        self.rate_hz = options.rate_hz
+        self.rate_hz = rate_of(options, loaded)
         self.unreachable = options.unreachable
         self.input_active = source is not None
         self._pending = source if isinstance(source, PendingInput) else None
         self._source = None if isinstance(source, PendingInput) else source
         self._options = options
         self._child = child
-        self._report = ReportBuilder(options.rate_hz)
+        self._report = ReportBuilder(self.rate_hz)
         self._shutdown = ShutdownSequence()
         self._notifier = Notifier()
         self._logs = LogQueue("daemon")
@@ -251,7 +225,7 @@ class Daemon:
         self._command_log = None if options.log is None else CommandLog(options.log, layout)
         setup = RunSetup(
             self.loaded,
-            options.rate_hz,
+            self.rate_hz,
             ring,
             trajectory=source if isinstance(source, Trajectory) else None,
             on_end=options.on_end,
@@ -270,7 +244,7 @@ class Daemon:
             self._start_task(self._follow(source))
 
     async def _follow(self, stream: Stream) -> None:
-        preflight = build_preflight(self.loaded, self.rate_hz, self.unreachable)
+        preflight = preflight_of(self._options, self.loaded)
         await follow_stream(stream, LiveRowReader(stream, preflight), self._send_input)
         self._send_input(EndOfRows())
 

@@ -24,59 +24,46 @@ class RunControl(Protocol):
     @property
     def loaded(self) -> LoadedFile:
         """The robot file."""
-        ...
 
     @property
     def rate_hz(self) -> float:
         """Ticks per second."""
-        ...
 
     @property
     def unreachable(self) -> Unreachable:
         """What to do with targets out of reach."""
-        ...
 
     @property
     def input_active(self) -> bool:
         """True while the robots follow stdin or --trajectory."""
-        ...
 
     @property
     def waiting(self) -> str:
         """What the run waits for before it begins, "" once it has begun."""
-        ...
 
     def detach_input(self) -> None:
         """Hold, and stop following the input of the run."""
-        ...
 
     def send(self, message: Message) -> None:
         """Send an order to the control process."""
-        ...
 
     def send_bulk(self, message: Message) -> None:
         """Send a long order with its arrays in shared memory, so that later orders are not delayed."""
-        ...
 
     def newest(self) -> TickRecord | None:
         """The newest record."""
-        ...
 
     def lateness(self, ticks: int) -> list[float]:
         """How late the newest ticks started [s]."""
-        ...
 
     def refresh(self) -> None:
         """Deliver every event up to now to the listeners."""
-        ...
 
     def listen(self, listener: Callable[[RunEvent], None]) -> None:
         """Call ``listener`` with every further event."""
-        ...
 
     def interrupt(self) -> None:
         """End the run: orderly on the first call, relax or vent at once on the second."""
-        ...
 
 
 class CommandSource(Protocol):
@@ -84,7 +71,6 @@ class CommandSource(Protocol):
 
     async def serve(self, control: RunControl) -> None:
         """Serve until cancelled."""
-        ...
 
 
 class RunObserver(Protocol):
@@ -100,16 +86,12 @@ class RunObserver(Protocol):
         Raises:
             ContidError: it cannot start; the run is not started either.
         """
-        ...
 
     def follow(self, setup: RunSetup) -> Sink:
         """The same for a run in virtual time, which has no ring: returns a sink in this process."""
-        ...
 
     def before_order(self, message: Message) -> None:
         """An order is about to be sent; events do not hold the trajectory of a `Play`."""
-        ...
 
     def detach(self) -> Sequence[str]:
         """The ring is finished: read the rest and end within a bounded time; returns problems to report."""
-        ...

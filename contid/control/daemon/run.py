@@ -16,21 +16,21 @@ from pathlib import Path
 
 from contid.control.daemon.cancellable_reader import CancellableReader
 from contid.control.daemon.control_child import ControlChild
-from contid.control.daemon.daemon import Daemon, RunOptions
+from contid.control.daemon.daemon import Daemon
 from contid.control.daemon.inputs import Stream
 from contid.control.daemon.row_stream import LiveRowReader
 from contid.control.daemon.run_request import RunRequest, load, open_input, preflight_of, rate_of, read_input
 from contid.control.daemon.spawn import Spawned
 from contid.control.daemon.terminal import event_text, print_message
 from contid.control.engine.command_log import CommandLog
-from contid.control.engine.cycle import OnEnd, Sink
+from contid.control.engine.cycle import Sink
 from contid.control.engine.events import RunEvent
 from contid.control.engine.report import RunReport
 from contid.control.engine.virtual import run_virtual
 from contid.control.engine.wiring import record_layout
 from contid.control.process.log_queue import LogQueue, handle_logs
 from contid.control.process.setup import RunSetup
-from contid.control.tick.preflight import Preflight, Unreachable
+from contid.control.tick.preflight import Preflight
 from contid.errors import ContidError
 from contid.targets import Target
 from contid.trajectory.timed import Trajectory
@@ -48,25 +48,15 @@ def run(request: RunRequest, spawned: Spawned | None = None) -> RunReport:
         child = ControlChild(spawned)
         stack.callback(child.close)
         loaded = load(request)
-        options = RunOptions(
-            rate_hz=rate_of(request, loaded),
-            on_end=OnEnd(request.on_end),
-            unreachable=Unreachable(request.unreachable),
-            log=request.log,
-            log_level=request.log_level,
-            armed=not request.disarmed,
-            commands=request.commands,
-            observers=request.observers,
-        )
-        return asyncio.run(Daemon(loaded, open_input(request, loaded), options, child).run())
+        return asyncio.run(Daemon(loaded, open_input(request, loaded), request, child).run())
 
 
 def _virtual(request: RunRequest) -> RunReport:
     """Run in virtual time; a stream gives one row per tick."""
-    if request.disarmed:
+    if not request.armed:
         raise ContidError("--disarmed waits for orders, which --virtual cannot take: leave one out")
     loaded = load(request)
-    rate_hz, on_end = rate_of(request, loaded), OnEnd(request.on_end)
+    rate_hz = rate_of(request, loaded)
     with closing(CancellableReader()) as reader:
         source = read_input(request, loaded, reader)
     with ExitStack() as stack:
@@ -78,13 +68,13 @@ def _virtual(request: RunRequest) -> RunReport:
         if source is None:
             raise ContidError("--virtual has nothing to follow: give --trajectory, or a trajectory on stdin")
         timed = source if isinstance(source, Trajectory) else None
-        setup = RunSetup(loaded, rate_hz, Path(), timed, on_end, attended=False)
+        setup = RunSetup(loaded, rate_hz, Path(), timed, request.on_end, attended=False)
         for observer in request.observers:
             sinks.append(observer.follow(setup))
             stack.callback(observer.detach)
         stack.enter_context(handle_logs(min(request.log_level, logging.INFO), SinkHandler(sinks)))
         rows = _rows(source, preflight_of(request, loaded)) if isinstance(source, Stream) else None
-        return run_virtual(loaded, rate_hz, timed, sinks=sinks, on_end=on_end, rows=rows)
+        return run_virtual(loaded, rate_hz, timed, sinks=sinks, on_end=request.on_end, rows=rows)
 
 
 def _rows(stream: Stream, preflight: Preflight | None) -> Iterator[Mapping[str, Target | None]]:

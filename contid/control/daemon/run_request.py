@@ -13,6 +13,7 @@ from contid.control.daemon.inputs import Stream, has_input, read_file, read_stdi
 from contid.control.daemon.interfaces import CommandSource, RunObserver
 from contid.control.daemon.pending_input import PendingInput
 from contid.control.daemon.terminal import check_progress
+from contid.control.engine.cycle import OnEnd
 from contid.control.engine.wiring import build_preflight, driven_robots
 from contid.control.tick.preflight import Preflight, Unreachable
 from contid.errors import ContidError
@@ -23,37 +24,46 @@ from contid.robot_file.watchdog import watchdog_too_short
 from contid.trajectory.timed import Trajectory
 
 
+@dataclass(frozen=True, slots=True, kw_only=True)
+class RunOptions:
+    """Options of a run with a given robot file and input.
+
+    Attributes:
+        rate_hz: ticks per second, instead of the file's.
+        on_end: what to do when the input ends.
+        unreachable: what to do with unreachable targets.
+        log: path of the command log.
+        armed: arm at once; False to connect and wait for `resume`.
+        commands: sources of commands besides the input, such as the socket.
+        observers: readers of the ring.
+        log_level: lowest level of log records on the terminal.
+    """
+
+    rate_hz: float | None = None
+    on_end: OnEnd = OnEnd.STOP
+    unreachable: Unreachable = Unreachable.REFUSE
+    log: Path | None = None
+    armed: bool = True
+    commands: Sequence[CommandSource] = ()
+    observers: Sequence[RunObserver] = ()
+    log_level: int = logging.INFO
+
+
 @dataclass(frozen=True, slots=True)
-class RunRequest:
+class RunRequest(RunOptions):
     """The options of `contid run`.
 
     Attributes:
         robot_file: path, or name of a shipped file.
         mock: simulated devices.
         trajectory: file of timed rows; None for stdin.
-        rate_hz: overrides the file's.
-        on_end: `contid.control.engine.cycle.OnEnd`.
-        unreachable: `contid.control.tick.preflight.Unreachable`.
         virtual: in virtual time.
-        log: path of the command log.
-        disarmed: connect only; arm on `resume`.
-        commands: further sources of commands.
-        observers: readers of the ring.
-        log_level: lowest level of log records on the terminal.
     """
 
     robot_file: str
     mock: bool = False
     trajectory: str | None = None
-    rate_hz: float | None = None
-    on_end: str = "stop"
-    unreachable: str = "refuse"
     virtual: bool = False
-    log: Path | None = None
-    disarmed: bool = False
-    commands: Sequence[CommandSource] = ()
-    observers: Sequence[RunObserver] = ()
-    log_level: int = logging.INFO
 
 
 def load(request: RunRequest) -> LoadedFile:
@@ -68,14 +78,14 @@ def load(request: RunRequest) -> LoadedFile:
     return with_mock(loaded) if request.mock else loaded
 
 
-def rate_of(request: RunRequest, loaded: LoadedFile) -> float:
-    """Ticks per second: of the request, else of the file."""
-    return request.rate_hz or loaded.file.rate_hz
+def rate_of(options: RunOptions, loaded: LoadedFile) -> float:
+    """Ticks per second: of the options, else of the file."""
+    return options.rate_hz or loaded.file.rate_hz
 
 
-def preflight_of(request: RunRequest, loaded: LoadedFile) -> Preflight | None:
+def preflight_of(options: RunOptions, loaded: LoadedFile) -> Preflight | None:
     """The check for rows of the input, None when every row passes."""
-    return build_preflight(loaded, rate_of(request, loaded), Unreachable(request.unreachable))
+    return build_preflight(loaded, rate_of(options, loaded), options.unreachable)
 
 
 def read_input(

@@ -27,7 +27,9 @@ class Unreachable(enum.StrEnum):
 
 
 class Preflight:
-    """Asks the models, seeded with the answer before, exactly as the tick will, and then the chains' guards.
+    """Checks rows with the models, each seeded with the solution before, and with the guards of chains.
+
+    The tick solves again with the last command as seed, and limits the motion towards the solution.
 
     Args:
         configs: of the robots.
