@@ -10,7 +10,7 @@ from contid.errors import ContidError
 from contid.robot_file.edit import Change, edited, replace_whole
 from contid.robot_file.load import load_robot_file, parse_robot_file
 from contid.robot_file.robot import RobotDescription
-from contid.robot_file.shipped import find_robot_file
+from contid.robot_file.shipped import load_named
 
 _Kind = TypeVar("_Kind", bound=RobotDescription)
 
@@ -27,7 +27,7 @@ def find_robot(file: str, name: str | None, kind: type[_Kind], label: str) -> tu
     Raises:
         ContidError: no such robot, none of this kind, or several and no name.
     """
-    robots = load_robot_file(find_robot_file(file)).file.robots
+    robots = load_named(file).file.robots
     found = {key: robot for key, robot in robots.items() if isinstance(robot, kind)}
     if name is not None:
         if name not in found:

@@ -143,7 +143,7 @@ def check_chain(
         place = (*at, "links", index, "arm")
         robot = robots.get(name)
         if name not in robots:
-            message = f"arm: there is no robot {name!r}; {allowed_names(movable, name)}"
+            message = f"arm: no robot {name!r}; {allowed_names(movable, name)}"
             yield document.at_value(place, message)
         elif robot is not None and robot.passive:
             message = f"arm: {name!r} has no actuators; {allowed_names(movable, name)}"

@@ -66,9 +66,9 @@ def edited(text: str, changes: Sequence[Change]) -> str:
                 node = _below(node, parent)
             except (LookupError, ValueError, TypeError):
                 there = ".".join(parents[: i + 1])
-                raise EditError(f"{change.key}: there is no {there} in the file") from None
+                raise EditError(f"{change.key}: the file has no key {there}") from None
         if not isinstance(node, dict):
-            raise EditError(f"{change.key}: {'.'.join(parents)} is no mapping")
+            raise EditError(f"{change.key}: {'.'.join(parents)} is not a mapping")
         old = node.get(last)
         if isinstance(change.value, list) and isinstance(old, list):
             old[:] = change.value  # keeps the list on its line, if it was written on one

@@ -213,7 +213,7 @@ class _Loader:
         if not isinstance(bus, str) or not isinstance(raw, dict):
             return WiredAxis(at, common, None)
         if bus not in self.axes:
-            message = f"bus: there is no bus {bus!r}; {allowed_names(self.axes, bus)}"
+            message = f"bus: no bus {bus!r}; {allowed_names(self.axes, bus)}"
             self.findings.append(self.document.at_value((*at, "bus"), message))
         driver = self.drivers.get(bus)
         if driver is None:

@@ -5,10 +5,10 @@ They are in ``contid/configs`` when installed (see CMakeLists.txt), in ``configs
 
 from __future__ import annotations
 
-import difflib
 from pathlib import Path
 
 from contid.errors import ContidError
+from contid.robot_file.findings import allowed_names
 from contid.robot_file.load import LoadedFile, load_robot_file
 
 
@@ -42,6 +42,4 @@ def find_robot_file(name: str) -> Path:
     shipped = {file.stem: file for file in sorted(configs_folder().glob("*.yaml"))}
     if name in shipped:
         return shipped[name]
-    near = difflib.get_close_matches(name, shipped, n=1)
-    hint = f"; did you mean {near[0]!r}?" if near else ""
-    raise ContidError(f"{name}: no such robot file; shipped ones are {', '.join(shipped) or 'none'}{hint}")
+    raise ContidError(f"{name}: no such file and no shipped robot file; {allowed_names(shipped, name)}")

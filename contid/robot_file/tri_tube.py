@@ -48,7 +48,7 @@ class TubeSolver(Strict):
     @model_validator(mode="after")
     def _of_one_method(self) -> TubeSolver:
         if self.method != "ph" and self.tolerance_mm is not None:
-            raise ValueError("tolerance_mm belongs to method: ph; bounded converges to 1e-3 mm")
+            raise ValueError("tolerance_mm needs method: ph; bounded converges to 1e-3 mm")
         return self
 
 

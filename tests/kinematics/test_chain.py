@@ -108,7 +108,7 @@ def test_the_shipped_chain_watches_its_arms() -> None:
 @pytest.mark.parametrize(
     ("old", "new", "message"),
     [
-        ("- arm: right", "- arm: rigth", "there is no robot 'rigth'; allowed: left, right"),
+        ("- arm: right", "- arm: rigth", "no robot 'rigth'; allowed: left, right"),
         ("- arm: right", "- arm: left", "'left' is the first arm already"),
         ("- arm: right", "- arm: rope", "'rope' has no actuators"),
         ("- arm: right", "- {}", "a link is either an arm or a rope"),

@@ -113,7 +113,7 @@ def test_the_base_itself_has_no_arc() -> None:
     ("keys", "message"),
     [
         ("    solver: {method: ph}\n    geometry:\n      rigid_mm: [5, 0]\n", "after the last section only"),
-        ("    solver: {tolerance_mm: 2}\n    geometry:\n", "belongs to method: ph"),
+        ("    solver: {tolerance_mm: 2}\n    geometry:\n", "needs method: ph"),
         ("    solver: {method: newton}\n    geometry:\n", "bounded"),
     ],
     ids=["rigid between", "within without ph", "unknown"],

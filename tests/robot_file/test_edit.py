@@ -42,7 +42,7 @@ def test_a_missing_last_key_is_added_also_in_flow_style() -> None:
 
 
 def test_a_missing_mapping_is_named() -> None:
-    with pytest.raises(EditError, match=r"there is no robots\.right"):
+    with pytest.raises(EditError, match=r"the file has no key robots\.right"):
         edited(TEXT, [Change("robots.right.axes.left.zero_deg", 1.0)])
 
 

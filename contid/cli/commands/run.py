@@ -110,8 +110,10 @@ def command(
     if record is not None:
         from contid.session.recording_observer import RecordingObserver
 
-        asked = {"mock": mock or virtual, "unreachable": unreachable, "input": trajectory or "stdin"}
-        observers.append(RecordingObserver(Path(record), {name: str(value) for name, value in asked.items()}))
+        options = {"mock": mock or virtual, "unreachable": unreachable, "input": trajectory or "stdin"}
+        observers.append(
+            RecordingObserver(Path(record), {name: str(value) for name, value in options.items()})
+        )
     if view_target is not None:
         from contid.view.observer import ViewerObserver
 

@@ -18,8 +18,8 @@ from contid.control.engine.wiring import build_preflight, driven_robots
 from contid.control.tick.preflight import Preflight, Unreachable
 from contid.errors import ContidError
 from contid.robot_file.document import MAX_RATE_HZ
-from contid.robot_file.load import LoadedFile, load_robot_file, with_mock
-from contid.robot_file.shipped import find_robot_file
+from contid.robot_file.load import LoadedFile, with_mock
+from contid.robot_file.shipped import load_named
 from contid.robot_file.watchdog import watchdog_too_short
 from contid.trajectory.timed import Trajectory
 
@@ -68,7 +68,7 @@ class RunRequest(RunOptions):
 
 def load(request: RunRequest) -> LoadedFile:
     """Load and check the robot file."""
-    loaded = load_robot_file(find_robot_file(request.robot_file))
+    loaded = load_named(request.robot_file)
     if request.rate_hz is not None:
         if not 0.0 < request.rate_hz <= MAX_RATE_HZ:
             allowed = f"above 0, at most {MAX_RATE_HZ:g}, as rate_hz in a robot file"
