@@ -57,7 +57,7 @@ MODELS: Final[dict[str, str]] = {
 
 
 def build_model(robot: RobotDescription) -> Model:
-    """The model a robot description asks for; imports only that one."""
+    """The model of a robot description; imports only that one."""
     module, _, name = MODELS[robot.kinematics].partition(":")
     model: Model = getattr(import_module(module), name)(robot)
     return model

@@ -1,4 +1,4 @@
-"""Golden sessions: every shipped robot commands today what was recorded, and a change is noticed.
+"""Golden sessions: every shipped robot still gives the recorded commands, and a change is detected.
 
 Bounds on both sides. From above: commands stay within `TOLERANCE` of the recorded ones, whatever compiler,
 C library and processor the kernels were built for (with one and the same build replays are equal bit for bit:
@@ -68,7 +68,7 @@ def test_numpy_twins_give_the_same_commands(name: str, monkeypatch: pytest.Monke
     assert (result.divergence, result.stopped) == (None, "")
 
 
-def test_they_are_small_and_name_no_machine() -> None:
+def test_golden_sessions_are_small_and_machine_independent() -> None:
     for path in FOLDER.glob("*.mcap"):
         assert path.stat().st_size < 150_000
         session = Session(path)

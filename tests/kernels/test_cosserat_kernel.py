@@ -96,7 +96,7 @@ def test_out_of_reach_ends_at_the_same_bounds() -> None:
 
 
 @pytest.mark.parametrize("degrees", [0.0, 20.0])
-def test_freedom_is_spent_alike(degrees: float) -> None:
+def test_redundancy_is_resolved_alike(degrees: float) -> None:
     numpy, kernel = both(setup(2, tolerance=1e-6))
     tip = np.array([20.0, -15.0, 118.0])
     t = lean(tip, degrees)
@@ -135,7 +135,7 @@ def test_bad_calls_are_errors_not_crashes() -> None:
 
 
 def test_the_lock_is_held() -> None:
-    """A solve never lets another thread in: waiting to get the lock back costs switch intervals."""
+    """A solve holds the GIL: reacquiring it would cost switch intervals."""
     _, kernel = both(setup(2))
     turns, stop = [0], False
 

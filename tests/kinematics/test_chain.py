@@ -56,7 +56,7 @@ def test_a_clamped_rope_hangs_as_low_in_the_kernel_as_in_numpy(
         assert fast.check(poses).lowest == pytest.approx(slow.check(poses).lowest, abs=1e-12)
 
 
-def test_a_rope_too_short_says_by_how_much() -> None:
+def test_a_rope_too_short_reports_the_missing_length() -> None:
     state = guard().check(tips(1.0125))
     assert not state.feasible
     assert state.reason == "the rope is 12.5 mm too short between a and b"
@@ -123,7 +123,7 @@ def test_the_shipped_chain_watches_its_arms() -> None:
         ),
     ],
 )
-def test_a_chain_s_mistakes_have_their_place(old: str, new: str, message: str) -> None:
+def test_mistakes_in_a_chain_are_located(old: str, new: str, message: str) -> None:
     text = CHAIN.read_text()
     assert old in text
     changed = text.replace(old, new)

@@ -132,7 +132,7 @@ def test_infeasible_target_ends_at_the_bounded_optimum_in_equilibrium() -> None:
 
 @pytest.mark.parametrize("grams", [0.0, 5.0, 10.0])
 def test_tip_and_direction_prefer_the_middle(grams: float) -> None:
-    """The task is met, the freedom left is spent on the centre, wherever the solve began."""
+    """The task is met and redundancy resolved towards the centre, from any start."""
     tip = np.array([20.0, -15.0, 118.0])
     problem = Problem(two(), hanging(grams), Task(tip, direction=lean(tip, 30.0)), limits(2), tolerance=1e-7)
     ends = []

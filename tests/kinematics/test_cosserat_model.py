@@ -178,7 +178,7 @@ def test_forward_is_as_fine_as_the_inverse(
     assert math.dist(coarse.forward(pressures, force).tip_m, fine.forward(pressures, force).tip_m) < 4e-5
 
 
-def test_full_rotation_says_what_it_cannot_do(configs: Path, engine: str) -> None:
+def test_full_rotation_notes_that_roll_is_not_controlled(configs: Path, engine: str) -> None:
     arm = build_model(describe(configs, "stiffflop2", solver={"orientation": "full_rotation"}))
     solution = arm.inverse(Target(tip_m=(0.03, 0.0, 0.12), direction=(0.0, 0.0, 1.0)), SEED)
     assert ROLL_NOTE in solution.note

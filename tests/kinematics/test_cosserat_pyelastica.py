@@ -55,7 +55,7 @@ def relaxed_tip(elements: int) -> Array:
     return tip
 
 
-def test_relaxed_dynamic_rod_rests_where_the_statics_say(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_relaxed_dynamic_rod_agrees_with_the_statics(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(tqdm.tqdm, "monitor_interval", 0)  # its monitor thread would outlive the test
     coarse, middle, fine = (relaxed_tip(n) for n in (10, 20, 40))
     first, second = 2.0 * middle - coarse, 2.0 * fine - middle

@@ -1,4 +1,4 @@
-"""Axes beyond the kinematics: they follow their columns, keep their strokes and leave the tip alone."""
+"""Axes beyond the kinematics: columns, strokes, no effect on the tip."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""World and base frame: the matrix of the page, the way back its inverse, every field of a target taken."""
+"""World and base frame: the documented matrix, its inverse, every field of a target."""
 
 from __future__ import annotations
 
@@ -31,9 +31,7 @@ def matrix_of(base: BasePose) -> np.ndarray:
 
 
 @given(bases, vectors)
-def test_the_way_to_the_world_is_the_matrix_and_the_place_of_the_base(
-    base: BasePose, vector: tuple[float, float, float]
-) -> None:
+def test_base_to_world_is_rotation_plus_origin(base: BasePose, vector: tuple[float, float, float]) -> None:
     frame, turned = BaseFrame.of(base), matrix_of(base) @ vector
     place_m = np.array([base.x_mm, base.y_mm, base.z_mm]) / 1e3
     assert frame.vector_in_world(vector) == pytest.approx(turned, abs=1e-12)
@@ -41,7 +39,7 @@ def test_the_way_to_the_world_is_the_matrix_and_the_place_of_the_base(
 
 
 @given(bases, vectors)
-def test_there_and_back_is_where_it_began(base: BasePose, vector: tuple[float, float, float]) -> None:
+def test_world_and_base_transforms_are_inverse(base: BasePose, vector: tuple[float, float, float]) -> None:
     frame = BaseFrame.of(base)
     assert frame.vector_in_base(frame.vector_in_world(vector)) == pytest.approx(vector, abs=1e-12)
     assert frame.point_in_base(frame.point_in_world(vector)) == pytest.approx(vector, abs=1e-12)

@@ -1,4 +1,4 @@
-"""What every model keeps, whatever its solver: limits, an honest residual, continuity, no exceptions."""
+"""Contract of every model: limits, true residual, continuity, no exceptions."""
 
 from __future__ import annotations
 
@@ -50,7 +50,7 @@ def inside(model: Model, actuation: tuple[float, ...]) -> bool:
     )
 
 
-def test_a_tip_it_has_is_found_and_the_residual_tells_the_truth(named: tuple[str, Model]) -> None:
+def test_a_reachable_tip_is_found_with_its_true_residual(named: tuple[str, Model]) -> None:
     name, model = named
     within_m, _ = WITHIN_M.get(name, (2e-6, 0.0))
     for posture in postures(model, 6):
@@ -132,7 +132,7 @@ def test_the_shape_ends_at_base_and_tip(named: tuple[str, Model]) -> None:
     np.testing.assert_allclose(points[-1], model.forward(posture).tip_m, atol=1e-6)
 
 
-def test_a_direction_asked_for_is_part_of_the_residual(named: tuple[str, Model]) -> None:
+def test_a_target_direction_is_part_of_the_residual(named: tuple[str, Model]) -> None:
     name, model = named
     if not name.startswith("cbha"):
         pytest.skip("only the solvers of the CBHA are compared here")

@@ -1,4 +1,4 @@
-"""The solver by shape: exact enough on arcs, honest elsewhere, selected and restricted by the robot file."""
+"""The solver by shape: accuracy on arcs, residual elsewhere, its keys in the robot file."""
 
 from __future__ import annotations
 
@@ -118,7 +118,7 @@ def test_the_base_itself_has_no_arc() -> None:
     ],
     ids=["rigid between", "within without ph", "unknown"],
 )
-def test_what_the_robot_file_may_not_say(configs: Path, tmp_path: Path, keys: str, message: str) -> None:
+def test_invalid_keys_of_the_robot_file(configs: Path, tmp_path: Path, keys: str, message: str) -> None:
     path = tmp_path / "bad.yaml"
     path.write_text((configs / "cbha.yaml").read_text().replace("    geometry:\n", keys))
     with pytest.raises(BadInputError, match=message):

@@ -152,7 +152,7 @@ def test_both_branches_occur_in_the_round_trip() -> None:
         (0, 22.5, 22, {"arc_length.min"}, "arc length 0.5 mm is below 1 mm"),
     ],
 )
-def test_unreachable_targets_say_which_limit_and_by_how_much(x, y, h, limits, message) -> None:
+def test_unreachable_targets_report_limit_and_excess(x, y, h, limits, message) -> None:
     model = finger(h)
     solution = model.inverse(tip_target(x, y), (0.05, 0.05))
     assert not solution.converged
@@ -184,7 +184,7 @@ def test_the_answer_is_always_inside_the_limits_and_the_nearest(x, y, corrected)
 
 
 @pytest.mark.parametrize(("corrected", "x", "y"), [(False, 5.6494, -14.1449), (True, 4.4073, -26.3603)])
-def test_between_two_valleys_of_the_boundary_the_deeper_one_is_found(corrected, x, y) -> None:
+def test_the_global_minimum_along_the_boundary_is_found(corrected, x, y) -> None:
     """The nearest sample of the boundary lies in the valley of a point half a millimetre farther away."""
     model = finger(corrected=corrected)
     found = model.inverse(tip_target(x, y), (0.05, 0.05))

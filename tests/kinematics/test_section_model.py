@@ -194,7 +194,7 @@ def test_bend_radius_is_kept_and_named(backend, configs):
 
 @pytest.mark.parametrize("name", ["trirack", "trirack2", "cbha"])
 def test_no_target_leads_outside_the_limits(backend, configs, name):
-    """Points no arc reaches, points of no size, points that are no points."""
+    """Unreachable, tiny, infinite and NaN targets."""
     model = shipped(configs, name)
     home = tuple(model.feasible.home.tolist())
     tiny, huge = 5e-324, 1e150

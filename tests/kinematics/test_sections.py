@@ -1,4 +1,4 @@
-"""Kinematics of constant-curvature sections: golden values, derivatives, and what a tube's length is."""
+"""Kinematics of constant-curvature sections: golden values, derivatives, tube lengths."""
 
 from __future__ import annotations
 

@@ -129,7 +129,7 @@ struct IdentityFactor {
 // minimise |J d - e|^2 + weight (d^T W d - 2 z^T d) with l + d feasible; y are the multipliers of the task.
 // `metric` is the lower Cholesky factor of W; null for the identity. Without limits in the way
 //     d = W^-1 (z + J^T y),    (J W^-1 J^T + weight) y = e - J W^-1 z
-// which factors a matrix of the size of the task and keeps the digits of the part of z that leaves it alone.
+// which factors a matrix of the size of the task and keeps the digits of the part of z in the null space of J.
 inline void damped_step(const Feasible& feasible, const double (*J)[kMaxLengths], const double* e, int rows,
                         double weight, const double* z, const double* at, const double* metric, double* d, double* y) {
   static const IdentityFactor identity;

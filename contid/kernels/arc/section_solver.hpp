@@ -97,7 +97,7 @@ class SectionSolver {
     out.binding = feasible().binding(out.lengths);
   }
 
-  // Lengths from the closed forms, when they exist and keep every limit.
+  // Lengths from the closed forms, if they exist and are inside every limit.
   bool closed_form(const Goal& goal, double* lengths) const {
     const Sections& s = feasible().sections;
     double arcs[6];
@@ -176,7 +176,7 @@ class SectionSolver {
     return false;
   }
 
-  // Postures of the library whose task is nearest to the goal, then ever farther ones.
+  // Postures of the library whose task is nearest to the goal, then with growing strides.
   void try_library(Search& search, Answer& out) const {
     const Goal& goal = search.goal;
     double distance[kLibrary];

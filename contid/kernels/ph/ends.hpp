@@ -54,10 +54,10 @@ inline Fit through(const Vec& chord, const Vec& t0, const Vec& t1, double length
   const Vec middle = product(u0, u2);
   Vec G;
   for (int i = 0; i < 3; ++i) G[i] = 10.0 * middle[i] - 15.0 * (t0[i] + t1[i]);
-  const bool asked = !std::isnan(length);
-  double m = asked ? speed_for_length(chord, G, k, length) : length;
+  const bool length_given = !std::isnan(length);
+  double m = length_given ? speed_for_length(chord, G, k, length) : length;
   Fit fit;
-  fit.length_met = !(asked && std::isnan(m));
+  fit.length_met = !(length_given && std::isnan(m));
   if (std::isnan(m)) m = speed_as_mean(chord, G, k);
   fit.end_speed = m;
 

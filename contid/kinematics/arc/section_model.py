@@ -35,13 +35,13 @@ class Solver(Protocol):
 
 
 def sections_of(robot: SectionRobot) -> Sections:
-    """Geometry of the chain a description asks for."""
+    """Geometry of the chain of a robot description."""
     angles = tuple((math.radians(a), math.radians(b), math.radians(c)) for a, b, c in robot.tube_angles_deg)
     return Sections(robot.radius_m, angles, robot.rigid_m)
 
 
 def feasible_of(robot: SectionRobot) -> Feasible:
-    """Limits a description states."""
+    """Limits of a robot description."""
     return Feasible(
         sections_of(robot), robot.lower[::3], robot.upper[::3], robot.rack_m, robot.curvature_max_per_m
     )

@@ -115,7 +115,7 @@ class SectionSolver:
         )
 
     def _closed_form(self, goal: Goal) -> Array | None:
-        """Lengths from the closed forms, when they exist and keep every limit."""
+        """Lengths from the closed forms, if they exist and are inside every limit."""
         arcs: Sequence[tuple[float, float, float]] | None = None
         rigid = self.sections.rigid_m
         if self.sections.count == 1 and goal.direction is None and goal.mid is None:
@@ -139,7 +139,7 @@ class SectionSolver:
         if goal.mid is not None:
             distance += ((frames.mid - goal.mid) ** 2).sum(axis=-1)
         order = np.argsort(distance, kind="stable")
-        for k in range(self.tuning.starts):  # the nearest ones, then ever farther ones
+        for k in range(self.tuning.starts):  # the nearest ones, then with growing strides
             yield self._library[order[min(k * (k + 7) // 8, LIBRARY - 1)]]
 
     def _biarc_starts(self, goal: Goal) -> Iterator[Array]:

@@ -24,7 +24,7 @@ class Task:
         tip: tip position [mm].
         mid: end of the first section [mm], or None (mode b).
         direction: unit tangent of the tip, or None (mode c).
-        full_rotation: ask for the whole frame, twist-free about ``direction`` (mode d, eq. 17).
+        full_rotation: the target is the whole frame, twist-free about ``direction`` (mode d, eq. 17).
         length: length that scales directions to mm.
     """
 

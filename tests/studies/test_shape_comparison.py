@@ -1,4 +1,4 @@
-"""The paper's Tables II and III, simulated: the reference's figures (part E.5) come out again."""
+"""The paper's Tables II and III, simulated: equal to the reference (part E.5)."""
 
 from __future__ import annotations
 
@@ -25,7 +25,7 @@ def test_the_reference_s_figures_on_the_golden_trajectory() -> None:
     assert max(biarc.mean_mm + bounded.mean_mm) < min(unknown.mean_mm)
 
 
-def test_noise_of_the_tracker_explains_the_paper_s_millimetres() -> None:
+def test_tracker_noise_explains_the_errors_of_the_paper() -> None:
     unknown = compare_shapes(noise_mm=1.0, noise_deg=1.0, laps=2)[0]
     assert 0.8 < sum(unknown.mean_mm) / 3.0 < 1.3
     assert max(unknown.max_mm) < 6.0

@@ -1,4 +1,4 @@
-"""The papers' own solvers: their golden values, what drifts and why, and what they do out of reach."""
+"""The papers' own solvers: golden values, drift and its causes, targets out of reach."""
 
 from __future__ import annotations
 
@@ -143,7 +143,7 @@ def test_the_gradient_of_a_network(bounded):
         assert by_input[index] == pytest.approx(slope, abs=1e-8)
 
 
-def test_a_small_network_learns_is_saved_and_comes_back(tmp_path):
+def test_a_small_network_is_trained_saved_and_loaded(tmp_path):
     reported = []
     recipe = Recipe(hidden=10, levels=3, noise_m=0.0, iterations=150)
     network = train(recipe, lambda what, iteration, error_mm: reported.append(what))

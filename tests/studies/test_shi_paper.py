@@ -54,7 +54,7 @@ def test_total_wrench_form_is_the_same_mechanics() -> None:
         assert np.abs(found.sweep.tip - tip).max() < 1e-4
 
 
-def test_paper_s_inverse_meets_a_target_next_door() -> None:
+def test_paper_s_inverse_meets_a_nearby_target() -> None:
     """To the paper's rule, which leaves up to 1e-3 N·mm of balance: 0.04 mm at this tip (erratum 7)."""
     rod, force = arm((0,)), np.array([0.0, 0.0, 5 * GRAM])
     p = np.array([0.6, 0.8, 1.0])
@@ -66,7 +66,7 @@ def test_paper_s_inverse_meets_a_target_next_door() -> None:
     assert np.linalg.norm(again.tip[0] - ends.tip[0] - [0.05, -0.05, 0.02]) < 0.05
 
 
-def test_plant_without_faults_goes_where_it_is_sent() -> None:
+def test_ideal_plant_reaches_its_targets() -> None:
     perfect = Plant(modulus=(1.0, 1.0), gain=1.0, play_bar=0.0, noise_bar=0.0, elements=48)
     for run in runs(12):
         if run.name in ("spiral 24, 10 g", "L15T27", "spiral 30, 45 deg"):
