@@ -18,6 +18,7 @@ from contid.control.engine.events import (
     TicksSkipped,
 )
 from contid.control.engine.tick_layout import RecordLayout, TickRecord
+from contid.control.process.log_queue import LEVELS, level_name
 from contid.control.tick.supervisor import Mode
 
 #: Return to the first column and erase the line.
@@ -40,21 +41,23 @@ class TerminalHandler(logging.Handler):
 
     def emit(self, record: logging.LogRecord) -> None:
         """See `logging.Handler.emit`."""
-        print_message(log_text(record.levelname, self.format(record)))
+        try:
+            print_message(log_text(level_name(record.levelno), self.format(record)))
+        except Exception:
+            self.handleError(record)
 
 
 def log_text(level: str, message: str) -> str:
     """A log record for the terminal; the level is shown when it is not ``info``."""
-    return message if level.lower() == "info" else f"{level.lower()}: {message}"
+    return message if level == "info" else f"{level}: {message}"
 
 
 def event_text(event: RunEvent, log_level: int = logging.INFO) -> str:
     """The message of an event for the terminal; "" for events that are not shown."""
     match event:
         case LogWritten():
-            level = logging.getLevelNamesMapping()[event.level.upper()]
             # The daemon has printed its own records already.
-            shown = event.process == "control" and level >= log_level
+            shown = event.process == "control" and LEVELS[event.level] >= log_level
             return log_text(event.level, event.message) if shown else ""
         case FaultLatched():
             return f"{event.robot}: {event.message}"

@@ -31,6 +31,9 @@ from contid.control.process.ring import RingWriter
 from contid.control.process.setup import RunSetup
 from contid.errors import ContidError
 
+#: Most log records published after one tick; the others wait for the next.
+LOGS_PER_TICK: Final = 8
+
 log = logging.getLogger(__name__)
 
 #: Longest stop after the daemon is gone.
@@ -108,7 +111,7 @@ class ControlProcess:
                 stop_by_s = start_s + ORPHAN_STOP_S
                 engine.obey(Finish(None, "on_host_loss"), timing.tick)
             engine.cycle(timing)
-            self._logs.write(self._ring)
+            self._logs.write(self._ring, LOGS_PER_TICK)
             if start_s > stop_by_s:
                 break
         self._ring.event(pace.report())

@@ -17,6 +17,19 @@ from contid.control.engine.events import LogWritten
 
 #: Records kept until the next `LogQueue.take`; older ones are dropped.
 CAPACITY: Final = 1024
+#: Levels of `LogWritten`, highest first; records of other levels get the next lower one.
+LEVELS: Final = {
+    "critical": logging.CRITICAL,
+    "error": logging.ERROR,
+    "warning": logging.WARNING,
+    "info": logging.INFO,
+    "debug": logging.DEBUG,
+}
+
+
+def level_name(level: int) -> str:
+    """The name of a level."""
+    return next((name for name, lowest in LEVELS.items() if level >= lowest), "debug")
 
 
 class LogQueue(logging.Handler):
@@ -29,20 +42,23 @@ class LogQueue(logging.Handler):
 
     def emit(self, record: logging.LogRecord) -> None:
         """See `logging.Handler.emit`."""
-        level = record.levelname.lower()
-        event = LogWritten(
-            process=self._process, level=level, logger=record.name, message=self.format(record)
-        )
-        self._lines.append(event)
+        try:
+            message = self.format(record)
+        except Exception:  # a wrong format string must not stop a driver
+            self.handleError(record)
+            return
+        level = level_name(record.levelno)
+        line = LogWritten(process=self._process, level=level, logger=record.name, message=message)
+        self._lines.append(line)
 
-    def take(self) -> Iterator[LogWritten]:
-        """Remove and return the records collected so far."""
-        while self._lines:
+    def take(self, at_most: int = CAPACITY) -> Iterator[LogWritten]:
+        """Remove and return the oldest records."""
+        for _ in range(min(at_most, len(self._lines))):
             yield self._lines.popleft()
 
-    def write(self, sink: Sink) -> None:
-        """Publish the records collected so far."""
-        for line in self.take():
+    def write(self, sink: Sink, at_most: int = CAPACITY) -> None:
+        """Publish the oldest records."""
+        for line in self.take(at_most):
             sink.event(line)
 
 

@@ -27,6 +27,7 @@ from contid_drivers.dynamixel.emulator.bench import Bench
 pytestmark = pytest.mark.realtime
 
 ROOT = Path(__file__).parents[3]
+ENVIRONMENT = {**os.environ, "PYTHONPATH": os.pathsep.join((str(ROOT), str(ROOT / "drivers")))}
 #: The driver warns of firmware without Fast Sync Read.
 OLD_FIRMWARE = 41
 WARNING = f"id 1 has {OLD_FIRMWARE}"
@@ -52,7 +53,7 @@ def running(robot_file: Path, *options: str) -> Iterator[subprocess.Popen[str]]:
     command = [sys.executable, "-m", "contid", "run", str(robot_file), "--socket", str(socket)]
     process = subprocess.Popen(
         [*command, "--record", str(record), *options],
-        env={**os.environ, "PYTHONPATH": os.pathsep.join((str(ROOT), str(ROOT / "drivers")))},
+        env=ENVIRONMENT,
         stdin=subprocess.DEVNULL,
         stdout=subprocess.PIPE,
         stderr=subprocess.PIPE,
@@ -93,11 +94,14 @@ def logs(robot_file: Path) -> Sequence[dict[str, Any]]:
 def test_a_warning_of_a_driver_is_on_stderr_in_status_and_in_the_recording(hand: Path) -> None:
     with running(hand, "--disarmed") as process:
         warnings = status_with_warnings(hand)["warnings"]
+        command = [sys.executable, "-m", "contid", "status", "--socket", str(hand.with_name("s.sock"))]
+        shown = subprocess.run(command, env=ENVIRONMENT, capture_output=True, text=True, check=True).stdout
         stderr = stop(process)
     (warning,) = [each for each in warnings if WARNING in each["message"]]
     assert (warning["level"], warning["logger"]) == ("warning", "contid_drivers.dynamixel.bus")
     assert f"contid: warning: {warning['message']}\n" in stderr
     assert stderr.count(WARNING) == 1
+    assert "warning: " in shown
     (recorded,) = [event for event in logs(hand) if WARNING in event["message"]]
     assert recorded == {
         "event": "log", "process": "control", "level": "warning",
@@ -130,7 +134,7 @@ def test_a_wrong_row_is_in_the_recording_of_a_run_in_virtual_time(tmp_path: Path
     command = [sys.executable, "-m", "contid", "run", str(configs / "finger.yaml"), "--virtual"]
     done = subprocess.run(
         [*command, "--record", str(record)],
-        env={**os.environ, "PYTHONPATH": os.pathsep.join((str(ROOT), str(ROOT / "drivers")))},
+        env=ENVIRONMENT,
         input="x_mm,y_mm\n10,70\nten,70\n10,70\n",
         capture_output=True,
         text=True,
