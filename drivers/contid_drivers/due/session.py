@@ -125,7 +125,7 @@ class DueConnection:
 
     def _configure(self) -> None:
         body = config_body(self._blob)
-        seconds = self._port.wire_seconds(len(body)) + 0.2
+        seconds = len(body) * self._port.byte_s + 0.2
         answer = self._request(Type.CONFIGURE, body, seconds) or self._request(Type.CONFIGURE, body, seconds)
         if isinstance(answer, Refused):
             raise _refusal(self._name, "configuration", answer)
@@ -142,7 +142,7 @@ class DueConnection:
         """
         # The programming port bounds the time of both ports.
         size = len(body) + 8 + _TELEMETRY_BYTES
-        seconds = self._port.wire_seconds(size) + self._options.latency_ms / 1000.0
+        seconds = size * self._port.byte_s + self._options.latency_ms / 1000.0
         answer = self._request(kind, body, seconds)
         if isinstance(answer, Refused) and answer.refusal in (Refusal.NOT_CONFIGURED, Refusal.WRONG_CRC):
             hello = self._request(Type.HELLO, b"", seconds)

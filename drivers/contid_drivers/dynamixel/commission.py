@@ -27,6 +27,7 @@ from contid_drivers.serial_ports import find_port
 #: Rates in the order of likelihood.
 SCAN_BAUDS: Final = (1000000, 57600, 2000000, 4000000, 3000000, 115200, 9600)
 LATENCY_S: Final = 0.02
+READ_WAIT_S: Final = 0.005
 
 
 class SdkBus:
@@ -95,6 +96,9 @@ def sdk_bus(path: str, baud: int) -> Iterator[SdkBus]:
     """The stock SDK on a port that contid opened and locked; closed at the end."""
     port = ServoPort(path, find_port(path, path), baud, LATENCY_S)
     port.open()
+    assert port.serial is not None
+    # The SDK polls; with a timeout its reads block instead of spinning.
+    port.serial.timeout = READ_WAIT_S
     handler = PortHandler(port.path)
     handler.ser, handler.is_open, handler.baudrate = port.serial, True, baud
     handler.tx_time_per_byte = 1e3 * port.byte_s

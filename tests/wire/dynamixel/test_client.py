@@ -49,6 +49,8 @@ def client(emulator: DynamixelEmulator) -> Iterator[ServoClient]:
 @pytest.fixture
 def stock(client: ServoClient) -> Any:
     """The SDK's own port handler on the port of the client; the two take turns."""
+    assert client.port.serial is not None
+    client.port.serial.timeout = 0.005  # the SDK must not spin against the emulator's thread
     handler = sdk.PortHandler(client.port.path)
     handler.ser, handler.is_open, handler.baudrate = client.port.serial, True, BAUD
     handler.tx_time_per_byte = 1e4 / BAUD

@@ -1,0 +1,112 @@
+"""A serial port with one owner, read with select against monotonic deadlines.
+
+flock binds cooperating programs, TIOCEXCL every process but root's: a vendor's wizard or a terminal program
+takes no lock; it would read contid's answers and could write to moving devices.
+"""
+
+from __future__ import annotations
+
+import errno
+import fcntl
+import os
+import select
+import termios
+import time
+from contextlib import suppress
+from typing import Final
+
+import serial
+
+from contid.errors import DeviceLostError, DeviceNotFoundError
+from contid_drivers.serial_ports import holders
+
+#: Errors of a missing or unplugged port, depending on the call; serial.SerialException is an OSError.
+PORT_ERRORS: Final = (OSError, ValueError, TypeError, termios.error)
+
+
+def lock_port(descriptor: int, path: str) -> None:
+    """Refuse further opens of this port until `unlock_port`, or until its last descriptor is closed."""
+    # An emulator holds the other end of its pseudo terminal, so the flag would outlive a killed owner.
+    if not os.path.realpath(path).startswith("/dev/pts/"):
+        with suppress(OSError):
+            fcntl.ioctl(descriptor, termios.TIOCEXCL)
+
+
+def unlock_port(descriptor: int) -> None:
+    """Allow further opens again; does nothing on a dead port."""
+    with suppress(OSError, ValueError):
+        fcntl.ioctl(descriptor, termios.TIOCNXCL)
+
+
+class LockedPort:
+    """A locked serial device; every failure closes it and raises `DeviceLostError`.
+
+    Args:
+        device: name in messages.
+        path: of the device.
+        baud: rate [bit/s].
+    """
+
+    def __init__(self, device: str, path: str, baud: int) -> None:
+        self.device = device
+        self.path = path
+        self.baud = baud
+        #: Time of one byte with its start and stop bit.
+        self.byte_s = 10 / baud
+        self.serial: serial.Serial | None = None
+        self.fd = -1
+
+    def open(self) -> None:
+        """Open, lock and flush.
+
+        Raises:
+            DeviceNotFoundError: missing, not permitted, or in use by another process.
+        """
+        try:
+            self.serial = serial.Serial(self.path, self.baud, timeout=0, exclusive=True)
+            with suppress(OSError, ValueError):
+                # Supported by some adapters' kernel drivers only, not by ptys.
+                self.serial.set_low_latency_mode(True)
+            self.serial.reset_input_buffer()
+        except PORT_ERRORS as error:
+            raise self._open_error(error) from error
+        self.fd = int(self.serial.fileno())
+        lock_port(self.fd, self.path)
+
+    def _open_error(self, error: Exception) -> DeviceNotFoundError:
+        number = getattr(error, "errno", None)
+        if "exclusively lock" in str(error) or number in (errno.EBUSY, errno.EAGAIN, errno.EWOULDBLOCK):
+            why = f"port {self.path} is in use by {', '.join(holders(self.path)) or 'another process'}"
+            return DeviceNotFoundError(self.device, why, "a bus has one owner: stop the other one first")
+        if number == errno.EACCES:
+            why = f"no permission for {self.path}"
+            return DeviceNotFoundError(self.device, why, "install the udev rule, see `contid doctor`")
+        return DeviceNotFoundError(self.device, f"port {self.path} does not open: {error}")
+
+    def close(self) -> None:
+        """Close the port; idempotent, also on a dead port."""
+        if self.fd >= 0:  # after a close the descriptor number may belong to another port
+            unlock_port(self.fd)
+        self.fd = -1
+        if self.serial is not None:
+            with suppress(*PORT_ERRORS):
+                self.serial.close()
+
+    def lost(self, error: BaseException | str) -> DeviceLostError:
+        """Close the failed port; returns the error to raise."""
+        self.close()
+        return DeviceLostError(self.device, f"port {self.path} is gone: {error}", "plug it in again")
+
+    def receive(self, deadline: float) -> bytes:
+        """Received bytes, as soon as there are some; b"" after ``deadline`` [monotonic s]."""
+        try:
+            wait = deadline - time.monotonic()
+            ready, _, _ = select.select([self.fd], [], [], wait if wait > 0.0 else 0.0)
+            if not ready:
+                return b""
+            data = os.read(self.fd, 4096)
+        except PORT_ERRORS as error:
+            raise self.lost(error) from error
+        if not data:
+            raise self.lost("end of file")
+        return data
