@@ -14,11 +14,12 @@ import pytest
 from contid.control.engine.cycle import Timing
 from contid.control.engine.engine import Engine
 from contid.control.tick import robot_tick as loop
-from contid.control.tick import state as state_changes
+from contid.control.tick import transitions
 from contid.control.tick.config import RobotConfig
 from contid.control.tick.limits import AxisLimits
-from contid.control.tick.state import Effect, RobotState, estop, stay
+from contid.control.tick.state import Effect, RobotState
 from contid.control.tick.supervisor import Mode
+from contid.control.tick.transitions import estop, stay
 from contid.hal import Sample
 from contid.targets import Actuation
 from contid_drivers.sim.devices import SimDevice
@@ -90,7 +91,7 @@ def _old_goal(patch: pytest.MonkeyPatch) -> None:
             before[config.name] = state.command
         after = arming(config, state, *rest)
         if state.mode is Mode.ARMING and after.mode is not Mode.ARMING and config.name in before:
-            return replace(after, command=before[config.name], aim=before[config.name], motion=None)
+            return replace(after, command=before[config.name], reference=before[config.name], motion=None)
         return after
 
     patch.setattr(loop, "_arming", rearmed)
@@ -102,7 +103,7 @@ def _powered_stop(patch: pytest.MonkeyPatch) -> None:
     def forgetful(*arguments: Any) -> RobotState:
         return replace(estop(*arguments), pending=Effect.NONE)
 
-    patch.setattr(state_changes, "estop", forgetful)
+    patch.setattr(transitions, "estop", forgetful)
 
 
 def _shared_fate(patch: pytest.MonkeyPatch) -> None:

@@ -61,14 +61,14 @@ PLACES: Final[dict[str, tuple[dict[str, float], dict[str, float]]]] = {
 BUGS: Final[dict[str, str]] = {
     "estop forgets the devices": (
         "from dataclasses import replace\n"
-        "from contid.control.tick import state\n"
-        "estop = state.estop\n"
-        "state.estop = lambda *given: replace(estop(*given), pending=state.Effect.NONE)\n"
+        "from contid.control.tick import transitions\n"
+        "estop = transitions.estop\n"
+        "transitions.estop = lambda *given: replace(estop(*given), pending=transitions.Effect.NONE)\n"
     ),
     "estop waits for the end of the motion": (
-        "from contid.control.tick import state\n"
-        "state.estop = lambda plan, was, now_s: was if was.mode.name == 'OFF' else state.stop(\n"
-        "    plan, was, state.StopPolicy.RELAX, now_s)\n"
+        "from contid.control.tick import transitions\n"
+        "transitions.estop = lambda plan, was, now_s: was if was.mode.name == 'OFF' else transitions.stop(\n"
+        "    plan, was, transitions.StopPolicy.RELAX, now_s)\n"
     ),
 }
 

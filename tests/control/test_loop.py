@@ -9,7 +9,7 @@ from typing import Any
 import pytest
 
 from contid.control.engine.wiring import build_robot_configs
-from contid.control.tick import state as change
+from contid.control.tick import transitions
 from contid.control.tick.config import RobotConfig
 from contid.control.tick.faults import Fault
 from contid.control.tick.robot_tick import tick
@@ -40,8 +40,8 @@ def running(config: RobotConfig) -> RobotState:
     """A robot that stands exactly on the target, in RUN."""
     here = config.model.inverse(config.frame.target_in_base(TARGET), config.rest).actuation
     return RobotState(
-        mode=Mode.RUN, enabled=True, wanted=True, follow=True, command=here, aim=here,
-        steps=(0.0, 0.0), misses=(0, 0),
+        mode=Mode.RUN, enabled=True, arm_requested=True, follow=True, command=here, reference=here,
+        increments=(0.0, 0.0), misses=(0, 0),
     )  # fmt: skip
 
 
@@ -67,7 +67,7 @@ def test_directions_and_loads_are_mirrored_with_the_robot(config: RobotConfig) -
 
 
 def test_no_command_before_a_valid_sample_of_every_axis(config: RobotConfig) -> None:
-    state = change.resume(config, RobotState(), 0.0)
+    state = transitions.resume(config, RobotState(), 0.0)
     one_silent = (sampled(config)[0], Sample(None, 0.0, False, 0.0))
     for samples in ((), one_silent):
         out = tick(config, state, 0.1, samples, TARGET)
@@ -78,7 +78,7 @@ def test_no_command_before_a_valid_sample_of_every_axis(config: RobotConfig) -> 
 
 
 def test_arming_starts_from_what_is_measured(config: RobotConfig) -> None:
-    state = tick(config, change.resume(config, RobotState(), 0.0), 0.1, sampled(config), TARGET).state
+    state = tick(config, transitions.resume(config, RobotState(), 0.0), 0.1, sampled(config), TARGET).state
     assert (state.mode, state.pending, state.command) == (Mode.ARMING, Effect.ENABLE, ())
     armed = replace(state, enabled=True, pending=Effect.NONE)
     state = tick(config, armed, 0.2, sampled(config, (0.031, 0.047)), TARGET).state
@@ -106,7 +106,7 @@ def test_an_arming_that_is_interrupted_does_not_go_back_to_old_commands(
     assert arming.mode is Mode.ARMING
     state = replace(arming, enabled=True, pending=Effect.NONE)
     if interruption == "stop":
-        state = change.stop(config, state, StopPolicy.HOLD, 1.005)
+        state = transitions.stop(config, state, StopPolicy.HOLD, 1.005)
     for number in range(5):
         broken = sampled(config, (0.09, 0.03), fault="overload" if interruption == "fault" else "")
         out = tick(config, state, 1.005 + 0.005 * number, broken, TARGET)
@@ -141,17 +141,17 @@ def test_an_error_in_one_tick_is_that_robots_fault(config: RobotConfig) -> None:
 
 
 def test_the_first_fault_stays(config: RobotConfig) -> None:
-    state = change.fail(config, running(config), Fault.AXIS_SILENT, "first", 1.0)
-    again = change.fail(config, state, Fault.DEVICE_FAULT, "second", 2.0)
+    state = transitions.fail(config, running(config), Fault.AXIS_SILENT, "first", 1.0)
+    again = transitions.fail(config, state, Fault.DEVICE_FAULT, "second", 2.0)
     assert (again.fault, again.message) == (Fault.AXIS_SILENT, "first")
 
 
 def test_clear_looks_again_and_never_moves(config: RobotConfig) -> None:
-    state = change.fail(config, running(config), Fault.DEVICE_FAULT, "hot", 1.0)
+    state = transitions.fail(config, running(config), Fault.DEVICE_FAULT, "hot", 1.0)
     for samples in ((), sampled(config, fault="hot"), sampled(config, valid=False)):
         with pytest.raises(OrderRefusedError):
-            change.clear(config, state, samples, 2.0)
-    cleared = change.clear(config, state, sampled(config), 2.0)
+            transitions.clear(config, state, samples, 2.0)
+    cleared = transitions.clear(config, state, sampled(config), 2.0)
     assert (cleared.mode, cleared.fault) == (Mode.READY, Fault.NONE)
     out = tick(config, cleared, 3.0, sampled(config), TARGET)
     assert (out.state.mode, out.device, out.state.pending) == (Mode.READY, (), Effect.NONE)
@@ -159,7 +159,7 @@ def test_clear_looks_again_and_never_moves(config: RobotConfig) -> None:
 
 @pytest.mark.parametrize("policy", list(StopPolicy))
 def test_a_stop_ends_in_the_rest_of_its_policy(config: RobotConfig, policy: StopPolicy) -> None:
-    state = change.stop(config, running(config), policy, 1.0)
+    state = transitions.stop(config, running(config), policy, 1.0)
     now_s = 1.0
     while state.mode is Mode.STOPPING and now_s < 20.0:
         state = tick(config, state, now_s, sampled(config), TARGET).state
@@ -172,6 +172,6 @@ def test_a_stop_ends_in_the_rest_of_its_policy(config: RobotConfig, policy: Stop
 
 @pytest.mark.parametrize("mode", list(Mode))
 def test_estop_is_never_refused(config: RobotConfig, mode: Mode) -> None:
-    state = change.estop(config, replace(running(config), mode=mode), 1.0)
+    state = transitions.estop(config, replace(running(config), mode=mode), 1.0)
     latched = Mode.FAULT if mode is Mode.FAULT else Mode.OFF
     assert (state.mode, state.pending, state.enabled) == (latched, Effect.RELAX, False)

@@ -94,7 +94,7 @@ def test_a_stopped_robot_in_fault_stays_there_until_it_is_cleared(order: Message
 def test_an_order_that_fails_inside_is_that_robots_fault_and_the_run_goes_on(
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
-    from contid.control.tick import state
+    from contid.control.tick import transitions
     from contid.trajectory.approach import MotionError
 
     def none(*_: object) -> None:
@@ -109,7 +109,7 @@ def test_an_order_that_fails_inside_is_that_robots_fault_and_the_run_goes_on(
         220: [Resume(("f0",))],
         300: [Finish(StopPolicy.REST)],
     }
-    monkeypatch.setattr(state, "Approach", none)
+    monkeypatch.setattr(transitions, "Approach", none)
     run_virtual(loaded, 200.0, None, sinks=[collector], orders=orders, ticks=600)
     assert collector.modes("f0")[-6:] == ["APPROACH", "FAULT", "READY", "ARMING", "HOLD", "FAULT"]
     assert all("no motion from here" in str(event["message"]) for event in told(collector, "fault"))

@@ -24,7 +24,7 @@ from contid.remote.protocol import socket_path as place
 from contid.remote.protocol.peer_credentials import PeerCredentials, is_authorized, peer_of
 from contid.remote.protocol.socket_path import Endpoint, SocketError, default_path, find, is_listening
 from contid.remote.protocol.wire import Code, NoDaemonError, RemoteError, RequestFields, decode, encode
-from contid.remote.server.health import Tier, bus_health, tier_of
+from contid.remote.server.health import Staleness, bus_health, staleness_of
 from contid.remote.server.lease import Lease
 from contid.remote.server.outbox import MAX_FRAMES, MAX_RESPONSES, Outbox
 
@@ -126,11 +126,13 @@ def test_a_lease_revoked_by_a_stop_must_be_acquired_explicitly() -> None:
 
 
 def test_tiers_follow_the_age_and_the_rate() -> None:
-    at_200_hz = [tier_of(age_s, 0.005) for age_s in (0.0, 0.015, 0.016, 0.05, 0.1, 0.5, 1.1, float("inf"))]
-    fresh, late, stale, old, lost = Tier
+    at_200_hz = [
+        staleness_of(age_s, 0.005) for age_s in (0.0, 0.015, 0.016, 0.05, 0.1, 0.5, 1.1, float("inf"))
+    ]
+    fresh, late, stale, old, lost = Staleness
     assert at_200_hz == [fresh, fresh, late, late, stale, old, lost, lost]
-    assert tier_of(0.15, 0.05) is Tier.FRESH
-    assert tier_of(0.16, 0.05) is Tier.STALE
+    assert staleness_of(0.15, 0.05) is Staleness.FRESH
+    assert staleness_of(0.16, 0.05) is Staleness.STALE
 
 
 def test_a_bus_is_as_old_as_its_oldest_axis_and_names_those_that_are_silent() -> None:
@@ -151,7 +153,12 @@ def test_a_bus_is_as_old_as_its_oldest_axis_and_names_those_that_are_silent() ->
         "a": (), "b": ("one.right",), "c": ("one.never",), "d": (),
     }  # fmt: skip
     assert [one.age_s for one in health.values()] == pytest.approx([0.01, 0.1, math.inf, math.inf])
-    assert [one.tier for one in health.values()] == [Tier.FRESH, Tier.STALE, Tier.LOST, Tier.LOST]
+    assert [one.tier for one in health.values()] == [
+        Staleness.FRESH,
+        Staleness.STALE,
+        Staleness.LOST,
+        Staleness.LOST,
+    ]
 
 
 async def test_an_outbox_keeps_the_newest_frames_and_every_answer() -> None:

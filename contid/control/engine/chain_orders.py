@@ -7,9 +7,9 @@ from collections.abc import Mapping, Sequence
 from contid.control.engine.cycle import Sink
 from contid.control.engine.events import OrderRefused
 from contid.control.engine.exchange import Exchange
-from contid.control.engine.messages import Who
+from contid.control.engine.messages import RobotNames
 from contid.control.engine.robots import Robots
-from contid.control.tick.chain_monitor import ChainWatch
+from contid.control.tick.chain_monitor import ChainMonitor
 from contid.control.tick.tip_feedback import Measurement
 from contid.kinematics.rope.chain import ChainGuard
 from contid.targets import Target
@@ -19,7 +19,7 @@ class ChainOrders:
     """Orders and ticks of the robots that are arms of chains."""
 
     def __init__(self, guards: Sequence[ChainGuard], robots: Robots, exchange: Exchange, sink: Sink) -> None:
-        self._watch = ChainWatch(guards, robots.configs)
+        self._watch = ChainMonitor(guards, robots.configs)
         self._robots = robots
         self._exchange = exchange
         self._sink = sink
@@ -41,7 +41,7 @@ class ChainOrders:
         ):
             self._sink.event(OrderRefused(robot=robot, message=message))
 
-    def stopped(self, who: Who, now_s: float) -> None:
+    def stopped(self, who: RobotNames, now_s: float) -> None:
         """After an order that stops robots: the rest of their chains, and forbidden ways to rest poses."""
         for robot, message in self._watch.stopped(self._robots.states, who, now_s, self._exchange.samples_of):
             self._sink.event(OrderRefused(robot=robot, message=message))
@@ -56,4 +56,4 @@ class ChainOrders:
 
     def after_tick(self, now_s: float) -> None:
         """An arm in FAULT takes the others along."""
-        self._watch.faults(self._robots.states, self._robots.told, now_s)
+        self._watch.faults(self._robots.states, self._robots.reported, now_s)

@@ -1,7 +1,7 @@
-"""One cycle of the whole robot file: targets, the tick of every robot, the buses, what came of it.
+"""One cycle of the whole robot file: targets, the tick of every robot, the exchange with every bus, a record.
 
-The control process calls `Engine.cycle` at every deadline, virtual mode in a plain loop; everything that
-differs between them (time, threads, where records go) is given to the constructor.
+The control process calls `Engine.cycle` at every deadline, virtual mode in a plain loop; the constructor gets
+what differs between them: clock, ports and sink.
 """
 
 from __future__ import annotations
@@ -19,7 +19,7 @@ from contid.control.engine.ports import BusPort
 from contid.control.engine.robots import Order, Robots, stopping
 from contid.control.engine.sources import Source
 from contid.control.engine.target_selector import TargetSelector
-from contid.control.tick import state as change
+from contid.control.tick import transitions
 from contid.control.tick.config import RobotConfig
 from contid.control.tick.robot_tick import TickResult, tick
 from contid.control.tick.state import Effect, RobotState
@@ -33,7 +33,7 @@ from contid.trajectory.timed import Trajectory
 
 
 class Engine:
-    """The robots, their buses and what they follow."""
+    """The robots, their buses and their source of targets."""
 
     def __init__(
         self,
@@ -57,15 +57,17 @@ class Engine:
             sink: takes records and events.
             now: the clock of the buses, as a function.
             trajectory: what to follow, None to wait for rows or orders.
-            on_end: what to do when the source ends.
-            attended: somebody may give orders: do not end because every robot is in FAULT.
+            on_end: reaction to the end of the source.
+            attended: a client may give orders: the run does not end because every robot is in FAULT.
             guards: of the closed chains among the robots.
         """
         self.finished = False
         self._robots = Robots(configs, sink)
         self._exchange = Exchange(self._robots, ports, rate_hz, sink, now)
         self._chains = ChainOrders(guards, self._robots, self._exchange, sink)
-        self._course = TargetSelector(self._robots, self._chains, rate_hz, sink, trajectory, on_end, attended)
+        self._selector = TargetSelector(
+            self._robots, self._chains, rate_hz, sink, trajectory, on_end, attended
+        )
         self._recorder = RecordPacker(self._robots.configs, sink, now)
         self._buses = tuple(ports)
         self._rate_hz = rate_hz
@@ -75,17 +77,17 @@ class Engine:
 
     @property
     def configs(self) -> Sequence[RobotConfig]:
-        """What is fixed about each robot."""
+        """Configuration of each robot."""
         return self._robots.configs
 
     @property
     def states(self) -> Sequence[RobotState]:
-        """What changes about each robot."""
+        """State of each robot."""
         return self._robots.states
 
     @property
     def tallies(self) -> Sequence[RobotTally]:
-        """What the report will say of each robot."""
+        """Statistics of each robot."""
         return self._robots.tallies
 
     @property
@@ -95,8 +97,8 @@ class Engine:
 
     @property
     def source(self) -> Source | None:
-        """What is followed."""
-        return self._course.source
+        """The source of targets."""
+        return self._selector.source
 
     @property
     def moving(self) -> bool:
@@ -105,99 +107,101 @@ class Engine:
 
     @property
     def armed(self) -> bool:
-        """True when no robot is on its way to its first command any more."""
+        """True when every robot that was to be armed has its first command."""
         return self._robots.armed
 
     @property
     def ended(self) -> bool:
-        """True when what was followed has ended."""
-        return self._course.ended
+        """True when the source has ended."""
+        return self._selector.ended
 
     def arm(self) -> None:
-        """Connect, arm and follow, every robot: what `contid run` begins with."""
-        self._begin(change.resume)
+        """Connect and arm every robot and follow the source."""
+        self._begin(transitions.resume)
 
     def connect(self) -> None:
         """Connect every robot and leave it READY, without torque, until it is resumed."""
-        self._begin(change.connect)
+        self._begin(transitions.connect)
 
     def _begin(self, how: Order) -> None:
         self._robots.order(None, how, 0.0)
-        self._robots.tell(0)
+        self._robots.report_changes(0)
 
     def abandon(self) -> None:
-        """After a defect of contid itself: bring the devices to their ``on_host_loss`` rest, best effort."""
+        """After an internal error: try to bring the devices to their ``on_host_loss`` rest."""
         self._exchange.abandon()
 
     def obey(self, message: object, tick_number: int) -> None:
-        """Carry out a message of the daemon; what is refused becomes an event."""
-        course = self._course
+        """Carry out a message of the daemon; a refusal becomes an event."""
+        selector = self._selector
         step = self._step + 1
         if (order := order_event(message, tick_number)) is not None:
             self._sink.event(order)
         if not isinstance(message, msg.Goto):
             self._chains.begin_gotos(step / self._rate_hz)
-        # Whoever gives orders is waited for, also when every robot is in FAULT.
-        course.attended = course.attended or not isinstance(message, msg.Rows | msg.Measured | msg.EndOfRows)
-        if course.finishing and isinstance(message, msg.Rows | msg.Resume | msg.Goto | msg.Play):
-            # Nobody, and no script in a loop, holds up the end of a run.
+        # A client that gives orders may give more: the run then waits even if every robot is in FAULT.
+        selector.attended = selector.attended or not isinstance(
+            message, msg.Rows | msg.Measured | msg.EndOfRows
+        )
+        if selector.finishing and isinstance(message, msg.Rows | msg.Resume | msg.Goto | msg.Play):
+            # Nothing may delay the end of a run.
             if not isinstance(message, msg.Rows):
                 robot = message.robot if isinstance(message, msg.Goto) else ""
-                message_text = "the run is ending; nothing moves any more"
-                self._sink.event(OrderRefused(robot=robot, message=message_text))
+                refusal = "the run is ending; motions are refused"
+                self._sink.event(OrderRefused(robot=robot, message=refusal))
             return
         self._carry_out(message, tick_number, step)
 
     def _carry_out(self, message: object, tick_number: int, step: int) -> None:
-        """What each message means for robots, course and chains."""
-        robots, course, chains = self._robots, self._course, self._chains
+        """Apply a message to robots, selector and chains."""
+        robots, selector, chains = self._robots, self._selector, self._chains
         now_s = step / self._rate_hz
         match message:
             case msg.Rows(targets):
-                course.rows(targets, now_s)
+                selector.rows(targets, now_s)
             case msg.Measured(robot, tip_in_world, direction, age_s):
-                course.measured[robot] = Measurement(tip_in_world, now_s - age_s, direction)
+                selector.measured[robot] = Measurement(tip_in_world, now_s - age_s, direction)
             case msg.EndOfRows():
-                course.end_of_rows()
+                selector.end_of_rows()
             case msg.Play(trajectory):
-                course.play(trajectory, now_s)
+                selector.play(trajectory, now_s)
             case msg.Begin():
-                course.begin_rows(now_s)
+                selector.begin_rows(now_s)
             case msg.Mark(number):
                 self._sink.event(MarkReached(number=number, tick=tick_number))
             case msg.Goto(robot, target) if chains.concerns(robot):
                 chains.goto(robot, target)
             case msg.Goto(robot, target):
-                robots.order((robot,), lambda p, s, t: change.goto(p, s, target, t), now_s)
+                robots.order((robot,), lambda p, s, t: transitions.goto(p, s, target, t), now_s)
             case msg.Hold(who):
-                course.pause(who, step)
-                robots.order(who, change.hold, now_s)
+                selector.pause(who, step)
+                robots.order(who, transitions.hold, now_s)
                 chains.stopped(who, now_s)
             case msg.Resume(who):
-                course.resume(who)
-                robots.order(who, change.resume, now_s)
+                selector.resume(who)
+                robots.order(who, transitions.resume, now_s)
             case msg.Stop(who, policy, reason):
-                course.pause(who, step)
+                selector.pause(who, step)
                 robots.order(who, stopping(policy, reason), now_s)
                 chains.stopped(who, now_s)
             case msg.Estop(who):
-                course.pause(who, step)
-                robots.order(who, change.estop, now_s)
+                selector.pause(who, step)
+                robots.order(who, transitions.estop, now_s)
                 chains.stopped(who, now_s)
             case msg.ClearFault(who):
-                robots.order(who, change.ask_clear, now_s)
+                robots.order(who, transitions.ask_clear, now_s)
             case msg.Finish(policy, reason):
-                course.finish(policy, reason, now_s)
+                selector.finish(policy, reason, now_s)
 
     def cycle(self, timing: Timing) -> None:
         """One tick of everything."""
-        robots, course, exchange = self._robots, self._course, self._exchange
-        # Robots live in steps, ticks that ran: skipped ones have not happened for them.
+        robots, selector, exchange = self._robots, self._selector, self._exchange
+        # The time of the robots counts the ticks that ran, not the skipped ones.
         step = self._step = timing.tick - timing.skipped
         now_s = step / self._rate_hz
-        source = course.source
+        source = selector.source
         self._chains.begin_gotos(now_s)
-        targets = self._chains.before_tick(course.targets(step, now_s), now_s, course.measured)
+        targets = self._chains.before_tick(selector.targets(step, now_s), now_s, selector.measured)
         commands: dict[str, dict[str, float]] = {name: {} for name in self._buses}
         bus_of = exchange.bus_of
         outcomes: list[TickResult] = []
@@ -206,29 +210,29 @@ class Engine:
             for axis, value in zip(config.axes, outcome.device, strict=False):
                 commands[bus_of[axis]][axis] = value
             outcomes.append(outcome)
-        # The commands of this tick are given: a stop that begins now begins at the time of the next.
+        # The commands of this tick are fixed: a stop that begins now begins at the time of the next.
         next_s = (step + 1) / self._rate_hz
         exchange.run(commands, timing, next_s)
         self._chains.after_tick(next_s)
-        course.watch(timing.tick, step, next_s)
-        robots.tell(timing.tick)
+        selector.watch(timing.tick, step, next_s)
+        robots.report_changes(timing.tick)
         source_s = None if source is None else source.time_s
         self._recorder.record(
             CycleSnapshot(
-                timing, now_s, source_s, targets, outcomes, robots.states, exchange.samples, course.measured
+                timing, now_s, source_s, targets, outcomes, robots.states, exchange.samples, selector.measured
             )
         )
-        if course.finishing and not self.finished:
+        if selector.finishing and not self.finished:
             self.finished = robots.resting and not exchange.busy
 
     def _tick(self, index: int, number: int, now_s: float, target: Target | None) -> TickResult:
-        """The tick of one robot; what it asks of its devices is queued, what is to be told is told."""
+        """The tick of one robot; queues its request to the devices and reports the end of a goto."""
         robots = self._robots
         config, state, tally = robots.configs[index], robots.states[index], robots.tallies[index]
         going = state.goto
         if self._going[index] is not None and self._going[index] is not going:
             self._sink.event(GotoEnded(robot=config.name, arrived=False, tick=number))
-        measured = self._course.measured.get(config.name)
+        measured = self._selector.measured.get(config.name)
         outcome = tick(config, state, now_s, self._exchange.samples_of(config), target, measured)
         state = outcome.state
         if state.pending is not Effect.NONE:

@@ -1,4 +1,4 @@
-"""Every bus once per tick: commands and what robots ask of their devices go out, samples come back."""
+"""Every bus once per tick: sends commands and requests to the devices, takes their samples."""
 
 from __future__ import annotations
 
@@ -13,22 +13,22 @@ from contid.control.engine.events import BusChanged, BusStalled, DeviceFaultChan
 from contid.control.engine.order_events import answer_event
 from contid.control.engine.ports import BusJob, BusPort, BusReply
 from contid.control.engine.robots import Robots
-from contid.control.engine.staleness import TierWatch
-from contid.control.tick import state as change
+from contid.control.engine.staleness import StalenessMonitor
+from contid.control.tick import transitions
 from contid.control.tick.config import RobotConfig
 from contid.control.tick.faults import Fault
 from contid.control.tick.state import Effect, OrderRefusedError, RobotState
 from contid.control.tick.supervisor import REST_OF, Mode
 from contid.hal import Sample
 
-#: Between two attempts to open a lost bus again.
+#: Interval between two attempts to reopen a lost bus.
 RETRY_S: Final = 1.0
-#: Share of the period that a bus with its own worker is always waited for.
-LEAST_SHARE: Final = 0.25
+#: Shortest wait for a bus with its own worker, as a share of the period.
+MIN_SHARE: Final = 0.25
 
 
 class Exchange:
-    """The buses of a run, what is queued for them, and what they said last.
+    """The buses of a run, the requests queued for them and their newest samples.
 
     Attributes:
         samples: newest by axis.
@@ -62,15 +62,17 @@ class Exchange:
         self._queued: dict[str, list[tuple[int, Effect, tuple[str, ...]]]] = {name: [] for name in ports}
         self._outstanding: list[set[str]] = [set() for _ in robots.configs]
         self._device_faults: dict[str, str] = {}
-        self._tiers = TierWatch({name: tuple(port.bus.axes) for name, port in ports.items()}, rate_hz, sink)
+        self._staleness = StalenessMonitor(
+            {name: tuple(port.bus.axes) for name, port in ports.items()}, rate_hz, sink
+        )
 
     @property
     def busy(self) -> bool:
-        """True while a bus that is there has not answered, or was not told yet what is queued for it."""
+        """True while a bus that is not lost has an answer or a queued request outstanding."""
         return any((port.busy or self._queued[name]) and not port.lost for name, port in self._ports.items())
 
     def samples_of(self, config: RobotConfig) -> tuple[Sample, ...]:
-        """Newest of every axis of a robot, in the order of its plan; empty before the first."""
+        """Newest sample of every axis of a robot; empty before the first exchange."""
         samples = self.samples
         try:
             return tuple([samples[axis] for axis in config.axes])
@@ -78,7 +80,7 @@ class Exchange:
             return ()
 
     def ask(self, index: int, state: RobotState) -> RobotState:
-        """Queue what a robot wants of its devices; the state with nothing pending any more."""
+        """Queue the pending request of a robot; returns its state without it."""
         lost = [bus for bus in self._axes_on[index] if self._ports[bus].lost]
         name = self._robots.configs[index].name
         if lost and state.pending is Effect.CLEAR:
@@ -98,7 +100,7 @@ class Exchange:
         return replace(state, pending=Effect.NONE)
 
     def run(self, commands: Mapping[str, Mapping[str, float]], timing: Timing, now_s: float) -> None:
-        """One exchange with every bus that has answered the last one; ``commands`` by bus and axis."""
+        """One exchange with every idle bus; ``commands`` by bus and axis."""
         self._tick = timing.tick
         for name, port in self._ports.items():
             if port.busy:
@@ -111,18 +113,18 @@ class Exchange:
             effects, self._queued[name] = tuple(self._queued[name]), []
             port.start(BusJob(commands[name], effects))
         for name, port in self._ports.items():
-            patience_s = 0.0
+            timeout_s = 0.0
             if port.threaded and not port.lost:
-                # A tick that is late by itself is no reason to give up on a bus that was asked just now.
-                patience_s = max(timing.end_s - self._now(), LEAST_SHARE / self._rate_hz)
-            if port.busy and (answer := port.take(patience_s)) is not None:
+                # Also in a late tick the bus gets its share of the period.
+                timeout_s = max(timing.end_s - self._now(), MIN_SHARE / self._rate_hz)
+            if port.busy and (answer := port.take(timeout_s)) is not None:
                 self._digest(name, port, answer, now_s)
             elif port.busy and not port.lost:
                 self._stalled(name, port, now_s)
-        self._tiers.look(timing.tick, self.samples, self._now())
+        self._staleness.look(timing.tick, self.samples, self._now())
 
     def abandon(self) -> None:
-        """After a defect of contid itself: bring the devices to their ``on_host_loss`` rest, best effort."""
+        """After an internal error: try to bring the devices to their ``on_host_loss`` rest."""
         for index, config in enumerate(self._robots.configs):
             for name, axes in self._axes_on[index].items():
                 port = self._ports[name]
@@ -142,7 +144,7 @@ class Exchange:
             port.lost = ""
             self._sink.event(BusChanged(bus=name, message=f"{name} is back; clear-fault, then resume"))
         assert answer.samples is not None
-        if len(answer.samples) < len(port.bus.axes):  # what is left out is no sample of this tick
+        if len(answer.samples) < len(port.bus.axes):  # missing axes have no sample of this tick
             self._invalidate(port)
         self.samples.update(answer.samples)
         for axis, sample in answer.samples.items():
@@ -170,12 +172,12 @@ class Exchange:
             robots.states[index] = replace(state, enabled=True)
         elif effect is Effect.CLEAR:
             try:
-                robots.states[index] = change.clear(config, state, self.samples_of(config), now_s)
+                robots.states[index] = transitions.clear(config, state, self.samples_of(config), now_s)
             except OrderRefusedError as error:
                 self._sink.event(OrderRefused(robot=config.name, message=str(error)))
 
     def _lose(self, name: str, port: BusPort, fault: Fault, message: str, now_s: float) -> None:
-        """A bus is gone: so are its robots; they keep nothing queued on any bus."""
+        """A bus is lost: its robots fail and its queued requests are dropped."""
         port.lose(message)
         self._queued[name] = []
         self._invalidate(port)
@@ -185,14 +187,14 @@ class Exchange:
                 self._robots.fail(index, fault, message, now_s)
 
     def _stalled(self, name: str, port: BusPort, now_s: float) -> None:
-        """A worker is not back in time: a missed exchange for its robots, lost when it goes on."""
+        """A bus did not answer in time: a missed exchange for its robots; lost after ``tolerance_ticks``."""
         self._sink.event(BusStalled(tick=self._tick, bus=name))
         if port.exempt:
             return
         self._invalidate(port)
         mine = self._robots_on(name)
-        patience = min(min(self._robots.configs[index].tolerance) for index in mine)
-        if port.stalls >= patience and any(self._robots.states[index].enabled for index in mine):
+        tolerance = min(min(self._robots.configs[index].tolerance) for index in mine)
+        if port.stalls >= tolerance and any(self._robots.states[index].enabled for index in mine):
             message = f"{name}: no answer for {port.stalls} ticks"
             self._lose(name, port, Fault.BUS_STALLED, message, now_s)
 
@@ -200,7 +202,7 @@ class Exchange:
         return [index for index, axes in enumerate(self._axes_on) if bus in axes]
 
     def _invalidate(self, port: BusPort) -> None:
-        """The newest samples of a bus are not those of this tick."""
+        """Mark the newest samples of a bus as not of this tick."""
         for axis in port.bus.axes:
             if axis in self.samples:
                 self.samples[axis] = replace(self.samples[axis], valid=False)

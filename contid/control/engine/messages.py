@@ -13,28 +13,28 @@ from contid.targets import Target, Vec3
 from contid.trajectory.timed import Trajectory
 
 #: Robots an order is for; None for all of them.
-Who: TypeAlias = tuple[str, ...] | None
+RobotNames: TypeAlias = tuple[str, ...] | None
 
 
 @dataclass(frozen=True, slots=True)
 class Hold:
     """Stop jerk-limited and stay; for all robots the trajectory pauses too."""
 
-    robots: Who = None
+    robots: RobotNames = None
 
 
 @dataclass(frozen=True, slots=True)
 class Resume:
     """Arm if need be and follow the source again."""
 
-    robots: Who = None
+    robots: RobotNames = None
 
 
 @dataclass(frozen=True, slots=True)
 class Stop:
     """Stop by a policy, or by the robot file's policy for a reason (``on_end``, ``on_interrupt``, ...)."""
 
-    robots: Who = None
+    robots: RobotNames = None
     policy: StopPolicy | None = None
     reason: str = "on_interrupt"
 
@@ -43,14 +43,14 @@ class Stop:
 class Estop:
     """Relax or vent now."""
 
-    robots: Who = None
+    robots: RobotNames = None
 
 
 @dataclass(frozen=True, slots=True)
 class ClearFault:
     """Clear the devices and the latch; nothing moves."""
 
-    robots: Who = None
+    robots: RobotNames = None
 
 
 @dataclass(frozen=True, slots=True)

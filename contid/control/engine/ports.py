@@ -159,11 +159,11 @@ class BusPort:
         self.stalls = 0
         return answer
 
-    def close(self, patience_s: float) -> None:
+    def close(self, timeout_s: float) -> None:
         """Let the bus go; a worker that hangs in its device is left behind (the thread is a daemon)."""
         if self._worker is not None:
             self._jobs.put(None)
-            self._worker.join(patience_s)
+            self._worker.join(timeout_s)
             if self._worker.is_alive():
                 return
             self._worker = None

@@ -1,4 +1,4 @@
-"""The robots of a run: of each its plan, its state and its tally, and how a change of its state is told."""
+"""The robots of a run: configuration, state and statistics of each, and the events of its changes."""
 
 from __future__ import annotations
 
@@ -8,7 +8,7 @@ from typing import TypeAlias
 from contid.control.engine import messages as msg
 from contid.control.engine.cycle import Sink
 from contid.control.engine.events import FaultLatched, ModeChanged, OrderRefused
-from contid.control.tick import state as change
+from contid.control.tick import transitions
 from contid.control.tick.config import RobotConfig
 from contid.control.tick.faults import Fault, describe
 from contid.control.tick.state import Effect, OrderRefusedError, RobotState
@@ -16,15 +16,15 @@ from contid.control.tick.statistics import RobotTally
 from contid.control.tick.supervisor import MOVING, Mode
 from contid.robot_file.base import StopPolicy
 
-#: How a robot obeys: its state after an order given at a time [s].
+#: Returns the state of a robot after an order given at a time [s].
 Order: TypeAlias = Callable[[RobotConfig, RobotState, float], RobotState]
 
-_BEFORE_THE_FIRST_COMMAND = (Mode.OFF, Mode.CONNECTING, Mode.READY, Mode.ARMING)
+_UNARMED = (Mode.OFF, Mode.CONNECTING, Mode.READY, Mode.ARMING)
 
 
 def stopping(policy: StopPolicy | None, reason: str) -> Order:
-    """The order to stop by a policy, or by each robot's own for a reason (``on_end``, ``on_fault``, ...)."""
-    return lambda config, state, now_s: change.stop(
+    """The order to stop by a policy, None for each robot's policy for a reason (``on_end``, ...)."""
+    return lambda config, state, now_s: transitions.stop(
         config, state, policy or getattr(config.stops, reason), now_s
     )
 
@@ -33,10 +33,10 @@ class Robots:
     """All robots of a robot file, by their index in it.
 
     Attributes:
-        configs: what is fixed about each.
-        states: what changes.
-        tallies: what the report will say.
-        told: state of each that was told last.
+        configs: configuration of each.
+        states: state of each.
+        tallies: statistics of each.
+        reported: mode of each in its newest event.
     """
 
     def __init__(self, configs: Sequence[RobotConfig], sink: Sink) -> None:
@@ -44,29 +44,29 @@ class Robots:
         self.states = [RobotState() for _ in configs]
         self.tallies = [RobotTally() for _ in configs]
         self._index = {config.name: index for index, config in enumerate(configs)}
-        self.told = [Mode.OFF for _ in configs]
+        self.reported = [Mode.OFF for _ in configs]
         self._sink = sink
 
     @property
     def moving(self) -> bool:
         """True while any robot may be in motion."""
-        return any(state.mode in MOVING or any(state.steps) for state in self.states)
+        return any(state.mode in MOVING or any(state.increments) for state in self.states)
 
     @property
     def armed(self) -> bool:
-        """True when no robot is on its way to its first command any more."""
-        return not any(state.mode in _BEFORE_THE_FIRST_COMMAND and state.wanted for state in self.states)
+        """True when every robot that was to be armed has its first command."""
+        return not any(state.mode in _UNARMED and state.arm_requested for state in self.states)
 
     @property
     def resting(self) -> bool:
-        """True when every robot is OFF, or stopped by a fault, and its devices were told so."""
+        """True when every robot is OFF or in FAULT, disabled, with no request pending."""
         return all(
             state.mode in (Mode.OFF, Mode.FAULT) and not state.enabled and state.pending is Effect.NONE
             for state in self.states
         )
 
-    def order(self, who: msg.Who, order: Order, now_s: float) -> None:
-        """Give an order to robots by name; what is refused becomes an event."""
+    def order(self, who: msg.RobotNames, order: Order, now_s: float) -> None:
+        """Give an order to robots by name; a refusal becomes an event."""
         for name in self._index if who is None else who:
             index = self._index.get(name)
             if index is None:
@@ -75,12 +75,12 @@ class Robots:
             try:
                 self.change(index, order, now_s)
             except OrderRefusedError as error:
-                # An order to everybody is not refused by those it does not concern.
+                # An order to all robots skips those it does not apply to.
                 if who is not None:
                     self._refuse(name, str(error))
 
     def change(self, index: int, order: Order, now_s: float) -> None:
-        """Change the state of one robot; what goes wrong is that robot's fault, never the end of the others.
+        """Change the state of one robot; an error becomes a fault of that robot only.
 
         Raises:
             OrderRefusedError: its state does not allow it.
@@ -95,14 +95,14 @@ class Robots:
 
     def fail(self, index: int, fault: Fault, message: str, now_s: float) -> None:
         """Latch a fault of one robot."""
-        self.states[index] = change.fail(self.configs[index], self.states[index], fault, message, now_s)
+        self.states[index] = transitions.fail(self.configs[index], self.states[index], fault, message, now_s)
 
-    def tell(self, tick: int) -> None:
-        """An event for every state, and every fault, that was entered since the last call."""
+    def report_changes(self, tick: int) -> None:
+        """Emit an event for every mode and every fault entered since the last call."""
         for index, state in enumerate(self.states):
-            if state.mode is self.told[index]:
+            if state.mode is self.reported[index]:
                 continue
-            self.told[index] = state.mode
+            self.reported[index] = state.mode
             name = self.configs[index].name
             if state.mode is Mode.FAULT:
                 fault = FaultLatched(

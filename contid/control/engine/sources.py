@@ -53,14 +53,14 @@ class Timed:
     def __init__(self, trajectory: Trajectory, rate_hz: float, configs: Sequence[RobotConfig]) -> None:
         self._trajectory = trajectory
         self._rate_hz = rate_hz
-        self._plans = tuple(configs)
+        self._configs = tuple(configs)
         self._robots = tuple(trajectory.targets_of_row(0))
         self._length = (trajectory.end_s - trajectory.start_s) * rate_hz
         self._origin: int | None = None
         self._base = 0.0  # ticks of the trajectory before the last pause
         # Known before the first tick: with many robots this takes longer than a tick may.
-        self._start_lead = ease_ticks(self._plans, trajectory, trajectory.start_s, ahead=True)
-        self._end_tail = ease_ticks(self._plans, trajectory, trajectory.end_s, ahead=False)
+        self._start_lead = ease_ticks(self._configs, trajectory, trajectory.start_s, ahead=True)
+        self._end_tail = ease_ticks(self._configs, trajectory, trajectory.end_s, ahead=False)
         self._lead = self._tail = 0
         self._paused = False
         self._ended_at: int | None = None
@@ -83,7 +83,7 @@ class Timed:
         """Start the clock when everybody is there; notice the end."""
         followers = [states[name] for name in self._robots if states[name].follow]
         if self._ended_at is not None:
-            still = all(state.command == state.aim for state in followers)
+            still = all(state.command == state.reference for state in followers)
             self.finished = still or tick - self._ended_at > SETTLE_S * self._rate_hz
         elif self._origin is None and not self._paused and followers:
             arrived = all(state.mode is Mode.RUN for state in followers)
@@ -110,7 +110,7 @@ class Timed:
         lead = self._start_lead
         if self._base > 0.0:
             now_s = trajectory.start_s + self._base / self._rate_hz
-            lead = ease_ticks(self._plans, trajectory, now_s, ahead=True)
+            lead = ease_ticks(self._configs, trajectory, now_s, ahead=True)
         self._lead, self._tail = min(lead, room), min(self._end_tail, room)
         self._origin = tick
 
@@ -142,7 +142,7 @@ class Live:
         if self._ended:
             self.finished = not any(
                 state.mode in (Mode.CONNECTING, Mode.READY, Mode.ARMING, Mode.APPROACH)
-                or (state.mode is Mode.RUN and state.command != state.aim)
+                or (state.mode is Mode.RUN and state.command != state.reference)
                 for name, state in states.items()
                 if self._newest.get(name) is not None and state.follow
             )

@@ -18,7 +18,7 @@ from contid.control.engine.events import StalenessChanged
 from contid.hal import Sample
 
 
-class Tier(enum.StrEnum):
+class Staleness(enum.StrEnum):
     """How far the data of a bus can be trusted."""
 
     FRESH = "fresh"
@@ -28,37 +28,37 @@ class Tier(enum.StrEnum):
     LOST = "lost"
 
 
-BOUNDS_S: Final[tuple[tuple[float, Tier], ...]] = (
-    (0.015, Tier.FRESH),
-    (0.050, Tier.LATE),
-    (0.200, Tier.STALE),
-    (1.000, Tier.OLD),
+BOUNDS_S: Final[tuple[tuple[float, Staleness], ...]] = (
+    (0.015, Staleness.FRESH),
+    (0.050, Staleness.LATE),
+    (0.200, Staleness.STALE),
+    (1.000, Staleness.OLD),
 )
 #: Periods of the tick that no bound is shorter than.
-LEAST_PERIODS: Final = 3.0
+MIN_PERIODS: Final = 3.0
 #: A better tier is told when it has lasted so long, so that a device at a bound does not flood the session.
-LASTING_S: Final = 0.5
-_ORDER: Final = {tier: place for place, tier in enumerate(Tier)}
+RECOVERY_S: Final = 0.5
+_ORDER: Final = {tier: place for place, tier in enumerate(Staleness)}
 
 
-def tier_of(age_s: float, period_s: float) -> Tier:
+def staleness_of(age_s: float, period_s: float) -> Staleness:
     """The tier of an age."""
     for bound_s, tier in BOUNDS_S:
-        if age_s <= max(bound_s, LEAST_PERIODS * period_s):
+        if age_s <= max(bound_s, MIN_PERIODS * period_s):
             return tier
-    return Tier.LOST
+    return Staleness.LOST
 
 
-class TierWatch:
+class StalenessMonitor:
     """Tells every change of a bus's tier: a worse one at once, a better one when it has lasted."""
 
     def __init__(self, axes_of: Mapping[str, Sequence[str]], rate_hz: float, sink: Sink) -> None:
         """``axes_of``: axes by bus."""
         self._axes_of = {bus: tuple(axes) for bus, axes in axes_of.items()}
         self._period_s = 1.0 / rate_hz
-        self._lasting = max(math.ceil(LASTING_S * rate_hz), 1)
+        self._recovery_ticks = max(math.ceil(RECOVERY_S * rate_hz), 1)
         self._sink = sink
-        self._told: dict[str, Tier] = {}
+        self._reported: dict[str, Staleness] = {}
         self._better: dict[str, int] = dict.fromkeys(self._axes_of, 0)
 
     def look(self, tick: int, samples: Mapping[str, Sample], now_s: float) -> None:
@@ -68,17 +68,17 @@ class TierWatch:
             if not read or len(read) < len(axes) or any(s.value is None for s in read):
                 continue
             age_s = now_s - min([sample.time_s for sample in read])
-            tier = tier_of(age_s, self._period_s)
-            before = self._told.setdefault(bus, tier)
+            tier = staleness_of(age_s, self._period_s)
+            before = self._reported.setdefault(bus, tier)
             if tier is before:
                 self._better[bus] = 0
                 continue
             if _ORDER[tier] < _ORDER[before]:
                 self._better[bus] += 1
-                if self._better[bus] < self._lasting:
+                if self._better[bus] < self._recovery_ticks:
                     continue
             self._better[bus] = 0
-            self._told[bus] = tier
+            self._reported[bus] = tier
             self._sink.event(
                 StalenessChanged(tick=tick, bus=bus, tier=str(tier), before=str(before), age_s=age_s)
             )

@@ -9,10 +9,10 @@ from typing import Final
 from contid.control.engine.chain_orders import ChainOrders
 from contid.control.engine.cycle import OnEnd, Sink
 from contid.control.engine.events import SourceEnded, StopBegan
-from contid.control.engine.messages import Who
+from contid.control.engine.messages import RobotNames
 from contid.control.engine.robots import Robots, stopping
 from contid.control.engine.sources import Live, Source, Timed
-from contid.control.tick import state as change
+from contid.control.tick import transitions
 from contid.control.tick.state import Effect
 from contid.control.tick.supervisor import REST_OF, Mode
 from contid.control.tick.tip_feedback import Measurement
@@ -85,12 +85,12 @@ class TargetSelector:
         """Follow a new live stream instead."""
         self._replace(Live(), now_s)
 
-    def pause(self, who: Who, step: int) -> None:
+    def pause(self, who: RobotNames, step: int) -> None:
         """What stops everybody stops the time of the trajectory too."""
         if who is None and self.source is not None:
             self.source.pause(step)
 
-    def resume(self, who: Who) -> None:
+    def resume(self, who: RobotNames) -> None:
         """What resumes everybody resumes it."""
         if who is None and self.source is not None:
             self.source.resume()
@@ -132,7 +132,7 @@ class TargetSelector:
         states = self._robots.states
         for index, config in enumerate(self._robots.configs):
             state = states[index]
-            if state.mode is Mode.FAULT and state.enabled and not any(state.steps):
+            if state.mode is Mode.FAULT and state.enabled and not any(state.increments):
                 resting = Effect(REST_OF[config.stops.on_fault])
                 states[index] = replace(state, pending=resting, enabled=False, motion=None)
 
@@ -153,4 +153,4 @@ class TargetSelector:
         for index, config in enumerate(self._robots.configs):
             state = states[index]
             if state.mode is Mode.RUN or (state.mode is Mode.APPROACH and state.goto is None):
-                states[index] = change.stay(config, state, now_s)
+                states[index] = transitions.stay(config, state, now_s)

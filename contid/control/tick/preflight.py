@@ -16,7 +16,7 @@ from contid.units import m_to_mm
 
 MAX_FINDINGS: Final = 20
 #: A rope is looked at so often between rows; tips at 0.5 m/s move 10 mm meanwhile.
-LOOK_S: Final = 0.02
+SAMPLE_INTERVAL_S: Final = 0.02
 
 
 class Unreachable(enum.StrEnum):
@@ -45,7 +45,7 @@ class Preflight:
         unreachable: Unreachable = Unreachable.REFUSE,
         seeds: Mapping[str, Actuation] | None = None,
     ) -> None:
-        self._plans = {config.name: config for config in configs}
+        self._configs = {config.name: config for config in configs}
         self._seeds = {config.name: config.rest for config in configs} | dict(seeds or {})
         self._guards = guards
         self._refuses = unreachable is Unreachable.REFUSE
@@ -61,7 +61,7 @@ class Preflight:
         wrong = {}
         tips = dict(self._tips)
         for name, target in targets.items():
-            config = self._plans.get(name)
+            config = self._configs.get(name)
             if config is None or target is None:
                 continue
             try:
@@ -88,7 +88,7 @@ class Preflight:
 
     def _tip(self, name: str, actuation: Actuation, target: Target | None = None) -> Tip:
         """Tip and direction of an arm in the world."""
-        config = self._plans[name]
+        config = self._configs[name]
         load_in_base = ZERO3 if target is None else config.frame.vector_in_base(target.load_n)
         pose = config.model.forward(actuation, load_in_base)
         return config.frame.point_in_world(pose.tip_m), config.frame.vector_in_world(pose.direction)
@@ -96,16 +96,16 @@ class Preflight:
     def between_rows(self, trajectory: Trajectory, index: int) -> dict[str, str]:
         """Why a chain forbids the way from the row before to this one; empty when it does not.
 
-        Rows may be far apart: a rope is looked at least every `LOOK_S`.
+        Rows may be far apart: a rope is looked at least every `SAMPLE_INTERVAL_S`.
         """
         if not self._guards or index == 0:
             return {}
         start_s, end_s = trajectory.time_of_row(index - 1), trajectory.time_of_row(index)
-        looks = math.ceil((end_s - start_s) / LOOK_S)
+        samples = math.ceil((end_s - start_s) / SAMPLE_INTERVAL_S)
         seeds, tips = dict(self._seeds), self._tips
         try:
-            for k in range(1, looks):
-                targets = trajectory.targets_at(start_s + (end_s - start_s) * k / looks)
+            for k in range(1, samples):
+                targets = trajectory.targets_at(start_s + (end_s - start_s) * k / samples)
                 # A model's nearest point between two good rows is what the tick follows.
                 wrong = self._row(targets, refuses=False)
                 if wrong:

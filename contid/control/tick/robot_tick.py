@@ -1,4 +1,4 @@
-"""One tick of one robot: a pure function of its plan, its state, the time, its samples and its target.
+"""One tick of one robot: a pure function of its configuration, state, time, samples and target.
 
     target -> base frame -> model.inverse (seed: last command) -> limits -> transmission -> device values
 
@@ -16,15 +16,16 @@ from typing import Final
 from contid.control.tick.config import RobotConfig
 from contid.control.tick.faults import Fault
 from contid.control.tick.limits import limit
-from contid.control.tick.state import Effect, RobotState, fail, moved, speed, stay, stopped
+from contid.control.tick.state import Effect, RobotState
 from contid.control.tick.supervisor import Event, Mode
 from contid.control.tick.tip_feedback import Measurement, corrected, kept, observed
+from contid.control.tick.transitions import fail, moved, speed, stay, stopped
 from contid.hal import Sample
 from contid.targets import Actuation, Solution, Target
 from contid.trajectory.approach import Approach
 
-#: How long a robot waits for a first valid sample of every axis, and for one after arming.
-PATIENCE_S: Final = 2.0
+#: Longest wait for a first valid sample of every axis.
+FIRST_SAMPLE_TIMEOUT_S: Final = 2.0
 
 _WATCHED: Final = frozenset(Mode) - {Mode.OFF, Mode.CONNECTING, Mode.FAULT}
 _DRIVEN: Final = frozenset({Mode.APPROACH, Mode.RUN, Mode.HOLD, Mode.STOPPING, Mode.FAULT})
@@ -32,12 +33,12 @@ _DRIVEN: Final = frozenset({Mode.APPROACH, Mode.RUN, Mode.HOLD, Mode.STOPPING, M
 
 @dataclass(frozen=True, slots=True)
 class TickResult:
-    """What a tick of one robot decided.
+    """Result of a tick of one robot.
 
     Attributes:
         state: after the tick.
         device: commanded device values in the order of the axes, empty when nothing is commanded.
-        solution: the model's answer when it was asked.
+        solution: of the model, None when it was not solved.
         tip_error_m: distance of the commanded model's tip from the (corrected) target; NaN without a target.
         limits: bits of `contid.control.tick.limits` per axis, empty when nothing was limited.
     """
@@ -57,15 +58,15 @@ def tick(
     target: Target | None,
     measurement: Measurement | None = None,
 ) -> TickResult:
-    """Decide what one robot does in this tick.
+    """Run one tick of one robot.
 
     Args:
-        config: what is fixed about the robot.
+        config: of the robot.
         state: after the previous tick and the orders since.
         now_s: time of the robot, one period per tick that ran.
-        samples: newest of every axis, in the order of the plan; empty before the first.
-        target: what the source wants of this robot now, in the world frame.
-        measurement: newest measured tip, if anybody measures.
+        samples: newest of every axis, in the order of the axes; empty before the first.
+        target: of the source, in the world frame.
+        measurement: newest measured tip, None without a tracker.
     """
     try:
         if state.mode in _WATCHED and samples:
@@ -93,13 +94,13 @@ def tick(
         if state.mode not in _DRIVEN or not state.enabled:
             return TickResult(state)
         return _move(config, state, now_s)
-    except Exception as error:  # one robot's defect is that robot's fault, never the end of the others
+    except Exception as error:  # an error in one robot must not stop the others
         failed = fail(config, state, Fault.INTERNAL, f"{type(error).__name__}: {error}", now_s)
-        return TickResult(replace(failed, motion=None, aim=failed.command))
+        return TickResult(replace(failed, motion=None, reference=failed.command))
 
 
 def watched(config: RobotConfig, state: RobotState, samples: Sequence[Sample], now_s: float) -> RobotState:
-    """The state after looking at the samples: misses counted, faults latched."""
+    """The state after checking the samples: misses counted, faults latched."""
     misses = state.misses
     if any(misses) or not all(sample.valid for sample in samples):
         misses = tuple(
@@ -124,22 +125,24 @@ def _arming(
 ) -> RobotState:
     """From CONNECTING towards the first command; each step needs a valid sample of every axis."""
     sampled = bool(samples) and all(sample.valid and sample.value is not None for sample in samples)
-    late = now_s - state.since_s > PATIENCE_S
+    late = now_s - state.since_s > FIRST_SAMPLE_TIMEOUT_S
     if state.mode is Mode.CONNECTING:
         if sampled:
             state = moved(config, state, Event.SAMPLED, now_s)
         elif late:
             silent = [axis for axis, sample in zip(config.axes, samples, strict=False) if not sample.valid]
-            message = f"no valid sample of {', '.join(silent or config.axes)} within {PATIENCE_S:g} s"
+            message = (
+                f"no valid sample of {', '.join(silent or config.axes)} within {FIRST_SAMPLE_TIMEOUT_S:g} s"
+            )
             return fail(config, state, Fault.NO_SAMPLE, message, now_s)
-    if state.mode is Mode.READY and state.wanted:
-        # Commands of the time before are forgotten: whatever interrupts the arming must not go back to them.
-        forgetful = replace(state, command=(), steps=(), aim=(), motion=None)
-        return replace(moved(config, forgetful, Event.ARM, now_s), pending=Effect.ENABLE, enabled=False)
+    if state.mode is Mode.READY and state.arm_requested:
+        # Old commands are dropped: an interrupted arming must not return to them.
+        cleared = replace(state, command=(), increments=(), reference=(), motion=None)
+        return replace(moved(config, cleared, Event.ARM, now_s), pending=Effect.ENABLE, enabled=False)
     if state.mode is Mode.ARMING and state.enabled and sampled:
         present = config.transmission.to_actuation(tuple(sample.value or 0.0 for sample in samples))
         still = (0.0,) * len(present)
-        state = replace(state, command=present, aim=present, steps=still, motion=None)
+        state = replace(state, command=present, reference=present, increments=still, motion=None)
         if target is None or not state.follow:
             return moved(config, state, Event.HOLD, now_s)
         return _approach(config, moved(config, state, Event.ARMED, now_s), target, now_s, now_s)
@@ -149,7 +152,7 @@ def _arming(
 def _approach(
     config: RobotConfig, state: RobotState, target: Target, now_s: float, start_s: float
 ) -> RobotState:
-    """Begin the jerk-limited way from the last command, given at ``start_s``, to a target."""
+    """Begin the jerk-limited motion from the last command, given at ``start_s``, to a target."""
     wanted = corrected(state.correction, config.frame.target_in_base(target))
     goal = config.model.inverse(wanted, state.command).actuation
     if not all(map(math.isfinite, goal)):
@@ -161,7 +164,7 @@ def _approach(
 
 
 def _follow(config: RobotConfig, state: RobotState, now_s: float, target: Target) -> TickResult:
-    """RUN: the model answers the target, the limiter has the last word."""
+    """RUN: solve the model for the target, then limit."""
     in_base = corrected(state.correction, config.frame.target_in_base(target))
     solution = config.model.inverse(in_base, state.command)
     if not all(map(math.isfinite, solution.actuation)):
@@ -178,18 +181,18 @@ def _follow(config: RobotConfig, state: RobotState, now_s: float, target: Target
 
 
 def _move(config: RobotConfig, state: RobotState, now_s: float) -> TickResult:
-    """Follow the running motion, or stand still, and take the step its end calls for."""
-    aim = state.aim
+    """Follow the running motion or stand still; change the mode at its end."""
+    reference = state.reference
     over = True
     if state.motion is not None:
         since_s = now_s - state.motion_s
-        aim = state.motion.at(since_s)[0]
+        reference = state.motion.at(since_s)[0]
         over = since_s >= state.motion.duration_s
-    after, flags = _limited(config, state, aim)
+    after, flags = _limited(config, state, reference)
     device = config.transmission.to_device(after.command)
     # The limiter may lag behind (a motion that ends outside a limit): wait for standstill.
-    if over and not any(after.steps):
-        after = replace(after, motion=None, aim=after.command)
+    if over and not any(after.increments):
+        after = replace(after, motion=None, reference=after.command)
         if after.mode is Mode.APPROACH:
             after = _arrived(config, after, now_s)
         elif after.mode is Mode.STOPPING:
@@ -203,16 +206,18 @@ def _arrived(config: RobotConfig, state: RobotState, now_s: float) -> RobotState
     return replace(moved(config, state, Event.HOLD, now_s), goto=None)
 
 
-def _limited(config: RobotConfig, state: RobotState, aim: Actuation) -> tuple[RobotState, tuple[int, ...]]:
-    """The state with its next command, and what limited it; limits count in ticks that ran."""
+def _limited(
+    config: RobotConfig, state: RobotState, reference: Actuation
+) -> tuple[RobotState, tuple[int, ...]]:
+    """The state with its next command, and the limits that bound; skipped ticks do not count."""
     last = state.command
-    pace = [new - old for new, old in zip(aim, state.aim, strict=True)]
-    command, flags = limit(config.limits, last, state.steps, aim, pace)
-    steps = tuple([new - old for new, old in zip(command, last, strict=True)])
+    target_step = [new - old for new, old in zip(reference, state.reference, strict=True)]
+    command, flags = limit(config.limits, last, state.increments, reference, target_step)
+    increments = tuple([new - old for new, old in zip(command, last, strict=True)])
     # Written out: `replace` costs three times as much, and this runs for every robot in every tick.
     after = RobotState(
-        state.mode, state.since_s, state.fault, state.message, state.enabled, state.wanted, state.follow,
-        state.goto, command, steps, aim, state.motion, state.motion_s, state.policy, state.misses,
-        state.pending, state.correction,
+        state.mode, state.since_s, state.fault, state.message, state.enabled, state.arm_requested,
+        state.follow, state.goto, command, increments, reference, state.motion, state.motion_s, state.policy,
+        state.misses, state.pending, state.correction,
     )  # fmt: skip
     return after, flags if any(flags) else ()

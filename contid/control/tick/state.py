@@ -1,27 +1,20 @@
-"""The state of one robot and how orders and faults change it: pure functions, one per thing that happens.
-
-Nothing here touches a device. What a device shall do is left in ``RobotState.pending`` for the engine.
-"""
+"""The state of one robot; `contid.control.tick.transitions` changes it."""
 
 from __future__ import annotations
 
 import enum
-from collections.abc import Sequence
-from dataclasses import dataclass, replace
-from typing import Protocol
+from dataclasses import dataclass
+from typing import Final, Protocol
 
-from contid.control.tick.config import RobotConfig
 from contid.control.tick.faults import Fault
-from contid.control.tick.supervisor import REST_OF, Event, Mode, allowed, move
+from contid.control.tick.supervisor import Mode
 from contid.control.tick.tip_feedback import Correction
 from contid.errors import ContidError
-from contid.hal import Rest, Sample
+from contid.hal import Rest
 from contid.robot_file.base import StopPolicy
 from contid.targets import Actuation, Target
-from contid.trajectory.approach import Approach
-from contid.trajectory.standstill import stopping
 
-NO_CORRECTION = Correction()
+NO_CORRECTION: Final = Correction()
 
 
 class AxisMotion(Protocol):
@@ -38,7 +31,7 @@ class AxisMotion(Protocol):
 
 
 class Effect(enum.Enum):
-    """What the engine has to ask of the devices."""
+    """A request of a robot to its devices."""
 
     NONE = "none"
     ENABLE = "enable"
@@ -49,7 +42,7 @@ class Effect(enum.Enum):
 
 
 class OrderRefusedError(ContidError):
-    """An order that the state of the robot does not allow; the message says what it does allow."""
+    """The state of the robot does not allow an order; the message lists what is allowed."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -58,21 +51,21 @@ class RobotState:
 
     Attributes:
         mode: of the supervisor.
-        since_s: when it was entered.
-        fault: latched; NONE while there is none.
-        message: what exactly went wrong.
+        since_s: when the mode was entered.
+        fault: latched; NONE without a fault.
+        message: cause of the fault.
         enabled: the devices accept commands.
-        wanted: shall be armed as soon as it is READY.
-        follow: shall follow the source; False after a hold order.
+        arm_requested: arm once READY.
+        follow: follow the source; False after a hold order.
         goto: single target to go to, then hold.
         command: last commanded actuation; empty before arming.
-        steps: last command minus the one before.
-        aim: last actuation before the limits.
+        increments: last command minus the one before.
+        reference: last actuation before the limits.
         motion: running approach or stop.
-        motion_s: when it started: at the command before, so that the next tick is one period into it.
+        motion_s: its start, at the previous command: the next tick is one period into it.
         policy: of the stop that runs.
         misses: exchanges in a row that each axis missed.
-        pending: what the devices shall do.
+        pending: next request to the devices.
         correction: of the closed loop on the tip.
     """
 
@@ -81,167 +74,15 @@ class RobotState:
     fault: Fault = Fault.NONE
     message: str = ""
     enabled: bool = False
-    wanted: bool = False
+    arm_requested: bool = False
     follow: bool = False
     goto: Target | None = None
     command: Actuation = ()
-    steps: Actuation = ()
-    aim: Actuation = ()
+    increments: Actuation = ()
+    reference: Actuation = ()
     motion: AxisMotion | None = None
     motion_s: float = 0.0
     policy: StopPolicy | None = None
     misses: tuple[int, ...] = ()
     pending: Effect = Effect.NONE
     correction: Correction = NO_CORRECTION
-
-
-def moved(config: RobotConfig, state: RobotState, event: Event, now_s: float) -> RobotState:
-    """The state after an event.
-
-    Raises:
-        OrderRefusedError: the event means nothing in this state.
-    """
-    mode = move(state.mode, event)
-    if mode is None:
-        why = f" ({state.message})" if state.mode is Mode.FAULT else ""
-        raise OrderRefusedError(
-            f"{config.name}: cannot {event.value} while {state.mode.name}{why}; "
-            f"possible now: {', '.join(allowed(state.mode))}"
-        )
-    return replace(state, mode=mode, since_s=now_s)
-
-
-def connect(config: RobotConfig, state: RobotState, now_s: float) -> RobotState:
-    """The buses are open: wait for a valid sample of every axis."""
-    return replace(moved(config, state, Event.CONNECT, now_s), misses=(0,) * len(config.axes))
-
-
-def resume(config: RobotConfig, state: RobotState, now_s: float) -> RobotState:
-    """Arm if need be and follow the source again; from OFF the samples are awaited first."""
-    if state.mode is Mode.FAULT or state.mode is Mode.STOPPING:
-        return moved(config, state, Event.ARM, now_s)
-    if state.mode is Mode.OFF:
-        state = connect(config, state, now_s)
-    return replace(state, wanted=True, follow=True, goto=None)
-
-
-def hold(config: RobotConfig, state: RobotState, now_s: float) -> RobotState:
-    """Stop jerk-limited and stay; a robot that is being armed stays where it is."""
-    if state.mode in (Mode.HOLD, Mode.CONNECTING, Mode.READY, Mode.ARMING):
-        return replace(state, follow=False, goto=None)
-    return replace(stay(config, state, now_s), follow=False, goto=None)
-
-
-def stay(config: RobotConfig, state: RobotState, now_s: float) -> RobotState:
-    """To HOLD with a jerk-limited stop from whatever motion there is."""
-    return braking(config, moved(config, state, Event.HOLD, now_s), now_s)
-
-
-def goto(config: RobotConfig, state: RobotState, target: Target, now_s: float) -> RobotState:
-    """Go to one target, then hold; needs an armed robot, which may be on its way elsewhere."""
-    if state.mode is not Mode.APPROACH and move(state.mode, Event.FOLLOW) is None:
-        return moved(config, state, Event.FOLLOW, now_s)
-    state = state if state.mode is Mode.HOLD else stay(config, state, now_s)
-    return replace(state, follow=False, goto=target)
-
-
-def stop(config: RobotConfig, state: RobotState, policy: StopPolicy, now_s: float) -> RobotState:
-    """Begin to stop by a policy; a robot in FAULT or not armed has nothing to move, its devices rest now."""
-    after = replace(moved(config, state, Event.STOP, now_s), wanted=False, follow=False, goto=None)
-    if after.mode in (Mode.OFF, Mode.FAULT):
-        resting = _effect(policy) if state.command else Effect.NONE
-        return replace(after, pending=resting, enabled=False, motion=None)
-    if not state.command or policy is StopPolicy.VENT:
-        return stopped(config, replace(after, policy=policy), now_s)
-    if policy is StopPolicy.REST:
-        motion = Approach(
-            state.command,
-            speed(config, state),
-            config.rest,
-            config.velocity,
-            config.acceleration,
-            config.jerk,
-        )
-        return replace(after, policy=policy, motion=motion, motion_s=now_s - config.period_s)
-    return braking(config, replace(after, policy=policy), now_s)
-
-
-def stopped(config: RobotConfig, state: RobotState, now_s: float) -> RobotState:
-    """The stop is done: OFF, the devices at the rest its policy names."""
-    assert state.policy is not None
-    after = moved(config, state, Event.STOPPED, now_s)
-    return replace(after, pending=_effect(state.policy), enabled=False, motion=None, policy=None)
-
-
-def estop(config: RobotConfig, state: RobotState, now_s: float) -> RobotState:
-    """Relax or vent now, from any state; OFF afterwards, a latched fault stays. Never refused."""
-    if state.mode is not Mode.OFF:
-        state = moved(config, state, Event.ESTOP, now_s)
-    return replace(
-        state, wanted=False, follow=False, goto=None, enabled=False, motion=None,
-        policy=None, pending=_effect(config.stops.estop),
-    )  # fmt: skip
-
-
-def fail(config: RobotConfig, state: RobotState, fault: Fault, message: str, now_s: float) -> RobotState:
-    """Latch a fault and stop by the policy; the first one stays."""
-    if state.mode is Mode.FAULT:
-        return state
-    after = replace(
-        moved(config, state, Event.FAULT, now_s),
-        fault=fault, message=message, wanted=False, follow=False, goto=None, motion=None, policy=None,
-    )  # fmt: skip
-    if fault in (Fault.DEVICE_LOST, Fault.BUS_STALLED) or not state.enabled:
-        # Nobody listens, or nothing holds: the devices' own dead-man is what is left.
-        return replace(after, enabled=False, pending=Effect.NONE)
-    if config.stops.on_fault is StopPolicy.HOLD and state.command:
-        return braking(config, replace(after, pending=Effect.NONE), now_s)
-    return replace(after, enabled=False, pending=_effect(config.stops.on_fault))
-
-
-def ask_clear(config: RobotConfig, state: RobotState, now_s: float) -> RobotState:
-    """Ask the devices to clear themselves first; what leaves the fault is their answer (`clear`)."""
-    if state.mode is not Mode.FAULT:
-        return clear(config, state, (), now_s)
-    return replace(state, pending=Effect.CLEAR)
-
-
-def clear(config: RobotConfig, state: RobotState, samples: Sequence[Sample], now_s: float) -> RobotState:
-    """Leave a fault after everything was looked at again; never moves, never changes torque.
-
-    Raises:
-        OrderRefusedError: something is still wrong, or there is no fault.
-    """
-    wrong = "; ".join(_wrong(config, samples))
-    if state.mode is Mode.FAULT and wrong:
-        raise OrderRefusedError(f"{config.name}: not cleared, {wrong}")
-    after = moved(config, state, Event.CLEAR, now_s)
-    # Whether the devices still hold is no longer known: arming starts again from what is measured.
-    return replace(after, fault=Fault.NONE, message="", enabled=False, misses=(0,) * len(config.axes))
-
-
-def _wrong(config: RobotConfig, samples: Sequence[Sample]) -> list[str]:
-    out = [
-        f"{axis} {'reports ' + sample.fault if sample.fault else 'is silent'}"
-        for axis, sample in zip(config.axes, samples, strict=False)
-        if sample.fault or not sample.valid
-    ]
-    return out if len(samples) == len(config.axes) else [*out, "its bus is not open"]
-
-
-def speed(config: RobotConfig, state: RobotState) -> Actuation:
-    """Velocity of the last command [1/s]."""
-    return tuple(step / config.period_s for step in state.steps)
-
-
-def braking(config: RobotConfig, state: RobotState, now_s: float) -> RobotState:
-    """The state with a jerk-limited stop from its present motion; none is needed at standstill."""
-    if not any(state.steps):
-        return replace(state, motion=None, aim=state.command)
-    rest = (0.0,) * len(state.command)
-    motion = stopping(state.command, speed(config, state), rest, config.acceleration, config.jerk)
-    return replace(state, motion=motion, motion_s=now_s - config.period_s)
-
-
-def _effect(policy: StopPolicy) -> Effect:
-    return Effect(REST_OF[policy])

@@ -6,7 +6,7 @@ import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
-from contid.control.engine.staleness import Tier, tier_of
+from contid.control.engine.staleness import Staleness, staleness_of
 from contid.control.engine.tick_layout import RecordLayout, TickRecord
 
 
@@ -20,7 +20,7 @@ class BusHealth:
         silent: axes that the newest exchange did not read.
     """
 
-    tier: Tier
+    tier: Staleness
     age_s: float
     silent: tuple[str, ...]
 
@@ -49,5 +49,5 @@ def bus_health(
         known = [axis for axis in axes if axis in times]
         age_s = max((now_s - times[axis] for axis in known), default=math.inf)
         silent = tuple(axis for axis in known if not valid[axis])
-        health[bus] = BusHealth(tier_of(age_s, period_s), max(age_s, 0.0), silent)
+        health[bus] = BusHealth(staleness_of(age_s, period_s), max(age_s, 0.0), silent)
     return health

@@ -78,8 +78,8 @@ def test_a_stuck_bus_faults_its_robot_and_the_other_runs_on() -> None:
             if tick == 40:
                 buses["bus0"].free.clear()
             # The end is far away for a healthy bus and near for the stuck one: no timing is asserted.
-            patience_s = 5.0 if tick < 40 else 0.05
-            engine.cycle(Timing(tick, 0, clock.now_s, 0.0, clock.now_s + patience_s))
+            timeout_s = 5.0 if tick < 40 else 0.05
+            engine.cycle(Timing(tick, 0, clock.now_s, 0.0, clock.now_s + timeout_s))
         assert engine.states[0].mode is Mode.FAULT
         assert engine.states[0].fault is Fault.BUS_STALLED
         assert engine.states[1].mode is Mode.HOLD
@@ -101,10 +101,10 @@ def test_an_estop_that_meets_a_late_bus_is_waited_for_before_the_run_ends() -> N
     engine.arm()
     tick = 0
 
-    def cycle(patience_s: float) -> None:
+    def cycle(timeout_s: float) -> None:
         nonlocal tick
         clock.now_s = tick / 200.0
-        engine.cycle(Timing(tick, 0, clock.now_s, 0.0, clock.now_s + patience_s))
+        engine.cycle(Timing(tick, 0, clock.now_s, 0.0, clock.now_s + timeout_s))
         tick += 1
 
     try:

@@ -5,7 +5,7 @@ from __future__ import annotations
 from typing import Any
 
 from contid.control.engine.events import RunEvent, to_json
-from contid.control.engine.staleness import TierWatch
+from contid.control.engine.staleness import StalenessMonitor
 from contid.hal import Sample
 
 RATE_HZ = 200.0
@@ -27,7 +27,7 @@ def sample(time_s: float) -> Sample:
 
 def test_every_change_is_an_event() -> None:
     told = Told()
-    watch = TierWatch({"servos": ("a", "b"), "board": ()}, RATE_HZ, told)  # type: ignore[arg-type]
+    watch = StalenessMonitor({"servos": ("a", "b"), "board": ()}, RATE_HZ, told)  # type: ignore[arg-type]
     watch.look(0, {}, 0.0)
     fresh = 0.0
     for tick in range(1, 900):
@@ -45,7 +45,7 @@ def test_every_change_is_an_event() -> None:
 
 def test_a_device_at_a_bound_does_not_flood() -> None:
     told = Told()
-    watch = TierWatch({"servos": ("a",)}, RATE_HZ, told)  # type: ignore[arg-type]
+    watch = StalenessMonitor({"servos": ("a",)}, RATE_HZ, told)  # type: ignore[arg-type]
     for tick in range(2000):
         now_s = tick / RATE_HZ
         watch.look(tick, {"a": sample(now_s - (0.020 if tick % 4 == 1 else 0.0))}, now_s)
