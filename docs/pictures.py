@@ -30,13 +30,13 @@ from PIL import Image
 IMAGES = Path(__file__).parent / "images"
 SIZE = (1280, 720)
 #: Software rendering draws a page of curves in some seconds; two equal screenshots in a row end the wait.
-PATIENCE_S = 120.0
+PAGE_TIMEOUT_S = 120.0
 EVERY_S = 4.0
 #: Where the page has the beginning and the end of the run, in pixels from the left, and how far down.
 SLIDER = (268, 1072)
 SLIDER_HEIGHT = SIZE[1] - 14
 
-#: What each robot does in its picture, arguments of `contid path`, and when in the run it is seen, 0 to 1.
+#: What each robot does in its image: arguments of `contid path`, and when in the run it is seen, 0 to 1.
 PATHS = {
     "finger": ("circle --center 20,80 --radius 10 --period 3 --laps 3", 0.75),
     "hand": ("circle --center 50,70 --radius 20 --period 4 --laps 2", 0.75),
@@ -52,7 +52,7 @@ ON_PAGES = ("finger", "hand", "trirack2", "cbha", "stiffflop2", "chain")
 
 
 class Browser:
-    """Chromium without a window, told what to do over a pair of pipes."""
+    """Chromium without a window, controlled over a pair of pipes."""
 
     def __init__(self, profile: Path) -> None:
         program = shutil.which("chromium") or shutil.which("google-chrome")
@@ -97,7 +97,7 @@ class Browser:
         if self._session is not None:
             message["sessionId"] = self._session
         os.write(self._out, json.dumps(message).encode() + b"\0")
-        deadline_s = time.monotonic() + PATIENCE_S
+        deadline_s = time.monotonic() + PAGE_TIMEOUT_S
         while time.monotonic() < deadline_s:
             for answer in self._messages(1.0):
                 if answer.get("id") == self._number:
@@ -107,14 +107,14 @@ class Browser:
         raise SystemExit(f"{method}: no answer")
 
     def evaluate(self, expression: str) -> Any:
-        """What the page's script says to an expression."""
+        """Value of a script expression in the page."""
         answer = self.call("Runtime.evaluate", expression=expression, returnByValue=True)
         if "exceptionDetails" in answer:
             raise SystemExit(f"{expression}: {answer['exceptionDetails']['exception'].get('description')}")
         return answer["result"].get("value")
 
     def click(self, x: float, y: float) -> None:
-        """Press the mouse there, then take it out of the picture."""
+        """Press the mouse there, then move it out of the image."""
         for kind, place in (("mouseMoved", (x, y)), ("mousePressed", (x, y)), ("mouseReleased", (x, y))):
             button = {"button": "left", "clickCount": 1} if kind != "mouseMoved" else {}
             self.call("Input.dispatchMouseEvent", type=kind, x=place[0], y=place[1], **button)
@@ -192,7 +192,7 @@ def served(path: Path) -> Iterator[str]:
             process.terminate()
 
 
-def picture(robot: str, folder: Path) -> Path:
+def image(robot: str, folder: Path) -> Path:
     """Run a robot and photograph it."""
     recording = folder / f"{robot}.rrd"
     path, share = PATHS[robot]
@@ -212,7 +212,7 @@ def picture(robot: str, folder: Path) -> Path:
             for panel in ("top", "time"):
                 browser.evaluate(f"_handle.override_panel_state('{panel}', 'hidden')")
             last, shot = b"", b""
-            deadline_s = time.monotonic() + PATIENCE_S
+            deadline_s = time.monotonic() + PAGE_TIMEOUT_S
             while (not shot or shot != last) and time.monotonic() < deadline_s:
                 browser.wait(EVERY_S)
                 last, shot = shot, browser.screenshot()
@@ -222,7 +222,7 @@ def picture(robot: str, folder: Path) -> Path:
             browser.close()
     target = IMAGES / f"{robot}.png"
     target.parent.mkdir(exist_ok=True)
-    # Five bits a colour: the page is flat areas and thin lines, nobody sees the difference.
+    # Five bits a colour: the page is flat areas and thin lines, the difference is invisible.
     few = Image.open(io.BytesIO(shot)).convert("RGB").point(lambda value: min(value + 4, 255) & 0xF8)
     few.save(target, optimize=True)
     return target
@@ -232,7 +232,7 @@ def main() -> None:
     """Make the pictures that were asked for, or all that are on a page."""
     for robot in sys.argv[1:] or ON_PAGES:
         with tempfile.TemporaryDirectory(ignore_cleanup_errors=True) as folder:
-            path = picture(robot, Path(folder))
+            path = image(robot, Path(folder))
         sys.stderr.write(f"{path}: {path.stat().st_size / 1e3:.0f} kB\n")
 
 

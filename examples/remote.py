@@ -1,4 +1,4 @@
-"""A finger driven from Python: a point, a circle, and what the daemon tells meanwhile.
+"""A finger driven from Python: a point, a circle, and its telemetry.
 
 Start a daemon first: `contid run finger --mock < /dev/null`, then `python examples/remote.py [SOCKET]`.
 """

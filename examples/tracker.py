@@ -1,10 +1,10 @@
-"""A tracker: tells a running daemon where it sees the tip of a robot, a hundred times a second.
+"""A tracker: sends measured tip positions of a robot to a running daemon, a hundred times a second.
 
     contid run finger --mock --trajectory circle.csv --on-end hold
     python examples/tracker.py --csv poses.csv          # t_s,x_mm,y_mm[,z_mm][,ax,ay,az], played in time
     python examples/tracker.py --plant wrong.yaml       # simulated: the daemon's actuators move *this* robot
 
-With `feedback` in the daemon's robot file targets move until the measured tip is where it shall be; without,
+With `feedback` in the daemon's robot file targets move until the measured tip is at its target; without,
 measurements are recorded and shown. Replace `poses` by a loop over your own tracker.
 """
 
@@ -63,9 +63,9 @@ def main() -> None:
         name = asked.robot or next(iter(client.describe()["robots"]))
         poses = recorded(asked.csv) if asked.csv else simulated(client, name, asked.plant, asked.rate)
         for number, (captured_s, tip_mm, direction) in enumerate(poses):
-            told = client.measure(tip_mm, direction=direction, robot=name, time_s=captured_s)
+            response = client.measure(tip_mm, direction=direction, robot=name, time_s=captured_s)
             if number == 0:
-                print(f"{name}: measured; feedback is {'on' if told['feedback'] else 'off'}", flush=True)
+                print(f"{name}: measured; feedback is {'on' if response['feedback'] else 'off'}", flush=True)
 
 
 if __name__ == "__main__":

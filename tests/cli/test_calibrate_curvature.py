@@ -9,8 +9,8 @@ from pathlib import Path
 import pytest
 
 from contid.robot_file.load import load_robot_file
-from tests.calibrate.test_curvature import photograph
 from tests.cli.command import contid
+from tests.support.photographs import photograph
 
 
 @pytest.fixture

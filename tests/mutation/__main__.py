@@ -138,12 +138,9 @@ def main() -> int:
         for number, mutant in enumerate(sample, start=1):
             if survives(folder, mutant):
                 left.append(mutant)
-            print(
-                f"{number}/{len(sample)}: {len(left)} survived, {time.monotonic() - begin_s:.0f} s",
-                flush=True,
-            )
-    for mutant in left:
-        print(f"survived: {mutant.module}:{mutant.line} {mutant.operator} ({mutant.occurrence})")
+                print(f"survived: {mutant.module}:{mutant.line} {mutant.operator} ({mutant.occurrence})")
+            seconds = time.monotonic() - begin_s
+            print(f"{number}/{len(sample)}: {len(left)} survived, {seconds:.0f} s", flush=True)
     if asked.write:
         found = {"mutants": len(every), "sample": len(sample), "seed": asked.seed, "survived": len(left)}
         text = json.dumps({**found, "survivors": [asdict(mutant) for mutant in left]}, indent=1)
