@@ -109,13 +109,10 @@ class RecordingObserver:
             self._writer = None
         if self._process is None:
             return ()
-        message, ended = self._close(COMPACTION_TIMEOUT_S)
-        if not ended:
-            return (f"{self.path}: complete; it is still being compacted",)
-        return message
+        return self._close(COMPACTION_TIMEOUT_S)
 
-    def _close(self, timeout_s: float) -> tuple[tuple[str, ...], bool]:
-        """Errors that the recorder reported, and whether it ended in time."""
+    def _close(self, timeout_s: float) -> tuple[str, ...]:
+        """Close the recorder's pipe and wait for its end; returns errors."""
         process, self._process = self._process, None
         assert process is not None
         assert process.stdin is not None
@@ -126,9 +123,9 @@ class RecordingObserver:
             process.wait(timeout_s)
         except subprocess.TimeoutExpired:
             process.stdout.close()
-            return (), False
-        message = tuple(process.stdout.read().decode().splitlines())
+            return (f"{self.path}: complete; it is still being compacted",)
+        errors = tuple(process.stdout.read().decode().splitlines())
         process.stdout.close()
-        if process.returncode and not message:
-            message = (f"{self.path}: the recorder ended with status {process.returncode}",)
-        return message, True
+        if process.returncode and not errors:
+            return (f"{self.path}: the recorder ended with status {process.returncode}",)
+        return errors

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Sequence
+from contextlib import closing
 from typing import Final
 
 from contid.control.engine.events import RunEvent
@@ -37,7 +38,7 @@ def draw(
     Raises:
         ViewError: it cannot be drawn there.
     """
-    with RerunSession(target, loaded, layout.rate_hz, live=False) as session:
+    with closing(RerunSession(target, loaded, layout.rate_hz, live=False)) as session:
         decimator = Decimator(layout, session.writer.write, BATCH, curves=True)
         for values, event in entries:
             if event is not None:

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import sys
-from types import TracebackType
 from typing import Final
 
 import rerun as rr
@@ -96,16 +95,6 @@ class RerunSession:
         rr.set_log_time_enabled(False, recording=self.recording)
         rr.set_log_tick_enabled(False, recording=self.recording)
         self.writer = RerunWriter(self.recording, scene, rate_hz)
-
-    def __enter__(self) -> RerunSession:
-        """The session itself."""
-        return self
-
-    def __exit__(
-        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
-    ) -> None:
-        """See `close`."""
-        self.close()
 
     def close(self) -> None:
         """Write what is left; a served page ends, a window stays open."""
