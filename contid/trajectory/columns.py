@@ -242,22 +242,15 @@ def _gaps(
 
 
 def _group(robot: str, description: RobotDescription, mine: Mapping[tuple[str, int], int]) -> RobotColumns:
-    def indices(group: str) -> tuple[int, ...]:
-        return tuple(index for (_, _), index in sorted((k, i) for k, i in mine.items() if k[0] == group))
-
     names = description.extra_axis_names
-    extra = tuple((names[place], index) for (group, place), index in sorted(mine.items()) if group == "extra")
-    return RobotColumns(
-        robot,
-        tip=indices("tip"),
-        direction=indices("direction"),
-        mid=indices("mid"),
-        actuation=indices("actuation"),
-        load=indices("load"),
-        measured=indices("measured"),
-        measured_direction=indices("measured_direction"),
-        extra=extra,
-    )
+    groups: dict[str, tuple[int, ...]] = {}
+    extra: tuple[tuple[str, int], ...] = ()
+    for (group, place), index in sorted(mine.items()):
+        if group == "extra":
+            extra = (*extra, (names[place], index))
+        else:
+            groups[group] = (*groups.get(group, ()), index)
+    return RobotColumns(robot, extra=extra, **groups)
 
 
 def _vector(row: Sequence[float], indices: tuple[int, ...]) -> Vec3:
