@@ -25,10 +25,7 @@ SUFFIXES = frozenset({".py", ".cpp", ".hpp", ".h", ".ino", ".md", ".yaml", ".ser
 NOT_YET_CLEAN = (
     "contid/control/engine/",
     "contid/control/tick/",
-    "contid/remote/",
     "contid/session/format/",
-    "docs/service.md",
-    "service/",
 )
 # Lines that hold a banned word for a reason: keys of old recordings, a quotation, a word of another program.
 QUOTATIONS = {"contid/session/format/channels.py": "RENAMED_EVENT_KEYS"}

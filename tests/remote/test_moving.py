@@ -21,7 +21,7 @@ def test_a_day_with_a_client() -> None:
         armed(client)
         told = client.describe()["robots"]["f0"]
         assert told["columns"][:2] == ["x_mm", "y_mm"]
-        assert told["axes"]["left"] == {"lower_mm": 0.0, "upper_mm": 100.0}
+        assert told["axes"]["left"] == {"min_mm": 0.0, "max_mm": 100.0}
         client.move({"f0.x_mm": 50.0, "f0.y_mm": 75.0, "f1.x_mm": 50.0, "f1.y_mm": 80.0})
         arrives(client, "f0", (50.0, 75.0, 0.0))
         arrives(client, "f1", (50.0, 80.0, 0.0))

@@ -192,7 +192,7 @@ def test_what_a_killed_daemon_left_is_removed_and_what_is_no_socket_is_not(own_f
     with Endpoint(path):
         assert is_listening(path)
     path.write_text("a file")
-    with pytest.raises(SocketError, match="no socket"):
+    with pytest.raises(SocketError, match="is not a socket"):
         Endpoint(path)
     assert path.read_text() == "a file"
 

@@ -131,7 +131,7 @@ BAD: dict[str, tuple[dict[str, Any], str]] = {
     "huge": ({"tip_mm": [50, 10**400]}, r"tip_mm\[1\]"),
     "missing": ({}, "tip_mm: a list"),
     "far": ({"tip_mm": [50.0, 750.0]}, "mm from the base is not this robot's"),
-    "nowhere": ({"tip_mm": TIP, "direction": [0.0, 0.0]}, "points nowhere"),
+    "nowhere": ({"tip_mm": TIP, "direction": [0.0, 0.0]}, "must not be the zero vector"),
     "old": ({"tip_mm": TIP, "age_ms": 201.0}, "201 ms old; at most 200 ms"),
     "future": ({"tip_mm": TIP, "age_ms": -50.0}, "50 ms from now"),
     "other clock": ({"tip_mm": TIP, "time_s": 1.6e9}, "CLOCK_MONOTONIC"),
@@ -157,7 +157,7 @@ def test_wrong_measurements_are_named_and_only_one_tracker_is_heard() -> None:
         told = first.measure(TIP, direction=[0.0, 2.0], age_ms=10.0)
         assert (told["robot"], told["used"], told["feedback"]) == ("f0", True, False)
         assert first.measure(TIP, age_ms=150.0)["used"] is False, "a newer one was there"
-        with pytest.raises(RemoteError, match="client 'first' tracks f0") as refused:
+        with pytest.raises(RemoteError, match="client 'first' has tracked f0 for") as refused:
             other.measure(TIP)
         assert refused.value.code == Code.TRACKER_HELD
         until(lambda: other.status()["trackers"] == {}, "the tracker was silent for long enough")

@@ -91,7 +91,7 @@ def _axes(robot: Fields) -> Table:
         table.add_column(heading, justify="right")
     table.add_column("notes")
     for name, axis in robot["axes"].items():
-        measured, low, high = axis[f"measured_{unit}"], axis[f"lower_{unit}"], axis[f"upper_{unit}"]
+        measured, low, high = axis[f"measured_{unit}"], axis[f"min_{unit}"], axis[f"max_{unit}"]
         notes = [] if axis["valid"] else ["silent"]
         notes += axis["limits"]
         if axis["temperature_c"] is not None:

@@ -1,4 +1,4 @@
-"""Points and rows as a person writes them, for `contid move`; the daemon checks what they mean."""
+"""Points and rows of `contid move`: text to numbers; the daemon checks their meaning."""
 
 from __future__ import annotations
 
@@ -8,34 +8,35 @@ from collections.abc import Iterable, Iterator, Sequence
 from contid.errors import BadInputError, ContidError, Located
 
 
-def point(message: Sequence[str]) -> dict[str, float]:
+def point(arguments: Sequence[str]) -> dict[str, float]:
     """A target from ``[ROBOT] COLUMN=VALUE ...``.
 
     Raises:
-        ContidError: a word is neither, or a value is no number.
+        ContidError: an argument has neither form, or a value is not a number.
     """
     robot = ""
     target: dict[str, float] = {}
-    for place, word in enumerate(message):
-        column, equals, value = word.partition("=")
-        if not equals and place == 0:
-            robot = f"{word}."
+    for position, argument in enumerate(arguments):
+        column, equals, value = argument.partition("=")
+        if not equals and position == 0:
+            robot = f"{argument}."
             continue
         try:
             target[f"{robot}{column}"] = float(value)
         except ValueError:
-            raise ContidError(f"{word!r}: COLUMN=VALUE with a number is expected, such as x_mm=40") from None
+            message = f"{argument!r}: COLUMN=VALUE with a number is expected, such as x_mm=40"
+            raise ContidError(message) from None
     if not target:
         raise ContidError("no COLUMN=VALUE; for example x_mm=40 y_mm=75")
     return target
 
 
 def columns_and_rows(file: Iterable[str]) -> tuple[list[str], Iterator[list[float]]]:
-    """Columns and rows of a CSV; rows are read as they are asked for.
+    """Columns and rows of a CSV; the rows are read lazily.
 
     Raises:
         ContidError: there is no header.
-        BadInputError: from the iterator, for a cell that is no number.
+        BadInputError: from the iterator, for a cell that is not a number.
     """
     lines = (
         (number, line.strip())

@@ -1,7 +1,7 @@
-"""Who is at the other end of a Unix socket, as the kernel says, and whether they belong here.
+"""Credentials of the peer of a Unix socket, from the kernel, and their authorization.
 
-The daemon's own user and root do; members of one group do when the daemon was told so (``--socket-group``),
-which is how people reach the daemon of a service. The file's mode says the same to the kernel.
+Authorized are the daemon's own user, root, and the members of one group (``--socket-group``). The mode of the
+socket file enforces the same.
 """
 
 from __future__ import annotations
@@ -15,42 +15,42 @@ from dataclasses import dataclass
 from typing import Final
 
 _CREDENTIALS: Final = struct.Struct("3i")  # pid, uid, gid
-#: Linux's SO_PEERGROUPS (asm-generic/socket.h), which the socket module has no name for.
+#: Linux's SO_PEERGROUPS (asm-generic/socket.h), absent from the socket module.
 _SO_PEERGROUPS: Final = 59
-#: Bytes for 256 groups, the most that Python's getsockopt takes.
-_MOST_BYTES: Final = 1024
+#: Bytes for 256 groups, the maximum of Python's getsockopt.
+_MAX_BYTES: Final = 1024
 
 
 @dataclass(frozen=True, slots=True)
 class PeerCredentials:
-    """A user with every group of theirs."""
+    """A user and all its groups."""
 
     uid: int
     groups: frozenset[int]
 
 
 def peer_of(connected: socket.socket) -> PeerCredentials:
-    """Who connected.
+    """The credentials of the peer.
 
     Raises:
-        OSError: gone already.
+        OSError: it disconnected.
     """
     _, uid, gid = _CREDENTIALS.unpack(
         connected.getsockopt(socket.SOL_SOCKET, socket.SO_PEERCRED, _CREDENTIALS.size)
     )
     raw = b""
-    with suppress(OSError):  # more than 256 groups, or a kernel before 4.13: only the first one counts
-        raw = connected.getsockopt(socket.SOL_SOCKET, _SO_PEERGROUPS, _MOST_BYTES)
+    with suppress(OSError):  # more than 256 groups, or a kernel before 4.13: only the primary one counts
+        raw = connected.getsockopt(socket.SOL_SOCKET, _SO_PEERGROUPS, _MAX_BYTES)
     return PeerCredentials(uid, frozenset((gid, *struct.unpack(f"{len(raw) // 4}I", raw))))
 
 
 def is_authorized(peer: PeerCredentials, group: int | None) -> bool:
-    """The daemon's own user, root, and members of the socket's group, if it has one."""
+    """True for the daemon's own user, root, and members of the socket's group, if it has one."""
     return peer.uid in (os.geteuid(), 0) or (group is not None and group in peer.groups)
 
 
 def group_id(name: str) -> int | None:
-    """The number of a group, None when there is none of this name."""
+    """The number of a group, None when it does not exist."""
     try:
         return grp.getgrnam(name).gr_gid
     except KeyError:

@@ -1,8 +1,8 @@
-"""Where the socket of a daemon lies, who may own that place, and which daemons run.
+"""Paths of the sockets of daemons, the listening socket, and the search for running daemons.
 
 The default is ``$XDG_RUNTIME_DIR/contid/NAME.sock``, else a folder of this user below the system's temporary
-one. The folder is made with mode 0700 and refused when it belongs to somebody else or others may enter it.
-Services listen in ``/run/contid``, which systemd makes for them; clients look there as well.
+one. That folder has mode 0700 and is refused when it belongs to another user or is open to others. Services
+listen in ``/run/contid``, which systemd creates; clients search there as well.
 """
 
 from __future__ import annotations
@@ -23,13 +23,13 @@ from contid.remote.protocol.wire import NoDaemonError
 
 #: Where ``service/contid@.service`` puts its sockets.
 SERVICES: Final = Path("/run/contid")
-#: Bytes of a path that a Unix socket can have, its closing zero not counted.
+#: Maximum bytes of a Unix socket's path, without its closing zero.
 MAX_PATH: Final = 107
 BACKLOG: Final = 128
 
 
 class SocketError(ContidError):
-    """The daemon's socket cannot be where it was asked for."""
+    """The daemon cannot listen at this path."""
 
 
 def default_directory() -> Path:
@@ -41,7 +41,7 @@ def default_directory() -> Path:
 
 
 def default_path(robot_file: str) -> Path:
-    """Where the daemon of a robot file listens: ``NAME.sock`` with the file's name without ``.yaml``."""
+    """The default path for a robot file: ``NAME.sock``, from the file's name without ``.yaml``."""
     name = Path(robot_file).name
     for ending in (".yaml", ".yml"):
         name = name.removesuffix(ending)
@@ -49,10 +49,10 @@ def default_path(robot_file: str) -> Path:
 
 
 def private_directory() -> Path:
-    """The default folder, made or checked.
+    """The default folder, created or checked.
 
     Raises:
-        SocketError: somebody else could put a socket there.
+        SocketError: other users could place a socket there.
     """
     folder = default_directory()
     try:
@@ -60,7 +60,7 @@ def private_directory() -> Path:
         found = folder.lstat()
     except OSError as error:
         unset = "unset XDG_RUNTIME_DIR, or " if os.environ.get("XDG_RUNTIME_DIR") else ""
-        what = f"{folder}: cannot make this folder: {error.strerror}; {unset}give --socket"
+        what = f"{folder}: cannot create this folder: {error.strerror}; {unset}give --socket"
         raise SocketError(what) from error
     if not stat.S_ISDIR(found.st_mode) or found.st_uid != os.geteuid() or found.st_mode & 0o077:
         raise SocketError(
@@ -70,13 +70,13 @@ def private_directory() -> Path:
 
 
 def running() -> list[Path]:
-    """Sockets behind which a daemon listens: those of this user, then those of services."""
+    """Sockets of running daemons: those of this user, then those of services."""
     folders = [folder for folder in (default_directory(), SERVICES) if os.access(folder, os.R_OK | os.X_OK)]
     return [path for folder in folders for path in sorted(folder.glob("*.sock")) if is_listening(path)]
 
 
 def find(given: str | None) -> Path:
-    """The socket to talk to: the given one, or that of the only daemon that runs.
+    """The given socket, or that of the only running daemon.
 
     Raises:
         NoDaemonError: none, or several.
@@ -90,22 +90,20 @@ def find(given: str | None) -> Path:
         message = f"no daemon runs ({default_directory()} and {SERVICES} hold no live socket)"
         if SERVICES.is_dir() and not os.access(SERVICES, os.R_OK | os.X_OK):
             message = (
-                f"no daemon of yours runs, and you may not enter {SERVICES} of the service: join its group"
+                f"no daemon of yours runs, and {SERVICES} of the service is closed to you: join its group"
             )
         raise NoDaemonError(f"{message}; start one with `contid run ROBOT.yaml`, or give --socket PATH")
     listed = "\n  ".join(f"--socket {path}" for path in found)
-    raise NoDaemonError(f"{len(found)} daemons run; say which one:\n  {listed}")
+    raise NoDaemonError(f"{len(found)} daemons run; choose one:\n  {listed}")
 
 
 def is_listening(path: Path) -> bool:
-    """True when somebody listens at a socket."""
+    """True when a process listens at a socket."""
     with socket.socket(socket.AF_UNIX, socket.SOCK_STREAM) as probe:
         probe.settimeout(1.0)
         try:
             probe.connect(str(path))
-        except TimeoutError:
-            return True
-        except BlockingIOError:  # its backlog is full
+        except (TimeoutError, BlockingIOError):  # it listens, with a full backlog
             return True
         except OSError:
             return False
@@ -113,15 +111,15 @@ def is_listening(path: Path) -> bool:
 
 
 class Endpoint:
-    """A listening socket with mode 0600; a second daemon is refused, what a killed one left is removed.
+    """A listening socket with mode 0600; refuses a second daemon, removes the socket of a killed one.
 
     Args:
         path: of the socket.
-        default: it is the default one: its folder is made, or checked.
-        group: name of a group whose members may enter as well; the mode is 0660 then.
+        default: the path is the default one: create or check its folder.
+        group: name of a group whose members may connect as well; the mode is then 0660.
 
     Raises:
-        SocketError: from the constructor, with what to do.
+        SocketError: from the constructor, with the remedy.
     """
 
     def __init__(self, path: Path | str, *, default: bool = False, group: str | None = None) -> None:
@@ -129,7 +127,7 @@ class Endpoint:
         self.group = None if group is None else group_id(group)
         if group is not None and self.group is None:
             raise SocketError(
-                f"--socket-group {group}: no such group; `sudo groupadd --system {group}` makes it"
+                f"--socket-group {group}: no such group; `sudo groupadd --system {group}` creates it"
             )
         if default:
             private_directory()
@@ -139,11 +137,11 @@ class Endpoint:
             )
         self.socket = socket.socket(socket.AF_UNIX, socket.SOCK_STREAM)
         try:
-            # The folder's lock makes looking and binding one step for two daemons that start together.
+            # The lock on the folder makes check and bind atomic for two daemons that start together.
             folder = os.open(self.path.parent, os.O_RDONLY | os.O_DIRECTORY)
             try:
                 fcntl.flock(folder, fcntl.LOCK_EX)
-                self._clear()
+                self._remove_stale()
                 self._bind()
             finally:
                 os.close(folder)
@@ -155,13 +153,15 @@ class Endpoint:
             raise
         self._inode = self.path.stat().st_ino
 
-    def _clear(self) -> None:
+    def _remove_stale(self) -> None:
         try:
             found = self.path.lstat()
         except FileNotFoundError:
             return
         if not stat.S_ISSOCK(found.st_mode):
-            raise SocketError(f"{self.path}: is there and no socket; it is not removed, give another path")
+            raise SocketError(
+                f"{self.path}: exists and is not a socket; it is not removed, give another path"
+            )
         if is_listening(self.path):
             raise SocketError(
                 f"{self.path}: another daemon listens there; stop it, or give this one its own --socket PATH"
@@ -169,7 +169,7 @@ class Endpoint:
         self.path.unlink()
 
     def _bind(self) -> None:
-        # Nobody else may connect between bind and chmod either.
+        # No other user may connect between bind and chmod either.
         before = os.umask(0o177)
         try:
             self.socket.bind(str(self.path))

@@ -1,4 +1,4 @@
-"""Bus health for `status` and telemetry, from the newest record (`contid.control.engine.staleness`)."""
+"""Bus health for `status`, from the newest record (`contid.control.engine.staleness`)."""
 
 from __future__ import annotations
 
@@ -15,8 +15,8 @@ class BusHealth:
     """The data of one bus.
 
     Attributes:
-        tier: of the oldest of its axes.
-        age_s: age of that data now; infinite while nothing valid was ever read.
+        tier: of its oldest axis.
+        age_s: of that axis's data; infinite before the first valid sample.
         silent: axes that the newest exchange did not read.
     """
 
@@ -36,18 +36,16 @@ def bus_health(
         axes_of: axes by bus, as ``ROBOT.AXIS``.
         now_s: the time now, on the clock of the record.
     """
-    times: dict[str, float] = {}
-    valid: dict[str, bool] = {}
-    for robot, values in zip(layout.robots, record.robots, strict=True):
-        for axis, sample in zip(robot.axes, values.axes, strict=True):
-            # A value that was never read is older than anything.
-            times[f"{robot.name}.{axis}"] = -math.inf if math.isnan(sample.value) else sample.time_s
-            valid[f"{robot.name}.{axis}"] = sample.valid == 1.0
-    period_s = 1.0 / layout.rate_hz
+    samples = {
+        f"{robot.name}.{axis}": sample
+        for robot, values in zip(layout.robots, record.robots, strict=True)
+        for axis, sample in zip(robot.axes, values.axes, strict=True)
+    }
     health = {}
     for bus, axes in axes_of.items():
-        known = [axis for axis in axes if axis in times]
-        age_s = max((now_s - times[axis] for axis in known), default=math.inf)
-        silent = tuple(axis for axis in known if not valid[axis])
-        health[bus] = BusHealth(staleness_of(age_s, period_s), max(age_s, 0.0), silent)
+        read = {axis: samples[axis] for axis in axes if axis in samples}
+        ages = (math.inf if math.isnan(s.value) else now_s - s.time_s for s in read.values())
+        age_s = max(ages, default=math.inf)
+        silent = tuple(axis for axis, sample in read.items() if sample.valid != 1.0)
+        health[bus] = BusHealth(staleness_of(age_s, 1.0 / layout.rate_hz), max(age_s, 0.0), silent)
     return health

@@ -1,7 +1,7 @@
-"""The socket of a command that moves a robot by itself, such as ``contid home``: anybody may stop it there.
+"""The socket of a command that moves a robot without a daemon, such as ``contid home``.
 
-It speaks as much of the daemon's protocol as ``contid estop``, ``stop`` and ``hold`` need. An order to stop
-interrupts the command as Ctrl-C does, and is answered when the devices are at rest.
+It implements the part of the daemon's protocol that ``contid estop``, ``stop`` and ``hold`` need. Any client
+may stop the command: that interrupts it like Ctrl-C; the response comes when the devices are at rest.
 """
 
 from __future__ import annotations
@@ -21,29 +21,30 @@ from contid.remote.protocol.socket_path import Endpoint, default_path
 from contid.remote.protocol.wire import PROTOCOL, Code, Fields, RemoteError, decode, encode
 
 _STOPS: Final = ("estop", "stop", "hold")
-#: How long a client may leave the answers to it unread, and how long the devices may take to come to rest.
-_CLIENT_S: Final = 0.5
-_REST_S: Final = 5.0
+#: Time for a client to read its responses.
+_CLIENT_TIMEOUT_S: Final = 0.5
+#: Time for the devices to come to rest.
+_REST_TIMEOUT_S: Final = 5.0
 
 
 class StopServer:
-    """Context manager: while it lasts, orders to stop interrupt the main thread."""
+    """Context manager: orders to stop interrupt the main thread."""
 
-    def __init__(self, robot_file: str, doing: str) -> None:
-        """Listen where the daemon of this robot file would.
+    def __init__(self, robot_file: str, activity: str) -> None:
+        """Listen at the default path of this robot file's daemon.
 
         Args:
             robot_file: path or name.
-            doing: what the others are told, such as ``homing``.
+            activity: of the command, such as ``homing``, for the clients.
 
         Raises:
             SocketError: a daemon or another such command listens there already.
         """
         self._endpoint = Endpoint(default_path(robot_file), default=True)
-        self._doing = doing
-        self._resting = threading.Event()
+        self._activity = activity
+        self._at_rest = threading.Event()
         self._wake_r, self._wake_w = os.pipe()
-        self._thread = threading.Thread(target=self._serve, name="contid-door", daemon=True)
+        self._thread = threading.Thread(target=self._serve, name="contid-stop-server", daemon=True)
 
     def __enter__(self) -> Self:
         """Begin to serve."""
@@ -53,67 +54,69 @@ class StopServer:
     def __exit__(
         self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
     ) -> None:
-        """The devices are at rest: say so to whoever asked for it, and listen no more."""
-        self._resting.set()
+        """The devices are at rest: respond to the orders and stop listening."""
+        self._at_rest.set()
         os.write(self._wake_w, b"!")
-        self._thread.join(2.0 * _CLIENT_S)
+        self._thread.join(2.0 * _CLIENT_TIMEOUT_S)
         self._endpoint.close()
         os.close(self._wake_r)
         os.close(self._wake_w)
 
     def _serve(self) -> None:
         clients: dict[socket.socket, bytearray] = {}
-        while not self._resting.is_set():
+        while not self._at_rest.is_set():
             watched: list[int | socket.socket] = [self._wake_r, self._endpoint.socket, *clients]
             for each in select.select(watched, [], [])[0]:
                 if each is self._endpoint.socket:
                     with suppress(OSError):
                         client, _ = self._endpoint.socket.accept()
-                        client.settimeout(_CLIENT_S)
+                        client.settimeout(_CLIENT_TIMEOUT_S)
                         clients[client] = bytearray()
                         client.sendall(encode({"event": "hello", **self._hello()}))
-                elif isinstance(each, socket.socket) and not self._hear(each, clients[each]):
-                    clients.pop(each).clear()
+                elif isinstance(each, socket.socket) and not self._receive(each, clients[each]):
+                    del clients[each]
                     each.close()
         for client in clients:
             client.close()
 
     def _hello(self) -> Fields:
-        return {"protocol": PROTOCOL, "version": __version__, "name": self._doing}
+        return {"protocol": PROTOCOL, "version": __version__, "name": self._activity}
 
-    def _hear(self, client: socket.socket, heard: bytearray) -> bool:
-        """Serve the lines that came; False when the client is gone or talks garbage."""
+    def _receive(self, client: socket.socket, buffer: bytearray) -> bool:
+        """Serve the lines that came; False when the client disconnected or sent a line too long."""
         try:
             data = client.recv(MAX_LINE)
-            heard += data
-            while (end := heard.find(b"\n")) >= 0:
-                line = bytes(heard[: end + 1])
-                del heard[: end + 1]
-                client.sendall(encode(self._answer(line)))
+            buffer += data
+            while (end := buffer.find(b"\n")) >= 0:
+                line = bytes(buffer[: end + 1])
+                del buffer[: end + 1]
+                client.sendall(encode(self._response(line)))
         except OSError:
             return False
-        return bool(data) and len(heard) < MAX_LINE
+        return bool(data) and len(buffer) < MAX_LINE
 
-    def _answer(self, line: bytes) -> Fields:
+    def _response(self, line: bytes) -> Fields:
         number = None
         try:
             fields = decode(line)
             number = fields.get("id")
-            verb = fields.get("verb")
-            if verb in _STOPS:
-                return {"id": number, "ok": True, "result": self._stop()}
-            if verb == "hello":
-                return {"id": number, "ok": True, "result": {**self._hello(), "client": 0}}
-            if verb == "ping":
-                return {"id": number, "ok": True, "result": {}}
-            message = f"it is {self._doing}, by a command of its own; only {', '.join(_STOPS)} are possible"
-            raise RemoteError(Code.REFUSED, message)
+            return {"id": number, "ok": True, "result": self._result(fields.get("verb"))}
         except RemoteError as error:
             return {"id": number, "ok": False, "error": error.as_fields()}
 
+    def _result(self, verb: object) -> Fields:
+        if verb in _STOPS:
+            return self._stop()
+        if verb == "hello":
+            return {**self._hello(), "client": 0}
+        if verb == "ping":
+            return {}
+        message = f"a command is {self._activity} without a daemon; only {', '.join(_STOPS)} are possible"
+        raise RemoteError(Code.REFUSED, message)
+
     def _stop(self) -> Fields:
         os.kill(os.getpid(), signal.SIGINT)
-        if not self._resting.wait(_REST_S):
-            message = f"interrupted, but the devices have not come to rest within {_REST_S:g} s"
+        if not self._at_rest.wait(_REST_TIMEOUT_S):
+            message = f"interrupted, but the devices have not come to rest within {_REST_TIMEOUT_S:g} s"
             raise RemoteError(Code.NO_ANSWER, message)
         return {"tick": 0, "robots": {}}

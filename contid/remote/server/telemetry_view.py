@@ -1,14 +1,14 @@
-"""What clients are told about the robots: status, telemetry and description, made from the newest record.
+"""Robots and buses as clients see them: status, telemetry and description, from the newest record.
 
-Edge units with the unit in the key; positions in the world frame. ``tip_mm`` is where the model says that the
-measured actuation puts the tip (the commanded one while an axis has no valid sample).
+Edge units with the unit in the key; positions in the world frame. ``tip_mm`` is the model's tip at the
+measured actuation (at the commanded one while an axis has no valid sample).
 """
 
 from __future__ import annotations
 
 import math
 import time
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterable, Sequence
 from typing import Any, Final
 
 from contid.control.engine.events import FaultLatched, RunEvent
@@ -21,10 +21,11 @@ from contid.control.tick.supervisor import Mode
 from contid.remote.protocol.wire import Code, Fields, RemoteError, RequestFields
 from contid.remote.server.health import bus_health
 from contid.robot_file.load import LoadedFile
+from contid.targets import Vec3
 from contid.trajectory.columns import vocabulary
 from contid.units import m_to_mm
 
-#: What `subscribe` may choose from, and what it sends when nothing is chosen.
+#: The fields of telemetry, and those sent by default.
 FIELDS: Final = (
     "state", "fault", "tip_mm", "target_mm", "error_mm", "command", "measured", "limits", "age_ms", "effort",
     "temperature_c", "voltage_v", "measured_tip_mm", "measured_direction",
@@ -34,7 +35,7 @@ _PER_AXIS: Final = ("effort", "temperature_c", "voltage_v")
 
 
 def fault_fields(fault: Fault, detail: str) -> Fields | None:
-    """Everything a person needs to know about a latched fault; None when there is none."""
+    """A latched fault with cause, reaction and remedy; None when there is none."""
     if fault is Fault.NONE:
         return None
     page = PAGES[fault]
@@ -53,7 +54,7 @@ class TelemetryView:
     """The robots of one daemon as clients see them."""
 
     def __init__(self, loaded: LoadedFile, rate_hz: float, refresh: Callable[[], None]) -> None:
-        """See a robot file's robots; ``refresh`` brings the events that belong to a record."""
+        """View the robots of a file; ``refresh`` fetches the events up to the newest record."""
         self.configs: dict[str, RobotConfig] = {
             config.name: config for config in build_robot_configs(loaded, rate_hz)
         }
@@ -68,63 +69,57 @@ class TelemetryView:
         }
 
     def notice(self, event: RunEvent) -> None:
-        """Keep the words of a fault: a record has its number only."""
+        """Keep the detail of a fault event: a record has only the number."""
         if isinstance(event, FaultLatched):
             self._details[event.robot] = event.detail
 
     def check(self, robots: Sequence[str] | None) -> None:
-        """Raise for a robot that is not there."""
+        """Refuse unknown robots."""
         for name in robots or ():
             if name not in self.configs:
-                known = ", ".join(self.configs)
-                raise RemoteError(Code.UNKNOWN_ROBOT, f"no robot {name!r}; there are {known}")
+                message = f"no robot {name!r}; there are {', '.join(self.configs)}"
+                raise RemoteError(Code.UNKNOWN_ROBOT, message)
 
     def named(self, request: RequestFields) -> tuple[str, ...] | None:
-        """The robots that a request names, None for all of them.
+        """The robots that a request names, None for all.
 
         Raises:
-            RemoteError: one is not there.
+            RemoteError: one is unknown.
         """
         robots = request.names("robots")
         self.check(robots)
         return robots
 
     def faults(self, record: TickRecord | None, robots: Sequence[str] | None) -> dict[str, Fields]:
-        """The faults of robots, of all of them for None."""
-        out = {}
-        for name in robots if robots is not None else tuple(self.configs):
-            told = self.fault(name, record)
-            if told is not None:
-                out[name] = told
-        return out
-
-    def fault(self, robot: str, record: TickRecord | None) -> Fields | None:
-        """The latched fault of a robot."""
+        """The latched faults of robots, of all for None."""
         if record is None:
-            return None
-        return self._fault(robot, record.robots[self._index[robot]])
+            return {}
+        found = ((name, self._fault(name, self._of(name, record))) for name in self._names(robots))
+        return {name: fault for name, fault in found if fault is not None}
 
-    def _fault(self, robot: str, told: RobotRecord) -> Fields | None:
-        if told.fault:
-            # Its words are an event that came before this record, but may not have been fetched yet.
+    def _names(self, robots: Sequence[str] | None) -> Sequence[str]:
+        return tuple(self.configs) if robots is None else robots
+
+    def _of(self, robot: str, record: TickRecord) -> RobotRecord:
+        return record.robots[self._index[robot]]
+
+    def _fault(self, robot: str, record: RobotRecord) -> Fields | None:
+        if record.fault:
+            # The event with its detail precedes this record, but may not have been fetched yet.
             self._refresh()
-        return fault_fields(Fault(told.fault), self._details.get(robot, ""))
+        return fault_fields(Fault(record.fault), self._details.get(robot, ""))
 
     def mode(self, robot: str, record: TickRecord | None) -> Mode:
         """The state of a robot."""
-        return Mode.OFF if record is None else Mode(record.robots[self._index[robot]].mode)
+        return Mode.OFF if record is None else Mode(self._of(robot, record).mode)
 
     def silent(self, robots: Sequence[str] | None, record: TickRecord | None) -> dict[str, list[str]]:
         """By robot, the axes whose devices did not answer in the newest tick: no order reaches them."""
         out: dict[str, list[str]] = {}
-        if record is None:
-            return out
-        for name in robots if robots is not None else tuple(self.configs):
-            told = record.robots[self._index[name]].axes
-            axes = [
-                a for a, seen in zip(self.configs[name].axis_names, told, strict=True) if seen.valid != 1.0
-            ]
-            if axes:
+        for name in self._names(robots) if record is not None else ():
+            assert record is not None
+            samples = zip(self.configs[name].axis_names, self._of(name, record).axes, strict=True)
+            if axes := [axis for axis, sample in samples if sample.valid != 1.0]:
                 out[name] = axes
         return out
 
@@ -132,16 +127,16 @@ class TelemetryView:
         """The last commanded actuation [m or Pa], None before the first."""
         if record is None:
             return None
-        command = tuple(axis.command for axis in record.robots[self._index[robot]].axes)
-        return command if all(map(math.isfinite, command)) else None
+        return _all_finite(axis.command for axis in self._of(robot, record).axes)
 
-    # -- what is told ------------------------------------------------------------------------------------
+    # -- responses ---------------------------------------------------------------------------------------
 
     def describe(self) -> Fields:
         """What does not change: robots, axes, limits, columns."""
         robots: Fields = {}
         for name, config in self.configs.items():
             scale, unit = config.quantity.per_si, config.quantity.unit
+            limits = zip(config.axis_names, config.model.lower, config.model.upper, strict=True)
             robots[name] = {
                 "model": config.kind,
                 "unit": unit,
@@ -149,10 +144,8 @@ class TelemetryView:
                 f"velocity_{unit}_s": config.velocity * scale,
                 "stop": {key: getattr(config.stops, key).value for key in config.stops.__slots__},
                 "axes": {
-                    axis: {f"lower_{unit}": low * scale, f"upper_{unit}": high * scale}
-                    for axis, low, high in zip(
-                        config.axis_names, config.model.lower, config.model.upper, strict=True
-                    )
+                    axis: {f"min_{unit}": minimum * scale, f"max_{unit}": maximum * scale}
+                    for axis, minimum, maximum in limits
                 },
             }
         return {"name": self._loaded.file.name, "file": str(self._loaded.path), "robots": robots}
@@ -183,89 +176,89 @@ class TelemetryView:
 
     def telemetry(self, record: TickRecord, robots: Sequence[str], fields: Sequence[str]) -> Fields:
         """The chosen fields of the chosen robots at one tick."""
-        out: Fields = {}
-        for name in robots:
-            config, told = self.configs[name], record.robots[self._index[name]]
-            out[name] = {field: self._field(config, told, field) for field in fields}
-        return {"tick": record.tick, "t_s": record.deadline_s, "robots": out}
+        chosen = {
+            name: {field: self._field(self.configs[name], self._of(name, record), field) for field in fields}
+            for name in robots
+        }
+        return {"tick": record.tick, "t_s": record.deadline_s, "robots": chosen}
 
-    def _field(self, config: RobotConfig, told: RobotRecord, field: str) -> Any:
+    def _field(self, config: RobotConfig, record: RobotRecord, field: str) -> Any:
         scale = config.quantity.per_si
         match field:
             case "state":
-                return Mode(told.mode).name
+                return Mode(record.mode).name
             case "fault":
-                return told.fault
+                return record.fault
             case "tip_mm":
-                return self.tip_mm(config, told)
+                return self.tip_mm(config, record)
             case "target_mm":
-                return [m_to_mm(value) for value in told.tip_m] if told.flags & HAS_TARGET else None
+                return [m_to_mm(value) for value in record.tip_m] if record.flags & HAS_TARGET else None
             case "error_mm":
-                return _number(m_to_mm(told.tip_error_m))
+                return _number(m_to_mm(record.tip_error_m))
             case "command":
-                return [_number(axis.command * scale) for axis in told.axes]
+                return [_number(axis.command * scale) for axis in record.axes]
             case "measured":
-                measured = _measured(config, told)
+                measured = _measured(config, record)
                 return None if measured is None else [value * scale for value in measured]
             case "limits":
-                return [_limits(int(axis.limits)) for axis in told.axes]
+                return [_limits(int(axis.limits)) for axis in record.axes]
             case "measured_tip_mm":
-                seen = told.measured_tip_m
-                return [m_to_mm(value) for value in seen] if all(map(math.isfinite, seen)) else None
+                return _mm(record.measured_tip_m)
             case "measured_direction":
-                towards = told.measured_direction
-                return list(towards) if all(map(math.isfinite, towards)) else None
+                return _all_finite(record.measured_direction)
             case "age_ms":
-                return [_ms(axis.age_s) for axis in told.axes]
+                return [_ms(axis.age_s) for axis in record.axes]
         assert field in _PER_AXIS
-        return [_number(getattr(axis, field)) for axis in told.axes]
+        return [_number(getattr(axis, field)) for axis in record.axes]
 
-    def _robot(self, name: str, record: TickRecord) -> Fields:
-        config, told = self.configs[name], record.robots[self._index[name]]
+    def _robot(self, name: str, newest: TickRecord) -> Fields:
+        config, record = self.configs[name], self._of(name, newest)
         scale, unit = config.quantity.per_si, config.quantity.unit
-        measured = _measured(config, told)
+        measured = _measured(config, record)
         axes = {}
-        for number, (axis, sample) in enumerate(zip(config.axis_names, told.axes, strict=True)):
+        for number, (axis, sample) in enumerate(zip(config.axis_names, record.axes, strict=True)):
             axes[axis] = {
                 f"measured_{unit}": None if measured is None else measured[number] * scale,
                 f"command_{unit}": _number(sample.command * scale),
-                f"lower_{unit}": config.model.lower[number] * scale,
-                f"upper_{unit}": config.model.upper[number] * scale,
+                f"min_{unit}": config.model.lower[number] * scale,
+                f"max_{unit}": config.model.upper[number] * scale,
                 "valid": sample.valid == 1.0,
                 "limits": _limits(int(sample.limits)),
                 **{key: _number(getattr(sample, key)) for key in _PER_AXIS},
             }
         return {
-            "state": Mode(told.mode).name,
-            "enabled": bool(told.flags & ENABLED),
-            "fault": self._fault(name, told),
-            "tip_mm": self.tip_mm(config, told),
-            "target_mm": self._field(config, told, "target_mm"),
-            "error_mm": self._field(config, told, "error_mm"),
+            "state": Mode(record.mode).name,
+            "enabled": bool(record.flags & ENABLED),
+            "fault": self._fault(name, record),
+            **{key: self._field(config, record, key) for key in ("tip_mm", "target_mm", "error_mm")},
             "unit": unit,
             "axes": axes,
         }
 
-    def tip_mm(self, config: RobotConfig, told: RobotRecord) -> list[float] | None:
-        """Where the model says the tip is."""
-        actuation = _measured(config, told)
+    def tip_mm(self, config: RobotConfig, record: RobotRecord) -> list[float] | None:
+        """The model's tip in the world frame [mm]."""
+        actuation = _measured(config, record) or _all_finite(axis.command for axis in record.axes)
         if actuation is None:
-            actuation = tuple(axis.command for axis in told.axes)
-            if not all(map(math.isfinite, actuation)):
-                return None
-        try:
-            tip = config.frame.point_in_world(config.model.forward(actuation).tip_m)
-        except (ValueError, ArithmeticError):  # measured outside what the model knows
             return None
-        return [m_to_mm(value) for value in tip] if all(map(math.isfinite, tip)) else None
+        try:
+            return _mm(config.frame.point_in_world(config.model.forward(actuation).tip_m))
+        except (ValueError, ArithmeticError):  # measured outside the domain of the model
+            return None
 
 
-def _measured(config: RobotConfig, told: RobotRecord) -> tuple[float, ...] | None:
-    """Measured actuation [m or Pa], None while an axis has never been read."""
-    values = tuple(axis.value for axis in told.axes)
-    if not all(map(math.isfinite, values)):
-        return None
-    return config.transmission.to_actuation(values)
+def _measured(config: RobotConfig, record: RobotRecord) -> tuple[float, ...] | None:
+    """Measured actuation [m or Pa], None until every axis has been read."""
+    values = _all_finite(axis.value for axis in record.axes)
+    return None if values is None else config.transmission.to_actuation(values)
+
+
+def _all_finite(values: Iterable[float]) -> tuple[float, ...] | None:
+    found = tuple(values)
+    return found if all(map(math.isfinite, found)) else None
+
+
+def _mm(position_m: Vec3) -> list[float] | None:
+    return [m_to_mm(value) for value in position_m] if _all_finite(position_m) else None
 
 
 def _limits(bits: int) -> list[str]:
