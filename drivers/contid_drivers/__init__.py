@@ -1,1 +1,1 @@
-"""Drivers: each folder speaks to one kind of hardware, or stands in for it."""
+"""Drivers: one folder per kind of hardware, and the simulated devices."""

@@ -1,7 +1,7 @@
 """Example of an external driver: a box of winches on the network, which exists only as an emulator.
 
 The entry point names this module. Every command that reads ``driver: winch`` in a robot file imports it, so
-it holds the keys of the file only; modules that talk to the box are imported on use.
+it holds the keys of the file only; modules that connect to the box are imported on use.
 """
 
 from __future__ import annotations

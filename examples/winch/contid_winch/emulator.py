@@ -36,8 +36,8 @@ class Drum:
     cause: str = ""
     silent: bool = False
 
-    def live(self, seconds: float) -> None:
-        """Let time pass."""
+    def advance(self, seconds: float) -> None:
+        """Move for a time [s]."""
         if self.state == "on":
             way = self.goal - self.position
             self.position += max(-SPEED * seconds, min(SPEED * seconds, way))
@@ -88,15 +88,15 @@ class Box:
     def locked_drums(self) -> Iterator[dict[int, Drum]]:
         """The drums as they are now, locked against the server thread."""
         with self._lock:
-            self._live()
+            self._advance()
             yield self.drums
 
-    def _live(self) -> None:
+    def _advance(self) -> None:
         now = time.monotonic()
         trip = self._fed + self._watchdog_s
         for drum in self.drums.values():
             powered = drum.state == "on"
-            drum.live(min(now, trip) - self._now if powered else 0.0)
+            drum.advance(min(now, trip) - self._now if powered else 0.0)
             if powered and now > trip:
                 drum.rest(WATCHDOG)
         self._now = now

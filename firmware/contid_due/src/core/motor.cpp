@@ -52,8 +52,8 @@ void Motor::sense(int32_t raw_count, int32_t raw_analog) {
 
 int32_t Motor::velocity() const {
   // A counter that jumps (a cable, a reset chip) must not overflow the values computed from its speed.
-  const int64_t most = 1 << 24;
-  return static_cast<int32_t>(clamp64(speed_q8_ >> 8, -most, most));
+  const int64_t limit = 1 << 24;
+  return static_cast<int32_t>(clamp64(speed_q8_ >> 8, -limit, limit));
 }
 
 void Motor::arm() {
@@ -98,7 +98,7 @@ Output Motor::follow() {
 // v = v* + kp e, no faster than the velocity limit;  duty = kv v + ka a* + ks (v - v_measured) + ki int (v -
 // v_measured)
 // + friction sign(v).  The inner speed loop keeps a shaft that catches up below the limit.
-Output Motor::law(int32_t most) {
+Output Motor::law(int32_t max_duty) {
   const int64_t error_q8 = clamp64((set_.position_q16() - static_cast<int64_t>(position_) * 65536) >> 8,
                                    -(static_cast<int64_t>(1) << 30), static_cast<int64_t>(1) << 30);
   const bool near = magnitude64(error_q8) <= static_cast<int64_t>(config_->deadband) * 256;
@@ -115,7 +115,7 @@ Output Motor::law(int32_t most) {
   duty += (config_->ks * e) >> 8;
   duty += config_->friction * sign(target);
 
-  const int64_t limited = clamp64(duty, -most, most);
+  const int64_t limited = clamp64(duty, -max_duty, max_duty);
   const bool winds_up = duty != limited && sign(e) == sign(duty);
   if (!winds_up) {
     const int64_t full = static_cast<int64_t>(DUTY_FULL) * 65536;

@@ -47,7 +47,7 @@ class Motor {
   enum class Phase : uint8_t { IDLE, APPROACH, BACK_OFF, FOUND };
   static const uint32_t WINDOW = 8;
 
-  Output law(int32_t most);
+  Output law(int32_t max_duty);
   void watch(int64_t error_q8);
 
   const MotorConfig* config_;

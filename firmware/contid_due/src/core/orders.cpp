@@ -183,9 +183,9 @@ Verdict Board::stop(Reader& in) {
     // A channel that was never armed, or is in its safe state, keeps its rest.
     if ((mask & (1u << i)) == 0 || state == State::READY || state == State::SAFE) continue;
     if (identity_.role == Role::MOTOR && state != State::STOPPED) motor_[i].hold();
-    const bool limp = state == State::STOPPED && channel_[i].rest != Rest::HOLD;
-    // A limp motor is not caught again by `hold`, and a venting chamber goes on venting.
-    if (limp && rest == static_cast<uint8_t>(Rest::HOLD)) continue;
+    const bool released = state == State::STOPPED && channel_[i].rest != Rest::HOLD;
+    // `hold` does not power a motor at rest without power, nor stop a chamber that vents.
+    if (released && rest == static_cast<uint8_t>(Rest::HOLD)) continue;
     channel_[i] = Channel{State::STOPPED, Reason::NONE, static_cast<Rest>(rest)};
   }
   allow_tick();

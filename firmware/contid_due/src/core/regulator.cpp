@@ -105,8 +105,8 @@ Output Regulator::close() {
 Output Regulator::command(bool settle) {
   const int32_t set = static_cast<int32_t>(set_q8_ >> 8);
   if (settle && config_->trim > 0 && sensor_ok()) {
-    const int64_t most = static_cast<int64_t>(config_->trim) * 65536;
-    trim_q16_ = clamp64(trim_q16_ + trim_tick_q16_ * (set - pressure_), -most, most);
+    const int64_t limit = static_cast<int64_t>(config_->trim) * 65536;
+    trim_q16_ = clamp64(trim_q16_ + trim_tick_q16_ * (set - pressure_), -limit, limit);
   }
   const int32_t total = clamp(set + static_cast<int32_t>(trim_q16_ >> 16), 0, config_->ceiling);
   duty_ = duty_at(set == 0 ? 0 : total);
