@@ -56,13 +56,13 @@ class Running:
         return bool(lines) and not any(axis["on"] for axis in lines[-1]["axes"].values())
 
     def end(self, expected: int | None = 130) -> str:
-        """End it orderly; returns what it said."""
+        """End it orderly; returns its messages."""
         if self.process.poll() is None:
             self.process.send_signal(signal.SIGTERM)
-        _, said = self.process.communicate(timeout=30)
+        _, output = self.process.communicate(timeout=30)
         if expected is not None:
-            assert self.process.returncode == expected, said
-        return said
+            assert self.process.returncode == expected, output
+        return output
 
 
 @contextmanager

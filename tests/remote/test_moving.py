@@ -16,12 +16,12 @@ from tests.remote.daemons import HERE, Running, armed, arrives, command, daemon,
 pytestmark = pytest.mark.realtime
 
 
-def test_a_day_with_a_client() -> None:
+def test_a_session_of_a_client() -> None:
     with daemon(2) as running, running.client(name="day") as client:
         armed(client)
-        told = client.describe()["robots"]["f0"]
-        assert told["columns"][:2] == ["x_mm", "y_mm"]
-        assert told["axes"]["left"] == {"min_mm": 0.0, "max_mm": 100.0}
+        robot = client.describe()["robots"]["f0"]
+        assert robot["columns"][:2] == ["x_mm", "y_mm"]
+        assert robot["axes"]["left"] == {"min_mm": 0.0, "max_mm": 100.0}
         client.move({"f0.x_mm": 50.0, "f0.y_mm": 75.0, "f1.x_mm": 50.0, "f1.y_mm": 80.0})
         arrives(client, "f0", (50.0, 75.0, 0.0))
         arrives(client, "f1", (50.0, 80.0, 0.0))
@@ -89,8 +89,8 @@ def test_rows_beyond_the_credit_are_refused_and_credit_comes_back() -> None:
         with pytest.raises(RemoteError) as refused:
             client.request("rows", move=begun["move"], rows=[[50.0, 75.0]] * (begun["credits"] + 1))
         assert refused.value.code == Code.NO_CREDIT
-        told = client.request("rows", move=begun["move"], rows=[[50.0, 75.0], [500.0, 75.0]])
-        assert "out of reach" in told["refused"][0]
+        result = client.request("rows", move=begun["move"], rows=[[50.0, 75.0], [500.0, 75.0]])
+        assert "out of reach" in result["refused"][0]
         refusals = client.stream(["x_mm", "y_mm"], ((50.0, 75.0) for _ in range(100)))
         assert refusals == []
 

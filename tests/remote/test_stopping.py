@@ -48,7 +48,7 @@ def test_torque_is_off_at_once_in_every_state(way: str, when: str) -> None:
         assert running.off()
 
 
-def test_an_estop_that_is_not_understood_stops_everybody() -> None:
+def test_a_malformed_estop_stops_all_robots() -> None:
     with daemon() as running, running.client() as client:
         armed(client)
         with pytest.raises(RemoteError, match="all robots were stopped"):
@@ -59,7 +59,7 @@ def test_an_estop_that_is_not_understood_stops_everybody() -> None:
 @pytest.mark.parametrize(
     ("fault", "axes"), [("lost", ["left", "right"]), ("silent, axis: f0.left", ["left"])]
 )
-def test_an_estop_says_whom_it_did_not_reach(fault: str, axes: list[str]) -> None:
+def test_an_estop_names_the_axes_it_did_not_reach(fault: str, axes: list[str]) -> None:
     with daemon(options=f"faults: [{{at_s: 1.0, kind: {fault}}}]") as running, running.client() as client:
         armed(client)
         assert "silent" not in client.hold()
@@ -72,7 +72,7 @@ def test_an_estop_says_whom_it_did_not_reach(fault: str, axes: list[str]) -> Non
         assert ("which is lost" in running.end(None)) == (fault == "lost")
 
 
-def test_a_fault_says_everything_latches_and_is_cleared_without_motion() -> None:
+def test_a_fault_is_explained_latched_and_cleared_without_motion() -> None:
     with daemon(options=SILENT) as running, running.client() as client:
         armed(client)
         until(lambda: states(client) == {"FAULT"}, "the axis falls silent")

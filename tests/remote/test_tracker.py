@@ -1,4 +1,4 @@
-"""Measured tips over the socket: what they correct, who is heard, and how little a wild sender can do."""
+"""Measured tips over the socket: what they correct, one tracker per robot, bounded influence of a flood."""
 
 from __future__ import annotations
 
@@ -138,7 +138,7 @@ BAD: dict[str, tuple[dict[str, Any], str]] = {
 }
 
 
-def test_wrong_measurements_are_named_and_only_one_tracker_is_heard() -> None:
+def test_wrong_measurements_are_named_and_a_robot_has_one_tracker() -> None:
     with daemon(1) as running, running.client(name="first") as first, running.client(name="other") as other:
         armed(first)
         for fields, message in BAD.values():
@@ -154,8 +154,8 @@ def test_wrong_measurements_are_named_and_only_one_tracker_is_heard() -> None:
                 first.request("measure", **fields)
             assert refused.value.code == code
         assert first.status()["trackers"] == {}, "what is refused tracks nothing"
-        told = first.measure(TIP, direction=[0.0, 2.0], age_ms=10.0)
-        assert (told["robot"], told["used"], told["feedback"]) == ("f0", True, False)
+        result = first.measure(TIP, direction=[0.0, 2.0], age_ms=10.0)
+        assert (result["robot"], result["used"], result["feedback"]) == ("f0", True, False)
         assert first.measure(TIP, age_ms=150.0)["used"] is False, "a newer one was there"
         with pytest.raises(RemoteError, match="client 'first' has tracked f0 for") as refused:
             other.measure(TIP)

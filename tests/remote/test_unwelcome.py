@@ -87,7 +87,7 @@ def test_clients_that_connect_and_vanish_leave_nothing_and_one_more_always_gets_
 def test_another_user_is_refused() -> None:
     """The file's mode keeps others out; with the mode opened the kernel's word does."""
     if os.geteuid() != 0:
-        pytest.skip("needs root to become somebody else")
+        pytest.skip("needs root to become another user")
     script = (
         "import os, socket, sys\nos.setgid(65534)\nos.setuid(65534)\n"
         "s = socket.socket(socket.AF_UNIX)\n"
@@ -95,17 +95,17 @@ def test_another_user_is_refused() -> None:
         "    print(s.recv(1000).decode())\n"
     )
 
-    def as_nobody(path: Path) -> str:
+    def as_other_user(path: Path) -> str:
         asked = [sys.executable, "-c", script, str(path)]
         return subprocess.run(asked, capture_output=True, text=True, check=True).stdout
 
     with daemon() as running:
         running.folder.chmod(0o755)
-        assert as_nobody(running.socket).strip() == "PermissionError"
+        assert as_other_user(running.socket).strip() == "PermissionError"
         running.socket.chmod(0o666)
-        said = as_nobody(running.socket)
-        assert "belongs to another user" in said
-        assert "hello" not in said
+        output = as_other_user(running.socket)
+        assert "belongs to another user" in output
+        assert "hello" not in output
         with running.client() as client:
             assert client.status()["clients"] == 1
 
@@ -113,7 +113,7 @@ def test_another_user_is_refused() -> None:
 def test_a_member_of_the_sockets_group_may_give_orders() -> None:
     """The group is one that only root's child below is put into; without it the same user is refused."""
     if os.geteuid() != 0:
-        pytest.skip("needs root to become somebody else")
+        pytest.skip("needs root to become another user")
     group = grp.getgrall()[-1]
     script = (
         "import os, sys\nfrom contid.client import Client\nfrom contid.errors import ContidError\n"
@@ -122,17 +122,17 @@ def test_a_member_of_the_sockets_group_may_give_orders() -> None:
         "except ContidError as e:\n    print(type(e).__name__)\n"
     )
 
-    def as_somebody(path: Path, *groups: int) -> str:
+    def as_member(path: Path, *groups: int) -> str:
         asked = [sys.executable, "-c", script, str(path), *map(str, groups)]
         return subprocess.run(asked, capture_output=True, text=True, check=True).stdout.strip()
 
     with daemon(1, "--socket-group", group.gr_name) as running, running.client() as client:
         armed(client)
         running.folder.chmod(0o755)
-        assert as_somebody(running.socket) == "NoDaemonError"
-        assert as_somebody(running.socket, group.gr_gid) == "{'f0': 'HOLD'}"
+        assert as_member(running.socket) == "NoDaemonError"
+        assert as_member(running.socket, group.gr_gid) == "{'f0': 'HOLD'}"
         running.socket.chmod(0o666)
-        assert as_somebody(running.socket) == "ConnectionLostError"
+        assert as_member(running.socket) == "ConnectionLostError"
 
 
 def test_a_second_daemon_for_the_same_socket_is_refused() -> None:

@@ -1,4 +1,4 @@
-"""A daemon whose stdin says nothing yet: it answers, it ends, and nothing it was told to stop moves later."""
+"""A daemon whose stdin is silent: it answers, it ends, and robots that were stopped do not move later."""
 
 from __future__ import annotations
 
@@ -156,9 +156,9 @@ def test_a_disarmed_daemon_waits_for_its_input_as_well() -> None:
 def test_an_input_that_ends_without_a_row_is_an_error_and_nothing_moves(given: str) -> None:
     with waiting() as running:
         give(running, given, end=True)
-        _, said = running.process.communicate(timeout=10)
+        _, output = running.process.communicate(timeout=10)
         assert running.process.returncode == 2
-        assert "no trajectory came in" in said
+        assert "no trajectory came in" in output
         assert running.journal() == []
 
 

@@ -1,0 +1,55 @@
+"""The rules of the lease, without a daemon."""
+
+from __future__ import annotations
+
+import pytest
+
+from contid.remote.protocol.wire import Code, RemoteError
+from contid.remote.server.lease import Lease
+
+
+def test_the_lease_has_one_holder_and_an_explicit_takeover() -> None:
+    lease = Lease(0.0, input_active=False)
+    lease.require(1, "one", 0.0)
+    with pytest.raises(RemoteError, match="'one' has held the lease for 1"):
+        lease.require(2, "two", 1.0)
+    before = lease.acquire(2, "two", 1.0, takeover=True)
+    assert before is not None
+    assert before.client == 1
+    assert lease.held_by(2)
+    with pytest.raises(RemoteError, match=r"'two' has held the lease for 2\.5 s"):
+        lease.require(1, "one", 3.5)
+    assert lease.as_fields(3.5) == {"holder": "two", "client": 2, "since_s": 2.5}
+
+
+def test_the_lease_lapses_without_requests_of_its_holder() -> None:
+    lease = Lease(0.0, input_active=False)
+    lease.acquire(1, "one", 0.0, timeout_s=2.0)
+    lease.refresh(1, 1.9)
+    lease.refresh(2, 3.5)
+    assert lease.expire(3.8) is None
+    assert lease.expire(4.0) is not None
+    assert lease.holder is None
+
+
+def test_the_input_holds_the_lease_until_a_takeover_and_may_be_resumed() -> None:
+    lease = Lease(0.0, input_active=True)
+    with pytest.raises(RemoteError, match="own input"):
+        lease.require(1, "one", 0.0)
+    lease.allow(1, 0.0)
+    assert lease.expire(1e9) is None
+    assert lease.revoke(1, "one (hold)") is None
+    assert lease.held_by(0)
+    lease.acquire(1, "one", 0.0, takeover=True)
+    assert not lease.held_by(0)
+
+
+def test_a_lease_revoked_by_a_stop_must_be_acquired_explicitly() -> None:
+    lease = Lease(0.0, input_active=False)
+    lease.require(1, "script", 0.0)
+    assert lease.revoke(2, "person (estop)") is not None
+    with pytest.raises(RemoteError) as refused:
+        lease.require(1, "script", 0.1)
+    assert refused.value.code == Code.STOPPED
+    lease.acquire(1, "script", 0.2)
+    lease.require(1, "script", 0.3)
