@@ -95,7 +95,7 @@ def command(
     import logging
 
     from contid.control.daemon.spawn import spawn
-    from contid.control.process.unblocked_stderr import make_stderr_nonblocking
+    from contid.control.process.nonblocking_stderr import make_stderr_nonblocking
 
     make_stderr_nonblocking()
     view_target = None if view is None else _view_target(view)

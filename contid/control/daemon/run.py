@@ -9,7 +9,7 @@ from __future__ import annotations
 
 import asyncio
 import logging
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterator, Mapping
 from contextlib import ExitStack, closing
 from itertools import chain
 from pathlib import Path
@@ -26,7 +26,7 @@ from contid.control.engine.command_log import CommandLog
 from contid.control.engine.cycle import Sink
 from contid.control.engine.events import RunEvent
 from contid.control.engine.report import RunReport
-from contid.control.engine.virtual import run_virtual
+from contid.control.engine.virtual import Tee, run_virtual
 from contid.control.engine.wiring import record_layout
 from contid.control.process.log_queue import LogQueue, handle_logs
 from contid.control.process.setup import RunSetup
@@ -72,7 +72,7 @@ def _virtual(request: RunRequest) -> RunReport:
         for observer in request.observers:
             sinks.append(observer.follow(setup))
             stack.callback(observer.detach)
-        stack.enter_context(handle_logs(min(request.log_level, logging.INFO), SinkHandler(sinks)))
+        stack.enter_context(handle_logs(min(request.log_level, logging.INFO), SinkHandler(Tee(sinks))))
         rows = _rows(source, preflight_of(request, loaded)) if isinstance(source, Stream) else None
         return run_virtual(loaded, rate_hz, timed, sinks=sinks, on_end=request.on_end, rows=rows)
 
@@ -90,18 +90,16 @@ def _rows(stream: Stream, preflight: Preflight | None) -> Iterator[Mapping[str, 
 
 
 class SinkHandler(LogQueue):
-    """Writes log records to the sinks of a run in virtual time."""
+    """Writes log records to a sink of a run in virtual time."""
 
-    def __init__(self, sinks: Sequence[Sink]) -> None:
+    def __init__(self, sink: Sink) -> None:
         super().__init__("control")
-        self._sinks = sinks
+        self._sink = sink
 
     def emit(self, record: logging.LogRecord) -> None:
         """See `logging.Handler.emit`."""
         super().emit(record)
-        for line in self.take():
-            for sink in self._sinks:
-                sink.event(line)
+        self.write(self._sink)
 
 
 class TerminalSink:

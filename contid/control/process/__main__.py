@@ -26,7 +26,7 @@ def main(descriptor: int, parent: int) -> int:
     if not bind_to_parent(parent):
         return 0
     from contid.control.process.control_process import main as run
-    from contid.control.process.unblocked_stderr import make_stderr_nonblocking
+    from contid.control.process.nonblocking_stderr import make_stderr_nonblocking
 
     make_stderr_nonblocking()
     return run(descriptor)
