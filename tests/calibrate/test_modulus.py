@@ -8,6 +8,7 @@ import shutil
 from dataclasses import replace
 from io import BytesIO
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
@@ -29,7 +30,7 @@ def readings(
 ) -> list[ElongationReading]:
     """Five trials of elongation, like the paper's, and bending with one and with two pairs."""
     rng = np.random.default_rng(4)
-    rows = []
+    rows: list[Any] = []
     for trial in range(5):
         for x in LEVELS:
             stretch = made.inflated(np.full(3, x)).strain * made.length

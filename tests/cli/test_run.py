@@ -95,7 +95,8 @@ def test_real_time_follows_a_circle_and_reports(robot: Callable[..., Path]) -> N
 def test_virtual_and_real_time_command_the_same(robot: Callable[..., Path], tmp_path: Path) -> None:
     """Tick by tick the same bytes, as far as no tick was skipped on this machine."""
     path, given = str(robot(1)), circle_csv(1, period_s=0.5)
-    logs, skipped = [], 0
+    logs: list[Any] = []
+    skipped = 0
     for virtual in (["--virtual"], []):
         log = tmp_path / f"log{len(logs)}.csv"
         done = contid("run", path, *virtual, "--log", str(log), "--json", stdin=given)

@@ -14,7 +14,7 @@ from contid.control.engine.clock import RealClock
 from contid.hal import AxisOnBus, DeviceKind, Rest
 from contid_drivers.due.bus import DueBus
 from contid_drivers.due.emulator import DueEmulator
-from contid_drivers.due.options import DueAxisOptions, DueBusOptions
+from contid_drivers.due.options import DueAxisOptions, DueBusOptions, Role
 from tests.contract.harness import Facts, RealTimeRig
 
 COUNT = math.tau / 4776.0
@@ -39,10 +39,10 @@ class DueRig(RealTimeRig):
         self.port = port
         self._channels = {"left.a": 0, "left.b": 3, "right.a": 5}
         axes = [
-            AxisOnBus(axis, DueAxisOptions(channel=f"{letter}{number}", **axis_keys))
+            AxisOnBus(axis, DueAxisOptions.model_validate({"channel": f"{letter}{number}", **axis_keys}))
             for axis, number in self._channels.items()
         ]
-        role = "motor" if letter == "m" else "pressure"
+        role = Role.MOTOR if letter == "m" else Role.PRESSURE
         options = DueBusOptions(port=str(port), role=role, watchdog_ms=200, latency_ms=60.0)
         self.emulator = DueEmulator(options, axes)
         self.bus = DueBus("board", options, axes, RealClock())

@@ -37,7 +37,7 @@ class SimRig:
         self.clock.sleep(seconds)
 
     def value(self, axis: str) -> float:
-        return self._device(axis).motion.value
+        return float(self._device(axis).motion.value)
 
     def powered(self, axis: str) -> bool:
         device = self._device(axis)

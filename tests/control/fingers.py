@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import io
 import math
+from typing import Any
 
 from contid.control.engine.events import RunEvent, to_json
 from contid.control.engine.virtual import run_virtual
@@ -89,7 +90,7 @@ class Collector:
 
         self.events: list[dict[str, object]] = []
         self.layout = None if loaded is None else record_layout(loaded, loaded.file.rate_hz)
-        self.records: list[object] = []
+        self.records: list[Any] = []
 
     def write(self, values: list[float]) -> None:
         if self.layout is not None:

@@ -17,7 +17,7 @@ from contid_drivers.due.codes import Type
 from contid_drivers.due.emulator import plant_commands
 from contid_drivers.due.firmware import WARNINGS, build_host
 from contid_drivers.due.messages import Answer, Telemetry
-from contid_drivers.due.options import DueAxisOptions, DueBusOptions
+from contid_drivers.due.options import DueAxisOptions, DueBusOptions, Role
 
 MM_PER_REV = 78.53981633974483  # the 25 mm pinion of part B5: 60.80992066 counts/mm
 REGULATOR: Mapping[str, Any] = {
@@ -87,13 +87,17 @@ class VirtualBoard:
             defaults = REGULATOR if channel[0] == "p" else {}
             travel = (-1.0, 60.0) if channel[0] == "m" else None
             on_bus.append(
-                AxisOnBus(channel, DueAxisOptions(channel=channel, **{**defaults, **options}), travel)
+                AxisOnBus(
+                    channel,
+                    DueAxisOptions.model_validate({"channel": channel, **defaults, **options}),
+                    travel,
+                )
             )
         for axis in on_bus:
             for line in plant_commands(axis):
                 self.command(line)
         blob = wiring.board_config(
-            "board", DueBusOptions(port="x", role=self.role, watchdog_ms=watchdog_ms), on_bus
+            "board", DueBusOptions(port="x", role=Role(self.role), watchdog_ms=watchdog_ms), on_bus
         )
         self.crc = frames.crc16(blob)
         answer = self.ask(Type.CONFIGURE, wiring.config_body(blob))

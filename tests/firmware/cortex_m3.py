@@ -43,7 +43,7 @@ class CortexM3:
         self._machine.emu_start(self.image.symbols[name] | 1, RETURN_TO)
         if hook is not None:
             self._machine.hook_del(hook)
-        return self._machine.reg_read(arm_const.UC_ARM_REG_R0)
+        return int(self._machine.reg_read(arm_const.UC_ARM_REG_R0))
 
     def _one_more(self, *_: object) -> None:
         self.instructions += 1

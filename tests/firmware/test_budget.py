@@ -21,7 +21,7 @@ from contid_drivers.due.cortex import (
     build_m3,
     read_elf,
 )
-from contid_drivers.due.options import DueAxisOptions, DueBusOptions
+from contid_drivers.due.options import DueAxisOptions, DueBusOptions, Role
 from tests.firmware.cortex_m3 import M3Board
 
 CLOCK_HZ = 84_000_000
@@ -57,8 +57,11 @@ def measure() -> Load:
     """Six armed motors on streamed demands at 10 cm/s; the longest of 300 ticks, and of 64 edges."""
     board = M3Board(read_elf(build_m3()))
     board.start("motor")
-    axes = [AxisOnBus(f"m{i}", DueAxisOptions(channel=f"m{i}"), (-10.0, 60.0)) for i in range(MOTORS)]
-    blob = wiring.board_config("b", DueBusOptions(port="x", role="motor"), axes)
+    axes = [
+        AxisOnBus(f"m{i}", DueAxisOptions.model_validate({"channel": f"m{i}"}), (-10.0, 60.0))
+        for i in range(MOTORS)
+    ]
+    blob = wiring.board_config("b", DueBusOptions(port="x", role=Role.MOTOR), axes)
     crc = frames.crc16(blob)
 
     def ask(kind: Type, body: bytes) -> messages.Answer:

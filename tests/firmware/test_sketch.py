@@ -76,8 +76,9 @@ def test_pins_are_used_once():
     rows = re.findall(r"\{(\d+), (\d), (\d+), (\d+), (\d+), (\d)\},\s+// encoder D(\d+), D(\d+)", text)
     assert len(rows) == 6
     pins = [int(pin) for row in rows for pin in (row[0], row[2], row[3], row[4], row[6], row[7])]
-    jumper = int(re.search(r"ROLE_JUMPER = (\d+)", text).group(1))
-    assert len({*pins, jumper}) == 6 * 6 + 1
+    jumper = re.search(r"ROLE_JUMPER = (\d+)", text)
+    assert jumper
+    assert len({*pins, int(jumper[1])}) == 6 * 6 + 1
     edges = re.findall(r"\{(\d+), (\d+), \d\}", text.split("EDGE_PINS[4]")[1].split(";")[0])
     assert [(int(a), int(b)) for a, b in edges] == [(int(row[6]), int(row[7])) for row in rows[2:]]
     assert len({row[1] for row in rows}) == len({row[5] for row in rows}) == 6

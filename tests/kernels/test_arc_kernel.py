@@ -54,8 +54,8 @@ def test_frames_and_jacobians(feasible, random, straight):
     arrays = np.full((3, 3, size), math.nan)
     kernel.differentiate(tuple(lengths.tolist()), *arrays)
     at = differentiate(feasible.sections, lengths)
-    for got, expected in zip(arrays, (at.tip, at.spin, at.mid), strict=True):
-        np.testing.assert_allclose(got, expected, rtol=1e-12, atol=1e-12 * np.abs(expected).max())
+    for got, exact in zip(arrays, (at.tip, at.spin, at.mid), strict=True):
+        np.testing.assert_allclose(got, exact, rtol=1e-12, atol=1e-12 * np.abs(exact).max())
 
 
 def both(name: str) -> tuple[Feasible, Solver, SectionSolver]:

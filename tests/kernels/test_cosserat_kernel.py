@@ -102,7 +102,7 @@ def test_redundancy_is_resolved_alike(degrees: float) -> None:
     t = lean(tip, degrees)
     for grams in (0.0, 5.0):
         arguments = (tuple(tip), None, tuple(t), (0.0, 0.0, grams * GRAM), [0.7] * 6)
-        a, b = numpy.inverse(*arguments), kernel.inverse(*arguments)  # type: ignore[arg-type]
+        a, b = numpy.inverse(*arguments), kernel.inverse(*arguments)
         assert a[2]
         assert b[2]
         assert np.abs(np.array(a[0]) - b[0]).max() < 1e-3
@@ -168,7 +168,7 @@ def test_out_of_reach_no_pressure_helps_further(grams: float) -> None:
     for _ in range(25):
         tip = rng.uniform((-40.0, -40.0, 90.0), (40.0, 40.0, 150.0))
         mid = rng.uniform((-20.0, -20.0, 45.0), (20.0, 20.0, 75.0))
-        answer = kernel.inverse(tuple(tip), tuple(mid), None, force, [0.5] * 6)  # type: ignore[arg-type]
+        answer = kernel.inverse(tuple(tip), tuple(mid), None, force, [0.5] * 6)
         if answer[2] or not (answer[3] and answer[4]):
             continue
         unmet += 1

@@ -56,7 +56,9 @@ def test_two_arcs_through_mid_point_and_tip(first, second, between, after):
     arcs = np.array([(t * math.cos(a), t * math.sin(a), L) for t, a, L in (first, second)])
     sections = Sections((0.035, 0.035), (RACKS, RACKS), (between, after))
     at = forward(sections, sections.lengths(arcs))
-    np.testing.assert_allclose(two_arcs(at.mid, at.tip, (between, after)), arcs, atol=1e-8)
+    found = two_arcs(at.mid, at.tip, (between, after))
+    assert found is not None
+    np.testing.assert_allclose(found, arcs, atol=1e-8)
 
 
 @pytest.mark.parametrize(

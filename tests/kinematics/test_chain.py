@@ -65,7 +65,9 @@ def test_a_rope_too_short_reports_the_missing_length() -> None:
 
 
 def test_the_floor_decides_at_the_lowest_point() -> None:
-    lowest_mm = guard().check(tips()).lowest[2] / MM
+    lowest = guard().check(tips()).lowest
+    assert lowest is not None
+    lowest_mm = lowest[2] / MM
     assert -90.0 < lowest_mm < -60.0
     assert guard(floor_mm=lowest_mm - 0.01).check(tips()).feasible
     refused = guard(floor_mm=lowest_mm + 0.01).check(tips())

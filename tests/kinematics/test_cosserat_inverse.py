@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from typing import Any
 
 import numpy as np
 import pytest
@@ -32,12 +33,12 @@ FAMILY = [case for case in GOLDEN["ik"] if case["name"] == "pose family"]
 
 
 @pytest.mark.parametrize("case", SINGLE, ids=[f"{c['name']} {c['load_g']} g" for c in SINGLE])
-def test_golden_inverse(case: dict[str, object]) -> None:
+def test_golden_inverse(case: dict[str, Any]) -> None:
     expected = np.array(case["P"], float)
     k = len(expected) // 3
-    rod = two() if k == 2 else one(case["seg0"])  # type: ignore[arg-type]  # JSON
-    target = {key: np.array(value, float) for key, value in case["target"].items()}  # type: ignore[attr-defined]
-    loads = hanging(case["load_g"])  # type: ignore[arg-type]  # JSON
+    rod = two() if k == 2 else one(case["seg0"])
+    target = {key: np.array(value, float) for key, value in case["target"].items()}
+    loads = hanging(case["load_g"])
     task = Task(target["p"], target.get("pm"))
     problem = Problem(rod, loads, task, limits(k), elements=48, tolerance=1e-9)
     found = solve(problem, np.full(3 * k, 0.5), np.cross(target["p"], loads.tip_force))

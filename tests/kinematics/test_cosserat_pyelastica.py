@@ -29,7 +29,7 @@ FORCE = ALPHA * YOUNG_PA * INERTIA / LENGTH**2
 def relaxed_tip(elements: int) -> Array:
     """Tip [m] of a clamped rod along z under a transverse force along x, after its motion has died out."""
 
-    class Simulator(ea.BaseSystemCollection, ea.Constraints, ea.Forcing, ea.Damping):  # type: ignore[misc,name-defined]
+    class Simulator(ea.BaseSystemCollection, ea.Constraints, ea.Forcing, ea.Damping):
         pass
 
     shear_correction = 27.0 / 28.0  # PyElastica's own; the statics use G A with G = E/3

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from typing import Any
+
 import numpy as np
 import pytest
 from hypothesis import given, settings
@@ -52,7 +54,7 @@ def test_modulus_is_flat_beyond_its_clamp() -> None:
 
 
 @pytest.mark.parametrize("case", FK, ids=[case["name"] for case in FK])
-def test_golden_forward(case: dict[str, object]) -> None:
+def test_golden_forward(case: dict[str, Any]) -> None:
     rod = rod_of(case)
     pressures, loads = np.array(case["P"], float), loads_of(case, len(rod.sections))
     coarse = equilibrium(rod, pressures, loads)

@@ -27,7 +27,7 @@ def matrix_of(base: BasePose) -> np.ndarray:
     turned = Rotation.from_euler(
         "ZYX", [base.yaw_deg, base.pitch_deg, base.roll_deg], degrees=True
     ).as_matrix()
-    return turned @ np.diag([-1.0 if base.mirror_x else 1.0, 1.0, 1.0])
+    return np.asarray(turned @ np.diag([-1.0 if base.mirror_x else 1.0, 1.0, 1.0]))
 
 
 @given(bases, vectors)
@@ -55,7 +55,7 @@ def test_points_of_a_target_shift_and_directions_and_forces_only_turn() -> None:
         "load_n": (0.5, -1.0, 2.0),
         "measured_direction": (0.0, 0.8, 0.6),
     }
-    found = frame.target_in_base(Target(**points, **turning, extra={"wrist": 1.5}))  # type: ignore[arg-type]  # by name
+    found = frame.target_in_base(Target(**points, **turning, extra={"wrist": 1.5}))
     for name, point in points.items():
         assert getattr(found, name) == frame.point_in_base(point)
     for name, vector in turning.items():

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from typing import Any
+
 import numpy as np
 import pytest
 from hypothesis import given, settings
@@ -22,7 +24,7 @@ def vec(values: list[float], scale: float = 1.0) -> tuple[float, float, float]:
     return (x, y, z)
 
 
-def matches(curve: PhQuintic, golden: dict, scale: float = MM) -> None:
+def matches(curve: PhQuintic, golden: dict[str, Any], scale: float = MM) -> None:
     np.testing.assert_allclose(
         curve.control_points_m / scale, golden["CP"], rtol=0, atol=2e-12 / min(scale, 1.0) * MM
     )
@@ -125,7 +127,7 @@ lengths = st.floats(1.05, 2.5)
 
 @settings(max_examples=60, deadline=None)
 @given(vectors, vectors, vectors, st.sampled_from(BRANCHES), lengths)
-def test_ends_length_and_quadrature(chord, t0, t1, branch, surplus) -> None:  # type: ignore[no-untyped-def]
+def test_ends_length_and_quadrature(chord, t0, t1, branch, surplus) -> None:
     """End data are met, the closed length is the quadrature of the speed, a prescribed one is met."""
     ends = CurveEnds((0.3, -0.2, 0.1), vec((np.array([0.3, -0.2, 0.1]) + chord).tolist()), t0, t1)
     length_m = surplus * float(np.linalg.norm(chord))
@@ -148,7 +150,7 @@ def test_ends_length_and_quadrature(chord, t0, t1, branch, surplus) -> None:  # 
 
 @settings(max_examples=40, deadline=None)
 @given(vectors, vectors, vectors, st.integers(0, 2**32 - 1), st.sampled_from(BRANCHES))
-def test_turning_the_ends_turns_the_curve(chord, t0, t1, seed, branch) -> None:  # type: ignore[no-untyped-def]
+def test_turning_the_ends_turns_the_curve(chord, t0, t1, seed, branch) -> None:
     R = Rotation.random(random_state=np.random.RandomState(seed)).as_matrix()
     plain = through(CurveEnds((0, 0, 0), chord, t0, t1), None, *branch).curve
     ends = CurveEnds((0, 0, 0), vec((R @ chord).tolist()), vec((R @ t0).tolist()), vec((R @ t1).tolist()))
@@ -162,10 +164,10 @@ def test_turning_the_ends_turns_the_curve(chord, t0, t1, seed, branch) -> None: 
 
 @settings(max_examples=40, deadline=None)
 @given(vectors, vectors, vectors)
-def test_swapping_the_ends_gives_the_same_curve(chord, t0, t1) -> None:  # type: ignore[no-untyped-def]
+def test_swapping_the_ends_gives_the_same_curve(chord, t0, t1) -> None:
     minus = [tuple(-np.array(v)) for v in (t1, t0)]
     there = through(CurveEnds((0, 0, 0), chord, t0, t1)).curve
-    back = through(CurveEnds(chord, (0, 0, 0), *minus)).curve  # type: ignore[arg-type]
+    back = through(CurveEnds(chord, (0, 0, 0), *minus)).curve
     if np.linalg.norm(np.array(t0) / np.linalg.norm(t0) + np.array(t1) / np.linalg.norm(t1)) > 1e-3:
         assert back.control_points_m[::-1] == pytest.approx(there.control_points_m, abs=1e-11)
 

@@ -41,7 +41,7 @@ def frames(curve: PhQuintic, s_m: np.ndarray, axis: np.ndarray) -> np.ndarray:
     return np.stack([cosine * f2 + sine * f3, cosine * f3 - sine * f2, tangent], axis=-1)
 
 
-def wild_curve():  # type: ignore[no-untyped-def]
+def wild_curve():
     """A spatial curve that bends and twists much more than an arm."""
     return hermite(np.zeros(3), np.ones(3), np.array([0, 0, 2.5]), np.array([0.5, -1.5, 1]), 0.3, -0.2)
 
@@ -51,7 +51,7 @@ def test_golden_lengths(length: float | None, name: str) -> None:
     ratio = GOLDEN["ph_ik"]["ratio"]
     posture = GOLDEN["ph_len230"]
     tip = tuple(np.array(posture["p1"]) * MM)
-    found = ph_inverse(tip, tuple(posture["t1"]), SECTIONS, (ratio, 1 - ratio), length)  # type: ignore[arg-type]
+    found = ph_inverse(tip, tuple(posture["t1"]), SECTIONS, (ratio, 1 - ratio), length)
     # 8 panels agree with the converged value to 8 decimals of a millimetre.
     assert np.array(found.lengths_m) / MM == pytest.approx(GOLDEN["ph_ik"][name], abs=2e-8)
     if length:
@@ -129,7 +129,8 @@ def test_reference_table_with_length_unknown() -> None:
 
 def test_noise_and_a_stated_length_on_the_golden_trajectory() -> None:
     """1 mm and 1 degree: the closed form alone is 240 mm off where the arm is nearly straight."""
-    rng, worst, mean = np.random.default_rng(2018), 0.0, []
+    mean: list[float] = []
+    rng, worst = np.random.default_rng(2018), 0.0
     for row in golden_lengths():
         tip, tangent, _ = two_section_pose(row)
         tip = tip + 1e-3 * rng.standard_normal(3)

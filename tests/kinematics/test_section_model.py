@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Callable
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
@@ -33,7 +34,7 @@ def backend(request: pytest.FixtureRequest, monkeypatch: pytest.MonkeyPatch) -> 
     return str(request.param)
 
 
-def goal(feasible: Feasible, lengths: np.ndarray, mode: str) -> tuple:
+def goal(feasible: Feasible, lengths: np.ndarray, mode: str) -> tuple[Any, ...]:
     at = forward(feasible.sections, lengths)
     direction = tuple(at.rotation[:, 2].tolist()) if mode == "direction" else None
     mid = tuple(at.mid.tolist()) if mode == "mid" else None

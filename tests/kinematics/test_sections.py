@@ -115,7 +115,7 @@ def test_closed_form_with_a_rigid_tip_is_the_inverse(theta, azimuth, length, rig
     bent = 0.5 * length * math.sin(theta / 2) / (theta / 2) + rigid * math.cos(theta / 2)
     if abs(bent) < 0.02 * (length + rigid):  # the tip is back at the base: every azimuth reaches it
         return
-    found = arc.through(*tip, rigid)
+    found = arc.through(tip[0], tip[1], tip[2], rigid)
     assert found is not None
     np.testing.assert_allclose(found, (u, v, length), atol=1e-10)
 

@@ -6,7 +6,6 @@ from pathlib import Path
 
 import pytest
 
-from contid.robot_file import edit
 from contid.robot_file.edit import Change, EditError, edited, set_values
 from contid.robot_file.load import load_robot_file
 
@@ -64,7 +63,7 @@ def test_an_interrupted_write_leaves_the_old_file_and_nothing_else(
     def interrupted(handle: int) -> None:
         raise KeyboardInterrupt
 
-    monkeypatch.setattr(edit.os, "fsync", interrupted)
+    monkeypatch.setattr("os.fsync", interrupted)
     with pytest.raises(KeyboardInterrupt):
         set_values(path, [Change("robots.left.axes.right.zero_deg", 3.0)])
     assert path.read_text() == TEXT

@@ -84,9 +84,10 @@ def kill_one(folder: Path, victim: str, after_s: float) -> Left:
     finally:
         if ring is not None:
             ring.close()
-        for process in (*others, daemon):
-            if process.is_running() if isinstance(process, psutil.Process) else process.poll() is None:
+        for process in others:
+            if process.is_running():
                 process.kill()
+        daemon.kill()
         daemon.wait()
     session = Session(path)
     before = summarize(session)

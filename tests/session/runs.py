@@ -15,10 +15,9 @@ from contid.control.engine.virtual import run_virtual
 from contid.control.engine.wiring import build_robot_configs
 from contid.control.process.setup import RunSetup
 from contid.control.tick.config import RobotConfig
-from contid.kinematics.model import Pose
 from contid.robot_file.load import LoadedFile, parse_robot_file, with_mock
 from contid.session.recording_observer import RecordingObserver
-from contid.targets import Target
+from contid.targets import Pose, Target
 from contid.trajectory.timed import Trajectory
 from tests.control.fingers import circle, fingers
 

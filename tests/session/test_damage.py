@@ -24,7 +24,7 @@ from contid.session.info import summarize
 from contid.session.read import Session
 from contid.session.repair import repair
 from contid.session.replay import replay
-from contid.trajectory.read import MAX_ROWS
+from contid.trajectory.rows import MAX_ROWS
 from tests.control.fingers import circle, load
 
 ZEROS = 64 << 20

@@ -48,7 +48,7 @@ def test_every_shipped_robot(name: str, tmp_path: Path) -> None:
 def test_orders_are_applied_at_their_ticks(tmp_path: Path) -> None:
     loaded = load(2)
     goto = msg.Goto("f0", Target(tip_m=(0.051, 0.077, 0.0)))
-    orders = {
+    orders: dict[int, list[msg.Message]] = {
         150: [msg.Hold()],
         200: [msg.Resume()],
         220: [msg.Hold(("f0",))],

@@ -9,7 +9,7 @@ import pytest
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
-from contid.errors import BadInputError
+from contid.errors import BadInputError, Located
 from contid.robot_file.load import load_robot_file
 from contid.robot_file.robot import RobotDescription
 from contid.trajectory.read import read_trajectory
@@ -29,10 +29,12 @@ def hand() -> dict[str, RobotDescription]:
 @given(rows=ROWS)
 def test_rows_of_anything(hand: dict[str, RobotDescription], rows: list[str]) -> None:
     text = "t_s,left.x_mm,left.y_mm\n" + "\n".join(rows)
+    found: tuple[Located, ...] = ()
+    trajectory = None
     try:
-        trajectory, found = read_trajectory(io.StringIO(text), "t.csv", hand), ()
+        trajectory = read_trajectory(io.StringIO(text), "t.csv", hand)
     except BadInputError as error:
-        trajectory, found = None, error.findings
+        found = error.findings
     if trajectory is None:
         assert found
         assert all(1 <= each.line <= len(rows) + 1 for each in found)

@@ -5,6 +5,7 @@ from __future__ import annotations
 import os
 import tty
 from collections.abc import Callable, Iterator
+from functools import partial
 from typing import Any
 
 import dynamixel_sdk as sdk
@@ -67,7 +68,7 @@ def succeeded(request: Callable[[], tuple[Any, ...]], result: int) -> tuple[Any,
 
 def test_ping_and_broadcast_ping_agree_with_the_sdk(client: ServoClient, stock: Any) -> None:
     for device in (1, 4, 252):
-        assert client.ping(device) == succeeded(lambda device=device: STOCK.ping(stock, device), 1)[0]
+        assert client.ping(device) == succeeded(partial(STOCK.ping, stock, device), 1)[0]
     assert client.ping(9, tries=1) is None
     found, result = STOCK.broadcastPing(stock)
     assert result == sdk.COMM_SUCCESS

@@ -272,7 +272,7 @@ def test_an_adapter_is_found_again_by_its_serial_number(monkeypatch: pytest.Monk
     class Port:
         device, vid, pid, serial_number = "/dev/ttyUSB7", 0x0403, 0x6014, "FT123"
 
-    monkeypatch.setattr(serial_ports.list_ports, "comports", lambda: [Port])
+    monkeypatch.setattr("serial.tools.list_ports.comports", lambda: [Port])
     known = serial_ports.identity_of("/dev/ttyUSB7")
     assert known is not None
     assert serial_ports.find_port("servos", "/dev/ttyUSB0-gone", known) == "/dev/ttyUSB7"
