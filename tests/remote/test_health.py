@@ -6,8 +6,9 @@ import math
 
 import pytest
 
+from contid.control.engine.staleness import Staleness, staleness_of
 from contid.control.engine.tick_layout import RecordLayout, RobotLayout
-from contid.remote.server.health import Staleness, bus_health, staleness_of
+from contid.remote.server.health import bus_health
 
 
 def test_tiers_follow_the_age_and_the_rate() -> None:
