@@ -8,7 +8,7 @@ from pathlib import Path
 from types import TracebackType
 from typing import Self
 
-from contid.remote.client.client_protocol import CHUNK, RESPONSE_TIMEOUT_S, Request
+from contid.remote.client.client_protocol import CHUNK, Request
 from contid.remote.client.procedures import Procedures
 from contid.remote.protocol.wire import ConnectionLostError, Fields, RemoteError
 
@@ -18,28 +18,15 @@ class AsyncClient(Procedures):
 
     Only requests and awaiting a move or telemetry keep the lease, never a background task: the lease of a
     program that hangs must lapse.
-
-    Args:
-        path: of the socket; None for the only running daemon.
-        name: of this client in the daemon's messages.
-        timeout_s: how long to wait for a response.
     """
 
-    def __init__(
-        self,
-        path: str | Path | None = None,
-        *,
-        name: str | None = None,
-        timeout_s: float = RESPONSE_TIMEOUT_S,
-    ) -> None:
-        super().__init__(path, name=name, timeout_s=timeout_s)
-        self._waiting: dict[int, tuple[Request, asyncio.Future[Fields]]] = {}
-        self._noticed = asyncio.Event()
-        self._lost: ConnectionLostError | RemoteError | None = None
-        self._writer: asyncio.StreamWriter | None = None
-        self._reading: asyncio.Task[None] | None = None
+    _lost: ConnectionLostError | RemoteError | None = None
+    _writer: asyncio.StreamWriter | None = None
+    _reading: asyncio.Task[None] | None = None
 
     async def _open(self, path: Path) -> None:
+        self._waiting: dict[int, tuple[Request, asyncio.Future[Fields]]] = {}
+        self._noticed = asyncio.Event()
         reader, self._writer = await asyncio.open_unix_connection(path)
         self._reading = asyncio.create_task(self._read(reader))
 

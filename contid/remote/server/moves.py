@@ -34,11 +34,11 @@ POLL_S: Final = 0.02
 class Moves:
     """The moves in progress."""
 
-    def __init__(self, orders: RunControl, view: TelemetryView, pending: PendingOrders) -> None:
-        self._orders = orders
+    def __init__(self, control: RunControl, view: TelemetryView, pending: PendingOrders) -> None:
+        self._control = control
         self._view = view
         self._pending = pending
-        self._preconditions = Preconditions(orders, view)
+        self._preconditions = Preconditions(control, view)
         self._numbers = 0
         self._gotos: dict[str, deque[Move]] = {name: deque() for name in view.configs}
         self._stream: RowMove | None = None
@@ -76,7 +76,7 @@ class Moves:
                 move.waiting.discard(name)
                 if move in self._gotos.get(name, ()):
                     self._gotos[name].remove(move)
-            faults = self._view.faults(self._orders.newest(), tuple(targets))
+            faults = self._view.faults(self._control.newest(), tuple(targets))
             # Both arms of a chain have the same message.
             message = "; ".join(dict.fromkeys(outcome.refused.values()))
             raise RemoteError(Code.FAULT if faults else Code.REFUSED, message, faults)
@@ -92,7 +92,7 @@ class Moves:
             raise bad_target(error) from None
         self._preconditions.armed(reader.robots)
         self.abort_streams("another move began")
-        credit = Credit(reader.timed, self._orders.rate_hz, asyncio.get_running_loop().time())
+        credit = Credit(reader.timed, self._control.rate_hz, asyncio.get_running_loop().time())
         move = RowMove(self._number(), client, notify, reader=reader, credit=credit)
         self._stream = move
         if not reader.timed:
@@ -123,12 +123,12 @@ class Moves:
                 **move.reader.layout.targets(move.reader.row(row, move.count))
             }
         except BadInputError as error:
-            self._orders.send(Rows(dict.fromkeys(move.reader.robots)))
+            self._control.send(Rows(dict.fromkeys(move.reader.robots)))
             return [str(error)]
         unreachable = self._preconditions.unreachable(targets)
         targets |= dict.fromkeys(unreachable)
         move.last |= {name: target for name, target in targets.items() if target is not None}
-        self._orders.send(Rows(targets))
+        self._control.send(Rows(targets))
         return [f"rows:{move.count}: {message}" for message in unreachable.values()]
 
     async def end(self, client: int, number: int) -> Fields:
@@ -140,22 +140,22 @@ class Moves:
         self._stream = None
         if move.last:
             return await self._goto(move, move.last, Begin())
-        self._orders.send(Begin())
+        self._control.send(Begin())
         move.end(True, "the stream had no rows")
         return {"move": move.number}
 
     async def _play(self, move: RowMove) -> Fields:
         """Check a timed trajectory as a whole and let the tick follow it."""
         # In a thread: the check of a large one would delay the response to a stop.
-        record = self._orders.newest()
+        record = self._control.newest()
         check = self._preconditions.trajectory
         trajectory = await asyncio.to_thread(check, move.reader, move.timed_rows, record)
         robots = tuple(trajectory.targets_of_row(0))
         await self._pending.confirmed(self._pending.send([Hold()]))
         await self._standstill()
         self._not_stopped(move)
-        self._orders.send_bulk(Play(trajectory))
-        await self._pending.confirmed(self._pending.mark_bulk(self._orders.send_bulk), BULK_TIMEOUT_S)
+        self._control.send_bulk(Play(trajectory))
+        await self._pending.confirmed(self._pending.mark_bulk(self._control.send_bulk), BULK_TIMEOUT_S)
         self._not_stopped(move)
         move.playing = True
         outcome = await self._pending.confirmed(self._pending.send([Resume(robots)]))
@@ -165,7 +165,7 @@ class Moves:
     async def _standstill(self) -> None:
         """Wait until nothing moves: the transfer of a long trajectory may cost more than a tick."""
         for _ in range(int(STANDSTILL_TIMEOUT_S / POLL_S)):
-            record = self._orders.newest()
+            record = self._control.newest()
             if record is not None and not any(Mode(robot.mode) in MOVING for robot in record.robots):
                 return
             await asyncio.sleep(POLL_S)
@@ -197,7 +197,7 @@ class Moves:
         if self._stream is move:
             self._stream = None
         # Without targets a later resume arms and goes nowhere.
-        self._orders.send(Begin())
+        self._control.send(Begin())
         move.end(False, message)
 
     def streaming(self, client: int) -> bool:
@@ -214,12 +214,12 @@ class Moves:
             if not event.arrived:
                 move.failed.add(robot)
             if not move.waiting:
-                faults = self._view.faults(self._orders.newest(), tuple(move.failed))
+                faults = self._view.faults(self._control.newest(), tuple(move.failed))
                 message = f"{', '.join(sorted(move.failed))} did not arrive" if move.failed else ""
                 move.end(not move.failed, message, faults)
         elif isinstance(event, SourceEnded) and self._stream is not None and self._stream.playing:
             played, self._stream = self._stream, None
-            self._orders.send(Begin())
+            self._control.send(Begin())
             played.end(True, "")
 
     # -- inside ------------------------------------------------------------------------------------------

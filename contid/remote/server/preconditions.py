@@ -27,11 +27,11 @@ _ARMED: Final = frozenset({Mode.APPROACH, Mode.RUN, Mode.HOLD})
 class Preconditions:
     """Checks moves against the newest record and the models."""
 
-    def __init__(self, orders: RunControl, view: TelemetryView) -> None:
-        self._orders = orders
+    def __init__(self, control: RunControl, view: TelemetryView) -> None:
+        self._control = control
         self._view = view
-        self._guards = chain_guards(orders.loaded)
-        self._refuses = orders.unreachable is Unreachable.REFUSE or bool(self._guards)
+        self._guards = chain_guards(control.loaded)
+        self._refuses = control.unreachable is Unreachable.REFUSE or bool(self._guards)
 
     def armed(self, robots: Sequence[str]) -> None:
         """Refuse robots that would not follow a target.
@@ -39,7 +39,7 @@ class Preconditions:
         Raises:
             RemoteError: one is in FAULT, or not armed.
         """
-        record = self._orders.newest()
+        record = self._control.newest()
         faults = self._view.faults(record, robots)
         if faults:
             found = "; ".join(f"{name}: fault {f['number']} {f['name']}" for name, f in faults.items())
@@ -51,7 +51,7 @@ class Preconditions:
 
     def unreachable(self, targets: Mapping[str, Target | None]) -> dict[str, str]:
         """Robots that cannot reach their targets from where they are, with the reason."""
-        return self._preflight(self._orders.newest()).row(targets) if self._refuses else {}
+        return self._preflight(self._control.newest()).row(targets) if self._refuses else {}
 
     def trajectory(
         self, reader: RowReader, rows: Sequence[Sequence[float]], record: TickRecord | None
@@ -72,7 +72,7 @@ class Preconditions:
     def _preflight(self, record: TickRecord | None) -> Preflight:
         commands = {name: self._view.command(name, record) for name in self._view.configs}
         seeds = {name: command for name, command in commands.items() if command is not None}
-        return Preflight(tuple(self._view.configs.values()), self._guards, self._orders.unreachable, seeds)
+        return Preflight(tuple(self._view.configs.values()), self._guards, self._control.unreachable, seeds)
 
 
 def bad_target(error: BadInputError) -> RemoteError:

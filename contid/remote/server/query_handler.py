@@ -55,14 +55,14 @@ class QueryHandler:
 
     def __init__(
         self,
-        orders: RunControl,
+        control: RunControl,
         view: TelemetryView,
         lease: Lease,
         trackers: Trackers,
         clients: Callable[[], int],
     ) -> None:
         """Read from all of these; ``clients`` counts the connected clients."""
-        self._orders = orders
+        self._control = control
         self._view = view
         self._lease = lease
         self._trackers = trackers
@@ -87,7 +87,7 @@ class QueryHandler:
 
     def hello(self) -> Fields:
         """The first line of the server."""
-        name = self._orders.loaded.file.name
+        name = self._control.loaded.file.name
         return {"event": "hello", "protocol": PROTOCOL, "version": __version__, "name": name}
 
     async def _hello(self, caller: Caller, request: RequestFields) -> Fields:
@@ -107,16 +107,16 @@ class QueryHandler:
     async def _status(self, caller: Caller, request: RequestFields) -> Fields:
         request.end()
         now_s = time.monotonic()
-        lateness = sorted(self._orders.lateness(LATENESS_TICKS))
+        lateness = sorted(self._control.lateness(LATENESS_TICKS))
         return {
-            "name": self._orders.loaded.file.name,
-            "file": str(self._orders.loaded.path),
+            "name": self._control.loaded.file.name,
+            "file": str(self._control.loaded.path),
             "version": __version__,
-            "rate_hz": self._orders.rate_hz,
+            "rate_hz": self._control.rate_hz,
             "realtime": self._realtime,
             "uptime_s": round(now_s - self._began_s, 3),
             "clients": self._clients(),
-            "waiting": self._orders.waiting or None,
+            "waiting": self._control.waiting or None,
             "warnings": list(self._warnings),
             "lease": self._lease.as_fields(now_s),
             "trackers": self._trackers.as_fields(now_s),
@@ -124,12 +124,12 @@ class QueryHandler:
                 "p50": round(lateness[len(lateness) // 2] * 1e6, 1) if lateness else None,
                 "max": round(lateness[-1] * 1e6, 1) if lateness else None,
             },
-            **self._view.status(self._orders.newest()),
+            **self._view.status(self._control.newest()),
         }
 
     async def _describe(self, caller: Caller, request: RequestFields) -> Fields:
         request.end()
-        return {**self._view.describe(), "rate_hz": self._orders.rate_hz, "fields": list(FIELDS)}
+        return {**self._view.describe(), "rate_hz": self._control.rate_hz, "fields": list(FIELDS)}
 
     async def _subscribe(self, caller: Caller, request: RequestFields) -> Fields:
         rate_hz = request.number("rate_hz", 20.0, 0.0, MAX_RATE_HZ)

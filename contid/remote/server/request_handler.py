@@ -35,22 +35,22 @@ class RequestHandler:
 
     def __init__(
         self,
-        orders: RunControl,
+        control: RunControl,
         notify: Callable[[int, Mapping[str, Any]], None],
         clients: Callable[[], int],
     ) -> None:
         """Serve a run; ``notify`` sends a notice to a client by number, ``clients`` counts the clients."""
-        self._orders = orders
+        self._control = control
         self._notify = notify
         self._ended = False
         self._refusals: dict[str, str] = {}
         self._busy: Counter[int] = Counter()
-        self.view = TelemetryView(orders.loaded, orders.rate_hz, orders.refresh)
-        self.pending = PendingOrders(orders.send)
-        self.moves = Moves(orders, self.view, self.pending)
-        self.trackers = Trackers(orders, self.view)
-        self.lease = Lease(time.monotonic(), orders.input_active)
-        self.queries = QueryHandler(orders, self.view, self.lease, self.trackers, clients)
+        self.view = TelemetryView(control.loaded, control.rate_hz, control.refresh)
+        self.pending = PendingOrders(control.send)
+        self.moves = Moves(control, self.view, self.pending)
+        self.trackers = Trackers(control, self.view)
+        self.lease = Lease(time.monotonic(), control.input_active)
+        self.queries = QueryHandler(control, self.view, self.lease, self.trackers, clients)
         self._verbs: dict[str, Verb] = {
             **self.queries.verbs,
             "hold": self._hold, "stop": self._stop, "estop": self._estop,
@@ -117,7 +117,7 @@ class RequestHandler:
             self._lapsed(holder, "its connection ended")
 
     def _lapsed(self, holder: LeaseHolder, message: str) -> None:
-        self._orders.send(Hold())
+        self._control.send(Hold())
         self.moves.abort_streams(message)
         log.warning("client %r lost the lease (%s); holding", holder.name, message)
         self._notify(holder.client, {"event": "lease-lost", "message": message})
@@ -144,7 +144,7 @@ class RequestHandler:
         request.end()
         if ends and not self._ended:
             self._ended = True
-            self._orders.interrupt()
+            self._control.interrupt()
         return await self._halt(caller, "stop", robots, Stop(robots))
 
     async def _halt(
@@ -157,7 +157,7 @@ class RequestHandler:
             self._notify(holder.client, {"event": "lease-lost", "message": f"{message} stopped the robots"})
         self.moves.abort_streams(message)
         result = await self._confirmed(future, robots)
-        silent = self.view.silent(robots, self._orders.newest())
+        silent = self.view.silent(robots, self._control.newest())
         return {**result, "silent": silent} if silent else result
 
     # -- moving ------------------------------------------------------------------------------------------
@@ -170,9 +170,9 @@ class RequestHandler:
         if before is not None:
             message = f"client {caller.name!r} took over"
             if before.client == 0:
-                self._orders.detach_input()
+                self._control.detach_input()
             else:
-                self._orders.send(Hold())
+                self._control.send(Hold())
                 self._notify(before.client, {"event": "lease-lost", "message": message})
             self.moves.abort_streams(message)
             log.warning("%s from %r; holding", message, before.name)
@@ -181,7 +181,7 @@ class RequestHandler:
     async def _release(self, caller: Caller, request: RequestFields) -> Fields:
         request.end()
         if self.moves.streaming(caller.number):
-            self._orders.send(Hold())
+            self._control.send(Hold())
             self.moves.abort_streams("the lease was released")
         return {"released": self.lease.release(caller.number)}
 
@@ -189,7 +189,7 @@ class RequestHandler:
         robots = self.view.named(request)
         request.end()
         self.lease.allow(caller.number, time.monotonic())
-        faults = self.view.faults(self._orders.newest(), robots)
+        faults = self.view.faults(self._control.newest(), robots)
         # A robot that is named must not be in FAULT; without names, one robot that can resume is enough.
         if faults and (robots is not None or len(faults) == len(self.view.configs)):
             found = "; ".join(
@@ -202,7 +202,7 @@ class RequestHandler:
         robots = self.view.named(request)
         request.end()
         self.lease.allow(caller.number, time.monotonic())
-        faulty = tuple(self.view.faults(self._orders.newest(), robots))
+        faulty = tuple(self.view.faults(self._control.newest(), robots))
         for name in faulty:
             self._refusals.pop(name, None)
         if faulty:
@@ -210,7 +210,7 @@ class RequestHandler:
         left = set(faulty)
         deadline_s = time.monotonic() + CONFIRM_TIMEOUT_S
         while left and time.monotonic() < deadline_s:
-            record = self._orders.newest()
+            record = self._control.newest()
             left = {name for name in left if self.view.mode(name, record) is Mode.FAULT}
             if left and left <= self._refusals.keys():
                 break
@@ -220,7 +220,7 @@ class RequestHandler:
                 self._refusals.get(name, f"{name}: not cleared, its devices have not answered")
                 for name in left
             )
-            faults = self.view.faults(self._orders.newest(), tuple(sorted(left)))
+            faults = self.view.faults(self._control.newest(), tuple(sorted(left)))
             raise RemoteError(Code.FAULT, message, faults)
         return {"cleared": sorted(faulty), "robots": self._states(robots)}
 
@@ -260,11 +260,11 @@ class RequestHandler:
         """The result of an order: the tick that obeyed it, and the states after it."""
         outcome = await self.pending.confirmed(future)
         if outcome.refused:
-            faults = self.view.faults(self._orders.newest(), robots)
+            faults = self.view.faults(self._control.newest(), robots)
             raise RemoteError(Code.REFUSED, "; ".join(outcome.refused.values()), faults)
         return {"tick": outcome.tick, "robots": self._states(robots)}
 
     def _states(self, robots: tuple[str, ...] | None) -> Fields:
-        record = self._orders.newest()
+        record = self._control.newest()
         names = robots if robots is not None else tuple(self.view.configs)
         return {name: self.view.mode(name, record).name for name in names}

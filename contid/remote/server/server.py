@@ -54,17 +54,17 @@ class SocketServer:
         self._frames_tick = -1
         self._handler: RequestHandler
 
-    async def serve(self, orders: RunControl) -> None:
+    async def serve(self, control: RunControl) -> None:
         """Serve until cancelled."""
-        handler = self._handler = RequestHandler(orders, self._notify, lambda: len(self._connections))
-        orders.listen(self._event)
+        handler = self._handler = RequestHandler(control, self._notify, lambda: len(self._connections))
+        control.listen(self._event)
         server = await asyncio.start_unix_server(self._accept, sock=self._endpoint.socket, limit=MAX_LINE)
         try:
             while True:
                 busy = handler.streaming or any(c.subscription for c in self._connections.values())
                 await asyncio.sleep(WATCH_S if busy else IDLE_S)
                 handler.watch()
-                self._send_frames(orders)
+                self._send_frames(control)
         finally:
             server.close()
             for connection in tuple(self._connections.values()):
@@ -131,7 +131,7 @@ class SocketServer:
             if connection.subscription is not None and connection.subscription.events:
                 connection.outbox.put_frame(line)
 
-    def _send_frames(self, orders: RunControl) -> None:
+    def _send_frames(self, control: RunControl) -> None:
         """Send the telemetry that is due; equal frames are encoded once."""
         now_s = time.monotonic()
         due = [
@@ -141,7 +141,7 @@ class SocketServer:
             and subscription.rate_hz
             and now_s >= subscription.next_s
         ]
-        record = orders.newest() if due else None
+        record = control.newest() if due else None
         if record is None:
             return
         if record.tick != self._frames_tick:

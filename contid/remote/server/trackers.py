@@ -66,8 +66,8 @@ class Tracker:
 class Trackers:
     """The trackers of one daemon."""
 
-    def __init__(self, orders: RunControl, view: TelemetryView) -> None:
-        self._orders = orders
+    def __init__(self, control: RunControl, view: TelemetryView) -> None:
+        self._control = control
         self._view = view
         self._trackers: dict[str, Tracker] = {}
         self._reach_m: dict[str, float] = {}
@@ -139,12 +139,12 @@ class Trackers:
 
     def _send(self, tracker: Tracker, now_s: float) -> None:
         """Send the pending measurement, once per completed tick."""
-        record = self._orders.newest()
+        record = self._control.newest()
         if tracker.pending is None or record is None or record.tick == tracker.sent_tick:
             return
         pending, tracker.pending, tracker.sent_tick = tracker.pending, None, record.tick
         age_s = max(now_s - tracker.captured_s, 0.0)
-        self._orders.send(Measured(pending.robot, pending.tip_in_world, pending.direction_in_world, age_s))
+        self._control.send(Measured(pending.robot, pending.tip_in_world, pending.direction_in_world, age_s))
 
     def _config(self, request: RequestFields) -> RobotConfig:
         configs = self._view.configs
