@@ -5,6 +5,7 @@ from __future__ import annotations
 import json
 import shutil
 from pathlib import Path
+from typing import Any
 
 import pytest
 
@@ -32,7 +33,7 @@ def test_the_fit_is_written_with_its_provenance_and_nothing_else_changes(
         "--plot", str(plot),
     )  # fmt: skip
     assert done.returncode == 0, done.stderr
-    finger = load_robot_file(robot_file).file.robots["finger"]
+    finger: Any = load_robot_file(robot_file).file.robots["finger"]
     assert finger.correction.a_per_mm == pytest.approx(0.0013, abs=3e-4)
     assert finger.correction.b == pytest.approx(-0.2774, abs=0.02)
     assert finger.correction.arc_length_mm == (40, 100)

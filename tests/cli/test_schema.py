@@ -69,7 +69,7 @@ def test_an_editor_finds_nothing_wrong_in_a_shipped_robot_file(path: Path) -> No
 
 def test_an_editor_finds_what_is_wrong() -> None:
     validator = Draft202012Validator(robot_file_schema())
-    data = read_document((CONFIGS / "finger.yaml").read_text(), "x").data
+    data: Any = read_document((CONFIGS / "finger.yaml").read_text(), "x").data
     finger = data["robots"]["finger"]
     for broken in (
         {**data, "rate_hz": -1},

@@ -11,7 +11,7 @@ from pydantic import ValidationError
 from contid.errors import DeviceError
 from contid.hal import AxisOnBus, DeviceKind, Emulates, load_driver
 from contid_drivers.due.emulator import fault_command
-from contid_drivers.due.options import DueAxisOptions, DueBusOptions, EndStop
+from contid_drivers.due.options import DueAxisOptions, DueBusOptions, EndStop, Role
 from contid_drivers.due.wiring import Scale, board_config
 
 REGULATOR = {"calibration": [[0, 0], [100, 3]], "readback": [[600, 0], [3000, 3]], "ceiling_bar": 1.6}
@@ -46,7 +46,7 @@ def test_counts_of_a_turn_and_of_650_mm():
 
 def test_the_configuration_is_in_the_boards_units():
     motor = AxisOnBus("a.x", DueAxisOptions(channel="m2", homing=EndStop(direction=-1)), (0.0, math.tau))
-    blob = board_config("b", DueBusOptions(port="x", role="motor", watchdog_ms=80), [motor])
+    blob = board_config("b", DueBusOptions(port="x", role=Role.MOTOR, watchdog_ms=80), [motor])
     assert struct.unpack_from("<BHB", blob) == (0, 80, 1)
     channel, safe, start, flags, low, high, velocity, acceleration = struct.unpack_from("<4B4i", blob, 4)
     assert (channel, safe, start, flags) == (2, 0, 0, 4)
@@ -63,8 +63,10 @@ def test_the_configuration_of_a_regulator_is_in_pascal():
         "leak_bar": 0.3,
         "leak_ms": 700,
     }
-    options = DueAxisOptions(channel="p1", **REGULATOR, **options_given, trim_bar=0.2, trim_per_s=1.5)
-    blob = board_config("b", DueBusOptions(port="x", role="pressure"), [AxisOnBus("a.x", options, None)])
+    options = DueAxisOptions.model_validate(
+        {"channel": "p1", **REGULATOR, **options_given, "trim_bar": 0.2, "trim_per_s": 1.5}
+    )
+    blob = board_config("b", DueBusOptions(port="x", role=Role.PRESSURE), [AxisOnBus("a.x", options, None)])
     # firmware/PROTOCOL.md: channel, safe, start, then the regulator's numbers.
     found = struct.unpack("<3B3iHiHiHiH2iB", blob[4:-12])
     assert found[0] == 1
@@ -83,19 +85,22 @@ def test_the_configuration_of_a_regulator_is_in_pascal():
 def test_a_motor_on_a_pressure_board_is_refused_by_name():
     motor = AxisOnBus("arm.s1.l1", DueAxisOptions(channel="m0"), None)
     with pytest.raises(DeviceError, match=r"arm\.s1\.l1.*channel m0 does not exist on a pressure board"):
-        board_config("air", DueBusOptions(port="x", role="pressure"), [motor])
+        board_config("air", DueBusOptions(port="x", role=Role.PRESSURE), [motor])
 
 
 def test_driver_protocol():
     driver = load_driver("due")
     assert isinstance(driver, Emulates)
-    motor, regulator = DueAxisOptions(channel="m3"), DueAxisOptions(channel="p1", **REGULATOR)
+    motor, regulator = (
+        DueAxisOptions(channel="m3"),
+        DueAxisOptions.model_validate({"channel": "p1", **REGULATOR}),
+    )
     assert (driver.kind(motor), driver.address(motor)) == (DeviceKind.MOTOR, "channel m3")
     assert (driver.kind(regulator), driver.address(regulator)) == (DeviceKind.REGULATOR, "channel p1")
     sim = load_driver("sim")
     for axis in (motor, regulator):
         sim.axis_options.model_validate(driver.mock_axis_options(axis))
-    sim.bus_options.model_validate(driver.mock_options(DueBusOptions(port="x", role="motor")))
+    sim.bus_options.model_validate(driver.mock_options(DueBusOptions(port="x", role=Role.MOTOR)))
 
 
 @pytest.mark.parametrize(

@@ -5,6 +5,7 @@ from __future__ import annotations
 import itertools
 import json
 import math
+from typing import Any
 
 import pytest
 
@@ -24,7 +25,7 @@ class Rig:
         self.clock = VirtualClock(50.0)
         names = names or [f"r.{letter}" for letter in "abcdef"[: len(axes)]]
         on_bus = [AxisOnBus(name, SimAxisOptions(**axis)) for name, axis in zip(names, axes, strict=True)]
-        self.bus = DRIVER.open_bus("bus", SimBusOptions(**bus), on_bus, self.clock)
+        self.bus: Any = DRIVER.open_bus("bus", SimBusOptions(**bus), on_bus, self.clock)
 
     def start(self):
         self.bus.open()

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from typing import Any, cast
+
 import pytest
 
 from contid.errors import BadInputError, ContidError
@@ -38,7 +40,7 @@ def finger(configs):
 def test_a_file_may_ask_for_simulation(finger):
     fault = "faults: [{at_s: 1.0, axis: finger.left, kind: silent, for_s: 0.2}]"
     loaded = parse_robot_file(finger(fault, left="start_deg: 300,"), "x.yaml")
-    wiring = loaded.buses["servos"]
+    wiring: Any = loaded.buses["servos"]
     assert wiring.options.faults[0].for_s == 0.2
     assert [axis for axis, _ in wiring.axes] == ["finger.left", "finger.right"]
     assert wiring.axes[0][1].start == pytest.approx(5.2359877559)
@@ -73,7 +75,7 @@ def test_a_fault_of_an_unknown_axis_is_refused_before_anything_is_opened(finger)
 def test_every_shipped_robot_has_simulated_twins(configs, name):
     loaded = load_robot_file(configs / f"{name}.yaml")
     mock = with_mock(loaded)
-    for bus, wiring in mock.buses.items():
+    for bus, wiring in cast("dict[str, Any]", mock.buses).items():
         assert wiring.driver == "sim"
         assert isinstance(wiring.options, SimBusOptions)
         kinds = [options.device for _, options in wiring.axes]

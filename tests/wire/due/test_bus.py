@@ -10,6 +10,7 @@ import time
 from collections.abc import Callable, Iterator
 from contextlib import ExitStack
 from pathlib import Path
+from typing import Any
 
 import pytest
 from click.testing import CliRunner
@@ -22,12 +23,15 @@ from contid.hal import AxisOnBus, Rest, load_driver
 from contid.robot_file.load import load_robot_file
 from contid_drivers.due.bus import DueBus
 from contid_drivers.due.emulator import DueEmulator
-from contid_drivers.due.options import DueAxisOptions, DueBusOptions, EndStop
+from contid_drivers.due.options import DueAxisOptions, DueBusOptions, EndStop, Role
 from contid_drivers.due.service import doctor, home
 
 pytestmark = pytest.mark.realtime
 
-MOTORS = [AxisOnBus(f"arm.l{i}", DueAxisOptions(channel=f"m{i}", power_up_deg=90.0), None) for i in range(3)]
+MOTORS = [
+    AxisOnBus(f"arm.l{i}", DueAxisOptions.model_validate({"channel": f"m{i}", "power_up_deg": 90.0}), None)
+    for i in range(3)
+]
 PARKED = {"power_up_deg": 229.2, "homing": {"direction": -1, "at_deg": 199.2}}
 AIR = {"calibration": [[0, 0], [100, 3]], "readback": [[600, 0], [3000, 3]], "ceiling_bar": 1.6}
 
@@ -37,7 +41,7 @@ def world(tmp_path: Path) -> Iterator[Callable[..., tuple[DueBus, DueEmulator]]]
     """Makes a bus and the board behind it: ``world(axes, **bus options)``."""
     with ExitStack() as stack:
 
-        def make(axes=MOTORS, role="motor", **keys) -> tuple[DueBus, DueEmulator]:
+        def make(axes=MOTORS, role=Role.MOTOR, **keys) -> tuple[DueBus, DueEmulator]:
             options = DueBusOptions(port=str(tmp_path / "board"), role=role, **{"latency_ms": 60.0, **keys})
             emulator = stack.enter_context(DueEmulator(options, axes))
             bus = DueBus("board", options, axes, RealClock())
@@ -68,19 +72,19 @@ def test_hello_and_first_samples(world):
 
 def test_wrong_role_is_named(world):
     _, emulator = world()
-    axes = [AxisOnBus("arm.p", DueAxisOptions(channel="p0", **AIR), None)]
-    options = DueBusOptions(port=str(emulator.port), role="pressure")
+    axes = [AxisOnBus("arm.p", DueAxisOptions.model_validate({"channel": "p0", **AIR}), None)]
+    options = DueBusOptions(port=str(emulator.port), role=Role.PRESSURE)
     with pytest.raises(DeviceNotFoundError, match=r"expected a pressure board.*found a motor board"):
         DueBus("air", options, axes, RealClock()).open()
 
 
 def test_no_port_and_no_board(tmp_path):
-    options = DueBusOptions(port=str(tmp_path / "none*"), role="motor", hello_ms=100)
+    options = DueBusOptions(port=str(tmp_path / "none*"), role=Role.MOTOR, hello_ms=100)
     with pytest.raises(DeviceNotFoundError, match="no port"):
         DueBus("board", options, MOTORS, RealClock()).open()
     master, slave = pty.openpty()
     try:
-        options = DueBusOptions(port=os.ttyname(slave), role="motor", hello_ms=150)
+        options = DueBusOptions(port=os.ttyname(slave), role=Role.MOTOR, hello_ms=150)
         with pytest.raises(DeviceNotFoundError, match=r"no hello .* within 150 ms .*contid firmware flash"):
             DueBus("board", options, MOTORS, RealClock()).open()
     finally:
@@ -127,7 +131,7 @@ def test_a_loop_frozen_for_a_moment_costs_some_samples(world):
     bus.enable(bus.axes)
     emulator.fault("freeze", ms=100)
     end = time.monotonic() + 3.0
-    valid = []
+    valid: list[bool] = []
     while time.monotonic() < end and (False not in valid or not valid[-1]):
         valid.append(all(sample.valid for sample in bus.exchange({}).values()))
         time.sleep(0.002)
@@ -200,7 +204,7 @@ def test_home_and_doctor(world):
         AxisOnBus("arm.l2", DueAxisOptions(channel="m1"), None),
     ]
     bus, emulator = world(axes)
-    options = DueBusOptions(port=str(emulator.port), role="motor", latency_ms=60.0)
+    options = DueBusOptions(port=str(emulator.port), role=Role.MOTOR, latency_ms=60.0)
     assert all(finding.ok for finding in doctor("board", options, axes))
     reported: list[str] = []
     (homed,) = home("board", options, axes, ["arm.l1"], reported.append)
@@ -215,15 +219,15 @@ def test_home_and_doctor(world):
 
 
 def test_doctor_without_a_board(tmp_path):
-    options = DueBusOptions(port=str(tmp_path / "none"), role="motor")
+    options = DueBusOptions(port=str(tmp_path / "none"), role=Role.MOTOR)
     (finding,) = doctor("board", options, MOTORS)
     assert not finding.ok
     assert finding.remedy
 
 
 def test_emulator_of_the_driver_follows_its_control_file(tmp_path):
-    driver = load_driver("due")
-    options = DueBusOptions(port=str(tmp_path / "board"), role="motor", latency_ms=60.0)
+    driver: Any = load_driver("due")
+    options = DueBusOptions(port=str(tmp_path / "board"), role=Role.MOTOR, latency_ms=60.0)
     control = tmp_path / "faults"
     control.touch()
     with driver.emulator("motors", options, MOTORS, control) as reported:

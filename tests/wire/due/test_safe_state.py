@@ -27,6 +27,7 @@ from contid.robot_file.load import load_robot_file
 from contid_drivers.due import frames, messages, wiring
 from contid_drivers.due.codes import Type
 from contid_drivers.due.emulator import DueEmulator
+from contid_drivers.due.options import DueBusOptions
 
 pytestmark = pytest.mark.realtime
 
@@ -48,9 +49,10 @@ class Board:
         self.file.write_text(text.replace("port: ./", f"port: {folder}/"))
         (wired,) = load_robot_file(self.file).buses.values()
         self.axes = [AxisOnBus(name, options, None) for name, options in wired.axes]
+        assert isinstance(wired.options, DueBusOptions)
         self.options = wired.options
         self.journal_file = folder / "journal"
-        self.emulator = DueEmulator(wired.options, self.axes, self.journal_file)
+        self.emulator = DueEmulator(self.options, self.axes, self.journal_file)
 
     def truth(self, channel: int) -> list[float]:
         return [float(number) for number in self.emulator.command(f"get {channel}").split()]
@@ -165,7 +167,7 @@ def test_port_that_stays_open_but_is_not_read(board):
     try:
         reader = frames.FrameReader()
 
-        def ask(kind: Type, body: bytes) -> messages.Answer:
+        def ask(kind: Type, body: bytes) -> Any:
             os.write(fd, frames.seal(messages.request(kind, 1, body)))
             while True:
                 time.sleep(0.001)
