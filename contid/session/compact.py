@@ -99,7 +99,7 @@ class _Compactor:
                 copied.add(key)
             self._write_record(opcode, body)
         for name, texts in note.items():
-            body = mcap.built(records.Metadata(name=name, metadata=dict(texts)))
+            body = mcap.encode(records.Metadata(name=name, metadata=dict(texts)))
             self._write_record(mcap.METADATA, body[RECORD.size :])
         self._chunk()
         self._finish()
@@ -134,18 +134,18 @@ class _Compactor:
         summary, at = self._summary, self._out.tell()
         self._out.write(RECORD.pack(opcode, len(body)) + body)
         if opcode == mcap.SCHEMA:
-            summary.schemas.append(mcap.understood(opcode, body))
+            summary.schemas.append(mcap.decode(opcode, body))
         elif opcode == mcap.CHANNEL:
-            channel = mcap.understood(opcode, body)
+            channel = mcap.decode(opcode, body)
             summary.channels.append(channel)
             self._first = channel.id if channel.topic == TICK_CHANNELS[0] else self._first
             self._last = channel.id if channel.topic == TICK_CHANNELS[-1] else self._last
         elif opcode == mcap.METADATA:
-            name = mcap.understood(opcode, body).name
+            name = mcap.decode(opcode, body).name
             index = records.MetadataIndex(offset=at, length=RECORD.size + len(body), name=name)
             summary.metadata.append(index)
         elif opcode == mcap.ATTACHMENT:
-            file = mcap.understood(opcode, body)
+            file = mcap.decode(opcode, body)
             summary.attachments.append(
                 records.AttachmentIndex(
                     offset=at,
@@ -171,7 +171,7 @@ class _Compactor:
         start_ns, end_ns = min(times), max(times)
         at = self._out.tell()
         self._out.write(
-            mcap.built(records.Chunk("zstd", compressed, end_ns, start_ns, zlib.crc32(body), len(body)))
+            mcap.encode(records.Chunk("zstd", compressed, end_ns, start_ns, zlib.crc32(body), len(body)))
         )
         index_at = self._out.tell()
         offsets = {}
@@ -205,7 +205,7 @@ class _Compactor:
         from mcap.opcode import Opcode
 
         summary = self._summary
-        self._out.write(mcap.built(records.DataEnd(0)))
+        self._out.write(mcap.encode(records.DataEnd(0)))
         statistics = records.Statistics(
             attachment_count=len(summary.attachments),
             channel_count=len(summary.channels),
@@ -229,11 +229,11 @@ class _Compactor:
         body, offsets = b"", []
         for opcode, some in groups:
             if some:
-                part = mcap.built(*some)
+                part = mcap.encode(*some)
                 offsets.append(records.SummaryOffset(opcode, start + len(body), len(part)))
                 body += part
         offsets_at = start + len(body)
-        body += mcap.built(*offsets)
+        body += mcap.encode(*offsets)
         head = struct.pack("<BQQQ", mcap.FOOTER, 8 + 8 + 4, start, offsets_at)
         crc = zlib.crc32(head, zlib.crc32(body))
-        self._out.write(body + mcap.built(records.Footer(start, offsets_at, crc)) + mcap.MAGIC)
+        self._out.write(body + mcap.encode(records.Footer(start, offsets_at, crc)) + mcap.MAGIC)

@@ -15,7 +15,7 @@ from contid.session.format.channels import CHANNELS
 from contid.session.format.decode import Decoder
 from contid.session.format.entries import EndOfFile, Entry, read_entries
 from contid.session.format.mcap_records import DamagedRecordError, RecordStream
-from contid.session.format.metadata import FORMAT, TRAJECTORY, unpacked
+from contid.session.format.metadata import FORMAT, TRAJECTORY, decode_trajectory
 from contid.trajectory.timed import Trajectory
 
 
@@ -95,7 +95,7 @@ class Session:
         """
         if opcode not in (mcap.METADATA, mcap.ATTACHMENT, mcap.CHANNEL):
             return
-        record = mcap.understood(opcode, body)
+        record = mcap.decode(opcode, body)
         if opcode == mcap.METADATA:
             self.metadata[record.name] = dict(record.metadata)
         elif opcode == mcap.ATTACHMENT:
@@ -173,7 +173,7 @@ class Session:
             raise SessionError(f"{self.path}: its {name}.npz is missing; {message}")
         if not metadata.keys() >= {"columns", "sha256", "interpolation"}:
             raise SessionError(f"{self.path}: its trajectory has no columns")
-        return unpacked(self._attachments[f"{name}.npz"], metadata, loaded)
+        return decode_trajectory(self._attachments[f"{name}.npz"], metadata, loaded)
 
     def entries(self) -> Iterator[Entry]:
         """Ticks and events in their order without incomplete ticks."""

@@ -20,7 +20,7 @@ from contid.control.process.setup import RunSetup
 from contid.errors import ContidError
 from contid.session.compact import compact
 from contid.session.format.header import NPZ, Attached, RecorderJob
-from contid.session.format.metadata import TRAJECTORY, about_trajectory, describe, packed
+from contid.session.format.metadata import TRAJECTORY, describe, encode_trajectory, trajectory_metadata
 from contid.session.mcap_recorder import READY
 from contid.session.write import SessionSink, SessionWriter
 
@@ -88,8 +88,8 @@ class RecordingObserver:
         if not isinstance(message, Play):
             return
         self._played += 1
-        name, metadata = f"{TRAJECTORY}-{self._played}", about_trajectory(message.trajectory)
-        data = packed(message.trajectory, at_once=True)
+        name, metadata = f"{TRAJECTORY}-{self._played}", trajectory_metadata(message.trajectory)
+        data = encode_trajectory(message.trajectory, at_once=True)
         if self._writer is not None:
             self._writer.attach(name, NPZ, data, metadata)
         elif self._process is not None and self._process.stdin is not None:

@@ -81,7 +81,7 @@ class SessionWriter:
         """Add a file and its metadata."""
         from mcap.records import Attachment, Metadata
 
-        self._buffer += mcap.built(
+        self._buffer += mcap.encode(
             Metadata(name=name, metadata=dict(metadata)),
             Attachment(self._time_ns, self._time_ns, f"{name}.npz", media, data),
         )
@@ -107,7 +107,7 @@ class SessionWriter:
         """End the file as MCAP requires, without an index."""
         from mcap.records import DataEnd, Footer
 
-        self._buffer += mcap.built(DataEnd(0), Footer(0, 0, 0)) + mcap.MAGIC
+        self._buffer += mcap.encode(DataEnd(0), Footer(0, 0, 0)) + mcap.MAGIC
         self.flush()
         self.close()
 
@@ -149,4 +149,4 @@ def head_records(header: Header) -> bytes:
         declared = records.Schema(id=number, name=f"contid.{channel}", encoding="jsonschema", data=text)
         out.append(declared)
         out.append(records.Channel(number, channel, "json", {}, number))
-    return mcap.built(*out)
+    return mcap.encode(*out)

@@ -19,7 +19,7 @@ from contid.errors import ContidError
 from contid.session.format import mcap_records as mcap
 from contid.session.format.channels import CHANNELS, EVENT
 from contid.session.format.entries import DAMAGED
-from contid.session.format.metadata import about_trajectory, packed, unpacked
+from contid.session.format.metadata import decode_trajectory, encode_trajectory, trajectory_metadata
 from contid.session.info import summarize
 from contid.session.read import Session
 from contid.session.repair import repair
@@ -79,7 +79,7 @@ def test_a_chunk_larger_than_its_declared_size_is_damage(
 
 
 def test_the_size_limit_holds_for_every_declared_size(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(mcap, "CHUNK_MOST", 1 << 20)
+    monkeypatch.setattr(mcap, "MAX_CHUNK_BYTES", 1 << 20)
     whole = chunk(b"zstd", zstd(bytes(ZEROS)), 1 << 20)
     for cut in (False, True):
         with bounded():
@@ -218,32 +218,34 @@ def _attachment(array: object, size: int | None = None) -> bytes:
 )
 def test_an_attachment_that_is_no_trajectory_is_refused(data: bytes) -> None:
     loaded = load(1)
-    about = about_trajectory(circle(loaded))
+    about = trajectory_metadata(circle(loaded))
     columns = json.loads(about["columns"])
     assert len(columns) == 3
     with pytest.raises(ContidError, match="damaged"):
-        unpacked(data, about, loaded)
+        decode_trajectory(data, about, loaded)
 
 
 def test_a_decompression_bomb_allocates_nothing() -> None:
     loaded = load(1)
-    about = about_trajectory(circle(loaded))
+    about = trajectory_metadata(circle(loaded))
     out = io.BytesIO()
     with zipfile.ZipFile(out, "w", zipfile.ZIP_DEFLATED) as archive, archive.open("rows.npy", "w") as file:
         for _ in range(3):
             file.write(bytes(ZEROS // 2))
-    with bounded(), pytest.raises(ContidError, match="claims"):
-        unpacked(out.getvalue(), about, loaded)
+    with bounded(), pytest.raises(ContidError, match="declares"):
+        decode_trajectory(out.getvalue(), about, loaded)
 
 
 def test_every_flipped_bit_of_an_attachment_is_detected(growing: Path) -> None:
     loaded = load(1)
     trajectory = circle(loaded)
-    data, about = packed(trajectory), about_trajectory(trajectory)
-    assert unpacked(data, about, loaded).rows.tobytes() == trajectory.rows.tobytes()
+    data, about = encode_trajectory(trajectory), trajectory_metadata(trajectory)
+    assert decode_trajectory(data, about, loaded).rows.tobytes() == trajectory.rows.tobytes()
     for at in range(0, len(data), max(1, len(data) // 300)):
         flipped = bytearray(data)
         flipped[at] ^= 1 << at % 8
         # Some bits do not change the rows; the checksum detects the others.
         with suppress(ContidError):
-            assert unpacked(bytes(flipped), about, loaded).rows.tobytes() == trajectory.rows.tobytes()
+            assert (
+                decode_trajectory(bytes(flipped), about, loaded).rows.tobytes() == trajectory.rows.tobytes()
+            )

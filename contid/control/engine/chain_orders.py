@@ -1,4 +1,4 @@
-"""What the engine asks of the watch on its closed chains, tick by tick; what it refuses is told."""
+"""Calls the monitor of closed chains in every tick and at orders; its refusals become events."""
 
 from __future__ import annotations
 
@@ -23,6 +23,7 @@ class ChainOrders:
         self._robots = robots
         self._exchange = exchange
         self._sink = sink
+        self._chained = bool(guards)
         self._gotos: dict[str, Target] = {}
 
     def concerns(self, robot: str) -> bool:
@@ -30,11 +31,13 @@ class ChainOrders:
         return self._watch.concerns(robot)
 
     def goto(self, robot: str, target: Target) -> None:
-        """An arm shall go to a point; looked at by `begin_gotos` together with what comes with it."""
+        """Keep a goto of an arm until `begin_gotos` checks all of one tick together."""
         self._gotos[robot] = target
 
     def begin_gotos(self, now_s: float) -> None:
-        """Begin the orders to points, as many as came together, or refuse them."""
+        """Begin or refuse the gotos of one tick."""
+        if not self._gotos:
+            return
         targets, self._gotos = self._gotos, {}
         for robot, message in self._watch.gotos(
             self._robots.states, targets, now_s, self._exchange.samples_of
@@ -42,18 +45,20 @@ class ChainOrders:
             self._sink.event(OrderRefused(robot=robot, message=message))
 
     def stopped(self, who: RobotNames, now_s: float) -> None:
-        """After an order that stops robots: the rest of their chains, and forbidden ways to rest poses."""
+        """After an order that stops robots: hold their chains, stop forbidden paths to rest poses."""
         for robot, message in self._watch.stopped(self._robots.states, who, now_s, self._exchange.samples_of):
             self._sink.event(OrderRefused(robot=robot, message=message))
 
     def before_tick(
         self, targets: Mapping[str, Target | None], now_s: float, measured: Mapping[str, Measurement]
     ) -> Mapping[str, Target | None]:
-        """Targets of this tick; forbidden approaches have become faults."""
+        """Targets of this tick; forbidden approaches become faults."""
+        if not self._chained:
+            return targets
         targets = self._watch.targets(targets, self._robots.states)
         self._watch.begin(self._robots.states, targets, now_s, self._exchange.samples_of, measured)
         return targets
 
     def after_tick(self, now_s: float) -> None:
-        """An arm in FAULT takes the others along."""
+        """Fault the other arms of a chain with an arm in FAULT."""
         self._watch.faults(self._robots.states, self._robots.reported, now_s)

@@ -1,4 +1,4 @@
-"""Where the time comes from: the monotonic clock of the machine, or one that a test moves.
+"""The monotonic clock of the machine, and a virtual one.
 
 A bus gets one of these (`contid.hal.Clock`). Nothing in the tick reads any other clock, which is what makes
 a run in virtual time repeatable to the bit.
@@ -22,7 +22,7 @@ class RealClock:
 
 
 class VirtualClock:
-    """A clock that stands still until it is told the time."""
+    """A clock that advances by `set` and `sleep` only."""
 
     def __init__(self, now_s: float = 0.0) -> None:
         self._now_s = now_s
@@ -42,5 +42,5 @@ class VirtualClock:
         self._now_s = now_s
 
     def sleep(self, seconds: float) -> None:
-        """Move the clock forward by ``seconds``: what a device that answers late does to the tick."""
+        """Advance the clock, as a device that answers late does."""
         self.set(self._now_s + seconds)

@@ -1,4 +1,4 @@
-"""What the engine shares with whoever turns it: a cycle's place in time, where it writes, how a run ends."""
+"""Types shared by the engine and its callers: the timing of a cycle, the sink, the end of a run."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ class OnEnd(enum.StrEnum):
 
     STOP = "stop"  # the robot file's stop.on_end, then the run ends
     REST = "rest"  # move to the rest pose, hold there, then the run ends
-    HOLD = "hold"  # keep holding until somebody says otherwise
+    HOLD = "hold"  # hold until an order
 
 
 class Sink(Protocol):
@@ -31,14 +31,14 @@ class Sink(Protocol):
 
 @dataclass(frozen=True, slots=True)
 class Timing:
-    """How one cycle stands in time.
+    """The timing of one cycle.
 
     Attributes:
         tick: its number.
         skipped: ticks skipped since the start.
         deadline_s: when it should have started, on the clock of the buses.
-        lateness_s: how much later it did.
-        end_s: until when the buses may take, on the clock of the buses.
+        lateness_s: how much later it started.
+        end_s: deadline of the exchanges, on the clock of the buses.
     """
 
     tick: int

@@ -1,4 +1,4 @@
-"""What the daemon may tell the control process (`contid.control.process.pipe` carries it)."""
+"""Messages of the daemon to the control process (`contid.control.process.pipe`)."""
 
 from __future__ import annotations
 
@@ -94,12 +94,12 @@ class Play:
 
 @dataclass(frozen=True, slots=True)
 class Begin:
-    """A new live stream begins: the rows before are forgotten; the run goes on after its last."""
+    """A new live stream begins and replaces the earlier rows; the run goes on after its last."""
 
 
 @dataclass(frozen=True, slots=True)
 class Mark:
-    """Answered with an event ``mark``: everything sent before it was obeyed, or refused by an event."""
+    """Answered with an event ``mark`` after every earlier message was carried out or refused."""
 
     number: int
 

@@ -1,7 +1,7 @@
 """One owner per bus: inline for a single bus, one worker thread each when there are several.
 
-A slow device then stalls its own bus only (husarion/rosbot_ros PR 196). A worker that has not come back by
-the end of the tick is left alone: its robots count a miss, and it gets no new job until it is done.
+A slow device then stalls its own bus only (husarion/rosbot_ros PR 196). A worker that is
+not done by the end of the tick gets no new job until it is; its robots count a miss.
 """
 
 from __future__ import annotations
@@ -18,12 +18,12 @@ from contid.hal import Bus, Rest, Sample
 
 @dataclass(frozen=True, slots=True)
 class BusJob:
-    """What a bus shall do in one tick.
+    """The work of a bus in one tick.
 
     Attributes:
         commands: device values by axis.
-        effects: per robot index, what to ask of which axes; done before the exchange.
-        reopen: try to open the bus again first.
+        effects: robot index, effect and axes; carried out before the exchange.
+        reopen: open the bus first.
     """
 
     commands: Mapping[str, float]
@@ -33,13 +33,13 @@ class BusJob:
 
 @dataclass(slots=True)
 class BusReply:
-    """What came of a job.
+    """The result of a job.
 
     Attributes:
         samples: by axis, None when the exchange failed.
-        lost: why the bus is gone, "" while it is there.
+        lost: why the bus is lost, "" otherwise.
         done: effects that succeeded, by robot index.
-        refused: effects that a device refused, with its words.
+        refused: effects that a device refused, with its message.
     """
 
     samples: Mapping[str, Sample] | None = None
@@ -79,7 +79,7 @@ def _apply(bus: Bus, effect: Effect, axes: tuple[str, ...]) -> None:
 
 
 class BusPort:
-    """A bus and whoever works for it.
+    """A bus and its worker, if it has one.
 
     Attributes:
         bus: the bus; only this port touches it while open.
@@ -122,7 +122,7 @@ class BusPort:
         return self._worker is not None
 
     def lose(self, message: str) -> None:
-        """The bus is gone; whoever reopens it must not hold up the tick."""
+        """Mark the bus as lost; reopening it must not delay the tick."""
         self.lost = message
         self.retry_at = 0
         if self._reopen_aside:
@@ -160,7 +160,7 @@ class BusPort:
         return answer
 
     def close(self, timeout_s: float) -> None:
-        """Let the bus go; a worker that hangs in its device is left behind (the thread is a daemon)."""
+        """Close the bus; a worker that hangs in its device is abandoned (a daemon thread)."""
         if self._worker is not None:
             self._jobs.put(None)
             self._worker.join(timeout_s)

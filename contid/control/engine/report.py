@@ -1,4 +1,4 @@
-"""What is said at the end of every run, however it ended."""
+"""The closing report of a run."""
 
 from __future__ import annotations
 
@@ -15,10 +15,10 @@ from contid.control.tick.supervisor import Mode
 
 @dataclass(slots=True)
 class RunReport:
-    """The end of a run.
+    """The closing report.
 
     Attributes:
-        ending: in words: the trajectory ended, interrupted, a fault, ...
+        ending: why the run ended.
         exit_code: of the process (see docs).
         rate_hz: of the tick.
         virtual: True in virtual time, where no lateness exists.
@@ -29,7 +29,7 @@ class RunReport:
         lateness: p50, p99, p99.9 and greatest [us].
         realtime: whether the control process ran under SCHED_FIFO.
         robots: per robot its last state, fault, tip error and limits.
-        problems: what could not be done, in words.
+        problems: messages about what failed.
     """
 
     ending: str = "did not start"
@@ -77,7 +77,7 @@ class RunReport:
 
 
 def robot_reports(engine: Engine) -> dict[str, dict[str, Any]]:
-    """What became of each robot."""
+    """The closing report of each robot."""
     out = {}
     for config, state, tally in zip(engine.configs, engine.states, engine.tallies, strict=True):
         faulted = state.mode is Mode.FAULT
@@ -93,9 +93,9 @@ def robot_reports(engine: Engine) -> dict[str, dict[str, Any]]:
 def complete_from_records(
     report: RunReport, layout: RecordLayout, written: int, records: Sequence[TickRecord]
 ) -> None:
-    """What the ring still tells of a control process that did not live to report by itself.
+    """Complete the report from the ring when the control process was killed.
 
-    Counts are complete; lateness and tip errors are those of the records that are left, the last seconds.
+    Counts are complete; lateness and tip errors cover the records of the last seconds only.
     """
     if report.ticks or not records:
         return

@@ -1,4 +1,4 @@
-"""Where the targets of a tick come from: a timed trajectory played by the tick itself, or a live stream."""
+"""Sources of targets: a timed trajectory, or a live stream."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ class Source(Protocol):
 
     #: Time in the trajectory [s], None where there is none.
     time_s: float | None
-    #: True when nothing more will come and every robot is where it shall be.
+    #: True when the source has ended and every robot has reached its last target.
     finished: bool
 
     def targets(self, tick: int) -> Mapping[str, Target | None]:
@@ -29,7 +29,7 @@ class Source(Protocol):
         ...
 
     def watch(self, tick: int, states: Mapping[str, RobotState]) -> None:
-        """Called after each tick with what became of the robots."""
+        """Called after each tick with the states of the robots."""
         ...
 
     def pause(self, tick: int) -> None:
@@ -46,7 +46,7 @@ class Timed:
 
     Its clock starts when every robot that follows it has arrived at the first row (a robot in FAULT, or held
     by an order, is not waited for), and counts ticks: time ``start + n/rate``, so a row written at a tick is
-    met exactly. Skipped ticks are not counted: nobody leaves the path for them. Starts and ends at speed are
+    met exactly. Skipped ticks are not counted, so robots stay on the path. Starts and ends at speed are
     eased (`ease`).
     """
 
@@ -80,7 +80,7 @@ class Timed:
         return trajectory.targets_at(time_s)
 
     def watch(self, tick: int, states: Mapping[str, RobotState]) -> None:
-        """Start the clock when everybody is there; notice the end."""
+        """Start the clock when every robot has arrived; detect the end."""
         followers = [states[name] for name in self._robots if states[name].follow]
         if self._ended_at is not None:
             still = all(state.command == state.reference for state in followers)

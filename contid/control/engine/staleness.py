@@ -1,6 +1,6 @@
-"""How old the data of a bus are, and the events that tell of it: health from ages, never from a flag.
+"""The age class of the data of a bus, and the events of its changes.
 
-    tier = first of (fresh, late, stale, old, lost) whose bound is not exceeded
+    class = first of (fresh, late, stale, old, lost) whose bound is not exceeded
 
 Bounds 15, 50, 200 and 1000 ms (those of orca_core's joint loop), none of them shorter than three periods of
 the tick: at 20 Hz data of 150 ms are fresh.
@@ -19,7 +19,7 @@ from contid.hal import Sample
 
 
 class Staleness(enum.StrEnum):
-    """How far the data of a bus can be trusted."""
+    """Age class of the data of a bus."""
 
     FRESH = "fresh"
     LATE = "late"
@@ -34,15 +34,15 @@ BOUNDS_S: Final[tuple[tuple[float, Staleness], ...]] = (
     (0.200, Staleness.STALE),
     (1.000, Staleness.OLD),
 )
-#: Periods of the tick that no bound is shorter than.
+#: Every bound is at least this many periods of the tick.
 MIN_PERIODS: Final = 3.0
-#: A better tier is told when it has lasted so long, so that a device at a bound does not flood the session.
+#: A better class is reported after this time, so a device at a bound does not flood the session.
 RECOVERY_S: Final = 0.5
 _ORDER: Final = {tier: place for place, tier in enumerate(Staleness)}
 
 
 def staleness_of(age_s: float, period_s: float) -> Staleness:
-    """The tier of an age."""
+    """The class of an age."""
     for bound_s, tier in BOUNDS_S:
         if age_s <= max(bound_s, MIN_PERIODS * period_s):
             return tier
@@ -50,7 +50,7 @@ def staleness_of(age_s: float, period_s: float) -> Staleness:
 
 
 class StalenessMonitor:
-    """Tells every change of a bus's tier: a worse one at once, a better one when it has lasted."""
+    """Reports changes of class: a worse one at once, a better one after `RECOVERY_S`."""
 
     def __init__(self, axes_of: Mapping[str, Sequence[str]], rate_hz: float, sink: Sink) -> None:
         """``axes_of``: axes by bus."""

@@ -1,4 +1,4 @@
-"""What the robots follow, where trackers see their tips, and how a run comes to its end."""
+"""Selects the source of targets, keeps measured tips, and ends the run after the source."""
 
 from __future__ import annotations
 
@@ -27,11 +27,11 @@ class TargetSelector:
     """The source of targets, and the end it comes to.
 
     Attributes:
-        source: what is followed, None for nothing.
+        source: of the targets, None without one.
         measured: newest measured tip by robot.
-        attended: somebody may give orders: do not end because every robot is in FAULT.
-        ended: what was followed has ended.
-        finishing: the run is on its way to its end; nothing sets out any more.
+        attended: a client may give orders: the run does not end because every robot is in FAULT.
+        ended: the source has ended.
+        finishing: the run is ending; no motion begins.
     """
 
     def __init__(
@@ -59,7 +59,7 @@ class TargetSelector:
         self._on_end = on_end
 
     def targets(self, step: int, now_s: float) -> Mapping[str, Target | None]:
-        """Targets of a step by robot; what a trajectory says of measured tips is noted."""
+        """Targets of a step by robot; keeps the measured tips of a trajectory."""
         source = self.source
         if source is None:
             return _NOTHING
@@ -86,17 +86,17 @@ class TargetSelector:
         self._replace(Live(), now_s)
 
     def pause(self, who: RobotNames, step: int) -> None:
-        """What stops everybody stops the time of the trajectory too."""
+        """Stop the time of the trajectory when all robots stop."""
         if who is None and self.source is not None:
             self.source.pause(step)
 
     def resume(self, who: RobotNames) -> None:
-        """What resumes everybody resumes it."""
+        """Resume the trajectory when all robots resume."""
         if who is None and self.source is not None:
             self.source.resume()
 
     def watch(self, tick: int, step: int, now_s: float) -> None:
-        """After a tick, at the time of the next: does the source end here, and the run with it?"""
+        """After a tick, at the time of the next: end the run with its source."""
         if self.finishing:
             self._rest_faulted()
             return
@@ -128,7 +128,7 @@ class TargetSelector:
         self._sink.event(StopBegan(reason=reason, seconds=seconds))
 
     def _rest_faulted(self) -> None:
-        """A robot that its fault has brought to a standstill: its devices shall stay so without a host."""
+        """Bring the devices of robots stopped by a fault to the rest of ``on_fault``."""
         states = self._robots.states
         for index, config in enumerate(self._robots.configs):
             state = states[index]
@@ -147,7 +147,7 @@ class TargetSelector:
                 self.measured[robot] = Measurement.of(target, now_s)
 
     def _replace(self, source: Source, now_s: float) -> None:
-        """Another source takes over: whoever followed the old one approaches the new one, or holds."""
+        """Change the source: robots that followed the old one approach the new one, or hold."""
         self.source, self.ended, self._on_end = source, False, OnEnd.HOLD
         states = self._robots.states
         for index, config in enumerate(self._robots.configs):

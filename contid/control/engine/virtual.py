@@ -18,7 +18,7 @@ from contid.trajectory.timed import Trajectory
 
 
 class Tee:
-    """Several sinks as one; also collects events for whoever runs this."""
+    """Several sinks as one."""
 
     def __init__(self, sinks: Sequence[Sink]) -> None:
         self.sinks = sinks
@@ -113,14 +113,14 @@ def run_virtual(
         rate_hz: of the tick.
         trajectory: what to follow.
         sinks: take records and events.
-        on_end: what to do when the source ends; HOLD ends the run too, there is nobody to wait for.
+        on_end: what to do when the source ends; HOLD ends the run too, because no order can come.
         rows: rows of a stream instead of a trajectory; one per tick once every robot is armed.
         orders: messages by the tick before which they arrive.
         ticks: end after so many at the latest.
         progress: called with the number of the tick now and then.
 
     Returns:
-        The report; a KeyboardInterrupt ends the run early and is told in it.
+        The report; a KeyboardInterrupt ends the run early.
     """
     process = VirtualProcess(loaded, rate_hz, Tee(sinks), trajectory=trajectory, on_end=on_end)
     engine = process.engine

@@ -1,4 +1,4 @@
-"""What the tick needs to know about the robots and never changes: built once, plain values only."""
+"""Configuration of the robots: built once, plain values, constant during a run."""
 
 from __future__ import annotations
 
@@ -32,7 +32,7 @@ class Transmission(Protocol):
 
 @dataclass(frozen=True, slots=True)
 class StopConfig:
-    """The stop policies of one robot, out of reach of pydantic."""
+    """The stop policies of one robot as plain values."""
 
     on_end: StopPolicy
     on_interrupt: StopPolicy
@@ -48,7 +48,7 @@ class StopConfig:
 
 @dataclass(frozen=True, slots=True)
 class FeedbackConfig:
-    """The numbers of `TipFeedback` in SI, out of reach of pydantic."""
+    """The numbers of `TipFeedback` in SI as plain values."""
 
     gain_per_s: float
     limit_m: float
@@ -57,7 +57,7 @@ class FeedbackConfig:
 
     @classmethod
     def of(cls, feedback: TipFeedback) -> FeedbackConfig:
-        """The plan of a robot file's ``feedback``."""
+        """Of the ``feedback`` of a robot file."""
         return cls(
             feedback.gain_per_s, feedback.limit_mm / 1e3, feedback.stale_ms / 1e3, feedback.fade_ms / 1e3
         )
@@ -82,7 +82,7 @@ class RobotConfig:
         stops: policy per reason.
         velocity, acceleration, jerk: greatest rates of an axis [1/s, 1/s^2, 1/s^3].
         tolerance: exchanges in a row each axis may miss.
-        stale_s: age at which the data of each axis are no longer believed [s].
+        stale_s: age at which the data of each axis count as stale [s].
         period_s: of the tick.
         feedback: closed loop on the tip, None when off.
     """
@@ -115,7 +115,7 @@ def robot_config(
     rate_hz: float,
     tolerance_of_bus: Mapping[str, int],
 ) -> RobotConfig:
-    """The plan of one robot of a file at a rate [Hz]."""
+    """Configuration of one robot of a file at a rate [Hz]."""
     model = build_whole_model(robot)
     names = robot.all_axis_names
     tolerance = tuple(tolerance_of_bus[robot.axes[axis].bus] for axis in names)

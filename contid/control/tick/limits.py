@@ -82,7 +82,7 @@ def limit_axis(
         limits: of this axis.
         last: the last command.
         last_step: the last command minus the one before.
-        target: where the axis is wanted.
+        target: of the axis.
         target_step: how far the target moves per tick.
 
     Returns:
@@ -161,5 +161,5 @@ def limit(
 
 
 def flag_names(flags: int) -> tuple[str, ...]:
-    """The limits of one axis in words."""
+    """Names of the limits of one axis."""
     return tuple(name for bit, name in FLAG_NAMES.items() if flags & bit)

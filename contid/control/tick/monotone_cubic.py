@@ -22,7 +22,7 @@ from itertools import pairwise
 class MonotoneCubic:
     """The curve through points with strictly rising x and strictly monotone y.
 
-    Outside the table both directions stay at its ends: nobody measured what lies beyond.
+    Outside the table both directions stay at its ends.
 
     Raises:
         ValueError: fewer than two points, or not strictly monotone.

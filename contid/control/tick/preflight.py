@@ -1,4 +1,4 @@
-"""Nothing moves before every row was found reachable; those that are not are named in words."""
+"""Checks every row of a trajectory before any motion and lists the unreachable ones."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ from contid.trajectory.timed import Trajectory
 from contid.units import m_to_mm
 
 MAX_FINDINGS: Final = 20
-#: A rope is looked at so often between rows; tips at 0.5 m/s move 10 mm meanwhile.
+#: Interval between checks of a rope along a path; tips at 0.5 m/s move 10 mm in it.
 SAMPLE_INTERVAL_S: Final = 0.02
 
 
@@ -49,15 +49,15 @@ class Preflight:
         self._seeds = {config.name: config.rest for config in configs} | dict(seeds or {})
         self._guards = guards
         self._refuses = unreachable is Unreachable.REFUSE
-        # Where the arms of a chain are after the last row that was good; at rest before the first.
+        # Tips of the arms of chains after the last accepted row; at rest before the first.
         self._tips = {arm: self._tip(arm, self._seeds[arm]) for guard in guards for arm in guard.arms}
 
     def row(self, targets: Mapping[str, Target | None]) -> dict[str, str]:
-        """Why which robots cannot follow this row; empty when all can."""
+        """By robot, why it cannot follow this row; empty when all can."""
         return self._row(targets, self._refuses)
 
     def _row(self, targets: Mapping[str, Target | None], refuses: bool) -> dict[str, str]:
-        """The same; only what a chain forbids is wrong when nothing else ``refuses``."""
+        """The same; without ``refuses`` only chains refuse."""
         wrong = {}
         tips = dict(self._tips)
         for name, target in targets.items():
@@ -96,7 +96,7 @@ class Preflight:
     def between_rows(self, trajectory: Trajectory, index: int) -> dict[str, str]:
         """Why a chain forbids the way from the row before to this one; empty when it does not.
 
-        Rows may be far apart: a rope is looked at least every `SAMPLE_INTERVAL_S`.
+        Rows may be far apart: a rope is checked at least every `SAMPLE_INTERVAL_S`.
         """
         if not self._guards or index == 0:
             return {}

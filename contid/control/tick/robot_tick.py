@@ -87,10 +87,10 @@ def tick(
         if mode in (Mode.RUN, Mode.APPROACH) and state.goto is None and (target is None or not state.follow):
             state = stay(config, state, now_s)
         elif mode is Mode.HOLD:
-            wanted = state.goto if state.goto is not None else target if state.follow else None
-            if wanted is not None:
+            next_target = state.goto if state.goto is not None else target if state.follow else None
+            if next_target is not None:
                 following = moved(config, state, Event.FOLLOW, now_s)
-                state = _approach(config, following, wanted, now_s, now_s - config.period_s)
+                state = _approach(config, following, next_target, now_s, now_s - config.period_s)
         if state.mode not in _DRIVEN or not state.enabled:
             return TickResult(state)
         return _move(config, state, now_s)
@@ -153,8 +153,8 @@ def _approach(
     config: RobotConfig, state: RobotState, target: Target, now_s: float, start_s: float
 ) -> RobotState:
     """Begin the jerk-limited motion from the last command, given at ``start_s``, to a target."""
-    wanted = corrected(state.correction, config.frame.target_in_base(target))
-    goal = config.model.inverse(wanted, state.command).actuation
+    in_base = corrected(state.correction, config.frame.target_in_base(target))
+    goal = config.model.inverse(in_base, state.command).actuation
     if not all(map(math.isfinite, goal)):
         return fail(config, state, Fault.NOT_A_NUMBER, f"the model answered {goal}", now_s)
     motion = Approach(
@@ -172,11 +172,11 @@ def _follow(config: RobotConfig, state: RobotState, now_s: float, target: Target
         return _move(config, fail(config, state, Fault.NOT_A_NUMBER, message, now_s), now_s)
     after, flags = _limited(config, state, solution.actuation)
     tip = config.model.forward(after.command, in_base.load_n).tip_m
-    wanted = in_base.tip_m
-    if wanted is None:
-        wanted = config.model.forward(in_base.actuation or after.command, in_base.load_n).tip_m
+    target_tip = in_base.tip_m
+    if target_tip is None:
+        target_tip = config.model.forward(in_base.actuation or after.command, in_base.load_n).tip_m
     return TickResult(
-        after, config.transmission.to_device(after.command), solution, math.dist(tip, wanted), flags
+        after, config.transmission.to_device(after.command), solution, math.dist(tip, target_tip), flags
     )
 
 

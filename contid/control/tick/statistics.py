@@ -1,4 +1,4 @@
-"""What a run adds up: lateness of the ticks and tip error of the robots, in constant memory."""
+"""Statistics of a run in constant memory: lateness of the ticks, tip error of the robots."""
 
 from __future__ import annotations
 
@@ -30,16 +30,16 @@ class Lateness:
 
     def quantile_us(self, share: float) -> float:
         """Lateness that this share of the ticks did not exceed [us], 0 without ticks."""
-        wanted = share * self.counts.total()
+        count = share * self.counts.total()
         seen = 0
         for us in sorted(self.counts):
             seen += self.counts[us]
-            if seen >= wanted:
+            if seen >= count:
                 return float(us)
         return 0.0
 
     def as_dict(self) -> dict[str, float]:
-        """The four figures that matter, in microseconds."""
+        """For the report, in microseconds."""
         return {
             "p50_us": self.quantile_us(0.5),
             "p99_us": self.quantile_us(0.99),

@@ -32,11 +32,11 @@ class Mode(enum.IntEnum):
 
 
 class Event(enum.Enum):
-    """What can happen to a robot."""
+    """Causes of a change of mode."""
 
-    CONNECT = "connect"  # wanted: its buses are open, wait for samples
+    CONNECT = "connect"  # its buses are open; wait for samples
     SAMPLED = "sampled"  # every axis has a valid sample
-    ARM = "arm"  # wanted: ready to move
+    ARM = "arm"  # make it ready to move
     ARMED = "armed"  # the devices hold their present position
     FOLLOW = "follow"  # there is a target to go to
     ARRIVED = "arrived"  # the approach ended on the target
@@ -48,7 +48,7 @@ class Event(enum.Enum):
     CLEAR = "clear"
 
 
-#: Every move there is. What is not here does not happen.
+#: All transitions; every other pair is refused.
 MOVES: Final[dict[tuple[Mode, Event], Mode]] = {
     (Mode.OFF, Event.CONNECT): Mode.CONNECTING,
     (Mode.CONNECTING, Event.SAMPLED): Mode.READY,
@@ -88,10 +88,10 @@ REST_OF: Final[dict[StopPolicy, Rest]] = {
 
 
 def move(mode: Mode, event: Event) -> Mode | None:
-    """The state after ``event``, or None when it means nothing in this state."""
+    """The mode after ``event``, or None when it is not allowed."""
     return MOVES.get((mode, event))
 
 
 def allowed(mode: Mode) -> tuple[str, ...]:
-    """What can happen in a state, in words, for messages that refuse an order."""
+    """Events that are allowed in a state, for messages that refuse an order."""
     return tuple(event.value for event in Event if (mode, event) in MOVES)

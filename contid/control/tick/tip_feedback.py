@@ -37,14 +37,14 @@ class Measurement:
 
     @classmethod
     def of(cls, target: Target, time_s: float) -> Measurement:
-        """What travels along with a target that has one."""
+        """The measurement that comes with a target."""
         assert target.measured_tip_m is not None
         return cls(target.measured_tip_m, time_s, target.measured_direction)
 
 
 @dataclass(frozen=True, slots=True)
 class Correction:
-    """What the feedback of one robot remembers.
+    """State of the feedback of one robot.
 
     Attributes:
         error_m: filtered error of the model in the base frame (d above).
@@ -61,7 +61,7 @@ class Correction:
 
 
 def corrected(correction: Correction, target: Target) -> Target:
-    """The target the model shall be asked for; only tip targets are corrected."""
+    """The target for the model; only tip targets are corrected."""
     if target.tip_m is None or correction.error_m == ZERO3:
         return target
     return replace(target, tip_m=_minus(target.tip_m, correction.error_m))
@@ -106,7 +106,7 @@ def observed(
 def kept(
     feedback: FeedbackConfig, before: Correction, now_s: float, measurement: Measurement | None
 ) -> Correction:
-    """The correction of a robot that follows nothing: kept while somebody measures, else it fades."""
+    """The correction of a robot without a target: kept while measurements come, else it fades."""
     if before.error_m == ZERO3:
         return before
     if measurement is not None and measurement.time_s > before.used_s:

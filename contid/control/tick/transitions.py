@@ -41,7 +41,7 @@ def connect(config: RobotConfig, state: RobotState, now_s: float) -> RobotState:
 
 
 def resume(config: RobotConfig, state: RobotState, now_s: float) -> RobotState:
-    """Arm if need be and follow the source again; from OFF the samples are awaited first."""
+    """Arm if needed and follow the source; from OFF wait for samples first."""
     if state.mode is Mode.FAULT or state.mode is Mode.STOPPING:
         return moved(config, state, Event.ARM, now_s)
     if state.mode is Mode.OFF:
@@ -57,7 +57,7 @@ def hold(config: RobotConfig, state: RobotState, now_s: float) -> RobotState:
 
 
 def stay(config: RobotConfig, state: RobotState, now_s: float) -> RobotState:
-    """To HOLD with a jerk-limited stop from whatever motion there is."""
+    """To HOLD with a jerk-limited stop from the present motion."""
     return braking(config, moved(config, state, Event.HOLD, now_s), now_s)
 
 
@@ -70,7 +70,7 @@ def goto(config: RobotConfig, state: RobotState, target: Target, now_s: float) -
 
 
 def stop(config: RobotConfig, state: RobotState, policy: StopPolicy, now_s: float) -> RobotState:
-    """Begin to stop by a policy; a robot in FAULT or not armed has nothing to move, its devices rest now."""
+    """Begin to stop by a policy; the devices of a robot in FAULT or not armed rest at once."""
     after = replace(moved(config, state, Event.STOP, now_s), arm_requested=False, follow=False, goto=None)
     if after.mode in (Mode.OFF, Mode.FAULT):
         resting = _effect(policy) if state.command else Effect.NONE
@@ -91,7 +91,7 @@ def stop(config: RobotConfig, state: RobotState, policy: StopPolicy, now_s: floa
 
 
 def stopped(config: RobotConfig, state: RobotState, now_s: float) -> RobotState:
-    """The stop is done: OFF, the devices at the rest its policy names."""
+    """The stop is done: OFF, the devices at the rest of its policy."""
     assert state.policy is not None
     after = moved(config, state, Event.STOPPED, now_s)
     return replace(after, pending=_effect(state.policy), enabled=False, motion=None, policy=None)
@@ -116,7 +116,7 @@ def fail(config: RobotConfig, state: RobotState, fault: Fault, message: str, now
         fault=fault, message=message, arm_requested=False, follow=False, goto=None, motion=None, policy=None,
     )  # fmt: skip
     if fault in (Fault.DEVICE_LOST, Fault.BUS_STALLED) or not state.enabled:
-        # Nobody listens, or nothing holds: the devices' own dead-man is what is left.
+        # The bus is lost or nothing is enabled: only the devices' own watchdogs can act.
         return replace(after, enabled=False, pending=Effect.NONE)
     if config.stops.on_fault is StopPolicy.HOLD and state.command:
         return braking(config, replace(after, pending=Effect.NONE), now_s)
@@ -124,23 +124,23 @@ def fail(config: RobotConfig, state: RobotState, fault: Fault, message: str, now
 
 
 def ask_clear(config: RobotConfig, state: RobotState, now_s: float) -> RobotState:
-    """Ask the devices to clear themselves first; what leaves the fault is their answer (`clear`)."""
+    """Request the devices to clear their faults; their answer leaves FAULT (`clear`)."""
     if state.mode is not Mode.FAULT:
         return clear(config, state, (), now_s)
     return replace(state, pending=Effect.CLEAR)
 
 
 def clear(config: RobotConfig, state: RobotState, samples: Sequence[Sample], now_s: float) -> RobotState:
-    """Leave a fault after everything was looked at again; never moves, never changes torque.
+    """Leave a fault after a new check of all samples; never moves, never changes torque.
 
     Raises:
-        OrderRefusedError: something is still wrong, or there is no fault.
+        OrderRefusedError: a device is still faulty, or there is no fault.
     """
     wrong = "; ".join(_wrong(config, samples))
     if state.mode is Mode.FAULT and wrong:
         raise OrderRefusedError(f"{config.name}: not cleared, {wrong}")
     after = moved(config, state, Event.CLEAR, now_s)
-    # Whether the devices still hold is no longer known: arming starts again from what is measured.
+    # The devices may have lost torque: arming starts again from the samples.
     return replace(after, fault=Fault.NONE, message="", enabled=False, misses=(0,) * len(config.axes))
 
 

@@ -17,12 +17,11 @@ from contid.control.engine.tick_layout import AXIS, HEAD, ROBOT, RecordLayout, V
 
 TICK_CHANNELS: Final = ("tick", "target", "solution", "command", "sample")
 EVENT: Final = "event"
-#: Of the messages; every one is read. 0 the first; 1 adds the measured tip of every robot; 2 leaves out what
-#: is absent, where earlier ones have ``null``, and names what is infinite, where earlier ones have ``1e999``;
-#: 3 renames keys of events (`RENAMED_EVENT_KEYS`).
+#: Of the messages; all are read. 1 adds the measured tip; 2 omits absent values (before: ``null``) and lists
+#: infinite ones (before: ``1e999``); 3 renames keys of events (`RENAMED_EVENT_KEYS`).
 REVISION: Final = 3
 CHANNELS: Final = (*TICK_CHANNELS, EVENT)
-#: Key of a message for what JSON cannot say: paths of infinite numbers, a minus in front of negative ones.
+#: Key of the paths of infinite numbers, which JSON lacks; a minus precedes negative ones.
 INFINITE: Final = "infinite"
 #: Keys of events in revisions 0 to 2 -> their names from revision 3 on.
 RENAMED_EVENT_KEYS: Final = {"words": "message", "told": "report"}

@@ -1,7 +1,7 @@
-"""Records to messages: one text per channel with places for the numbers, filled in one step.
+"""Records to messages: one template per channel, filled in one step.
 
 Floats have the fewest digits that read back to the same float64, so nothing is lost between a tick and its
-replay. JSON knows neither NaN nor infinity, and readers do not agree on ``1e999`` (Python and JavaScript read
+replay. JSON has neither NaN nor infinity, and readers do not agree on ``1e999`` (Python and JavaScript read
 infinity, orjson, RapidJSON, Go and Rust refuse the message): a NaN has no key, and neither has an infinite
 number, which `INFINITE` names instead.
 """

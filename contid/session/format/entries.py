@@ -1,7 +1,7 @@
-"""Ticks and events of a file in their order, up to its end or to the first thing that is wrong.
+"""Ticks and events of a file in their order, up to its end or to the first damage.
 
-Every order and answer that a tick saw comes before that tick (the recorder fetches events first), so a reader
-that goes through once, forward, knows at each tick all that its replay needs.
+The orders and answers of a tick come before its record (the recorder fetches events first), so one pass
+forward is enough for a replay.
 """
 
 from __future__ import annotations
@@ -20,15 +20,15 @@ from contid.session.format.channels import EVENT, RENAMED_EVENT_KEYS, TICK_CHANN
 from contid.session.format.decode import Decoder
 from contid.session.format.mcap_records import MESSAGE_INSIDE, DamagedRecordError, RecordStream
 
-#: `End.cut` of a file that has no end yet.
+#: `EndOfFile.cut` of a file that has no end yet.
 GROWING: Final = "still being recorded"
-#: `End.cut` of a file in the middle of which something is wrong: what follows is there, but not read.
+#: `EndOfFile.cut` of a file with damage before its end; what follows the damage is not read.
 DAMAGED: Final = "damaged inside"
-#: Ticks between two words about how far it has come.
-_OFTEN: Final = 1000
-#: More than any run has.
-_TICKS: Final = 1 << 53
-#: What a message that does not hold what it should raises on its way into a record or an event.
+#: Ticks between two calls of ``progress``.
+_PROGRESS_TICKS: Final = 1000
+#: More ticks than any run has.
+_MAX_TICKS: Final = 1 << 53
+#: Exceptions of a damaged message.
 _DAMAGE: Final = (
     *(ValueError, KeyError, TypeError, AttributeError, OverflowError, RecursionError),
     *(struct.error, DamagedRecordError),
@@ -55,9 +55,9 @@ class EndOfFile:
     """How a file ends.
 
     Attributes:
-        clean: as it should.
+        clean: with the footer that MCAP demands.
         chunked: it was compacted.
-        cut: what was found where it ends before its end, "" when it is clean.
+        cut: why reading stopped before a footer, "" when it is clean.
     """
 
     clean: bool = False
@@ -72,13 +72,13 @@ def read_entries(
     keep: Callable[[int, bytes], None],
     progress: Callable[[int], None],
 ) -> Generator[Entry, None, EndOfFile]:
-    """Go through a file once; a tick that is not whole is left out.
+    """Read a file once; a partial tick is left out.
 
     Args:
         path: of the file.
-        topics: by number of the channel; may grow as ``keep`` learns of more.
+        topics: by number of the channel; ``keep`` may add to it.
         decoder: for the messages of ticks.
-        keep: takes records that are no messages.
+        keep: called with every record that is no message.
         progress: called with the number of ticks now and then.
     """
     first, last = TICK_CHANNELS[0], TICK_CHANNELS[-1]
@@ -110,7 +110,7 @@ def read_entries(
             yield Entry(time_ns, values)
             gathered = None
             ticks += 1
-            if ticks % _OFTEN == 0:
+            if ticks % _PROGRESS_TICKS == 0:
                 progress(ticks)
         if stream.clean:
             return EndOfFile(True, stream.chunked)
@@ -127,13 +127,13 @@ def _event(data: bytes) -> RunEvent:
     """The event of a message.
 
     Raises:
-        ValueError: it has no kind, or a tick that is no number of one.
+        ValueError: it has no kind, or its tick is not a number.
     """
     fields = json.loads(data)
     if not isinstance(fields, dict) or not isinstance(fields.get("event"), str):
         raise ValueError("an event has no kind")
     tick = fields.get("tick", 0)
-    if not isinstance(tick, int) or isinstance(tick, bool) or not 0 <= tick < _TICKS:
+    if not isinstance(tick, int) or isinstance(tick, bool) or not 0 <= tick < _MAX_TICKS:
         raise ValueError("an event has no tick")
     for old, new in RENAMED_EVENT_KEYS.items():
         if old in fields:
@@ -142,7 +142,7 @@ def _event(data: bytes) -> RunEvent:
 
 
 def _locked(file: BinaryIO) -> bool:
-    """Whether somebody writes the file (`contid.session.write`)."""
+    """True while a recorder writes the file (`contid.session.write`)."""
     try:
         fcntl.flock(file, fcntl.LOCK_SH | fcntl.LOCK_NB)
     except BlockingIOError:

@@ -1,8 +1,8 @@
-"""MCAP records as bytes: what is written in every tick, and a reader that no truncation stops.
+"""MCAP records as bytes: messages for every tick, and a reader of truncated files.
 
-The ``mcap`` package writes 24 us per message and buffers, and its readers give up on a file without a footer
-or lose the chunk under way. A message record is 31 bytes of head and the JSON; a whole tick goes out in one
-``write``. Rare records are built by ``mcap`` itself. Format: https://mcap.dev/spec.
+The ``mcap`` package takes 24 us per message and buffers; its readers reject a file without a footer or lose
+the last chunk. A message record is 31 bytes of head and the JSON; one ``write`` takes a whole tick. ``mcap``
+itself encodes the rare records. Format: https://mcap.dev/spec.
 """
 
 from __future__ import annotations
@@ -25,17 +25,17 @@ MESSAGE_HEAD: Final = struct.Struct("<BQHIQQ")
 MESSAGE_INSIDE: Final = struct.Struct("<HIQQ")
 _CHUNK_HEAD: Final = struct.Struct("<QQQI")
 _READ: Final = 1 << 20
-#: Stands for a chunk that has no end.
+#: Opcode of a chunk without an end.
 _CUT_CHUNK: Final = -1
 #: No record of a session is longer; a length beyond it is damage.
-_LONGEST: Final = 1 << 32
-#: Bytes of an unpacked chunk; one that claims more, or holds more than it claims, is damaged, or meant to
-#: fill the memory. What its compressed frame says of itself is not asked.
-CHUNK_MOST: Final = 1 << 28
+_MAX_RECORD_BYTES: Final = 1 << 32
+#: A chunk that declares or holds more bytes than this is damaged, or made to fill the memory. The size in its
+#: compressed frame is not used.
+MAX_CHUNK_BYTES: Final = 1 << 28
 
 
 class DamagedRecordError(ContidError):
-    """A record inside an MCAP file does not hold what its kind does."""
+    """A record inside an MCAP file does not have the content of its kind."""
 
 
 def message(channel: int, sequence: int, time_ns: int, data: bytes) -> bytes:
@@ -44,7 +44,7 @@ def message(channel: int, sequence: int, time_ns: int, data: bytes) -> bytes:
     return MESSAGE_HEAD.pack(MESSAGE, length, channel, sequence & 0xFFFFFFFF, time_ns, time_ns) + data
 
 
-def built(*records: Any) -> bytes:
+def encode(*records: Any) -> bytes:
     """Records of the ``mcap`` package as bytes."""
     from mcap.data_stream import RecordBuilder
 
@@ -54,11 +54,11 @@ def built(*records: Any) -> bytes:
     return bytes(builder.end())
 
 
-def understood(opcode: int, body: bytes) -> Any:
-    """The record of the ``mcap`` package that a body holds (schema, channel, attachment, metadata).
+def decode(opcode: int, body: bytes) -> Any:
+    """A schema, channel, attachment or metadata as a record of the ``mcap`` package.
 
     Raises:
-        DamagedRecordError: it is none.
+        DamagedRecordError: the body is damaged.
     """
     from mcap import records
     from mcap.data_stream import ReadDataStream
@@ -80,9 +80,9 @@ class RecordStream:
     """Records of a file in their order, those inside chunks too, up to the first that is not whole.
 
     Attributes:
-        clean: after the last record: the file ends as MCAP demands.
-        chunked: a chunk was seen: the file was compacted.
-        damaged: the same: it ended at a chunk that is there but does not hold what it says.
+        clean: after the last record: the file has the end that MCAP demands.
+        chunked: the file has a chunk: it was compacted.
+        damaged: reading ended at a whole chunk with damaged content.
     """
 
     def __init__(self, file: BinaryIO) -> None:
@@ -98,7 +98,7 @@ class RecordStream:
             if opcode in (CHUNK, _CUT_CHUNK):
                 self.chunked = True
                 try:
-                    inside = _unpacked(body) if opcode == CHUNK else _begun(body)
+                    inside = _decoded_chunk(body) if opcode == CHUNK else _partial_chunk(body)
                 except ValueError:
                     self.damaged = opcode == CHUNK
                     return
@@ -117,26 +117,26 @@ class RecordStream:
 
 
 def _records(file: BinaryIO) -> Iterator[tuple[int, bytes]]:
-    """Whole records, up to the first that is not; of a chunk that was cut off, what there is."""
+    """Whole records up to the first partial one; of a partial chunk its bytes."""
     data, at, head = b"", 0, RECORD.size
     while True:
         while len(data) - at >= head:
             opcode, length = RECORD.unpack_from(data, at)
-            if opcode == 0 or length > _LONGEST:
+            if opcode == 0 or length > _MAX_RECORD_BYTES:
                 return  # zeros of a block that never reached the disk, or other damage
             end = at + head + length
             if end > len(data):
                 break
             yield opcode, data[at + head : end]
             at = end
-        wanted = _READ
+        missing = _READ
         if len(data) - at >= head:
-            wanted = max(_READ, head + RECORD.unpack_from(data, at)[1] - (len(data) - at))
-        # In pieces: reading at once would set aside what a damaged length asks for, whatever the file has.
+            missing = max(_READ, head + RECORD.unpack_from(data, at)[1] - (len(data) - at))
+        # In pieces: a damaged length must not allocate more than the file has.
         pieces = []
-        while wanted > 0 and (piece := file.read(min(wanted, _READ))):
+        while missing > 0 and (piece := file.read(min(missing, _READ))):
             pieces.append(piece)
-            wanted -= len(piece)
+            missing -= len(piece)
         if not pieces:
             if data[at : at + 1] == bytes([CHUNK]):
                 yield _CUT_CHUNK, data[at + head :]
@@ -144,22 +144,22 @@ def _records(file: BinaryIO) -> Iterator[tuple[int, bytes]]:
         data, at = data[at:] + b"".join(pieces), 0
 
 
-def _unpacked(body: bytes) -> bytes:
-    """What a chunk holds.
+def _decoded_chunk(body: bytes) -> bytes:
+    """The content of a chunk.
 
     Raises:
         ValueError: it is damaged.
     """
-    size, crc = _claims(body)
+    size, crc = _declared_size(body)
     compression, packed = _packed(body)
     data = b"".join(_blocks(compression, packed, size))
     if crc and zlib.crc32(data) != crc:
-        raise ValueError("a chunk has another checksum than it says")
+        raise ValueError("the checksum of a chunk does not match")
     return data
 
 
-def _begun(body: bytes) -> bytes:
-    """What can be had of a chunk that was cut off: its whole blocks.
+def _partial_chunk(body: bytes) -> bytes:
+    """The whole blocks of a chunk that was cut off.
 
     Raises:
         ValueError: it is damaged as well.
@@ -167,20 +167,20 @@ def _begun(body: bytes) -> bytes:
     if len(body) < _CHUNK_HEAD.size + 4:
         return b""
     compression, packed = _packed(body)
-    return b"".join(_blocks(compression, packed, _claims(body)[0])) if compression == "zstd" else b""
+    return b"".join(_blocks(compression, packed, _declared_size(body)[0])) if compression == "zstd" else b""
 
 
-def _claims(body: bytes) -> tuple[int, int]:
-    """Bytes that a chunk says it holds, and their checksum.
+def _declared_size(body: bytes) -> tuple[int, int]:
+    """Declared size of the content of a chunk, and its checksum.
 
     Raises:
-        ValueError: it has no head, or says more than `CHUNK_MOST`.
+        ValueError: it has no head, or declares more than `MAX_CHUNK_BYTES`.
     """
     if len(body) < _CHUNK_HEAD.size + 4:
         raise ValueError("a chunk has no head")
     size, crc = _CHUNK_HEAD.unpack_from(body)[2:]
-    if size > CHUNK_MOST:
-        raise ValueError(f"a chunk claims to hold {size} bytes")
+    if size > MAX_CHUNK_BYTES:
+        raise ValueError(f"a chunk declares {size} bytes")
     return size, crc
 
 
@@ -195,7 +195,7 @@ def _blocks(compression: str, packed: bytes, most: int) -> Iterator[bytes]:
         for piece in _pieces(compression, packed):
             done += len(piece)
             if done > most:
-                raise ValueError(f"a chunk of {most} bytes holds more than it claims")
+                raise ValueError(f"a chunk of {most} bytes holds more than it declares")
             yield piece
     except ValueError:
         raise

@@ -1,7 +1,7 @@
-"""What a session says before its first tick: robot file, versions, host, options, clock, input.
+"""The head of a session: robot file, versions, host, options, clock, input.
 
-All of it is plain text and bytes, so that the recorder's process needs neither models nor drivers, and a
-reader needs nothing but the file.
+It is plain text and bytes, so the recorder's process needs neither models nor drivers, and a reader needs
+only the file.
 """
 
 from __future__ import annotations
@@ -34,11 +34,11 @@ from contid.trajectory.columns import read_layout
 from contid.trajectory.rows import MAX_ROWS
 from contid.trajectory.timed import Interpolation, Trajectory
 
-#: Grows when a reader of the version before would misunderstand a file.
+#: Increased when older readers would misread a file.
 FORMAT: Final = "1"
 TRAJECTORY: Final = "trajectory"
 _ROWS: Final = "rows.npy"
-#: More than the head of an array in NumPy's file format takes.
+#: More bytes than the head of an array in NumPy's file format.
 _NPY_HEAD: Final = 10_000
 
 
@@ -90,8 +90,8 @@ def describe(setup: RunSetup, options: Mapping[str, str], virtual: bool, host: s
     }
     attachments: tuple[tuple[str, str, bytes], ...] = ()
     if setup.trajectory is not None:
-        attachments = ((f"{TRAJECTORY}.npz", NPZ, packed(setup.trajectory)),)
-        metadata[TRAJECTORY] = about_trajectory(setup.trajectory)
+        attachments = ((f"{TRAJECTORY}.npz", NPZ, encode_trajectory(setup.trajectory)),)
+        metadata[TRAJECTORY] = trajectory_metadata(setup.trajectory)
     return Header(layout, units, metadata, attachments, wall_ns, monotonic_s)
 
 
@@ -120,7 +120,7 @@ def device_units(loaded: LoadedFile) -> dict[str, str]:
     return units
 
 
-def about_trajectory(trajectory: Trajectory) -> dict[str, str]:
+def trajectory_metadata(trajectory: Trajectory) -> dict[str, str]:
     """The metadata of an attached trajectory."""
     return {
         "columns": json.dumps(list(trajectory.columns)),
@@ -131,7 +131,7 @@ def about_trajectory(trajectory: Trajectory) -> dict[str, str]:
     }
 
 
-def packed(trajectory: Trajectory, at_once: bool = False) -> bytes:
+def encode_trajectory(trajectory: Trajectory, at_once: bool = False) -> bytes:
     """The rows as an ``.npz``: SI float64, shape (rows, columns); ``at_once`` does not compress them."""
     out = io.BytesIO()
     kind = zipfile.ZIP_STORED if at_once else zipfile.ZIP_DEFLATED
@@ -143,7 +143,7 @@ def packed(trajectory: Trajectory, at_once: bool = False) -> bytes:
     return out.getvalue()
 
 
-def unpacked(data: bytes, about: Mapping[str, str], loaded: LoadedFile) -> Trajectory:
+def decode_trajectory(data: bytes, about: Mapping[str, str], loaded: LoadedFile) -> Trajectory:
     """The recorded trajectory, bit for bit.
 
     Raises:
@@ -161,33 +161,33 @@ def unpacked(data: bytes, about: Mapping[str, str], loaded: LoadedFile) -> Traje
     except Exception as error:  # zipfile and NumPy have a dozen kinds of errors for damaged data
         raise ContidError(f"the recorded trajectory is damaged: {error}") from error
     if hashlib.sha256(rows.tobytes()).hexdigest() != about["sha256"]:
-        raise ContidError("the recorded trajectory is damaged: another checksum than its metadata says")
+        raise ContidError("the recorded trajectory is damaged: its checksum does not match its metadata")
     rows.setflags(write=False)
     return Trajectory(layout, rows, range(1, len(rows) + 1), interpolation)
 
 
 def _rows(data: bytes, columns: int) -> Any:
-    """The array of an attachment, shape (rows, columns); what it claims is checked before it is met.
+    """The array of an attachment, shape (rows, columns); its declared size is checked before it is read.
 
     Raises:
-        Exception: of some kind, when it is damaged or claims more than `MAX_ROWS` rows.
+        Exception: it is damaged, or declares more than `MAX_ROWS` rows.
     """
     with zipfile.ZipFile(io.BytesIO(data)) as archive:
         size = archive.getinfo(_ROWS).file_size
         if size > _NPY_HEAD + MAX_ROWS * columns * 8:
-            raise ValueError(f"it claims {size} bytes; {MAX_ROWS} rows are the most")
+            raise ValueError(f"it declares {size} bytes; at most {MAX_ROWS} rows are allowed")
         plain = archive.read(_ROWS)
     head = io.BytesIO(plain)
     np.lib.format.read_magic(head)
     shape, _, kind = np.lib.format.read_array_header_1_0(head, _NPY_HEAD)
-    wanted = len(shape) == 2 and shape[0] > 0 and shape[1] == columns and kind == np.float64
-    if not wanted or len(plain) - head.tell() != shape[0] * columns * 8:
+    fits = len(shape) == 2 and shape[0] > 0 and shape[1] == columns and kind == np.float64
+    if not fits or len(plain) - head.tell() != shape[0] * columns * 8:
         raise ValueError(f"{shape} {kind} in {len(plain)} bytes are not {columns} columns of numbers")
     return np.load(io.BytesIO(plain), allow_pickle=False)
 
 
 def versions() -> dict[str, str]:
-    """What a replay compares with the recorded ``contid`` metadata."""
+    """Versions that a replay compares with the recorded ``contid`` metadata."""
     return {
         "contid": __version__,
         "python": f"{sys.version_info.major}.{sys.version_info.minor}.{sys.version_info.micro}",
