@@ -28,8 +28,8 @@ from contid.client import Client
 from contid.errors import ContidError
 from contid.lines import MAX_LINE
 from contid.remote.protocol.socket_path import is_listening
-from tests.control.fingers import fingers
 from tests.remote.daemons import armed, until
+from tests.support.fingers import fingers
 
 #: Deliberate bugs, as code that runs before `contid run`: a protection less, which an attack has to notice.
 BUGS: dict[str, str] = {

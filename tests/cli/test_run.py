@@ -17,7 +17,7 @@ import psutil
 import pytest
 
 from tests.cli.command import contid
-from tests.control.fingers import circle_csv, fingers
+from tests.support.fingers import circle_csv, fingers
 
 pytestmark = pytest.mark.realtime
 

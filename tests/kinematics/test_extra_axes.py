@@ -12,7 +12,7 @@ from contid.kinematics.extra_axes import build_whole_model
 from contid.robot_file.load import load_robot_file, with_mock
 from contid.targets import Target
 from contid.trajectory.read import read_trajectory
-from tests.control.fingers import Collector
+from tests.support.fingers import Collector
 
 
 def test_extra_axes_follow_their_columns_inside_their_strokes(configs: Path) -> None:

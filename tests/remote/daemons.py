@@ -20,7 +20,7 @@ import pytest
 
 from contid.client import Client
 from contid.remote.protocol.socket_path import is_listening
-from tests.control.fingers import fingers
+from tests.support.fingers import fingers
 
 #: Two points that a finger reaches.
 HERE = {"x_mm": 50.0, "y_mm": 75.0}

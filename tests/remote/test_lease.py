@@ -9,8 +9,8 @@ import time
 import pytest
 
 from contid.client import AsyncClient, Code, RemoteError
-from tests.control.fingers import circle_csv
 from tests.remote.daemons import FAR, HERE, armed, daemon, states, until
+from tests.support.fingers import circle_csv
 
 pytestmark = pytest.mark.realtime
 

@@ -22,7 +22,7 @@ SILENT = "faults:\n  - {at_s: 1.0, for_s: 1.0, kind: silent, axis: f0.left}\n"
 @pytest.mark.parametrize("way", ["estop", "second Ctrl-C"])
 @pytest.mark.parametrize("when", ["APPROACH", "RUN", "HOLD", "STOPPING"])
 def test_torque_is_off_at_once_in_every_state(way: str, when: str) -> None:
-    """Proof: the journal of the devices; the tick itself is in tests/control/test_orders.py."""
+    """Proof: the journal of the devices; the tick itself is in tests/control/engine/test_orders.py."""
     with daemon(on_interrupt="rest") as running, running.client() as client:
         armed(client)
         if when in ("APPROACH", "STOPPING"):

@@ -20,8 +20,8 @@ from contid.kinematics.model import build_model
 from contid.robot_file.load import load_robot_file, parse_robot_file
 from contid.session.read import Session
 from contid.session.replay import replay
-from tests.control.fingers import fingers
 from tests.remote.daemons import Running, armed, daemon, until
+from tests.support.fingers import fingers
 
 pytestmark = pytest.mark.realtime
 

@@ -14,8 +14,8 @@ import pytest
 
 from contid.client import Client, RemoteError
 from contid.remote.protocol.wire import Code
-from tests.control.fingers import circle_csv, fingers
 from tests.remote.daemons import Running, command, until
+from tests.support.fingers import circle_csv, fingers
 
 pytestmark = pytest.mark.realtime
 

@@ -19,7 +19,7 @@ from contid.control.engine import messages as msg
 from contid.control.engine.tick_layout import ENABLED, TickRecord
 from contid.control.engine.virtual import VirtualProcess
 from contid.control.tick.supervisor import Mode
-from tests.control.fingers import Collector, load
+from tests.support.fingers import Collector, load
 
 ROOT = Path(__file__).parents[2]
 

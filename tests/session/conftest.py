@@ -9,8 +9,8 @@ import pytest
 from contid.control.engine.cycle import OnEnd
 from contid.control.process.setup import RunSetup
 from contid.session.write import SessionWriter
-from tests.control.fingers import circle, load
 from tests.session.runs import record_virtual
+from tests.support.fingers import circle, load
 
 
 @pytest.fixture(scope="session")

@@ -23,7 +23,7 @@ from contid.session.compact import compact
 from contid.session.info import summarize
 from contid.session.read import Session
 from contid.session.replay import replay
-from tests.control.fingers import circle_csv, fingers
+from tests.support.fingers import circle_csv, fingers
 
 VICTIMS = ("daemon", "recorder", "control process")
 _MODULES = {"recorder": "contid.session.mcap_recorder", "control process": "contid.control.process"}

@@ -19,7 +19,7 @@ from contid.robot_file.load import LoadedFile, parse_robot_file, with_mock
 from contid.session.recording_observer import RecordingObserver
 from contid.targets import Pose, Target
 from contid.trajectory.timed import Trajectory
-from tests.control.fingers import circle, fingers
+from tests.support.fingers import circle, fingers
 
 CONFIGS: Final = Path(__file__).parents[2] / "configs"
 RATE_HZ: Final = 100.0

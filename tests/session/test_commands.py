@@ -15,8 +15,8 @@ from contid.cli.main import cli
 from contid.errors import ContidError
 from contid.session.read import Session
 from tests.cli.command import contid
-from tests.control.fingers import circle_csv, fingers
 from tests.session.rewrite import rewritten
+from tests.support.fingers import circle_csv, fingers
 
 
 def _run(*arguments: object, code: int = 0) -> str:

@@ -25,7 +25,7 @@ from contid.session.read import Session
 from contid.session.repair import repair
 from contid.session.replay import replay
 from contid.trajectory.rows import MAX_ROWS
-from tests.control.fingers import circle, load
+from tests.support.fingers import circle, load
 
 ZEROS = 64 << 20
 #: Reads are of one megabyte; the libraries have windows of a few.

@@ -26,8 +26,8 @@ from contid.session.read import Session, SessionError
 from contid.session.repair import repair
 from contid.session.replay import replay
 from contid.session.write import SessionWriter
-from tests.control.fingers import load
 from tests.session.rewrite import rewritten
+from tests.support.fingers import load
 
 #: Truncations tried per file; CI runs the short form, ``CONTID_CAMPAIGN=1`` forty times as many.
 CUTS = 4000 if os.environ.get("CONTID_CAMPAIGN") else 100

@@ -25,8 +25,8 @@ from contid.session.read import Session
 from contid.session.recording_observer import RecordingObserver
 from contid.session.replay import replay
 from tests.cli.command import contid
-from tests.control.fingers import circle_csv, fingers, load
 from tests.session.kills import VICTIMS, kill_one
+from tests.support.fingers import circle_csv, fingers, load
 
 KILLS = int(os.environ.get("CONTID_CAMPAIGN", "1"))
 

@@ -21,9 +21,9 @@ from contid.session.read import Session
 from contid.session.recording_observer import RecordingObserver
 from contid.session.replay import Replayed, replay
 from contid.targets import Target
-from tests.control.fingers import circle, fingers, load
 from tests.golden.make import names, record
 from tests.session.runs import record_virtual
+from tests.support.fingers import circle, fingers, load
 
 
 def _same(path: Path) -> Replayed:

@@ -21,7 +21,7 @@ from contid.control.tick.supervisor import Mode
 from contid.errors import DeviceError
 from contid.hal import Bus, Rest, Sample
 from contid_drivers.sim.bus import SimBus
-from tests.control.fingers import Collector, load
+from tests.support.fingers import Collector, load
 
 
 class Blocking:

@@ -16,7 +16,7 @@ from contid.control.process.pipe import Inbox, frame, to_shared_memory
 from contid.robot_file.load import parse_robot_file
 from contid.targets import Target
 from contid.trajectory.read import read_trajectory
-from tests.control.fingers import circle_csv, fingers
+from tests.support.fingers import circle_csv, fingers
 
 
 def test_messages_are_complete_when_bytes_arrive_one_by_one() -> None:

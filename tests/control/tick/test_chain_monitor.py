@@ -20,7 +20,7 @@ from contid.robot_file.load import LoadedFile, parse_robot_file
 from contid.targets import Target, Vec3
 from contid.trajectory.read import read_trajectory
 from contid.trajectory.timed import Trajectory
-from tests.control.fingers import Collector
+from tests.support.fingers import Collector
 
 RATE = 100.0
 LOW, HIGH = (0.0, 0.0, 0.19), (0.0, 0.0, 0.28)

@@ -5,7 +5,7 @@ from __future__ import annotations
 import pytest
 
 from contid.control.engine.virtual import run_virtual
-from tests.control.fingers import Collector, circle, load
+from tests.support.fingers import Collector, circle, load
 
 RATE = 200.0
 

@@ -18,7 +18,7 @@ from contid.control.tick.faults import Fault
 from contid.control.tick.supervisor import Mode
 from contid.robot_file.base import StopPolicy
 from contid.targets import Target
-from tests.control.fingers import Collector, circle, load
+from tests.support.fingers import Collector, circle, load
 
 RATE = 200.0
 

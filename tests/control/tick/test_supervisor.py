@@ -102,5 +102,5 @@ def test_every_fault_has_its_page(fault: Fault) -> None:
 
 
 def test_the_page_of_the_faults_is_up_to_date() -> None:
-    page = Path(__file__).parent.parent.parent / "docs" / "faults.md"
+    page = Path(__file__).parents[3] / "docs" / "faults.md"
     assert page.read_text(encoding="utf-8") == markdown()

@@ -25,7 +25,7 @@ from contid.control.engine.messages import (
 from contid.control.tick.supervisor import Mode
 from contid.robot_file.base import StopPolicy
 from contid.targets import Target
-from tests.control.fingers import Collector, circle, load, run_virtual
+from tests.support.fingers import Collector, circle, load, run_virtual
 
 HERE = Target(tip_m=(0.05, 0.075, 0.0))
 THERE = Target(tip_m=(0.045, 0.08, 0.0))

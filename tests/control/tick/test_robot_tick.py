@@ -18,7 +18,7 @@ from contid.control.tick.supervisor import Mode
 from contid.hal import Sample
 from contid.robot_file.base import StopPolicy
 from contid.targets import Solution, Target
-from tests.control.fingers import load
+from tests.support.fingers import load
 
 
 @pytest.fixture

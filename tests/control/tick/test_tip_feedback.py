@@ -20,9 +20,9 @@ from contid.kinematics.frames import BaseFrame
 from contid.kinematics.model import Model, build_model
 from contid.robot_file.load import LoadedFile, parse_robot_file, with_mock
 from contid.targets import Target
-from tests.control.fingers import Collector
+from tests.support.fingers import Collector
 
-CONFIGS = Path(__file__).parent.parent.parent / "configs"
+CONFIGS = Path(__file__).parents[3] / "configs"
 RATE_HZ = 200.0
 
 

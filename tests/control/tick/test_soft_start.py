@@ -10,7 +10,7 @@ from hypothesis import strategies as st
 
 from contid.control.engine.wiring import build_robot_configs
 from contid.control.tick.soft_start import ease_ticks, played
-from tests.control.fingers import circle, load
+from tests.support.fingers import circle, load
 
 EVEN = st.integers(1, 100).map(lambda n: 2 * n)
 
