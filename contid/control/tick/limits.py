@@ -158,8 +158,3 @@ def limit(
         commands.append(command)
         flags.append(bound)
     return tuple(commands), tuple(flags)
-
-
-def flag_names(flags: int) -> tuple[str, ...]:
-    """Names of the limits of one axis."""
-    return tuple(name for bit, name in FLAG_NAMES.items() if flags & bit)
