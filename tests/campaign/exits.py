@@ -28,8 +28,8 @@ from contid.client import Client
 from contid.control.process.ring import folder as ring_folder
 from contid.remote.protocol.socket_path import is_listening
 from contid.robot_file.shipped import configs_folder
-from tests.remote.daemons import until
 from tests.support.fingers import fingers
+from tests.support.waiting import until
 
 #: From the signal to the end of the last process, on a machine that has no more to do than cores.
 LIMIT_S = 2.0

@@ -30,7 +30,7 @@ from contid.session.read import Session
 from tests.campaign.exits import limit_s
 from tests.campaign.wired_checks import STATES, Injected, Tally, judge
 from tests.campaign.wires import RATE_HZ, Switch, Wires, robot_file
-from tests.remote.daemons import until
+from tests.support.waiting import until
 
 ORDERS: Final = ("", "", "", "estop", "stop", "hold", "resume", "clear_fault")
 #: Cases that one daemon sees.

@@ -28,8 +28,9 @@ from contid.client import Client
 from contid.errors import ContidError
 from contid.lines import MAX_LINE
 from contid.remote.protocol.socket_path import is_listening
-from tests.remote.daemons import armed, until
+from tests.support.daemons import armed
 from tests.support.fingers import fingers
+from tests.support.waiting import until
 
 #: Deliberate bugs, as code that runs before `contid run`: a protection less, which an attack has to notice.
 BUGS: dict[str, str] = {

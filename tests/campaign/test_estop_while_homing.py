@@ -19,7 +19,7 @@ from contid_drivers.due.emulator import DueEmulator as Board
 from contid_drivers.due.options import DueBusOptions as DueOptions
 from contid_drivers.dynamixel.emulator.bench import Bench
 from contid_drivers.dynamixel.options import DynamixelBusOptions as ServoOptions
-from tests.remote.daemons import until
+from tests.support.waiting import until
 
 #: Driven by these hands: whether a search is under way, and whether any output is driven.
 Look = Callable[[], bool]

@@ -10,7 +10,7 @@ from typing import Any
 import pytest
 
 from contid.robot_file.load import load_robot_file
-from tests.cli.command import contid
+from tests.support.command import contid
 from tests.support.photographs import photograph
 
 

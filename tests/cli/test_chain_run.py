@@ -8,7 +8,7 @@ from pathlib import Path
 
 import pytest
 
-from tests.cli.command import contid
+from tests.support.command import contid
 
 HEADER = "t_s,left.x_mm,left.y_mm,left.z_mm,right.x_mm,right.y_mm,right.z_mm\n"
 

@@ -7,7 +7,7 @@ from pathlib import Path
 
 import pytest
 
-from tests.cli.command import contid_in, emulating
+from tests.support.command import contid_in, emulating
 
 HOMING = "homing: {method: hard_stop, direction: -1, current_ma: 120, speed_deg_s: 360, at_mm: -1.0}"
 

@@ -8,7 +8,7 @@ from pathlib import Path
 
 import pytest
 
-from tests.cli.command import contid_in, emulating
+from tests.support.command import contid_in, emulating
 
 pytestmark = pytest.mark.realtime
 

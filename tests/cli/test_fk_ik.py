@@ -8,7 +8,7 @@ import json
 
 import pytest
 
-from tests.cli.command import contid
+from tests.support.command import contid
 
 
 def rows(text: str) -> list[dict[str, str]]:

@@ -16,8 +16,9 @@ from typing import Any
 import psutil
 import pytest
 
-from tests.cli.command import contid
+from tests.support.command import contid
 from tests.support.fingers import circle_csv, fingers
+from tests.support.waiting import until
 
 pytestmark = pytest.mark.realtime
 
@@ -68,14 +69,6 @@ def feed(process: subprocess.Popen[str], rows: str) -> None:
     process.stdin.write(rows)
     process.stdin.close()
     process.stdin = None
-
-
-def until(condition: Callable[[], bool], what: str) -> None:
-    """Wait for something that will happen; only a hang fails."""
-    deadline = time.monotonic() + 30.0
-    while not condition():
-        assert time.monotonic() < deadline, f"never: {what}"
-        time.sleep(0.02)
 
 
 def enabled(folder: Path) -> Callable[[], bool]:

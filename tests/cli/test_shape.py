@@ -9,7 +9,7 @@ import math
 
 import pytest
 
-from tests.cli.command import contid
+from tests.support.command import contid
 
 POSTURE = "s1.l1_mm,s1.l2_mm,s1.l3_mm,s2.l1_mm,s2.l2_mm,s2.l3_mm\n110,125,140,95,120,100\n"
 TIP = (-75.5225946934, 15.7220420260, 210.9108878265)

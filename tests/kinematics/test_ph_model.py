@@ -21,7 +21,7 @@ from contid.robot_file.load import load_robot_file
 from contid.robot_file.tri_tube import TriTube
 from contid.targets import Target
 from studies import singh
-from tests.cli.command import contid
+from tests.support.command import contid
 
 
 def by_shape(configs: Path, tolerance_mm: float | None = None, **changed: Any) -> PhModel:

@@ -10,7 +10,7 @@ from typing import Any
 
 import pytest
 
-from tests.remote.daemons import armed, daemon
+from tests.support.daemons import armed, daemon
 
 pytestmark = pytest.mark.realtime
 

@@ -9,8 +9,9 @@ import time
 import pytest
 
 from contid.client import AsyncClient, Code, RemoteError
-from tests.remote.daemons import FAR, HERE, armed, daemon, states, until
+from tests.support.daemons import FAR, HERE, armed, daemon, states
 from tests.support.fingers import circle_csv
+from tests.support.waiting import until
 
 pytestmark = pytest.mark.realtime
 

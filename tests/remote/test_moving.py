@@ -11,7 +11,8 @@ from typing import Any
 import pytest
 
 from contid.client import AsyncClient, Code, ConnectionLostError, RemoteError
-from tests.remote.daemons import HERE, Running, armed, arrives, command, daemon, states, until
+from tests.support.daemons import HERE, Running, armed, arrives, command, daemon, states
+from tests.support.waiting import until
 
 pytestmark = pytest.mark.realtime
 

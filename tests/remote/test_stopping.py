@@ -12,7 +12,8 @@ from contextlib import suppress
 import pytest
 
 from contid.client import Code, ConnectionLostError, NoDaemonError, RemoteError
-from tests.remote.daemons import HERE, armed, command, daemon, states, until
+from tests.support.daemons import HERE, armed, command, daemon, states
+from tests.support.waiting import until
 
 pytestmark = pytest.mark.realtime
 

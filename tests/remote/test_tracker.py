@@ -20,8 +20,9 @@ from contid.kinematics.model import build_model
 from contid.robot_file.load import load_robot_file, parse_robot_file
 from contid.session.read import Session
 from contid.session.replay import replay
-from tests.remote.daemons import Running, armed, daemon, until
+from tests.support.daemons import Running, armed, daemon
 from tests.support.fingers import fingers
+from tests.support.waiting import until
 
 pytestmark = pytest.mark.realtime
 

@@ -13,7 +13,8 @@ import pytest
 
 from contid.lines import MAX_LINE
 from contid.remote.protocol.wire import MAX_CLIENTS
-from tests.remote.daemons import armed, command, daemon, raw, states, until
+from tests.support.daemons import armed, command, daemon, raw, states
+from tests.support.waiting import until
 
 pytestmark = pytest.mark.realtime
 

@@ -14,8 +14,9 @@ import pytest
 
 from contid.client import Client, RemoteError
 from contid.remote.protocol.wire import Code
-from tests.remote.daemons import Running, command, until
+from tests.support.daemons import Running, command
 from tests.support.fingers import circle_csv, fingers
+from tests.support.waiting import until
 
 pytestmark = pytest.mark.realtime
 
@@ -183,7 +184,7 @@ def test_a_failing_path_before_the_pipe_is_an_error_and_nothing_moves(own_folder
 
 def test_dev_null_is_no_input() -> None:
     """What services and `< /dev/null` mean: hold and wait for orders."""
-    from tests.remote.daemons import armed, daemon
+    from tests.support.daemons import armed, daemon
 
     with daemon() as running, running.client() as client:
         armed(client)

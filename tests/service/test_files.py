@@ -17,8 +17,8 @@ import pytest
 from contid.client import Client
 from contid.control.process import host_checks
 from contid.remote.protocol import socket_path
-from tests.remote.daemons import until
 from tests.support.fingers import fingers
+from tests.support.waiting import until
 
 ROOT = Path(__file__).parents[2]
 UNIT = ROOT / "service" / host_checks.UNIT

@@ -14,8 +14,8 @@ from click.testing import CliRunner
 from contid.cli.main import cli
 from contid.errors import ContidError
 from contid.session.read import Session
-from tests.cli.command import contid
 from tests.session.rewrite import rewritten
+from tests.support.command import contid
 from tests.support.fingers import circle_csv, fingers
 
 

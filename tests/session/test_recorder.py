@@ -24,8 +24,8 @@ from contid.session.mcap_recorder import McapRecorder
 from contid.session.read import Session
 from contid.session.recording_observer import RecordingObserver
 from contid.session.replay import replay
-from tests.cli.command import contid
 from tests.session.kills import VICTIMS, kill_one
+from tests.support.command import contid
 from tests.support.fingers import circle_csv, fingers, load
 
 KILLS = int(os.environ.get("CONTID_CAMPAIGN", "1"))

@@ -9,8 +9,6 @@ import re
 import signal
 import subprocess
 import sys
-import threading
-import time
 import urllib.error
 import urllib.request
 from collections.abc import Callable, Iterator
@@ -35,7 +33,8 @@ from contid.view.rerun_program import rerun_program
 from contid.view.scene import MAX_CELLS, build_scene
 from contid.view.view_target import Kind, ViewerJob, ViewTarget
 from contid.view.viewer_process import Viewer
-from tests.cli.command import contid
+from tests.support.command import contid
+from tests.support.waiting import until
 
 PATHS = {
     "hand": "circle --center 50,70 --radius 20 --period 1",
@@ -228,13 +227,6 @@ def children_with(process: subprocess.Popen[str], text: str) -> list[psutil.Proc
     return found
 
 
-def until(condition: Callable[[], object], what: str) -> None:
-    deadline = time.monotonic() + 30.0
-    while not condition():
-        assert time.monotonic() < deadline, f"never: {what}"
-        time.sleep(0.02)
-
-
 def commands(log: Path) -> list[str]:
     """Lines of a command log without the number of the tick, which depends on the start of the run."""
     return [line.partition(",")[2] for line in log.read_text().splitlines()]
@@ -307,7 +299,6 @@ def test_the_served_page_is_on_loopback_and_under_a_policy(
 
 
 def test_a_page_without_a_server_behind_it_answers_502() -> None:
-    before = threading.active_count()
     page = CspProxy(0, 1, 2)  # no server listens on port 1
     try:
         with pytest.raises(urllib.error.HTTPError, match="502") as caught:
@@ -315,7 +306,6 @@ def test_a_page_without_a_server_behind_it_answers_502() -> None:
         caught.value.close()
     finally:
         page.close()
-    assert threading.active_count() == before
 
 
 def test_a_run_without_a_viewer_does_not_import_rerun() -> None:

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import json
-import os
 import signal
 import subprocess
 import sys
@@ -19,6 +18,7 @@ from contid.control.engine.wiring import wired_buses
 from contid.robot_file.load import load_robot_file
 from contid_drivers.dynamixel.emulator import DynamixelEmulator
 from contid_drivers.dynamixel.emulator.bench import Bench
+from tests.support.command import environment
 
 pytestmark = pytest.mark.realtime
 
@@ -29,10 +29,6 @@ WATCHDOG_S = 0.4
 
 def contid(*message: str) -> Sequence[str]:
     return [sys.executable, "-m", "contid", *message]
-
-
-def environment() -> dict[str, str]:
-    return {**os.environ, "PYTHONPATH": os.pathsep.join((str(ROOT), str(ROOT / "drivers")))}
 
 
 @pytest.fixture

@@ -9,7 +9,6 @@ import socket as sockets
 import subprocess
 import sys
 import tempfile
-import time
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass
@@ -21,18 +20,11 @@ import pytest
 from contid.client import Client
 from contid.remote.protocol.socket_path import is_listening
 from tests.support.fingers import fingers
+from tests.support.waiting import until
 
 #: Two points that a finger reaches.
 HERE = {"x_mm": 50.0, "y_mm": 75.0}
 FAR = {"x_mm": 30.0, "y_mm": 85.0}
-
-
-def until(condition: Callable[[], bool], what: str) -> None:
-    """Wait for something that will happen; only a hang fails."""
-    deadline = time.monotonic() + 30.0
-    while not condition():
-        assert time.monotonic() < deadline, f"never: {what}"
-        time.sleep(0.01)
 
 
 @dataclass
