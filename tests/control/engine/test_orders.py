@@ -67,7 +67,7 @@ def test_a_goto_replaces_the_one_before() -> None:
 def test_a_played_trajectory_and_a_stream_end_without_ending_the_run() -> None:
     loaded = load(1)
     collector = Collector(loaded)
-    orders = {
+    orders: dict[int, list[Message]] = {
         50: [Play(circle(loaded, period_s=0.5)), Resume(("f0",))],
         700: [Begin(), Rows({"f0": THERE}), Resume(("f0",)), Mark(7)],
     }
@@ -75,14 +75,14 @@ def test_a_played_trajectory_and_a_stream_end_without_ending_the_run() -> None:
     assert [event["event"] for event in collector.events if event["event"] in ("end", "stopping")] == ["end"]
     assert told(collector, "mark") == [{"event": "mark", "number": 7, "tick": 700}]
     assert collector.modes("f0")[-2:] == ["APPROACH", "RUN"]
-    last = collector.records[-1].robots[0]  # type: ignore[attr-defined]
+    last = collector.records[-1].robots[0]
     assert last.tip_error_m == pytest.approx(0.0, abs=1e-6)
 
 
 @pytest.mark.parametrize("order", [Stop(), Estop()])
 def test_a_stopped_robot_in_fault_stays_there_until_it_is_cleared(order: Message) -> None:
     """Torque goes as the policy says, the latch stays: resume is refused before clear-fault."""
-    orders = {
+    orders: dict[int, list[Message]] = {
         100: [Hold()], 300: [order], 320: [Resume(("f0",))],
         340: [ClearFault()], 360: [Resume(("f0",))],
     }  # fmt: skip
@@ -102,7 +102,7 @@ def test_an_order_that_fails_inside_is_that_robots_fault_and_the_run_goes_on(
 
     loaded = load(2)
     collector = Collector(loaded)
-    orders = {
+    orders: dict[int, list[Message]] = {
         50: [Goto("f0", HERE)],
         80: [Stop(("f0",), StopPolicy.REST)],
         200: [ClearFault(("f0",))],
@@ -134,8 +134,8 @@ def test_estop_rests_the_devices_in_the_tick_it_comes_in_every_state(tmp_path: P
         }
         orders = {**{tick: sent for tick, sent in script.items() if tick < at}, at: [Estop()]}
         run_virtual(loaded, 200.0, None, sinks=[collector], orders=orders, ticks=at + 3)
-        before = [record for record in collector.records if record.tick == at - 1]  # type: ignore[attr-defined]
-        mode = before[0].robots[0].mode if before else int(Mode.CONNECTING)  # type: ignore[attr-defined]
+        before = [record for record in collector.records if record.tick == at - 1]
+        mode = before[0].robots[0].mode if before else int(Mode.CONNECTING)
         seen.add(mode)
         lines = [json.loads(line) for line in path.read_text().splitlines()]
         resting = [line for line in lines if line["event"] == "disable"]

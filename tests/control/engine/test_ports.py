@@ -63,6 +63,9 @@ class Ticking:
     def now(self) -> float:
         return self.now_s
 
+    def sleep(self, seconds: float) -> None:
+        self.now_s += seconds
+
 
 def test_a_stuck_bus_faults_its_robot_and_the_other_runs_on() -> None:
     loaded = load(2, buses=2)

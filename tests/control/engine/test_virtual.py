@@ -59,7 +59,7 @@ def test_commands_never_jump(interrupt_at: int | None) -> None:
     """Velocity, acceleration and, over the whole run, no step that the limits do not allow."""
     loaded = load(1, on_interrupt="rest")
     seen = Collector(loaded)
-    orders = {} if interrupt_at is None else {interrupt_at: [msg.Finish()]}
+    orders: dict[int, list[msg.Message]] = {} if interrupt_at is None else {interrupt_at: [msg.Finish()]}
     run_virtual(loaded, RATE, circle(loaded), sinks=[seen], orders=orders)
     path = axis_path(seen)
     steps = [b - a for a, b in pairwise(path)]
@@ -110,7 +110,7 @@ def test_misses_within_the_tolerance_are_no_fault() -> None:
 def test_a_lost_bus_stops_its_robots_only_and_comes_back_without_moving() -> None:
     loaded = load(2, buses=2, options="faults: [{at_s: 1.0, kind: lost, for_s: 0.5}]")
     seen = Collector(loaded)
-    orders = {
+    orders: dict[int, list[msg.Message]] = {
         500: [msg.ClearFault(("f0",))],
         520: [msg.Resume(("f0",))],
     }
@@ -130,7 +130,7 @@ def test_a_lost_bus_stops_its_robots_only_and_comes_back_without_moving() -> Non
 def test_clear_fault_refuses_while_something_is_wrong() -> None:
     loaded = load(2, options="faults: [{at_s: 1.0, kind: silent, axis: f0.left}]")
     seen = Collector(loaded)
-    orders = {300: [msg.ClearFault(("f0",))]}
+    orders: dict[int, list[msg.Message]] = {300: [msg.ClearFault(("f0",))]}
     run_virtual(loaded, RATE, circle(loaded, period_s=3.0), sinks=[seen], orders=orders)
     assert [e["robot"] for e in seen.events if e["event"] == "refused"] == ["f0"]
     assert seen.modes("f0")[-1] == "FAULT"
@@ -149,7 +149,7 @@ def test_on_fault_is_a_policy(policy: str, rest: bool) -> None:
 def test_hold_pauses_the_trajectory_and_resume_goes_on() -> None:
     loaded = load(2)
     seen = Collector(loaded)
-    orders = {300: [msg.Hold()], 500: [msg.Resume()]}
+    orders: dict[int, list[msg.Message]] = {300: [msg.Hold()], 500: [msg.Resume()]}
     report = run_virtual(loaded, RATE, circle(loaded, period_s=2.0), sinks=[seen], orders=orders)
     assert report.exit_code == 0
     for name in ("f0", "f1"):
@@ -166,7 +166,7 @@ def test_goto_then_hold() -> None:
     loaded = load(1)
     seen = Collector(loaded)
     target = Target(tip_m=(0.040, 0.080, 0.0))
-    orders = {10: [msg.Goto("f0", target)]}
+    orders: dict[int, list[msg.Message]] = {10: [msg.Goto("f0", target)]}
     run_virtual(loaded, RATE, None, sinks=[seen], orders=orders, ticks=600)
     assert seen.modes("f0")[-2:] == ["APPROACH", "HOLD"]
     plan_tip = [r for r in seen.records if isinstance(r, TickRecord)][-1].robots[0]
@@ -176,7 +176,7 @@ def test_goto_then_hold() -> None:
 def test_orders_that_do_not_fit_are_refused_in_words() -> None:
     loaded = load(1)
     seen = Collector(loaded)
-    orders = {0: [msg.ClearFault(("f0",)), msg.Hold(("thumb",))]}
+    orders: dict[int, list[msg.Message]] = {0: [msg.ClearFault(("f0",)), msg.Hold(("thumb",))]}
     run_virtual(loaded, RATE, None, sinks=[seen], orders=orders, ticks=5)
     message = [str(e["message"]) for e in seen.events if e["event"] == "refused"]
     assert "cannot clear while CONNECTING" in message[0]
@@ -188,7 +188,7 @@ def test_a_fault_at_speed_stops_within_the_limits_before_the_run_ends(interrupte
     """The end of the run, also an orderly stop asked for in between, waits for the standstill."""
     loaded = load(1, options="faults:\n  - {at_s: 1.5, kind: overload, axis: f0.left}\n")
     seen = Collector(loaded)
-    orders = {302: [msg.Finish()]} if interrupted else {}
+    orders: dict[int, list[msg.Message]] = {302: [msg.Finish()]} if interrupted else {}
     assert run_virtual(loaded, RATE, circle(loaded), sinks=[seen], orders=orders).exit_code == 3
     steps = [b - a for a, b in pairwise(axis_path(seen))]
     changes = [b - a for a, b in zip([0.0, *steps], [*steps, 0.0], strict=True)]
@@ -239,7 +239,7 @@ def test_every_robot_in_fault_ends_the_run() -> None:
 def test_stop_policies_override() -> None:
     loaded = load(1)
     seen = Collector(loaded)
-    orders = {300: [msg.Stop(("f0",), StopPolicy.RELAX)], 400: [msg.Finish()]}
+    orders: dict[int, list[msg.Message]] = {300: [msg.Stop(("f0",), StopPolicy.RELAX)], 400: [msg.Finish()]}
     run_virtual(loaded, RATE, circle(loaded), sinks=[seen], orders=orders)
     assert seen.modes("f0")[-2:] == ["STOPPING", "OFF"]
 
@@ -248,7 +248,7 @@ def test_nothing_that_moves_is_obeyed_while_a_run_ends() -> None:
     """One robot rests at once, the other takes its time: resume in between must not arm the first again."""
     loaded = load(2, on_interrupt="rest")
     seen = Collector(loaded)
-    orders = {200: [msg.Stop(("f0",), StopPolicy.HOLD)], 260: [msg.Finish()]}
+    orders: dict[int, list[msg.Message]] = {200: [msg.Stop(("f0",), StopPolicy.HOLD)], 260: [msg.Finish()]}
     orders |= {tick: [msg.Resume()] for tick in range(261, 2000, 5)}
     report = run_virtual(loaded, RATE, circle(loaded), sinks=[seen], orders=orders, ticks=2000)
     assert report.ticks < 1000

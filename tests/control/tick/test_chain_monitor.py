@@ -114,7 +114,7 @@ def message(seen: Collector, kind: str) -> list[str]:
     return [str(event["message"]) for event in seen.events if event["event"] == kind]
 
 
-def hold_at(loaded: LoadedFile, orders: dict[int, list[object]], ticks: int = 600) -> Collector:
+def hold_at(loaded: LoadedFile, orders: dict[int, list[msg.Message]], ticks: int = 600) -> Collector:
     """A run that stands on its only row, where orders reach it."""
     seen = Collector(loaded)
     run_virtual(
@@ -123,7 +123,7 @@ def hold_at(loaded: LoadedFile, orders: dict[int, list[object]], ticks: int = 60
         rows(loaded, UP, UP, period_s=8.0),
         sinks=[seen],
         orders=orders,
-        ticks=ticks,  # type: ignore[arg-type]
+        ticks=ticks,
     )
     return seen
 
@@ -133,7 +133,7 @@ def test_the_arms_begin_their_approach_in_the_same_tick() -> None:
     loaded = chain()
     seen = Collector(loaded)
     late = {0: [msg.Stop(("right",))], 10: [msg.Resume(("right",))]}
-    report = run_virtual(loaded, RATE, rows(loaded, UP, UP), sinks=[seen], orders=late)  # type: ignore[arg-type]
+    report = run_virtual(loaded, RATE, rows(loaded, UP, UP), sinks=[seen], orders=late)
     assert report.exit_code == 0
     begun = [e["tick"] for e in seen.events if e["event"] == "state" and e["mode"] == "APPROACH"]
     assert len(begun) == 2
@@ -205,12 +205,16 @@ def test_an_order_that_stops_one_arm_holds_the_other(order: type) -> None:
 def test_resumed_alone_an_arm_waits_for_the_other() -> None:
     loaded = chain()
     seen = Collector(loaded)
-    orders = {120: [msg.Hold(("left",))], 160: [msg.Resume(("left",))], 200: [msg.Resume(("right",))]}
-    run_virtual(loaded, RATE, rows(loaded, UP, UP, period_s=9.0), sinks=[seen], orders=orders, ticks=260)  # type: ignore[arg-type]
+    orders: dict[int, list[msg.Message]] = {
+        120: [msg.Hold(("left",))],
+        160: [msg.Resume(("left",))],
+        200: [msg.Resume(("right",))],
+    }
+    run_virtual(loaded, RATE, rows(loaded, UP, UP, period_s=9.0), sinks=[seen], orders=orders, ticks=260)
     states = [
         (e["tick"], e["robot"], e["mode"]) for e in seen.events if e["event"] == "state" and e["tick"] > 110
-    ]  # type: ignore[operator]
-    assert [entry for entry in states if 120 < entry[0] < 200 and entry[2] != "HOLD"] == []  # type: ignore[operator]
+    ]
+    assert [entry for entry in states if 120 < entry[0] < 200 and entry[2] != "HOLD"] == []
     assert {entry[1] for entry in states if entry[0] == 200 and entry[2] == "APPROACH"} == {"left", "right"}
 
 
@@ -250,10 +254,14 @@ def test_cleared_alone_an_arm_does_not_follow_without_the_other() -> None:
     loaded = chain(right_bus="faults: [{at_s: 1.2, kind: overload, axis: right.s1.l1}]")
     seen = Collector(loaded)
     back = (40.0, 0.0, 250.0, 740.0, 0.0, 250.0)
-    orders = {10: [msg.Mark(1)], 150: [msg.ClearFault(("left",))], 160: [msg.Resume(("left",))]}
+    orders: dict[int, list[msg.Message]] = {
+        10: [msg.Mark(1)],
+        150: [msg.ClearFault(("left",))],
+        160: [msg.Resume(("left",))],
+    }
     run_virtual(
         loaded, RATE, rows(loaded, UP, back, UP, back, period_s=2.0), sinks=[seen], orders=orders, ticks=300
-    )  # type: ignore[arg-type]
+    )
     assert seen.modes("left")[-3:] == ["READY", "ARMING", "HOLD"]
 
 
@@ -262,13 +270,13 @@ def test_a_way_to_the_rest_pose_that_the_rope_forbids_ends_where_it_is(ending: s
     loaded = chain(floor_mm=-110, rest_mm=95)
     # Simulated servos begin in the middle of their travel, 230 mm high; the rest pose lies on the ground.
     seen = Collector(loaded)
-    orders = {
+    orders: dict[int, list[msg.Message]] = {
         "finish": {100: [msg.Finish(StopPolicy.REST)]},
         "stop": {100: [msg.Stop(None, StopPolicy.REST)]},
         "on_end": {},
     }[ending]
     on_end = OnEnd.REST if ending == "on_end" else OnEnd.STOP
-    run_virtual(loaded, RATE, rows(loaded, UP, UP), sinks=[seen], orders=orders, on_end=on_end, ticks=400)  # type: ignore[arg-type]
+    run_virtual(loaded, RATE, rows(loaded, UP, UP), sinks=[seen], orders=orders, on_end=on_end, ticks=400)
     told = message(seen, "refused")
     assert len(told) == 2
     assert all("it stops where it is instead of at its rest pose" in each for each in told)

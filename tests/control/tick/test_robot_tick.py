@@ -125,7 +125,7 @@ def test_a_model_that_answers_nan_is_a_fault_and_no_command(config: RobotConfig)
         def inverse(self, target: Target, seed: tuple[float, ...]) -> Solution:
             return Solution((math.nan, 0.05), 0.0, True)
 
-    out = tick(replace(config, model=Wild()), running(config), 1.0, sampled(config), TARGET)  # type: ignore[arg-type]
+    out = tick(replace(config, model=Wild()), running(config), 1.0, sampled(config), TARGET)
     assert out.state.fault is Fault.NOT_A_NUMBER
     assert all(map(math.isfinite, out.device))
 
@@ -135,7 +135,7 @@ def test_an_error_in_one_tick_is_that_robots_fault(config: RobotConfig) -> None:
         def __getattr__(self, name: str) -> Any:
             raise ZeroDivisionError("oh")
 
-    out = tick(replace(config, model=Broken()), running(config), 1.0, sampled(config), TARGET)  # type: ignore[arg-type]
+    out = tick(replace(config, model=Broken()), running(config), 1.0, sampled(config), TARGET)
     assert out.state.fault is Fault.INTERNAL
     assert "ZeroDivisionError" in out.state.message
 

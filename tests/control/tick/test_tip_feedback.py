@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Callable
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
@@ -26,7 +27,7 @@ CONFIGS = Path(__file__).parents[3] / "configs"
 RATE_HZ = 200.0
 
 
-def load(name: str, change: Callable[[dict], None]) -> LoadedFile:
+def load(name: str, change: Callable[[dict[str, Any]], None]) -> LoadedFile:
     data = yaml.safe_load((CONFIGS / f"{name}.yaml").read_text())
     change(data)
     return with_mock(parse_robot_file(yaml.safe_dump(data), name))
@@ -54,7 +55,8 @@ class Rig:
     def tip(self) -> tuple[float, float, float]:
         """Where the plant's tip really is: the true model at the measured actuation."""
         samples = self.engine.samples
-        actuation = self.config.transmission.to_actuation([samples[axis].value for axis in self.config.axes])
+        values = tuple(value for axis in self.config.axes if (value := samples[axis].value) is not None)
+        actuation = self.config.transmission.to_actuation(values)
         return self.config.frame.point_in_world(self.truth.forward(actuation).tip_m)
 
     def run(self, seconds: float, target: Target | None = None) -> None:
@@ -76,15 +78,15 @@ class Rig:
             bus.close()
 
 
-def finger(feedback: dict | None, curvature_gain: float = 1.1) -> tuple[LoadedFile, Model]:
-    def change(data: dict) -> None:
+def finger(feedback: dict[str, Any] | None, curvature_gain: float = 1.1) -> tuple[LoadedFile, Model]:
+    def change(data: dict[str, Any]) -> None:
         robot = data["robots"]["finger"]
         robot.pop("correction")
         robot["placeholder"] = []
         if feedback is not None:
             robot["feedback"] = feedback
 
-    def wrong(data: dict) -> None:
+    def wrong(data: dict[str, Any]) -> None:
         change(data)
         # Another rack spacing is another curvature: k = (L2 - L1) / (w S).
         data["robots"]["finger"]["geometry"]["rack_spacing_mm"] /= curvature_gain
@@ -94,12 +96,12 @@ def finger(feedback: dict | None, curvature_gain: float = 1.1) -> tuple[LoadedFi
     return load("finger", change), truth
 
 
-def arm(feedback: dict | None) -> tuple[LoadedFile, Model]:
-    def change(data: dict) -> None:
+def arm(feedback: dict[str, Any] | None) -> tuple[LoadedFile, Model]:
+    def change(data: dict[str, Any]) -> None:
         if feedback is not None:
             data["robots"]["arm"]["feedback"] = feedback
 
-    def wrong(data: dict) -> None:
+    def wrong(data: dict[str, Any]) -> None:
         for section in data["robots"]["arm"]["geometry"]["sections"]:
             section["modulus_pa"] = [1.1 * b for b in section["modulus_pa"]]
 
@@ -117,7 +119,8 @@ CASES = {
 def test_the_static_error_of_a_wrong_model_is_removed_without_overshoot(case: str) -> None:
     build, first, second = CASES[case]
     errors = {}
-    for feedback in (None, {}):
+    cases: tuple[dict[str, Any] | None, ...] = (None, {})
+    for feedback in cases:
         loaded, truth = build(feedback)
         rig = Rig(loaded, truth)
         rig.run(8.0, Target(tip_m=first))

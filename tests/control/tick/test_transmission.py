@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from typing import ClassVar
+from typing import Any, ClassVar
 
 import pytest
 from hypothesis import given
@@ -137,7 +137,7 @@ def test_table_round_trip(length_mm, falling):
 
 
 def test_pressures_pass_unchanged_bit_for_bit():
-    axes = {"p1": {}, "p2": {}}
+    axes: dict[str, dict[str, Any]] = {"p1": {}, "p2": {}}
     transmission = RobotTransmission(robot(axes, PressureRobot, box_mm=(0.0, 1.5e8)))
     pressures = (0.1 * 1e5, 1.2345678901234e5)
     assert transmission.to_device(pressures) == pressures
