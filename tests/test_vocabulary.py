@@ -21,7 +21,6 @@ BANNED = (
 BANNED_WORD = re.compile(rf"(?<![A-Za-z])(?<!of )({'|'.join(BANNED)})(?![A-Za-z])(?<!\.tell)", re.IGNORECASE)
 SCANNED = ("contid", "drivers", "studies", "firmware", "examples", "service", "configs", "docs", "benchmarks")
 SUFFIXES = frozenset({".py", ".cpp", ".hpp", ".h", ".ino", ".md", ".yaml", ".service", ".rules"})
-# Folders and files whose prose is not rewritten yet. The list only shrinks.
 # Lines that hold a banned word for a reason: keys of old recordings, a quotation, a word of another program.
 QUOTATIONS = {"contid/session/format/channels.py": "RENAMED_EVENT_KEYS"}
 
