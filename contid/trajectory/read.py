@@ -17,6 +17,9 @@ from contid.trajectory.timed import Interpolation, Trajectory
 
 #: Reading stops after so many findings; mistakes usually repeat in every row.
 MAX_FINDINGS: Final = 50
+#: Least time from row to row. No tick is as short, and a shorter time is a mistake of rounding or unit.
+MIN_ROW_INTERVAL_S: Final = 1e-4
+_ROUNDING: Final = 1.0 - 1e-3
 #: Cosine of 150 degrees: directions of neighbouring rows further apart have no unique path between them.
 _MIN_COSINE: Final = -0.866
 
@@ -80,10 +83,9 @@ def _read(
             row = reader.row(given, number)
             assert reader.layout.time is not None
             time_s = row[reader.layout.time]
-            if last_time is not None and time_s <= last_time:
-                what = "repeats" if time_s == last_time else "runs backwards"
+            if last_time is not None and time_s - last_time < MIN_ROW_INTERVAL_S * _ROUNDING:
                 column = reader.column(given, reader.layout.time)
-                message = f"time {what}: {time_s!r} after {last_time!r} on line {lines[-1]}"
+                message = f"{_time_fault(time_s, last_time)} on line {lines[-1]}"
                 raise BadInputError([Located(name, number, column, message)])
             last_time = time_s
         except BadInputError as error:
@@ -110,6 +112,16 @@ def _read(
     _check_directions(reader, rows, lines, name)
     rows.setflags(write=False)
     return Trajectory(reader.layout, rows, lines, interpolation)
+
+
+def _time_fault(time_s: float, last_time: float) -> str:
+    if time_s > last_time:
+        allowed = f"rows are at least {MIN_ROW_INTERVAL_S:g} s apart"
+        return (
+            f"time {time_s!r} is too close; {allowed}: it is {time_s - last_time:.3g} s after {last_time!r}"
+        )
+    what = "repeats" if time_s == last_time else "runs backwards"
+    return f"time {what}: {time_s!r} after {last_time!r}"
 
 
 def _check_directions(reader: RowReader, rows: Floats, lines: array[int], name: str) -> None:

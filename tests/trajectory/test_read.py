@@ -111,6 +111,8 @@ ROWS = [
     ("0,1_0,2", 3, "not a number"),
     ("-1,1,2", 1, "runs backwards"),
     ("-0.5,1,2", 1, "repeats"),
+    ("-0.4999999,1,2", 1, "rows are at least 0.0001 s apart: it is 1e-07 s after -0.5 on line 2"),
+    ("-0.49999999999999994,1,2", 1, "time -0.49999999999999994 is too close"),
     ("0," + "1" * MAX_LINE + ",2", 1, "longer than"),
 ]
 
@@ -120,6 +122,13 @@ def test_rows_that_are_refused(hand: dict[str, RobotDescription], row: str, colu
     found = refused(f"t_s,left.x_mm,left.y_mm\n-0.5,50,70\n{row}\n10,50,70\n", hand)
     assert [(line, at) for line, at, _ in found] == [(3, column)]
     assert text in found[0][2]
+
+
+def test_rows_at_10_khz_are_read_wherever_their_time_begins(hand: dict[str, RobotDescription]) -> None:
+    for start in (0.0, 1e6):
+        rows = "".join(f"{start + k / 1e4!r},50,70\n" for k in range(200))
+        text = io.StringIO(f"t_s,left.x_mm,left.y_mm\n{rows}")
+        assert len(read_trajectory(text, "t.csv", hand)) == 200
 
 
 def test_every_bad_row_is_named_up_to_a_cap(hand: dict[str, RobotDescription]) -> None:

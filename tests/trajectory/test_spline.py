@@ -8,12 +8,15 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from scipy.interpolate import CubicHermiteSpline
 
 from contid.errors import BadInputError
 from contid.robot_file.load import load_robot_file
 from contid.robot_file.robot import RobotDescription
 from contid.trajectory.read import read_trajectory
-from contid.trajectory.spline import cubic, linear
+from contid.trajectory.spline import TENSION, cubic, linear
 from contid.trajectory.timed import Interpolation, Trajectory
 
 
@@ -27,10 +30,10 @@ def evaluate(times: np.ndarray, coefficients: np.ndarray, t: float, derivative: 
 
 @pytest.fixture
 def times() -> np.ndarray:
-    return np.cumsum(np.random.default_rng(1).uniform(0.01, 1.0, 40))
+    return np.cumsum(np.random.default_rng(1).uniform(0.6, 1.0, 40))
 
 
-def test_parabolas_are_met_exactly_at_any_spacing(times: np.ndarray) -> None:
+def test_parabolas_are_met_exactly_at_uneven_spacing(times: np.ndarray) -> None:
     def parabola(t: float | np.ndarray) -> np.ndarray:
         return np.stack([3 - 2 * t + 0.7 * t**2, 5 * t - t**2], axis=-1)
 
@@ -80,6 +83,51 @@ def test_a_dwell_stays_a_dwell() -> None:
         assert evaluate(times, coefficients, t) == pytest.approx(rows[2], abs=0)
     # One column alone standing still (from row 3 to row 4) is not a dwell.
     assert np.any(coefficients[3, 1:, 0] != 0.0)
+
+
+@settings(max_examples=300, deadline=None)
+@given(
+    steps=st.lists(st.floats(-4.0, 2.0).map(lambda power: 10.0**power), min_size=2, max_size=12),
+    seed=st.integers(0, 2**32 - 1),
+)
+def test_the_curve_stays_near_its_rows_at_any_spacing(steps: list[float], seed: int) -> None:
+    """Dense samples of the polynomials; the bound is TENSION / 4 of the greatest neighbouring distance."""
+    times = np.concatenate([[0.0], np.cumsum(steps)])
+    rows = np.random.default_rng(seed).normal(size=(len(times), 2)) * 10.0
+    coefficients = cubic(times, rows)
+    jumps = np.pad(np.abs(np.diff(rows, axis=0)), ((1, 1), (0, 0)))
+    u = np.linspace(0.0, 1.0, 101)[:, None]
+    for i, step in enumerate(np.diff(times)):
+        c0, c1, c2, c3 = coefficients[i]
+        points = c0 + c1 * (u * step) + c2 * (u * step) ** 2 + c3 * (u * step) ** 3
+        margin = TENSION / 4.0 * jumps[i : i + 3].max(axis=0) + 1e-9
+        assert np.all(points >= np.minimum(rows[i], rows[i + 1]) - margin)
+        assert np.all(points <= np.maximum(rows[i], rows[i + 1]) + margin)
+
+
+def test_a_circle_with_pairs_of_rows_close_in_time_stays_a_circle() -> None:
+    """Rows of a 10 mm circle in pairs 0.1 ms apart; without the bound the curve leaves it by 5 mm."""
+    angles = np.linspace(0.0, math.tau, 41)
+    times = np.cumsum(np.where(np.arange(41) % 2, 1e-4, 0.1))
+    rows = 10.0 * np.stack([np.cos(angles), np.sin(angles)], axis=1)
+    coefficients = cubic(times, rows)
+    fine = np.linspace(times[0], times[-1], 5001)
+    radius = np.linalg.norm([evaluate(times, coefficients, t) for t in fine], axis=1)
+    assert np.all(np.abs(radius - 10.0) < 1.6)
+
+
+def test_smooth_rows_of_uneven_spacing_are_not_bounded() -> None:
+    """With intervals that differ by less than 2 the curve is Bessel's, as scipy's spline with its slopes."""
+    rng = np.random.default_rng(4)
+    times = np.cumsum(rng.uniform(0.05, 0.09, 60))
+    rows = np.stack([np.sin(times), np.cos(2.0 * times)], axis=1)
+    h, d = np.diff(times)[:, None], np.diff(rows, axis=0) / np.diff(times)[:, None]
+    slopes = (h[1:] * d[:-1] + h[:-1] * d[1:]) / (h[1:] + h[:-1])
+    slopes = np.vstack([2.0 * d[0] - slopes[0], slopes, 2.0 * d[-1] - slopes[-1]])
+    expected = CubicHermiteSpline(times, rows, slopes)
+    coefficients = cubic(times, rows)
+    for t in np.linspace(times[0], times[-1], 501):
+        assert evaluate(times, coefficients, t) == pytest.approx(expected(t), abs=1e-12)
 
 
 def test_two_rows_are_a_line() -> None:
