@@ -254,32 +254,6 @@ def test_garbage_on_the_line_is_counted_and_answered_by_nothing(board):
     assert motors.telemetry.channels[0].state is BoardState.ARMED
 
 
-def test_homing_finds_the_end_stop(board):
-    motors = board("motor")
-    homing = {"direction": -1, "speed_deg_s": 90, "at_deg": 30.0, "backoff_deg": 10.0}
-    motors.configure({"m0": {"homing": homing}})
-    motors.command("set 0 low -2000")
-    assert isinstance(motors.arm(0), Refused)
-    motors.masked(Type.HOME, 0)
-    _run(motors, lambda now: {}, 6000)
-    report = motors.demand().channels[0]
-    assert (report.state, report.homed) == (BoardState.STOPPED, True)
-    # 30 degrees at the stop (-2000 on the plant), then 10 degrees back.
-    assert report.position == pytest.approx(40.0 / 360.0 * 4776, abs=6)
-    assert motors.truth(0)[0] == pytest.approx(-2000 + 10.0 / 360.0 * 4776, abs=12)
-    assert isinstance(motors.arm(0), Telemetry)
-
-
-def test_homing_without_end_stop_gives_up(board):
-    motors = board("motor")
-    motors.configure({"m0": {"homing": {"direction": 1, "timeout_s": 0.5}}})
-    motors.command("set 0 high 1e9")
-    motors.demand()
-    motors.masked(Type.HOME, 0)
-    _run(motors, lambda now: {}, 700)
-    assert motors.trip()["reason"] == "home_failed"
-
-
 def test_bridge_fault(board):
     motors, ramp = _moving_motor(board)
     motors.command("set 0 bridge 1")
@@ -300,17 +274,6 @@ def test_a_channel_that_falls_out_tells_nothing_and_cannot_be_armed(board):
     assert set(motors.demand().channels) == {0}
     assert isinstance(motors.arm(0, 1), Refused)
     assert isinstance(motors.arm(0), Telemetry)
-
-
-def test_homing_is_under_the_watchdog(board):
-    motors = board("motor")
-    motors.configure({"m0": {"homing": {"direction": 1}}})
-    motors.demand()
-    motors.masked(Type.HOME, 0)
-    motors.step(150)
-    trip = motors.trip()
-    assert (trip["reason"], trip["silence_ms"]) == ("watchdog", 100)
-    assert motors.truth(0)[4] == 1  # it brakes
 
 
 def test_frozen_loop_of_a_pressure_board(board):

@@ -56,7 +56,8 @@ int32_t Motor::velocity() const {
   return static_cast<int32_t>(clamp64(speed_q8_ >> 8, -limit, limit));
 }
 
-void Motor::arm() {
+// The set-point stands at the shaft; integrator, watches and fault start anew.
+void Motor::begin() {
   set_.start(position_);
   sum_q16_ = 0;
   duty_ = 0;
@@ -66,16 +67,36 @@ void Motor::arm() {
   limited_ = false;
 }
 
+void Motor::end_homing() {
+  if (phase_ == Phase::IDLE) return;
+  phase_ = Phase::IDLE;
+  set_.limit(config_->velocity, config_->acceleration);
+}
+
+void Motor::arm() {
+  end_homing();
+  begin();
+}
+
 void Motor::demand(int32_t goal, uint32_t since) {
   const int32_t allowed = clamp(goal, config_->low, config_->high);
   limited_ = allowed != goal;
   set_.demand(allowed, since);
 }
 
-void Motor::hold() { set_.stop(); }
+void Motor::hold() {
+  // The set-point of a search lies ahead of the shaft, possibly inside the end stop: it is given up.
+  const bool searching = phase_ == Phase::APPROACH || phase_ == Phase::BACK_OFF;
+  end_homing();
+  if (searching) {
+    begin();
+  } else {
+    set_.stop();
+  }
+}
 
 void Motor::home() {
-  arm();
+  begin();
   homed_ = false;
   phase_ = Phase::APPROACH;
   phase_ticks_ = 0;
@@ -84,6 +105,7 @@ void Motor::home() {
 }
 
 Output Motor::rest(Drive drive) {
+  end_homing();
   set_.start(position_);
   sum_q16_ = 0;
   duty_ = 0;
@@ -164,7 +186,7 @@ Output Motor::search() {
     offset_ = plus(offset_, minus(config_->home_at, position_));
     position_ = config_->home_at;
     for (uint32_t i = 0; i < WINDOW; ++i) history_[i] = position_;
-    arm();
+    begin();
     set_.demand(minus(position_, towards * config_->home_backoff), 0);
     phase_ = Phase::BACK_OFF;
     still_ticks_ = 0;
@@ -177,7 +199,6 @@ Output Motor::search() {
   if (arrived && magnitude64(off) <= config_->deadband + 1) {
     phase_ = Phase::FOUND;
     homed_ = true;
-    set_.limit(config_->velocity, config_->acceleration);
   } else if (still_ticks_ >= SETTLE_MS) {
     fault_ = Reason::HOME_FAILED;
   }

@@ -20,9 +20,10 @@ class Motor {
   void configure(const MotorConfig& config);
   void sense(int32_t raw_count, int32_t raw_analog);
 
+  // Each of these ends a homing that is under way: its speed, its duty limit and its watches go with it.
   void arm();
-  void demand(int32_t goal, uint32_t since);
   void hold();
+  void demand(int32_t goal, uint32_t since);
   void home();
 
   // One step of the position law under power.
@@ -47,6 +48,8 @@ class Motor {
   enum class Phase : uint8_t { IDLE, APPROACH, BACK_OFF, FOUND };
   static const uint32_t WINDOW = 8;
 
+  void begin();
+  void end_homing();
   Output law(int32_t max_duty);
   void watch(int64_t error_q8);
 

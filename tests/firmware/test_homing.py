@@ -1,0 +1,124 @@
+"""Homing on the board: the end stop found, and every way to leave it early."""
+
+from __future__ import annotations
+
+import pytest
+
+from contid_drivers.due import messages
+from contid_drivers.due.codes import BoardState, RestCode, Type
+from contid_drivers.due.messages import Refused, Telemetry
+
+HOMING = {"direction": 1, "speed_deg_s": 90, "duty_percent": 40, "at_deg": 720.0}
+#: Shorter than the standstill that ends a search.
+WATCHDOG_MS = 20
+STOP = 500
+
+
+def run(board, ms, every=5):
+    """Demands without channels: they feed the watchdog and command nothing."""
+    for _ in range(ms // every):
+        board.demand()
+        board.step(every)
+
+
+def pushing(board, **options):
+    """A motor that homes and has pushed its end stop for a moment, short of the standstill that ends it."""
+    motors = board("motor")
+    motors.configure({"m0": {"homing": HOMING, **options}}, watchdog_ms=WATCHDOG_MS)
+    motors.command(f"set 0 high {STOP}")
+    motors.command("set 0 low -1e9")
+    motors.demand()
+    motors.masked(Type.HOME, 0)
+    while motors.truth(0)[0] < STOP:
+        run(motors, 5)
+    run(motors, 20)
+    assert motors.demand().channels[0].state is BoardState.HOMING
+    return motors
+
+
+@pytest.mark.parametrize("end", ["hold", "watchdog"])
+def test_a_homing_that_ends_in_hold_leaves_the_stop_alone(board, end):
+    motors = pushing(board, on_watchdog="hold")
+    if end == "hold":
+        motors.ask(Type.STOP, messages.stop([0], RestCode.HOLD))
+        motors.step(400)
+    else:
+        motors.step(400)
+        assert motors.trip()["reason"] == "watchdog"
+    _, _, _, _, drive, duty, _ = motors.truth(0)
+    assert drive == 2
+    assert abs(duty) < 0.1 * 32767
+    # The watches are on again: a shaft that is pushed away and blocked is found.
+    motors.command(f"set 0 high {STOP - 400}")
+    motors.step(600)
+    assert motors.trip()["reason"] in ("watchdog", "stalled", "following")
+    assert motors.truth(0)[4] == 1
+    assert motors.journal("state")[-1]["reason"] in ("stalled", "following")
+
+
+@pytest.mark.parametrize("rest", [RestCode.HOLD, RestCode.RELAX])
+def test_an_aborted_homing_is_no_reference_and_can_be_repeated(board, rest):
+    motors = pushing(board)
+    motors.ask(Type.STOP, messages.stop([0], rest))
+    motors.step(50)
+    assert isinstance(motors.arm(0), Refused)
+    motors.masked(Type.HOME, 0)
+    run(motors, 3000)
+    report = motors.demand().channels[0]
+    assert (report.state, report.homed) == (BoardState.STOPPED, True)
+    # At the speed of the axis, not of its search.
+    motors.arm(0)
+    for _ in range(80):
+        motors.demand({0: 2000})
+        motors.step(5)
+    assert abs(motors.truth(0)[1]) > 3 * 90 / 360 * 4776
+    assert isinstance(motors.arm(0), Telemetry)
+
+
+def test_a_bridge_fault_ends_the_search(board):
+    motors = pushing(board, on_watchdog="hold")
+    motors.command("set 0 bridge 1")
+    motors.step(2)
+    assert motors.trip()["reason"] == "bridge"
+    assert motors.truth(0)[4] == 1
+    motors.command("set 0 bridge 0")
+    motors.step(1)
+    assert motors.masked(Type.CLEAR, 0).channels[0].state is BoardState.READY
+    assert isinstance(motors.arm(0), Refused)
+
+
+def test_homing_finds_the_end_stop(board):
+    motors = board("motor")
+    homing = {"direction": -1, "speed_deg_s": 90, "at_deg": 30.0, "backoff_deg": 10.0}
+    motors.configure({"m0": {"homing": homing}})
+    motors.command("set 0 low -2000")
+    assert isinstance(motors.arm(0), Refused)
+    motors.masked(Type.HOME, 0)
+    run(motors, 6000)
+    report = motors.demand().channels[0]
+    assert (report.state, report.homed) == (BoardState.STOPPED, True)
+    # 30 degrees at the stop (-2000 on the plant), then 10 degrees back.
+    assert report.position == pytest.approx(40.0 / 360.0 * 4776, abs=6)
+    assert motors.truth(0)[0] == pytest.approx(-2000 + 10.0 / 360.0 * 4776, abs=12)
+    assert isinstance(motors.arm(0), Telemetry)
+
+
+def test_homing_without_end_stop_gives_up(board):
+    motors = board("motor")
+    motors.configure({"m0": {"homing": {"direction": 1, "timeout_s": 0.5}}})
+    motors.command("set 0 high 1e9")
+    motors.demand()
+    motors.masked(Type.HOME, 0)
+    run(motors, 700)
+    assert motors.trip()["reason"] == "home_failed"
+
+
+def test_homing_is_under_the_watchdog(board):
+    motors = board("motor")
+    motors.configure({"m0": {"homing": {"direction": 1}}})
+    motors.demand()
+    motors.masked(Type.HOME, 0)
+    motors.step(150)
+    trip = motors.trip()
+    assert (trip["reason"], trip["silence_ms"]) == ("watchdog", 100)
+    assert motors.truth(0)[4] == 1  # it brakes
