@@ -118,12 +118,19 @@ class Sample:
 
 @dataclass(frozen=True, slots=True)
 class Finding:
-    """One line of a ``doctor`` report."""
+    """One line of a ``doctor`` report.
+
+    Attributes:
+        ok: False when a person must do something before the robot can run.
+        remedy: what to do.
+        warning: ``ok``, but with a restriction, or only after arming has changed it.
+    """
 
     subject: str
     ok: bool
     message: str
     remedy: str = ""
+    warning: bool = False
 
 
 class Clock(Protocol):
@@ -239,6 +246,29 @@ class Emulates(Protocol):
         Returns:
             A context manager; entering it returns lines for the user about the ports.
         """
+
+
+@dataclass(frozen=True, slots=True)
+class ExchangeTime:
+    """Time of one exchange of a bus.
+
+    Attributes:
+        least_s: bytes on the wire in the fastest form; a shorter period is impossible.
+        most_s: without faults, in the slowest form and with a slow adapter.
+        what: what it was computed from.
+    """
+
+    least_s: float
+    most_s: float
+    what: str
+
+
+@runtime_checkable
+class Paces(Protocol):
+    """Computes how long an exchange takes: ``contid check``, ``contid doctor``."""
+
+    def exchange_time(self, options: BaseModel, axes: Sequence[BaseModel]) -> ExchangeTime:
+        """Time of one exchange with every axis of a bus."""
 
 
 @runtime_checkable

@@ -16,6 +16,7 @@ from contid.robot_file.base import AxisDescription
 from contid.robot_file.chain import Chain, check_chain
 from contid.robot_file.checks import WiredAxis, check_name, check_robot
 from contid.robot_file.document import AnyRobot, BusDescription, RobotFile
+from contid.robot_file.exchange_time import rate_too_high
 from contid.robot_file.findings import allowed_names, explain, shown
 from contid.robot_file.positions import Data, Document, KeyPath, read_document
 from contid.robot_file.recovery import recovered
@@ -92,7 +93,7 @@ def parse_robot_file(text: str, name: str, recorded: bool = False) -> LoadedFile
     document = read_document(text, name)
     if recorded:
         document.data = with_renamed_keys(document.data)
-    loader = _Loader(document)
+    loader = _Loader(document, recorded)
     buses = loader.load()
     if loader.findings:
         order = sorted(dict.fromkeys(loader.findings), key=lambda found: (found.line, found.column))
@@ -121,8 +122,10 @@ def with_mock(loaded: LoadedFile) -> LoadedFile:
 class _Loader:
     """One pass over a document; collects findings, and builds every valid part."""
 
-    def __init__(self, document: Document) -> None:
+    def __init__(self, document: Document, recorded: bool) -> None:
         self.document = document
+        #: The rate of a recorded file was possible, on the driver of its time.
+        self.recorded = recorded
         self.findings: list[Located] = []
         self.drivers: dict[str, Driver] = {}
         self.axes: dict[str, list[tuple[str, BaseModel]]] = {}
@@ -149,10 +152,14 @@ class _Loader:
             for message in watchdog_too_short([bus for bus in wirings.values() if bus], rate_hz):
                 self.findings.append(self.document.at_value(("rate_hz",), f"rate_hz: {message}"))
         described = {name: self._robot(name, raw) for name, raw in robots.items()}
+        complete = {name: replace(bus, axes=tuple(self.axes[name])) for name, bus in wirings.items() if bus}
+        if isinstance(rate_hz, int | float) and rate_hz > 0 and not self.recorded:
+            for message in rate_too_high(complete.values(), rate_hz):
+                self.findings.append(self.document.at_value(("rate_hz",), f"rate_hz: {message}"))
         for name, robot in described.items():
             if isinstance(robot, Chain):
                 self.findings += check_chain(self.document, ("robots", name), robot, described)
-        return {name: replace(bus, axes=tuple(self.axes[name])) for name, bus in wirings.items() if bus}
+        return complete
 
     def _validated(
         self, kind: type[_Part], data: Data, at: KeyPath, also: Sequence[str] = ()

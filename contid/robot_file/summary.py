@@ -7,6 +7,7 @@ from typing import TypedDict
 
 from contid.hal import load_driver
 from contid.robot_file.chain import Chain
+from contid.robot_file.exchange_time import exchange_time, highest_rate_hz, rate_finding
 from contid.robot_file.load import BusWiring, LoadedFile
 from contid.robot_file.robot import RobotDescription
 
@@ -61,13 +62,15 @@ class RobotReport(TypedDict):
 
 
 class BusReport(TypedDict):
-    """One bus."""
+    """One bus; ``highest_rate_hz`` is None where its driver does not compute it."""
 
     name: str
     driver: str
     port: str
     axes: int
     tolerance_ticks: int
+    highest_rate_hz: float | None
+    exchange: str
 
 
 class FileReport(TypedDict):
@@ -87,7 +90,7 @@ def summarise(loaded: LoadedFile) -> FileReport:
         "name": loaded.file.name,
         "rate_hz": loaded.file.rate_hz,
         "robots": [_robot(loaded, name, robot) for name, robot in loaded.file.robots.items()],
-        "buses": [_bus(bus) for bus in loaded.buses.values()],
+        "buses": [_bus(bus, loaded.file.rate_hz) for bus in loaded.buses.values()],
     }
 
 
@@ -153,7 +156,9 @@ def _base_mm(robot: RobotDescription) -> list[float]:
     return [robot.base.x_mm, robot.base.y_mm, robot.base.z_mm]
 
 
-def _bus(bus: BusWiring) -> BusReport:
+def _bus(bus: BusWiring, rate_hz: float) -> BusReport:
+    time = exchange_time(bus)
+    finding = None if time is None else rate_finding(bus.name, time, rate_hz)
     return {
         "name": bus.name,
         "driver": bus.driver,
@@ -161,6 +166,8 @@ def _bus(bus: BusWiring) -> BusReport:
         "port": str(getattr(bus.options, "port", getattr(bus.options, "address", ""))),
         "axes": len(bus.axes),
         "tolerance_ticks": bus.tolerance_ticks,
+        "highest_rate_hz": None if time is None else highest_rate_hz(time),
+        "exchange": "; ".join(filter(None, (finding.message, finding.remedy))) if finding else "",
     }
 
 

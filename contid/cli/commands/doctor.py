@@ -11,6 +11,7 @@ import click
 
 from contid.cli.support.robot_names import robot_names
 from contid.hal import Diagnoses, Finding
+from contid.robot_file.exchange_time import exchange_time, rate_finding
 from contid.robot_file.shipped import load_named
 
 
@@ -26,12 +27,16 @@ def command(robot_file: str, as_json: bool) -> None:
         yield from examine()
         for bus in buses:
             wiring = bus.wiring
+            time = exchange_time(wiring)
+            if time is not None:
+                yield rate_finding(wiring.name, time, loaded.file.rate_hz)
             if isinstance(bus.driver, Diagnoses):
                 yield from bus.driver.doctor(wiring.name, wiring.options, bus.axes)
             else:
                 yield Finding(wiring.name, True, f"driver {wiring.driver!r} has no diagnosis")
 
-    buses = wired_buses(load_named(robot_file))
+    loaded = load_named(robot_file)
+    buses = wired_buses(loaded)
     well = True
     for finding in findings():
         well = well and finding.ok
@@ -45,6 +50,8 @@ def _print(finding: Finding, as_json: bool) -> None:
         click.echo(json.dumps(dataclasses.asdict(finding)))
         return
     mark = click.style("ok   ", fg="green") if finding.ok else click.style("ERROR", fg="red")
+    if finding.warning:
+        mark = click.style("warn ", fg="yellow")
     click.echo(f"{mark} {finding.subject}: {finding.message}")
     if finding.remedy:
         click.echo(f"      -> {finding.remedy}")

@@ -60,6 +60,9 @@ def print_report(report: FileReport, columns: Mapping[str, Mapping[str, Sequence
         buses.add_row(bus["name"], bus["driver"], bus["port"], str(bus["axes"]), tolerance)
     echo("")
     console.print(buses)
+    for bus in report["buses"]:
+        if bus["exchange"]:
+            echo(f"  {bus['name']}: {bus['exchange']}")
 
 
 def _placeholders(robot: RobotReport, echo: Callable[[str], None]) -> None:

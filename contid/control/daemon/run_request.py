@@ -18,6 +18,7 @@ from contid.control.engine.wiring import build_preflight, driven_robots
 from contid.control.tick.preflight import Preflight, Unreachable
 from contid.errors import ContidError
 from contid.robot_file.document import MAX_RATE_HZ
+from contid.robot_file.exchange_time import rate_too_high
 from contid.robot_file.load import LoadedFile, with_mock
 from contid.robot_file.shipped import load_named
 from contid.robot_file.watchdog import watchdog_too_short
@@ -75,7 +76,12 @@ def load(request: RunRequest) -> LoadedFile:
             raise ContidError(f"--rate: {request.rate_hz:g}; allowed: {allowed}")
         for message in watchdog_too_short(loaded.buses.values(), request.rate_hz):
             raise ContidError(f"--rate: {message}")
-    return with_mock(loaded) if request.mock else loaded
+    if request.mock:
+        return with_mock(loaded)
+    if request.rate_hz is not None:
+        for message in rate_too_high(loaded.buses.values(), request.rate_hz):
+            raise ContidError(f"--rate: {message}")
+    return loaded
 
 
 def rate_of(options: RunOptions, loaded: LoadedFile) -> float:

@@ -101,9 +101,13 @@ class Engine:
         return self._selector.source
 
     @property
-    def moving(self) -> bool:
-        """True while any robot may be in motion."""
-        return self._robots.moving
+    def preparing(self) -> bool:
+        """True when a request to devices may have made the last tick longer than a period.
+
+        No robot moves, and one connects or arms, or a bus carried out a request (clear, disable, open).
+        """
+        robots = self._robots
+        return not robots.moving and (robots.preparing or self._exchange.requested)
 
     @property
     def armed(self) -> bool:

@@ -197,8 +197,8 @@ class PaceReported(RunEvent):
     KIND: ClassVar[str] = "report"
     ticks: Annotated[int, "number of ticks"]
     late: Annotated[int, "ticks that started late"]
-    skipped: Annotated[int, "ticks that never started while a robot moved"]
-    waited: Annotated[int, "periods that passed while no robot moved"]
+    skipped: Annotated[int, "ticks that never started"]
+    waited: Annotated[int, "periods that passed while devices were connected, armed or cleared"]
     lateness: Annotated[dict[str, float], "percentiles [us]"]
 
 

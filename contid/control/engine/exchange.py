@@ -71,6 +71,11 @@ class Exchange:
         """True while a bus that is not lost has an answer or a queued request outstanding."""
         return any((port.busy or self._queued[name]) and not port.lost for name, port in self._ports.items())
 
+    @property
+    def requested(self) -> bool:
+        """True when the newest job of a bus without a worker held a request besides its exchange."""
+        return any(port.exempt and not port.threaded for port in self._ports.values())
+
     def samples_of(self, config: RobotConfig) -> tuple[Sample, ...]:
         """Newest sample of every axis of a robot; empty before the first exchange."""
         samples = self.samples

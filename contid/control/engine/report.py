@@ -24,8 +24,8 @@ class RunReport:
         virtual: True in virtual time, where no lateness exists.
         ticks: run.
         late: started more than a tenth of a period after their deadline.
-        skipped: never started while a robot was moving.
-        waited: periods that passed while nothing moved (connecting, arming) and are no ticks.
+        skipped: never started.
+        waited: periods that passed while devices were connected, armed or cleared; they are no ticks.
         lateness: p50, p99, p99.9 and greatest [us].
         realtime: whether the control process ran under SCHED_FIFO.
         robots: per robot its last state, fault, tip error and limits.
@@ -57,6 +57,8 @@ class RunReport:
         """For a person."""
         lines = [f"run: {self.ending} (exit code {self.exit_code})"]
         accounted = f"{self.ticks} run, {self.late} late, {self.skipped} skipped"
+        if self.waited:
+            accounted += f", {self.waited} waited for arming"
         lines.append(f"ticks: {accounted} at {self.rate_hz:g} Hz{' of virtual time' if self.virtual else ''}")
         if self.lateness and not self.virtual:
             figures = ", ".join(

@@ -53,6 +53,11 @@ class Robots:
         return any(state.mode in MOVING or any(state.increments) for state in self.states)
 
     @property
+    def preparing(self) -> bool:
+        """True while any robot connects or arms."""
+        return any(state.mode in (Mode.CONNECTING, Mode.ARMING) for state in self.states)
+
+    @property
     def armed(self) -> bool:
         """True when every robot that was to be armed has its first command."""
         return not any(state.mode in _UNARMED and state.arm_requested for state in self.states)

@@ -101,7 +101,7 @@ class ControlProcess:
         stop_by_s = math.inf
         while not engine.finished:
             start_s = sleep_until(pace.deadline_s)
-            timing = pace.begin(start_s, engine.moving)
+            timing = pace.begin(start_s, engine.preparing)
             for message in self._inbox.poll():
                 if isinstance(message, LogWritten):
                     self._ring.event(message)

@@ -2,8 +2,9 @@
 
     deadline(n) = base + n / rate        on CLOCK_MONOTONIC
 
-A deadline that passed a whole period ago is skipped and counted. While no robot moves (connecting, arming)
-the grid is shifted instead. Pure arithmetic on given times.
+A deadline that passed a whole period ago is skipped and counted, in every state. Only while devices are
+connected, armed or cleared, which may take longer than a period, and no robot moves, the grid is shifted
+instead. Pure arithmetic on given times.
 """
 
 from __future__ import annotations
@@ -43,24 +44,25 @@ class Pace:
         """When the next tick is due."""
         return self._base_s + self._tick * self._period_s
 
-    def begin(self, start_s: float, moving: bool) -> Timing:
+    def begin(self, start_s: float, preparing: bool) -> Timing:
         """Start a tick.
 
         Args:
             start_s: the current time.
-            moving: a robot may be in motion, so missed deadlines count as skipped.
+            preparing: the tick before may have taken longer for a request to devices (see
+                `contid.control.engine.engine.Engine.preparing`); missed deadlines shift the grid.
         """
         period_s = self._period_s
         delay_s = start_s - self.deadline_s
         if delay_s >= period_s:
             missed = int(delay_s / period_s)
-            if moving:
-                self._tick += missed
-                self._skip(missed, start_s)
-            else:
+            if preparing:
                 self._base_s += missed * period_s
                 self._waited += missed
                 delay_s -= missed * period_s
+            else:
+                self._tick += missed
+                self._skip(missed, start_s)
         deadline_s = self.deadline_s
         lateness_s = max(start_s - deadline_s, 0.0)
         # The histogram holds the whole delay, including skipped periods.

@@ -7,7 +7,18 @@ from contextlib import AbstractContextManager
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from contid.hal import AxisOnBus, Bus, Clock, DeviceKind, Driver, Finding, FoundDevice, Homed, Report
+from contid.hal import (
+    AxisOnBus,
+    Bus,
+    Clock,
+    DeviceKind,
+    Driver,
+    ExchangeTime,
+    Finding,
+    FoundDevice,
+    Homed,
+    Report,
+)
 from contid_drivers.dynamixel.options import DynamixelAxisOptions, DynamixelBusOptions
 
 if TYPE_CHECKING:
@@ -43,6 +54,13 @@ class DynamixelDriver:
 
         assert isinstance(options, DynamixelBusOptions)
         return DynamixelBus(name, options, axes, clock)
+
+    def exchange_time(self, options: BaseModel, axes: Sequence[BaseModel]) -> ExchangeTime:
+        """See `contid.hal.Paces`."""
+        from contid_drivers.dynamixel.cycle_time import exchange_time
+
+        assert isinstance(options, DynamixelBusOptions)
+        return exchange_time(options, [axis.id for axis in axes if isinstance(axis, DynamixelAxisOptions)])
 
     def emulator(
         self, name: str, options: BaseModel, axes: Sequence[AxisOnBus], control: Path | None = None

@@ -31,7 +31,7 @@ class Events:
 def test_ticks_in_time_are_one_period_apart() -> None:
     pace = Pace(RATE_HZ, 10.0, Events())
     for number in range(50):
-        timing = pace.begin(pace.deadline_s, moving=True)
+        timing = pace.begin(pace.deadline_s, preparing=False)
         assert timing.tick == number
         assert timing.deadline_s == pytest.approx(10.0 + (START_PERIODS + number) * PERIOD_S)
         assert timing.lateness_s == 0.0
@@ -42,29 +42,29 @@ def test_ticks_in_time_are_one_period_apart() -> None:
 def test_a_late_tick_does_not_shift_the_grid() -> None:
     pace = Pace(RATE_HZ, 0.0, Events())
     due_s = pace.deadline_s
-    timing = pace.begin(due_s + 0.6 * PERIOD_S, moving=True)
+    timing = pace.begin(due_s + 0.6 * PERIOD_S, preparing=False)
     assert (timing.tick, timing.skipped) == (0, 0)
     assert timing.lateness_s == pytest.approx(0.6 * PERIOD_S)
     assert pace.deadline_s == pytest.approx(due_s + PERIOD_S)
     assert pace.report().late == 1
 
 
-def test_missed_deadlines_are_skipped_in_motion_and_shift_the_grid_at_rest() -> None:
+def test_missed_deadlines_are_skipped_but_shift_the_grid_during_preparation() -> None:
     sink = Events()
-    moving, resting = Pace(RATE_HZ, 0.0, sink), Pace(RATE_HZ, 0.0, Events())
-    start_s = moving.deadline_s + 3.25 * PERIOD_S + 2.0 * REPORT_INTERVAL_S
+    counting, arming = Pace(RATE_HZ, 0.0, sink), Pace(RATE_HZ, 0.0, Events())
+    start_s = counting.deadline_s + 3.25 * PERIOD_S + 2.0 * REPORT_INTERVAL_S
     missed = 3 + round(2.0 * REPORT_INTERVAL_S * RATE_HZ)
-    skipped, waited = moving.begin(start_s, moving=True), resting.begin(start_s, moving=False)
+    skipped, waited = counting.begin(start_s, preparing=False), arming.begin(start_s, preparing=True)
     assert (skipped.tick, skipped.skipped) == (missed, missed)
     assert (waited.tick, waited.skipped) == (0, 0)
     assert skipped.lateness_s == pytest.approx(waited.lateness_s) == pytest.approx(0.25 * PERIOD_S)
-    assert moving.deadline_s == pytest.approx(resting.deadline_s)
+    assert counting.deadline_s == pytest.approx(arming.deadline_s)
     assert sink.events == [{"event": "skipped", "ticks": missed, "total": missed}]
     # The histogram holds the delay of skipped ticks completely, and without the shift of the grid.
-    assert moving.report().lateness["max_us"] == pytest.approx(
+    assert counting.report().lateness["max_us"] == pytest.approx(
         (start_s - START_PERIODS * PERIOD_S) * 1e6, abs=0.1
     )
-    assert resting.report().lateness["max_us"] == pytest.approx(0.25 * PERIOD_S * 1e6, abs=0.1)
+    assert arming.report().lateness["max_us"] == pytest.approx(0.25 * PERIOD_S * 1e6, abs=0.1)
 
 
 @given(st.lists(st.tuples(st.floats(0.0, 0.2), st.booleans()), max_size=40))
@@ -72,8 +72,8 @@ def test_every_deadline_is_run_skipped_or_waited_for(delays: list[tuple[float, b
     pace = Pace(RATE_HZ, 0.0, Events())
     base_s = pace.deadline_s
     last = -1
-    for delay_s, moving in delays:
-        timing = pace.begin(pace.deadline_s + delay_s, moving)
+    for delay_s, preparing in delays:
+        timing = pace.begin(pace.deadline_s + delay_s, preparing)
         assert timing.tick > last
         assert 0.0 <= timing.lateness_s < PERIOD_S * (1.0 + 1e-9)
         last = timing.tick

@@ -1,0 +1,66 @@
+"""The time of an exchange: bytes counted from the stock SDK's packets and the emulated servos' answers."""
+
+from __future__ import annotations
+
+import pytest
+from dynamixel_sdk import Protocol2PacketHandler
+
+from contid_drivers.dynamixel import cycle_time
+from contid_drivers.dynamixel.cyclic import INDIRECT
+from contid_drivers.dynamixel.emulator import Servo
+from contid_drivers.dynamixel.emulator.replies import answers
+from contid_drivers.dynamixel.options import DynamixelBusOptions
+from contid_drivers.dynamixel.packets import sync_read, take
+
+
+class Wire:
+    """A port of the stock SDK that only counts."""
+
+    is_using = False
+
+    def __init__(self) -> None:
+        self.written = 0
+
+    def clearPort(self) -> None:  # name of the SDK
+        """Nothing was received."""
+
+    def writePort(self, packet: list[int]) -> int:  # name of the SDK
+        self.written += len(packet)
+        return len(packet)
+
+    def setPacketTimeout(self, length: int) -> None:  # name of the SDK
+        """No answer is awaited."""
+
+
+def stock_bytes(ids: list[int], size: int) -> int:
+    """Bytes of the instructions of one exchange as the stock SDK writes them."""
+    wire, sdk = Wire(), Protocol2PacketHandler()
+    goals = [byte for device in ids for byte in (device, 0, 0, 0, 0)]
+    sdk.syncWriteTxOnly(wire, 116, 4, goals, len(goals))
+    sdk.syncReadTx(wire, INDIRECT.address, size, ids, len(ids), False)
+    return wire.written
+
+
+@pytest.mark.parametrize("fast", [False, True])
+@pytest.mark.parametrize("count", [1, 4, 16])
+def test_bytes_are_those_of_the_stock_sdk_and_of_the_answers(count: int, fast: bool) -> None:
+    ids = list(range(1, count + 1))
+    packet = take(bytearray(sync_read(INDIRECT.address, INDIRECT.full, ids, fast)))
+    assert packet is not None
+    replies = answers(packet, [Servo(device) for device in ids], 1e-5)
+    expected = stock_bytes(ids, INDIRECT.full) + sum(len(reply.wire) for reply in replies)
+    assert cycle_time.bytes_on_wire(ids, INDIRECT.full, fast) == expected
+
+
+def test_baud_delay_and_adapter_are_counted() -> None:
+    ids = [1, 2, 3, 4]
+    size = cycle_time.bytes_on_wire(ids, INDIRECT.full, fast=False)
+    options = DynamixelBusOptions(
+        port="x", baud=57600, return_delay_us=500, usb_latency_ms=16, fast_read="off"
+    )
+    time = cycle_time.exchange_time(options, ids)
+    assert time.least_s == pytest.approx(size * 10 / 57600 + 4 * 500e-6)
+    assert time.most_s == pytest.approx(time.least_s + 0.016)
+    fast = cycle_time.exchange_time(options.model_copy(update={"fast_read": "auto"}), ids)
+    assert fast.least_s < time.least_s
+    assert fast.most_s == time.most_s
