@@ -75,6 +75,8 @@ def settings(axis: Axis, options: DynamixelBusOptions) -> list[tuple[Register, i
         (reg.DRIVE_MODE, 0),
         (reg.OPERATING_MODE, axis.operating_mode),
         (reg.HOMING_OFFSET, 0),
+        # Bit 0 switches torque on after a brown-out, in an unchecked turn.
+        (reg.STARTUP, 0),
         (reg.CURRENT_LIMIT, a.current_limit_ma),
         (reg.PROFILE_VELOCITY, round(a.profile_velocity_deg_s / reg.DEG_S_PER_UNIT)),
         (reg.PROFILE_ACCELERATION, round(a.profile_acceleration_deg_s2 / reg.DEG_S2_PER_UNIT)),
@@ -107,6 +109,8 @@ def configure(client: ServoClient, axis: Axis, options: DynamixelBusOptions) -> 
         under = " under torque" if torque else ""
         log.info("%s: %s %d -> %d%s", client.name(device), register.name, found, value, under)
         client.write(device, register, value)
+        if register is reg.OPERATING_MODE:
+            turns.store(client, axis, axis.turns)
     axis.return_delay_s = options.return_delay_us / 1e6
 
 
@@ -207,8 +211,8 @@ def recover(client: ServoClient, axis: Axis) -> None:
     """
     device = axis.device
     if client.read(device, reg.HARDWARE_ERROR):
-        if axis.value is not None:
-            axis.value = axis.to_rad(client.read(device, reg.PRESENT_POSITION))
+        if axis.turn_known:
+            axis.seen = axis.to_rad(client.read(device, reg.PRESENT_POSITION))
         client.reboot(device)
         if bits := client.read(device, reg.HARDWARE_ERROR):
             raise DeviceError(

@@ -26,6 +26,8 @@ class Axis:
         enabled: commands are sent.
         armed: Bus Watchdog written to it (counts of 20 ms), 0 while not armed.
         turns: whole turns added to the servo's count; see `turns`.
+        turn_known: ``turns`` was determined; cleared by whatever may have changed the servo's count.
+        seen: last position [rad] while the turn was known.
         misses: consecutive exchanges without an answer.
         fault: latched fault, empty for none.
         value, time_s: last valid position [rad] and its time.
@@ -40,6 +42,8 @@ class Axis:
     enabled: bool = False
     armed: int = 0
     turns: int = 0
+    turn_known: bool = False
+    seen: float | None = None
     misses: int = 0
     fault: str = ""
     value: float | None = None
@@ -91,6 +95,8 @@ class Axis:
         self.misses = 0
         self._detect_faults(reading)
         self.value = self.to_rad(reading.position)
+        if self.turn_known:
+            self.seen = self.value
         self.time_s = time_s
         self.velocity = reading.velocity * reg.RAD_S_PER_UNIT
         self.effort = reading.current_ma / 1e3

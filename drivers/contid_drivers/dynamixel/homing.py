@@ -74,8 +74,7 @@ def _home_one(client: ServoClient, axis: Axis, options: DynamixelBusOptions, rep
 
 
 def _by_pose(client: ServoClient, axis: Axis, homing: SingleTurn, report: Report) -> Homed:
-    axis.value = None
-    client.write(axis.device, turns.MARKER, turns.MARKER.default)
+    turns.forget(client, axis)
     turns.settle(client, axis)
     value = axis.to_rad(client.read(axis.device, reg.PRESENT_POSITION))
     off_deg = math.degrees(value) - homing.pose_deg

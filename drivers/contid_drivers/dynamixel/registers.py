@@ -82,11 +82,13 @@ CURRENT_LIMIT = _rw("current limit", 38, 2, 1750, 0, 1750, "mA")
 VELOCITY_LIMIT = _rw("velocity limit", 44, 4, 445, 0, 2047, "0.229 rpm")
 MAX_POSITION = _rw("max position limit", 48, 4, 4095, 0, 4095, "tick")
 MIN_POSITION = _rw("min position limit", 52, 4, 0, 0, 4095, "tick")
+STARTUP = _rw("startup configuration", 60, 1, 0, 0, 3)
 SHUTDOWN = _rw("shutdown", 63, 1, 0x35, 0, 0x35)
 TORQUE_ENABLE = _rw("torque enable", 64, 1, 0, 0, 1)
 STATUS_RETURN_LEVEL = _rw("status return level", 68, 1, 2, 0, 2)
 REGISTERED = _ro("registered instruction", 69, 1, 0)
 HARDWARE_ERROR = _ro("hardware error status", 70, 1, 0)
+VELOCITY_I = _rw("velocity i gain", 76, 2, 1600, 0, 16383)
 POSITION_D = _rw("position d gain", 80, 2, 0, 0, 16383)
 POSITION_I = _rw("position i gain", 82, 2, 0, 0, 16383)
 POSITION_P = _rw("position p gain", 84, 2, 400, 0, 16383)
@@ -124,12 +126,12 @@ TABLE: Final[tuple[Register, ...]] = (
     MAX_VOLTAGE, MIN_VOLTAGE,
     _rw("pwm limit", 36, 2, 885, 0, 885, "0.113 %"),
     CURRENT_LIMIT, VELOCITY_LIMIT, MAX_POSITION, MIN_POSITION,
-    _rw("startup configuration", 60, 1, 0, 0, 3),
+    STARTUP,
     _rw("pwm slope", 62, 1, 140, 1, 255, "1.977 mV/ms"),
     SHUTDOWN, TORQUE_ENABLE,
     _rw("led", 65, 1, 0, 0, 1),
     STATUS_RETURN_LEVEL, REGISTERED, HARDWARE_ERROR,
-    _rw("velocity i gain", 76, 2, 1600, 0, 16383),
+    VELOCITY_I,
     _rw("velocity p gain", 78, 2, 180, 0, 16383),
     POSITION_D, POSITION_I, POSITION_P,
     _rw("feedforward 2nd gain", 88, 2, 0, 0, 16383),

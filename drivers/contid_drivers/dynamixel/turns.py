@@ -1,16 +1,23 @@
 """The turn of a servo, which it loses at power-off; a wrong turn is a wrong length of a rack.
 
-The turns to add to the servo's count are stored in the servo's RAM, so that both are lost together: in the
-last Indirect Address (default 227: turn unknown since power-up; 145 + n: n turns to add).
+The turns to add to the servo's count are kept in two registers of the servo's RAM, so that they are lost with
+the count: in the last Indirect Address (default 227: none since power-up; 145 + n: n turns), and in Velocity
+I Gain, unused in the position modes (4096 + n). A power-off clears both. A change of operating mode clears
+the gain, and through position mode the servo loses its count without a power-off (e-manual, register 132).
 
-* An axis that homes against a hard stop is refused until it was homed.
-* An axis with a stored pose takes the turn nearest to it, if it is near enough.
-* The count of an axis without homing is used unchecked.
+* Both marks in a mode of several turns: the count is valid.
+* No mark: the servo was powered up. An axis that homes against a hard stop is refused until it was homed; an
+  axis with a stored pose takes the turn nearest to it, if it is near enough; the count of an axis without
+  homing is used unchecked.
+* One mark: another program reset the count in the middle of the travel; the axis is refused.
 * A servo that reset while the host was connected takes the turn nearest to its last position.
+
+Not detectable: a CLEAR sent by another program while contid does not run.
 """
 
 from __future__ import annotations
 
+import enum
 import logging
 import math
 from typing import Final
@@ -25,31 +32,58 @@ log = logging.getLogger(__name__)
 
 MARKER: Final = next(r for r in reg.TABLE if r.name == f"indirect address {reg.INDIRECT_COUNT}")
 _CENTRE: Final = 145
+_GAIN_CENTRE: Final = 4096
+_MULTI_TURN_MODES: Final = tuple(reg.MODE_NUMBERS.values())
 TURNS_MAX: Final = 80
 #: Largest motion assumed during a reset of the servo.
 SEEN_TOLERANCE_RAD: Final = math.radians(45.0)
 _TURN: Final = 2.0 * math.pi
 
 
-def recall(client: ServoClient, axis: Axis) -> bool:
-    """Read the turns stored in the servo; False when it has none since power-up."""
-    stored = client.read(axis.device, MARKER)
+class CountState(enum.Enum):
+    """Origin of a servo's count of turns."""
+
+    VALID = enum.auto()
+    POWERED_UP = enum.auto()
+    RESET = enum.auto()
+
+
+def recall(client: ServoClient, axis: Axis) -> CountState:
+    """Read the turns stored in the servo; sets ``axis.turns`` when they are valid."""
+    device = axis.device
+    stored = client.read(device, MARKER)
     if stored == MARKER.default:
-        return False
-    axis.turns = stored - _CENTRE
-    return True
+        return CountState.POWERED_UP
+    turns = stored - _CENTRE
+    if client.read(device, reg.VELOCITY_I) != _GAIN_CENTRE + turns or not counts_turns(client, axis):
+        return CountState.RESET
+    axis.turns, axis.turn_known = turns, True
+    return CountState.VALID
+
+
+def counts_turns(client: ServoClient, axis: Axis) -> bool:
+    """True in an operating mode that keeps the count of turns."""
+    return client.read(axis.device, reg.OPERATING_MODE) in _MULTI_TURN_MODES
 
 
 def store(client: ServoClient, axis: Axis, turns: int) -> None:
-    """Store the turns in the servo, for as long as it is powered.
+    """Store the turns in the servo, for as long as it is powered; in position mode on the host only.
 
     Raises:
         DeviceError: too many turns.
     """
     if abs(turns) > TURNS_MAX:
         raise DeviceError(client.name(axis.device), f"{turns} turns from its zero; {TURNS_MAX} can be kept")
-    client.write(axis.device, MARKER, _CENTRE + turns)
-    axis.turns = turns
+    axis.turns, axis.turn_known = turns, True
+    if counts_turns(client, axis):
+        client.write(axis.device, MARKER, _CENTRE + turns)
+        client.write(axis.device, reg.VELOCITY_I, _GAIN_CENTRE + turns)
+
+
+def forget(client: ServoClient, axis: Axis) -> None:
+    """Clear the marks, as a power-up does; for a person who has parked the axis."""
+    axis.seen = None
+    client.write(axis.device, MARKER, MARKER.default)
 
 
 def settle(client: ServoClient, axis: Axis) -> None:
@@ -58,12 +92,16 @@ def settle(client: ServoClient, axis: Axis) -> None:
     Raises:
         DeviceError: it cannot be inferred.
     """
-    if recall(client, axis):
+    axis.turn_known = False
+    state = recall(client, axis)
+    if state is CountState.VALID:
         return
     name, homing = client.name(axis.device), axis.options.homing
     raw = client.read(axis.device, reg.PRESENT_POSITION) * reg.RAD_PER_TICK
-    if axis.value is not None:
-        expected, tolerance, what = axis.value, SEEN_TOLERANCE_RAD, "it was last seen at"
+    if axis.seen is not None:
+        expected, tolerance, what = axis.seen, SEEN_TOLERANCE_RAD, "it was last seen at"
+    elif state is CountState.RESET:
+        raise DeviceError(name, "another program reset its count of turns (operating mode)", _remedy(axis))
     elif isinstance(homing, SingleTurn):
         expected = math.radians(homing.pose_deg)
         tolerance, what = math.radians(homing.plausible_deg), "it is parked at"
@@ -85,3 +123,9 @@ def settle(client: ServoClient, axis: Axis) -> None:
             "bring it there by hand, or run `contid home`",
         )
     store(client, axis, turns)
+
+
+def _remedy(axis: Axis) -> str:
+    if axis.options.homing is None:
+        return "bring it to its first turn by hand and switch its power off and on, or configure homing"
+    return "run `contid home`"

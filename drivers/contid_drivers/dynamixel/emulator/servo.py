@@ -2,8 +2,8 @@
 
 It has no clock: `advance` moves it to a given time, virtual in tests, real on the wire. It reproduces the
 hazards of the real servo: goals are kept while torque is off, so torque on jumps unless the goal was set
-first; the turn count is lost at a reboot; a tripped Bus Watchdog ignores goals until 0 is written, and with a
-Homing Offset it moves the motor when it trips (DynamixelSDK issue 584).
+first; the turn count is lost at a reboot, in position mode and by CLEAR; a tripped Bus Watchdog ignores goals
+until 0 is written, and with a Homing Offset it moves the motor when it trips (DynamixelSDK issue 584).
 """
 
 from __future__ import annotations
@@ -22,6 +22,8 @@ BOOT_S: Final = 0.1
 #: Longest step of the motion; the watchdog is checked in every step.
 STEP_S: Final = 0.002
 _EXTENDED_MODES: Final = (4, 5)
+#: Position mode: entering it, and torque on in it, reduce Present Position to one turn (register 132).
+_ONE_TURN_MODE: Final = 3
 #: Modes in which the emulated motor moves; in the others it stands still.
 _POSITION_MODES: Final = (3, 4, 5)
 _GAINS: Final = (
@@ -139,6 +141,8 @@ class Servo(ControlTable):
         self.put(register, value)
         if changed_mode:
             self._reset_control()
+            if value == _ONE_TURN_MODE:
+                self._forget_turns()
         elif register is reg.BUS_WATCHDOG:
             self.fed_at = self.now
             if value == 0 and self.tripped_goal is not None:
@@ -146,6 +150,8 @@ class Servo(ControlTable):
                 self.tripped_goal = None
                 self.motion.goal = self.motion.position
         elif register is reg.GOAL_POSITION or (register is reg.TORQUE_ENABLE and value):
+            if register is reg.TORQUE_ENABLE and self.get(reg.OPERATING_MODE) == _ONE_TURN_MODE:
+                self._forget_turns()
             self.motion.goal = self.get(reg.GOAL_POSITION) - self._count_offset()
         elif register is reg.TORQUE_ENABLE:
             self.motion.release()

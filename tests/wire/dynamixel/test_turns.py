@@ -1,0 +1,124 @@
+"""The count of turns after another program has used the servo."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable
+from typing import Any
+
+import dynamixel_sdk as sdk
+import pytest
+
+from contid.errors import DeviceError
+from contid_drivers.dynamixel import DRIVER
+from contid_drivers.dynamixel import registers as reg
+from contid_drivers.dynamixel.axis import Axis
+from contid_drivers.dynamixel.commission import sdk_bus
+
+pytestmark = pytest.mark.realtime
+
+TICK = reg.RAD_PER_TICK
+Make = Callable[..., Any]
+STOP = {
+    "method": "hard_stop", "direction": -1, "current_ma": 120, "speed_deg_s": 360, "at_mm": 0, "timeout_s": 6,
+}  # fmt: skip
+POSE = {"method": "single_turn", "pose_deg": 90, "plausible_deg": 60, "at_mm": 0}
+FAR = 3 * 4096 + 700
+
+
+def another_program(r: Any, *writes: tuple[reg.Register, int]) -> None:
+    """Registers written by the stock SDK while contid does not hold the port."""
+    with sdk_bus(r.emulator.port, r.options.baud) as bus:
+        for register, value in writes:
+            bus.write(1, register, value)
+
+
+def driven_far(r: Any, home: bool) -> None:
+    """Home if required, then move by three turns and close the bus, torque off."""
+    if home:
+        DRIVER.home("servos", r.options, r.axes, ("r.a1",), lambda line: None)  # type: ignore[attr-defined]
+    r.bus.open()
+    r.bus.enable(["r.a1"])
+    r.tick(a1=FAR * TICK)
+    r.until(lambda: abs(r.emulator.servo(1).position_ticks - FAR) < 2)
+    r.bus._client.write(1, reg.TORQUE_ENABLE, 0)
+    r.bus.close()
+    r.bus._states["r.a1"] = Axis.of(r.axes[0], r.options)  # as in another process
+    r.bus._by_id[1] = r.bus._states["r.a1"]
+
+
+HOMINGS = pytest.mark.parametrize("homing", [None, STOP, POSE], ids=["none", "hard_stop", "single_turn"])
+
+
+@HOMINGS
+def test_a_passage_through_position_mode_resets_the_count_and_refuses_the_axis(
+    rig: Make, homing: dict[str, Any] | None
+) -> None:
+    r = rig(1, axis={"homing": homing}, servo={"stops_ticks": (-300.0, 1e9)})
+    driven_far(r, home=homing is STOP)
+    another_program(
+        r,
+        (reg.OPERATING_MODE, 3),
+        (reg.TORQUE_ENABLE, 1),
+        (reg.TORQUE_ENABLE, 0),
+        (reg.OPERATING_MODE, 4),
+    )
+    assert int.from_bytes(r.emulator.servo(1).read(132, 4), "little") == pytest.approx(FAR % 4096, abs=2)
+    r.bus.open()
+    assert "another program reset its count of turns" in r.tick()["r.a1"].fault
+    with pytest.raises(DeviceError, match="count of turns"):
+        r.bus.clear_fault(["r.a1"])
+    with pytest.raises(DeviceError, match="count of turns"):
+        r.bus.enable(["r.a1"])
+
+
+def test_clear_fault_does_not_replace_homing(rig: Make) -> None:
+    r = rig(1, axis={"homing": STOP})
+    r.bus.open()
+    r.tick(3)
+    with pytest.raises(DeviceError, match="contid home"):
+        r.bus.clear_fault(["r.a1"])
+    assert "not homed" in r.tick()["r.a1"].fault
+
+
+def test_torque_in_position_mode_resets_the_count_as_well(rig: Make) -> None:
+    r = rig(1)
+    driven_far(r, home=False)
+    another_program(r, (reg.OPERATING_MODE, 3), (reg.TORQUE_ENABLE, 1), (reg.TORQUE_ENABLE, 0))
+    r.bus.open()
+    assert "another program reset its count of turns" in r.tick()["r.a1"].fault
+
+
+@HOMINGS
+def test_a_change_between_modes_of_several_turns_by_the_robot_file_keeps_the_count(
+    rig: Make, homing: dict[str, Any] | None
+) -> None:
+    """Homing uses the current-based mode, the robot file the other one."""
+    r = rig(1, axis={"homing": homing}, servo={"stops_ticks": (-300.0, 1e9)})
+    driven_far(r, home=homing is STOP)
+    r.bus.open()
+    sample = r.tick()["r.a1"]
+    assert sample.fault == ""
+    assert sample.value == pytest.approx(FAR * TICK, abs=2 * TICK)
+    r.bus.enable(["r.a1"])
+    r.tick(5)
+    assert r.emulator.servo(1).position_ticks == pytest.approx(FAR, abs=2)
+
+
+def test_the_stock_sdk_reads_one_turn_in_position_mode(rig: Make) -> None:
+    """The emulator's rule, read by the vendor's own client: e-manual, Present Position."""
+    r = rig(1, servo={"position_ticks": 2 * 4096 + 11.0})
+    protocol = sdk.PacketHandler(2.0)
+    with sdk_bus(r.emulator.port, r.options.baud) as bus:
+        bus.write(1, reg.OPERATING_MODE, 4)
+        r.emulator.servo(1).motion.position = -4096 * 3 + 20.0
+        before = bus.read(1, reg.PRESENT_POSITION)
+        bus.write(1, reg.OPERATING_MODE, 3)
+        assert before != bus.read(1, reg.PRESENT_POSITION) == 20
+        r.emulator.servo(1).motion.position += 4096
+        assert bus.read(1, reg.PRESENT_POSITION) == 4096 + 20
+        bus.write(1, reg.GOAL_POSITION, 20)
+        bus.write(1, reg.TORQUE_ENABLE, 1)
+        assert bus.read(1, reg.PRESENT_POSITION) == 20
+        assert protocol.read4ByteTxRx(bus._port, 1, reg.PRESENT_POSITION.address)[0] == 20
+    assert math.isclose(r.emulator.servo(1).position_ticks, -4096 * 2 + 20.0)
