@@ -8,8 +8,8 @@ from collections.abc import Sequence
 from typing import Final
 
 from contid.errors import DeviceError, DeviceNotFoundError
+from contid_drivers.dynamixel import duplicates, turns
 from contid_drivers.dynamixel import registers as reg
-from contid_drivers.dynamixel import turns
 from contid_drivers.dynamixel.axis import Axis
 from contid_drivers.dynamixel.client import TRIES, NoAnswerError, ServoClient, ServoRefusedError
 from contid_drivers.dynamixel.cyclic import INDIRECT_ORDER
@@ -33,6 +33,8 @@ def handshake(client: ServoClient, axes: Sequence[Axis], options: DynamixelBusOp
     for axis in axes:
         model = client.ping(axis.device)
         found = "nothing" if model is None else reg.model_name(model)
+        if duplicates.count_answers(client.port, axis.device, duplicates.QUICK_READS).duplicated:
+            found = f"broken answers: {duplicates.CAUSE}"
         if found != axis.options.model:
             lines.append(f"id {axis.device} ({axis.name}): expected {axis.options.model}, found {found}")
     if lines:
@@ -46,10 +48,23 @@ def handshake(client: ServoClient, axes: Sequence[Axis], options: DynamixelBusOp
             "check power, ids and baud rate with `contid scan`",
         )
     for axis in axes:
+        _make_it_answer(client, axis)
         axis.firmware = client.firmware(axis.device)
         axis.return_delay_s = client.read(axis.device, reg.RETURN_DELAY) * 2e-6
         if client.read(axis.device, reg.STATUS_RETURN_LEVEL) != reg.STATUS_RETURN_LEVEL.default:
             client.write(axis.device, reg.STATUS_RETURN_LEVEL, reg.STATUS_RETURN_LEVEL.default)
+
+
+def _make_it_answer(client: ServoClient, axis: Axis) -> None:
+    """Status Return Level (68) := 2 in a servo that answers pings only; such a write has no answer."""
+    level, device = reg.STATUS_RETURN_LEVEL, axis.device
+    try:
+        client.read(device, level)
+    except NoAnswerError:
+        log.warning("%s: its Status Return Level is 0, it answers pings only; set to 2", client.name(device))
+        client.port.flush()
+        client.port.send(sync_write(level.address, 1, [(device, level.encode(level.default))]))
+        client.port.drain()
 
 
 def map_block(client: ServoClient, device: int) -> bool:

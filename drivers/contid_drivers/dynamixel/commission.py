@@ -17,6 +17,7 @@ from serial.tools import list_ports
 
 from contid.errors import DeviceError
 from contid.hal import FoundDevice, Report
+from contid_drivers.dynamixel import duplicates
 from contid_drivers.dynamixel import registers as reg
 from contid_drivers.dynamixel.client import REBOOT_S, TRIES
 from contid_drivers.dynamixel.packets import ALERT
@@ -33,8 +34,9 @@ READ_WAIT_S: Final = 0.005
 class SdkBus:
     """Servos at one baud rate of a locked port, through the SDK's packet handler."""
 
-    def __init__(self, path: str, handler: PortHandler) -> None:
+    def __init__(self, path: str, handler: PortHandler, port: ServoPort) -> None:
         self.path = path
+        self.port = port
         self._port = handler
         self._sdk = PacketHandler(2.0)
 
@@ -103,7 +105,7 @@ def sdk_bus(path: str, baud: int) -> Iterator[SdkBus]:
     handler.ser, handler.is_open, handler.baudrate = port.serial, True, baud
     handler.tx_time_per_byte = 1e3 * port.byte_s
     try:
-        yield SdkBus(path, handler)
+        yield SdkBus(path, handler, port)
     except (OSError, termios.error) as error:
         raise port.lost(error) from error
     finally:
@@ -134,7 +136,11 @@ def scan(ports: Sequence[str], bauds: Sequence[int], report: Report) -> list[Fou
 
 
 def _check_free(bus: SdkBus, device: int, baud: int) -> None:
-    if not bus.answers(device):
+    answers = duplicates.count_answers(bus.port, device)
+    if answers.duplicated:
+        message = f"its settings stay, because {duplicates.CAUSE}; both would change"
+        raise DeviceError(bus.name(device), message, "connect one servo at a time")
+    if not answers.single and not bus.answers(device):
         raise DeviceError(bus.name(device), f"no answer at {baud} baud", "run `contid scan`")
     if bus.read(device, reg.TORQUE_ENABLE):
         raise DeviceError(bus.name(device), "torque is on, its settings are locked", "relax it first")

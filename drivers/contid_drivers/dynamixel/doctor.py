@@ -9,6 +9,7 @@ from typing import Final
 
 from contid.errors import DeviceError
 from contid.hal import AxisOnBus, Finding
+from contid_drivers.dynamixel import arming, duplicates
 from contid_drivers.dynamixel import registers as reg
 from contid_drivers.dynamixel.axis import Axis
 from contid_drivers.dynamixel.client import NoAnswerError, ServoClient
@@ -18,8 +19,6 @@ from contid_drivers.serial_ports import find_port, holders
 
 HOT_C: Final = 60
 LOW_DECIVOLT: Final = 37
-#: Reads of a free-running counter that detect two servos with one id.
-DUPLICATE_READS: Final = 12
 _UDEV: Final = "install udev/99-contid.rules (see docs/dynamixel.md) and plug the adapter in again"
 
 
@@ -74,44 +73,50 @@ def _latency(name: str, path: str) -> Finding:
 def _servo(client: ServoClient, axis: Axis, options: DynamixelBusOptions) -> list[Finding]:
     device, subject = axis.device, f"id {axis.device} ({axis.name})"
     model = client.ping(device)
+    answers = duplicates.count_answers(client.port, device)
+    if answers.duplicated:
+        message = f"{answers.broken} answers broken: {duplicates.CAUSE}"
+        return [Finding(f"{subject} answers", False, message, duplicates.REMEDY)]
     if model is None:
         remedy = "check its power and cable, then `contid scan`"
         return [Finding(subject, False, f"no answer at {options.baud} baud", remedy)]
+    if not answers.single:
+        message = "answers a ping, but no read: its Status Return Level (68) is 0"
+        return [Finding(subject, True, message, "arming sets it to 2", warning=True)]
     try:
-        return _examine_servo(client, axis, options, model)
+        return _examine_servo(client, axis, options, model, answers)
     except NoAnswerError as error:
-        twice = "two servos with this id? Disconnect one and change its id (`contid servo set-id`)"
-        return [Finding(subject, False, f"answers badly: {error.message}", twice)]
+        return [Finding(subject, False, f"answers badly: {error.message}", "check its cable and supply")]
 
 
 def _examine_servo(
-    client: ServoClient, axis: Axis, options: DynamixelBusOptions, model: int
+    client: ServoClient,
+    axis: Axis,
+    options: DynamixelBusOptions,
+    model: int,
+    answers: duplicates.AnswerCount,
 ) -> list[Finding]:
     device, subject = axis.device, f"id {axis.device}"
     expected, found = axis.options.model, reg.model_name(model)
-    firmware, delay_us = client.firmware(device), client.read(device, reg.RETURN_DELAY) * 2
+    firmware = client.firmware(device)
     volts, hot = client.read(device, reg.PRESENT_VOLTAGE), client.read(device, reg.PRESENT_TEMPERATURE)
     errors = client.read(device, reg.HARDWARE_ERROR)
     mode = client.read(device, reg.OPERATING_MODE)
-    bad = sum(not _answers_intact(client, device) for _ in range(DUPLICATE_READS))
+    slow = firmware < reg.FAST_READ_FIRMWARE
 
     def finding(what: str, ok: bool, message: str, remedy: str) -> Finding:
         return Finding(f"{subject} {what}", ok, message, "" if ok else remedy)
 
     return [
         finding("model", found == expected, f"{found}, robot file: {expected}", "correct one of them"),
-        finding(
-            "firmware",
-            firmware >= reg.FAST_READ_FIRMWARE,
+        Finding(
+            f"{subject} firmware",
+            True,
             f"{firmware}; fast reads need {reg.FAST_READ_FIRMWARE}",
-            "update it with Dynamixel Wizard, or leave fast_read off",
+            "the bus uses plain reads, which are slower; DYNAMIXEL Wizard updates it" if slow else "",
+            warning=slow,
         ),
-        finding(
-            "return delay",
-            delay_us <= options.return_delay_us,
-            f"{delay_us} us, robot file: {options.return_delay_us} us",
-            "it is written when the robot is armed",
-        ),
+        _settings(client, axis, options),
         finding(
             "voltage", volts > LOW_DECIVOLT, f"{volts / 10:.1f} V", "check supply and cable: 5 V nominal"
         ),
@@ -125,20 +130,27 @@ def _examine_servo(
         finding("operating mode", True, reg.MODE_NAMES.get(mode, str(mode)), ""),
         finding(
             "answers",
-            bad == 0,
-            f"{DUPLICATE_READS - bad} of {DUPLICATE_READS} intact",
-            "two servos with this id, or a bad cable: connect one at a time and `contid servo set-id`",
+            answers.single == duplicates.READS,
+            f"{answers.single} of {duplicates.READS} intact",
+            "a bad cable, a weak supply, or noise",
         ),
     ]
 
 
-def _answers_intact(client: ServoClient, device: int) -> bool:
-    """One read; two servos with one id answer at once, and differing counters break the answer."""
-    try:
-        client.read_block(device, reg.REALTIME_TICK.address, 16, tries=1)
-    except NoAnswerError:
-        return False
-    return True
+def _settings(client: ServoClient, axis: Axis, options: DynamixelBusOptions) -> Finding:
+    """Settings that differ from the robot file: arming writes them, unless torque locks the EEPROM."""
+    subject = f"id {axis.device} settings"
+    required = [*arming.settings(axis, options), (reg.STATUS_RETURN_LEVEL, reg.STATUS_RETURN_LEVEL.default)]
+    found = [(register, client.read(axis.device, register), value) for register, value in required]
+    different = [each for each in found if each[1] != each[2]]
+    if not different:
+        return Finding(subject, True, "as in the robot file")
+    message = ", ".join(f"{register.name} is {now}, not {value}" for register, now, value in different)
+    locked = [register.name for register, _, _ in different if register.eeprom]
+    if locked and client.read(axis.device, reg.TORQUE_ENABLE):
+        remedy = "torque is on and locks them: support the robot and relax it, then arming writes them"
+        return Finding(subject, False, message, remedy)
+    return Finding(subject, True, message, "arming writes them", warning=True)
 
 
 def _others(client: ServoClient, axes: Sequence[AxisOnBus], options: DynamixelBusOptions) -> Finding:

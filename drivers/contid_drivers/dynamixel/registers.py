@@ -66,7 +66,8 @@ def _ro(name: str, address: int, size: int, default: int, unit: str = "", signed
     return Register(name, address, size, default, 0, 0, signed, False, unit)
 
 
-_TURNS = 256 * TICKS_PER_REV
+#: Extended position mode: 256 turns without the last tick (e-manual, register 116).
+_TURNS = 256 * TICKS_PER_REV - 1
 
 MODEL_NUMBER = _ro("model number", 0, 2, 1200)
 FIRMWARE = _ro("firmware version", 6, 1, 52)

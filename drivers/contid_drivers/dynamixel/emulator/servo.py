@@ -177,7 +177,7 @@ class Servo(ControlTable):
         """ACTION."""
         waiting, self.registered = self.registered, None
         self.put(reg.REGISTERED, 0)
-        return self.write(waiting.address, waiting.data) if waiting else StatusError.NONE
+        return self.write(waiting.address, waiting.data) if waiting else StatusError.INSTRUCTION
 
     def clear(self, parameters: bytes) -> StatusError:
         """CLEAR: forget the turns; only at rest."""

@@ -1,0 +1,81 @@
+"""`contid doctor` on the emulated bus: what a person must do, and what arming changes."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from typing import Any
+
+import pytest
+
+from contid_drivers.dynamixel import DRIVER
+from contid_drivers.dynamixel import registers as reg
+from contid_drivers.dynamixel.emulator import Servo
+
+pytestmark = pytest.mark.realtime
+
+
+def doctor(r: Any) -> dict[str, Any]:
+    findings = DRIVER.doctor("servos", r.options, r.axes)  # type: ignore[attr-defined]
+    return {finding.subject: finding for finding in findings}
+
+
+def test_problems_of_a_person_have_a_remedy(rig: Callable[..., Any]) -> None:
+    made = [Servo(1), Servo(2, firmware=44), Servo(2, position_ticks=77.0), Servo(8)]
+    r = rig(3, made=made)
+    r.emulator.set("overload", 1)
+    r.emulator.servo(1).supply_decivolt = 36
+    findings = doctor(r)
+    wrong = {subject for subject, finding in findings.items() if not finding.ok}
+    assert wrong == {"id 1 voltage", "id 1 hardware error", "id 2 (r.a2) answers", "id 3 (r.a3)"}
+    assert all(finding.remedy for finding in findings.values() if not finding.ok)
+    assert "two servos have this id" in findings["id 2 (r.a2) answers"].message
+    assert "8" in findings["servos others"].message
+
+
+def test_what_arming_changes_is_a_warning_until_torque_locks_it(rig: Callable[..., Any]) -> None:
+    r = rig(1)
+    servo = r.emulator.servo(1)
+    servo.put(reg.RETURN_DELAY, 250)
+    servo.put(reg.OPERATING_MODE, 3)
+    found = doctor(r)["id 1 settings"]
+    assert (found.ok, found.warning) == (True, True)
+    assert found.message == "return delay time is 250, not 0, operating mode is 3, not 4"
+    servo.put(reg.TORQUE_ENABLE, 1)
+    found = doctor(r)["id 1 settings"]
+    assert not found.ok
+    assert "relax it" in found.remedy
+    servo.put(reg.TORQUE_ENABLE, 0)
+    r.bus.open()
+    r.bus.enable(r.bus.axes)
+    r.bus.close()
+    found = doctor(r)["id 1 settings"]
+    assert (found.ok, found.warning, found.message) == (True, False, "as in the robot file")
+
+
+def test_an_old_firmware_is_a_warning(rig: Callable[..., Any]) -> None:
+    found = doctor(rig(1, servo={"firmware": 44}))["id 1 firmware"]
+    assert (found.ok, found.warning) == (True, True)
+
+
+def test_a_servo_that_answers_pings_only_is_named_and_made_to_answer(
+    rig: Callable[..., Any], caplog: pytest.LogCaptureFixture
+) -> None:
+    r = rig(1)
+    r.emulator.servo(1).put(reg.STATUS_RETURN_LEVEL, 0)
+    found = doctor(r)["id 1 (r.a1)"]
+    assert (found.ok, found.warning) == (True, True)
+    assert "Status Return Level (68) is 0" in found.message
+    r.bus.open()
+    assert "Status Return Level is 0" in caplog.text
+    assert r.emulator.servo(1).get(reg.STATUS_RETURN_LEVEL) == 2
+    assert r.tick()["r.a1"].valid
+
+
+def test_nothing_is_wrong_with_a_good_bus(rig: Callable[..., Any]) -> None:
+    assert all(finding.ok for finding in doctor(rig(2)).values())
+
+
+def test_the_owner_of_the_port_is_named(rig: Callable[..., Any]) -> None:
+    r = rig(1)
+    r.bus.open()
+    assert "in use" in doctor(r)["servos port"].message

@@ -1,0 +1,58 @@
+"""Two servos with one id: found before anything is written to both, and named as the cause."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator
+from contextlib import ExitStack
+from typing import Any
+
+import pytest
+
+from contid.errors import DeviceError, DeviceNotFoundError
+from contid_drivers.dynamixel import registers as reg
+from contid_drivers.dynamixel.commission import set_baud, set_id
+from contid_drivers.dynamixel.emulator import DynamixelEmulator, Servo
+
+pytestmark = pytest.mark.realtime
+
+
+@pytest.fixture
+def emulated() -> Iterator[Callable[..., DynamixelEmulator]]:
+    with ExitStack() as stack:
+
+        def start(*servos: Servo) -> DynamixelEmulator:
+            return stack.enter_context(DynamixelEmulator(servos, paced=False))
+
+        yield start
+
+
+def twins() -> tuple[Servo, Servo]:
+    """Two servos of id 1, equal but for their position."""
+    return Servo(1, position_ticks=700.0), Servo(1, position_ticks=3001.0)
+
+
+def test_set_id_and_set_baud_refuse_two_servos_of_one_id(emulated: Callable[..., DynamixelEmulator]) -> None:
+    bus = emulated(*twins())
+    with pytest.raises(DeviceError, match="two servos have this id"):
+        set_id(bus.port, 1000000, 1, 2)
+    with pytest.raises(DeviceError, match="both would change"):
+        set_baud(bus.port, 1000000, 1, 57600)
+    assert [(servo.device, servo.baud) for servo in bus.servos] == [(1, 1000000)] * 2
+
+
+def test_set_id_changes_the_only_servo_also_under_noise(emulated: Callable[..., DynamixelEmulator]) -> None:
+    bus = emulated(Servo(1))
+    bus.set("corrupt", 1, count=2)
+    set_id(bus.port, 1000000, 1, 2)
+    assert [servo.device for servo in bus.servos] == [2]
+    with pytest.raises(DeviceError, match="no answer at 1000000 baud"):
+        set_id(bus.port, 1000000, 1, 3)
+
+
+def test_opening_a_bus_names_the_two_servos(rig: Callable[..., Any]) -> None:
+    made = twins()
+    for servo in made:
+        servo.put(reg.RETURN_DELAY, 0)
+    r = rig(1, made=made)
+    with pytest.raises(DeviceNotFoundError, match=r"id 1 \(r.a1\): .*two servos have this id"):
+        r.bus.open()
