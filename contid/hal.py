@@ -301,6 +301,23 @@ class Homes(Protocol):
         """
 
 
+@runtime_checkable
+class Parks(Protocol):
+    """Has axes without homing, whose position is known only when parked: ``contid home --parked``."""
+
+    def parkable(self, axis: BaseModel) -> bool:
+        """Whether an axis with these options is one of them."""
+
+    def park(
+        self, name: str, options: BaseModel, axes: Sequence[AxisOnBus], only: Sequence[str], report: Report
+    ) -> None:
+        """Take the present pose of the axes ``only`` as their parked pose; moves nothing.
+
+        Raises:
+            DeviceError: an axis is no such axis, or is under power.
+        """
+
+
 @dataclass(frozen=True, slots=True)
 class FoundDevice:
     """A device that answered a scan."""

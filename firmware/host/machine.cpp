@@ -4,6 +4,8 @@
 #include <cmath>
 #include <sstream>
 
+#include "identity.h"
+
 namespace contid {
 
 namespace {
@@ -22,13 +24,12 @@ const char* const CAUSES[] = {"power_up", "backup", "watchdog", "software", "pin
 }  // namespace
 
 void Machine::boot(ResetCause cause, uint32_t uptime_ms) {
-  ++boots_;
-  Identity identity = Identity();
-  identity.role = role_;
+  // A loss of power clears the counter of starts, as it does in the chip's backup register.
+  boots_ = cause == ResetCause::POWER_UP ? static_cast<uint16_t>(1) : static_cast<uint16_t>(boots_ + 1);
+  Identity identity = emulated_identity(role_);
   identity.boot = boots_;
+  identity.boot_id = boot_id_++;
   identity.cause = cause;
-  for (uint8_t& capability : identity.capabilities) capability = this->capability();
-  identity.pins = "emulated";
   board_.start(identity, nullptr, nullptr, uptime_ms);
   link_.start();
   outputs_ = Outputs();
@@ -109,8 +110,9 @@ bool Machine::command(const std::string& line, std::string& out) {
   double value = 0.0;
   if (!(in >> verb)) return true;
   if (verb == "reset") return reset(ResetCause::PIN), true;
-  if (verb == "old" && in >> value) return reset(ResetCause::PIN, static_cast<uint32_t>(value)), true;
+  if (verb == "old" && in >> value) return reset(ResetCause::POWER_UP, static_cast<uint32_t>(value)), true;
   if (verb == "brown_out") return reset(ResetCause::BROWN_OUT), true;
+  if (verb == "power_cycle") return reset(ResetCause::POWER_UP), true;
   if (verb == "freeze") {
     if (!(in >> value)) value = 1e9;
     return freeze(static_cast<uint32_t>(value)), true;
@@ -122,7 +124,7 @@ bool Machine::command(const std::string& line, std::string& out) {
     return known;
   }
   if (verb == "silent" && in >> channel >> value && channel >= 0 && channel < CHANNELS) {
-    return board_.fit(static_cast<uint8_t>(channel), value != 0.0 ? 0 : capability()), true;
+    return board_.fit(static_cast<uint8_t>(channel), value != 0.0 ? 0 : emulated_capability(role_)), true;
   }
   if (verb == "input" && in >> name >> channel >> value && channel >= 0 && channel < CHANNELS) {
     plant.off = true;

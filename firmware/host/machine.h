@@ -7,13 +7,18 @@
 #include <vector>
 
 #include "../contid_due/src/core/link.h"
+#include "identity.h"
 #include "plant.h"
 
 namespace contid {
 
 class Machine {
  public:
-  Machine(Role role, FILE* journal) : role_(role), journal_(journal) { boot(ResetCause::POWER_UP, 0); }
+  // `boot_id` is that of the first start; every further one gets the next.
+  Machine(Role role, FILE* journal, uint32_t boot_id = FIRST_BOOT_ID)
+      : role_(role), journal_(journal), boot_id_(boot_id) {
+    boot(ResetCause::POWER_UP, 0);
+  }
 
   // The timer interrupt and one millisecond of the world.
   void tick();
@@ -35,15 +40,12 @@ class Machine {
  private:
   void boot(ResetCause cause, uint32_t uptime_ms);
   void note();
-  uint8_t capability() const {
-    return role_ == Role::MOTOR ? contid::CURRENT_SENSE | contid::BRIDGE_FAULT : contid::READ_BACK;
-  }
-
   Role role_;
   FILE* journal_;
   Board board_;
   Link link_;
   Outputs outputs_ = Outputs();
+  uint32_t boot_id_;
   uint16_t boots_ = 0;
   uint64_t world_ms_ = 0;
   uint32_t starting_ms_ = 0, frozen_ms_ = 0, unfed_ms_ = 0;

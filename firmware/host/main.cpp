@@ -17,6 +17,7 @@
 #include <cstring>
 #include <iostream>
 #include <mutex>
+#include <random>
 #include <sstream>
 #include <string>
 #include <thread>
@@ -265,7 +266,8 @@ int main(int argc, char** argv) {
   }
   int code = 0;
   {
-    static Machine machine(motor ? contid::Role::MOTOR : contid::Role::PRESSURE, file);
+    const uint32_t boot_id = lockstep ? contid::FIRST_BOOT_ID : static_cast<uint32_t>(std::random_device()());
+    static Machine machine(motor ? contid::Role::MOTOR : contid::Role::PRESSURE, file, boot_id);
     for (const std::string& line : world) {
       std::string out;
       if (!machine.command(line, out)) std::fprintf(stderr, "not understood: %s\n", line.c_str());

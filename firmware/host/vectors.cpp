@@ -13,6 +13,7 @@
 
 #include "../contid_due/src/core/crc16.h"
 #include "../contid_due/src/core/link.h"
+#include "identity.h"
 
 namespace {
 
@@ -88,14 +89,8 @@ int main(int argc, char** argv) {
       found = open_frame(wire);
       ++checked;
     } else if (item == "board") {
-      contid::Identity identity = contid::Identity();
-      identity.role = first == "motor" ? contid::Role::MOTOR : contid::Role::PRESSURE;
-      identity.boot = 1;
-      identity.pins = "emulated";
-      for (uint8_t& capability : identity.capabilities) {
-        capability = first == "motor" ? contid::CURRENT_SENSE | contid::BRIDGE_FAULT : contid::READ_BACK;
-      }
-      board.start(identity, nullptr, nullptr);
+      const contid::Role role = first == "motor" ? contid::Role::MOTOR : contid::Role::PRESSURE;
+      board.start(contid::emulated_identity(role), nullptr, nullptr);
       link.start();
       inputs = contid::Inputs();
     } else if (item == "tick") {

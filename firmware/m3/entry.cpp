@@ -2,6 +2,7 @@
 // Freestanding: no libc, no Arduino.
 #include "../contid_due/src/core/link.h"
 #include "../contid_due/src/core/quadrature.h"
+#include "../host/identity.h"
 
 namespace {
 
@@ -24,14 +25,7 @@ contid::Inputs m3_inputs;
 contid::Outputs m3_outputs;
 
 void m3_start(uint32_t role) {
-  contid::Identity identity = contid::Identity();
-  identity.role = role == 0 ? contid::Role::MOTOR : contid::Role::PRESSURE;
-  identity.boot = 1;
-  identity.pins = "emulated";
-  for (uint8_t i = 0; i < contid::CHANNELS; ++i) {
-    identity.capabilities[i] = role == 0 ? contid::CURRENT_SENSE | contid::BRIDGE_FAULT : contid::READ_BACK;
-  }
-  board.start(identity, nullptr, nullptr);
+  board.start(contid::emulated_identity(role == 0 ? contid::Role::MOTOR : contid::Role::PRESSURE), nullptr, nullptr);
   link.start();
   decoder.start(0);
   for (uint32_t i = 0; i < 32; ++i) callbacks[i] = on_edge;

@@ -47,10 +47,10 @@ def motor_dialogue() -> Iterator[tuple[str, ...]]:
     yield ask(Type.DEMAND, messages.demand(0, 0, {}))
     yield ask(Type.ARM, messages.masked(0, [0]))
     yield ("#", "unknown message, wrong version, wrong length")
-    yield (">", messages.request(Type.HELLO, 9).replace(b"\x01\x01", b"\x01\x42", 1).hex())
-    yield (">", b"\x02\x01\x0a".hex())
+    yield (">", messages.request(Type.HELLO, 9).replace(b"\x02\x01", b"\x02\x42", 1).hex())
+    yield (">", b"\x01\x01\x0a".hex())
     yield ask(Type.HELLO, b"\0")
-    yield (">", b"\x01".hex())
+    yield (">", b"\x02".hex())
     yield (
         "#",
         "configure: wrong CRC; safe state is not start state; wrong role; cut short; then as it should be",
@@ -98,6 +98,14 @@ def motor_dialogue() -> Iterator[tuple[str, ...]]:
     for i in range(24):
         yield ("tick", "10")
         yield ask(Type.DEMAND, messages.demand(crc, 175 + 10 * i, {0: 1100}))
+    yield ("#", "a position declared lost, refused for arming, then parked")
+    yield ask(Type.CLEAR, messages.masked(crc, [0]))
+    yield ask(Type.PARK, messages.park(crc, [0], parked=False))
+    yield ask(Type.ARM, messages.masked(crc, [0]))
+    yield ask(Type.PARK, messages.masked(crc, [0]) + b"\x02")
+    yield ask(Type.PARK, messages.park(crc, [0], parked=True))
+    yield ask(Type.ARM, messages.masked(crc, [0]))
+    yield ask(Type.PARK, messages.park(crc, [0], parked=True))
 
 
 def pressure_dialogue() -> Iterator[tuple[str, ...]]:

@@ -124,4 +124,6 @@ def info(robot_file: str | None) -> None:
             f"{name}: {options.port}: role {found.role_name}, firmware {version}, "
             f"booted {found.boot} times, last by {found.cause.message}, up for {found.uptime_ms / 1000:.1f} s"
         )
+        if found.position_lost:
+            click.echo(f"{name}: position lost: no motor without homing is armed before contid home --parked")
         click.echo(f"{name}: pins {found.pins}")

@@ -15,7 +15,7 @@ from typing import TYPE_CHECKING
 import click
 
 from contid.errors import ContidError
-from contid.hal import Homed, Homes
+from contid.hal import Homed, Homes, Parks
 from contid.robot_file.load import LoadedFile, load_robot_file
 from contid.units import mm_to_m
 
@@ -27,11 +27,17 @@ if TYPE_CHECKING:
 @click.argument("robot_file", type=click.Path(exists=True, dir_okay=False, path_type=Path))
 @click.argument("axes", nargs=-1)
 @click.option("--dry-run", is_flag=True, help="Home, print, write nothing.")
-def command(robot_file: Path, axes: tuple[str, ...], dry_run: bool) -> None:
+@click.option(
+    "--parked", is_flag=True, help="AXES without homing stand in their parked pose now; move nothing."
+)
+def command(robot_file: Path, axes: tuple[str, ...], dry_run: bool, parked: bool) -> None:
     """Home AXES (ROBOT.AXIS; default: all with `homing:`) one by one and write their zero into ROBOT_FILE.
 
     The file is replaced in one step after the last axis; interrupted, it stays unchanged. Ctrl-C,
     SIGTERM, and `contid estop`, `stop` or `hold` from another terminal take the torque off at once.
+
+    With --parked, AXES (default: all without homing) count from their parked pose again, after a restart of
+    their board lost it. Look at the robot first: contid moves as if it stood there.
     """
     from contid.control.engine.wiring import wired_buses
     from contid.remote.server.stop_server import StopServer
@@ -42,6 +48,9 @@ def command(robot_file: Path, axes: tuple[str, ...], dry_run: bool) -> None:
     existing = {axis.name for bus in buses for axis in bus.axes}
     if unknown := [name for name in axes if name not in existing]:
         raise ContidError(f"no axis {unknown[0]!r}; there are {', '.join(sorted(existing))}")
+    if parked:
+        _park(robot_file, buses, axes)
+        return
     with interruptible(), StopServer(str(robot_file), "homing"):
         homed = _home(buses, axes)
     if not homed:
@@ -57,6 +66,23 @@ def command(robot_file: Path, axes: tuple[str, ...], dry_run: bool) -> None:
     if not dry_run:
         set_values(robot_file, changes)
         load_robot_file(robot_file)
+
+
+def _park(robot_file: Path, buses: Sequence[WiredBus], axes: Sequence[str]) -> None:
+    parked = 0
+    for bus in buses:
+        parks = bus.driver if isinstance(bus.driver, Parks) else None
+        only = [
+            axis.name
+            for axis in bus.axes
+            if (axis.name in axes if axes else parks is not None and parks.parkable(axis.options))
+        ]
+        if only:
+            driver = bus.capable(Parks, "home --parked")  # type: ignore[type-abstract]  # a runtime protocol
+            driver.park(bus.wiring.name, bus.wiring.options, bus.axes, only, click.echo)
+            parked += len(only)
+    if not parked:
+        raise ContidError(f"{robot_file}: every axis finds its position by itself; nothing to park")
 
 
 def _home(buses: Sequence[WiredBus], axes: Sequence[str]) -> list[Homed]:

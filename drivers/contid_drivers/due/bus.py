@@ -19,7 +19,9 @@ SILENCE_S = 0.5
 #: Magnitude limit of a demand [counts or Pa]; the board computes in 32 bits.
 _DEMAND_LIMIT = 1_000_000_000
 _REST = {Rest.HOLD: RestCode.HOLD, Rest.RELAX: RestCode.RELAX, Rest.VENT: RestCode.VENT}
-_REFERENCE_LOST = "position lost in a reset: home it, or park it at power_up_deg and clear the fault"
+_POSITION_LOST = (
+    "position lost: the board restarted; park the axis at power_up_deg, then contid home --parked"
+)
 
 
 class _Axis:
@@ -36,7 +38,6 @@ class _Axis:
         self.value: float | None = None
         self.time_s = -math.inf
         self.report: BoardReport | None = None
-        self.reference_lost = False
         self.enabled = False
         self.silent = True
 
@@ -45,7 +46,9 @@ class _Axis:
         """Fault of the device, empty for none."""
         if self.report is not None and self.report.state is BoardState.SAFE:
             return self.report.reason.message
-        return _REFERENCE_LOST if self.reference_lost else ""
+        if self.report is not None and self.report.position_lost and not self.homes:
+            return _POSITION_LOST
+        return ""
 
     @property
     def armed(self) -> bool:
@@ -93,7 +96,7 @@ class DueBus:
         self._by_name = {axis.name: _Axis(axis) for axis in axes}
         self._session: DueConnection | None = None
         self._lost = "it is not open"
-        self._boot: int | None = None
+        self._boot_id: int | None = None
         self._answered_s = -math.inf
 
     def open(self) -> None:
@@ -102,10 +105,10 @@ class DueBus:
         session = DueConnection(self.name, self._options, self._given)
         self._session = session
         self._lost = ""
-        if self._boot is not None and session.hello.boot != self._boot:
-            for axis in self._by_name.values():
-                axis.reference_lost = axis.motor and not axis.homes
-        self._boot = session.hello.boot
+        if self._boot_id not in (None, session.hello.boot_id):
+            # A board that lost its power takes its shafts for parked; this host knew them under way.
+            self._park(session, [axis for axis in self._by_name.values() if axis.motor], parked=False)
+        self._boot_id = session.hello.boot_id
         self._answered_s = self._clock.now()
 
     @property
@@ -142,7 +145,8 @@ class DueBus:
             raise refused(self.name, "cannot enable", axes, None)
         for axis in chosen:
             if axis.fault:
-                raise DeviceError(f"{self.name}: {axis.name}", axis.fault, "clear the fault first")
+                remedy = "" if axis.fault == _POSITION_LOST else "clear the fault first"
+                raise DeviceError(f"{self.name}: {axis.name}", axis.fault, remedy)
             if axis.silent or axis.value is None:
                 raise DeviceError(f"{self.name}: {axis.name}", "it does not answer")
         stray = [axis.name for axis in chosen if axis.armed and not axis.enabled]
@@ -169,12 +173,16 @@ class DueBus:
                 return
 
     def clear_fault(self, axes: Sequence[str]) -> None:
-        """See `contid.hal.Bus.clear_fault`; also confirms that an axis without homing is parked again."""
-        session = self._need_session()
-        chosen = [self._axis(name) for name in axes]
-        self._grant(session, Type.CLEAR, "cannot clear", chosen)
-        for axis in chosen:
-            axis.reference_lost = False
+        """See `contid.hal.Bus.clear_fault`; a lost position stays lost."""
+        self._grant(self._need_session(), Type.CLEAR, "cannot clear", [self._axis(name) for name in axes])
+
+    def park(self, axes: Sequence[str]) -> None:
+        """Set the count of axes that stand at ``power_up_deg`` now."""
+        self._park(self._need_session(), [self._axis(name) for name in axes], parked=True)
+
+    def _park(self, session: DueConnection, axes: Sequence[_Axis], parked: bool) -> None:
+        body = messages.park(session.config_crc, (axis.channel for axis in axes), parked)
+        self._request(session, Type.PARK, "cannot park", axes, body)
 
     def home(self, axes: Sequence[str]) -> None:
         """Start homing; call `exchange` until `homing` is false."""
@@ -186,10 +194,15 @@ class DueBus:
         return report is not None and report.state is BoardState.HOMING
 
     def _grant(self, session: DueConnection, kind: Type, what: str, axes: Sequence[_Axis]) -> None:
+        body = messages.masked(session.config_crc, (axis.channel for axis in axes))
+        self._request(session, kind, what, axes, body)
+
+    def _request(
+        self, session: DueConnection, kind: Type, what: str, axes: Sequence[_Axis], body: bytes
+    ) -> None:
         if not axes:
             return
-        body = messages.masked(session.config_crc, (axis.channel for axis in axes))
-        # Arming, clearing and homing are idempotent, so a lost answer is asked for again.
+        # Arming, clearing, homing and parking are idempotent, so a lost answer is asked for again.
         refusal = None
         for _ in range(3):
             answer = self._command(session, kind, body)

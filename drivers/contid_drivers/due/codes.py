@@ -5,7 +5,7 @@ from __future__ import annotations
 import enum
 from typing import Final
 
-PROTOCOL_VERSION: Final = 1
+PROTOCOL_VERSION: Final = 2
 CHANNELS: Final = 6
 #: Duty at full scale, either direction.
 DUTY_FULL: Final = 32767
@@ -16,9 +16,11 @@ ADC_MV: Final = 3300.0
 CHANNEL_HOMED: Final = 0x10
 CHANNEL_LIMITED: Final = 0x20
 CHANNEL_SENSOR_OK: Final = 0x40
+CHANNEL_POSITION_LOST: Final = 0x80
 #: Flags of the board.
 BOARD_CONFIGURED: Final = 0x01
 BOARD_DEMAND_STALE: Final = 0x02
+BOARD_POSITION_LOST: Final = 0x04
 
 
 class Type(enum.IntEnum):
@@ -31,6 +33,7 @@ class Type(enum.IntEnum):
     CLEAR = 0x05
     STOP = 0x06
     HOME = 0x07
+    PARK = 0x08
     HELLO_ANSWER = 0x81
     CONFIGURED = 0x82
     TELEMETRY = 0x84
@@ -102,6 +105,7 @@ class Refusal(enum.IntEnum):
     NO_SENSOR = 13
     NO_HOMING = 14
     PERSISTS = 15
+    POSITION_LOST = 16
 
 
 class RoleCode(enum.IntEnum):

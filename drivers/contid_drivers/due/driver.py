@@ -86,5 +86,19 @@ class DueDriver:
         assert isinstance(options, DueBusOptions)
         return home(name, options, axes, only, report)
 
+    def parkable(self, axis: BaseModel) -> bool:
+        """See `contid.hal.Parks`: motors without homing."""
+        assert isinstance(axis, DueAxisOptions)
+        return axis.kind is DeviceKind.MOTOR and axis.homing is None
+
+    def park(
+        self, name: str, options: BaseModel, axes: Sequence[AxisOnBus], only: Sequence[str], report: Report
+    ) -> None:
+        """See `contid.hal.Parks`; the board counts from ``power_up_deg`` again."""
+        from contid_drivers.due.service import park
+
+        assert isinstance(options, DueBusOptions)
+        park(name, options, axes, only, report)
+
 
 DRIVER: Driver = DueDriver()

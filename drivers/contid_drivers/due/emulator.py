@@ -27,7 +27,7 @@ SILENT: Final = "silent"
 #: Switches of the line: ``{"fault": "garbage", "on": true}``.
 LINE_FAULTS: Final = ("garbage", "mute")
 #: Events: ``{"fault": "freeze", "ms": 400}``; without ``ms`` without end.
-BOARD_FAULTS: Final = ("reset", "brown_out", "freeze", "unplug", "plug")
+BOARD_FAULTS: Final = ("reset", "brown_out", "power_cycle", "freeze", "unplug", "plug")
 #: Distance of the emulated end stops beyond the travel.
 _STOP_MARGIN_DEG: Final = 30.0
 #: Polling interval of the control file.

@@ -11,8 +11,10 @@ from contid.errors import ContidError
 from contid_drivers.due.codes import (
     BOARD_CONFIGURED,
     BOARD_DEMAND_STALE,
+    BOARD_POSITION_LOST,
     CHANNEL_HOMED,
     CHANNEL_LIMITED,
+    CHANNEL_POSITION_LOST,
     CHANNEL_SENSOR_OK,
     CHANNELS,
     PROTOCOL_VERSION,
@@ -28,15 +30,27 @@ from contid_drivers.due.codes import (
 
 @dataclass(frozen=True, slots=True)
 class Hello:
-    """Identity and state of a board."""
+    """Identity and state of a board.
+
+    Attributes:
+        build_id: of the sources it was built from; 0 when it was built by hand.
+        unique_id: of its chip, in hexadecimal.
+        boot: starts since power-up.
+        boot_id: random, another one at every start.
+        position_lost: a motor counts from an unknown position.
+    """
 
     role: int
     channels: int
     firmware: tuple[int, int, int]
+    build_id: int
+    unique_id: str
     boot: int
+    boot_id: int
     uptime_ms: int
     cause: ResetCause
     configured: bool
+    position_lost: bool
     config_crc: int
     capabilities: tuple[int, ...]
     pins: str
@@ -57,6 +71,7 @@ class BoardReport:
     homed: bool
     limited: bool
     sensor_ok: bool
+    position_lost: bool
     position: int
     velocity: int
     duty: int
@@ -68,7 +83,7 @@ class Telemetry:
     """State of the board and of its configured channels at one tick."""
 
     uptime_ms: int
-    boot: int
+    boot_id: int
     cause: ResetCause
     config_crc: int
     configured: bool
@@ -111,8 +126,8 @@ class BadAnswerError(ContidError):
 
 
 _HEADER = struct.Struct("<BBB")
-_HELLO = struct.Struct("<BBBBBHIBBH6B")
-_TELEMETRY = struct.Struct("<IHBHBHHB")
+_HELLO = struct.Struct("<BBBBBI16sHIIBBH6B")
+_TELEMETRY = struct.Struct("<IIBHBHHB")
 _REPORT = struct.Struct("<BBiihh")
 
 
@@ -131,6 +146,11 @@ def demand(config_crc: int, echo_ms: int, values: Mapping[int, int]) -> bytes:
 def masked(config_crc: int, channels: Iterable[int]) -> bytes:
     """The body of arm, clear and home."""
     return struct.pack("<HB", config_crc, mask_of(channels))
+
+
+def park(config_crc: int, channels: Iterable[int], parked: bool) -> bytes:
+    """The body of a park: the shafts are at ``power_up`` now, or (``parked`` false) somewhere."""
+    return masked(config_crc, channels) + bytes([parked])
 
 
 def stop(channels: Iterable[int], rest: RestCode) -> bytes:
@@ -171,19 +191,23 @@ def _read_body(kind: int, body: bytes) -> Answer:
             role=fields[0],
             channels=fields[1],
             firmware=(fields[2], fields[3], fields[4]),
-            boot=fields[5],
-            uptime_ms=fields[6],
-            cause=ResetCause(fields[7]),
-            configured=bool(fields[8] & BOARD_CONFIGURED),
-            config_crc=fields[9],
-            capabilities=tuple(fields[10:16]),
+            build_id=fields[5],
+            unique_id=fields[6].hex(),
+            boot=fields[7],
+            boot_id=fields[8],
+            uptime_ms=fields[9],
+            cause=ResetCause(fields[10]),
+            configured=bool(fields[11] & BOARD_CONFIGURED),
+            position_lost=bool(fields[11] & BOARD_POSITION_LOST),
+            config_crc=fields[12],
+            capabilities=tuple(fields[13:19]),
             pins=body[_HELLO.size :].decode("ascii", "replace"),
         )
     raise BadAnswerError(f"unknown answer {kind:#04x}")
 
 
 def _read_telemetry(body: bytes) -> Telemetry:
-    uptime, boot, cause, crc, flags, bad, dropped, mask = _TELEMETRY.unpack_from(body)
+    uptime, boot_id, cause, crc, flags, bad, dropped, mask = _TELEMETRY.unpack_from(body)
     channels = {}
     at = _TELEMETRY.size
     for channel in range(CHANNELS):
@@ -197,6 +221,7 @@ def _read_telemetry(body: bytes) -> Telemetry:
             bool(state & CHANNEL_HOMED),
             bool(state & CHANNEL_LIMITED),
             bool(state & CHANNEL_SENSOR_OK),
+            bool(state & CHANNEL_POSITION_LOST),
             position,
             velocity,
             duty,
@@ -206,7 +231,7 @@ def _read_telemetry(body: bytes) -> Telemetry:
         raise BadAnswerError(f"telemetry of {len(body)} bytes, expected {at}")
     return Telemetry(
         uptime_ms=uptime,
-        boot=boot,
+        boot_id=boot_id,
         cause=ResetCause(cause),
         config_crc=crc,
         configured=bool(flags & BOARD_CONFIGURED),

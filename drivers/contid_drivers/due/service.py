@@ -45,7 +45,7 @@ def doctor(name: str, options: DueBusOptions, axes: Sequence[AxisOnBus]) -> list
                 f"{name} board",
                 True,
                 f"firmware {version}, started {hello.boot} times, last by {hello.cause.message}, up for "
-                f"{hello.uptime_ms / 1000:.1f} s; pins {hello.pins}",
+                f"{hello.uptime_ms / 1000:.1f} s; chip {hello.unique_id}; pins {hello.pins}",
             )
         )
         accepted = f"accepted, safe state = start state on {len(axes)} axes"
@@ -79,7 +79,8 @@ def _timing(name: str, options: DueBusOptions, bus: DueBus) -> list[Finding]:
         )
     ]
     for axis, sample in samples.items():
-        remedy = "remove the cause, then clear-fault" if sample.fault else ""
+        lost = sample.fault.startswith("position lost")
+        remedy = "" if lost or not sample.fault else "remove the cause, then clear-fault"
         findings.append(Finding(axis, not sample.fault, sample.fault or f"reads {sample.value}", remedy))
     return findings
 
@@ -104,6 +105,28 @@ def home(
                 bus.disable(list(only), Rest.RELAX)
             finally:
                 bus.close()
+
+
+def park(
+    name: str, options: DueBusOptions, axes: Sequence[AxisOnBus], only: Sequence[str], report: Report
+) -> None:
+    """See `contid.hal.Parks`: axes without homing stand at their ``power_up_deg``."""
+    by_name = {axis.name: axis for axis in axes}
+    for axis in only:
+        if axis_options(by_name[axis]).homing is not None:
+            raise DeviceError(
+                f"{name}: {axis}", "it has homing and is not parked", f"contid home FILE {axis}"
+            )
+    bus = DueBus(name, options, axes, _Monotonic())
+    bus.open()
+    try:
+        bus.park(only)
+        samples = bus.exchange({})
+        for axis in only:
+            at_deg = axis_options(by_name[axis]).power_up_deg
+            report(f"{axis}: parked at {at_deg:g} deg (reads {math.degrees(samples[axis].value or 0.0):.2f})")
+    finally:
+        bus.close()
 
 
 def _home_one(bus: DueBus, axis: AxisOnBus, report: Report) -> Homed:

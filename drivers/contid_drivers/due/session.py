@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 import time
 from collections.abc import Sequence
 from typing import Final
@@ -21,11 +22,14 @@ from contid_drivers.serial_ports import find_port
 _HELLO_EVERY_S = 0.05
 #: Bytes of the longest telemetry frame, for its time on the wire.
 _TELEMETRY_BYTES = 112
+#: A board whose clock advanced by this much less than the host's was off in between.
+_CLOCK_LAG_S: Final = 2.0
 _REMEDIES: Final[dict[int, str]] = {
     Refusal.LATCHED: "clear the fault first",
     Refusal.NOT_HOMED: "contid home",
     Refusal.NO_SENSOR: "check the wire of the pressure signal",
     Refusal.PERSISTS: "remove its cause",
+    Refusal.POSITION_LOST: "park it at power_up_deg, then contid home --parked",
 }
 
 
@@ -85,9 +89,10 @@ class DueConnection:
         self._sequence = 0
         self._port = DuePort(name, find_port(name, options.port))
         self.echo_ms = 0
+        self._echo_s = -math.inf
         try:
             self.hello = _wait_for_hello(name, options, self._port)
-            self.echo_ms = self.hello.uptime_ms
+            self._follow_clock(self.hello.uptime_ms, time.monotonic())
             self._check_role()
             self._check_channels(axes)
             self._configure()
@@ -143,19 +148,27 @@ class DueConnection:
         # The programming port bounds the time of both ports.
         size = len(body) + 8 + _TELEMETRY_BYTES
         seconds = size * self._port.byte_s + self._options.latency_ms / 1000.0
+        asked_s = time.monotonic()
         answer = self._request(kind, body, seconds)
         if isinstance(answer, Refused) and answer.refusal in (Refusal.NOT_CONFIGURED, Refusal.WRONG_CRC):
             hello = self._request(Type.HELLO, b"", seconds)
             cause = hello.cause.message if isinstance(hello, Hello) else "unknown"
             self._lost_by_reset(cause)
         if isinstance(answer, Telemetry):
-            # The uptime wraps after 49 days; half of its range separates later from earlier.
-            earlier = (answer.uptime_ms - self.echo_ms) & 0xFFFF_FFFF > 0x8000_0000
-            if answer.boot != self.hello.boot or earlier:
+            restarted = answer.boot_id != self.hello.boot_id or not answer.configured
+            if restarted or not self._follow_clock(answer.uptime_ms, asked_s):
                 self._lost_by_reset(answer.cause.message)
-            self.echo_ms = answer.uptime_ms
             return answer
         return answer if isinstance(answer, Refused) else None
+
+    def _follow_clock(self, uptime_ms: int, asked_s: float) -> bool:
+        """Store the board's time of an answer; false when its clock started anew since the last one."""
+        # The uptime wraps after 49 days; half of its range separates later from earlier.
+        advanced_ms = (uptime_ms - self.echo_ms) & 0xFFFF_FFFF
+        lag_s = asked_s - self._echo_s - advanced_ms / 1000.0
+        self.echo_ms = uptime_ms
+        first, self._echo_s = self._echo_s == -math.inf, time.monotonic()
+        return first or (advanced_ms < 0x8000_0000 and lag_s < _CLOCK_LAG_S)
 
     def _lost_by_reset(self, cause: str) -> None:
         self.close()

@@ -24,7 +24,8 @@ from contid.robot_file.load import load_robot_file
 from contid_drivers.due.bus import DueBus
 from contid_drivers.due.emulator import DueEmulator
 from contid_drivers.due.options import DueAxisOptions, DueBusOptions, EndStop, Role
-from contid_drivers.due.service import doctor, home
+from contid_drivers.due.service import doctor, home, park
+from contid_drivers.due.session import ask_hello
 
 pytestmark = pytest.mark.realtime
 
@@ -110,8 +111,70 @@ def test_an_unannounced_reset_is_a_loss_and_the_position_must_be_confirmed(world
     with pytest.raises(DeviceError, match="position lost"):
         bus.enable(bus.axes)
     bus.clear_fault(bus.axes)
+    with pytest.raises(DeviceError, match="position lost"):
+        bus.enable(bus.axes)
+    bus.close()
+    # Another process is no better off: the board itself refuses.
+    options = DueBusOptions(port=str(emulator.port), role=Role.MOTOR, latency_ms=60.0)
+    other = DueBus("board", options, MOTORS, RealClock())
+    other.open()
+    other.exchange({})
+    with pytest.raises(DeviceError, match="position lost"):
+        other.enable(other.axes)
+    other.close()
+    assert all("position lost" in axis.message for axis in doctor("board", options, MOTORS)[-3:])
+    reported: list[str] = []
+    park("board", options, MOTORS, [axis.name for axis in MOTORS], reported.append)
+    assert reported[0] == "arm.l0: parked at 90 deg (reads 90.00)"
+    bus.open()
+    bus.exchange({})
     bus.enable(bus.axes)
     assert not any(sample.fault for sample in bus.exchange({}).values())
+
+
+def test_a_power_cycle_under_a_live_host_loses_the_position_for_every_host(world):
+    bus, emulator = world()
+    bus.open()
+    bus.exchange({})
+    bus.enable(bus.axes)
+    settle(bus, 0.3, dict.fromkeys(bus.axes, 2.5))
+    first = bus.hello
+    emulator.fault("power_cycle")
+    with pytest.raises(DeviceLostError, match="reset"):
+        settle(bus, 2.0, dict.fromkeys(bus.axes, 2.5))
+    bus.open()
+    # Nothing but the random id differs from the first start.
+    assert (bus.hello.boot, bus.hello.cause) == (first.boot, first.cause)
+    assert all("position lost" in sample.fault for sample in bus.exchange({}).values())
+    bus.close()
+    options = DueBusOptions(port=str(emulator.port), role=Role.MOTOR, latency_ms=60.0)
+    assert ask_hello("board", options).position_lost
+    other = DueBus("board", options, MOTORS, RealClock())
+    other.open()
+    other.exchange({})
+    with pytest.raises(DeviceError, match="position lost"):
+        other.enable(other.axes)
+    other.close()
+
+
+@pytest.mark.parametrize(
+    "changed", [{"power_up_deg": 80.0}, {"power_up_deg": 90.0, "encoder_reversed": True}]
+)
+def test_a_configuration_that_changes_what_a_count_means_loses_the_position(world, changed):
+    bus, emulator = world()
+    bus.open()
+    bus.exchange({})
+    bus.enable(bus.axes)
+    settle(bus, 0.3, dict.fromkeys(bus.axes, 2.5))
+    bus.disable(bus.axes, Rest.RELAX)
+    bus.close()
+    axes = [AxisOnBus("arm.l0", DueAxisOptions.model_validate({"channel": "m0", **changed}), None)]
+    other = DueBus(
+        "board", DueBusOptions(port=str(emulator.port), role=Role.MOTOR, latency_ms=60.0), axes, RealClock()
+    )
+    other.open()
+    assert "position lost" in other.exchange({})["arm.l0"].fault
+    other.close()
 
 
 def test_a_reset_by_the_watchdog_after_a_frozen_loop(world):
@@ -264,7 +327,26 @@ def test_firmware_command(world, tmp_path, configs):
     file.write_text(text)
     result = run(firmware_command, ["info", str(file)])
     assert result.exit_code == 0, result.output
-    assert "role motor, firmware 1.0.0" in result.output
+    assert "role motor, firmware 1.1.0" in result.output
+
+
+def test_parked_by_command(world, tmp_path, configs):
+    _, emulator = world(
+        [AxisOnBus(f"arm.s1.l{i + 1}", DueAxisOptions(channel=f"m{i}")) for i in range(3)]  # type: ignore[arg-type]
+    )
+    text = (configs / "trirack.emulated.yaml").read_text().replace("./trirack.tty", str(emulator.port))
+    file = tmp_path / "arm.yaml"
+    file.write_text(text)
+    emulator.fault("brown_out")
+    shown = CliRunner().invoke(firmware_command, ["info", str(file)])
+    assert "position lost" in shown.output
+    done = CliRunner().invoke(home_command, [str(file), "--parked"], catch_exceptions=False)
+    assert done.exit_code == 0, done.output
+    assert done.output.count("parked at 229.183 deg (reads 229.15)") == 3
+    shown = CliRunner().invoke(firmware_command, ["info", str(file)])
+    assert "position lost" not in shown.output
+    refused = CliRunner().invoke(home_command, [str(file), "arm.s1.l9", "--parked"])
+    assert "no axis 'arm.s1.l9'" in str(refused.exception)
 
 
 def test_home_command_writes_the_zero_of_an_axis_with_a_dotted_name(world, tmp_path, configs):

@@ -40,6 +40,9 @@ size_t Board::answer(const uint8_t* request, size_t size, uint8_t* out, size_t c
       case HOME:
         verdict = home(in);
         break;
+      case PARK:
+        verdict = park(in);
+        break;
       default:
         verdict = Verdict{Refusal::UNKNOWN_MESSAGE, type};
         break;
@@ -68,6 +71,16 @@ size_t Board::answer(const uint8_t* request, size_t size, uint8_t* out, size_t c
   return head.size() + write_telemetry(rest, room);
 }
 
+uint32_t Board::flags() const {
+  uint32_t bits = config_.mask != 0 ? BOARD_CONFIGURED : 0u;
+  if (stale_) bits |= BOARD_DEMAND_STALE;
+  for (uint8_t i = 0; i < CHANNELS; ++i) {
+    const bool used = config_.mask == 0 || (config_.mask & (1u << i)) != 0;
+    if (used && lost(i)) bits |= BOARD_POSITION_LOST;
+  }
+  return bits;
+}
+
 size_t Board::write_hello(uint8_t* out, size_t capacity) const {
   Writer to(out, capacity);
   to.u8(static_cast<uint8_t>(identity_.role));
@@ -75,10 +88,13 @@ size_t Board::write_hello(uint8_t* out, size_t capacity) const {
   to.u8(FIRMWARE_MAJOR);
   to.u8(FIRMWARE_MINOR);
   to.u8(FIRMWARE_PATCH);
+  to.u32(identity_.build_id);
+  for (uint8_t byte : identity_.unique_id) to.u8(byte);
   to.u16(identity_.boot);
+  to.u32(identity_.boot_id);
   to.u32(now_);
   to.u8(static_cast<uint8_t>(identity_.cause));
-  to.u8(config_.mask != 0 ? BOARD_CONFIGURED : 0);
+  to.u8(flags());
   to.u16(config_crc_);
   for (uint8_t i = 0; i < CHANNELS; ++i) to.u8(identity_.capabilities[i]);
   for (const char* c = identity_.pins; c != nullptr && *c != '\0'; ++c) to.u8(static_cast<uint8_t>(*c));
@@ -90,10 +106,10 @@ size_t Board::write_telemetry(uint8_t* out, size_t capacity) {
   // All numbers of one answer are of one tick.
   block_tick();
   to.u32(now_);
-  to.u16(identity_.boot);
+  to.u32(identity_.boot_id);
   to.u8(static_cast<uint8_t>(identity_.cause));
   to.u16(config_crc_);
-  to.u8((config_.mask != 0 ? BOARD_CONFIGURED : 0u) | (stale_ ? BOARD_DEMAND_STALE : 0u));
+  to.u8(flags());
   to.u16(bad_frames_);
   to.u16(dropped_);
   uint8_t reported = 0;
@@ -110,6 +126,7 @@ size_t Board::write_telemetry(uint8_t* out, size_t capacity) {
     if (motor ? m.limited() : r.limited()) state |= CHANNEL_LIMITED;
     if (motor && m.homed()) state |= CHANNEL_HOMED;
     if (motor || r.sensor_ok()) state |= CHANNEL_SENSOR_OK;
+    if (lost(i)) state |= CHANNEL_POSITION_LOST;
     to.u8(state);
     to.u8(static_cast<uint32_t>(channel_[i].reason));
     to.i32(motor ? m.position() : r.pressure());

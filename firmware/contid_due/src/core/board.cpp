@@ -14,6 +14,9 @@ void Board::start(const Identity& identity, void (*mask_tick)(), void (*unmask_t
   now_ = uptime_ms;
   fed_ = uptime_ms;
   demanded_ = uptime_ms;
+  // Only the loss of power is the moment at which a shaft is parked; any other start finds it anywhere.
+  if (identity.cause == ResetCause::POWER_UP) return;
+  for (uint8_t i = 0; i < CHANNELS; ++i) motor_[i].lose();
 }
 
 void Board::tick(const Inputs& in, Outputs& out) {
@@ -36,6 +39,8 @@ void Board::tick(const Inputs& in, Outputs& out) {
     out.channel[i] = motors ? drive_motor(i) : drive_regulator(i);
   }
 }
+
+bool Board::lost(uint8_t i) const { return identity_.role == Role::MOTOR && motor_[i].lost(); }
 
 void Board::trip(uint8_t i, Reason reason) {
   channel_[i].state = State::SAFE;

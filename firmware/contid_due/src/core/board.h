@@ -14,7 +14,10 @@ namespace contid {
 // Facts about this start of this board, for hello and telemetry.
 struct Identity {
   Role role;
-  uint16_t boot;  // counts starts, kept over resets
+  uint16_t boot;     // counts starts, kept over resets, not over the loss of power
+  uint32_t boot_id;  // random, another one at every start
+  uint32_t build_id;  // of the sources; 0: built by hand
+  uint8_t unique_id[UNIQUE_ID_SIZE];  // of the chip
   ResetCause cause;
   uint8_t capabilities[CHANNELS];  // 0: the channel is not fitted
   const char* pins;                // the pin map as text
@@ -68,15 +71,21 @@ class Board {
   Verdict clear(Reader& in);
   Verdict stop(Reader& in);
   Verdict home(Reader& in);
+  Verdict park(Reader& in);
   Verdict check_crc(Reader& in) const;
   Verdict check_mask(uint8_t mask) const;
   Verdict read_mask(Reader& in, uint8_t& mask) const;
   Verdict check_arm(uint8_t channel) const;
   Verdict check_clear(uint8_t channel) const;
   Verdict check_home(uint8_t channel) const;
+  Verdict check_park(uint8_t channel) const;
   // The first refusal of a channel in the mask. Call it with the tick blocked, so that the result stays valid.
   Verdict check_each(uint8_t mask, Verdict (Board::*may)(uint8_t channel) const) const;
 
+  // Whether a motor counts from an unknown position.
+  bool lost(uint8_t channel) const;
+
+  uint32_t flags() const;
   size_t write_hello(uint8_t* out, size_t capacity) const;
   size_t write_telemetry(uint8_t* out, size_t capacity);
 

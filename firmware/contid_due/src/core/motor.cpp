@@ -18,16 +18,23 @@ int32_t minus(int32_t a, int32_t b) {
 int32_t plus(int32_t a, int32_t b) { return static_cast<int32_t>(static_cast<uint32_t>(a) + static_cast<uint32_t>(b)); }
 }  // namespace
 
+int32_t Motor::counted() const { return config_->encoder_reversed ? minus(0, raw_) : raw_; }
+
 void Motor::configure(const MotorConfig& config) {
   config_ = &config;
   set_.limit(config.velocity, config.acceleration);
   ki_tick_ = static_cast<int32_t>(static_cast<int64_t>(config.ki) * 65536 / static_cast<int32_t>(TICK_HZ));
   if (!referenced_) {
-    const int32_t counted = config.encoder_reversed ? minus(0, raw_) : raw_;
-    offset_ = minus(config.power_up, counted);
+    offset_ = minus(config.power_up, counted());
     referenced_ = true;
+  } else if (config.encoder_reversed != reversed_ || config.power_up != power_up_ || config.home_at != home_at_) {
+    homed_ = false;
+    lost_ = true;
   }
-  position_ = plus(config.encoder_reversed ? minus(0, raw_) : raw_, offset_);
+  reversed_ = config.encoder_reversed;
+  power_up_ = config.power_up;
+  home_at_ = config.home_at;
+  position_ = plus(counted(), offset_);
   for (uint32_t i = 0; i < WINDOW; ++i) history_[i] = position_;
   set_.start(position_);
   speed_q8_ = 0;
@@ -40,7 +47,7 @@ void Motor::configure(const MotorConfig& config) {
 void Motor::sense(int32_t raw_count, int32_t raw_analog) {
   raw_ = raw_count;
   if (config_ == nullptr) return;
-  position_ = plus(config_->encoder_reversed ? minus(0, raw_) : raw_, offset_);
+  position_ = plus(counted(), offset_);
   moved_ = minus(position_, history_[at_]);
   history_[at_] = position_;
   at_ = (at_ + 1) % WINDOW;
@@ -102,6 +109,14 @@ void Motor::home() {
   phase_ticks_ = 0;
   still_ticks_ = 0;
   set_.limit(config_->home_velocity, config_->acceleration);
+}
+
+void Motor::park() {
+  offset_ = minus(config_->power_up, counted());
+  position_ = config_->power_up;
+  for (uint32_t i = 0; i < WINDOW; ++i) history_[i] = position_;
+  lost_ = false;
+  begin();
 }
 
 Output Motor::rest(Drive drive) {

@@ -16,7 +16,8 @@ struct Output {
 
 class Motor {
  public:
-  // `power_up` sets the count once after a reset; a later configuration keeps the count.
+  // `power_up` sets the count once after a start; a later configuration keeps the count. One that changes what the
+  // count means loses the position.
   void configure(const MotorConfig& config);
   void sense(int32_t raw_count, int32_t raw_analog);
 
@@ -41,6 +42,11 @@ class Motor {
   int32_t duty() const { return duty_; }
   int32_t current_ma() const { return current_; }
   bool homed() const { return homed_; }
+  // A count that started at an unknown position: neither homed nor parked.
+  bool lost() const { return lost_ && !homed_; }
+  void lose() { lost_ = true; }
+  // The shaft is at `power_up` now.
+  void park();
   bool limited() const { return limited_; }
   const MotorConfig& config() const { return *config_; }
 
@@ -53,7 +59,11 @@ class Motor {
   Output law(int32_t max_duty);
   void watch(int64_t error_q8);
 
+  int32_t counted() const;
+
   const MotorConfig* config_;
+  bool reversed_;      // sense and scale of the count when it was referenced
+  int32_t power_up_, home_at_;
   SetPoint set_;
   int32_t raw_, offset_, position_;
   int32_t history_[WINDOW];
@@ -66,7 +76,7 @@ class Motor {
   int32_t stall_ticks_, reversed_ticks_, phase_ticks_, still_ticks_;
   Phase phase_;
   Reason fault_;
-  bool referenced_, homed_, limited_;
+  bool referenced_, homed_, limited_, lost_;
 };
 
 }  // namespace contid

@@ -78,6 +78,7 @@ Verdict Board::check_arm(uint8_t i) const {
   if (identity_.role == Role::MOTOR) {
     if (channel_[i].state == State::HOMING) return Verdict{Refusal::ARMED_NOW, i};
     if (config_.motor[i].homing && !motor_[i].homed()) return Verdict{Refusal::NOT_HOMED, i};
+    if (lost(i)) return Verdict{Refusal::POSITION_LOST, i};
   } else if (!regulator_[i].sensor_ok()) {
     return Verdict{Refusal::NO_SENSOR, i};
   }
@@ -192,6 +193,14 @@ Verdict Board::stop(Reader& in) {
   return accepted();
 }
 
+// The count jumps to `power_up`, which nothing may follow.
+Verdict Board::check_park(uint8_t i) const {
+  const State state = channel_[i].state;
+  const bool held = state == State::STOPPED && channel_[i].rest == Rest::HOLD;
+  if (state == State::ARMED || state == State::HOMING || held) return Verdict{Refusal::ARMED_NOW, i};
+  return accepted();
+}
+
 Verdict Board::check_home(uint8_t i) const {
   if (identity_.role != Role::MOTOR || !config_.motor[i].homing) return Verdict{Refusal::NO_HOMING, i};
   if (channel_[i].state == State::SAFE) return Verdict{Refusal::LATCHED, i};
@@ -218,6 +227,32 @@ Verdict Board::home(Reader& in) {
   }
   allow_tick();
   return accepted();
+}
+
+// `parked` 1: the shafts are at `power_up` now. 0: the host saw a loss of power that the board cannot see, and takes
+// the trust in `power_up` back.
+Verdict Board::park(Reader& in) {
+  Verdict verdict = check_crc(in);
+  if (verdict.refusal != Refusal::NONE) return verdict;
+  const uint8_t mask = in.u8();
+  const uint8_t parked = in.u8();
+  if (!in.finished()) return Verdict{Refusal::WRONG_LENGTH, static_cast<uint16_t>(in.at())};
+  if (parked > 1) return Verdict{Refusal::BAD_VALUE, parked};
+  verdict = check_mask(mask);
+  if (verdict.refusal != Refusal::NONE) return verdict;
+  if (identity_.role != Role::MOTOR) return Verdict{Refusal::WRONG_ROLE, static_cast<uint16_t>(identity_.role)};
+  block_tick();
+  verdict = check_each(mask, &Board::check_park);
+  for (uint8_t i = 0; i < CHANNELS && verdict.refusal == Refusal::NONE; ++i) {
+    if ((mask & (1u << i)) == 0) continue;
+    if (parked == 1) {
+      motor_[i].park();
+    } else {
+      motor_[i].lose();
+    }
+  }
+  allow_tick();
+  return verdict;
 }
 
 }  // namespace contid

@@ -8,9 +8,9 @@
 
 namespace contid {
 
-const uint8_t PROTOCOL_VERSION = 1;
+const uint8_t PROTOCOL_VERSION = 2;
 const uint8_t FIRMWARE_MAJOR = 1;
-const uint8_t FIRMWARE_MINOR = 0;
+const uint8_t FIRMWARE_MINOR = 1;
 const uint8_t FIRMWARE_PATCH = 0;
 
 const uint8_t CHANNELS = 6;
@@ -30,6 +30,7 @@ enum Message : uint8_t {
   CLEAR = 0x05,
   STOP = 0x06,
   HOME = 0x07,
+  PARK = 0x08,
   HELLO_ANSWER = 0x81,
   CONFIGURED = 0x82,
   TELEMETRY = 0x84,
@@ -82,6 +83,7 @@ enum class Refusal : uint8_t {
   NO_SENSOR = 13,  // detail: the channel
   NO_HOMING = 14,  // detail: the channel
   PERSISTS = 15,   // detail: the channel
+  POSITION_LOST = 16,  // detail: the channel; home it, or park it
 };
 
 enum class ResetCause : uint8_t { POWER_UP = 0, BACKUP = 1, WATCHDOG = 2, SOFTWARE = 3, PIN = 4, BROWN_OUT = 5 };
@@ -97,10 +99,14 @@ const uint8_t READ_BACK = 16;
 const uint8_t CHANNEL_HOMED = 0x10;
 const uint8_t CHANNEL_LIMITED = 0x20;
 const uint8_t CHANNEL_SENSOR_OK = 0x40;
+const uint8_t CHANNEL_POSITION_LOST = 0x80;
 
-// Board flags in telemetry.
+// Flags of the board, in hello and telemetry.
 const uint8_t BOARD_CONFIGURED = 0x01;
 const uint8_t BOARD_DEMAND_STALE = 0x02;
+const uint8_t BOARD_POSITION_LOST = 0x04;
+
+const size_t UNIQUE_ID_SIZE = 16;
 
 // Duty at full scale, either direction; the hardware layer scales it to its PWM period.
 const int32_t DUTY_FULL = 32767;
