@@ -8,6 +8,7 @@ from collections.abc import Sequence
 from typing import Final
 
 from contid.errors import DeviceError, DeviceNotFoundError
+from contid.hal import Rest
 from contid_drivers.dynamixel import duplicates, turns
 from contid_drivers.dynamixel import registers as reg
 from contid_drivers.dynamixel.axis import Axis
@@ -172,7 +173,7 @@ def arm(client: ServoClient, axis: Axis, watchdog: int) -> None:
     if client.read(device, reg.TORQUE_ENABLE) != 1:
         raise DeviceError(client.name(device), "torque does not come on")
     client.write(device, reg.BUS_WATCHDOG, watchdog)
-    axis.armed, axis.enabled = watchdog, True
+    axis.armed, axis.enabled, axis.pending_rest = watchdog, True, None
 
 
 def hold_position(client: ServoClient, axis: Axis) -> None:
@@ -192,6 +193,31 @@ def hold_position(client: ServoClient, axis: Axis) -> None:
     if client.read(device, reg.GOAL_POSITION) != position:
         client.write(device, reg.BUS_WATCHDOG, 0)
         client.write(device, reg.GOAL_POSITION, position)
+
+
+def rest(client: ServoClient, axis: Axis, position: int | None) -> None:
+    """Apply the pending rest of a servo that answers again; in a tick, so with one try.
+
+    Args:
+        client: of its bus.
+        axis: the servo.
+        position: its position in this exchange, None when the exchange did not read it.
+
+    Raises:
+        NoAnswerError: it is silent again.
+    """
+    device, present = axis.device, reg.PRESENT_POSITION
+    if axis.pending_rest is not Rest.HOLD:
+        if torque_off(client, [axis]):
+            return
+    else:
+        if position is None:
+            position = present.decode(client.read_block(device, present.address, present.size, tries=1))
+        goal = reg.GOAL_POSITION.encode(position)
+        client.port.send(sync_write(reg.GOAL_POSITION.address, 4, [(device, goal)]))
+        if axis.reset:
+            turns.adopt(client, axis, position)
+    axis.pending_rest = None
 
 
 def torque_off(client: ServoClient, axes: Sequence[Axis]) -> list[str]:
@@ -242,3 +268,4 @@ def recover(client: ServoClient, axis: Axis) -> None:
     if client.read(device, reg.BUS_WATCHDOG) != 0:
         hold_position(client, axis)
     axis.armed, axis.hardware_error, axis.fault, axis.misses = 0, 0, "", 0
+    axis.reset, axis.pending_rest = False, None

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
-from contid.hal import AxisOnBus, Sample
+from contid.hal import AxisOnBus, Rest, Sample
 from contid_drivers.dynamixel import registers as reg
 from contid_drivers.dynamixel.cyclic import ServoReading
 from contid_drivers.dynamixel.options import DynamixelAxisOptions, DynamixelBusOptions
@@ -30,6 +30,8 @@ class Axis:
         seen: last position [rad] while the turn was known.
         misses: consecutive exchanges without an answer.
         fault: latched fault, empty for none.
+        reset: the servo lost its RAM; nothing it reports is valid until `recover`.
+        pending_rest: state of rest that the servo has not confirmed; applied when it answers.
         value, time_s: last valid position [rad] and its time.
     """
 
@@ -46,6 +48,8 @@ class Axis:
     seen: float | None = None
     misses: int = 0
     fault: str = ""
+    reset: bool = False
+    pending_rest: Rest | None = None
     value: float | None = None
     time_s: float = 0.0
     velocity: float | None = None
@@ -75,11 +79,17 @@ class Axis:
         return round(angle / reg.RAD_PER_TICK) - self.turns * reg.TICKS_PER_REV
 
     def latch(self, fault: str) -> bool:
-        """Latch a fault and stop commanding the servo; False when one is latched already."""
+        """Latch a fault, stop commanding the servo and hold it; False when one is latched already."""
         if self.fault:
             return False
-        self.fault, self.enabled = fault, False
+        self.fault, self.enabled, self.pending_rest = fault, False, Rest.HOLD
         return True
+
+    def latch_reset(self) -> None:
+        """The servo reset itself: its watchdog, settings and turn count are gone."""
+        if not self.reset:
+            self.reset, self.turn_known, self.pending_rest = True, False, Rest.HOLD
+        self.latch(RESET_FAULT)
 
     def missed(self, time_s: float) -> Sample:
         """No answer in this exchange."""
@@ -90,10 +100,12 @@ class Axis:
         """Store an answer and return its sample."""
         if reading.voltage_low == 0 or reading.voltage == 0:
             # A servo that reset has lost its indirect mapping: nothing in this block is valid.
-            self.latch(RESET_FAULT)
-            return self._sample(time_s, valid=False)
+            self.latch_reset()
         self.misses = 0
-        self._detect_faults(reading)
+        if not self.reset:
+            self._detect_faults(reading)
+        if self.reset:
+            return self._sample(time_s, valid=False)
         self.value = self.to_rad(reading.position)
         if self.turn_known:
             self.seen = self.value
@@ -120,9 +132,10 @@ class Axis:
             return
         if reading.watchdog == reg.WATCHDOG_TRIPPED:
             waited = self.armed * reg.WATCHDOG_MS_PER_UNIT
-            self.latch(f"Bus Watchdog tripped: no instruction for {waited} ms, it stopped")
+            if self.latch(f"Bus Watchdog tripped: no instruction for {waited} ms, it stopped"):
+                self.pending_rest = None
         else:
-            self.latch(RESET_FAULT)
+            self.latch_reset()
 
     def _sample(self, now: float, valid: bool) -> Sample:
         return Sample(

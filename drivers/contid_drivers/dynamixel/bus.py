@@ -69,13 +69,14 @@ class DynamixelBus:
             mapped = [arming.map_block(client, axis.device) for axis in states]
             layout = self._layout or (INDIRECT if all(mapped) else PLAIN)
             for axis in states:
-                axis.enabled, axis.misses = False, 0
+                axis.enabled, axis.misses, axis.reset, axis.pending_rest = False, 0, False, None
                 try:
                     turns.settle(client, axis)
                 except NoAnswerError:
                     raise
                 except DeviceError as error:
                     axis.latch(f"{error.message}; {error.remedy}")
+                    axis.pending_rest = None
             port.return_delay_s = max(axis.return_delay_s for axis in states)
             self._cyclic = Cyclic(port, [axis.device for axis in states], layout, fast=False)
         except BaseException:
@@ -133,6 +134,8 @@ class DynamixelBus:
                 samples[name] = axis.missed(now) if reading is None else axis.take(reading, now)
                 if axis.fault != before:
                     samples[name] = self._find_cause(axis, reading, now, samples[name])
+                if axis.pending_rest is not None and reading is not None:
+                    self._rest(axis, reading)
         except DeviceLostError as error:
             raise self._gone(error) from None
         return samples
@@ -147,7 +150,8 @@ class DynamixelBus:
             goal = axis.to_ticks(angle)
             if not reg.GOAL_POSITION.low <= goal <= reg.GOAL_POSITION.high:
                 raise DeviceError(self.name, f"{name}: {angle:g} rad is beyond the 256 turns of a servo")
-            if axis.enabled:
+            # A servo that missed an exchange may have reset itself: its turn is checked first.
+            if axis.enabled and not axis.misses:
                 goals[axis.device] = goal
         return goals
 
@@ -190,6 +194,14 @@ class DynamixelBus:
                 pass
         log.error("%s: %s", axis.name, axis.fault)
         return sample
+
+    def _rest(self, axis: Axis, reading: ServoReading) -> None:
+        """Bring a faulty servo to rest, now that it answers."""
+        assert self._client is not None
+        try:
+            arming.rest(self._client, axis, None if axis.reset else reading.position)
+        except NoAnswerError:
+            log.debug("%s: silent again before it was brought to rest", axis.name)
 
     def _opened(self) -> Cyclic:
         if self._lost is not None:
@@ -249,13 +261,17 @@ class DynamixelBus:
             return
         try:
             if rest is not Rest.HOLD:
-                if silent := arming.torque_off(client, named):
+                silent = arming.torque_off(client, named)
+                for axis in named:
+                    axis.pending_rest = Rest.RELAX if axis.name in silent else None
+                if silent:
                     log.error("%s: torque off not confirmed by %s", self.name, ", ".join(silent))
                 return
             for axis in named:
-                axis.enabled = False
+                axis.enabled, axis.pending_rest = False, Rest.HOLD
                 try:
                     arming.hold_position(client, axis)
+                    axis.pending_rest = None
                 except DeviceLostError:
                     raise
                 except DeviceError as error:

@@ -27,6 +27,8 @@ from contid_drivers.dynamixel import registers as reg
 from contid_drivers.dynamixel.axis import Axis
 from contid_drivers.dynamixel.client import ServoClient
 from contid_drivers.dynamixel.options import HardStop, SingleTurn
+from contid_drivers.dynamixel.packets import sync_write
+from contid_drivers.dynamixel.registers import Register
 
 log = logging.getLogger(__name__)
 
@@ -76,8 +78,29 @@ def store(client: ServoClient, axis: Axis, turns: int) -> None:
         raise DeviceError(client.name(axis.device), f"{turns} turns from its zero; {TURNS_MAX} can be kept")
     axis.turns, axis.turn_known = turns, True
     if counts_turns(client, axis):
-        client.write(axis.device, MARKER, _CENTRE + turns)
-        client.write(axis.device, reg.VELOCITY_I, _GAIN_CENTRE + turns)
+        for register, value in _marks(turns):
+            client.write(axis.device, register, value)
+
+
+def adopt(client: ServoClient, axis: Axis, position: int) -> None:
+    """Keep the turn of a servo that reset, at the first position it reports; unconfirmed, because in a tick.
+
+    Without a turn near enough to its last position no mark is written, so that `settle` refuses the axis.
+    """
+    if axis.seen is None:
+        return
+    raw = position * reg.RAD_PER_TICK
+    turns = round((axis.seen - raw) / _TURN)
+    if abs(turns) > TURNS_MAX or abs(raw + turns * _TURN - axis.seen) > SEEN_TOLERANCE_RAD:
+        return
+    axis.turns = turns
+    for register, value in _marks(turns):
+        data = register.encode(value)
+        client.port.send(sync_write(register.address, register.size, [(axis.device, data)]))
+
+
+def _marks(turns: int) -> tuple[tuple[Register, int], ...]:
+    return (MARKER, _CENTRE + turns), (reg.VELOCITY_I, _GAIN_CENTRE + turns)
 
 
 def forget(client: ServoClient, axis: Axis) -> None:

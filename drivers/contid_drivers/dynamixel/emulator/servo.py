@@ -218,6 +218,9 @@ class Servo(ControlTable):
         self._reset_control()
         self._forget_turns()
         self.put(reg.GOAL_POSITION, 0)
+        if self.get(reg.STARTUP) & 1:
+            self.put(reg.GOAL_POSITION, self._present())
+            self.put(reg.TORQUE_ENABLE, 1)
 
     def _reset_control(self) -> None:
         for name in _GAINS:
