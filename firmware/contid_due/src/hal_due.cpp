@@ -1,15 +1,20 @@
-// Hardware layer of the Arduino Due: every register access and every Arduino call is in this file.
+// Hardware layer of the Arduino Due: outputs, the control tick, start and watchdog. Encoders and ports have files of
+// their own; register accesses and Arduino calls are in these three files only.
 //
-// Interrupts, by priority: 0 encoder edges (PIOD), 1 the control tick (TC3) with the watchdog, 3 ports (UOTGHS,
-// UART). A port that spins inside its own interrupt or in loop() cannot delay the tick.
+// Registers are written directly where the core's library (libsam) asserts or has side effects: its
+// PWMC_ConfigureClocks() asserts for a clock of MCK, its PWMC_ConfigureChannel() overwrites the mode of channel 0.
+//
+// Interrupts, by priority: 0 encoder edges (PIOD), 1 the control tick (TC3) with the dead-man timer, 3 USB control
+// transfers (UOTGHS). Nothing else interrupts but SysTick (15).
 #ifdef ARDUINO_ARCH_SAM
 
 #include "hal_due.h"
 
 #include <Arduino.h>
 
-#include "core/link.h"
-#include "core/quadrature.h"
+#include "core/board.h"
+#include "hal_encoders.h"
+#include "hal_ports.h"
 #include "pins.h"
 
 namespace {
@@ -19,40 +24,13 @@ using contid::Drive;
 using contid::PINS;
 
 const uint32_t PWM_PERIOD = VARIANT_MCK / 20000;  // 20 kHz: 4200 steps, 12 bit
-const uint32_t WATCHDOG_MS = 250;
-const uint32_t WRITE_TIMEOUT_MS = 50;
-const uint32_t NATIVE_PACKET = 512;
-const uint32_t PROGRAMMING_BAUD = 250000;  // exact on both chips of the programming port
+// 8 periods of 128 slow clocks: 31 ms; 23 to 51 ms over the tolerance of the RC oscillator (20 to 44 kHz).
+const uint32_t WATCHDOG_PERIODS = 8;
 
 contid::Board board;
 contid::Role role;
 contid::Inputs inputs;
 contid::Outputs outputs;
-contid::Quadrature decoder[4];
-
-// ---- encoders ----
-
-template <uint8_t N> uint32_t levels() { return (PIOD->PIO_PDSR >> contid::EDGE_PINS[N].shift) & 3u; }
-
-template <uint8_t N> void on_edge() { decoder[N].edge(levels<N>()); }
-
-template <uint8_t N> void start_edge_decoder() {
-  pinMode(contid::EDGE_PINS[N].a, INPUT_PULLUP);
-  pinMode(contid::EDGE_PINS[N].b, INPUT_PULLUP);
-  decoder[N].start(levels<N>());
-  attachInterrupt(contid::EDGE_PINS[N].a, on_edge<N>, CHANGE);
-  attachInterrupt(contid::EDGE_PINS[N].b, on_edge<N>, CHANGE);
-}
-
-// Counts every edge of both tracks of TIOA and TIOB of the block's first channel.
-void start_hardware_decoder(Tc* block, uint32_t id, uint32_t pin_a, uint32_t pin_b) {
-  pmc_enable_periph_clk(id);
-  PIO_Configure(g_APinDescription[pin_a].pPort, PIO_PERIPH_B, g_APinDescription[pin_a].ulPin, PIO_PULLUP);
-  PIO_Configure(g_APinDescription[pin_b].pPort, PIO_PERIPH_B, g_APinDescription[pin_b].ulPin, PIO_PULLUP);
-  block->TC_CHANNEL[0].TC_CMR = TC_CMR_TCCLKS_XC0;
-  block->TC_BMR = TC_BMR_QDEN | TC_BMR_POSEN | TC_BMR_EDGPHA;
-  block->TC_CHANNEL[0].TC_CCR = TC_CCR_CLKEN | TC_CCR_SWTRG;
-}
 
 // ---- outputs ----
 
@@ -72,15 +50,19 @@ uint32_t steps_of(int32_t duty) {
   return magnitude * PWM_PERIOD / static_cast<uint32_t>(contid::DUTY_FULL);
 }
 
+// Every channel counts MCK itself, left-aligned; its low output (PWML) is high for CDTY steps of CPRD.
 void start_pwm() {
   pmc_enable_periph_clk(PWM_INTERFACE_ID);
-  PWMC_ConfigureClocks(VARIANT_MCK, 0, VARIANT_MCK);
   for (uint8_t i = 0; i < CHANNELS; ++i) {
     const uint32_t unit = PINS[i].pwm_channel;
-    PWMC_ConfigureChannel(PWM_INTERFACE, unit, PWM_CMR_CPRE_CLKA, 0, 0);
-    PWMC_SetPeriod(PWM_INTERFACE, unit, static_cast<uint16_t>(PWM_PERIOD));
-    PWMC_SetDutyCycle(PWM_INTERFACE, unit, 0);
-    PWMC_EnableChannel(PWM_INTERFACE, unit);
+    // A running channel takes its mode and period only when it has stopped, at the end of its period.
+    PWM->PWM_DIS = 1u << unit;
+    while ((PWM->PWM_SR & (1u << unit)) != 0) {
+    }
+    PWM->PWM_CH_NUM[unit].PWM_CMR = PWM_CMR_CPRE_MCK;
+    PWM->PWM_CH_NUM[unit].PWM_CPRD = PWM_PERIOD;
+    PWM->PWM_CH_NUM[unit].PWM_CDTY = 0;
+    PWM->PWM_ENA = 1u << unit;
     PIO_Configure(g_APinDescription[PINS[i].pwm].pPort, PIO_PERIPH_B, g_APinDescription[PINS[i].pwm].ulPin,
                   PIO_DEFAULT);
   }
@@ -111,17 +93,18 @@ void start_direction(uint8_t pin) {
 // ---- the control tick ----
 
 void start_tick() {
+  TcChannel& timer = TC1->TC_CHANNEL[0];
   pmc_enable_periph_clk(ID_TC3);
-  TC_Configure(TC1, 0, TC_CMR_WAVE | TC_CMR_WAVSEL_UP_RC | TC_CMR_TCCLKS_TIMER_CLOCK1);
-  TC_SetRC(TC1, 0, VARIANT_MCK / 2 / contid::TICK_HZ);
-  TC1->TC_CHANNEL[0].TC_IER = TC_IER_CPCS;
-  TC1->TC_CHANNEL[0].TC_IDR = ~TC_IER_CPCS;
+  timer.TC_CCR = TC_CCR_CLKDIS;
+  timer.TC_IDR = 0xFFFFFFFFu;
+  timer.TC_CMR = TC_CMR_WAVE | TC_CMR_WAVSEL_UP_RC | TC_CMR_TCCLKS_TIMER_CLOCK1;
+  timer.TC_RC = VARIANT_MCK / 2 / contid::TICK_HZ;
+  timer.TC_IER = TC_IER_CPCS;
   NVIC_SetPriority(TC3_IRQn, 1);
   NVIC_SetPriority(UOTGHS_IRQn, 3);
-  NVIC_SetPriority(UART_IRQn, 3);
   NVIC_ClearPendingIRQ(TC3_IRQn);
   NVIC_EnableIRQ(TC3_IRQn);
-  TC_Start(TC1, 0);
+  timer.TC_CCR = TC_CCR_CLKEN | TC_CCR_SWTRG;
 }
 
 void read_inputs() {
@@ -131,9 +114,7 @@ void read_inputs() {
   }
   ADC->ADC_CR = ADC_CR_START;
   if (role != contid::Role::MOTOR) return;
-  inputs.count[0] = static_cast<int32_t>(TC0->TC_CHANNEL[0].TC_CV);
-  inputs.count[1] = static_cast<int32_t>(TC2->TC_CHANNEL[0].TC_CV);
-  for (uint8_t i = 0; i < 4; ++i) inputs.count[contid::FIRST_EDGE_CHANNEL + i] = decoder[i].count;
+  contid::read_encoders(inputs.count);
   uint8_t faults = 0;
   for (uint8_t i = 0; i < CHANNELS; ++i) {
     const PinDescription& pin = g_APinDescription[PINS[i].fault];
@@ -151,64 +132,7 @@ void mask_tick() {
 
 void unmask_tick() { NVIC_EnableIRQ(TC3_IRQn); }
 
-// ---- ports ----
-
-// An answer waits here until its port takes it. A port that takes nothing loses the answer; it never stops loop().
-struct Port {
-  contid::Link link;
-  const uint8_t* waiting;
-  size_t left;
-  uint32_t since_ms;
-
-  void start() {
-    link.start();
-    left = 0;
-  }
-  void answer(size_t size) {
-    waiting = link.reply();
-    left = size;
-    since_ms = millis();
-  }
-  void took(size_t size) {
-    waiting += size;
-    left -= size;
-  }
-  void give_up_in_time() {
-    if (left == 0 || millis() - since_ms < WRITE_TIMEOUT_MS) return;
-    left = 0;
-    board.count_dropped_answer();
-  }
-};
-
-Port native;
-Port programming;
-
-// SerialUSB.availableForWrite() is always true; only the endpoint's register shows a free bank, with which a packet
-// of up to 512 bytes goes out without waiting.
-bool native_has_room() { return SerialUSB.dtr() && (UOTGHS->UOTGHS_DEVEPTISR[CDC_TX] & UOTGHS_DEVEPTISR_TXINI) != 0; }
-
-void serve_native() {
-  if (native.left > 0 && native_has_room()) {
-    const size_t size = native.left < NATIVE_PACKET ? native.left : NATIVE_PACKET;
-    SerialUSB.write(native.waiting, size);
-    native.took(size);
-  }
-  native.give_up_in_time();
-  while (native.left == 0 && SerialUSB.available() > 0) {
-    native.answer(native.link.take(static_cast<uint8_t>(SerialUSB.read()), board));
-  }
-}
-
-void serve_programming() {
-  while (programming.left > 0 && Serial.availableForWrite() > 0) {
-    Serial.write(*programming.waiting);
-    programming.took(1);
-  }
-  programming.give_up_in_time();
-  while (programming.left == 0 && Serial.available() > 0) {
-    programming.answer(programming.link.take(static_cast<uint8_t>(Serial.read()), board));
-  }
-}
+// ---- start ----
 
 contid::ResetCause reset_cause() {
   if ((SUPC->SUPC_SR & SUPC_SR_BODRSTS) != 0) return contid::ResetCause::BROWN_OUT;
@@ -222,23 +146,29 @@ uint8_t capabilities(uint8_t channel) {
   return static_cast<uint8_t>(encoder | contid::CURRENT_SENSE | contid::BRIDGE_FAULT);
 }
 
+contid::Role read_role() {
+  pinMode(contid::ROLE_JUMPER, INPUT_PULLUP);
+  delayMicroseconds(50);
+  const PinDescription& jumper = g_APinDescription[contid::ROLE_JUMPER];
+  return (jumper.pPort->PIO_PDSR & jumper.ulPin) == 0 ? contid::Role::PRESSURE : contid::Role::MOTOR;
+}
+
 }  // namespace
 
 // main() calls it before setup(); the version of the Arduino core disables the watchdog until the next reset.
-void watchdogSetup(void) { watchdogEnable(WATCHDOG_MS); }
+void watchdogSetup(void) {
+  WDT->WDT_MR = WDT_MR_WDRSTEN | WDT_MR_WDV(WATCHDOG_PERIODS) | WDT_MR_WDD(WATCHDOG_PERIODS);
+}
 
 extern "C" void TC3_Handler(void) {
-  TC_GetStatus(TC1, 0);
+  (void)TC1->TC_CHANNEL[0].TC_SR;  // reading it ends the request
   read_inputs();
   board.tick(inputs, outputs);
   for (uint8_t i = 0; i < CHANNELS; ++i) put_out(i, outputs.channel[i]);
 }
 
 void contid_setup() {
-  pinMode(contid::ROLE_JUMPER, INPUT_PULLUP);
-  delayMicroseconds(50);
-  role = digitalRead(contid::ROLE_JUMPER) == LOW ? contid::Role::PRESSURE : contid::Role::MOTOR;
-
+  role = read_role();
   contid::Identity identity = contid::Identity();
   identity.role = role;
   // A backup register: survives resets, not the loss of power.
@@ -248,8 +178,6 @@ void contid_setup() {
   for (uint8_t i = 0; i < CHANNELS; ++i) identity.capabilities[i] = capabilities(i);
   identity.pins = role == contid::Role::MOTOR ? contid::MOTOR_PINS : contid::PRESSURE_PINS;
   board.start(identity, mask_tick, unmask_tick);
-  native.start();
-  programming.start();
 
   // First the outputs that drive bridges and valves.
   start_pwm();
@@ -263,32 +191,28 @@ void contid_setup() {
   }
   ADC->ADC_CHER = adc_channels;
   ADC->ADC_CR = ADC_CR_START;
-  if (role == contid::Role::MOTOR) {
-    start_hardware_decoder(TC0, ID_TC0, 2, 13);
-    start_hardware_decoder(TC2, ID_TC6, 5, 4);
-    start_edge_decoder<0>();
-    start_edge_decoder<1>();
-    start_edge_decoder<2>();
-    start_edge_decoder<3>();
-  }
+  if (role == contid::Role::MOTOR) contid::start_encoders();
   delay(1);  // the first conversions
   start_tick();
   // No answers before the first tick, whose inputs the first telemetry contains.
   while (board.uptime_ms() == 0) {
   }
-  Serial.begin(PROGRAMMING_BAUD);
-  SerialUSB.begin(0);
+  contid::start_ports();
 }
 
 void contid_loop() {
   static uint32_t fed_at = 0;
-  serve_native();
-  serve_programming();
+  static uint8_t configured = 0;
+  contid::serve_ports(board);
+  if (role == contid::Role::MOTOR && board.configured() != configured) {
+    configured = board.configured();
+    contid::use_encoders(configured);
+  }
   // The watchdog is fed by a loop that runs while ticks run: either of them missing resets the board.
   const uint32_t now = board.uptime_ms();
   if (now != fed_at) {
     fed_at = now;
-    watchdogReset();
+    WDT->WDT_CR = WDT_CR_KEY(0xA5) | WDT_CR_WDRSTT;
   }
 }
 

@@ -52,6 +52,8 @@ class Board {
   void count_dropped_answer() { ++dropped_; }
 
   uint32_t uptime_ms() const { return now_; }
+  // Channels of the configuration, one bit each.
+  uint8_t configured() const { return config_.mask; }
   State state(uint8_t channel) const { return channel_[channel].state; }
   Reason reason(uint8_t channel) const { return channel_[channel].reason; }
   // Time since the last demand that fed the watchdog.

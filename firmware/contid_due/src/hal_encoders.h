@@ -1,0 +1,21 @@
+// The encoder inputs of a motor board.
+#ifndef CONTID_HAL_ENCODERS_H
+#define CONTID_HAL_ENCODERS_H
+
+#include <stdint.h>
+
+#include "core/protocol.h"
+
+namespace contid {
+
+// Counts all channels from now on.
+void start_encoders();
+
+// Channels outside the mask interrupt no more: an open or noisy input takes no time from the tick.
+void use_encoders(uint8_t mask);
+
+void read_encoders(int32_t (&count)[CHANNELS]);
+
+}  // namespace contid
+
+#endif
