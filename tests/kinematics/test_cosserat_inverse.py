@@ -12,6 +12,7 @@ from hypothesis import strategies as st
 from scipy.optimize import lsq_linear
 
 from contid.kinematics.cosserat.box_step import box_step
+from contid.kinematics.cosserat.branch import critical_factor, equilibrium
 from contid.kinematics.cosserat.closed_form import (
     arc_pressures,
     average_pressure,
@@ -19,12 +20,11 @@ from contid.kinematics.cosserat.closed_form import (
     tip_and_direction_pressures,
     tip_pressures,
 )
-from contid.kinematics.cosserat.equilibrium import equilibrium
 from contid.kinematics.cosserat.loads import Loads
 from contid.kinematics.cosserat.search import search
 from contid.kinematics.cosserat.section import Rod, Section
 from contid.kinematics.cosserat.solve import Problem, solve
-from contid.kinematics.cosserat.stability import critical_factor, unstable_modes
+from contid.kinematics.cosserat.stability import unstable_modes
 from contid.kinematics.cosserat.task import Task
 from tests.kinematics.cosserat_cases import GOLDEN, GRAM, hanging, lean, limits, one, section, two
 

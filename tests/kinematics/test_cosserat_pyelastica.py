@@ -14,7 +14,8 @@ import pytest
 import tqdm
 
 from contid.kinematics.array import Array
-from contid.kinematics.cosserat.equilibrium import equilibrium, newton
+from contid.kinematics.cosserat.branch import equilibrium
+from contid.kinematics.cosserat.equilibrium import newton
 from contid.kinematics.cosserat.loads import Loads
 from contid.kinematics.cosserat.section import Rod, Section
 

@@ -1,4 +1,4 @@
-// Equilibrium and its stability: twins of contid/kinematics/cosserat/{equilibrium,stability}.py.
+// Moment balance and the stability of an equilibrium: twins of contid/kinematics/cosserat/{equilibrium,stability}.py.
 #pragma once
 
 #include "rod.hpp"
@@ -43,30 +43,6 @@ bool newton(const Rod<K>& rod, const double* pressures, Vec& moment, Vec tip_for
   return norm(out.moment) <= kStatics;
 }
 
-// Equilibrium on the branch that grows out of the unloaded shape.
-template <int K>
-bool equilibrium(const Rod<K>& rod, const double* pressures, Vec tip_force, double share, int elements, Vec& moment,
-                 Sweep<K>& out) {
-  moment = {0, 0, 0};
-  newton<K>(rod, pressures, moment, {0, 0, 0}, 0.0, elements, out);
-  Sweep<K> trial;
-  double reached = 0.0, step = 0.25;
-  while (reached < 1.0 && step > 1e-3) {
-    const double goal = std::fmin(1.0, reached + step);
-    Vec start = moment + (goal - reached) * cross(out.tip.p, tip_force);
-    const bool good = newton<K>(rod, pressures, start, goal * tip_force, goal * share, elements, trial);
-    if (good && norm(trial.tip.p - out.tip.p) < 0.3 * rod.reach) {
-      moment = start;
-      out = trial;
-      reached = goal;
-      step *= 2.0;
-    } else {
-      step *= 0.5;
-    }
-  }
-  return reached >= 1.0;
-}
-
 // Negative roots of det(x - a) when all three are real: Descartes' count of sign changes is then exact.
 inline int negative(const Mat& a) {
   const auto& m = a.m;
@@ -85,11 +61,19 @@ inline int negative(const Mat& a) {
   return changes;
 }
 
-// A sweep that also counts the unstable modes, valid in equilibrium; 0 means stable. Three columns suffice (a fourth,
-// zero, fills the vector registers). Also sets the tip by the moment balance, unless that is singular.
+// A sweep with the columns of the base moment: where it ends, how both points follow the moment balance, and how many
+// directions are unstable (valid in equilibrium; 0 means stable).
+struct Judged {
+  Ends ends;
+  Mat moment_by_balance, tip_by_balance, mid_by_balance;
+  int modes;
+  bool regular;  // false at a critical load, where the matrices are undefined
+};
+
+// Three columns suffice (a fourth, zero, fills the vector registers).
 template <int K>
-int count_modes(const Rod<K>& rod, const double* pressures, Vec base_moment, Vec tip_force, double share, int elements,
-                Ends& ends, Mat& tip_by_balance) {
+void judge(const Rod<K>& rod, const double* pressures, Vec base_moment, Vec tip_force, double share, int elements,
+           Judged& out) {
   constexpr int C = 4;
   State<C> state;
   state.R = identity();
@@ -99,10 +83,10 @@ int count_modes(const Rod<K>& rod, const double* pressures, Vec base_moment, Vec
   for (int i = 0; i < 3; ++i) state.by.dmu[i][i] = 1.0;
   Vec N = tip_force;
   for (int i = 0; i < K; ++i) N = N + share * own_weight(rod.sections[i]);
-  Mat before = identity();
-  int modes = 0;
+  Mat before = identity(), mid_by_moment{};
   const bool light = massless<K>(rod, share);
   bool first = true, regular = true;
+  out.modes = 0;
   for (int i = 0; i < K; ++i) {
     const Section& section = rod.sections[i];
     const Inflated inflated = inflate(section, pressures + 3 * i);
@@ -112,64 +96,32 @@ int count_modes(const Rod<K>& rod, const double* pressures, Vec base_moment, Vec
       step<C, 3, -1>(inflated, state, N, f, light, h);
       N = N - h * f;
       const Mat turn = first_columns(state.by.turn);
-      if (!first) modes += negative(turn * before);
+      if (!first) out.modes += negative(turn * before);
       first = false;
       regular = inverse(turn, before) && regular;
     }
-    if (i == 0) ends.mid = state.p;
+    if (i == 0) out.ends.mid = state.p, mid_by_moment = first_columns(state.by.shift);
     if (section.link > 0.0) {
       const Vec lf = share * section.link_weight;
       link<C>(state, section.link, lf);
       N = N - section.link * lf;
     }
   }
-  ends.R = state.R;
-  ends.p = state.p;
-  ends.moment = state.mu - cross(state.p, tip_force);
+  out.ends.R = state.R;
+  out.ends.p = state.p;
+  out.ends.moment = state.mu - cross(state.p, tip_force);
   add_cross<C>(tip_force, state.by.shift, state.by.dmu);
-  Mat balance;
-  regular = inverse(first_columns(state.by.dmu), balance) && regular;
-  if (!regular) return 3 * K;
-  tip_by_balance = first_columns(state.by.shift) * balance;
+  out.regular = inverse(first_columns(state.by.dmu), out.moment_by_balance) && regular;
+  if (!out.regular) {
+    out.modes = 3 * K;
+    return;
+  }
+  out.tip_by_balance = first_columns(state.by.shift) * out.moment_by_balance;
+  out.mid_by_balance = mid_by_moment * out.moment_by_balance;
   Mat stiffness = first_columns(state.by.dmu) * before;
   for (int i = 0; i < 3; ++i)
     for (int j = 0; j < i; ++j) stiffness.m[i][j] = stiffness.m[j][i] = 0.5 * (stiffness.m[i][j] + stiffness.m[j][i]);
-  return modes + negative(stiffness);
-}
-
-template <int K>
-int unstable_modes(const Rod<K>& rod, const double* pressures, Vec base_moment, Vec tip_force, double share,
-                   int elements) {
-  Ends ends;
-  Mat unused;
-  return count_modes<K>(rod, pressures, base_moment, tip_force, share, elements, ends, unused);
-}
-
-// True when anything acts on the rod; without load every equilibrium is stable and the strains are constant.
-template <int K> bool loaded(const Rod<K>& rod, Vec tip_force) {
-  bool any = norm(tip_force) > 0.0;
-  for (int i = 0; i < K; ++i) any = any || norm(own_weight(rod.sections[i])) > 0.0;
-  return any;
-}
-
-// Least factor of the tip force at which the branch from the unloaded shape loses its stability; -1 when it is stable
-// up to `max_factor`, 0 when the own weight alone buckles it.
-template <int K>
-double critical_factor(const Rod<K>& rod, const double* pressures, Vec tip_force, double max_factor, int elements) {
-  Sweep<K> scratch;
-  const auto stable = [&](double factor) {
-    Vec moment;
-    return equilibrium<K>(rod, pressures, factor * tip_force, 1.0, elements, moment, scratch) &&
-           unstable_modes<K>(rod, pressures, moment, factor * tip_force, 1.0, elements) == 0;
-  };
-  if (stable(max_factor)) return -1.0;
-  if (!stable(0.0)) return 0.0;
-  double low = 0.0, high = max_factor;
-  while (high - low > 1e-3 * high) {
-    const double middle = 0.5 * (low + high);
-    (stable(middle) ? low : high) = middle;
-  }
-  return 0.5 * (low + high);
+  out.modes += negative(stiffness);
 }
 
 }  // namespace contid

@@ -85,13 +85,13 @@ template <int K> struct ArmOf final : Arm {
   nb::tuple forward(nb::handle pressures, Vec force) const override {
     double p[3 * K];
     read(pressures, p, 3 * K, kPressures);
-    Sweep<K> s;
+    Judged at;
     Vec moment;
     int elements;
-    bool stable = fine_equilibrium<K>(rod, p, force, settings, moment, s, elements);
-    if (stable) stable = unstable_modes<K>(rod, p, moment, force, 1.0, elements) == 0;
-    return nb::make_tuple(triple(s.tip.p), tuple_of(&s.tip.R.m[0][0], 9), triple(s.mid), stable, triple(moment),
-                          elements);
+    const bool stable = fine_equilibrium<K>(rod, p, force, settings, moment, at, elements) == 1.0;
+    if (!stable) buckled<K>(rod, p, force, elements, moment, at);
+    return nb::make_tuple(triple(at.ends.p), tuple_of(&at.ends.R.m[0][0], 9), triple(at.ends.mid), stable,
+                          triple(moment), elements);
   }
 
   nb::object critical(nb::handle pressures, Vec force, double max_factor) const override {

@@ -1,15 +1,13 @@
 // Where solves start: twin of contid/kinematics/cosserat/{closed_form,search}.py.
 #pragma once
 
-#include <limits>
-
 #include "../halton.hpp"
 #include "track.hpp"
 
 namespace contid {
 
 constexpr int kIterations = 60, kRestarts = 20, kRestartIterations = 25, kLoadSteps = 3, kRampIterations = 10,
-              kMaxElements = 48, kMembers = 9;
+              kMembers = 9;
 constexpr double kRampTolerance = 1e-2, kTracking = 0.05;
 
 inline double average_pressure(const Section& s, double stretch) {
@@ -102,20 +100,6 @@ template <int K> bool unloaded(const Rod<K>& rod, const Task& task, const Limits
   return found;
 }
 
-// Base moment of a rod whose tip is at the target; weights are put on the chord.
-template <int K> Vec predicted_moment(const Rod<K>& rod, const Task& task, Vec tip_force, double share) {
-  Vec moment = cross(task.tip, tip_force);
-  double done = 0.0;
-  for (int i = 0; i < K; ++i) {
-    const Section& s = rod.sections[i];
-    const double middle = (done + 0.5 * s.length) / rod.reach, at = (done + s.length + 0.5 * s.link) / rod.reach;
-    moment = moment + (middle * s.length * share) * cross(task.tip, s.weight) +
-             (at * s.link * share) * cross(task.tip, s.link_weight);
-    done += s.length + s.link;
-  }
-  return moment;
-}
-
 template <int K> struct Found {
   Outcome<K> outcome;
   bool stable;
@@ -127,35 +111,33 @@ struct Settings {
   double tolerance, error;
 };
 
-// Estimated error of the tip from a sweep with fewer elements (n and m differ by (n/m)^4 - 1 times the error of n).
+// Estimated error of the tip and of the end of the first section from a sweep with fewer elements (n and m differ by
+// (n/m)^4 - 1 times the error of n).
 template <int K>
-double discretisation_error(const Rod<K>& rod, const double* pressures, Vec moment, const Ends& ends,
-                            const Mat& tip_by_balance, Vec tip_force, int n) {
+double discretisation_error(const Rod<K>& rod, const double* pressures, Vec moment, const Judged& at, Vec tip_force,
+                            int n) {
   const int m = n > 1 ? std::max(1, n / 3) : 2;
   Sweep<K> other;
   sweep<K, false>(rod, pressures, moment, tip_force, 1.0, m, other);
-  const Vec moved = other.tip.p - ends.p - tip_by_balance * (other.moment - ends.moment);
+  const Vec unbalanced = other.moment - at.ends.moment;
+  const Vec tip = other.tip.p - at.ends.p - at.tip_by_balance * unbalanced;
+  const Vec mid = other.mid - at.ends.mid - at.mid_by_balance * unbalanced;
   const double ratio = static_cast<double>(n) / m;
-  return norm(moved) / std::fabs(ratio * ratio * ratio * ratio - 1.0);
+  return std::fmax(norm(tip), norm(mid)) / std::fabs(ratio * ratio * ratio * ratio - 1.0);
 }
 
-// The branch that grows out of the unloaded shape, with as many elements as the load demands.
+// `equilibrium` with as many elements as the load demands, and with more before it ends short of the full load.
 template <int K>
-bool fine_equilibrium(const Rod<K>& rod, const double* pressures, Vec tip_force, const Settings& settings, Vec& moment,
-                      Sweep<K>& out, int& elements) {
-  elements = settings.elements;
-  bool found = equilibrium<K>(rod, pressures, tip_force, 1.0, elements, moment, out);
-  Mat by_moment;
-  while (found && elements < kMaxElements && loaded<K>(rod, tip_force) &&
-         inverse(first_columns(out.residual), by_moment)) {
-    const Mat tip_by_balance = first_columns(out.tip.by.shift) * by_moment;
-    if (discretisation_error<K>(rod, pressures, moment, out.ends(), tip_by_balance, tip_force, elements) <=
-        settings.error)
-      break;
-    elements *= 2;
-    found = newton<K>(rod, pressures, moment, tip_force, 1.0, elements, out);
+double fine_equilibrium(const Rod<K>& rod, const double* pressures, Vec tip_force, const Settings& settings,
+                        Vec& moment, Judged& out, int& elements) {
+  double done = 0.0;
+  for (elements = settings.elements;; elements *= 2) {
+    if (done < 1.0 || !settle<K>(rod, pressures, moment, tip_force, 1.0, elements, kStatics, out))
+      done = equilibrium<K>(rod, pressures, tip_force, elements, moment, out);
+    if (elements >= kMaxElements || !loaded<K>(rod, tip_force)) return done;
+    if (done == 1.0 && discretisation_error<K>(rod, pressures, moment, out, tip_force, elements) <= settings.error)
+      return done;
   }
-  return found;
 }
 
 template <int K>
@@ -164,14 +146,16 @@ Found<K> search(const Rod<K>& rod, const Task& task, Vec tip_force, const Limits
   constexpr int n = 3 * K;
   const bool weighs = loaded<K>(rod, tip_force);
   const bool light = massless<K>(rod, 1.0);
-  const Vec guess = predicted_moment<K>(rod, task, tip_force, 1.0);
+  const Vec guess = predicted_moment<K>(rod, task.tip, tip_force, 1.0);
   Found<K> best{};
   bool any = false;
   int spent = 0;
   const auto stable = [&](const Outcome<K>& o, int count) {
     if (o.statics > kBalance) return false;
-    if (!weighs || o.modes >= 0) return !weighs || o.modes == 0;
-    return unstable_modes<K>(rod, o.pressures, o.moment, tip_force, 1.0, count) == 0;
+    if (!weighs || o.at.modes >= 0) return !weighs || o.at.modes == 0;
+    Judged judged;
+    judge<K>(rod, o.pressures, o.moment, tip_force, 1.0, count, judged);
+    return judged.modes == 0;
   };
   const auto better = [](const Found<K>& a, const Found<K>& b) {
     if (a.stable != b.stable) return a.stable;
@@ -199,7 +183,7 @@ Found<K> search(const Rod<K>& rod, const Task& task, Vec tip_force, const Limits
       for (int k = 1; weighs && k < kLoadSteps; ++k) {
         const double part = static_cast<double>(k) / kLoadSteps;
         const Outcome<K> rough = solve<K>(rod, task, part * tip_force, part, limits, start,
-                                          predicted_moment<K>(rod, task, part * tip_force, part), settings.elements,
+                                          predicted_moment<K>(rod, task.tip, part * tip_force, part), settings.elements,
                                           kRampTolerance, kRampIterations);
         std::copy(rough.pressures, rough.pressures + n, start);
       }
@@ -223,7 +207,7 @@ Found<K> search(const Rod<K>& rod, const Task& task, Vec tip_force, const Limits
   best.iterations = spent;
   while (weighs && best.stable && best.elements < kMaxElements) {
     const Outcome<K>& o = best.outcome;
-    if (discretisation_error<K>(rod, o.pressures, o.moment, o.ends, o.tip_by_balance, tip_force, best.elements) <=
+    if (discretisation_error<K>(rod, o.pressures, o.moment, o.at, tip_force, best.elements) <=
         settings.error)
       break;
     best.elements *= 2;

@@ -6,8 +6,8 @@
 
 #include <algorithm>
 
-#include "balance.hpp"
 #include "box_step.hpp"
+#include "branch.hpp"
 #include "task.hpp"
 
 namespace contid {
@@ -27,9 +27,7 @@ template <int K> struct Outcome {
   double residual, statics;
   bool met, optimal;
   int iterations;
-  Ends ends;           // of the last sweep
-  int modes;           // unstable modes at the last sweep, -1 when not counted
-  Mat tip_by_balance;  // tip by moment balance, for the error estimate
+  Judged at;  // the last sweep; modes are -1 when not counted
 };
 
 // H = J^T J + weight + 1e-13 trace(J^T J): the last term keeps it definite for a redundant task.
@@ -98,7 +96,7 @@ Outcome<K> solve(const Rod<K>& rod, const Task& task, Vec tip_force, double shar
   Outcome<K> out{};
   double* p = out.pressures;
   const bool carries = loaded<K>(rod, tip_force);
-  out.modes = -1;
+  out.at.modes = -1;
   for (int i = 0; i < n; ++i) p[i] = std::min(std::max(start[i], limits.lower[i]), limits.upper[i]);
 
   const auto square = [](const double* r, int count) {
@@ -118,10 +116,10 @@ Outcome<K> solve(const Rod<K>& rod, const Task& task, Vec tip_force, double shar
   sweep<K, true>(rod, p, moment, tip_force, share, elements, here);
   Reduced<K> by;
   double r[9], ahead[9], g[n], low[n], high[n], d[n];
-  out.ends = here.ends();
-  residual(task, out.ends, r);
-  double cost = task_cost(r, out.ends.moment), away = distance(p), trust = kTrustStart, damping = 1.0;
-  Vec e = out.ends.moment;
+  out.at.ends = here.ends();
+  residual(task, out.at.ends, r);
+  double cost = task_cost(r, out.at.ends.moment), away = distance(p), trust = kTrustStart, damping = 1.0;
+  Vec e = out.at.ends.moment;
   bool fresh = true;  // derivatives belong to the present point
   bool factored = false;
   int chords = 0;
@@ -129,7 +127,8 @@ Outcome<K> solve(const Rod<K>& rod, const Task& task, Vec tip_force, double shar
     if (!factored) {
       ++out.iterations;
       if (!by.eliminate(task, here, weight)) break;
-      out.tip_by_balance = first_columns(here.tip.by.shift) * by.inverse_A;
+      out.at.tip_by_balance = first_columns(here.tip.by.shift) * by.inverse_A;
+      out.at.mid_by_balance = first_columns(here.mid_shift) * by.inverse_A;
       factored = true;
     }
     // The secondary goal converges linearly where the task is strongly curved: only in the first half.
@@ -170,18 +169,18 @@ Outcome<K> solve(const Rod<K>& rod, const Task& task, Vec tip_force, double shar
     double next[n];
     for (int j = 0; j < n; ++j) next[j] = std::min(std::max(p[j] + d[j], limits.lower[j]), limits.upper[j]);
     const Vec next_moment = moment - by.moment_step(d, damping, Ge);
-    Ends trial;
-    int modes = -1;
+    Judged trial = out.at;
+    trial.modes = -1;
     if (carries && chords > 0) {
       // Probably the last one: count unstable modes along.
-      modes = count_modes<K>(rod, next, next_moment, tip_force, share, elements, trial, out.tip_by_balance);
+      judge<K>(rod, next, next_moment, tip_force, share, elements, trial);
     } else {
       sweep<K, false>(rod, next, next_moment, tip_force, share, elements, scratch);
-      trial = scratch.ends();
+      trial.ends = scratch.ends();
     }
     double next_r[9];
-    residual(task, trial, next_r);
-    const double next_cost = task_cost(next_r, trial.moment), next_away = distance(next);
+    residual(task, trial.ends, next_r);
+    const double next_cost = task_cost(next_r, trial.ends.moment), next_away = distance(next);
     // In the null space of the task a straight step costs task error, which the next one removes.
     const bool sideways = pull > 0.0 && next_cost <= kSideways * kSideways && next_away < away;
     const bool better = next_cost + next_away < cost + away || (pull < weight && next_cost < cost);
@@ -189,9 +188,8 @@ Outcome<K> solve(const Rod<K>& rod, const Task& task, Vec tip_force, double shar
       std::copy(next, next + n, p);
       std::copy(next_r, next_r + rows, r);
       moment = next_moment;
-      e = trial.moment;
-      out.ends = trial;
-      out.modes = modes;
+      e = trial.ends.moment;
+      out.at = trial;
       const bool well = next_cost < 0.01 * cost;
       if (sideways || next_cost < 0.5 * cost) trust *= 2.0;
       cost = next_cost;
@@ -220,9 +218,9 @@ Outcome<K> solve(const Rod<K>& rod, const Task& task, Vec tip_force, double shar
   out.met = out.residual <= tolerance && out.statics <= kBalance;
   if (!out.met) {
     newton<K>(rod, p, moment, tip_force, share, elements, here);
-    out.ends = here.ends();
-    out.modes = -1;
-    residual(task, out.ends, r);
+    out.at.ends = here.ends();
+    out.at.modes = -1;
+    residual(task, out.at.ends, r);
     out.statics = norm(here.moment);
     out.residual = std::sqrt(square(r, rows));
     out.met = out.residual <= tolerance && out.statics <= kBalance;

@@ -33,12 +33,12 @@ bool track(const Rod<K>& rod, const Task& task, Vec tip_force, const Limits<K>& 
     for (int a = 0; a < rows; ++a) sum += r[a] * r[a];
     return sum;
   };
-  out.ends = here.ends();
-  out.modes = -1;
+  out.at.ends = here.ends();
+  out.at.modes = -1;
   out.iterations = 1;
-  double error2 = squared(out.ends);
+  double error2 = squared(out.at.ends);
   for (int chord = 0;; ++chord) {
-    if (error2 <= tolerance * tolerance && norm(out.ends.moment) <= kBalance) break;
+    if (error2 <= tolerance * tolerance && norm(out.at.ends.moment) <= kBalance) break;
     if (chord > kChords) return false;
     for (int j = 0; j < n; ++j) {
       g[j] = 0.0;
@@ -48,20 +48,20 @@ bool track(const Rod<K>& rod, const Task& task, Vec tip_force, const Limits<K>& 
     }
     box_step<n>(H, g, low, high, d);
     for (int j = 0; j < n; ++j) p[j] = std::min(std::max(p[j] + d[j], limits.lower[j]), limits.upper[j]);
-    out.modes = -1;
+    out.at.modes = -1;
     if (chord == 0) {
       sweep<K, false>(rod, p, moment, tip_force, 1.0, elements, here);
-      out.ends = here.ends();
+      out.at.ends = here.ends();
     } else {  // probably the last one: count unstable modes along
-      out.modes = count_modes<K>(rod, p, moment, tip_force, 1.0, elements, out.ends, out.tip_by_balance);
+      judge<K>(rod, p, moment, tip_force, 1.0, elements, out.at);
     }
     const double before = error2;
-    error2 = squared(out.ends);
+    error2 = squared(out.at.ends);
     if (!(error2 < 0.01 * before || error2 <= tolerance * tolerance)) return false;
   }
-  if (out.modes < 0) out.modes = count_modes<K>(rod, p, moment, tip_force, 1.0, elements, out.ends, out.tip_by_balance);
+  if (out.at.modes < 0) judge<K>(rod, p, moment, tip_force, 1.0, elements, out.at);
   out.moment = moment;
-  out.statics = norm(out.ends.moment);
+  out.statics = norm(out.at.ends.moment);
   out.residual = std::sqrt(error2);
   out.met = out.optimal = true;
   return true;

@@ -13,12 +13,11 @@ import numpy as np
 
 from contid.kernels import load
 from contid.kinematics.array import Array
-from contid.kinematics.cosserat.equilibrium import equilibrium, newton
+from contid.kinematics.cosserat.branch import buckled, critical_factor
 from contid.kinematics.cosserat.loads import Loads
-from contid.kinematics.cosserat.search import MAX_ELEMENTS, discretisation_error, search
+from contid.kinematics.cosserat.search import fine_equilibrium, search
 from contid.kinematics.cosserat.section import Rod
 from contid.kinematics.cosserat.solve import Limits, Problem
-from contid.kinematics.cosserat.stability import critical_factor, unstable_modes
 from contid.kinematics.cosserat.task import Task
 from contid.targets import Vec3
 
@@ -61,7 +60,7 @@ class RodSolver(Protocol):
         ...
 
     def critical(self, pressures: Sequence[float], force: Vec3, max_factor: float) -> float | None:
-        """Least factor of the force at which the arm buckles; see `stability.critical_factor`."""
+        """Least factor of the force at which the arm buckles; see `branch.critical_factor`."""
         ...
 
 
@@ -101,19 +100,14 @@ class NumpyEngine:
         s = self.setup
         loads = self.loads(force)
         p: Array = np.array(pressures)
-        found, elements = equilibrium(s.rod, p, loads, s.elements), s.elements
-        while found.converged and not loads.none and elements < MAX_ELEMENTS:
-            if discretisation_error(s.rod, p, found.base_moment, loads, elements, found.sweep) <= s.error:
-                break
-            elements *= 2
-            found = newton(s.rod, p, found.base_moment, loads, elements)
-        stable = found.converged
-        if stable and not loads.none:
-            stable = unstable_modes(s.rod, p, found.base_moment, loads, elements) == 0
-        end = found.sweep
+        found, elements = fine_equilibrium(s.rod, p, loads, s.elements, s.error)
+        stable, end, moment = found.done == 1.0, found.sweep, found.base_moment
+        if not stable:
+            some = buckled(s.rod, p, loads, found, elements)
+            end, moment = some.sweep, some.base_moment
         return (
             tuple(end.tip.tolist()), tuple(end.rotation.ravel().tolist()), tuple(end.ends[0].tolist()),
-            stable, tuple(found.base_moment.tolist()), elements,
+            stable, tuple(moment.tolist()), elements,
         )  # fmt: skip
 
     def critical(self, pressures: Sequence[float], force: Vec3, max_factor: float) -> float | None:

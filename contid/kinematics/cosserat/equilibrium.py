@@ -1,4 +1,7 @@
-"""Forward statics: the base moment that brings a rod with given pressures into balance with its loads."""
+"""Forward statics: the base moment that brings a rod with given pressures into balance with its loads.
+
+Newton's method from a given start; which of several equilibria counts is decided in `branch`.
+"""
 
 from __future__ import annotations
 
@@ -9,7 +12,6 @@ import numpy as np
 from contid.kinematics.array import Array
 from contid.kinematics.cosserat.loads import Loads
 from contid.kinematics.cosserat.section import Rod
-from contid.kinematics.cosserat.spatial import cross
 from contid.kinematics.cosserat.statics import Sweep, sweep
 
 #: Moment balance at the tip that counts as equilibrium [N·mm].
@@ -60,26 +62,3 @@ def newton(
         else:
             break
     return Equilibrium(moment, found, bool(np.linalg.norm(found.moment) <= tolerance))
-
-
-def equilibrium(rod: Rod, pressures: Array, loads: Loads, elements: int = 3) -> Equilibrium:
-    """Equilibrium on the branch that grows out of the unloaded shape.
-
-    The load is raised from zero in steps that shrink where Newton's method fails: this is the branch of a
-    slowly loaded robot. Its stability is not checked: `contid.kinematics.cosserat.stability.unstable_modes`.
-    """
-    found = newton(rod, pressures, np.zeros(3), loads.scaled(0.0), elements)
-    reached, step = 0.0, 0.25
-    while reached < 1.0 and step > 1e-3:
-        goal = min(1.0, reached + step)
-        # The moment a dead tip force has about the base is known as soon as the tip is.
-        start = found.base_moment + (goal - reached) * cross(found.sweep.tip, loads.tip_force)
-        trial = newton(rod, pressures, start, loads.scaled(goal), elements)
-        near = np.linalg.norm(trial.sweep.tip - found.sweep.tip) < 0.3 * rod.reach
-        if trial.converged and near:
-            found, reached, step = trial, goal, 2.0 * step
-        else:
-            step *= 0.5
-    if reached < 1.0:
-        return Equilibrium(found.base_moment, found.sweep, False)
-    return found

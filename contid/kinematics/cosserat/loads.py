@@ -47,6 +47,21 @@ class Loads:
             times(self.link_weight),
         )
 
+    def towards(self, other: Loads, part: float) -> Loads:
+        """Loads between these (part 0) and others (part 1)."""
+
+        def between(a: dict[int, Array], b: dict[int, Array]) -> dict[int, Array]:
+            return {i: (1.0 - part) * a.get(i, _zeros()) + part * b.get(i, _zeros()) for i in {*a, *b}}
+
+        return Loads(
+            (1.0 - part) * self.tip_force + part * other.tip_force,
+            (1.0 - part) * self.tip_moment + part * other.tip_moment,
+            between(self.joint_force, other.joint_force),
+            between(self.joint_moment, other.joint_moment),
+            between(self.weight, other.weight),
+            between(self.link_weight, other.link_weight),
+        )
+
     def base_force(self, rod: Rod) -> Array:
         """N at the base [N], shape (3,): everything the rod carries."""
         total = self.tip_force.copy()
@@ -55,6 +70,11 @@ class Loads:
             total += section.length * self.weight.get(i, _zeros())
             total += section.link * self.link_weight.get(i, _zeros())
         return total
+
+    @property
+    def moments(self) -> bool:
+        """True when a dead moment acts."""
+        return any(np.any(moment) for moment in (self.tip_moment, *self.joint_moment.values()))
 
     @property
     def none(self) -> bool:

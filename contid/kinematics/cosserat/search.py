@@ -13,11 +13,13 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from contid.kinematics.array import Array
+from contid.kinematics.cosserat.branch import MAX_ELEMENTS, Followed, equilibrium, settle
 from contid.kinematics.cosserat.closed_form import (
     mid_and_tip_pressures,
     tip_and_direction_pressures,
     tip_pressures,
 )
+from contid.kinematics.cosserat.equilibrium import STATICS_TOLERANCE
 from contid.kinematics.cosserat.loads import Loads
 from contid.kinematics.cosserat.section import Rod
 from contid.kinematics.cosserat.solve import BALANCE_TOLERANCE, Limits, Problem, RodSolution, solve
@@ -37,7 +39,6 @@ TRACKING = 0.05
 LOAD_STEPS = 3
 RAMP_TOLERANCE = 1e-2
 RAMP_ITERATIONS = 10
-MAX_ELEMENTS = 48
 
 
 @dataclass(frozen=True, slots=True)
@@ -205,14 +206,40 @@ def refine(problem: Problem, found: Found, error: float) -> Found:
 def discretisation_error(
     rod: Rod, pressures: Array, base_moment: Array, loads: Loads, n: int, here: Sweep
 ) -> float:
-    """Estimated error of the tip [mm] of a sweep with n elements, from one with a third of them.
+    """Estimated error [mm] of the tip and of the end of the first section of a sweep with n elements.
 
-    For a method of fourth order the results of n and m < n elements differ by ``(n/m)^4 - 1`` times the error
-    of n. The equilibrium of the coarser rod is included to first order.
+    From a sweep with a third of them: for a method of fourth order the results of n and m < n elements differ
+    by ``(n/m)^4 - 1`` times the error of n. The equilibrium of the coarser rod is included to first order.
     """
     m = max(1, n // 3) if n > 1 else 2
     other = sweep(rod, pressures, base_moment, loads, m)
     assert here.tangents is not None
     turn = np.linalg.solve(here.tangents.moment[:, :3], other.moment - here.moment)
-    moved = other.tip - here.tip - here.tangents.tip[:, :3] @ turn
-    return float(np.linalg.norm(moved)) / abs((n / m) ** 4 - 1.0)
+    tip = other.tip - here.tip - here.tangents.tip[:, :3] @ turn
+    mid = other.ends[0] - here.ends[0] - here.tangents.ends[0][:, :3] @ turn
+    return max(float(np.linalg.norm(tip)), float(np.linalg.norm(mid))) / abs((n / m) ** 4 - 1.0)
+
+
+def fine_equilibrium(
+    rod: Rod, pressures: Array, loads: Loads, elements: int, error: float
+) -> tuple[Followed, int]:
+    """`branch.equilibrium` with as many elements as ``error`` [mm] demands; also their number.
+
+    A branch that ends short of the full load is followed with more elements before that counts.
+    """
+    found: Followed | None = None
+    while True:
+        if found is not None and found.done == 1.0:
+            finer = settle(rod, pressures, found.base_moment, loads, elements, STATICS_TOLERANCE)
+            found = None if finer is None else Followed(finer.base_moment, finer.sweep, 1.0)
+        else:
+            found = None
+        if found is None:
+            found = equilibrium(rod, pressures, loads, elements)
+        if elements >= MAX_ELEMENTS or loads.none:
+            return found, elements
+        if found.done == 1.0:
+            estimate = discretisation_error(rod, pressures, found.base_moment, loads, elements, found.sweep)
+            if estimate <= error:
+                return found, elements
+        elements *= 2

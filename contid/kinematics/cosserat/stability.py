@@ -14,13 +14,11 @@ A dead moment does not derive from an energy in three dimensions: it enters the 
 
 from __future__ import annotations
 
-from dataclasses import replace
 from itertools import pairwise
 
 import numpy as np
 
 from contid.kinematics.array import Array
-from contid.kinematics.cosserat.equilibrium import equilibrium
 from contid.kinematics.cosserat.loads import Loads
 from contid.kinematics.cosserat.section import Rod
 from contid.kinematics.cosserat.statics import sweep
@@ -45,42 +43,3 @@ def unstable_modes(rod: Rod, pressures: Array, base_moment: Array, loads: Loads,
         modes += int(np.count_nonzero(ratio.real < 0.0))
     stiffness = found.tangents.moment[:, :3] @ np.linalg.inv(found.tangents.turn[:, :3])
     return modes + int(np.count_nonzero(np.linalg.eigvalsh(0.5 * (stiffness + stiffness.T)) < 0.0))
-
-
-def critical_factor(
-    rod: Rod,
-    pressures: Array,
-    loads: Loads,
-    max_factor: float = 1.0,
-    elements: int = 3,
-) -> float | None:
-    """Least factor of the tip force at which the branch from the unloaded shape loses its stability.
-
-    Args:
-        rod: the sections.
-        pressures: [bar].
-        loads: dead loads; only the tip force is scaled, the others act in full.
-        max_factor: upper end of the search.
-        elements: steps per section.
-
-    Returns:
-        The factor to 0.1 %, 0.0 when the other loads alone suffice, or None when the branch is stable up to
-        ``max_factor``.
-    """
-
-    def stable(factor: float) -> bool:
-        acting = replace(loads, tip_force=factor * loads.tip_force)
-        found = equilibrium(rod, pressures, acting, elements)
-        if not found.converged:
-            return False
-        return unstable_modes(rod, pressures, found.base_moment, acting, elements) == 0
-
-    if stable(max_factor):
-        return None
-    low, high = 0.0, max_factor
-    if not stable(0.0):
-        return 0.0
-    while high - low > 1e-3 * high:
-        middle = 0.5 * (low + high)
-        low, high = (middle, high) if stable(middle) else (low, middle)
-    return 0.5 * (low + high)

@@ -1,0 +1,163 @@
+// The branch of equilibria on which the arm stands: twin of contid/kinematics/cosserat/branch.py, its specification.
+#pragma once
+
+#include <limits>
+
+#include "balance.hpp"
+
+namespace contid {
+
+constexpr int kCorrections = 8, kMaxElements = 48;
+// A correction that does not shrink the balance to this part has started outside the neighbourhood of its solution: this
+// is what keeps a path on its branch.
+constexpr double kContraction = 0.3;
+constexpr double kFirstStep = 0.25, kLeastStep = 1e-3, kNoStep = 1e-6, kOnTheWay = 1e-5, kRough = 1e-2, kNear = 0.02,
+                 kSameFactor = 5e-3, kSamePose = 1e-4;
+
+// Moment of all loads at full length: what corrections of the base moment are compared with [N*mm].
+template <int K> double load_scale(const Rod<K>& rod, Vec tip_force) {
+  double force = norm(tip_force);
+  for (const Section& s : rod.sections) force += norm(own_weight(s));
+  return force * rod.reach;
+}
+
+// Newton's method that ends where a step does not contract the balance. True for a stable equilibrium.
+template <int K>
+bool settle(const Rod<K>& rod, const double* pressures, Vec& moment, Vec tip_force, double share, int elements,
+            double tolerance, Judged& out) {
+  double before = std::numeric_limits<double>::infinity();
+  for (int i = 0; i < kCorrections; ++i) {
+    judge<K>(rod, pressures, moment, tip_force, share, elements, out);
+    const double error = norm(out.ends.moment);
+    if (error <= tolerance) return out.modes == 0;
+    if (!(error < kContraction * before) || !out.regular) return false;
+    before = error;
+    moment = moment - out.moment_by_balance * out.ends.moment;
+  }
+  return false;
+}
+
+// One end of a straight way in pressures, tip force and share of the own weight.
+struct Station {
+  const double* pressures;
+  Vec tip_force;
+  double share;
+};
+
+// Follows stable equilibria from one station to another. `moment` and `out` are those of the last one reached; returns
+// the part of the way done, 1 for all of it, to 0.1 %.
+template <int K>
+double follow(const Rod<K>& rod, const Station& from, const Station& to, int elements, Vec& moment, Judged& out) {
+  const double scale = std::fmax(load_scale<K>(rod, from.tip_force), load_scale<K>(rod, to.tip_force));
+  double done = 0.0, behind = 0.0, step = kFirstStep, p[3 * K];
+  Vec before = moment;
+  judge<K>(rod, from.pressures, moment, from.tip_force, from.share, elements, out);
+  while (done < 1.0) {
+    const double goal = std::fmin(1.0, done + step), share = from.share + goal * (to.share - from.share);
+    const Vec rise = goal * (to.tip_force - from.tip_force);
+    for (int j = 0; j < 3 * K; ++j) p[j] = from.pressures[j] + goal * (to.pressures[j] - from.pressures[j]);
+    // A dead tip force has a moment about the base that follows from the tip; afterwards the secant predicts.
+    const Vec predicted = done > 0.0 ? moment + ((goal - done) / (done - behind)) * (moment - before)
+                                     : moment + cross(out.ends.p, rise);
+    Vec corrected = predicted;
+    Judged trial;
+    const double tolerance = goal < 1.0 ? kOnTheWay * scale : kStatics;
+    if (settle<K>(rod, p, corrected, from.tip_force + rise, share, elements, tolerance, trial)) {
+      before = moment, behind = done;
+      moment = corrected, done = goal;
+      out = trial;
+      step *= 2.0;
+    } else {
+      step = 0.5 * (goal - done);
+      if (step < kLeastStep * goal + kNoStep) break;
+    }
+  }
+  return done;
+}
+
+// True when anything acts on the rod; without load every equilibrium is stable and the strains are constant.
+template <int K> bool loaded(const Rod<K>& rod, Vec tip_force) { return load_scale<K>(rod, tip_force) > 0.0; }
+
+// The equilibrium that the arm reaches when pressures and loads grow together from zero; returns the part done.
+template <int K>
+double equilibrium(const Rod<K>& rod, const double* pressures, Vec tip_force, int elements, Vec& moment, Judged& out) {
+  const double none[3 * K] = {};
+  moment = {0, 0, 0};
+  if (loaded<K>(rod, tip_force))
+    return follow<K>(rod, {none, {0, 0, 0}, 0.0}, {pressures, tip_force, 1.0}, elements, moment, out);
+  judge<K>(rod, pressures, moment, tip_force, 1.0, elements, out);
+  return 1.0;
+}
+
+// Base moment of a rod whose tip is at `tip`; weights are put on the chord.
+template <int K> Vec predicted_moment(const Rod<K>& rod, Vec tip, Vec tip_force, double share) {
+  Vec moment = cross(tip, tip_force);
+  double done = 0.0;
+  for (int i = 0; i < K; ++i) {
+    const Section& s = rod.sections[i];
+    const double middle = (done + 0.5 * s.length) / rod.reach, at = (done + s.length + 0.5 * s.link) / rod.reach;
+    moment = moment + (middle * s.length * share) * cross(tip, s.weight) +
+             (at * s.link * share) * cross(tip, s.link_weight);
+    done += s.length + s.link;
+  }
+  return moment;
+}
+
+// True when a stable equilibrium is the one of `equilibrium`. Tried first: a curve from the straight arm to it, held
+// against the balance at three points of the way.
+template <int K>
+bool on_branch(const Rod<K>& rod, const double* pressures, Vec moment, Vec tip_force, int elements) {
+  const double scale = load_scale<K>(rod, tip_force);
+  const Vec slope = predicted_moment<K>(rod, {0, 0, rod.reach}, tip_force, 1.0);
+  Vec bend = moment - slope, bent_half = bend;  // of (M - s slope) / s^2 at s = 1 and 1/2
+  Judged at;
+  double p[3 * K];
+  bool smooth = true;
+  for (double part : {0.5, 0.25, 0.75}) {
+    for (int j = 0; j < 3 * K; ++j) p[j] = part * pressures[j];
+    const Vec bent = bent_half + (2.0 * part - 1.0) * (bend - bent_half);
+    Vec guess = part * slope + (part * part) * bent;
+    if (part == 0.5) {
+      smooth = settle<K>(rod, p, guess, part * tip_force, part, elements, kRough * scale, at);
+      bent_half = 4.0 * (guess - part * slope);
+    } else {
+      judge<K>(rod, p, guess, part * tip_force, part, elements, at);
+      smooth = at.modes == 0 && norm(at.moment_by_balance * at.ends.moment) <= kNear * scale;
+    }
+    if (!smooth) break;
+  }
+  if (smooth) return true;
+  Vec found;
+  return equilibrium<K>(rod, pressures, tip_force, elements, found, at) == 1.0 &&
+         norm(found - moment) <= kSamePose * scale;
+}
+
+// Some equilibrium under the full load, for a rod whose branch ends before; `moment` and `out` are those of its end.
+template <int K>
+void buckled(const Rod<K>& rod, const double* pressures, Vec tip_force, int elements, Vec& moment, Judged& out) {
+  Sweep<K> unused;
+  moment = cross(out.ends.p, tip_force);
+  newton<K>(rod, pressures, moment, tip_force, 1.0, elements, unused);
+  judge<K>(rod, pressures, moment, tip_force, 1.0, elements, out);
+}
+
+// Least factor of the tip force at which the arm, inflated and under its own weight, loses its stability; -1 when it is
+// stable up to `max_factor`, 0 when the own weight alone buckles it. Elements are doubled until two verdicts agree.
+template <int K>
+double critical_factor(const Rod<K>& rod, const double* pressures, Vec tip_force, double max_factor, int elements) {
+  double found = -1.0;
+  for (;; elements *= 2) {
+    const double before = found;
+    Vec moment;
+    Judged at;
+    found = 0.0;
+    if (equilibrium<K>(rod, pressures, {0, 0, 0}, elements, moment, at) == 1.0) {
+      const Vec full = max_factor * tip_force;
+      found = follow<K>(rod, {pressures, {0, 0, 0}, 1.0}, {pressures, full, 1.0}, elements, moment, at);
+      if (found == 1.0) return -1.0;
+    }
+    if (elements >= kMaxElements || std::fabs(found - before) <= kSameFactor * found) return max_factor * found;
+  }
+}
+
+}  // namespace contid

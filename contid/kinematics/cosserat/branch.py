@@ -1,0 +1,177 @@
+"""The branch of equilibria on which the arm stands.
+
+A loaded rod has several equilibria, some of them stable. The one that counts is reached when pressures and
+loads grow together from zero, without a jump; where it loses its stability on the way, the arm snaps through
+to an equilibrium that statics does not determine. Forward and inverse share this definition.
+
+A path stays on its branch because each point must be stable and lie in the neighbourhood of its prediction in
+which Newton's method contracts; otherwise the step is halved. Specification of
+``contid/kernels/cosserat/branch.hpp``.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from contid.kinematics.array import Array
+from contid.kinematics.cosserat.equilibrium import STATICS_TOLERANCE, Equilibrium, newton
+from contid.kinematics.cosserat.loads import Loads
+from contid.kinematics.cosserat.section import Rod
+from contid.kinematics.cosserat.spatial import cross
+from contid.kinematics.cosserat.stability import unstable_modes
+from contid.kinematics.cosserat.statics import Sweep, sweep
+
+#: Steps of Newton's method at one point of a path, and how much each must shrink the balance.
+CORRECTIONS = 8
+CONTRACTION = 0.3
+#: Parts of a path: first and least step, the least of a path that cannot start.
+FIRST_STEP = 0.25
+LEAST_STEP = 1e-3
+NO_STEP = 1e-6
+#: Moment balance at the points before the last, as a part of `load_scale`.
+ON_THE_WAY = 1e-5
+#: Difference of base moments of one and the same equilibrium, as a part of `load_scale`.
+SAME_POSE = 1e-4
+#: Two critical factors that agree.
+SAME_FACTOR = 5e-3
+MAX_ELEMENTS = 48
+
+
+@dataclass(frozen=True, slots=True)
+class Station:
+    """One end of a straight path in pressures [bar] and loads."""
+
+    pressures: Array
+    loads: Loads
+
+
+@dataclass(frozen=True, slots=True)
+class Followed:
+    """Where a path ends.
+
+    Attributes:
+        base_moment: of the last equilibrium reached [N·mm].
+        sweep: the integration that belongs to it.
+        done: part of the path that was possible, to 0.1 %; 1.0 for all of it.
+    """
+
+    base_moment: Array
+    sweep: Sweep
+    done: float
+
+
+def load_scale(rod: Rod, loads: Loads) -> float:
+    """Moment of all loads at full length: what base moments are compared with [N·mm]."""
+    total = float(np.linalg.norm(loads.tip_force)) * rod.reach + float(np.linalg.norm(loads.tip_moment))
+    for i, section in enumerate(rod.sections):
+        own = section.length * loads.weight.get(i, np.zeros(3))
+        own = own + section.link * loads.link_weight.get(i, np.zeros(3))
+        total += float(np.linalg.norm(own)) * rod.reach
+        total += float(np.linalg.norm(loads.joint_force.get(i, np.zeros(3)))) * rod.reach
+        total += float(np.linalg.norm(loads.joint_moment.get(i, np.zeros(3))))
+    return total
+
+
+def settle(
+    rod: Rod, pressures: Array, start: Array, loads: Loads, elements: int, tolerance: float
+) -> Equilibrium | None:
+    """Newton's method that ends where a step does not contract the balance; None unless stable.
+
+    A dead moment has no energy, so that stability is not defined and not asked for (`stability`).
+    """
+    moment, before = np.array(start, float), np.inf
+    for _ in range(CORRECTIONS):
+        found = sweep(rod, pressures, moment, loads, elements, tangents=True)
+        error = float(np.linalg.norm(found.moment))
+        if error <= tolerance:
+            if not loads.moments and unstable_modes(rod, pressures, moment, loads, elements) > 0:
+                return None
+            return Equilibrium(moment, found, True)
+        if not error < CONTRACTION * before:
+            return None
+        before = error
+        assert found.tangents is not None
+        try:
+            moment = moment - np.linalg.solve(found.tangents.moment[:, :3], found.moment)
+        except np.linalg.LinAlgError:
+            return None
+    return None
+
+
+def follow(rod: Rod, start: Station, end: Station, base_moment: Array, elements: int) -> Followed:
+    """Follow stable equilibria along a straight path; ``base_moment`` is that of its start [N·mm]."""
+    scale = max(load_scale(rod, start.loads), load_scale(rod, end.loads))
+    moment = before = np.array(base_moment, float)
+    at = sweep(rod, start.pressures, moment, start.loads, elements, tangents=True)
+    done, behind, step = 0.0, 0.0, FIRST_STEP
+    while done < 1.0:
+        goal = min(1.0, done + step)
+        pressures = start.pressures + goal * (end.pressures - start.pressures)
+        loads = start.loads.towards(end.loads, goal)
+        if done > 0.0:
+            predicted = moment + (goal - done) / (done - behind) * (moment - before)
+        else:
+            # A dead tip force has a moment about the base that follows from the tip.
+            predicted = moment + goal * cross(at.tip, end.loads.tip_force - start.loads.tip_force)
+        tolerance = ON_THE_WAY * scale if goal < 1.0 else STATICS_TOLERANCE
+        trial = settle(rod, pressures, predicted, loads, elements, tolerance)
+        if trial is not None:
+            before, behind = moment, done
+            moment, done, at = trial.base_moment, goal, trial.sweep
+            step *= 2.0
+        else:
+            step = 0.5 * (goal - done)
+            if step < LEAST_STEP * goal + NO_STEP:
+                break
+    return Followed(moment, at, done)
+
+
+def equilibrium(rod: Rod, pressures: Array, loads: Loads, elements: int = 3) -> Followed:
+    """The equilibrium that the arm reaches when pressures and loads grow together from zero."""
+    if loads.none:
+        found = newton(rod, pressures, np.zeros(3), loads, elements)
+        return Followed(found.base_moment, found.sweep, 1.0)
+    rest = Station(np.zeros(rod.pressures), loads.scaled(0.0))
+    return follow(rod, rest, Station(np.array(pressures, float), loads), np.zeros(3), elements)
+
+
+def buckled(rod: Rod, pressures: Array, loads: Loads, end: Followed, elements: int) -> Equilibrium:
+    """Some equilibrium under the full load, for an arm whose branch ends before, at ``end``."""
+    return newton(rod, pressures, cross(end.sweep.tip, loads.tip_force), loads, elements)
+
+
+def critical_factor(
+    rod: Rod,
+    pressures: Array,
+    loads: Loads,
+    max_factor: float = 1.0,
+    elements: int = 3,
+) -> float | None:
+    """Least factor of the tip force at which the arm loses its stability.
+
+    Args:
+        rod: the sections.
+        pressures: [bar].
+        loads: dead loads; only the tip force is scaled, pressures and the others act in full.
+        max_factor: upper end of the search.
+        elements: steps per section to begin with; doubled until two verdicts agree, since too few elements
+            count unstable modes that finer ones do not have.
+
+    Returns:
+        The factor to 0.5 %, 0.0 when the other loads alone suffice, or None when the arm is stable up to
+        ``max_factor``.
+    """
+    p, found = np.array(pressures, float), -1.0
+    bare, full = replace(loads, tip_force=np.zeros(3)), replace(loads, tip_force=max_factor * loads.tip_force)
+    while True:
+        before, found = found, 0.0
+        own = equilibrium(rod, p, bare, elements)
+        if own.done == 1.0:
+            found = follow(rod, Station(p, bare), Station(p, full), own.base_moment, elements).done
+            if found == 1.0:
+                return None
+        if elements >= MAX_ELEMENTS or abs(found - before) <= SAME_FACTOR * found:
+            return max_factor * found
+        elements *= 2

@@ -1,0 +1,84 @@
+"""Statics of a loaded rod by shooting: quaternions, DOP853, and pressures and loads raised together.
+
+Independent of contid's integrator, unknowns and step control; it shares the section's constants, which the
+golden rows of the reference check.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+from scipy.integrate import solve_ivp
+from scipy.optimize import root
+
+from contid.kinematics.array import Array
+from contid.kinematics.cosserat.section import Rod, Section
+
+#: Number of equal steps in which pressures and load grow.
+RAMP_STEPS = 24
+
+
+def _rotation(q: Array) -> Array:
+    w, x, y, z = q / np.linalg.norm(q)
+    return np.array(
+        [
+            [1 - 2 * (y * y + z * z), 2 * (x * y - w * z), 2 * (x * z + w * y)],
+            [2 * (x * y + w * z), 1 - 2 * (x * x + z * z), 2 * (y * z - w * x)],
+            [2 * (x * z - w * y), 2 * (y * z + w * x), 1 - 2 * (x * x + y * y)],
+        ]
+    )
+
+
+def _section_end(section: Section, pressures: Array, state: Array, force: Array) -> Array:
+    """Integrate position, quaternion and moment through one section and its link."""
+    modulus = section.modulus(float(pressures.mean()))[0]
+    bend, axial = modulus * section.inertia, modulus * section.area
+    stiff_turn = np.array([bend, bend, modulus / 3.0 * section.torsion])
+    stiff_shift = np.array([axial / 3.0, axial / 3.0, axial])
+    push = np.array([0.0, 0.0, section.pair_force * pressures.sum()])
+    couple = section.pair_moment @ pressures
+
+    def rates(_: float, y: Array) -> Array:
+        R = _rotation(y[3:7])
+        u = (R.T @ y[7:10] + couple) / stiff_turn
+        v = np.array([0.0, 0.0, 1.0]) + (R.T @ force + push) / stiff_shift
+        w, q = y[3], y[4:7]
+        dp = R @ v
+        dq = 0.5 * np.concatenate([[-q @ u], w * u + np.cross(q, u)])
+        return np.concatenate([dp, dq, -np.cross(dp, force)])
+
+    end: Array = solve_ivp(rates, (0.0, section.length), state, method="DOP853", rtol=1e-10, atol=1e-10).y[
+        :, -1
+    ]
+    arm = section.link * _rotation(end[3:7])[:, 2]
+    end[:3] += arm
+    end[7:10] -= np.cross(arm, force)
+    return end
+
+
+def shoot(rod: Rod, pressures: Array, force: Array, base_moment: Array) -> tuple[Array, Array]:
+    """Tip [mm] and moment left at the tip [N·mm] for a base moment."""
+    state = np.concatenate([np.zeros(3), [1.0, 0.0, 0.0, 0.0], base_moment])
+    for i, section in enumerate(rod.sections):
+        state = _section_end(section, pressures[3 * i : 3 * i + 3], state, force)
+    return state[:3], state[7:10]
+
+
+def ramped_tip(rod: Rod, pressures: Array, force: Array, steps: int = RAMP_STEPS) -> Array | None:
+    """Tip [mm] that is reached when pressures and force grow together; None where a step does not follow."""
+    moment, before = np.zeros(3), np.zeros(3)
+    tip = np.array([0.0, 0.0, rod.reach])
+    for k in range(1, steps + 1):
+        part = k / steps
+        guess = moment + (moment - before)
+        found = root(
+            lambda m, part=part: shoot(rod, part * pressures, part * force, m)[1],
+            guess,
+            options={"xtol": 1e-9},
+        )
+        if not found.success:
+            return None
+        reached = shoot(rod, part * pressures, part * force, found.x)[0]
+        if np.linalg.norm(reached - tip) > 0.25 * rod.reach:
+            return None
+        before, moment, tip = moment, found.x, reached
+    return tip
