@@ -206,7 +206,7 @@ def test_a_device_that_is_not_there_is_exit_code_4(robot: Callable[..., Path]) -
 
 def test_a_fault_is_exit_code_3_and_reports(robot: Callable[..., Path]) -> None:
     path = robot(2, options="faults: [{at_s: 0.3, kind: overload, axis: f0.left}]")
-    done = contid("run", str(path), "--json", stdin=circle_csv(2, period_s=0.2))
+    done = contid("run", str(path), "--json", stdin=circle_csv(2, period_s=0.6))
     report = json.loads(done.stdout)
     assert done.returncode == 3
     assert report["robots"]["f0"]["fault"] == 103

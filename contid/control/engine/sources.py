@@ -6,7 +6,7 @@ from collections.abc import Mapping, Sequence
 from typing import Final, Protocol
 
 from contid.control.tick.config import RobotConfig
-from contid.control.tick.soft_start import ease_ticks, played
+from contid.control.tick.soft_start import ease_ticks, fitted, played
 from contid.control.tick.state import RobotState
 from contid.control.tick.supervisor import Mode
 from contid.targets import Target
@@ -106,12 +106,12 @@ class Timed:
         return self._base + played(tick - self._origin, self._length - self._base, self._lead, self._tail)
 
     def _begin(self, tick: int) -> None:
-        trajectory, room = self._trajectory, int(self._length - self._base) // 2 * 2
+        trajectory, left = self._trajectory, self._length - self._base
         lead = self._start_lead
         if self._base > 0.0:
             now_s = trajectory.start_s + self._base / self._rate_hz
             lead = ease_ticks(self._configs, trajectory, now_s, ahead=True)
-        self._lead, self._tail = min(lead, room), min(self._end_tail, room)
+        self._lead, self._tail = fitted(lead, left), fitted(self._end_tail, left)
         self._origin = tick
 
 

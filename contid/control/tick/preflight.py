@@ -5,9 +5,11 @@ from __future__ import annotations
 import enum
 import math
 from collections.abc import Callable, Mapping, Sequence
+from itertools import islice
 from typing import Final
 
 from contid.control.tick.config import RobotConfig
+from contid.control.tick.path_preflight import PathPreflight
 from contid.errors import BadInputError, Located
 from contid.kinematics.rope.chain import ChainGuard, Tip
 from contid.targets import ZERO3, Actuation, Solution, Target
@@ -117,11 +119,13 @@ class Preflight:
     def trajectory(
         self, trajectory: Trajectory, name: str, progress: Callable[[int, int], None] | None = None
     ) -> None:
-        """Check every row.
+        """Check every row, then the curve between them.
 
         Raises:
-            BadInputError: rows that cannot be reached or that a chain forbids, each with its line.
+            BadInputError: rows that cannot be reached or that a chain forbids, or a curve between rows that
+                leaves the reach or the rates of a robot; each with its line.
         """
+        seeds = dict(self._seeds)
         findings: list[Located] = []
         total = len(trajectory)
         for index in range(total):
@@ -134,6 +138,14 @@ class Preflight:
                 message = f"{MAX_FINDINGS} refused targets so far; not checked further"
                 findings.append(Located(name, trajectory.line_of_row(index), 1, message))
                 break
+        if not findings and self._refuses:
+            moved = [self._configs[each] for each in trajectory.targets_of_row(0) if each in self._configs]
+            path = PathPreflight(moved, [seeds[config.name] for config in moved], explain)
+            report = None if progress is None else lambda row: progress(row, total)
+            findings = [
+                Located(name, trajectory.line_of_row(row), 1, message)
+                for row, message in islice(path.findings(trajectory, report), MAX_FINDINGS)
+            ]
         if findings:
             raise BadInputError(findings)
 

@@ -31,6 +31,11 @@ def played(n: float, length: float, lead: int, tail: int) -> float:
     return _eased(n, lead) if n < lead else n - lead / 2
 
 
+def fitted(ticks: int, length: float) -> int:
+    """A lead or a tail, at most as long as the trajectory; even."""
+    return min(ticks, int(length) // 2 * 2)
+
+
 def _eased(n: float, ticks: int) -> float:
     """Integral of the pace ``3 u^2 - 2 u^3`` over n of so many ticks."""
     u = n / ticks

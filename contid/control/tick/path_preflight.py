@@ -1,0 +1,170 @@
+"""The whole curve of a trajectory checked before motion: reach, speed and acceleration between its rows.
+
+The run is computed as the tick computes it: the eased clock, the model seeded with the solution before, the
+limiter. Refused are targets out of reach and paths that the limiter cannot follow: it rounds a corner, and
+the kink where a limit of a model begins to bind, within a few ticks; an axis must not fall further behind
+than `LAG_S` of its greatest speed.
+
+In the middle of a long interval the curve is one slow cubic: there `SAMPLES` of it stand for all ticks.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Iterator, Sequence
+from typing import Final
+
+from contid.control.tick.config import RobotConfig
+from contid.control.tick.limits import limit
+from contid.control.tick.soft_start import ease_ticks, fitted, played
+from contid.targets import Actuation, Solution, Target
+from contid.trajectory.timed import Trajectory
+
+#: An axis may be behind its reference by its greatest speed times this.
+LAG_S: Final = 0.02
+#: A tip this near its target is met: the curve between two rows on a boundary bulges by micrometres.
+NEAR_M: Final = 1e-5
+#: Every tick is checked so long after a row and before the next; of the ticks between them, this many.
+EDGE_S: Final = 0.5
+SAMPLES: Final = 200
+_ROUNDING: Final = 1.0 + 1e-6
+
+#: Why a robot cannot meet a target.
+Explain = Callable[[RobotConfig, Target, Solution], str]
+
+
+def run_ticks(
+    trajectory: Trajectory, rate_hz: float, lead: int, tail: int
+) -> Iterator[tuple[int, float, int]]:
+    """The ticks of a run: ticks since the one before, time in the trajectory [s], row it leads to.
+
+    Args:
+        trajectory: to be played.
+        rate_hz: of the tick.
+        lead: ticks that the soft start needs (`contid.control.tick.soft_start`).
+        tail: ticks that the soft end needs.
+    """
+    length = (trajectory.end_s - trajectory.start_s) * rate_hz
+    lead, tail = fitted(lead, length), fitted(tail, length)
+    over = length + 0.5 * (lead + tail)
+    edge = math.ceil(EDGE_S * rate_hz)
+    last = len(trajectory) - 1
+    n, step = 0, 1
+    while n < over:
+        time_s = trajectory.start_s + played(n, length, lead, tail) / rate_hz
+        row = min(trajectory.row_at(time_s) + 1, last)
+        yield step, time_s, row
+        step = 1
+        if lead <= n < over - tail:
+            before = (time_s - trajectory.time_of_row(row - 1)) * rate_hz
+            ahead = (trajectory.time_of_row(row) - time_s) * rate_hz
+            if before >= edge and ahead > 2 * edge:
+                step = max(1, min(int(ahead) - edge, int((before + ahead) / SAMPLES)))
+        n += step
+    yield step, trajectory.end_s, last
+
+
+class PathPreflight:
+    """Follows the curve of a trajectory with every robot that it moves.
+
+    Args:
+        configs: of these robots.
+        seeds: actuation of each from which the first row is solved.
+        explain: the message of a target out of reach.
+    """
+
+    def __init__(self, configs: Sequence[RobotConfig], seeds: Sequence[Actuation], explain: Explain) -> None:
+        self._configs = tuple(configs)
+        self._seeds = tuple(seeds)
+        self._explain = explain
+
+    def findings(
+        self, trajectory: Trajectory, progress: Callable[[int], None] | None = None
+    ) -> Iterator[tuple[int, str]]:
+        """Rows in order, each with the message of a robot that fails on the way to it.
+
+        Args:
+            trajectory: its rows are within reach.
+            progress: called now and then with the row reached.
+        """
+        if not self._configs:
+            return
+        lead = ease_ticks(self._configs, trajectory, trajectory.start_s, ahead=True)
+        tail = ease_ticks(self._configs, trajectory, trajectory.end_s, ahead=False)
+        first = trajectory.targets_of_row(0)
+        followers = [
+            _Follower(config, first[config.name], seed, self._explain)
+            for config, seed in zip(self._configs, self._seeds, strict=True)
+        ]
+        refused = [-1 for _ in followers]
+        path = run_ticks(trajectory, 1.0 / self._configs[0].period_s, lead, tail)
+        for count, (ticks, time_s, row) in enumerate(path):
+            if progress is not None and count % 1000 == 0:
+                progress(row)
+            targets = trajectory.targets_at(time_s)
+            for index, follower in enumerate(followers):
+                message = follower.follow(targets[follower.name], ticks)
+                if message and refused[index] != row:
+                    refused[index] = row
+                    yield row, f"on the way to this row, {message}"
+
+
+class _Follower:
+    """One robot on its way along the curve, as the tick drives it."""
+
+    def __init__(self, config: RobotConfig, first: Target, seed: Actuation, explain: Explain) -> None:
+        self.name = config.name
+        self._config = config
+        self._explain = explain
+        self._goal = config.model.inverse(config.frame.target_in_base(first), seed).actuation
+        self._command = self._goal
+        self._steps = self._pace = (0.0,) * len(self._goal)
+        self._lag = tuple([each.step * max(1.0, LAG_S / config.period_s) for each in config.limits])
+        #: Greatest step and change of step of each axis since the command was last on the curve.
+        self._peaks = [(0.0, 0.0) for _ in self._goal]
+
+    def follow(self, target: Target, ticks: int) -> str:
+        """Go to the target, so many ticks after the one before; why that fails, "" when it does not."""
+        config = self._config
+        try:
+            solution = config.model.inverse(config.frame.target_in_base(target), self._command)
+        except ValueError as error:
+            return f"{config.name}: {error}"
+        goal = solution.actuation
+        pace = tuple([(new - old) / ticks for new, old in zip(goal, self._goal, strict=True)])
+        changes = [new - old for new, old in zip(pace, self._pace, strict=True)]
+        self._peaks = [
+            (max(step, abs(new)), max(sharp, abs(change)))
+            for (step, sharp), new, change in zip(self._peaks, pace, changes, strict=True)
+        ]
+        self._goal, self._pace = goal, pace
+        if ticks == 1:
+            command, flags = limit(config.limits, self._command, self._steps, goal, pace)
+            behind = [abs(a - b) / lag for a, b, lag in zip(goal, command, self._lag, strict=True)]
+        else:
+            # The ticks between were not computed; amid a long interval only speed can be too much.
+            command, flags = goal, ()
+            behind = [abs(step) / each.step for step, each in zip(pace, config.limits, strict=True)]
+        self._steps = tuple([new - old for new, old in zip(command, self._command, strict=True)])
+        self._command = command
+        worst = max(range(len(behind)), key=behind.__getitem__)
+        message = ""
+        if not solution.converged and (solution.residual_m > NEAR_M or target.extra):
+            message = self._explain(config, target, solution)
+        elif behind[worst] > _ROUNDING:
+            message = self._too_fast(worst)
+        if message or ticks > 1:
+            self._command, self._steps = goal, pace
+        if message or not any(flags):
+            self._peaks = [(0.0, 0.0) for _ in goal]
+        return message
+
+    def _too_fast(self, axis: int) -> str:
+        config = self._config
+        step, change = self._peaks[axis]
+        unit, per_si = config.quantity.unit, config.quantity.per_si
+        speed, acceleration = step / config.period_s * per_si, change / config.period_s**2 * per_si
+        return (
+            f"{config.axes[axis]} needs {speed:.4g} {unit}/s and {acceleration:.4g} {unit}/s2; allowed are "
+            f"{config.velocity * per_si:.4g} and {config.acceleration * per_si:.4g}: give the rows more time"
+        )

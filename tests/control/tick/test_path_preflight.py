@@ -1,0 +1,118 @@
+"""What is refused between rows, compared with what runs do."""
+
+from __future__ import annotations
+
+import io
+import itertools
+import math
+
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from contid.control.engine.virtual import run_virtual
+from contid.control.engine.wiring import build_robot_configs, driven_robots
+from contid.control.tick.path_preflight import LAG_S, run_ticks
+from contid.control.tick.preflight import Preflight
+from contid.control.tick.supervisor import Mode
+from contid.errors import BadInputError
+from contid.robot_file.load import LoadedFile
+from contid.trajectory.read import read_trajectory
+from contid.trajectory.timed import Trajectory
+from tests.support.fingers import Collector, load
+
+RATE = 200.0
+VELOCITY_M_S = 0.1
+TIPS, AXES = "t_s,x_mm,y_mm", "t_s,left_mm,right_mm"
+
+
+def trajectory_of(loaded: LoadedFile, header: str, *rows: tuple[float, ...]) -> Trajectory:
+    text = "\n".join([header, *(",".join(map(repr, row)) for row in rows)])
+    return read_trajectory(io.StringIO(text), "t.csv", driven_robots(loaded))
+
+
+def refused(loaded: LoadedFile, trajectory: Trajectory) -> list[tuple[int, str]]:
+    try:
+        Preflight(build_robot_configs(loaded, RATE)).trajectory(trajectory, "t.csv")
+    except BadInputError as error:
+        return [(found.line, found.message) for found in error.findings]
+    return []
+
+
+@pytest.mark.parametrize(
+    ("header", "rows", "line", "message"),
+    [
+        # Both tips are within reach; the straight way between them passes below the reach of the finger.
+        (TIPS, [(0.0, 45.0, 14.0), (20.0, -45.0, 14.0)], 3, "f0: tip ("),
+        (AXES, [(0.0, 50.0, 50.0), (1.0, 90.0, 90.0), (2.0, 100.0, 98.0), (3.0, 99.0, 98.0)], 5, "100.0"),
+        (AXES, [(0.0, 50.0, 50.0), (0.2, 80.0, 50.0)], 3, "f0.left needs"),
+        (AXES, [(0.0, 50.0, 50.0), (1.0, 99.0, 50.0), (2.0, 50.0, 50.0), (2.0001, 60.0, 50.0)], 5, "allowed"),
+        (AXES, [(0.0, 50.0, 50.0), (100.0, 50.0, 50.0), (100.001, 60.0, 50.0)], 4, "f0.left needs"),
+    ],
+    ids=["reach", "overshoot", "speed", "jump", "after a dwell"],
+)
+def test_the_way_between_rows_is_refused_by_line(
+    header: str, rows: list[tuple[float, ...]], line: int, message: str
+) -> None:
+    loaded = load(1)
+    found = refused(loaded, trajectory_of(loaded, header, *rows))
+    assert any(line == at and "on the way to this row" in text and message in text for at, text in found), (
+        found
+    )
+
+
+def behind(loaded: LoadedFile, trajectory: Trajectory) -> float:
+    """How far a run leaves the curve [m], and infinite where the curve leaves the limits."""
+    seen = Collector(loaded)
+    run_virtual(loaded, RATE, trajectory, sinks=[seen])
+    worst = 0.0
+    for record in seen.records:
+        if record.robots[0].mode != Mode.RUN or record.source_s is None:
+            continue
+        curve = trajectory.targets_at(record.source_s)["f0"].actuation
+        assert curve is not None
+        if not all(0.0 <= value <= 0.1 for value in curve):
+            return math.inf
+        commands = [axis.command for axis in record.robots[0].axes]
+        worst = max(worst, *(abs(a - b) for a, b in zip(curve, commands, strict=True)))
+    return worst
+
+
+lengths = st.integers(45, 75).map(float)
+
+
+@settings(max_examples=30, deadline=None)
+@given(
+    steps=st.lists(st.sampled_from([0.001, 0.01, 0.05, 0.2, 0.5, 1.0]), min_size=1, max_size=6),
+    points=st.lists(st.tuples(lengths, lengths), min_size=7, max_size=7),
+)
+def test_what_is_accepted_is_followed_and_what_is_refused_is_not(
+    steps: list[float], points: list[tuple[float, float]]
+) -> None:
+    loaded = load(1)
+    times = [0.0, *itertools.accumulate(steps)]
+    rows = [(time_s, *point) for time_s, point in zip(times, points, strict=False)]
+    trajectory = trajectory_of(loaded, AXES, *rows)
+    lag_m = behind(loaded, trajectory)
+    if refused(loaded, trajectory):
+        assert lag_m > VELOCITY_M_S * LAG_S * (1 - 1e-6)
+    else:
+        assert lag_m <= VELOCITY_M_S * LAG_S * (1 + 1e-6)
+
+
+def test_a_trajectory_of_three_centuries_is_checked_at_once() -> None:
+    loaded = load(1)
+    trajectory = trajectory_of(loaded, AXES, (0.0, 50.0, 50.0), (1e10, 60.0, 50.0))
+    assert refused(loaded, trajectory) == []
+    assert len(list(run_ticks(trajectory, RATE, 0, 0))) < 1000
+
+
+@pytest.mark.parametrize("ease", [(0, 0), (40, 20)])
+def test_ticks_of_short_intervals_are_all_there(ease: tuple[int, int]) -> None:
+    loaded = load(1)
+    trajectory = trajectory_of(loaded, AXES, *((0.9 * k, 50.0 + k, 50.0) for k in range(11)))
+    ticks = list(run_ticks(trajectory, RATE, *ease))
+    assert [step for step, _, _ in ticks] == [1] * len(ticks)
+    assert len(ticks) == 9 * RATE + 1 + sum(ease) / 2
+    for _, time_s, row in ticks:
+        assert trajectory.time_of_row(row - 1) <= time_s <= trajectory.time_of_row(row)
