@@ -23,12 +23,15 @@ from contid_drivers.dynamixel.registers import Register
 
 #: Attempts of one read or write before the servo counts as silent.
 TRIES: Final = 3
-#: Latency allowance outside the tick: long, because a late answer could pass for one to the next request.
+#: Latency allowance outside the tick.
 ACYCLIC_LATENCY_S: Final = 0.03
 #: Bytes of model number and firmware in the answer to a ping.
 PING_SIZE: Final = 3
 #: Answers to a broadcast ping take up to this time per id besides their bytes (as in the SDK).
 PING_SLOT_S: Final = 3e-3
+#: Lengths of the reads that separate requests; no register and no block is that long.
+BARRIER_SIZES: Final = range(5, 12)
+_NEED_ORDER: Final = (Instruction.READ, Instruction.WRITE)
 #: A servo answers again within this time after a reboot.
 REBOOT_S: Final = 2.0
 
@@ -48,6 +51,9 @@ class ServoClient:
         self.bus = bus
         self.port = port
         self._names = names or {}
+        #: Servos with a request whose answer has not come and may come late.
+        self._unanswered: set[int] = set()
+        self._barriers = 0
 
     def name(self, device: int) -> str:
         """Name of a servo in messages."""
@@ -122,16 +128,40 @@ class ServoClient:
     def _ask(
         self, device: int, instruction: Instruction, parameters: bytes, size: int, tries: int
     ) -> Packet | None:
-        """The servo's answer with ``size`` bytes or an error; skips others (stale, echoed)."""
+        """The servo's answer with ``size`` bytes or an error; skips others (echoed, of other servos).
+
+        An answer names neither its instruction nor its register. After a time-out it may still come and would
+        pass for the next one: `_barrier` first.
+        """
+        for _ in range(tries):
+            if instruction in _NEED_ORDER and device in self._unanswered and not self._barrier(device):
+                continue
+            answer = self._once(device, instruction, parameters, size)
+            if answer is not None:
+                return answer
+            self._unanswered.add(device)
+        return None
+
+    def _barrier(self, device: int) -> bool:
+        """Wait for the answer to a read of a length of its own; what came before it is dropped.
+
+        The lengths differ from those of the registers and from barrier to barrier.
+        """
+        self._barriers += 1
+        size = BARRIER_SIZES[self._barriers % len(BARRIER_SIZES)]
+        if self._once(device, Instruction.READ, read_parameters(0, size), size) is None:
+            return False
+        self._unanswered.discard(device)
+        return True
+
+    def _once(self, device: int, instruction: Instruction, parameters: bytes, size: int) -> Packet | None:
         port = self.port
         allowance_s = port.return_delay_s + max(port.latency_s, ACYCLIC_LATENCY_S)
-        for _ in range(tries):
-            port.flush()
-            sent = port.send(build(device, instruction, parameters))
-            for answer in port.packets(sent + (size + STATUS_OVERHEAD) * port.byte_s + allowance_s):
-                if answer.instruction != Instruction.STATUS or answer.device != device:
-                    continue
-                if len(answer.parameters) == size or answer.error & ~ALERT:
-                    return answer
-            port.drain()
+        port.flush()
+        sent = port.send(build(device, instruction, parameters))
+        for answer in port.packets(sent + (size + STATUS_OVERHEAD) * port.byte_s + allowance_s):
+            if answer.instruction != Instruction.STATUS or answer.device != device:
+                continue
+            if len(answer.parameters) == size or (answer.error & ~ALERT and not answer.parameters):
+                return answer
         return None

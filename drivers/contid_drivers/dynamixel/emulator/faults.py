@@ -12,6 +12,13 @@ Each switch is an `InjectedFault`; as JSON it is one line appended to the contro
     {"fault": "overload", "id": 3}              the same with bits 32, which drops the torque
     {"fault": "brownout"}                       every servo resets; with an id, only that one
     {"fault": "trip", "id": 3}                  Bus Watchdog trip
+    {"fault": "late", "ms": 5}                  the adapter delivers everything 5 ms late, until ms is 0
+    {"fault": "latency", "ms": 16}              it delivers at multiples of 16 ms only (latency timer)
+    {"fault": "chunks", "count": 7}             it delivers pieces of 7 bytes, until count is 0
+    {"fault": "hiccup", "ms": 50}               nothing for 50 ms, then everything at once
+    {"fault": "host", "hz": 20}                 a second host reads positions at 20 Hz, until hz is 0
+    {"fault": "jam", "id": 3, "on": true}       its shaft is blocked; the current rises to its limit
+    {"fault": "freeze", "id": 3, "on": true}    its encoder reports the same position for ever
     {"fault": "unplug"}                         the port disappears
     {"fault": "replug", "port": "servos2.pty"}  and returns, under another name if one is given
 
@@ -21,10 +28,12 @@ Refused lines are appended with their error to the file's name plus ``.errors``.
 from __future__ import annotations
 
 import json
+import time
 from dataclasses import dataclass, field
 from typing import Any, Final
 
 from contid.errors import ContidError
+from contid_drivers.dynamixel.emulator.adapter import Adapter
 
 _KEYS: Final[dict[str, tuple[str, ...]]] = {
     "drop": ("id", "count"),
@@ -37,10 +46,28 @@ _KEYS: Final[dict[str, tuple[str, ...]]] = {
     "overload": ("id",),
     "brownout": ("id",),
     "trip": ("id",),
+    "late": ("ms",),
+    "latency": ("ms",),
+    "chunks": ("count",),
+    "hiccup": ("ms",),
+    "host": ("hz",),
+    "jam": ("id", "on"),
+    "freeze": ("id", "on"),
     "unplug": (),
     "replug": ("port",),
 }
-_NEED_ID: Final = {"drop", "delay", "corrupt", "duplicate", "silent", "alert", "overload", "trip"}
+_NEED_ID: Final = {
+    "drop",
+    "delay",
+    "corrupt",
+    "duplicate",
+    "silent",
+    "alert",
+    "overload",
+    "trip",
+    "jam",
+    "freeze",
+}
 
 
 class FaultSyntaxError(ContidError):
@@ -55,6 +82,7 @@ class InjectedFault:
     device: int | None = None
     count: int = 1
     ms: float = 0.0
+    hz: float = 0.0
     bits: int = 0x04
     on: bool = True
     port: str | None = None
@@ -92,6 +120,8 @@ class FaultSwitches:
     """Faults of the answers of a bus that are on."""
 
     echo: bool = False
+    second_host_hz: float = 0.0
+    adapter: Adapter = field(default_factory=Adapter)
     silent: set[int] = field(default_factory=set)
     delay_s: dict[int, float] = field(default_factory=dict)
     drop: dict[int, int] = field(default_factory=dict)
@@ -110,8 +140,24 @@ class FaultSwitches:
         elif fault.kind in ("drop", "corrupt", "duplicate"):
             counts: dict[int, int] = getattr(self, fault.kind)
             counts[device] = fault.count
+        elif fault.kind == "host":
+            self.second_host_hz = fault.hz
         else:
-            return False
+            return self._set_adapter(fault)
+        return True
+
+    def _set_adapter(self, fault: InjectedFault) -> bool:
+        match fault.kind:
+            case "late":
+                self.adapter.late_s = fault.ms / 1e3
+            case "latency":
+                self.adapter.latency_s = fault.ms / 1e3
+            case "chunks":
+                self.adapter.chunk = fault.count
+            case "hiccup":
+                self.adapter.stalled_until = time.monotonic() + fault.ms / 1e3
+            case _:
+                return False
         return True
 
     def spent(self, kind: str, device: int) -> bool:

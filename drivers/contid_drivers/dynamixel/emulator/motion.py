@@ -50,6 +50,10 @@ class ShaftMotion:
         """True once the overload time is over."""
         return self._pushed_s > OVERLOAD_S
 
+    def pushing(self, error: float) -> float:
+        """Current at standstill with an error of position [ticks]."""
+        return math.copysign(min(self._current_limit, FRICTION_MA + MA_PER_TICK * abs(error)), error)
+
     def step(self, dt: float) -> None:
         """Advance by ``dt`` [s] under torque."""
         error = self.goal - self.position
@@ -72,9 +76,8 @@ class ShaftMotion:
         free = max(self.stops[0], min(self.stops[1], moved))
         if moved != free:
             self.velocity = 0.0
-            push = min(self._current_limit, FRICTION_MA + MA_PER_TICK * abs(self.goal - free))
-            self.current = math.copysign(push, error)
-            self._pushed_s = self._pushed_s + dt if push > OVERLOAD_MA else 0.0
+            self.current = self.pushing(self.goal - free)
+            self._pushed_s = self._pushed_s + dt if abs(self.current) > OVERLOAD_MA else 0.0
         else:
             self._pushed_s = 0.0
             self.current = math.copysign(min(self._current_limit, FRICTION_MA), self.velocity)

@@ -64,6 +64,7 @@ class Servo(ControlTable):
     ) -> None:
         super().__init__()
         self.motion = ShaftMotion(position_ticks, stops_ticks)
+        self._free_stops = stops_ticks
         self.now = 0.0
         self.booted_at = 0.0
         self.fed_at = 0.0
@@ -73,6 +74,8 @@ class Servo(ControlTable):
         #: Whole turns the servo forgot when it lost power.
         self.forgotten_ticks = 0
         self.supply_decivolt = 50
+        #: Position [ticks] that a broken encoder reports, None for the true one.
+        self.frozen: int | None = None
         #: Hardware error that returns after every reboot until it is set to 0.
         self.cause = 0
         code = next(code for code, rate in reg.BAUD_CODES.items() if rate == baud)
@@ -163,7 +166,7 @@ class Servo(ControlTable):
     # -- instructions --------------------------------------------------------------------------------------
 
     def feed(self, now: float) -> None:
-        """Feed the Bus Watchdog; any instruction packet on the bus does."""
+        """Feed the Bus Watchdog; an instruction to this servo or to all does (the strict reading)."""
         self.advance(now)
         self.fed_at = now
 
@@ -283,7 +286,21 @@ class Servo(ControlTable):
             current = min(current, abs(self.get(reg.GOAL_CURRENT)))
         self.motion.limit(profile * ticks_per_unit, acceleration, current)
 
+    def jam(self, on: bool) -> None:
+        """Block the shaft where it is, or release it."""
+        motion = self.motion
+        if on:
+            self._free_stops, motion.stops = motion.stops, (motion.position, motion.position)
+        else:
+            motion.stops = self._free_stops
+
+    def read_position(self) -> int:
+        """Present Position now [ticks]."""
+        return self._present()
+
     def _present(self) -> int:
+        if self.frozen is not None:
+            return self.frozen
         return round(self.motion.position) + self._count_offset()
 
     def _report(self) -> None:
@@ -291,6 +308,10 @@ class Servo(ControlTable):
         motion = self.motion
         memory = self.memory
         current, velocity = int(motion.current), int(motion.velocity * reg.RAD_PER_TICK / reg.RAD_S_PER_UNIT)
+        if self.frozen is not None and self.torque:
+            # The position loop of the servo sees the same error for ever.
+            current = int(motion.pushing(self.get(reg.GOAL_POSITION) - self.frozen))
+            velocity = 0
         memory[126:128] = (current & 0xFFFF).to_bytes(2, "little")
         memory[128:132] = (velocity & 0xFFFFFFFF).to_bytes(4, "little")
         memory[132:136] = (self._present() & 0xFFFFFFFF).to_bytes(4, "little")

@@ -30,7 +30,7 @@ from contid_drivers.dynamixel.emulator.faults import (
 )
 from contid_drivers.dynamixel.emulator.replies import answers
 from contid_drivers.dynamixel.emulator.servo import Servo
-from contid_drivers.dynamixel.packets import Packet, take
+from contid_drivers.dynamixel.packets import BROADCAST, Instruction, Packet, build, read_parameters, take
 
 #: The last part of a wait is spent spinning, because a sleep is late by about as much.
 SPIN_S: Final = 120e-6
@@ -74,6 +74,7 @@ class DynamixelEmulator:
         self._due: list[tuple[float, int, bytes]] = []
         self._sent = 0
         self._line_free = 0.0
+        self._second_host_at = 0.0
         self._wake_r, self._wake_w = -1, -1
         self.instructions = 0
 
@@ -150,6 +151,10 @@ class DynamixelEmulator:
                 servo.reboot()
             elif fault.kind == "trip":
                 servo.trip()
+            elif fault.kind == "jam":
+                servo.jam(fault.on)
+            elif fault.kind == "freeze":
+                servo.frozen = servo.read_position() if fault.on else None
 
     # -- port ----------------------------------------------------------------------------------------------
 
@@ -205,6 +210,8 @@ class DynamixelEmulator:
                 until = self._due[0][0] if self._due else None
             now = time.monotonic()
             wait = IDLE_S if until is None else max(0.0, until - now - SPIN_S)
+            if self.faults.second_host_hz:
+                wait = min(wait, max(0.0, self._second_host_at - now))
             if now < alert_until:
                 wait = 0.0
             ready, _, _ = select.select(watched, [], [], min(wait, IDLE_S))
@@ -213,6 +220,8 @@ class DynamixelEmulator:
                     os.read(self._wake_r, 64)
                 if self._master >= 0 and self._master in ready:
                     self._receive()
+                if self.faults.second_host_hz and self._master >= 0 and now >= self._second_host_at:
+                    self._second_host()
                 if self._deliver() and self._paced:
                     alert_until = time.monotonic() + ALERT_S
                 if not self._due and time.monotonic() - looked >= IDLE_S:
@@ -240,7 +249,7 @@ class DynamixelEmulator:
         rate, byte_s = self._byte_s()
         self._line_free = max(self._line_free, now) if byte_s else now
         if self.faults.echo:
-            self._schedule(self._line_free + len(chunk) * byte_s, chunk)
+            self._schedule(self._line_free + len(chunk) * byte_s, chunk, byte_s)
         self._received += chunk
         while (packet := take(self._received)) is not None:
             self._line_free += len(packet.wire) * byte_s
@@ -253,7 +262,8 @@ class DynamixelEmulator:
             if servo.baud == rate and servo.device not in self.faults.silent:
                 servo.advance(now)
                 if servo.answers:
-                    servo.feed(now)
+                    if packet.device in (servo.device, BROADCAST):
+                        servo.feed(now)
                     receiving.append(servo)
         end = self._line_free
         for answer in answers(packet, receiving, byte_s):
@@ -266,13 +276,33 @@ class DynamixelEmulator:
                 # A bit near the end, so that header, id and length stay intact.
                 wire = wire[:-3] + bytes((wire[-3] ^ 0x10,)) + wire[-2:]
             late = self.faults.delay_s.get(device, 0.0)
-            self._schedule(at + late, wire)
+            self._schedule(at + late, wire, byte_s)
             if self.faults.spent("duplicate", device):
-                self._schedule(at + late + len(wire) * byte_s, wire)
+                self._schedule(at + late + len(wire) * byte_s, wire, byte_s)
 
-    def _schedule(self, at: float, wire: bytes) -> None:
-        self._sent += 1
-        heapq.heappush(self._due, (at, self._sent, wire))
+    def _schedule(self, at: float, wire: bytes, byte_s: float) -> None:
+        for arrival, piece in self.faults.adapter.arrivals(at, wire, byte_s):
+            self._sent += 1
+            heapq.heappush(self._due, (arrival, self._sent, piece))
+
+    def _second_host(self) -> None:
+        """Another host reads a position: this host receives request and answer as well.
+
+        It does not wait for a free line: a transmission under way is broken by it.
+        """
+        self._second_host_at = time.monotonic() + 1.0 / self.faults.second_host_hz
+        now = time.monotonic()
+        rate, byte_s = self._byte_s()
+        if now < self._line_free:
+            self._due = [(at, i, bytes(a & 0x5A for a in wire)) for at, i, wire in self._due]
+            heapq.heapify(self._due)
+            return
+        device = self.servos[self.instructions % len(self.servos)].device
+        wire = build(device, Instruction.READ, read_parameters(reg.PRESENT_POSITION.address, 4))
+        self._line_free = now + len(wire) * byte_s
+        self._schedule(self._line_free, wire, byte_s)
+        if (packet := take(bytearray(wire))) is not None:
+            self._answer(packet, now, rate, byte_s)
 
     def _deliver(self) -> bool:
         """Write the answers that are due; True when there was one."""
