@@ -30,6 +30,7 @@ def command(robot_file: str, as_json: bool) -> None:
             where = {"file": found.file, "line": found.line, "column": found.column}
             click.echo(json.dumps({**where, "message": found.message}))
         raise SystemExit(error.exit_code) from error
+    from contid.kernels import in_use
     from contid.trajectory.columns import column_groups
 
     report = summarise(loaded)
@@ -40,8 +41,9 @@ def command(robot_file: str, as_json: bool) -> None:
         if not robot.passive
     }
     if as_json:
-        click.echo(json.dumps({**report, "columns": columns}))
+        click.echo(json.dumps({**report, "columns": columns, "kernels": in_use()}))
         return
     from contid.cli.support.check_table import print_report
 
     print_report(report, columns)
+    click.echo(f"kernels: {in_use()}")

@@ -11,6 +11,7 @@ from contid.control.engine.tick_layout import CONVERGED, RecordLayout, TickRecor
 from contid.control.tick.faults import Fault, describe
 from contid.control.tick.statistics import Lateness, RobotTally
 from contid.control.tick.supervisor import Mode
+from contid.kernels import in_use
 
 
 @dataclass(slots=True)
@@ -28,6 +29,7 @@ class RunReport:
         waited: periods that passed while devices were connected, armed or cleared; they are no ticks.
         lateness: p50, p99, p99.9 and greatest [us].
         realtime: whether the control process ran under SCHED_FIFO.
+        kernels: the arithmetic of the models, compiled or NumPy.
         robots: per robot its last state, fault, tip error and limits.
         problems: messages about what failed.
     """
@@ -42,6 +44,7 @@ class RunReport:
     waited: int = 0
     lateness: dict[str, float] = field(default_factory=dict)
     realtime: bool = False
+    kernels: str = field(default_factory=in_use)
     robots: dict[str, dict[str, Any]] = field(default_factory=dict)
     problems: list[str] = field(default_factory=list)
 
@@ -66,6 +69,7 @@ class RunReport:
             )
             how = "SCHED_FIFO" if self.realtime else "normal priority"
             lines.append(f"lateness [us]: {figures} ({how})".replace("p99_9", "p99.9"))
+        lines.append(f"kernels: {self.kernels}")
         for name, robot in self.robots.items():
             lines.append(
                 f"{name}: {robot['mode']}, {robot['ticks_followed']} ticks followed, tip error "
