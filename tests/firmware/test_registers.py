@@ -9,7 +9,7 @@ import pytest
 
 from contid_drivers.due import frames, messages
 from contid_drivers.due.codes import Type
-from tests.firmware.sam3x.board import Sam3x
+from tests.firmware.sam3x.board import UNIQUE_ID, Sam3x
 from tests.firmware.sam3x.build import build_sketch
 from tests.firmware.sam3x.cpu import CLOCK_HZ
 
@@ -107,15 +107,26 @@ def test_the_tick_is_1_khz(motors: Sam3x):
     assert 2 * motors.tc[1].read(0x1C) == CLOCK_HZ // 1000
 
 
+def hello(board: Sam3x) -> messages.Hello:
+    payload = frames.unseal(board.ask_uart(frames.seal(messages.request(Type.HELLO, 7, b"")))[:-1])
+    assert payload is not None
+    sequence, answer = messages.read_answer(payload)
+    assert isinstance(answer, messages.Hello)
+    assert sequence == 7
+    return answer
+
+
+def test_hello_has_the_chip_and_the_start(motors: Sam3x):
+    answer = hello(motors)
+    assert answer.unique_id == UNIQUE_ID.hex()
+    assert (answer.boot, answer.boot_id, answer.cause.name) == (1, 0x5EED_0000, "POWER_UP")
+
+
 def test_a_jumper_makes_it_a_pressure_board():
     board = Sam3x(build_sketch())
     board.pio["B"].set_levels(1 << 14, 0)
     board.run_ms(20)
-    payload = frames.unseal(board.ask_uart(frames.seal(messages.request(Type.HELLO, 7, b"")))[:-1])
-    assert payload is not None
-    sequence, hello = messages.read_answer(payload)
-    assert isinstance(hello, messages.Hello)
-    assert (sequence, hello.role) == (7, 1)
+    assert hello(board).role == 1
     assert board.tc[0].running is False
     assert board.pio["C"].read(0x18) & 1 << 6 == 0, "no direction outputs"
 
@@ -127,8 +138,5 @@ def test_a_board_whose_tick_stops_resets_and_starts_again():
     board.run_ms(40)
     assert board.resets == 1
     board.run_ms(20)
-    payload = frames.unseal(board.ask_uart(frames.seal(messages.request(Type.HELLO, 1, b"")))[:-1])
-    assert payload is not None
-    hello = messages.read_answer(payload)[1]
-    assert isinstance(hello, messages.Hello)
-    assert (hello.boot, hello.cause.name) == (2, "WATCHDOG")
+    answer = hello(board)
+    assert (answer.boot, answer.boot_id, answer.cause.name) == (2, 0x5EED_0001, "WATCHDOG")

@@ -14,7 +14,7 @@ from contid_drivers.due.firmware import firmware_dir
 
 SKETCH = firmware_dir() / "contid_due"
 HERE = Path(__file__).parent
-BOARD_LAYER = {"hal_due.cpp", "hal_encoders.cpp", "hal_ports.cpp"}
+BOARD_LAYER = {"hal_due.cpp", "hal_encoders.cpp", "hal_identity.cpp", "hal_ports.cpp"}
 
 
 def compile_sketch(source: str | Path, *flags: str) -> subprocess.CompletedProcess[str]:

@@ -1,5 +1,5 @@
-// Hardware layer of the Arduino Due: outputs, the control tick, start and watchdog. Encoders and ports have files of
-// their own; register accesses and Arduino calls are in these three files only.
+// Hardware layer of the Arduino Due: outputs, the control tick, start and watchdog. Encoders, ports and identity have
+// files of their own (hal_*.cpp); register accesses and Arduino calls are in these files only.
 //
 // Registers are written directly where the core's library (libsam) asserts or has side effects: its
 // PWMC_ConfigureClocks() asserts for a clock of MCK, its PWMC_ConfigureChannel() overwrites the mode of channel 0.
@@ -14,6 +14,7 @@
 
 #include "core/board.h"
 #include "hal_encoders.h"
+#include "hal_identity.h"
 #include "hal_ports.h"
 #include "pins.h"
 
@@ -134,12 +135,6 @@ void unmask_tick() { NVIC_EnableIRQ(TC3_IRQn); }
 
 // ---- start ----
 
-contid::ResetCause reset_cause() {
-  if ((SUPC->SUPC_SR & SUPC_SR_BODRSTS) != 0) return contid::ResetCause::BROWN_OUT;
-  const uint32_t type = (RSTC->RSTC_SR & RSTC_SR_RSTTYP_Msk) >> RSTC_SR_RSTTYP_Pos;
-  return type <= 4 ? static_cast<contid::ResetCause>(type) : contid::ResetCause::POWER_UP;
-}
-
 uint8_t capabilities(uint8_t channel) {
   if (role == contid::Role::PRESSURE) return contid::READ_BACK;
   const uint8_t encoder = channel < contid::FIRST_EDGE_CHANNEL ? contid::HARDWARE_DECODER : contid::EDGE_DECODER;
@@ -171,10 +166,7 @@ void contid_setup() {
   role = read_role();
   contid::Identity identity = contid::Identity();
   identity.role = role;
-  // A backup register: survives resets, not the loss of power.
-  GPBR->SYS_GPBR[0] = GPBR->SYS_GPBR[0] + 1;
-  identity.boot = static_cast<uint16_t>(GPBR->SYS_GPBR[0]);
-  identity.cause = reset_cause();
+  contid::read_identity(identity);
   for (uint8_t i = 0; i < CHANNELS; ++i) identity.capabilities[i] = capabilities(i);
   identity.pins = role == contid::Role::MOTOR ? contid::MOTOR_PINS : contid::PRESSURE_PINS;
   board.start(identity, mask_tick, unmask_tick);

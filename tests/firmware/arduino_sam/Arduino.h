@@ -57,6 +57,8 @@ void NVIC_DisableIRQ(IRQn_Type irq);
 void NVIC_ClearPendingIRQ(IRQn_Type irq);
 void __DSB(void);
 void __ISB(void);
+void __disable_irq(void);
+void __enable_irq(void);
 
 // libsam
 typedef enum { PIO_PERIPH_B, PIO_INPUT, PIO_OUTPUT_0 } EPioType;

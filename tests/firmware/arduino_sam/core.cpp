@@ -35,6 +35,8 @@ void NVIC_EnableIRQ(IRQn_Type irq) { set_enable[irq / 32] = 1u << irq % 32; }
 void NVIC_DisableIRQ(IRQn_Type irq) { clear_enable[irq / 32] = 1u << irq % 32; }
 void NVIC_ClearPendingIRQ(IRQn_Type irq) { clear_pending[irq / 32] = 1u << irq % 32; }
 void __DSB(void) { __asm volatile("dsb" ::: "memory"); }
+void __disable_irq(void) { __asm volatile("cpsid i" ::: "memory"); }
+void __enable_irq(void) { __asm volatile("cpsie i" ::: "memory"); }
 void __ISB(void) { __asm volatile("isb" ::: "memory"); }
 
 uint32_t pmc_enable_periph_clk(uint32_t id) {

@@ -105,6 +105,18 @@ typedef struct {
 } Pmc;
 
 typedef struct {
+  RwReg EEFC_FMR;
+  WoReg EEFC_FCR;
+  RoReg EEFC_FSR;
+} Efc;
+typedef struct {
+  WoReg TRNG_CR;
+  RoReg reserved1[6];
+  RoReg TRNG_ISR;
+  RoReg reserved2[12];
+  RoReg TRNG_ODATA;
+} Trng;
+typedef struct {
   WoReg RSTC_CR;
   RoReg RSTC_SR;
 } Rstc;
@@ -126,9 +138,11 @@ typedef struct {
 #define TC2 ((Tc*)0x40088000u)
 #define PWM ((Pwm*)0x40094000u)
 #define UOTGHS ((Uotghs*)0x400AC000u)
+#define TRNG ((Trng*)0x400BC000u)
 #define ADC ((Adc*)0x400C0000u)
 #define PMC ((Pmc*)0x400E0600u)
 #define UART ((Uart*)0x400E0800u)
+#define EFC0 ((Efc*)0x400E0A00u)
 #define PIOA ((Pio*)0x400E0E00u)
 #define PIOB ((Pio*)0x400E1000u)
 #define PIOC ((Pio*)0x400E1200u)
@@ -138,11 +152,13 @@ typedef struct {
 #define WDT ((Wdt*)0x400E1A50u)
 #define GPBR ((Gpbr*)0x400E1A90u)
 #define UOTGHS_RAM_ADDR (0x20180000u)
+#define IFLASH0_ADDR (0x80000u)
 
 #define ID_UART 8
 #define ID_TC0 27
 #define ID_TC3 30
 #define ID_TC6 33
+#define ID_TRNG 41
 
 #define TC_CMR_TCCLKS_TIMER_CLOCK1 (0x0u << 0)
 #define TC_CMR_TCCLKS_XC0 (0x5u << 0)
@@ -183,6 +199,13 @@ typedef struct {
 #define UOTGHS_DEVEPTIDR_FIFOCONC (0x1u << 14)
 #define UOTGHS_SR_SPEED_Msk (0x3u << 12)
 #define UOTGHS_SR_SPEED_HIGH_SPEED (0x1u << 12)
+#define EEFC_FMR_SCOD (0x1u << 16)
+#define EEFC_FCR_FCMD(value) (0xffu & (value))
+#define EEFC_FCR_FKEY(value) ((0xffu << 24) & ((value) << 24))
+#define EEFC_FSR_FRDY (0x1u << 0)
+#define TRNG_CR_ENABLE (0x1u << 0)
+#define TRNG_CR_KEY(value) ((0xffffffu << 8) & ((value) << 8))
+#define TRNG_ISR_DATRDY (0x1u << 0)
 #define RSTC_SR_RSTTYP_Pos 8
 #define RSTC_SR_RSTTYP_Msk (0x7u << RSTC_SR_RSTTYP_Pos)
 #define SUPC_SR_BODRSTS (0x1u << 3)

@@ -6,11 +6,12 @@ import struct
 from pathlib import Path
 
 from tests.firmware.sam3x.cpu import CLOCK_HZ, NEVER, Cpu
-from tests.firmware.sam3x.registers import Adc, Pio, Plain, Pmc, Pwm, Tc, Watchdog
+from tests.firmware.sam3x.registers import Adc, Flash, Pio, Plain, Pmc, Pwm, Tc, Trng, Watchdog
 from tests.firmware.sam3x.uart import Uart
 from tests.firmware.sam3x.usb import Usb
 
 POWER_UP, WATCHDOG = 0, 2
+UNIQUE_ID = bytes(range(0x30, 0x40))
 
 
 class Sam3x:
@@ -45,7 +46,8 @@ class Sam3x:
         cpu.add(0x400C_8000, 0x130, Plain())
         cpu.add(0x400E_0600, 0x120, self.pmc)
         cpu.add(0x400E_0800, 0x130, self.uart)
-        cpu.add(0x400E_0A00, 0x20, Plain(x8=1))
+        cpu.add(0x400B_C000, 0x60, Trng(0x5EED_0000 + self.resets))
+        cpu.add(0x400E_0A00, 0x20, Flash(cpu, UNIQUE_ID))
         cpu.add(0x400E_0C00, 0x20, Plain(x8=1))
         for i, port in enumerate(self.pio.values()):
             cpu.add(0x400E_0E00 + 0x200 * i, 0x100, port)

@@ -227,3 +227,40 @@ class Watchdog(Plain):
         elif offset == 4 and not self.written:
             self.mode, self.written = value, True
             self.restart()
+
+
+class Flash(Plain):
+    """The flash controller of plane 0. While the unique id is readable the whole plane reads as the id."""
+
+    PLANE, SIZE = 0x0008_0000, 256 * 1024
+
+    def __init__(self, cpu: Cpu, unique_id: bytes) -> None:
+        super().__init__()
+        self._cpu, self._unique_id = cpu, unique_id
+        self._contents: bytes | None = None
+
+    def read(self, offset: int) -> int:
+        return int(self._contents is None) if offset == 8 else super().read(offset)
+
+    def write(self, offset: int, value: int) -> None:
+        super().write(offset, value)
+        if offset != 4 or value >> 24 != 0x5A:
+            return
+        if value & 0xFF == 0x0E and self._contents is None:
+            self._contents = bytes(self._cpu.uc.mem_read(self.PLANE, self.SIZE))
+            self._cpu.uc.mem_write(self.PLANE, self._unique_id * (self.SIZE // 16))
+        elif value & 0xFF == 0x0F and self._contents is not None:
+            self._cpu.uc.mem_write(self.PLANE, self._contents)
+            self._contents = None
+
+
+class Trng(Plain):
+    """A new number at every start, once the key enables it."""
+
+    def __init__(self, number: int) -> None:
+        super().__init__()
+        self._number = number
+
+    def read(self, offset: int) -> int:
+        on = self.words.get(0) == 0x524E_4701
+        return {0x1C: int(on), 0x50: self._number if on else 0}.get(offset, 0)

@@ -8,8 +8,6 @@ from __future__ import annotations
 from collections import deque
 from collections.abc import Generator
 
-import unicorn
-
 from tests.firmware.sam3x.cpu import CLOCK_HZ, NEVER, Cpu
 
 IRQ = 40
@@ -24,7 +22,7 @@ class Endpoint:
     def __init__(self) -> None:
         self.flags = 0
         self.mask = 0
-        self.bytes = 0  # in the current bank: left to read, or written
+        self.bank = bytearray()  # the current bank: what is left to read, or was written
         self.queue: deque[bytes] = deque()  # OUT: on the way; IN: waiting for the host
 
 
@@ -45,11 +43,7 @@ class Usb:
         self._script: Steps | None = None
         self._control_in = bytearray()
         self.due = NEVER
-        cpu.uc.mem_map(FIFO, FIFO_STEP * ENDPOINTS)
-        last = FIFO + FIFO_STEP * ENDPOINTS - 1
-        cpu.uc.hook_add(
-            unicorn.UC_HOOK_MEM_READ | unicorn.UC_HOOK_MEM_WRITE, self._fifo, begin=FIFO, end=last
-        )
+        cpu.uc.mmio_map(FIFO, FIFO_STEP * ENDPOINTS, self._pop, None, self._push, None)
 
     # ---- the host ----
 
@@ -113,6 +107,7 @@ class Usb:
             self._load(0, data)
             end.flags |= RXOUTI
             while end.flags & RXOUTI:
+                end.flags |= TXINI
                 yield
         wanted = int.from_bytes(setup[6:8], "little") if setup[0] & 0x80 else 0
         for _ in range(6):  # the status stage, or packets of data
@@ -124,8 +119,7 @@ class Usb:
     # ---- banks ----
 
     def _load(self, number: int, data: bytes) -> None:
-        self._cpu.uc.mem_write(FIFO + FIFO_STEP * number, data)
-        self.ends[number].bytes = len(data)
+        self.ends[number].bank[:] = data
 
     def _fill_out(self) -> None:
         end = self.ends[OUT]
@@ -135,17 +129,20 @@ class Usb:
             end.mask |= FIFOCON
             self._line()
 
-    def _fifo(self, _: object, access: int, address: int, size: int, *__: object) -> None:
-        end = self.ends[(address - FIFO) // FIFO_STEP]
-        if access == unicorn.UC_MEM_WRITE:
-            end.bytes = max(end.bytes, (address - FIFO) % FIFO_STEP + size)
-        elif end.bytes:
-            end.bytes -= size
+    def _pop(self, _: object, offset: int, size: int, __: object) -> int:
+        """The next byte, wherever in the endpoint's window the access is."""
+        bank = self.ends[offset // FIFO_STEP].bank
+        value = int.from_bytes(bank[:size], "little")
+        del bank[:size]
+        return value
+
+    def _push(self, _: object, offset: int, size: int, value: int, __: object) -> None:
+        self.ends[offset // FIFO_STEP].bank += value.to_bytes(size, "little")
 
     def _take(self, number: int) -> bytes:
-        end = self.ends[number]
-        data = bytes(self._cpu.uc.mem_read(FIFO + FIFO_STEP * number, end.bytes)) if end.bytes else b""
-        end.bytes = 0
+        bank = self.ends[number].bank
+        data = bytes(bank)
+        bank.clear()
         return data
 
     def _wake(self) -> None:
@@ -172,7 +169,7 @@ class Usb:
             return self._enabled
         if 0x130 <= offset < 0x158:
             end = self.ends[(offset - 0x130) // 4]
-            return end.flags | end.bytes << 20 | CFGOK
+            return end.flags | len(end.bank) << 20 | CFGOK
         if 0x1C0 <= offset < 0x1E8:
             return self.ends[(offset - 0x1C0) // 4].mask
         return self._words.get(offset, 1 << 8 if offset == 0 else 0)
@@ -200,9 +197,9 @@ class Usb:
                 if number == IN:
                     self._offer()
                 elif number == OUT and end.mask & FIFOCON:
-                    if end.bytes:
+                    if end.bank:
                         self.lost_packets += 1  # released before it was read
-                    end.bytes = 0
+                    end.bank.clear()
                     end.mask &= ~FIFOCON
             end.mask &= ~value
             self._fill_out()

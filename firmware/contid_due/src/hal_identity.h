@@ -1,0 +1,15 @@
+// Which board this is, and which start of it.
+#ifndef CONTID_HAL_IDENTITY_H
+#define CONTID_HAL_IDENTITY_H
+
+#include "core/board.h"
+
+namespace contid {
+
+// Counts the start, draws its random number, and reads the chip's id and the cause of the reset. Once per start,
+// before any interrupt is enabled.
+void read_identity(Identity& identity);
+
+}  // namespace contid
+
+#endif
