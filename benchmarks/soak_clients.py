@@ -89,7 +89,7 @@ class Operator(threading.Thread):
             return True
         with suppress(ContidError):  # its bus is not back yet: once more in a moment
             client.clear_fault()
-            client.resume(wait=False)
+            client.resume(wait=False, after_stop=True)
         return False
 
     def _pull(self, bus: str) -> None:

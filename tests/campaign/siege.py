@@ -181,7 +181,7 @@ class Siege:
     def rearm(self) -> None:
         self.guard.acquire(60.0, takeover=True)
         self.guard.clear_fault()  # a machine that stood still looks like a dead bus
-        self.guard.resume()
+        self.guard.resume(after_stop=True)
         armed(self.guard)
 
     def _memory(self) -> int:

@@ -36,9 +36,9 @@ def test_the_input_holds_the_lease_until_a_takeover_and_may_be_resumed() -> None
     lease = Lease(0.0, input_active=True)
     with pytest.raises(RemoteError, match="own input"):
         lease.require(1, "one", 0.0)
-    lease.allow(1, 0.0)
+    lease.allow(1, 0.0, after_stop=False)
     assert lease.expire(1e9) is None
-    assert lease.revoke(1, "one (hold)") is None
+    assert lease.stop(1, "one (hold)") is None
     assert lease.held_by(0)
     lease.acquire(1, "one", 0.0, takeover=True)
     assert not lease.held_by(0)
@@ -47,9 +47,42 @@ def test_the_input_holds_the_lease_until_a_takeover_and_may_be_resumed() -> None
 def test_a_lease_revoked_by_a_stop_must_be_acquired_explicitly() -> None:
     lease = Lease(0.0, input_active=False)
     lease.require(1, "script", 0.0)
-    assert lease.revoke(2, "person (estop)") is not None
+    assert lease.stop(2, "person (estop)") is not None
     with pytest.raises(RemoteError) as refused:
         lease.require(1, "script", 0.1)
     assert refused.value.code == Code.STOPPED
     lease.acquire(1, "script", 0.2)
     lease.require(1, "script", 0.3)
+
+
+def test_after_a_stop_only_the_stopper_or_an_explicit_request_goes_on() -> None:
+    """The lease was free, or the input's: a script that takes it for each move does not undo the stop."""
+    for input_active in (False, True):
+        lease = Lease(0.0, input_active=input_active)
+        assert lease.stop(2, "person (estop)") is None
+        with pytest.raises(RemoteError) as refused:
+            lease.allow(1, 0.1, after_stop=False)
+        assert refused.value.code == Code.STOPPED
+        if not input_active:
+            with pytest.raises(RemoteError, match="person"):
+                lease.require(1, "script", 0.1)
+        lease.check_free(1, 0.1)  # clearing a fault moves nothing
+        with pytest.raises(RemoteError, match="person"):
+            lease.allow(1, 0.2, after_stop=False)
+        lease.allow(2, 0.3, after_stop=False)
+        lease.allow(1, 0.4, after_stop=False)
+        lease.stop(2, "person (hold)")
+        lease.allow(3, 0.5, after_stop=True)
+        lease.allow(1, 0.6, after_stop=False)
+
+
+def test_the_stop_of_the_holder_keeps_its_lease_and_bars_the_others() -> None:
+    lease = Lease(0.0, input_active=False)
+    lease.require(1, "one", 0.0)
+    assert lease.stop(1, "one (hold)") is None
+    lease.release(1)
+    with pytest.raises(RemoteError, match="one"):
+        lease.require(2, "two", 0.1)
+    lease.require(1, "one", 0.2)
+    lease.release(1)
+    lease.require(2, "two", 0.3)

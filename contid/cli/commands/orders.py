@@ -7,7 +7,11 @@ import click
 from contid.cli.support.orders import json_option, order, send, socket_option
 
 hold = order("hold", "Stop with limited jerk and stay. Needs no lease.")
-resume = order("resume", "Arm and continue with what was followed. After FAULT use clear-fault first.")
+resume = order(
+    "resume",
+    "Arm and continue with what was followed, also after a stop. After FAULT use clear-fault first.",
+    after_stop=True,
+)
 estop = order("estop", "Relax or vent at once, by stop.estop of the robot file. Needs no lease.")
 clear_fault = order(
     "clear_fault",

@@ -25,8 +25,8 @@ socket_option = click.option(
 json_option = click.option("--json", "as_json", is_flag=True, help="Print the response as JSON.")
 
 
-def order(verb: str, help: str) -> click.Command:
-    """A command that sends one order for some robots, or for all of them."""
+def order(verb: str, help: str, **options: bool) -> click.Command:
+    """A command that sends one order for some robots, or for all of them; ``options`` are of the client."""
 
     @click.command(
         name=verb.replace("_", "-"), help=f"{help}\n\nROBOTS: names in the robot file; default all."
@@ -35,7 +35,7 @@ def order(verb: str, help: str) -> click.Command:
     @socket_option
     @json_option
     def command(robots: tuple[str, ...], socket: str | None, as_json: bool) -> None:
-        send(socket, as_json, lambda client: getattr(client, verb)(robots or None))
+        send(socket, as_json, lambda client: getattr(client, verb)(robots or None, **options))
 
     return command
 

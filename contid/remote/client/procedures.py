@@ -151,9 +151,15 @@ class Procedures(ABC):
         """Re-check all devices and leave FAULT; never moves. `resume` arms."""
         return await self.request("clear_fault", robots=_names(robots))
 
-    async def resume(self, robots: Robots = None, *, wait: bool = True) -> Fields:
-        """Arm if need be and follow the previous target again; waits until the robots are armed."""
-        result = await self.request("resume", robots=_names(robots))
+    async def resume(self, robots: Robots = None, *, wait: bool = True, after_stop: bool = False) -> Fields:
+        """Arm if need be and follow the previous target again; waits until the robots are armed.
+
+        Args:
+            robots: names; None for all.
+            wait: return when they are armed.
+            after_stop: go on although another client stopped them; for a person who has checked the robots.
+        """
+        result = await self.request("resume", robots=_names(robots), after_stop=after_stop or None)
         while wait and _NOT_ARMED_YET & set(result["robots"].values()):
             await self._sleep(POLL_S)
             status = await self.status()

@@ -40,6 +40,7 @@ class Code(enum.StrEnum):
     REFUSED = "refused"  # its state does not allow it
     NO_CREDIT = "no-credit"  # more rows than were granted
     NO_ANSWER = "no-answer"  # the control process did not confirm in time; the order was sent
+    INTERNAL = "internal"  # an error of contid or its host, such as a full disk
 
 
 class RemoteError(ContidError):

@@ -1,19 +1,25 @@
 """One client connection: requests in, responses and telemetry out.
 
 Requests start in their order; a long one does not delay the next, so a stop after a large trajectory is
-carried out at once. Between two requests of one client the others get a turn.
+carried out at once. Of all clients together one request starts per turn of the event loop; orders to stop and
+other short requests of `PROMPT` wait for no turn. An emergency stop is recognised before its line is parsed
+(`contid.remote.protocol.estop_line`).
 """
 
 from __future__ import annotations
 
 import asyncio
+import logging
+import os
+from collections import deque
 from collections.abc import Mapping, Sequence
 from contextlib import suppress
 from dataclasses import dataclass
 from typing import Any, Final
 
 from contid.lines import MAX_LINE
-from contid.remote.protocol.wire import Code, RemoteError, decode, encode
+from contid.remote.protocol.estop_line import ESTOP, is_estop
+from contid.remote.protocol.wire import Code, Fields, RemoteError, decode, encode
 from contid.remote.server.outbox import Outbox
 from contid.remote.server.request_handler import RequestHandler
 
@@ -25,6 +31,11 @@ MAX_BAD_REQUESTS: Final = 100
 STALL_S: Final = 5.0
 #: Bytes that may wait in the kernel's and asyncio's buffers before writing pauses.
 HIGH_WATER: Final = 1 << 16
+#: Verbs that wait for no turn in lines of at most `PROMPT_BYTES`: their cost is small and bounded.
+PROMPT: Final = frozenset({"hello", "ping", "hold", "stop"})
+PROMPT_BYTES: Final = 1024
+
+log = logging.getLogger(__name__)
 
 
 @dataclass(slots=True)
@@ -57,7 +68,9 @@ class Connection:
         reader: asyncio.StreamReader,
         writer: asyncio.StreamWriter,
         handler: RequestHandler,
+        turns: asyncio.Lock,
     ) -> None:
+        """Serve a client; the lock ``turns`` is shared by all connections."""
         self.number = number
         self.name = f"client {number}"
         self.outbox = Outbox()
@@ -66,9 +79,13 @@ class Connection:
         self._reader = reader
         self._writer = writer
         self._handler = handler
+        self._turns = turns
         self._pending = asyncio.Semaphore(MAX_PENDING)
+        self._estops = asyncio.Semaphore(MAX_PENDING)
         self._requests: set[asyncio.Task[None]] = set()
         self._bad_requests = 0
+        self._lines: deque[bytes] = deque()
+        self._partial = b""
         self._closing = asyncio.Event()
 
     async def run(self) -> None:
@@ -82,6 +99,8 @@ class Connection:
             for task in (*tasks, *self._requests):
                 task.cancel()
             await asyncio.gather(*tasks, *self._requests, return_exceptions=True)
+            self._take_rest()
+            self._obey_rest()
             self._writer.transport.abort()
 
     def disconnect(self, message: str) -> None:
@@ -89,7 +108,7 @@ class Connection:
         if not self._closing.is_set():
             self._closing.set()
             with suppress(Exception):
-                self._writer.write(encode({"event": "bye", "message": message}))
+                self._write_line(encode({"event": "bye", "message": message}))
 
     def notify(self, fields: Mapping[str, Any]) -> None:
         """Send a response or a notice."""
@@ -108,52 +127,119 @@ class Connection:
     # -- inside ------------------------------------------------------------------------------------------
 
     async def _read(self) -> None:
-        while True:
-            try:
-                line = await self._reader.readuntil(b"\n")
-            except asyncio.LimitOverrunError:
-                self._refuse(None, RemoteError(Code.BAD_REQUEST, f"a line has at most {MAX_LINE} bytes"))
-                await asyncio.sleep(0)  # lets the writer send the refusal
-                return
-            except (asyncio.IncompleteReadError, ConnectionError, OSError):
-                return
-            self.active_s = asyncio.get_running_loop().time()
-            await self._pending.acquire()
-            if self._closing.is_set():
-                return
-            task = asyncio.create_task(self._request(line))
-            self._requests.add(task)
-            task.add_done_callback(self._done)
-            # The other clients' turn: one that floods does not get two requests in a row.
-            await asyncio.sleep(0)
+        with suppress(ConnectionError, OSError):
+            while chunk := await self._reader.read(MAX_LINE):
+                self.active_s = asyncio.get_running_loop().time()
+                self._take(chunk)
+                while self._lines:
+                    await self._serve(self._lines.popleft())
+                if len(self._partial) > MAX_LINE:
+                    error = RemoteError(Code.BAD_REQUEST, f"a line has at most {MAX_LINE} bytes")
+                    self._refuse(None, error)
+                    await asyncio.sleep(0)  # lets the writer send the refusal
+                    return
 
-    def _done(self, task: asyncio.Task[None]) -> None:
-        self._requests.discard(task)
-        self._pending.release()
+    def _take(self, chunk: bytes) -> None:
+        """Divide received bytes into lines."""
+        *lines, self._partial = (self._partial + chunk).split(b"\n")
+        self._lines.extend(lines)
+
+    def _obey_rest(self) -> None:
+        """Obey an emergency stop among what a client sent before it disconnected, or was disconnected."""
+        if any(map(is_estop, (*self._lines, self._partial))):
+            self._handler.estop_all(self)
+        self._lines.clear()
+        self._partial = b""
+
+    def _take_rest(self) -> None:
+        """Read what the kernel still holds, before the transport closes the socket."""
+        descriptor = self._writer.get_extra_info("socket").fileno()
+        with suppress(OSError):
+            while (
+                descriptor >= 0
+                and len(self._partial) <= MAX_LINE
+                and (chunk := os.read(descriptor, MAX_LINE))
+            ):
+                self._take(chunk)
+
+    async def _serve(self, line: bytes) -> None:
+        """Start the request of a line, in its turn."""
+        if is_estop(line):
+            await self._start(self._estops, line)
+        elif len(line) <= PROMPT_BYTES and _verb(line) in PROMPT:
+            await self._start(self._pending, line)
+        else:
+            async with self._turns:
+                await self._start(self._pending, line)
+
+    async def _start(self, pending: asyncio.Semaphore, line: bytes) -> None:
+        """Start a request when fewer than `MAX_PENDING` are in progress; returns after its first step."""
+        await pending.acquire()
+        task = asyncio.create_task(self._request(line))
+        self._requests.add(task)
+
+        def done(task: asyncio.Task[None]) -> None:
+            self._requests.discard(task)
+            pending.release()
+
+        task.add_done_callback(done)
+        await asyncio.sleep(0)
 
     async def _request(self, line: bytes) -> None:
         number: Any = None
         try:
-            fields = decode(line)
-            number = fields.get("id")
-            if not isinstance(number, int | str | None) or (isinstance(number, str) and len(number) > 200):
-                number = None
-                raise RemoteError(Code.BAD_REQUEST, "id: a whole number or a short text is expected")
-            result = await self._handler.serve(self, fields)
+            try:
+                fields = decode(line)
+                number = _number(fields)
+                if fields.get("verb") != ESTOP and is_estop(line):
+                    raise RemoteError(Code.BAD_REQUEST, f"the verb is {ESTOP!r}, written once")
+            except RemoteError as error:
+                raise (
+                    await self._handler.obey_malformed_estop(self, error) if is_estop(line) else error
+                ) from None
+            self.notify({"id": number, "ok": True, "result": await self._handler.serve(self, fields)})
         except RemoteError as error:
             self._refuse(number, error)
             self._bad_requests += error.code == Code.BAD_REQUEST
             if self._bad_requests >= MAX_BAD_REQUESTS:
                 self.disconnect(f"{MAX_BAD_REQUESTS} lines were no requests")
-        else:
-            self.notify({"id": number, "ok": True, "result": result})
+        except Exception as error:
+            # The client waits for a response, whatever failed.
+            log.exception("a request of %s failed", self.name)
+            message = f"the daemon failed to carry this out ({type(error).__name__}: {error}); see its log"
+            self._refuse(number, RemoteError(Code.INTERNAL, message))
 
     def _refuse(self, number: Any, error: RemoteError) -> None:
         self.notify({"id": number, "ok": False, "error": error.as_fields()})
 
+    def _write_line(self, line: bytes) -> None:
+        self._writer.write(line)
+        if self._writer.transport.is_closing():  # the peer does not read any more
+            self._take_rest()
+
     async def _write(self) -> None:
         with suppress(ConnectionError, TimeoutError):
             while True:
-                self._writer.write(await self.outbox.get())
+                self._write_line(await self.outbox.get())
                 async with asyncio.timeout(STALL_S):
                     await self._writer.drain()
+
+
+def _verb(line: bytes) -> object:
+    """The verb of a line; None when it is no request."""
+    try:
+        return decode(line).get("verb")
+    except RemoteError:
+        return None
+
+
+def _number(fields: Fields) -> int | str | None:
+    """The ``id`` of a request.
+
+    Raises:
+        RemoteError: neither a whole number nor a short text.
+    """
+    number = fields.get("id")
+    if not isinstance(number, int | str | None) or (isinstance(number, str) and len(number) > 200):
+        raise RemoteError(Code.BAD_REQUEST, "id: a whole number or a short text is expected")
+    return number

@@ -1,7 +1,9 @@
 """The lease: the exclusive, expiring right of one client to move the robots.
 
 Bookkeeping only, with the time as an argument; `contid.remote.server.request_handler` acts on the results.
-While stdin or ``--trajectory`` moves the robots, that input holds the lease as client 0.
+While stdin or ``--trajectory`` moves the robots, that input holds the lease as client 0. After a stop other
+clients move again only after an explicit ``acquire``, or a ``resume`` with ``after_stop``: a script in a loop
+does not undo the stop of a person.
 """
 
 from __future__ import annotations
@@ -43,12 +45,13 @@ class Lease:
 
     Attributes:
         holder: None while the lease is free.
-        stopped_by: who revoked it with a stop; it must then be acquired explicitly.
+        stopped_by: who stopped the robots, "" when they may be moved again.
     """
 
     def __init__(self, now_s: float, input_active: bool) -> None:
         self.holder: LeaseHolder | None = None
         self.stopped_by = ""
+        self._stopper = 0
         if input_active:
             self.holder = LeaseHolder(0, INPUT, now_s, float("inf"), now_s)
 
@@ -81,31 +84,53 @@ class Lease:
         """Ensure that a client may move: it holds the lease, or acquires a free one.
 
         Raises:
-            RemoteError: another client holds it, or a stop revoked it.
+            RemoteError: another client holds it, or stopped the robots.
         """
-        if self.held_by(client):
-            return
-        if self.holder is None and self.stopped_by:
-            message = f"{self.stopped_by} stopped the robots; check them, then acquire the lease to go on"
-            raise RemoteError(Code.STOPPED, message)
-        self.acquire(client, name, now_s)
+        self.check_free(client, now_s, input_counts=True)
+        self._go_on(client)
+        if not self.held_by(client):
+            self.acquire(client, name, now_s)
 
-    def allow(self, client: int, now_s: float) -> None:
-        """Ensure that a client may resume or clear faults: no other client (but the input) holds the lease.
+    def allow(self, client: int, now_s: float, after_stop: bool) -> None:
+        """Ensure that a client may resume robots.
+
+        Args:
+            client: its number.
+            now_s: the time.
+            after_stop: go on although another client stopped the robots.
 
         Raises:
-            RemoteError: another client holds it.
+            RemoteError: another client (but the input) holds the lease, or stopped the robots.
         """
-        if self.holder is not None and self.holder.client not in (0, client):
-            raise self._refusal(self.holder, now_s)
+        self.check_free(client, now_s)
+        if after_stop:
+            self.stopped_by = ""
+        self._go_on(client)
+
+    def check_free(self, client: int, now_s: float, input_counts: bool = False) -> None:
+        """Refuse a client while another one (with ``input_counts`` also the input) holds the lease."""
+        holder = self.holder
+        if holder is not None and holder.client != client and (holder.client or input_counts):
+            raise self._refusal(holder, now_s)
+
+    def _go_on(self, client: int) -> None:
+        """Refuse to undo a stop of another client; a client may go on after its own."""
+        if self.stopped_by and self._stopper != client:
+            message = f"{self.stopped_by} stopped the robots; check them, then acquire the lease to go on"
+            raise RemoteError(Code.STOPPED, f"{message} (`contid resume`)")
         self.stopped_by = ""
 
-    def revoke(self, by: int, message: str) -> LeaseHolder | None:
-        """Revoke the lease of another client after a stop; the input keeps it and pauses."""
+    def stop(self, by: int, message: str) -> LeaseHolder | None:
+        """Note a stop; revokes the lease of another client, the input keeps it and pauses.
+
+        Returns:
+            The holder that lost the lease.
+        """
+        self.stopped_by, self._stopper = message, by
         holder = self.holder
         if holder is None or holder.client in (0, by):
             return None
-        self.holder, self.stopped_by = None, message
+        self.holder = None
         return holder
 
     def release(self, client: int) -> bool:

@@ -1,9 +1,8 @@
 """Requests of clients, one method per verb; those that only read are in `contid.remote.server.query_handler`.
 
 Every client may read, and every client may hold, stop and estop: these orders are sent before anything else
-is checked. Moving needs the lease (`contid.remote.server.lease`). A stop by another client revokes the lease,
-so that a script in a loop does not undo the stop of an operator. Measuring needs no lease; a robot has at
-most one tracker (`contid.remote.server.trackers`).
+is checked. Moving needs the lease (`contid.remote.server.lease`), which a stop by another client revokes.
+Measuring needs no lease; a robot has at most one tracker (`contid.remote.server.trackers`).
 """
 
 from __future__ import annotations
@@ -134,10 +133,17 @@ class RequestHandler:
             robots = self.view.named(request)
             request.end()
         except RemoteError as error:
-            # A malformed estop stops all robots and is refused afterwards.
-            await self._halt(caller, "estop", None, Estop())
-            raise RemoteError(error.code, f"{error}; all robots were stopped") from None
+            raise await self.obey_malformed_estop(caller, error) from None
         return await self._halt(caller, "estop", robots, Estop(robots))
+
+    def estop_all(self, caller: Caller) -> None:
+        """Stop all robots for a client that gets no response any more."""
+        self._send_stop(caller, "estop", Estop())
+
+    async def obey_malformed_estop(self, caller: Caller, error: RemoteError) -> RemoteError:
+        """Stop all robots for an estop with a mistake; returns the refusal to send."""
+        await self._halt(caller, "estop", None, Estop())
+        return RemoteError(error.code, f"{error}; all robots were stopped")
 
     async def _stop(self, caller: Caller, request: RequestFields) -> Fields:
         robots, ends = self.view.named(request), request.flag("end")
@@ -150,15 +156,19 @@ class RequestHandler:
     async def _halt(
         self, caller: Caller, verb: str, robots: tuple[str, ...] | None, order: Message
     ) -> Fields:
+        result = await self._confirmed(self._send_stop(caller, verb, order), robots)
+        silent = self.view.silent(robots, self._control.newest())
+        return {**result, "silent": silent} if silent else result
+
+    def _send_stop(self, caller: Caller, verb: str, order: Message) -> asyncio.Future[OrderResult]:
+        """Send an order to stop at once; then the lease and the streams."""
         future = self.pending.send([order])
         message = f"client {caller.name!r} ({verb})"
-        holder = self.lease.revoke(caller.number, message)
+        holder = self.lease.stop(caller.number, message)
         if holder is not None:
             self._notify(holder.client, {"event": "lease-lost", "message": f"{message} stopped the robots"})
         self.moves.abort_streams(message)
-        result = await self._confirmed(future, robots)
-        silent = self.view.silent(robots, self._control.newest())
-        return {**result, "silent": silent} if silent else result
+        return future
 
     # -- moving ------------------------------------------------------------------------------------------
 
@@ -186,9 +196,9 @@ class RequestHandler:
         return {"released": self.lease.release(caller.number)}
 
     async def _resume(self, caller: Caller, request: RequestFields) -> Fields:
-        robots = self.view.named(request)
+        robots, after_stop = self.view.named(request), request.flag("after_stop")
         request.end()
-        self.lease.allow(caller.number, time.monotonic())
+        self.lease.allow(caller.number, time.monotonic(), after_stop)
         faults = self.view.faults(self._control.newest(), robots)
         # A robot that is named must not be in FAULT; without names, one robot that can resume is enough.
         if faults and (robots is not None or len(faults) == len(self.view.configs)):
@@ -201,7 +211,7 @@ class RequestHandler:
     async def _clear_fault(self, caller: Caller, request: RequestFields) -> Fields:
         robots = self.view.named(request)
         request.end()
-        self.lease.allow(caller.number, time.monotonic())
+        self.lease.check_free(caller.number, time.monotonic())
         faulty = tuple(self.view.faults(self._control.newest(), robots))
         for name in faulty:
             self._refusals.pop(name, None)

@@ -52,6 +52,7 @@ class SocketServer:
         self._numbers = 0
         self._frames: dict[tuple[Any, ...], bytes] = {}
         self._frames_tick = -1
+        self._turns = asyncio.Lock()
         self._handler: RequestHandler
 
     async def serve(self, control: RunControl) -> None:
@@ -91,7 +92,7 @@ class SocketServer:
                 writer.close()
             return
         self._numbers += 1
-        connection = Connection(self._numbers, reader, writer, self._handler)
+        connection = Connection(self._numbers, reader, writer, self._handler, self._turns)
         self._make_room()
         self._connections[connection.number] = connection
         self._runs.add(task)

@@ -17,10 +17,11 @@ from typing import Final, Self
 
 from contid import __version__
 from contid.lines import MAX_LINE
+from contid.remote.protocol.estop_line import ESTOP, is_estop
 from contid.remote.protocol.socket_path import Endpoint, default_path
 from contid.remote.protocol.wire import PROTOCOL, Code, Fields, RemoteError, decode, encode
 
-_STOPS: Final = ("estop", "stop", "hold")
+_STOPS: Final = (ESTOP, "stop", "hold")
 #: Time for a client to read its responses.
 _CLIENT_TIMEOUT_S: Final = 0.5
 #: Time for the devices to come to rest.
@@ -87,6 +88,8 @@ class StopServer:
         try:
             data = client.recv(MAX_LINE)
             buffer += data
+            if not data and is_estop(bytes(buffer)):  # it left without an end of line
+                buffer += b"\n"
             while (end := buffer.find(b"\n")) >= 0:
                 line = bytes(buffer[: end + 1])
                 del buffer[: end + 1]
@@ -100,8 +103,11 @@ class StopServer:
         try:
             fields = decode(line)
             number = fields.get("id")
-            return {"id": number, "ok": True, "result": self._result(fields.get("verb"))}
+            verb = ESTOP if is_estop(line) else fields.get("verb")
+            return {"id": number, "ok": True, "result": self._result(verb)}
         except RemoteError as error:
+            if is_estop(line):
+                self._stop()
             return {"id": number, "ok": False, "error": error.as_fields()}
 
     def _result(self, verb: object) -> Fields:
