@@ -57,13 +57,6 @@ def test_watchdog_vents_1_5_bar(board, safe, longest_ms):
     assert air.truth(0)[4:6] == [0, 0]
 
 
-def test_watchdog_that_holds_keeps_the_pressure(board):
-    air = _pressed(board, on_watchdog="hold")
-    air.step(1500)
-    assert air.trip()["reason"] == "watchdog"
-    assert air.truth(0)[2] == pytest.approx(150_000, abs=1500)
-
-
 def test_latched_until_cleared_then_armed_where_it_stands(board):
     motors, _ = _moving_motor(board)
     motors.step(300)
@@ -198,7 +191,7 @@ def test_broken_sensor_wire(board):
     assert not air.telemetry.channels[0].sensor_ok
     assert isinstance(air.masked(Type.CLEAR, 0), Refused)  # it persists
     air.command("set 0 wire 0")
-    air.step(2)
+    air.step(10)  # the reading is the mean of 8
     assert isinstance(air.masked(Type.CLEAR, 0), Telemetry)
 
 
@@ -209,8 +202,8 @@ def test_broken_wire_of_a_0_to_10_v_signal_shows_as_a_leak(board):
     assert air.trip()["reason"] == "leak"
 
 
-def test_over_pressure_vents_even_when_the_safe_state_holds(board):
-    air = _pressed(board, on_watchdog="hold")
+def test_over_pressure_vents(board):
+    air = _pressed(board)
     air.command("set 0 full_pa 600000")  # the regulator's gain doubles
     began = air.telemetry.uptime_ms
     _run(air, lambda now: {0: 150_000}, 300)

@@ -65,6 +65,8 @@ class Reason(enum.IntEnum):
     LEAK = 8
     OVER_PRESSURE = 9
     BRIDGE = 10
+    ABOVE_SET_POINT = 11
+    NOT_VENTING = 12
 
     @property
     def message(self) -> str:
@@ -83,6 +85,8 @@ _REASON_TEXT: Final = {
     Reason.SENSOR_WIRE: "pressure signal out of range: broken wire",
     Reason.LEAK: "pressure stays below its set-point: leak, no supply or no signal",
     Reason.OVER_PRESSURE: "pressure above the ceiling",
+    Reason.ABOVE_SET_POINT: "pressure stays above its set-point: exhaust blocked, or the read-back is wrong",
+    Reason.NOT_VENTING: "pressure does not fall at rest: exhaust blocked, or the read-back is wrong",
     Reason.BRIDGE: "the H-bridge reports a fault (heat, current or supply)",
 }
 

@@ -48,7 +48,7 @@ class DueDriver:
             }
         return {
             "device": axis.kind.value,
-            "on_watchdog": {SafeState.HOLD: "hold", SafeState.CLOSE: "relax"}.get(axis.safe, "vent"),
+            "on_watchdog": "relax" if axis.safe is SafeState.CLOSE else "vent",
             "slew_bar_s": axis.slew_bar_s,
             "vent_bar_s": axis.vent_bar_s,
             "ceiling_bar": axis.ceiling_bar,

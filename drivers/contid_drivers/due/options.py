@@ -21,7 +21,7 @@ class SafeState(enum.StrEnum):
     """State of an output without a host.
 
     Motors: brake (terminals shorted), coast (bridge off), hold (position kept, under power). Regulators: vent
-    (set-point falls to zero at ``vent_bar_s``), hold (set-point kept), close (command to zero at once).
+    (set-point falls to zero at ``vent_bar_s``), close (command to zero at once).
     """
 
     BRAKE = "brake"
@@ -142,9 +142,15 @@ class RegulatorOptions(Strict):
         vent_bar_s: rate at which it falls to zero in the safe state ``vent``.
         wire_break_mv: a lower signal means a broken wire (540 for 4-20 mA over 150 ohm: 3.6 mA); 0 for
             signals that start at 0 V, where a break shows as a leak.
-        leak_bar: a reading this far below a steady set-point for ``leak_ms`` is a leak.
+        leak_bar: a reading this far below the set-point for ``leak_ms`` is a leak; below a set-point of twice
+            this value, half the set-point (at least a quarter of ``leak_bar``).
         leak_ms: see ``leak_bar``.
-        trim_bar: limit of the correction by an outer loop on the reading; 0 switches the loop off.
+        over_bar: a reading this far above the set-point, or above zero at rest, that does not fall within
+            ``over_ms`` is a fault.
+        over_ms: see ``over_bar``.
+        trim_bar: limit of the correction by an outer loop on the reading, and never more than half the
+            set-point; 0 switches the loop off. It rests while the reading is outside ``leak_bar`` or
+            ``over_bar``.
         trim_per_s: gain of that loop, per second and bar of error.
     """
 
@@ -156,6 +162,8 @@ class RegulatorOptions(Strict):
     wire_break_mv: PinMillivolt = 0.0
     leak_bar: Positive = 0.2
     leak_ms: int = Field(default=500, ge=10, le=10_000)
+    over_bar: Positive = 0.2
+    over_ms: int = Field(default=1000, ge=10, le=10_000)
     trim_bar: NonNegative = 0.0
     trim_per_s: NonNegative = 2.0
 
@@ -166,7 +174,7 @@ class DueAxisOptions(MotorOptions, RegulatorOptions):
     Attributes:
         channel: ``m0`` .. ``m5`` on a motor board, ``p0`` .. ``p5`` on a pressure board.
         on_watchdog: safe state, taken when the watchdog trips: ``brake`` (default), ``coast`` or ``hold`` for
-            motors; ``vent`` (default), ``hold`` or ``close`` for regulators.
+            motors; ``vent`` (default) or ``close`` for regulators.
         start_state: state given by the wiring while the board is not configured (in reset, without host).
             The board refuses a configuration where it differs from the safe state.
     """
@@ -205,9 +213,7 @@ class DueAxisOptions(MotorOptions, RegulatorOptions):
             what = "motor" if motor else "regulator"
             raise ValueError(f"channel {self.channel} is a {what}; it has no {', '.join(foreign)}")
         allowed = (
-            (SafeState.BRAKE, SafeState.COAST, SafeState.HOLD)
-            if motor
-            else (SafeState.VENT, SafeState.HOLD, SafeState.CLOSE)
+            (SafeState.BRAKE, SafeState.COAST, SafeState.HOLD) if motor else (SafeState.VENT, SafeState.CLOSE)
         )
         for key, value in (("on_watchdog", self.safe), ("start_state", self.start)):
             if value not in allowed:

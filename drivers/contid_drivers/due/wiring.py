@@ -31,7 +31,8 @@ REGULATOR_FIELDS: Final = {
     "channel": "B", "safe": "B", "start": "B",
     "ceiling": "i", "slew": "i", "vent": "i",
     "raw_low": "H", "low": "i", "raw_high": "H", "high": "i",
-    "wire_raw": "H", "leak": "i", "leak_ms": "H", "trim": "i", "trim_rate": "i", "points": "B",
+    "wire_raw": "H", "leak": "i", "leak_ms": "H", "over": "i", "over_ms": "H",
+    "trim": "i", "trim_rate": "i", "points": "B",
 }  # fmt: skip
 
 
@@ -148,6 +149,8 @@ def _regulator(o: DueAxisOptions) -> bytes:
         "wire_raw": _steps(o.wire_break_mv),
         "leak": round(o.leak_bar * BAR),
         "leak_ms": o.leak_ms,
+        "over": round(o.over_bar * BAR),
+        "over_ms": o.over_ms,
         "trim": round(o.trim_bar * BAR),
         "trim_rate": round(o.trim_per_s * 256.0),
         "points": len(o.calibration),

@@ -18,7 +18,8 @@ REGULATOR = {"calibration": [[0, 0], [100, 3]], "readback": [[600, 0], [3000, 3]
 BAD = [
     ({"channel": "m6"}, "channel"),
     ({"channel": "m0", "on_watchdog": "vent"}, "brake, coast, hold"),
-    ({"channel": "p0", **REGULATOR, "on_watchdog": "coast"}, "vent, hold, close"),
+    ({"channel": "p0", **REGULATOR, "on_watchdog": "coast"}, "vent, close"),
+    ({"channel": "p0", **REGULATOR, "on_watchdog": "hold"}, "vent, close"),
     ({"channel": "m0", "on_watchdog": "hold", "start_state": "brake"}, "start_state brake differs"),
     ({"channel": "m0", "ceiling_bar": 2}, "is a motor; it has no ceiling_bar"),
     ({"channel": "p0", **REGULATOR, "stall_ms": 100}, "is a regulator; it has no stall_ms"),
@@ -68,7 +69,7 @@ def test_the_configuration_of_a_regulator_is_in_pascal():
     )
     blob = board_config("b", DueBusOptions(port="x", role=Role.PRESSURE), [AxisOnBus("a.x", options, None)])
     # firmware/PROTOCOL.md: channel, safe, start, then the regulator's numbers.
-    found = struct.unpack("<3B3iHiHiHiH2iB", blob[4:-12])
+    found = struct.unpack("<3B3iHiHiHiHiH2iB", blob[4:-12])
     assert found[0] == 1
     assert found[3:6] == (160_000, 200_000, 400_000)
     assert found[6:11] == (
@@ -78,7 +79,7 @@ def test_the_configuration_of_a_regulator_is_in_pascal():
         300_000,
         round(540 / 3300 * 4095),
     )
-    assert found[11:] == (30_000, 700, 20_000, round(1.5 * 256), 2)
+    assert found[11:] == (30_000, 700, 20_000, 1000, 20_000, round(1.5 * 256), 2)
     assert struct.unpack("<HiHi", blob[-12:]) == (0, 0, 32767, 300_000)
 
 

@@ -94,26 +94,24 @@ Output Board::drive_motor(uint8_t i) {
 }
 
 Output Board::drive_regulator(uint8_t i) {
-  Channel& channel = channel_[i];
+  const State state = channel_[i].state;
   Regulator& regulator = regulator_[i];
-  const Safe safe = config_.regulator[i].safe;
-  const bool holds = (channel.state == State::STOPPED && channel.rest == Rest::HOLD) ||
-                     (channel.state == State::READY && safe == Safe::HOLD) ||
-                     (channel.state == State::SAFE && safe == Safe::HOLD && channel.reason == Reason::WATCHDOG);
-  if (channel.state == State::ARMED || holds) {
+  const bool holds = state == State::STOPPED && channel_[i].rest == Rest::HOLD;
+  if (state == State::ARMED || holds) {
     const Output out = holds ? regulator.hold() : regulator.follow();
     if (regulator.fault() == Reason::NONE) return out;
     trip(i, regulator.fault());
   }
-  switch (channel.state) {
-    case State::STOPPED:
-      return channel.rest == Rest::VENT ? regulator.vent() : regulator.close();
-    case State::SAFE:
-      // After a fault of its own a chamber is vented or closed, never held under pressure.
-      return safe == Safe::CLOSE ? regulator.close() : regulator.vent();
-    default:
-      return safe == Safe::CLOSE ? regulator.close() : regulator.vent();
-  }
+  const Output out = rest_regulator(i);
+  // At rest a fault changes no output, but the channel cannot be armed before it is cleared.
+  if (regulator.fault() != Reason::NONE) trip(i, regulator.fault());
+  return out;
+}
+
+Output Board::rest_regulator(uint8_t i) {
+  const bool stopped = channel_[i].state == State::STOPPED;
+  const bool vents = stopped ? channel_[i].rest == Rest::VENT : config_.regulator[i].safe != Safe::CLOSE;
+  return vents ? regulator_[i].vent() : regulator_[i].close();
 }
 
 }  // namespace contid

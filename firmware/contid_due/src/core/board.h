@@ -95,6 +95,7 @@ class Board {
   void trip(uint8_t channel, Reason reason);
   Output drive_motor(uint8_t channel);
   Output drive_regulator(uint8_t channel);
+  Output rest_regulator(uint8_t channel);
   void block_tick() {
     if (mask_tick_ != nullptr) mask_tick_();
   }

@@ -87,6 +87,8 @@ void read_regulator(Reader& in, Checker& check, RegulatorConfig& r) {
   r.wire_raw = check.within(in.u16(), 0, 4095);
   r.leak = check.within(in.i32(), 1, PRESSURE_LIMIT);
   r.leak_ms = check.within(in.u16(), 1, 10000);
+  r.over = check.within(in.i32(), 1, PRESSURE_LIMIT);
+  r.over_ms = check.within(in.u16(), 1, 10000);
   r.trim = check.within(in.i32(), 0, PRESSURE_LIMIT);
   r.trim_rate = check.within(in.i32(), 0, 100 * 256);
   r.points = check.within(in.u8(), 2, TABLE_POINTS);
@@ -101,8 +103,8 @@ void read_regulator(Reader& in, Checker& check, RegulatorConfig& r) {
 }
 
 bool fits_role(Safe safe, Role role) {
-  if (safe == Safe::HOLD) return true;
-  const bool of_motor = safe == Safe::BRAKE || safe == Safe::COAST;
+  // A chamber that holds its pressure without a host is not safe.
+  const bool of_motor = safe == Safe::BRAKE || safe == Safe::COAST || safe == Safe::HOLD;
   return of_motor == (role == Role::MOTOR);
 }
 

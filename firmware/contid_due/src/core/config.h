@@ -31,6 +31,7 @@ struct RegulatorConfig {
   int32_t raw_low, low, raw_high, high;  // read-back: two points, ADC steps and Pa
   int32_t wire_raw;                      // below: broken wire; 0: not monitored
   int32_t leak, leak_ms;                 // [Pa]
+  int32_t over, over_ms;                 // [Pa]
   int32_t trim, trim_rate;               // outer loop: limit of its correction [Pa]; 1/s times 256
   int32_t points;                        // calibration: duty at pressure
   int32_t duty[TABLE_POINTS], pressure[TABLE_POINTS];

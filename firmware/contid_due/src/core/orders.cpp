@@ -146,7 +146,9 @@ Verdict Board::demand(Reader& in) {
 Verdict Board::check_clear(uint8_t i) const {
   const bool wire = channel_[i].reason == Reason::SENSOR_WIRE && !regulator_[i].sensor_ok();
   const bool bridge = channel_[i].reason == Reason::BRIDGE && (bridge_faults_ & (1u << i)) != 0;
-  return wire || bridge ? Verdict{Refusal::PERSISTS, i} : accepted();
+  // At rest the fault of a regulator is of the newest tick.
+  const bool pressure = identity_.role == Role::PRESSURE && regulator_[i].fault() != Reason::NONE;
+  return wire || bridge || pressure ? Verdict{Refusal::PERSISTS, i} : accepted();
 }
 
 Verdict Board::clear(Reader& in) {

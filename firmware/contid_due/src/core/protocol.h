@@ -63,7 +63,9 @@ enum class Reason : uint8_t {
   SENSOR_WIRE = 7,
   LEAK = 8,
   OVER_PRESSURE = 9,
-  BRIDGE = 10,  // the H-bridge reports a fault of its own
+  BRIDGE = 10,        // the H-bridge reports a fault of its own
+  ABOVE_SET_POINT = 11,
+  NOT_VENTING = 12,
 };
 
 enum class Refusal : uint8_t {

@@ -8,6 +8,7 @@ namespace contid {
 namespace {
 const int32_t WIRE_MS = 20;
 const int32_t OVER_MS = 20;
+const int32_t FALL_PARTS = 8;  // of `over`: the least fall in `over_ms` of a chamber that vents
 const int32_t ADC_TOP = 4090;  // readings from here on are saturated
 }  // namespace
 
@@ -26,6 +27,7 @@ void Regulator::configure(const RegulatorConfig& config) {
   fault_ = Reason::NONE;
   leak_ticks_ = 0;
   over_ticks_ = 0;
+  above_ticks_ = 0;
   measure();
   for (uint32_t i = 0; i < RATE_WINDOW; ++i) past_[i] = pressure_;
   // A present set-point (of a host that reconnects) stays, below the new ceiling.
@@ -51,7 +53,9 @@ void Regulator::sense(int32_t raw_analog) {
       clamp64(change * (static_cast<int32_t>(TICK_HZ) / static_cast<int32_t>(RATE_WINDOW)), INT32_MIN, INT32_MAX));
   past_[past_at_] = pressure_;
   past_at_ = (past_at_ + 1) % RATE_WINDOW;
-  const bool broken = (config_->wire_raw > 0 && raw_ < config_->wire_raw) || raw_ >= ADC_TOP;
+  // No chamber is below the surroundings: such a reading is a wire off, or a transmitter without supply.
+  const bool broken =
+      (config_->wire_raw > 0 && raw_ < config_->wire_raw) || raw_ >= ADC_TOP || pressure_ < -config_->leak;
   wire_ticks_ = broken ? (wire_ticks_ < WIRE_MS ? wire_ticks_ + 1 : WIRE_MS) : 0;
 }
 
@@ -66,6 +70,7 @@ void Regulator::arm() {
   trim_q16_ = 0;
   leak_ticks_ = 0;
   over_ticks_ = 0;
+  above_ticks_ = 0;
   fault_ = Reason::NONE;
   limited_ = false;
 }
@@ -91,21 +96,27 @@ Output Regulator::hold() {
 Output Regulator::vent() {
   set_q8_ = set_q8_ > vent_q8_ ? set_q8_ - vent_q8_ : 0;
   trim_q16_ = 0;
-  return set_q8_ == 0 ? close() : command(false);
+  if (set_q8_ == 0) return close();
+  watch_rest();
+  return command(false);
 }
 
 Output Regulator::close() {
   set_q8_ = 0;
   trim_q16_ = 0;
   duty_ = 0;
+  watch_rest();
   return Output{Drive::COAST, 0};
 }
 
-// duty = table(set-point + trim); the trim integrates the error of the reading, inside its own limit.
+// duty = table(set-point + trim); the trim integrates the error of the reading, inside its own limit and half the
+// set-point. A reading outside the fault bands moves it no further: there the signal is wrong, or the chamber.
 Output Regulator::command(bool settle) {
   const int32_t set = static_cast<int32_t>(set_q8_ >> 8);
-  if (settle && config_->trim > 0 && sensor_ok()) {
-    const int64_t limit = static_cast<int64_t>(config_->trim) * 65536;
+  const bool in_band = pressure_ >= set - leak_band() && pressure_ <= set + config_->over;
+  if (settle && config_->trim > 0 && sensor_ok() && in_band) {
+    const int32_t half = set / 2;
+    const int64_t limit = static_cast<int64_t>(config_->trim < half ? config_->trim : half) * 65536;
     trim_q16_ = clamp64(trim_q16_ + trim_tick_q16_ * (set - pressure_), -limit, limit);
   }
   const int32_t total = clamp(set + static_cast<int32_t>(trim_q16_ >> 16), 0, config_->ceiling);
@@ -123,16 +134,57 @@ int32_t Regulator::duty_at(int32_t pressure) const {
 
 void Regulator::watch() {
   const int32_t set = static_cast<int32_t>(set_q8_ >> 8);
-  const int32_t margin = config_->leak > config_->ceiling / 20 ? config_->leak : config_->ceiling / 20;
-  leak_ticks_ = pressure_ < set - config_->leak ? leak_ticks_ + 1 : 0;
-  over_ticks_ = pressure_ > config_->ceiling + margin ? over_ticks_ + 1 : 0;
+  leak_ticks_ = pressure_ < set - leak_band() ? leak_ticks_ + 1 : 0;
+  const bool above = stays_above(set);
+  over_ticks_ = over_ceiling() ? over_ticks_ + 1 : 0;
   if (wire_ticks_ >= WIRE_MS) {
     fault_ = Reason::SENSOR_WIRE;
   } else if (over_ticks_ >= OVER_MS) {
     fault_ = Reason::OVER_PRESSURE;
   } else if (leak_ticks_ >= config_->leak_ms) {
     fault_ = Reason::LEAK;
+  } else if (above) {
+    fault_ = Reason::ABOVE_SET_POINT;
+    above_ticks_ = 0;  // whether it falls now that it vents is a new question
   }
+}
+
+// At rest the command falls to zero and the reading with it; it never rises above the ceiling.
+void Regulator::watch_rest() {
+  fault_ = Reason::NONE;
+  if (!sensor_ok()) return;
+  over_ticks_ = over_ceiling() ? over_ticks_ + 1 : 0;
+  if (over_ticks_ >= OVER_MS) {
+    fault_ = Reason::OVER_PRESSURE;
+  } else if (stays_above(static_cast<int32_t>(set_q8_ >> 8))) {
+    fault_ = Reason::NOT_VENTING;
+  }
+}
+
+// Above the band for `over_ms` without falling by a part of it. A chamber that empties slowly does fall.
+bool Regulator::stays_above(int32_t set) {
+  if (pressure_ <= set + config_->over) {
+    above_ticks_ = 0;
+    return false;
+  }
+  if (above_ticks_ == 0) above_from_ = pressure_;
+  if (++above_ticks_ < config_->over_ms) return false;
+  if (above_from_ - pressure_ >= config_->over / FALL_PARTS) {
+    above_ticks_ = 0;
+    return false;
+  }
+  --above_ticks_;  // it stays a fault until the pressure falls
+  return true;
+}
+
+bool Regulator::over_ceiling() const {
+  const int32_t margin = config_->leak > config_->ceiling / 20 ? config_->leak : config_->ceiling / 20;
+  return pressure_ > config_->ceiling + margin;
+}
+
+int32_t Regulator::leak_band() const {
+  const int32_t half = static_cast<int32_t>(set_q8_ >> 8) / 2;
+  return clamp(half, config_->leak / 4, config_->leak);
 }
 
 }  // namespace contid

@@ -22,7 +22,7 @@ class Regulator {
   // Sets the command to zero at once.
   Output close();
 
-  // Fault while the chamber may be under pressure.
+  // Fault of the newest step, under a set-point and at rest.
   Reason fault() const { return fault_; }
   bool sensor_ok() const { return primed_ && wire_ticks_ == 0; }
 
@@ -39,6 +39,11 @@ class Regulator {
   Output command(bool settle);
   void measure();
   void watch();
+  void watch_rest();
+  bool stays_above(int32_t set);
+  bool over_ceiling() const;
+  // Distance below the set-point that is a fault; shorter at low set-points, where a broken signal reads little less.
+  int32_t leak_band() const;
   int32_t duty_at(int32_t pressure) const;
 
   const RegulatorConfig* config_;
@@ -55,7 +60,7 @@ class Regulator {
   int64_t set_q8_;
   int64_t trim_q16_;
   int32_t duty_;
-  int32_t wire_ticks_, leak_ticks_, over_ticks_;
+  int32_t wire_ticks_, leak_ticks_, over_ticks_, above_ticks_, above_from_;
   Reason fault_;
   bool limited_, primed_;
 };
