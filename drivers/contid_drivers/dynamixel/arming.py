@@ -12,8 +12,9 @@ from contid.hal import Rest
 from contid_drivers.dynamixel import duplicates, turns
 from contid_drivers.dynamixel import registers as reg
 from contid_drivers.dynamixel.axis import Axis
-from contid_drivers.dynamixel.client import TRIES, NoAnswerError, ServoClient, ServoRefusedError
-from contid_drivers.dynamixel.cyclic import INDIRECT_ORDER
+from contid_drivers.dynamixel.client import TRIES, NoAnswerError, ServoClient
+from contid_drivers.dynamixel.mapping import map_block
+from contid_drivers.dynamixel.models import model_name
 from contid_drivers.dynamixel.options import DynamixelBusOptions
 from contid_drivers.dynamixel.packets import sync_write
 from contid_drivers.dynamixel.registers import Register
@@ -33,14 +34,14 @@ def handshake(client: ServoClient, axes: Sequence[Axis], options: DynamixelBusOp
     lines = []
     for axis in axes:
         model = client.ping(axis.device)
-        found = "nothing" if model is None else reg.model_name(model)
+        found = "nothing" if model is None else model_name(model)
         if duplicates.count_answers(client.port, axis.device, duplicates.QUICK_READS).duplicated:
             found = f"broken answers: {duplicates.CAUSE}"
         if found != axis.options.model:
             lines.append(f"id {axis.device} ({axis.name}): expected {axis.options.model}, found {found}")
     if lines:
         present = ", ".join(
-            f"id {device} {reg.model_name(model)} firmware {firmware}"
+            f"id {device} {model_name(model)} firmware {firmware}"
             for device, (model, firmware) in sorted(client.broadcast_ping().items())
         )
         raise DeviceNotFoundError(
@@ -68,21 +69,6 @@ def _make_it_answer(client: ServoClient, axis: Axis) -> None:
         client.port.drain()
 
 
-def map_block(client: ServoClient, device: int) -> bool:
-    """Point the indirect addresses at the block of the exchange; False when the servo has none."""
-    size = 2 * len(INDIRECT_ORDER)
-    mapping = b"".join(address.to_bytes(2, "little") for address in INDIRECT_ORDER)
-    try:
-        if client.read_block(device, reg.INDIRECT_ADDRESS, size) == mapping:
-            return True
-        for i, address in enumerate(INDIRECT_ORDER):
-            register = next(r for r in reg.TABLE if r.address == reg.INDIRECT_ADDRESS + 2 * i)
-            client.write(device, register, address)
-        return client.read_block(device, reg.INDIRECT_ADDRESS, size) == mapping
-    except ServoRefusedError:
-        return False
-
-
 def settings(axis: Axis, options: DynamixelBusOptions) -> list[tuple[Register, int]]:
     """Register values required by the robot file, EEPROM first; changing the mode resets those after it."""
     a = axis.options
@@ -93,15 +79,19 @@ def settings(axis: Axis, options: DynamixelBusOptions) -> list[tuple[Register, i
         (reg.HOMING_OFFSET, 0),
         # Bit 0 switches torque on after a brown-out, in an unchecked turn.
         (reg.STARTUP, 0),
-        (reg.CURRENT_LIMIT, a.current_limit_ma),
+        (reg.CURRENT_LIMIT, _units(axis, a.current_limit_ma)),
         (reg.PROFILE_VELOCITY, round(a.profile_velocity_deg_s / reg.DEG_S_PER_UNIT)),
         (reg.PROFILE_ACCELERATION, round(a.profile_acceleration_deg_s2 / reg.DEG_S2_PER_UNIT)),
-        (reg.GOAL_CURRENT, a.goal_current_ma),
+        (reg.GOAL_CURRENT, _units(axis, a.goal_current_ma)),
         (reg.POSITION_P, a.position_p),
         (reg.POSITION_I, a.position_i),
         (reg.POSITION_D, a.position_d),
     ]
     return [(register, value) for register, value in values if value is not None]
+
+
+def _units(axis: Axis, current_ma: float | None) -> int | None:
+    return None if current_ma is None else axis.model.to_units(current_ma)
 
 
 def configure(client: ServoClient, axis: Axis, options: DynamixelBusOptions) -> None:
@@ -263,7 +253,7 @@ def recover(client: ServoClient, axis: Axis) -> None:
             )
     if client.read(device, reg.STATUS_RETURN_LEVEL) != reg.STATUS_RETURN_LEVEL.default:
         client.write(device, reg.STATUS_RETURN_LEVEL, reg.STATUS_RETURN_LEVEL.default)
-    map_block(client, device)
+    map_block(client, axis)
     turns.settle(client, axis)
     if client.read(device, reg.BUS_WATCHDOG) != 0:
         hold_position(client, axis)

@@ -4,9 +4,11 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
+from contid.errors import DeviceError
 from contid.hal import AxisOnBus, Rest, Sample
 from contid_drivers.dynamixel import registers as reg
 from contid_drivers.dynamixel.cyclic import ServoReading
+from contid_drivers.dynamixel.models import BY_NAME, ServoModel
 from contid_drivers.dynamixel.options import DynamixelAxisOptions, DynamixelBusOptions
 
 RESET_FAULT = "it reset itself (brown-out?); its watchdog, settings and turn count are gone"
@@ -63,7 +65,16 @@ class Axis:
         """From the robot file."""
         options = axis.options
         assert isinstance(options, DynamixelAxisOptions)
-        return cls(axis.name, options, axis.travel, reg.MODE_NUMBERS[options.mode or bus.mode])
+        mode = options.mode or bus.mode
+        if mode == "current_based_position" and BY_NAME[options.model].ma_per_unit is None:
+            what = f"mode {mode} needs current registers, which {options.model} has not"
+            raise DeviceError(axis.name, what, "write mode: extended_position at the axis")
+        return cls(axis.name, options, axis.travel, reg.MODE_NUMBERS[mode])
+
+    @property
+    def model(self) -> ServoModel:
+        """Its model in the robot file."""
+        return BY_NAME[self.options.model]
 
     @property
     def device(self) -> int:
@@ -111,7 +122,8 @@ class Axis:
             self.seen = self.value
         self.time_s = time_s
         self.velocity = reading.velocity * reg.RAD_S_PER_UNIT
-        self.effort = reading.current_ma / 1e3
+        unit = self.model.ma_per_unit
+        self.effort = None if unit is None else reading.current * unit / 1e3
         if reading.voltage is not None:
             self.voltage_v = reading.voltage / 10.0
         if reading.temperature is not None:

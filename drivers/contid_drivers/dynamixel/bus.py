@@ -14,7 +14,8 @@ from contid_drivers.dynamixel import arming, turns
 from contid_drivers.dynamixel import registers as reg
 from contid_drivers.dynamixel.axis import Axis
 from contid_drivers.dynamixel.client import NoAnswerError, ServoClient
-from contid_drivers.dynamixel.cyclic import INDIRECT, PLAIN, Cyclic, CyclicLayout, ServoReading
+from contid_drivers.dynamixel.cyclic import PLAIN, Cyclic, CyclicLayout, ServoReading, common_layout
+from contid_drivers.dynamixel.mapping import map_block
 from contid_drivers.dynamixel.options import DynamixelBusOptions
 from contid_drivers.dynamixel.port import ServoPort
 from contid_drivers.serial_ports import UsbIdentity, find_port, identity_of
@@ -66,8 +67,8 @@ class DynamixelBus:
             client = ServoClient(self.name, port, {axis.device: name for name, axis in self._states.items()})
             states = tuple(self._states.values())
             arming.handshake(client, states, options)
-            mapped = [arming.map_block(client, axis.device) for axis in states]
-            layout = self._layout or (INDIRECT if all(mapped) else PLAIN)
+            starts = [map_block(client, axis) for axis in states]
+            layout = self._layout or common_layout(starts)
             for axis in states:
                 axis.enabled, axis.misses, axis.reset, axis.pending_rest = False, 0, False, None
                 try:
@@ -84,8 +85,8 @@ class DynamixelBus:
             raise
         self._port, self._client, self._lost = port, client, None
         self._identity = identity_of(path) or self._identity
-        if not all(mapped):
-            log.warning("%s: no indirect addresses; reading %d bytes per servo", self.name, PLAIN.full)
+        if layout is PLAIN:
+            log.warning("%s: no common indirect addresses; reading %d bytes per servo", self.name, PLAIN.full)
         self._cyclic.fast = self._probe_fast()
 
     def _probe_fast(self) -> bool:

@@ -20,6 +20,7 @@ from contid.hal import FoundDevice, Report
 from contid_drivers.dynamixel import duplicates
 from contid_drivers.dynamixel import registers as reg
 from contid_drivers.dynamixel.client import REBOOT_S, TRIES
+from contid_drivers.dynamixel.models import model_name
 from contid_drivers.dynamixel.packets import ALERT
 from contid_drivers.dynamixel.port import ServoPort
 from contid_drivers.dynamixel.registers import Register
@@ -131,7 +132,7 @@ def scan(ports: Sequence[str], bauds: Sequence[int], report: Report) -> list[Fou
                 report(str(error))
                 break
             for device, (model, firmware) in present.items():
-                found.append(FoundDevice(path, baud, device, reg.model_name(model), firmware))
+                found.append(FoundDevice(path, baud, device, model_name(model), firmware))
     return found
 
 

@@ -11,8 +11,9 @@ from collections.abc import Sequence
 from typing import Final
 
 from contid.hal import ExchangeTime
-from contid_drivers.dynamixel.cyclic import INDIRECT
-from contid_drivers.dynamixel.options import DynamixelBusOptions
+from contid_drivers.dynamixel.cyclic import INDIRECT, PLAIN
+from contid_drivers.dynamixel.models import BY_NAME, LAST_FIRMWARE_AT_208, ServoModel
+from contid_drivers.dynamixel.options import DynamixelAxisOptions, DynamixelBusOptions
 from contid_drivers.dynamixel.packets import STATUS_OVERHEAD, sync_read, sync_write
 
 BITS_PER_BYTE: Final = 10
@@ -20,6 +21,8 @@ BITS_PER_BYTE: Final = 10
 FAST_HEADER: Final = 8
 FAST_OVERHEAD: Final = 4
 GOAL_SIZE: Final = 4
+#: Firmware before and after the change of the indirect data of the small servos.
+_FIRMWARES: Final = (LAST_FIRMWARE_AT_208, LAST_FIRMWARE_AT_208 + 1)
 
 
 def bytes_on_wire(ids: Sequence[int], size: int, fast: bool) -> int:
@@ -30,16 +33,32 @@ def bytes_on_wire(ids: Sequence[int], size: int, fast: bool) -> int:
     return goals + len(sync_read(0, size, ids)) + answers
 
 
-def exchange_time(options: DynamixelBusOptions, ids: Sequence[int]) -> ExchangeTime:
+def start_of(model: ServoModel, firmware: int) -> int:
+    """Address of the block of the exchange in a model; 0 where the plain block is read."""
+    return model.indirect_data(firmware) if model.fits_block else 0
+
+
+def exchange_time(options: DynamixelBusOptions, axes: Sequence[DynamixelAxisOptions]) -> ExchangeTime:
     """Shortest and longest time of an undisturbed exchange; see `contid.hal.Paces`.
 
     The longest includes the adapter's allowance, and plain reads even where fast ones are allowed: an old
-    firmware, or a lost answer, makes the bus use them.
+    firmware, or a lost answer, makes the bus use them. Models whose indirect data begin at different
+    addresses need the plain block; of the small servos the firmware decides.
     """
+    ids = [axis.id for axis in axes]
+    models = [BY_NAME[axis.model] for axis in axes]
+    starts = [{start_of(model, firmware) for firmware in _FIRMWARES} for model in models]
+    lean = INDIRECT if set.intersection(*starts) - {0} else PLAIN
+    full = INDIRECT if len(set.union(*starts)) == 1 or len(set(map(frozenset, starts))) == 1 else PLAIN
+    if lean is PLAIN:
+        full = PLAIN
     byte_s = BITS_PER_BYTE / options.baud
     delay_s = options.return_delay_us / 1e6
-    plain_s = bytes_on_wire(ids, INDIRECT.full, fast=False) * byte_s + len(ids) * delay_s
-    fast_s = bytes_on_wire(ids, INDIRECT.full, fast=True) * byte_s + delay_s
-    least_s = plain_s if options.fast_read == "off" else min(plain_s, fast_s)
+
+    def plain_s(size: int) -> float:
+        return bytes_on_wire(ids, size, fast=False) * byte_s + len(ids) * delay_s
+
+    fast_s = bytes_on_wire(ids, lean.full, fast=True) * byte_s + delay_s
+    least_s = plain_s(lean.full) if options.fast_read == "off" else min(plain_s(lean.full), fast_s)
     what = f"{len(ids)} servos at {options.baud} baud"
-    return ExchangeTime(least_s, plain_s + options.usb_latency_ms / 1e3, what)
+    return ExchangeTime(least_s, plain_s(full.full) + options.usb_latency_ms / 1e3, what)

@@ -38,9 +38,9 @@ INDIRECT_ORDER: Final = (98, *range(126, 136), 144, 70, 64, 146)
 
 @dataclass(frozen=True, slots=True)
 class ServoReading:
-    """A decoded block; None for registers this exchange did not read."""
+    """A decoded block, the current in units of the model; None for registers this exchange did not read."""
 
-    current_ma: int
+    current: int
     velocity: int
     position: int
     alert: bool
@@ -59,10 +59,11 @@ class CyclicLayout:
     address: int
     lean: int
     full: int
+    indirect: bool = False
 
     def decode(self, data: bytes, alert: bool) -> ServoReading:
         """Decode a block read with this layout."""
-        if self is INDIRECT:
+        if self.indirect:
             watchdog, current, velocity, position, low = _LEAN.unpack_from(data)
             if len(data) == self.lean:
                 return ServoReading(current, velocity, position, alert, watchdog, low)
@@ -82,10 +83,20 @@ class CyclicLayout:
 _LEAN: Final = struct.Struct("<BhiiB")
 _PLAIN: Final = struct.Struct("<B27xhii8xHB")
 _MOTION: Final = struct.Struct("<hii")
-INDIRECT: Final = CyclicLayout(reg.INDIRECT_DATA, _LEAN.size, len(INDIRECT_ORDER))
+INDIRECT: Final = CyclicLayout(208, _LEAN.size, len(INDIRECT_ORDER), indirect=True)
+INDIRECT_224: Final = CyclicLayout(224, _LEAN.size, len(INDIRECT_ORDER), indirect=True)
 PLAIN: Final = CyclicLayout(98, _PLAIN.size, _PLAIN.size)
 #: Only current, velocity and position; for benchmarks.
 MOTION: Final = CyclicLayout(126, _MOTION.size, _MOTION.size)
+
+
+def common_layout(starts: Sequence[int]) -> CyclicLayout:
+    """The layout of a bus whose servos have their indirect data at ``starts``; 0 for none.
+
+    A sync read has one address for all: with different starts the plain block is read.
+    """
+    same = starts[0] if len(set(starts)) == 1 else 0
+    return next((each for each in (INDIRECT, INDIRECT_224) if each.address == same), PLAIN)
 
 
 class Cyclic:

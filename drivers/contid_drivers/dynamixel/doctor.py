@@ -13,12 +13,12 @@ from contid_drivers.dynamixel import arming, duplicates
 from contid_drivers.dynamixel import registers as reg
 from contid_drivers.dynamixel.axis import Axis
 from contid_drivers.dynamixel.client import NoAnswerError, ServoClient
+from contid_drivers.dynamixel.models import model_name
 from contid_drivers.dynamixel.options import DynamixelBusOptions
 from contid_drivers.dynamixel.port import ServoPort
 from contid_drivers.serial_ports import find_port, holders
 
 HOT_C: Final = 60
-LOW_DECIVOLT: Final = 37
 _UDEV: Final = "install udev/99-contid.rules (see docs/dynamixel.md) and plug the adapter in again"
 
 
@@ -97,11 +97,12 @@ def _examine_servo(
     answers: duplicates.AnswerCount,
 ) -> list[Finding]:
     device, subject = axis.device, f"id {axis.device}"
-    expected, found = axis.options.model, reg.model_name(model)
+    expected, found = axis.options.model, model_name(model)
     firmware = client.firmware(device)
     volts, hot = client.read(device, reg.PRESENT_VOLTAGE), client.read(device, reg.PRESENT_TEMPERATURE)
     errors = client.read(device, reg.HARDWARE_ERROR)
     mode = client.read(device, reg.OPERATING_MODE)
+    kind = axis.model
     slow = firmware < reg.FAST_READ_FIRMWARE
 
     def finding(what: str, ok: bool, message: str, remedy: str) -> Finding:
@@ -118,7 +119,10 @@ def _examine_servo(
         ),
         _settings(client, axis, options),
         finding(
-            "voltage", volts > LOW_DECIVOLT, f"{volts / 10:.1f} V", "check supply and cable: 5 V nominal"
+            "voltage",
+            kind.supply_min_v < volts / 10 <= kind.supply_max_v,
+            f"{volts / 10:.1f} V",
+            f"check supply and cable: {kind.supply_v:g} V nominal",
         ),
         finding("temperature", hot < HOT_C, f"{hot} deg C", "let it cool; check for a permanent load"),
         finding(

@@ -60,7 +60,7 @@ class DynamixelDriver:
         from contid_drivers.dynamixel.cycle_time import exchange_time
 
         assert isinstance(options, DynamixelBusOptions)
-        return exchange_time(options, [axis.id for axis in axes if isinstance(axis, DynamixelAxisOptions)])
+        return exchange_time(options, [axis for axis in axes if isinstance(axis, DynamixelAxisOptions)])
 
     def emulator(
         self, name: str, options: BaseModel, axes: Sequence[AxisOnBus], control: Path | None = None

@@ -94,7 +94,7 @@ def _by_stop(
         (reg.OPERATING_MODE, _CURRENT_BASED),
         (reg.PROFILE_VELOCITY, max(1, round(homing.speed_deg_s / reg.DEG_S_PER_UNIT))),
         (reg.PROFILE_ACCELERATION, 0),
-        (reg.GOAL_CURRENT, homing.current_ma),
+        (reg.GOAL_CURRENT, axis.model.to_units(homing.current_ma)),
     ):
         if client.read(device, register) != value:
             client.write(device, register, value)
@@ -130,7 +130,7 @@ def _until_blocked(client: ServoClient, axis: Axis, homing: HardStop, start: int
         if client.read(device, reg.BUS_WATCHDOG) != axis.armed:
             raise DeviceError(name, "its watchdog tripped or it reset itself while homing", "home again")
         position = client.read(device, reg.PRESENT_POSITION)
-        current = abs(client.read(device, reg.PRESENT_CURRENT))
+        current = abs(client.read(device, reg.PRESENT_CURRENT)) * (axis.model.ma_per_unit or 0.0)
         now = time.monotonic()
         if abs(position - last) >= STILL_TICKS or current < PUSHING * homing.current_ma:
             still_since, last = now, position
@@ -141,7 +141,7 @@ def _until_blocked(client: ServoClient, axis: Axis, homing: HardStop, start: int
             raise DeviceError(
                 name,
                 f"no stop found within {homing.timeout_s:g} s: it moved {went_deg:+.0f} deg "
-                f"with {current} of {homing.current_ma} mA",
+                f"with {current:.0f} of {homing.current_ma} mA",
                 "check direction, speed and current of its homing",
             )
 

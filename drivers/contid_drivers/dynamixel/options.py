@@ -2,11 +2,12 @@
 
 from __future__ import annotations
 
-from typing import Annotated, Literal, TypeAlias
+from typing import Annotated, Literal, Self, TypeAlias
 
-from pydantic import Field
+from pydantic import BeforeValidator, Field, model_validator
 
 from contid.robot_file.base import NonNegative, Positive, Strict
+from contid_drivers.dynamixel.models import BY_NAME, ModelName, refusal
 
 #: Supported operating modes: both count several turns; the second also limits the current.
 Mode: TypeAlias = Literal["extended_position", "current_based_position"]
@@ -81,6 +82,13 @@ class SingleTurn(Strict):
 Homing: TypeAlias = Annotated[HardStop | SingleTurn, Field(discriminator="method")]
 
 
+def _supported(name: object) -> object:
+    """Refuse by name the models that contid cannot drive."""
+    if isinstance(name, str) and (why := refusal(name)):
+        raise ValueError(why)
+    return name
+
+
 class DynamixelAxisOptions(Strict):
     """Keys of an axis on a Dynamixel bus; settings left out keep the servo's values.
 
@@ -99,13 +107,32 @@ class DynamixelAxisOptions(Strict):
     """
 
     id: int = Field(ge=0, le=252)
-    model: Literal["xl330-m288", "xl330-m077"] = "xl330-m288"
+    model: Annotated[ModelName, BeforeValidator(_supported)] = "xl330-m288"
     mode: Mode | None = None
-    current_limit_ma: int | None = Field(default=None, ge=1, le=1750)
-    goal_current_ma: int | None = Field(default=None, ge=1, le=1750)
+    current_limit_ma: int | None = Field(default=None, ge=1)
+    goal_current_ma: int | None = Field(default=None, ge=1)
     profile_velocity_deg_s: NonNegative = 0.0
     profile_acceleration_deg_s2: NonNegative = 0.0
     position_p: int | None = Field(default=None, ge=0, le=16383)
     position_i: int | None = Field(default=None, ge=0, le=16383)
     position_d: int | None = Field(default=None, ge=0, le=16383)
     homing: Homing | None = None
+
+    @model_validator(mode="after")
+    def _currents_of_the_model(self) -> Self:
+        """Currents end at those of the model; a model without current registers takes none."""
+        limit_ma = BY_NAME[self.model].current_limit_ma
+        homing_ma = self.homing.current_ma if isinstance(self.homing, HardStop) else None
+        currents = {
+            "current_limit_ma": self.current_limit_ma,
+            "goal_current_ma": self.goal_current_ma,
+            "homing.current_ma": homing_ma,
+        }
+        for key, current_ma in currents.items():
+            if current_ma is not None and not limit_ma:
+                raise ValueError(f"{key} has no meaning: {self.model} has no current registers")
+            if current_ma is not None and current_ma > limit_ma:
+                raise ValueError(f"{key} {current_ma} is too much for {self.model}; allowed: {limit_ma:.0f}")
+        if self.mode == "current_based_position" and not limit_ma:
+            raise ValueError(f"mode current_based_position: {self.model} has no current registers")
+        return self

@@ -7,7 +7,7 @@ Addresses below 64 are EEPROM, which survives power-off and is locked while torq
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Final
 
 TICKS_PER_REV: Final = 4096
@@ -115,6 +115,7 @@ INDIRECT_DATA: Final = 208
 INDIRECT_LOW: Final = 64
 INDIRECT_HIGH: Final = 227
 
+#: Registers of an XL330 with firmware up to 52; `table_of` gives those of the others.
 TABLE: Final[tuple[Register, ...]] = (
     MODEL_NUMBER,
     _ro("model information", 2, 4, 0),
@@ -152,10 +153,36 @@ TABLE: Final[tuple[Register, ...]] = (
     *(_rw(f"indirect data {i + 1}", INDIRECT_DATA + i, 1, 0, 0, 255) for i in range(INDIRECT_COUNT)),
 )  # fmt: skip
 
+
+def table_of(indirect_data: int, current_limit: int) -> tuple[Register, ...]:
+    """The control table of another model.
+
+    Args:
+        indirect_data: address of its first indirect data; 224 has 28 of them.
+        current_limit: its greatest Current Limit [units]; 0 without current registers.
+    """
+    head = [register for register in TABLE if register.address < INDIRECT_ADDRESS]
+    if current_limit:
+        resized = {CURRENT_LIMIT: (0, current_limit), GOAL_CURRENT: (-current_limit, current_limit)}
+        head = [
+            replace(register, default=current_limit, low=resized[register][0], high=current_limit)
+            if register in resized else register
+            for register in head
+        ]  # fmt: skip
+    else:
+        head = [register for register in head if register not in (CURRENT_LIMIT, GOAL_CURRENT)]
+    count, high = (INDIRECT_COUNT, INDIRECT_HIGH) if indirect_data == INDIRECT_DATA else (28, 661)
+    return (
+        *head,
+        *(_rw(f"indirect address {i + 1}", INDIRECT_ADDRESS + 2 * i, 2, indirect_data + i, INDIRECT_LOW, high)
+          for i in range(count)),
+        *(_rw(f"indirect data {i + 1}", indirect_data + i, 1, 0, 0, 255) for i in range(count)),
+    )  # fmt: skip
+
+
 BAUD_CODES: Final[dict[int, int]] = {
     0: 9600, 1: 57600, 2: 115200, 3: 1000000, 4: 2000000, 5: 3000000, 6: 4000000,
 }  # fmt: skip
-MODELS: Final[dict[int, str]] = {1190: "xl330-m077", 1200: "xl330-m288"}
 MODE_NUMBERS: Final[dict[str, int]] = {"extended_position": 4, "current_based_position": 5}
 MODE_NAMES: Final[dict[int, str]] = {
     0: "current", 1: "velocity", 3: "position", 4: "extended position", 5: "current-based position",
@@ -172,11 +199,6 @@ HARDWARE_ERRORS: Final[dict[int, str]] = {
     0x20: "overload",
 }
 WATCHDOG_TRIPPED: Final = 0xFF
-
-
-def model_name(number: int) -> str:
-    """Name of a model number."""
-    return MODELS.get(number, f"model {number}")
 
 
 def describe_hardware_error(bits: int) -> str:

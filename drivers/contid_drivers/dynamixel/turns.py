@@ -25,7 +25,7 @@ from typing import Final
 from contid.errors import DeviceError
 from contid_drivers.dynamixel import registers as reg
 from contid_drivers.dynamixel.axis import Axis
-from contid_drivers.dynamixel.client import ServoClient
+from contid_drivers.dynamixel.client import ServoClient, ServoRefusedError
 from contid_drivers.dynamixel.options import HardStop, SingleTurn
 from contid_drivers.dynamixel.packets import sync_write
 from contid_drivers.dynamixel.registers import Register
@@ -54,9 +54,10 @@ def recall(client: ServoClient, axis: Axis) -> CountState:
     """Read the turns stored in the servo; sets ``axis.turns`` when they are valid."""
     device = axis.device
     stored = client.read(device, MARKER)
-    if stored == MARKER.default:
-        return CountState.POWERED_UP
     turns = stored - _CENTRE
+    # The value after a power-up, 227 or 243 by model, is beyond the turns that are kept.
+    if abs(turns) > TURNS_MAX:
+        return CountState.POWERED_UP
     if client.read(device, reg.VELOCITY_I) != _GAIN_CENTRE + turns or not counts_turns(client, axis):
         return CountState.RESET
     axis.turns, axis.turn_known = turns, True
@@ -78,8 +79,11 @@ def store(client: ServoClient, axis: Axis, turns: int) -> None:
         raise DeviceError(client.name(axis.device), f"{turns} turns from its zero; {TURNS_MAX} can be kept")
     axis.turns, axis.turn_known = turns, True
     if counts_turns(client, axis):
-        for register, value in _marks(turns):
-            client.write(axis.device, register, value)
+        try:
+            for register, value in _marks(turns):
+                client.write(axis.device, register, value)
+        except ServoRefusedError as error:
+            log.warning("%s; its turn is kept by this run only", error)
 
 
 def adopt(client: ServoClient, axis: Axis, position: int) -> None:

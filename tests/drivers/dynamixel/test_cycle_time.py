@@ -9,7 +9,7 @@ from contid_drivers.dynamixel import cycle_time
 from contid_drivers.dynamixel.cyclic import INDIRECT
 from contid_drivers.dynamixel.emulator import Servo
 from contid_drivers.dynamixel.emulator.replies import answers
-from contid_drivers.dynamixel.options import DynamixelBusOptions
+from contid_drivers.dynamixel.options import DynamixelAxisOptions, DynamixelBusOptions
 from contid_drivers.dynamixel.packets import sync_read, take
 
 
@@ -54,13 +54,31 @@ def test_bytes_are_those_of_the_stock_sdk_and_of_the_answers(count: int, fast: b
 
 def test_baud_delay_and_adapter_are_counted() -> None:
     ids = [1, 2, 3, 4]
+    axes = [DynamixelAxisOptions(id=device) for device in ids]
     size = cycle_time.bytes_on_wire(ids, INDIRECT.full, fast=False)
     options = DynamixelBusOptions(
         port="x", baud=57600, return_delay_us=500, usb_latency_ms=16, fast_read="off"
     )
-    time = cycle_time.exchange_time(options, ids)
+    time = cycle_time.exchange_time(options, axes)
     assert time.least_s == pytest.approx(size * 10 / 57600 + 4 * 500e-6)
     assert time.most_s == pytest.approx(time.least_s + 0.016)
-    fast = cycle_time.exchange_time(options.model_copy(update={"fast_read": "auto"}), ids)
+    fast = cycle_time.exchange_time(options.model_copy(update={"fast_read": "auto"}), axes)
     assert fast.least_s < time.least_s
     assert fast.most_s == time.most_s
+
+
+def test_models_with_indirect_data_at_two_addresses_may_need_the_plain_block() -> None:
+    options = DynamixelBusOptions(port="x", fast_read="off")
+
+    def wire_s(*models: str) -> tuple[float, float]:
+        axes = [
+            DynamixelAxisOptions.model_validate({"id": i, "model": each}) for i, each in enumerate(models)
+        ]
+        time = cycle_time.exchange_time(options, axes)
+        return time.least_s, time.most_s - options.usb_latency_ms / 1e3
+
+    lean, plain = (cycle_time.bytes_on_wire([0, 1], size, fast=False) * 1e-5 for size in (INDIRECT.full, 49))
+    assert wire_s("xl330-m288", "xc330-m288") == pytest.approx((lean, lean))
+    assert wire_s("xm430-w350", "xl430-w250") == pytest.approx((lean, lean))
+    assert wire_s("xl330-m288", "xm430-w350") == pytest.approx((lean, plain))
+    assert wire_s("xh430-v350", "xm430-w350") == pytest.approx((plain, plain))

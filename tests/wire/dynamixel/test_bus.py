@@ -211,7 +211,7 @@ def test_without_indirect_addresses_the_plain_block_is_read(
     monkeypatch.setattr(Servo, "_refuses", without)
     r = rig(2)
     r.bus.open()
-    assert "no indirect addresses" in caplog.text
+    assert "no common indirect addresses" in caplog.text
     assert [s.value for s in r.tick().values()] == pytest.approx([1000 * TICK, 2000 * TICK])
     assert r.tick()["r.a1"].voltage_v == 5.0
 

@@ -12,11 +12,11 @@ from contid.hal import AxisOnBus
 from contid_drivers.dynamixel import registers as reg
 from contid_drivers.dynamixel.emulator.servo import Servo
 from contid_drivers.dynamixel.emulator.wire import DynamixelEmulator
+from contid_drivers.dynamixel.models import BY_NAME
 from contid_drivers.dynamixel.options import DynamixelAxisOptions, DynamixelBusOptions, SingleTurn
 
 #: Distance of the mechanical stops beyond the travel of the robot file.
 BEYOND_TRAVEL_RAD: Final = math.radians(10.0)
-_MODEL_NUMBERS: Final = {name: number for number, name in reg.MODELS.items()}
 
 
 def servo_of(axis: AxisOnBus, baud: int) -> Servo:
@@ -36,7 +36,7 @@ def servo_of(axis: AxisOnBus, baud: int) -> Servo:
     return Servo(
         options.id,
         baud=baud,
-        model=_MODEL_NUMBERS[options.model],
+        model=BY_NAME[options.model].number,
         position_ticks=float(round(start / reg.RAD_PER_TICK)),
         stops_ticks=stops,
     )

@@ -19,6 +19,8 @@ from contid_drivers.dynamixel.packets import StatusError
 from contid_drivers.dynamixel.registers import Register
 
 BOOT_S: Final = 0.1
+#: Current of a model without current registers at full load [mA].
+LOAD_FULL_MA: Final = 1400
 #: Longest step of the motion; the watchdog is checked in every step.
 STEP_S: Final = 0.002
 _EXTENDED_MODES: Final = (4, 5)
@@ -34,11 +36,6 @@ _GAINS: Final = (
     "position p gain",
 )
 _CLEAR_MULTI_TURN: Final = b"\x01\x44\x58\x4c\x22"
-
-_BY_ADDRESS: Final[dict[int, Register]] = {
-    register.address + i: register for register in reg.TABLE for i in range(register.size)
-}
-_BY_NAME: Final = {register.name: register for register in reg.TABLE}
 
 
 @dataclass(slots=True)
@@ -62,7 +59,7 @@ class Servo(ControlTable):
         position_ticks: float = 2048.0,
         stops_ticks: tuple[float, float] = (-math.inf, math.inf),
     ) -> None:
-        super().__init__()
+        super().__init__(model, firmware)
         self.motion = ShaftMotion(position_ticks, stops_ticks)
         self._free_stops = stops_ticks
         self.now = 0.0
@@ -73,7 +70,7 @@ class Servo(ControlTable):
         self.registered: Registered | None = None
         #: Whole turns the servo forgot when it lost power.
         self.forgotten_ticks = 0
-        self.supply_decivolt = 50
+        self.supply_decivolt = round(self.model.supply_v * 10)
         #: Position [ticks] that a broken encoder reports, None for the true one.
         self.frozen: int | None = None
         #: Hardware error that returns after every reboot until it is set to 0.
@@ -106,7 +103,7 @@ class Servo(ControlTable):
         writes: list[tuple[Register, int]] = []
         at = 0
         while at < len(data):
-            register = _BY_ADDRESS.get(address + at)
+            register = self.by_address.get(address + at)
             if register is None or not register.writable:
                 return StatusError.ACCESS
             if register.address != address + at or at + register.size > len(data):
@@ -127,17 +124,21 @@ class Servo(ControlTable):
             return StatusError.DATA_RANGE
         if self.tripped and (_is_goal(register) or (register is reg.BUS_WATCHDOG and value != 0)):
             return StatusError.DATA_RANGE
-        if register is reg.OPERATING_MODE and value not in reg.MODE_NAMES:
+        if register is reg.OPERATING_MODE and value not in self._modes():
             return StatusError.DATA_RANGE
         if register is reg.TORQUE_ENABLE and value and self.memory[reg.HARDWARE_ERROR.address]:
             return StatusError.RESULT_FAIL
-        if register is reg.GOAL_CURRENT and abs(value) > self.get(reg.CURRENT_LIMIT):
+        if register.address == reg.GOAL_CURRENT.address and abs(value) > self.get(reg.CURRENT_LIMIT):
             return StatusError.DATA_LIMIT
         mode = self.memory[reg.OPERATING_MODE.address]
         if register is reg.GOAL_POSITION and mode not in _EXTENDED_MODES:
             limits = self.get(reg.MIN_POSITION), self.get(reg.MAX_POSITION)
             return StatusError.NONE if limits[0] <= value <= limits[1] else StatusError.DATA_LIMIT
         return StatusError.NONE
+
+    def _modes(self) -> set[int]:
+        """Operating modes of the model; two of them need current registers."""
+        return set(reg.MODE_NAMES) - (set() if self.model.ma_per_unit else {0, 5})
 
     def _accept(self, register: Register, value: int) -> None:
         changed_mode = register is reg.OPERATING_MODE and value != self.get(register)
@@ -199,7 +200,7 @@ class Servo(ControlTable):
         if self.torque:
             return StatusError.ACCESS
         kept = {reg.MODEL_NUMBER, reg.FIRMWARE, *(((), (reg.ID,), (reg.ID, reg.BAUD))[option % 0xFF])}
-        for register in reg.TABLE:
+        for register in self.table:
             if register.eeprom and register not in kept:
                 self.put(register, register.default)
         self.reboot()
@@ -213,7 +214,7 @@ class Servo(ControlTable):
             self.fail(self.cause)
 
     def _power_up(self) -> None:
-        for register in reg.TABLE:
+        for register in self.table:
             if not register.eeprom:
                 self.put(register, register.default)
         self.motion.release()
@@ -227,10 +228,11 @@ class Servo(ControlTable):
 
     def _reset_control(self) -> None:
         for name in _GAINS:
-            self.put(_BY_NAME[name], _BY_NAME[name].default)
+            self.put(self.by_name[name], self.by_name[name].default)
         for register in (reg.PROFILE_VELOCITY, reg.PROFILE_ACCELERATION, reg.GOAL_VELOCITY):
             self.put(register, 0)
-        self.put(reg.GOAL_CURRENT, self.get(reg.CURRENT_LIMIT))
+        if self.model.ma_per_unit:
+            self.put(reg.GOAL_CURRENT, self.get(reg.CURRENT_LIMIT))
 
     def _forget_turns(self) -> None:
         self.forgotten_ticks = math.floor(self.motion.position / reg.TICKS_PER_REV) * reg.TICKS_PER_REV
@@ -281,10 +283,11 @@ class Servo(ControlTable):
         ticks_per_unit = reg.RAD_S_PER_UNIT / reg.RAD_PER_TICK
         profile = self.get(reg.PROFILE_VELOCITY) or self.get(reg.VELOCITY_LIMIT)
         acceleration = self.get(reg.PROFILE_ACCELERATION) * reg.DEG_S2_PER_UNIT / 360.0 * reg.TICKS_PER_REV
-        current = self.get(reg.CURRENT_LIMIT)
+        unit = self.model.ma_per_unit
+        current = self.get(reg.CURRENT_LIMIT) if unit else LOAD_FULL_MA
         if self.memory[reg.OPERATING_MODE.address] == 5:
             current = min(current, abs(self.get(reg.GOAL_CURRENT)))
-        self.motion.limit(profile * ticks_per_unit, acceleration, current)
+        self.motion.limit(profile * ticks_per_unit, acceleration, current * (unit or 1.0))
 
     def jam(self, on: bool) -> None:
         """Block the shaft where it is, or release it."""
@@ -307,11 +310,14 @@ class Servo(ControlTable):
         """Bring the read-only registers up to date."""
         motion = self.motion
         memory = self.memory
-        current, velocity = int(motion.current), int(motion.velocity * reg.RAD_PER_TICK / reg.RAD_S_PER_UNIT)
+        current_ma = motion.current
+        velocity = int(motion.velocity * reg.RAD_PER_TICK / reg.RAD_S_PER_UNIT)
         if self.frozen is not None and self.torque:
             # The position loop of the servo sees the same error for ever.
-            current = int(motion.pushing(self.get(reg.GOAL_POSITION) - self.frozen))
+            current_ma = motion.pushing(self.get(reg.GOAL_POSITION) - self.frozen)
             velocity = 0
+        # A model without current registers reports its load, 0.1 %, at the same address.
+        current = int(current_ma / (self.model.ma_per_unit or LOAD_FULL_MA / 1e3))
         memory[126:128] = (current & 0xFFFF).to_bytes(2, "little")
         memory[128:132] = (velocity & 0xFFFFFFFF).to_bytes(4, "little")
         memory[132:136] = (self._present() & 0xFFFFFFFF).to_bytes(4, "little")

@@ -5,6 +5,7 @@ from __future__ import annotations
 from typing import Final
 
 from contid_drivers.dynamixel import registers as reg
+from contid_drivers.dynamixel.models import BY_NUMBER
 from contid_drivers.dynamixel.packets import ALERT
 from contid_drivers.dynamixel.registers import Register
 
@@ -14,9 +15,17 @@ MEMORY_SIZE: Final = 256
 class ControlTable:
     """Registers of a servo, initially at their factory values."""
 
-    def __init__(self) -> None:
+    def __init__(self, model: int, firmware: int) -> None:
+        self.model = BY_NUMBER.get(model, BY_NUMBER[reg.MODEL_NUMBER.default])
+        self.indirect_data = self.model.indirect_data(firmware)
+        self.table = reg.table_of(self.indirect_data, self.model.current_limit)
+        self.by_address = {
+            register.address + i: register for register in self.table for i in range(register.size)
+        }
+        self.by_name = {register.name: register for register in self.table}
+        self._indirect_count = sum(register.name.startswith("indirect data") for register in self.table)
         self.memory = bytearray(MEMORY_SIZE)
-        for register in reg.TABLE:
+        for register in self.table:
             self.put(register, register.default)
 
     def get(self, register: Register) -> int:
@@ -62,15 +71,14 @@ class ControlTable:
         memory = self.memory
         if address + size > MEMORY_SIZE:
             return bytes(size)
-        if address < reg.INDIRECT_DATA:
+        if address < self.indirect_data:
             return bytes(memory[address : address + size])
         return bytes(memory[self._resolve(address + i)] for i in range(size))
 
     def write_mapped(self, address: int, data: bytes) -> bool:
         """Write through the indirect addresses; False where these bytes are not mapped elsewhere."""
-        if not (
-            address >= reg.INDIRECT_DATA and address + len(data) <= reg.INDIRECT_DATA + reg.INDIRECT_COUNT
-        ):
+        start = self.indirect_data
+        if not start <= address <= address + len(data) <= start + self._indirect_count:
             return False
         places = [self._resolve(address + i) for i in range(len(data))]
         if places == list(range(address, address + len(data))):
@@ -80,8 +88,8 @@ class ControlTable:
         return True
 
     def _resolve(self, address: int) -> int:
-        entry = address - reg.INDIRECT_DATA
-        if not 0 <= entry < reg.INDIRECT_COUNT:
+        entry = address - self.indirect_data
+        if not 0 <= entry < self._indirect_count:
             return address
         at = reg.INDIRECT_ADDRESS + 2 * entry
         return min(self.memory[at] | self.memory[at + 1] << 8, MEMORY_SIZE - 1)
