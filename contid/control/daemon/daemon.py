@@ -23,7 +23,7 @@ from contid.control.daemon.interfaces import RunObserver
 from contid.control.daemon.notify import Notifier
 from contid.control.daemon.pending_input import PendingInput
 from contid.control.daemon.report_builder import ReportBuilder
-from contid.control.daemon.row_stream import LiveRowReader, follow_stream
+from contid.control.daemon.row_stream import LiveRowReader, StreamFollower
 from contid.control.daemon.run_request import RunOptions, preflight_of, rate_of
 from contid.control.daemon.shutdown import Escalation, ShutdownSequence
 from contid.control.engine.command_log import CommandLog
@@ -245,7 +245,7 @@ class Daemon:
 
     async def _follow(self, stream: Stream) -> None:
         preflight = preflight_of(self._options, self.loaded)
-        await follow_stream(stream, LiveRowReader(stream, preflight), self._send_input)
+        await StreamFollower(stream, LiveRowReader(stream, preflight), self._send_input).follow()
         self._send_input(EndOfRows())
 
     def _send_input(self, message: Message) -> None:

@@ -1,11 +1,16 @@
-"""The live stream on stdin: the newest row is the target; a wrong row holds its robots and is reported."""
+"""The live stream on stdin: the newest row is the target; a wrong row holds its robots and is reported.
+
+Rows that arrive together are followed in order for `BUDGET_S`; then all but the newest are skipped, and the
+stream pauses. So a producer without a pace delays neither an order of a client nor Ctrl-C.
+"""
 
 from __future__ import annotations
 
 import asyncio
 import logging
 import os
-from collections.abc import AsyncIterator, Callable
+import time
+from collections.abc import AsyncIterator, Callable, Sequence
 from typing import Final
 
 from contid.control.daemon.inputs import Stream
@@ -13,6 +18,12 @@ from contid.control.engine.messages import Message, Rows
 from contid.control.tick.preflight import Preflight
 from contid.errors import BadInputError
 from contid.lines import MAX_LINE
+from contid.trajectory.rows import is_comment
+
+#: Time for rows that arrived together; a row of a finger takes 0.1 ms.
+BUDGET_S: Final = 2e-3
+#: Pause after a turn that used its time, or as long as the turn took: the event loop serves the others.
+PAUSE_S: Final = 5e-3
 
 CUT: Final = "the last row has no end of line and may be cut off: not followed"
 
@@ -58,50 +69,95 @@ class LiveRowReader:
         return Rows({**row, **dict.fromkeys(wrong)})
 
 
-async def follow_stream(stream: Stream, reader: LiveRowReader, send: Callable[[Message], None]) -> None:
-    """Send every row of a stream to the control process until the stream ends."""
-    for number, line in stream.pending:
-        _send(reader.row(line, number), send)
-    number = stream.number
-    async for line in _lines(stream.descriptor):
-        number += 1
-        if reader.ends(line, number):
+class StreamFollower:
+    """Sends the rows of a stream to the control process."""
+
+    def __init__(
+        self,
+        stream: Stream,
+        reader: LiveRowReader,
+        send: Callable[[Message], None],
+        now: Callable[[], float] = time.monotonic,
+    ) -> None:
+        self._stream = stream
+        self._reader = reader
+        self._send = send
+        self._now = now
+        self._number = stream.number
+        self._skipped = 0
+
+    async def follow(self) -> None:
+        """Follow until the stream ends."""
+        for number, line in self._stream.pending:
+            self._row(line, number)
+        async for lines in _lines(self._stream.descriptor):
+            if lines and self._reader.ends(lines[-1], self._number + len(lines)):
+                self._turn(lines[:-1])
+                return
+            started_s = self._now()
+            if not self._turn(lines):
+                await asyncio.sleep(max(PAUSE_S, self._now() - started_s))
+
+    def _turn(self, lines: Sequence[str]) -> bool:
+        """Follow lines that arrived together; False when the time was used."""
+        end_s = self._now() + BUDGET_S
+        for index, line in enumerate(lines):
+            self._number += 1
+            self._row(line, self._number)
+            if self._now() >= end_s:
+                self._newest(lines[index + 1 :])
+                return False
+        return True
+
+    def _newest(self, lines: Sequence[str]) -> None:
+        """Follow the last row only."""
+        first = self._number + 1
+        self._number += len(lines)
+        rows = [index for index, line in enumerate(lines) if not is_comment(line)]
+        if not rows:
             return
-        _send(reader.row(line, number), send)
+        if len(rows) > 1 and not self._skipped:
+            log.warning(
+                f"{self._stream.name}:{first}:1: rows come faster than they can be checked; some are skipped"
+            )
+        self._skipped += len(rows) - 1
+        self._row(lines[rows[-1]], first + rows[-1])
+
+    def _row(self, line: str, number: int) -> None:
+        row = self._reader.row(line, number)
+        if row is not None:
+            self._send(row)
 
 
-def _send(row: Rows | None, send: Callable[[Message], None]) -> None:
-    if row is not None:
-        send(row)
-
-
-async def _lines(descriptor: int) -> AsyncIterator[str]:
-    """Lines of a descriptor that a selector can watch; the last one may lack its end of line."""
+async def _lines(descriptor: int) -> AsyncIterator[list[str]]:
+    """Lines of a descriptor that a selector can watch, as they arrive; the last may lack its end of line."""
     loop = asyncio.get_running_loop()
     ready = asyncio.Event()
     blocking = os.get_blocking(descriptor)
     os.set_blocking(descriptor, False)
-    loop.add_reader(descriptor, ready.set)
     buffer = b""
     try:
         while True:
+            # Watched only while waiting: a full pipe would wake the loop during a pause without end.
+            loop.add_reader(descriptor, ready.set)
             await ready.wait()
+            loop.remove_reader(descriptor)
             ready.clear()
             try:
                 chunk = os.read(descriptor, MAX_LINE)
             except BlockingIOError:
                 continue
-            buffer += chunk
-            *lines, buffer = buffer.split(b"\n")
-            for line in lines:
-                yield line.decode("utf-8", errors="replace") + "\n"
+            *complete, buffer = (buffer + chunk).split(b"\n")
+            lines = [line.decode("utf-8", errors="replace") + "\n" for line in complete]
             if not chunk:
                 if buffer:
-                    yield buffer.decode("utf-8", errors="replace")
-                return
-            if len(buffer) > MAX_LINE:  # the parser rejects it
-                yield buffer.decode("utf-8", errors="replace") + "\n"
+                    lines.append(buffer.decode("utf-8", errors="replace"))
+            elif len(buffer) > MAX_LINE:  # the parser rejects it
+                lines.append(buffer.decode("utf-8", errors="replace") + "\n")
                 buffer = b""
+            yield lines
+            if not chunk:
+                return
     finally:
         loop.remove_reader(descriptor)
         os.set_blocking(descriptor, blocking)
