@@ -18,6 +18,8 @@ from contid.targets import ZERO3, Target, Vec3
 
 TIME: Final = "t_s"
 _AXES: Final = ("x", "y", "z")
+#: A header with more mistakes is another file; the search for the nearest name takes a millisecond each.
+MAX_FINDINGS: Final = 20
 #: Quantities that command motion; the others are inputs (loads, measurements).
 MOVING: Final = frozenset({"tip", "direction", "mid", "actuation", "extra"})
 
@@ -146,13 +148,16 @@ def read_layout(
         robots: descriptions by name.
 
     Raises:
-        BadInputError: unknown, ambiguous, duplicate, missing or contradicting columns; every finding.
+        BadInputError: unknown, ambiguous, duplicate, missing or contradicting columns; the first
+            `MAX_FINDINGS` findings.
     """
     vocabularies = {robot: vocabulary(description) for robot, description in robots.items()}
     findings: list[Located] = []
     seen: dict[tuple[str, str, int], tuple[int, str]] = {}
     factors, divisors = [1.0] * len(names), [1.0] * len(names)
     for index, (name, column) in enumerate(names):
+        if len(findings) == MAX_FINDINGS:
+            raise BadInputError(findings)
         owner, message = _owner(name, vocabularies)
         if message:
             findings.append(Located(file, line, column, message))
@@ -198,7 +203,7 @@ def _owner(name: str, vocabularies: Mapping[str, Mapping[str, Meaning]]) -> tupl
         return "", f"column {name!r} could belong to {len(owners)} robots; write {choices}"
     if not name:
         return "", "a column has no name"
-    return "", f"unknown column {name[:60]!r}{_format_hint(name)}; {_choices(vocabularies, name)}"
+    return "", f"unknown column {name[:60]!r}{_format_hint(name)}; {_choices(vocabularies, name[:60])}"
 
 
 def _format_hint(name: str) -> str:

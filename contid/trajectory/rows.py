@@ -4,14 +4,16 @@ from __future__ import annotations
 
 import json
 import math
+from collections import Counter
 from collections.abc import Iterator, Mapping, Sequence
+from itertools import islice
 from typing import Final, TextIO
 
 from contid.errors import BadInputError, Located
 from contid.lines import MAX_LINE
 from contid.robot_file.robot import RobotDescription
 from contid.targets import Target
-from contid.trajectory.columns import ColumnLayout, read_layout
+from contid.trajectory.columns import MAX_FINDINGS, ColumnLayout, read_layout
 
 #: Two million rows are almost three hours at 200 Hz.
 MAX_ROWS: Final = 2_000_000
@@ -175,8 +177,7 @@ class RowReader:
         given = dict(pairs)
         findings = [
             Located(self.name, number, _key_column(line, key), f"{key!r} is not in the first row; it must be")
-            for key in given
-            if key not in names
+            for key in islice((key for key in given if key not in names), MAX_FINDINGS)
         ]
         values = []
         for name in names:
@@ -209,9 +210,9 @@ class RowReader:
         if not isinstance(pairs, _Pairs):
             message = 'not a row: a line is one object, {"t_s": ...}'
             raise BadInputError([Located(self.name, number, 1, message)])
-        keys = [key for key, _ in pairs]
-        twice = [key for index, key in enumerate(keys) if key in keys[:index]]
-        if twice:
+        counts = Counter(key for key, _ in pairs)
+        if len(counts) < len(pairs):
+            twice = [key for key, count in counts.items() if count > 1][:MAX_FINDINGS]
             found = [
                 Located(self.name, number, _key_column(line, key, last=True), f"{key!r} is written twice")
                 for key in twice

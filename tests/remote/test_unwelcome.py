@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import grp
+import json
 import os
 import subprocess
 import sys
@@ -11,6 +12,7 @@ from pathlib import Path
 
 import pytest
 
+from contid.client import RemoteError
 from contid.lines import MAX_LINE
 from contid.remote.protocol.wire import MAX_CLIENTS
 from tests.support.daemons import armed, command, daemon, raw, states
@@ -45,6 +47,28 @@ def test_a_client_that_floods_stalls_or_talks_garbage_blocks_no_stop() -> None:
             connected.close()
         until(lambda: client.status()["clients"] == 1, "the others are gone")
         assert running.end() is not None
+
+
+def test_heavy_requests_of_many_clients_are_refused_and_block_no_stop() -> None:
+    columns = json.dumps([f"x_m{number}" for number in range(6000)])
+    heavy = f'{{"id":1,"verb":"move","columns":{columns}}}\n'.encode()
+    with daemon() as running, running.client() as client:
+        armed(client)
+        crowd = [raw(running) for _ in range(6)]
+        for connected in crowd:
+            connected.setblocking(False)
+            for _ in range(10):
+                with suppress(OSError):
+                    connected.send(heavy)
+        client.estop()
+        assert running.off()
+        with pytest.raises(RemoteError, match="unknown column") as refused:
+            client.request("move", columns=["x"] * 5000)
+        assert str(refused.value).count("\n") < 20
+        begun = client.request("subscribe", robots=["f0"] * 2000, fields=["tip_mm"] * 2000)
+        assert (begun["robots"], begun["fields"]) == (["f0"], ["tip_mm"])
+        for connected in crowd:
+            connected.close()
 
 
 def test_a_line_that_is_too_long_and_much_garbage_end_the_connection() -> None:

@@ -14,12 +14,10 @@ from contid.errors import BadInputError
 from contid.remote.protocol.wire import Code, RemoteError
 from contid.remote.server.telemetry_view import TelemetryView
 from contid.targets import Target
+from contid.trajectory.columns import MAX_FINDINGS
 from contid.trajectory.read import trajectory_of_rows
 from contid.trajectory.rows import RowReader
 from contid.trajectory.timed import Trajectory
-
-#: Findings of one refusal.
-MAX_FINDINGS: Final = 20
 
 _ARMED: Final = frozenset({Mode.APPROACH, Mode.RUN, Mode.HOLD})
 

@@ -134,7 +134,7 @@ class QueryHandler:
     async def _subscribe(self, caller: Caller, request: RequestFields) -> Fields:
         rate_hz = request.number("rate_hz", 20.0, 0.0, MAX_RATE_HZ)
         robots = self._view.named(request) or tuple(self._view.configs)
-        fields = request.names("fields") or DEFAULT_FIELDS
+        fields = tuple(dict.fromkeys(request.names("fields") or DEFAULT_FIELDS))
         events = request.flag("events")
         request.end()
         unknown = [name for name in fields if name not in FIELDS]

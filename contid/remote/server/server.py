@@ -33,6 +33,8 @@ from contid.remote.server.telemetry_view import fault_fields
 #: Period of the checks of leases, credits and due frames, while a client needs them and otherwise.
 WATCH_S: Final = 0.005
 IDLE_S: Final = 0.02
+#: Longest time for telemetry before requests get a turn.
+FRAMES_S: Final = 1e-3
 #: Time for connections to close when the daemon ends.
 CLOSE_TIMEOUT_S: Final = 1.0
 #: Kinds of events that subscribers receive.
@@ -65,7 +67,7 @@ class SocketServer:
                 busy = handler.streaming or any(c.subscription for c in self._connections.values())
                 await asyncio.sleep(WATCH_S if busy else IDLE_S)
                 handler.watch()
-                self._send_frames(control)
+                await self._send_frames(control)
         finally:
             server.close()
             for connection in tuple(self._connections.values()):
@@ -132,9 +134,9 @@ class SocketServer:
             if connection.subscription is not None and connection.subscription.events:
                 connection.outbox.put_frame(line)
 
-    def _send_frames(self, control: RunControl) -> None:
-        """Send the telemetry that is due; equal frames are encoded once."""
-        now_s = time.monotonic()
+    async def _send_frames(self, control: RunControl) -> None:
+        """Send the telemetry that is due; equal frames are encoded once, others between requests."""
+        now_s = turn_s = time.monotonic()
         due = [
             (connection, subscription)
             for connection in self._connections.values()
@@ -159,6 +161,9 @@ class SocketServer:
                 fields = self._handler.view.telemetry(record, *key)
                 self._frames[key] = encode({"event": "telemetry", **fields})
             connection.outbox.put_frame(self._with_drops(connection, self._frames[key]))
+            if time.monotonic() - turn_s > FRAMES_S:
+                await asyncio.sleep(0)
+                turn_s = time.monotonic()
 
     @staticmethod
     def _with_drops(connection: Connection, line: bytes) -> bytes:

@@ -88,7 +88,7 @@ class TelemetryView:
         """
         robots = request.names("robots")
         self.check(robots)
-        return robots
+        return None if robots is None else tuple(dict.fromkeys(robots))
 
     def faults(self, record: TickRecord | None, robots: Sequence[str] | None) -> dict[str, Fields]:
         """The latched faults of robots, of all for None."""
