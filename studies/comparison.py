@@ -10,11 +10,11 @@ from typing import Final, TypeAlias
 
 import numpy as np
 
-from contid.kinematics.arc.descent import tuning_for
 from contid.kinematics.arc.feasible import Feasible
 from contid.kinematics.arc.section_model import Solver, build_solver
 from contid.kinematics.arc.sections import differentiate, forward
 from contid.kinematics.arc.solve import SectionSolver, vec3
+from contid.kinematics.arc.task import tuning_for
 from contid.kinematics.array import Array
 from contid.kinematics.ph.inverse import ShapeInverse, TubeSection
 from contid.kinematics.ph.model import arc_direction

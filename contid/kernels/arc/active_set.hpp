@@ -26,9 +26,8 @@ struct Held {
   int count;
   std::uint64_t mask = 0;  // of the flat limits
 
-  Held(const double (*task)[kMaxLengths], int rows, double weight, const Feasible& feasible)
-      : wide(feasible.size() + rows), flat(feasible.flat()), count(rows) {
-    const int n = feasible.size();
+  Held(const double (*task)[kMaxLengths], int rows, double weight, int n, int flat)
+      : wide(n + rows), flat(flat), count(rows) {
     for (int a = 0; a < rows; ++a) {
       std::memcpy(normals[a], task[a], n * sizeof(double));
       for (int b = 0; b < rows; ++b) normals[a][n + b] = a == b ? std::sqrt(weight) : 0.0;
@@ -67,22 +66,16 @@ struct Held {
   }
 };
 
-// The best step with l + d feasible, in place, from the best one without limits. `whiten` is the lower Cholesky
-// factor of the metric; `task` (may be null) are whitened rows of a task whose error counts 1/weight. Each limit is
-// linearised at the present point, so a curved one is met by several tangent planes.
-inline void bounded_step(const double* whiten, const double* at, const Feasible& feasible,
-                         const double (*task)[kMaxLengths], int rows, double weight, double* d) {
-  const int n = feasible.size();
+// Add limits to what is held until l + d is feasible, `d` in place: see bounded_step.
+template <class Limits>
+inline void hold_limits(const double* whiten, const double* at, const Limits& limits, int rows, double excess,
+                        int number, Held& held, double* d) {
+  const int n = limits.size(), wide = held.wide;
   double trial[kMaxLengths];
   for (int i = 0; i < n; ++i) trial[i] = at[i] + d[i];
-  int number;
-  double excess = feasible.worst(trial, 0, number);
-  if (excess <= kRounding) return;
-  Held held(task, rows, weight, feasible);
-  const int wide = held.wide;
   for (int tried = 0; tried < kLimitsTried; ++tried) {
     double v[kMaxHeld] = {}, added = 0.0;
-    feasible.normal(trial, number, v);
+    limits.normal(trial, number, v);
     solve_lower(whiten, n, kMaxLengths, v);
     for (;;) {
       double r[kMaxHeld], move[kMaxHeld];
@@ -114,9 +107,30 @@ inline void bounded_step(const double* whiten, const double* at, const Feasible&
       held.drop(blocking);
     }
     for (int i = 0; i < n; ++i) trial[i] = at[i] + d[i];
-    excess = feasible.worst(trial, held.mask, number);
+    excess = limits.worst(trial, held.mask, number);
     if (excess <= kRounding) return;
   }
+}
+
+// The best step with l + d feasible, in place, from the best one without limits. `whiten` is the lower Cholesky
+// factor of the metric; `task` (may be null) are whitened rows of a task whose error counts 1/weight. `limits` are
+// Feasible or TangentLimits. Each is linearised at the present point, so a curved one is met by several tangent planes;
+// `cones` (may be null) gets the sum of their multipliers per section.
+template <class Limits>
+inline void bounded_step(const double* whiten, const double* at, const Limits& limits,
+                         const double (*task)[kMaxLengths], int rows, double weight, double* d,
+                         double* cones = nullptr) {
+  const int n = limits.size();
+  double trial[kMaxLengths];
+  for (int i = 0; i < n; ++i) trial[i] = at[i] + d[i];
+  int number;
+  const double excess = limits.worst(trial, 0, number);
+  if (excess <= kRounding) return;
+  Held held(task, rows, weight, n, limits.flat());
+  hold_limits(whiten, at, limits, rows, excess, number, held, d);
+  if (!cones) return;
+  for (int a = rows; a < held.count; ++a)
+    if (held.numbers[a] >= 2 * n + 3) cones[held.numbers[a] - 2 * n - 3] += held.multipliers[a];
 }
 
 struct IdentityFactor {

@@ -54,8 +54,8 @@ struct Feasible {
     return bend_excess(l, number - flat());
   }
 
-  // The limit exceeded most; flat ones whose bit is set in `held` are left out.
-  double worst(const double* l, std::uint64_t held, int& number) const {
+  // The flat limit exceeded most; those whose bit is set in `held` are left out.
+  double worst_flat(const double* l, std::uint64_t held, int& number) const {
     double most = -kInfinity;
     number = 0;
     const int n = size();
@@ -72,6 +72,12 @@ struct Feasible {
         const double over = rack_excess(l, j);
         if (over > most && !(held >> (2 * n + j) & 1)) most = over, number = 2 * n + j;
       }
+    return most;
+  }
+
+  // The limit exceeded most; cones are never left out.
+  double worst(const double* l, std::uint64_t held, int& number) const {
+    double most = worst_flat(l, held, number);
     if (curvature_max < kInfinity)
       for (int s = 0; s < sections.count; ++s) {
         const double over = bend_excess(l, s);
@@ -101,6 +107,20 @@ struct Feasible {
       for (int j = 0; j < 3; ++j)
         out[3 * s + j] = sections.radius[s] * (along[0] * m[j] + along[1] * m[3 + j] + along[2] * m[6 + j]);
     }
+  }
+
+  // H += weight d2 excess/dl2 of the cone of a section; a straight section has none.
+  void add_cone(const double* l, int s, double weight, double* H) const {
+    double uvl[3];
+    sections.arc(l, s, uvl);
+    const double theta = std::hypot(uvl[0], uvl[1]);
+    if (theta < 1e-9) return;
+    const double* m = sections.to_arc[s];
+    double across[3];  // of d(u, v)/dl, what turns the bend
+    for (int j = 0; j < 3; ++j) across[j] = (uvl[0] * m[3 + j] - uvl[1] * m[j]) / theta;
+    for (int i = 0; i < 3; ++i)
+      for (int j = 0; j < 3; ++j)
+        H[(3 * s + i) * kMaxLengths + 3 * s + j] += weight * sections.radius[s] * across[i] * across[j] / theta;
   }
 
   // metric: 3 (L - L0)^2 + max(1.5 d^2, L0^2/2) theta^2 per section.
@@ -145,6 +165,49 @@ struct Feasible {
     if (share == 1.0) return;
     for (int i = 0; i < size(); ++i) l[i] = home[i] + share * (l[i] - home[i]);
     clip(l);
+  }
+};
+
+// The same limits with every cone replaced by its tangent plane at one point: all of them are flat.
+struct TangentLimits {
+  const Feasible& feasible;
+  double normals[kMaxSections][kMaxLengths];
+  double offsets[kMaxSections];
+
+  TangentLimits(const Feasible& feasible, const double* at) : feasible(feasible) {
+    if (feasible.curvature_max == kInfinity) return;
+    for (int s = 0; s < feasible.sections.count; ++s) {
+      feasible.normal(at, feasible.flat() + s, normals[s]);
+      offsets[s] = feasible.bend_excess(at, s) - along(s, at);
+    }
+  }
+
+  int size() const { return feasible.size(); }
+  int flat() const { return feasible.limits(); }
+
+  double worst(const double* l, std::uint64_t held, int& number) const {
+    double most = feasible.worst_flat(l, held, number);
+    if (feasible.curvature_max < kInfinity)
+      for (int s = 0; s < feasible.sections.count; ++s) {
+        const int plane = feasible.flat() + s;
+        const double over = offsets[s] + along(s, l);
+        if (over > most && !(held >> plane & 1)) most = over, number = plane;
+      }
+    return most;
+  }
+
+  void normal(const double* l, int number, double* out) const {
+    if (number < feasible.flat())
+      feasible.normal(l, number, out);
+    else
+      std::memcpy(out, normals[number - feasible.flat()], feasible.size() * sizeof(double));
+  }
+
+ private:
+  double along(int s, const double* l) const {
+    double sum = 0.0;
+    for (int i = 3 * s; i < 3 * s + 3; ++i) sum += normals[s][i] * l[i];
+    return sum;
   }
 };
 

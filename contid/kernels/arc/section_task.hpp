@@ -1,5 +1,5 @@
 // Goal of a chain of sections, its error and derivatives; all rows are lengths [m].
-// Twin and specification: Descent._task of contid/kinematics/arc/descent.py.
+// Twin and specification: contid/kinematics/arc/task.py.
 #pragma once
 
 #include <algorithm>
@@ -8,7 +8,7 @@
 
 namespace contid {
 
-// Parameters of the solver: see Tuning of contid/kinematics/arc/descent.py.
+// Parameters of the solver: see Tuning of contid/kinematics/arc/task.py.
 struct Tuning {
   double ell, tolerance, home_tolerance, weight, near;
   int home_steps;

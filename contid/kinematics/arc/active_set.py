@@ -15,7 +15,7 @@ from typing import Final
 
 import numpy as np
 
-from contid.kinematics.arc.feasible import Feasible
+from contid.kinematics.arc.feasible import Feasible, TangentLimits
 from contid.kinematics.array import Array
 
 # Excess that counts as rounding [m]; the caller pulls the rest inside.
@@ -53,7 +53,13 @@ def damped_step(
 
 
 def bounded_step(
-    factor: Array, d: Array, at: Array, feasible: Feasible, rows: Array | None = None, weight: float = 0.0
+    factor: Array,
+    d: Array,
+    at: Array,
+    limits: Feasible | TangentLimits,
+    rows: Array | None = None,
+    weight: float = 0.0,
+    cones: Array | None = None,
 ) -> Array:
     """The best step within the limits, from the best one without.
 
@@ -61,13 +67,13 @@ def bounded_step(
         factor: lower Cholesky factor of the metric.
         d: the step without limits.
         at: where it starts, inside the limits.
-        feasible: the limits.
+        limits: those of the arm, or their tangents at one point.
         rows: Jacobian of a task, whitened by the factor, whose error counts ``1/weight``. Each row is held as
             an equation with a slack, ``(row, sqrt(weight) e_a)``, which keeps a stiff task well conditioned.
         weight: see ``rows``.
+        cones: gets the sum of the multipliers of each section's cone, ``(sections,)``.
     """
-    excess, normal, number = feasible.worst(at + d, ())
-    if excess <= _ROUNDING_M:
+    if limits.worst(at + d, ())[0] <= _ROUNDING_M:
         return d
     size = len(at)
     fixed = 0 if rows is None else len(rows)
@@ -75,6 +81,20 @@ def bounded_step(
     if rows is not None:
         normals[:, :size] = rows
         normals[:, size:] = math.sqrt(weight) * np.eye(fixed)
+    d, held, multipliers = _hold_limits(factor, d, at, limits, normals, fixed)
+    if cones is not None:
+        for number, multiplier in zip(held, multipliers, strict=True):
+            if number >= 2 * size + 3:
+                cones[number - 2 * size - 3] += multiplier
+    return d
+
+
+def _hold_limits(
+    factor: Array, d: Array, at: Array, limits: Feasible | TangentLimits, normals: Array, fixed: int
+) -> tuple[Array, list[int], Array]:
+    """Hold limits until ``at + d`` is feasible: the step, the numbers of the limits and their multipliers."""
+    size = len(at)
+    excess, normal, number = limits.worst(at + d, ())
     held: list[int] = []
     multipliers = np.empty(0)
     for _ in range(_LIMITS_TRIED):
@@ -92,7 +112,7 @@ def bounded_step(
                     partial, blocking = float(multipliers[k] / ratio), k
             t = min(full, partial)
             if t == math.inf:  # linearly dependent on the held ones: the excess left is rounding
-                return d
+                return d, held, multipliers
             multipliers = multipliers - t * r[fixed:]
             added += t
             if full < math.inf:
@@ -106,7 +126,7 @@ def bounded_step(
             held.pop(blocking)
             normals = np.delete(normals, fixed + blocking, axis=0)
             multipliers = np.delete(multipliers, blocking)
-        excess, normal, number = feasible.worst(at + d, held)
+        excess, normal, number = limits.worst(at + d, held)
         if excess <= _ROUNDING_M:
             break
-    return d
+    return d, held, multipliers

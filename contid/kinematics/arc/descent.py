@@ -1,87 +1,32 @@
 """One descent of the bounded inverse kinematics: damped steps, homing, and Newton out of reach.
 
-The rows of a task are lengths: tip error, mid-point error, and ``ell (t_target - t)`` for a direction. A step
-solves a quadratic programme over the limits (`active_set`), never clips:
+A step solves a quadratic programme over the limits (`active_set`), never clips:
 
 * far from the target:   min |J d - e|^2 + (w + mu |e|^2 / (2 ell^2)) |d|^2        (Sugihara's damping)
-* near the target:       min |J d - e|^2 + w (d^T W d - 2 z^T d),  z towards the home posture
+* near the target:       `home`
 * not met:               min 1/2 d^T H d - (J^T e)^T d,  H the second derivative of |e|^2/2
 
 The damping is scaled by the length ``ell``, a fifth of the arm: with errors in mm against singular values
-near 1 the literature's ``lambda^2 = |e|^2/2`` stalls. Homing converges to the answer closest to home, so a
-closed path closes in the lengths as well. Specification of ``descent.hpp``, ``newton.hpp`` and
-``section_task.hpp``.
+near 1 the literature's ``lambda^2 = |e|^2/2`` stalls. Specification of ``descent.hpp`` and ``newton.hpp``.
 """
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-from typing import Final, NamedTuple
+from typing import Final
 
 import numpy as np
 
 from contid.kinematics.arc.active_set import bounded_step, cholesky, damped_step
 from contid.kinematics.arc.feasible import BINDING_M, Feasible
-from contid.kinematics.arc.sections import differentiate
+from contid.kinematics.arc.home import Homing
+from contid.kinematics.arc.task import Goal, Tuning, task
 from contid.kinematics.array import Array
-from contid.targets import Vec3
 
 # Central differences of the gradient [m]: 1e-10 of truncation, 1e-11 of rounding.
 _DIFFERENCE_M: Final = 1e-5
-# Forward differences of J^T y, which need few digits.
-_FORWARD_M: Final = 1e-6
 # A shift that makes any Hessian of an arm positive definite.
 _MAX_SHIFT: Final = 1e12
 _MIN_SHIFT: Final = 1e-3
-
-
-@dataclass(frozen=True, slots=True)
-class Tuning:
-    """Numbers of the solver.
-
-    Attributes:
-        ell_m: length that scales damping and direction rows [m].
-        tolerance_m: error at which a target is met [m].
-        home_tolerance_m: step at which the redundancy counts as settled [m].
-        weight: w, least damping and weight of homing; leaves ``w * 0.5 m / sigma``, below 1e-8 m, on the tip.
-        near: homing starts below ``near * ell_m`` of error.
-        home_steps: maximum number of homing steps.
-        contraction: where homing steps shrink less than by this factor, their metric gets the task's
-        curvature. slow: a damped step that leaves more than this share of the error ends the approach.
-        iterations: maximum number of damped steps per start. settling: maximum number of Newton steps per
-        start, for targets that are not met. starts: starts after the seed for a target that is not met.
-        agreeing: number of starts ending at the best answer that ends the search for a target beyond the
-            length of the arm; within its length every start is tried.
-        tracking: a descent from the seed that moves less than ``tracking * ell_m`` without meeting its target
-            follows a bounded optimum from tick to tick: then at most ``agreeing`` starts, to stay in time.
-    """
-
-    ell_m: float
-    tolerance_m: float = 1e-6
-    home_tolerance_m: float = 1e-8
-    weight: float = 1e-8
-    near: float = 0.3
-    home_steps: int = 30
-    contraction: float = 0.3
-    slow: float = 0.95
-    iterations: int = 60
-    settling: int = 80
-    starts: int = 32
-    agreeing: int = 3
-    tracking: float = 0.1
-
-
-def tuning_for(feasible: Feasible) -> Tuning:
-    """Numbers scaled to the size of the robot: ``ell`` is a fifth of the arm in its home posture."""
-    return Tuning(ell_m=0.2 * (float(feasible.home.sum()) / 3.0 + sum(feasible.sections.rigid_m)))
-
-
-class Goal(NamedTuple):
-    """Tip, and optionally its unit tangent or the mid-point, in the base frame [m]."""
-
-    tip: Vec3
-    direction: Vec3 | None = None
-    mid: Vec3 | None = None
 
 
 class Descent:
@@ -91,6 +36,7 @@ class Descent:
         self.feasible = feasible
         self.sections = feasible.sections
         self.tuning = tuning
+        self._homing = Homing(feasible, tuning)
 
     def error(self, lengths: Array, goal: Goal) -> float:
         """Norm of the task error [m]."""
@@ -98,98 +44,61 @@ class Descent:
 
     def run(self, lengths: Array, goal: Goal) -> tuple[Array, float, int]:
         """One start: lengths [m], shape ``(3 n,)``, error [m] and steps taken."""
-        homes = self.tuning.home_steps
-        lengths, error, steps = self._approach(lengths, goal, homes)
-        if error > self.tuning.tolerance_m:
-            lengths, error, more = self._approach(lengths, goal, 0)
+        t = self.tuning
+        lengths, error, steps = self._approach(lengths, goal, t.near * t.ell_m)
+        if error < t.near * t.ell_m:
+            settled, left, more = self._home(lengths, goal, error)
             steps += more
-        if error > self.tuning.tolerance_m:
+            if left <= t.tolerance_m:
+                return settled, left, steps
+        lengths, error, more = self._approach(lengths, goal, t.tolerance_m)
+        steps += more
+        if error > t.tolerance_m:
             lengths, error, more = self._settle(lengths, goal)
             steps += more
-            if error <= self.tuning.tolerance_m:
-                lengths, error, more = self._approach(lengths, goal, homes)
-                steps += more
+        if error <= t.tolerance_m:
+            settled, left, more = self._home(lengths, goal, error)
+            steps += more
+            if left <= t.tolerance_m:
+                return settled, left, steps
         return lengths, error, steps
 
+    def _home(self, lengths: Array, goal: Goal, error: float) -> tuple[Array, float, int]:
+        """The settled lengths, the error left [m] and steps taken."""
+        if self.tuning.home_steps == 0:
+            return lengths, error, 0
+        return self._homing.run(lengths, goal)
+
     def _task(self, lengths: Array, goal: Goal) -> tuple[Array, Array]:
-        """Error rows [m] and their Jacobian at ``lengths``."""
-        at = differentiate(self.sections, lengths)
-        errors, rows = [np.array(goal.tip) - at.frames.tip], [at.tip]
-        if goal.direction is not None:
-            tangent = at.frames.rotation[:, 2]
-            errors.append(self.tuning.ell_m * (np.array(goal.direction) - tangent))
-            rows.append(self.tuning.ell_m * np.cross(at.spin, tangent[:, None], axis=0))
-        if goal.mid is not None:
-            errors.append(np.array(goal.mid) - at.frames.mid)
-            rows.append(at.mid)
-        return np.concatenate(errors), np.vstack(rows)
+        return task(self.sections, self.tuning.ell_m, lengths, goal)
 
-    def _approach(self, lengths: Array, goal: Goal, homes_left: int) -> tuple[Array, float, int]:
-        """Damped steps and homing, until the target is met or progress ends; returns the best lengths.
-
-        Homing can raise the error for some steps, and along limits it may not settle.
-        """
+    def _approach(self, lengths: Array, goal: Goal, enough_m: float) -> tuple[Array, float, int]:
+        """Damped steps until the error is ``enough_m`` or progress ends."""
         t = self.tuning
         e, J = self._task(lengths, goal)
         error = float(np.linalg.norm(e))
-        boost, reach = 1.0, t.ell_m
-        best, least = lengths, error
-        metric = self.feasible.metric
-        last_step = float("inf")
-        for iteration in range(1, t.iterations + 1):
-            homing = homes_left > 0 and error < t.near * t.ell_m
-            if homing:
-                homes_left -= 1
-                damping = t.weight
-                z = self.feasible.home - lengths
-                z = self.feasible.metric @ (z * min(1.0, reach / max(float(np.linalg.norm(z)), 1e-300)))
-            else:
-                damping = t.weight + boost * error * error / (2.0 * t.ell_m * t.ell_m)
-                z = np.zeros(len(lengths))
-            d, y = damped_step(J, e, damping, z, lengths, self.feasible, metric if homing else None)
+        boost = 1.0
+        still = np.zeros(len(lengths))
+        iteration = 0
+        while iteration < t.iterations and error > enough_m:
+            iteration += 1
+            damping = t.weight + boost * error * error / (2.0 * t.ell_m * t.ell_m)
+            d, _ = damped_step(J, e, damping, still, lengths, self.feasible)
             trial = self.feasible.pulled(lengths + d)
             step = float(np.abs(trial - lengths).max())
             e_trial, J_trial = self._task(trial, goal)
             trial_error = float(np.linalg.norm(e_trial))
-            if homing and trial_error >= t.near * t.ell_m:
-                reach *= 0.25
-                continue
-            if not homing and trial_error >= error and error > t.tolerance_m:
+            if trial_error >= error:
                 if step < 1e-9:
-                    return best, least, iteration
+                    break
                 boost *= 4.0
                 continue
             slow = trial_error > t.slow * error
             lengths, e, J, error = trial, e_trial, J_trial, trial_error
-            if error < least or error <= t.tolerance_m:
-                best, least = lengths, error
-            if homing and step > t.contraction * last_step:
-                metric = self._home_metric(lengths, goal, y)
-            last_step = step if homing else float("inf")
-            if not homing:
-                boost = max(0.25 * boost, 1e-6)
-            if error <= t.tolerance_m and (not homing or step <= t.home_tolerance_m):
-                return lengths, error, iteration
-            if not homing and slow and error > t.tolerance_m:
-                return best, least, iteration
-        return best, least, t.iterations
-
-    def _home_metric(self, lengths: Array, goal: Goal, y: Array) -> Array:
-        """Second derivatives of ``|l - home|^2/2 - y^T task``, shifted until they are positive definite.
-
-        The metric of home alone ignores the curvature of the set of lengths that meet the task; where its
-        radius is as small as the distance from home, such steps do not converge.
-        """
-        size = len(lengths)
-        base = self._task(lengths, goal)[1].T @ y
-        metric = self.feasible.metric.copy()
-        for k in range(size):
-            moved = lengths.copy()
-            moved[k] += _FORWARD_M
-            metric[k] -= (self._task(moved, goal)[1].T @ y - base) / _FORWARD_M
-        metric = 0.5 * (metric + metric.T)
-        _, shift = _shifted_factor(metric, 0.0, least=0.5)
-        return metric + shift * np.eye(size)
+            boost = max(0.25 * boost, 1e-6)
+            if slow and error > enough_m:
+                break
+        return lengths, error, iteration
 
     def _settle(self, lengths: Array, goal: Goal) -> tuple[Array, float, int]:
         """Newton's method on ``|e|^2/2`` for a target that is not met, to the minimum on the limits.
@@ -244,13 +153,13 @@ class Descent:
         return H
 
 
-def _shifted_factor(H: Array, shift: float, least: float = _MIN_SHIFT) -> tuple[Array, float]:
+def _shifted_factor(H: Array, shift: float) -> tuple[Array, float]:
     """Lower Cholesky factor of ``H + shift``, the shift raised until there is one, and the shift."""
     while True:
         try:
             factor = cholesky(H + (shift + 1e-12) * np.eye(len(H)))
         except np.linalg.LinAlgError:
-            shift = max(4.0 * shift, least)
+            shift = max(4.0 * shift, _MIN_SHIFT)
             if shift > _MAX_SHIFT:
                 raise
         else:

@@ -131,6 +131,19 @@ class Feasible:
             normal[3 * s : 3 * s + 3] = self.sections.radius_m[s] * (along @ self.sections.to_arc[s])
         return normal
 
+    def cone_curvature(self, lengths: Array, s: int) -> Array:
+        """Second derivative of the excess of a section's cone, ``(3 n, 3 n)``; 0 for a straight section."""
+        size = len(lengths)
+        curvature = np.zeros((size, size))
+        u, v, _ = self.sections.arcs(lengths)[s]
+        theta = math.hypot(u, v)
+        if theta >= 1e-9:
+            to_arc = self.sections.to_arc[s]
+            across = (u * to_arc[1] - v * to_arc[0]) / theta  # of d(u, v)/dl, what turns the bend
+            block = slice(3 * s, 3 * s + 3)
+            curvature[block, block] = self.sections.radius_m[s] / theta * np.outer(across, across)
+        return curvature
+
     def pulled(self, lengths: Array | Sequence[float]) -> Array:
         """The first feasible point on the way from ``lengths`` (clipped to their intervals) to `home`."""
         clipped = np.clip(np.asarray(lengths, dtype=np.float64), self.low, self.high)
@@ -143,3 +156,30 @@ class Feasible:
             return clipped
         pulled: Array = np.clip(self.home + share * (clipped - self.home), self.low, self.high)
         return pulled
+
+
+class TangentLimits:
+    """The same limits with every cone replaced by its tangent plane at one point: all of them are flat."""
+
+    def __init__(self, feasible: Feasible, at: Array) -> None:
+        self._feasible = feasible
+        self._flat = 2 * len(at) + 3
+        cones = range(self._flat, self._flat + feasible.sections.count)
+        self._normals = np.array([feasible.normal(at, number) for number in cones])
+        self._offsets = feasible.excess(at)[self._flat :] - self._normals @ at
+
+    def worst(self, lengths: Array, held: Collection[int]) -> tuple[float, Array, int]:
+        """As `Feasible.worst`; tangent planes that are held are left out too."""
+        excess = self._feasible.excess(lengths)
+        excess[self._flat :] = self._offsets + self._normals @ lengths
+        for number in held:
+            excess[number] = -math.inf
+        number = int(np.argmax(excess))
+        return float(excess[number]), self.normal(lengths, number), number
+
+    def normal(self, lengths: Array, number: int) -> Array:
+        """Gradient of one limit's excess, shape ``(3 n,)``."""
+        if number >= self._flat:
+            plane: Array = self._normals[number - self._flat]
+            return plane
+        return self._feasible.normal(lengths, number)

@@ -8,10 +8,10 @@ from typing import Protocol
 import numpy as np
 
 from contid.kernels import load
-from contid.kinematics.arc.descent import Tuning, tuning_for
 from contid.kinematics.arc.feasible import Feasible
 from contid.kinematics.arc.sections import Sections, backbone
 from contid.kinematics.arc.solve import SectionSolution, SectionSolver, vec3
+from contid.kinematics.arc.task import Tuning, tuning_for
 from contid.kinematics.array import Array
 from contid.robot_file.sections import SectionRobot
 from contid.targets import ZERO3, Actuation, Pose, Solution, Target, Vec3

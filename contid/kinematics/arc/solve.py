@@ -14,9 +14,10 @@ from typing import Final, NamedTuple
 import numpy as np
 
 from contid.kinematics.arc import arc, biarc
-from contid.kinematics.arc.descent import Descent, Goal, Tuning
+from contid.kinematics.arc.descent import Descent
 from contid.kinematics.arc.feasible import Feasible
 from contid.kinematics.arc.sections import differentiate, forward
+from contid.kinematics.arc.task import Goal, Tuning
 from contid.kinematics.array import Array
 from contid.kinematics.halton import PRIMES, radical_inverse
 from contid.targets import Vec3

@@ -19,10 +19,10 @@ from typing import Final
 
 import numpy as np
 
-from contid.kinematics.arc.descent import tuning_for
 from contid.kinematics.arc.feasible import BINDING_M
 from contid.kinematics.arc.section_model import SectionModel
 from contid.kinematics.arc.solve import MAX_ERROR_M
+from contid.kinematics.arc.task import tuning_for
 from contid.kinematics.array import Array
 from contid.kinematics.ph.inverse import ShapeInverse, TubeSection
 from contid.robot_file.tri_tube import TriTube

@@ -1,0 +1,267 @@
+// Of all lengths that meet a target the ones nearest to home: sequential quadratic programming over the limits.
+// Twin and specification: contid/kinematics/arc/home.py: same decisions, same order.
+#pragma once
+
+#include "newton.hpp"
+
+namespace contid {
+
+class Homing {
+ public:
+  Homing(const Feasible& feasible, const Tuning& tuning) : tuning_(tuning) {
+    std::memcpy(home_factor_, feasible.metric, sizeof home_factor_);
+    factor(home_factor_, feasible.size(), kMaxLengths);
+  }
+
+  // From lengths near the target, in place; returns the error left [m], above the tolerance when it is not met.
+  double run(const Feasible& feasible, double* lengths, const Goal& goal, int& iterations) const {
+    const int n = feasible.size();
+    const Tuning& t = tuning_;
+    Task tasks[2];
+    int now = 0;
+    tasks[0].evaluate(feasible.sections, t.ell, lengths, goal);
+    double metric[kMaxLengths * kMaxLengths], last_step = kInfinity, stiffness = 0.0;
+    bool curved = false;  // the metric has the curvature of task and cones
+    bool fresh = false;   // at these lengths
+    for (int k = 0; k < t.home_steps; ++k) {
+      ++iterations;
+      const Task& task = tasks[now];
+      Task& next = tasks[1 - now];
+      double e[kMaxRows], z[kMaxLengths], d[kMaxLengths], y[kMaxRows], trial[kMaxLengths];
+      task_error(task, goal, e);
+      double slope[kMaxLengths];
+      home_slope(feasible, lengths, slope);
+      for (int i = 0; i < n; ++i) z[i] = slope[i];
+      for (int a = 0; curved && a < task.rows; ++a)
+        for (int i = 0; i < n; ++i) z[i] += stiffness * task.J[a][i] * e[a];
+      double cones[kMaxSections] = {};
+      if (curved)
+        equation_step(TangentLimits(feasible, lengths), task, e, z, lengths, metric, d, y, cones);
+      else
+        equation_step(feasible, task, e, z, lengths, home_factor_, d, y, cones);
+      // The step that the linear model predicts must close most of the error: else the target is not met here.
+      double left = 0.0;
+      for (int a = 0; a < task.rows; ++a) {
+        const double over = e[a] - dot(task.J[a], d, n);
+        left += over * over;
+      }
+      left = std::sqrt(left);
+      const bool solvable = left <= kExact || left <= 0.1 * task.error;
+      if (task.error > t.tolerance && left > kHopeless * task.error) return task.error;
+      double step = moved(feasible, lengths, d, trial);
+      if (k == 0 && step <= t.home_tolerance && task.error <= kExact) return task.error;
+      next.evaluate(feasible.sections, t.ell, trial, goal);
+      const double penalty = kPenalty * std::sqrt(dot(y, y, task.rows));
+      const double merit = distance(feasible, lengths) + penalty * task.error;
+      const double gain = dot(slope, d, n) + penalty * (task.error - left);
+      const auto lower = [&](double share) {
+        return distance(feasible, trial) + penalty * next.error <= merit - kDecrease * share * gain;
+      };
+      if (step > kNoise && !lower(1.0)) {
+        // The curvature of the task, not the direction, can be what spoils a full step: meet the target again.
+        double back[kMaxLengths], unused[kMaxRows], corrected[kMaxLengths];
+        const double still[kMaxLengths] = {};
+        damped_step(feasible, next.J, next.e, next.rows, t.weight, still, trial, home_factor_, back, unused);
+        moved(feasible, trial, back, corrected);
+        std::memcpy(trial, corrected, n * sizeof(double));
+        next.evaluate(feasible.sections, t.ell, trial, goal);
+        bool accepted = lower(1.0);
+        if (!accepted && !fresh && solvable) {
+          stiffness = curvature(feasible, lengths, goal, task, y, cones, slope, metric);
+          curved = fresh = true;
+          continue;
+        }
+        double share = 1.0;
+        for (int cut = 0; !accepted && cut < kCuts; ++cut) {
+          share *= 0.25;
+          double shorter[kMaxLengths];
+          for (int i = 0; i < n; ++i) shorter[i] = share * d[i];
+          moved(feasible, lengths, shorter, trial);
+          next.evaluate(feasible.sections, t.ell, trial, goal);
+          accepted = lower(share);
+        }
+        if (!accepted) {
+          if (!curved) return task.error;
+          curved = false;  // the cones themselves instead of their tangent planes
+          continue;
+        }
+        step = 0.0;
+        for (int i = 0; i < n; ++i) step = std::max(step, std::fabs(trial[i] - lengths[i]));
+      }
+      const double before = task.error;
+      std::memcpy(lengths, trial, n * sizeof(double));
+      now = 1 - now;
+      if (step <= t.home_tolerance && (tasks[now].error <= kExact || tasks[now].error > 0.5 * before))
+        return tasks[now].error;
+      // Multipliers of a task that the limits keep from being met have no meaning.
+      fresh = solvable && step > t.contraction * last_step;
+      if (!solvable) curved = false;
+      if (fresh) {
+        home_slope(feasible, lengths, slope);
+        stiffness = curvature(feasible, lengths, goal, tasks[now], y, cones, slope, metric);
+        curved = true;
+      }
+      last_step = step;
+    }
+    return tasks[now].error;
+  }
+
+ private:
+  static constexpr double kHopeless = 0.9;   // share of the error that a step must not leave
+  static constexpr double kExact = 1e-10;    // error of a settled answer [m]
+  static constexpr double kPenalty = 1.5;    // weight of the error in the merit, in multipliers of the task
+  static constexpr double kDecrease = 1e-4;  // share of the predicted gain that a step must make
+  static constexpr double kNoise = 1e-7;     // steps too short for the merit: its differences are rounding [m]
+  static constexpr int kCuts = 6;
+
+  const Tuning tuning_;
+  double home_factor_[kMaxLengths * kMaxLengths];  // of the metric of home
+
+  // 1/2 (l - home)^T M (l - home)
+  static double distance(const Feasible& feasible, const double* lengths) {
+    const int n = feasible.size();
+    double z[kMaxLengths], away[kMaxLengths];
+    home_slope(feasible, lengths, z);
+    for (int i = 0; i < n; ++i) away[i] = feasible.home[i] - lengths[i];
+    return 0.5 * dot(away, z, n);
+  }
+
+  // z = M (home - l)
+  static void home_slope(const Feasible& feasible, const double* lengths, double* z) {
+    const int n = feasible.size();
+    double away[kMaxLengths];
+    for (int i = 0; i < n; ++i) away[i] = feasible.home[i] - lengths[i];
+    for (int i = 0; i < n; ++i) z[i] = dot(feasible.metric + i * kMaxLengths, away, n);
+  }
+
+  // The error rows; of the direction's only what is across the tangent: no length changes the rest.
+  void task_error(const Task& task, const Goal& goal, double* e) const {
+    std::memcpy(e, task.e, sizeof task.e);
+    if (!goal.direction) return;
+    double tangent[3];
+    for (int k = 0; k < 3; ++k) tangent[k] = goal.direction[k] - task.e[3 + k] / tuning_.ell;
+    const double along = dot(task.e + 3, tangent, 3);
+    for (int k = 0; k < 3; ++k) e[3 + k] -= along * tangent[k];
+  }
+
+  // minimise 1/2 d^T W d - z^T d with J d = e and l + d inside the limits; W by its lower factor `whiten`.
+  //     d = W^-1 (z + J^T y),    (J W^-1 J^T + w) y = e - J W^-1 z
+  // The weight w bounds y where the task is singular; what it leaves of e is asked for once more. `cones` gets the
+  // multipliers of the cones.
+  template <class Limits>
+  void equation_step(const Limits& limits, const Task& task, const double* e, const double* z, const double* at,
+                     const double* whiten, double* d, double* y, double* cones) const {
+    const int n = limits.size(), rows = task.rows;
+    const double weight = tuning_.weight;
+    double gram[kMaxRows * kMaxRows], K[kMaxRows][kMaxLengths], base[kMaxLengths], free[kMaxLengths];
+    double asked[kMaxRows], held[kMaxRows], more[kMaxRows];
+    std::memcpy(base, z, n * sizeof(double));
+    solve_lower(whiten, n, kMaxLengths, base);
+    for (int a = 0; a < rows; ++a) {
+      std::memcpy(K[a], task.J[a], n * sizeof(double));
+      solve_lower(whiten, n, kMaxLengths, K[a]);
+    }
+    for (int a = 0; a < rows; ++a) {
+      for (int b = 0; b <= a; ++b) gram[a * kMaxRows + b] = dot(K[a], K[b], n);
+      gram[a * kMaxRows + a] += weight;
+      asked[a] = e[a] - dot(K[a], base, n);
+    }
+    const bool regular = factor(gram, rows, kMaxRows);
+    for (int pass = 0; pass < 2; ++pass) {
+      std::memcpy(d, base, n * sizeof(double));
+      for (int a = 0; a < rows; ++a) y[a] = regular ? asked[a] : 0.0;
+      solve_lower(gram, rows, kMaxRows, y);
+      solve_upper(gram, rows, kMaxRows, y);
+      for (int a = 0; a < rows; ++a) more[a] = weight * y[a];
+      solve_lower(gram, rows, kMaxRows, more);
+      solve_upper(gram, rows, kMaxRows, more);
+      for (int a = 0; a < rows; ++a) {
+        y[a] += more[a];
+        for (int i = 0; i < n; ++i) d[i] += K[a][i] * y[a];
+      }
+      solve_upper(whiten, n, kMaxLengths, d);
+      std::memcpy(free, d, n * sizeof(double));
+      for (int s = 0; s < kMaxSections; ++s) cones[s] = 0.0;
+      bounded_step(whiten, at, limits, K, rows, weight, d, cones);
+      double most = 0.0;
+      for (int i = 0; i < n; ++i) free[i] -= d[i];
+      for (int a = 0; a < rows; ++a) {
+        held[a] = dot(task.J[a], free, n) / weight;  // the limits' part of the multipliers
+        most = std::max(most, std::fabs(held[a]));
+        y[a] += held[a];
+      }
+      if (most == 0.0) return;
+      for (int a = 0; a < rows; ++a) asked[a] += weight * held[a];
+    }
+  }
+
+  // H made stiff across the limits that bind and are pushed against.
+  static void hold(const Feasible& feasible, const double* lengths, const Task& task, const double* y,
+                   const double* cones, const double* slope, double* H) {
+    const int n = feasible.size();
+    double push[kMaxLengths], normal[kMaxLengths], most = 0.0;
+    for (int i = 0; i < n; ++i) {
+      push[i] = slope[i];
+      for (int a = 0; a < task.rows; ++a) push[i] += task.J[a][i] * y[a];
+      most = std::max(most, std::fabs(H[i * kMaxLengths + i]));
+    }
+    for (int number = 0; number < feasible.limits(); ++number) {
+      const bool cone = number >= feasible.flat();
+      if (cone ? cones[number - feasible.flat()] <= 0.0 : feasible.excess(lengths, number) <= -kBinding) continue;
+      feasible.normal(lengths, number, normal);
+      if (!cone && dot(normal, push, n) <= 0.0) continue;
+      const double weight = 10.0 * most / dot(normal, normal, n);
+      for (int i = 0; i < n; ++i)
+        for (int j = 0; j <= i; ++j) H[i * kMaxLengths + j] += weight * normal[i] * normal[j];
+    }
+  }
+
+  // The lower factor of M - sum_a y_a d2 task_a/dl2 + sum_s cones_s d2 cone_s/dl2, and the weight of J^T J that makes it
+  // positive definite without changing steps that keep the task. Where that is not enough, limits that bind and a
+  // multiple of M help.
+  double curvature(const Feasible& feasible, const double* lengths, const Goal& goal, const Task& task,
+                   const double* y, const double* cones, const double* slope, double* metric) const {
+    constexpr double kForward = 1e-6;  // [m]; J^T y needs few digits
+    const int n = feasible.size();
+    double rows[kMaxLengths][kMaxLengths], at[kMaxLengths], H[kMaxLengths * kMaxLengths];
+    std::memcpy(at, lengths, n * sizeof(double));
+    for (int k = 0; k < n; ++k) {
+      Task there;
+      at[k] = lengths[k] + kForward;
+      there.evaluate(feasible.sections, tuning_.ell, at, goal);
+      at[k] = lengths[k];
+      for (int i = 0; i < n; ++i) {
+        double change = 0.0;
+        for (int a = 0; a < task.rows; ++a) change += (there.J[a][i] - task.J[a][i]) * y[a];
+        rows[k][i] = feasible.metric[k * kMaxLengths + i] - change / kForward;
+      }
+    }
+    double trace = 0.0, square = 0.0;
+    for (int i = 0; i < n; ++i) {
+      for (int j = 0; j <= i; ++j) H[i * kMaxLengths + j] = 0.5 * (rows[i][j] + rows[j][i]);
+      trace += feasible.metric[i * kMaxLengths + i];
+    }
+    for (int s = 0; s < feasible.sections.count; ++s)
+      if (cones[s] > 0.0) feasible.add_cone(lengths, s, cones[s], H);
+    for (int a = 0; a < task.rows; ++a) square += dot(task.J[a], task.J[a], n);
+    double stiffness = 0.0, shift = 0.0;
+    for (int attempt = 0;; ++attempt) {
+      for (int i = 0; i < n; ++i)
+        for (int j = 0; j <= i; ++j) {
+          double value = H[i * kMaxLengths + j] + shift * feasible.metric[i * kMaxLengths + j];
+          for (int a = 0; stiffness > 0.0 && a < task.rows; ++a) value += stiffness * task.J[a][i] * task.J[a][j];
+          metric[i * kMaxLengths + j] = value;
+        }
+      if (factor(metric, n, kMaxLengths) || shift > kMaxShift) return stiffness;
+      if (attempt < 3) {
+        stiffness = attempt == 0 ? trace / square : 10.0 * stiffness;
+      } else if (attempt == 3) {
+        hold(feasible, lengths, task, y, cones, slope, H);
+      } else {
+        shift = shift == 0.0 ? 0.01 : 4.0 * shift;
+      }
+    }
+  }
+};
+
+}  // namespace contid

@@ -1,0 +1,80 @@
+"""Goal of a chain of sections, its error rows [m] and derivatives, and the numbers of its solver.
+
+The rows are the tip error, the mid-point error, and ``ell (t_target - t)`` for a direction. Specification of
+``section_task.hpp``.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import NamedTuple
+
+import numpy as np
+
+from contid.kinematics.arc.feasible import Feasible
+from contid.kinematics.arc.sections import Sections, differentiate
+from contid.kinematics.array import Array
+from contid.targets import Vec3
+
+
+@dataclass(frozen=True, slots=True)
+class Tuning:
+    """Numbers of the solver.
+
+    Attributes:
+        ell_m: length that scales damping and direction rows [m].
+        tolerance_m: error at which a target is met [m].
+        home_tolerance_m: step at which the redundancy counts as settled [m].
+        weight: w, least damping, and bound of the multipliers where the task is singular.
+        near: homing starts below ``near * ell_m`` of error.
+        home_steps: maximum number of homing steps.
+        contraction: where homing steps shrink less than by this factor, their metric gets the curvature.
+        slow: a damped step that leaves more than this share of the error ends the approach.
+        iterations: maximum number of damped steps per start. settling: maximum number of Newton steps per
+        start, for targets that are not met. starts: starts after the seed for a target that is not met.
+        agreeing: number of starts ending at the best answer that ends the search for a target beyond the
+            length of the arm; within its length every start is tried.
+        tracking: a descent from the seed that moves less than ``tracking * ell_m`` without meeting its target
+            follows a bounded optimum from tick to tick: then at most ``agreeing`` starts, to stay in time.
+    """
+
+    ell_m: float
+    tolerance_m: float = 1e-6
+    home_tolerance_m: float = 1e-8
+    weight: float = 1e-8
+    near: float = 0.3
+    home_steps: int = 60
+    contraction: float = 0.3
+    slow: float = 0.95
+    iterations: int = 60
+    settling: int = 80
+    starts: int = 32
+    agreeing: int = 3
+    tracking: float = 0.1
+
+
+def tuning_for(feasible: Feasible) -> Tuning:
+    """Numbers scaled to the size of the robot: ``ell`` is a fifth of the arm in its home posture."""
+    return Tuning(ell_m=0.2 * (float(feasible.home.sum()) / 3.0 + sum(feasible.sections.rigid_m)))
+
+
+class Goal(NamedTuple):
+    """Tip, and optionally its unit tangent or the mid-point, in the base frame [m]."""
+
+    tip: Vec3
+    direction: Vec3 | None = None
+    mid: Vec3 | None = None
+
+
+def task(sections: Sections, ell_m: float, lengths: Array, goal: Goal) -> tuple[Array, Array]:
+    """Error rows ``(m,)`` [m] and their Jacobian ``(m, 3 n)`` at ``lengths``."""
+    at = differentiate(sections, lengths)
+    errors, rows = [np.array(goal.tip) - at.frames.tip], [at.tip]
+    if goal.direction is not None:
+        tangent = at.frames.rotation[:, 2]
+        errors.append(ell_m * (np.array(goal.direction) - tangent))
+        rows.append(ell_m * np.cross(at.spin, tangent[:, None], axis=0))
+    if goal.mid is not None:
+        errors.append(np.array(goal.mid) - at.frames.mid)
+        rows.append(at.mid)
+    return np.concatenate(errors), np.vstack(rows)

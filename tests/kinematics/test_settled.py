@@ -1,0 +1,80 @@
+"""Settled answers: asked for again they do not move, and no neighbour with the same tip is nearer to home.
+
+Targets are drawn as bends and lengths of sections and put into space by rotation matrices of scipy, not by
+the kinematics under test. The long form is ``python -m tests.oracles``.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from scipy.optimize import minimize
+
+from contid.kinematics.arc.feasible import Feasible
+from contid.kinematics.arc.section_model import build_solver
+from contid.kinematics.model import build_model
+from contid.robot_file.shipped import load_named
+from tests.oracles.arcs import random_posture, tip_and_tangent
+
+#: How far an answer may move when it is asked for again from itself [m]: 1e-5 mm.
+FIXED_M = 1e-8
+
+
+def feasible_of(name: str) -> Feasible:
+    (robot,) = load_named(name).file.robots.values()
+    feasible: Feasible = build_model(robot).feasible  # type: ignore[attr-defined]  # models of sections have it
+    return feasible
+
+
+@pytest.mark.parametrize("directed", [False, True], ids=["tip", "direction"])
+@pytest.mark.parametrize("name", ["trirack2", "cbha"])
+def test_an_answer_asked_for_again_does_not_move(name, directed):
+    feasible = feasible_of(name)
+    solver = build_solver(feasible)
+    rng = np.random.default_rng(16)
+    home = tuple(feasible.home.tolist())
+    for _ in range(300):
+        tip, tangent = tip_and_tangent(feasible, random_posture(feasible, rng, np.pi / 3))
+        goal = tuple(tip.tolist()), tuple(tangent.tolist()) if directed else None, None
+        first = solver.solve(*goal, home)
+        again = solver.solve(*goal, first[0])
+        assert first[2]
+        assert again[2]
+        np.testing.assert_allclose(again[0], first[0], rtol=0.0, atol=FIXED_M)
+        assert again[1] <= 1e-9
+
+
+def test_the_target_that_moved_by_8_mm_of_rack():
+    feasible = feasible_of("trirack2")
+    solver = build_solver(feasible)
+    tip = (-0.1022, 0.1669, 0.4525)
+    for seed in (feasible.low + 0.05, feasible.low + 0.001, feasible.home):
+        first = solver.solve(tip, None, None, tuple(seed.tolist()))
+        np.testing.assert_allclose(
+            solver.solve(tip, None, None, first[0])[0], first[0], rtol=0.0, atol=FIXED_M
+        )
+
+
+def test_no_neighbour_with_the_same_tip_is_nearer_to_home():
+    """SLSQP from the answer and around it finds no lower distance at the same tip within the limits."""
+    feasible = feasible_of("trirack2")
+    solver = build_solver(feasible)
+    rng = np.random.default_rng(17)
+
+    def distance(lengths: np.ndarray) -> float:
+        away = lengths - feasible.home
+        return float(0.5 * away @ feasible.metric @ away)
+
+    for _ in range(10):
+        tip, _ = tip_and_tangent(feasible, random_posture(feasible, rng, np.pi / 3))
+        found = np.array(solver.solve(tuple(tip.tolist()), None, None, tuple(feasible.home.tolist()))[0])
+        constraints = [
+            {"type": "eq", "fun": lambda q, tip=tip: tip_and_tangent(feasible, q)[0] - tip},
+            {"type": "ineq", "fun": lambda q: -feasible.excess(q)},
+        ]
+        for spread in (0.0, 1e-3):
+            start = found + rng.normal(size=len(found)) * spread
+            best = minimize(distance, start, constraints=constraints, method="SLSQP", options={"ftol": 1e-14})
+            off = np.linalg.norm(tip_and_tangent(feasible, best.x)[0] - tip)
+            if np.linalg.norm(best.x - found) < 0.02 and off < 1e-7 and feasible.excess(best.x).max() < 1e-7:
+                assert distance(found) <= best.fun + 1e-6

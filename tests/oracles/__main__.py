@@ -1,0 +1,60 @@
+"""Long form of the oracles: ``python -m tests.oracles --cases 10000``; prints counts and worst values."""
+
+from __future__ import annotations
+
+import argparse
+import sys
+import time
+
+import numpy as np
+
+from contid.kinematics.arc.section_model import SectionModel
+from contid.kinematics.model import build_model
+from contid.robot_file.shipped import load_named
+from tests.oracles.arcs import random_posture, tip_and_tangent
+
+
+def settled(name: str, most_rad: float, directed: bool, cases: int) -> bool:
+    """Ask for random reachable targets twice, from home and then from the answer."""
+    (robot,) = load_named(name).file.robots.values()
+    model = build_model(robot)
+    assert isinstance(model, SectionModel)
+    feasible, solver = model.feasible, model.solver
+    rng = np.random.default_rng(16)
+    home = tuple(feasible.home.tolist())
+    missed, moved, errors, spent = 0, [], [], []
+    for _ in range(cases):
+        tip, tangent = tip_and_tangent(feasible, random_posture(feasible, rng, most_rad))
+        goal = tuple(tip.tolist()), tuple(tangent.tolist()) if directed else None, None
+        begin = time.perf_counter_ns()
+        first = solver.solve(*goal, home)
+        spent.append((time.perf_counter_ns() - begin) / 1e3)
+        missed += not first[2]
+        again = solver.solve(*goal, first[0])
+        moved.append(float(np.abs(np.subtract(again[0], first[0])).max()))
+        errors.append(float(np.linalg.norm(tip_and_tangent(feasible, np.array(first[0]))[0] - tip)))
+    far = sum(change > 1e-8 for change in moved)
+    print(
+        f"settled {name:9} {'tip + direction' if directed else 'tip':15} bends to {most_rad:.2f} rad: "
+        f"{missed} of {cases} missed, {far} moved by more than 1e-5 mm when asked again "
+        f"(worst {max(moved) * 1e3:.2g} mm), tip error worst {max(errors) * 1e3:.2g} mm, "
+        f"{np.median(spent):.1f} us median, {np.percentile(spent, 99):.1f} us at 99 %"
+    )
+    return missed == 0 and far == 0
+
+
+def main() -> int:
+    """Run every oracle; exit 1 when one of those that must hold does not."""
+    parser = argparse.ArgumentParser(prog="python -m tests.oracles")
+    parser.add_argument("--cases", type=int, default=1000)
+    cases = parser.parse_args().cases
+    held = True
+    for name in ("trirack2", "cbha"):
+        for directed in (False, True):
+            held &= settled(name, np.pi / 3, directed, cases)
+            settled(name, 1.2 * np.pi, directed, cases)
+    return 0 if held else 1
+
+
+if __name__ == "__main__":
+    sys.exit(main())
