@@ -9,6 +9,7 @@ import pytest
 
 from contid_drivers.due import frames, messages
 from contid_drivers.due.codes import Type
+from contid_drivers.due.cortex import read_elf
 from tests.firmware.sam3x.board import UNIQUE_ID, Sam3x
 from tests.firmware.sam3x.build import build_sketch
 from tests.firmware.sam3x.cpu import CLOCK_HZ
@@ -129,6 +130,16 @@ def test_a_jumper_makes_it_a_pressure_board():
     assert hello(board).role == 1
     assert board.tc[0].running is False
     assert board.pio["C"].read(0x18) & 1 << 6 == 0, "no direction outputs"
+
+
+def test_a_loop_that_hangs_resets_the_board():
+    elf = build_sketch()
+    board = Sam3x(elf)
+    board.run_ms(20)
+    board.cpu.uc.mem_write(read_elf(elf).symbols["_Z11contid_loopv"] & ~1, b"\xfe\xe7")  # branch to itself
+    board.run_ms(board.watchdog.period_s * 1000 + 2)
+    assert board.resets == 1
+    assert board.pwm.enabled == 0, "the outputs are those of a board in reset"
 
 
 def test_a_board_whose_tick_stops_resets_and_starts_again():

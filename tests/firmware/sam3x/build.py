@@ -13,7 +13,7 @@ from contid_drivers.due.firmware import SKETCH_STANDARD, cache_dir, firmware_dir
 STAND_IN = Path(__file__).parents[1] / "arduino_sam"
 
 _FLAGS = (
-    "-target", "thumb-freestanding-eabi", "-mcpu=cortex_m3", SKETCH_STANDARD, "-Os", "-ffunction-sections",
+    "-target", "thumb-freestanding-eabi", "-mcpu=cortex_m3", SKETCH_STANDARD, "-Os", "-g", "-ffunction-sections",
     "-fdata-sections", "-fno-exceptions", "-fno-rtti", "-fno-builtin", "-fno-sanitize=undefined",
     "-fno-threadsafe-statics", "-Wall", "-Wextra", "-Werror", "-DARDUINO_ARCH_SAM", "-Wl,--gc-sections",
 )  # fmt: skip

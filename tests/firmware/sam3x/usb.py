@@ -52,6 +52,12 @@ class Usb:
         self._script = self._enumerate()
         self.due = self._cpu.cycles + LATENCY
 
+    def open(self) -> None:
+        """The state after enumeration, for a sketch whose core does not enumerate."""
+        for number, setting in ((OUT, 0x3066), (IN, 0x3166)):  # bulk, 512 bytes, two banks, allocated
+            self.write(0x100 + 4 * number, setting)
+        self.opened = True
+
     def send(self, data: bytes) -> None:
         """Bytes to the board, in packets of the link's size."""
         size = 64 if self.full_speed else 512

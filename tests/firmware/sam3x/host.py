@@ -1,0 +1,56 @@
+"""A host of an emulated board: configures, arms and streams demands over one of its ports."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+
+from contid.hal import AxisOnBus
+from contid_drivers.due import frames, messages, wiring
+from contid_drivers.due.codes import Type
+from contid_drivers.due.options import DueAxisOptions, DueBusOptions, Role
+from tests.firmware.sam3x.board import Sam3x
+
+
+class Host:
+    """``lost`` counts requests without a valid answer."""
+
+    def __init__(self, board: Sam3x, usb: bool = False) -> None:
+        self.board = board
+        self._ask = board.ask_usb if usb else board.ask_uart
+        self.lost = 0
+        self.sequence = 0
+        self.crc = 0
+        self.told: messages.Telemetry | None = None
+
+    def ask(self, kind: Type, body: bytes = b"", timeout_ms: float = 30) -> messages.Answer | None:
+        self.sequence = (self.sequence + 1) & 0xFF
+        answer = self._ask(frames.seal(messages.request(kind, self.sequence, body)), timeout_ms)
+        payload = frames.unseal(answer[:-1]) if answer.endswith(b"\0") else None
+        if payload is None:
+            self.lost += 1
+            return None
+        sequence, message = messages.read_answer(payload)
+        assert sequence == self.sequence
+        if isinstance(message, messages.Telemetry):
+            self.told = message
+        return message
+
+    def configure(self, motors: int = 6, watchdog_ms: int = 100) -> None:
+        axes = [
+            AxisOnBus(f"m{i}", DueAxisOptions.model_validate({"channel": f"m{i}"}), (-10.0, 60.0))
+            for i in range(motors)
+        ]
+        options = DueBusOptions(port="x", role=Role.MOTOR, watchdog_ms=watchdog_ms)
+        blob = wiring.board_config("b", options, axes)
+        self.crc = frames.crc16(blob)
+        answer = self.ask(Type.CONFIGURE, wiring.config_body(blob), timeout_ms=60)
+        assert isinstance(answer, messages.Configured), answer
+
+    def arm(self, motors: int = 6) -> None:
+        self.demand({})
+        answer = self.ask(Type.ARM, messages.masked(self.crc, range(motors)))
+        assert isinstance(answer, messages.Telemetry), answer
+
+    def demand(self, goals: Mapping[int, int], timeout_ms: float = 30) -> None:
+        echo = self.told.uptime_ms if self.told else 0
+        self.ask(Type.DEMAND, messages.demand(self.crc, echo, goals), timeout_ms)
