@@ -7,6 +7,7 @@ from __future__ import annotations
 
 import dataclasses
 import os
+from collections.abc import Callable
 from pathlib import Path
 from unittest.mock import ANY
 
@@ -17,17 +18,7 @@ from tests.firmware.programming_port import measure
 from tests.firmware.sam3x.board import UNIQUE_ID, Sam3x
 from tests.firmware.sam3x.host import Host
 from tests.firmware.sam3x.plant import Motors
-from tests.firmware.test_registers import (
-    hello,
-    test_bridges_are_off_and_driven,
-    test_decoders_filter_and_count_every_edge,
-    test_edge_inputs_are_debounced,
-    test_every_pwm_channel_runs_at_20_khz_on_its_own,
-    test_priorities,
-    test_the_adc_converts_the_six_inputs,
-    test_the_tick_is_1_khz,
-    test_the_watchdog_resets_within_50_ms,
-)
+from tests.firmware.sam3x.set_up import CHECKS, hello
 
 GIVEN = os.environ.get("CONTID_DUE_ELF")
 pytestmark = pytest.mark.skipif(GIVEN is None, reason="CONTID_DUE_ELF names no ELF file of the sketch")
@@ -52,18 +43,9 @@ def test_it_boots_once_and_answers_on_both_ports(motors: Sam3x):
     assert Host(motors, usb=True).ask(Type.HELLO) == dataclasses.replace(answer, uptime_ms=ANY)
 
 
-def test_set_up(motors: Sam3x):
-    for check in (
-        test_every_pwm_channel_runs_at_20_khz_on_its_own,
-        test_bridges_are_off_and_driven,
-        test_decoders_filter_and_count_every_edge,
-        test_edge_inputs_are_debounced,
-        test_the_adc_converts_the_six_inputs,
-        test_priorities,
-        test_the_watchdog_resets_within_50_ms,
-        test_the_tick_is_1_khz,
-    ):
-        check(motors)
+@pytest.mark.parametrize("check", CHECKS, ids=lambda check: check.__name__)
+def test_set_up(motors: Sam3x, check: Callable[[Sam3x], None]):
+    check(motors)
 
 
 @pytest.mark.parametrize("cycles_per_instruction", [1.0, 1.5])

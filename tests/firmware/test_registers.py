@@ -5,20 +5,14 @@ Built with PyPI's ziglang and a stand-in for the Arduino core; `test_flashed.py`
 
 from __future__ import annotations
 
+from collections.abc import Callable
+
 import pytest
 
-from contid_drivers.due import frames, messages
-from contid_drivers.due.codes import Type
 from contid_drivers.due.cortex import read_elf
 from tests.firmware.sam3x.board import UNIQUE_ID, Sam3x
 from tests.firmware.sam3x.build import build_sketch
-from tests.firmware.sam3x.cpu import CLOCK_HZ
-
-#: Channel -> its PWM unit, and port and bit of its PWM pin, by the datasheet's peripheral multiplexing table.
-PWM = {0: (4, 21), 1: (5, 22), 2: (6, 23), 3: (7, 24), 4: (0, 2), 5: (1, 4)}
-#: The analogue channels of A0 to A5.
-ANALOGUE = (7, 6, 5, 4, 3, 2)
-PIOD, TC3, UOTGHS, UART = 14, 30, 40, 8
+from tests.firmware.sam3x.set_up import CHECKS, hello
 
 
 @pytest.fixture(scope="module")
@@ -29,92 +23,9 @@ def motors() -> Sam3x:
     return board
 
 
-def test_every_pwm_channel_runs_at_20_khz_on_its_own(motors: Sam3x):
-    for unit, bit in PWM.values():
-        assert motors.pwm.enabled & 1 << unit
-        assert motors.pwm.frequency_hz(unit) == pytest.approx(20_000)
-        assert motors.pwm.channel(unit, 0x0C) == 4200
-        assert motors.pwm.channel(unit, 0x04) == 0, "the duty is 0 until a channel is armed"
-        # Left-aligned, CPOL 0: the low output, which the pins carry, is high for CDTY steps.
-        assert motors.pwm.channel(unit, 0x00) & (1 << 8 | 1 << 9) == 0
-        port = motors.pio["C"]
-        assert not port.read(0x08) & 1 << bit, "the pin belongs to the peripheral"
-        assert port.read(0x70) & 1 << bit, "peripheral B"
-    assert sorted(unit for unit, _ in motors.pwm.modes) == sorted(unit for unit, _ in PWM.values())
-    assert motors.pmc.clocks >> 36 & 1
-
-
-def test_bridges_are_off_and_driven(motors: Sam3x):
-    c, a = motors.pio["C"], motors.pio["A"]
-    inputs = [(c, bit) for bit in (6, 7, 8, 9, 14, 15, 16, 17, 18, 19)] + [(a, 19), (a, 20)]
-    for port, bit in inputs:
-        assert port.read(0x18) & port.read(0x08) & 1 << bit, "an output of the port"
-        assert not port.read(0x38) & 1 << bit, "low: coast"
-
-
-def test_decoders_filter_and_count_every_edge(motors: Sam3x):
-    for block, pins in ((0, ("B", 25, "B", 27)), (2, ("C", 25, "C", 26))):
-        tc = motors.tc[block]
-        assert tc.running
-        mode = tc.read(0xC4)
-        assert mode >> 8 & 3 == 3, "QDEN, POSEN"
-        assert mode >> 12 & 1, "EDGPHA: edges of both tracks"
-        assert mode >> 19 & 1, "FILTER"
-        assert mode >> 20 & 0x3F == 63, "MAXFILT"
-        assert tc.read(0x04) & 7 == 5, "clocked by XC0"
-        for port, bit in zip(pins[::2], pins[1::2], strict=True):
-            assert motors.pio[str(port)].read(0x70) & 1 << int(bit), "peripheral B"
-            assert motors.pio[str(port)].read(0x68) & 1 << int(bit) == 0, "pull-up on"
-        assert motors.pmc.clocks >> 27 + 3 * block & 1
-
-
-def test_edge_inputs_are_debounced(motors: Sam3x):
-    pins = 0b110_1100_1111  # PD0 to PD3, PD6, PD7, PD9, PD10
-    port = motors.pio["D"]
-    for status in (0x28, 0x88, 0x48):  # filter on, by the slow clock, interrupt on
-        assert port.read(status) & pins == pins
-    assert port.read(0x8C) == 0
-    assert port.read(0x68) & pins == 0, "pull-ups on"
-
-
-def test_the_adc_converts_the_six_inputs(motors: Sam3x):
-    assert motors.adc.enabled == sum(1 << channel for channel in ANALOGUE)
-
-
-def test_priorities(motors: Sam3x):
-    system = motors.cpu.system
-    priority = {irq: system.priority[16 + irq] >> 4 for irq in (PIOD, TC3, UOTGHS)}
-    assert priority[PIOD] < priority[TC3] < priority[UOTGHS]
-    assert system.enabled >> UART & 1 == 0, "the UART moves bytes by DMA"
-    assert system.enabled >> TC3 & 1
-    assert system.enabled >> PIOD & 1
-
-
-def test_the_watchdog_resets_within_50_ms(motors: Sam3x):
-    mode = motors.watchdog.mode
-    assert mode >> 15 & 1 == 0, "not disabled"
-    assert mode >> 13 & 1, "it resets"
-    assert mode >> 16 & 0xFFF >= mode & 0xFFF, "feeding it early is no error"
-    assert 0.020 <= motors.watchdog.period_s <= 0.050
-    # The slow RC oscillator has 20 to 44 kHz instead of 32.768.
-    assert motors.watchdog.period_s * 32768 / 20_000 < 0.055
-
-
-def test_the_tick_is_1_khz(motors: Sam3x):
-    before = motors.tc[1].ticks
-    motors.run_ms(50)
-    assert motors.tc[1].ticks - before in (49, 50, 51)
-    assert motors.cpu.exceptions[16 + TC3] >= motors.tc[1].ticks - 1
-    assert 2 * motors.tc[1].read(0x1C) == CLOCK_HZ // 1000
-
-
-def hello(board: Sam3x) -> messages.Hello:
-    payload = frames.unseal(board.ask_uart(frames.seal(messages.request(Type.HELLO, 7, b"")))[:-1])
-    assert payload is not None
-    sequence, answer = messages.read_answer(payload)
-    assert isinstance(answer, messages.Hello)
-    assert sequence == 7
-    return answer
+@pytest.mark.parametrize("check", CHECKS, ids=lambda check: check.__name__)
+def test_set_up(motors: Sam3x, check: Callable[[Sam3x], None]):
+    check(motors)
 
 
 def test_hello_has_the_chip_and_the_start(motors: Sam3x):
@@ -137,9 +48,9 @@ def test_a_loop_that_hangs_resets_the_board():
     board = Sam3x(elf)
     board.run_ms(20)
     board.cpu.uc.mem_write(read_elf(elf).symbols["_Z11contid_loopv"] & ~1, b"\xfe\xe7")  # branch to itself
+    board.cpu.uc.ctl_flush_tb()
     board.run_ms(board.watchdog.period_s * 1000 + 2)
     assert board.resets == 1
-    assert board.pwm.enabled == 0, "the outputs are those of a board in reset"
 
 
 def test_a_board_whose_tick_stops_resets_and_starts_again():

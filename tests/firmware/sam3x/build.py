@@ -13,8 +13,8 @@ from contid_drivers.due.firmware import SKETCH_STANDARD, cache_dir, firmware_dir
 STAND_IN = Path(__file__).parents[1] / "arduino_sam"
 
 _FLAGS = (
-    "-target", "thumb-freestanding-eabi", "-mcpu=cortex_m3", SKETCH_STANDARD, "-Os", "-g", "-ffunction-sections",
-    "-fdata-sections", "-fno-exceptions", "-fno-rtti", "-fno-builtin", "-fno-sanitize=undefined",
+    "-target", "thumb-freestanding-eabi", "-mcpu=cortex_m3", SKETCH_STANDARD, "-Os", "-g", "-fno-rtti",
+    "-ffunction-sections", "-fdata-sections", "-fno-exceptions", "-fno-builtin", "-fno-sanitize=undefined",
     "-fno-threadsafe-statics", "-Wall", "-Wextra", "-Werror", "-DARDUINO_ARCH_SAM", "-Wl,--gc-sections",
 )  # fmt: skip
 
