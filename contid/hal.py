@@ -334,7 +334,17 @@ class Scans(Protocol):
     """Finds its devices without a robot file: ``contid scan``."""
 
     def scan(self, ports: Sequence[str], bauds: Sequence[int], report: Report) -> list[FoundDevice]:
-        """Devices on ``ports`` (empty: every likely one) at ``bauds`` (empty: every possible one)."""
+        """Devices on ``ports`` (empty: every likely one) at ``bauds`` (empty: all until one answers)."""
+
+
+@dataclass(frozen=True, slots=True)
+class RegisterValue:
+    """A register of a device, its value in counts, and the unit of one count."""
+
+    name: str
+    address: int
+    value: int
+    unit: str
 
 
 @runtime_checkable
@@ -352,6 +362,28 @@ class Commissions(Protocol):
 
     def reboot(self, port: str, baud: int, device: int) -> None:
         """Restart a device; its torque is off afterwards."""
+
+    def blink(self, port: str, baud: int, device: int, times: int) -> None:
+        """Let the LED of a device blink."""
+
+    def read_registers(self, port: str, baud: int, device: int, names: Sequence[str]) -> list[RegisterValue]:
+        """Registers of a device by name; the usual ones without ``names``."""
+
+    def write_register(self, port: str, baud: int, device: int, name: str, value: int) -> int:
+        """Set a register that moves nothing; returns what it holds afterwards."""
+
+    def factory_reset(self, port: str, baud: int, device: int) -> None:
+        """Factory values of every setting but id and baud rate."""
+
+    def setup(
+        self,
+        name: str,
+        options: BaseModel,
+        axes: Sequence[AxisOnBus],
+        ask: Callable[[str], None],
+        report: Report,
+    ) -> None:
+        """Number the devices of a bus as the robot file has them; ``ask`` waits for the person."""
 
 
 class UnknownDriverError(ContidError):

@@ -1,34 +1,85 @@
-"""``contid servo``: id, baud rate and restart of one servo."""
+"""``contid servo``: numbers, baud rate, registers and restart of one servo; numbering of a whole robot."""
 
 from __future__ import annotations
 
+import dataclasses
+import json
+from typing import TYPE_CHECKING
+
 import click
 
+from contid.cli.support.robot_names import robot_names
 from contid.errors import ContidError
-from contid.hal import Commissions, load_driver
+
+if TYPE_CHECKING:
+    from contid.hal import Commissions
+
+
+@dataclasses.dataclass(frozen=True, slots=True)
+class ServoPortOptions:
+    """The driver and the port given before the sub-command."""
+
+    driver: Commissions
+    port: str | None
+    baud: int
+
+    @property
+    def at(self) -> tuple[str, int]:
+        """Port and rate.
+
+        Raises:
+            click.UsageError: no port was given.
+        """
+        if self.port is None:
+            raise click.UsageError("give the serial port: contid servo --port PORT ...")
+        return self.port, self.baud
 
 
 @click.group()
-@click.option("--port", required=True, help="Serial port the servo is on.")
+@click.option("--port", help="Serial port the servo is on.")
 @click.option("--baud", default=1000000, show_default=True, help="Rate it has now.")
 @click.option("--driver", default="dynamixel", show_default=True)
 @click.pass_context
-def command(context: click.Context, port: str, baud: int, driver: str) -> None:
-    """Commission one servo; connect it alone when its id may be taken."""
+def command(context: click.Context, port: str | None, baud: int, driver: str) -> None:
+    """Commission servos; connect a servo alone when its id may be taken."""
+    from contid.hal import Commissions, load_driver
+
     found = load_driver(driver)
     if not isinstance(found, Commissions):
         raise ContidError(f"driver {driver!r} has no servos to commission")
-    context.obj = (found, port, baud)
+    context.obj = ServoPortOptions(found, port, baud)
+
+
+@command.command("setup")
+@click.argument("robot_file", shell_complete=robot_names)
+@click.pass_obj
+def setup(target: ServoPortOptions, robot_file: str) -> None:
+    """Ask for one servo of ROBOT_FILE after the other and give each its id and baud rate."""
+    from contid.control.engine.wiring import wired_buses
+    from contid.hal import Commissions
+    from contid.robot_file.shipped import load_named
+
+    buses = [bus for bus in wired_buses(load_named(robot_file)) if isinstance(bus.driver, Commissions)]
+    if not buses:
+        raise ContidError(f"{robot_file} has no servos to number")
+    for bus in buses:
+        assert isinstance(bus.driver, Commissions)
+        bus.driver.setup(bus.wiring.name, bus.wiring.options, bus.axes, _ask, click.echo)
+    click.echo(f"every servo is numbered; next: contid doctor {robot_file}")
+
+
+def _ask(request: str) -> None:
+    """Show a request and wait for Enter; the end of stdin ends the command."""
+    click.prompt(f"{request}, then press Enter", default="", show_default=False, prompt_suffix=" ")
 
 
 @command.command("set-id")
 @click.argument("device", type=int)
 @click.argument("new", type=int)
 @click.pass_obj
-def set_id(target: tuple[Commissions, str, int], device: int, new: int) -> None:
+def set_id(target: ServoPortOptions, device: int, new: int) -> None:
     """Change the id DEVICE to NEW."""
-    driver, port, baud = target
-    driver.set_id(port, baud, device, new)
+    target.driver.set_id(*target.at, device, new)
     click.echo(f"id {device} is id {new} now")
 
 
@@ -36,18 +87,60 @@ def set_id(target: tuple[Commissions, str, int], device: int, new: int) -> None:
 @click.argument("device", type=int)
 @click.argument("new", type=int)
 @click.pass_obj
-def set_baud(target: tuple[Commissions, str, int], device: int, new: int) -> None:
+def set_baud(target: ServoPortOptions, device: int, new: int) -> None:
     """Change the baud rate of id DEVICE to NEW."""
-    driver, port, baud = target
-    driver.set_baud(port, baud, device, new)
+    target.driver.set_baud(*target.at, device, new)
     click.echo(f"id {device} has {new} baud now")
+
+
+@command.command("blink")
+@click.argument("device", type=int)
+@click.option("--times", default=8, show_default=True)
+@click.pass_obj
+def blink(target: ServoPortOptions, device: int, times: int) -> None:
+    """Let the LED of id DEVICE blink, to find it."""
+    target.driver.blink(*target.at, device, times)
+
+
+@command.command("read")
+@click.argument("device", type=int)
+@click.argument("registers", nargs=-1)
+@click.option("--json", "as_json", is_flag=True, help="One JSON object per register.")
+@click.pass_obj
+def read(target: ServoPortOptions, device: int, registers: tuple[str, ...], as_json: bool) -> None:
+    """Print REGISTERS of id DEVICE by name or address, every one by default."""
+    for each in target.driver.read_registers(*target.at, device, registers):
+        if as_json:
+            click.echo(json.dumps(dataclasses.asdict(each)))
+        else:
+            click.echo(f"{each.address:4}  {each.name:28} {each.value:11}  {each.unit}".rstrip())
+
+
+@command.command("write")
+@click.argument("device", type=int)
+@click.argument("register")
+@click.argument("value", type=int)
+@click.pass_obj
+def write(target: ServoPortOptions, device: int, register: str, value: int) -> None:
+    """Set REGISTER (name or address) of id DEVICE to VALUE; goals and torque are refused."""
+    after = target.driver.write_register(*target.at, device, register, value)
+    click.echo(f"{register} is {after} now")
 
 
 @command.command("reboot")
 @click.argument("device", type=int)
 @click.pass_obj
-def reboot(target: tuple[Commissions, str, int], device: int) -> None:
+def reboot(target: ServoPortOptions, device: int) -> None:
     """Restart id DEVICE: torque off, hardware errors cleared, turn count lost."""
-    driver, port, baud = target
-    driver.reboot(port, baud, device)
+    target.driver.reboot(*target.at, device)
     click.echo(f"id {device} restarted; its torque is off and its turn count gone")
+
+
+@command.command("reset")
+@click.argument("device", type=int)
+@click.confirmation_option(prompt="Factory values for every setting but id and baud rate?")
+@click.pass_obj
+def reset(target: ServoPortOptions, device: int) -> None:
+    """Give id DEVICE its factory settings; id and baud rate stay."""
+    target.driver.factory_reset(*target.at, device)
+    click.echo(f"id {device} has its factory settings; id and baud rate stayed")

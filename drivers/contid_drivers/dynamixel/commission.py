@@ -1,4 +1,4 @@
-"""``contid scan`` and ``contid servo``: find servos, set ids and baud rates, reboot; through the stock SDK.
+"""``contid servo``: ids, baud rates and restarts of single servos, through the stock SDK.
 
 It is sound here, because no robot moves and each request stands alone: docs/decisions/0004.
 """
@@ -7,27 +7,23 @@ from __future__ import annotations
 
 import termios
 import time
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterator
 from contextlib import contextmanager
-from pathlib import Path
 from typing import Any, Final
 
 from dynamixel_sdk import COMM_SUCCESS, PacketHandler, PortHandler
-from serial.tools import list_ports
 
 from contid.errors import DeviceError
-from contid.hal import FoundDevice, Report
 from contid_drivers.dynamixel import duplicates
 from contid_drivers.dynamixel import registers as reg
 from contid_drivers.dynamixel.client import REBOOT_S, TRIES
-from contid_drivers.dynamixel.models import model_name
 from contid_drivers.dynamixel.packets import ALERT
 from contid_drivers.dynamixel.port import ServoPort
 from contid_drivers.dynamixel.registers import Register
 from contid_drivers.serial_ports import find_port
 
-#: Rates in the order of likelihood.
-SCAN_BAUDS: Final = (1000000, 57600, 2000000, 4000000, 3000000, 115200, 9600)
+#: Option of FACTORY RESET.
+KEEP_ID_AND_BAUD: Final = 2
 LATENCY_S: Final = 0.02
 READ_WAIT_S: Final = 0.005
 
@@ -76,13 +72,26 @@ class SdkBus:
             DeviceError: it does not answer again.
         """
         self._sdk.reboot(self._port, device)
+        self._await(device, "a reboot")
+
+    def _await(self, device: int, what: str) -> None:
+        """Wait for the answer of a servo that restarts."""
         until = time.monotonic() + REBOOT_S
         while time.monotonic() < until:
             # The answer to the reboot may arrive before the servo goes down.
             time.sleep(0.05)
             if self.answers(device):
                 return
-        raise DeviceError(self.name(device), f"no answer within {REBOOT_S:g} s after a reboot")
+        raise DeviceError(self.name(device), f"no answer within {REBOOT_S:g} s after {what}")
+
+    def factory_reset(self, device: int) -> None:
+        """Factory values of every setting but id and baud rate; waits for the restart.
+
+        Raises:
+            DeviceError: no answer, or an error of the servo.
+        """
+        self._checked(device, lambda: self._sdk.factoryReset(self._port, device, KEEP_ID_AND_BAUD))
+        self._await(device, "a factory reset")
 
     def _checked(self, device: int, request: Callable[[], tuple[Any, ...]]) -> tuple[Any, ...]:
         for _ in range(TRIES):
@@ -113,30 +122,12 @@ def sdk_bus(path: str, baud: int) -> Iterator[SdkBus]:
         port.close()
 
 
-def likely_ports() -> list[str]:
-    """USB serial ports of this machine, by their by-id names where they have one."""
-    stable = {str(path.resolve()): str(path) for path in sorted(Path("/dev/serial/by-id").glob("*"))}
-    return [stable.get(port.device, port.device) for port in list_ports.comports() if port.vid is not None]
+def check_free(bus: SdkBus, device: int, baud: int) -> None:
+    """Require exactly one servo of an id, without torque.
 
-
-def scan(ports: Sequence[str], bauds: Sequence[int], report: Report) -> list[FoundDevice]:
-    """Search every port at every rate; a port that does not open is reported and skipped."""
-    found: list[FoundDevice] = []
-    for path in ports or likely_ports():
-        for baud in bauds or SCAN_BAUDS:
-            report(f"{path} at {baud} baud")
-            try:
-                with sdk_bus(path, baud) as bus:
-                    present = bus.broadcast_ping()
-            except DeviceError as error:
-                report(str(error))
-                break
-            for device, (model, firmware) in present.items():
-                found.append(FoundDevice(path, baud, device, model_name(model), firmware))
-    return found
-
-
-def _check_free(bus: SdkBus, device: int, baud: int) -> None:
+    Raises:
+        DeviceError: none answers, two do, or its torque is on.
+    """
     answers = duplicates.count_answers(bus.port, device)
     if answers.duplicated:
         message = f"its settings stay, because {duplicates.CAUSE}; both would change"
@@ -158,7 +149,7 @@ def set_id(path: str, baud: int, device: int, new: int) -> None:
     with sdk_bus(path, baud) as bus:
         if bus.answers(new):
             raise DeviceError(bus.name(new), f"id {new} is taken", "connect one servo at a time")
-        _check_free(bus, device, baud)
+        check_free(bus, device, baud)
         bus.write(device, reg.ID, new)
         if not bus.answers(new):
             raise DeviceError(bus.name(new), "does not answer to its new id", "run `contid scan`")
@@ -175,7 +166,7 @@ def set_baud(path: str, baud: int, device: int, new: int) -> None:
         rates = ", ".join(map(str, reg.BAUD_CODES.values()))
         raise DeviceError(path, f"invalid baud rate {new}; allowed {rates}")
     with sdk_bus(path, baud) as bus:
-        _check_free(bus, device, baud)
+        check_free(bus, device, baud)
         bus.write(device, reg.BAUD, code)
     time.sleep(0.05)
     with sdk_bus(path, new) as bus:

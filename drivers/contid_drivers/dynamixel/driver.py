@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from contextlib import AbstractContextManager
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -17,6 +17,7 @@ from contid.hal import (
     Finding,
     FoundDevice,
     Homed,
+    RegisterValue,
     Report,
 )
 from contid_drivers.dynamixel.options import DynamixelAxisOptions, DynamixelBusOptions
@@ -89,9 +90,9 @@ class DynamixelDriver:
 
     def scan(self, ports: Sequence[str], bauds: Sequence[int], report: Report) -> list[FoundDevice]:
         """See `contid.hal.Scans`."""
-        from contid_drivers.dynamixel import commission
+        from contid_drivers.dynamixel.scan import scan
 
-        return commission.scan(ports, bauds, report)
+        return scan(ports, bauds, report)
 
     def set_id(self, port: str, baud: int, device: int, new: int) -> None:
         """See `contid.hal.Commissions`."""
@@ -110,6 +111,44 @@ class DynamixelDriver:
         from contid_drivers.dynamixel import commission
 
         commission.reboot(port, baud, device)
+
+    def blink(self, port: str, baud: int, device: int, times: int) -> None:
+        """See `contid.hal.Commissions`."""
+        from contid_drivers.dynamixel import bench_tools
+
+        bench_tools.blink(port, baud, device, times)
+
+    def read_registers(self, port: str, baud: int, device: int, names: Sequence[str]) -> list[RegisterValue]:
+        """See `contid.hal.Commissions`."""
+        from contid_drivers.dynamixel import bench_tools
+
+        return bench_tools.read(port, baud, device, names)
+
+    def write_register(self, port: str, baud: int, device: int, name: str, value: int) -> int:
+        """See `contid.hal.Commissions`."""
+        from contid_drivers.dynamixel import bench_tools
+
+        return bench_tools.write(port, baud, device, name, value)
+
+    def factory_reset(self, port: str, baud: int, device: int) -> None:
+        """See `contid.hal.Commissions`."""
+        from contid_drivers.dynamixel import bench_tools
+
+        bench_tools.reset(port, baud, device)
+
+    def setup(
+        self,
+        name: str,
+        options: BaseModel,
+        axes: Sequence[AxisOnBus],
+        ask: Callable[[str], None],
+        report: Report,
+    ) -> None:
+        """See `contid.hal.Commissions`."""
+        from contid_drivers.dynamixel.setup import setup
+
+        assert isinstance(options, DynamixelBusOptions)
+        setup(name, options, axes, ask, report)
 
 
 DRIVER: Driver = DynamixelDriver()

@@ -86,6 +86,7 @@ MIN_POSITION = _rw("min position limit", 52, 4, 0, 0, 4095, "tick")
 STARTUP = _rw("startup configuration", 60, 1, 0, 0, 3)
 SHUTDOWN = _rw("shutdown", 63, 1, 0x35, 0, 0x35)
 TORQUE_ENABLE = _rw("torque enable", 64, 1, 0, 0, 1)
+LED = _rw("led", 65, 1, 0, 0, 1)
 STATUS_RETURN_LEVEL = _rw("status return level", 68, 1, 2, 0, 2)
 REGISTERED = _ro("registered instruction", 69, 1, 0)
 HARDWARE_ERROR = _ro("hardware error status", 70, 1, 0)
@@ -131,7 +132,7 @@ TABLE: Final[tuple[Register, ...]] = (
     STARTUP,
     _rw("pwm slope", 62, 1, 140, 1, 255, "1.977 mV/ms"),
     SHUTDOWN, TORQUE_ENABLE,
-    _rw("led", 65, 1, 0, 0, 1),
+    LED,
     STATUS_RETURN_LEVEL, REGISTERED, HARDWARE_ERROR,
     VELOCITY_I,
     _rw("velocity p gain", 78, 2, 180, 0, 16383),

@@ -11,8 +11,9 @@ import pytest
 from contid.errors import DeviceError, DeviceNotFoundError
 from contid_drivers.dynamixel import DRIVER
 from contid_drivers.dynamixel import registers as reg
-from contid_drivers.dynamixel.commission import reboot, scan, set_baud, set_id
+from contid_drivers.dynamixel.commission import reboot, set_baud, set_id
 from contid_drivers.dynamixel.emulator import Servo
+from contid_drivers.dynamixel.scan import scan
 
 pytestmark = pytest.mark.realtime
 

@@ -1,0 +1,104 @@
+"""``contid scan``: servos on serial ports, at every rate; servos of Protocol 1.0 are named as unsupported.
+
+The rates of new servos (57600) and of contid (1000000) are asked first, all ports at once; they take 2.3 s.
+The other rates follow on ports where nothing answered. A broadcast ping lasts as long as 253 servos would
+answer, because each waits for the turn of its id.
+"""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Iterator, Sequence
+from concurrent.futures import ThreadPoolExecutor
+from pathlib import Path
+from typing import Final
+
+from serial.tools import list_ports
+
+from contid.errors import DeviceError
+from contid.hal import FoundDevice, Report
+from contid_drivers.dynamixel.commission import sdk_bus
+from contid_drivers.dynamixel.models import PROTOCOL_1_NUMBERS, model_name
+from contid_drivers.dynamixel.port import ServoPort
+
+USUAL_BAUDS: Final = (1000000, 57600)
+OTHER_BAUDS: Final = (2000000, 4000000, 3000000, 115200, 9600)
+#: Answers of Protocol 1.0 to a broadcast ping begin within this time.
+PROTOCOL_1_S: Final = 0.05
+
+
+def scan(ports: Sequence[str], bauds: Sequence[int], report: Report) -> list[FoundDevice]:
+    """Search ports; one that does not open is reported and skipped.
+
+    Args:
+        ports: empty for every USB serial port.
+        bauds: empty for the usual rates, and where nothing answers the others.
+        report: takes lines about the progress.
+    """
+    paths = list(ports) or likely_ports()
+    if not paths:
+        return []
+
+    def search(path: str) -> list[FoundDevice]:
+        found = list(_at(path, bauds or USUAL_BAUDS, report))
+        return found if found or bauds else list(_at(path, OTHER_BAUDS, report))
+
+    with ThreadPoolExecutor(len(paths)) as pool:
+        return [device for found in pool.map(search, paths) for device in found]
+
+
+def likely_ports() -> list[str]:
+    """USB serial ports of this machine, by their by-id names where they have one."""
+    stable = {str(path.resolve()): str(path) for path in sorted(Path("/dev/serial/by-id").glob("*"))}
+    return [stable.get(port.device, port.device) for port in list_ports.comports() if port.vid is not None]
+
+
+def _at(path: str, bauds: Sequence[int], report: Report) -> Iterator[FoundDevice]:
+    """Devices of one port at some rates."""
+    for baud in bauds:
+        report(f"{path} at {baud} baud")
+        try:
+            with sdk_bus(path, baud) as bus:
+                present = bus.broadcast_ping()
+                old = protocol_1(bus.port)
+        except DeviceError as error:
+            report(str(error))
+            return
+        for device, (number, firmware) in present.items():
+            yield FoundDevice(path, baud, device, model_name(number), firmware)
+        for device, number in old.items():
+            name = PROTOCOL_1_NUMBERS.get(number, f"model {number}")
+            yield FoundDevice(path, baud, device, f"{name} (Protocol 1.0, not supported)", 0)
+
+
+def protocol_1(port: ServoPort) -> dict[int, int]:
+    """Model number by id of the servos that answer to Protocol 1.0; 0 when it is not answered.
+
+    A packet is ``FF FF ID LEN INST PARAM.. CHECK``, CHECK the inverted sum of the bytes from ID on; a status
+    has its error in place of INST. Source: e-manual, Protocol 1.0.
+    """
+    answered = _ask_1(port, 0xFE, b"\x01")
+    found = {}
+    for device in answered:
+        number = _ask_1(port, device, b"\x02\x00\x02").get(device, b"")
+        found[device] = int.from_bytes(number[:2], "little")
+    return found
+
+
+def _ask_1(port: ServoPort, device: int, body: bytes) -> dict[int, bytes]:
+    """Parameters of the intact answers to an instruction of Protocol 1.0, by id."""
+    packet = bytes((device, len(body) + 1)) + body
+    port.flush()
+    deadline = port.send(b"\xff\xff" + packet + bytes((~sum(packet) & 0xFF,))) + PROTOCOL_1_S
+    stream = b""
+    while time.monotonic() < deadline and (data := port.receive(deadline)):
+        stream += data
+    answers = {}
+    for at in range(len(stream) - 5):
+        if stream[at : at + 2] != b"\xff\xff" or stream[at + 2] > 0xFD:
+            continue
+        status = stream[at + 2 : at + 4 + stream[at + 3]]
+        whole = len(status) == 2 + stream[at + 3] and stream[at + 3] >= 2
+        if whole and sum(status) & 0xFF == 0xFF and status != packet + bytes((~sum(packet) & 0xFF,)):
+            answers[stream[at + 2]] = status[3:-1]
+    return answers

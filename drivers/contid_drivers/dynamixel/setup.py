@@ -1,0 +1,67 @@
+"""``contid servo setup``: number the servos of a robot file, one after the other.
+
+Each servo is plugged in, alone or behind those numbered already; the one that is new on the port gets the id
+and the baud rate of its axis.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+
+from contid.errors import DeviceError
+from contid.hal import AxisOnBus, FoundDevice, Report
+from contid_drivers.dynamixel import commission
+from contid_drivers.dynamixel.axis import Axis
+from contid_drivers.dynamixel.options import DynamixelBusOptions
+from contid_drivers.dynamixel.scan import scan
+from contid_drivers.serial_ports import find_port
+
+
+def setup(
+    name: str,
+    options: DynamixelBusOptions,
+    axes: Sequence[AxisOnBus],
+    ask: Callable[[str], None],
+    report: Report,
+) -> None:
+    """Ask for each servo and number it; ``ask`` shows a request and waits for the person.
+
+    Raises:
+        DeviceError: the port is missing, or a servo refuses.
+    """
+    numbered: set[int] = set()
+    for axis in (Axis.of(each, options) for each in axes):
+        request = f"Plug in the servo of {axis.name} (id {axis.device}, {axis.options.model})"
+        while True:
+            ask(request)
+            path = find_port(name, options.port)
+            present = scan([path], (), report)
+            fresh = [each for each in present if each.baud != options.baud or each.address not in numbered]
+            if len(fresh) != 1:
+                report(_count_problem(fresh))
+            elif fresh[0].model != axis.options.model:
+                report(f"it is a {fresh[0].model}; the robot file has {axis.options.model}")
+            elif _number(path, fresh[0], axis, options, report):
+                numbered.add(axis.device)
+                break
+
+
+def _number(path: str, found: FoundDevice, axis: Axis, options: DynamixelBusOptions, report: Report) -> bool:
+    """Set id and baud rate of the new servo; False when it refuses, with the reason reported."""
+    try:
+        if found.address != axis.device:
+            commission.set_id(path, found.baud, found.address, axis.device)
+        if found.baud != options.baud:
+            commission.set_baud(path, found.baud, axis.device, options.baud)
+    except DeviceError as error:
+        report(str(error))
+        return False
+    report(f"{axis.name} is id {axis.device} at {options.baud} baud")
+    return True
+
+
+def _count_problem(fresh: Sequence[FoundDevice]) -> str:
+    if not fresh:
+        return "no new servo answers: check its plug and supply; a servo with an id in use must be alone"
+    ids = ", ".join(f"id {each.address} at {each.baud} baud" for each in fresh)
+    return f"{len(fresh)} new servos answer ({ids}): plug in one at a time"

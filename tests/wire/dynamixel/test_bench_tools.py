@@ -1,0 +1,132 @@
+"""Registers by name, blinking, factory reset and numbering on the emulated bus."""
+
+from __future__ import annotations
+
+import threading
+import time
+from collections.abc import Callable, Iterator
+from contextlib import ExitStack
+
+import pytest
+
+from contid.errors import DeviceError
+from contid.hal import AxisOnBus
+from contid_drivers.dynamixel import bench_tools
+from contid_drivers.dynamixel import registers as reg
+from contid_drivers.dynamixel.emulator import DynamixelEmulator, Servo
+from contid_drivers.dynamixel.options import DynamixelAxisOptions, DynamixelBusOptions
+from contid_drivers.dynamixel.setup import setup
+
+pytestmark = pytest.mark.realtime
+
+BAUD = 1000000
+Start = Callable[..., DynamixelEmulator]
+
+
+@pytest.fixture
+def emulated() -> Iterator[Start]:
+    with ExitStack() as stack:
+
+        def start(*servos: Servo) -> DynamixelEmulator:
+            return stack.enter_context(DynamixelEmulator(servos, paced=False))
+
+        yield start
+
+
+def test_registers_are_read_by_name_and_address_with_the_unit_of_the_model(emulated: Start) -> None:
+    bus = emulated(Servo(3, model=1020, position_ticks=1234.0))
+    names = ("present_position", "goal-current", "144", "id")
+    position, goal, voltage, number = bench_tools.read(bus.port, BAUD, 3, names)
+    assert (position.value, position.address, position.unit) == (1234, 132, "tick")
+    assert (goal.value, goal.unit) == (1193, "2.69 mA")
+    assert (voltage.name, voltage.value, voltage.unit) == ("present input voltage", 120, "0.1 V")
+    assert number.value == 3
+    every = bench_tools.read(bus.port, BAUD, 3, ())
+    assert len(every) > 40
+    assert not [each for each in every if each.name.startswith("indirect")]
+    with pytest.raises(DeviceError, match="did you mean present position"):
+        bench_tools.read(bus.port, BAUD, 3, ["presnt_position"])
+
+
+def test_a_register_is_written_within_its_range_and_torque_lock(emulated: Start) -> None:
+    bus = emulated(Servo(1))
+    assert bench_tools.write(bus.port, BAUD, 1, "position_p_gain", 800) == 800
+    assert bus.servo(1).get(reg.POSITION_P) == 800
+    for name, value, message in (
+        ("position_p_gain", 16384, "allowed 0 to 16383"),
+        ("present_position", 1, "read-only"),
+        ("goal_position", 1, "moves the servo"),
+        ("torque_enable", 1, "old goal"),
+        ("id", 2, "set-id"),
+    ):
+        with pytest.raises(DeviceError, match=message):
+            bench_tools.write(bus.port, BAUD, 1, name, value)
+    bus.servo(1).put(reg.TORQUE_ENABLE, 1)
+    with pytest.raises(DeviceError, match="torque is on and locks drive mode"):
+        bench_tools.write(bus.port, BAUD, 1, "drive_mode", 1)
+    assert bench_tools.write(bus.port, BAUD, 1, "torque_enable", 0) == 0
+
+
+def test_nothing_is_written_to_two_servos_of_one_id(emulated: Start) -> None:
+    bus = emulated(Servo(1, position_ticks=5.0), Servo(1, position_ticks=3000.0))
+    with pytest.raises(DeviceError):
+        bench_tools.write(bus.port, BAUD, 1, "position_p_gain", 800)
+    with pytest.raises(DeviceError, match="two servos have this id"):
+        bench_tools.reset(bus.port, BAUD, 1)
+    assert [servo.get(reg.POSITION_P) for servo in bus.servos] == [400, 400]
+
+
+def test_blinking_leaves_the_led_as_it_was(emulated: Start, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(bench_tools, "BLINK_S", 0.05)
+    bus = emulated(Servo(1))
+    bus.servo(1).put(reg.LED, 1)
+    seen = set()
+    thread = threading.Thread(target=bench_tools.blink, args=(bus.port, BAUD, 1, 4))
+    thread.start()
+    while thread.is_alive():
+        seen.add(bus.servo(1).get(reg.LED))
+        time.sleep(0.005)
+    thread.join()
+    assert seen == {0, 1}
+    assert bus.servo(1).get(reg.LED) == 1
+
+
+def test_a_reset_keeps_id_and_baud_rate(emulated: Start) -> None:
+    bus = emulated(Servo(9))
+    bus.servo(9).put(reg.RETURN_DELAY, 0)
+    bus.servo(9).put(reg.OPERATING_MODE, 4)
+    bench_tools.reset(bus.port, BAUD, 9)
+    servo = bus.servo(9)
+    assert (servo.device, servo.baud, servo.get(reg.RETURN_DELAY)) == (9, BAUD, 250)
+    assert servo.get(reg.OPERATING_MODE) == 3
+    servo.put(reg.TORQUE_ENABLE, 1)
+    with pytest.raises(DeviceError, match="torque is on"):
+        bench_tools.reset(bus.port, BAUD, 9)
+
+
+def test_setup_numbers_new_servos_one_after_the_other(emulated: Start) -> None:
+    """Two new servos (id 1, 57600 baud) and one of another model, plugged in as asked for."""
+    new = [Servo(1, baud=57600, position_ticks=100.0 * i, model=1200) for i in range(2)]
+    other = Servo(1, baud=57600, model=1190)
+    bus = emulated(*new, other)
+    plugged: list[Servo] = []
+    bus.servos = ()
+    requests: list[str] = []
+    lines: list[str] = []
+
+    def ask(request: str) -> None:
+        requests.append(request)
+        if len(requests) == 1:
+            bus.servos = (other,)
+            return
+        plugged.append(new[len(plugged)])
+        bus.servos = tuple(plugged)
+
+    axes = [AxisOnBus(f"r.a{i}", DynamixelAxisOptions(id=i), None) for i in (7, 1)]
+    setup("servos", DynamixelBusOptions(port=bus.port), axes, ask, lines.append)
+    assert [(servo.device, servo.baud) for servo in new] == [(7, BAUD), (1, BAUD)]
+    assert (other.device, other.baud) == (1, 57600)
+    assert [request.partition(" (")[0] for request in requests] == [
+        "Plug in the servo of r.a7", "Plug in the servo of r.a7", "Plug in the servo of r.a1",
+    ]  # fmt: skip
+    assert any("it is a xl330-m077" in line for line in lines)
