@@ -62,8 +62,9 @@ def test_rows_from_a_closed_stdin_are_no_rows(tmp_path: Path) -> None:
     assert (done.returncode, "no rows" in done.stderr) == (2, True)
 
 
-def test_too_few_descriptors_are_named(tmp_path: Path) -> None:
-    done = shell("ulimit -n 8; contid run finger --mock --socket ./s", tmp_path)
+@pytest.mark.parametrize("limit", [7, 8, 9])
+def test_too_few_descriptors_are_named(tmp_path: Path, limit: int) -> None:
+    done = shell(f"ulimit -n {limit}; contid run finger --mock --socket ./s", tmp_path)
     assert (done.returncode, "Too many open files: raise the limit (ulimit -n)" in done.stderr) == (2, True)
 
 

@@ -13,6 +13,7 @@ between two Python statements does.
 
 from __future__ import annotations
 
+import errno
 import fcntl
 import json
 import mmap
@@ -90,6 +91,8 @@ def create(layout: RecordLayout, seconds: float = SECONDS) -> Path:
             file.write(text)
     except OSError as error:
         path.unlink(missing_ok=True)
+        if error.errno in (errno.EMFILE, errno.ENFILE):
+            raise  # not a matter of memory: the command names the limit of open files
         message = f"{path.parent}: no shared memory of {total / 1e6:.1f} MB for this run: {error.strerror}"
         raise RingError(f"{message}; remove files from it, or enlarge it (docker: --shm-size)") from error
     return path
