@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import fcntl
 import grp
 import os
 import socket
@@ -11,6 +12,7 @@ from pathlib import Path
 import pytest
 
 from contid.remote.protocol import socket_path
+from contid.remote.protocol.folders import default_directory
 from contid.remote.protocol.socket_path import Endpoint, SocketError, default_path, find, is_listening
 from contid.remote.protocol.wire import NoDaemonError
 
@@ -85,7 +87,7 @@ def test_without_a_runtime_folder_the_socket_is_in_a_folder_of_this_user(
     monkeypatch.delenv("XDG_RUNTIME_DIR")
     monkeypatch.setattr("tempfile.tempdir", str(own_folder))
     assert socket_path.private_directory() == own_folder / f"contid-{os.geteuid()}"
-    assert stat.S_IMODE(socket_path.default_directory().stat().st_mode) == 0o700
+    assert stat.S_IMODE(default_directory().stat().st_mode) == 0o700
 
 
 def test_only_a_named_group_is_admitted(own_folder: Path) -> None:
@@ -96,3 +98,16 @@ def test_only_a_named_group_is_admitted(own_folder: Path) -> None:
             assert endpoint.path.stat().st_gid == os.getegid()
     with pytest.raises(SocketError, match="no such group"):
         Endpoint(own_folder / "s", group="no-such-group")
+
+
+def test_a_folder_that_stays_locked_is_named(own_folder: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(socket_path, "LOCK_TIMEOUT_S", 0.05)
+    locked = os.open(own_folder, os.O_RDONLY)
+    try:
+        fcntl.flock(locked, fcntl.LOCK_SH)
+        with pytest.raises(SocketError, match="holds a lock on this folder"):
+            Endpoint(own_folder / "s")
+    finally:
+        os.close(locked)
+    with Endpoint(own_folder / "s"):
+        pass

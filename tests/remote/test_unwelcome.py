@@ -5,6 +5,8 @@ from __future__ import annotations
 import grp
 import json
 import os
+import resource
+import socket
 import subprocess
 import sys
 from contextlib import suppress
@@ -106,6 +108,27 @@ def test_clients_that_connect_and_vanish_leave_nothing_and_one_more_always_gets_
             assert person.status()["clients"] <= MAX_CLIENTS
             client.ping()  # the holder is never the one that has to go
         for connected in many:
+            connected.close()
+
+
+def test_a_daemon_without_descriptors_is_stopped() -> None:
+    """Idle clients take every descriptor of the process; the stop of a person still gets in."""
+    with daemon() as running, running.client() as client:
+        armed(client)
+        resource.prlimit(running.process.pid, resource.RLIMIT_NOFILE, (40, 40))
+        crowd = []
+        for _ in range(60):
+            connected = socket.socket(socket.AF_UNIX)
+            connected.setblocking(False)
+            with suppress(OSError):
+                connected.connect(str(running.socket))
+            crowd.append(connected)
+        done = subprocess.run(
+            command("estop", "--socket", str(running.socket)), capture_output=True, text=True
+        )
+        assert done.returncode == 0, done.stderr
+        assert running.off()
+        for connected in crowd:
             connected.close()
 
 

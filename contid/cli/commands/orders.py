@@ -29,4 +29,4 @@ def stop(robots: tuple[str, ...], end: bool, socket: str | None, as_json: bool) 
 
     ROBOTS: names in the robot file; default all.
     """
-    send(socket, as_json, lambda client: client.stop(robots or None, end=end))
+    send(socket, as_json, lambda client: client.stop(robots or None, end=end), persistent=not end)

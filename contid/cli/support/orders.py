@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import sys
+import time
 from collections.abc import Callable
 from typing import TYPE_CHECKING, Any, Final
 
@@ -18,6 +19,9 @@ if TYPE_CHECKING:
 UNCONFIRMED: Final = (
     "look at the robot; the devices' own watchdogs stop them; repeat the order when they answer"
 )
+#: How long an order to stop is repeated on a connection that is lost, and the pause between two attempts.
+PERSISTENCE_S: Final = 10.0
+RETRY_S: Final = 0.02
 
 socket_option = click.option(
     "--socket", type=click.Path(), help="Socket of the daemon; default: the only one that runs."
@@ -35,18 +39,31 @@ def order(verb: str, help: str, **options: bool) -> click.Command:
     @socket_option
     @json_option
     def command(robots: tuple[str, ...], socket: str | None, as_json: bool) -> None:
-        send(socket, as_json, lambda client: getattr(client, verb)(robots or None, **options))
+        send(
+            socket,
+            as_json,
+            lambda client: getattr(client, verb)(robots or None, **options),
+            persistent=verb in ("estop", "hold"),
+        )
 
     return command
 
 
-def send(socket: str | None, as_json: bool, request: Callable[[Client], dict[str, Any]]) -> None:
-    """Send a request to a daemon and print the response; a refusal keeps its faults in ``--json`` too."""
-    from contid.client import Client, RemoteError
+def send(
+    socket: str | None, as_json: bool, request: Callable[[Client], dict[str, Any]], persistent: bool = False
+) -> None:
+    """Send a request to a daemon and print the response; a refusal keeps its faults in ``--json`` too.
+
+    Args:
+        socket: of the daemon, None for the only one.
+        as_json: print JSON.
+        request: made with a client.
+        persistent: for an order to stop: connect and ask again when the connection is lost on the way.
+    """
+    from contid.client import RemoteError
 
     try:
-        with Client(socket, name="contid") as client:
-            response = request(client)
+        response = _response(socket, request, time.monotonic() + (PERSISTENCE_S if persistent else 0.0))
     except RemoteError as error:
         if as_json:
             click.echo(json.dumps({"ok": False, "error": error.as_fields()}))
@@ -61,6 +78,28 @@ def send(socket: str | None, as_json: bool, request: Callable[[Client], dict[str
         if name in silent:
             devices = ", ".join(silent[name])
             click.echo(f"{name}: {devices} did not answer and may have missed the order: {UNCONFIRMED}")
+
+
+def _response(
+    socket: str | None, request: Callable[[Client], dict[str, Any]], until_s: float
+) -> dict[str, Any]:
+    """The response to a request; a lost connection is made again until a time."""
+    from contid.client import Client, ConnectionLostError, NoDaemonError
+
+    lost: ConnectionLostError | None = None
+    while True:
+        try:
+            with Client(socket, name="contid") as client:
+                return request(client)
+        except NoDaemonError:
+            if lost is not None:  # it has ended meanwhile
+                raise lost from None
+            raise
+        except ConnectionLostError as error:
+            lost = error
+            if time.monotonic() > until_s:
+                raise
+        time.sleep(RETRY_S)
 
 
 class RequestRefusedError(ContidError):

@@ -3,14 +3,20 @@
 from __future__ import annotations
 
 import asyncio
+import socket
+import time
 from contextlib import suppress
 from pathlib import Path
 from types import TracebackType
-from typing import Self
+from typing import Final, Self
 
 from contid.remote.client.client_protocol import CHUNK, Request
 from contid.remote.client.procedures import Procedures
+from contid.remote.protocol.connect import connect_at_once
 from contid.remote.protocol.wire import ConnectionLostError, Fields, RemoteError
+
+#: Period of attempts to connect while the backlog of the daemon is full.
+CONNECT_PERIOD_S: Final = 0.005
 
 
 class AsyncClient(Procedures):
@@ -27,8 +33,20 @@ class AsyncClient(Procedures):
     async def _open(self, path: Path) -> None:
         self._waiting: dict[int, tuple[Request, asyncio.Future[Fields]]] = {}
         self._noticed = asyncio.Event()
-        reader, self._writer = await asyncio.open_unix_connection(path)
+        connected = await self._connected(path)
+        reader, self._writer = await asyncio.open_unix_connection(sock=connected)
         self._reading = asyncio.create_task(self._read(reader))
+
+    async def _connected(self, path: Path) -> socket.socket:
+        """A connection; waits while the backlog is full (asyncio would take that for connected)."""
+        deadline_s = time.monotonic() + self._protocol.timeout_s
+        while True:
+            try:
+                return connect_at_once(path)
+            except BlockingIOError:
+                if time.monotonic() > deadline_s:
+                    raise
+            await asyncio.sleep(CONNECT_PERIOD_S)
 
     async def _exchange(self, request: Request) -> Fields:
         if self._lost is not None or self._writer is None:

@@ -95,6 +95,9 @@ class Procedures(ABC):
             self.hello = await self.request("hello", protocol=PROTOCOL, name=self.name)
         except OSError as error:
             await self._disconnect()
+            if isinstance(error, BlockingIOError):
+                message = f"{self.path}: the daemon has not accepted the connection in time; it is overloaded"
+                raise NoDaemonError(message) from error
             reason = error.strerror or error
             raise NoDaemonError(f"{self.path}: no daemon listens there ({reason})") from error
         except BaseException:

@@ -13,6 +13,7 @@ from typing import Any, Concatenate, Final, ParamSpec, Self, TypeVar
 
 from contid.remote.client.client_protocol import CHUNK, RESPONSE_TIMEOUT_S, Request
 from contid.remote.client.procedures import Procedures, Robots
+from contid.remote.protocol.connect import connect
 from contid.remote.protocol.wire import ConnectionLostError, Fields
 
 P = ParamSpec("P")
@@ -25,15 +26,14 @@ CLOSE_REASON_TIMEOUT_S: Final = 0.5
 class BlockingProcedures(Procedures):
     """The procedures over a blocking socket: no coroutine of this class ever suspends."""
 
-    _socket: socket.socket
+    _socket: socket.socket | None = None
 
     async def _open(self, path: Path) -> None:
-        self._socket = socket.socket(socket.AF_UNIX, socket.SOCK_STREAM)
-        self._socket.settimeout(self._protocol.timeout_s)
-        self._socket.connect(str(path))
+        self._socket = connect(path, self._protocol.timeout_s)
 
     async def _exchange(self, request: Request) -> Fields:
         deadline_s = time.monotonic() + request.timeout_s
+        assert self._socket is not None
         try:
             self._socket.settimeout(request.timeout_s)
             self._socket.sendall(request.line)
@@ -57,10 +57,12 @@ class BlockingProcedures(Procedures):
         time.sleep(seconds)
 
     async def _disconnect(self) -> None:
-        self._socket.close()
+        if self._socket is not None:
+            self._socket.close()
 
     def _read(self, timeout_s: float) -> bool:
         """Read once, waiting at most so long; True when a notice came."""
+        assert self._socket is not None
         try:
             self._socket.settimeout(max(timeout_s, 0.001))
             chunk = self._socket.recv(CHUNK)

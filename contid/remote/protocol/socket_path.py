@@ -11,13 +11,15 @@ import fcntl
 import os
 import socket
 import stat
-import tempfile
+import time
 from contextlib import suppress
 from pathlib import Path
 from types import TracebackType
 from typing import Final, Self
 
 from contid.errors import ContidError
+from contid.remote.protocol.connect import connect_at_once
+from contid.remote.protocol.folders import default_directory
 from contid.remote.protocol.peer_credentials import group_id
 from contid.remote.protocol.wire import NoDaemonError
 
@@ -26,18 +28,12 @@ SERVICES: Final = Path("/run/contid")
 #: Maximum bytes of a Unix socket's path, without its closing zero.
 MAX_PATH: Final = 107
 BACKLOG: Final = 128
+#: Longest wait for another daemon that starts in the same folder; it takes milliseconds.
+LOCK_TIMEOUT_S: Final = 3.0
 
 
 class SocketError(ContidError):
     """The daemon cannot listen at this path."""
-
-
-def default_directory() -> Path:
-    """The folder of this user's sockets; it may not exist yet."""
-    runtime = os.environ.get("XDG_RUNTIME_DIR")
-    if runtime:
-        return Path(runtime) / "contid"
-    return Path(tempfile.gettempdir()) / f"contid-{os.geteuid()}"
 
 
 def default_path(robot_file: str) -> Path:
@@ -70,9 +66,19 @@ def private_directory() -> Path:
 
 
 def running() -> list[Path]:
-    """Sockets of running daemons: those of this user, then those of services."""
+    """Sockets of running daemons that a client may trust: those of this user, then those of services."""
     folders = [folder for folder in (default_directory(), SERVICES) if os.access(folder, os.R_OK | os.X_OK)]
-    return [path for folder in folders for path in sorted(folder.glob("*.sock")) if is_listening(path)]
+    return [path for folder in folders for path in sorted(folder.glob("*.sock")) if _is_daemon(path)]
+
+
+def _is_daemon(path: Path) -> bool:
+    try:
+        connect_at_once(path).close()
+    except BlockingIOError:  # it listens, with a full backlog
+        return True
+    except (OSError, NoDaemonError):
+        return False
+    return True
 
 
 def find(given: str | None) -> Path:
@@ -87,7 +93,9 @@ def find(given: str | None) -> Path:
     if len(found) == 1:
         return found[0]
     if not found:
-        message = f"no daemon runs ({default_directory()} and {SERVICES} hold no live socket)"
+        message = f"no daemon runs ({default_directory()} and {SERVICES} hold no live socket of yours)"
+        if _foreign(default_directory()):
+            message = f"no daemon runs, and {default_directory()} belongs to another user: it is not used"
         if SERVICES.is_dir() and not os.access(SERVICES, os.R_OK | os.X_OK):
             message = (
                 f"no daemon of yours runs, and {SERVICES} of the service is closed to you: join its group"
@@ -95,6 +103,34 @@ def find(given: str | None) -> Path:
         raise NoDaemonError(f"{message}; start one with `contid run ROBOT.yaml`, or give --socket PATH")
     listed = "\n  ".join(f"--socket {path}" for path in found)
     raise NoDaemonError(f"{len(found)} daemons run; choose one:\n  {listed}")
+
+
+def _lock(descriptor: int, folder: Path) -> None:
+    """Lock a folder: any process that may read it could hold the lock for ever.
+
+    Raises:
+        SocketError: it is locked for longer than a start takes.
+    """
+    deadline_s = time.monotonic() + LOCK_TIMEOUT_S
+    while True:
+        try:
+            fcntl.flock(descriptor, fcntl.LOCK_EX | fcntl.LOCK_NB)
+        except BlockingIOError:
+            if time.monotonic() > deadline_s:
+                message = f"{folder}: another process holds a lock on this folder (`lsof +D` names it)"
+                raise SocketError(f"{message}; end it, or give --socket in another folder") from None
+            time.sleep(0.01)
+        else:
+            return
+
+
+def _foreign(folder: Path) -> bool:
+    """True when another user could have placed sockets in a folder of this user."""
+    try:
+        found = folder.lstat()
+    except OSError:
+        return False
+    return found.st_uid != os.geteuid() or not stat.S_ISDIR(found.st_mode)
 
 
 def is_listening(path: Path) -> bool:
@@ -140,7 +176,7 @@ class Endpoint:
             # The lock on the folder makes check and bind atomic for two daemons that start together.
             folder = os.open(self.path.parent, os.O_RDONLY | os.O_DIRECTORY)
             try:
-                fcntl.flock(folder, fcntl.LOCK_EX)
+                _lock(folder, self.path.parent)
                 self._remove_stale()
                 self._bind()
             finally:

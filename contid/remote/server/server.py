@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import asyncio
+import socket
 import time
 from collections.abc import Mapping
 from contextlib import suppress
@@ -26,6 +27,7 @@ from contid.lines import MAX_LINE
 from contid.remote.protocol.peer_credentials import is_authorized, peer_of
 from contid.remote.protocol.socket_path import Endpoint
 from contid.remote.protocol.wire import MAX_CLIENTS, Fields, encode
+from contid.remote.server.acceptor import Acceptor
 from contid.remote.server.connection import Connection
 from contid.remote.server.request_handler import RequestHandler
 from contid.remote.server.telemetry_view import fault_fields
@@ -61,7 +63,7 @@ class SocketServer:
         """Serve until cancelled."""
         handler = self._handler = RequestHandler(control, self._notify, lambda: len(self._connections))
         control.listen(self._event)
-        server = await asyncio.start_unix_server(self._accept, sock=self._endpoint.socket, limit=MAX_LINE)
+        acceptor = Acceptor(self._endpoint.socket, self._accept, self._displace)
         try:
             while True:
                 busy = handler.streaming or any(c.subscription for c in self._connections.values())
@@ -69,10 +71,10 @@ class SocketServer:
                 handler.watch()
                 await self._send_frames(control)
         finally:
-            server.close()
+            acceptor.close()
             for connection in tuple(self._connections.values()):
                 connection.disconnect("the daemon ends")
-            # They close by themselves; asyncio's streams would log a cancellation as an error.
+            # They close by themselves.
             if self._runs:
                 await asyncio.wait(self._runs, timeout=CLOSE_TIMEOUT_S)
             handler.pending.close()
@@ -80,39 +82,45 @@ class SocketServer:
 
     # -- clients -----------------------------------------------------------------------------------------
 
-    async def _accept(self, reader: asyncio.StreamReader, writer: asyncio.StreamWriter) -> None:
-        """Serve a client that connected, in the task of its own that asyncio made."""
-        task = asyncio.current_task()
-        assert task is not None
+    def _accept(self, connected: socket.socket) -> None:
+        """Serve a client that connected, in a task of its own."""
         try:
-            allowed = is_authorized(peer_of(writer.get_extra_info("socket")), self._endpoint.group)
+            allowed = is_authorized(peer_of(connected), self._endpoint.group)
         except OSError:  # disconnected already
             allowed = False
+        connected.setblocking(False)
         if not allowed:
-            writer.write(encode({"event": "bye", "message": "this daemon belongs to another user"}))
-            with suppress(OSError, ConnectionError):
-                writer.close()
+            with suppress(OSError), connected:
+                connected.send(encode({"event": "bye", "message": "this daemon belongs to another user"}))
             return
-        self._numbers += 1
-        connection = Connection(self._numbers, reader, writer, self._handler, self._turns)
-        self._make_room()
-        self._connections[connection.number] = connection
+        task = asyncio.create_task(self._serve_client(connected))
         self._runs.add(task)
+        task.add_done_callback(self._runs.discard)
+
+    async def _serve_client(self, connected: socket.socket) -> None:
+        loop = asyncio.get_running_loop()
+        reader = asyncio.StreamReader(limit=MAX_LINE)
+        protocol = asyncio.StreamReaderProtocol(reader)
+        transport, _ = await loop.connect_accepted_socket(lambda: protocol, connected)
+        self._numbers += 1
+        writer = asyncio.StreamWriter(transport, protocol, reader, loop)
+        connection = Connection(self._numbers, reader, writer, self._handler, self._turns)
+        if len(self._connections) >= MAX_CLIENTS:
+            self._displace()
+        self._connections[connection.number] = connection
         try:
             await connection.run()
         finally:
-            self._runs.discard(task)
             self._connections.pop(connection.number, None)
             self._handler.disconnected(connection.number)
 
-    def _make_room(self) -> None:
-        """Disconnect the client that was idle longest when all places are taken: a stop always gets in."""
-        if len(self._connections) < MAX_CLIENTS:
-            return
+    def _displace(self) -> None:
+        """Disconnect the client that was idle longest and does not hold the lease: a stop always gets in."""
         others = [c for c in self._connections.values() if not self._handler.lease.held_by(c.number)]
-        idle = min(others, key=lambda connection: connection.active_s)
-        del self._connections[idle.number]
-        idle.disconnect(f"more than {MAX_CLIENTS} clients; this one was idle longest")
+        if others:
+            idle = min(others, key=lambda connection: connection.active_s)
+            del self._connections[idle.number]
+            idle.disconnect("another client needed the place; this one was idle longest")
 
     def _notify(self, client: int, fields: Mapping[str, Any]) -> None:
         if client in self._connections:
