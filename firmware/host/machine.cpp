@@ -11,7 +11,7 @@ namespace contid {
 namespace {
 
 const uint32_t START_UP_MS = 20;
-const uint32_t HARDWARE_WATCHDOG_MS = 250;
+const uint32_t HARDWARE_WATCHDOG_MS = 32;
 const double STILL_COUNTS_S = 1.0;
 const double VENTED_PA = 2000.0;
 

@@ -28,7 +28,7 @@ class Machine {
   bool receives() const { return starting_ms_ == 0 && frozen_ms_ == 0 && ticked_; }
 
   void reset(ResetCause cause, uint32_t uptime_ms = 0);
-  // loop() stands still: after the watchdog's 250 ms the board resets, as the hardware would.
+  // loop() stands still: after the watchdog's 32 ms the board resets, as the hardware would.
   void freeze(uint32_t ms) { frozen_ms_ = ms; }
   void count_dropped() { board_.count_dropped_answer(); }
 

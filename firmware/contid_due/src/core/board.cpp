@@ -13,6 +13,7 @@ void Board::start(const Identity& identity, void (*mask_tick)(), void (*unmask_t
   unmask_tick_ = unmask_tick;
   now_ = uptime_ms;
   fed_ = uptime_ms;
+  echoed_ = uptime_ms;
   demanded_ = uptime_ms;
   // Only the loss of power is the moment at which a shaft is parked; any other start finds it anywhere.
   if (identity.cause == ResetCause::POWER_UP) return;

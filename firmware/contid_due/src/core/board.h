@@ -113,6 +113,7 @@ class Board {
   Regulator regulator_[CHANNELS];
   volatile uint32_t now_;
   uint32_t fed_, demanded_;
+  uint32_t echoed_;  // the newest telemetry that the host echoed
   bool stale_;
   uint16_t bad_frames_, dropped_;
   uint8_t bridge_faults_;

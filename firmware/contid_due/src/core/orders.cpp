@@ -136,7 +136,11 @@ Verdict Board::demand(Reader& in) {
         regulator_[i].demand(value[i]);
       }
     }
-    fed_ = now_;
+    // Only news feeds: the same echo again does not show that the host still reads.
+    if (static_cast<int32_t>(echo - echoed_) > 0) {
+      echoed_ = echo;
+      fed_ = now_;
+    }
     if (mask != 0) demanded_ = now_;
   }
   allow_tick();
