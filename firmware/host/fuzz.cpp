@@ -74,7 +74,7 @@ void tick(int32_t count, int32_t analog, uint8_t faults) {
     if (out.duty > contid::DUTY_FULL || out.duty < -contid::DUTY_FULL) broken("duty beyond full");
     if (board.role() == contid::Role::PRESSURE && out.duty < 0) broken("a regulator below zero");
     if (out.drive != contid::Drive::RUN && out.duty != 0) broken("duty without drive");
-    if (state == State::OFF && out.drive != contid::Drive::COAST) broken("an unconfigured channel drives");
+    if (state == State::OFF && out.drive != contid::Drive::OFF) broken("an unconfigured channel drives");
     if (board.role() == contid::Role::MOTOR && state == State::READY && out.drive == contid::Drive::RUN) {
       broken("a motor drives before it was armed");
     }

@@ -33,6 +33,7 @@ void Machine::boot(ResetCause cause, uint32_t uptime_ms) {
   board_.start(identity, nullptr, nullptr, uptime_ms);
   link_.start();
   outputs_ = Outputs();
+  for (Output& out : outputs_.channel) out.drive = Drive::OFF;
   unfed_ms_ = 0;
   frozen_ms_ = 0;
   ticked_ = false;

@@ -35,6 +35,7 @@ bool Plant::set(int channel, const std::string& name, double value) {
     bool* value;
   } const switches[] = {
       {"stall", &m.stalled}, {"bridge", &m.bridge},    {"encoder_stuck", &m.stuck}, {"encoder_reversed", &m.reversed},
+      {"wired_coast", &m.wired_coast},
       {"leak", &r.leaking},  {"wire", &r.wire_broken},
   };
   for (const auto& one : switches) {

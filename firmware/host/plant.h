@@ -25,11 +25,13 @@ struct MotorPlant {
   double current_ma = 0.0;
   double encoder = 0.0;
   bool stalled = false, bridge = false, stuck = false, reversed = false;
+  bool wired_coast = false;  // pulled down: it coasts while its lines are not driven
 
   void step(const Output& out, double dt) {
+    const bool coasts = out.drive == Drive::COAST || (out.drive == Drive::OFF && wired_coast);
     const double duty = out.drive == Drive::RUN ? static_cast<double>(out.duty) / DUTY_FULL : 0.0;
     const double before = shaft;
-    const double emf = out.drive == Drive::COAST ? 0.0 : duty * no_load - speed;
+    const double emf = coasts ? 0.0 : duty * no_load - speed;
     double push = emf;
     const double hold = friction * no_load;
     if (speed == 0.0 && std::fabs(push) <= hold) {
@@ -46,7 +48,7 @@ struct MotorPlant {
       shaft = shaft < low ? low : high;
       speed = 0.0;
     }
-    current_ma = out.drive == Drive::COAST ? 0.0 : std::fabs(emf) / no_load * stall_ma;
+    current_ma = coasts ? 0.0 : std::fabs(emf) / no_load * stall_ma;
     if (!stuck) encoder += reversed ? before - shaft : shaft - before;
   }
 

@@ -38,7 +38,9 @@ def config(role: str, *axes: dict[str, object]) -> tuple[bytes, int]:
 def motor_dialogue() -> Iterator[tuple[str, ...]]:
     """Every message of a motor board, what it refuses, a motion, a watchdog."""
     body, crc = config(
-        "motor", {"channel": "m0"}, {"channel": "m3", "on_watchdog": "coast", "homing": HOMING}
+        "motor",
+        {"channel": "m0"},
+        {"channel": "m3", "on_watchdog": "coast", "start_state": "coast", "homing": HOMING},
     )
     yield ("board", "motor")
     yield ("#", "hello before and after; nothing is configured")

@@ -36,7 +36,7 @@ def _pressed(board, **options):
 
 @pytest.mark.parametrize("safe", ["brake", "coast", "hold"])
 def test_watchdog_stops_a_motor_at_10_cm_s(board, safe):
-    motors, _ = _moving_motor(board, on_watchdog=safe)
+    motors, _ = _moving_motor(board, on_watchdog=safe, start_state="coast" if safe == "coast" else "brake")
     motors.step(400 if safe != "coast" else 1500)
     trip = motors.trip()
     assert (trip["reason"], trip["silence_ms"]) == ("watchdog", 100)
@@ -219,7 +219,7 @@ def test_reset_leaves_outputs_off_and_is_told(board, command, cause):
     motors, _ = _moving_motor(board)
     motors.command(command)
     motors.step(1)
-    assert motors.truth(0)[4:6] == [0, 0]
+    assert motors.truth(0)[4:6] == [3, 0]  # not driven
     motors.step(30)
     hello = motors.ask(Type.HELLO)
     assert (hello.cause, hello.boot, hello.configured) == (ResetCause[cause], 2, False)

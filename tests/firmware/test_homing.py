@@ -38,7 +38,7 @@ def pushing(board, **options):
 
 @pytest.mark.parametrize("end", ["hold", "watchdog"])
 def test_a_homing_that_ends_in_hold_leaves_the_stop_alone(board, end):
-    motors = pushing(board, on_watchdog="hold")
+    motors = pushing(board, on_watchdog="hold", start_state="brake")
     if end == "hold":
         motors.ask(Type.STOP, messages.stop([0], RestCode.HOLD))
         motors.step(400)
@@ -76,7 +76,7 @@ def test_an_aborted_homing_is_no_reference_and_can_be_repeated(board, rest):
 
 
 def test_a_bridge_fault_ends_the_search(board):
-    motors = pushing(board, on_watchdog="hold")
+    motors = pushing(board, on_watchdog="hold", start_state="brake")
     motors.command("set 0 bridge 1")
     motors.step(2)
     assert motors.trip()["reason"] == "bridge"

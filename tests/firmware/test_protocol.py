@@ -19,6 +19,7 @@ ENUMS = {
     "Role": codes.RoleCode,
     "Rest": codes.RestCode,
     "Safe": codes.SafeCode,
+    "Bridge": codes.BridgeCode,
     "State": codes.BoardState,
     "Reason": codes.Reason,
     "Refusal": codes.Refusal,
@@ -76,6 +77,7 @@ def test_the_page_lists_every_refusal_and_every_fault() -> None:
     [
         (r"`rest u8` \((.*?)\)", "Rest"),
         (r"`start u8` \((.*?)\)", "Safe"),
+        (r"`bridge u8` \((.*?)\)", "Bridge"),
         (r"Low four bits of `state`: (.*?);", "State"),
         (r"`role u8` \((.*?)\)", "Role"),
         (r"causes: (.*?)\.", "ResetCause"),

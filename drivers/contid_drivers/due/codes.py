@@ -119,6 +119,15 @@ class RoleCode(enum.IntEnum):
     PRESSURE = 1
 
 
+class BridgeCode(enum.IntEnum):
+    """Kind of H-bridge."""
+
+    PWM_IN_IN = 0
+    TB6612 = 1
+    IN_IN = 2
+    DIR_PWM = 3
+
+
 class SafeCode(enum.IntEnum):
     """Safe state of a channel."""
 

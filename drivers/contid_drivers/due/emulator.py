@@ -17,7 +17,7 @@ from contid.units import BAR
 from contid_drivers.control_file import ControlFile
 from contid_drivers.due.codes import ADC_MV, ADC_STEPS
 from contid_drivers.due.firmware import build_host
-from contid_drivers.due.options import DueAxisOptions, DueBusOptions
+from contid_drivers.due.options import DueAxisOptions, DueBusOptions, SafeState
 from contid_drivers.due.wiring import axis_options
 
 #: Switches of one channel: ``{"fault": "leak", "channel": 2, "on": true}``.
@@ -71,6 +71,7 @@ def _motor(axis: AxisOnBus, o: DueAxisOptions) -> dict[str, float]:
         "friction": o.friction_percent / 100.0,
         "shaft": o.power_up_deg * per_deg,
         "full_scale_ma": o.current_ma_per_v * ADC_MV / 1000.0,
+        "wired_coast": o.start is SafeState.COAST,
         "stall_ma": o.stall_current_ma * 1.5 or 1600.0,
     }
     margin = _STOP_MARGIN_DEG * per_deg

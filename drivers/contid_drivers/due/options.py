@@ -38,6 +38,20 @@ class Role(enum.StrEnum):
     PRESSURE = "pressure"
 
 
+class Bridge(enum.StrEnum):
+    """Kind of H-bridge, by its lines.
+
+    ``pwm_in_in``: enable or PWM and two inputs (VNH5019, L298). ``tb6612``: the same, but coasts with PWM
+    high. ``in_in``: two inputs, the PWM line on the first (DRV8833, DRV8871). ``dir_pwm``: direction and PWM
+    (DRV8838, MD10C); such a bridge brakes and cannot coast.
+    """
+
+    PWM_IN_IN = "pwm_in_in"
+    TB6612 = "tb6612"
+    IN_IN = "in_in"
+    DIR_PWM = "dir_pwm"
+
+
 class DueBusOptions(Strict):
     """Keys of ``buses.NAME`` with ``driver: due``.
 
@@ -104,6 +118,8 @@ class MotorOptions(Strict):
         stall_current_ma: motor current of a stall; 0 without a current sensor. Needs ``current_ma_per_v``.
         current_ma_per_v: current per volt at the board's analogue input.
         follow_deg: limit of the following error.
+        bridge: the motor's H-bridge: ``pwm_in_in`` (VNH5019, L298), ``tb6612``, ``in_in`` (DRV8833, DRV8871)
+            or ``dir_pwm`` (DRV8838, MD10C; it cannot coast).
         encoder_reversed: inverts the count; positive duty must count up.
         motor_reversed: inverts the duty; positive duty must count up.
         power_up_deg: angle of the shaft at power-up (the parked pose).
@@ -125,6 +141,7 @@ class MotorOptions(Strict):
     stall_current_ma: NonNegative = 0.0
     current_ma_per_v: Positive = 1000.0
     follow_deg: Positive = 45.0
+    bridge: Bridge = Bridge.PWM_IN_IN
     encoder_reversed: bool = False
     motor_reversed: bool = False
     power_up_deg: float = 0.0
@@ -175,8 +192,11 @@ class DueAxisOptions(MotorOptions, RegulatorOptions):
         channel: ``m0`` .. ``m5`` on a motor board, ``p0`` .. ``p5`` on a pressure board.
         on_watchdog: safe state, taken when the watchdog trips: ``brake`` (default), ``coast`` or ``hold`` for
             motors; ``vent`` (default) or ``close`` for regulators.
-        start_state: state given by the wiring while the board is not configured (in reset, without host).
-            The board refuses a configuration where it differs from the safe state.
+        start_state: what the wiring makes the motor do while the board does not drive its lines (in reset, in
+            the boot loader, before the first host): ``brake`` (default; inputs pulled up, or the PWM line of
+            ``dir_pwm`` pulled down) or ``coast`` (inputs pulled down). ``on_watchdog`` must be the same; for
+            ``on_watchdog: hold`` write down which it is, because no wiring holds. Regulators: ``close``, by
+            the pull-down at the command.
     """
 
     channel: Literal["m0", "m1", "m2", "m3", "m4", "m5", "p0", "p1", "p2", "p3", "p4", "p5"]
@@ -201,8 +221,9 @@ class DueAxisOptions(MotorOptions, RegulatorOptions):
 
     @property
     def start(self) -> SafeState:
-        """The start state; the safe state if not given."""
-        return self.start_state or self.safe
+        """The start state; that of the wiring in docs/due.md if not given."""
+        default = SafeState.BRAKE if self.kind is DeviceKind.MOTOR else SafeState.CLOSE
+        return self.start_state or default
 
     @model_validator(mode="after")
     def _fits_its_channel(self) -> DueAxisOptions:
@@ -215,19 +236,40 @@ class DueAxisOptions(MotorOptions, RegulatorOptions):
         allowed = (
             (SafeState.BRAKE, SafeState.COAST, SafeState.HOLD) if motor else (SafeState.VENT, SafeState.CLOSE)
         )
-        for key, value in (("on_watchdog", self.safe), ("start_state", self.start)):
-            if value not in allowed:
-                raise ValueError(f"{key} of channel {self.channel} must be one of {', '.join(allowed)}")
-        if self.safe is not self.start:
+        if self.safe not in allowed:
+            raise ValueError(f"on_watchdog of channel {self.channel} must be one of {', '.join(allowed)}")
+        if motor:
+            self._check_start()
+        else:
+            self._check_regulator()
+        return self
+
+    def _check_start(self) -> None:
+        no_coast = self.bridge is Bridge.DIR_PWM
+        possible = (SafeState.BRAKE,) if no_coast else (SafeState.BRAKE, SafeState.COAST)
+        if self.start not in possible:
+            raise ValueError(
+                f"start_state {self.start} of channel {self.channel} is not possible "
+                f"with bridge {self.bridge}; possible: {', '.join(possible)}"
+            )
+        if self.safe is SafeState.HOLD:
+            if self.start_state is None:
+                raise ValueError(
+                    "on_watchdog hold needs start_state: a reset ends the holding, and the motor does what "
+                    f"its wiring gives ({' or '.join(possible)})"
+                )
+        elif self.safe is not self.start:
             raise ValueError(
                 f"start_state {self.start} differs from on_watchdog {self.safe}: a reset leaves the safe "
                 "state, so the board refuses this configuration"
             )
-        if not motor:
-            self._check_regulator()
-        return self
 
     def _check_regulator(self) -> None:
+        if self.start is not SafeState.CLOSE:
+            raise ValueError(
+                f"start_state {self.start} of channel {self.channel} is not possible: in a reset the "
+                "pull-down sets the command to zero at once (close)"
+            )
         missing = [key for key in ("calibration", "readback", "ceiling_bar") if getattr(self, key) is None]
         if missing:
             raise ValueError(f"channel {self.channel} is a regulator and needs {', '.join(missing)}")

@@ -10,7 +10,7 @@ from typing import Final
 from contid.errors import DeviceError
 from contid.hal import AxisOnBus, DeviceKind
 from contid.units import BAR
-from contid_drivers.due.codes import ADC_MV, ADC_STEPS, DUTY_FULL, RoleCode, SafeCode
+from contid_drivers.due.codes import ADC_MV, ADC_STEPS, DUTY_FULL, BridgeCode, RoleCode, SafeCode
 from contid_drivers.due.frames import crc16
 from contid_drivers.due.options import DueAxisOptions, DueBusOptions, EndStop, Role
 
@@ -18,7 +18,7 @@ from contid_drivers.due.options import DueAxisOptions, DueBusOptions, EndStop, R
 _OPEN: Final = 1_000_000_000
 #: Fields of a motor channel in the order of the wire, with their struct codes; units: firmware/PROTOCOL.md.
 MOTOR_FIELDS: Final = {
-    "channel": "B", "safe": "B", "start": "B", "flags": "B",
+    "channel": "B", "safe": "B", "start": "B", "flags": "B", "bridge": "B",
     "low": "i", "high": "i", "velocity": "i", "acceleration": "i",
     "kp": "i", "ks": "i", "ki": "i", "kv": "i", "ka": "i",
     "friction": "h", "deadband": "i",
@@ -104,6 +104,7 @@ def _motor(axis: AxisOnBus, o: DueAxisOptions) -> bytes:
         "safe": SafeCode[o.safe.name],
         "start": SafeCode[o.start.name],
         "flags": sum(flag << bit for bit, flag in enumerate(flags)),
+        "bridge": BridgeCode[o.bridge.name],
         "low": low,
         "high": high,
         "velocity": round(o.velocity_deg_s * per_deg),

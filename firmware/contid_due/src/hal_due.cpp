@@ -13,6 +13,7 @@
 #include <Arduino.h>
 
 #include "core/board.h"
+#include "core/bridge.h"
 #include "hal_encoders.h"
 #include "hal_identity.h"
 #include "hal_ports.h"
@@ -69,26 +70,40 @@ void start_pwm() {
   }
 }
 
+// An input without pull-up: the resistors of the wiring give the level.
+void release(uint8_t pin) {
+  Pio* const port = g_APinDescription[pin].pPort;
+  const uint32_t mask = g_APinDescription[pin].ulPin;
+  port->PIO_ODR = mask;
+  port->PIO_PUDR = mask;
+  port->PIO_PER = mask;
+}
+
+void drive_lines(uint8_t i, bool driven) {
+  if (!driven) {
+    release(PINS[i].pwm);
+    release(PINS[i].in_a);
+    release(PINS[i].in_b);
+    return;
+  }
+  const PinDescription& a = g_APinDescription[PINS[i].in_a];
+  const PinDescription& b = g_APinDescription[PINS[i].in_b];
+  const PinDescription& pwm = g_APinDescription[PINS[i].pwm];
+  a.pPort->PIO_OER = a.ulPin;
+  b.pPort->PIO_OER = b.ulPin;
+  pwm.pPort->PIO_PDR = pwm.ulPin;  // to the PWM unit, which drives it
+}
+
 void put_out(uint8_t i, const contid::Output& out) {
   if (role == contid::Role::PRESSURE) {
     set_pwm(i, out.drive == Drive::RUN ? steps_of(out.duty) : 0);
     return;
   }
-  const bool brake = out.drive == Drive::BRAKE;
-  const bool forward = out.drive == Drive::RUN && out.duty >= 0;
-  const bool backward = out.drive == Drive::RUN && out.duty < 0;
-  set_pin(PINS[i].in_a, forward || brake);
-  set_pin(PINS[i].in_b, backward || brake);
-  if (out.drive == Drive::RUN) {
-    set_pwm(i, steps_of(out.duty));
-  } else {
-    set_pwm(i, brake || contid::COAST_WITH_PWM_HIGH ? PWM_PERIOD : 0);
-  }
-}
-
-// Low from the moment it is driven. pinMode() would make it high first, whatever was written to it before.
-void start_direction(uint8_t pin) {
-  PIO_Configure(g_APinDescription[pin].pPort, PIO_OUTPUT_0, g_APinDescription[pin].ulPin, PIO_DEFAULT);
+  const contid::Lines lines = contid::bridge_lines(board.bridge(i), out);
+  set_pin(PINS[i].in_a, lines.in_a);
+  set_pin(PINS[i].in_b, lines.in_b);
+  set_pwm(i, steps_of(lines.pwm));
+  drive_lines(i, lines.driven);
 }
 
 // ---- the control tick ----
@@ -177,8 +192,7 @@ void contid_setup() {
   for (uint8_t i = 0; i < CHANNELS; ++i) {
     adc_channels |= 1u << PINS[i].adc_channel;
     if (role != contid::Role::MOTOR) continue;
-    start_direction(PINS[i].in_a);
-    start_direction(PINS[i].in_b);
+    drive_lines(i, false);
     pinMode(PINS[i].fault, INPUT_PULLUP);
   }
   ADC->ADC_CHER = adc_channels;

@@ -2,8 +2,8 @@
 //
 // Encoders of channels 0 and 1 are on the two hardware decoders whose pins the Due has (TC0: D2 and D13, TC2: D5
 // and D4); those of channels 2 to 5 are decoded in pin interrupts and lie on neighbouring bits of port D.
-// Bridges: two inputs and one PWM each (VNH5019, TB6612, L298 and their like). Fault outputs of bridges are open
-// drains, low is a fault; unconnected is none. Analogue inputs take 0 to 3.3 V, not 5 V.
+// Bridges: what the two inputs and the PWM line mean is configuration (core/bridge.cpp). Fault outputs of bridges are
+// open drains, low is a fault; unconnected is none. Analogue inputs take 0 to 3.3 V, not 5 V.
 #ifndef CONTID_PINS_H
 #define CONTID_PINS_H
 
@@ -38,10 +38,6 @@ struct EdgePins {
 
 const uint8_t FIRST_EDGE_CHANNEL = 2;
 const EdgePins EDGE_PINS[4] = {{25, 26, 0}, {27, 28, 2}, {29, 11, 6}, {30, 32, 9}};
-
-// What an H-bridge is given. Brake: both inputs high with full PWM shorts the motor on all three bridges named
-// above. Coast: both inputs low; the L298 needs its enable (the PWM) low for that, a TB6612 high.
-const bool COAST_WITH_PWM_HIGH = false;
 
 const char MOTOR_PINS[] =
     "m0 pwm9 in38,39 enc2,13 flt22 A0; m1 pwm8 in40,41 enc5,4 flt23 A1; m2 pwm7 in42,43 enc25,26 flt24 A2; "

@@ -20,7 +20,18 @@ BAD = [
     ({"channel": "m0", "on_watchdog": "vent"}, "brake, coast, hold"),
     ({"channel": "p0", **REGULATOR, "on_watchdog": "coast"}, "vent, close"),
     ({"channel": "p0", **REGULATOR, "on_watchdog": "hold"}, "vent, close"),
-    ({"channel": "m0", "on_watchdog": "hold", "start_state": "brake"}, "start_state brake differs"),
+    ({"channel": "m0", "on_watchdog": "coast"}, "start_state brake differs"),
+    ({"channel": "m0", "on_watchdog": "coast", "start_state": "brake"}, "start_state brake differs"),
+    ({"channel": "m0", "start_state": "coast"}, "start_state coast differs from on_watchdog brake"),
+    ({"channel": "m0", "on_watchdog": "hold"}, r"needs start_state.*brake or coast"),
+    ({"channel": "m0", "on_watchdog": "hold", "start_state": "hold"}, "not possible"),
+    (
+        {"channel": "m0", "bridge": "dir_pwm", "on_watchdog": "coast", "start_state": "coast"},
+        "with bridge dir_pwm",
+    ),
+    ({"channel": "m0", "bridge": "l293"}, "bridge"),
+    ({"channel": "p0", **REGULATOR, "start_state": "vent"}, "sets the command to zero at once"),
+    ({"channel": "p0", **REGULATOR, "bridge": "in_in"}, "it has no bridge"),
     ({"channel": "m0", "ceiling_bar": 2}, "is a motor; it has no ceiling_bar"),
     ({"channel": "p0", **REGULATOR, "stall_ms": 100}, "is a regulator; it has no stall_ms"),
     ({"channel": "p0"}, "needs calibration, readback, ceiling_bar"),
@@ -49,8 +60,10 @@ def test_the_configuration_is_in_the_boards_units():
     motor = AxisOnBus("a.x", DueAxisOptions(channel="m2", homing=EndStop(direction=-1)), (0.0, math.tau))
     blob = board_config("b", DueBusOptions(port="x", role=Role.MOTOR, watchdog_ms=80), [motor])
     assert struct.unpack_from("<BHB", blob) == (0, 80, 1)
-    channel, safe, start, flags, low, high, velocity, acceleration = struct.unpack_from("<4B4i", blob, 4)
-    assert (channel, safe, start, flags) == (2, 0, 0, 4)
+    channel, safe, start, flags, bridge, low, high, velocity, acceleration = struct.unpack_from(
+        "<5B4i", blob, 4
+    )
+    assert (channel, safe, start, flags, bridge) == (2, 0, 0, 4, 0)
     assert (low, high) == (0, 4776)
     assert velocity == round(470.0 / 360.0 * 4776)
     assert acceleration == round(2300.0 / 360.0 * 4776)

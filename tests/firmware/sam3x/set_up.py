@@ -25,18 +25,20 @@ def every_pwm_channel_runs_at_20_khz_on_its_own(motors: Sam3x) -> None:
         # Left-aligned, CPOL 0: the low output, which the pins carry, is high for CDTY steps.
         assert motors.pwm.channel(unit, 0x00) & (1 << 8 | 1 << 9) == 0
         port = motors.pio["C"]
-        assert not port.read(0x08) & 1 << bit, "the pin belongs to the peripheral"
+        assert port.read(0x08) & 1 << bit, "not driven before the channel is configured"
+        assert not port.read(0x18) & 1 << bit
         assert port.read(0x70) & 1 << bit, "peripheral B"
     assert sorted(unit for unit, _ in motors.pwm.modes) == sorted(unit for unit, _ in PWM.values())
     assert motors.pmc.clocks >> 36 & 1
 
 
-def bridges_are_off_and_driven(motors: Sam3x) -> None:
+def bridges_are_left_to_their_wiring(motors: Sam3x) -> None:
     c, a = motors.pio["C"], motors.pio["A"]
     inputs = [(c, bit) for bit in (6, 7, 8, 9, 14, 15, 16, 17, 18, 19)] + [(a, 19), (a, 20)]
     for port, bit in inputs:
-        assert port.read(0x18) & port.read(0x08) & 1 << bit, "an output of the port"
-        assert not port.read(0x38) & 1 << bit, "low: coast"
+        assert port.read(0x08) & 1 << bit, "no peripheral"
+        assert not port.read(0x18) & 1 << bit, "an input"
+        assert port.read(0x68) & 1 << bit, "without pull-up"
 
 
 def decoders_filter_and_count_every_edge(motors: Sam3x) -> None:
@@ -97,7 +99,7 @@ def the_tick_is_1_khz(motors: Sam3x) -> None:
 
 CHECKS = (
     every_pwm_channel_runs_at_20_khz_on_its_own,
-    bridges_are_off_and_driven,
+    bridges_are_left_to_their_wiring,
     decoders_filter_and_count_every_edge,
     edge_inputs_are_debounced,
     the_adc_converts_the_six_inputs,

@@ -32,7 +32,7 @@ void Board::tick(const Inputs& in, Outputs& out) {
     }
     Channel& channel = channel_[i];
     if (channel.state == State::OFF) {
-      out.channel[i] = Output{Drive::COAST, 0};
+      out.channel[i] = Output{Drive::OFF, 0};
       continue;
     }
     const bool commanded = channel.state == State::ARMED || channel.state == State::HOMING;
@@ -79,17 +79,17 @@ Output Board::drive_motor(uint8_t i) {
         out = motor.follow();
         break;
       }
-      out = motor.rest(motor.config().safe == Safe::COAST ? Drive::COAST : Drive::BRAKE);
+      out = motor.rest(motor.unpowered());
       break;
     default:
-      // A channel that was never armed has no power: `hold` brakes here.
-      out = motor.rest(motor.config().safe == Safe::COAST ? Drive::COAST : Drive::BRAKE);
+      // A channel that was never armed has no power, whatever its safe state.
+      out = motor.rest(motor.unpowered());
       break;
   }
   const bool bridge = (bridge_faults_ & (1u << i)) != 0;
   if (powered && (bridge || motor.fault() != Reason::NONE)) {
     trip(i, bridge ? Reason::BRIDGE : motor.fault());
-    return motor.rest(motor.config().safe == Safe::COAST ? Drive::COAST : Drive::BRAKE);
+    return motor.rest(motor.unpowered());
   }
   return out;
 }

@@ -58,6 +58,7 @@ class Board {
   Reason reason(uint8_t channel) const { return channel_[channel].reason; }
   // Time since the last demand that fed the watchdog.
   uint32_t silence_ms() const { return now_ - fed_; }
+  Bridge bridge(uint8_t channel) const { return config_.motor[channel].bridge; }
   Role role() const { return identity_.role; }
 
  private:

@@ -1,6 +1,8 @@
 // Decodes and range-checks the configuration a host sends.
 #include "config.h"
 
+#include "bridge.h"
+
 namespace contid {
 
 namespace {
@@ -52,6 +54,10 @@ void read_motor(Reader& in, Checker& check, MotorConfig& m) {
   m.motor_reversed = (flags & MOTOR_REVERSED) != 0;
   m.homing = (flags & HOMING_GIVEN) != 0;
   m.home_up = (flags & HOME_UP) != 0;
+  const uint8_t bridge = in.u8();
+  check.within(bridge, 0, static_cast<int32_t>(Bridge::DIR_PWM));
+  m.bridge = static_cast<Bridge>(bridge);
+  check.require(can_start(m.bridge, m.start));
   m.low = check.within(in.i32(), -COUNT_LIMIT, COUNT_LIMIT);
   m.high = check.within(in.i32(), m.low, COUNT_LIMIT);
   m.velocity = check.within(in.i32(), 1, RATE_LIMIT);
@@ -108,6 +114,20 @@ bool fits_role(Safe safe, Role role) {
   return of_motor == (role == Role::MOTOR);
 }
 
+// A reset leaves no safe state. A chamber that vents ends without pressure, as one whose command is zero at once. A
+// motor cannot hold in a reset: a host that chooses hold names what the motor does then.
+bool same_in_reset(Safe safe, Safe start) {
+  switch (safe) {
+    case Safe::HOLD:
+      return start == Safe::BRAKE || start == Safe::COAST;
+    case Safe::VENT:
+    case Safe::CLOSE:
+      return start == Safe::CLOSE;
+    default:
+      return safe == start;
+  }
+}
+
 }  // namespace
 
 Verdict read_config(Reader& in, Role role, BoardConfig& out) {
@@ -125,12 +145,13 @@ Verdict read_config(Reader& in, Role role, BoardConfig& out) {
     const uint8_t start = in.u8();
     if (!in.ok()) break;
     if (channel >= CHANNELS || (out.mask & (1u << channel)) != 0) return Verdict{Refusal::BAD_CHANNEL, channel};
-    if (safe != start) return Verdict{Refusal::SAFE_IS_NOT_START, channel};
+    if (!same_in_reset(static_cast<Safe>(safe), static_cast<Safe>(start))) return Verdict{Refusal::SAFE_IS_NOT_START, channel};
     check.within(safe, 0, static_cast<int32_t>(Safe::CLOSE));
     check.require(fits_role(static_cast<Safe>(safe), role));
     out.mask = static_cast<uint8_t>(out.mask | (1u << channel));
     if (role == Role::MOTOR) {
       out.motor[channel].safe = static_cast<Safe>(safe);
+      out.motor[channel].start = static_cast<Safe>(start);
       read_motor(in, check, out.motor[channel]);
     } else {
       out.regulator[channel].safe = static_cast<Safe>(safe);

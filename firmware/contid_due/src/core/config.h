@@ -8,7 +8,8 @@
 namespace contid {
 
 struct MotorConfig {
-  Safe safe;
+  Safe safe, start;
+  Bridge bridge;
   bool encoder_reversed, motor_reversed, homing, home_up;
   int32_t low, high;               // travel [counts]
   int32_t velocity, acceleration;  // [counts/s], [counts/s2]

@@ -7,7 +7,7 @@
 
 namespace contid {
 
-enum class Drive : uint8_t { COAST = 0, BRAKE = 1, RUN = 2 };
+enum class Drive : uint8_t { COAST = 0, BRAKE = 1, RUN = 2, OFF = 3 };
 
 struct Output {
   Drive drive;
@@ -49,6 +49,8 @@ class Motor {
   void park();
   bool limited() const { return limited_; }
   const MotorConfig& config() const { return *config_; }
+  // What the motor does without power: the state its wiring gives in a reset.
+  Drive unpowered() const { return config_->start == Safe::COAST ? Drive::COAST : Drive::BRAKE; }
 
  private:
   enum class Phase : uint8_t { IDLE, APPROACH, BACK_OFF, FOUND };

@@ -43,8 +43,11 @@ enum class Rest : uint8_t { HOLD = 0, RELAX = 1, VENT = 2 };
 
 enum class Safe : uint8_t { BRAKE = 0, COAST = 1, HOLD = 2, VENT = 3, CLOSE = 4 };
 
+// Kind of H-bridge, by its lines (bridge.cpp).
+enum class Bridge : uint8_t { PWM_IN_IN = 0, TB6612 = 1, IN_IN = 2, DIR_PWM = 3 };
+
 enum class State : uint8_t {
-  OFF = 0,      // not configured; the output is off
+  OFF = 0,      // not configured; the pins of a motor are not driven
   READY = 1,    // configured, never armed: the start state
   ARMED = 2,    // follows demands, under the watchdog
   HOMING = 3,   // searches its end stop, under the watchdog
