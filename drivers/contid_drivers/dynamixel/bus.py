@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import dataclasses
 import logging
 import math
 import time
@@ -18,6 +19,7 @@ from contid_drivers.dynamixel.cyclic import PLAIN, Cyclic, CyclicLayout, ServoRe
 from contid_drivers.dynamixel.mapping import map_block
 from contid_drivers.dynamixel.options import DynamixelBusOptions
 from contid_drivers.dynamixel.port import ServoPort
+from contid_drivers.dynamixel.slack import Slack
 from contid_drivers.serial_ports import UsbIdentity, find_port, identity_of
 
 log = logging.getLogger(__name__)
@@ -51,6 +53,7 @@ class DynamixelBus:
         self._lost: DeviceLostError | None = None
         self._count = 0
         self._clean = 0
+        self._late_logged = False
 
     # -- life ----------------------------------------------------------------------------------------------
 
@@ -79,7 +82,8 @@ class DynamixelBus:
                     axis.latch(f"{error.message}; {error.remedy}")
                     axis.pending_rest = None
             port.return_delay_s = max(axis.return_delay_s for axis in states)
-            self._cyclic = Cyclic(port, [axis.device for axis in states], layout, fast=False)
+            slack = Slack(None if options.slack_ms == "auto" else options.slack_ms / 1e3)
+            self._cyclic = Cyclic(port, [axis.device for axis in states], layout, fast=False, slack=slack)
         except BaseException:
             port.close()
             raise
@@ -109,6 +113,8 @@ class DynamixelBus:
 
     def close(self) -> None:
         """See `contid.hal.Bus.close`."""
+        if self._cyclic is not None and any(dataclasses.astuple(self._cyclic.counts)):
+            log.info("%s: %s", self.name, self._cyclic.counts)
         if self._port is not None:
             self._port.close()
         self._port = self._client = self._cyclic = self._lost = None
@@ -130,16 +136,37 @@ class DynamixelBus:
             now = self._clock.now()
             samples = {}
             for name, axis in self._states.items():
-                reading = readings.get(axis.device)
+                reading = self._usable(axis, readings.get(axis.device))
                 before = axis.fault
                 samples[name] = axis.missed(now) if reading is None else axis.take(reading, now)
                 if axis.fault != before:
                     samples[name] = self._find_cause(axis, reading, now, samples[name])
                 if axis.pending_rest is not None and reading is not None:
                     self._rest(axis, reading)
+            self._note_missing(cyclic)
         except DeviceLostError as error:
             raise self._gone(error) from None
         return samples
+
+    def _usable(self, axis: Axis, reading: ServoReading | None) -> ServoReading | None:
+        """Without mapped bytes only an armed watchdog shows that a servo has not reset itself."""
+        assert self._cyclic is not None
+        proven = not self._cyclic.layout.indirect or axis.armed
+        return reading if reading is None or proven or reading.voltage_low is not None else None
+
+    def _note_missing(self, cyclic: Cyclic) -> None:
+        """Long-silent servos go last, and the late answers of this exchange are no answers to a request."""
+        assert self._client is not None
+        missing = [axis for axis in self._states.values() if axis.misses]
+        self._client.expect_late(axis.device for axis in missing)
+        cyclic.put_last([axis.device for axis in missing if axis.misses > 1])
+        if cyclic.counts.late and not self._late_logged:
+            self._late_logged = True
+            log.warning(
+                "%s: answers come after their time-out of %.1f ms and are discarded; set the adapter's "
+                "latency timer to 1 ms or raise usb_latency_ms (`contid doctor`)",
+                self.name, 1e3 * cyclic.timeout_s(),
+            )  # fmt: skip
 
     def _goals(self, commands: Mapping[str, float]) -> dict[int, int]:
         """Commands of the enabled axes in ticks by id; one invalid command refuses all."""
@@ -160,8 +187,8 @@ class DynamixelBus:
         """Ask the servos that did not answer once more, in one read, within ``retry_ms``.
 
         A servo that was silent in the last exchange as well is skipped: it would cost the budget in every
-        tick. A fast read that broke off hides all servos after the break: they are asked by a plain read, and
-        the next exchanges use plain reads.
+        tick. During a stall of the host nothing is repeated. A fast read that broke off hides all servos
+        after the break: they are asked by a plain read, and the next exchanges use plain reads.
         """
         fast, cyclic.fast, self._clean = cyclic.fast, False, 0
         missing = [
@@ -170,6 +197,8 @@ class DynamixelBus:
             if device not in readings and (fast or not axis.misses)
         ]
         if not missing or not self.options.retry_ms:
+            return
+        if not cyclic.received and not cyclic.received_before:
             return
         until = time.monotonic() + self.options.retry_ms / 1e3
         if fast:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import time
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 from typing import Final
 
 from contid.errors import DeviceError
@@ -54,6 +54,10 @@ class ServoClient:
         #: Servos with a request whose answer has not come and may come late.
         self._unanswered: set[int] = set()
         self._barriers = 0
+
+    def expect_late(self, devices: Iterable[int]) -> None:
+        """Answers of these servos to other requests may still arrive."""
+        self._unanswered.update(devices)
 
     def name(self, device: int) -> str:
         """Name of a servo in messages."""

@@ -27,6 +27,8 @@ class DynamixelBusOptions(Strict):
         fast_read: ``auto`` uses Fast Sync Read if every servo's firmware has it, ``off`` never does.
         telemetry_every: voltage, temperature and error status are read in every n-th exchange; position,
             velocity, current and watchdog in each one.
+        slack_ms: an exchange without a single byte at its time-out waits on this long, because the host has
+            stalled; ``auto`` measures (99.9th percentile of the lateness, at least a scheduler tick of 4 ms).
         retry_ms: time for repeating lost reads within one exchange; 0 switches retries off.
     """
 
@@ -38,6 +40,7 @@ class DynamixelBusOptions(Strict):
     mode: Mode = "extended_position"
     fast_read: Literal["auto", "off"] = "auto"
     telemetry_every: int = Field(default=1, ge=1, le=1000)
+    slack_ms: Literal["auto"] | Annotated[float, Field(ge=0, le=200)] = "auto"
     retry_ms: Annotated[float, Field(ge=0, le=100)] = 2.0
 
 

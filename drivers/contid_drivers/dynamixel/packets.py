@@ -190,6 +190,24 @@ class Part:
     data: bytes
 
 
+def fast_start(stream: bytes | bytearray, whole: int) -> tuple[int, int]:
+    """Start of the answer of ``whole`` bytes to a fast read, and the number of answers of other lengths.
+
+    The start is the length of ``stream`` without one. Skips instructions (an echo) and plain answers.
+    """
+    head = HEADER + bytes((BROADCAST,))
+    late, at = 0, bytes(stream).find(head)
+    while at >= 0:
+        if len(stream) < at + 8:
+            return at, late
+        if stream[at + 7] == Instruction.STATUS:
+            if stream[at + 5] | stream[at + 6] << 8 == whole - 7:
+                return at, late
+            late += 1
+        at = bytes(stream).find(head, at + 1)
+    return len(stream), late
+
+
 def fast_parts(stream: bytes | bytearray, ids: Sequence[int], sizes: Sequence[int]) -> list[Part]:
     """Intact parts of the answer to a fast read, from its start up to the first damaged one.
 

@@ -97,3 +97,68 @@ def test_batches_and_pieces_cost_no_sample(rig: Make, switches: Any, fast: str) 
         samples = r.tick(a1=1000 * TICK)
         assert all(sample.valid and not sample.fault for sample in samples.values())
         time.sleep(0.001)
+
+
+@pytest.mark.parametrize("fast", ["auto", "off"])
+@pytest.mark.parametrize("ms", [3, 4, 5, 7, 9, 12, 16])
+def test_samples_of_a_late_adapter_belong_to_their_exchange_or_are_invalid(
+    rig: Make, ms: float, fast: str
+) -> None:
+    """The shafts stand elsewhere in every exchange, so a sample shows the exchange it was measured in."""
+    r = rig(3, fast_read=fast, usb_latency_ms=1.5, retry_ms=2.0, slack_ms=1.0)
+    r.bus.open()
+    r.emulator.set("late", ms=ms)
+    stale = valid = 0
+    for k in range(60):
+        with r.emulator._lock:
+            for servo in r.emulator.servos:
+                servo.motion.position = 1000.0 * servo.device + 7 * k
+        for i, sample in enumerate(r.tick().values(), start=1):
+            if sample.valid:
+                valid += 1
+                stale += sample.value != pytest.approx((1000 * i + 7 * k) * TICK, abs=TICK / 2)
+        time.sleep(0.0025)
+    assert stale == 0
+    assert valid == 0 or ms < 6
+    if ms > 6:
+        assert r.bus._cyclic.counts.late > 50
+    r.emulator.set("late", ms=0)
+    r.until(lambda: all(sample.valid for sample in r.tick().values()))
+
+
+def test_random_stalls_never_yield_a_sample_of_another_exchange(rig: Make) -> None:
+    r = rig(2, usb_latency_ms=1.5, retry_ms=2.0, telemetry_every=5)
+    r.bus.open()
+    dice, valid = random.Random(5), 0
+    for k in range(300):
+        if dice.random() < 0.15:
+            r.emulator.set("hiccup", ms=dice.uniform(1, 25))
+        with r.emulator._lock:
+            for servo in r.emulator.servos:
+                servo.motion.position = 1000.0 * servo.device + 7 * k
+        for i, sample in enumerate(r.tick().values(), start=1):
+            valid += sample.valid
+            assert not sample.valid or sample.value == pytest.approx((1000 * i + 7 * k) * TICK, abs=TICK / 2)
+    assert valid > 300
+
+
+def test_a_stall_of_a_scheduler_tick_costs_no_sample(rig: Make) -> None:
+    r = rig(3, usb_latency_ms=1.5, retry_ms=2.0)
+    r.bus.open()
+    for _ in range(20):
+        r.emulator.set("hiccup", ms=4.3)
+        assert all(sample.valid for sample in r.tick().values())
+        r.tick()
+
+
+def test_a_second_host_on_the_bus_yields_no_wrong_sample(rig: Make) -> None:
+    r = rig(3)
+    r.bus.open()
+    r.bus.enable(r.bus.axes)
+    r.emulator.set("host", hz=60)
+    for _ in range(100):
+        for i, sample in enumerate(r.tick().values(), start=1):
+            assert not sample.valid or sample.value == pytest.approx(1000 * i * TICK, abs=TICK)
+        time.sleep(0.002)
+    r.emulator.set("host", hz=0)
+    r.until(lambda: all(sample.valid for sample in r.tick().values()))

@@ -59,7 +59,18 @@ def running(hand: Path, emulator: DynamixelEmulator) -> Iterator[Callable[..., s
 
     def start(laps: int) -> subprocess.Popen[str]:
         circle = hand.with_name("circle.csv")
-        shape = ("path", "circle", "--center", "50,70", "--size", "20", "--period", "1", "--laps", str(laps))
+        shape = (
+            "path",
+            "circle",
+            "--center",
+            "50,70",
+            "--size",
+            "20",
+            "--period",
+            "1.5",
+            "--laps",
+            str(laps),
+        )
         circle.write_text(
             subprocess.run(
                 contid(*shape, "--for", str(hand)),
@@ -114,7 +125,7 @@ def report_of(process: subprocess.Popen[str]) -> dict[str, Any]:
 def test_kill_9_of_daemon_and_control_process_stops_every_servo(
     running: Callable[..., subprocess.Popen[str]], emulator: DynamixelEmulator
 ) -> None:
-    process = running(1000)
+    process = running(40)
     family = [*psutil.Process(process.pid).children(recursive=True), psutil.Process(process.pid)]
     assert all(emulator.servo(i).torque and not emulator.servo(i).tripped for i in IDS)
     # Both at once: stopped first, so that neither notices the death of the other.
@@ -158,7 +169,7 @@ def test_a_servo_in_trouble_faults_its_whole_robot_and_the_other_one_finishes(
 def test_unplugging_faults_every_robot_of_the_bus_and_the_servos_stop_themselves(
     running: Callable[..., subprocess.Popen[str]], emulator: DynamixelEmulator
 ) -> None:
-    process = running(1000)
+    process = running(40)
     emulator.set("unplug")
     report = report_of(process)
     assert process.returncode == 3

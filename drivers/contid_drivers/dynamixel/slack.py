@@ -1,0 +1,47 @@
+"""How long an exchange waits on when nothing at all has arrived: a stall of the host, not a silent servo."""
+
+from __future__ import annotations
+
+from typing import Final
+
+#: A scheduler tick of a kernel at 250 Hz: a process may get its bytes this much later.
+SLACK_MIN_S: Final = 4.2e-3
+SLACK_MAX_S: Final = 20e-3
+#: Exchanges per window; its second largest lateness is the 99.9th percentile.
+WINDOW: Final = 1000
+#: Lateness beyond the measured percentile is rare, but not much larger.
+MARGIN: Final = 1.5
+
+
+class Slack:
+    """The slack of one bus, fixed or from the lateness of the answers so far.
+
+    Args:
+        fixed_s: the robot file's ``slack_ms`` [s], None for ``auto``.
+    """
+
+    def __init__(self, fixed_s: float | None) -> None:
+        self._fixed_s = fixed_s
+        self._count = 0
+        self._largest = self._second = self._before = 0.0
+
+    def record(self, late_s: float) -> None:
+        """Count an exchange whose last answer came ``late_s`` after its time on the wire."""
+        if late_s > self._second:
+            self._largest, self._second = max(self._largest, late_s), min(self._largest, late_s)
+        self._count += 1
+        if self._count >= WINDOW:
+            self._count, self._before = 0, self._second
+            self._largest = self._second = 0.0
+
+    @property
+    def percentile_s(self) -> float:
+        """99.9th percentile of the lateness in this window and the one before."""
+        return max(self._second, self._before)
+
+    @property
+    def seconds(self) -> float:
+        """Time to wait on."""
+        if self._fixed_s is not None:
+            return self._fixed_s
+        return min(max(MARGIN * self.percentile_s, SLACK_MIN_S), SLACK_MAX_S)
