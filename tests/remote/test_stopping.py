@@ -57,6 +57,19 @@ def test_a_malformed_estop_stops_all_robots() -> None:
         assert running.off()
 
 
+def test_the_response_to_hold_names_the_robots_that_do_not_hold() -> None:
+    with daemon(2, on_interrupt="rest") as running, running.client() as client:
+        armed(client)
+        client.move({"f0.x_mm": 35.0, "f0.y_mm": 80.0})
+        client.stop("f0")
+        response = client.hold()
+        assert response["robots"]["f1"] == "HOLD"
+        assert response["refused"].keys() == {"f0"}
+        assert "cannot hold while STOPPING" in response["refused"]["f0"]
+        with pytest.raises(RemoteError, match="cannot hold while STOPPING"):
+            client.hold("f0")
+
+
 @pytest.mark.parametrize(
     ("fault", "axes"), [("lost", ["left", "right"]), ("silent, axis: f0.left", ["left"])]
 )

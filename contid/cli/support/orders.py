@@ -69,15 +69,18 @@ def send(
             click.echo(json.dumps({"ok": False, "error": error.as_fields()}))
             sys.exit(error.exit_code)
         raise RequestRefusedError(error) from None
+    refused = response.get("refused", {})
     if as_json:
-        click.echo(json.dumps({"ok": True, **response}))
-        return
+        click.echo(json.dumps({"ok": not refused, **response}))
+        sys.exit(2 if refused else 0)
     silent = response.get("silent", {})
     for name, state in response.get("robots", {}).items():
         click.echo(f"{name}: {state}")
         if name in silent:
             devices = ", ".join(silent[name])
             click.echo(f"{name}: {devices} did not answer and may have missed the order: {UNCONFIRMED}")
+    if refused:
+        raise ContidError("refused: " + "; ".join(refused.values()))
 
 
 def _response(

@@ -80,8 +80,8 @@ class Robots:
             try:
                 self.change(index, order, now_s)
             except OrderRefusedError as error:
-                # An order to all robots skips those it does not apply to.
-                if who is not None:
+                # An order to all robots skips those it does not apply to, but for one that moves on.
+                if who is not None or self.states[index].mode is Mode.STOPPING:
                     self._refuse(name, str(error))
 
     def change(self, index: int, order: Order, now_s: float) -> None:

@@ -267,12 +267,19 @@ class RequestHandler:
     # -- inside ------------------------------------------------------------------------------------------
 
     async def _confirmed(self, future: asyncio.Future[OrderResult], robots: tuple[str, ...] | None) -> Fields:
-        """The result of an order: the tick that obeyed it, and the states after it."""
+        """The result of an order: the tick that obeyed it, the states after it, and who refused it.
+
+        Raises:
+            RemoteError: every robot refused.
+        """
         outcome = await self.pending.confirmed(future)
-        if outcome.refused:
+        result: Fields = {"tick": outcome.tick, "robots": self._states(robots)}
+        if not outcome.refused:
+            return result
+        if outcome.refused.keys() >= result["robots"].keys() or "" in outcome.refused:
             faults = self.view.faults(self._control.newest(), robots)
             raise RemoteError(Code.REFUSED, "; ".join(outcome.refused.values()), faults)
-        return {"tick": outcome.tick, "robots": self._states(robots)}
+        return {**result, "refused": dict(outcome.refused)}
 
     def _states(self, robots: tuple[str, ...] | None) -> Fields:
         record = self._control.newest()

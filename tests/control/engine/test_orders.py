@@ -143,3 +143,13 @@ def test_estop_rests_the_devices_in_the_tick_it_comes_in_every_state(tmp_path: P
         assert resting[-1]["t_s"] == pytest.approx(at / 200.0, abs=1e-9)
         assert not any(axis["on"] for axis in lines[-1]["axes"].values())
     assert seen >= set(Mode) - {Mode.READY}, "READY passes within a tick"
+
+
+@pytest.mark.parametrize("who", [None, ("f0",)])
+def test_a_hold_does_not_end_a_stop_and_is_refused_by_name_and_to_all(who: tuple[str, ...] | None) -> None:
+    stop = Stop(None, StopPolicy.REST)
+    ran = run({50: [Goto("f0", HERE)], 600: [stop], 610: [Mark(1), Hold(who), Mark(2)]}, 900)
+    kinds = [event["event"] for event in ran.events if event["event"] in ("mark", "refused")]
+    assert kinds == ["mark", "refused", "mark"]
+    assert "cannot hold while STOPPING" in str(told(ran, "refused")[0]["message"])
+    assert ran.modes("f0")[-2:] == ["STOPPING", "OFF"]
