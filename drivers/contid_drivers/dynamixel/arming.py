@@ -144,8 +144,8 @@ def plausible(client: ServoClient, axis: Axis, position: int) -> None:
         )
 
 
-def arm(client: ServoClient, axis: Axis, watchdog: int) -> None:
-    """Goal := present, torque on, watchdog on; every step is read back.
+def arm(client: ServoClient, axis: Axis) -> None:
+    """Goal := present, torque on, read back; `start_watchdogs` follows for all axes at once.
 
     Raises:
         DeviceError: silent, faulty, or a step had no effect.
@@ -162,8 +162,17 @@ def arm(client: ServoClient, axis: Axis, watchdog: int) -> None:
     client.write(device, reg.TORQUE_ENABLE, 1)
     if client.read(device, reg.TORQUE_ENABLE) != 1:
         raise DeviceError(client.name(device), "torque does not come on")
-    client.write(device, reg.BUS_WATCHDOG, watchdog)
-    axis.armed, axis.enabled, axis.pending_rest = watchdog, True, None
+
+
+def start_watchdogs(client: ServoClient, axes: Sequence[Axis], watchdog: int) -> None:
+    """Bus Watchdog on in all axes at once: one after the other, the first would trip before the last has it.
+
+    Nothing confirms it; the next exchange reads it back.
+    """
+    value = reg.BUS_WATCHDOG.encode(watchdog)
+    client.port.send(sync_write(reg.BUS_WATCHDOG.address, 1, [(axis.device, value) for axis in axes]))
+    for axis in axes:
+        axis.armed, axis.enabled, axis.pending_rest = watchdog, True, None
 
 
 def hold_position(client: ServoClient, axis: Axis) -> None:

@@ -266,12 +266,26 @@ class DynamixelBus:
             for axis in chosen:
                 if not client.read(axis.device, reg.TORQUE_ENABLE):
                     started.append(axis)
-                arming.arm(client, axis, self.options.watchdog_ms // reg.WATCHDOG_MS_PER_UNIT)
+                arming.arm(client, axis)
+            if chosen:
+                self._start_watchdogs(client, chosen)
         except DeviceLostError as error:
             raise self._gone(error) from None
         except DeviceError:
             self._back_out(chosen, started)
             raise
+
+    def _start_watchdogs(self, client: ServoClient, chosen: Sequence[Axis]) -> None:
+        """Watchdogs on, read back in one exchange, which also feeds all of them."""
+        arming.start_watchdogs(client, chosen, self.options.watchdog_ms // reg.WATCHDOG_MS_PER_UNIT)
+        readings = self._opened().run({}, full=True)
+        for axis in chosen:
+            reading = readings.get(axis.device)
+            found = None if reading is None else reading.watchdog
+            if found is None:
+                found = client.read(axis.device, reg.BUS_WATCHDOG)
+            if found != axis.armed:
+                raise DeviceError(client.name(axis.device), f"its Bus Watchdog does not come on: {found}")
 
     def _back_out(self, chosen: Sequence[Axis], started: Sequence[Axis]) -> None:
         """Undo a failed `enable`: torque it switched on goes off, axes held before stay held."""

@@ -100,7 +100,8 @@ def _by_stop(
             client.write(device, register, value)
     axis.turns, axis.travel = 0, None
     start = client.read(device, reg.PRESENT_POSITION)
-    arming.arm(client, axis, options.watchdog_ms // reg.WATCHDOG_MS_PER_UNIT)
+    arming.arm(client, axis)
+    arming.start_watchdogs(client, [axis], options.watchdog_ms // reg.WATCHDOG_MS_PER_UNIT)
     reach = homing.speed_deg_s * homing.timeout_s / 360.0 * reg.TICKS_PER_REV
     client.write(device, reg.GOAL_POSITION, start + homing.direction * round(reach))
     report(f"{axis.name}: searching its stop with {homing.current_ma} mA")

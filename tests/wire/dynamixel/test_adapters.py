@@ -162,3 +162,26 @@ def test_a_second_host_on_the_bus_yields_no_wrong_sample(rig: Make) -> None:
         time.sleep(0.002)
     r.emulator.set("host", hz=0)
     r.until(lambda: all(sample.valid for sample in r.tick().values()))
+
+
+def test_arming_many_servos_through_a_slow_adapter_does_not_outlive_the_watchdog(rig: Make) -> None:
+    r = rig(16, watchdog_ms=200)
+    r.bus.open()
+    r.emulator.set("latency", ms=4)
+    r.bus.enable(r.bus.axes)
+    samples = r.tick()
+    assert [sample.fault for sample in samples.values()] == [""] * 16
+    for servo in r.emulator.servos:
+        assert servo.torque
+        assert servo.get(reg.BUS_WATCHDOG) == 10
+
+
+def test_a_silent_servo_is_asked_last(rig: Make) -> None:
+    r = rig(3, fast_read="off")
+    r.bus.open()
+    r.emulator.set("silent", 1)
+    r.tick(3)
+    assert r.bus._cyclic.ids == (2, 3, 1)
+    r.emulator.set("silent", 1, on=False)
+    r.until(lambda: all(sample.valid for sample in r.tick().values()))
+    assert set(r.bus._cyclic.ids) == {1, 2, 3}
