@@ -22,7 +22,7 @@ bool Plant::set(int channel, const std::string& name, double value) {
       {"swelling", &r.swelling}, {"flow", &r.flow},
       {"raw_low", &r.raw_low},   {"low_pa", &r.low_pa},
       {"raw_high", &r.raw_high}, {"high_pa", &r.high_pa},
-      {"pressure", &r.pressure},
+      {"pressure", &r.pressure}, {"missed", &m.missed},
   };
   for (const auto& number : numbers) {
     if (name == number.name) {
@@ -68,6 +68,7 @@ void Plant::read(bool motors) {
   for (int i = 0; i < CHANNELS; ++i) {
     if (motor[i].bridge) inputs.bridge_faults = static_cast<uint8_t>(inputs.bridge_faults | (1u << i));
     inputs.count[i] = motor[i].count();
+    inputs.missed[i] = static_cast<uint32_t>(motor[i].missed);
     inputs.analog[i] = motors ? motor[i].analog() : regulator[i].analog();
   }
 }

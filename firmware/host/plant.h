@@ -24,6 +24,7 @@ struct MotorPlant {
   double speed = 0.0;
   double current_ma = 0.0;
   double encoder = 0.0;
+  double missed = 0.0;  // encoder edges
   bool stalled = false, bridge = false, stuck = false, reversed = false;
   bool wired_coast = false;  // pulled down: it coasts while its lines are not driven
 

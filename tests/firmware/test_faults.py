@@ -2,7 +2,7 @@
 
 import pytest
 
-from contid_drivers.due.codes import BoardState, Reason, ResetCause, Type
+from contid_drivers.due.codes import BoardState, Reason, Refusal, ResetCause, Type
 from contid_drivers.due.messages import Refused, Telemetry
 
 MOVING = 6081  # counts/s at 10 cm/s
@@ -232,7 +232,7 @@ def test_the_hardware_watchdog_resets_a_frozen_loop_before_the_dead_man(board):
     motors.step(400)
     boot = motors.journal("boot")[-1]
     assert (boot["cause"], boot["world_ms"] - began <= 5 + 50) == ("watchdog", True)
-    assert motors.truth(0)[4] == 0, "coast, as the wiring of a board in reset"
+    assert motors.truth(0)[4] == 3, "off: what the wiring of a board in reset gives"
 
 
 def test_a_frozen_loop_without_hardware_watchdog_trips_the_dead_man(board):
@@ -286,3 +286,17 @@ def test_frozen_loop_of_a_pressure_board(board):
     boot = air.journal("boot")[-1]
     assert (boot["cause"], boot["world_ms"] - began <= 5 + 50) == ("watchdog", True)
     assert air.truth(0)[2] < 2000
+
+
+def test_missed_encoder_edges_end_the_motion_and_lose_the_position(board):
+    motors, ramp = _moving_motor(board)
+    motors.command("set 0 missed 7")
+    _run(motors, ramp, 20)
+    assert motors.telemetry.channels[0].state is BoardState.ARMED
+    motors.command("set 0 missed 8")
+    _run(motors, ramp, 10)
+    assert motors.trip()["reason"] == "encoder_edges"
+    assert isinstance(motors.masked(Type.CLEAR, 0), Telemetry)
+    refused = motors.masked(Type.ARM, 0)
+    assert isinstance(refused, Refused)
+    assert refused.refusal == Refusal.POSITION_LOST

@@ -67,6 +67,7 @@ class Reason(enum.IntEnum):
     BRIDGE = 10
     ABOVE_SET_POINT = 11
     NOT_VENTING = 12
+    ENCODER_EDGES = 13
 
     @property
     def message(self) -> str:
@@ -87,6 +88,7 @@ _REASON_TEXT: Final = {
     Reason.OVER_PRESSURE: "pressure above the ceiling",
     Reason.ABOVE_SET_POINT: "pressure stays above its set-point: exhaust blocked, or the read-back is wrong",
     Reason.NOT_VENTING: "pressure does not fall at rest: exhaust blocked, or the read-back is wrong",
+    Reason.ENCODER_EDGES: "encoder edges missed: noise, a loose wire, or too fast; the position is lost",
     Reason.BRIDGE: "the H-bridge reports a fault (heat, current or supply)",
 }
 

@@ -71,10 +71,16 @@ void use_encoders(uint8_t mask) {
   }
 }
 
-void read_encoders(int32_t (&count)[CHANNELS]) {
+void read_encoders(int32_t (&count)[CHANNELS], uint32_t (&missed)[CHANNELS]) {
   count[0] = static_cast<int32_t>(TC0->TC_CHANNEL[0].TC_CV);
   count[1] = static_cast<int32_t>(TC2->TC_CHANNEL[0].TC_CV);
-  for (uint8_t n = 0; n < EDGE_CHANNELS; ++n) count[FIRST_EDGE_CHANNEL + n] = decoder[n].count;
+  // Reading the register clears it: one error per tick at most.
+  if ((TC0->TC_QISR & TC_QISR_QERR) != 0) missed[0] = missed[0] + 1;
+  if ((TC2->TC_QISR & TC_QISR_QERR) != 0) missed[1] = missed[1] + 1;
+  for (uint8_t n = 0; n < EDGE_CHANNELS; ++n) {
+    count[FIRST_EDGE_CHANNEL + n] = decoder[n].count;
+    missed[FIRST_EDGE_CHANNEL + n] = decoder[n].skipped;
+  }
 }
 
 }  // namespace contid

@@ -14,7 +14,8 @@ void start_encoders();
 // Channels outside the mask interrupt no more: an open or noisy input takes no time from the tick.
 void use_encoders(uint8_t mask);
 
-void read_encoders(int32_t (&count)[CHANNELS]);
+// Counts, and edges missed since the start.
+void read_encoders(int32_t (&count)[CHANNELS], uint32_t (&missed)[CHANNELS]);
 
 }  // namespace contid
 

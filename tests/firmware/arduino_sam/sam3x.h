@@ -169,6 +169,7 @@ typedef struct {
 #define TC_BMR_EDGPHA (0x1u << 12)
 #define TC_BMR_FILTER (0x1u << 19)
 #define TC_BMR_MAXFILT(value) ((0x3fu << 20) & ((value) << 20))
+#define TC_QISR_QERR (0x1u << 2)
 #define TC_CCR_CLKEN (0x1u << 0)
 #define TC_CCR_CLKDIS (0x1u << 1)
 #define TC_CCR_SWTRG (0x1u << 2)

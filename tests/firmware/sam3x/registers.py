@@ -140,6 +140,7 @@ class Tc(Plain):
         super().__init__()
         self._cpu, self._irq = cpu, first_irq
         self.count = 0
+        self.quadrature_error = False
         self.status = self.mask = 0
         self.running = False
         self.ticks = 0
@@ -159,6 +160,9 @@ class Tc(Plain):
             status, self.status = self.status, 0
             self._cpu.line(self._irq, False)
             return status
+        if offset == 0xD4:
+            error, self.quadrature_error = self.quadrature_error, False
+            return error << 2
         return self.mask if offset == 0x2C else super().read(offset)
 
     def write(self, offset: int, value: int) -> None:

@@ -26,7 +26,7 @@ void Board::tick(const Inputs& in, Outputs& out) {
   const bool motors = identity_.role == Role::MOTOR;
   for (uint8_t i = 0; i < CHANNELS; ++i) {
     if (motors) {
-      motor_[i].sense(in.count[i], in.analog[i]);
+      motor_[i].sense(in.count[i], in.analog[i], in.missed[i]);
     } else {
       regulator_[i].sense(in.analog[i]);
     }

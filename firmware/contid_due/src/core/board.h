@@ -27,6 +27,7 @@ struct Inputs {
   int32_t count[CHANNELS];
   int32_t analog[CHANNELS];  // 12 bit
   uint8_t bridge_faults;     // one bit per channel whose H-bridge reports a fault
+  uint32_t missed[CHANNELS];  // encoder edges missed since the start
 };
 
 struct Outputs {

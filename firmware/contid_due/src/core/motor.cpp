@@ -26,6 +26,7 @@ void Motor::configure(const MotorConfig& config) {
   ki_tick_ = static_cast<int32_t>(static_cast<int64_t>(config.ki) * 65536 / static_cast<int32_t>(TICK_HZ));
   if (!referenced_) {
     offset_ = minus(config.power_up, counted());
+    missed_base_ = raw_missed_;
     referenced_ = true;
   } else if (config.encoder_reversed != reversed_ || config.power_up != power_up_ || config.home_at != home_at_) {
     homed_ = false;
@@ -44,9 +45,14 @@ void Motor::configure(const MotorConfig& config) {
   phase_ = Phase::IDLE;
 }
 
-void Motor::sense(int32_t raw_count, int32_t raw_analog) {
+void Motor::sense(int32_t raw_count, int32_t raw_analog, uint32_t raw_missed) {
   raw_ = raw_count;
+  raw_missed_ = raw_missed;
   if (config_ == nullptr) return;
+  if (missed()) {
+    homed_ = false;
+    lost_ = true;
+  }
   position_ = plus(counted(), offset_);
   moved_ = minus(position_, history_[at_]);
   history_[at_] = position_;
@@ -105,6 +111,7 @@ void Motor::hold() {
 void Motor::home() {
   begin();
   homed_ = false;
+  missed_base_ = raw_missed_;
   phase_ = Phase::APPROACH;
   phase_ticks_ = 0;
   still_ticks_ = 0;
@@ -114,6 +121,7 @@ void Motor::home() {
 void Motor::park() {
   offset_ = minus(config_->power_up, counted());
   position_ = config_->power_up;
+  missed_base_ = raw_missed_;
   for (uint32_t i = 0; i < WINDOW; ++i) history_[i] = position_;
   lost_ = false;
   begin();
@@ -172,7 +180,8 @@ void Motor::watch(int64_t error_q8) {
                     sign(duty_) == sign(error_q8);
   reversed_ticks_ = away ? reversed_ticks_ + 1 : 0;
 
-  if (phase_ == Phase::APPROACH) return;  // homing searches for standstill under drive
+  if (missed()) fault_ = Reason::ENCODER_EDGES;
+  if (phase_ == Phase::APPROACH || fault_ == Reason::ENCODER_EDGES) return;  // homing searches for standstill under drive
   const bool lost = magnitude64(error_q8) > follow_q8;
   if (reversed_ticks_ >= REVERSED_MS) {
     fault_ = Reason::ENCODER_REVERSED;

@@ -19,7 +19,7 @@ class Motor {
   // `power_up` sets the count once after a start; a later configuration keeps the count. One that changes what the
   // count means loses the position.
   void configure(const MotorConfig& config);
-  void sense(int32_t raw_count, int32_t raw_analog);
+  void sense(int32_t raw_count, int32_t raw_analog, uint32_t raw_missed);
 
   // Each of these ends a homing that is under way: its speed, its duty limit and its watches go with it.
   void arm();
@@ -54,6 +54,10 @@ class Motor {
 
  private:
   enum class Phase : uint8_t { IDLE, APPROACH, BACK_OFF, FOUND };
+  // Each missed edge is two counts; so many make the position useless.
+  static const uint32_t MISSED_EDGES = 8;
+  bool missed() const { return raw_missed_ - missed_base_ >= MISSED_EDGES; }
+
   static const uint32_t WINDOW = 8;
 
   void begin();
@@ -67,6 +71,7 @@ class Motor {
   bool reversed_;      // sense and scale of the count when it was referenced
   int32_t power_up_, home_at_;
   SetPoint set_;
+  uint32_t raw_missed_, missed_base_;  // the base: when the position was known last
   int32_t raw_, offset_, position_;
   int32_t history_[WINDOW];
   uint32_t at_;

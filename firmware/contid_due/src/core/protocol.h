@@ -69,6 +69,7 @@ enum class Reason : uint8_t {
   BRIDGE = 10,        // the H-bridge reports a fault of its own
   ABOVE_SET_POINT = 11,
   NOT_VENTING = 12,
+  ENCODER_EDGES = 13,  // edges of the encoder were missed
 };
 
 enum class Refusal : uint8_t {

@@ -1,0 +1,62 @@
+"""Encoder signals on the pins of the emulated SAM3X8E."""
+
+from __future__ import annotations
+
+import pytest
+
+from contid_drivers.due.codes import BoardState, Reason
+from tests.firmware.sam3x.board import Sam3x
+from tests.firmware.sam3x.build import build_sketch
+from tests.firmware.sam3x.host import Host
+from tests.firmware.sam3x.plant import EDGE_BITS, Motors
+
+
+@pytest.fixture
+def host() -> Host:
+    board = Sam3x(build_sketch())
+    board.run_ms(20)
+    board.usb.open()
+    return Host(board, usb=True)
+
+
+def test_both_kinds_of_decoder_count_in_the_same_direction(host: Host):
+    plant = Motors(host.board)
+    host.configure()
+    host.arm()
+    for i in range(30):
+        host.demand(dict.fromkeys(range(6), 20 * i))
+        host.board.run_ms(10)
+    host.demand({})
+    assert host.told is not None
+    for channel, report in host.told.channels.items():
+        assert report.position == pytest.approx(plant.shaft[channel], abs=5)
+        assert report.position > 400
+
+
+@pytest.mark.parametrize("channel", [0, 1, 2, 5])
+def test_missed_edges_put_the_motor_into_its_safe_state(host: Host, channel: int):
+    host.configure()
+    host.arm()
+    board = host.board
+    for _ in range(8):
+        if channel < 2:
+            board.tc[2 * channel].quadrature_error = True
+        else:  # both tracks change at once
+            bit = EDGE_BITS[channel]
+            board.pio["D"].set_levels(3 << bit, ~board.pio["D"].levels)
+        host.demand({})
+        board.run_ms(2)
+    host.demand({})
+    assert host.told is not None
+    report = host.told.channels[channel]
+    assert (report.state, report.reason) == (BoardState.SAFE, Reason.ENCODER_EDGES)
+    others = {c: r.state for c, r in host.told.channels.items() if c != channel}
+    assert set(others.values()) == {BoardState.ARMED}
+
+
+def test_channels_outside_the_configuration_do_not_interrupt(host: Host):
+    host.configure(motors=3)
+    host.board.run_ms(1)
+    enabled = host.board.pio["D"].read(0x48)
+    assert enabled & 0b11 == 0b11, "channel 2"
+    assert enabled >> 2 == 0, "channels 3 to 5"
