@@ -320,13 +320,21 @@ class Parks(Protocol):
 
 @dataclass(frozen=True, slots=True)
 class FoundDevice:
-    """A device that answered a scan."""
+    """A device that answered a scan.
+
+    Attributes:
+        port: where it answered.
+        baud: rate of its wire; 0 where there is none (USB).
+        address: its id on the wire, or the unique id of its chip.
+        model: what it is.
+        firmware: version of its firmware.
+    """
 
     port: str
     baud: int
-    address: int
+    address: int | str
     model: str
-    firmware: int
+    firmware: int | str
 
 
 @runtime_checkable

@@ -7,6 +7,7 @@ import glob
 import os
 from dataclasses import dataclass
 from pathlib import Path
+from typing import Final
 
 from serial.tools import list_ports
 
@@ -20,6 +21,42 @@ class UsbIdentity:
     vid: int | None
     pid: int | None
     serial_number: str
+
+
+#: USB vendors of Arduino boards (arduino.cc, arduino.org). Opening the port of most of them resets the board.
+ARDUINO_VENDORS: Final = (0x2341, 0x2A03)
+#: USB products of an Arduino Due: its programming port, which a reset follows, and its native port.
+DUE_PROGRAMMING: Final = 0x003D
+DUE_NATIVE: Final = 0x003E
+
+
+@dataclass(frozen=True, slots=True)
+class UsbPort:
+    """A USB serial port: device path (by-id where there is one), vendor and product."""
+
+    path: str
+    vid: int
+    pid: int
+
+    @property
+    def arduino(self) -> bool:
+        """Whether it belongs to an Arduino board."""
+        return self.vid in ARDUINO_VENDORS
+
+    @property
+    def due(self) -> bool:
+        """Whether it is one of the two ports of an Arduino Due."""
+        return self.arduino and self.pid in (DUE_PROGRAMMING, DUE_NATIVE)
+
+
+def usb_ports() -> list[UsbPort]:
+    """USB serial ports of this machine."""
+    stable = {str(path.resolve()): str(path) for path in sorted(Path("/dev/serial/by-id").glob("*"))}
+    return [
+        UsbPort(stable.get(port.device, port.device), port.vid, port.pid or 0)
+        for port in list_ports.comports()
+        if port.vid is not None
+    ]
 
 
 def identity_of(path: str) -> UsbIdentity | None:

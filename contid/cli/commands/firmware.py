@@ -94,7 +94,18 @@ def _bossac_steps(port: str, connection: str, binary: Path) -> list[list[str]]:
     return [
         ["stty", "-F", port, "1200"],
         ["sleep", "1"],
-        ["bossac", f"--port={Path(port).name}", "-U", native, "-e", "-w", "-v", "-b", str(binary), "-R"],
+        [
+            "bossac",
+            f"--port={Path(port).resolve().name}",
+            "-U",
+            native,
+            "-e",
+            "-w",
+            "-v",
+            "-b",
+            str(binary),
+            "-R",
+        ],
     ]
 
 

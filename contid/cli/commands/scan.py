@@ -35,7 +35,8 @@ def command(ports: tuple[str, ...], bauds: tuple[int, ...], find_port: bool, as_
             if as_json:
                 click.echo(json.dumps({"driver": name, **dataclasses.asdict(found)}))
             else:
-                where = f"{found.port}  {found.baud} baud  id {found.address}"
+                baud = f"  {found.baud} baud" if found.baud else ""
+                where = f"{found.port}{baud}  id {found.address}"
                 click.echo(f"{where}  {found.model}  firmware {found.firmware}")
     if not count:
         raise ContidError(

@@ -7,7 +7,7 @@ from contextlib import AbstractContextManager
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from contid.hal import AxisOnBus, Bus, Clock, DeviceKind, Driver, Finding, Homed, Report
+from contid.hal import AxisOnBus, Bus, Clock, DeviceKind, Driver, Finding, FoundDevice, Homed, Report
 from contid_drivers.due.options import DueAxisOptions, DueBusOptions, SafeState
 
 if TYPE_CHECKING:
@@ -85,6 +85,12 @@ class DueDriver:
 
         assert isinstance(options, DueBusOptions)
         return home(name, options, axes, only, report)
+
+    def scan(self, ports: Sequence[str], bauds: Sequence[int], report: Report) -> list[FoundDevice]:
+        """See `contid.hal.Scans`; a native port has no rate."""
+        from contid_drivers.due.scan import scan
+
+        return scan(ports, report)
 
     def parkable(self, axis: BaseModel) -> bool:
         """See `contid.hal.Parks`: motors without homing."""

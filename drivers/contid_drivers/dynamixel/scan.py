@@ -13,13 +13,12 @@ from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
 from typing import Final
 
-from serial.tools import list_ports
-
 from contid.errors import DeviceError
 from contid.hal import FoundDevice, Report
 from contid_drivers.dynamixel.commission import sdk_bus
 from contid_drivers.dynamixel.models import PROTOCOL_1_NUMBERS, model_name
 from contid_drivers.dynamixel.port import ServoPort
+from contid_drivers.serial_ports import usb_ports
 
 USUAL_BAUDS: Final = (1000000, 57600)
 OTHER_BAUDS: Final = (2000000, 4000000, 3000000, 115200, 9600)
@@ -31,11 +30,11 @@ def scan(ports: Sequence[str], bauds: Sequence[int], report: Report) -> list[Fou
     """Search ports; one that does not open is reported and skipped.
 
     Args:
-        ports: empty for every USB serial port.
+        ports: empty for every USB serial port that is no Arduino board's.
         bauds: empty for the usual rates, and where nothing answers the others.
         report: takes lines about the progress.
     """
-    paths = list(ports) or likely_ports()
+    paths = [path for path in ports if not _is_due(path, report)] if ports else likely_ports(report)
     if not paths:
         return []
 
@@ -47,10 +46,20 @@ def scan(ports: Sequence[str], bauds: Sequence[int], report: Report) -> list[Fou
         return [device for found in pool.map(search, paths) for device in found]
 
 
-def likely_ports() -> list[str]:
-    """USB serial ports of this machine, by their by-id names where they have one."""
-    stable = {str(path.resolve()): str(path) for path in sorted(Path("/dev/serial/by-id").glob("*"))}
-    return [stable.get(port.device, port.device) for port in list_ports.comports() if port.vid is not None]
+def likely_ports(report: Report) -> list[str]:
+    """USB serial ports that a servo adapter may have. Opening an Arduino's port resets its board."""
+    ports = usb_ports()
+    for port in ports:
+        if port.arduino:
+            report(f"{port.path}: an Arduino board; not opened at servo rates")
+    return [port.path for port in ports if not port.arduino]
+
+
+def _is_due(path: str, report: Report) -> bool:
+    due = any(port.due and Path(port.path).resolve() == Path(path).resolve() for port in usb_ports())
+    if due:
+        report(f"{path}: an Arduino Due; not opened at servo rates")
+    return due
 
 
 def _at(path: str, bauds: Sequence[int], report: Report) -> Iterator[FoundDevice]:

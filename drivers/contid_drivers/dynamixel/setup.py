@@ -50,7 +50,7 @@ def _number(path: str, found: FoundDevice, axis: Axis, options: DynamixelBusOpti
     """Set id and baud rate of the new servo; False when it refuses, with the reason reported."""
     try:
         if found.address != axis.device:
-            commission.set_id(path, found.baud, found.address, axis.device)
+            commission.set_id(path, found.baud, int(found.address), axis.device)
         if found.baud != options.baud:
             commission.set_baud(path, found.baud, axis.device, options.baud)
     except DeviceError as error:
