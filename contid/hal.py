@@ -26,7 +26,8 @@ Rules (``tests/contract`` checks every bus against them):
 * a lost device raises `DeviceLostError` out of `exchange` within one call, and every call after that too,
   until `open` succeeds again; a single silent axis has ``valid=False`` and does not affect the others;
 * only a completed `exchange` refreshes the watchdog of the devices; a trip is latched: the axis rests,
-  ignores commands and reports the trip in ``fault`` until `clear_fault`, then it needs `enable` again;
+  ignores commands and reports the trip in ``fault`` (with the word ``watchdog``) until `clear_fault`, then it
+  needs `enable` again;
 * `open`, `disable` and `close` may be called in any state and twice.
 """
 

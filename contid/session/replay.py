@@ -9,7 +9,6 @@ long as its arithmetic.
 
 from __future__ import annotations
 
-import math
 from collections import defaultdict
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
@@ -29,7 +28,7 @@ from contid.control.engine.events import (
 from contid.control.engine.messages import Play
 from contid.control.engine.order_events import answer_of, order_of
 from contid.control.engine.ports import BusJob, BusReply
-from contid.control.engine.tick_layout import AXIS, SKIPPED, TICK, AxisRecord
+from contid.control.engine.tick_layout import AXIS, DEADLINE, LATENESS, SKIPPED, TICK, AxisRecord
 from contid.control.engine.wiring import build_robot_configs, chain_guards
 from contid.errors import ContidError
 from contid.hal import Sample
@@ -211,7 +210,7 @@ def replay(session: Session, loaded: LoadedFile, tolerance: float = 0.0) -> Repl
                 _apply(event, trajectory, recorded, engine, tick)
             except ContidError as error:
                 return Replayed(count, None, comparison.largest, str(error))
-        engine.cycle(Timing(tick, skipped, math.nan))
+        engine.cycle(Timing(tick, skipped, values[DEADLINE], values[LATENESS]))
         divergence = comparison.check(values, sink.values)
         if divergence is not None:
             return Replayed(count, divergence, comparison.largest)

@@ -18,6 +18,7 @@ from contid.control.engine.pack_record import CycleSnapshot, RecordPacker
 from contid.control.engine.ports import BusPort
 from contid.control.engine.robots import Order, Robots, stopping
 from contid.control.engine.sources import Source
+from contid.control.engine.stall_watch import StallWatch
 from contid.control.engine.target_selector import TargetSelector
 from contid.control.tick import transitions
 from contid.control.tick.config import RobotConfig
@@ -70,6 +71,7 @@ class Engine:
         )
         self._recorder = RecordPacker(self._robots.configs, sink, now)
         self._buses = tuple(ports)
+        self._stalls = StallWatch(rate_hz)
         self._rate_hz = rate_hz
         self._sink = sink
         self._step = -1
@@ -200,6 +202,7 @@ class Engine:
     def cycle(self, timing: Timing) -> None:
         """One tick of everything."""
         robots, selector, exchange = self._robots, self._selector, self._exchange
+        self._stalls.begin(timing)
         # The time of the robots counts the ticks that ran, not the skipped ones.
         step = self._step = timing.tick - timing.skipped
         now_s = step / self._rate_hz
@@ -239,6 +242,8 @@ class Engine:
         measured = self._selector.measured.get(config.name)
         outcome = tick(config, state, now_s, self._exchange.samples_of(config), target, measured)
         state = outcome.state
+        if state.mode is Mode.FAULT and robots.reported[index] is not Mode.FAULT:
+            state = self._stalls.explained(state)
         if state.pending is not Effect.NONE:
             state = self._exchange.ask(index, state)
         if going is not None and state.goto is None:

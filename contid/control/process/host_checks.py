@@ -41,11 +41,13 @@ def real_time() -> Finding:
     except OSError as error:
         limit = resource.getrlimit(resource.RLIMIT_RTPRIO)[0]
         why = f"{error.strerror}; LimitRTPRIO {limit}"
-        message = f"SCHED_FIFO is not permitted ({why}): ticks may be late under load"
+        message = (
+            f"SCHED_FIFO is not permitted ({why}): under load ticks are late, devices may stop (fault 108)"
+        )
         remedy = (
             f"@dialout - rtprio {PRIORITY} in /etc/security/limits.d/contid.conf, or LimitRTPRIO={PRIORITY}"
         )
-        return Finding("real time", True, message, remedy)
+        return Finding("real time", True, message, remedy, warning=True)
     os.sched_setscheduler(0, before, parameter)
     return Finding("real time", True, f"SCHED_FIFO at priority {PRIORITY} is permitted")
 

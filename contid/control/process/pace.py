@@ -62,7 +62,10 @@ class Pace:
                 delay_s -= missed * period_s
             else:
                 self._tick += missed
-                self._skip(missed, start_s)
+                self._skipped += missed
+                self._unreported += missed
+        if self._unreported:
+            self._report_skipped(start_s)
         deadline_s = self.deadline_s
         lateness_s = max(start_s - deadline_s, 0.0)
         # The histogram holds the whole delay, including skipped periods.
@@ -83,10 +86,8 @@ class Pace:
             lateness=self._lateness.as_dict(),
         )
 
-    def _skip(self, missed: int, now_s: float) -> None:
-        """Count skipped ticks; report at most once per `REPORT_INTERVAL_S`."""
-        self._skipped += missed
-        self._unreported += missed
+    def _report_skipped(self, now_s: float) -> None:
+        """Report skipped ticks, at most once per `REPORT_INTERVAL_S`."""
         if now_s - self._reported_s >= REPORT_INTERVAL_S:
             self._sink.event(TicksSkipped(ticks=self._unreported, total=self._skipped))
             self._reported_s, self._unreported = now_s, 0

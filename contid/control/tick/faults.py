@@ -23,6 +23,7 @@ class Fault(enum.IntEnum):
     ARM_REFUSED = 105
     BUS_STALLED = 106
     AXIS_STALE = 107
+    LOOP_STALLED = 108
     NOT_A_NUMBER = 201
     INTERNAL = 202
     CHAIN_FORBIDS = 301
@@ -81,6 +82,12 @@ PAGES: Final[dict[Fault, FaultPage]] = {
         "an axis answers, but with a measurement that is older than tolerance_ticks ticks and 0.1 s",
         _BY_POLICY,
         "its device repeats old data: reset or replace it; then clear-fault and resume",
+    ),
+    Fault.LOOP_STALLED: FaultPage(
+        "the loop of contid stood still, so no exchange reached the device before its watchdog expired",
+        "the device stopped by its own watchdog, then this robot by its stop.on_fault policy",
+        "let the control process use real-time priority (`contid doctor`) or take load from this computer; "
+        "then clear-fault and resume",
     ),
     Fault.NOT_A_NUMBER: FaultPage(
         "the model answered a target with something that is not a number",

@@ -67,6 +67,18 @@ def test_missed_deadlines_are_skipped_but_shift_the_grid_during_preparation() ->
     assert arming.report().lateness["max_us"] == pytest.approx(0.25 * PERIOD_S * 1e6, abs=0.1)
 
 
+def test_ticks_skipped_soon_after_a_report_are_reported_later() -> None:
+    sink = Events()
+    pace = Pace(RATE_HZ, 0.0, sink)
+    pace.begin(pace.deadline_s + 1.5 * PERIOD_S + 2.0 * REPORT_INTERVAL_S, preparing=False)
+    pace.begin(pace.deadline_s + 2.5 * PERIOD_S, preparing=False)
+    assert len(sink.events) == 1
+    for _ in range(round(REPORT_INTERVAL_S * RATE_HZ)):
+        pace.begin(pace.deadline_s, preparing=False)
+    assert [event["ticks"] for event in sink.events][1:] == [2]
+    assert sink.events[-1]["total"] == pace.report().skipped
+
+
 @given(st.lists(st.tuples(st.floats(0.0, 0.2), st.booleans()), max_size=40))
 def test_every_deadline_is_run_skipped_or_waited_for(delays: list[tuple[float, bool]]) -> None:
     pace = Pace(RATE_HZ, 0.0, Events())
