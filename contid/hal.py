@@ -185,6 +185,17 @@ class Bus(Protocol):
         """Close the port. Idempotent; never changes torque."""
 
 
+@runtime_checkable
+class LimitsEffort(Protocol):
+    """A bus with devices that push with a limited effort, changeable while they move."""
+
+    def effort_limits(self) -> Mapping[str, float]:
+        """Greatest effort [A] of every axis that can be limited, by the robot file."""
+
+    def limit_effort(self, shares: Mapping[str, float]) -> None:
+        """Limit axes to a share (0 to 1) of their greatest effort, from the next exchange on."""
+
+
 class Driver(Protocol):
     """Object of an entry point in the group ``contid.drivers``: options and a factory; cheap to import."""
 

@@ -6,6 +6,7 @@ from typing import TYPE_CHECKING, Any, TextIO
 
 import click
 
+from contid.cli.support.numbers import NumberRange
 from contid.cli.support.orders import json_option, send, socket_option
 
 if TYPE_CHECKING:
@@ -15,6 +16,11 @@ if TYPE_CHECKING:
 @click.command()
 @click.argument("message", nargs=-1, metavar="[ROBOT] COLUMN=VALUE...")
 @click.option("--trajectory", type=click.File(), help="CSV rows to follow instead of a point; - for stdin.")
+@click.option(
+    "--grip",
+    type=NumberRange(0.0, 1.0),
+    help="Push with this share of the robot file's current; also without a point.",
+)
 @click.option("--takeover", is_flag=True, help="Take the lease from its holder; the robots hold.")
 @click.option("--no-wait", is_flag=True, help="Return before the point is reached.")
 @socket_option
@@ -22,6 +28,7 @@ if TYPE_CHECKING:
 def command(
     message: tuple[str, ...],
     trajectory: TextIO | None,
+    grip: float | None,
     takeover: bool,
     no_wait: bool,
     socket: str | None,
@@ -31,21 +38,29 @@ def command(
 
     Columns are those of a trajectory: `contid move x_mm=40 y_mm=75`, `contid move left x_mm=40 y_mm=75`,
     `contid move left.x_mm=40 left.y_mm=75 right.x_mm=60 right.y_mm=75`. Ctrl-C holds.
+
+    With --grip axes in current_based_position mode push with less current: `contid move left --grip 0.3`.
     """
     from contid.remote.client.move_arguments import columns_and_rows, point
 
-    if (trajectory is None) == (not message):
+    robots = tuple(part for part in message if "=" not in part)
+    only_grip = grip is not None and trajectory is None and len(robots) == len(message)
+    if not only_grip and (trajectory is None) == (not message):
         raise click.UsageError("give a point (COLUMN=VALUE...) or --trajectory, one of them")
 
     def request(client: Client) -> dict[str, Any]:
         if takeover:
             client.acquire(takeover=True)
+        if grip is not None:
+            limited = client.grip(grip, robots or None)
+            if only_grip:
+                return limited
         if trajectory is None:
             return {"move": client.move(target, wait=not no_wait)}
         return {"refused": client.stream(columns, rows)}
 
     if trajectory is None:
-        target = point(message)
+        target = {} if only_grip else point(message)
     else:
         columns, rows = columns_and_rows(trajectory)
     send(socket, as_json, request)

@@ -11,7 +11,7 @@ from collections.abc import Callable, Mapping, Sequence
 from contid.control.engine import messages as msg
 from contid.control.engine.chain_orders import ChainOrders
 from contid.control.engine.cycle import OnEnd, Sink, Timing
-from contid.control.engine.events import GotoEnded, MarkReached, OrderRefused
+from contid.control.engine.events import EffortLimited, GotoEnded, MarkReached, OrderRefused
 from contid.control.engine.exchange import Exchange
 from contid.control.engine.order_events import order_event
 from contid.control.engine.pack_record import CycleSnapshot, RecordPacker
@@ -194,10 +194,22 @@ class Engine:
                 selector.pause(who, step)
                 robots.order(who, transitions.estop, now_s)
                 chains.stopped(who, now_s)
+            case msg.Grip(share, who):
+                self._limit_effort(who, share, tick_number)
             case msg.ClearFault(who):
                 robots.order(who, transitions.ask_clear, now_s)
             case msg.Finish(policy, reason):
                 selector.finish(policy, reason, now_s)
+
+    def _limit_effort(self, who: msg.RobotNames, share: float, tick_number: int) -> None:
+        """Limit the effort of robots; one named without an axis for it is a refusal."""
+        limited = self._exchange.limit_effort(who, share)
+        for name, done in limited.items():
+            if done:
+                self._sink.event(EffortLimited(tick=tick_number, robot=name, share=share))
+            elif who is not None or not any(limited.values()):
+                message = f"{name}: none of its axes is in a mode that limits its effort"
+                self._sink.event(OrderRefused(robot=name, message=message))
 
     def cycle(self, timing: Timing) -> None:
         """One tick of everything."""

@@ -74,6 +74,16 @@ class OrderRefused(RunEvent):
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
+class EffortLimited(RunEvent):
+    """The effort of a robot was limited to a share of that of the robot file."""
+
+    KIND: ClassVar[str] = "grip"
+    tick: _Tick
+    robot: _Robot
+    share: Annotated[float, "share, 0 to 1"]
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
 class OrderGiven(RunEvent):
     """An order reached the engine before a tick; its JSON has the keys of ``order`` itself."""
 

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from contextlib import suppress
 from dataclasses import replace
 from typing import Final
@@ -19,7 +19,7 @@ from contid.control.tick.config import RobotConfig
 from contid.control.tick.faults import Fault
 from contid.control.tick.state import Effect, OrderRefusedError, RobotState
 from contid.control.tick.supervisor import REST_OF, Mode
-from contid.hal import Sample
+from contid.hal import LimitsEffort, Sample
 
 #: Interval between two attempts to reopen a lost bus.
 RETRY_S: Final = 1.0
@@ -103,6 +103,21 @@ class Exchange:
             self._queued[bus].append((index, state.pending, axes))
             self._outstanding[index].add(bus)
         return replace(state, pending=Effect.NONE)
+
+    def limit_effort(self, who: Sequence[str] | None, share: float) -> dict[str, bool]:
+        """Limit the effort of robots by name (None: all); by robot, whether it has an axis for it."""
+        limited = {}
+        for index, config in enumerate(self._robots.configs):
+            if who is not None and config.name not in who:
+                continue
+            limited[config.name] = False
+            for name, axes in self._axes_on[index].items():
+                bus = self._ports[name].bus
+                if isinstance(bus, LimitsEffort):
+                    shares = {axis: share for axis in axes if axis in bus.effort_limits()}
+                    bus.limit_effort(shares)
+                    limited[config.name] |= bool(shares)
+        return limited
 
     def run(self, commands: Mapping[str, Mapping[str, float]], timing: Timing, now_s: float) -> None:
         """One exchange with every idle bus; ``commands`` by bus and axis."""

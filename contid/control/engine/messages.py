@@ -54,6 +54,14 @@ class ClearFault:
 
 
 @dataclass(frozen=True, slots=True)
+class Grip:
+    """Limit the effort of robots to a share (0 to 1) of that of the robot file; nothing else changes."""
+
+    share: float
+    robots: RobotNames = None
+
+
+@dataclass(frozen=True, slots=True)
 class Goto:
     """Go to one target (world frame), then hold."""
 
@@ -124,6 +132,7 @@ Message: TypeAlias = (
     | Estop
     | ClearFault
     | Goto
+    | Grip
     | Rows
     | Measured
     | Play

@@ -154,6 +154,10 @@ class Procedures(ABC):
         """Re-check all devices and leave FAULT; never moves. `resume` arms."""
         return await self.request("clear_fault", robots=_names(robots))
 
+    async def grip(self, share: float, robots: Robots = None) -> Fields:
+        """Limit the effort to a share (0 to 1) of that of the robot file; robots stay as they are."""
+        return await self.request("grip", share=share, robots=_names(robots))
+
     async def resume(self, robots: Robots = None, *, wait: bool = True, after_stop: bool = False) -> Fields:
         """Arm if need be and follow the previous target again; waits until the robots are armed.
 

@@ -142,6 +142,7 @@ class Client:
     stop = _blocking(Procedures.stop)
     estop = _blocking(Procedures.estop)
     clear_fault = _blocking(Procedures.clear_fault)
+    grip = _blocking(Procedures.grip)
     resume = _blocking(Procedures.resume)
     acquire = _blocking(Procedures.acquire)
     release = _blocking(Procedures.release)

@@ -16,7 +16,7 @@ from typing import Any
 
 from contid.control.daemon.interfaces import RunControl
 from contid.control.engine.events import OrderRefused, RunEvent, SourceEnded
-from contid.control.engine.messages import ClearFault, Estop, Hold, Message, Resume, Stop
+from contid.control.engine.messages import ClearFault, Estop, Grip, Hold, Message, Resume, Stop
 from contid.control.tick.supervisor import Mode
 from contid.remote.protocol.wire import Code, Fields, RemoteError, RequestFields
 from contid.remote.server.lease import MAX_TIMEOUT_S, MIN_TIMEOUT_S, TIMEOUT_S, Lease, LeaseHolder
@@ -55,7 +55,7 @@ class RequestHandler:
             "hold": self._hold, "stop": self._stop, "estop": self._estop,
             "acquire": self._acquire, "release": self._release, "resume": self._resume,
             "clear_fault": self._clear_fault, "move": self._move, "rows": self._rows, "end": self._end,
-            "measure": self._measure,
+            "measure": self._measure, "grip": self._grip,
         }  # fmt: skip
 
     async def serve(self, caller: Caller, fields: Mapping[str, Any]) -> Fields:
@@ -250,6 +250,12 @@ class RequestHandler:
             if not held:
                 self.lease.release(caller.number)
             raise
+
+    async def _grip(self, caller: Caller, request: RequestFields) -> Fields:
+        robots, share = self.view.named(request), request.number("share", -1.0, 0.0, 1.0)
+        request.end()
+        self.lease.check_free(caller.number, time.monotonic())
+        return {**await self._confirmed(self.pending.send([Grip(share, robots)]), robots), "share": share}
 
     async def _rows(self, caller: Caller, request: RequestFields) -> Fields:
         number, rows = int(request.number("move", 0, 0, 1e15)), request.rows("rows")

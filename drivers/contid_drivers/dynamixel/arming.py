@@ -12,7 +12,8 @@ from contid.hal import Rest
 from contid_drivers.dynamixel import duplicates, turns
 from contid_drivers.dynamixel import registers as reg
 from contid_drivers.dynamixel.axis import Axis
-from contid_drivers.dynamixel.client import TRIES, NoAnswerError, ServoClient
+from contid_drivers.dynamixel.client import TRIES, NoAnswerError, ServoClient, ServoRefusedError
+from contid_drivers.dynamixel.grip import goal_current, limit_ma
 from contid_drivers.dynamixel.mapping import map_block
 from contid_drivers.dynamixel.models import model_name
 from contid_drivers.dynamixel.options import DynamixelBusOptions
@@ -82,12 +83,19 @@ def settings(axis: Axis, options: DynamixelBusOptions) -> list[tuple[Register, i
         (reg.CURRENT_LIMIT, _units(axis, a.current_limit_ma)),
         (reg.PROFILE_VELOCITY, round(a.profile_velocity_deg_s / reg.DEG_S_PER_UNIT)),
         (reg.PROFILE_ACCELERATION, round(a.profile_acceleration_deg_s2 / reg.DEG_S2_PER_UNIT)),
-        (reg.GOAL_CURRENT, _units(axis, a.goal_current_ma)),
+        (reg.GOAL_CURRENT, _goal_current(axis)),
         (reg.POSITION_P, a.position_p),
         (reg.POSITION_I, a.position_i),
         (reg.POSITION_D, a.position_d),
     ]
     return [(register, value) for register, value in values if value is not None]
+
+
+def _goal_current(axis: Axis) -> int | None:
+    """Goal Current; the servo's own value without a limit in the robot file and without a grip."""
+    if axis.options.goal_current_ma is None and axis.effort_share == 1.0:
+        return None
+    return goal_current(axis) if limit_ma(axis) else _units(axis, axis.options.goal_current_ma)
 
 
 def _units(axis: Axis, current_ma: float | None) -> int | None:
@@ -103,7 +111,12 @@ def configure(client: ServoClient, axis: Axis, options: DynamixelBusOptions) -> 
     device = axis.device
     torque = client.read(device, reg.TORQUE_ENABLE)
     for register, value in settings(axis, options):
-        found = client.read(device, register)
+        try:
+            found = client.read(device, register)
+        except ServoRefusedError:
+            if register is reg.STARTUP:  # not in older firmware, and then not active
+                continue
+            raise
         if found == value:
             continue
         if register.eeprom and torque:

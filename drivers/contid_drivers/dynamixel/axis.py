@@ -35,6 +35,7 @@ class Axis:
         reset: the servo lost its RAM; nothing it reports is valid until `recover`.
         pending_rest: state of rest that the servo has not confirmed; applied when it answers.
         value, time_s: last valid position [rad] and its time.
+        effort_share: share of its current limit, see `grip`.
     """
 
     name: str
@@ -59,6 +60,7 @@ class Axis:
     voltage_v: float | None = None
     temperature_c: float | None = None
     hardware_error: int = 0
+    effort_share: float = 1.0
 
     @classmethod
     def of(cls, axis: AxisOnBus, bus: DynamixelBusOptions) -> Axis:

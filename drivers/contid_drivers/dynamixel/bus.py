@@ -16,6 +16,7 @@ from contid_drivers.dynamixel import registers as reg
 from contid_drivers.dynamixel.axis import Axis
 from contid_drivers.dynamixel.client import NoAnswerError, ServoClient
 from contid_drivers.dynamixel.cyclic import PLAIN, Cyclic, CyclicLayout, ServoReading, common_layout
+from contid_drivers.dynamixel.grip import CurrentShare
 from contid_drivers.dynamixel.mapping import map_block
 from contid_drivers.dynamixel.options import DynamixelBusOptions
 from contid_drivers.dynamixel.port import ServoPort
@@ -46,6 +47,7 @@ class DynamixelBus:
         self._states = {axis.name: Axis.of(axis, options) for axis in axes}
         self._by_id = {axis.device: axis for axis in self._states.values()}
         self._layout = layout
+        self._grip = CurrentShare(self._states.values())
         self._identity: UsbIdentity | None = None
         self._port: ServoPort | None = None
         self._client: ServoClient | None = None
@@ -128,7 +130,7 @@ class DynamixelBus:
         self._count += 1
         full = self._count % self.options.telemetry_every == 0 or self._count == 1
         try:
-            readings = cyclic.run(goals, full)
+            readings = cyclic.run(goals, full, before=self._grip.packet())
             if len(readings) < len(self._by_id):
                 self._retry(cyclic, readings, full)
             else:
@@ -245,6 +247,17 @@ class DynamixelBus:
         for axis in self._states.values():
             axis.enabled = False
         return error
+
+    # -- effort --------------------------------------------------------------------------------------------
+
+    def effort_limits(self) -> Mapping[str, float]:
+        """See `contid.hal.LimitsEffort`."""
+        return self._grip.limits()
+
+    def limit_effort(self, shares: Mapping[str, float]) -> None:
+        """See `contid.hal.LimitsEffort`."""
+        self._named(list(shares))
+        self._grip.change(shares)
 
     # -- torque --------------------------------------------------------------------------------------------
 

@@ -222,8 +222,10 @@ class Cyclic:
             self._reads[block, fast] = sync_read(block.address, block.size, self.ids, fast)
         return self._reads[block, fast]
 
-    def run(self, goals: Mapping[int, int], full: bool, fast: bool | None = None) -> dict[int, ServoReading]:
-        """Send goals [ticks by id] and read every servo.
+    def run(
+        self, goals: Mapping[int, int], full: bool, fast: bool | None = None, before: bytes = b""
+    ) -> dict[int, ServoReading]:
+        """Send ``before``, then goals [ticks by id], and read every servo.
 
         Returns:
             Intact readings by id.
@@ -243,7 +245,7 @@ class Cyclic:
         late = self.counts.late
         self._discard()
         on_wire_s = self._answers_s(block.size, fast)
-        sent = self.port.send(wire)
+        sent = self.port.send(before + wire)
         collect = self._fast if fast else self._collect
         found = collect(self.ids, block, sent + on_wire_s + self.port.latency_s, slack_s)
         missing = [device for device in self.ids if device not in found]
