@@ -28,6 +28,7 @@ COMMANDS: Final[dict[str, tuple[str, str]]] = {
     "resume": (f"{_ORDERS}:resume", "arm robots and continue with what they followed"),
     "stop": (f"{_ORDERS}:stop", "stop robots by the policy of the robot file"),
     "estop": (f"{_ORDERS}:estop", "relax or vent robots now"),
+    "recover": (f"{_ORDERS}:recover", "move robots outside their limits inside, slowly"),
     "clear-fault": (f"{_ORDERS}:clear_fault", "re-check all devices and leave FAULT; never moves"),
     "fault": ("contid.cli.commands.fault", "cause and remedy of a fault"),
     "check": ("contid.cli.commands.check", "validate a robot file and print what it describes"),

@@ -1,4 +1,4 @@
-"""``contid hold``, ``resume``, ``stop``, ``estop`` and ``clear-fault``: one order to a running daemon."""
+"""``contid hold``, ``resume``, ``recover``, ``stop``, ``estop``, ``clear-fault``: one order to a daemon."""
 
 from __future__ import annotations
 
@@ -13,6 +13,11 @@ resume = order(
     after_stop=True,
 )
 estop = order("estop", "Relax or vent at once, by stop.estop of the robot file. Needs no lease.")
+recover = order(
+    "recover",
+    "Move robots found outside their limits (fault 109) inside, slowly, and hold.",
+    after_stop=True,
+)
 clear_fault = order(
     "clear_fault",
     "Clear the devices' faults, re-check all devices and leave FAULT. Never moves; resume arms.",

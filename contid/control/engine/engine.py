@@ -149,7 +149,9 @@ class Engine:
         selector.attended = selector.attended or not isinstance(
             message, msg.Rows | msg.Measured | msg.EndOfRows
         )
-        if selector.finishing and isinstance(message, msg.Rows | msg.Resume | msg.Goto | msg.Play):
+        if selector.finishing and isinstance(
+            message, msg.Rows | msg.Resume | msg.Recover | msg.Goto | msg.Play
+        ):
             # Nothing may delay the end of a run.
             if not isinstance(message, msg.Rows):
                 robot = message.robot if isinstance(message, msg.Goto) else ""
@@ -198,6 +200,8 @@ class Engine:
                 self._limit_effort(who, share, tick_number)
             case msg.ClearFault(who):
                 robots.order(who, transitions.ask_clear, now_s)
+            case msg.Recover(who):
+                robots.order(who, transitions.recover, now_s)
             case msg.Finish(policy, reason):
                 selector.finish(policy, reason, now_s)
 
@@ -248,7 +252,7 @@ class Engine:
         """The tick of one robot; queues its request to the devices and reports the end of a goto."""
         robots = self._robots
         config, state, tally = robots.configs[index], robots.states[index], robots.tallies[index]
-        going = state.goto
+        going, recovered = state.goto, state.recovering
         if self._going[index] is not None and self._going[index] is not going:
             self._sink.event(GotoEnded(robot=config.name, arrived=False, tick=number))
         measured = self._selector.measured.get(config.name)
@@ -258,10 +262,10 @@ class Engine:
             state = self._stalls.explained(state)
         if state.pending is not Effect.NONE:
             state = self._exchange.ask(index, state)
-        if going is not None and state.goto is None:
+        if going is not None and state.goto is None and not recovered:
             arrived = state.mode is Mode.HOLD
             self._sink.event(GotoEnded(robot=config.name, arrived=arrived, tick=number))
-        self._going[index] = state.goto
+        self._going[index] = None if state.recovering else state.goto
         robots.states[index] = state
         if outcome.solution is not None:
             tally.add(outcome.tip_error_m, outcome.solution.converged)

@@ -62,6 +62,13 @@ class Grip:
 
 
 @dataclass(frozen=True, slots=True)
+class Recover:
+    """Move robots that are outside their limits inside, slowly."""
+
+    robots: RobotNames = None
+
+
+@dataclass(frozen=True, slots=True)
 class Goto:
     """Go to one target (world frame), then hold."""
 
@@ -131,6 +138,7 @@ Message: TypeAlias = (
     | Stop
     | Estop
     | ClearFault
+    | Recover
     | Goto
     | Grip
     | Rows

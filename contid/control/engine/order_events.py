@@ -18,11 +18,12 @@ from contid.errors import ContidError
 from contid.robot_file.base import StopPolicy
 from contid.targets import ZERO3, Target
 
-_FOR_ROBOTS: Final[dict[str, type[msg.Hold | msg.Resume | msg.Estop | msg.ClearFault]]] = {
+_FOR_ROBOTS: Final[dict[str, type[msg.Hold | msg.Resume | msg.Estop | msg.ClearFault | msg.Recover]]] = {
     "hold": msg.Hold,
     "resume": msg.Resume,
     "estop": msg.Estop,
     "clear_fault": msg.ClearFault,
+    "recover": msg.Recover,
 }
 _NAMES: Final[dict[type, str]] = {kind: name for name, kind in _FOR_ROBOTS.items()}
 
@@ -46,7 +47,13 @@ def _order(message: object) -> dict[str, Any] | None:
             return {"order": "stop", "robots": robots, "policy": policy, "reason": reason}
         case msg.Finish(policy, reason):
             return {"order": "finish", "policy": policy, "reason": reason}
-        case msg.Hold(robots) | msg.Resume(robots) | msg.Estop(robots) | msg.ClearFault(robots):
+        case (
+            msg.Hold(robots)
+            | msg.Resume(robots)
+            | msg.Estop(robots)
+            | msg.ClearFault(robots)
+            | msg.Recover(robots)
+        ):
             return {"order": _NAMES[type(message)], "robots": robots}
         case msg.EndOfRows():
             return {"order": "end"}

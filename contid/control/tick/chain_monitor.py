@@ -114,7 +114,8 @@ class ChainMonitor:
                 state, config = states[i], self._configs[i]
                 target = targets.get(config.name)
                 waits = state.mode in (Mode.ARMING, Mode.HOLD) and state.follow and state.goto is None
-                if waits and target is not None:
+                recovers = state.recovering and state.mode in (Mode.ARMING, Mode.HOLD)
+                if recovers or (waits and target is not None):
                     after = tick(
                         config, state, now_s, samples(config), target, measured.get(config.name)
                     ).state

@@ -24,6 +24,7 @@ class Fault(enum.IntEnum):
     BUS_STALLED = 106
     AXIS_STALE = 107
     LOOP_STALLED = 108
+    OUTSIDE_LIMITS = 109
     NOT_A_NUMBER = 201
     INTERNAL = 202
     CHAIN_FORBIDS = 301
@@ -88,6 +89,11 @@ PAGES: Final[dict[Fault, FaultPage]] = {
         "the device stopped by its own watchdog, then this robot by its stop.on_fault policy",
         "let the control process use real-time priority (`contid doctor`) or take load from this computer; "
         "then clear-fault and resume",
+    ),
+    Fault.OUTSIDE_LIMITS: FaultPage(
+        "an axis was found outside its limits when it was armed, by more than 2 % of its travel",
+        "nothing moved: this robot stays where it is by its stop.on_fault policy",
+        "check zero and limits; then `contid recover` moves it inside slowly, and resume goes on",
     ),
     Fault.NOT_A_NUMBER: FaultPage(
         "the model answered a target with something that is not a number",

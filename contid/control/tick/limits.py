@@ -88,6 +88,10 @@ def limit_axis(
     Returns:
         The command and the limits that bound (bits; 0 when the command is the target itself).
     """
+    if not limits.lower <= last <= limits.upper:
+        # Outside, the axis goes no further out, and inwards only with its target: it never moves by itself.
+        lower, upper = min(limits.lower, last), max(limits.upper, last)
+        limits = AxisLimits(lower, upper, limits.step, limits.change)
     step = target - last
     slack = limits.change * _SLACK
     if (
@@ -132,8 +136,8 @@ def _limited(
     if abs(step) > limits.step:
         step = math.copysign(limits.step, step)
         flags |= VELOCITY
-    # Outside a limit there is no room outwards: the position wins over the acceleration.
-    lower, upper = min(limits.lower, last), max(limits.upper, last)
+    # At a limit there is no room outwards: the position wins over the acceleration.
+    lower, upper = limits.lower, limits.upper
     braked = min(max(step, -brake_step(last - lower, limits.change)), brake_step(upper - last, limits.change))
     if braked != step:
         flags |= POSITION

@@ -19,7 +19,7 @@ from contid.control.tick.limits import limit
 from contid.control.tick.state import Effect, RobotState
 from contid.control.tick.supervisor import Event, Mode
 from contid.control.tick.tip_feedback import Measurement, corrected, kept, observed
-from contid.control.tick.transitions import fail, moved, speed, stay, stopped
+from contid.control.tick.transitions import fail, inwards, moved, outside, speed, stay, stopped
 from contid.hal import Sample
 from contid.targets import Actuation, Solution, Target
 from contid.trajectory.approach import Approach
@@ -86,6 +86,8 @@ def tick(
             return TickResult(_arming(config, state, now_s, samples, target))
         if mode in (Mode.RUN, Mode.APPROACH) and state.goto is None and (target is None or not state.follow):
             state = stay(config, state, now_s)
+        elif mode is Mode.HOLD and state.recovering:
+            state = inwards(config, moved(config, state, Event.RECOVER, now_s), now_s - config.period_s)
         elif mode is Mode.HOLD:
             next_target = state.goto if state.goto is not None else target if state.follow else None
             if next_target is not None:
@@ -143,6 +145,10 @@ def _arming(
         present = config.transmission.to_actuation(tuple(sample.value or 0.0 for sample in samples))
         still = (0.0,) * len(present)
         state = replace(state, command=present, reference=present, increments=still, motion=None)
+        if state.recovering:
+            return inwards(config, moved(config, state, Event.ARMED, now_s), now_s)
+        if far := outside(config, present):
+            return fail(config, state, Fault.OUTSIDE_LIMITS, far, now_s)
         if target is None or not state.follow:
             return moved(config, state, Event.HOLD, now_s)
         return _approach(config, moved(config, state, Event.ARMED, now_s), target, now_s, now_s)
@@ -203,7 +209,7 @@ def _move(config: RobotConfig, state: RobotState, now_s: float) -> TickResult:
 def _arrived(config: RobotConfig, state: RobotState, now_s: float) -> RobotState:
     if state.goto is None:
         return moved(config, state, Event.ARRIVED, now_s)
-    return replace(moved(config, state, Event.HOLD, now_s), goto=None)
+    return replace(moved(config, state, Event.HOLD, now_s), goto=None, recovering=False)
 
 
 def _limited(
@@ -218,6 +224,6 @@ def _limited(
     after = RobotState(
         state.mode, state.since_s, state.fault, state.message, state.enabled, state.arm_requested,
         state.follow, state.goto, command, increments, reference, state.motion, state.motion_s, state.policy,
-        state.misses, state.pending, state.correction,
+        state.misses, state.pending, state.correction, state.recovering,
     )  # fmt: skip
     return after, flags if any(flags) else ()

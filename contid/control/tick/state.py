@@ -67,6 +67,7 @@ class RobotState:
         misses: exchanges in a row that each axis missed.
         pending: next request to the devices.
         correction: of the closed loop on the tip.
+        recovering: to move inside the limits slowly once armed, or on the way.
     """
 
     mode: Mode = Mode.OFF
@@ -86,3 +87,4 @@ class RobotState:
     misses: tuple[int, ...] = ()
     pending: Effect = Effect.NONE
     correction: Correction = NO_CORRECTION
+    recovering: bool = False

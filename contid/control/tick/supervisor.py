@@ -46,6 +46,7 @@ class Event(enum.Enum):
     ESTOP = "estop"  # relax or vent now
     FAULT = "fault"
     CLEAR = "clear"
+    RECOVER = "recover"  # move inside the limits
 
 
 #: All transitions; every other pair is refused.
@@ -65,10 +66,12 @@ MOVES: Final[dict[tuple[Mode, Event], Mode]] = {
     (Mode.RUN, Event.FOLLOW): Mode.APPROACH,
     (Mode.RUN, Event.STOP): Mode.STOPPING,
     (Mode.HOLD, Event.FOLLOW): Mode.APPROACH,
+    (Mode.HOLD, Event.RECOVER): Mode.APPROACH,
     (Mode.HOLD, Event.STOP): Mode.STOPPING,
     (Mode.STOPPING, Event.STOPPED): Mode.OFF,
     (Mode.STOPPING, Event.STOP): Mode.STOPPING,
     (Mode.FAULT, Event.CLEAR): Mode.READY,
+    (Mode.FAULT, Event.RECOVER): Mode.READY,
     (Mode.FAULT, Event.STOP): Mode.FAULT,
     **{(mode, Event.ESTOP): Mode.OFF for mode in Mode if mode not in (Mode.OFF, Mode.FAULT)},
     (Mode.FAULT, Event.ESTOP): Mode.FAULT,

@@ -7,6 +7,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import replace
+from typing import Final
 
 from contid.control.tick.config import RobotConfig
 from contid.control.tick.faults import Fault
@@ -17,6 +18,11 @@ from contid.robot_file.base import StopPolicy
 from contid.targets import Actuation, Target
 from contid.trajectory.approach import Approach
 from contid.trajectory.standstill import stopping
+
+#: Share of an axis's travel beyond a limit that counts as outside; less is noise of a sensor or a zero.
+OUTSIDE_SHARE: Final = 0.02
+#: Share of velocity, acceleration and jerk of the motion inside.
+RECOVER_SHARE: Final = 0.1
 
 
 def moved(config: RobotConfig, state: RobotState, event: Event, now_s: float) -> RobotState:
@@ -44,6 +50,8 @@ def resume(config: RobotConfig, state: RobotState, now_s: float) -> RobotState:
     """Arm if needed and follow the source; from OFF wait for samples first."""
     if state.mode is Mode.FAULT or state.mode is Mode.STOPPING:
         return moved(config, state, Event.ARM, now_s)
+    if state.recovering:
+        raise OrderRefusedError(f"{config.name}: on its way inside its limits; resume when it holds")
     if state.mode is Mode.OFF:
         state = connect(config, state, now_s)
     return replace(state, arm_requested=True, follow=True, goto=None)
@@ -52,32 +60,85 @@ def resume(config: RobotConfig, state: RobotState, now_s: float) -> RobotState:
 def hold(config: RobotConfig, state: RobotState, now_s: float) -> RobotState:
     """Stop jerk-limited and stay; a robot that is being armed stays where it is."""
     if state.mode in (Mode.HOLD, Mode.CONNECTING, Mode.READY, Mode.ARMING):
-        return replace(state, follow=False, goto=None)
+        return replace(state, follow=False, goto=None, recovering=False)
     return replace(stay(config, state, now_s), follow=False, goto=None)
 
 
 def stay(config: RobotConfig, state: RobotState, now_s: float) -> RobotState:
     """To HOLD with a jerk-limited stop from the present motion."""
-    return braking(config, moved(config, state, Event.HOLD, now_s), now_s)
+    return braking(config, replace(moved(config, state, Event.HOLD, now_s), recovering=False), now_s)
 
 
 def goto(config: RobotConfig, state: RobotState, target: Target, now_s: float) -> RobotState:
     """Go to one target, then hold; needs an armed robot, which may be on its way elsewhere."""
     if state.mode is not Mode.APPROACH and move(state.mode, Event.FOLLOW) is None:
         return moved(config, state, Event.FOLLOW, now_s)
+    if far := outside(config, state.command):
+        raise OrderRefusedError(f"{config.name}: {far}; recover first")
     state = state if state.mode is Mode.HOLD else stay(config, state, now_s)
     return replace(state, follow=False, goto=target)
 
 
+def recover(config: RobotConfig, state: RobotState, now_s: float) -> RobotState:
+    """Move inside the limits, slowly, then hold: out of the fault that reports it, or from HOLD.
+
+    Raises:
+        OrderRefusedError: the robot is not outside its limits, or in another state.
+    """
+    if state.mode is Mode.HOLD and state.command:
+        if not outside(config, state.command):
+            raise OrderRefusedError(
+                f"{config.name}: every axis is within its limits; there is nothing to recover"
+            )
+        if any(state.increments):
+            raise OrderRefusedError(f"{config.name}: still braking; recover again when it stands")
+        return replace(state, follow=False, goto=None, recovering=True)
+    if state.mode is Mode.FAULT and state.fault is not Fault.OUTSIDE_LIMITS:
+        raise OrderRefusedError(
+            f"{config.name}: recover is for fault {int(Fault.OUTSIDE_LIMITS)}, "
+            f"this is fault {int(state.fault)} ({state.message})"
+        )
+    after = moved(config, state, Event.RECOVER, now_s)
+    return replace(
+        after, fault=Fault.NONE, message="", enabled=False, misses=(0,) * len(config.axes),
+        arm_requested=True, recovering=True,
+    )  # fmt: skip
+
+
+def inwards(config: RobotConfig, state: RobotState, start_s: float) -> RobotState:
+    """The motion of every axis to its nearest limit, from the last command given at ``start_s``."""
+    goal = tuple(
+        min(max(value, each.lower), each.upper)
+        for value, each in zip(state.command, config.limits, strict=True)
+    )
+    rates = (config.velocity, config.acceleration, config.jerk)
+    motion = Approach(state.command, (0.0,) * len(goal), goal, *(rate * RECOVER_SHARE for rate in rates))
+    return replace(state, motion=motion, motion_s=start_s, goto=Target(actuation=goal), follow=False)
+
+
+def outside(config: RobotConfig, actuation: Actuation) -> str:
+    """The axes that are outside their limits by more than `OUTSIDE_SHARE` of their travel; "" for none."""
+    found = []
+    per_si, unit = config.quantity.per_si, config.quantity.unit
+    for axis, value, each in zip(config.axes, actuation, config.limits, strict=True):
+        inside = min(max(value, each.lower), each.upper)
+        if abs(value - inside) > OUTSIDE_SHARE * (each.upper - each.lower):
+            found.append(
+                f"{axis} is at {value * per_si:.4g} {unit}, its limit is {inside * per_si:.4g} {unit}"
+            )
+    return "; ".join(found)
+
+
 def stop(config: RobotConfig, state: RobotState, policy: StopPolicy, now_s: float) -> RobotState:
     """Begin to stop by a policy; the devices of a robot in FAULT or not armed rest at once."""
-    after = replace(moved(config, state, Event.STOP, now_s), arm_requested=False, follow=False, goto=None)
+    after = moved(config, state, Event.STOP, now_s)
+    after = replace(after, arm_requested=False, follow=False, goto=None, recovering=False)
     if after.mode in (Mode.OFF, Mode.FAULT):
         resting = _effect(policy) if state.command else Effect.NONE
         return replace(after, pending=resting, enabled=False, motion=None)
     if not state.command or policy is StopPolicy.VENT:
         return stopped(config, replace(after, policy=policy), now_s)
-    if policy is StopPolicy.REST:
+    if policy is StopPolicy.REST and not outside(config, state.command):
         motion = Approach(
             state.command,
             speed(config, state),
@@ -103,7 +164,7 @@ def estop(config: RobotConfig, state: RobotState, now_s: float) -> RobotState:
         state = moved(config, state, Event.ESTOP, now_s)
     return replace(
         state, arm_requested=False, follow=False, goto=None, enabled=False, motion=None,
-        policy=None, pending=_effect(config.stops.estop),
+        policy=None, pending=_effect(config.stops.estop), recovering=False,
     )  # fmt: skip
 
 
@@ -114,6 +175,7 @@ def fail(config: RobotConfig, state: RobotState, fault: Fault, message: str, now
     after = replace(
         moved(config, state, Event.FAULT, now_s),
         fault=fault, message=message, arm_requested=False, follow=False, goto=None, motion=None, policy=None,
+        recovering=False,
     )  # fmt: skip
     if fault in (Fault.DEVICE_LOST, Fault.BUS_STALLED) or not state.enabled:
         # The bus is lost or nothing is enabled: only the devices' own watchdogs can act.

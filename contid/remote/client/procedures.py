@@ -158,6 +158,10 @@ class Procedures(ABC):
         """Limit the effort to a share (0 to 1) of that of the robot file; robots stay as they are."""
         return await self.request("grip", share=share, robots=_names(robots))
 
+    async def recover(self, robots: Robots = None, *, after_stop: bool = False) -> Fields:
+        """Move robots that were found outside their limits inside, slowly; they hold there."""
+        return await self.request("recover", robots=_names(robots), after_stop=after_stop or None)
+
     async def resume(self, robots: Robots = None, *, wait: bool = True, after_stop: bool = False) -> Fields:
         """Arm if need be and follow the previous target again; waits until the robots are armed.
 

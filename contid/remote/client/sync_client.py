@@ -143,6 +143,7 @@ class Client:
     estop = _blocking(Procedures.estop)
     clear_fault = _blocking(Procedures.clear_fault)
     grip = _blocking(Procedures.grip)
+    recover = _blocking(Procedures.recover)
     resume = _blocking(Procedures.resume)
     acquire = _blocking(Procedures.acquire)
     release = _blocking(Procedures.release)

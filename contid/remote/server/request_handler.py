@@ -16,7 +16,7 @@ from typing import Any
 
 from contid.control.daemon.interfaces import RunControl
 from contid.control.engine.events import OrderRefused, RunEvent, SourceEnded
-from contid.control.engine.messages import ClearFault, Estop, Grip, Hold, Message, Resume, Stop
+from contid.control.engine.messages import ClearFault, Estop, Grip, Hold, Message, Recover, Resume, Stop
 from contid.control.tick.supervisor import Mode
 from contid.remote.protocol.wire import Code, Fields, RemoteError, RequestFields
 from contid.remote.server.lease import MAX_TIMEOUT_S, MIN_TIMEOUT_S, TIMEOUT_S, Lease, LeaseHolder
@@ -54,8 +54,8 @@ class RequestHandler:
             **self.queries.verbs,
             "hold": self._hold, "stop": self._stop, "estop": self._estop,
             "acquire": self._acquire, "release": self._release, "resume": self._resume,
-            "clear_fault": self._clear_fault, "move": self._move, "rows": self._rows, "end": self._end,
-            "measure": self._measure, "grip": self._grip,
+            "clear_fault": self._clear_fault, "recover": self._recover, "measure": self._measure,
+            "move": self._move, "rows": self._rows, "end": self._end, "grip": self._grip,
         }  # fmt: skip
 
     async def serve(self, caller: Caller, fields: Mapping[str, Any]) -> Fields:
@@ -207,6 +207,12 @@ class RequestHandler:
             )
             raise RemoteError(Code.FAULT, f"{found}; clear-fault first", faults)
         return await self._confirmed(self.pending.send([Resume(robots)]), robots)
+
+    async def _recover(self, caller: Caller, request: RequestFields) -> Fields:
+        robots, after_stop = self.view.named(request), request.flag("after_stop")
+        request.end()
+        self.lease.allow(caller.number, time.monotonic(), after_stop)
+        return await self._confirmed(self.pending.send([Recover(robots)]), robots)
 
     async def _clear_fault(self, caller: Caller, request: RequestFields) -> Fields:
         robots = self.view.named(request)

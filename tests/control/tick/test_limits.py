@@ -70,6 +70,16 @@ def test_outside_a_limit_only_inward(targets: list[float], start: float, below: 
         last = command
 
 
+@given(st.floats(1.0, 4.0), st.booleans(), st.floats(1e-3, 1.0))
+def test_outside_a_limit_an_axis_stays_with_its_target(start: float, below: bool, change: float) -> None:
+    """It is held there, and a target further out does not pull it inside either."""
+    last = -start if below else start
+    limits = AxisLimits(-1.0, 1.0, 0.3, change)
+    assert run(limits, [last] * 20, last) == [(last, 0)] * 20
+    further = last * 1.5
+    assert [command for command, _ in run(limits, [further] * 20, last)] == [last] * 20
+
+
 @given(st.lists(st.floats(-1.0, 1.0), min_size=1, max_size=80), st.floats(0.05, 0.5), st.floats(0.01, 0.5))
 def test_what_is_inside_passes_bit_for_bit(accelerations: list[float], step: float, change: float) -> None:
     """Any motion that keeps the limits by itself (here: far from the ends) is not touched."""

@@ -48,6 +48,7 @@ EXPECTED = {
     },
     Mode.HOLD: {
         Event.FOLLOW: Mode.APPROACH,
+        Event.RECOVER: Mode.APPROACH,
         Event.STOP: Mode.STOPPING,
         Event.ESTOP: Mode.OFF,
         Event.FAULT: Mode.FAULT,
@@ -58,7 +59,12 @@ EXPECTED = {
         Event.ESTOP: Mode.OFF,
         Event.FAULT: Mode.FAULT,
     },
-    Mode.FAULT: {Event.CLEAR: Mode.READY, Event.STOP: Mode.FAULT, Event.ESTOP: Mode.FAULT},
+    Mode.FAULT: {
+        Event.CLEAR: Mode.READY,
+        Event.RECOVER: Mode.READY,
+        Event.STOP: Mode.FAULT,
+        Event.ESTOP: Mode.FAULT,
+    },
 }
 
 
@@ -67,9 +73,10 @@ def test_every_state_and_event(mode: Mode, event: Event) -> None:
     assert move(mode, event) == EXPECTED[mode].get(event)
 
 
-def test_only_clear_leaves_a_fault_towards_motion_and_never_moves() -> None:
+def test_only_clear_and_recover_leave_a_fault_and_only_through_arming() -> None:
     leaving = {event: mode for (start, event), mode in MOVES.items() if start is Mode.FAULT}
-    assert leaving == {Event.CLEAR: Mode.READY, Event.STOP: Mode.FAULT, Event.ESTOP: Mode.FAULT}
+    assert leaving == EXPECTED[Mode.FAULT]
+    assert set(leaving.values()) == {Mode.READY, Mode.FAULT}
 
 
 def test_motion_is_reached_through_arming_only() -> None:
@@ -90,7 +97,7 @@ def test_every_policy_ends_in_a_rest_of_the_device() -> None:
 
 
 def test_refusals_can_say_what_is_possible() -> None:
-    assert allowed(Mode.FAULT) == ("stop", "estop", "clear")
+    assert allowed(Mode.FAULT) == ("stop", "estop", "clear", "recover")
 
 
 @pytest.mark.parametrize("fault", [f for f in Fault if f is not Fault.NONE])

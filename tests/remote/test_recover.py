@@ -1,0 +1,32 @@
+"""`recover` over the socket and on the command line."""
+
+from __future__ import annotations
+
+import subprocess
+
+import pytest
+
+from contid.client import RemoteError
+from tests.support.daemons import HERE, command, daemon, states
+from tests.support.waiting import until
+
+pytestmark = pytest.mark.realtime
+
+AXIS = "left: {bus: bus0, device: servo, mm_per_rev: 37.7"
+
+
+def test_a_robot_outside_its_limits_moves_by_recover_only() -> None:
+    outside = f"{AXIS}, start_deg: 1000"  # 104.7 mm; the limit is 100 mm
+    with daemon(change=lambda text: text.replace(AXIS, outside)) as running, running.client() as client:
+        until(lambda: states(client) == {"FAULT"}, "it is reported")
+        with pytest.raises(RemoteError, match="fault 109"):
+            client.move(HERE)
+        done = subprocess.run(
+            command("recover", "--socket", str(running.socket)), capture_output=True, text=True, timeout=60
+        )
+        assert done.returncode == 0, done.stderr
+        until(lambda: states(client) == {"HOLD"}, "it is inside")
+        client.move(HERE, wait=True)
+        with pytest.raises(RemoteError, match="nothing to recover"):
+            client.recover(["f0"])
+        running.end(130)
