@@ -14,7 +14,7 @@ from unittest.mock import ANY
 import pytest
 
 from contid_drivers.due.codes import BoardState, Type
-from tests.firmware.programming_port import measure
+from tests.firmware.exchanges import measure
 from tests.firmware.sam3x.board import UNIQUE_ID, Sam3x
 from tests.firmware.sam3x.host import Host
 from tests.firmware.sam3x.plant import Motors

@@ -9,7 +9,7 @@ from contid_drivers.due import frames, messages, wiring
 from contid_drivers.due.codes import Type
 from contid_drivers.due.options import DueAxisOptions, DueBusOptions, Role
 from tests.firmware.conftest import REGULATOR
-from tests.firmware.programming_port import measure
+from tests.firmware.exchanges import measure
 from tests.firmware.sam3x.board import Sam3x
 from tests.firmware.sam3x.build import build_sketch
 from tests.firmware.sam3x.host import Host
@@ -26,7 +26,7 @@ def opened(full_speed: bool = False) -> Sam3x:
 
 @pytest.mark.parametrize("cycles_per_instruction", [1.0, 1.5])
 def test_six_moving_motors_lose_no_exchange_on_the_programming_port(cycles_per_instruction: float):
-    # The long form: python -m tests.firmware.programming_port
+    # The long form: python -m tests.firmware.exchanges
     done = measure(build_sketch(), cycles_per_instruction, 20)
     assert (done.lost, done.overruns, done.resets) == (0, 0, 0)
     assert done.armed

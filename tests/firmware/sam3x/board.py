@@ -78,8 +78,8 @@ class Sam3x:
         """One request over the programming port; the answer up to its zero, or what came in time."""
         start = len(self.uart.sent)
         self.uart.feed(frame)
-        for _ in range(int(timeout_ms * 4)):
-            self.run_ms(0.25)
+        for _ in range(int(timeout_ms * 20)):
+            self.run_ms(0.05)
             if 0 in self.uart.sent[start:]:
                 break
         return bytes(self.uart.sent[start:])
@@ -88,8 +88,8 @@ class Sam3x:
         """The same over the native port."""
         start = len(self.usb.received)
         self.usb.send(frame)
-        for _ in range(int(timeout_ms * 4)):
-            self.run_ms(0.25)
+        for _ in range(int(timeout_ms * 20)):
+            self.run_ms(0.05)
             if 0 in self.usb.received[start:]:
                 break
         return bytes(self.usb.received[start:])

@@ -1,12 +1,12 @@
-"""Exchanges over the programming port with six moving motors.
+"""Exchanges of a moving board with six motors over one of its ports.
 
-``python -m tests.firmware.programming_port [ELF]`` prints, for 1.0 and 1.5 cycles per instruction, the
-exchanges lost of 1000 at 100 Hz.
+``python -m tests.firmware.exchanges [--number N] [ELF]`` prints, for both ports and 1.0 and 1.5 cycles per
+instruction, the exchanges lost of N (1000) at 100 Hz and the longest of them.
 """
 
 from __future__ import annotations
 
-import sys
+import argparse
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -35,11 +35,15 @@ class Exchanges:
     armed: bool
 
 
-def measure(elf: Path, cycles_per_instruction: float, exchanges: int, motors: int = 6) -> Exchanges:
+def measure(
+    elf: Path, cycles_per_instruction: float, exchanges: int, motors: int = 6, usb: bool = False
+) -> Exchanges:
     board = Sam3x(elf, cycles_per_instruction)
     board.run_ms(25)
+    if usb:
+        board.usb.open()
     plant = Motors(board)
-    host = Host(board)
+    host = Host(board, usb)
     host.configure(motors)
     host.arm(motors)
     start_ms = board.elapsed_ms
@@ -60,6 +64,11 @@ def measure(elf: Path, cycles_per_instruction: float, exchanges: int, motors: in
 
 
 if __name__ == "__main__":
-    flashed = Path(sys.argv[1]) if len(sys.argv) > 1 else build_sketch()
-    for cycles in (1.0, 1.5):
-        print(cycles, measure(flashed, cycles, 1000))
+    parser = argparse.ArgumentParser()
+    parser.add_argument("elf", type=Path, nargs="?")
+    parser.add_argument("--number", type=int, default=1000)
+    given = parser.parse_args()
+    for usb in (False, True):
+        for cycles in (1.0, 1.5):
+            done = measure(given.elf or build_sketch(), cycles, given.number, usb=usb)
+            print("native" if usb else "programming", cycles, done, flush=True)
