@@ -268,7 +268,14 @@ class Engine:
         self._going[index] = None if state.recovering else state.goto
         robots.states[index] = state
         if outcome.solution is not None:
+            source = self._selector.source
+            timed = source is not None and source.time_s is not None
             tally.add(outcome.tip_error_m, outcome.solution.converged)
+            if outcome.solution.converged:
+                off_m = outcome.tip_error_m - outcome.solution.residual_m
+                tally.on_path(off_m, state.command != state.reference, timed, state.since_s)
+            else:  # the nearest point, which may jump
+                tally.off_path()
         for bits in outcome.limits:
             if bits:
                 tally.limited[bits] += 1

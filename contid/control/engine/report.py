@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, field
-from typing import Any
+from typing import Any, Final
 
 from contid.control.engine.engine import Engine
 from contid.control.engine.tick_layout import CONVERGED, RecordLayout, TickRecord
@@ -12,6 +12,10 @@ from contid.control.tick.faults import Fault, describe
 from contid.control.tick.statistics import Lateness, RobotTally
 from contid.control.tick.supervisor import Mode
 from contid.kernels import in_use
+from contid.units import m_to_mm
+
+#: A run whose tips were farther off their targets ends with a fault [m].
+TIP_TOLERANCE_M: Final = 5e-5
 
 
 @dataclass(slots=True)
@@ -53,7 +57,7 @@ class RunReport:
         return {name: getattr(self, name) for name in self.__slots__}
 
     def faulted(self) -> bool:
-        """True when a robot ended in FAULT."""
+        """True when a robot ended in FAULT, or with its tip off target."""
         return any(robot["fault"] for robot in self.robots.values())
 
     def __str__(self) -> str:
@@ -86,14 +90,26 @@ def robot_reports(engine: Engine) -> dict[str, dict[str, Any]]:
     """The closing report of each robot."""
     out = {}
     for config, state, tally in zip(engine.configs, engine.states, engine.tallies, strict=True):
+        fault, message = state.fault, state.message
         faulted = state.mode is Mode.FAULT
+        if fault is Fault.NONE and engine.ended and tally.off_target_m > TIP_TOLERANCE_M:
+            fault, message, faulted = Fault.TIP_OFF_TARGET, _off_target(tally), True
         out[config.name] = {
             "mode": state.mode.name,
-            "fault": int(state.fault),
-            "message": describe(state.fault, state.message) if faulted else "",
+            "fault": int(fault),
+            "message": describe(fault, message) if faulted else "",
             **tally.as_dict(),
         }
     return out
+
+
+def _off_target(tally: RobotTally) -> str:
+    limits = ", ".join(tally.as_dict()["ticks_limited"])
+    return (
+        f"the commanded tip was up to {m_to_mm(tally.off_target_m):.3g} mm off its targets, "
+        f"the tolerance is {m_to_mm(TIP_TOLERANCE_M):g} mm"
+        + (f"; limits that bound: {limits}" if limits else "")
+    )
 
 
 def complete_from_records(

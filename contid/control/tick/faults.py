@@ -27,6 +27,7 @@ class Fault(enum.IntEnum):
     OUTSIDE_LIMITS = 109
     NOT_A_NUMBER = 201
     INTERNAL = 202
+    TIP_OFF_TARGET = 203
     CHAIN_FORBIDS = 301
     CHAIN_BROKEN = 302
 
@@ -104,6 +105,12 @@ PAGES: Final[dict[Fault, FaultPage]] = {
         "the tick of this robot failed with an error of contid",
         _BY_POLICY,
         "this is a defect of contid: report it with the message and the recording",
+    ),
+    Fault.TIP_OFF_TARGET: FaultPage(
+        "the run ended by itself, but the commanded tip was over 0.05 mm off its path or its last target",
+        "nothing: the error is found when the run ends, by its closing report",
+        "play the path more slowly where a rate limited it; else report this defect of the model, with "
+        "the recording",
     ),
     Fault.CHAIN_FORBIDS: FaultPage(
         "on the way to the first target the rope between two arms would be too short, or below its floor",

@@ -57,6 +57,10 @@ class RobotTally:
         greatest_m: greatest distance of the commanded model's tip from the target [m].
         squares_m2: sum of its squares.
         unreachable: ticks whose target the model did not reach.
+        off_m: greatest distance of the commanded tip from its target beyond the residual [m]; ticks in which
+            a robot catches up at the limit of its rates do not count.
+        last_off_m: the same in the newest tick, catching up or not.
+        joined_s: when the robot began to follow; it has caught up once no limit binds.
         limited: ticks per limit that bound any axis.
     """
 
@@ -64,7 +68,39 @@ class RobotTally:
     greatest_m: float = 0.0
     squares_m2: float = 0.0
     unreachable: int = 0
+    off_m: float = 0.0
+    last_off_m: float = 0.0
+    joined_s: float = -math.inf
+    caught_up: bool = False
     limited: Counter[int] = field(default_factory=Counter)
+
+    @property
+    def off_target_m(self) -> float:
+        """Distance of the tip from its targets beyond their residual [m].
+
+        Robots brake before the limits that targets out of reach lead to: with those the last tick counts.
+        """
+        return self.last_off_m if self.unreachable else max(self.off_m, self.last_off_m)
+
+    def on_path(self, off_m: float, limited: bool, timed: bool, joined_s: float) -> None:
+        """Compare the commanded tip of a tick with its target.
+
+        Args:
+            off_m: tip error beyond the residual [m].
+            limited: the command is not the answer of the model.
+            timed: the target belongs to a trajectory; a stream may jump at any time.
+            joined_s: when the robot began to follow.
+        """
+        if joined_s != self.joined_s:
+            self.joined_s, self.caught_up = joined_s, False
+        self.caught_up = self.caught_up or not limited
+        self.last_off_m = max(off_m, 0.0)
+        if self.last_off_m > self.off_m and (not limited or (timed and self.caught_up)):
+            self.off_m = self.last_off_m
+
+    def off_path(self) -> None:
+        """The target of a tick is out of reach: the robot has to catch up with the next one that is not."""
+        self.caught_up, self.last_off_m = False, 0.0
 
     def add(self, tip_error_m: float, converged: bool) -> None:
         """Count one tick in RUN."""

@@ -215,7 +215,8 @@ def test_resumed_alone_an_arm_waits_for_the_other() -> None:
         (e["tick"], e["robot"], e["mode"]) for e in seen.events if e["event"] == "state" and e["tick"] > 110
     ]
     assert [entry for entry in states if 120 < entry[0] < 200 and entry[2] != "HOLD"] == []
-    assert {entry[1] for entry in states if entry[0] == 200 and entry[2] == "APPROACH"} == {"left", "right"}
+    # Both stand where they were: their approach has no length.
+    assert {entry[1:] for entry in states if entry[0] == 200} == {("left", "RUN"), ("right", "RUN")}
 
 
 @pytest.mark.parametrize(("kind", "policy"), [("overload", "hold"), ("lost", "relax")])

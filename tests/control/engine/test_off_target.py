@@ -1,0 +1,71 @@
+"""The closing report: a run that ends by itself with its tip off target ends with a fault."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import pytest
+
+from contid.control.engine.report import TIP_TOLERANCE_M
+from contid.control.engine.virtual import run_virtual
+from contid.control.tick.faults import Fault
+from contid.control.tick.statistics import RobotTally
+from contid.kinematics.rack.finger import RackFingerModel
+from contid.targets import Actuation, Solution, Target
+from tests.support.fingers import circle, load
+
+RATE = 200.0
+
+
+@pytest.fixture
+def wrong_by_m(request: pytest.FixtureRequest, monkeypatch: pytest.MonkeyPatch) -> float:
+    """A deliberate bug: both racks longer than the answer, with the residual of the answer."""
+    off: float = request.param
+    inverse = RackFingerModel.inverse
+
+    def wrong(self: RackFingerModel, target: Target, seed: Actuation) -> Solution:
+        right = inverse(self, target, seed)
+        return replace(right, actuation=tuple(length + off for length in right.actuation))
+
+    monkeypatch.setattr(RackFingerModel, "inverse", wrong)
+    return off
+
+
+@pytest.mark.parametrize("wrong_by_m", [3.0 * TIP_TOLERANCE_M], indirect=True)
+def test_a_model_whose_residual_is_wrong_ends_the_run_with_a_fault(wrong_by_m: float) -> None:
+    loaded = load(1)
+    report = run_virtual(loaded, RATE, circle(loaded))
+    assert report.exit_code == 3
+    assert report.robots["f0"]["fault"] == Fault.TIP_OFF_TARGET
+    assert "off its targets, the tolerance is 0.05 mm" in report.robots["f0"]["message"]
+    assert report.robots["f0"]["tip_error_max_mm"] > 1e3 * TIP_TOLERANCE_M
+
+
+@pytest.mark.parametrize("wrong_by_m", [0.1 * TIP_TOLERANCE_M], indirect=True)
+def test_less_than_the_tolerance_is_no_fault(wrong_by_m: float) -> None:
+    loaded = load(1)
+    assert run_virtual(loaded, RATE, circle(loaded)).exit_code == 0
+
+
+def test_a_robot_may_chase_the_rows_of_a_stream() -> None:
+    """Rows 20 mm apart: the robot is behind them for many ticks, and on the last one at the end."""
+    points = [(0.05, 0.075)] * 200 + [(0.05, 0.095)] * 5 + [(0.05, 0.075)] * 5
+    rows = [{"f0": Target(tip_m=(x, y, 0.0))} for x, y in points]
+    report = run_virtual(load(1), RATE, None, rows=rows)
+    assert report.exit_code == 0
+    assert report.robots["f0"]["tip_error_max_mm"] > 1.0
+
+
+def test_what_counts_as_off_the_path() -> None:
+    """A limited tick counts on a trajectory, once the robot has caught up with it; never in a stream."""
+    tally = RobotTally()
+    tally.on_path(2e-3, True, True, 1.0)
+    assert tally.off_m == 0.0
+    assert tally.off_target_m == 2e-3  # would be, if the run ended here
+    tally.on_path(0.0, False, True, 1.0)
+    tally.on_path(1e-3, True, False, 1.0)
+    assert tally.off_m == 0.0
+    tally.on_path(1e-3, True, True, 1.0)
+    tally.on_path(0.0, False, True, 1.0)
+    tally.on_path(3e-3, True, True, 2.0)
+    assert (tally.off_m, tally.off_target_m) == (1e-3, 3e-3)
