@@ -185,7 +185,7 @@ def start_watchdogs(client: ServoClient, axes: Sequence[Axis], watchdog: int) ->
     value = reg.BUS_WATCHDOG.encode(watchdog)
     client.port.send(sync_write(reg.BUS_WATCHDOG.address, 1, [(axis.device, value) for axis in axes]))
     for axis in axes:
-        axis.armed, axis.enabled, axis.pending_rest = watchdog, True, None
+        axis.arm(watchdog)
 
 
 def hold_position(client: ServoClient, axis: Axis) -> None:

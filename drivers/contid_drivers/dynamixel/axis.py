@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+import math
+from dataclasses import dataclass, field
 
 from contid.errors import DeviceError
 from contid.hal import AxisOnBus, Rest, Sample
@@ -10,9 +11,14 @@ from contid_drivers.dynamixel import registers as reg
 from contid_drivers.dynamixel.cyclic import ServoReading
 from contid_drivers.dynamixel.models import BY_NAME, ServoModel
 from contid_drivers.dynamixel.options import DynamixelAxisOptions, DynamixelBusOptions
+from contid_drivers.dynamixel.plausibility import FollowingError, jumped
 
 RESET_FAULT = "it reset itself (brown-out?); its watchdog, settings and turn count are gone"
+#: Following error allowed in extended position mode.
+FOLLOWING_ERROR_DEG = 30.0
 TORQUE_OFF_FAULT = "its torque was switched off from outside: does another program use this bus?"
+
+_JUMP = "another program reset its count of turns, or its encoder is faulty"
 
 
 @dataclass(slots=True)
@@ -34,6 +40,8 @@ class Axis:
         fault: latched fault, empty for none.
         reset: the servo lost its RAM; nothing it reports is valid until `recover`.
         pending_rest: state of rest that the servo has not confirmed; applied when it answers.
+        goal: newest command [rad] since it was armed.
+        following: its following error.
         value, time_s: last valid position [rad] and its time.
         effort_share: share of its current limit, see `grip`.
     """
@@ -61,6 +69,8 @@ class Axis:
     temperature_c: float | None = None
     hardware_error: int = 0
     effort_share: float = 1.0
+    goal: float | None = None
+    following: FollowingError = field(default_factory=lambda: FollowingError(math.inf, 0.0))
 
     @classmethod
     def of(cls, axis: AxisOnBus, bus: DynamixelBusOptions) -> Axis:
@@ -71,7 +81,12 @@ class Axis:
         if mode == "current_based_position" and BY_NAME[options.model].ma_per_unit is None:
             what = f"mode {mode} needs current registers, which {options.model} has not"
             raise DeviceError(axis.name, what, "write mode: extended_position at the axis")
-        return cls(axis.name, options, axis.travel, reg.MODE_NUMBERS[mode])
+        limit_deg = options.following_error_deg
+        if limit_deg is None:
+            # In the current-based mode pushing against something is the purpose.
+            limit_deg = math.inf if mode == "current_based_position" else FOLLOWING_ERROR_DEG
+        following = FollowingError(math.radians(limit_deg), options.following_error_ms / 1e3)
+        return cls(axis.name, options, axis.travel, reg.MODE_NUMBERS[mode], following=following)
 
     @property
     def model(self) -> ServoModel:
@@ -98,11 +113,21 @@ class Axis:
         self.fault, self.enabled, self.pending_rest = fault, False, Rest.HOLD
         return True
 
-    def latch_reset(self) -> None:
-        """The servo reset itself: its watchdog, settings and turn count are gone."""
+    def latch_reset(self, fault: str = RESET_FAULT) -> None:
+        """The servo lost its turn count: it reset itself, or its position jumped."""
         if not self.reset:
             self.reset, self.turn_known, self.pending_rest = True, False, Rest.HOLD
-        self.latch(RESET_FAULT)
+        self.latch(fault)
+
+    def command(self, angle: float) -> int:
+        """Store a command [rad]; returns its position count."""
+        self.goal = angle
+        return self.to_ticks(angle)
+
+    def arm(self, watchdog: int) -> None:
+        """Torque and watchdog are on, the goal is the present position."""
+        self.armed, self.enabled, self.pending_rest, self.goal = watchdog, True, None, None
+        self.following.clear()
 
     def missed(self, time_s: float) -> Sample:
         """No answer in this exchange."""
@@ -117,9 +142,17 @@ class Axis:
         self.misses = 0
         if not self.reset:
             self._detect_faults(reading)
+        value = self.to_rad(reading.position)
+        if not self.reset and self.turn_known and self.seen is not None:
+            elapsed_s = time_s - self.time_s
+            if jumped(value - self.seen, elapsed_s):
+                off_deg = math.degrees(value - self.seen)
+                self.latch_reset(
+                    f"its position jumped by {off_deg:+.0f} deg in {1e3 * elapsed_s:.0f} ms; {_JUMP}"
+                )
         if self.reset:
             return self._sample(time_s, valid=False)
-        self.value = self.to_rad(reading.position)
+        self.value = value
         if self.turn_known:
             self.seen = self.value
         self.time_s = time_s
@@ -130,7 +163,22 @@ class Axis:
             self.voltage_v = reading.voltage / 10.0
         if reading.temperature is not None:
             self.temperature_c = float(reading.temperature)
+        self._detect_standstill(time_s)
         return self._sample(time_s, valid=True)
+
+    def _detect_standstill(self, time_s: float) -> None:
+        if not self.enabled or self.goal is None or self.value is None or self.velocity is None:
+            return
+        error = self.goal - self.value
+        limit_ma = self.options.current_limit_ma or self.model.current_limit_ma
+        load = None if self.effort is None or not limit_ma else abs(self.effort) * 1e3 / limit_ma
+        if not self.following.exceeded(error, self.velocity, load, time_s):
+            return
+        current = "" if self.effort is None else f" with {1e3 * abs(self.effort):.0f} mA"
+        self.latch(
+            f"it does not follow: {abs(math.degrees(error)):.0f} deg behind its goal for "
+            f"{1e3 * self.following.time_s:.0f} ms{current}; a blocked shaft or a dead encoder?"
+        )
 
     def _detect_faults(self, reading: ServoReading) -> None:
         if reading.hardware_error is not None:

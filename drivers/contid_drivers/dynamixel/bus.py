@@ -182,7 +182,7 @@ class DynamixelBus:
                 raise DeviceError(self.name, f"{name}: {angle:g} rad is beyond the 256 turns of a servo")
             # A servo that missed an exchange may have reset itself: its turn is checked first.
             if axis.enabled and not axis.misses:
-                goals[axis.device] = goal
+                goals[axis.device] = axis.command(angle)
         return goals
 
     def _retry(self, cyclic: Cyclic, readings: dict[int, ServoReading], full: bool) -> None:

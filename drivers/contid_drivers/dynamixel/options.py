@@ -106,6 +106,9 @@ class DynamixelAxisOptions(Strict):
         position_p: Position P Gain (register 84).
         position_i: Position I Gain (register 82).
         position_d: Position D Gain (register 80).
+        following_error_deg: a servo that stays further behind its goal, at standstill or with half of its
+            current limit, is a fault; 30 if left out, none in current-based position mode.
+        following_error_ms: after this time.
         homing: search of the turn after power-up; without it the servo's count is used unchecked.
     """
 
@@ -119,6 +122,8 @@ class DynamixelAxisOptions(Strict):
     position_p: int | None = Field(default=None, ge=0, le=16383)
     position_i: int | None = Field(default=None, ge=0, le=16383)
     position_d: int | None = Field(default=None, ge=0, le=16383)
+    following_error_deg: Positive | None = None
+    following_error_ms: Positive = 500.0
     homing: Homing | None = None
 
     @model_validator(mode="after")

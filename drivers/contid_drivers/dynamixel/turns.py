@@ -89,16 +89,16 @@ def store(client: ServoClient, axis: Axis, turns: int) -> None:
 def adopt(client: ServoClient, axis: Axis, position: int) -> None:
     """Keep the turn of a servo that reset, at the first position it reports; unconfirmed, because in a tick.
 
-    Without a turn near enough to its last position no mark is written, so that `settle` refuses the axis.
+    Without a turn near enough to its last position the mark is cleared, so that `settle` refuses the axis.
     """
     if axis.seen is None:
         return
     raw = position * reg.RAD_PER_TICK
     turns = round((axis.seen - raw) / _TURN)
-    if abs(turns) > TURNS_MAX or abs(raw + turns * _TURN - axis.seen) > SEEN_TOLERANCE_RAD:
-        return
-    axis.turns = turns
-    for register, value in _marks(turns):
+    near = abs(turns) <= TURNS_MAX and abs(raw + turns * _TURN - axis.seen) <= SEEN_TOLERANCE_RAD
+    if near:
+        axis.turns = turns
+    for register, value in _marks(turns) if near else ((MARKER, MARKER.default),):
         data = register.encode(value)
         client.port.send(sync_write(register.address, register.size, [(axis.device, data)]))
 

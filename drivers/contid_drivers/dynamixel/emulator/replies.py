@@ -82,6 +82,20 @@ def answers(packet: Packet, servos: Sequence[Servo], byte_s: float) -> list[Stat
     return found
 
 
+def addresses(packet: Packet, device: int) -> bool:
+    """Whether an instruction is for a servo: its id, named in a sync or bulk packet, or a plain broadcast."""
+    p, instruction = packet.parameters, packet.instruction
+    if packet.device != BROADCAST:
+        return packet.device == device
+    if instruction in (Instruction.SYNC_READ, Instruction.FAST_SYNC_READ):
+        return device in p[4:]
+    if instruction == Instruction.SYNC_WRITE:
+        return device in p[4 :: _word(p, 2) + 1]
+    if instruction in (Instruction.BULK_READ, Instruction.FAST_BULK_READ):
+        return device in p[::5]
+    return True
+
+
 def _act(packet: Packet, servo: Servo) -> tuple[int, bytes]:
     p = packet.parameters
     match packet.instruction:

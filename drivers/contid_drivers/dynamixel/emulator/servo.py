@@ -167,7 +167,7 @@ class Servo(ControlTable):
     # -- instructions --------------------------------------------------------------------------------------
 
     def feed(self, now: float) -> None:
-        """Feed the Bus Watchdog; an instruction to this servo or to all does (the strict reading)."""
+        """Feed the Bus Watchdog; an instruction that addresses this servo does (the strict reading)."""
         self.advance(now)
         self.fed_at = now
 

@@ -28,9 +28,9 @@ from contid_drivers.dynamixel.emulator.faults import (
     FaultSyntaxError,
     InjectedFault,
 )
-from contid_drivers.dynamixel.emulator.replies import answers
+from contid_drivers.dynamixel.emulator.replies import addresses, answers
 from contid_drivers.dynamixel.emulator.servo import Servo
-from contid_drivers.dynamixel.packets import BROADCAST, Instruction, Packet, build, read_parameters, take
+from contid_drivers.dynamixel.packets import Instruction, Packet, build, read_parameters, take
 
 #: The last part of a wait is spent spinning, because a sleep is late by about as much.
 SPIN_S: Final = 120e-6
@@ -262,7 +262,7 @@ class DynamixelEmulator:
             if servo.baud == rate and servo.device not in self.faults.silent:
                 servo.advance(now)
                 if servo.answers:
-                    if packet.device in (servo.device, BROADCAST):
+                    if addresses(packet, servo.device):
                         servo.feed(now)
                     receiving.append(servo)
         end = self._line_free

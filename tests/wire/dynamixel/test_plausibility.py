@@ -1,0 +1,101 @@
+"""Motion that a healthy servo cannot make is a fault: jumps, jammed shafts, dead encoders."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Callable
+from typing import Any
+
+import pytest
+
+from contid_drivers.dynamixel import registers as reg
+from contid_drivers.dynamixel.packets import Instruction, build
+from contid_drivers.dynamixel.plausibility import FollowingError, jumped
+
+pytestmark = pytest.mark.realtime
+
+TICK = reg.RAD_PER_TICK
+Make = Callable[..., Any]
+CLEAR_TURNS = b"\x01\x44\x58\x4c\x22"
+
+
+def drive(r: Any, seconds: float, axis: str = "a1", to: float = 20000.0) -> float:
+    """Command a far goal until there is a fault; returns the time it took."""
+    start = time.monotonic()
+    while time.monotonic() - start < seconds and not r.tick(**{axis: to * TICK})[f"r.{axis}"].fault:
+        time.sleep(0.004)
+    return time.monotonic() - start
+
+
+def test_a_jump_of_one_turn_is_a_fault_in_the_same_exchange_and_clear_fault_finds_the_turn(rig: Make) -> None:
+    r = rig(2, servo={"position_ticks": 500.0})
+    r.bus.open()
+    r.bus.enable(r.bus.axes)
+    r.tick(a1=9000 * TICK)
+    r.until(lambda: r.emulator.servo(1).position_ticks == 9000 and not r.emulator.servo(1).motion.velocity)
+    known = r.tick()["r.a1"].value
+    # Another host on the bus clears the count of turns; the marks in RAM survive.
+    r.bus._port.send(build(1, Instruction.CLEAR, CLEAR_TURNS))
+    time.sleep(0.01)
+    sample = r.tick()["r.a1"]
+    assert "its position jumped by -720 deg" in sample.fault
+    assert not sample.valid
+    assert sample.value == known
+    r.tick(3, a1=9500 * TICK)
+    assert r.emulator.servo(1).position_ticks == pytest.approx(9000, abs=1)
+    r.bus.clear_fault(["r.a1"])
+    assert r.tick()["r.a1"].value == pytest.approx(9000 * TICK, abs=2 * TICK)
+
+
+def test_a_jammed_shaft_is_a_fault_and_is_no_longer_pushed(rig: Make) -> None:
+    r = rig(2, axis={"current_limit_ma": 600})
+    r.bus.open()
+    r.bus.enable(r.bus.axes)
+    r.tick(a1=20000 * TICK)
+    time.sleep(0.1)
+    r.emulator.set("jam", 1)
+    assert 0.4 < drive(r, 3.0) < 2.0
+    sample = r.tick()["r.a1"]
+    assert "does not follow" in sample.fault
+    assert "600 mA" in sample.fault
+    r.tick(3)
+    assert abs(r.emulator.servo(1).motion.current) < 100
+    assert r.tick()["r.a2"].fault == ""
+
+
+def test_a_dead_encoder_is_a_fault(rig: Make) -> None:
+    r = rig(1, axis={"current_limit_ma": 600})
+    r.bus.open()
+    r.bus.enable(r.bus.axes)
+    r.emulator.set("freeze", 1)
+    assert drive(r, 3.0, to=6000.0) < 2.0
+    assert "dead encoder" in r.tick()["r.a1"].fault
+
+
+def test_a_long_motion_and_a_slow_one_are_no_faults(rig: Make) -> None:
+    r = rig(2, axis={"profile_velocity_deg_s": 40})
+    r.bus.open()
+    r.bus.enable(r.bus.axes)
+    assert drive(r, 2.0, to=8000.0) >= 2.0
+    assert r.tick()["r.a1"].fault == ""
+
+
+def test_the_current_based_mode_may_push(rig: Make) -> None:
+    r = rig(1, axis={"mode": "current_based_position", "goal_current_ma": 200})
+    r.bus.open()
+    r.bus.enable(r.bus.axes)
+    r.emulator.set("jam", 1)
+    assert drive(r, 1.2) >= 1.2
+
+
+@pytest.mark.parametrize("elapsed_s", [0.001, 0.005, 0.05])
+def test_a_turn_is_a_jump_and_the_fastest_motion_is_none(elapsed_s: float) -> None:
+    assert jumped(2 * 3.14159, elapsed_s)
+    assert not jumped(383 / 60 * 2 * 3.14159 * elapsed_s, elapsed_s)
+
+
+def test_progress_restarts_the_time_of_the_following_error() -> None:
+    check = FollowingError(0.5, 0.3)
+    assert not any(check.exceeded(3.0 - 0.02 * k, 0.0, 1.0, 0.01 * k) for k in range(100))
+    assert [check.exceeded(1.0, 5.0, 0.9, 1.0 + 0.1 * k) for k in range(5)][-1]
+    assert not any(check.exceeded(1.0, 5.0, 0.1, 2.0 + 0.1 * k) for k in range(9))
