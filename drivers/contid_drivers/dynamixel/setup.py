@@ -13,7 +13,7 @@ from contid.hal import AxisOnBus, FoundDevice, Report
 from contid_drivers.dynamixel import commission
 from contid_drivers.dynamixel.axis import Axis
 from contid_drivers.dynamixel.options import DynamixelBusOptions
-from contid_drivers.dynamixel.scan import scan
+from contid_drivers.dynamixel.scan import OTHER_BAUDS, scan
 from contid_drivers.serial_ports import find_port
 
 
@@ -35,8 +35,10 @@ def setup(
         while True:
             ask(request)
             path = find_port(name, options.port)
-            present = scan([path], (), report)
-            fresh = [each for each in present if each.baud != options.baud or each.address not in numbered]
+            fresh = _new(path, (), options.baud, numbered, report)
+            if not fresh and numbered:
+                # The servos that are numbered answer at the usual rates, so the others were not asked.
+                fresh = _new(path, OTHER_BAUDS, options.baud, numbered, report)
             if len(fresh) != 1:
                 report(_count_problem(fresh))
             elif fresh[0].model != axis.options.model:
@@ -44,6 +46,14 @@ def setup(
             elif _number(path, fresh[0], axis, options, report):
                 numbered.add(axis.device)
                 break
+
+
+def _new(
+    path: str, bauds: Sequence[int], numbered_baud: int, numbered: set[int], report: Report
+) -> list[FoundDevice]:
+    """Servos on the port that are not numbered yet."""
+    present = scan([path], bauds, report)
+    return [each for each in present if each.baud != numbered_baud or each.address not in numbered]
 
 
 def _number(path: str, found: FoundDevice, axis: Axis, options: DynamixelBusOptions, report: Report) -> bool:

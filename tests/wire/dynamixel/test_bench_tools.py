@@ -130,3 +130,16 @@ def test_setup_numbers_new_servos_one_after_the_other(emulated: Start) -> None:
         "Plug in the servo of r.a7", "Plug in the servo of r.a7", "Plug in the servo of r.a1",
     ]  # fmt: skip
     assert any("it is a xl330-m077" in line for line in lines)
+
+
+def test_setup_finds_a_servo_at_an_unusual_rate_beside_numbered_ones(emulated: Start) -> None:
+    first, second = Servo(1, position_ticks=5.0), Servo(1, baud=2000000, position_ticks=900.0)
+    bus = emulated(first)
+    axes = [AxisOnBus(f"r.a{i}", DynamixelAxisOptions(id=i), None) for i in (1, 2)]
+
+    def ask(request: str) -> None:
+        if "r.a2" in request:
+            bus.servos = (first, second)
+
+    setup("servos", DynamixelBusOptions(port=bus.port), axes, ask, lambda line: None)
+    assert [(servo.device, servo.baud) for servo in (first, second)] == [(1, BAUD), (2, BAUD)]
