@@ -39,6 +39,8 @@ def test_emulate_doctor_scan_servo_and_home(folder: Path) -> None:
         }
         found = contid_in(folder, "scan", "hand.tty", "--baud", "1000000", "--json")
         assert [json.loads(line)["address"] for line in found.stdout.splitlines()] == [1, 2, 3, 4]
+        # A port that answered one driver is not asked by the others.
+        assert "no hello" not in found.stderr
         assert "id 2 restarted" in contid_in(folder, "servo", "--port", "hand.tty", "reboot", "2").stdout
         dry = contid_in(folder, "home", "hand.yaml", "--dry-run")
         assert dry.returncode == 0, dry.stderr

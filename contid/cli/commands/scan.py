@@ -26,12 +26,17 @@ def command(ports: tuple[str, ...], bauds: tuple[int, ...], find_port: bool, as_
         click.echo(find_by_unplugging(_ask))
         return
     count = 0
+    left = list(ports)
     for name in driver_names():
         driver = load_driver(name)
         if not isinstance(driver, Scans):
             continue
-        for found in driver.scan(ports, bauds, lambda line: click.echo(line, err=True)):
+        if ports and not left:
+            break
+        for found in driver.scan(left, bauds, lambda line: click.echo(line, err=True)):
             count += 1
+            # A port carries devices of one driver.
+            left = [port for port in left if port != found.port]
             if as_json:
                 click.echo(json.dumps({"driver": name, **dataclasses.asdict(found)}))
             else:
