@@ -104,9 +104,14 @@ class VirtualBoard:
         self.step(50)
         return answer
 
-    def demand(self, values: Mapping[int, int] | None = None, echo_ms: int | None = None) -> Telemetry:
+    def demand(
+        self,
+        values: Mapping[int, int] | None = None,
+        echo_ms: int | None = None,
+        velocities: Mapping[int, int] | None = None,
+    ) -> Telemetry:
         heard = echo_ms if echo_ms is not None else self.telemetry.uptime_ms if self.telemetry else 0
-        answer = self.ask(Type.DEMAND, messages.demand(self.crc, heard, values or {}))
+        answer = self.ask(Type.DEMAND, messages.demand(self.crc, heard, values or {}, velocities))
         assert isinstance(answer, Telemetry), answer
         return answer
 

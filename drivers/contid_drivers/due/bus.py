@@ -18,6 +18,8 @@ from contid_drivers.due.wiring import Scale, axis_options
 SILENCE_S = 0.5
 #: Magnitude limit of a demand [counts or Pa]; the board computes in 32 bits.
 _DEMAND_LIMIT = 1_000_000_000
+#: Commands further apart are steps; the board joins them no more.
+STREAM_GAP_S = 0.1
 _REST = {Rest.HOLD: RestCode.HOLD, Rest.RELAX: RestCode.RELAX, Rest.VENT: RestCode.VENT}
 _POSITION_LOST = (
     "position lost: the board restarted; park the axis at power_up_deg, then contid home --parked"
@@ -40,6 +42,7 @@ class _Axis:
         self.report: BoardReport | None = None
         self.enabled = False
         self.silent = True
+        self._commanded = (0.0, -math.inf)
 
     @property
     def fault(self) -> str:
@@ -54,6 +57,14 @@ class _Axis:
     def armed(self) -> bool:
         """Whether the channel followed demands in the newest telemetry."""
         return self.report is not None and self.report.state is BoardState.ARMED
+
+    def command_velocity(self, value: float, now: float) -> int | None:
+        """Velocity of a stream of commands, by its newest two, in the board's unit per second."""
+        (before, at), self._commanded = self._commanded, (value, now)
+        if not 0.0 < now - at <= STREAM_GAP_S:
+            return None
+        per_s = self.scale.to_board((value - before) / (now - at))
+        return max(-_DEMAND_LIMIT, min(_DEMAND_LIMIT, per_s))
 
     def update(self, report: BoardReport, now: float) -> None:
         """Store the channel's report; the value changes only with a valid sensor."""
@@ -129,7 +140,14 @@ class DueBus:
         """See `contid.hal.Bus.exchange`: one demand out, one telemetry back."""
         values = self._checked(commands)
         session = self._need_session()
-        body = messages.demand(session.config_crc, session.echo_ms, values)
+        now = self._clock.now()
+        velocities = {
+            axis.channel: velocity
+            for name, value in commands.items()
+            if (axis := self._axis(name)).channel in values
+            and (velocity := axis.command_velocity(value, now)) is not None
+        }
+        body = messages.demand(session.config_crc, session.echo_ms, values, velocities)
         fresh = self._update(self._command(session, Type.DEMAND, body))
         now = self._clock.now()
         if not fresh and now - self._answered_s > SILENCE_S:

@@ -7,6 +7,8 @@ from typing import Final
 
 PROTOCOL_VERSION: Final = 2
 CHANNELS: Final = 6
+#: Velocity of a demand whose host does not know it.
+NO_VELOCITY: Final = -(2**31)
 #: Duty at full scale, either direction.
 DUTY_FULL: Final = 32767
 #: Steps of an analogue input over its 3.3 V.

@@ -17,6 +17,7 @@ from contid_drivers.due.codes import (
     CHANNEL_POSITION_LOST,
     CHANNEL_SENSOR_OK,
     CHANNELS,
+    NO_VELOCITY,
     PROTOCOL_VERSION,
     BoardState,
     Reason,
@@ -136,11 +137,21 @@ def request(kind: Type, sequence: int, body: bytes = b"") -> bytes:
     return _HEADER.pack(PROTOCOL_VERSION, kind, sequence) + body
 
 
-def demand(config_crc: int, echo_ms: int, values: Mapping[int, int]) -> bytes:
-    """The body of a demand: counts or Pa by channel. ``echo_ms`` is the uptime in the newest telemetry."""
-    channels = sorted(values)
-    body = struct.pack("<HIB", config_crc, echo_ms, mask_of(channels))
-    return body + struct.pack(f"<{len(channels)}i", *(values[channel] for channel in channels))
+def demand(
+    config_crc: int, echo_ms: int, values: Mapping[int, int], velocities: Mapping[int, int] | None = None
+) -> bytes:
+    """The body of a demand.
+
+    Args:
+        config_crc: of the configuration the values are meant for.
+        echo_ms: the uptime in the newest telemetry.
+        values: counts or Pa by channel.
+        velocities: counts/s or Pa/s by channel; a channel left out has none.
+    """
+    body = struct.pack("<HIB", config_crc, echo_ms, mask_of(values))
+    for channel in sorted(values):
+        body += struct.pack("<ii", values[channel], (velocities or {}).get(channel, NO_VELOCITY))
+    return body
 
 
 def masked(config_crc: int, channels: Iterable[int]) -> bytes:

@@ -91,10 +91,17 @@ void Motor::arm() {
   begin();
 }
 
-void Motor::demand(int32_t goal, uint32_t since) {
+void Motor::demand(int32_t goal, uint32_t since, int32_t velocity) {
   const int32_t allowed = clamp(goal, config_->low, config_->high);
   limited_ = allowed != goal;
-  set_.demand(allowed, since);
+  if (velocity != NO_VELOCITY && since > 0) {
+    // The line goes on for two intervals: it must not leave the travel.
+    const int64_t ahead = 2 * static_cast<int64_t>(since);
+    const int64_t down = (static_cast<int64_t>(config_->low) - allowed) * static_cast<int32_t>(TICK_HZ) / ahead;
+    const int64_t up = (static_cast<int64_t>(config_->high) - allowed) * static_cast<int32_t>(TICK_HZ) / ahead;
+    velocity = static_cast<int32_t>(clamp64(velocity, down, up));
+  }
+  set_.demand(allowed, since, velocity);
 }
 
 void Motor::hold() {
@@ -199,7 +206,7 @@ Output Motor::search() {
   ++phase_ticks_;
   if (phase_ == Phase::APPROACH) {
     // Slightly ahead of the shaft: it moves at the homing speed without a large error.
-    set_.demand(plus(position_, towards * (config_->home_velocity / 8 + config_->deadband + 64)), 0);
+    set_.demand(plus(position_, towards * (config_->home_velocity / 8 + config_->deadband + 64)), 0, NO_VELOCITY);
     set_.tick();
     const Output out = law(config_->home_duty);
     const bool pushing = magnitude(duty_) * 20 >= config_->home_duty * 19;
@@ -211,7 +218,7 @@ Output Motor::search() {
     position_ = config_->home_at;
     for (uint32_t i = 0; i < WINDOW; ++i) history_[i] = position_;
     begin();
-    set_.demand(minus(position_, towards * config_->home_backoff), 0);
+    set_.demand(minus(position_, towards * config_->home_backoff), 0, NO_VELOCITY);
     phase_ = Phase::BACK_OFF;
     still_ticks_ = 0;
     return Output{Drive::BRAKE, 0};

@@ -24,7 +24,7 @@ class Motor {
   // Each of these ends a homing that is under way: its speed, its duty limit and its watches go with it.
   void arm();
   void hold();
-  void demand(int32_t goal, uint32_t since);
+  void demand(int32_t goal, uint32_t since, int32_t velocity);
   void home();
 
   // One step of the position law under power.

@@ -116,8 +116,11 @@ Verdict Board::demand(Reader& in) {
   const uint32_t echo = in.u32();
   const uint8_t mask = in.u8();
   int32_t value[CHANNELS] = {0, 0, 0, 0, 0, 0};
+  int32_t velocity[CHANNELS] = {0, 0, 0, 0, 0, 0};
   for (uint8_t i = 0; i < CHANNELS; ++i) {
-    if ((mask & (1u << i)) != 0) value[i] = in.i32();
+    if ((mask & (1u << i)) == 0) continue;
+    value[i] = in.i32();
+    velocity[i] = in.i32();
   }
   if (!in.finished()) return Verdict{Refusal::WRONG_LENGTH, static_cast<uint16_t>(in.at())};
   verdict = check_mask(mask);
@@ -131,7 +134,7 @@ Verdict Board::demand(Reader& in) {
     for (uint8_t i = 0; i < CHANNELS; ++i) {
       if ((mask & (1u << i)) == 0 || channel_[i].state != State::ARMED) continue;
       if (identity_.role == Role::MOTOR) {
-        motor_[i].demand(value[i], since);
+        motor_[i].demand(value[i], since, velocity[i]);
       } else {
         regulator_[i].demand(value[i]);
       }

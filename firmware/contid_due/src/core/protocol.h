@@ -114,6 +114,9 @@ const uint8_t BOARD_POSITION_LOST = 0x04;
 
 const size_t UNIQUE_ID_SIZE = 16;
 
+// Velocity of a demand whose host does not know it.
+const int32_t NO_VELOCITY = -2147483647 - 1;
+
 // Duty at full scale, either direction; the hardware layer scales it to its PWM period.
 const int32_t DUTY_FULL = 32767;
 

@@ -32,7 +32,7 @@ void SetPoint::start(int32_t position) {
   goal_ = position;
 }
 
-void SetPoint::demand(int32_t goal, uint32_t since) {
+void SetPoint::demand(int32_t goal, uint32_t since, int32_t velocity) {
   const int64_t target = static_cast<int64_t>(goal) * 65536;
   goal_ = goal;
   // A quarter above the velocity limit: a stream of a jittering host is still a stream.
@@ -42,6 +42,10 @@ void SetPoint::demand(int32_t goal, uint32_t since) {
     // the reference does not stop when a demand is a tick late.
     left_ = 2 * since;
     rate_ = (target - reference_) / static_cast<int32_t>(left_);
+    if (velocity != NO_VELOCITY) {
+      const int64_t given = static_cast<int64_t>(velocity) * 65536 / static_cast<int32_t>(TICK_HZ);
+      rate_ += clamp64(given, -(most_ + most_ / 4), most_ + most_ / 4);
+    }
   } else {
     reference_ = target;
     rate_ = 0;

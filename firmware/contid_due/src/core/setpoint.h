@@ -14,7 +14,9 @@ class SetPoint {
   void start(int32_t position);
   // A new demand [counts], `since` ticks after the one before. Demands that follow each other within the
   // velocity limit are joined by a straight line over that time, so a stream of them is a smooth motion.
-  void demand(int32_t goal, uint32_t since);
+  // With its velocity [counts/s] the line goes through the demand at once instead of two demands late; without a
+  // further demand it ends there, two intervals later.
+  void demand(int32_t goal, uint32_t since, int32_t velocity);
   // Come to rest as soon as the acceleration limit allows.
   void stop();
   void tick();

@@ -1,0 +1,89 @@
+"""Streams of demands with their velocity: no lag, within the travel, at rest after the last demand."""
+
+from __future__ import annotations
+
+import math
+
+import pytest
+
+COUNTS_PER_MM = 4776 / (math.pi * 25.0)
+SPEED = 6081  # counts/s at 10 cm/s
+ACCELERATION = 20_000.0  # counts/s2, of the start
+PERIOD_MS = 10
+
+
+def ramp(t):
+    """Position and velocity of a path that reaches SPEED within the acceleration limit."""
+    t_up = SPEED / ACCELERATION
+    if t < t_up:
+        return ACCELERATION * t * t / 2, ACCELERATION * t
+    return SPEED * (t - t_up / 2), SPEED
+
+
+def stream(board, position, milliseconds, velocity=None):
+    """Demands at 100 Hz of a path [counts] over time [s]; the largest lag [mm] after half a second."""
+    began = board.demand().uptime_ms
+    lag = 0.0
+    for tick in range(0, milliseconds, PERIOD_MS):
+        now = tick / 1000.0
+        speed = None if velocity is None else {0: round(velocity(now))}
+        board.demand({0: round(position(now))}, velocities=speed)
+        board.step(PERIOD_MS)
+        if tick > 500:
+            at = (board.demand().uptime_ms - began) / 1000.0
+            lag = max(lag, abs(position(at) - board.truth(0)[0]))
+    return lag / COUNTS_PER_MM
+
+
+def armed(board, **options):
+    motors = board("motor")
+    motors.configure({"m0": options})
+    motors.arm(0)
+    return motors
+
+
+def test_a_stream_at_10_cm_s_is_followed_without_lag(board):
+    late = stream(armed(board), lambda t: ramp(t)[0], 1500)
+    assert late == pytest.approx(1.8, abs=0.3)  # two periods less 2 ms, without the velocity
+    assert stream(armed(board), lambda t: ramp(t)[0], 1500, lambda t: ramp(t)[1]) < 0.15
+
+
+def test_a_sine_is_followed_with_velocities_by_difference(board):
+    motors = armed(board)
+    swing = lambda t: 2400 * (1 - math.cos(2.0 * t))  # noqa: E731  # 79 mm/s, 158 mm/s2
+    before = lambda t: (swing(t) - swing(t - PERIOD_MS / 1000)) * 1000 / PERIOD_MS  # noqa: E731
+    assert stream(motors, swing, 3000, before) < 0.3
+
+
+def test_the_end_of_a_stream_is_its_last_demand(board):
+    motors = armed(board)
+    stream(motors, lambda t: ramp(t)[0], 800, lambda t: ramp(t)[1])
+    highest = 0.0
+    for _ in range(240):
+        motors.demand()  # feeds the watchdog, demands nothing
+        motors.step(5)
+        highest = max(highest, motors.truth(0)[0])
+    last = ramp(0.79)[0]
+    assert motors.truth(0)[0] == pytest.approx(last, abs=12)
+    # Two intervals of the stream and the way to stop from it.
+    assert highest - last < SPEED * 0.02 + SPEED**2 / (2 * 30_500) + 60
+
+
+def test_a_velocity_never_leads_out_of_the_travel(board):
+    motors = armed(board)
+    low = -760  # -1 rad, the travel of these boards
+    position = lambda t: max(low, -SPEED * t)  # noqa: E731
+    lowest = 0.0
+    for tick in range(0, 400, PERIOD_MS):
+        motors.demand({0: round(position(tick / 1000))}, velocities={0: -SPEED})
+        motors.step(PERIOD_MS)
+        lowest = min(lowest, motors.truth(0)[0])
+    assert lowest > low - 40
+
+
+def test_an_absurd_velocity_is_limited(board):
+    motors = armed(board)
+    for tick in range(0, 300, PERIOD_MS):
+        motors.demand({0: tick}, velocities={0: 2**31 - 1 if tick % 20 else -(2**31) + 1})
+        motors.step(PERIOD_MS)
+    assert abs(motors.truth(0)[1]) < 1.2 * 470 / 360 * 4776
