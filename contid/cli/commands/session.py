@@ -1,10 +1,12 @@
-"""``contid session info|export|repair``: summary, export and repair of a recording."""
+"""``contid session info|check|export|repair``: summary, check, export and repair of a recording."""
 
 from __future__ import annotations
 
 import json
 import os
+import sys
 from dataclasses import asdict
+from itertools import islice
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -17,12 +19,15 @@ if TYPE_CHECKING:
     from contid.robot_file.load import LoadedFile
     from contid.session.read import Session
 
+#: Violations that a check lists.
+MAX_VIOLATIONS = 100
+
 SESSION = click.argument("session_file", type=click.Path(exists=True, dir_okay=False))
 
 
 @click.group()
 def command() -> None:
-    """Summarise, export or repair a recorded session."""
+    """Summarise, check, export or repair a recorded session."""
 
 
 @command.command()
@@ -36,6 +41,36 @@ def info(session_file: str, as_json: bool) -> None:
     with counting("ticks read") as count:
         summary = summarize(Session(Path(session_file), count))
     click.echo(json.dumps(asdict(summary)) if as_json else str(summary))
+
+
+@command.command()
+@SESSION
+@click.option("--json", "as_json", is_flag=True, help="Print the violations as JSON.")
+def check(session_file: str, as_json: bool) -> None:
+    """Check the motion of SESSION_FILE against the rules, from its records alone.
+
+    Limits of position, velocity, acceleration and jerk; no jump at arming; an emergency stop within its tick;
+    growing time; an event for every fault. Exit code 1 when a rule was broken.
+    """
+    from contid.session.check import check_session
+    from contid.session.read import Session
+
+    with counting("ticks read") as count:
+        session = Session(Path(session_file), count)
+        found = list(islice(check_session(session), MAX_VIOLATIONS + 1))
+    more = len(found) > MAX_VIOLATIONS
+    found = found[:MAX_VIOLATIONS]
+    if as_json:
+        click.echo(
+            json.dumps({"ok": not found, "more": more, "violations": [asdict(each) for each in found]})
+        )
+    else:
+        lines = [*map(str, found), "further violations are not listed"] if more else [*map(str, found)]
+        click.echo("\n".join(lines) or "no rule of motion was broken")
+    if session.cut and not more:
+        click.echo(f"contid: {session.path}: {session.cut}; checked as far as it goes", err=True)
+    if found:
+        sys.exit(1)
 
 
 @command.command()

@@ -1,0 +1,189 @@
+"""Checks a recorded session against the rules of motion, independently of the code that moved the robots.
+
+Only records, events and the limits of the robot file are used, neither the limiter nor the tick.
+
+| rule | what must hold |
+|---|---|
+| time | ticks and deadlines grow; every missing tick is counted as skipped or lost |
+| position | a command is inside the limits of its axis; from outside it never goes further out |
+| velocity, acceleration | differences of consecutive commands, from standstill at the first |
+| jerk | third differences within one planned motion (not RUN, which follows a trajectory) |
+| arming | the first command is at the measured position |
+| estop | no command in the tick after an emergency stop, and OFF (a fault stays) |
+| fault | every fault has its event; FAULT is left after `clear_fault` or `recover` only |
+"""
+
+from __future__ import annotations
+
+import math
+from collections import deque
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
+from typing import Final
+
+from contid.control.engine.events import FaultLatched, OrderGiven, RecorderOverrun, RunEvent
+from contid.control.engine.tick_layout import RobotRecord, TickRecord
+from contid.control.engine.wiring import build_robot_configs
+from contid.control.tick.config import RobotConfig
+from contid.control.tick.supervisor import Mode
+from contid.session.read import Session
+
+#: Rounding of float64 in commands, as a share of their largest value.
+_ROUNDING: Final = 1e-9
+#: The profiles of planned motions come from another library: rounding of its times.
+_JERK_ROUNDING: Final = 1e-3
+#: First command and measurement may differ by the resolution of a device: this share of the travel.
+ARMING_SHARE: Final = 0.005
+
+
+@dataclass(frozen=True, slots=True)
+class Violation:
+    """A rule that a tick broke.
+
+    Attributes:
+        tick: number of the tick.
+        robot: its name; "" for the whole run.
+        rule: of the table of this module.
+        message: with the figures in SI.
+    """
+
+    tick: int
+    robot: str
+    rule: str
+    message: str
+
+    def __str__(self) -> str:
+        """One line."""
+        return f"tick {self.tick}: {f'{self.robot}: ' if self.robot else ''}{self.rule}: {self.message}"
+
+
+def check_session(session: Session) -> Iterator[Violation]:
+    """Violations in the order of the ticks.
+
+    Raises:
+        SessionError: the session has no robot file that this version reads.
+    """
+    configs = {config.name: config for config in build_robot_configs(session.robot_file(), session.rate_hz)}
+    robots = [_RobotCheck(configs[robot.name]) for robot in session.layout.robots]
+    events: list[RunEvent] = []
+    before: TickRecord | None = None
+    for entry in session.entries():
+        if entry.event is not None:
+            events.append(entry.event)
+        if entry.values is None:
+            continue
+        record = session.layout.decode(tuple(entry.values))
+        lost = any(isinstance(event, RecorderOverrun) for event in events)
+        gap = before is None or lost
+        if before is not None:
+            yield from _time(before, record, lost)
+        for robot, now in zip(robots, record.robots, strict=True):
+            if gap:
+                robot.forget()
+            for rule, message in robot.tick(record.tick, now, events):
+                yield Violation(record.tick, robot.name, rule, message)
+        before, events = record, []
+
+
+def _time(before: TickRecord, now: TickRecord, lost: bool) -> Iterator[Violation]:
+    if not (now.tick > before.tick and now.deadline_s > before.deadline_s and now.skipped >= before.skipped):
+        yield Violation(now.tick, "", "time", f"tick or deadline not after those of tick {before.tick}")
+    elif not lost and now.tick - before.tick != 1 + now.skipped - before.skipped:
+        skipped = now.skipped - before.skipped
+        yield Violation(now.tick, "", "time", f"follows tick {before.tick}, with {skipped} skipped between")
+
+
+class _RobotCheck:
+    """The ticks of one robot."""
+
+    def __init__(self, config: RobotConfig) -> None:
+        self.name = config.name
+        self._config = config
+        h = config.period_s
+        self._most = (config.velocity * h, config.acceleration * h * h, config.jerk * h**3)
+        self._travel = [axis.upper - axis.lower for axis in config.limits]
+        self._room = [_ROUNDING * max(abs(axis.lower), abs(axis.upper)) for axis in config.limits]
+        self.forget()
+
+    def forget(self) -> None:
+        """Records are missing: nothing is compared with earlier ones."""
+        self._before: RobotRecord | None = None
+        self._steps: Sequence[float] | None = None
+        self._planned: deque[tuple[float, ...]] = deque(maxlen=4)
+        self._sent = True
+        self._cleared = False
+
+    def tick(self, tick: int, now: RobotRecord, events: Sequence[RunEvent]) -> Iterator[tuple[str, str]]:
+        """Rules broken in a tick, with messages."""
+        orders = [each.order for each in events if isinstance(each, OrderGiven) and self._meant(each)]
+        before = self._before
+        yield from self._faults(before, now, events, [str(order["order"]) for order in orders])
+        command = tuple([axis.command for axis in now.axes])
+        sent = not any(math.isnan(axis.device) for axis in now.axes)
+        if orders and orders[-1]["order"] == "estop" and (sent or now.mode not in (Mode.OFF, Mode.FAULT)):
+            yield "estop", f"{Mode(now.mode).name}{', commanded' if sent else ''} in the tick of the order"
+        if sent and before is not None:
+            yield from self._motion(before, now, command, disturbed=bool(events))
+        if not sent:
+            self._steps = None
+            self._planned.clear()
+        self._before, self._sent = now, sent
+
+    def _meant(self, event: OrderGiven) -> bool:
+        robots = event.order.get("robots")
+        return robots is None or self.name in robots
+
+    def _faults(
+        self, before: RobotRecord | None, now: RobotRecord, events: Sequence[RunEvent], orders: Sequence[str]
+    ) -> Iterator[tuple[str, str]]:
+        was = Mode.OFF if before is None else before.mode
+        self._cleared = bool({"clear_fault", "recover"} & {*orders}) or (
+            self._cleared and was == Mode.FAULT == now.mode
+        )
+        if now.mode == Mode.FAULT and was != Mode.FAULT and before is not None:
+            reported = [each for each in events if isinstance(each, FaultLatched) and each.robot == self.name]
+            if not any(each.fault == now.fault for each in reported):
+                yield "fault", f"fault {now.fault} without its event"
+        if was == Mode.FAULT != now.mode and not self._cleared:
+            yield "fault", f"{Mode(now.mode).name} after FAULT without an order to clear it"
+
+    def _motion(
+        self, before: RobotRecord, now: RobotRecord, command: tuple[float, ...], disturbed: bool
+    ) -> Iterator[tuple[str, str]]:
+        last = tuple([axis.command for axis in before.axes])
+        first = not self._sent or any(map(math.isnan, last))
+        if first:
+            yield from self._arming(before, command)
+            if any(map(math.isnan, last)):
+                last = command
+        steps = [new - old for new, old in zip(command, last, strict=True)]
+        most_step, most_change, most_jerk = self._most
+        for k, (axis, limits) in enumerate(zip(self._config.axes, self._config.limits, strict=True)):
+            room, value, old = self._room[k], command[k], last[k]
+            if not min(limits.lower, old) - room <= value <= max(limits.upper, old) + room:
+                yield "position", f"{axis} at {value:.9g}, limits {limits.lower:.9g} to {limits.upper:.9g}"
+            if abs(steps[k]) > most_step * (1.0 + _ROUNDING) + room:
+                yield "velocity", f"{axis} {steps[k] / most_step:.6g} times its limit"
+            change = steps[k] - (0.0 if self._steps is None else self._steps[k])
+            if abs(change) > most_change * (1.0 + _ROUNDING) + 2.0 * room:
+                yield "acceleration", f"{axis} {change / most_change:.6g} times its limit"
+        limited = any(axis.limits > 0.0 for axis in now.axes)
+        if now.mode == Mode.RUN or now.mode != before.mode or disturbed or limited:
+            self._planned.clear()
+        self._planned.append(command)
+        if len(self._planned) == 4:
+            for k, (a, b, c, d) in enumerate(zip(*self._planned, strict=True)):
+                third = d - 3.0 * c + 3.0 * b - a
+                if abs(third) > most_jerk * (1.0 + _JERK_ROUNDING) + 8.0 * self._room[k]:
+                    yield "jerk", f"{self._config.axes[k]} {third / most_jerk:.6g} times its limit"
+        self._steps = steps
+
+    def _arming(self, before: RobotRecord, command: tuple[float, ...]) -> Iterator[tuple[str, str]]:
+        values = tuple([axis.value for axis in before.axes])
+        if any(map(math.isnan, values)):
+            yield "arming", "the first command has no measurement before it"
+            return
+        present = self._config.transmission.to_actuation(values)
+        for axis, new, old, travel in zip(self._config.axes, command, present, self._travel, strict=True):
+            if abs(new - old) > ARMING_SHARE * travel + self._most[0]:
+                yield "arming", f"{axis} begins at {new:.6g}, measured {old:.6g}"

@@ -1,0 +1,167 @@
+"""The check of sessions: nothing in good runs, every rule in changed ones."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Callable, Iterator
+from dataclasses import replace
+from pathlib import Path
+
+import pytest
+
+from contid.cli.commands.session import MAX_VIOLATIONS
+from contid.control.engine import messages as msg
+from contid.control.engine.cycle import OnEnd
+from contid.control.engine.events import FaultLatched, OrderGiven
+from contid.control.engine.tick_layout import SKIPPED, TICK
+from contid.control.process.setup import RunSetup
+from contid.control.tick.supervisor import Mode
+from contid.robot_file.load import parse_robot_file
+from contid.session.check import check_session
+from contid.session.format.entries import Entry
+from contid.session.read import Session
+from contid.session.recording_observer import RecordingObserver
+from contid.targets import Target
+from tests.session.runs import RUNS, record_virtual
+from tests.support.command import contid
+from tests.support.fingers import circle, fingers, load, run_virtual
+
+HERE, THERE = Target(tip_m=(0.05, 0.075, 0.0)), Target(tip_m=(0.045, 0.08, 0.0))
+GOLDEN = sorted((Path(__file__).parents[1] / "golden").glob("*.mcap"))
+
+
+@pytest.fixture(scope="module")
+def run(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """One finger: a move, a stop on its way, an emergency stop, another start, a trajectory."""
+    loaded = load(1)
+    orders: dict[int, list[msg.Message]] = {
+        50: [msg.Goto("f0", HERE)],
+        300: [msg.Goto("f0", THERE)],
+        320: [msg.Hold()],
+        400: [msg.Goto("f0", HERE)],
+        410: [msg.Estop()],
+        500: [msg.Resume()],
+        700: [msg.Goto("f0", THERE)],
+        900: [msg.Play(circle(loaded))],
+        901: [msg.Resume()],
+    }
+    path = tmp_path_factory.mktemp("check") / "run.mcap"
+    return record_virtual(path, loaded, None, orders, ticks=1400)
+
+
+def rules(session: Session) -> set[str]:
+    return {violation.rule for violation in check_session(session)}
+
+
+@pytest.mark.parametrize("path", GOLDEN, ids=[path.stem for path in GOLDEN])
+def test_golden_sessions_break_no_rule(path: Path) -> None:
+    assert not rules(Session(path))
+
+
+@pytest.mark.parametrize("name", RUNS)
+def test_runs_with_trackers_loads_and_faults_break_no_rule(name: str, tmp_path: Path) -> None:
+    assert not rules(Session(RUNS[name](tmp_path / "run.mcap")))
+
+
+def test_orders_stops_and_new_starts_break_no_rule(run: Path) -> None:
+    assert list(check_session(Session(run))) == []
+
+
+class Changed(Session):
+    """A session whose entries pass through a function; None drops one."""
+
+    def __init__(self, path: Path, change: Callable[[Session, Entry], Entry | None]) -> None:
+        super().__init__(path)
+        self._change = change
+
+    def entries(self) -> Iterator[Entry]:
+        for entry in super().entries():
+            changed = self._change(self, entry)
+            if changed is not None:
+                yield changed
+
+
+def add(tick: int, name: str, value: float) -> Callable[[Session, Entry], Entry]:
+    """Adds to a value of the first axis from a tick on."""
+
+    def change(session: Session, entry: Entry) -> Entry:
+        if entry.values is None or entry.values[TICK] < tick:
+            return entry
+        values = list(entry.values)
+        values[session.layout.axis_place(0, 0, name)] += value
+        return replace(entry, values=values)
+
+    return change
+
+
+def once(tick: int, change: Callable[[Session, list[float]], None]) -> Callable[[Session, Entry], Entry]:
+    """Changes the record of one tick."""
+
+    def changed(session: Session, entry: Entry) -> Entry:
+        if entry.values is None or entry.values[TICK] != tick:
+            return entry
+        values = list(entry.values)
+        change(session, values)
+        return replace(entry, values=values)
+
+    return changed
+
+
+def mode(number: Mode) -> Callable[[Session, list[float]], None]:
+    def change(session: Session, values: list[float]) -> None:
+        values[session.layout.robot_place(0, "mode")] = number
+
+    return change
+
+
+def skip(session: Session, values: list[float]) -> None:
+    values[SKIPPED] += 1
+
+
+def without(kind: type) -> Callable[[Session, Entry], Entry | None]:
+    return lambda _, entry: None if isinstance(entry.event, kind) else entry
+
+
+#: Each with the rules that it breaks: the standing robot at tick 250, its move at 80, the circle at 1200.
+CHANGES: list[tuple[str, Callable[[Session, Entry], Entry | None], set[str]]] = [
+    ("lost tick", lambda _, e: None if e.values is not None and e.values[TICK] == 250 else e, {"time"}),
+    ("wrong count", once(250, skip), {"time"}),
+    ("far out", add(250, "command", 0.06), {"position", "velocity", "acceleration", "jerk", "arming"}),
+    ("jump", add(250, "command", 0.001), {"velocity", "acceleration", "jerk", "arming"}),
+    ("jolt", add(250, "command", 4e-5), {"acceleration", "jerk"}),
+    ("jerk", add(80, "command", 8e-6), {"jerk"}),
+    ("jump at arming", add(0, "value", 0.3), {"arming"}),
+    ("deaf to the stop", once(410, mode(Mode.HOLD)), {"estop"}),
+    ("fault in silence", once(250, mode(Mode.FAULT)), {"fault"}),
+]
+
+
+@pytest.mark.parametrize(("change", "expected"), [each[1:] for each in CHANGES], ids=[c[0] for c in CHANGES])
+def test_every_rule_finds_what_breaks_it(
+    run: Path, change: Callable[[Session, Entry], Entry | None], expected: set[str]
+) -> None:
+    assert rules(Changed(run, change)) == expected
+
+
+def test_a_fault_without_its_event_and_without_its_order(tmp_path: Path) -> None:
+    path = RUNS["faulty_fingers"](tmp_path / "run.mcap")
+    assert rules(Changed(path, without(FaultLatched))) == {"fault"}
+    assert rules(Changed(path, without(OrderGiven))) == set()
+
+
+def test_the_command_lists_violations_and_ends_with_1(run: Path, tmp_path: Path) -> None:
+    done = contid("session", "check", str(run), "--json")
+    assert (done.returncode, json.loads(done.stdout)) == (0, {"ok": True, "more": False, "violations": []})
+    assert contid("session", "check", str(run)).stdout == "no rule of motion was broken\n"
+    # The run of a fast robot, recorded with the file of a slow one.
+    slow = parse_robot_file(fingers(1).replace("velocity_mm_s: 100", "velocity_mm_s: 10"), "fingers.yaml")
+    recording = RecordingObserver(tmp_path / "slow.mcap", {"mock": "False", "input": "test"}, host="test")
+    loaded = load(1)
+    sink = recording.follow(RunSetup(slow, 200.0, tmp_path, None, OnEnd.STOP, attended=False))
+    run_virtual(loaded, 200.0, circle(loaded), sinks=[sink])
+    recording.detach()
+    done = contid("session", "check", str(tmp_path / "slow.mcap"))
+    assert done.returncode == 1
+    lines = done.stdout.splitlines()
+    assert len(lines) == MAX_VIOLATIONS + 1
+    assert all("f0: velocity: f0." in line for line in lines[:-1])
