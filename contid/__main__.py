@@ -1,6 +1,6 @@
 """Entry point of ``python -m contid``."""
 
-from contid.cli.main import main
+from contid.entry import main
 
 if __name__ == "__main__":
     main()

@@ -17,7 +17,7 @@ from typing import Any, BinaryIO, Final
 from contid.session.format import mcap_records as mcap
 from contid.session.format.channels import TICK_CHANNELS
 from contid.session.format.mcap_records import MESSAGE_INSIDE, RECORD, RecordStream
-from contid.session.output import exists_error, replacing
+from contid.session.output import PRIVATE, exists_error, replacing
 
 CHUNK_BYTES: Final = 1 << 20
 LEVEL: Final = 3
@@ -61,7 +61,7 @@ def compact(
     if target is not None and target.exists():
         raise exists_error(target)
     target = target or source
-    with replacing(target) as new, source.open("rb") as old:
+    with replacing(target, PRIVATE) as new, source.open("rb") as old:
         _Compactor(new, max_ticks).copy(RecordStream(old), note or {})
     return target
 

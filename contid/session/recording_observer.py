@@ -15,7 +15,7 @@ from typing import Final
 from contid.control.daemon.spawn import ENVIRONMENT
 from contid.control.engine.cycle import Sink
 from contid.control.engine.messages import Message, Play
-from contid.control.process.ring import folder
+from contid.control.process.ring import ATTACHED_FILES, folder
 from contid.control.process.setup import RunSetup
 from contid.errors import ContidError
 from contid.session.compact import compact
@@ -45,6 +45,7 @@ class RecordingObserver:
         self._process: subprocess.Popen[bytes] | None = None
         self._writer: SessionWriter | None = None
         self._played = 0
+        self._sent: list[Path] = []
 
     def attach(self, setup: RunSetup, pid: int) -> None:
         """Start the recorder's process and wait until it has created its file.
@@ -93,13 +94,38 @@ class RecordingObserver:
         if self._writer is not None:
             self._writer.attach(name, NPZ, data, metadata)
         elif self._process is not None and self._process.stdin is not None:
-            # As a file: a pipe would block the daemon until the recorder has read it.
-            descriptor, path = tempfile.mkstemp(".npz", "contid-", folder())
+            self._send(Attached(name, metadata, str(self._shared(data))))
+
+    def _shared(self, data: bytes) -> Path:
+        """Data as a file in shared memory: a pipe would block the daemon until the recorder has read it.
+
+        Raises:
+            ContidError: there is no space; the trajectory is not in the recording.
+        """
+        front, back = ATTACHED_FILES.split("*")
+        path = None
+        try:
+            descriptor, name = tempfile.mkstemp(back, f"{front}{os.getpid()}-", folder())
+            path = Path(name)
             with os.fdopen(descriptor, "wb") as file:
                 file.write(data)
-            with suppress(BrokenPipeError):
-                self._process.stdin.write(Attached(name, metadata, path).line())
-                self._process.stdin.flush()
+        except OSError as error:
+            if path is not None:
+                path.unlink(missing_ok=True)
+            message = f"{self.path}: lacks the trajectory of a move, so it cannot be replayed from there"
+            raise ContidError(f"{message}: {folder()}: {error.strerror}") from error
+        self._sent.append(path)
+        return path
+
+    def _send(self, attached: Attached) -> None:
+        """Name a file to the recorder, which removes it; without a recorder it is removed here."""
+        assert self._process is not None
+        assert self._process.stdin is not None
+        try:
+            self._process.stdin.write(attached.line())
+            self._process.stdin.flush()
+        except BrokenPipeError:
+            Path(attached.path).unlink(missing_ok=True)
 
     def detach(self) -> Sequence[str]:
         """Wait until the session is complete; returns errors."""
@@ -121,6 +147,8 @@ class RecordingObserver:
             process.stdin.close()
         try:
             process.wait(timeout_s)
+            for path in self._sent:  # a recorder that was killed has not removed them
+                path.unlink(missing_ok=True)
         except subprocess.TimeoutExpired:
             process.stdout.close()
             return (f"{self.path}: complete; it is still being compacted",)

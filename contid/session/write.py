@@ -23,7 +23,7 @@ from contid.session.format import mcap_records as mcap
 from contid.session.format.channels import CHANNELS, EVENT, schema
 from contid.session.format.encode import Encoder
 from contid.session.format.header import Header
-from contid.session.output import exists_error
+from contid.session.output import PRIVATE, exists_error
 
 #: Bytes collected before a write in virtual time, where no reader follows the file.
 _BUFFER_BYTES: Final = 1 << 20
@@ -45,7 +45,7 @@ class SessionWriter:
         self._time_ns = header.wall_ns
         self._sequence = 0
         try:
-            self._file = os.open(path, os.O_WRONLY | os.O_CREAT | os.O_EXCL, 0o644)
+            self._file = os.open(path, os.O_WRONLY | os.O_CREAT | os.O_EXCL | os.O_NOFOLLOW, PRIVATE)
         except FileExistsError:
             raise exists_error(path) from None
         except OSError as error:

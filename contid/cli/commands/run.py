@@ -43,7 +43,9 @@ if TYPE_CHECKING:
     is_flag=True,
     help="Connect, read, and wait without torque until `contid resume`: for services that restart.",
 )
-@click.option("--log", type=click.Path(dir_okay=False), help="Write every command to a CSV, exact floats.")
+@click.option(
+    "--log", type=click.Path(dir_okay=False), help="Write every command to a new CSV, exact floats."
+)
 @click.option(
     "--record",
     type=NewFile(dir_okay=False),

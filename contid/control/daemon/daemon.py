@@ -35,6 +35,7 @@ from contid.control.engine.tick_layout import RecordLayout, TickRecord
 from contid.control.engine.wiring import record_layout
 from contid.control.process.log_queue import LogQueue, handle_logs
 from contid.control.process.setup import RunSetup
+from contid.errors import ContidError
 from contid.robot_file.load import LoadedFile
 from contid.trajectory.timed import Trajectory
 
@@ -113,7 +114,11 @@ class Daemon:
         """Give the observers the trajectory of an order before the control process gets it."""
         if isinstance(message, Play):
             for observer in self._options.observers:
-                observer.before_order(message)
+                try:
+                    observer.before_order(message)
+                except ContidError as error:  # a full disk or memory stops no move
+                    self._report.problem(str(error))
+                    log.warning(str(error))
 
     def newest(self) -> TickRecord | None:
         """See `RunControl.newest`."""

@@ -91,7 +91,11 @@ class RunObserver(Protocol):
         """The same for a run in virtual time, which has no ring: returns a sink in this process."""
 
     def before_order(self, message: Message) -> None:
-        """An order is about to be sent; events do not hold the trajectory of a `Play`."""
+        """An order is about to be sent; events do not hold the trajectory of a `Play`.
+
+        Raises:
+            ContidError: the trajectory is not kept; the order is carried out all the same.
+        """
 
     def detach(self) -> Sequence[str]:
         """The ring is finished: read the rest and end within a bounded time; returns problems to report."""

@@ -8,19 +8,27 @@ digits that read back to the same float64.
 from __future__ import annotations
 
 import math
+import os
+import stat
 from pathlib import Path
 
 from contid.control.engine.events import RunEvent
 from contid.control.engine.tick_layout import RecordLayout, TickRecord
 from contid.control.tick.supervisor import Mode
+from contid.errors import ContidError
 
 
 class CommandLog:
     """Writes records as lines; also a sink of the engine."""
 
     def __init__(self, path: Path, layout: RecordLayout) -> None:
+        """Create the file.
+
+        Raises:
+            ContidError: it exists, or cannot be created.
+        """
         self._layout = layout
-        self._file = path.open("w", encoding="ascii", newline="\n", buffering=1)
+        self._file = os.fdopen(_created(path), "w", encoding="ascii", newline="\n", buffering=1)
         columns = ["tick", "source_s"]
         for robot in layout.robots:
             columns.append(f"{robot.name}.mode")
@@ -51,3 +59,22 @@ class CommandLog:
 
 def _exact(value: float) -> str:
     return "" if math.isnan(value) else repr(value)
+
+
+def _created(path: Path) -> int:
+    """The descriptor of a new file that only its owner may read, or of a device or pipe.
+
+    Raises:
+        ContidError: a file or a link of this name exists, or it cannot be created.
+    """
+    flags = os.O_WRONLY | os.O_NOFOLLOW | os.O_CLOEXEC
+    try:
+        try:
+            return os.open(path, flags | os.O_CREAT | os.O_EXCL, 0o600)
+        except FileExistsError:
+            kind = path.lstat().st_mode
+            if not stat.S_ISCHR(kind) and not stat.S_ISFIFO(kind):
+                raise ContidError(f"{path}: file exists; command logs are never overwritten") from None
+            return os.open(path, flags)
+    except OSError as error:
+        raise ContidError(f"{path}: cannot write the command log: {error.strerror}") from error

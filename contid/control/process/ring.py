@@ -45,6 +45,8 @@ SECONDS: Final = 8.0
 STALE_S: Final = 60.0
 #: Files of arrays sent to the control process (`contid.control.process.pipe.BulkMessage`).
 BULK_FILES: Final = "contid-*.bulk"
+#: Trajectories for the recorder (`contid.session.recording_observer`).
+ATTACHED_FILES: Final = "contid-*.npz"
 U64: Final = struct.Struct("=Q")
 F64: Final = struct.Struct("=d")
 EVENT: Final = struct.Struct("=QIHH")  # stamp, bytes of this part, parts before it, parts after it
@@ -63,7 +65,8 @@ def folder() -> Path:
 
 def sweep() -> None:
     """Remove the rings and array files of killed runs, which no process has open."""
-    for path in (*folder().glob("contid-*.ring"), *folder().glob(BULK_FILES)):
+    patterns = ("contid-*.ring", BULK_FILES, ATTACHED_FILES)
+    for path in (path for pattern in patterns for path in folder().glob(pattern)):
         with suppress(OSError), path.open("rb") as file:
             if time.time() - os.fstat(file.fileno()).st_mtime > STALE_S:
                 fcntl.flock(file, fcntl.LOCK_EX | fcntl.LOCK_NB)

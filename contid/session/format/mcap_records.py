@@ -29,9 +29,9 @@ _READ: Final = 1 << 20
 _CUT_CHUNK: Final = -1
 #: No record of a session is longer; a length beyond it is damage.
 _MAX_RECORD_BYTES: Final = 1 << 32
-#: A chunk that declares or holds more bytes than this is damaged, or made to fill the memory. The size in its
-#: compressed frame is not used.
-MAX_CHUNK_BYTES: Final = 1 << 28
+#: A chunk that declares or holds more bytes than this is damaged, or made to fill the memory; those of contid
+#: have 1 MB. The size in its compressed frame is not used.
+MAX_CHUNK_BYTES: Final = 1 << 25
 
 
 class DamagedRecordError(ContidError):

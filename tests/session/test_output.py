@@ -1,0 +1,90 @@
+"""Files of sessions: complete or absent, also after a kill, and private."""
+
+from __future__ import annotations
+
+import errno
+import os
+import signal
+import stat
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+
+from contid.control.engine.command_log import CommandLog
+from contid.control.engine.wiring import record_layout
+from contid.errors import ContidError
+from contid.session.compact import compact
+from contid.session.output import replacing
+from tests.support.fingers import load
+
+KILLED = """
+import os, signal, sys
+from pathlib import Path
+from contid.session.output import replacing
+with replacing(Path(sys.argv[1])) as file:
+    file.write(b"new")
+    file.flush()
+    os.kill(os.getpid(), signal.SIGKILL)
+"""
+
+
+def test_a_killed_writer_leaves_the_old_file_and_nothing_else(tmp_path: Path) -> None:
+    path = tmp_path / "s.mcap"
+    path.write_bytes(b"old")
+    done = subprocess.run([sys.executable, "-c", KILLED, str(path)])
+    assert done.returncode == -signal.SIGKILL
+    assert [each.name for each in tmp_path.iterdir()] == ["s.mcap"]
+    assert path.read_bytes() == b"old"
+
+
+@pytest.mark.parametrize("nameless", [True, False])
+def test_a_file_is_replaced_in_one_step(
+    tmp_path: Path, nameless: bool, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Not every file system makes files without a name."""
+    if not nameless:
+        opened = os.open
+
+        def refusing(path: str, flags: int, mode: int = 0o777, **keys: int) -> int:
+            if flags & os.O_TMPFILE == os.O_TMPFILE:
+                raise OSError(errno.EOPNOTSUPP, "not supported")
+            return opened(path, flags, mode, **keys)
+
+        monkeypatch.setattr("contid.session.output.os.open", refusing)
+    path = tmp_path / "table.csv"
+    with replacing(path) as file:
+        file.write(b"one")
+    path.chmod(0o640)
+    with replacing(path) as file:
+        file.write(b"two")
+    assert path.read_bytes() == b"two"
+    assert stat.S_IMODE(path.stat().st_mode) == 0o640
+    with pytest.raises(ContidError, match="No space left"), replacing(path):
+        raise OSError(errno.ENOSPC, os.strerror(errno.ENOSPC))
+    assert path.read_bytes() == b"two"
+    assert len(list(tmp_path.iterdir())) == 1
+
+
+def test_a_session_is_for_its_owner_only(growing: Path, tmp_path: Path) -> None:
+    assert stat.S_IMODE(growing.stat().st_mode) == 0o600
+    assert stat.S_IMODE(compact(growing, tmp_path / "c.mcap").stat().st_mode) == 0o600
+
+
+def test_a_command_log_is_new_and_private(tmp_path: Path) -> None:
+    layout = record_layout(load(1), 200.0)
+    path, victim, link = tmp_path / "log.csv", tmp_path / "victim", tmp_path / "link"
+    CommandLog(path, layout).close()
+    assert stat.S_IMODE(path.stat().st_mode) == 0o600
+    victim.write_text("precious")
+    link.symlink_to(victim)
+    (tmp_path / "dangling").symlink_to(tmp_path / "elsewhere")
+    for taken in (path, victim, link, tmp_path / "dangling"):
+        with pytest.raises(ContidError, match="never overwritten"):
+            CommandLog(taken, layout)
+    assert victim.read_text() == "precious"
+    assert not (tmp_path / "elsewhere").exists()
+    with pytest.raises(ContidError, match="No such file"):
+        CommandLog(tmp_path / "absent" / "log.csv", layout)
+    CommandLog(Path(os.devnull), layout).close()
