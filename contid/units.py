@@ -11,6 +11,11 @@ DEG: Final = math.pi / 180.0
 # Metres from millimetres by division: 70 / 1000 is the nearest double to 0.07, 70 * 1e-3 is not.
 MM_PER_M: Final = 1e3
 
+# Actuation that exceeds a limit by less counts as inside and is clamped: 1e-6 mm and 1e-9 bar, far below any
+# actuator, far above the rounding of a row that went through text.
+LIMIT_TOLERANCE_M: Final = 1e-9
+LIMIT_TOLERANCE_PA: Final = 1e-4
+
 
 def mm_to_m(value_mm: float) -> float:
     """Millimetres to metres, correctly rounded."""

@@ -59,6 +59,14 @@ class Quantity(enum.StrEnum):
         """Edge units per SI unit: 1000 mm per m, 1e-5 bar per Pa."""
         return MM_PER_M if self is Quantity.LENGTH else 1.0 / BAR
 
+    def to_si(self, value: float) -> float:
+        """A number of a file or row, in mm or bar, as m or Pa."""
+        return value / MM_PER_M if self is Quantity.LENGTH else value * BAR
+
+    def from_si(self, value: float) -> float:
+        """M or Pa as mm or bar, correctly rounded: `to_si` gives back every limit of a file exactly."""
+        return value * MM_PER_M if self is Quantity.LENGTH else value / BAR
+
     @property
     def unit(self) -> str:
         """Suffix of keys and columns in this quantity."""

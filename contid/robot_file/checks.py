@@ -197,7 +197,7 @@ def _check_rest(document: Document, at: KeyPath, robot: RobotDescription) -> Ite
     limits = zip(robot.axis_names, robot.rest, robot.lower, robot.upper, written, strict=True)
     for index, (name, rest, low, high, value) in enumerate(limits):
         if not low <= rest <= high:
-            low, high = (end * robot.quantity.per_si for end in (low, high))
+            low, high = (robot.quantity.from_si(end) for end in (low, high))
             message = f"rest_{unit}: {value:g} for {name} is outside its limits {low:g} to {high:g} {unit}"
             yield document.at_value((*here, index), message)
 

@@ -120,7 +120,7 @@ class RobotDescription(Strict):
         """The rest pose [m or Pa]: as written, else half-way for lengths, minimum for pressures."""
         written = self.rest_mm if self.quantity is Quantity.LENGTH else self.rest_bar
         if written is not None:
-            return tuple(value / self.quantity.per_si for value in written)
+            return tuple(self.quantity.to_si(value) for value in written)
         if self.quantity is Quantity.PRESSURE:
             return self.lower
         return tuple((low + high) / 2.0 for low, high in zip(self.lower, self.upper, strict=True))
@@ -144,4 +144,4 @@ class RobotDescription(Strict):
         value: float | None = getattr(self.rates, f"{what}_{self.quantity.unit}{per}")
         if value is None:
             raise ValueError(f"rates.{what}_{self.quantity.unit}{per} is missing")
-        return value / self.quantity.per_si
+        return self.quantity.to_si(value)

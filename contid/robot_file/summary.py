@@ -95,12 +95,12 @@ def summarise(loaded: LoadedFile) -> FileReport:
 
 
 def _robot(loaded: LoadedFile, name: str, robot: RobotDescription) -> RobotReport:
-    per_si = robot.quantity.per_si
+    from_si = robot.quantity.from_si
     limits = {
-        axis: (low * per_si, high * per_si)
+        axis: (from_si(low), from_si(high))
         for axis, low, high in zip(robot.axis_names, robot.lower, robot.upper, strict=True)
     }
-    limits |= {axis: (low * per_si, high * per_si) for axis, (low, high) in robot.extra_limits.items()}
+    limits |= {axis: (from_si(low), from_si(high)) for axis, (low, high) in robot.extra_limits.items()}
     axes: list[AxisReport] = []
     for axis, description in robot.axes.items():
         bus = loaded.buses[description.bus]

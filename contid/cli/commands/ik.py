@@ -46,13 +46,13 @@ def command(robot_file: str, rows: str | None, bare: bool, as_json: bool) -> Non
             found = models[name].inverse(frames[name].target_in_base(target), seeds[name])
             seeds[name] = found.actuation
             for axis, value in zip(robots[name].axis_names, found.actuation, strict=True):
-                cells[f"{here}{axis}_{quantity.unit}"] = value * quantity.per_si
+                cells[f"{here}{axis}_{quantity.unit}"] = quantity.from_si(value)
             if bare:
                 if not found.converged:
                     limits = f", limited by {' '.join(found.limited_by)}" if found.limited_by else ""
                     raise ValueError(f"{name}: out of reach by {m_to_mm(found.residual_m):.6g} mm{limits}")
                 cells |= {
-                    f"{here}{axis}_{quantity.unit}": v * quantity.per_si for axis, v in target.extra.items()
+                    f"{here}{axis}_{quantity.unit}": quantity.from_si(v) for axis, v in target.extra.items()
                 }
                 if "load" in robots[name].accepts:
                     cells |= {

@@ -15,7 +15,7 @@ from contid.kinematics.arc.task import Tuning, tuning_for
 from contid.kinematics.array import Array
 from contid.robot_file.sections import SectionRobot
 from contid.targets import ZERO3, Actuation, Pose, Solution, Target, Vec3
-from contid.units import m_to_mm
+from contid.units import LIMIT_TOLERANCE_M, m_to_mm
 
 
 class Solver(Protocol):
@@ -127,6 +127,8 @@ class SectionModel:
             return Solution(requested, 0.0, True)
         lengths = self.feasible.pulled(requested)
         actuation = tuple(float(value) for value in lengths)
+        if float(self.feasible.excess(np.array(requested)).max()) <= LIMIT_TOLERANCE_M:
+            return Solution(actuation, 0.0, True)
         residual_m = math.dist(vec3(np.array(self.forward(actuation).tip_m)), self.forward(requested).tip_m)
         off_m = float(np.abs(lengths - np.array(requested)).max())
         note = f"lengths moved by up to {m_to_mm(off_m):.6g} mm to stay inside the limits"

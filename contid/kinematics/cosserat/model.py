@@ -16,7 +16,7 @@ from contid.kinematics.cosserat.solve import Limits
 from contid.kinematics.cosserat.statics import sweep
 from contid.robot_file.cosserat import Cosserat, Orientation, SectionGeometry
 from contid.targets import ZERO3, Actuation, Pose, Solution, Target, Vec3
-from contid.units import BAR, MM_PER_M, mm_to_m
+from contid.units import BAR, LIMIT_TOLERANCE_PA, MM_PER_M, mm_to_m
 
 STANDARD_GRAVITY: Final = 9.81  # [m/s^2], the reference's
 ROLL_NOTE: Final = "orientation: full_rotation asks for a roll, which this arm cannot command"
@@ -174,8 +174,10 @@ class CosseratModel:
         )
         if actuation == requested:
             return Solution(actuation, 0.0, converged=True)
-        residual = math.dist(self.forward(actuation).tip_m, self.forward(requested).tip_m)
         off = max(abs(a - w) for a, w in zip(actuation, requested, strict=True))
+        if off <= LIMIT_TOLERANCE_PA:
+            return Solution(actuation, 0.0, converged=True)
+        residual = math.dist(self.forward(actuation).tip_m, self.forward(requested).tip_m)
         note = f"pressures moved by up to {off / BAR:.4g} bar to stay inside the limits"
         return Solution(actuation, residual, False, self._binding(actuation), note=note)
 

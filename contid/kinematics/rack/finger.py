@@ -24,7 +24,7 @@ from contid.kinematics.rack.finger_limits import RackFingerEnvelope
 from contid.kinematics.rack.planar_arc import cosc, cosc_derivative, sinc, sinc_derivative
 from contid.robot_file.rack_finger import RackFinger
 from contid.targets import ZERO3, Actuation, Pose, Solution, Target, Vec3
-from contid.units import MM_PER_M, m_to_mm
+from contid.units import LIMIT_TOLERANCE_M, MM_PER_M, m_to_mm
 
 # A target met to this distance counts as met [m]; the closed form is exact to ~1e-16 m.
 _TOLERANCE_M: Final = 1e-9
@@ -175,8 +175,9 @@ class RackFingerModel:
     def _clamped(self, requested: Actuation) -> Solution:
         actuation = self.envelope.clamp(requested)
         off = max(abs(a - w) for a, w in zip(actuation, requested, strict=True))
+        if off <= LIMIT_TOLERANCE_M:
+            return Solution(actuation, 0.0, converged=True)
         reached, goal = self.forward(actuation).tip_m, self.forward(requested).tip_m
-        names = () if off == 0.0 else self.envelope.binding(actuation)
-        residual = 0.0 if off == 0.0 else math.dist(reached, goal)
-        note = "" if off == 0.0 else f"racks moved by {m_to_mm(off):.6g} mm to stay inside the limits"
-        return Solution(actuation, residual, converged=off == 0.0, limited_by=names, note=note)
+        names = self.envelope.binding(actuation)
+        note = f"racks moved by {m_to_mm(off):.6g} mm to stay inside the limits"
+        return Solution(actuation, math.dist(reached, goal), converged=False, limited_by=names, note=note)
