@@ -74,8 +74,14 @@ SERVO_SWITCHES: Final = (
     Switch("silent", True, True), Switch("overload", True, True, 2), Switch("alert", True, True, 2),
     Switch("brownout", True, True), Switch("trip", True, True, 2), Switch("unplug", False, True, 2),
     Switch("drop", True), Switch("corrupt", True), Switch("duplicate", True), Switch("delay", True),
-    Switch("echo", False),
+    Switch("echo", False), Switch("late", False), Switch("latency", False), Switch("chunks", False),
+    Switch("hiccup", False), Switch("host", False), Switch("jam", True), Switch("freeze", True),
 )  # fmt: skip
+#: Values of the adapter's switches, and those that switch them off.
+ADAPTER: Final[dict[str, tuple[dict[str, float], ...]]] = {
+    "late": ({"ms": 3.0}, {"ms": 12.0}), "latency": ({"ms": 1.0}, {"ms": 16.0}), "host": ({"hz": 20.0},),
+    "chunks": ({"count": 7},), "hiccup": ({"ms": 4.0}, {"ms": 30.0}, {"ms": 120.0}),
+}  # fmt: skip
 BOARD_SWITCHES: Final = (
     Switch("silent", True, True), Switch("mute", False, True), Switch("reset", False, True),
     Switch("brown_out", False, True), Switch("freeze", False, True), Switch("unplug", False, True, 2),
@@ -278,6 +284,7 @@ class Wires:
             device = emulator.servos[axis].device if switch.on_axis else None
             more: dict[str, Any] = {"count": dice.randint(1, 6)} if switch.name in _COUNTED else {}
             more |= {"ms": dice.choice((2.0, 8.0))} if switch.name == "delay" else {}
+            more |= dice.choice(ADAPTER.get(switch.name, ({},)))
             emulator.set(switch.name, device, **more)
             return
         channel = {"channel": self._numbers(bus)[axis]} if switch.on_axis else {}
@@ -291,9 +298,13 @@ class Wires:
             for servo in emulator.servos:
                 emulator.set("silent", servo.device, on=False)
                 emulator.set("delay", servo.device, ms=0.0)
+                emulator.set("jam", servo.device, on=False)
+                emulator.set("freeze", servo.device, on=False)
                 for name in _COUNTED:
                     emulator.set(name, servo.device, count=0)
             emulator.set("echo", on=False)
+            for name in ADAPTER:
+                emulator.set(name, count=0)
             if not Path(emulator.port).is_symlink():
                 emulator.set("replug")
         for bus, board in self.boards.items():

@@ -116,7 +116,7 @@ class DynamixelBus:
     def close(self) -> None:
         """See `contid.hal.Bus.close`."""
         if self._cyclic is not None and any(dataclasses.astuple(self._cyclic.counts)):
-            log.info("%s: %s", self.name, self._cyclic.counts)
+            log.warning("%s: %s in this run", self.name, self._cyclic.counts)
         if self._port is not None:
             self._port.close()
         self._port = self._client = self._cyclic = self._lost = None
@@ -160,6 +160,8 @@ class DynamixelBus:
         """Long-silent servos go last, and the late answers of this exchange are no answers to a request."""
         assert self._client is not None
         missing = [axis for axis in self._states.values() if axis.misses]
+        if not missing and not cyclic.disturbed:
+            return
         self._client.expect_late(axis.device for axis in missing)
         cyclic.put_last([axis.device for axis in missing if axis.misses > 1])
         if cyclic.counts.late and not self._late_logged:

@@ -188,7 +188,7 @@ class Cyclic:
         }
         self._numbered = dict.fromkeys(numbered_blocks(layout), 0.0)
         self._orderly = ORDERLY
-        self._reads: dict[tuple[Block, bool], bytes] = {}
+        self._reads: dict[tuple[int, bool], bytes] = {}
 
     def timeout_s(self, full: bool = True) -> float:
         """Time-out of the answers from the end of the instruction [s]."""
@@ -210,6 +210,11 @@ class Cyclic:
             return float((8 + count * (size + 4)) * self.port.byte_s + self.port.return_delay_s)
         return float(count * ((size + STATUS_OVERHEAD) * self.port.byte_s + self.port.return_delay_s))
 
+    @property
+    def disturbed(self) -> bool:
+        """Servos are silent, or an answer was late."""
+        return bool(self._silent or self.counts.late)
+
     def put_last(self, silent: Collection[int]) -> None:
         """Move silent ids to the end of the order: each one delays, or ends, the answers after it."""
         if self._silent != (now := frozenset(silent)):
@@ -218,9 +223,11 @@ class Cyclic:
             self._reads.clear()
 
     def _read(self, block: Block, fast: bool) -> bytes:
-        if (block, fast) not in self._reads:
-            self._reads[block, fast] = sync_read(block.address, block.size, self.ids, fast)
-        return self._reads[block, fast]
+        # Sizes differ between blocks, and are quicker to look up.
+        key = (block.size, fast)
+        if key not in self._reads:
+            self._reads[key] = sync_read(block.address, block.size, self.ids, fast)
+        return self._reads[key]
 
     def run(
         self, goals: Mapping[int, int], full: bool, fast: bool | None = None, before: bytes = b""

@@ -61,7 +61,8 @@ class Servo(ControlTable):
     ) -> None:
         super().__init__(model, firmware)
         self.motion = ShaftMotion(position_ticks, stops_ticks)
-        self._free_stops = stops_ticks
+        #: The stops of a jammed shaft while it was free.
+        self._free_stops: tuple[float, float] | None = None
         self.now = 0.0
         self.booted_at = 0.0
         self.fed_at = 0.0
@@ -292,10 +293,10 @@ class Servo(ControlTable):
     def jam(self, on: bool) -> None:
         """Block the shaft where it is, or release it."""
         motion = self.motion
-        if on:
+        if on and self._free_stops is None:
             self._free_stops, motion.stops = motion.stops, (motion.position, motion.position)
-        else:
-            motion.stops = self._free_stops
+        elif not on and self._free_stops is not None:
+            motion.stops, self._free_stops = self._free_stops, None
 
     def read_position(self) -> int:
         """Present Position now [ticks]."""
