@@ -121,6 +121,7 @@ class Cpu:
     def __init__(self, cycles_per_instruction: float = 1.5) -> None:
         self.cycles_per_instruction = cycles_per_instruction
         self.cycles = 0
+        self.quantum = QUANTUM
         self.exceptions: dict[int, int] = {}
         self.system = SystemControl(self)
         self.timed: list[Timed] = [self.system]
@@ -160,7 +161,7 @@ class Cpu:
                 event = min(self.timed, key=lambda one: one.due)
             self._enter_waiting()
             left = min(until, event.due) - self.cycles
-            self._step(max(1, min(QUANTUM, int(left / self.cycles_per_instruction))))
+            self._step(max(1, min(self.quantum, int(left / self.cycles_per_instruction))))
 
     def _step(self, instructions: int) -> None:
         pc = self.uc.reg_read(arm_const.UC_ARM_REG_PC)

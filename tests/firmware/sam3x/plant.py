@@ -23,8 +23,9 @@ _GRAY = (0, 1, 3, 2)
 class Motors:
     """First order: ``tau dv/dt = duty v0 - v``. ``shaft`` in counts, ``speed`` in counts/s."""
 
-    def __init__(self, board: Sam3x, no_load: float = 7630.0, tau_s: float = 0.04) -> None:
+    def __init__(self, board: Sam3x, step: int = STEP, no_load: float = 7630.0, tau_s: float = 0.04) -> None:
         self._board = board
+        self._step = step
         self.no_load, self.tau_s = no_load, tau_s
         self.shaft = [0.5] * 6
         self.speed = [0.0] * 6
@@ -43,8 +44,8 @@ class Motors:
         return share * (forward - backward)
 
     def fire(self) -> None:
-        self.due += STEP
-        dt = STEP / CLOCK_HZ
+        self.due += self._step
+        dt = self._step / CLOCK_HZ
         for channel in range(6):
             duty = self.duty(channel)
             if duty is not None:
