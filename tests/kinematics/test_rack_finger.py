@@ -272,3 +272,17 @@ def test_levenberg_marquardt_agrees_with_the_closed_form_where_it_converges() ->
         same = abs(found.arc_length_mm - exact[0] * 1e3) < 1e-3
         wrong += not (found.converged and same)
     assert wrong > 0, "a cold start that always converges would make the closed form unnecessary"
+
+
+@pytest.mark.parametrize("far", [1e7, 1e155, 1e308, math.inf])
+@pytest.mark.parametrize("way", [(1, 0), (0, 1), (-1, 1), (1, -1)])
+def test_targets_whose_squares_overflow_are_out_of_reach(far, way):
+    """The nearest point is that of a target 1 km away in the same direction."""
+    model = finger()
+    x, y = (sign * far if sign else 0.0 for sign in way)
+    solution = model.inverse(Target(tip_m=(x, y, 0.0)), (0.08, 0.08))
+    assert not solution.converged
+    assert solution.limited_by
+    assert solution.residual_m == pytest.approx(math.hypot(x, y), rel=1e-6)
+    near = model.inverse(Target(tip_m=(1e3 * way[0], 1e3 * way[1], 0.0)), (0.08, 0.08))
+    np.testing.assert_allclose(solution.actuation, near.actuation, rtol=0.0, atol=2e-5)

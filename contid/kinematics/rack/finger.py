@@ -28,6 +28,8 @@ from contid.units import LIMIT_TOLERANCE_M, MM_PER_M, m_to_mm
 
 # A target met to this distance counts as met [m]; the closed form is exact to ~1e-16 m.
 _TOLERANCE_M: Final = 1e-9
+# Farther coordinates count as this one [m], so that squares of them stay finite.
+_FAR_M: Final = 1e6
 
 
 class RackFingerModel:
@@ -144,7 +146,9 @@ class RackFingerModel:
             return self._clamped(target.actuation)
         if target.tip_m is None:
             raise ValueError("a rack finger takes a tip position or rack lengths")
-        x_m, y_m, _ = target.tip_m
+        x_m, y_m = (min(max(value, -_FAR_M), _FAR_M) for value in target.tip_m[:2])
+        if (x_m, y_m) != target.tip_m[:2]:  # NaN included
+            return self._nearest(target.tip_m, ("no_arc",), "no arc of this finger ends there")
         arc = self.solve_arc(x_m, y_m)
         if arc is None:
             return self._nearest(target.tip_m, ("no_arc",), "no arc of this finger ends there")
@@ -162,7 +166,8 @@ class RackFingerModel:
 
     def _nearest(self, tip_m: Vec3, limits: tuple[str, ...], note: str) -> Solution:
         """The reachable point closest to a target out of reach: on the boundary of the limits."""
-        actuation = self.envelope.nearest(lambda racks: self.forward(racks).tip_m, tip_m)
+        x_m, y_m = (min(max(value, -_FAR_M), _FAR_M) for value in tip_m[:2])
+        actuation = self.envelope.nearest(lambda racks: self.forward(racks).tip_m, (x_m, y_m, 0.0))
         residual = self._distance(actuation, tip_m)
         return Solution(
             actuation,
