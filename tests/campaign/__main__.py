@@ -1,4 +1,4 @@
-"""``python -m tests.campaign [--cases N] [--ptys N] [--seed N]``: exit 1 when anything was violated."""
+"""``python -m tests.campaign [--all --minutes N | --cases N | --ptys N]``: exit 1 on a violation."""
 
 from __future__ import annotations
 
@@ -7,6 +7,7 @@ import sys
 
 from tests.campaign import ptys
 from tests.campaign.campaign import Tally, campaign
+from tests.campaign.everything import everything
 from tests.campaign.wired_checks import Tally as WireTally
 
 
@@ -14,9 +15,13 @@ def main() -> int:
     parser = argparse.ArgumentParser(prog="python -m tests.campaign", description="The fault campaign.")
     parser.add_argument("--cases", type=int, default=5000, help="in virtual time, on simulated devices")
     parser.add_argument("--ptys", type=int, help="instead so many in real time, on emulated devices")
+    parser.add_argument("--all", action="store_true", help="instead every campaign, for --minutes")
+    parser.add_argument("--minutes", type=float, default=10.0)
     parser.add_argument("--seed", type=int, default=1)
     asked = parser.parse_args()
 
+    if asked.all:
+        return 1 if everything(asked.minutes, asked.seed) else 0
     cases = asked.cases if asked.ptys is None else asked.ptys
 
     def progress(tally: Tally | WireTally) -> None:
