@@ -81,9 +81,10 @@ def flash(port: str, connection: str, binary: Path | None, dry_run: bool) -> Non
 def _arduino_steps(port: str, connection: str) -> list[list[str]]:
     sketch = str(import_module(_SOURCES).firmware_dir() / "contid_due")
     board = _FQBN[connection]
+    build = f"compiler.cpp.extra_flags=-DCONTID_BUILD_ID={import_module(_SOURCES).build_id()}u"
     return [
         ["arduino-cli", "core", "install", "arduino:sam"],
-        ["arduino-cli", "compile", "--fqbn", board, sketch],
+        ["arduino-cli", "compile", "--fqbn", board, "--build-property", build, sketch],
         ["arduino-cli", "upload", "--fqbn", board, "--port", port, sketch],
     ]
 
@@ -132,7 +133,8 @@ def info(robot_file: str | None) -> None:
         found = hello(name, options)
         version = ".".join(map(str, found.firmware))
         click.echo(
-            f"{name}: {options.port}: role {found.role_name}, firmware {version}, "
+            f"{name}: {options.port}: role {found.role_name}, firmware {version} "
+            f"({sources.build_note(found.build_id)}), chip {found.unique_id}, "
             f"booted {found.boot} times, last by {found.cause.message}, up for {found.uptime_ms / 1000:.1f} s"
         )
         if found.position_lost:

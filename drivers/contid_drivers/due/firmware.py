@@ -46,6 +46,24 @@ def core_sources() -> list[Path]:
     return sorted((firmware_dir() / "contid_due" / "src" / "core").glob("*.cpp"))
 
 
+def build_id() -> int:
+    """Number of the sketch's sources: `contid firmware flash` builds it in, a board reports it."""
+    sketch = firmware_dir() / "contid_due"
+    digest = hashlib.sha256()
+    for path in sorted(path for path in sketch.rglob("*") if path.suffix in (".h", ".cpp", ".ino")):
+        digest.update(path.relative_to(sketch).as_posix().encode() + b"\0" + path.read_bytes())
+    return int.from_bytes(digest.digest()[:4], "little") or 1
+
+
+def build_note(reported: int) -> str:
+    """What the build id of a board means for its sketch."""
+    if reported == 0:
+        return "built by hand"
+    if reported == build_id():
+        return "built from these sources"
+    return "built from other sources: contid firmware flash"
+
+
 def cache_dir() -> Path:
     """Folder of built programs.
 

@@ -2,13 +2,16 @@
 
 from __future__ import annotations
 
+import shutil
 from pathlib import Path
 
 import pytest
+from click.testing import CliRunner
 
+from contid.cli.commands.firmware import command as firmware_command
 from contid.errors import DeviceError
 from contid_drivers.due import messages
-from contid_drivers.due.firmware import build_host, cache_dir
+from contid_drivers.due.firmware import build_host, build_id, build_note, cache_dir, firmware_dir
 
 
 def test_a_user_without_home_folder_is_told_what_to_set(monkeypatch: pytest.MonkeyPatch) -> None:
@@ -32,3 +35,22 @@ def test_a_board_of_the_first_protocol_is_refused_with_the_remedy():
     # Its answer to a hello of version 2: refused, wrong version, 1.
     with pytest.raises(messages.BadAnswerError, match="protocol version 1, this contid 2"):
         messages.read_answer(bytes.fromhex("01ff0701020100"))
+
+
+def test_a_board_shows_which_sources_it_was_built_from() -> None:
+    flags = CliRunner().invoke(firmware_command, ["flash", "/dev/ttyACM0", "--dry-run"]).stdout
+    assert f"compiler.cpp.extra_flags=-DCONTID_BUILD_ID={build_id()}u" in flags
+    assert build_note(0) == "built by hand"
+    assert build_note(build_id()) == "built from these sources"
+    assert "contid firmware flash" in build_note(build_id() ^ 1)
+
+
+def test_another_source_is_another_build(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    copied = tmp_path / "firmware"
+    shutil.copytree(firmware_dir() / "contid_due", copied / "contid_due")
+    before = build_id()
+    monkeypatch.setenv("CONTID_FIRMWARE", str(copied))
+    assert build_id() == before
+    with (copied / "contid_due" / "src" / "pins.h").open("a") as file:
+        file.write("// another wiring\n")
+    assert build_id() != before
