@@ -198,7 +198,7 @@ class DynamixelBus:
         missing = [
             device
             for device, axis in self._by_id.items()
-            if device not in readings and (fast or not axis.misses)
+            if device not in readings and (fast or not axis.misses or device in cyclic.returned)
         ]
         if not missing or not self.options.retry_ms:
             return

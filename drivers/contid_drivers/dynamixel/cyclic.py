@@ -181,6 +181,8 @@ class Cyclic:
         self.counts = AnswerCounts()
         #: Bytes arrived in the newest exchange, and in the one before.
         self.received = self.received_before = True
+        #: Silent servos that answered the newest exchange; only a numbered one proves it.
+        self.returned: frozenset[int] = frozenset()
         self._silent: frozenset[int] = frozenset()
         self._usual = {
             full: Block(layout, layout.address, layout.full if full else layout.lean)
@@ -246,7 +248,7 @@ class Cyclic:
         if goals:
             encode = reg.GOAL_POSITION.encode
             wire = sync_write(116, 4, ((device, encode(goal)) for device, goal in goals.items())) + wire
-        self.received_before = self.received
+        self.received_before, self.returned = self.received, frozenset()
         # After an exchange without a byte a further wait would only cost the time of the next ones.
         slack_s = self.slack.seconds if self.received_before else 0.0
         late = self.counts.late
@@ -255,6 +257,14 @@ class Cyclic:
         sent = self.port.send(before + wire)
         collect = self._fast if fast else self._collect
         found = collect(self.ids, block, sent + on_wire_s + self.port.latency_s, slack_s)
+        if block is self._usual[full]:
+            # The usual length proves nothing about a servo that was silent: it is asked again with a number.
+            self.returned = self._silent.intersection(found)
+            for device in self.returned:
+                del found[device]
+            if self.returned:
+                self._silent -= self.returned
+                self._reads.clear()
         missing = [device for device in self.ids if device not in found]
         if not missing:
             self.slack.record(time.monotonic() - sent - on_wire_s)
@@ -295,7 +305,8 @@ class Cyclic:
         self.received = False
         while waiting:
             data = port.receive(deadline)
-            if not data and not self.received and slack_s:
+            # Late answers to earlier exchanges do not end a stall.
+            if not data and not found and not unused and slack_s:
                 deadline, slack_s = self._stalled(deadline, slack_s), 0.0
                 continue
             stream += data
@@ -335,7 +346,7 @@ class Cyclic:
         self.received, parts = False, []
         while True:
             data = self.port.receive(deadline)
-            if not data and not self.received and slack_s:
+            if not data and slack_s and fast_start(stream, whole)[0] == len(stream):
                 deadline, slack_s = self._stalled(deadline, slack_s), 0.0
                 continue
             stream += data
