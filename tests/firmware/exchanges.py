@@ -41,7 +41,10 @@ def measure(
     board = Sam3x(elf, cycles_per_instruction)
     board.run_ms(25)
     if usb:
-        board.usb.open()
+        board.usb.plug()
+        board.run_ms(25)
+        if not board.usb.opened:  # the stand-in core does not enumerate
+            board.usb.open()
     plant = Motors(board)
     host = Host(board, usb)
     host.configure(motors)
