@@ -111,6 +111,15 @@ def test_clients_that_connect_and_vanish_leave_nothing_and_one_more_always_gets_
             connected.close()
 
 
+def test_clients_that_send_nothing_displace_none_that_does() -> None:
+    with daemon() as running, running.client() as client:
+        for _ in range(3):
+            many = [raw(running) for _ in range(MAX_CLIENTS + 5)]
+            assert client.status()["clients"] <= MAX_CLIENTS
+            for connected in many:
+                connected.close()
+
+
 def test_a_daemon_without_descriptors_is_stopped() -> None:
     """Idle clients take every descriptor of the process; the stop of a person still gets in."""
     with daemon() as running, running.client() as client:

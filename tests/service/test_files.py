@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import grp
 import os
+import re
 import shutil
 import stat
 import subprocess
@@ -22,6 +23,8 @@ from tests.support.waiting import until
 
 ROOT = Path(__file__).parents[2]
 UNIT = ROOT / "service" / host_checks.UNIT
+#: Of 10, by systemd's weights.
+MAX_EXPOSURE = 1.5
 RULES = ROOT / "udev" / host_checks.RULES
 
 
@@ -43,6 +46,22 @@ def test_systemd_reads_the_unit(tmp_path: Path) -> None:
         pytest.skip(f"systemd-analyze cannot work here: {checked.stderr.strip()}")
     assert checked.returncode == 0, checked.stderr
     assert "contid@hand" not in checked.stderr
+
+
+def test_the_service_is_little_exposed(tmp_path: Path) -> None:
+    if shutil.which("systemd-analyze") is None:
+        pytest.skip("systemd-analyze is not installed")
+    copy = tmp_path / "contid@hand.service"
+    shutil.copy(UNIT, copy)
+    rated = subprocess.run(
+        ["systemd-analyze", "security", "--offline=true", "--no-pager", str(copy)],
+        capture_output=True,
+        text=True,
+    )
+    found = re.search(r"exposure level for \S+: ([\d.]+)", rated.stdout)
+    if found is None:
+        pytest.skip(f"systemd-analyze cannot rate a file here: {rated.stderr.strip()}")
+    assert float(found[1]) <= MAX_EXPOSURE, rated.stdout
 
 
 def test_udev_reads_the_rules() -> None:

@@ -60,7 +60,15 @@ class Subscription:
 
 
 class Connection:
-    """A connected client (`contid.remote.server.query_handler.Caller`)."""
+    """A connected client (`contid.remote.server.query_handler.Caller`).
+
+    Attributes:
+        number, name: of the client.
+        outbox: lines to send.
+        subscription: None without one.
+        active_s: when the client sent something, or connected.
+        active: it has sent something.
+    """
 
     def __init__(
         self,
@@ -76,6 +84,7 @@ class Connection:
         self.outbox = Outbox()
         self.subscription: Subscription | None = None
         self.active_s = asyncio.get_running_loop().time()
+        self.active = False
         self._reader = reader
         self._writer = writer
         self._handler = handler
@@ -129,7 +138,7 @@ class Connection:
     async def _read(self) -> None:
         with suppress(ConnectionError, OSError):
             while chunk := await self._reader.read(MAX_LINE):
-                self.active_s = asyncio.get_running_loop().time()
+                self.active_s, self.active = asyncio.get_running_loop().time(), True
                 self._take(chunk)
                 while self._lines:
                     await self._serve(self._lines.popleft())

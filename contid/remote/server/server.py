@@ -115,10 +115,13 @@ class SocketServer:
             self._handler.disconnected(connection.number)
 
     def _displace(self) -> None:
-        """Disconnect the client that was idle longest and does not hold the lease: a stop always gets in."""
+        """Disconnect a client that does not hold the lease: a stop always gets in.
+
+        First of those that have sent nothing, the one that was idle longest.
+        """
         others = [c for c in self._connections.values() if not self._handler.lease.held_by(c.number)]
         if others:
-            idle = min(others, key=lambda connection: connection.active_s)
+            idle = min(others, key=lambda connection: (connection.active, connection.active_s))
             del self._connections[idle.number]
             idle.disconnect("another client needed the place; this one was idle longest")
 
