@@ -2,14 +2,29 @@
 
 from __future__ import annotations
 
+import math
+from pathlib import Path
+
 import numpy as np
 import pytest
 
 from contid.kinematics.cosserat.branch import Station, critical_factor, equilibrium, follow
 from contid.kinematics.cosserat.loads import Loads
+from contid.kinematics.cosserat.model import CosseratModel
 from contid.kinematics.cosserat.search import fine_equilibrium
+from contid.kinematics.model import build_model
+from contid.robot_file.load import load_robot_file
+from contid.targets import Target
+from contid.units import BAR
 from tests.kinematics.cosserat_cases import GRAM, hanging, two
 from tests.oracles.rod_shooting import ramped_tip
+
+
+@pytest.fixture
+def arm(configs: Path) -> CosseratModel:
+    model = build_model(load_robot_file(configs / "stiffflop2.yaml").file.robots["arm"])
+    assert isinstance(model, CosseratModel)
+    return model
 
 
 @pytest.mark.parametrize("seed", range(3))
@@ -65,3 +80,53 @@ def test_stable_and_critical_load_do_not_rest_on_three_elements() -> None:
         if differ == 2:
             return
     pytest.fail("no load with another verdict at three elements was found")
+
+
+def test_an_answer_is_where_shooting_finds_the_arm(arm: CosseratModel) -> None:
+    """5 g: equilibria on the first target exist 91 mm away from the branch."""
+    load, target = (0.0, 0.0, 0.05), (-0.03908, -0.05567, 0.03771)
+    found = arm.inverse(Target(tip_m=target, load_n=load), (0.5 * BAR,) * 6)
+    pose = arm.forward(found.actuation, load)
+    assert pose.stable
+    assert math.dist(pose.tip_m, target) == pytest.approx(found.residual_m, abs=5e-5)
+    assert found.converged or found.limited_by
+    oracle = ramped_tip(two(), np.array(found.actuation) / BAR, np.array(load))
+    assert oracle is not None
+    assert np.linalg.norm(oracle / 1e3 - pose.tip_m) < 2e-4
+
+
+def test_answers_and_forward_agree(arm: CosseratModel) -> None:
+    """Box targets from outside the model's own poses, many out of reach: never a tip elsewhere."""
+    rng, met = np.random.default_rng(7), 0
+    for grams in (5.0, 10.0):
+        load = (0.0, 0.0, grams * GRAM)
+        for _ in range(60):
+            x, y, z = rng.uniform((-0.09, -0.09, 0.0), (0.09, 0.09, 0.14))
+            found = arm.inverse(Target(tip_m=(x, y, z), load_n=load), (0.5 * BAR,) * 6)
+            pose = arm.forward(found.actuation, load)
+            met += found.converged
+            assert pose.stable
+            assert math.dist(pose.tip_m, (x, y, z)) == pytest.approx(found.residual_m, abs=5e-5)
+            assert found.converged or found.limited_by
+    assert met > 20
+
+
+def test_the_bounded_optimum_is_not_a_local_one(arm: CosseratModel) -> None:
+    """35.2 mm are possible, by a multi-start of least squares on `forward`; 101.7 mm were the answer once."""
+    load = (0.0, 0.0, 5.0 * GRAM)
+    found = arm.inverse(Target(tip_m=(0.10365, -0.02817, 0.0367), load_n=load), (0.5 * BAR,) * 6)
+    assert found.residual_m < 0.0362
+    assert found.limited_by
+
+
+def test_the_error_estimate_watches_the_mid_point() -> None:
+    """Mid-point and tip under a sideways load: 0.155 mm were off at ``error`` 0.03."""
+    rng = np.random.default_rng(3)
+    for _ in range(4):
+        pressures, force = rng.uniform(0.0, 1.5, 6), rng.normal(size=3)
+        loads = Loads(tip_force=10.0 * GRAM * force / np.linalg.norm(force))
+        found, elements = fine_equilibrium(two(), pressures, loads, 3, 0.03)
+        exact = equilibrium(two(), pressures, loads, 24)
+        assert found.done == exact.done == 1.0
+        off = [found.sweep.tip - exact.sweep.tip, found.sweep.ends[0] - exact.sweep.ends[0]]
+        assert np.linalg.norm(off, axis=1).max() < 0.05, elements

@@ -13,8 +13,10 @@ from scipy.optimize import root
 from contid.kinematics.array import Array
 from contid.kinematics.cosserat.section import Rod, Section
 
-#: Number of equal steps in which pressures and load grow.
+#: Parts in which pressures and load grow; one that moves the tip by more of the reach than this is halved.
 RAMP_STEPS = 24
+MOST_MOVED = 0.08
+LEAST_STEP = 1e-4
 
 
 def _rotation(q: Array) -> Array:
@@ -46,7 +48,7 @@ def _section_end(section: Section, pressures: Array, state: Array, force: Array)
         dq = 0.5 * np.concatenate([[-q @ u], w * u + np.cross(q, u)])
         return np.concatenate([dp, dq, -np.cross(dp, force)])
 
-    end: Array = solve_ivp(rates, (0.0, section.length), state, method="DOP853", rtol=1e-10, atol=1e-10).y[
+    end: Array = solve_ivp(rates, (0.0, section.length), state, method="DOP853", rtol=1e-9, atol=1e-9).y[
         :, -1
     ]
     arm = section.link * _rotation(end[3:7])[:, 2]
@@ -63,22 +65,24 @@ def shoot(rod: Rod, pressures: Array, force: Array, base_moment: Array) -> tuple
     return state[:3], state[7:10]
 
 
-def ramped_tip(rod: Rod, pressures: Array, force: Array, steps: int = RAMP_STEPS) -> Array | None:
+def ramped_tip(rod: Rod, pressures: Array, force: Array) -> Array | None:
     """Tip [mm] that is reached when pressures and force grow together; None where a step does not follow."""
     moment, before = np.zeros(3), np.zeros(3)
     tip = np.array([0.0, 0.0, rod.reach])
-    for k in range(1, steps + 1):
-        part = k / steps
-        guess = moment + (moment - before)
-        found = root(
-            lambda m, part=part: shoot(rod, part * pressures, part * force, m)[1],
-            guess,
-            options={"xtol": 1e-9},
-        )
-        if not found.success:
-            return None
+    done, behind, step = 0.0, 0.0, 1.0 / RAMP_STEPS
+    while done < 1.0:
+        part = min(1.0, done + step)
+
+        def unbalanced(m: Array, part: float = part) -> Array:
+            return shoot(rod, part * pressures, part * force, m)[1]
+
+        slope = (moment - before) / (done - behind) if done > 0.0 else np.zeros(3)
+        found = root(unbalanced, moment + (part - done) * slope, options={"xtol": 1e-9})
         reached = shoot(rod, part * pressures, part * force, found.x)[0]
-        if np.linalg.norm(reached - tip) > 0.25 * rod.reach:
-            return None
-        before, moment, tip = moment, found.x, reached
+        if found.success and np.linalg.norm(reached - tip) < MOST_MOVED * rod.reach:
+            before, moment, behind, done, tip = moment, found.x, done, part, reached
+        else:
+            step *= 0.5
+            if step < LEAST_STEP:
+                return None
     return tip

@@ -79,7 +79,7 @@ template <int K> struct ArmOf final : Arm {
     const Found<K> found = search<K>(rod, task, force, limits, start, settings);
     const Outcome<K>& o = found.outcome;
     return nb::make_tuple(tuple_of(o.pressures, 3 * K), o.residual, o.met, o.optimal, found.stable, found.iterations,
-                          found.elements, o.statics);
+                          found.elements, o.statics, o.blocked, found.snap);
   }
 
   nb::tuple forward(nb::handle pressures, Vec force) const override {

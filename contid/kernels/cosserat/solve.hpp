@@ -25,7 +25,7 @@ template <int K> struct Outcome {
   double pressures[3 * K];
   Vec moment;
   double residual, statics;
-  bool met, optimal;
+  bool met, optimal, blocked;  // blocked: the last steps led out of the stable equilibria
   int iterations;
   Judged at;  // the last sweep; modes are -1 when not counted
 };

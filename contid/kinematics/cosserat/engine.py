@@ -21,8 +21,9 @@ from contid.kinematics.cosserat.solve import Limits, Problem
 from contid.kinematics.cosserat.task import Task
 from contid.targets import Vec3
 
-#: pressures, residual [mm], met, optimal, stable, iterations, elements, statics residual [N·mm]
-InverseAnswer: TypeAlias = tuple[tuple[float, ...], float, bool, bool, bool, int, int, float]
+#: pressures, residual [mm], met, optimal, stable, iterations, elements, statics residual [N·mm], blocked by
+#: stability, part of the path at which the arm snaps through
+InverseAnswer: TypeAlias = tuple[tuple[float, ...], float, bool, bool, bool, int, int, float, bool, float]
 #: tip, rotation (row-major), end of the first section, stable, base moment, elements
 ForwardAnswer: TypeAlias = tuple[
     tuple[float, ...], tuple[float, ...], tuple[float, ...], bool, tuple[float, ...], int
@@ -92,7 +93,7 @@ class NumpyEngine:
         o = found.outcome
         return (
             tuple(o.pressures.tolist()), o.residual, o.met, o.optimal, found.stable, found.iterations,
-            found.elements, o.statics,
+            found.elements, o.statics, o.blocked, found.snap,
         )  # fmt: skip
 
     def forward(self, pressures: Sequence[float], force: Vec3) -> ForwardAnswer:

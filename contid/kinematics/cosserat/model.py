@@ -102,7 +102,7 @@ class CosseratModel:
             raise ValueError("a pneumatic arm takes a tip position or pressures")
         x, y, z = target.tip_m
         mid = target.mid_m
-        pressures, residual, met, optimal, stable, iterations, _, _ = self.engine.inverse(
+        pressures, residual, met, optimal, stable, iterations, _, _, blocked, snap = self.engine.inverse(
             (x * MM_PER_M, y * MM_PER_M, z * MM_PER_M),
             None if mid is None else (mid[0] * MM_PER_M, mid[1] * MM_PER_M, mid[2] * MM_PER_M),
             target.direction,
@@ -122,12 +122,24 @@ class CosseratModel:
             min(max(p * BAR, low), high)
             for p, low, high in zip(pressures, self.lower, self.upper, strict=True)
         )
-        note = (note + "; " if note else "") + (
-            f"out of reach: {residual:.4g} mm remain inside the pressure limits"
-            if optimal
-            else f"the solver stopped {residual:.4g} mm from the target"
-        )
-        return Solution(actuation, mm_to_m(residual), False, self._binding(actuation), iterations, note)
+        limited = self._binding(actuation)
+        remain = f"{residual:.4g} mm remain"
+        if snap < 1.0:
+            why = (
+                "the target lies on another branch of equilibria: on the way to it the arm snaps through at "
+                f"{100.0 * snap:.3g} % of the pressure change; {remain} without a snap"
+            )
+            limited += ("stability",)
+        elif blocked:
+            why = f"out of reach: {remain}, further the arm loses its stability"
+            limited += ("stability",)
+        elif optimal:
+            why = f"out of reach: {remain} inside the pressure limits"
+        else:
+            why = f"the solver stopped {residual:.4g} mm from the target"
+            limited += ("iterations",)
+        note += ("; " if note else "") + why
+        return Solution(actuation, mm_to_m(residual), False, limited or ("reach",), iterations, note)
 
     def jacobian(self, actuation: Actuation, load_n: Vec3 = ZERO3) -> Array:
         """Tip by pressures in equilibrium, shape (3, 3k) [m/Pa]."""

@@ -1,8 +1,8 @@
 """Where solves start: the last command, then the unloaded closed form, then a fixed list of further starts.
 
-A rod under load has several solutions for one target, some of them unstable, and bounded least squares has
-local minima. A solve that does not end on its target in a stable equilibrium is repeated from a fixed list of
-starts.
+A rod under load has several solutions for one target, some of them unstable or on another branch (`branch`),
+and bounded least squares has local minima. A solve that does not end on its target in the equilibrium that
+counts is followed by descents along the branch from a fixed list of starts, bounded in their work.
 """
 
 from __future__ import annotations
@@ -13,12 +13,22 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from contid.kinematics.array import Array
-from contid.kinematics.cosserat.branch import MAX_ELEMENTS, Followed, equilibrium, settle
+from contid.kinematics.cosserat.branch import (
+    MAX_ELEMENTS,
+    SAME_POSE,
+    Followed,
+    Station,
+    equilibrium,
+    follow,
+    load_scale,
+    settle,
+)
 from contid.kinematics.cosserat.closed_form import (
     mid_and_tip_pressures,
     tip_and_direction_pressures,
     tip_pressures,
 )
+from contid.kinematics.cosserat.descent import descend
 from contid.kinematics.cosserat.equilibrium import STATICS_TOLERANCE
 from contid.kinematics.cosserat.loads import Loads
 from contid.kinematics.cosserat.section import Rod
@@ -26,7 +36,7 @@ from contid.kinematics.cosserat.solve import BALANCE_TOLERANCE, Limits, Problem,
 from contid.kinematics.cosserat.spatial import cross
 from contid.kinematics.cosserat.stability import unstable_modes
 from contid.kinematics.cosserat.statics import Sweep, sweep
-from contid.kinematics.cosserat.task import Task
+from contid.kinematics.cosserat.task import Task, residual
 from contid.kinematics.halton import PRIMES, radical_inverse
 
 #: Further starts after the closed form and the centre; each gets fewer iterations than the first.
@@ -37,18 +47,30 @@ RESTART_ITERATIONS = 25
 TRACKING = 0.05
 #: The load is ramped from the closed form in this many steps, the early ones solved roughly [mm].
 LOAD_STEPS = 3
+#: Iterations that a search on the branch may take, times elements; what reaching a pose from rest counts.
+WORK = 1200
+STAND_WORK = 4
+#: Elements with which a search that found no stable pose is repeated before the target is refused.
+REFUSAL_ELEMENTS = 12
+#: First part of the path back to the seed where more elements find an answer unstable.
+RETREAT = 2e-3
 RAMP_TOLERANCE = 1e-2
 RAMP_ITERATIONS = 10
 
 
 @dataclass(frozen=True, slots=True)
 class Found:
-    """The best outcome, whether it is stable, the elements it took, and all iterations spent."""
+    """The best outcome, whether it is stable, the elements it took, and all iterations spent.
+
+    ``snap`` is the part of the path to an equilibrium on the target at which the arm snaps through; 1 for
+    none.
+    """
 
     outcome: RodSolution
     stable: bool
     elements: int
     iterations: int
+    snap: float = 1.0
 
 
 def predicted_moment(rod: Rod, task: Task, loads: Loads) -> Array:
@@ -117,7 +139,7 @@ def starts(limits: Limits) -> Iterator[Array]:
 
 
 def search(problem: Problem, seed: Array, error: float = np.inf) -> Found:
-    """Solve from the seed; where that does not end on the target in a stable equilibrium, from elsewhere.
+    """Solve from the seed; where that does not end on the target and on the branch, from elsewhere.
 
     Args:
         problem: what to solve, with the minimum number of elements.
@@ -125,6 +147,7 @@ def search(problem: Problem, seed: Array, error: float = np.inf) -> Found:
         error: estimated discretisation error [mm] at which the elements are doubled.
     """
     guess = predicted_moment(problem.rod, problem.task, problem.loads)
+    loaded = not problem.loads.none
     spent = 0
     best: Found | None = None
 
@@ -133,20 +156,118 @@ def search(problem: Problem, seed: Array, error: float = np.inf) -> Found:
         outcome = solve(problem, start, moment, iterations)
         spent += outcome.iterations
         candidate = Found(outcome, is_stable(problem, outcome), problem.elements, spent)
+        usable = outcome.met or (outcome.optimal and start is seed)
+        if loaded and not (candidate.stable and usable and stands(problem, outcome, seed)):
+            return False
         if best is None or _rank(candidate) < _rank(best):
             best = candidate
         return outcome.met and candidate.stable
 
+    descended = False
     # A bounded optimum next to the last command continues a motion; another start would only jump.
     if not attempt(seed, guess, ITERATIONS) and not _tracked(best, seed) and not _ramp(problem, attempt):
-        for start in starts(problem.limits):
-            if attempt(start, guess, RESTART_ITERATIONS):
+        if not loaded:
+            for start in starts(problem.limits):
+                if attempt(start, guess, RESTART_ITERATIONS):
+                    break
+        for elements in dict.fromkeys((problem.elements, REFUSAL_ELEMENTS)) if loaded else ():
+            found = search_branch(replace(problem, elements=elements), seed)
+            if found is not None:
+                spent += found.iterations
+                if best is None or found.outcome.met or found.outcome.residual < best.outcome.residual:
+                    best, descended = found, True
+                else:
+                    best = replace(best, snap=found.snap)
+            if best is not None or elements >= REFUSAL_ELEMENTS:
                 break
-    assert best is not None
-    best = Found(best.outcome, best.stable, best.elements, spent)
-    if best.stable and not problem.loads.none:
-        best = refine(problem, best, error)
-    return best
+    if best is None:
+        held = solve(problem, seed, guess, 1)
+        return Found(held, False, problem.elements, spent)
+    best = replace(best, iterations=spent)
+    if best.stable and loaded:
+        best = refine(problem, best, seed, error)
+    return on_the_branch(problem, best) if descended and best.stable else best
+
+
+def same_pose(problem: Problem, base_moment: Array, other: Array) -> bool:
+    """True when two base moments belong to one equilibrium."""
+    scale = load_scale(problem.rod, problem.loads)
+    return float(np.linalg.norm(base_moment - other)) <= SAME_POSE * scale
+
+
+def stands(problem: Problem, outcome: RodSolution, seed: Array) -> bool:
+    """True when an equilibrium is the one that counts, and the arm gets there from the seed without a jump.
+
+    The kernel takes a shorter way to the same verdict next to the seed.
+    """
+    p = outcome.pressures
+    reached = equilibrium(problem.rod, p, problem.loads, problem.elements)
+    if reached.done < 1.0 or not same_pose(problem, reached.base_moment, outcome.base_moment):
+        return False
+    if float(np.abs(p - seed).max()) <= TRACKING:
+        return True
+    here = np.clip(seed, problem.limits.lower, problem.limits.upper)
+    present = equilibrium(problem.rod, here, problem.loads, problem.elements)
+    return present.done < 1.0 or reaches(problem, here, present.base_moment, outcome)[0]
+
+
+def reaches(problem: Problem, here: Array, base_moment: Array, outcome: RodSolution) -> tuple[bool, float]:
+    """Whether the arm gets from one equilibrium to another on a straight path, and what part of it."""
+    start, end = Station(here, problem.loads), Station(outcome.pressures, problem.loads)
+    path = follow(problem.rod, start, end, base_moment, problem.elements)
+    return path.done == 1.0 and same_pose(problem, path.base_moment, outcome.base_moment), path.done
+
+
+def search_branch(problem: Problem, seed: Array) -> Found | None:
+    """Descents along the branch from several starts; None when the arm does not stand at the seed.
+
+    An answer on the target counts only where the present state leads to it on a straight path.
+    """
+    limits, rod, loads = problem.limits, problem.rod, problem.loads
+    here = np.clip(seed, limits.lower, limits.upper)
+    closed = unloaded(rod, problem.task, limits)
+    work, snap = 0, 1.0
+    present: Followed | None = None
+    best: RodSolution | None = None
+    for k, start in enumerate((here, *(() if closed is None else (closed,)), *starts(limits))):
+        if k > 1 and work >= WORK // problem.elements:
+            break
+        work += STAND_WORK
+        at = equilibrium(rod, start, loads, problem.elements)
+        if k == 0:
+            # An arm that does not stand at the seed is left alone.
+            if at.done < 1.0:
+                return None
+            present = at
+        if at.done < 1.0:
+            continue
+        o = descend(problem, start, at.base_moment, at.sweep, RESTART_ITERATIONS, from_rest=False)
+        work += o.iterations
+        if best is not None and not o.residual < best.residual:
+            continue
+        work += STAND_WORK
+        end = equilibrium(rod, o.pressures, loads, problem.elements)
+        if end.done < 1.0 or not same_pose(problem, end.base_moment, o.base_moment):
+            # The descent has passed a fold of the branch.
+            o = descend(problem, start, at.base_moment, at.sweep, RESTART_ITERATIONS, from_rest=True)
+            work += STAND_WORK * o.iterations
+            if best is not None and not o.residual < best.residual:
+                continue
+        if o.met and k > 0 and present is not None:
+            work += STAND_WORK
+            free, done = reaches(problem, here, present.base_moment, o)
+            if not free:
+                snap = min(snap, done)
+                continue
+        best = o
+        if o.met:
+            break
+    if best is None:
+        return None
+    if not (best.met or best.optimal):
+        best = descend(problem, best.pressures, best.base_moment, best.sweep, ITERATIONS, from_rest=True)
+        work += STAND_WORK * best.iterations
+    return Found(best, True, problem.elements, work, 1.0 if best.met else snap)
 
 
 def is_stable(problem: Problem, outcome: RodSolution) -> bool:
@@ -162,7 +283,8 @@ def is_stable(problem: Problem, outcome: RodSolution) -> bool:
 
 
 def _tracked(found: Found | None, seed: Array) -> bool:
-    assert found is not None
+    if found is None:
+        return False
     moved = float(np.abs(found.outcome.pressures - seed).max())
     return found.stable and found.outcome.optimal and moved <= TRACKING
 
@@ -184,23 +306,56 @@ def _ramp(problem: Problem, attempt: Callable[[Array, Array, int], bool]) -> boo
     return attempt(start, predicted_moment(rod, task, loads), RESTART_ITERATIONS)
 
 
-def refine(problem: Problem, found: Found, error: float) -> Found:
-    """Double the elements until the estimated error of the tip is at most ``error``."""
-    while found.elements < MAX_ELEMENTS:
-        here = replace(problem, elements=found.elements)
-        o = found.outcome
-        if (
-            discretisation_error(here.rod, o.pressures, o.base_moment, here.loads, here.elements, o.sweep)
-            <= error
-        ):
+def refine(problem: Problem, found: Found, seed: Array, error: float) -> Found:
+    """Double the elements until the estimated error of tip and mid-point is at most ``error``."""
+    while found.stable and found.elements < MAX_ELEMENTS:
+        here, o = replace(problem, elements=found.elements), found.outcome
+        estimate = discretisation_error(
+            here.rod, o.pressures, o.base_moment, here.loads, here.elements, o.sweep
+        )
+        if estimate <= error:
             break
         finer = replace(problem, elements=2 * found.elements)
-        outcome = solve(finer, found.outcome.pressures, found.outcome.base_moment, ITERATIONS)
-        stable = is_stable(finer, outcome)
-        found = Found(outcome, stable, finer.elements, found.iterations + outcome.iterations)
-        if not stable:
-            break
+        outcome = solve(finer, o.pressures, o.base_moment, ITERATIONS) if o.met else o
+        near = float(np.abs(outcome.pressures - o.pressures).max()) <= TRACKING
+        stable = True
+        if not (o.met and outcome.met and is_stable(finer, outcome) and near):
+            pose = _standing(finer, o.pressures, seed)
+            stable = pose is not None
+            if pose is not None:
+                p, at = pose
+                outcome = descend(finer, p, at.base_moment, at.sweep, RESTART_ITERATIONS, from_rest=True)
+        found = Found(outcome, stable, finer.elements, found.iterations + outcome.iterations, found.snap)
     return found
+
+
+def _standing(problem: Problem, pressures: Array, seed: Array) -> tuple[Array, Followed] | None:
+    """A stable pose on the branch at given pressures, or next to them towards the seed."""
+    limits, part = problem.limits, 0.0
+    while part < 1.0:
+        p = np.clip(pressures + part * (seed - pressures), limits.lower, limits.upper)
+        at = equilibrium(problem.rod, p, problem.loads, problem.elements)
+        if at.done == 1.0:
+            return p, at
+        part = 4.0 * part if part > 0.0 else RETREAT
+    return None
+
+
+def on_the_branch(problem: Problem, found: Found) -> Found:
+    """The pose that counts for the pressures found along the branch."""
+    here, o = replace(problem, elements=found.elements), found.outcome
+    at = equilibrium(here.rod, o.pressures, here.loads, here.elements)
+    if at.done < 1.0:
+        return replace(found, stable=False)
+    if same_pose(here, at.base_moment, o.base_moment):
+        return found
+    left = float(np.linalg.norm(residual(here.task, at.sweep)))
+    statics = float(np.linalg.norm(at.sweep.moment))
+    met = left <= here.tolerance
+    settled = RodSolution(
+        o.pressures, at.base_moment, left, statics, met, met, o.iterations, at.sweep, not met
+    )
+    return replace(found, outcome=settled)
 
 
 def discretisation_error(
@@ -208,10 +363,11 @@ def discretisation_error(
 ) -> float:
     """Estimated error [mm] of the tip and of the end of the first section of a sweep with n elements.
 
-    From a sweep with a third of them: for a method of fourth order the results of n and m < n elements differ
-    by ``(n/m)^4 - 1`` times the error of n. The equilibrium of the coarser rod is included to first order.
+    From a sweep with two thirds of them: for a method of fourth order the results of n and m < n elements
+    differ by ``(n/m)^4 - 1`` times the error of n. The equilibrium of the coarser rod is included to first
+    order.
     """
-    m = max(1, n // 3) if n > 1 else 2
+    m = max(1, 2 * n // 3) if n > 1 else 2
     other = sweep(rod, pressures, base_moment, loads, m)
     assert here.tangents is not None
     turn = np.linalg.solve(here.tangents.moment[:, :3], other.moment - here.moment)

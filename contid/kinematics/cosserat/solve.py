@@ -77,6 +77,7 @@ class RodSolution:
         optimal: True when no feasible direction reduces the task error further (always when met).
         iterations: sweeps with derivatives.
         sweep: the last integration.
+        blocked: True when the last steps led out of the stable equilibria (`descent`).
     """
 
     pressures: Array
@@ -87,6 +88,7 @@ class RodSolution:
     optimal: bool
     iterations: int
     sweep: Sweep
+    blocked: bool = False
 
 
 def solve(problem: Problem, start: Array, start_moment: Array, iterations: int = 60) -> RodSolution:
