@@ -104,19 +104,24 @@ def _below(node: Any, part: str) -> Any:
 
 
 def _comment(document: Any, node: Any, parents: list[str], last: str, comment: str) -> None:
-    """Write the comment behind the value, or behind its mapping when that is on one line."""
+    """Write the comment behind the value, or behind the outermost mapping or list in flow style around it."""
     while node.fa.flow_style() and parents:
         *parents, last = parents
         node = document
         for parent in parents:
             node = _below(node, parent)
-    items = node.ca.items.get(last)
-    if items is not None and items[2] is not None and items[2].value.lstrip().startswith("#"):
+    if node.fa.flow_style():
+        return  # the whole document is in flow style: a comment would hide the rest of its line
+    key = int(last) if isinstance(node, list) else last
+    # The comment of a list's element is the first of its tokens, of a mapping's value the third.
+    place = 0 if isinstance(node, list) else 2
+    items = node.ca.items.get(key)
+    if items is not None and items[place] is not None and items[place].value.lstrip().startswith("#"):
         # The same token holds the blank lines and the comment that follow; keep them.
-        _, _, rest = items[2].value.partition("\n")
-        items[2].value = f"# {comment}\n{rest}"
+        _, _, rest = items[place].value.partition("\n")
+        items[place].value = f"# {comment}\n{rest}"
     else:
-        node.yaml_add_eol_comment(comment, last)
+        node.yaml_add_eol_comment(comment, key, column=0)
 
 
 def replace_whole(path: Path, text: str) -> None:

@@ -13,6 +13,7 @@ from typing import Any
 import numpy as np
 import pytest
 from click.testing import CliRunner
+from ruamel.yaml import YAML
 
 from contid.calibrate.elongation_data import ElongationReading, read_readings
 from contid.calibrate.modulus import bending_deg, fit, growing_range
@@ -174,6 +175,26 @@ def test_command_writes_back_with_its_origin(tmp_path: Path, configs: Path, font
     assert "from data.csv" in written
     assert "# Camozzi" in written
     assert figure.read_bytes()[:4] == b"\x89PNG"
+
+
+@pytest.mark.parametrize("style", ["block", "elements", "flow"])
+def test_command_writes_into_every_style_of_file(style: str, tmp_path: Path, configs: Path) -> None:
+    data, robot = tmp_path / "data.csv", tmp_path / "robot.yaml"
+    write_csv(data)
+    yaml = YAML()
+    document = yaml.load((configs / "stiffflop2.yaml").read_text(encoding="utf-8"))
+    if style == "elements":
+        for each in document["robots"]["arm"]["geometry"]["sections"]:
+            each.fa.set_flow_style()
+    else:
+        plain = YAML(typ="safe", pure=True).load((configs / "stiffflop2.yaml").read_text(encoding="utf-8"))
+        yaml.default_flow_style, document = style == "flow", plain
+    yaml.dump(document, robot)
+    done = CliRunner().invoke(command, ["modulus", str(data), "--write", str(robot)], catch_exceptions=False)
+    assert done.exit_code == 0, done.output
+    first, second = load_robot_file(robot).file.robots["arm"].geometry.sections  # type: ignore[union-attr]
+    assert np.allclose(first.modulus_pa, MODULI[0], atol=2e-3)
+    assert np.allclose(second.modulus_pa, MODULI[1], atol=2e-3)
 
 
 def test_command_prints_json_and_refuses_what_does_not_fit(tmp_path: Path, configs: Path) -> None:

@@ -5,6 +5,7 @@ from __future__ import annotations
 from pathlib import Path
 
 import pytest
+import yaml
 
 from contid.robot_file.edit import Change, EditError, edited, set_values
 from contid.robot_file.load import load_robot_file
@@ -38,6 +39,69 @@ def test_a_missing_last_key_is_added_also_in_flow_style() -> None:
     assert "# homed" in text
     assert "# A pinion of 15 teeth." in text
     assert edited(text, [Change("robots.left.axes.left.zero_deg", 7.5, "homed")]) == text
+
+
+SECTIONS = {
+    "block": """\
+robots:
+  arm:
+    geometry:
+      sections:
+        - length_mm: 50  # a rule
+          modulus: 1.0
+        - length_mm: 40
+      after: 3
+""",
+    "flow in a block list": """\
+robots:
+  arm:
+    geometry:
+      sections:
+        - {length_mm: 50, modulus: 1.0}  # a rule
+        - {length_mm: 40}
+
+      # Counted.
+      after: 3
+""",
+    "flow list": """\
+robots:
+  arm:
+    geometry:
+      sections: [{length_mm: 50, modulus: 1.0}, {length_mm: 40}]  # a rule
+      after: 3
+""",
+    "flow on several lines": """\
+robots:
+  arm:
+    geometry: {
+      sections: [
+        {length_mm: 50, modulus: 1.0},  # a rule
+        {length_mm: 40},  # another
+      ],
+      after: 3}
+""",
+    "flow robot": "robots:\n  arm: {geometry: {sections: [{length_mm: 50, modulus: 1.0}, "
+    "{length_mm: 40}], after: 3}}\n",
+    "flow document": "{robots: {arm: {geometry: {sections: [{length_mm: 50, modulus: 1.0}, "
+    "{length_mm: 40}], after: 3}}}}\n",
+}
+
+
+@pytest.mark.parametrize("style", SECTIONS)
+def test_elements_of_lists_are_written_in_every_style(style: str) -> None:
+    """PyYAML reads the new numbers and every old value; a second writing changes nothing."""
+    at = "robots.arm.geometry.sections"
+    changes = [
+        Change(f"{at}.0.modulus", [1.5, -2.5], "measured"),
+        Change(f"{at}.1.modulus", [3.5], "measured later"),
+        Change(f"{at}.1.gain", 0.5, "measured later"),
+    ]
+    text = edited(SECTIONS[style], changes)
+    sections = [{"length_mm": 50, "modulus": [1.5, -2.5]}, {"length_mm": 40, "modulus": [3.5], "gain": 0.5}]
+    assert yaml.safe_load(text) == {"robots": {"arm": {"geometry": {"sections": sections, "after": 3}}}}
+    assert ("# measured later" in text) == (style != "flow document")
+    assert ("# Counted.\n      after" in text) == (style == "flow in a block list")
+    assert edited(text, changes) == text
 
 
 def test_a_missing_mapping_is_named() -> None:
