@@ -18,6 +18,7 @@ from typing import Any
 import pytest
 
 from contid.client import Client
+from contid.remote.protocol.connect import connect
 from contid.remote.protocol.socket_path import is_listening
 from tests.support.fingers import fingers
 from tests.support.waiting import until
@@ -110,9 +111,8 @@ def command(*arguments: str) -> Sequence[str]:
 
 
 def raw(running: Running) -> sockets.socket:
-    connected = sockets.socket(sockets.AF_UNIX)
+    connected = connect(running.socket, 20.0)  # waits while the backlog is full
     connected.settimeout(20.0)
-    connected.connect(str(running.socket))
     return connected
 
 

@@ -13,8 +13,8 @@ import socket
 from collections.abc import Callable
 from typing import Final
 
-#: Clients accepted in one turn of the event loop.
-PER_TURN: Final = 16
+#: Clients accepted in one turn of the event loop: each costs half a millisecond, and requests wait for it.
+PER_TURN: Final = 2
 #: Pause before the next attempt while there is neither a descriptor nor a reserve.
 PAUSE_S: Final = 0.02
 _EXHAUSTED: Final = (errno.EMFILE, errno.ENFILE, errno.ENOBUFS, errno.ENOMEM)
