@@ -116,3 +116,9 @@ def test_protocol_1_is_refused_with_what_to_update() -> None:
         ) as refused:
             client.request("hello", protocol=1)
         assert refused.value.code == Code.PROTOCOL
+
+
+def test_the_name_of_a_client_cannot_disguise_a_message() -> None:
+    with daemon() as running, running.client(name="a\u202eb\x1b[2J") as client:
+        client.acquire()
+        assert client.status()["lease"]["holder"] == "a?b?[2J"

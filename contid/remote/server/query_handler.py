@@ -92,7 +92,9 @@ class QueryHandler:
 
     async def _hello(self, caller: Caller, request: RequestFields) -> Fields:
         protocol = int(request.number("protocol", PROTOCOL, 0, 1e6))
-        caller.name = request.text("name", caller.name)
+        # In messages on terminals: no escape sequences, no marks that turn the direction of writing.
+        name = request.text("name", caller.name)
+        caller.name = "".join(character if character.isprintable() else "?" for character in name)
         request.end()
         if protocol != PROTOCOL:
             older = "client" if protocol < PROTOCOL else "daemon"
