@@ -55,9 +55,9 @@ def motors(folder: Path, configs: Path) -> Iterator[tuple[Path, Look]]:
         yield path, lambda: any(float(board.command(f"get {n}").split()[4]) == DRIVES for n in range(3))
 
 
-def _estop(process: subprocess.Popen[str]) -> None:
+def _order(verb: str) -> None:
     done = subprocess.run(
-        [sys.executable, "-m", "contid", "estop", "--json"], capture_output=True, text=True, timeout=30
+        [sys.executable, "-m", "contid", verb, "--json"], capture_output=True, text=True, timeout=30
     )
     assert done.returncode == 0, done.stderr
 
@@ -73,7 +73,8 @@ WAYS: dict[str, Callable[[subprocess.Popen[str]], None]] = {
     "Ctrl-C": lambda process: process.send_signal(signal.SIGINT),
     "Ctrl-C again and again": _twice,
     "SIGTERM": lambda process: process.send_signal(signal.SIGTERM),
-    "contid estop": _estop,
+    "contid estop": lambda process: _order("estop"),
+    "contid stop": lambda process: _order("stop"),
 }
 
 
@@ -102,3 +103,30 @@ def test_a_search_that_is_stopped_leaves_nothing_driven(
         assert process.returncode == 130, stderr
         assert "Traceback" not in stderr
         assert path.read_text() == before
+
+
+def test_a_zero_that_was_found_is_kept_when_a_later_axis_is_interrupted(
+    tmp_path: Path, configs: Path
+) -> None:
+    with servos(tmp_path, configs) as (path, driven):
+        path.write_text(path.read_text().replace("speed_deg_s: 20", "speed_deg_s: 360", 1))
+        before = path.read_text()
+        process = subprocess.Popen(
+            [sys.executable, "-m", "contid", "home", str(path)],
+            stdout=subprocess.PIPE,
+            stderr=subprocess.PIPE,
+            text=True,
+        )
+        try:
+            until(lambda: path.read_text() != before or process.poll() is not None, "the first zero")
+            process.send_signal(signal.SIGINT)
+            _, stderr = process.communicate(timeout=30)
+        finally:
+            process.kill()
+            process.communicate()
+        assert process.returncode == 130, stderr
+        assert not driven()
+        changed = [line for line in path.read_text().splitlines() if line not in before.splitlines()]
+        assert len(changed) == 1
+        assert "homed 20" in changed[0]
+        assert load_robot_file(path).file.robots

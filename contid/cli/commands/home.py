@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import functools
 import math
+import os
 import signal
 from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
@@ -14,6 +15,7 @@ from typing import TYPE_CHECKING
 
 import click
 
+from contid.cli.support.robot_names import robot_names
 from contid.errors import ContidError
 from contid.hal import Homed, Homes, Parks
 from contid.robot_file.load import LoadedFile, load_robot_file
@@ -24,48 +26,58 @@ if TYPE_CHECKING:
 
 
 @click.command()
-@click.argument("robot_file", type=click.Path(exists=True, dir_okay=False, path_type=Path))
+@click.argument("robot_file", shell_complete=robot_names)
 @click.argument("axes", nargs=-1)
 @click.option("--dry-run", is_flag=True, help="Home, print, write nothing.")
 @click.option(
     "--parked", is_flag=True, help="AXES without homing stand in their parked pose now; move nothing."
 )
-def command(robot_file: Path, axes: tuple[str, ...], dry_run: bool, parked: bool) -> None:
+def command(robot_file: str, axes: tuple[str, ...], dry_run: bool, parked: bool) -> None:
     """Home AXES (ROBOT.AXIS; default: all with `homing:`) one by one and write their zero into ROBOT_FILE.
 
-    The file is replaced in one step after the last axis; interrupted, it stays unchanged. Ctrl-C,
-    SIGTERM, and `contid estop`, `stop` or `hold` from another terminal take the torque off at once.
+    ROBOT_FILE may be the name of a shipped one. Each zero is written, in one step, as soon as it is found: an
+    error or an interrupt at a later axis keeps it. Ctrl-C, SIGTERM, and `contid estop`, `stop` or `hold`
+    from another terminal take the torque off at once.
 
     With --parked, AXES (default: all without homing) count from their parked pose again, after a restart of
     their board lost it. Look at the robot first: contid moves as if it stood there.
     """
     from contid.control.engine.wiring import wired_buses
     from contid.remote.server.stop_server import StopServer
-    from contid.robot_file.edit import Change, set_values
+    from contid.robot_file.shipped import find_robot_file
 
-    loaded = load_robot_file(robot_file)
+    path = find_robot_file(robot_file)
+    loaded = load_robot_file(path)
     buses = wired_buses(loaded)
     existing = {axis.name for bus in buses for axis in bus.axes}
     if unknown := [name for name in axes if name not in existing]:
         raise ContidError(f"no axis {unknown[0]!r}; there are {', '.join(sorted(existing))}")
     if parked:
-        _park(robot_file, buses, axes)
+        _park(path, buses, axes)
         return
-    with interruptible(), StopServer(str(robot_file), "homing"):
-        homed = _home(buses, axes)
-    if not homed:
+    if not dry_run and not os.access(path.resolve().parent, os.W_OK):
+        raise ContidError(f"{path}: its folder is read-only; copy the file and home the copy, or --dry-run")
+    none = True
+    with interruptible(), StopServer(robot_file, "homing"):
+        for found in _home(buses, axes):
+            none = False
+            _keep(loaded, path, found, dry_run)
+    if none:
         raise ContidError(f"{robot_file}: no axis has `homing:`; add it to an axis")
-    changes = []
-    for found in homed:
-        zero_deg = zero_of(loaded, found)
-        robot, axis = found.axis.split(".", 1)
-        key = f"robots.{robot}.axes.{axis}.zero_deg"
-        note = f"homed {datetime.now().astimezone():%Y-%m-%d %H:%M}: {found.how}"
-        changes.append(Change(key, round(zero_deg, 4), note))
-        click.echo(f"{found.axis}: zero_deg {zero_deg:.4f} ({found.how})")
     if not dry_run:
-        set_values(robot_file, changes)
-        load_robot_file(robot_file)
+        load_robot_file(path)
+
+
+def _keep(loaded: LoadedFile, path: Path, found: Homed, dry_run: bool) -> None:
+    """Print the zero of one axis and write it into the robot file."""
+    from contid.robot_file.edit import Change, set_values
+
+    zero_deg = zero_of(loaded, found)
+    robot, axis = found.axis.split(".", 1)
+    note = f"homed {datetime.now().astimezone():%Y-%m-%d %H:%M}: {found.how}"
+    if not dry_run:
+        set_values(path, [Change(f"robots.{robot}.axes.{axis}.zero_deg", round(zero_deg, 4), note)])
+    click.echo(f"{found.axis}: zero_deg {zero_deg:.4f} ({found.how})")
 
 
 def _park(robot_file: Path, buses: Sequence[WiredBus], axes: Sequence[str]) -> None:
@@ -85,19 +97,19 @@ def _park(robot_file: Path, buses: Sequence[WiredBus], axes: Sequence[str]) -> N
         raise ContidError(f"{robot_file}: every axis finds its position by itself; nothing to park")
 
 
-def _home(buses: Sequence[WiredBus], axes: Sequence[str]) -> list[Homed]:
-    homed: list[Homed] = []
+def _home(buses: Sequence[WiredBus], axes: Sequence[str]) -> Iterator[Homed]:
+    """Home one axis after the other; every bus is checked before the first moves."""
+    report = functools.partial(click.echo, err=True)
+    chosen: list[tuple[bool, WiredBus, Homes, str]] = []
     for bus in buses:
-        only = [
-            axis.name
-            for axis in bus.axes
-            if (axis.name in axes if axes else getattr(axis.options, "homing", None) is not None)
-        ]
+        homing = {axis.name: getattr(axis.options, "homing", None) is not None for axis in bus.axes}
+        only = [name for name, has in homing.items() if (name in axes if axes else has)]
         if only:
             homes = bus.capable(Homes, "home")  # type: ignore[type-abstract]  # a runtime protocol
-            report = functools.partial(click.echo, err=True)
-            homed += homes.home(bus.wiring.name, bus.wiring.options, bus.axes, only, report)
-    return homed
+            chosen += [(homing[name], bus, homes, name) for name in only]
+    # Axes without homing come first: their driver refuses them before anything moves.
+    for _, bus, homes, name in sorted(chosen, key=lambda each: each[0]):
+        yield from homes.home(bus.wiring.name, bus.wiring.options, bus.axes, [name], report)
 
 
 @contextmanager
