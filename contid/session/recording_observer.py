@@ -46,6 +46,8 @@ class RecordingObserver:
         self._writer: SessionWriter | None = None
         self._played = 0
         self._sent: list[Path] = []
+        #: The recorder failed: records are missing from the session.
+        self.lost = False
 
     def attach(self, setup: RunSetup, pid: int) -> None:
         """Start the recorder's process and wait until it has created its file.
@@ -152,6 +154,7 @@ class RecordingObserver:
         except subprocess.TimeoutExpired:
             process.stdout.close()
             return (f"{self.path}: complete; it is still being compacted",)
+        self.lost = process.returncode != 0
         errors = tuple(process.stdout.read().decode().splitlines())
         process.stdout.close()
         if process.returncode and not errors:

@@ -109,13 +109,13 @@ def command(
     from contid.control.tick.preflight import Unreachable
 
     observers: list[RunObserver] = []
+    recording = None
     if record is not None:
         from contid.session.recording_observer import RecordingObserver
 
         options = {"mock": mock or virtual, "unreachable": unreachable, "input": trajectory or "stdin"}
-        observers.append(
-            RecordingObserver(Path(record), {name: str(value) for name, value in options.items()})
-        )
+        recording = RecordingObserver(Path(record), {name: str(value) for name, value in options.items()})
+        observers.append(recording)
     if view_target is not None:
         from contid.view.observer import ViewerObserver
 
@@ -147,6 +147,8 @@ def command(
     finally:
         if endpoint is not None:
             endpoint.close()
+    if recording is not None and recording.lost and report.exit_code == 0:
+        report.ending, report.exit_code = f"{report.ending}, but the recording is incomplete", 1
     finish(report, as_json)
 
 
