@@ -8,6 +8,7 @@ from __future__ import annotations
 import difflib
 import math
 from collections.abc import Iterable, Mapping, Sequence
+from contextlib import suppress
 from dataclasses import dataclass
 from typing import Final
 
@@ -210,14 +211,21 @@ def _format_hint(name: str) -> str:
     """A hint at the usual mistakes of programs that write tables."""
     if "\0" in name or "\ufffd" in name:
         return " (is this UTF-8 text? save it as CSV in UTF-8)"
-    return " (columns are separated by commas, not by semicolons or tabs)" if {";", "\t"} & {*name} else ""
+    if {";", "\t"} & {*name}:
+        return " (columns are separated by commas, not by semicolons or tabs)"
+    with suppress(ValueError):
+        float(name)
+        return " (a number: the header is missing; the first line names the columns)"
+    return ""
 
 
 def _choices(vocabularies: Mapping[str, Mapping[str, Meaning]], wrong: str = "") -> str:
     alone = len(vocabularies) == 1
     full = [f"{robot}.{name}" for robot, known in vocabularies.items() for name in known]
     names = [TIME, *(name for known in vocabularies.values() for name in known)] if alone else [TIME, *full]
-    near = difflib.get_close_matches(wrong, [*names, *full], n=1)
+    # A short name without its unit, `x`, has too few letters in common with `x_mm` for difflib.
+    near = [name for name in [*names, *full] if wrong and name.rpartition("_")[0] == wrong]
+    near = near or difflib.get_close_matches(wrong, [*names, *full], n=1)
     return f"allowed: {', '.join(names)}" + (f"; did you mean {near[0]!r}?" if near else "")
 
 

@@ -71,6 +71,15 @@ def test_the_only_robot_needs_no_name(finger: dict[str, RobotDescription]) -> No
     assert short.targets_at(0.0)["finger"].measured_tip_m == (0.049, 0.069, 0.0)
 
 
+@pytest.mark.parametrize(("wrong", "right"), [("x", "x_mm"), ("left", "left_mm"), ("meas.y", "meas.y_mm")])
+def test_a_name_without_its_unit_is_recognised(
+    finger: dict[str, RobotDescription], wrong: str, right: str
+) -> None:
+    ((_, column, message),) = refused(f"t_s,{wrong}\n0,50\n", finger)
+    assert column == 5
+    assert message.endswith(f"did you mean {right!r}?")
+
+
 def test_a_measured_direction_becomes_a_unit_vector_or_none(finger: dict[str, RobotDescription]) -> None:
     header = "t_s,x_mm,y_mm,meas.x_mm,meas.y_mm,meas.ax,meas.ay"
     some = read(f"{header}\n0,50,70,49,69,3,4\n1,50,70,49,69,0,0\n", finger)
@@ -90,6 +99,10 @@ HEADERS = [
     ("left.x_mm,left.y_mm", 1, "no column 't_s'"),
     ("t_s", 1, "no column moves a robot"),
     ("t_s,left.x_mm,,left.y_mm", 15, "has no name"),
+    ("t,left.x,left.y", 1, "did you mean 't_s'?"),
+    ("t,left.x,left.y", 3, "did you mean 'left.x_mm'?"),
+    ("0.0,50,70", 1, "the header is missing; the first line names the columns"),
+    ("0.0,50,7e1", 8, "the header is missing"),
 ]
 
 
