@@ -37,7 +37,7 @@ from tests.support.command import contid
 from tests.support.waiting import until
 
 PATHS = {
-    "hand": "circle --center 50,70 --radius 20 --period 1",
+    "hand": "circle --center 50,70 --radius 8 --period 1",
     "cbha": "circle --size 40 --height 230 --period 1",
     "stiffflop2": "circle --radius 5 --height 110 --period 1",
     "trirack2": "circle --size 40 --height 120 --period 1",
