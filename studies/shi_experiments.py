@@ -10,6 +10,7 @@ from __future__ import annotations
 import math
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
+from typing import Any
 
 import numpy as np
 
@@ -27,8 +28,8 @@ STANDARD_GRAVITY = 9.81
 MODULI_PA = ((1641.0, -13630.0, 43460.0, -65410.0, 76130.0), (8727.0, -44680.0, 96630.0, -107400.0, 90000.0))
 
 
-def segment(kind: int, link: float = 0.0) -> Section:
-    """Segment 1 or 2 of the paper (kind 0 or 1), Table I."""
+def segment(kind: int, link: float = 0.0, **changes: Any) -> Section:
+    """Segment 1 or 2 of the paper (kind 0 or 1), Table I; ``changes`` are further fields of the section."""
     return Section.from_radii(
         length=42.0,
         link=link,
@@ -38,6 +39,7 @@ def segment(kind: int, link: float = 0.0) -> Section:
         placement=5.1,
         pair_angle_rad=math.radians(56.0),
         modulus_pa=MODULI_PA[kind],
+        **changes,
     )
 
 

@@ -15,7 +15,7 @@ __all__ = ["PURE_PYTHON", "in_use", "load"]
 
 LOG = logging.getLogger(__name__)
 
-#: The kernels of a complete build, and what each of them solves.
+#: The kernels of a complete build; some are compiled a second time for AVX2.
 KERNELS: Final = ("arc", "cosserat", "ph_curve")
 
 #: Set to anything but 0 to disable the compiled kernels.

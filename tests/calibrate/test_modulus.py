@@ -21,7 +21,8 @@ from contid.cli.commands.calibrate import command
 from contid.errors import BadInputError, ContidError
 from contid.kinematics.cosserat.section import Section
 from contid.robot_file.load import load_robot_file
-from tests.kinematics.cosserat_cases import MODULI, section
+from studies.shi_experiments import MODULI_PA as MODULI
+from tests.kinematics.cosserat_cases import section
 
 LEVELS = np.linspace(0.1, 1.5, 15)
 

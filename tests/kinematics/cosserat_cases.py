@@ -11,29 +11,16 @@ import numpy as np
 
 from contid.kinematics.array import Array
 from contid.kinematics.cosserat.loads import Loads
-from contid.kinematics.cosserat.section import Rod, Section
+from contid.kinematics.cosserat.section import Rod
 from contid.kinematics.cosserat.solve import Limits
+from studies.shi_experiments import segment
 
 GOLDEN: dict[str, Any] = json.loads(
     (Path(__file__).parents[1] / "reference" / "cosserat-golden.json").read_text(encoding="utf-8")
 )
-MODULI = ((1641.0, -13630.0, 43460.0, -65410.0, 76130.0), (8727.0, -44680.0, 96630.0, -107400.0, 90000.0))
 GRAM = 9.81e-3  # N
 
-
-def section(kind: int, link: float = 0.0, **changes: Any) -> Section:
-    """Segment 1 or 2 of the paper (kind 0 or 1)."""
-    return Section.from_radii(
-        length=42.0,
-        link=link,
-        outer=7.5,
-        inner=2.7,
-        chamber=1.25,
-        placement=5.1,
-        pair_angle_rad=math.radians(56.0),
-        modulus_pa=MODULI[kind],
-        **changes,
-    )
+section = segment
 
 
 def one(kind: int = 0, link: float = 0.0) -> Rod:
