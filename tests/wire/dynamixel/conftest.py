@@ -37,7 +37,7 @@ class Rig:
             samples = self.bus.exchange({f"r.{axis}": value for axis, value in commands.items()})
         return samples
 
-    def until(self, condition: Callable[[], bool], timeout_s: float = 5.0) -> None:
+    def until(self, condition: Callable[[], bool], timeout_s: float = 30.0) -> None:
         """Tick until something is true."""
         deadline = time.monotonic() + timeout_s
         while not condition():

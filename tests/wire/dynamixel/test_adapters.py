@@ -1,10 +1,15 @@
-"""Adapters that are late, batch, stall or share the bus: a value may be missing, never another one's."""
+"""Adapters that are late, batch, stall or share the bus: a value may be missing, never another one's.
+
+No test depends on the speed of the machine: each goes on until it has seen enough, within `LONG_S`.
+"""
 
 from __future__ import annotations
 
 import random
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
+from contextlib import suppress
+from itertools import count
 from typing import Any
 
 import pytest
@@ -13,34 +18,47 @@ from contid.errors import DeviceError
 from contid_drivers.dynamixel import registers as reg
 from contid_drivers.dynamixel.client import NoAnswerError, ServoClient
 from contid_drivers.dynamixel.port import ServoPort
+from contid_drivers.dynamixel.slack import SLACK_MIN_S, WINDOW, Slack
 
 pytestmark = pytest.mark.realtime
 
 TICK = reg.RAD_PER_TICK
 Make = Callable[..., Any]
+#: Far longer than any of these tests needs; only a defect lasts as long.
+LONG_S = 120.0
 #: Registers of equal width with values of their own.
 DISTINCT = {reg.POSITION_P: 401, reg.POSITION_I: 402, reg.POSITION_D: 403, reg.VELOCITY_I: 404}
 
 
-def read_under(r: Any, disturb: Callable[[], None], count: int) -> int:
-    """Read registers in random order; returns how many were read, none of them wrong."""
+def enough(done: Callable[[], bool], minimum: int = 0) -> Iterator[int]:
+    """Count up until ``done``, at least to ``minimum``, at most for `LONG_S`."""
+    deadline = time.monotonic() + LONG_S
+    for k in count():
+        if k >= minimum and done():
+            return
+        assert time.monotonic() < deadline, f"not enough after {k} rounds"
+        yield k
+
+
+def read_under(r: Any, disturb: Callable[[], None], attempts: int, reads: int = 0) -> None:
+    """Read registers in random order, none of them wrong, until ``reads`` succeeded."""
     for register, value in DISTINCT.items():
         r.emulator.servos[0].put(register, value)
     port = ServoPort("servos", r.emulator.port, r.options.baud, 0.0015)
     port.open()
-    client, dice, good = ServoClient("servos", port), random.Random(7), 0
+    client, dice = ServoClient("servos", port), random.Random(7)
+    good: list[int] = []
     try:
-        for _ in range(count):
+        for _ in enough(lambda: len(good) >= reads, attempts):
             disturb()
             register = dice.choice(tuple(DISTINCT))
             try:
-                assert client.read(1, register) == DISTINCT[register], register.name
-                good += 1
+                good.append(client.read(1, register))
+                assert good[-1] == DISTINCT[register], register.name
             except NoAnswerError:
                 pass
     finally:
         port.close()
-    return good
 
 
 @pytest.mark.parametrize("ms", [33, 38, 44, 52, 61])
@@ -58,7 +76,7 @@ def test_a_register_read_after_stalls_is_never_another_register(rig: Make) -> No
         if dice.random() < 0.4:
             r.emulator.set("hiccup", ms=dice.uniform(25, 80))
 
-    assert read_under(r, stall, 60) >= 50
+    read_under(r, stall, 60, reads=50)
 
 
 def test_a_write_through_a_late_adapter_is_not_confirmed_by_an_earlier_one(rig: Make) -> None:
@@ -67,8 +85,10 @@ def test_a_write_through_a_late_adapter_is_not_confirmed_by_an_earlier_one(rig: 
     port.open()
     client = ServoClient("servos", port)
     try:
-        r.emulator.set("hiccup", ms=70)
-        client.write(1, reg.POSITION_P, 500)
+        for _ in enough(lambda: r.emulator.servo(1).get(reg.POSITION_P) == 500):
+            r.emulator.set("hiccup", ms=70)
+            with suppress(NoAnswerError):
+                client.write(1, reg.POSITION_P, 500)
         r.emulator.set("silent", 1)
         with pytest.raises(DeviceError):
             client.write(1, reg.POSITION_P, 600)
@@ -88,7 +108,7 @@ def test_a_write_through_a_late_adapter_is_not_confirmed_by_an_earlier_one(rig: 
 )
 @pytest.mark.parametrize("fast", ["auto", "off"])
 def test_batches_and_pieces_cost_no_sample(rig: Make, switches: Any, fast: str) -> None:
-    r = rig(3, fast_read=fast)
+    r = rig(3, fast_read=fast, usb_latency_ms=200, slack_ms=200, retry_ms=100)
     for kind, values in switches:
         r.emulator.set(kind, **values)
     r.bus.open()
@@ -108,46 +128,64 @@ def test_samples_of_a_late_adapter_belong_to_their_exchange_or_are_invalid(
     r = rig(3, fast_read=fast, usb_latency_ms=1.5, retry_ms=2.0, slack_ms=1.0)
     r.bus.open()
     r.emulator.set("late", ms=ms)
-    stale = valid = 0
-    for k in range(60):
+    stale = 0
+    for k in enough(lambda: ms <= 6 or r.bus._cyclic.counts.late > 0, 60):
         with r.emulator._lock:
             for servo in r.emulator.servos:
                 servo.motion.position = 1000.0 * servo.device + 7 * k
         for i, sample in enumerate(r.tick().values(), start=1):
             if sample.valid:
-                valid += 1
                 stale += sample.value != pytest.approx((1000 * i + 7 * k) * TICK, abs=TICK / 2)
         time.sleep(0.0025)
     assert stale == 0
-    if ms > 6:
-        assert r.bus._cyclic.counts.late > 0
     r.emulator.set("late", ms=0)
-    r.until(lambda: all(sample.valid for sample in r.tick().values()))
+    r.until(lambda: all(sample.valid for sample in r.tick().values()), LONG_S)
 
 
 def test_random_stalls_never_yield_a_sample_of_another_exchange(rig: Make) -> None:
     r = rig(2, usb_latency_ms=1.5, retry_ms=2.0, telemetry_every=5)
     r.bus.open()
-    dice, valid = random.Random(5), 0
-    for k in range(300):
+    dice = random.Random(5)
+    valid: list[float] = []
+    for k in enough(lambda: len(valid) >= 200, 300):
         if dice.random() < 0.15:
             r.emulator.set("hiccup", ms=dice.uniform(1, 25))
         with r.emulator._lock:
             for servo in r.emulator.servos:
                 servo.motion.position = 1000.0 * servo.device + 7 * k
         for i, sample in enumerate(r.tick().values(), start=1):
-            valid += sample.valid
-            assert not sample.valid or sample.value == pytest.approx((1000 * i + 7 * k) * TICK, abs=TICK / 2)
-    assert valid > 300
+            if sample.valid:
+                valid.append(sample.value)
+                assert sample.value == pytest.approx((1000 * i + 7 * k) * TICK, abs=TICK / 2)
 
 
-def test_a_stall_of_a_scheduler_tick_costs_no_sample(rig: Make) -> None:
-    r = rig(3, usb_latency_ms=1.5, retry_ms=2.0)
+def test_a_stall_longer_than_the_time_out_costs_no_sample(rig: Make) -> None:
+    r = rig(3, usb_latency_ms=20, slack_ms=200, retry_ms=0)
     r.bus.open()
-    for _ in range(20):
-        r.emulator.set("hiccup", ms=4.3)
+    stalls = r.bus._cyclic.counts.stalls
+    for _ in range(10):
+        r.until(lambda: r.bus._cyclic.received and not r.bus._cyclic.disturbed)
+        r.emulator.set("hiccup", ms=50)
         assert all(sample.valid for sample in r.tick().values())
-        r.tick()
+    assert r.bus._cyclic.counts.stalls >= stalls + 10
+
+
+def test_a_stall_of_a_scheduler_tick_is_waited_for_from_the_start() -> None:
+    """A process gets its bytes up to 4 ms late from a kernel at 250 Hz; none has been measured yet."""
+    assert Slack(None).seconds > 4e-3
+
+
+def test_measured_lateness_widens_the_slack_by_its_percentile_and_not_by_one_outlier() -> None:
+    slack = Slack(None)
+    for k in range(2 * WINDOW):
+        slack.record(0.006 if k % 100 == 0 else 0.001)
+    assert 0.006 < slack.seconds < 0.012
+    slack.record(0.5)
+    assert slack.seconds < 0.012
+    for _ in range(2 * WINDOW):
+        slack.record(0.001)
+    assert slack.seconds == SLACK_MIN_S
+    assert Slack(0.0).seconds == 0.0
 
 
 def test_a_second_host_on_the_bus_yields_no_wrong_sample(rig: Make) -> None:
@@ -160,27 +198,28 @@ def test_a_second_host_on_the_bus_yields_no_wrong_sample(rig: Make) -> None:
             assert not sample.valid or sample.value == pytest.approx(1000 * i * TICK, abs=TICK)
         time.sleep(0.002)
     r.emulator.set("host", hz=0)
-    r.until(lambda: all(sample.valid for sample in r.tick().values()))
+    r.until(lambda: all(sample.valid for sample in r.tick().values()), LONG_S)
 
 
 def test_arming_many_servos_through_a_slow_adapter_does_not_outlive_the_watchdog(rig: Make) -> None:
-    r = rig(16, watchdog_ms=200)
+    r = rig(16, watchdog_ms=500)
     r.bus.open()
-    r.emulator.set("latency", ms=4)
+    r.emulator.set("latency", ms=10)
+    before = time.monotonic()
     r.bus.enable(r.bus.axes)
+    assert time.monotonic() - before > 1.0, "arming must last longer than the watchdog"
     samples = r.tick()
     assert [sample.fault for sample in samples.values()] == [""] * 16
     for servo in r.emulator.servos:
         assert servo.torque
-        assert servo.get(reg.BUS_WATCHDOG) == 10
+        assert servo.get(reg.BUS_WATCHDOG) == 25
 
 
 def test_a_silent_servo_is_asked_last(rig: Make) -> None:
     r = rig(3, fast_read="off")
     r.bus.open()
     r.emulator.set("silent", 1)
-    r.tick(3)
-    assert r.bus._cyclic.ids == (2, 3, 1)
+    r.until(lambda: r.bus._cyclic.ids == (2, 3, 1), LONG_S)
     r.emulator.set("silent", 1, on=False)
-    r.until(lambda: all(sample.valid for sample in r.tick().values()))
+    r.until(lambda: all(sample.valid for sample in r.tick().values()), LONG_S)
     assert set(r.bus._cyclic.ids) == {1, 2, 3}
