@@ -1,7 +1,8 @@
 """The protocol of every kinematic model, and the table that builds one from its description.
 
 A model is pure arithmetic in the robot's base frame and SI: no I/O, no clock, no YAML. Results are frozen; an
-unreachable target gives a solution with a residual, never an exception.
+unreachable target gives a solution with a residual, never an exception. Arrays of rows are for
+`contid.kinematics.batch`; the control process makes single calls.
 """
 
 from __future__ import annotations

@@ -1,0 +1,63 @@
+"""``forward_many`` and ``inverse_many``: the kernel of a model where it has one for batches, else a loop."""
+
+from __future__ import annotations
+
+import os
+
+from numpy.typing import ArrayLike
+
+from contid.kinematics.batch import loop
+from contid.kinematics.batch.rows import Poses, Solutions, Targets, matrix, vectors
+from contid.kinematics.model import Model
+
+
+def forward_many(
+    model: Model, actuations: ArrayLike, load_n: ArrayLike | None = None, *, threads: int | None = None
+) -> Poses:
+    """Poses of the tip in the base frame, one per row of actuation.
+
+    Args:
+        model: of `build_model`.
+        actuations: in the model's order [m or Pa], shape ``(rows, axes)``.
+        load_n: known forces on the tip [N], shape ``(rows, 3)`` or ``(3,)``.
+        threads: to divide the rows between; None for every processor this process may use.
+
+    Raises:
+        ValueError: a wrong shape or number of threads.
+    """
+    rows = matrix(actuations, None, len(model.axis_names), "actuations")
+    loads = None if load_n is None else vectors(load_n, len(rows), "load_n")
+    _count(threads)
+    return loop.forward(model, rows, loads)
+
+
+def inverse_many(
+    model: Model, targets: Targets, seeds: ArrayLike, *, chained: bool = False, threads: int | None = None
+) -> Solutions:
+    """Actuation for each target, inside every limit.
+
+    Args:
+        model: of `build_model`.
+        targets: in the base frame.
+        seeds: the last commanded actuation [m or Pa], one for all rows ``(axes,)`` or one per row
+            ``(rows, axes)``.
+        chained: each row starts from the answer of the row before, the first from ``seeds`` ``(axes,)``; one
+            thread then does all rows.
+        threads: to divide the rows between; None for every processor this process may use.
+
+    Raises:
+        ValueError: a wrong shape or number of threads, or a target of a kind the model does not take.
+    """
+    axes = len(model.axis_names)
+    starts = matrix(seeds, 1 if chained else len(targets), axes, "seeds")
+    _count(threads)
+    return loop.inverse(model, targets, starts, chained)
+
+
+def _count(threads: int | None) -> int:
+    """Number of threads to use."""
+    if threads is None:
+        return len(os.sched_getaffinity(0))
+    if threads < 1:
+        raise ValueError(f"threads: {threads}; expected 1 or more")
+    return threads

@@ -1,0 +1,140 @@
+"""Rows of a batch: targets in, poses and solutions out, each a structured array."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Any, TypeAlias
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from contid.kinematics.array import Array
+
+#: A structured array, shape ``(rows,)``.
+Table: TypeAlias = NDArray[np.void]
+
+POSE = np.dtype(
+    [
+        ("tip_m", np.float64, (3,)),
+        ("rotation", np.float64, (3, 3)),
+        ("direction", np.float64, (3,)),
+        ("mid_m", np.float64, (3,)),
+        ("stable", np.bool_),
+    ],
+    align=True,
+)
+
+
+def solution_dtype(axes: int) -> np.dtype[Any]:
+    """One row of `Solutions` for a model of so many axes; the kernels write this layout."""
+    return np.dtype(
+        [
+            ("actuation", np.float64, (axes,)),
+            ("residual_m", np.float64),
+            ("limited_by", np.uint64),
+            ("iterations", np.int32),
+            ("converged", np.bool_),
+        ],
+        align=True,
+    )
+
+
+@dataclass(frozen=True, eq=False)
+class Targets:
+    """Targets of tips in the base frame, one per row.
+
+    Attributes:
+        tip_m: tip positions [m], shape ``(rows, 3)``.
+        direction: unit tangents there, same shape, or None.
+        mid_m: positions of the mid-point [m], same shape, or None.
+        load_n: known forces on the tip [N], same shape, or None for none.
+    """
+
+    tip_m: Array
+    direction: Array | None = None
+    mid_m: Array | None = None
+    load_n: Array | None = None
+
+    @classmethod
+    def of(
+        cls,
+        tip_m: ArrayLike,
+        direction: ArrayLike | None = None,
+        mid_m: ArrayLike | None = None,
+        load_n: ArrayLike | None = None,
+    ) -> Targets:
+        """Targets of anything array-like; one row of a direction, mid-point or load serves every tip.
+
+        Raises:
+            ValueError: a shape other than ``(rows, 3)`` or ``(3,)``.
+        """
+        tips = vectors(tip_m, None, "tip_m")
+        rest = [
+            None if given is None else vectors(given, len(tips), name)
+            for name, given in (("direction", direction), ("mid_m", mid_m), ("load_n", load_n))
+        ]
+        return cls(tips, *rest)
+
+    def __len__(self) -> int:
+        return len(self.tip_m)
+
+
+@dataclass(frozen=True, eq=False)
+class Poses:
+    """Forward kinematics of many rows.
+
+    Attributes:
+        rows: fields ``tip_m`` (3), ``rotation`` (3, 3), ``direction`` (3), ``mid_m`` (3) and ``stable``,
+            each as in `contid.targets.Pose`.
+    """
+
+    rows: Table
+
+    def __len__(self) -> int:
+        return len(self.rows)
+
+
+@dataclass(frozen=True, eq=False)
+class Solutions:
+    """Inverse kinematics of many rows.
+
+    Attributes:
+        rows: fields ``actuation`` (axes), ``residual_m``, ``limited_by`` (bits), ``iterations`` and
+            ``converged``, each as in `contid.targets.Solution`; its note is left out.
+        limit_names: names of the bits of ``limited_by``, the lowest first.
+    """
+
+    rows: Table
+    limit_names: tuple[str, ...]
+
+    def __len__(self) -> int:
+        return len(self.rows)
+
+    def limited_by(self, row: int) -> tuple[str, ...]:
+        """Names of the active limits of one row, in the order of the bits."""
+        bits = int(self.rows["limited_by"][row])
+        return tuple(name for k, name in enumerate(self.limit_names) if bits >> k & 1)
+
+
+def vectors(given: ArrayLike, rows: int | None, name: str) -> Array:
+    """Contiguous vectors ``(rows, 3)``; a single one is repeated ``rows`` times.
+
+    Raises:
+        ValueError: another shape.
+    """
+    return matrix(given, rows, 3, name)
+
+
+def matrix(given: ArrayLike, rows: int | None, columns: int, name: str) -> Array:
+    """Contiguous floats ``(rows, columns)``; a single row is repeated.
+
+    Raises:
+        ValueError: another shape.
+    """
+    array = np.asarray(given, dtype=np.float64)
+    if array.ndim == 1 and rows is not None:
+        array = np.broadcast_to(array, (rows, len(array)))
+    if array.ndim != 2 or array.shape[1] != columns or (rows is not None and len(array) != rows):
+        shape = f"({'rows' if rows is None else rows}, {columns})"
+        raise ValueError(f"{name}: shape {array.shape}; expected {shape}")
+    return np.ascontiguousarray(array)
