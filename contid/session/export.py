@@ -2,7 +2,8 @@
 
 Units are those of robot files, and tip positions have the columns of a trajectory (``ROBOT.x_mm``); a joined
 table puts the channel in front. Numbers keep the fewest digits that read back to the same value; what is
-absent is an empty cell.
+absent is an empty cell. Every row has three times: ``t_s`` since tick 0 by the clock, ``robot_s`` by the
+ticks that ran (the time of the robots), and ``unix_s``, the time of day since 1970.
 """
 
 from __future__ import annotations
@@ -17,8 +18,9 @@ from pathlib import Path
 from typing import Any, Final, TextIO
 
 from contid.control.engine.events import to_json
-from contid.control.engine.tick_layout import TICK
+from contid.control.engine.tick_layout import SKIPPED, TICK
 from contid.session.format.channels import TICK_CHANNELS, Field, fields
+from contid.session.format.entries import Entry
 from contid.session.format.mcap_records import MAGIC
 from contid.session.output import exists_error, replacing
 from contid.session.read import Session, SessionError
@@ -31,6 +33,10 @@ _VECTORS: Final = {
     "measured_direction": ("meas.ax", "meas.ay", "meas.az"),
     "load_n": ("load.fx_n", "load.fy_n", "load.fz_n"),
 }
+
+
+#: First columns of every table of ticks.
+TIMES: Final = ("tick", "t_s", "robot_s", "unix_s")
 
 
 @dataclass(frozen=True, slots=True)
@@ -49,7 +55,7 @@ class Column:
 
 
 def columns(session: Session, channel: str) -> list[Column]:
-    """The columns of a channel after ``tick`` and ``t_s``."""
+    """The columns of a channel after `TIMES`."""
     values = fields(session.layout, session.device_units, channel)
     return [column for each in values if each.path != ("tick",) for column in _columns(each)]
 
@@ -127,18 +133,18 @@ def export_channels(session: Session, folder: Path) -> list[Path]:
     with ExitStack() as stack:
         *ticks, events = [_writer(stack.enter_context(_file(path))) for path in paths]
         for writer, table in zip(ticks, tables.values(), strict=True):
-            writer.writerow(["tick", "t_s", *(column.name for column in table)])
-        events.writerow(["t_s", "event", "tick", "details"])
-        start_ns = int(session.metadata["clock"]["wall_ns"])
+            writer.writerow([*TIMES, *(column.name for column in table)])
+        events.writerow(["t_s", "unix_s", "event", "tick", "details"])
+        zero_ns = _zero_ns(session)
         for entry in session.entries():
             if entry.values is not None:
                 for writer, table in zip(ticks, tables.values(), strict=True):
-                    writer.writerow(_row(session, entry.values, table))
+                    writer.writerow(_row(session, entry, zero_ns, table))
             elif entry.event is not None:
                 rest = to_json(entry.event)
                 kind, tick = rest.pop("event"), rest.pop("tick", "")
-                time_s = tick / session.rate_hz if tick != "" else (entry.time_ns - start_ns) / 1e9
-                events.writerow([time_s, kind, tick, json.dumps(rest)])
+                t_s, unix_s = _since(entry.time_ns, zero_ns), _unix(entry.time_ns)
+                events.writerow([t_s, unix_s, kind, tick, json.dumps(rest)])
     return paths
 
 
@@ -148,10 +154,11 @@ def export_joined(session: Session, path: Path) -> list[Path]:
     table = [column for _, column in of_channel]
     with _file(path) as file:
         writer = _writer(file)
-        writer.writerow(["tick", "t_s", *(f"{channel}.{column.name}" for channel, column in of_channel)])
+        writer.writerow([*TIMES, *(f"{channel}.{column.name}" for channel, column in of_channel)])
+        zero_ns = _zero_ns(session)
         for entry in session.entries():
             if entry.values is not None:
-                writer.writerow(_row(session, entry.values, table))
+                writer.writerow(_row(session, entry, zero_ns, table))
     return [path]
 
 
@@ -171,8 +178,31 @@ def _writer(file: TextIO) -> Any:
     return csv.writer(file, lineterminator="\n")
 
 
-def _row(session: Session, values: Sequence[float], table: Sequence[Column]) -> list[Any]:
-    cells: list[Any] = [int(values[TICK]), values[TICK] / session.rate_hz]
+def _zero_ns(session: Session) -> int:
+    """The time of day of tick 0 [ns]: where ``t_s`` begins."""
+    for entry in session.entries():
+        if entry.values is not None:
+            return entry.time_ns - round(entry.values[TICK] / session.rate_hz * 1e9)
+    return int(session.metadata["clock"]["wall_ns"])
+
+
+def _since(time_ns: int, zero_ns: int) -> float:
+    return (time_ns - zero_ns) / 1e9
+
+
+def _unix(time_ns: int) -> str:
+    return f"{time_ns // 1000 / 1e6:.6f}"
+
+
+def _row(session: Session, entry: Entry, zero_ns: int, table: Sequence[Column]) -> list[Any]:
+    values = entry.values
+    assert values is not None
+    cells: list[Any] = [
+        int(values[TICK]),
+        _since(entry.time_ns, zero_ns),
+        (values[TICK] - values[SKIPPED]) / session.rate_hz,
+        _unix(entry.time_ns),
+    ]
     for column in table:
         value = values[column.slot]
         if value != value:

@@ -7,7 +7,7 @@ from dataclasses import dataclass, field
 from typing import Any
 
 from contid.control.engine.events import FaultLatched, LogWritten, RecorderOverrun, RunEvent, to_json
-from contid.control.engine.tick_layout import LATENESS, SKIPPED
+from contid.control.engine.tick_layout import DEADLINE, LATENESS, SKIPPED, TICK
 from contid.control.tick.supervisor import Mode
 from contid.session.compare import named
 from contid.session.format.entries import DAMAGED, GROWING
@@ -29,6 +29,8 @@ class Info:
         duration_s: from the first tick to the last.
         late: ticks that started more than a tenth of a period after their deadline; 0 in virtual time.
         skipped: ticks that were not started.
+        waited: periods that passed while devices were connected, armed or cleared.
+        longest_gap_ms: longest time between two ticks that others were left out of; 0 when none was.
         lost: ticks that the recorder missed.
         robots: model, axes and last mode by name.
         events: number of each kind.
@@ -46,6 +48,8 @@ class Info:
     virtual: bool = False
     late: int = 0
     skipped: int = 0
+    waited: int = 0
+    longest_gap_ms: float = 0.0
     lost: int = 0
     robots: dict[str, dict[str, Any]] = field(default_factory=dict)
     input: str = ""
@@ -61,6 +65,8 @@ class Info:
             f"{self.file}: {self.state}, {size}",
             f"began {self.began}, {self.duration_s:.2f} s{' of virtual time' if self.virtual else ''}",
             f"ticks: {self.ticks} at {self.rate_hz:g} Hz, {self.late} late, {self.skipped} skipped"
+            + (f", {self.waited} waited for arming" if self.waited else "")
+            + (f", longest gap {self.longest_gap_ms:.0f} ms" if self.longest_gap_ms else "")
             + (f", {self.lost} not recorded" if self.lost else ""),
             f"input: {self.input}",
         ]
@@ -92,6 +98,8 @@ def summarize(session: Session) -> Info:
             assert entry.event is not None
             _add_event(info, kinds, entry.event)
             continue
+        if last is not None:
+            _add_gap(info, last, entry.values)
         last = entry.values
         first_ns, last_ns = first_ns or entry.time_ns, entry.time_ns
         info.ticks += 1
@@ -107,6 +115,16 @@ def summarize(session: Session) -> Info:
         mode = "unknown" if last is None else named(Mode, last[session.layout.robot_place(index, "mode")])
         info.robots[robot.name] = {"model": robot.model, "axes": list(robot.axes), "mode": mode}
     return info
+
+
+def _add_gap(info: Info, before: list[float], now: list[float]) -> None:
+    """Count what was left out between two recorded ticks; ticks the recorder missed were not left out."""
+    periods = round((now[DEADLINE] - before[DEADLINE]) * info.rate_hz)
+    waited, skipped = periods - int(now[TICK] - before[TICK]), int(now[SKIPPED] - before[SKIPPED])
+    info.waited += waited
+    if (waited or skipped) and now[TICK] - before[TICK] == 1 + skipped:
+        gap_s = now[DEADLINE] + now[LATENESS] - before[DEADLINE] - before[LATENESS]
+        info.longest_gap_ms = max(info.longest_gap_ms, round(gap_s * 1e3, 3))
 
 
 def _state(session: Session, ticks: int) -> str:

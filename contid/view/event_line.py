@@ -16,7 +16,8 @@ _LEVELS: Final = {kind.KIND: "ERROR" for kind in (ev.FaultLatched, ev.RunFailed)
 _LOG_LEVELS: Final = {"warning": "WARN", "error": "ERROR", "critical": "CRITICAL"}
 #: Events for programs, too many for a log.
 _PROGRAMS: Final = (
-    ev.BusAnswered, ev.LimitNamed, ev.MarkReached, ev.OrderGiven, ev.PaceReported, ev.RobotReported
+    ev.BusAnswered, ev.LimitNamed, ev.MarkReached, ev.OrderGiven, ev.PaceReported, ev.RobotReported,
+    ev.TicksWaited,
 )  # fmt: skip
 _SILENT: Final = frozenset(kind.KIND for kind in _PROGRAMS)
 

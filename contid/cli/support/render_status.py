@@ -37,6 +37,10 @@ def _head(status: Fields) -> Text:
     text = Text()
     text.append(status["name"], style="bold")
     text.append(f"  {status['rate_hz']:g} Hz  tick {status['tick']}  {status.get('skipped', 0)} skipped")
+    if status.get("waited"):
+        text.append(f", {status['waited']} waited for arming")
+    if status.get("longest_gap_ms"):
+        text.append(f", longest gap {status['longest_gap_ms']:.0f} ms")
     text.append(
         f"  late p50 {_shown(late['p50'], '.0f')} us, max {_shown(late['max'], '.0f')} us (last second)"
     )

@@ -4,7 +4,15 @@ from __future__ import annotations
 
 import signal
 
-from contid.control.engine.events import PaceReported, RobotReported, RunEvent, RunFailed, RunStarted
+from contid.control.engine.events import (
+    PaceReported,
+    RobotReported,
+    RunEvent,
+    RunFailed,
+    RunStarted,
+    TicksSkipped,
+    TicksWaited,
+)
 from contid.control.engine.report import RunReport, complete_from_records
 from contid.control.process.ring import RingReader
 
@@ -56,6 +64,12 @@ class ReportBuilder:
             case PaceReported():
                 report.ticks, report.late, report.skipped = event.ticks, event.late, event.skipped
                 report.waited, report.lateness = event.waited, event.lateness
+                report.longest_gap_ms = event.longest_gap_ms
+            # The newest figures, in case the control process ends without a report.
+            case TicksSkipped():
+                report.skipped, report.longest_gap_ms = event.total, event.longest_gap_ms
+            case TicksWaited():
+                report.waited, report.longest_gap_ms = event.total, event.longest_gap_ms
 
     def conclude(self, reader: RingReader, status: int | None) -> None:
         """Complete the report after the last event, and set the exit code.

@@ -198,6 +198,19 @@ class TicksSkipped(RunEvent):
     KIND: ClassVar[str] = "skipped"
     ticks: Annotated[int, "number of ticks"]
     total: Annotated[int, "ticks skipped so far"]
+    longest_gap_ms: Annotated[float, "longest time between two ticks so far that others were left out of"] = (
+        0.0
+    )
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class TicksWaited(RunEvent):
+    """Periods without ticks passed while devices were connected, armed or cleared."""
+
+    KIND: ClassVar[str] = "waited"
+    ticks: Annotated[int, "number of periods"]
+    total: Annotated[int, "periods waited for so far"]
+    longest_gap_ms: Annotated[float, "longest time between two ticks so far that others were left out of"]
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -210,6 +223,7 @@ class PaceReported(RunEvent):
     skipped: Annotated[int, "ticks that never started"]
     waited: Annotated[int, "periods that passed while devices were connected, armed or cleared"]
     lateness: Annotated[dict[str, float], "percentiles [us]"]
+    longest_gap_ms: Annotated[float, "longest time between two ticks that others were left out of"] = 0.0
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

@@ -31,6 +31,7 @@ class RunReport:
         late: started more than a tenth of a period after their deadline.
         skipped: never started.
         waited: periods that passed while devices were connected, armed or cleared; they are no ticks.
+        longest_gap_ms: longest time between two ticks that others were left out of; 0 when none was.
         lateness: p50, p99, p99.9 and greatest [us].
         realtime: whether the control process ran under SCHED_FIFO.
         kernels: the arithmetic of the models, compiled or NumPy.
@@ -46,6 +47,7 @@ class RunReport:
     late: int = 0
     skipped: int = 0
     waited: int = 0
+    longest_gap_ms: float = 0.0
     lateness: dict[str, float] = field(default_factory=dict)
     realtime: bool = False
     kernels: str = field(default_factory=in_use)
@@ -66,6 +68,8 @@ class RunReport:
         accounted = f"{self.ticks} run, {self.late} late, {self.skipped} skipped"
         if self.waited:
             accounted += f", {self.waited} waited for arming"
+        if self.longest_gap_ms:
+            accounted += f", longest gap {self.longest_gap_ms:.0f} ms"
         lines.append(f"ticks: {accounted} at {self.rate_hz:g} Hz{' of virtual time' if self.virtual else ''}")
         if self.lateness and not self.virtual:
             figures = ", ".join(

@@ -44,6 +44,7 @@ class VirtualProcess:
         tick: number of the next tick.
         skipped: ticks skipped so far, because a simulated device answered late.
         cycles: ticks that were run.
+        longest_gap_ms: between two ticks that others were left out of [ms of virtual time].
     """
 
     def __init__(
@@ -66,6 +67,7 @@ class VirtualProcess:
             guards=chain_guards(loaded),
         )  # fmt: skip
         self.tick = self.skipped = self.cycles = 0
+        self.longest_gap_ms = 0.0
         self._rate_hz = rate_hz
         self._sink = sink
 
@@ -79,7 +81,10 @@ class VirtualProcess:
         if late >= 1.0:
             missed = int(late)
             self.tick, self.skipped = self.tick + missed, self.skipped + missed
-            self._sink.event(TicksSkipped(ticks=missed, total=self.skipped))
+            self.longest_gap_ms = max(self.longest_gap_ms, round((missed + 1) / self._rate_hz * 1e3, 3))
+            self._sink.event(
+                TicksSkipped(ticks=missed, total=self.skipped, longest_gap_ms=self.longest_gap_ms)
+            )
         self.clock.set(max(self.tick / self._rate_hz, self.clock.now()))
 
     def turn(self) -> None:
@@ -149,6 +154,7 @@ def run_virtual(
     finally:
         process.close()
     report.ticks, report.skipped = process.cycles, process.skipped
+    report.longest_gap_ms = process.longest_gap_ms
     report.robots = robot_reports(engine)
     if report.faulted() and not report.exit_code:
         report.ending, report.exit_code = "a fault stopped a robot", 3

@@ -1,4 +1,4 @@
-"""Deadlines of ticks, and the count of late and skipped ones.
+"""Deadlines of ticks, the count of late and skipped ones, and the longest time without a tick.
 
     deadline(n) = base + n / rate        on CLOCK_MONOTONIC
 
@@ -12,7 +12,7 @@ from __future__ import annotations
 from typing import Final
 
 from contid.control.engine.cycle import Sink, Timing
-from contid.control.engine.events import PaceReported, TicksSkipped
+from contid.control.engine.events import PaceReported, TicksSkipped, TicksWaited
 from contid.control.tick.statistics import Lateness
 
 #: A tick that starts later than this share of the period counts as late.
@@ -21,7 +21,7 @@ LATE_SHARE: Final = 0.1
 BUS_SHARE: Final = 0.9
 #: Periods from the start to the first deadline.
 START_PERIODS: Final = 2.0
-#: Shortest interval between two ``skipped`` events.
+#: Shortest interval between two ``skipped`` and between two ``waited`` events.
 REPORT_INTERVAL_S: Final = 1.0
 
 
@@ -29,15 +29,17 @@ class Pace:
     """The grid of deadlines of one run, and its statistics."""
 
     def __init__(self, rate_hz: float, now_s: float, sink: Sink) -> None:
-        """Begin a grid `START_PERIODS` from now; ``sink`` gets the ``skipped`` events."""
+        """Begin a grid `START_PERIODS` from now; ``sink`` gets the ``skipped`` and ``waited`` events."""
         self._period_s = 1.0 / rate_hz
         self._base_s = now_s + START_PERIODS * self._period_s
         self._sink = sink
         self._tick = 0
         self._ticks = self._late = self._skipped = self._waited = 0
         self._lateness = Lateness()
-        self._unreported = 0
-        self._reported_s = 0.0
+        self._started_s = now_s
+        self._longest_gap_s = 0.0
+        self._unreported = self._unreported_waits = 0
+        self._reported_s = self._waits_reported_s = 0.0
 
     @property
     def deadline_s(self) -> float:
@@ -56,16 +58,19 @@ class Pace:
         delay_s = start_s - self.deadline_s
         if delay_s >= period_s:
             missed = int(delay_s / period_s)
+            self._longest_gap_s = max(self._longest_gap_s, start_s - self._started_s)
             if preparing:
                 self._base_s += missed * period_s
                 self._waited += missed
+                self._unreported_waits += missed
                 delay_s -= missed * period_s
             else:
                 self._tick += missed
                 self._skipped += missed
                 self._unreported += missed
-        if self._unreported:
-            self._report_skipped(start_s)
+        if self._unreported or self._unreported_waits:
+            self._report_missed(start_s)
+        self._started_s = start_s
         deadline_s = self.deadline_s
         lateness_s = max(start_s - deadline_s, 0.0)
         # The histogram holds the whole delay, including skipped periods.
@@ -84,10 +89,24 @@ class Pace:
             skipped=self._skipped,
             waited=self._waited,
             lateness=self._lateness.as_dict(),
+            longest_gap_ms=self._longest_gap_ms,
         )
 
-    def _report_skipped(self, now_s: float) -> None:
-        """Report skipped ticks, at most once per `REPORT_INTERVAL_S`."""
-        if now_s - self._reported_s >= REPORT_INTERVAL_S:
-            self._sink.event(TicksSkipped(ticks=self._unreported, total=self._skipped))
+    @property
+    def _longest_gap_ms(self) -> float:
+        return round(self._longest_gap_s * 1e3, 3)
+
+    def _report_missed(self, now_s: float) -> None:
+        """Report skipped ticks and periods waited for, each at most once per `REPORT_INTERVAL_S`."""
+        if self._unreported and now_s - self._reported_s >= REPORT_INTERVAL_S:
+            self._sink.event(
+                TicksSkipped(ticks=self._unreported, total=self._skipped, longest_gap_ms=self._longest_gap_ms)
+            )
             self._reported_s, self._unreported = now_s, 0
+        if self._unreported_waits and now_s - self._waits_reported_s >= REPORT_INTERVAL_S:
+            self._sink.event(
+                TicksWaited(
+                    ticks=self._unreported_waits, total=self._waited, longest_gap_ms=self._longest_gap_ms
+                )
+            )
+            self._waits_reported_s, self._unreported_waits = now_s, 0

@@ -11,7 +11,7 @@ import time
 from collections.abc import Callable, Iterable, Sequence
 from typing import Any, Final
 
-from contid.control.engine.events import FaultLatched, RunEvent
+from contid.control.engine.events import FaultLatched, RunEvent, TicksSkipped, TicksWaited
 from contid.control.engine.tick_layout import ENABLED, HAS_TARGET, RecordLayout, RobotRecord, TickRecord
 from contid.control.engine.wiring import build_robot_configs, driven_robots, record_layout
 from contid.control.tick.config import RobotConfig
@@ -62,6 +62,7 @@ class TelemetryView:
         self.layout: RecordLayout = record_layout(loaded, rate_hz)
         self._loaded = loaded
         self._details: dict[str, str] = {}
+        self._waited, self._longest_gap_ms = 0, 0.0
         self._refresh = refresh
         self._index = {robot.name: number for number, robot in enumerate(self.layout.robots)}
         self._axes_of = {
@@ -69,9 +70,14 @@ class TelemetryView:
         }
 
     def notice(self, event: RunEvent) -> None:
-        """Keep the detail of a fault event: a record has only the number."""
-        if isinstance(event, FaultLatched):
-            self._details[event.robot] = event.detail
+        """Keep what records do not have: details of faults, periods waited for, the longest gap."""
+        match event:
+            case FaultLatched():
+                self._details[event.robot] = event.detail
+            case TicksWaited():
+                self._waited, self._longest_gap_ms = event.total, event.longest_gap_ms
+            case TicksSkipped():
+                self._longest_gap_ms = event.longest_gap_ms
 
     def check(self, robots: Sequence[str] | None) -> None:
         """Refuse unknown robots."""
@@ -160,6 +166,8 @@ class TelemetryView:
             "tick": record.tick,
             "tick_age_ms": _ms(now_s - record.deadline_s),
             "skipped": record.skipped,
+            "waited": self._waited,
+            "longest_gap_ms": self._longest_gap_ms,
             "work_ms": _ms(record.work_s),
             "source_s": _number(record.source_s),
             "buses": {

@@ -38,8 +38,10 @@ def test_a_stall_while_holding_is_counted_and_named() -> None:
         assert "real-time" in fault["remedy"]
         skipped = STOOD_S * status["rate_hz"]
         assert status["skipped"] >= 0.9 * skipped
+        assert status["longest_gap_ms"] >= 1e3 * STOOD_S
         running.process.send_signal(signal.SIGTERM)
         out, _ = running.process.communicate(timeout=30)
         report = json.loads(out)
         assert report["skipped"] >= 0.9 * skipped
+        assert report["longest_gap_ms"] >= status["longest_gap_ms"]
         assert report["lateness"]["max_us"] >= 0.9e6 * STOOD_S

@@ -37,6 +37,7 @@ def test_ticks_in_time_are_one_period_apart() -> None:
         assert timing.lateness_s == 0.0
     report = pace.report()
     assert (report.ticks, report.late, report.skipped, report.waited) == (50, 0, 0, 0)
+    assert report.longest_gap_ms == 0.0
 
 
 def test_a_late_tick_does_not_shift_the_grid() -> None:
@@ -50,8 +51,8 @@ def test_a_late_tick_does_not_shift_the_grid() -> None:
 
 
 def test_missed_deadlines_are_skipped_but_shift_the_grid_during_preparation() -> None:
-    sink = Events()
-    counting, arming = Pace(RATE_HZ, 0.0, sink), Pace(RATE_HZ, 0.0, Events())
+    sink, waits = Events(), Events()
+    counting, arming = Pace(RATE_HZ, 0.0, sink), Pace(RATE_HZ, 0.0, waits)
     start_s = counting.deadline_s + 3.25 * PERIOD_S + 2.0 * REPORT_INTERVAL_S
     missed = 3 + round(2.0 * REPORT_INTERVAL_S * RATE_HZ)
     skipped, waited = counting.begin(start_s, preparing=False), arming.begin(start_s, preparing=True)
@@ -59,7 +60,11 @@ def test_missed_deadlines_are_skipped_but_shift_the_grid_during_preparation() ->
     assert (waited.tick, waited.skipped) == (0, 0)
     assert skipped.lateness_s == pytest.approx(waited.lateness_s) == pytest.approx(0.25 * PERIOD_S)
     assert counting.deadline_s == pytest.approx(arming.deadline_s)
-    assert sink.events == [{"event": "skipped", "ticks": missed, "total": missed}]
+    gap_ms = round((start_s - 0.0) * 1e3, 3)
+    counts = {"ticks": missed, "total": missed, "longest_gap_ms": gap_ms}
+    assert sink.events == [{"event": "skipped", **counts}]
+    assert waits.events == [{"event": "waited", **counts}]
+    assert counting.report().longest_gap_ms == arming.report().longest_gap_ms == gap_ms
     # The histogram holds the delay of skipped ticks completely, and without the shift of the grid.
     assert counting.report().lateness["max_us"] == pytest.approx(
         (start_s - START_PERIODS * PERIOD_S) * 1e6, abs=0.1
