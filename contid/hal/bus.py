@@ -1,0 +1,148 @@
+"""A bus and what it carries: axes, samples, findings, rest states, the clock."""
+
+from __future__ import annotations
+
+import enum
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Protocol, runtime_checkable
+
+if TYPE_CHECKING:
+    from pydantic import BaseModel
+
+
+class Rest(enum.StrEnum):
+    """State of rest of a device that is no longer commanded."""
+
+    HOLD = "hold"
+    RELAX = "relax"
+    VENT = "vent"
+
+
+class DeviceKind(enum.StrEnum):
+    """Kind of actuator; determines its unit and its simulated device."""
+
+    SERVO = "servo"  # rad
+    MOTOR = "motor"  # rad
+    REGULATOR = "regulator"  # Pa
+
+
+@dataclass(frozen=True, slots=True)
+class AxisOnBus:
+    """One axis as passed to its driver.
+
+    Attributes:
+        name: unique in the robot file, ``ROBOT.AXIS``.
+        options: the driver's own validated options of this axis (id, channel, ...).
+        travel: min and max device value [rad or Pa] allowed by the robot file, or None.
+    """
+
+    name: str
+    options: BaseModel
+    travel: tuple[float, float] | None = None
+
+
+@dataclass(frozen=True, slots=True)
+class Sample:
+    """The state of one axis.
+
+    Attributes:
+        value: position [rad] or pressure [Pa]; None before the first valid read.
+        time_s: when ``value`` was measured, on the clock of the bus.
+        valid: True when the newest exchange read this axis successfully.
+        age_s: time since ``time_s`` at the end of the newest exchange.
+        velocity: [rad/s] or [Pa/s] when the device reports it.
+        effort: current [A] for motors and servos, duty [0..1] for regulators, when reported.
+        temperature_c: [deg C] when reported.
+        voltage_v: supply [V] when reported.
+        fault: the device's own fault as text, "" without one.
+    """
+
+    value: float | None
+    time_s: float
+    valid: bool
+    age_s: float
+    velocity: float | None = None
+    effort: float | None = None
+    temperature_c: float | None = None
+    voltage_v: float | None = None
+    fault: str = ""
+
+
+@dataclass(frozen=True, slots=True)
+class Finding:
+    """One line of a ``doctor`` report.
+
+    Attributes:
+        ok: False when a person must do something before the robot can run.
+        remedy: what to do.
+        warning: ``ok``, but with a restriction, or only after arming has changed it.
+    """
+
+    subject: str
+    ok: bool
+    message: str
+    remedy: str = ""
+    warning: bool = False
+
+
+class Clock(Protocol):
+    """The clock of a bus: the monotonic clock, or a virtual one in tests and replay."""
+
+    def now(self) -> float:
+        """Seconds since an arbitrary origin."""
+
+    def sleep(self, seconds: float) -> None:
+        """Wait; a virtual clock advances, so a slow bus delays the tick in virtual time as well."""
+
+
+@runtime_checkable
+class Bus(Protocol):
+    """A set of axes on one line; not thread-safe."""
+
+    name: str
+    axes: tuple[str, ...]
+
+    def open(self) -> None:
+        """Connect and shake hands.
+
+        Raises:
+            DeviceNotFoundError: the port or a device is missing, or differs from the robot file; the message
+                lists expected and found.
+        """
+
+    def enable(self, axes: Sequence[str]) -> None:
+        """Make axes ready to move without moving them: goal := present, torque on, watchdog armed."""
+
+    def exchange(self, commands: Mapping[str, float]) -> Mapping[str, Sample]:
+        """One tick: send the commands of this tick, read every axis.
+
+        Args:
+            commands: device values [rad or Pa] by axis name; axes left out keep their goal.
+
+        Returns:
+            One sample per axis of the bus, in the order of `axes`.
+
+        Raises:
+            DeviceLostError: the whole bus is gone.
+        """
+
+    def disable(self, axes: Sequence[str], rest: Rest) -> None:
+        """Bring axes to a state of rest; does not raise for a lost device."""
+
+    def clear_fault(self, axes: Sequence[str]) -> None:
+        """Clear latched device faults without motion; raises `DeviceError` if one persists."""
+
+    def close(self) -> None:
+        """Close the port. Idempotent; never changes torque."""
+
+
+@runtime_checkable
+class LimitsEffort(Protocol):
+    """A bus with devices that push with a limited effort, changeable while they move."""
+
+    def effort_limits(self) -> Mapping[str, float]:
+        """Greatest effort [A] of every axis that can be limited, by the robot file."""
+
+    def limit_effort(self, shares: Mapping[str, float]) -> None:
+        """Limit axes to a share (0 to 1) of their greatest effort, from the next exchange on."""

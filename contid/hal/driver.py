@@ -1,0 +1,77 @@
+"""A driver: options and a factory of buses; found by its entry point."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from importlib.metadata import entry_points
+from typing import TYPE_CHECKING, Any, Final, Protocol
+
+from contid.errors import ContidError
+from contid.hal.bus import AxisOnBus, Bus, Clock, DeviceKind
+
+if TYPE_CHECKING:
+    from pydantic import BaseModel
+
+ENTRY_POINT_GROUP: Final = "contid.drivers"
+
+#: Drivers of this distribution; found without installed metadata, as in a checkout on PYTHONPATH.
+BUILT_IN: Final[dict[str, str]] = {
+    "sim": "contid_drivers.sim:DRIVER",
+    "dynamixel": "contid_drivers.dynamixel:DRIVER",
+    "due": "contid_drivers.due:DRIVER",
+}
+
+
+class Driver(Protocol):
+    """Object of an entry point in the group ``contid.drivers``: options and a factory; cheap to import."""
+
+    #: Validated options of a bus (``buses.NAME`` without ``driver``) and of an axis (``bus`` and the common
+    #: keys removed). Both forbid unknown keys.
+    bus_options: type[BaseModel]
+    axis_options: type[BaseModel]
+
+    def kind(self, axis: BaseModel) -> DeviceKind:
+        """The kind of actuator behind an axis with these options."""
+
+    def address(self, axis: BaseModel) -> str:
+        """Text that must be unique on one bus: ``id 3``, ``channel m2``; "" for none."""
+
+    def mock_options(self, bus: BaseModel) -> Mapping[str, Any]:
+        """Options of the ``sim`` bus that replaces this bus under ``--mock``."""
+
+    def mock_axis_options(self, axis: BaseModel) -> Mapping[str, Any]:
+        """Options of the ``sim`` axis that replaces this axis, at least ``{"device": KIND}``."""
+
+    def open_bus(self, name: str, options: BaseModel, axes: Sequence[AxisOnBus], clock: Clock) -> Bus:
+        """Build a bus; accesses no device."""
+
+
+class UnknownDriverError(ContidError):
+    """The robot file names a driver that is not installed."""
+
+
+def driver_names() -> tuple[str, ...]:
+    """Names of all drivers: built-in ones, then installed plug-ins."""
+    installed = {point.name for point in entry_points(group=ENTRY_POINT_GROUP)}
+    return (*BUILT_IN, *sorted(installed - set(BUILT_IN)))
+
+
+def load_driver(name: str) -> Driver:
+    """Import a driver by name.
+
+    Raises:
+        UnknownDriverError: no such driver.
+    """
+    from importlib import import_module
+    from importlib.metadata import EntryPoint
+
+    if name in BUILT_IN:
+        point = EntryPoint(name, BUILT_IN[name], ENTRY_POINT_GROUP)
+    else:
+        found = [point for point in entry_points(group=ENTRY_POINT_GROUP) if point.name == name]
+        if not found:
+            raise UnknownDriverError(f"unknown driver {name!r}; available: {', '.join(driver_names())}")
+        point = found[0]
+    module = import_module(point.module)
+    driver: Driver = getattr(module, point.attr)
+    return driver
