@@ -1,0 +1,152 @@
+"""Geometry of a tendon robot: pulls of tendons and bends of sections map linearly, in both directions.
+
+A tendon at the azimuth ``sigma`` and the distance ``d`` from the backbone ends at the disc of section j and
+runs through all sections before it. Section k bends by ``Theta_k = theta_k (cos phi_k, sin phi_k)`` [rad].
+The tendon's pull, positive when it shortens, is
+
+    q = sum over k <= j of d (cos sigma, sin sigma) . Theta_k        i.e.  q = G Theta,
+
+exactly for parallel routing, whatever the curvature does along the section. With ``routing: independent``
+sheaths carry the tendon to its own section and only k = j counts. The two components of a bend times d are
+the Clarke coordinates of Grassmann et al. (2024).
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass, field
+from itertools import pairwise
+
+import numpy as np
+
+from contid.kinematics.arc import arc
+from contid.kinematics.array import Array
+from contid.targets import ZERO3, Vec3
+
+
+@dataclass(frozen=True, slots=True)
+class TendonSection:
+    """One section of the backbone and the tendons that end at its disc.
+
+    Attributes:
+        length_m: length of the backbone, which does not change [m].
+        radius_m: distance of each tendon from the backbone [m].
+        angle_rad: azimuth of each tendon, counter-clockwise from +x seen from +z [rad].
+        rigid_m: rigid piece after the section [m].
+    """
+
+    length_m: float
+    radius_m: tuple[float, ...]
+    angle_rad: tuple[float, ...]
+    rigid_m: float = 0.0
+
+    @property
+    def arms(self) -> Array:
+        """``d (cos sigma, sin sigma)`` of each tendon [m], shape ``(tendons, 2)``."""
+        radius, angle = np.array(self.radius_m), np.array(self.angle_rad)
+        return np.stack((radius * np.cos(angle), radius * np.sin(angle)), axis=-1)
+
+
+@dataclass(frozen=True, eq=False)
+class TendonGeometry:
+    """Sections from the base to the tip.
+
+    Attributes:
+        sections: from the base on.
+        through: tendons run through the sections before their own and shorten with them too.
+        base_offset_m: from the origin of the base frame to the start of section 1, along z [m].
+        tip_offset_m: from the end of the last rigid piece to the tip, in the tip frame [m].
+        pull_matrix: G, pulls [m] by bends [rad], shape ``(tendons, 2 sections)``.
+    """
+
+    sections: tuple[TendonSection, ...]
+    through: bool = True
+    base_offset_m: float = 0.0
+    tip_offset_m: Vec3 = ZERO3
+    pull_matrix: Array = field(init=False)
+
+    def __post_init__(self) -> None:
+        matrix = np.zeros((self.tendons, 2 * self.count))
+        for j, rows in enumerate(self.tendon_slices):
+            for k in range(0 if self.through else j, j + 1):
+                matrix[rows, 2 * k : 2 * k + 2] = self.sections[j].arms
+        object.__setattr__(self, "pull_matrix", matrix)
+
+    @property
+    def count(self) -> int:
+        """Number of sections."""
+        return len(self.sections)
+
+    @property
+    def tendons(self) -> int:
+        """Number of tendons of all sections."""
+        return sum(len(section.radius_m) for section in self.sections)
+
+    @property
+    def tendon_slices(self) -> tuple[slice, ...]:
+        """The tendons of each section among all."""
+        ends = np.cumsum([0, *(len(section.radius_m) for section in self.sections)])
+        return tuple(slice(int(low), int(high)) for low, high in pairwise(ends))
+
+    @property
+    def names(self) -> tuple[str, ...]:
+        """Names of the tendons: ``s1.t1``, ``s1.t2`` and so on."""
+        return tuple(
+            f"s{s + 1}.t{t + 1}"
+            for s, section in enumerate(self.sections)
+            for t in range(len(section.radius_m))
+        )
+
+    def pulls(self, bends: Array | Sequence[float]) -> Array:
+        """Pulls ``(..., tendons)`` [m] of bends ``(..., 2 sections)`` [rad]."""
+        pulls: Array = np.asarray(bends, dtype=np.float64) @ self.pull_matrix.T
+        return pulls
+
+    def bends(self, pulls: Array | Sequence[float]) -> Array:
+        """Bends ``(..., 2 sections)`` [rad] of pulls ``(..., tendons)`` [m], by least squares.
+
+        What pulls have beyond G Theta is stretch or slack: the mean pull of a section with even azimuths.
+        """
+        bends: Array = np.asarray(pulls, dtype=np.float64) @ np.linalg.pinv(self.pull_matrix).T
+        return bends
+
+
+@dataclass(frozen=True, slots=True)
+class DiscFrames:
+    """Ends of the sections in the base frame.
+
+    Attributes:
+        discs_m: end of each section, its rigid piece included [m], shape ``(..., sections, 3)``.
+        rotations: frame of each of them, shape ``(..., sections, 3, 3)``.
+        tip_m: the last disc and the tip offset [m], shape ``(..., 3)``.
+    """
+
+    discs_m: Array
+    rotations: Array
+    tip_m: Array
+
+
+def forward(geometry: TendonGeometry, bends: Array | Sequence[float]) -> DiscFrames:
+    """Ends of the sections for bends ``(..., 2 sections)`` [rad]."""
+    bends = np.asarray(bends, dtype=np.float64)
+    batch = bends.shape[:-1]
+    position = np.broadcast_to(np.array([0.0, 0.0, geometry.base_offset_m]), (*batch, 3))
+    rotation = np.broadcast_to(np.eye(3), (*batch, 3, 3))
+    discs, rotations = [], []
+    for k, section in enumerate(geometry.sections):
+        p, r = arc.pose(bends[..., 2 * k], bends[..., 2 * k + 1], np.array(section.length_m))
+        position = position + (rotation @ (p + section.rigid_m * r[..., :, 2])[..., None])[..., 0]
+        rotation = rotation @ r
+        discs.append(position)
+        rotations.append(rotation)
+    tip = position + rotation @ np.array(geometry.tip_offset_m)
+    return DiscFrames(np.stack(discs, axis=-2), np.stack(rotations, axis=-3), tip)
+
+
+def even_section(
+    length_m: float, radius_m: float, tendons: int = 3, first_rad: float = 0.0, rigid_m: float = 0.0
+) -> TendonSection:
+    """A section whose tendons stand evenly around the backbone, from the azimuth ``first_rad`` on."""
+    angles = tuple(first_rad + 2.0 * math.pi * i / tendons for i in range(tendons))
+    return TendonSection(length_m, (radius_m,) * tendons, angles, rigid_m)
