@@ -88,7 +88,7 @@ class Collector:
     def __init__(self, loaded: LoadedFile | None = None) -> None:
         from contid.control.engine.wiring import record_layout
 
-        self.events: list[dict[str, object]] = []
+        self.events: list[dict[str, Any]] = []
         self.layout = None if loaded is None else record_layout(loaded, loaded.file.rate_hz)
         self.records: list[Any] = []
 

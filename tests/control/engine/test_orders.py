@@ -132,7 +132,8 @@ def test_estop_rests_the_devices_in_the_tick_it_comes_in_every_state(tmp_path: P
             460: [Stop(policy=StopPolicy.REST)],
             700: [Resume(("f0",))],
         }
-        orders = {**{tick: sent for tick, sent in script.items() if tick < at}, at: [Estop()]}
+        orders: dict[int, list[Message]] = {tick: sent for tick, sent in script.items() if tick < at}
+        orders[at] = [Estop()]
         run_virtual(loaded, 200.0, None, sinks=[collector], orders=orders, ticks=at + 3)
         before = [record for record in collector.records if record.tick == at - 1]
         mode = before[0].robots[0].mode if before else int(Mode.CONNECTING)

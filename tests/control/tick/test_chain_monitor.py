@@ -132,7 +132,7 @@ def test_the_arms_begin_their_approach_in_the_same_tick() -> None:
     """Though the right one is armed ten ticks later."""
     loaded = chain()
     seen = Collector(loaded)
-    late = {0: [msg.Stop(("right",))], 10: [msg.Resume(("right",))]}
+    late: dict[int, list[msg.Message]] = {0: [msg.Stop(("right",))], 10: [msg.Resume(("right",))]}
     report = run_virtual(loaded, RATE, rows(loaded, UP, UP), sinks=[seen], orders=late)
     assert report.exit_code == 0
     begun = [e["tick"] for e in seen.events if e["event"] == "state" and e["mode"] == "APPROACH"]
@@ -271,11 +271,12 @@ def test_a_way_to_the_rest_pose_that_the_rope_forbids_ends_where_it_is(ending: s
     loaded = chain(floor_mm=-110, rest_mm=95)
     # Simulated servos begin in the middle of their travel, 230 mm high; the rest pose lies on the ground.
     seen = Collector(loaded)
-    orders: dict[int, list[msg.Message]] = {
+    by_ending: dict[str, dict[int, list[msg.Message]]] = {
         "finish": {100: [msg.Finish(StopPolicy.REST)]},
         "stop": {100: [msg.Stop(None, StopPolicy.REST)]},
         "on_end": {},
-    }[ending]
+    }
+    orders = by_ending[ending]
     on_end = OnEnd.REST if ending == "on_end" else OnEnd.STOP
     run_virtual(loaded, RATE, rows(loaded, UP, UP), sinks=[seen], orders=orders, on_end=on_end, ticks=400)
     told = message(seen, "refused")
