@@ -1,3 +1,31 @@
-"""contid: a daemon that makes continuum robots move."""
+"""contid: a daemon that makes continuum robots move.
+
+    from contid import Client, Robot, Session, Sim
+
+Arrays are in the units of robot files (mm, bar, deg, N, s), or in SI with ``si=True``; see docs/library.md.
+"""
+
+from __future__ import annotations
+
+from importlib import import_module
 
 __version__ = "0.1.0"
+
+__all__ = ["Client", "Robot", "__version__"]
+
+#: Public names and their modules, imported at first use: ``import contid`` itself imports no library.
+_MODULES = {
+    "Client": "contid.client",
+    "Robot": "contid.api.robot",
+}
+
+
+def __getattr__(name: str) -> object:
+    if name not in _MODULES:
+        raise AttributeError(f"module 'contid' has no attribute {name!r}; public: {', '.join(_MODULES)}")
+    value = globals()[name] = getattr(import_module(_MODULES[name]), name)
+    return value
+
+
+def __dir__() -> list[str]:
+    return sorted({*globals(), *_MODULES})

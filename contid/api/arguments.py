@@ -1,0 +1,85 @@
+"""Arrays given by a caller: shape, finite numbers, and messages that name the place."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import Final, TypeAlias
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from contid.errors import ContidError
+from contid.kinematics.array import Array
+
+#: Largest number, as in trajectories: squares of larger ones overflow in the models.
+MAX_NUMBER: Final = 1e10
+
+#: Shape of the rows of a call: () for one row, (N,) for N, or more dimensions.
+Shape: TypeAlias = tuple[int, ...]
+
+
+class ArgumentError(ContidError, ValueError):
+    """An argument of the library is wrong; the message has what was given and what is allowed."""
+
+
+def as_rows(what: str, values: ArrayLike, columns: Sequence[str]) -> tuple[Array, Shape]:
+    """Rows as an array ``(N, len(columns))``, and the shape of the rows as given.
+
+    Raises:
+        ArgumentError: not numbers, another last dimension, or not finite.
+    """
+    try:
+        array = np.asarray(values, dtype=np.float64)
+    except (TypeError, ValueError) as error:
+        raise ArgumentError(f"{what}: an array of numbers is needed, {expected(columns)} ({error})") from None
+    if array.ndim == 0 or array.shape[-1] != len(columns):
+        raise ArgumentError(f"{what} has shape {array.shape}; {expected(columns)}")
+    rows = array.reshape(-1, len(columns))
+    bad = ~(np.abs(rows) <= MAX_NUMBER)
+    if bad.any():
+        row, column = (int(index) for index in np.argwhere(bad)[0])
+        value = rows[row, column]
+        problem = f"above {MAX_NUMBER:g}" if np.isfinite(value) else "not a finite number"
+        count = int(bad.any(axis=1).sum())
+        more = f" ({count} such rows)" if count > 1 else ""
+        raise ArgumentError(f"{what}: {columns[column]} in row {row} is {value}, {problem}{more}")
+    return np.ascontiguousarray(rows), array.shape[:-1]
+
+
+def as_rows_like(what: str, values: ArrayLike, columns: Sequence[str], shape: Shape) -> Array:
+    """Rows beside others: one for all of them, or as many as there are.
+
+    Raises:
+        ArgumentError: as `as_rows`, or another number of rows.
+    """
+    rows, own = as_rows(what, values, columns)
+    count = int(np.prod(shape, dtype=int))
+    if own == shape:
+        return rows
+    if own == ():
+        return np.broadcast_to(rows, (count, len(columns)))
+    allowed = f"allowed: {(*shape, len(columns))}, or {(len(columns),)} for all rows"
+    raise ArgumentError(f"{what} has shape {(*own, len(columns))}; {allowed}")
+
+
+def as_directions(what: str, values: ArrayLike, columns: Sequence[str], shape: Shape) -> Array:
+    """Rows normalised to unit vectors.
+
+    Raises:
+        ArgumentError: as `as_rows_like`, or a zero vector.
+    """
+    rows = as_rows_like(what, values, columns, shape)
+    # Scaled first: squares of small numbers vanish.
+    largest = np.abs(rows).max(axis=1, keepdims=True, initial=0.0)
+    if (largest == 0.0).any():
+        row = int(np.argmin(largest))
+        raise ArgumentError(f"{what}: row {row} is the zero vector; a direction needs a length")
+    scaled = rows / largest
+    unit: Array = scaled / np.linalg.norm(scaled, axis=1, keepdims=True)
+    return unit
+
+
+def expected(columns: Sequence[str]) -> str:
+    """The shape of rows with these columns."""
+    size = len(columns)
+    return f"expected: ({size},) or (N, {size}) with columns {', '.join(columns)}"

@@ -1,0 +1,81 @@
+"""Points and vectors of many rows between the world and a base frame, bit for bit as `BaseFrame`.
+
+Planar robots have two columns: z is 0.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+
+from contid.kinematics.array import Array
+from contid.kinematics.frames import BaseFrame
+
+
+class PlacedRows:
+    """The base frame of a robot applied to arrays ``(N, d)`` [m]; d is 2 for planar robots, else 3."""
+
+    def __init__(self, frame: BaseFrame, dimension: int) -> None:
+        self._r = frame.rotation
+        self._origin = frame.origin_in_world
+        self.dimension = dimension
+
+    def points_in_base(self, points: Array) -> Array:
+        """Points of the world, ``(N, d)``, in the base frame, ``(N, 3)``."""
+        x, y, z = self._columns(points)
+        ox, oy, oz = self._origin
+        return self._rotated(x - ox, y - oy, z - oz)
+
+    def vectors_in_base(self, vectors: Array) -> Array:
+        """Directions or forces of the world, ``(N, d)`` or ``(N, 3)``, in the base frame, ``(N, 3)``."""
+        return self._rotated(*self._columns(vectors))
+
+    def points_in_world(self, points: Array) -> Array:
+        """Points of the base frame, ``(..., 3)``, in the world, ``(..., d)``."""
+        world = self._turned(points)
+        for axis, origin in enumerate(self._origin):
+            world[..., axis] += origin
+        return world[..., : self.dimension]
+
+    def vectors_in_world(self, vectors: Array) -> Array:
+        """Directions of the base frame, ``(..., 3)``, in the world, ``(..., d)``."""
+        return self._turned(vectors)[..., : self.dimension]
+
+    def columns_in_world(self, matrices: Array) -> Array:
+        """Matrices ``(..., 3, n)`` whose columns are vectors of the base frame, in the world."""
+        matrix = np.array(self._r).reshape(3, 3)
+        turned: Array = matrix @ matrices
+        return turned
+
+    def tensors_in_world(self, tensors: Array) -> Array:
+        """Matrices ``(..., 3, 3)`` from vectors to vectors of the base frame, in the world."""
+        matrix = np.array(self._r).reshape(3, 3)
+        turned: Array = matrix @ tensors @ matrix.T
+        return turned
+
+    def _columns(self, rows: Array) -> tuple[Array, Array, Array]:
+        z = rows[:, 2] if rows.shape[1] == 3 else np.zeros(len(rows))
+        return rows[:, 0], rows[:, 1], z
+
+    def _rotated(self, x: Array, y: Array, z: Array) -> Array:
+        r = self._r
+        # The sums of BaseFrame.vector_in_base in their order.
+        return np.stack(
+            [
+                r[0] * x + r[3] * y + r[6] * z,
+                r[1] * x + r[4] * y + r[7] * z,
+                r[2] * x + r[5] * y + r[8] * z,
+            ],
+            axis=1,
+        )
+
+    def _turned(self, rows: Array) -> Array:
+        r = self._r
+        x, y, z = rows[..., 0], rows[..., 1], rows[..., 2]
+        return np.stack(
+            [
+                r[0] * x + r[1] * y + r[2] * z,
+                r[3] * x + r[4] * y + r[5] * z,
+                r[6] * x + r[7] * y + r[8] * z,
+            ],
+            axis=-1,
+        )

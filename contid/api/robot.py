@@ -1,0 +1,292 @@
+"""`Robot`: kinematics of the robots of a file over arrays, in the world frame.
+
+Units are those of robot files (mm, bar, N), or SI with ``si=True``.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from functools import cached_property
+from pathlib import Path
+from typing import Literal, Self
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from contid.api.arguments import ArgumentError, Shape, as_directions, as_rows, as_rows_like
+from contid.api.limits import AxisRanges, LimitBits
+from contid.api.placed import PlacedRows
+from contid.api.records import Records, records
+from contid.api.units import Units
+from contid.kinematics.array import Array
+from contid.kinematics.batch import Targets, forward_many, inverse_many
+from contid.kinematics.frames import BaseFrame
+from contid.kinematics.model import Model, build_model
+from contid.robot_file.findings import allowed_names
+from contid.robot_file.load import LoadedFile
+from contid.robot_file.robot import RobotDescription
+from contid.robot_file.shipped import load_named
+from contid.targets import ZERO3, Actuation, Vec3
+
+#: Start of the search of a row: given, the rest pose (None), or the answer of the row before.
+Seed = ArrayLike | Literal["previous"] | None
+
+
+class Robot:
+    """The robots of a robot file; with several, index it by name: ``Robot("hand")["left"]``.
+
+    Arrays have one row per target or actuation: ``(N, columns)``, one row ``(columns,)``, or any shape in
+    front of the columns. Positions are in the world frame of the robot file.
+
+    Args:
+        file: a robot file, or the name of a shipped one.
+        si: m and Pa instead of mm and bar.
+
+    Attributes:
+        names: of the robots with actuators.
+        units: of all arrays.
+
+    Raises:
+        ContidError: no such file or name; the file has mistakes.
+    """
+
+    def __init__(self, file: str | Path, *, si: bool = False) -> None:
+        self.loaded: LoadedFile = load_named(str(file))
+        self.units = Units(si)
+        self._robots = {n: robot for n, robot in self.loaded.file.robots.items() if not robot.passive}
+        self.names: tuple[str, ...] = tuple(self._robots)
+        self._chosen: str | None = self.names[0] if len(self.names) == 1 else None
+
+    def __getitem__(self, name: str) -> Self:
+        """The robot of that name.
+
+        Raises:
+            ArgumentError: no robot of the file with actuators has that name.
+        """
+        if name not in self._robots:
+            raise ArgumentError(
+                f"{self.loaded.path.name}: no robot {name!r}; {allowed_names(self.names, name)}"
+            )
+        one = object.__new__(type(self))
+        one.loaded, one.units, one._robots = self.loaded, self.units, self._robots
+        one.names, one._chosen = (name,), name
+        return one
+
+    def __repr__(self) -> str:
+        choice = f"[{self._chosen!r}]" if len(self._robots) > 1 and self._chosen else ""
+        return f"Robot({str(self.loaded.path)!r}){choice}"
+
+    # -- what the file describes -------------------------------------------------------------------------
+
+    @property
+    def name(self) -> str:
+        """Name of the robot in its file.
+
+        Raises:
+            ArgumentError: there are several; choose one.
+        """
+        if self._chosen is None:
+            first = self.names[0] if self.names else "NAME"
+            raise ArgumentError(
+                f"{self.loaded.path.name} has {len(self.names)} robots: {', '.join(self.names)}; "
+                f"choose one: robot[{first!r}]"
+            )
+        return self._chosen
+
+    @property
+    def description(self) -> RobotDescription:
+        """The validated keys of the robot file."""
+        return self._robots[self.name]
+
+    @property
+    def dimension(self) -> int:
+        """2 for planar robots, whose positions have two columns, else 3."""
+        return self.description.dimension
+
+    @property
+    def axes(self) -> tuple[str, ...]:
+        """Columns of an actuation: ``left_mm``, ``s1.p1_bar``; without those of a wrist or gripper."""
+        unit = self.units.name(self.description.quantity)
+        return tuple(f"{axis}_{unit}" for axis in self.description.axis_names)
+
+    @cached_property
+    def limits(self) -> AxisRanges:
+        """Ranges and rates of the axes."""
+        robot, quantity = self.description, self.description.quantity
+
+        def shown(*values: float) -> Array:
+            return self.units.from_si(np.array(values, dtype=float), quantity)
+
+        own = len(robot.axis_names)
+        rates = shown(robot.velocity_limit, robot.acceleration_limit, robot.jerk_limit)
+        return AxisRanges(
+            self.axes, shown(*robot.lower), shown(*robot.upper), shown(*robot.rest[:own]), *rates.tolist()
+        )
+
+    @property
+    def limit_names(self) -> tuple[str, ...]:
+        """Bit k of ``limited_by`` stands for ``limit_names[k]``."""
+        return self._bits.names
+
+    def limits_in(self, limited_by: int) -> tuple[str, ...]:
+        """Names of the limits in a value of ``limited_by``: ``("s1.p1.max",)``."""
+        return self._bits.of(int(limited_by))
+
+    # -- kinematics --------------------------------------------------------------------------------------
+
+    def fk(self, actuation: ArrayLike, *, load: ArrayLike | None = None) -> Records:
+        """Forward kinematics (or statics): tips of actuations.
+
+        Args:
+            actuation: columns `axes`.
+            load: known force on the tip [N], columns x, y, z; for models that bend under it.
+
+        Returns:
+            Structured array, one entry per row: ``tip``, ``direction`` (unit tangent at the tip), ``mid``
+            (end of the first section), ``rotation`` (tip frame in the world, 3x3), ``stable`` (False for a
+            buckled rod).
+
+        Raises:
+            ArgumentError: wrong shape, not finite, or a load on a model without.
+        """
+        rows, shape = self._actuations(actuation)
+        poses = forward_many(self._model, rows, self._loads(load, shape)).rows
+        placed, units = self._placed, self.units
+        return records(
+            shape,
+            tip=units.from_si(placed.points_in_world(poses["tip_m"])),
+            direction=placed.vectors_in_world(poses["direction"]),
+            mid=units.from_si(placed.points_in_world(poses["mid_m"])),
+            rotation=placed.columns_in_world(poses["rotation"]),
+            stable=poses["stable"],
+        )
+
+    def ik(
+        self,
+        tips: ArrayLike,
+        *,
+        direction: ArrayLike | None = None,
+        mid: ArrayLike | None = None,
+        load: ArrayLike | None = None,
+        seed: Seed = None,
+    ) -> Records:
+        """Inverse kinematics: actuations inside the limits whose tips are nearest to the targets.
+
+        Args:
+            tips: columns x, y and, for spatial robots, z.
+            direction: of the body at its tip; its length does not matter. One row is for all tips.
+            mid: position of the end of the first section.
+            load: known force on the tip [N], columns x, y, z.
+            seed: where the search begins, columns `axes`; None: the rest pose, for every row by itself;
+                ``"previous"``: the answer of the row before, for rows that are a path.
+
+        Returns:
+            Structured array, one entry per row: ``actuation`` (columns `axes`), ``residual`` (distance to the
+            target), ``converged``, ``limited_by`` (bits, see `limits_in`), ``iterations``. A target out of
+            reach is an entry with ``converged`` False.
+
+        Raises:
+            ArgumentError: wrong shape, not finite, or a kind of target that the model does not take.
+        """
+        points, shape = as_rows("tips", tips, self._point_columns)
+        tasks = Targets(
+            self._placed.points_in_base(self.units.to_si(points)),
+            None if direction is None else self._directions(direction, shape),
+            None if mid is None else self._mids(mid, shape),
+            self._loads(load, shape),
+        )
+        follow = isinstance(seed, str)
+        if follow and seed != "previous":
+            raise ArgumentError(f"seed={seed!r}; allowed: an array, None, 'previous'")
+        seeds = self._seeds(None if follow else seed, shape)
+        answers = inverse_many(self._model, tasks, seeds, chained=follow)
+        found, quantity = answers.rows, self.description.quantity
+        return records(
+            shape,
+            actuation=self.units.from_si(found["actuation"], quantity),
+            residual=self.units.from_si(found["residual_m"]),
+            converged=found["converged"],
+            limited_by=self._bits.translated(answers),
+            iterations=found["iterations"],
+        )
+
+    def jacobian(self, actuation: ArrayLike, *, load: ArrayLike | None = None) -> Array:
+        """Derivative of the tip by the actuation, shape ``(..., 3, axes)`` (2 for planar robots).
+
+        In mm per mm or mm per bar (SI: m/m, m/Pa). Analytic; a rod stays in equilibrium.
+        """
+        rows, shape = self._actuations(actuation)
+        found = [self._model.jacobian(*pair) for pair in self._pairs(rows, load, shape)]
+        base = np.reshape(found, (len(rows), 3, rows.shape[1]))
+        scale = self.units.scale() / self.units.scale(self.description.quantity)
+        world = self._placed.columns_in_world(base)[:, : self.dimension] * scale
+        return world.reshape(*shape, self.dimension, rows.shape[1])
+
+    def backbone(self, actuation: ArrayLike, points: int = 50, *, load: ArrayLike | None = None) -> Array:
+        """Points of the backbone at equal arc length from base to tip, shape ``(..., points, 3)``."""
+        if points < 2:
+            raise ArgumentError(f"points={points}: a backbone needs at least 2")
+        rows, shape = self._actuations(actuation)
+        pairs = self._pairs(rows, load, shape)
+        found = [self._model.shape(actuation, points, force) for actuation, force in pairs]
+        lines = self._placed.points_in_world(np.reshape(found, (len(rows), points, 3)))
+        return self.units.from_si(lines).reshape(*shape, points, self.dimension)
+
+    # -- arguments ---------------------------------------------------------------------------------------
+
+    @cached_property
+    def _model(self) -> Model:
+        return build_model(self.description)
+
+    @cached_property
+    def _placed(self) -> PlacedRows:
+        return PlacedRows(BaseFrame.of(self.description.base), self.dimension)
+
+    @cached_property
+    def _bits(self) -> LimitBits:
+        return LimitBits(self.description.model, self.description.axis_names)
+
+    @property
+    def _point_columns(self) -> tuple[str, ...]:
+        return tuple(f"{axis}_{self.units.length}" for axis in "xyz"[: self.dimension])
+
+    def _accept(self, kind: str) -> None:
+        accepts = self.description.accepts
+        if kind not in accepts:
+            allowed = ", ".join(sorted(accepts))
+            message = f"model {self.description.model} of {self.name} takes no {kind}; allowed: {allowed}"
+            raise ArgumentError(f"{kind}: {message}")
+
+    def _actuations(self, actuation: ArrayLike) -> tuple[Array, Shape]:
+        rows, shape = as_rows("actuation", actuation, self.axes)
+        return self.units.to_si(rows, self.description.quantity), shape
+
+    def _loads(self, load: ArrayLike | None, shape: Shape) -> Array | None:
+        if load is None:
+            return None
+        self._accept("load")
+        return self._placed.vectors_in_base(as_rows_like("load", load, ("fx_n", "fy_n", "fz_n"), shape))
+
+    def _pairs(self, rows: Array, load: ArrayLike | None, shape: Shape) -> Iterator[tuple[Actuation, Vec3]]:
+        """Actuation and load of every row, as a model takes them."""
+        loads = self._loads(load, shape)
+        forces: list[Vec3] = (
+            [ZERO3] * len(rows) if loads is None else [(x, y, z) for x, y, z in loads.tolist()]
+        )
+        return zip(map(tuple, rows.tolist()), forces, strict=True)
+
+    def _directions(self, direction: ArrayLike, shape: Shape) -> Array:
+        self._accept("direction")
+        columns = ("ax", "ay", "az")[: self.dimension]
+        return self._placed.vectors_in_base(as_directions("direction", direction, columns, shape))
+
+    def _mids(self, mid: ArrayLike, shape: Shape) -> Array:
+        self._accept("mid")
+        rows = as_rows_like("mid", mid, [f"mid.{name}" for name in self._point_columns], shape)
+        return self._placed.points_in_base(self.units.to_si(rows))
+
+    def _seeds(self, seed: ArrayLike | None, shape: Shape) -> Array:
+        robot = self.description
+        if seed is None:
+            return np.array(robot.rest[: len(robot.axis_names)])
+        return self.units.to_si(as_rows_like("seed", seed, self.axes, shape), robot.quantity)
