@@ -31,7 +31,17 @@ Rules (``tests/contract`` checks every bus against them):
 * `open`, `disable` and `close` may be called in any state and twice.
 """
 
-from contid.hal.bus import AxisOnBus, Bus, Clock, DeviceKind, Finding, LimitsEffort, Rest, Sample
+from contid.hal.bus import (
+    AxisOnBus,
+    Bus,
+    Clock,
+    CountsAnswers,
+    DeviceKind,
+    Finding,
+    LimitsEffort,
+    Rest,
+    Sample,
+)
 from contid.hal.driver import (
     BUILT_IN,
     ENTRY_POINT_GROUP,
@@ -62,6 +72,7 @@ __all__ = [
     "Bus",
     "Clock",
     "Commissions",
+    "CountsAnswers",
     "DeviceKind",
     "Diagnoses",
     "Driver",

@@ -146,3 +146,11 @@ class LimitsEffort(Protocol):
 
     def limit_effort(self, shares: Mapping[str, float]) -> None:
         """Limit axes to a share (0 to 1) of their greatest effort, from the next exchange on."""
+
+
+@runtime_checkable
+class CountsAnswers(Protocol):
+    """A bus that counts what went wrong on its wire; the report of a run prints the counts."""
+
+    def answer_counts(self) -> Mapping[str, int]:
+        """Counts since the bus was built, by what is counted: ``exchanges``, ``late``, ``silent``."""

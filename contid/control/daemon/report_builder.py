@@ -5,6 +5,7 @@ from __future__ import annotations
 import signal
 
 from contid.control.engine.events import (
+    BusReported,
     PaceReported,
     RobotReported,
     RunEvent,
@@ -61,6 +62,8 @@ class ReportBuilder:
                 report.ending, report.exit_code = event.message, event.exit_code
             case RobotReported():
                 report.robots[event.robot] = event.report
+            case BusReported():
+                report.buses[event.bus] = event.counts
             case PaceReported():
                 report.ticks, report.late, report.skipped = event.ticks, event.late, event.skipped
                 report.waited, report.lateness = event.waited, event.lateness

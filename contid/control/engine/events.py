@@ -236,6 +236,15 @@ class RobotReported(RunEvent):
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
+class BusReported(RunEvent):
+    """What a bus counted on its wire (`contid.hal.CountsAnswers`), at the end of the run."""
+
+    KIND: ClassVar[str] = "wire"
+    bus: _Bus
+    counts: Annotated[dict[str, int], "numbers of exchanges, and of answers that were late, silent or broken"]
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
 class LogWritten(RunEvent):
     """A log record of the daemon or of the control process."""
 

@@ -36,6 +36,7 @@ class RunReport:
         realtime: whether the control process ran under SCHED_FIFO.
         kernels: the arithmetic of the models, compiled or NumPy.
         robots: per robot its last state, fault, tip error and limits.
+        buses: per bus what it counted on its wire.
         problems: messages about what failed.
     """
 
@@ -52,6 +53,7 @@ class RunReport:
     realtime: bool = False
     kernels: str = field(default_factory=in_use)
     robots: dict[str, dict[str, Any]] = field(default_factory=dict)
+    buses: dict[str, dict[str, int]] = field(default_factory=dict)
     problems: list[str] = field(default_factory=list)
 
     def as_dict(self) -> dict[str, Any]:
@@ -87,6 +89,8 @@ class RunReport:
             )
             if robot["fault"]:
                 lines.append(f"{name}: {robot['message']}")
+        for name, counts in self.buses.items():
+            lines.append(f"{name}: " + ", ".join(f"{count} {what}" for what, count in counts.items()))
         return "\n".join([*lines, *self.problems])
 
 

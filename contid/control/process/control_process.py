@@ -18,7 +18,7 @@ from typing import Final
 
 from contid.control.engine.clock import RealClock
 from contid.control.engine.engine import Engine
-from contid.control.engine.events import LogWritten, RobotReported, RunFailed, RunStarted
+from contid.control.engine.events import BusReported, LogWritten, RobotReported, RunFailed, RunStarted
 from contid.control.engine.messages import Finish
 from contid.control.engine.ports import BusPort
 from contid.control.engine.report import robot_reports
@@ -30,6 +30,7 @@ from contid.control.process.realtime import disable_gc, request_real_time, sleep
 from contid.control.process.ring import RingWriter
 from contid.control.process.setup import RunSetup
 from contid.errors import ContidError
+from contid.hal import CountsAnswers
 
 #: Most log records published after one tick; the others wait for the next.
 LOGS_PER_TICK: Final = 8
@@ -163,6 +164,9 @@ def _serve(setup: RunSetup, inbox: Inbox, parent_watch: ParentWatch, ring: RingW
             raise
         for name, fields in robot_reports(process.engine).items():
             ring.event(RobotReported(robot=name, report=fields))
+        for name, port in ports.items():
+            if isinstance(port.bus, CountsAnswers):
+                ring.event(BusReported(bus=name, counts=dict(port.bus.answer_counts())))
     except ContidError as error:
         ring.event(RunFailed(message=str(error), exit_code=error.exit_code))
         return error.exit_code

@@ -109,6 +109,7 @@ class DueBus:
         self._lost = "it is not open"
         self._boot_id: int | None = None
         self._answered_s = -math.inf
+        self._exchanges = self._unanswered = 0
 
     def open(self) -> None:
         """See `contid.hal.Bus.open`; a board with the same configuration keeps its state."""
@@ -149,10 +150,16 @@ class DueBus:
         }
         body = messages.demand(session.config_crc, session.echo_ms, values, velocities)
         fresh = self._update(self._command(session, Type.DEMAND, body))
+        self._exchanges += 1
+        self._unanswered += not fresh
         now = self._clock.now()
         if not fresh and now - self._answered_s > SILENCE_S:
             self._lose(f"no answer for {now - self._answered_s:.1f} s")
         return {name: axis.sample(now, fresh) for name, axis in self._by_name.items()}
+
+    def answer_counts(self) -> Mapping[str, int]:
+        """See `contid.hal.CountsAnswers`."""
+        return {"exchanges": self._exchanges, "silent": self._unanswered}
 
     def enable(self, axes: Sequence[str]) -> None:
         """See `contid.hal.Bus.enable`; starts the board's watchdog."""

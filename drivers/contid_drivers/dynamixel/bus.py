@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import copy
 import dataclasses
 import logging
 import math
@@ -15,7 +16,14 @@ from contid_drivers.dynamixel import arming, turns
 from contid_drivers.dynamixel import registers as reg
 from contid_drivers.dynamixel.axis import Axis
 from contid_drivers.dynamixel.client import NoAnswerError, ServoClient
-from contid_drivers.dynamixel.cyclic import PLAIN, Cyclic, CyclicLayout, ServoReading, common_layout
+from contid_drivers.dynamixel.cyclic import (
+    PLAIN,
+    AnswerCounts,
+    Cyclic,
+    CyclicLayout,
+    ServoReading,
+    common_layout,
+)
 from contid_drivers.dynamixel.grip import CurrentShare
 from contid_drivers.dynamixel.mapping import map_block
 from contid_drivers.dynamixel.options import DynamixelBusOptions
@@ -53,6 +61,7 @@ class DynamixelBus:
         self._client: ServoClient | None = None
         self._cyclic: Cyclic | None = None
         self._lost: DeviceLostError | None = None
+        self._counts = AnswerCounts()
         self._count = 0
         self._clean = 0
         self._late_logged = False
@@ -84,8 +93,8 @@ class DynamixelBus:
                     axis.latch(f"{error.message}; {error.remedy}")
                     axis.pending_rest = None
             port.return_delay_s = max(axis.return_delay_s for axis in states)
-            slack = Slack(None if options.slack_ms == "auto" else options.slack_ms / 1e3)
-            self._cyclic = Cyclic(port, [axis.device for axis in states], layout, fast=False, slack=slack)
+            slack = Slack.of(options.slack_ms)
+            self._cyclic = Cyclic(port, [axis.device for axis in states], layout, False, slack, self._counts)
         except BaseException:
             port.close()
             raise
@@ -106,17 +115,21 @@ class DynamixelBus:
                 self.name, reg.FAST_READ_FIRMWARE, which,
             )  # fmt: skip
             return False
-        assert self._cyclic is not None
-        for _ in range(3):
-            if len(self._cyclic.run({}, full=True, fast=True)) == len(self._by_id):
-                return True
+        cyclic = self._cyclic
+        assert cyclic is not None
+        # A servo without fast reads answers none; that is no fault of the wire.
+        cyclic.counts = copy.copy(self._counts)
+        try:
+            for _ in range(3):
+                if len(cyclic.run({}, full=True, fast=True)) == len(self._by_id):
+                    return True
+        finally:
+            cyclic.counts = self._counts
         log.warning("%s: Fast Sync Read is not answered; using Sync Read, which is slower", self.name)
         return False
 
     def close(self) -> None:
         """See `contid.hal.Bus.close`."""
-        if self._cyclic is not None and any(dataclasses.astuple(self._cyclic.counts)):
-            log.warning("%s: %s in this run", self.name, self._cyclic.counts)
         if self._port is not None:
             self._port.close()
         self._port = self._client = self._cyclic = self._lost = None
@@ -249,6 +262,10 @@ class DynamixelBus:
         for axis in self._states.values():
             axis.enabled = False
         return error
+
+    def answer_counts(self) -> Mapping[str, int]:
+        """See `contid.hal.CountsAnswers`."""
+        return dataclasses.asdict(self._counts)
 
     # -- effort --------------------------------------------------------------------------------------------
 

@@ -146,20 +146,18 @@ class AnswerCounts:
     """What went wrong on the wire so far.
 
     Attributes:
+        exchanges: with all servos of the bus.
         late: answers that belong to an earlier exchange; discarded.
         silent: answers that did not come.
         broken: answers that came damaged.
         stalls: exchanges that waited on, because nothing at all had arrived.
     """
 
+    exchanges: int = 0
     late: int = 0
     silent: int = 0
     broken: int = 0
     stalls: int = 0
-
-    def __str__(self) -> str:
-        """For a log line."""
-        return f"{self.late} late, {self.silent} silent, {self.broken} broken answers, {self.stalls} stalls"
 
 
 class Cyclic:
@@ -172,13 +170,14 @@ class Cyclic:
         layout: CyclicLayout,
         fast: bool,
         slack: Slack | None = None,
+        counts: AnswerCounts | None = None,
     ) -> None:
         self.port = port
         self.ids = tuple(ids)
         self.layout = layout
         self.fast = fast
         self.slack = slack or Slack(0.0)
-        self.counts = AnswerCounts()
+        self.counts = counts or AnswerCounts()
         #: Bytes arrived in the newest exchange, and in the one before.
         self.received = self.received_before = True
         #: Silent servos that answered the newest exchange; only a numbered one proves it.
@@ -248,6 +247,7 @@ class Cyclic:
         if goals:
             encode = reg.GOAL_POSITION.encode
             wire = sync_write(116, 4, ((device, encode(goal)) for device, goal in goals.items())) + wire
+        self.counts.exchanges += 1
         self.received_before, self.returned = self.received, frozenset()
         # After an exchange without a byte a further wait would only cost the time of the next ones.
         slack_s = self.slack.seconds if self.received_before else 0.0

@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 import os
-from collections.abc import Sequence
+import time
+from collections.abc import Collection, Sequence
 from pathlib import Path
 from typing import Final
 
@@ -13,12 +14,17 @@ from contid_drivers.dynamixel import arming, duplicates
 from contid_drivers.dynamixel import registers as reg
 from contid_drivers.dynamixel.axis import Axis
 from contid_drivers.dynamixel.client import NoAnswerError, ServoClient
+from contid_drivers.dynamixel.cyclic import PLAIN, Cyclic
 from contid_drivers.dynamixel.models import model_name
 from contid_drivers.dynamixel.options import DynamixelBusOptions
 from contid_drivers.dynamixel.port import ServoPort
+from contid_drivers.dynamixel.slack import Slack
 from contid_drivers.serial_ports import find_port, holders
 
 HOT_C: Final = 60
+#: Exchanges with all servos in a row, and the time after which there are enough of them.
+EXCHANGES: Final = 200
+EXCHANGES_S: Final = 1.0
 _UDEV: Final = "install udev/99-contid.rules (see docs/dynamixel.md) and plug the adapter in again"
 
 
@@ -41,7 +47,9 @@ def examine(name: str, options: DynamixelBusOptions, axes: Sequence[AxisOnBus]) 
         client = ServoClient(name, port)
         for axis in axes:
             findings += _servo(client, Axis.of(axis, options), options)
-        findings.append(_others(client, axes, options))
+        configured, found = [Axis.of(axis, options).device for axis in axes], set(client.broadcast_ping())
+        findings += exchanges(client, [device for device in configured if device in found], options)
+        findings.append(_others(name, found.difference(configured)))
     except DeviceError as error:
         findings.append(Finding(f"{name} port", False, error.message, error.remedy))
     finally:
@@ -157,8 +165,37 @@ def _settings(client: ServoClient, axis: Axis, options: DynamixelBusOptions) -> 
     return Finding(subject, True, message, "arming writes them", warning=True)
 
 
-def _others(client: ServoClient, axes: Sequence[AxisOnBus], options: DynamixelBusOptions) -> Finding:
-    configured = {Axis.of(axis, options).device for axis in axes}
-    others = ", ".join(map(str, sorted(set(client.broadcast_ping()) - configured)))
-    message = f"also on the bus: id {others}" if others else "only the servos of the robot file"
-    return Finding(f"{client.bus} others", True, message)
+def exchanges(client: ServoClient, devices: Sequence[int], options: DynamixelBusOptions) -> list[Finding]:
+    """Answers to exchanges with ``devices``, with the time-outs of a run."""
+    if not devices:
+        return []
+    port = client.port
+    patient_s, port.latency_s = port.latency_s, options.usb_latency_ms / 1e3
+    cyclic = Cyclic(port, devices, PLAIN, False, Slack.of(options.slack_ms))
+    until = time.monotonic() + EXCHANGES_S
+    while cyclic.counts.exchanges < EXCHANGES and time.monotonic() < until:
+        cyclic.run({}, full=True)
+    port.latency_s = patient_s
+    counts = cyclic.counts
+    bad = counts.late + counts.silent + counts.broken
+    remedy = ""
+    if counts.late:
+        remedy = "set the adapter's latency timer to 1 ms, or raise usb_latency_ms"
+    elif bad:
+        remedy = "check cable, supply and the servos reported above"
+    return [
+        Finding(
+            f"{client.bus} exchanges",
+            True,
+            f"{counts.exchanges} with {len(devices)} servos: "
+            f"{counts.late} late, {counts.silent} silent, {counts.broken} broken answers",
+            remedy,
+            warning=bad > 0,
+        )
+    ]
+
+
+def _others(name: str, others: Collection[int]) -> Finding:
+    ids = ", ".join(map(str, sorted(others)))
+    message = f"also on the bus: id {ids}" if others else "only the servos of the robot file"
+    return Finding(f"{name} others", True, message)

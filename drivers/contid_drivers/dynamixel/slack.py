@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import Final
+from typing import Final, Literal, Self
 
 #: A scheduler tick of a kernel at 250 Hz: a process may get its bytes this much later.
 SLACK_MIN_S: Final = 4.2e-3
@@ -24,6 +24,11 @@ class Slack:
         self._fixed_s = fixed_s
         self._count = 0
         self._largest = self._second = self._before = 0.0
+
+    @classmethod
+    def of(cls, slack_ms: float | Literal["auto"]) -> Self:
+        """The slack of a robot file."""
+        return cls(None if slack_ms == "auto" else slack_ms / 1e3)
 
     def record(self, late_s: float) -> None:
         """Count an exchange whose last answer came ``late_s`` after its time on the wire."""

@@ -199,6 +199,7 @@ def test_a_loop_frozen_for_a_moment_costs_some_samples(world):
         valid.append(all(sample.valid for sample in bus.exchange({}).values()))
         time.sleep(0.002)
     assert False in valid
+    assert bus.answer_counts() == {"exchanges": 1 + len(valid), "silent": valid.count(False)}
     assert not any(sample.fault for sample in settle(bus, 0.1).values())
 
 

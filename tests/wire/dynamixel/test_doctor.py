@@ -9,7 +9,10 @@ import pytest
 
 from contid_drivers.dynamixel import DRIVER
 from contid_drivers.dynamixel import registers as reg
+from contid_drivers.dynamixel.client import ServoClient
+from contid_drivers.dynamixel.doctor import exchanges
 from contid_drivers.dynamixel.emulator import Servo
+from contid_drivers.dynamixel.port import ServoPort
 
 pytestmark = pytest.mark.realtime
 
@@ -73,6 +76,32 @@ def test_a_servo_that_answers_pings_only_is_named_and_made_to_answer(
 
 def test_nothing_is_wrong_with_a_good_bus(rig: Callable[..., Any]) -> None:
     assert all(finding.ok for finding in doctor(rig(2)).values())
+
+
+@pytest.mark.parametrize(
+    ("switch", "values", "counted", "remedy"),
+    [
+        ("late", {"ms": 9}, "late", "latency timer"),
+        ("corrupt", {"device": 2, "count": 40}, "broken", "cable"),
+        ("drop", {"device": 2, "count": 40}, "silent", "supply"),
+    ],
+)
+def test_answers_of_exchanges_are_counted_by_what_became_of_them(
+    rig: Callable[..., Any], switch: str, values: dict[str, Any], counted: str, remedy: str
+) -> None:
+    r = rig(2, usb_latency_ms=3, slack_ms=0)
+    port = ServoPort("servos", r.emulator.port, r.options.baud, 0.02)
+    port.open()
+    try:
+        client = ServoClient("servos", port)
+        r.emulator.set(switch, **values)
+        (found,) = exchanges(client, (1, 2), r.options)
+    finally:
+        port.close()
+    assert (found.ok, found.warning) == (True, True)
+    assert remedy in found.remedy
+    words = found.message.replace(",", "").split()
+    assert int(words[words.index(counted) - 1]) >= 20
 
 
 def test_the_owner_of_the_port_is_named(rig: Callable[..., Any]) -> None:

@@ -164,6 +164,9 @@ def test_a_servo_in_trouble_faults_its_whole_robot_and_the_other_one_finishes(
     assert message in right["message"]
     assert left["message"] == ""
     assert left["ticks_followed"] > right["ticks_followed"]
+    (counts,) = report["buses"].values()
+    assert counts["exchanges"] >= left["ticks_followed"]
+    assert counts["silent"] >= (20 if kind == "silent" else 0)
 
 
 def test_unplugging_faults_every_robot_of_the_bus_and_the_servos_stop_themselves(
