@@ -57,6 +57,10 @@ PLACES: Final[dict[str, tuple[dict[str, float], dict[str, float]]]] = {
 }
 
 
+#: Switches that restart a board, by its bus. A motor without homing has lost its position then: it must
+#: not move until a person has parked it, which no order to the daemon does.
+LOSES_POSITION: Final = {"trirack_motors": frozenset({"reset", "brown_out", "freeze"})}
+
 #: Deliberate bugs: code that disables a protection in every process of the daemon.
 BUGS: Final[dict[str, str]] = {
     "estop forgets the devices": (
@@ -83,6 +87,7 @@ class Run:
         self._bug = bug
         self._injected: list[Injected] = []
         self._place = 0
+        self._lost: frozenset[str] = frozenset()
 
     def play(self, cases: int) -> None:
         """So many cases, then the end in a random state."""
@@ -160,12 +165,22 @@ class Run:
         self._process.wait()
 
     def _states(self) -> set[str]:
-        return {str(robot["state"]) for robot in self._client.status()["robots"].values()}
+        return set(self._state_of().values())
+
+    def _state_of(self) -> dict[str, str]:
+        """State by robot."""
+        robots = self._client.status()["robots"]
+        return {str(name): str(robot["state"]) for name, robot in robots.items()}
+
+    @property
+    def _places(self) -> dict[str, tuple[dict[str, float], dict[str, float]]]:
+        """Places of the robots that can be moved."""
+        return {robot: places for robot, places in PLACES.items() if robot not in self._lost}
 
     # -- one case ------------------------------------------------------------------------------------------
 
     def _case(self) -> bool:
-        """False when the robots could not be had back."""
+        """False when not every robot could be had back: the daemon ends."""
         dice, tally = self._dice, self._tally
         state = STATES[(self._number * PER_DAEMON + tally.cases) % len(STATES)]
         self._bring(state)
@@ -191,15 +206,21 @@ class Run:
                 self._relaxed(injected.order_s, state, frozenset({axes[axis]} if switch.on_axis else axes))
         time.sleep(dice.uniform(0.4, 0.6))
         injected.until_s = time.monotonic()
+        if switch.name in LOSES_POSITION.get(bus, ()):
+            self._lost = robots
         self._wires.heal()
         back = self._back()
         injected.latest_s = time.monotonic()
         tally.check("controllable", back)
-        return not back
+        return not back and not self._lost
 
-    def _order(self, order: str) -> None:
-        with suppress(RemoteError):  # its state may refuse it
+    def _order(self, order: str) -> str:
+        """Give an order; its refusal, which the state of a robot may be the reason for."""
+        try:
             getattr(self._client, order)()
+        except RemoteError as error:
+            return str(error)
+        return ""
 
     def _bring(self, state: str) -> None:
         """Into a state; a robot or two may have another one, by chance."""
@@ -216,7 +237,7 @@ class Run:
         if state in ("approach", "stopping"):
             target = {
                 f"{robot}.{axis}_mm": value
-                for robot, places in PLACES.items()
+                for robot, places in self._places.items()
                 for axis, value in places[self._place].items()
             }
             client.move(target, wait=False)
@@ -234,12 +255,12 @@ class Run:
             until(lambda: "FAULT" in self._states(), "FAULT")
         elif state == "arming":
             client.estop()
-            client.request("resume")
+            self._order("resume")
 
     def _rows(self) -> tuple[list[str], list[list[float]]]:
         """Every axis up and down, slowly enough for all of them."""
         columns, middles = ["t_s"], []
-        for robot, (low, high) in PLACES.items():
+        for robot, (low, high) in self._places.items():
             for axis in low:
                 columns.append(f"{robot}.{axis}_mm")
                 middles.append((low[axis] + high[axis]) / 2.0)
@@ -265,25 +286,22 @@ class Run:
             self._tally.time(f"{way}: until the last output is off, at the devices", took_s)
 
     def _back(self) -> list[str]:
-        """Clear and resume until every robot holds."""
+        """Clear and resume until every robot holds; one that lost its position must stay in FAULT."""
         deadline_s = time.monotonic() + BACK_S
-        message = ""
+        refusal = ""
         while time.monotonic() < deadline_s:
-            try:
-                self._client.acquire(60.0, takeover=True)
-                if "FAULT" in self._states():
-                    self._client.clear_fault()
-                self._client.resume()
-                states = self._states()
-            except RemoteError as error:
-                message = str(error)
-                time.sleep(0.05)
-                continue
-            if states <= {"HOLD", "RUN"}:
-                self._client.hold()
+            self._client.acquire(60.0, takeover=True)
+            if "FAULT" in self._states():
+                refusal = self._order("clear_fault") or refusal
+            refusal = self._order("resume") or refusal
+            states = self._state_of()
+            back = {state for robot, state in states.items() if robot not in self._lost}
+            latched = all(states[robot] == "FAULT" for robot in self._lost)
+            if back <= {"HOLD", "RUN"} and (not self._lost or (latched and "position lost" in refusal)):
+                self._order("hold")
                 return []
             time.sleep(0.05)
-        return [f"{self._states()}: {message} after {self._injected[-1]}"]
+        return [f"{self._state_of()}: {refusal} after {self._injected[-1]}"]
 
     # -- the end -------------------------------------------------------------------------------------------
 

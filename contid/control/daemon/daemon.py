@@ -47,6 +47,10 @@ REPORT_WAITING_S: Final = 3.0
 log = logging.getLogger(__name__)
 
 
+def _ignore() -> None:
+    """Handler of a signal after the robots have come to rest."""
+
+
 class Daemon:
     """One run; implements `contid.control.daemon.interfaces.RunControl`."""
 
@@ -195,11 +199,14 @@ class Daemon:
                 self._begin(ring, layout, armed=self._options.armed and not_stopped)
                 await self._supervise(line)
         finally:
+            # A further signal must not interrupt the clean-up: raised in a task it would print a traceback.
             for number in self._signals:
-                loop.remove_signal_handler(number)
+                loop.add_signal_handler(number, _ignore)
             await self._end_tasks()
             self._conclude(line)
             self._child.close()
+            for number in self._signals:
+                loop.remove_signal_handler(number)
             for observer in self._attached:
                 with suppress(Exception):
                     self._report.report.problems += observer.detach()
