@@ -6,8 +6,12 @@ stderr and exits with the exit code of its class (2 usage or a bad file, 4 a dev
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-from dataclasses import dataclass
+from collections.abc import Iterable, Sequence
+from dataclasses import dataclass, replace
+from typing import Final
+
+#: Findings of one file that are listed, however many it has.
+MAX_FINDINGS: Final = 100
 
 
 class ContidError(Exception):
@@ -28,6 +32,15 @@ class Located:
     def __str__(self) -> str:
         """The format of compilers, which editors can jump to."""
         return f"{self.file}:{self.line}:{self.column}: {self.message}"
+
+
+def first_findings(findings: Iterable[Located]) -> list[Located]:
+    """Findings in the order of the file, each once; a last one ends a list cut at `MAX_FINDINGS`."""
+    order = sorted(dict.fromkeys(findings), key=lambda found: (found.line, found.column))
+    if len(order) > MAX_FINDINGS:
+        more = f"the first {MAX_FINDINGS} mistakes are listed; correct them, then check the file again"
+        order[MAX_FINDINGS:] = [replace(order[MAX_FINDINGS], message=more)]
+    return order
 
 
 class BadInputError(ContidError):

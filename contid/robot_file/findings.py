@@ -3,26 +3,34 @@
 from __future__ import annotations
 
 import difflib
+import functools
 import json
 from collections.abc import Iterable, Iterator
 from dataclasses import dataclass
-from typing import Any, TypeAlias
+from typing import Any, Final, TypeAlias
 
 from pydantic import BaseModel, ValidationError
 from pydantic_core import ErrorDetails
 
-from contid.errors import Located
+from contid.errors import MAX_FINDINGS, Located
 from contid.robot_file.positions import Data, Document, KeyPath, step_into
 from contid.robot_file.renamed import RENAMED_KEYS
 
 Schema: TypeAlias = dict[str, Any]
 
+#: Allowed names that a message lists, and among which it looks for the nearest.
+MAX_NAMES: Final = 50
+#: Of a wrong name that are compared with them.
+MAX_CHARACTERS: Final = 80
+
 
 def allowed_names(names: Iterable[str], wrong: str = "") -> str:
     """End of a message: the allowed names, and the nearest to the written one."""
     names = list(dict.fromkeys(names))
-    near = difflib.get_close_matches(wrong, names, n=1, cutoff=0.5)
-    return f"allowed: {', '.join(names)}" + (f"; did you mean {near[0]!r}?" if near else "")
+    listed = names[:MAX_NAMES]
+    near = difflib.get_close_matches(wrong[:MAX_CHARACTERS], listed, n=1, cutoff=0.5)
+    others = f" and {len(names) - MAX_NAMES} others" if len(names) > MAX_NAMES else ""
+    return f"allowed: {', '.join(listed)}{others}" + (f"; did you mean {near[0]!r}?" if near else "")
 
 
 def explain(
@@ -37,9 +45,20 @@ def explain(
         kind: the class that refused it; its schema gives the allowed values.
         also: further keys allowed at the top of the data.
     """
-    explainer = _Explainer(document, at, kind.model_json_schema(), tuple(also))
+    explainer = _Explainer(document, at, _schema(kind), tuple(also))
     # A union reports the same place once per alternative; one finding is enough.
-    return list(dict.fromkeys(explainer.one(detail) for detail in error.errors(include_url=False)))
+    found: dict[Located, None] = {}
+    for detail in error.errors(include_url=False):
+        found[explainer.one(detail)] = None
+        if len(found) > MAX_FINDINGS:
+            break
+    return list(found)
+
+
+@functools.cache
+def _schema(kind: type[BaseModel]) -> Schema:
+    """The schema of a class; pydantic takes milliseconds for one."""
+    return kind.model_json_schema()
 
 
 @dataclass(frozen=True, slots=True)

@@ -10,7 +10,7 @@ from typing import Final, TypeVar, get_args
 
 from pydantic import BaseModel, ValidationError
 
-from contid.errors import BadInputError, ContidError, Located
+from contid.errors import MAX_FINDINGS, BadInputError, ContidError, Located, first_findings
 from contid.hal import Driver, UnknownDriverError, driver_names, load_driver
 from contid.robot_file.base import AxisDescription
 from contid.robot_file.chain import Chain, check_chain
@@ -96,8 +96,7 @@ def parse_robot_file(text: str, name: str, recorded: bool = False) -> LoadedFile
     loader = _Loader(document, recorded)
     buses = loader.load()
     if loader.findings:
-        order = sorted(dict.fromkeys(loader.findings), key=lambda found: (found.line, found.column))
-        raise BadInputError(order)
+        raise BadInputError(first_findings(loader.findings))
     file = RobotFile.model_validate_json(json.dumps(loader.document.data), strict=True)
     return LoadedFile(Path(name), text, file, buses)
 
@@ -146,12 +145,14 @@ class _Loader:
         self._validated(RobotFile, head, ())
         buses, robots = _mapping(data.get("buses")), _mapping(data.get("robots"))
         self.axes = {name: [] for name in buses}
-        wirings = {name: self._bus(name, raw) for name, raw in buses.items()}
+        wirings = {name: self._bus(name, raw) for name, raw in buses.items() if not self.enough}
         rate_hz = data.get("rate_hz")
         if isinstance(rate_hz, int | float) and rate_hz > 0:
             for message in watchdog_too_short([bus for bus in wirings.values() if bus], rate_hz):
                 self.findings.append(self.document.at_value(("rate_hz",), f"rate_hz: {message}"))
-        described = {name: self._robot(name, raw) for name, raw in robots.items()}
+        described = {name: self._robot(name, raw) for name, raw in robots.items() if not self.enough}
+        if self.enough:
+            return {}
         complete = {name: replace(bus, axes=tuple(self.axes[name])) for name, bus in wirings.items() if bus}
         if isinstance(rate_hz, int | float) and rate_hz > 0 and not self.recorded:
             for message in rate_too_high(complete.values(), rate_hz):
@@ -161,6 +162,11 @@ class _Loader:
                 self.findings += check_chain(self.document, ("robots", name), robot, described)
         return complete
 
+    @property
+    def enough(self) -> bool:
+        """More findings than are listed; no other part is looked at."""
+        return len(self.findings) > MAX_FINDINGS
+
     def _validated(
         self, kind: type[_Part], data: Data, at: KeyPath, also: Sequence[str] = ()
     ) -> _Part | None:
@@ -169,7 +175,7 @@ class _Loader:
             return kind.model_validate_json(json.dumps(data), strict=True)
         except ValidationError as error:
             self.findings += explain(error, self.document, at, kind, also)
-            return recovered(kind, data)
+            return None if self.enough else recovered(kind, data)
 
     def _bus(self, name: str, raw: Data) -> BusWiring | None:
         at: KeyPath = ("buses", name)
@@ -197,8 +203,12 @@ class _Loader:
             self.findings.append(self.document.at_value(at, message))
             return None
         wired = {
-            axis: self._axis((*at, "axes", axis), each) for axis, each in _mapping(raw.get("axes")).items()
+            axis: self._axis((*at, "axes", axis), each)
+            for axis, each in _mapping(raw.get("axes")).items()
+            if not self.enough
         }
+        if self.enough:
+            return None
         kinds = robot_classes()
         model = raw.get("model")
         if not isinstance(model, str) or model not in kinds:

@@ -8,13 +8,15 @@ located once, where it was written.
 from __future__ import annotations
 
 import re
+import unicodedata
 from collections.abc import Iterator
 from dataclasses import dataclass, field
+from itertools import islice
 from typing import Final, TypeAlias
 
 import yaml
 
-from contid.errors import BadInputError, Located
+from contid.errors import BadInputError, Located, first_findings
 
 #: KeyPath in a document: keys of mappings and indices of sequences from the root.
 KeyPath: TypeAlias = tuple[str | int, ...]
@@ -24,6 +26,9 @@ Data: TypeAlias = "str | int | float | bool | list[Data] | dict[str, Data] | Non
 MAX_CHARACTERS: Final = 1_000_000
 MAX_DEPTH: Final = 32
 MAX_VALUES: Final = 50_000
+MAX_INVISIBLE: Final = 100
+#: Not printable, and allowed: tab, line feed, joiners of scripts and emoji.
+_ALLOWED: Final = "\t\n\u200c\u200d"
 
 _INTEGER: Final = re.compile(r"[-+]?[0-9]+")
 _FLOAT: Final = re.compile(r"[-+]?(\.[0-9]+|[0-9]+(\.[0-9]*)?)([eE][-+]?[0-9]+)?")
@@ -84,6 +89,8 @@ def read_document(text: str, file: str) -> Document:
     if len(text) > MAX_CHARACTERS:
         message = f"{len(text)} characters; a robot file has at most {MAX_CHARACTERS}"
         raise BadInputError([Located(file, 1, 1, message)])
+    if found := list(islice(_invisible(text, file), MAX_INVISIBLE)):
+        raise BadInputError(found)
     reader = _Reader(Document(file))
     try:
         reader.read(iter(yaml.parse(text, Loader=yaml.BaseLoader)))
@@ -97,8 +104,34 @@ def read_document(text: str, file: str) -> Document:
         column = error.position - (text.rfind("\n", 0, error.position) + 1) + 1
         reader.findings.append(Located(file, line, column, f"not text: {error.reason}"))
     if reader.findings:
-        raise BadInputError(reader.findings)
+        raise BadInputError(first_findings(reader.findings))
     return reader.document
+
+
+def invisible(text: str) -> str:
+    """The first character that a reader cannot see and that changes what is read, as a text; "" for none.
+
+    Control characters but tab and line feed, marks that turn the direction of writing (U+202E and others),
+    line separators, zero-width spaces. Joiners of scripts and emoji are allowed.
+    """
+    found = next((each for each in text if _is_invisible(each)), "")
+    return f"U+{ord(found):04X} ({unicodedata.name(found, 'control character').lower()})" if found else ""
+
+
+def _is_invisible(character: str) -> bool:
+    return not (character.isprintable() or character in _ALLOWED) and (
+        unicodedata.category(character) in ("Cc", "Cf", "Cs", "Zl", "Zp")
+    )
+
+
+def _invisible(text: str, file: str) -> Iterator[Located]:
+    """Invisible characters of a text, in comments as well: one finding a line."""
+    if text.isascii():
+        return  # the parser refuses control characters, with their places
+    for number, line in enumerate(text.removeprefix("\ufeff").split("\n"), 1):
+        if not line.isprintable() and (what := invisible(line)) and not what.startswith("U+00"):
+            column = next(at for at, each in enumerate(line, 1) if _is_invisible(each))
+            yield Located(file, number, column, f"invisible character {what}; delete it")
 
 
 class _Reader:
@@ -127,6 +160,12 @@ class _Reader:
 
     def _refuse(self, event: yaml.Event, message: str) -> None:
         self.findings.append(self._located(event, message))
+
+    def _check_visible(self, event: yaml.ScalarEvent, path: KeyPath) -> None:
+        """Refuse invisible characters that are written as escapes."""
+        if not event.value.isprintable() and (what := invisible(event.value)):
+            key = f"{path[-1]}: " if path and str(path[-1]).isprintable() else ""
+            self._refuse(event, f"{key}invisible character {what}; delete it")
 
     def _value(self, event: yaml.Event, events: Iterator[yaml.Event], path: KeyPath) -> Data:
         self.document.values.setdefault(path, _place(event))
@@ -173,6 +212,7 @@ class _Reader:
         if tag:
             self._refuse(event, f"tags ({tag}) are not allowed")
         if isinstance(event, yaml.ScalarEvent):
+            self._check_visible(event, path)
             return _scalar(event)
         if len(path) >= MAX_DEPTH:
             raise BadInputError([self._located(event, f"nested deeper than {MAX_DEPTH} levels")])
@@ -191,6 +231,7 @@ class _Reader:
                 self._value(event, events, (*path, "?"))
                 self._value(next(events), events, (*path, "?"))
                 continue
+            self._check_visible(event, ())
             here = (*path, event.value)
             if event.value in mapping:
                 line = self.document.keys[here][0]

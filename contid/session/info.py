@@ -133,7 +133,7 @@ def _state(session: Session, ticks: int) -> str:
     if session.cut == GROWING:
         return GROWING
     if session.cut == DAMAGED:
-        return f"{DAMAGED} after {ticks} ticks; what follows is not read"
+        return f"{DAMAGED} after {ticks} ticks ({session.damage}); what follows is not read"
     return f"cut off ({session.cut}); `contid session repair` completes it"
 
 

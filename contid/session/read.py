@@ -123,6 +123,11 @@ class Session:
         return self._end.cut
 
     @property
+    def damage(self) -> str:
+        """After `entries` is exhausted: what is damaged inside, "" if nothing is."""
+        return self._end.damage
+
+    @property
     def virtual(self) -> bool:
         """True for a run in virtual time."""
         return self.option("virtual") == "true"

@@ -37,8 +37,10 @@ def repair(source: Path, output: Path | None, progress: Callable[[int], None] = 
     if session.cut == DAMAGED:
         max_ticks = before.ticks
         if output is None:
-            message = f"{DAMAGED} after {max_ticks} ticks; give --output for a copy of the part before it"
-            raise SessionError(f"{source}: {message}; this file keeps the rest")
+            message = (
+                f"{DAMAGED} after {max_ticks} ticks ({session.damage}); give --output for a copy of the part"
+            )
+            raise SessionError(f"{source}: {message} before it; this file keeps the rest")
     when = datetime.now(UTC).isoformat(timespec="seconds")
     note = {} if session.clean else {"repaired": {"when": when, "found": session.cut}}
     target = compact(source, output, note, max_ticks)

@@ -58,11 +58,13 @@ class EndOfFile:
         clean: with the footer that MCAP demands.
         chunked: it was compacted.
         cut: why reading stopped before a footer, "" when it is clean.
+        damage: what is damaged, where that was found out.
     """
 
     clean: bool = False
     chunked: bool = False
     cut: str = ""
+    damage: str = ""
 
 
 def read_entries(
@@ -105,8 +107,8 @@ def read_entries(
                 if topic != last:
                     continue
                 values = decoder.record(gathered)
-            except _DAMAGE:
-                return EndOfFile(cut=DAMAGED)
+            except _DAMAGE as error:
+                return EndOfFile(cut=DAMAGED, damage=f"a record without valid content: {error}")
             yield Entry(time_ns, values)
             gathered = None
             ticks += 1
@@ -114,8 +116,8 @@ def read_entries(
                 progress(ticks)
         if stream.clean:
             return EndOfFile(True, stream.chunked)
-        if stream.damaged:
-            return EndOfFile(cut=DAMAGED)
+        if stream.damage:
+            return EndOfFile(cut=DAMAGED, damage=stream.damage)
         if _locked(file):
             return EndOfFile(cut=GROWING)
     return EndOfFile(

@@ -32,6 +32,10 @@ _MAX_RECORD_BYTES: Final = 1 << 32
 #: A chunk that declares or holds more bytes than this is damaged, or made to fill the memory; those of contid
 #: have 1 MB. The size in its compressed frame is not used.
 MAX_CHUNK_BYTES: Final = 1 << 25
+#: All chunks together hold at most so many times their compressed bytes, beyond `FREE_BYTES`: a robot
+#: that stands still for ten minutes is packed 30-fold, zeros 10 000-fold. Bounds the time of reading.
+MAX_EXPANSION: Final = 300
+FREE_BYTES: Final = 1 << 22
 
 
 class DamagedRecordError(ContidError):
@@ -82,26 +86,30 @@ class RecordStream:
     Attributes:
         clean: after the last record: the file has the end that MCAP demands.
         chunked: the file has a chunk: it was compacted.
-        damaged: reading ended at a whole chunk with damaged content.
+        damage: why reading ended at a whole chunk with damaged content, and where; "" when it did not.
     """
 
     def __init__(self, file: BinaryIO) -> None:
         self._file = file
-        self.clean = self.chunked = self.damaged = False
+        self.clean = self.chunked = False
+        self.damage = ""
 
     def __iter__(self) -> Iterator[tuple[int, bytes]]:
         """Opcode and body of every record of the data section."""
         if self._file.read(len(MAGIC)) != MAGIC:
             return
-        ended = False
+        ended, at, budget = False, len(MAGIC), FREE_BYTES
         for opcode, body in _records(self._file):
+            here, at = at, at + RECORD.size + len(body)
             if opcode in (CHUNK, _CUT_CHUNK):
                 self.chunked = True
+                budget += MAX_EXPANSION * len(body)
                 try:
-                    inside = _decoded_chunk(body) if opcode == CHUNK else _partial_chunk(body)
-                except ValueError:
-                    self.damaged = opcode == CHUNK
+                    inside = _decoded_chunk(body, budget) if opcode == CHUNK else _partial_chunk(body, budget)
+                except ValueError as error:
+                    self.damage = f"at byte {here}: {error}" if opcode == CHUNK else ""
                     return
+                budget -= len(inside)
                 yield from _records(io.BytesIO(inside))
             elif opcode == DATA_END:
                 ended = True
@@ -144,13 +152,13 @@ def _records(file: BinaryIO) -> Iterator[tuple[int, bytes]]:
         data, at = data[at:] + b"".join(pieces), 0
 
 
-def _decoded_chunk(body: bytes) -> bytes:
-    """The content of a chunk.
+def _decoded_chunk(body: bytes, budget: int) -> bytes:
+    """The content of a chunk, of at most ``budget`` bytes.
 
     Raises:
         ValueError: it is damaged.
     """
-    size, crc = _declared_size(body)
+    size, crc = _declared_size(body, budget)
     compression, packed = _packed(body)
     data = b"".join(_blocks(compression, packed, size))
     if crc and zlib.crc32(data) != crc:
@@ -158,7 +166,7 @@ def _decoded_chunk(body: bytes) -> bytes:
     return data
 
 
-def _partial_chunk(body: bytes) -> bytes:
+def _partial_chunk(body: bytes, budget: int) -> bytes:
     """The whole blocks of a chunk that was cut off.
 
     Raises:
@@ -167,20 +175,24 @@ def _partial_chunk(body: bytes) -> bytes:
     if len(body) < _CHUNK_HEAD.size + 4:
         return b""
     compression, packed = _packed(body)
-    return b"".join(_blocks(compression, packed, _declared_size(body)[0])) if compression == "zstd" else b""
+    if compression != "zstd":
+        return b""
+    return b"".join(_blocks(compression, packed, _declared_size(body, budget)[0]))
 
 
-def _declared_size(body: bytes) -> tuple[int, int]:
+def _declared_size(body: bytes, budget: int) -> tuple[int, int]:
     """Declared size of the content of a chunk, and its checksum.
 
     Raises:
-        ValueError: it has no head, or declares more than `MAX_CHUNK_BYTES`.
+        ValueError: it has no head, or declares more than `MAX_CHUNK_BYTES` or ``budget``.
     """
     if len(body) < _CHUNK_HEAD.size + 4:
         raise ValueError("a chunk has no head")
     size, crc = _CHUNK_HEAD.unpack_from(body)[2:]
     if size > MAX_CHUNK_BYTES:
-        raise ValueError(f"a chunk declares {size} bytes")
+        raise ValueError(f"a chunk declares {size} bytes; at most {MAX_CHUNK_BYTES} are read")
+    if size > budget:
+        raise ValueError(f"its chunks expand more than {MAX_EXPANSION}-fold, as no session of contid does")
     return size, crc
 
 
