@@ -1,7 +1,8 @@
 """Record the golden sessions again: ``python -m tests.golden.make [NAME ...]`` in the root of the repository.
 
 One short session in virtual time per shipped robot file: from where the devices stand to the rest pose (or
-`CENTRES`) and through a few reachable tips around it, then stopped by the file's policy. Needed when a change
+`CENTRES`) and through a few reachable tips around it, which the preflight accepts, then stopped by the file's
+policy. Needed when a change
 of commands is intended, or a robot file changed; replay the old ones first to see what changed and where.
 """
 
@@ -16,9 +17,10 @@ import numpy as np
 
 from contid.control.engine.cycle import OnEnd
 from contid.control.engine.virtual import run_virtual
-from contid.control.engine.wiring import build_robot_configs, driven_robots
+from contid.control.engine.wiring import build_robot_configs, chain_guards, driven_robots
 from contid.control.process.setup import RunSetup
 from contid.control.tick.config import RobotConfig
+from contid.control.tick.preflight import Preflight
 from contid.robot_file.load import LoadedFile, load_robot_file, with_mock
 from contid.session.recording_observer import RecordingObserver
 from contid.targets import Actuation
@@ -32,9 +34,11 @@ RATE_HZ: Final = 100.0
 #: Rows, and how far around the rest pose they go, as a share of an axis's travel.
 TIMES_S: Final = (0.0, 0.2, 0.4, 0.6, 0.8)
 REACH: Final = 0.03
-#: Where not around the rest pose: share of each axis's travel. Near its rest pose, at the edge of its reach,
-#: the preferred pressures of a redundant arm jump between limits, however slow the path: fault 203.
-CENTRES: Final = {"stiffflop2": 0.5}
+#: Where not around the rest pose, which is at the edge of the reach of arms that lengthen or inflate: share
+#: of each axis's travel.
+CENTRES: Final = {"stiffflop1": 0.5, "stiffflop2": 0.5, "trirack": 0.1, "trirack2": 0.1}
+#: Of long racks the same share is a long way.
+REACHES: Final = {"trirack": 0.005, "trirack2": 0.005}
 #: How far commands may differ [mm or bar]: a fifth of the least move by a mutation of test_golden (cbha).
 TOLERANCE: Final = 1e-5
 
@@ -53,7 +57,8 @@ def trajectory(loaded: LoadedFile, rate_hz: float) -> Trajectory:
         axes = "xyz"[: robot.dimension]
         head += [f"{config.name}.{axis}_mm" for axis in axes]
         centre = _centre(config, CENTRES.get(loaded.file.name))
-        columns.append([_tip(config, centre, robot.dimension, k) for k in range(len(TIMES_S))])
+        reach = REACHES.get(loaded.file.name, REACH)
+        columns.append([_tip(config, centre, reach, robot.dimension, k) for k in range(len(TIMES_S))])
     lines = [",".join(head)]
     for k, time_s in enumerate(TIMES_S):
         cells = [repr(value) for column in columns for value in column[k]]
@@ -69,11 +74,11 @@ def _centre(config: RobotConfig, share: float | None) -> Actuation:
     return tuple(a + share * (b - a) for a, b in zip(model.lower, model.upper, strict=True))
 
 
-def _tip(config: RobotConfig, centre: Actuation, dimension: int, k: int) -> list[float]:
+def _tip(config: RobotConfig, centre: Actuation, reach: float, dimension: int, k: int) -> list[float]:
     """Tip number ``k`` in the world [mm]; the first one is that of ``centre``."""
     model = config.model
     travel = np.subtract(model.upper, model.lower)
-    share = REACH * np.sin(k * (1.0 + np.arange(len(travel)))) if k else 0.0
+    share = reach * np.sin(k * (1.0 + np.arange(len(travel)))) if k else 0.0
     actuation = np.clip(np.asarray(centre) + share * travel, model.lower, model.upper)
     tip = config.frame.point_in_world(model.forward(tuple(actuation.tolist())).tip_m)
     return [1e3 * value for value in tip[:dimension]]
@@ -83,6 +88,7 @@ def record(name: str, path: Path, robot_file: Path | None = None) -> None:
     """Record one session."""
     loaded = with_mock(load_robot_file(robot_file or CONFIGS / f"{name}.yaml"))
     rows = trajectory(loaded, RATE_HZ)
+    Preflight(build_robot_configs(loaded, RATE_HZ), chain_guards(loaded)).trajectory(rows, "golden.csv")
     recording = RecordingObserver(
         path, {"mock": "True", "unreachable": "refuse", "input": "golden.csv"}, host="golden"
     )

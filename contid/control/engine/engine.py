@@ -22,6 +22,7 @@ from contid.control.engine.stall_watch import StallWatch
 from contid.control.engine.target_selector import TargetSelector
 from contid.control.tick import transitions
 from contid.control.tick.config import RobotConfig
+from contid.control.tick.path_preflight import NEAR_M
 from contid.control.tick.robot_tick import TickResult, tick
 from contid.control.tick.state import Effect, RobotState
 from contid.control.tick.statistics import RobotTally
@@ -271,7 +272,7 @@ class Engine:
             source = self._selector.source
             timed = source is not None and source.time_s is not None
             tally.add(outcome.tip_error_m, outcome.solution.converged)
-            if outcome.solution.converged:
+            if outcome.solution.converged or outcome.solution.residual_m <= NEAR_M:
                 off_m = outcome.tip_error_m - outcome.solution.residual_m
                 tally.on_path(off_m, state.command != state.reference, timed, state.since_s)
             else:  # the nearest point, which may jump

@@ -4,18 +4,16 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, field
-from typing import Any, Final
+from typing import Any
 
 from contid.control.engine.engine import Engine
 from contid.control.engine.tick_layout import CONVERGED, RecordLayout, TickRecord
 from contid.control.tick.faults import Fault, describe
+from contid.control.tick.on_path import tip_tolerance_m
 from contid.control.tick.statistics import Lateness, RobotTally
 from contid.control.tick.supervisor import Mode
 from contid.kernels import in_use
 from contid.units import m_to_mm
-
-#: A run whose tips were farther off their targets ends with a fault [m].
-TIP_TOLERANCE_M: Final = 5e-5
 
 
 @dataclass(slots=True)
@@ -100,8 +98,9 @@ def robot_reports(engine: Engine) -> dict[str, dict[str, Any]]:
     for config, state, tally in zip(engine.configs, engine.states, engine.tallies, strict=True):
         fault, message = state.fault, state.message
         faulted = state.mode is Mode.FAULT
-        if fault is Fault.NONE and engine.ended and tally.off_target_m > TIP_TOLERANCE_M:
-            fault, message, faulted = Fault.TIP_OFF_TARGET, _off_target(tally), True
+        allowed_m = tip_tolerance_m(config.quantity)
+        if fault is Fault.NONE and engine.ended and tally.off_target_m > allowed_m:
+            fault, message, faulted = Fault.TIP_OFF_TARGET, _off_target(tally, allowed_m), True
         out[config.name] = {
             "mode": state.mode.name,
             "fault": int(fault),
@@ -111,12 +110,11 @@ def robot_reports(engine: Engine) -> dict[str, dict[str, Any]]:
     return out
 
 
-def _off_target(tally: RobotTally) -> str:
+def _off_target(tally: RobotTally, allowed_m: float) -> str:
     limits = ", ".join(tally.as_dict()["ticks_limited"])
     return (
         f"the commanded tip was up to {m_to_mm(tally.off_target_m):.3g} mm off its targets, "
-        f"the tolerance is {m_to_mm(TIP_TOLERANCE_M):g} mm"
-        + (f"; limits that bound: {limits}" if limits else "")
+        f"the tolerance is {m_to_mm(allowed_m):g} mm" + (f"; limits that bound: {limits}" if limits else "")
     )
 
 

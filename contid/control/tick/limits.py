@@ -105,6 +105,17 @@ def limit_axis(
     return _limited(limits, last, last_step, target, target_step)
 
 
+def allowed_steps(limits: AxisLimits, last: float, last_step: float) -> tuple[float, float]:
+    """Least and greatest step of one axis in the next tick that every limit allows."""
+    lower, upper = min(limits.lower, last), max(limits.upper, last)
+    inwards, outwards = -brake_step(last - lower, limits.change), brake_step(upper - last, limits.change)
+    ends = []
+    for end in (last_step - limits.change, last_step + limits.change):
+        step = min(max(end, -limits.step), limits.step)
+        ends.append(min(max(step, inwards), outwards))
+    return ends[0], ends[1]
+
+
 def _can_stop(limits: AxisLimits, step: float, position: float) -> bool:
     """True when an axis that arrives at ``position`` with ``step`` can brake before its limit."""
     room = limits.upper - position if step > 0.0 else position - limits.lower

@@ -1,9 +1,9 @@
 """The whole curve of a trajectory checked before motion: reach, speed and acceleration between its rows.
 
 The run is computed as the tick computes it: the eased clock, the model seeded with the solution before, the
-limiter. Refused are targets out of reach and paths that the limiter cannot follow: it rounds a corner, and
-the kink where a limit of a model begins to bind, within a few ticks; an axis must not fall further behind
-than `LAG_S` of its greatest speed.
+limiter. Refused are targets out of reach and paths on which the limiter would take the tip off its target by
+more than `contid.control.tick.on_path.tip_tolerance_m`. Axes beyond the kinematics round their corners within
+a few ticks: they must not fall further behind than `LAG_S` of their greatest speed.
 
 In the middle of a long interval the curve is one slow cubic: there `SAMPLES` of it stand for all ticks.
 """
@@ -15,12 +15,12 @@ from collections.abc import Callable, Iterator, Sequence
 from typing import Final
 
 from contid.control.tick.config import RobotConfig
-from contid.control.tick.limits import limit
+from contid.control.tick.on_path import limit_on_path, tip_tolerance_m
 from contid.control.tick.soft_start import ease_ticks, fitted, played
 from contid.targets import Actuation, Solution, Target
 from contid.trajectory.timed import Trajectory
 
-#: An axis may be behind its reference by its greatest speed times this.
+#: An axis beyond the kinematics may be behind its reference by its greatest speed times this.
 LAG_S: Final = 0.02
 #: A tip this near its target is met: the curve between two rows on a boundary bulges by micrometres.
 NEAR_M: Final = 1e-5
@@ -126,8 +126,9 @@ class _Follower:
     def follow(self, target: Target, ticks: int) -> str:
         """Go to the target, so many ticks after the one before; why that fails, "" when it does not."""
         config = self._config
+        in_base = config.frame.target_in_base(target)
         try:
-            solution = config.model.inverse(config.frame.target_in_base(target), self._command)
+            solution = config.model.inverse(in_base, self._command)
         except ValueError as error:
             return f"{config.name}: {error}"
         goal = solution.actuation
@@ -139,8 +140,8 @@ class _Follower:
         ]
         self._goal, self._pace = goal, pace
         if ticks == 1:
-            command, flags = limit(config.limits, self._command, self._steps, goal, pace)
-            behind = [abs(a - b) / lag for a, b, lag in zip(goal, command, self._lag, strict=True)]
+            command, flags = limit_on_path(config, self._command, self._steps, goal, pace, in_base)
+            behind = [0.0] if command == goal else self._behind(command, goal, in_base)
         else:
             # The ticks between were not computed; amid a long interval only speed can be too much.
             command, flags = goal, ()
@@ -158,6 +159,17 @@ class _Follower:
         if message or not any(flags):
             self._peaks = [(0.0, 0.0) for _ in goal]
         return message
+
+    def _behind(self, command: Actuation, goal: Actuation, in_base: Target) -> list[float]:
+        """How far each axis is behind in allowed lags; the tip's distance counts for the furthest one."""
+        config = self._config
+        forward, own = config.model.forward, len(goal) - config.extra_axes
+        off_m = math.dist(forward(command, in_base.load_n).tip_m, forward(goal, in_base.load_n).tip_m)
+        behind = [abs(a - b) / lag for a, b, lag in zip(goal, command, self._lag, strict=True)]
+        furthest = max(range(own), key=behind.__getitem__)
+        behind[:own] = [0.0] * own
+        behind[furthest] = off_m / tip_tolerance_m(config.quantity)
+        return behind
 
     def _too_fast(self, axis: int) -> str:
         config = self._config

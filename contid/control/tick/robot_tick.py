@@ -16,6 +16,7 @@ from typing import Final
 from contid.control.tick.config import RobotConfig
 from contid.control.tick.faults import Fault
 from contid.control.tick.limits import limit
+from contid.control.tick.on_path import limit_on_path
 from contid.control.tick.state import Effect, RobotState
 from contid.control.tick.supervisor import Event, Mode
 from contid.control.tick.tip_feedback import Measurement, corrected, kept, observed
@@ -176,7 +177,7 @@ def _follow(config: RobotConfig, state: RobotState, now_s: float, target: Target
     if not all(map(math.isfinite, solution.actuation)):
         message = f"the model answered {solution.actuation} to {in_base}"
         return _move(config, fail(config, state, Fault.NOT_A_NUMBER, message, now_s), now_s)
-    after, flags = _limited(config, state, solution.actuation)
+    after, flags = _limited(config, state, solution.actuation, in_base)
     tip = config.model.forward(after.command, in_base.load_n).tip_m
     target_tip = in_base.tip_m
     if target_tip is None:
@@ -213,12 +214,15 @@ def _arrived(config: RobotConfig, state: RobotState, now_s: float) -> RobotState
 
 
 def _limited(
-    config: RobotConfig, state: RobotState, reference: Actuation
+    config: RobotConfig, state: RobotState, reference: Actuation, target_in_base: Target | None = None
 ) -> tuple[RobotState, tuple[int, ...]]:
     """The state with its next command, and the limits that bound; skipped ticks do not count."""
     last = state.command
     target_step = [new - old for new, old in zip(reference, state.reference, strict=True)]
-    command, flags = limit(config.limits, last, state.increments, reference, target_step)
+    if target_in_base is None:
+        command, flags = limit(config.limits, last, state.increments, reference, target_step)
+    else:
+        command, flags = limit_on_path(config, last, state.increments, reference, target_step, target_in_base)
     increments = tuple([new - old for new, old in zip(command, last, strict=True)])
     # Written out: `replace` costs three times as much, and this runs for every robot in every tick.
     after = RobotState(

@@ -57,6 +57,7 @@ class RobotTally:
         greatest_m: greatest distance of the commanded model's tip from the target [m].
         squares_m2: sum of its squares.
         unreachable: ticks whose target the model did not reach.
+        far: a target was out of reach by more than a curve between reachable rows may bulge.
         off_m: greatest distance of the commanded tip from its target beyond the residual [m]; ticks in which
             a robot catches up at the limit of its rates do not count.
         last_off_m: the same in the newest tick, catching up or not.
@@ -72,6 +73,7 @@ class RobotTally:
     last_off_m: float = 0.0
     joined_s: float = -math.inf
     caught_up: bool = False
+    far: bool = False
     limited: Counter[int] = field(default_factory=Counter)
 
     @property
@@ -80,7 +82,7 @@ class RobotTally:
 
         Robots brake before the limits that targets out of reach lead to: with those the last tick counts.
         """
-        return self.last_off_m if self.unreachable else max(self.off_m, self.last_off_m)
+        return self.last_off_m if self.far else max(self.off_m, self.last_off_m)
 
     def on_path(self, off_m: float, limited: bool, timed: bool, joined_s: float) -> None:
         """Compare the commanded tip of a tick with its target.
@@ -100,7 +102,7 @@ class RobotTally:
 
     def off_path(self) -> None:
         """The target of a tick is out of reach: the robot has to catch up with the next one that is not."""
-        self.caught_up, self.last_off_m = False, 0.0
+        self.caught_up, self.last_off_m, self.far = False, 0.0, True
 
     def add(self, tip_error_m: float, converged: bool) -> None:
         """Count one tick in RUN."""

@@ -6,15 +6,17 @@ from dataclasses import replace
 
 import pytest
 
-from contid.control.engine.report import TIP_TOLERANCE_M
 from contid.control.engine.virtual import run_virtual
 from contid.control.tick.faults import Fault
+from contid.control.tick.on_path import tip_tolerance_m
 from contid.control.tick.statistics import RobotTally
 from contid.kinematics.rack.finger import RackFingerModel
+from contid.robot_file.base import Quantity
 from contid.targets import Actuation, Solution, Target
 from tests.support.fingers import circle, load
 
 RATE = 200.0
+TOLERANCE_M = tip_tolerance_m(Quantity.LENGTH)
 
 
 @pytest.fixture
@@ -31,17 +33,17 @@ def wrong_by_m(request: pytest.FixtureRequest, monkeypatch: pytest.MonkeyPatch) 
     return off
 
 
-@pytest.mark.parametrize("wrong_by_m", [3.0 * TIP_TOLERANCE_M], indirect=True)
+@pytest.mark.parametrize("wrong_by_m", [3.0 * TOLERANCE_M], indirect=True)
 def test_a_model_whose_residual_is_wrong_ends_the_run_with_a_fault(wrong_by_m: float) -> None:
     loaded = load(1)
     report = run_virtual(loaded, RATE, circle(loaded))
     assert report.exit_code == 3
     assert report.robots["f0"]["fault"] == Fault.TIP_OFF_TARGET
-    assert "off its targets, the tolerance is 0.05 mm" in report.robots["f0"]["message"]
-    assert report.robots["f0"]["tip_error_max_mm"] > 1e3 * TIP_TOLERANCE_M
+    assert "off its targets, the tolerance is 1e-06 mm" in report.robots["f0"]["message"]
+    assert report.robots["f0"]["tip_error_max_mm"] > 1e3 * TOLERANCE_M
 
 
-@pytest.mark.parametrize("wrong_by_m", [0.1 * TIP_TOLERANCE_M], indirect=True)
+@pytest.mark.parametrize("wrong_by_m", [0.1 * TOLERANCE_M], indirect=True)
 def test_less_than_the_tolerance_is_no_fault(wrong_by_m: float) -> None:
     loaded = load(1)
     assert run_virtual(loaded, RATE, circle(loaded)).exit_code == 0

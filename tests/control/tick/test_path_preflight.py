@@ -12,17 +12,18 @@ from hypothesis import strategies as st
 
 from contid.control.engine.virtual import run_virtual
 from contid.control.engine.wiring import build_robot_configs, driven_robots
-from contid.control.tick.path_preflight import LAG_S, run_ticks
+from contid.control.tick.on_path import tip_tolerance_m
+from contid.control.tick.path_preflight import run_ticks
 from contid.control.tick.preflight import Preflight
 from contid.control.tick.supervisor import Mode
 from contid.errors import BadInputError
+from contid.robot_file.base import Quantity
 from contid.robot_file.load import LoadedFile
 from contid.trajectory.read import read_trajectory
 from contid.trajectory.timed import Trajectory
 from tests.support.fingers import Collector, load
 
 RATE = 200.0
-VELOCITY_M_S = 0.1
 TIPS, AXES = "t_s,x_mm,y_mm", "t_s,left_mm,right_mm"
 
 
@@ -61,8 +62,8 @@ def test_the_way_between_rows_is_refused_by_line(
     )
 
 
-def behind(loaded: LoadedFile, trajectory: Trajectory) -> float:
-    """How far a run leaves the curve [m], and infinite where the curve leaves the limits."""
+def off_path(loaded: LoadedFile, trajectory: Trajectory) -> float:
+    """How far a run takes the tip off the curve [m], and infinite where the curve leaves the limits."""
     seen = Collector(loaded)
     run_virtual(loaded, RATE, trajectory, sinks=[seen])
     worst = 0.0
@@ -73,8 +74,7 @@ def behind(loaded: LoadedFile, trajectory: Trajectory) -> float:
         assert curve is not None
         if not all(0.0 <= value <= 0.1 for value in curve):
             return math.inf
-        commands = [axis.command for axis in record.robots[0].axes]
-        worst = max(worst, *(abs(a - b) for a, b in zip(curve, commands, strict=True)))
+        worst = max(worst, record.robots[0].tip_error_m)
     return worst
 
 
@@ -93,11 +93,12 @@ def test_what_is_accepted_is_followed_and_what_is_refused_is_not(
     times = [0.0, *itertools.accumulate(steps)]
     rows = [(time_s, *point) for time_s, point in zip(times, points, strict=False)]
     trajectory = trajectory_of(loaded, AXES, *rows)
-    lag_m = behind(loaded, trajectory)
+    off_m = off_path(loaded, trajectory)
+    tolerance_m = tip_tolerance_m(Quantity.LENGTH)
     if refused(loaded, trajectory):
-        assert lag_m > VELOCITY_M_S * LAG_S * (1 - 1e-6)
+        assert off_m > tolerance_m * (1 - 1e-3)
     else:
-        assert lag_m <= VELOCITY_M_S * LAG_S * (1 + 1e-6)
+        assert off_m <= tolerance_m * (1 + 1e-3)
 
 
 def test_a_trajectory_of_three_centuries_is_checked_at_once() -> None:
