@@ -13,8 +13,8 @@ import pytest
 
 from contid.control.engine.cycle import Timing
 from contid.control.engine.engine import Engine
+from contid.control.tick import on_path, transitions
 from contid.control.tick import robot_tick as loop
-from contid.control.tick import transitions
 from contid.control.tick.config import RobotConfig
 from contid.control.tick.limits import AxisLimits
 from contid.control.tick.state import Effect, RobotState
@@ -48,7 +48,8 @@ def _no_limiter(patch: pytest.MonkeyPatch) -> None:
     ) -> tuple[tuple[float, ...], tuple[int, ...]]:
         return tuple(targets), (0,) * len(targets)
 
-    patch.setattr(loop, "limit", unlimited)
+    for module in (loop, on_path):
+        patch.setattr(module, "limit", unlimited)
 
 
 def _gain(patch: pytest.MonkeyPatch) -> None:
@@ -60,7 +61,8 @@ def _gain(patch: pytest.MonkeyPatch) -> None:
         beyond = [1.3 * min(target, axis.upper) for axis, target in zip(limits, targets, strict=True)]
         return tuple(beyond), (0,) * len(targets)
 
-    patch.setattr(loop, "limit", amplified)
+    for module in (loop, on_path):
+        patch.setattr(module, "limit", amplified)
 
 
 def _no_tolerance(patch: pytest.MonkeyPatch) -> None:

@@ -112,8 +112,8 @@ class _Redundant:
         goal = self.task(answer)
         J = self._jacobian(last, middle)
         needed = np.linalg.pinv(J) @ (goal - self.task(last))
-        wanted = self._braked(answer - last - needed, answer_steps - needed)
-        shared = last + needed + self._share(wanted, last + needed) * wanted
+        freely = self._braked(answer - last - needed, answer_steps - needed)
+        shared = last + needed + self._share(freely, last + needed) * freely
         for begin in (shared, clipped):
             at = np.clip(begin, self.low, self.high)
             for _ in range(_STEPS):
@@ -143,14 +143,14 @@ class _Redundant:
         step: Array = pace + share * closing
         return step
 
-    def _share(self, wanted: Array, needed: Array) -> float:
+    def _share(self, freely: Array, needed: Array) -> float:
         """Greatest share, at most 1, of the redundant step that the bounds allow for all axes.
 
         Negative where axes that move the other way have to brake first.
         """
         least, most = -math.inf, 1.0
         for each, change, at, low, high in zip(
-            self.limits, wanted.tolist(), needed.tolist(), self.low.tolist(), self.high.tolist(), strict=True
+            self.limits, freely.tolist(), needed.tolist(), self.low.tolist(), self.high.tolist(), strict=True
         ):
             if abs(change) > _NONE * each.change:
                 ends = sorted(((low - at) / change, (high - at) / change))
