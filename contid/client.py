@@ -15,7 +15,17 @@ lease lapses and the robots hold. Make a new client and look at `status` first.
 """
 
 from contid.remote.client.async_client import AsyncClient
+from contid.remote.client.servo import ServoReport, ServoState
 from contid.remote.client.sync_client import Client
 from contid.remote.protocol.wire import Code, ConnectionLostError, NoDaemonError, RemoteError
 
-__all__ = ["AsyncClient", "Client", "Code", "ConnectionLostError", "NoDaemonError", "RemoteError"]
+__all__ = [
+    "AsyncClient",
+    "Client",
+    "Code",
+    "ConnectionLostError",
+    "NoDaemonError",
+    "RemoteError",
+    "ServoReport",
+    "ServoState",
+]

@@ -16,6 +16,7 @@ from pathlib import Path
 from typing import Any, Final, Self, TypeAlias
 
 from contid.remote.client.client_protocol import RESPONSE_TIMEOUT_S, ClientProtocol, Request
+from contid.remote.client.servo import Controller, ServoReport, servo
 from contid.remote.protocol.socket_path import find
 from contid.remote.protocol.wire import PROTOCOL, ConnectionLostError, Fields, NoDaemonError, RemoteError
 
@@ -233,6 +234,25 @@ class Procedures(ABC):
         if wait:
             await self.wait(move)
         return refused
+
+    async def servo(self, rate_hz: float, controller: Controller) -> ServoReport:
+        """Follow the set-points of a controller, called at a fixed rate with the newest telemetry.
+
+        Args:
+            rate_hz: up to the rate of the daemon's tick.
+            controller: gets a `ServoState`; returns columns of a trajectory with their values,
+                ``{"x_mm": 40.0, "y_mm": 75.0}``, always the same ones, or None to end. It has to
+                return within a period; while it hangs the lease lapses and the robots hold.
+
+        Returns:
+            Counts of set-points, skipped periods and refused set-points, after the robots arrived at the
+            last one.
+
+        Raises:
+            RemoteError: refused, or stopped by another client or a fault. After an error of the controller
+                itself the robots hold.
+        """
+        return await servo(self, rate_hz, controller)
 
     async def _send_rows(self, move: int, rows: list[list[float]]) -> list[str]:
         while self._protocol.credits.get(move, 0) < len(rows):

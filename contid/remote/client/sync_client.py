@@ -149,6 +149,7 @@ class Client:
     release = _blocking(Procedures.release)
     move = _blocking(Procedures.move)
     wait = _blocking(Procedures.wait)
+    servo = _blocking(Procedures.servo)
     measure = _blocking(Procedures.measure)
     close = _blocking(Procedures.close)
 
