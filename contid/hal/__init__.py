@@ -62,6 +62,7 @@ from contid.hal.optional import (
     Parks,
     RegisterValue,
     Report,
+    Restricts,
     Scans,
 )
 
@@ -88,6 +89,7 @@ __all__ = [
     "RegisterValue",
     "Report",
     "Rest",
+    "Restricts",
     "Sample",
     "Scans",
     "UnknownDriverError",

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from contextlib import AbstractContextManager
 from dataclasses import dataclass
 from pathlib import Path
@@ -75,6 +75,14 @@ class Paces(Protocol):
 
     def exchange_time(self, options: BaseModel, axes: Sequence[BaseModel]) -> ExchangeTime:
         """Time of one exchange with every axis of a bus."""
+
+
+@runtime_checkable
+class Restricts(Protocol):
+    """Refuses some combinations of valid bus options and valid axes: ``contid check``, ``contid run``."""
+
+    def refused(self, options: BaseModel, axes: Sequence[tuple[str, BaseModel]]) -> Iterator[tuple[str, str]]:
+        """The key of the bus and a message, for everything refused; ``axes`` are names and options."""
 
 
 @runtime_checkable

@@ -11,7 +11,7 @@ from typing import Final, TypeVar, get_args
 from pydantic import BaseModel, ValidationError
 
 from contid.errors import MAX_FINDINGS, BadInputError, ContidError, Located, first_findings
-from contid.hal import Driver, UnknownDriverError, driver_names, load_driver
+from contid.hal import Driver, Restricts, UnknownDriverError, driver_names, load_driver
 from contid.robot_file.base import AxisDescription
 from contid.robot_file.chain import Chain, check_chain
 from contid.robot_file.checks import WiredAxis, check_name, check_robot
@@ -157,6 +157,12 @@ class _Loader:
         if isinstance(rate_hz, int | float) and rate_hz > 0 and not self.recorded:
             for message in rate_too_high(complete.values(), rate_hz):
                 self.findings.append(self.document.at_value(("rate_hz",), f"rate_hz: {message}"))
+        for name, bus in complete.items():
+            driver = self.drivers[name]
+            if isinstance(driver, Restricts) and not self.recorded:
+                for key, message in driver.refused(bus.options, bus.axes):
+                    at = ("buses", name, key)
+                    self.findings.append(self.document.at_value(at, f"{key}: {message}"))
         for name, robot in described.items():
             if isinstance(robot, Chain):
                 self.findings += check_chain(self.document, ("robots", name), robot, described)

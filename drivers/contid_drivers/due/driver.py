@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from contextlib import AbstractContextManager
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -53,6 +53,17 @@ class DueDriver:
             "vent_bar_s": axis.vent_bar_s,
             "ceiling_bar": axis.ceiling_bar,
         }
+
+    def refused(self, options: BaseModel, axes: Sequence[tuple[str, BaseModel]]) -> Iterator[tuple[str, str]]:
+        """See `contid.hal.Restricts`: every open of the programming port resets the board and its counts."""
+        assert isinstance(options, DueBusOptions)
+        lost = [name for name, axis in axes if self.parkable(axis)]
+        if options.connection == "programming" and lost:
+            yield (
+                "connection",
+                f"programming resets the board at every open, and {', '.join(lost)} would lose the position; "
+                "allowed: native, or homing at each of these axes",
+            )
 
     def open_bus(self, name: str, options: BaseModel, axes: Sequence[AxisOnBus], clock: Clock) -> Bus:
         """Build the bus; touches no device."""

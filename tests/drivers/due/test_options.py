@@ -3,13 +3,16 @@
 from __future__ import annotations
 
 import math
+import re
 import struct
+from pathlib import Path
 
 import pytest
 from pydantic import ValidationError
 
-from contid.errors import DeviceError
+from contid.errors import BadInputError, DeviceError
 from contid.hal import AxisOnBus, DeviceKind, Emulates, load_driver
+from contid.robot_file.load import parse_robot_file
 from contid_drivers.due.emulator import fault_command
 from contid_drivers.due.options import DueAxisOptions, DueBusOptions, EndStop, Role
 from contid_drivers.due.wiring import Scale, board_config
@@ -41,6 +44,20 @@ BAD = [
     ({"channel": "p0", **REGULATOR, "readback": [[600, 3], [3000, 0]]}, "readback"),
     ({"channel": "p0", **REGULATOR, "calibration": [[i, i] for i in range(9)]}, "2 to 8 rows"),
 ]
+
+
+def test_the_programming_port_is_refused_for_motors_without_homing(configs: Path) -> None:
+    """It resets the board at every open, which loses the count of such a motor."""
+    text = (configs / "trirack.emulated.yaml").read_text()
+    text = text.replace("    role: motor\n", "    connection: programming\n    role: motor\n")
+    with pytest.raises(BadInputError) as raised:
+        parse_robot_file(text, "trirack.yaml")
+    (found,) = raised.value.findings
+    assert text.splitlines()[found.line - 1] == "    connection: programming"
+    assert "arm.s1.l1, arm.s1.l2, arm.s1.l3 would lose the position" in found.message
+    homed = re.sub(r"(channel: m\d)", r"\1, homing: {direction: -1}", text)
+    assert parse_robot_file(homed, "trirack.yaml").buses
+    assert parse_robot_file(text, "old.yaml", recorded=True).buses
 
 
 @pytest.mark.parametrize(("options", "message"), BAD)
