@@ -11,12 +11,13 @@ from importlib import import_module
 
 __version__ = "0.1.0"
 
-__all__ = ["Client", "Robot", "Sim", "__version__"]
+__all__ = ["Client", "Robot", "Session", "Sim", "__version__"]
 
 #: Public names and their modules, imported at first use: ``import contid`` itself imports no library.
 _MODULES = {
     "Client": "contid.client",
     "Robot": "contid.api.robot",
+    "Session": "contid.session.read",
     "Sim": "contid.api.simulated",
 }
 

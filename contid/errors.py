@@ -69,3 +69,10 @@ class DeviceNotFoundError(DeviceError):
 
 class DeviceLostError(DeviceError):
     """An open device is gone: unplugged, reset unexpectedly, or its port failed."""
+
+
+class MissingExtraError(ContidError, ImportError):
+    """A package of an extra is not installed: ``to_pandas needs pandas: pip install 'contid[data]'``."""
+
+    def __init__(self, what: str, package: str, extra: str) -> None:
+        super().__init__(f"{what} needs {package}: pip install 'contid[{extra}]'")

@@ -1,13 +1,18 @@
-"""Reading a session, complete or truncated at any byte: its head, then ticks and events in their order."""
+"""Reading a session, complete or truncated at any byte: its head, then ticks and events in their order.
+
+`Session` is public as ``contid.Session``: `robots`, iteration, `events`, `to_pandas`, `robot_file` and the
+attributes `path` and `rate_hz` are stable.
+"""
 
 from __future__ import annotations
 
 import json
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Mapping
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 from contid.control.engine.events import RunEvent
-from contid.control.engine.tick_layout import RecordLayout, TickRecord
+from contid.control.engine.tick_layout import RecordLayout, RobotLayout, TickRecord
 from contid.errors import BadInputError, ContidError
 from contid.robot_file.load import LoadedFile, parse_robot_file, with_mock
 from contid.session.format import mcap_records as mcap
@@ -18,13 +23,16 @@ from contid.session.format.mcap_records import DamagedRecordError, RecordStream
 from contid.session.format.metadata import FORMAT, TRAJECTORY, decode_trajectory
 from contid.trajectory.timed import Trajectory
 
+if TYPE_CHECKING:
+    import pandas as pd
+
 
 class SessionError(ContidError):
     """A file is not a session, or not one that this version can read."""
 
 
 class Session:
-    """One file.
+    """One file. Iteration gives every tick as values by column, in the units of robot files.
 
     Attributes:
         path: of the file.
@@ -34,7 +42,7 @@ class Session:
         rate_hz: of the ticks.
     """
 
-    def __init__(self, path: Path, progress: Callable[[int], None] = lambda ticks: None) -> None:
+    def __init__(self, path: str | Path, progress: Callable[[int], None] = lambda ticks: None) -> None:
         """Read the head.
 
         Args:
@@ -44,7 +52,7 @@ class Session:
         Raises:
             SessionError: the file is not a session, or its head is incomplete.
         """
-        self.path = path
+        self.path = path = Path(path)
         self._progress = progress
         self.metadata: dict[str, dict[str, str]] = {}
         self._end = EndOfFile()
@@ -102,6 +110,27 @@ class Session:
             self._attachments[record.name] = record.data
         else:
             self._topics[record.id] = record.topic
+
+    @property
+    def robots(self) -> Mapping[str, RobotLayout]:
+        """Model, unit of the axes (``mm`` or ``bar``) and names of the axes, by robot."""
+        return {robot.name: robot for robot in self.layout.robots}
+
+    def __iter__(self) -> Iterator[dict[str, float]]:
+        """Every tick, by the columns of `to_pandas`; what is absent is NaN."""
+        from contid.session.table import row_values
+
+        return row_values(self)
+
+    def to_pandas(self) -> pd.DataFrame:
+        """All ticks with the columns of ``contid session export --csv``; the index is ``t_s``.
+
+        Raises:
+            MissingExtraError: pandas is not installed.
+        """
+        from contid.session.table import data_frame
+
+        return data_frame(self)
 
     def option(self, name: str) -> str:
         """An option of the run; "" if it was not given."""
