@@ -289,13 +289,38 @@ def test_the_served_page_is_on_loopback_and_under_a_policy(
     with urllib.request.urlopen(url) as answer:
         assert b"Rerun" in answer.read()
         rules = answer.headers["Content-Security-Policy"]
-    data_port = int(re.findall(r"%3A(\d+)%2Fproxy", url)[0])
-    assert rules == policy(data_port)
+    port = int(re.findall(r":(\d+)/", url)[0])
+    assert int(re.findall(r"%3A(\d+)%2Fproxy", url)[0]) == port  # the data come through the same server
+    assert rules == policy()
     assert "https" not in rules
     process.send_signal(signal.SIGINT)
     process.communicate(timeout=30)
     assert process.returncode == 0
     assert not [each for each in family if each.is_running() and each.status() != psutil.STATUS_ZOMBIE]
+
+
+@pytest.mark.realtime
+def test_viewer_and_server_run_when_nothing_else_does(
+    tmp_path: Path, started: Callable[..., subprocess.Popen[str]]
+) -> None:
+    """Policy and nice value of every thread, as the kernel reports them."""
+    trajectory = tmp_path / "circle.csv"
+    trajectory.write_text(rows_of("hand", "--laps", "20"))
+    process = started("run", "hand", "--mock", "--view", "serve", "--trajectory", str(trajectory))
+    line_with(process.stderr, "http")
+    viewers = children_with(process, "contid.view.viewer_process")
+    servers = children_with(process, "--serve-web")
+    assert viewers
+    assert servers
+    for each in (*viewers, *servers):
+        threads = list(Path(f"/proc/{each.pid}/task").iterdir())
+        assert threads
+        for thread in threads:
+            # After the name in parentheses: state is field 3, nice 19, policy 41 (proc(5)).
+            fields = (thread / "stat").read_text().rpartition(")")[2].split()
+            assert (int(fields[19 - 3]), int(fields[41 - 3])) == (10, os.SCHED_IDLE), each.cmdline()
+    (control,) = children_with(process, "contid.control.process")
+    assert os.sched_getscheduler(control.pid) & ~os.SCHED_RESET_ON_FORK in (os.SCHED_FIFO, os.SCHED_OTHER)
 
 
 def test_a_page_without_a_server_behind_it_answers_502() -> None:
