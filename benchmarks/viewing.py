@@ -1,20 +1,26 @@
 """Lateness of the tick without a viewer and with one: to a file, to a page, and stopped.
 
-The four cases alternate, so that the load of the machine affects all of them. A bare timer loop under the
+In the case "page, not idle" viewer and server get the priority of every other process, as if contid did not
+put them under SCHED_IDLE. ``--ordinary`` withholds real-time priority from the control processes and the bare
+loops, as for a user without rights (run it as root).
+
+The cases alternate, so that the load of the machine affects all of them. A bare timer loop under the
 same scheduling runs beside each as the baseline of the machine. A viewer's start-up is the time from its
 process to its output (the file exists, the page answers); its share of a processor is counted after that,
 with the server it starts.
 
-    python -m benchmarks.viewing [--rounds 3] [--seconds 10] [--rate 200] [--robot hand]
+    python -m benchmarks.viewing [--rounds 3] [--seconds 10] [--rate 200] [--robot hand] [--ordinary]
 """
 
 from __future__ import annotations
 
 import argparse
 import asyncio
+import ctypes
 import io
 import json
 import os
+import resource
 import signal
 import socket
 import subprocess
@@ -46,7 +52,8 @@ from contid.trajectory.timed import Trajectory
 from contid.view.observer import ViewerObserver
 from contid.view.view_target import Kind, ViewTarget
 
-CASES = ("no viewer", "file", "page", "stopped")
+CASES = ("no viewer", "file", "page", "page, not idle", "stopped")
+PR_CAPBSET_DROP, CAP_SYS_NICE = 24, 23
 PAGE_PORT = 9090
 LATENESS = 3
 LOOK_S = 0.02
@@ -68,12 +75,12 @@ class Eye:
     """Reads the lateness of every tick, samples the viewer, optionally stops it, and ends the run."""
 
     def __init__(
-        self, viewing: ViewerObserver | None, where: ViewTarget | None, stops: bool, seconds: float
+        self, viewing: ViewerObserver | None, where: ViewTarget | None, case: str, seconds: float
     ) -> None:
         self.late_s: list[float] = []
         self.start_s: float | None = None
         self.share: float | None = None
-        self._viewing, self._where, self._stops, self._seconds = viewing, where, stops, seconds
+        self._viewing, self._where, self._case, self._seconds = viewing, where, case, seconds
         self._reader: RingReader | None = None
         self._began = 0.0
 
@@ -105,9 +112,11 @@ class Eye:
             if self.start_s is None and self._begun():
                 ready, used = time.monotonic(), self._processor_s()
                 self.start_s = ready - self._began
-                if self._stops:
-                    for each in self._family():
+                for each in self._family():
+                    if self._case == "stopped":
                         each.send_signal(signal.SIGSTOP)
+                    elif self._case == "page, not idle":
+                        to_ordinary(each)
         if self.start_s is not None:
             self.share = (self._processor_s() - used) / (time.monotonic() - ready)
         orders.send(Finish(reason="on_end"))
@@ -138,6 +147,20 @@ class Eye:
         return sum(each.user + each.system for each in times)
 
 
+def to_ordinary(process: psutil.Process) -> None:
+    """Give every thread the policy and the nice value of a program that a shell starts."""
+    for thread in process.threads():
+        os.sched_setscheduler(thread.id, os.SCHED_OTHER, os.sched_param(0))
+        os.setpriority(os.PRIO_PROCESS, thread.id, 0)
+
+
+def withhold_real_time() -> None:
+    """Programs started from now on cannot get real-time priority."""
+    if ctypes.CDLL(None, use_errno=True).prctl(PR_CAPBSET_DROP, CAP_SYS_NICE, 0, 0, 0):
+        raise SystemExit(f"--ordinary: {os.strerror(ctypes.get_errno())}; run it as root")
+    resource.setrlimit(resource.RLIMIT_RTPRIO, (0, 0))
+
+
 def bare_loop(seconds: float, rate_hz: float) -> None:
     """Print the lateness of every turn of a loop that does nothing."""
     request_real_time()
@@ -159,10 +182,10 @@ def one(
     with tempfile.TemporaryDirectory() as folder:
         where = None
         if case != "no viewer":
-            page = case == "page"
+            page = case.startswith("page")
             where = ViewTarget(Kind.SERVE) if page else ViewTarget(Kind.FILE, Path(folder, "run.rrd"))
         viewing = None if where is None else ViewerObserver(where)
-        eye = Eye(viewing, where, case == "stopped", seconds)
+        eye = Eye(viewing, where, case, seconds)
         observers: list[RunObserver] = [eye] if viewing is None else [viewing, eye]
         run = RunOptions(rate_hz=rate, on_end=OnEnd.STOP, commands=[eye], observers=observers)
         bare = subprocess.Popen(
@@ -186,19 +209,24 @@ def main() -> None:
     options.add_argument("--seconds", type=float, default=10.0)
     options.add_argument("--rate", type=float, default=200.0)
     options.add_argument("--robot", default="hand")
+    options.add_argument("--case", action="append", choices=CASES, help="only this one; can be repeated")
+    options.add_argument("--ordinary", action="store_true", help="without real-time priority")
     options.add_argument("--bare", action="store_true", help=argparse.SUPPRESS)
     chosen = options.parse_args()
     if chosen.bare:
         bare_loop(chosen.seconds, chosen.rate)
         return
+    if chosen.ordinary:
+        withhold_real_time()
+    cases = chosen.case or CASES
     loaded = with_mock(load_robot_file(find_robot_file(chosen.robot)))
     path = [sys.executable, "-m", "contid", "path", "circle", "--center", "50,70", "--radius", "20"]
     laps = ["--laps", str(chosen.seconds / 4.0 + 1.0), "--for", chosen.robot]
     made = subprocess.run([*path, *laps], check=True, capture_output=True, text=True)
     trajectory = read_trajectory(io.StringIO(made.stdout), "circle", driven_robots(loaded))
-    figures = {case: Figures() for case in CASES}
+    figures = {case: Figures() for case in cases}
     for _ in range(chosen.rounds):
-        for case in CASES:
+        for case in cases:
             one(case, loaded, trajectory, chosen.rate, chosen.seconds, figures[case])
     print(
         f"{chosen.robot} at {chosen.rate:g} Hz, {chosen.rounds} rounds of {chosen.seconds:g} s each in turns"

@@ -11,11 +11,14 @@ from urllib.parse import urlsplit
 
 import pytest
 
+from contid.control.daemon.run import run
+from contid.control.daemon.run_request import RunRequest
 from contid.view import csp_proxy
 from contid.view.csp_proxy import LOOPBACK, MAX_BODY_BYTES, MAX_CONNECTIONS, MAX_HEAD_BYTES
+from contid.view.observer import ViewerObserver
 from contid.view.rerun_session import WebServer
+from contid.view.view_target import Kind, ViewTarget
 from tests.support.waiting import until
-from tests.view.test_view import drawn
 
 DATA = "/rerun.sdk_comms.v1alpha1.MessageProxyService/ReadMessages"
 #: An empty message of gRPC-web.
@@ -24,7 +27,13 @@ EMPTY = bytes(5)
 
 @pytest.fixture(scope="module")
 def served(tmp_path_factory: pytest.TempPathFactory) -> Iterator[WebServer]:
-    server = WebServer(str(drawn("hand", tmp_path_factory.mktemp("page"))))
+    folder = tmp_path_factory.mktemp("page")
+    rows, drawing = folder / "rows.csv", folder / "hand.rrd"
+    rows.write_text("t_s,left.x_mm,left.y_mm,right.x_mm,right.y_mm\n0,50,70,50,70\n0.5,52,70,48,70\n")
+    observers = [ViewerObserver(ViewTarget(Kind.FILE, drawing))]
+    request = RunRequest("hand", trajectory=str(rows), mock=True, virtual=True, observers=observers)
+    assert run(request).exit_code == 0
+    server = WebServer(str(drawing))
     yield server
     server.close()
 
@@ -38,7 +47,7 @@ def port_of(served: WebServer) -> int:
 
 
 def answer(
-    served: WebServer, path: str, method: str = "GET", body: bytes | None = None, **headers: str
+    served: WebServer, path: str, method: str = "GET", body: bytes | str | None = None, **headers: str
 ) -> HTTPResponse:
     """The answer to one request; ``_`` in names of headers is a dash."""
     connection = HTTPConnection(LOOPBACK, port_of(served), timeout=20)
