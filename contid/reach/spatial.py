@@ -8,7 +8,6 @@ a fixed seed: the same file gives the same numbers.
 
 from __future__ import annotations
 
-from collections import deque
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from itertools import combinations
@@ -17,6 +16,7 @@ from typing import Final
 import numpy as np
 from numpy.typing import NDArray
 
+from contid.kinematics.batch import Targets, inverse_many
 from contid.kinematics.frames import BaseFrame
 from contid.kinematics.model import Model
 from contid.targets import Actuation, Target
@@ -111,18 +111,22 @@ def reachable_volume(
     for actuation, tip in zip(actuations, tips, strict=True):
         seeds.setdefault(_voxel(tip, edge_m), actuation)
     reachable: dict[Voxel, bool] = {}
-    queue = deque(sorted(seeds.items()))
-    while queue:
-        voxel, seed = queue.popleft()
-        if voxel in reachable:
-            continue
-        centre = (voxel[0] * edge_m, voxel[1] * edge_m, voxel[2] * edge_m)
-        found = model.inverse(Target(tip_m=frame.point_in_base(centre)), seed)
-        reachable[voxel] = found.converged
-        if progress is not None and len(reachable) % 256 == 0:
+    # A front at a time: its voxels are independent of each other.
+    front = dict(sorted(seeds.items()))
+    while front:
+        centres = [frame.point_in_base((i * edge_m, j * edge_m, k * edge_m)) for i, j, k in front]
+        found = inverse_many(model, Targets.of(centres), list(front.values())).rows
+        reachable.update(zip(front, found["converged"].tolist(), strict=True))
+        if progress is not None:
             progress(len(reachable))
-        if found.converged:
-            queue.extend((_next(voxel, step), found.actuation) for step in _NEIGHBOURS)
+        following: dict[Voxel, Actuation] = {}
+        for voxel, actuation in zip(front, found["actuation"].tolist(), strict=True):
+            if reachable[voxel]:
+                for step in _NEIGHBOURS:
+                    neighbour = _next(voxel, step)
+                    if neighbour not in reachable:
+                        following.setdefault(neighbour, tuple(actuation))
+        front = following
     inside = frozenset(voxel for voxel, yes in reachable.items() if yes)
     rim = sum(any(_next(voxel, step) not in inside for step in _NEIGHBOURS) for voxel in inside)
     return Volume(inside, edge_m, rim, len(reachable))

@@ -21,6 +21,7 @@ def command(robot_file: str, rows: str | None, pose: bool, as_json: bool) -> Non
     ROWS is a file, or stdin when it is left out. Positions are in the world frame of the robot file. The
     output is what ``contid ik`` reads; ``contid ik --bare`` writes what this reads.
     """
+    from contid.cli.support.solved_rows import ForwardRows
     from contid.control.engine.wiring import driven_robots
     from contid.kinematics.frames import BaseFrame
     from contid.kinematics.model import build_model
@@ -54,4 +55,4 @@ def command(robot_file: str, rows: str | None, pose: bool, as_json: bool) -> Non
         return cells
 
     with open_rows(rows) as source:
-        convert_rows(loaded, source, convert, as_json)
+        convert_rows(loaded, source, convert, as_json, ForwardRows(loaded, robots, models, pose))

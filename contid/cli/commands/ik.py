@@ -26,6 +26,7 @@ def command(robot_file: str, rows: str | None, bare: bool, as_json: bool) -> Non
     iterations; a target out of reach gives the best actuation inside the limits, with
     converged=false. The solution of each row is the start of the next.
     """
+    from contid.cli.support.solved_rows import InverseRows
     from contid.control.engine.wiring import driven_robots
     from contid.kinematics.frames import BaseFrame
     from contid.kinematics.model import build_model
@@ -66,4 +67,4 @@ def command(robot_file: str, rows: str | None, bare: bool, as_json: bool) -> Non
         return cells
 
     with open_rows(rows) as source:
-        convert_rows(loaded, source, convert, as_json)
+        convert_rows(loaded, source, convert, as_json, InverseRows(loaded, robots, models, seeds, bare))
