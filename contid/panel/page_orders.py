@@ -1,0 +1,175 @@
+"""The orders that a page may give, and how its messages become requests to the daemon."""
+
+from __future__ import annotations
+
+import asyncio
+from collections.abc import Awaitable, Callable
+from typing import Final, TypeAlias
+
+from contid.client import AsyncClient
+from contid.panel.checks import Checks
+from contid.panel.page_client import LEASE_TIMEOUT_S, PageClient
+from contid.remote.protocol.wire import Code, ConnectionLostError, Fields, RemoteError, RequestFields
+
+#: Orders of a read-only page: every client may stop.
+READ_ONLY: Final = frozenset({"estop"})
+#: Pause before the last row of a jog is repeated when the credit is spent.
+CREDIT_PAUSE_S: Final = 0.03
+CREDIT_ATTEMPTS: Final = 40
+
+Order: TypeAlias = Callable[[RequestFields], Awaitable[Fields]]
+
+
+class PageOrders:
+    """Carries out the messages of one page.
+
+    Attributes:
+        orders: by verb.
+    """
+
+    def __init__(self, client: PageClient, checks: Checks) -> None:
+        self._client = client
+        self._checks = checks
+        self._move: tuple[int, tuple[str, ...]] | None = None
+        self._jogging = asyncio.Lock()
+        self.orders: dict[str, Order] = {
+            "estop": self._estop, "stop": self._stop, "hold": self._hold, "resume": self._resume,
+            "clear_fault": self._clear_fault, "recover": self._recover, "acquire": self._acquire,
+            "release": self._release, "goto": self._goto, "jog": self._jog, "jog_end": self._jog_end,
+            "play": self._play, "beat": self._beat,
+        }  # fmt: skip
+
+    async def _estop(self, request: RequestFields) -> Fields:
+        # Every robot, whatever else the message contains.
+        return await self._client.stop(lambda client: client.estop())
+
+    async def _stop(self, request: RequestFields) -> Fields:
+        robots = _robots(request)
+        return await self._client.stop(lambda client: client.stop(robots))
+
+    async def _hold(self, request: RequestFields) -> Fields:
+        robots = _robots(request)
+        return await self._client.stop(lambda client: client.hold(robots))
+
+    async def _resume(self, request: RequestFields) -> Fields:
+        robots = _robots(request)
+        # The page asks the person before it sends this after a stop of another client.
+        return await self._client.request(lambda client: client.resume(robots, wait=False, after_stop=True))
+
+    async def _clear_fault(self, request: RequestFields) -> Fields:
+        robots = _robots(request)
+        return await self._client.request(lambda client: client.clear_fault(robots))
+
+    async def _recover(self, request: RequestFields) -> Fields:
+        robots = _robots(request)
+        return await self._client.request(lambda client: client.recover(robots, after_stop=True))
+
+    async def _acquire(self, request: RequestFields) -> Fields:
+        takeover = request.flag("takeover")
+        request.end()
+        return await self._client.request(lambda client: client.acquire(LEASE_TIMEOUT_S, takeover=takeover))
+
+    async def _release(self, request: RequestFields) -> Fields:
+        request.end()
+
+        async def release(client: AsyncClient) -> Fields:
+            return {"released": await client.release()}
+
+        return await self._client.request(release)
+
+    async def _beat(self, request: RequestFields) -> Fields:
+        """A heartbeat of the page keeps its lease."""
+        request.end()
+
+        async def ping(client: AsyncClient) -> Fields:
+            await client.ping()
+            return {}
+
+        return await self._client.request(ping)
+
+    async def _goto(self, request: RequestFields) -> Fields:
+        target = request.mapping("target")
+        request.end()
+
+        async def goto(client: AsyncClient) -> Fields:
+            await _require_lease(client)
+            return {"move": await client.move(target or {}, wait=False)}
+
+        return await self._moving(goto)
+
+    async def _jog(self, request: RequestFields) -> Fields:
+        """Follow a row; a first row, or one of other columns, begins a stream."""
+        columns, row = request.names("columns"), request.rows("rows")
+        request.end()
+        if not columns or any(name.endswith("t_s") for name in columns):
+            raise RemoteError(Code.BAD_REQUEST, "columns: names of columns without t_s are expected")
+
+        async def jog(client: AsyncClient) -> Fields:
+            if self._move is None or self._move[1] != columns:
+                self._move = None
+                await _require_lease(client)
+                begun = await client.request("move", columns=list(columns))
+                self._move = int(begun["move"]), columns
+            return await self._rows(client, self._move[0], row)
+
+        async with self._jogging:
+            return await self._moving(jog)
+
+    async def _rows(self, client: AsyncClient, move: int, rows: list[list[float]]) -> Fields:
+        for _ in range(CREDIT_ATTEMPTS):
+            try:
+                return await client.request("rows", move=move, rows=rows)
+            except RemoteError as error:
+                if error.code == Code.REFUSED:  # the stream ended: a stop, or a takeover
+                    self._move = None
+                if error.code != Code.NO_CREDIT:
+                    raise
+            await asyncio.sleep(CREDIT_PAUSE_S)
+        raise RemoteError(Code.NO_CREDIT, "the daemon takes no further row")
+
+    async def _jog_end(self, request: RequestFields) -> Fields:
+        """End the stream: the robot goes to its last row and holds there."""
+        request.end()
+
+        async def end(client: AsyncClient) -> Fields:
+            move, self._move = self._move, None
+            return {} if move is None else await client.request("end", move=move[0])
+
+        async with self._jogging:
+            return await self._moving(end)
+
+    async def _play(self, request: RequestFields) -> Fields:
+        """Play a trajectory that was checked and shown before."""
+        checked = self._checks.get(request.text("check", ""))
+        request.end()
+
+        async def play(client: AsyncClient) -> Fields:
+            await _require_lease(client)
+            refused = await client.stream(checked.columns, checked.rows, wait=False)
+            return {"refused": refused}
+
+        return await self._moving(play)
+
+    async def _moving(self, send: Callable[[AsyncClient], Awaitable[Fields]]) -> Fields:
+        """A request that moves; a stream does not survive its connection."""
+        try:
+            return await self._client.request(send)
+        except ConnectionLostError:
+            self._move = None
+            raise
+
+
+async def _require_lease(client: AsyncClient) -> None:
+    """Refuse to begin a motion without the lease: at the daemon, a move acquires a free one by itself.
+
+    A page that was frozen sends its waiting messages when it goes on, and its lease has lapsed meanwhile.
+    """
+    lease = (await client.status())["lease"]
+    if lease.get("client") != client.hello["client"]:
+        raise RemoteError(Code.LEASE_HELD, "this page does not hold the lease; take it first")
+
+
+def _robots(request: RequestFields) -> list[str] | None:
+    robots = request.names("robots")
+    request.end()
+    return None if robots is None else list(robots)

@@ -1,0 +1,95 @@
+// The page: messages of the panel to the parts that show them.
+
+import { byId, setHidden, setText, toast } from "./dom.js";
+import { Jog } from "./jog.js";
+import { Link } from "./link.js";
+import { Plots } from "./plots.js";
+import { RobotCard, showCards } from "./robots.js";
+import { Events, LeaseControl, Machine, TrajectoryCard } from "./side.js";
+import { installStop } from "./stop.js";
+import { View } from "./view.js";
+
+const STALE_MS = 1500;
+const page = { client: 0, readOnly: false, daemon: false, lastFrame: 0, lease: {} };
+let cards = new Map();
+
+const handlers = {
+  hello: (message) => {
+    page.readOnly = message.read_only;
+    document.body.classList.toggle("read-only", page.readOnly);
+  },
+  client: (message) => { page.client = message.client; },
+  daemon: (message) => {
+    page.daemon = message.connected;
+    if (!message.connected) lost();
+    showLink(message.message);
+  },
+  describe: (message) => {
+    const { describe, drawing, problem } = message;
+    setText(byId("name"), describe.name);
+    document.title = `${describe.name} · contid`;
+    cards = new Map(Object.entries(describe.robots).map(([name, robot]) =>
+      [name, new RobotCard(name, robot, drawing?.robots[name], link, jog, select)]));
+    showCards([...cards.values()]);
+    view.describe(drawing, problem);
+    plots.describe(describe.robots);
+    select(cards.keys().next().value);
+  },
+  frame: (message) => {
+    page.lastFrame = performance.now();
+    for (const [name, robot] of Object.entries(message.robots)) cards.get(name)?.frame(robot);
+    view.frame(message);
+    plots.add(message.t_s, message.robots);
+  },
+  status: (message) => {
+    const { status } = message;
+    page.lease = status.lease;
+    const mine = page.client !== 0 && status.lease.client === page.client;
+    if (link.mine && !mine && document.visibilityState === "visible") toast("Control was lost; the robots hold.", "error");
+    link.mine = mine;
+    for (const [name, robot] of Object.entries(status.robots)) cards.get(name)?.status(robot, status.lease);
+    lease.show(status.lease, page.readOnly);
+    trajectory.update();
+    machine.show(status);
+  },
+  event: (message) => events.add(message.event),
+};
+
+const link = new Link((message) => handlers[message.kind]?.(message), (open, reason) => {
+  if (!open) lost();
+  showLink(reason);
+});
+const jog = new Jog(link);
+const lease = new LeaseControl(link);
+const machine = new Machine();
+const events = new Events();
+const plots = new Plots();
+const view = new View(link, jog);
+const trajectory = new TrajectoryCard(link, (paths) => view.preview(paths));
+installStop(link);
+
+function select(name) {
+  plots.select(name);
+  for (const card of cards.values()) card.element.classList.toggle("selected", card.name === name);
+}
+
+function lost() {
+  for (const card of cards.values()) card.lost();
+  trajectory.update();
+}
+
+function showLink(reason) {
+  const pill = byId("link");
+  const stale = page.daemon && page.lastFrame > 0 && performance.now() - page.lastFrame > STALE_MS;
+  const state = !link.open ? "lost" : !page.daemon ? "waiting" : stale ? "stale" : "live";
+  const text = { lost: "no panel", waiting: "no daemon", stale: "no data", live: page.readOnly ? "live, read-only" : "live" };
+  pill.dataset.state = state;
+  setText(pill, text[state]);
+  pill.title = reason || "";
+  const note = byId("view-note");
+  const why = { lost: `No connection to the panel: ${reason}.`, waiting: `No daemon: ${reason}. The page connects again; robots are never resumed by it.`, stale: "The daemon sends no data.", live: "" };
+  if (reason || state === "stale" || state === "live") setText(note, state === "live" ? view.problem : why[state]);
+  setHidden(note, !note.textContent);
+}
+
+setInterval(() => { if (link.open && page.daemon) showLink(""); }, 500);

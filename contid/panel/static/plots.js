@@ -1,0 +1,113 @@
+// Plots of the selected robot over the last seconds: axes, and the distance of the tip from its target.
+
+import uPlot from "./vendor/uplot/uPlot.esm.js";
+import { byId, h } from "./dom.js";
+
+const WINDOW_S = 20;
+const PERIOD_MS = 100;
+const HEIGHT = 150;
+const COLORS = ["#3b82f6", "#f59e0b", "#10b981", "#ec4899", "#8b5cf6", "#14b8a6", "#ef4444", "#84cc16"];
+
+function style(name) {
+  return getComputedStyle(document.documentElement).getPropertyValue(name).trim();
+}
+
+export class Plots {
+  constructor() {
+    this.data = new Map();
+    this.robot = null;
+    this.drawnAt = 0;
+    this.axes = h("div", {});
+    this.error = h("div", {});
+    this.title = h("h2", {}, "Plots");
+    byId("plots").append(this.title, this.axes, this.error);
+    new ResizeObserver(() => this.resize()).observe(byId("plots"));
+    matchMedia("(prefers-color-scheme: dark)").addEventListener("change", () => this.build());
+  }
+
+  describe(robots) {
+    this.robots = robots;
+    this.data.clear();
+    for (const [name, robot] of Object.entries(robots)) {
+      this.data.set(name, { t: [], error: [], axes: Object.keys(robot.axes).map(() => ({ command: [], measured: [] })) });
+    }
+    this.select(this.data.has(this.robot) ? this.robot : Object.keys(robots)[0]);
+  }
+
+  select(name) {
+    if (name === this.robot && this.axesPlot) return;
+    this.robot = name;
+    this.build();
+  }
+
+  build() {
+    this.axesPlot?.destroy();
+    this.errorPlot?.destroy();
+    if (!this.data.has(this.robot)) return;
+    const robot = this.robots[this.robot];
+    this.title.textContent = `${this.robot}: axes [${robot.unit}], tip off its target [mm]`;
+    const series = [];
+    Object.keys(robot.axes).forEach((axis, i) => {
+      const color = COLORS[i % COLORS.length];
+      series.push({ label: axis, stroke: color, width: 1.75, points: { show: false } });
+      series.push({ label: `${axis} command`, stroke: color, width: 1, dash: [4, 3], points: { show: false } });
+    });
+    this.axesPlot = new uPlot(this.options(series, HEIGHT), [[], ...series.map(() => [])], this.axes);
+    const tip = [{ label: "tip", stroke: COLORS[0], width: 1.5, fill: "rgba(59,130,246,0.12)", points: { show: false } }];
+    this.errorPlot = new uPlot(this.options(tip, HEIGHT * 0.7), [[], []], this.error);
+  }
+
+  options(series, height) {
+    const axis = { stroke: style("--muted"), grid: { stroke: style("--line"), width: 1 }, ticks: { stroke: style("--line"), width: 1 }, font: "11px system-ui, sans-serif" };
+    return {
+      width: this.width(), height, legend: { show: false }, cursor: { show: false }, series: [{}, ...series],
+      scales: { x: { time: false }, y: { range: (u, low, high) => padded(low, high) } },
+      axes: [{ ...axis, size: 28, values: (u, ticks) => ticks.map((t) => `${t} s`) }, { ...axis, size: 52 }],
+    };
+  }
+
+  width() {
+    return Math.max(byId("plots").clientWidth - 28, 120);
+  }
+
+  resize() {
+    for (const plot of [this.axesPlot, this.errorPlot]) plot?.setSize({ width: this.width(), height: plot.height });
+  }
+
+  add(t_s, robots) {
+    for (const [name, data] of this.data) {
+      const robot = robots[name];
+      if (data.t.length && t_s < data.t.at(-1)) data.t.length = data.error.length = 0;
+      data.t.push(t_s);
+      data.error.push(robot.error_mm);
+      data.axes.forEach((axis, i) => {
+        axis.command.push(robot.command[i]);
+        axis.measured.push(robot.measured?.[i] ?? null);
+      });
+      const first = data.t.findIndex((t) => t > t_s - WINDOW_S);
+      for (const list of [data.t, data.error, ...data.axes.flatMap((axis) => [axis.command, axis.measured])]) {
+        if (first > 0) list.splice(0, first);
+        while (list.length > data.t.length) list.shift();
+      }
+    }
+    if (performance.now() - this.drawnAt > PERIOD_MS) this.draw(t_s);
+  }
+
+  draw(now_s) {
+    const data = this.data.get(this.robot);
+    if (data === undefined || document.visibilityState !== "visible") return;
+    this.drawnAt = performance.now();
+    const t = data.t.map((each) => each - now_s);
+    const window = { min: -WINDOW_S, max: 0 };
+    this.axesPlot.setData([t, ...data.axes.flatMap((axis) => [axis.measured, axis.command])], false);
+    this.axesPlot.setScale("x", window);
+    this.errorPlot.setData([t, data.error], false);
+    this.errorPlot.setScale("x", window);
+  }
+}
+
+function padded(low, high) {
+  if (low === null || high === null) return [0, 1];
+  const room = Math.max(0.08 * (high - low), 0.02 * Math.abs(high), 0.01);
+  return [low >= 0 && low - room < 0 ? 0 : low - room, high + room];
+}

@@ -1,0 +1,109 @@
+// Triangle meshes of what is drawn: tubes along lines, balls, discs.
+
+import { add, cross, dot, sub, unit } from "./gl.js";
+
+/** Collects tubes and discs into one mesh. */
+export class Mesh {
+  constructor() {
+    this.vertices = [];
+    this.indices = [];
+  }
+
+  get arrays() {
+    return [new Float32Array(this.vertices), new Uint16Array(this.indices)];
+  }
+
+  /** A tube along points; `radius` is a number or a function of the point's number. Ends are rounded. */
+  tube(points, radius, sides = 12) {
+    const line = points.filter((p, i) => i === 0 || Math.hypot(...sub(p, points[i - 1])) > 1e-6);
+    if (line.length < 2) return;
+    const r = typeof radius === "function" ? radius : () => radius;
+    const along = line.map((p, i) => unit(sub(line[Math.min(i + 1, line.length - 1)], line[Math.max(i - 1, 0)])));
+    let side = unit(cross(along[0], Math.abs(along[0][2]) < 0.9 ? [0, 0, 1] : [1, 0, 0]));
+    const rings = [];
+    line.forEach((p, i) => {
+      side = unit(add(side, along[i], -dot(side, along[i]))); // parallel transport: no twist
+      rings.push([p, side, along[i], r(i)]);
+    });
+    for (const end of [0, rings.length - 1]) {
+      const [p, s, t, size] = rings[end];
+      const out = end === 0 ? -1 : 1;
+      const caps = [0.5, 0.87, 1].map((h) => [add(p, t, out * h * size * 0.5), s, t, Math.max(size * Math.sqrt(1 - h * h), 1e-3)]);
+      end === 0 ? rings.unshift(...caps.reverse()) : rings.push(...caps);
+    }
+    const first = this.vertices.length / 6;
+    rings.forEach(([p, s, t, size], k) => {
+      const up = cross(t, s);
+      const lean = k < 3 ? -k * 0.3 + 0.9 : k >= rings.length - 3 ? (k - rings.length + 4) * 0.3 : 0;
+      for (let i = 0; i < sides; i++) {
+        const angle = (2 * Math.PI * i) / sides;
+        const n = add(s.map((v) => v * Math.cos(angle)), up, Math.sin(angle));
+        const tilted = lean === 0 ? n : unit(add(n, t, k < 3 ? -lean * 2 : lean * 2));
+        this.vertices.push(...add(p, n, size), ...tilted);
+      }
+    });
+    for (let k = 0; k + 1 < rings.length; k++) {
+      for (let i = 0; i < sides; i++) {
+        const a = first + k * sides + i, b = first + k * sides + ((i + 1) % sides);
+        this.indices.push(a, b, a + sides, b, b + sides, a + sides);
+      }
+    }
+  }
+
+  /** A flat disc around a point. */
+  disc(center, normal, radius, sides = 32) {
+    const side = unit(cross(normal, Math.abs(normal[2]) < 0.9 ? [0, 0, 1] : [1, 0, 0]));
+    const up = cross(normal, side);
+    const first = this.vertices.length / 6;
+    this.vertices.push(...center, ...normal);
+    for (let i = 0; i < sides; i++) {
+      const angle = (2 * Math.PI * i) / sides;
+      this.vertices.push(...add(add(center, side, radius * Math.cos(angle)), up, radius * Math.sin(angle)), ...normal);
+      this.indices.push(first, first + 1 + i, first + 1 + ((i + 1) % sides));
+    }
+  }
+
+  /** An octahedron: cheap, for many small marks. */
+  mark(center, size) {
+    const first = this.vertices.length / 6;
+    for (const axis of [0, 1, 2]) for (const way of [1, -1]) {
+      const n = [0, 0, 0];
+      n[axis] = way;
+      this.vertices.push(...add(center, n, size), ...n);
+    }
+    for (const [x, y, z] of [[0, 2, 4], [2, 1, 4], [1, 3, 4], [3, 0, 4], [2, 0, 5], [1, 2, 5], [3, 1, 5], [0, 3, 5]]) this.indices.push(first + x, first + y, first + z);
+  }
+
+  /** A ball of radius 1 around the origin. */
+  ball(sides = 20) {
+    const poles = [];
+    for (let k = 0; k <= sides / 2; k++) poles.push([0, 0, -Math.cos((2 * Math.PI * k) / sides)]);
+    const first = this.vertices.length / 6;
+    for (const [, , z] of poles) {
+      const r = Math.sqrt(Math.max(1 - z * z, 0));
+      for (let i = 0; i < sides; i++) {
+        const n = [r * Math.cos((2 * Math.PI * i) / sides), r * Math.sin((2 * Math.PI * i) / sides), z];
+        this.vertices.push(...n, ...n);
+      }
+    }
+    for (let k = 0; k + 1 < poles.length; k++) for (let i = 0; i < sides; i++) {
+      const a = first + k * sides + i, b = first + k * sides + ((i + 1) % sides);
+      this.indices.push(a, b, a + sides, b, b + sides, a + sides);
+    }
+  }
+}
+
+/** A line with `times` as many points, through the given ones (Catmull-Rom). */
+export function smooth(points, times) {
+  const found = [];
+  const at = (i) => points[Math.min(Math.max(i, 0), points.length - 1)];
+  for (let i = 0; i + 1 < points.length; i++) {
+    const [a, b, c, d] = [at(i - 1), at(i), at(i + 1), at(i + 2)];
+    for (let k = 0; k < times; k++) {
+      const t = k / times;
+      found.push([0, 1, 2].map((x) => 0.5 * (2 * b[x] + (c[x] - a[x]) * t + (2 * a[x] - 5 * b[x] + 4 * c[x] - d[x]) * t * t + (3 * b[x] - a[x] - 3 * c[x] + d[x]) * t * t * t)));
+    }
+  }
+  found.push(points.at(-1));
+  return found;
+}

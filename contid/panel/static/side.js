@@ -1,0 +1,125 @@
+// The lease, the buses, the events, and the trajectory: what is beside the robots.
+
+import { byId, confirmed, h, setHidden, setText, shown, toast } from "./dom.js";
+import { request } from "./link.js";
+
+const MAX_EVENTS = 60;
+const SILENT = new Set(["tick", "mark", "limit-named", "pace", "robot-report", "bus-answered", "order"]);
+
+export class LeaseControl {
+  constructor(link) {
+    this.link = link;
+    this.text = h("span", {});
+    this.button = h("button", { type: "button", onclick: () => this.press() });
+    this.takes = true;
+    this.holder = null;
+    byId("lease").append(this.text, this.button);
+  }
+
+  async press() {
+    try {
+      if (!this.takes) await this.link.order("release");
+      else if (this.holder === null) await this.link.order("acquire");
+      else if (await confirmed(`${this.holder} moves the robots. They hold when you take over.`, "Take over")) {
+        await this.link.order("acquire", { takeover: true });
+      }
+    } catch (error) {
+      toast(error.message, "error");
+    }
+  }
+
+  show(lease, readOnly) {
+    const mine = this.link.mine;
+    this.holder = lease.holder;
+    this.takes = !mine;
+    setText(this.text, mine ? "You control" : lease.holder === null ? "Lease free" : `Lease: ${lease.holder}`);
+    setText(this.button, mine ? "Release" : lease.holder === null ? "Take control" : "Take over");
+    this.button.className = mine ? "" : "primary";
+    setHidden(this.button, readOnly);
+    byId("lease").dataset.mine = mine;
+  }
+}
+
+export class Machine {
+  constructor() {
+    this.buses = h("tbody", {});
+    this.facts = h("p", { className: "facts" });
+    byId("machine").append(h("h2", {}, "Buses"), h("table", {}, this.buses), this.facts);
+  }
+
+  show(status) {
+    const rows = Object.entries(status.buses).map(([name, bus]) =>
+      h("tr", {}, h("th", { scope: "row" }, name), h("td", {}, bus.driver),
+        h("td", { className: `tier ${bus.tier}` }, bus.tier), h("td", { className: "number" }, `${shown(bus.age_ms, 1)} ms`),
+        h("td", {}, bus.silent.length ? `silent: ${bus.silent.join(", ")}` : "")));
+    this.buses.replaceChildren(...rows);
+    const recording = status.recording ? `recording ${status.recording} · ` : "";
+    setText(this.facts, `${recording}${status.rate_hz} Hz${status.realtime ? "" : ", not real time"} · late ${shown(status.lateness_us.max, 0)} µs · ` +
+      `skipped ${status.skipped ?? 0} · ${status.clients} clients${status.waiting ? ` · waiting: ${status.waiting}` : ""}`);
+  }
+}
+
+export class Events {
+  constructor() {
+    this.list = h("ol", {});
+    byId("events").append(h("h2", {}, "Events"), this.list);
+  }
+
+  add(event) {
+    if (SILENT.has(event.kind)) return;
+    const what = event.message ?? event.detail ?? event.mode ?? event.tier ?? "";
+    const where = event.robot || event.bus || "";
+    const time = new Date().toLocaleTimeString([], { hour12: false });
+    const kind = event.kind === "fault" || event.level === "error" ? "error" : "";
+    this.list.prepend(h("li", { className: kind }, h("time", {}, time), h("b", {}, [where, event.kind].filter(Boolean).join(" ")), ` ${what}`));
+    while (this.list.children.length > MAX_EVENTS) this.list.lastChild.remove();
+  }
+}
+
+export class TrajectoryCard {
+  /** `preview` draws the paths of the tips, null removes them. */
+  constructor(link, preview) {
+    this.link = link;
+    this.preview = preview;
+    this.check = null;
+    this.file = h("input", { type: "file", accept: ".csv,.ndjson,text/csv", "aria-label": "Trajectory file", onchange: () => this.open() });
+    this.result = h("div", { className: "result" });
+    this.play = h("button", { type: "button", className: "primary", disabled: true, onclick: () => this.plays() }, "Play");
+    byId("trajectory").append(h("h2", {}, "Trajectory"), h("div", { className: "row" }, this.file, this.play), this.result);
+  }
+
+  async open() {
+    const [file] = this.file.files;
+    this.check = null;
+    this.update();
+    this.preview(null);
+    if (file === undefined) return;
+    this.result.replaceChildren(h("p", {}, `Checking ${file.name} …`));
+    try {
+      const found = await request(`/api/check?name=${encodeURIComponent(file.name)}`, { method: "POST", body: file });
+      if (found.ok) {
+        this.check = found.check;
+        this.result.replaceChildren(h("p", { className: "good" }, `${found.name}: ${found.rows} rows, ${shown(found.duration_s, 2)} s, every row and the way between is within reach.`));
+        this.preview(found.paths);
+      } else this.result.replaceChildren(h("ul", { className: "bad" }, ...found.findings.map((text) => h("li", {}, text))));
+    } catch (error) {
+      this.result.replaceChildren(h("p", { className: "bad" }, error.message));
+    }
+    this.file.value = "";
+    this.update();
+  }
+
+  update() {
+    this.play.disabled = this.check === null || !this.link.mine;
+    this.play.title = this.check !== null && !this.link.mine ? "take control first" : "";
+  }
+
+  async plays() {
+    try {
+      await this.link.order("play", { check: this.check });
+      toast("The robots go to the first row, then the trajectory plays.");
+    } catch (error) {
+      toast(error.message, "error");
+    }
+  }
+}

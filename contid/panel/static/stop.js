@@ -1,0 +1,46 @@
+// The STOP button: always there, by click and by the space bar, with or without the lease.
+
+import { byId, setHidden, setText, toast } from "./dom.js";
+
+const FAILED = "STOP WAS NOT CONFIRMED. Use the emergency switch of the robot, or `contid estop` in a terminal.";
+
+export function installStop(link) {
+  const button = byId("stop");
+  const alarm = byId("alarm");
+  const stop = async () => {
+    button.classList.add("pressed");
+    setTimeout(() => button.classList.remove("pressed"), 600);
+    try {
+      const result = await link.stop();
+      setHidden(alarm, true);
+      const silent = Object.keys(result.silent ?? {});
+      if (silent.length) {
+        setText(alarm, `${silent.join(", ")}: devices did not answer and may have missed the stop; look at the robot.`);
+        setHidden(alarm, false);
+      } else toast("All robots were stopped.");
+    } catch {
+      setText(alarm, FAILED);
+      setHidden(alarm, false);
+    }
+  };
+  // On press, not on release: a click is complete only when the button comes up again.
+  button.addEventListener("pointerdown", (event) => {
+    if (event.button === 0) stop();
+  });
+  button.addEventListener("click", (event) => {
+    if (event.detail === 0) stop(); // by Enter, or by a screen reader
+  });
+  // Before any other listener: a focused slider or button must not take the space bar.
+  for (const kind of ["keydown", "keyup"]) {
+    window.addEventListener(
+      kind,
+      (event) => {
+        if (event.code !== "Space") return;
+        event.preventDefault();
+        event.stopImmediatePropagation();
+        if (kind === "keydown" && !event.repeat) stop();
+      },
+      { capture: true },
+    );
+  }
+}

@@ -1,0 +1,249 @@
+// The robots in space: bodies, targets, trails, reach; the camera; dragging a target.
+
+import { byId, setText } from "./dom.js";
+import { Camera, Renderer, add, dot, sub } from "./gl.js";
+import { Mesh, smooth } from "./shapes.js";
+
+const TRAIL = 120; // frames, 6 s
+const GRAB_PX = 26;
+const BODY = [[0.23, 0.51, 0.96, 1], [0.96, 0.62, 0.04, 1], [0.06, 0.72, 0.51, 1], [0.93, 0.28, 0.6, 1]];
+const DARK = [0.2, 0.23, 0.28, 1];
+const ROPE = [0.62, 0.45, 0.28, 1];
+
+export class View {
+  constructor(link, jog) {
+    this.link = link;
+    this.jog = jog;
+    this.canvas = byId("view");
+    this.camera = new Camera();
+    this.problem = "";
+    this.robots = new Map();
+    this.fixed = {};
+    this.plan = null;
+    try {
+      this.renderer = new Renderer(this.canvas);
+    } catch (error) {
+      this.problem = `The robots are not drawn: ${error.message}. Everything else works.`;
+      setText(byId("view-note"), this.problem);
+      return;
+    }
+    const ball = new Mesh();
+    ball.ball();
+    this.ball = this.renderer.mesh(...ball.arrays);
+    this.pointers();
+    byId("view-reset").addEventListener("click", () => this.reset());
+    new ResizeObserver(() => this.redraw()).observe(this.canvas);
+    this.dark = matchMedia("(prefers-color-scheme: dark)");
+    this.dark.addEventListener("change", () => this.redraw());
+  }
+
+  describe(drawing, problem) {
+    this.drawing = this.renderer ? drawing : null;
+    if (problem) this.problem = `The robots are not drawn: ${problem}`;
+    this.robots.clear();
+    if (!this.drawing) return;
+    this.size = Math.hypot(...sub(drawing.bounds[1], drawing.bounds[0]));
+    const floor = new Mesh();
+    for (const line of drawing.floor) floor.tube(line, this.size * 0.0007, 4);
+    this.fixed.floor = this.renderer.mesh(...floor.arrays);
+    Object.entries(drawing.robots).forEach(([name, robot], i) => {
+      const reach = new Mesh();
+      if (robot.reach_is_outline) reach.tube([...robot.reach, robot.reach[0]], this.size * 0.0014, 5);
+      else for (const tip of robot.reach) reach.mark(tip, this.size * 0.0028);
+      this.robots.set(name, { ...robot, color: BODY[i % BODY.length], trail: [], target: null, tip: null, meshes: {}, reachMesh: this.renderer.mesh(...reach.arrays) });
+    });
+    this.reset();
+  }
+
+  reset() {
+    if (!this.drawing) return;
+    const [low, high] = this.drawing.bounds;
+    const camera = this.camera;
+    camera.center = low.map((v, i) => (v + high[i]) / 2);
+    const wide = this.canvas.clientWidth / Math.max(this.canvas.clientHeight, 1);
+    camera.distance = (this.size * (this.drawing.planar ? 0.98 : 0.92)) / Math.min(wide, 1.25) / Math.tan(camera.field / 2) / 1.6;
+    camera.turn = this.drawing.planar ? -Math.PI / 2 : -0.9;
+    camera.lift = this.drawing.planar ? 1.05 : 0.3;
+    this.redraw();
+  }
+
+  frame(message) {
+    if (!this.drawing) return;
+    for (const [name, robot] of this.robots) {
+      const data = message.robots[name];
+      robot.state = data.state;
+      robot.tip = data.tip_mm && point(data.tip_mm);
+      if (robot !== this.dragged) robot.target = data.target_mm ? point(data.target_mm) : robot.tip;
+      if (robot.tip && (!robot.trail.length || Math.hypot(...sub(robot.tip, robot.trail.at(-1))) > this.size * 0.0008)) robot.trail.push(robot.tip);
+      else if (robot.trail.length) robot.still = (robot.still ?? 0) + 1;
+      if (robot.trail.length > TRAIL || robot.still > 2) {
+        robot.trail.shift();
+        robot.still = 0;
+      }
+      this.build(robot, message.bodies.robots[name]);
+    }
+    const ropes = new Mesh();
+    for (const line of message.bodies.ropes) ropes.tube(line, this.size * 0.004, 8);
+    this.ropes = this.renderer.mesh(...ropes.arrays, this.ropes ?? null);
+    this.redraw();
+  }
+
+  build(robot, body) {
+    const { renderer } = this;
+    const main = new Mesh(), second = new Mesh(), trail = new Mesh();
+    if (body) {
+      if (robot.planar) fingers(main, second, body.strips, robot.length_mm);
+      else arm(main, second, body.strips, robot);
+    }
+    if (robot.trail.length > 1) trail.tube(robot.trail, (i) => (this.size * 0.0032 * (i + 1)) / robot.trail.length, 6);
+    robot.meshes.main = renderer.mesh(...main.arrays, robot.meshes.main);
+    robot.meshes.second = renderer.mesh(...second.arrays, robot.meshes.second);
+    robot.meshes.trail = renderer.mesh(...trail.arrays, robot.meshes.trail);
+  }
+
+  /** Draw the paths of a checked trajectory, or none. */
+  preview(paths) {
+    if (!this.drawing) return;
+    const mesh = new Mesh();
+    for (const line of Object.values(paths ?? {})) mesh.tube(line.map(point), this.size * 0.003, 5);
+    this.plan = this.renderer.mesh(...mesh.arrays, this.plan);
+    this.redraw();
+  }
+
+  redraw() {
+    if (!this.drawing || this.asked) return;
+    this.asked = true;
+    requestAnimationFrame(() => {
+      this.asked = false;
+      this.draw();
+    });
+  }
+
+  draw() {
+    const { renderer } = this;
+    const dark = this.dark.matches;
+    renderer.begin(this.camera);
+    renderer.draw(this.fixed.floor, dark ? [0.32, 0.36, 0.42, 0.55] : [0.55, 0.6, 0.67, 0.5], { lit: 0 });
+    for (const robot of this.robots.values()) {
+      const [r, g, b] = robot.color;
+      const live = robot.state !== "OFF" && robot.state !== "FAULT";
+      const main = robot.state === "FAULT" ? [0.86, 0.15, 0.15, 1] : live ? robot.color : [0.5, 0.53, 0.58, 1];
+      renderer.draw(robot.meshes.main ?? null, main);
+      renderer.draw(robot.meshes.second ?? null, dark ? [0.78, 0.81, 0.86, 1] : DARK);
+      renderer.draw(robot.meshes.trail ?? null, [r, g, b, 0.85], { lit: 0 });
+      renderer.draw(robot.reachMesh, [r, g, b, robot.reach_is_outline ? 0.7 : 0.4], { lit: 0 });
+    }
+    renderer.draw(this.ropes ?? null, ROPE);
+    renderer.draw(this.plan, [0.55, 0.36, 0.96, 0.9], { lit: 0 });
+    for (const robot of this.robots.values()) {
+      if (!robot.target) continue;
+      const refused = robot === this.dragged && this.jog.refused;
+      const color = refused ? [0.9, 0.1, 0.1, 0.9] : [0.95, 0.26, 0.36, this.link.mine ? 0.95 : 0.55];
+      renderer.draw(this.ball, color, { offset: robot.target, scale: this.size * (robot === this.dragged ? 0.016 : 0.0125), over: true });
+    }
+  }
+
+  /** The robot whose target is near a point of the canvas. */
+  near(x, y) {
+    let best = null, least = GRAB_PX;
+    for (const [name, robot] of this.robots) {
+      const at = robot.target && this.camera.project(robot.target, this.canvas);
+      const distance = at ? Math.hypot(at[0] - x, at[1] - y) : Infinity;
+      if (distance < least) [best, least] = [{ name, robot }, distance];
+    }
+    return best;
+  }
+
+  pointers() {
+    const { canvas } = this;
+    const down = new Map();
+    let before = null;
+    canvas.addEventListener("pointerdown", (event) => {
+      canvas.setPointerCapture(event.pointerId);
+      down.set(event.pointerId, [event.offsetX, event.offsetY]);
+      before = null;
+      const found = down.size === 1 && this.link.mine ? this.near(event.offsetX, event.offsetY) : null;
+      if (found) [this.dragged, this.draggedName] = [found.robot, found.name];
+    });
+    canvas.addEventListener("pointermove", (event) => {
+      const old = down.get(event.pointerId);
+      if (!old) {
+        canvas.style.cursor = this.link.mine && this.near(event.offsetX, event.offsetY) ? "grab" : "";
+        return;
+      }
+      const now = [event.offsetX, event.offsetY];
+      down.set(event.pointerId, now);
+      if (this.dragged) this.drag(now);
+      else if (down.size === 2) {
+        const [a, b] = [...down.values()];
+        const span = Math.hypot(a[0] - b[0], a[1] - b[1]);
+        if (before) this.camera.distance *= before / span;
+        before = span;
+      } else if (event.buttons === 2 || event.shiftKey) this.pan(now[0] - old[0], now[1] - old[1]);
+      else {
+        this.camera.turn -= (now[0] - old[0]) * 0.008;
+        this.camera.lift = Math.min(Math.max(this.camera.lift + (now[1] - old[1]) * 0.008, -1.5), 1.5);
+      }
+      this.redraw();
+    });
+    for (const kind of ["pointerup", "pointercancel"]) canvas.addEventListener(kind, (event) => {
+      down.delete(event.pointerId);
+      if (!this.dragged) return;
+      this.dragged = null;
+      this.jog.end();
+    });
+    canvas.addEventListener("wheel", (event) => {
+      event.preventDefault();
+      this.camera.distance *= Math.exp(event.deltaY * 0.001);
+      this.redraw();
+    }, { passive: false });
+    canvas.addEventListener("contextmenu", (event) => event.preventDefault());
+  }
+
+  pan(dx, dy) {
+    const [right, up] = this.camera.frame();
+    const k = (this.camera.distance * Math.tan(this.camera.field / 2) * 2) / this.canvas.clientHeight;
+    this.camera.center = add(add(this.camera.center, right, -dx * k), up, dy * k);
+  }
+
+  /** Move the target within the plane of a planar robot, else in the plane of the image, inside its bounds. */
+  drag([x, y]) {
+    const robot = this.dragged;
+    const eye = this.camera.eye(), ray = this.camera.ray(x, y, this.canvas);
+    const normal = robot.planar ? [0, 0, 1] : this.camera.frame()[2];
+    const slope = dot(ray, normal);
+    if (Math.abs(slope) < 1e-3) return;
+    const t = dot(sub(robot.target, eye), normal) / slope;
+    const [low, high] = robot.bounds;
+    robot.target = add(eye, ray, t).map((v, i) => Math.min(Math.max(v, low[i]), high[i]));
+    this.jog.to(this.draggedName, robot.tip_columns, robot.target.slice(0, robot.tip_columns.length));
+  }
+}
+
+const point = (p) => [p[0], p[1], p[2] ?? 0];
+
+/** A planar finger: its two flexible racks, the links between them, the backbone. */
+function fingers(main, second, strips, length) {
+  const lines = strips.map((strip) => strip.map(point));
+  const [left, right] = lines.slice(-2);
+  for (const edge of [left, right]) main.tube(edge, length * 0.018, 10);
+  for (let i = 0; i < left.length; i += 3) second.tube([left[i], right[i]], length * 0.009, 8);
+  second.tube([left.at(-1), right.at(-1)], length * 0.02, 10);
+}
+
+/** A spatial arm: a ribbed tube per section with a collar between them, and its base. */
+function arm(main, second, strips, robot) {
+  const radius = robot.radius_mm;
+  strips.forEach((strip, number) => {
+    const line = smooth(strip.map(point), 4);
+    const pitch = Math.max(Math.round((radius * 0.8 * line.length) / (robot.length_mm / strips.length)), 4);
+    const size = radius * (1 - 0.12 * number);
+    main.tube(line, (i) => size * (1 + 0.07 * Math.cos((2 * Math.PI * i) / pitch)), 18);
+    const collar = line.slice(-3);
+    second.tube(collar, size * 1.12, 18);
+  });
+  const start = strips[0].map(point);
+  const along = sub(start[1], start[0]);
+  const k = (radius * 0.5) / (Math.hypot(...along) || 1);
+  second.tube([add(start[0], along, -k), start[0]], radius * 1.5, 28);
+}
