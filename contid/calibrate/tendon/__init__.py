@@ -1,0 +1,1 @@
+"""Calibration of tendon robots from recordings of pulls and tips."""

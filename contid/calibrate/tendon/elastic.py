@@ -1,0 +1,210 @@
+"""Bends of an elastic tendon robot along a recording: the least energy with dry friction, row by row.
+
+Backbone: each section a spring with the stiffness K_k about its rest bend. Tendons: springs of one stiffness
+that pull and never push. Pulls reach them through play of half width r. With the energy divided by the
+stiffness of a tendon (no force is measured), each row is the minimum over the bends Theta of
+
+    1/2 sum_k K_k |Theta_k - rest_k|^2 + 1/2 sum_i max(0, e_i)^2 + sum_k F_k |Theta_k - before_k|,
+    before: Theta of the row before,     e = play(pull) + offset - G Theta        (elongation of the tendons)
+
+K in m^2 per rad^2, F (moment of friction in a bend) in m^2. The sum of a strictly convex energy and of the
+dissipation has one minimum; taken row after row it is the quasi-static motion with dry friction, which
+depends on the order of the rows but not on their times (Mielke, Roubicek: Rate-Independent Systems, 2015,
+1.2). The bends after a release are therefore not the rest bends, and a recording continues from the end of
+the one before.
+
+Derivatives by all parameters are carried along, exactly.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Final, NamedTuple
+
+import numpy as np
+
+from contid.kinematics.array import Array
+from contid.kinematics.tendon.friction import play
+from contid.kinematics.tendon.geometry import TendonGeometry, TendonSection
+
+#: The dissipation is ``sqrt(|x|^2 + SMOOTH^2)``, so that it has derivatives [rad].
+SMOOTH_RAD: Final = 2e-3
+_STEP_RAD: Final = 1e-8
+_ITERATIONS: Final = 60
+
+
+@dataclass(frozen=True, eq=False)
+class Elastic:
+    """What the energy consists of; tendons from section 1 on.
+
+    Attributes:
+        count: number of tendons of each section.
+        radius_m, angle_rad: of each tendon.
+        offset_m: of each tendon, positive where it is tight at pull 0.
+        stiffness_m2: K of each section.
+        rest_rad: rest bends, ``(2 sections,)``.
+        friction_m2: F of each section.
+        play_m: half width for the tendons of each section.
+    """
+
+    count: tuple[int, ...]
+    radius_m: Array
+    angle_rad: Array
+    offset_m: Array
+    stiffness_m2: Array
+    rest_rad: Array
+    friction_m2: Array
+    play_m: Array
+
+    @property
+    def section(self) -> Array:
+        """Number of the section of each tendon."""
+        return np.repeat(np.arange(len(self.count)), self.count)
+
+    def geometry(self, length_m: Array) -> TendonGeometry:
+        """The same tendons as the model of a robot has them."""
+        ends = np.cumsum((0, *self.count))
+        return TendonGeometry(
+            tuple(
+                TendonSection(float(length), tuple(self.radius_m[low:high]), tuple(self.angle_rad[low:high]))
+                for length, low, high in zip(length_m, ends[:-1], ends[1:], strict=True)
+            )
+        )
+
+
+class BendRows(NamedTuple):
+    """Bends of every row.
+
+    Attributes:
+        bends: ``(rows, 2 sections)`` [rad].
+        elongation_m: of the tendons, ``(rows, tendons)``; below 0 they are slack.
+        by: derivatives of the bends, ``(rows, 2 sections, columns)``: by radius and angle of every tendon, by
+            offset of every tendon, by the logarithm of K, by rest bends, by the logarithms of F and of the
+            play.
+    """
+
+    bends: Array
+    elongation_m: Array
+    by: Array
+
+
+class _State(NamedTuple):
+    """What a row leaves to the next: bends, arrived pulls, and the derivatives of both."""
+
+    bends: Array
+    arrived: Array
+    by: Array
+    arrived_by_play: Array
+
+
+def series(elastic: Elastic, pull_m: Array) -> BendRows:
+    """Bends of pulls ``(rows, tendons)`` [m]; the robot starts at its rest bends."""
+    solver = _Rows(elastic)
+    state = solver.start(pull_m[0])
+    rows, n = len(pull_m), len(elastic.rest_rad)
+    bends, by = np.empty((rows, n)), np.empty((rows, n, solver.columns))
+    elongation = np.empty_like(pull_m)
+    for row, pull in enumerate(pull_m):
+        state = solver.next(state, pull)
+        bends[row], by[row] = state.bends, state.by
+        elongation[row] = state.arrived + elastic.offset_m - solver.G @ state.bends
+    return BendRows(bends, elongation, by)
+
+
+class _Rows:
+    """The minimum of one row after the other."""
+
+    def __init__(self, elastic: Elastic) -> None:
+        self.elastic = elastic
+        sections, tendons = len(elastic.count), len(elastic.radius_m)
+        self.G = elastic.geometry(np.ones(sections)).pull_matrix
+        self.K = np.repeat(elastic.stiffness_m2, 2)
+        self.r = elastic.play_m[elastic.section]
+        arms = self.G.reshape(tendons, sections, 2)
+        self.by_radius = self.G / elastic.radius_m[:, None]
+        self.by_angle = np.stack((-arms[..., 1], arms[..., 0]), axis=-1).reshape(tendons, 2 * sections)
+        self.own = elastic.section[:, None] == np.arange(sections)
+        self.pairs = np.repeat(np.eye(sections), 2, axis=0)
+        self.blocks = self.pairs @ self.pairs.T
+        self.columns = 3 * tendons + 5 * sections
+
+    def start(self, pull: Array) -> _State:
+        sections = len(self.elastic.count)
+        by = np.zeros((2 * sections, self.columns))
+        places = np.arange(2 * sections)
+        by[places, 3 * len(pull) + sections + places] = 1.0
+        return _State(self.elastic.rest_rad, pull, by, np.zeros(len(pull)))
+
+    def next(self, before: _State, pull: Array) -> _State:
+        arrived = play(pull, before.arrived, self.r)
+        moved = np.sign(arrived - before.arrived)
+        by_play = np.where(moved == 0.0, before.arrived_by_play, -moved)
+        bends = self._minimum(before.bends, arrived + self.elastic.offset_m)
+        return _State(bends, arrived, self._derivative(before, bends, arrived, by_play), by_play)
+
+    def _energy(self, bends: Array, last: Array, tight: Array) -> float:
+        off = bends - self.elastic.rest_rad
+        e = np.maximum(tight - self.G @ bends, 0.0)
+        change = ((bends - last) ** 2) @ self.pairs
+        slid = np.sqrt(change + SMOOTH_RAD**2) @ self.elastic.friction_m2
+        return float(0.5 * (self.K * off) @ off + 0.5 * e @ e + slid)
+
+    def _friction(self, bends: Array, last: Array) -> tuple[Array, Array]:
+        """Gradient and Hessian of the dissipation."""
+        change = bends - last
+        size = np.sqrt((change**2) @ self.pairs + SMOOTH_RAD**2)
+        force = self.pairs @ (self.elastic.friction_m2 / size)
+        unit = change / (self.pairs @ size)
+        hessian = np.diag(force) - force[:, None] * self.blocks * np.outer(unit, unit)
+        return force * change, hessian
+
+    def _minimum(self, last: Array, tight: Array) -> Array:
+        """Newton's method with halved steps; the energy is convex and its gradient piecewise smooth."""
+        bends = last
+        energy = self._energy(bends, last, tight)
+        for _ in range(_ITERATIONS):
+            e = tight - self.G @ bends
+            pulling = self.G[e > 0.0]
+            slope, curve = self._friction(bends, last)
+            gradient = self.K * (bends - self.elastic.rest_rad) - pulling.T @ e[e > 0.0] + slope
+            hessian = pulling.T @ pulling + curve
+            hessian.flat[:: len(bends) + 1] += self.K
+            step = np.linalg.solve(hessian, gradient)
+            part = 1.0
+            while True:
+                trial = bends - part * step
+                found = self._energy(trial, last, tight)
+                if found <= energy or part < 1e-4:
+                    break
+                part *= 0.5
+            bends, energy = trial, found
+            if part * float(np.abs(step).max()) < _STEP_RAD:
+                break
+        return bends
+
+    def _derivative(self, before: _State, bends: Array, arrived: Array, by_play: Array) -> Array:
+        """Of the minimum, by all parameters: the gradient of the energy stays zero."""
+        elastic, G = self.elastic, self.G
+        e = arrived + elastic.offset_m - G @ bends
+        on = (e > 0.0).astype(float)
+        pull, active = on * e, G.T * on
+        slope, curve = self._friction(bends, before.bends)
+        sections, tendons = len(elastic.count), len(e)
+        change = np.empty((len(bends), self.columns))
+        place = 0
+        for by in (self.by_radius, self.by_angle):
+            change[:, place : place + tendons] = -by.T * pull + active * (by @ bends)
+            place += tendons
+        change[:, place : place + tendons] = -active
+        place += tendons
+        change[:, place : place + sections] = self.pairs * (self.K * (bends - elastic.rest_rad))[:, None]
+        place += sections
+        change[:, place : place + 2 * sections] = -np.diag(self.K)
+        place += 2 * sections
+        change[:, place : place + sections] = self.pairs * slope[:, None]
+        place += sections
+        change[:, place:] = -(active * (by_play * self.r)) @ self.own
+        hessian = active @ G + curve
+        hessian.flat[:: len(bends) + 1] += self.K
+        out: Array = np.linalg.solve(hessian, curve @ before.by - change)
+        return out

@@ -1,0 +1,249 @@
+"""Models of a recording: pulls to tips, with derivatives by every parameter of the fit.
+
+`LinearBends` is constant curvature whose bends are linear in all pulls; `ElasticBends` the least energy of
+`contid.calibrate.tendon.elastic`. Both end in the same chain of arcs.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+from functools import cached_property
+from typing import Final, NamedTuple, Protocol
+
+import numpy as np
+
+from contid.calibrate.tendon.chain import Mounting, tips
+from contid.calibrate.tendon.elastic import Elastic, series
+from contid.calibrate.tendon.parameters import Group, Parameters, group
+from contid.kinematics.array import Array
+from contid.kinematics.tendon.friction import play
+
+#: Standard deviations of what is expected of a robot before the data: mounting and manufacture.
+LENGTH_SPREAD_M: Final = 5e-3
+BASE_SPREAD_M: Final = 5e-3
+TILT_SPREAD_RAD: Final = 0.03
+MARKER_SPREAD_M: Final = 3e-3
+RADIUS_SPREAD: Final = 0.1
+ANGLE_SPREAD_RAD: Final = 0.3
+OFFSET_SPREAD_M: Final = 0.3e-3
+REST_SPREAD_RAD: Final = 0.05
+LOG_SPREAD: Final = 1.0
+#: Expected bending stiffness and friction over the square of the radius; play [m].
+STIFFNESS: Final = 0.3
+FRICTION: Final = 0.01
+PLAY_M: Final = 0.03e-3
+#: A value that is switched off where its logarithm is a parameter.
+NONE: Final = 1e-12
+MOUNTING: Final = ("length_m", "base_m", "tilt_rad", "marker_m")
+
+
+class Nominal(NamedTuple):
+    """What is known of a robot before the fit.
+
+    Attributes:
+        length_m: of each section.
+        radius_m: of all tendons.
+        angle_rad: of each tendon, from section 1 on.
+        tendons: number of tendons of each section.
+        base_m: start of section 1 in the frame of the recording.
+    """
+
+    length_m: tuple[float, ...]
+    radius_m: float
+    angle_rad: Array
+    tendons: tuple[int, ...]
+    base_m: tuple[float, float, float] = (0.0, 0.0, 0.0)
+
+    @property
+    def tendon_names(self) -> tuple[str, ...]:
+        """``s1.t1`` and on."""
+        return tuple(f"s{s + 1}.t{t + 1}" for s, n in enumerate(self.tendons) for t in range(n))
+
+    @property
+    def section_names(self) -> tuple[str, ...]:
+        """``s1`` and on."""
+        return tuple(f"s{s + 1}" for s in range(len(self.tendons)))
+
+    @property
+    def bend_names(self) -> tuple[str, ...]:
+        """``s1.x``, ``s1.y`` and on."""
+        return tuple(f"{name}.{axis}" for name in self.section_names for axis in "xy")
+
+
+class Prediction(NamedTuple):
+    """Predicted tips ``(rows, 3)`` [m], derivatives ``(rows, 3, parameters)``, features ``(rows, any)``."""
+
+    tip_m: Array
+    by: Array
+    features: Array
+
+
+class RecordingModel(Protocol):
+    """Pulls to tips."""
+
+    @property
+    def parameters(self) -> Parameters:
+        """What is fitted."""
+
+    def rows(self, vector: Array, pull_m: Array) -> Prediction:
+        """The tips of pulls ``(rows, tendons)`` in the order of time."""
+
+
+def _mounting_groups(nominal: Nominal, offsets: bool) -> list[Group]:
+    if not offsets:
+        return []
+    return [
+        group("length_m", nominal.section_names, nominal.length_m, LENGTH_SPREAD_M),
+        group("base_m", "xyz", nominal.base_m, BASE_SPREAD_M),
+        group("tilt_rad", "xy", 0.0, TILT_SPREAD_RAD),
+        group("marker_m", "xy", 0.0, MARKER_SPREAD_M),
+    ]
+
+
+def _through_chain(
+    nominal: Nominal, parameters: Parameters, values: dict[str, Array], bends: Array, by: dict[str, Array]
+) -> tuple[Array, Array]:
+    """Tips of bends, and their derivatives by all parameters from those of the bends."""
+    mounting = Mounting(
+        values.get("base_m", np.array(nominal.base_m)),
+        values.get("tilt_rad", np.zeros(2)),
+        values.get("marker_m", np.zeros(2)),
+    )
+    chain = tips(bends, values.get("length_m", np.array(nominal.length_m)), mounting)
+    own = dict(zip(MOUNTING, (chain.by_length, chain.by_base, chain.by_tilt, chain.by_marker), strict=True))
+    columns = [
+        own[each.name] if each.name in own else chain.by_bend @ by[each.name] for each in parameters.groups
+    ]
+    return chain.tip_m, np.concatenate(columns, axis=2)
+
+
+@dataclass(frozen=True, eq=False)
+class LinearBends:
+    """Constant curvature with bends linear in all pulls, ``Theta = A pulls (+ rest)``.
+
+    Attributes:
+        nominal: the robot; the expected A is the least squares of its geometry.
+        offsets: also fit lengths, rest bends, and the mounting of robot and marker.
+        with_play: pulls reach the backbone through play, of one half width per section.
+    """
+
+    nominal: Nominal
+    offsets: bool = False
+    with_play: bool = False
+
+    @cached_property
+    def parameters(self) -> Parameters:
+        """A has no expectation: its spread is as large as its elements."""
+        nominal = self.nominal
+        tendons = len(nominal.tendon_names)
+        sections = len(nominal.section_names)
+        elastic = Elastic(
+            nominal.tendons,
+            np.full(tendons, nominal.radius_m),
+            nominal.angle_rad,
+            *(np.zeros(0) for _ in range(5)),
+        )
+        matrix = np.linalg.pinv(elastic.geometry(np.ones(sections)).pull_matrix)
+        names = [f"{bend}/{tendon}" for bend in nominal.bend_names for tendon in nominal.tendon_names]
+        groups = [group("gain_per_m", names, np.asarray(matrix.ravel()), 1.0 / nominal.radius_m)]
+        groups += _mounting_groups(nominal, self.offsets)
+        if self.offsets:
+            groups.append(group("rest_rad", nominal.bend_names, 0.0, REST_SPREAD_RAD))
+        if self.with_play:
+            groups.append(group("log_play", nominal.section_names, math.log(PLAY_M), LOG_SPREAD))
+        return Parameters(tuple(groups))
+
+    def rows(self, vector: Array, pull_m: Array) -> Prediction:
+        """The tips of pulls ``(rows, tendons)``."""
+        nominal, values = self.nominal, self.parameters.split(vector)
+        size = 2 * len(nominal.section_names)
+        matrix = values["gain_per_m"].reshape(size, -1)
+        section = np.repeat(np.arange(len(nominal.tendons)), nominal.tendons)
+        by: dict[str, Array] = {}
+        if "log_play" in values:
+            width = np.exp(values["log_play"])[section]
+            arrived, slopes = _play_rows(pull_m, width)
+            own = section[:, None] == np.arange(len(nominal.tendons))
+            by["log_play"] = matrix @ ((slopes * width)[:, :, None] * own)
+        else:
+            arrived = pull_m
+        bends = arrived @ matrix.T + values.get("rest_rad", np.zeros(size))
+        by["gain_per_m"] = np.asarray(np.kron(np.eye(size), arrived[:, None, :]), dtype=np.float64)
+        by["rest_rad"] = np.broadcast_to(np.eye(size), (len(pull_m), size, size))
+        tip, jacobian = _through_chain(nominal, self.parameters, values, bends, by)
+        return Prediction(tip, jacobian, np.hstack((bends, arrived)))
+
+
+def _play_rows(pull: Array, width: Array) -> tuple[Array, Array]:
+    """Pulls after play, and their derivatives by its half width."""
+    arrived, slope = pull[0], np.zeros(pull.shape[1])
+    out, slopes = np.empty_like(pull), np.empty_like(pull)
+    for row, each in enumerate(pull):
+        after = play(each, arrived, width)
+        slope = np.where(after == arrived, slope, -np.sign(after - arrived))
+        arrived = after
+        out[row], slopes[row] = arrived, slope
+    return out, slopes
+
+
+@dataclass(frozen=True, eq=False)
+class ElasticBends:
+    """The least energy of backbone and tendons that never push; with or without dry friction and play."""
+
+    nominal: Nominal
+    friction: bool = True
+
+    @cached_property
+    def parameters(self) -> Parameters:
+        """Geometry, offsets, stiffness and rest, friction and play, mounting."""
+        nominal = self.nominal
+        d = nominal.radius_m
+        groups = [
+            group("radius_m", nominal.tendon_names, d, RADIUS_SPREAD * d),
+            group("angle_rad", nominal.tendon_names, nominal.angle_rad, ANGLE_SPREAD_RAD),
+            group("offset_m", nominal.tendon_names, 0.0, OFFSET_SPREAD_M),
+            group("log_stiffness", nominal.section_names, math.log(STIFFNESS * d * d), LOG_SPREAD),
+            group("rest_rad", nominal.bend_names, 0.0, REST_SPREAD_RAD),
+        ]
+        if self.friction:
+            slid = math.log(FRICTION * d * d)
+            groups.append(group("log_friction", nominal.section_names, slid, LOG_SPREAD))
+            groups.append(group("log_play", nominal.section_names, math.log(PLAY_M), LOG_SPREAD))
+        return Parameters((*groups, *_mounting_groups(nominal, True)))
+
+    def elastic(self, vector: Array) -> Elastic:
+        """The robot that a vector describes."""
+        values = self.parameters.split(vector)
+        none = np.full(len(self.nominal.tendons), math.log(NONE))
+        return Elastic(
+            self.nominal.tendons,
+            values["radius_m"],
+            values["angle_rad"],
+            values["offset_m"],
+            np.exp(values["log_stiffness"]),
+            values["rest_rad"],
+            np.exp(values.get("log_friction", none)),
+            np.exp(values.get("log_play", none)),
+        )
+
+    def rows(self, vector: Array, pull_m: Array) -> Prediction:
+        """The tips of pulls ``(rows, tendons)``; features are bends and tensions over stiffness [m]."""
+        nominal, values = self.nominal, self.parameters.split(vector)
+        found = series(self.elastic(vector), pull_m)
+        tendons, sections = len(nominal.tendon_names), len(nominal.section_names)
+        sizes = {
+            "radius_m": tendons,
+            "angle_rad": tendons,
+            "offset_m": tendons,
+            "log_stiffness": sections,
+            "rest_rad": 2 * sections,
+            "log_friction": sections,
+            "log_play": sections,
+        }
+        ends = np.cumsum([0, *sizes.values()])
+        by = {
+            name: found.by[:, :, low:high] for name, low, high in zip(sizes, ends[:-1], ends[1:], strict=True)
+        }
+        tip, jacobian = _through_chain(nominal, self.parameters, values, found.bends, by)
+        return Prediction(tip, jacobian, np.hstack((found.bends, np.maximum(found.elongation_m, 0.0))))
