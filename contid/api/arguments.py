@@ -79,6 +79,21 @@ def as_directions(what: str, values: ArrayLike, columns: Sequence[str], shape: S
     return unit
 
 
+def as_values(what: str, values: ArrayLike, shape: Shape) -> Array:
+    """One number per row.
+
+    Raises:
+        ArgumentError: not numbers, or another shape.
+    """
+    try:
+        array = np.asarray(values, dtype=np.float64)
+    except (TypeError, ValueError) as error:
+        raise ArgumentError(f"{what}: numbers are needed, expected shape {shape} ({error})") from None
+    if array.shape != shape:
+        raise ArgumentError(f"{what} has shape {array.shape}; expected {shape}, one per row")
+    return array.reshape(-1)
+
+
 def expected(columns: Sequence[str]) -> str:
     """The shape of rows with these columns."""
     size = len(columns)

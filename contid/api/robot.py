@@ -8,16 +8,18 @@ from __future__ import annotations
 from collections.abc import Iterator
 from functools import cached_property
 from pathlib import Path
-from typing import Literal, Self
+from typing import TYPE_CHECKING, Literal, Self
 
 import numpy as np
 from numpy.typing import ArrayLike
 
-from contid.api.arguments import ArgumentError, Shape, as_directions, as_rows, as_rows_like
+from contid.api.arguments import ArgumentError, Shape, as_directions, as_rows, as_rows_like, as_values
 from contid.api.limits import AxisRanges, LimitBits
 from contid.api.placed import PlacedRows
+from contid.api.plot import draw_backbones, draw_points, new_axes
 from contid.api.records import Records, records
 from contid.api.units import Units
+from contid.api.workspace import Workspace, planar_workspace, spatial_workspace
 from contid.kinematics.array import Array
 from contid.kinematics.batch import Targets, forward_many, inverse_many
 from contid.kinematics.frames import BaseFrame
@@ -27,6 +29,9 @@ from contid.robot_file.load import LoadedFile
 from contid.robot_file.robot import RobotDescription
 from contid.robot_file.shipped import load_named
 from contid.targets import ZERO3, Actuation, Vec3
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
 
 #: Start of the search of a row: given, the rest pose (None), or the answer of the row before.
 Seed = ArrayLike | Literal["previous"] | None
@@ -231,6 +236,59 @@ class Robot:
         found = [self._model.shape(actuation, points, force) for actuation, force in pairs]
         lines = self._placed.points_in_world(np.reshape(found, (len(rows), points, 3)))
         return self.units.from_si(lines).reshape(*shape, points, self.dimension)
+
+    # -- reach and figures -------------------------------------------------------------------------------
+
+    def workspace(self, voxel: float | None = None, *, across: int = 24) -> Workspace:
+        """The set of points that the tip reaches: an exact area, or a volume of voxels in space.
+
+        Args:
+            voxel: edge of a voxel; None for ``across`` voxels over the widest side.
+            across: see ``voxel``.
+
+        Raises:
+            ArgumentError: a planar model without an exact region.
+            MissingExtraError: shapely is not installed (planar robots).
+        """
+        if self.dimension == 2:
+            return planar_workspace(self._model, self.description.base, self.units)
+        frame = BaseFrame.of(self.description.base)
+        return spatial_workspace(self._model, frame, self.units, voxel, across)
+
+    def plot(
+        self,
+        actuation: ArrayLike | None = None,
+        *,
+        points: ArrayLike | None = None,
+        values: ArrayLike | None = None,
+        label: str = "",
+        axes: Axes | None = None,
+    ) -> Axes:
+        """Draw backbones of actuations, or points, into a new figure or given axes of matplotlib.
+
+        Args:
+            actuation: columns `axes`; the rest pose when there are no points either.
+            points: positions, such as targets.
+            values: one per point, for its colour: ``answer.residual``.
+            label: of the bar of colours.
+            axes: to draw into; of a projection in space for spatial robots.
+
+        Raises:
+            ArgumentError: wrong shape, or not finite.
+            MissingExtraError: matplotlib is not installed.
+        """
+        if actuation is None and points is None:
+            actuation = self.limits.rest
+        axes = new_axes(self.dimension, self.units.length) if axes is None else axes
+        if points is not None:
+            rows, shape = as_rows("points", points, self._point_columns)
+            colours = None if values is None else as_values("values", values, shape)
+            draw_points(axes, rows, colours, label)
+        if actuation is not None:
+            lines = self.backbone(actuation)
+            draw_backbones(axes, lines.reshape(-1, *lines.shape[-2:]))
+        axes.set_aspect("equal")
+        return axes
 
     # -- arguments ---------------------------------------------------------------------------------------
 
