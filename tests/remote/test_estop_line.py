@@ -34,6 +34,7 @@ SPELLINGS = [
     b'{"id":1,"verb":"estop","verb":"status"}',
     b'{"id":1,"verb":"estop"',
     b'{"id":1,"verb":"\\u0065stop"}',
+    b'{"id":1,"\\u0076erb":"\\u0065\\u0053TOP"',
     b'{"id":1,"verb":"estop","why":"\xff\xfe"}',
     b'["estop"]',
     b"estop",

@@ -18,6 +18,8 @@ _MENTION: Final = re.compile(rb"e(?:mergency)?[ ._-]{0,2}stop", re.IGNORECASE)
 _VERB: Final = re.compile(
     rb"[\"']verb[\"']\s*:\s*[\"']\s*e(?:mergency)?[ ._-]{0,2}stop\s*[\"']", re.IGNORECASE
 )
+#: Escapes of letters and separators: in a line that is no JSON no decoder replaces them.
+_ESCAPE: Final = re.compile(rb"\\u00(2[0deDE]|[46][1-9a-fA-F]|[57][0-9aA]|5[fF])")
 _PUNCTUATION: Final = str.maketrans("", "", " \t\r\n._-")
 
 
@@ -25,6 +27,8 @@ def is_estop(line: bytes) -> bool:
     """True for a line that orders an emergency stop, well-formed or not."""
     if b"\0" in line:  # UTF-16 and UTF-32
         line = line.replace(b"\0", b"")
+    if b"\\u" in line:
+        line = _ESCAPE.sub(lambda found: bytes((int(found[1], 16),)), line)
     mentioned = _MENTION.search(line) is not None
     if not mentioned and b"\\u" not in line:
         return False
