@@ -11,6 +11,7 @@ from importlib import import_module
 from typing import Final, Protocol
 
 from contid.kinematics.array import Array
+from contid.robot_file.model_plugins import load_plugin
 from contid.robot_file.robot import RobotDescription
 from contid.targets import ZERO3, Actuation, Pose, Solution, Target, Vec3
 
@@ -59,6 +60,9 @@ MODELS: Final[dict[str, str]] = {
 
 def build_model(robot: RobotDescription) -> Model:
     """The model of a robot description; imports only that one."""
+    if robot.kinematics not in MODELS:
+        built: Model = load_plugin(robot.model).build(robot)
+        return built
     module, _, name = MODELS[robot.kinematics].partition(":")
     model: Model = getattr(import_module(module), name)(robot)
     return model

@@ -68,7 +68,7 @@ for editors. A complete file; `contid run FILE --mock` runs it without hardware:
 
 def robot_file_page() -> str:
     """The whole page."""
-    schema = robot_file_schema(BUILT_IN)
+    schema = robot_file_schema(BUILT_IN, models=())
     definitions: dict[str, Schema] = schema["$defs"]
     lines = ["## Top level", "", *_table(schema, definitions)]
     lines += ["## Buses", ""]

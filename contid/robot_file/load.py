@@ -6,7 +6,7 @@ import json
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import Final, TypeVar, get_args
+from typing import Any, Final, TypeVar, get_args
 
 from pydantic import BaseModel, ValidationError
 
@@ -18,6 +18,7 @@ from contid.robot_file.checks import WiredAxis, check_name, check_robot
 from contid.robot_file.document import AnyRobot, BusDescription, RobotFile
 from contid.robot_file.exchange_time import rate_too_high
 from contid.robot_file.findings import allowed_names, explain, shown
+from contid.robot_file.model_plugins import ModelPluginError, load_plugin, plugin_names
 from contid.robot_file.positions import Data, Document, KeyPath, read_document
 from contid.robot_file.recovery import recovered
 from contid.robot_file.renamed import with_renamed_keys
@@ -97,8 +98,7 @@ def parse_robot_file(text: str, name: str, recorded: bool = False) -> LoadedFile
     buses = loader.load()
     if loader.findings:
         raise BadInputError(first_findings(loader.findings))
-    file = RobotFile.model_validate_json(json.dumps(loader.document.data), strict=True)
-    return LoadedFile(Path(name), text, file, buses)
+    return LoadedFile(Path(name), text, _robot_file(loader.document.data), buses)
 
 
 def with_mock(loaded: LoadedFile) -> LoadedFile:
@@ -217,9 +217,15 @@ class _Loader:
             return None
         kinds = robot_classes()
         model = raw.get("model")
+        if isinstance(model, str) and model not in kinds and model in plugin_names():
+            try:
+                kinds[model] = load_plugin(model).description
+            except ModelPluginError as error:
+                self.findings.append(self.document.at_value((*at, "model"), str(error)))
+                return None
         if not isinstance(model, str) or model not in kinds:
             what = f"model: {shown(model)} is not possible" if "model" in raw else "key 'model' is missing"
-            message = f"{what}; {allowed_names(kinds, str(model))}"
+            message = f"{what}; {allowed_names([*kinds, *plugin_names()], str(model))}"
             self.findings.append(self.document.at_value((*at, "model"), message))
             return None
         # The axes were validated one by one, with the keys of their drivers.
@@ -255,8 +261,25 @@ class _Loader:
         return WiredAxis(at, common, driver.kind(options))
 
 
+def _robot_file(data: Any) -> RobotFile:
+    """A checked document as values; robots of models from other distributions join the union here."""
+    kinds = robot_classes()
+    robots = data["robots"]
+    own = {name: raw for name, raw in robots.items() if raw["model"] in kinds}
+    file = RobotFile.model_validate_json(json.dumps({**data, "robots": own}), strict=True)
+    if len(own) == len(robots):
+        return file
+    described = {
+        name: file.robots[name]
+        if name in own
+        else load_plugin(raw["model"]).description.model_validate_json(json.dumps(raw), strict=True)
+        for name, raw in robots.items()
+    }
+    return file.model_copy(update={"robots": described})
+
+
 def robot_classes() -> dict[str, type[RobotDescription]]:
-    """Every kind of robot by the value of its key ``model``."""
+    """Every kind of robot of contid by the value of its key ``model``; see `model_plugins` for others."""
     union = get_args(AnyRobot)[0]
     classes: tuple[type[RobotDescription], ...] = get_args(union) or (union,)
     return {get_args(each.model_fields["model"].annotation)[0]: each for each in classes}

@@ -16,6 +16,7 @@ from pydantic.json_schema import models_json_schema
 from contid.hal import driver_names, load_driver
 from contid.robot_file.base import AxisDescription
 from contid.robot_file.document import BusDescription, RobotFile
+from contid.robot_file.model_plugins import load_plugin, plugin_names
 from contid.robot_file.robot import RobotDescription
 
 Schema: TypeAlias = dict[str, Any]
@@ -23,16 +24,19 @@ Schema: TypeAlias = dict[str, Any]
 DIALECT: Final = "https://json-schema.org/draft/2020-12/schema"
 
 
-def robot_file_schema(drivers: Iterable[str] | None = None) -> Schema:
+def robot_file_schema(drivers: Iterable[str] | None = None, models: Iterable[str] | None = None) -> Schema:
     """The schema of a whole robot file.
 
     Args:
         drivers: those whose keys to include; every installed one by default.
+        models: those of other distributions to include; every installed one by default.
     """
     loaded = {name: load_driver(name) for name in (driver_names() if drivers is None else drivers)}
     kinds: list[type[BaseModel]] = [RobotFile, BusDescription, AxisDescription]
     for driver in loaded.values():
         kinds += [driver.bus_options, driver.axis_options]
+    plugins = {name: load_plugin(name).description for name in (plugin_names() if models is None else models)}
+    kinds += plugins.values()
     references, top = models_json_schema([(kind, "validation") for kind in dict.fromkeys(kinds)])
     definitions: dict[str, Schema] = top["$defs"]
     name_of: dict[object, str] = {
@@ -64,6 +68,11 @@ def robot_file_schema(drivers: Iterable[str] | None = None) -> Schema:
         for own in (driver.bus_options, driver.axis_options):
             definitions.pop(name_of[own], None)
     root = definitions.pop(name_of[RobotFile])
+    robots: Schema = root["properties"]["robots"]["additionalProperties"]
+    for name, plugin in plugins.items():
+        reference = f"#/$defs/{name_of[plugin]}"
+        robots["oneOf"].append({"$ref": reference})
+        robots["discriminator"]["mapping"][name] = reference
     return {"$schema": DIALECT, **root, "title": "contid robot file", "$defs": definitions}
 
 
