@@ -73,6 +73,9 @@ def check_session(session: Session) -> Iterator[Violation]:
         if entry.values is None:
             continue
         record = session.layout.decode(tuple(entry.values))
+        # A recorder that is behind writes the events of several ticks before their records.
+        later = [event for event in events if getattr(event, "tick", record.tick) > record.tick]
+        events = [event for event in events if event not in later]
         lost = any(isinstance(event, RecorderOverrun) for event in events)
         gap = before is None or lost
         if before is not None:
@@ -82,7 +85,7 @@ def check_session(session: Session) -> Iterator[Violation]:
                 robot.forget()
             for rule, message in robot.tick(record.tick, now, events):
                 yield Violation(record.tick, robot.name, rule, message)
-        before, events = record, []
+        before, events = record, later
 
 
 def _time(before: TickRecord, now: TickRecord, lost: bool) -> Iterator[Violation]:
@@ -137,9 +140,8 @@ class _RobotCheck:
         self, before: RobotRecord | None, now: RobotRecord, events: Sequence[RunEvent], orders: Sequence[str]
     ) -> Iterator[tuple[str, str]]:
         was = Mode.OFF if before is None else before.mode
-        self._cleared = bool({"clear_fault", "recover"} & {*orders}) or (
-            self._cleared and was == Mode.FAULT == now.mode
-        )
+        # Devices may take some ticks to be cleared.
+        self._cleared = bool({"clear_fault", "recover"} & {*orders}) or (self._cleared and was == Mode.FAULT)
         if now.mode == Mode.FAULT and was != Mode.FAULT and before is not None:
             reported = [each for each in events if isinstance(each, FaultLatched) and each.robot == self.name]
             if not any(each.fault == now.fault for each in reported):

@@ -149,6 +149,35 @@ def test_a_fault_without_its_event_and_without_its_order(tmp_path: Path) -> None
     assert rules(Changed(path, without(OrderGiven))) == set()
 
 
+class Cleared(Session):
+    """A fault of some ticks in the standing robot, cleared by an order that takes some; events come early."""
+
+    def __init__(self, path: Path, ordered: bool, early: int) -> None:
+        super().__init__(path)
+        self._ordered, self._early = ordered, early
+
+    def entries(self) -> Iterator[Entry]:
+        latched = FaultLatched(robot="f0", fault=0, name="NONE", message="", tick=240)
+        clear = OrderGiven(tick=250, order={"order": "clear_fault", "robots": None})
+        for entry in super().entries():
+            tick = None if entry.values is None else int(entry.values[TICK])
+            if tick == 240 - self._early:
+                yield Entry(entry.time_ns, None, latched)
+            if tick == 250 - self._early and self._ordered:
+                yield Entry(entry.time_ns, None, clear)
+            if tick is not None and 240 <= tick < 260:
+                values = list(entry.values or ())
+                mode(Mode.FAULT)(self, values)
+                entry = replace(entry, values=values)
+            yield entry
+
+
+@pytest.mark.parametrize("early", [0, 1, 5])
+def test_a_fault_that_takes_ticks_to_clear_and_events_of_a_late_recorder(run: Path, early: int) -> None:
+    assert rules(Cleared(run, ordered=True, early=early)) == set()
+    assert rules(Cleared(run, ordered=False, early=early)) == {"fault"}
+
+
 def test_the_command_lists_violations_and_ends_with_1(run: Path, tmp_path: Path) -> None:
     done = contid("session", "check", str(run), "--json")
     assert (done.returncode, json.loads(done.stdout)) == (0, {"ok": True, "more": False, "violations": []})

@@ -1,0 +1,325 @@
+"""Kills, suspensions, starvation and shifted clocks of whole daemons on emulated wires, from a seed.
+
+``python -m tests.campaign.disturbances [--rounds N] [--seed N]`` prints a table. A case starts a daemon on
+the laboratory (servos, motors and chambers on Due boards) or on the chain (two arms and a rope, four boards),
+moves its robots, disturbs it at a random instant, and looks at the devices from their side of the wire:
+
+| disturbance | must |
+|---|---|
+| SIGKILL of one process | motors off, chambers empty, servos still; without a recorder the run goes on |
+| SIGSTOP, later SIGCONT, of all processes | as above while it lasts; every robot comes back by orders |
+| all processes behind busy ones, without rights | no output outside its range; every robot comes back |
+| a clock of another epoch (time namespace) | as without it |
+
+After each: no process and no ring left (a ring of a killed run is gone after the next start), and
+`contid.session.check` finds nothing in the session.
+"""
+
+from __future__ import annotations
+
+import argparse
+import math
+import os
+import random
+import signal
+import subprocess
+import sys
+import tempfile
+import time
+from collections import Counter
+from collections.abc import Callable, Iterator
+from contextlib import ExitStack, contextmanager, suppress
+from pathlib import Path
+from typing import Final
+
+import psutil
+import yaml
+
+from contid.client import Client
+from contid.control.process.ring import folder as ring_folder
+from contid.errors import ContidError
+from contid.remote.protocol.socket_path import is_listening
+from contid.robot_file.shipped import configs_folder
+from contid.session.check import check_session
+from contid.session.read import Session
+from tests.campaign.wires import LONG_TIMEOUTS, TOLERANCE_TICKS, Wires, robot_file
+from tests.support.waiting import until
+
+#: Watchdogs of 0.4 s, the wire, and the plants: motors are off, chambers are empty.
+UNDRIVEN_S: Final = 4.0
+BACK_S: Final = 30.0
+LEAVE_S: Final = 30.0
+#: Of a servo's shaft [ticks/s].
+STILL: Final = 1.0
+VICTIMS: Final = {
+    "daemon": "contid run",
+    "control process": "contid.control.process",
+    "recorder": "contid.session.mcap_recorder",
+}
+#: Beyond every epoch in use: ten years of uptime, where float64 has 60 ns.
+EPOCHS_S: Final = (315_360_000, 4_000_000_000, 86_400)
+BUSY: Final = 4
+BUSY_S: Final = 2.0
+
+
+def chain_file(folder: Path) -> Path:
+    """The chain on its emulated boards, with their ports in a folder."""
+    raw = yaml.safe_load((configs_folder() / "chain.emulated.yaml").read_text(encoding="utf-8"))
+    for name, bus in raw["buses"].items():
+        bus |= {"port": f"{folder}/{name}.tty", "tolerance_ticks": TOLERANCE_TICKS} | LONG_TIMEOUTS["due"]
+    path = folder / "chain.yaml"
+    path.write_text(yaml.safe_dump(raw, sort_keys=False, default_flow_style=None))
+    return path
+
+
+PLANTS: Final[dict[str, Callable[[Path], Path]]] = {"lab": robot_file, "chain": chain_file}
+
+
+class Case:
+    """One daemon and what became of it.
+
+    Attributes:
+        violations: descriptions.
+    """
+
+    def __init__(self, folder: Path, wires: Wires, dice: random.Random, epoch_s: int = 0) -> None:
+        self.violations: list[str] = []
+        self._folder, self._wires, self._dice = folder, wires, dice
+        self._socket, self._session = folder / "s", folder / f"{dice.getrandbits(40)}.mcap"
+        command = [sys.executable, "-m", "contid", "run", str(wires.path), "--socket", str(self._socket)]
+        before = ["unshare", "-T", "--monotonic", str(epoch_s)] if epoch_s else []
+        with (folder / "stderr").open("ab") as stderr:
+            self.process = subprocess.Popen(
+                [*before, *command, "--record", str(self._session)],
+                stdin=subprocess.DEVNULL, stdout=stderr, stderr=stderr, start_new_session=True,
+            )  # fmt: skip
+        try:
+            until(lambda: is_listening(self._socket) or self.process.poll() is not None, "it listens")
+            with self._client() as client:
+                until(lambda: self._states(client) == {"HOLD"}, "armed")
+        except BaseException:
+            self.clean()
+            raise
+
+    def _client(self) -> Client:
+        return Client(self._socket, name="disturbances", timeout_s=30.0)
+
+    @staticmethod
+    def _states(client: Client) -> set[str]:
+        return {str(robot["state"]) for robot in client.status()["robots"].values()}
+
+    def family(self) -> list[psutil.Process]:
+        """Daemon, control process and recorder."""
+        with suppress(psutil.NoSuchProcess):
+            top = psutil.Process(self.process.pid)
+            return [top, *top.children(recursive=True)]
+        return []
+
+    def move(self) -> None:
+        """Every robot moves by a few millimetres; perhaps it holds again when this returns."""
+        with self._client() as client:
+            target = {}
+            for name, robot in client.status()["robots"].items():
+                for axis, values in robot.get("axes", {}).items():
+                    if values["command_mm" if robot["unit"] == "mm" else "command_bar"] is not None:
+                        unit = robot["unit"]
+                        near = values[f"min_{unit}"] + 0.5 * (values[f"max_{unit}"] - values[f"min_{unit}"])
+                        target[f"{name}.{axis.partition('.')[2] or axis}_{unit}"] = near
+            with suppress(ContidError):  # a chain refuses what would stretch its rope
+                client.move(target, wait=False)
+        time.sleep(self._dice.uniform(0.0, 0.5))
+
+    def undriven(self, what: str) -> None:
+        """No output may stay driven."""
+        end_s = time.monotonic() + UNDRIVEN_S
+        while still := self._driven():
+            if time.monotonic() > end_s:
+                self.violations.append(f"{what}: {', '.join(sorted(still))} driven after {UNDRIVEN_S} s")
+                return
+            time.sleep(0.01)
+
+    def _driven(self) -> list[str]:
+        """Motors under power, chambers under pressure, servos that move: their watchdog keeps the torque."""
+        moving = {eyes.axis for eyes in self._wires.servos if abs(eyes.servo.motion.velocity) > STILL}
+        holding = {eyes.axis for eyes in self._wires.servos} - moving
+        return [name for name in self._wires.driven() if name not in holding]
+
+    def back(self, what: str) -> None:
+        """Clear and resume until every robot holds."""
+        end_s, found, refusal = time.monotonic() + BACK_S, set[str](), ""
+        while time.monotonic() < end_s:
+            with suppress(OSError, ContidError), self._client() as client:
+                client.acquire(60.0, takeover=True)
+                for order in (client.clear_fault, lambda: client.resume(after_stop=True), client.hold):
+                    try:
+                        order()
+                    except ContidError as error:
+                        refusal = str(error)
+                found = self._states(client)
+                if found <= {"HOLD"}:
+                    return
+            time.sleep(0.1)
+        self.violations.append(f"{what}: not back: {found} {refusal}")
+
+    def end(self, what: str) -> None:
+        """SIGTERM if it still runs; nothing may be left, and the session must keep the rules."""
+        family = self.family()
+        if self.process.poll() is None:
+            self.process.send_signal(signal.SIGTERM)
+        with suppress(subprocess.TimeoutExpired):
+            self.process.wait(LEAVE_S)
+        _, alive = psutil.wait_procs(family, timeout=LEAVE_S)
+        self.violations += [f"{what}: process {each.pid} left" for each in alive]
+        self.violations += [f"{what}: wrong at a device: {wrong}" for wrong in self._wrong()]
+        session = Session(self._session)
+        self.violations += [f"{what}: session: {each}" for each in list(check_session(session))[:3]]
+        stderr = (self._folder / "stderr").read_text(errors="replace")
+        self.violations += [f"{what}: {stderr[-1500:]}"] if "Traceback" in stderr else []
+
+    def _wrong(self) -> list[str]:
+        boards = [message for eyes in self._wires.channels for message in eyes.wrong]
+        return boards + [message for eyes in self._wires.servos for message in eyes.wrong]
+
+    def clean(self) -> None:
+        """Kill what is left, whatever happened."""
+        for each in self.family():
+            with suppress(psutil.NoSuchProcess):
+                each.kill()
+        self.process.wait()
+
+
+def kill(case: Case, dice: random.Random, victim: str) -> str:
+    """SIGKILL of one process."""
+    case.move()
+    for each in case.family():
+        with suppress(psutil.NoSuchProcess):
+            if VICTIMS[victim] in " ".join(each.cmdline()).replace("-m contid run", "contid run"):
+                if victim != "daemon" and each.pid == case.process.pid:
+                    continue
+                each.kill()
+                break
+    else:
+        raise AssertionError(f"no {victim}")
+    if victim == "recorder":
+        case.back("recorder killed")
+    else:
+        case.undriven(f"{victim} killed")
+    return f"kill {victim}"
+
+
+def suspend(case: Case, dice: random.Random, longest_s: float) -> str:
+    """Every process stands still and goes on."""
+    case.move()
+    seconds = math.exp(dice.uniform(math.log(0.06), math.log(longest_s)))
+    family = case.family()
+    for each in family:
+        each.suspend()
+    time.sleep(min(seconds, 1.0))
+    if seconds > 1.0:
+        begin_s = time.monotonic()
+        case.undriven(f"suspended for {seconds:.2f} s")
+        time.sleep(max(0.0, begin_s + seconds - 1.0 - time.monotonic()))
+    for each in family:
+        each.resume()
+    case.back(f"suspended for {seconds:.2f} s")
+    return "suspend"
+
+
+def starve(case: Case, dice: random.Random) -> str:
+    """No real-time rights, the lowest share of the processors, and busy processes before it."""
+    case.move()
+    for each in case.family():
+        for thread in each.threads():
+            with suppress(ProcessLookupError):
+                os.sched_setscheduler(thread.id, os.SCHED_IDLE, os.sched_param(0))
+    busy = [subprocess.Popen([sys.executable, "-c", "while True: pass"]) for _ in range(BUSY)]
+    try:
+        time.sleep(BUSY_S)
+    finally:
+        for loop in busy:
+            loop.kill()
+            loop.wait()
+    case.back("starved")
+    return "starve"
+
+
+def shifted(case: Case, dice: random.Random) -> str:
+    """The daemon was started with another epoch: it moves, stops and resumes."""
+    case.move()
+    with case._client() as client:
+        client.estop()
+    case.undriven("estop under another epoch")
+    case.back("another epoch")
+    return "epoch"
+
+
+@contextmanager
+def started(plant: str, dice: random.Random, epoch_s: int = 0) -> Iterator[Case]:
+    """A daemon on its plant."""
+    with tempfile.TemporaryDirectory(prefix="contid-") as folder, ExitStack() as stack:
+        wires = stack.enter_context(Wires(PLANTS[plant](Path(folder))))
+        case = Case(Path(folder), wires, dice, epoch_s)
+        stack.callback(case.clean)
+        yield case
+
+
+def time_namespaces() -> bool:
+    """Whether this user may start a program with another monotonic clock."""
+    with suppress(OSError):
+        return subprocess.run(["unshare", "-T", "true"], capture_output=True).returncode == 0
+    return False
+
+
+def one(plant: str, kind: str, dice: random.Random, longest_s: float = 12.0) -> list[str]:
+    """One case; what it violated."""
+    epoch_s = dice.choice(EPOCHS_S) if kind == "epoch" else 0
+    with started(plant, dice, epoch_s) as case:
+        if kind == "suspend":
+            suspend(case, dice, longest_s)
+        elif kind == "starve":
+            starve(case, dice)
+        elif kind == "epoch":
+            shifted(case, dice)
+        else:
+            kill(case, dice, kind.removeprefix("kill "))
+        pid = case.process.pid
+        case.end(f"{plant}: {kind}")
+        found = case.violations
+        rings = list(ring_folder().glob(f"contid-{pid}-*"))
+        if rings and kind not in ("kill daemon", "kill control process"):
+            found += [f"{plant}: {kind}: {path} left" for path in rings]
+    return found
+
+
+KINDS: Final = (*(f"kill {victim}" for victim in VICTIMS), "suspend", "starve", "epoch")
+
+
+def main() -> int:
+    parser = argparse.ArgumentParser(
+        prog="python -m tests.campaign.disturbances", description="Disturbed runs."
+    )
+    parser.add_argument("--rounds", type=int, default=3)
+    parser.add_argument("--seed", type=int, default=1)
+    asked = parser.parse_args()
+    dice, cases, wrong = random.Random(asked.seed), Counter[str](), Counter[str]()
+    messages: list[str] = []
+    for _ in range(asked.rounds):
+        for plant in PLANTS:
+            for kind in KINDS:
+                if kind == "epoch" and not time_namespaces():
+                    continue
+                found = one(plant, kind, dice)
+                cases[f"{plant}: {kind}"] += 1
+                wrong[f"{plant}: {kind}"] += bool(found)
+                messages += found
+    print(f"{'case':<32}{'cases':>8}{'violations':>12}")
+    for name, count in cases.items():
+        print(f"{name:<32}{count:>8}{wrong[name]:>12}")
+    if not time_namespaces():
+        print("epoch: not tried; this user may not make time namespaces")
+    print(*messages, sep="\n", end="\n" if messages else "")
+    return 1 if messages else 0
+
+
+if __name__ == "__main__":
+    sys.exit(main())
