@@ -23,7 +23,7 @@ from contid.api.workspace import Workspace, planar_workspace, spatial_workspace
 from contid.kinematics.array import Array
 from contid.kinematics.batch import Targets, forward_many, inverse_many
 from contid.kinematics.frames import BaseFrame
-from contid.kinematics.model import Model, build_model
+from contid.kinematics.model import Compliant, Model, build_model
 from contid.robot_file.findings import allowed_names
 from contid.robot_file.load import LoadedFile
 from contid.robot_file.robot import RobotDescription
@@ -226,6 +226,23 @@ class Robot:
         scale = self.units.scale() / self.units.scale(self.description.quantity)
         world = self._placed.columns_in_world(base)[:, : self.dimension] * scale
         return world.reshape(*shape, self.dimension, rows.shape[1])
+
+    def compliance(self, actuation: ArrayLike, *, load: ArrayLike | None = None) -> Array:
+        """Derivative of the tip by a force on it at constant actuation, shape ``(..., 3, 3)``.
+
+        In mm/N (SI: m/N), symmetric, of the equilibrium under ``load``; analytic.
+
+        Raises:
+            ArgumentError: wrong shape, not finite, or a model that does not bend under a load.
+        """
+        rows, shape = self._actuations(actuation)
+        model = self._model
+        if not isinstance(model, Compliant):
+            kind = self.description.model
+            raise ArgumentError(f"compliance: model {kind} of {self.name} does not bend under a load")
+        found = [model.compliance(*pair) for pair in self._pairs(rows, load, shape)]
+        world = self._placed.tensors_in_world(np.reshape(found, (len(rows), 3, 3)))
+        return (world * self.units.scale()).reshape(*shape, 3, 3)
 
     def backbone(self, actuation: ArrayLike, points: int = 50, *, load: ArrayLike | None = None) -> Array:
         """Points of the backbone at equal arc length from base to tip, shape ``(..., points, 3)``."""

@@ -8,7 +8,7 @@ unreachable target gives a solution with a residual, never an exception. Arrays 
 from __future__ import annotations
 
 from importlib import import_module
-from typing import Final, Protocol
+from typing import Final, Protocol, runtime_checkable
 
 from contid.kinematics.array import Array
 from contid.robot_file.model_plugins import load_plugin
@@ -45,6 +45,15 @@ class Model(Protocol):
 
     def jacobian(self, actuation: Actuation, load_n: Vec3 = ZERO3) -> Array:
         """Derivative of the tip position by the actuation, shape ``(3, len(axis_names))``."""
+        ...
+
+
+@runtime_checkable
+class Compliant(Protocol):
+    """A model that bends under a force on its tip."""
+
+    def compliance(self, actuation: Actuation, load_n: Vec3 = ZERO3) -> Array:
+        """Derivative of the tip position by a force on the tip, shape ``(3, 3)`` [m/N]."""
         ...
 
 

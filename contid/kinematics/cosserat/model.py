@@ -8,6 +8,7 @@ from typing import Final
 import numpy as np
 
 from contid.kinematics.array import Array
+from contid.kinematics.cosserat.compliance import tip_compliance
 from contid.kinematics.cosserat.engine import NumpyEngine, RodSetup, build_engine
 from contid.kinematics.cosserat.loads import Loads
 from contid.kinematics.cosserat.section import Rod, Section
@@ -152,6 +153,13 @@ class CosseratModel:
         held = found.tangents.tip[:, :3] @ np.linalg.solve(by_moment, by_pressure)
         result: Array = (found.tangents.tip[:, 3:] - held) / (MM_PER_M * BAR)
         return result
+
+    def compliance(self, actuation: Actuation, load_n: Vec3 = ZERO3) -> Array:
+        """Tip by a force on it at constant pressures, in equilibrium, shape (3, 3) [m/N]; symmetric."""
+        p = np.array(actuation) / BAR
+        *_, base_moment, elements = self.engine.forward(p.tolist(), load_n)
+        loads = self._spec.loads(load_n)
+        return tip_compliance(self.setup.rod, p, np.array(base_moment), loads, elements) / MM_PER_M
 
     def shape(self, actuation: Actuation, points: int, load_n: Vec3 = ZERO3) -> Array:
         """Backbone from base to tip at equal arc length of the deformed arm, shape (points, 3) [m]."""
