@@ -34,6 +34,8 @@ def robot(friction: float) -> Elastic:
         COUNT,
         random.uniform(3.6e-3, 4.4e-3, 7),
         ANGLES,
+        np.array([0.2]),
+        400.0,
         random.uniform(-2e-4, 4e-4, 7),
         np.array([5e-6, 8e-6]),
         random.uniform(-0.1, 0.1, 4),
@@ -52,9 +54,11 @@ def energy(arm: Elastic, bends: Array, before: Array, arrived: Array) -> float:
     for i in range(7):
         taken = 0.0
         for k in range(1 if i < 3 else 2):
-            along = math.cos(arm.angle_rad[i]) * bends[2 * k] + math.sin(arm.angle_rad[i]) * bends[2 * k + 1]
+            angle = arm.angle_rad[i] + (arm.twist_rad[0] if i >= 3 and k == 0 else 0.0)
+            along = math.cos(angle) * bends[2 * k] + math.sin(angle) * bends[2 * k + 1]
             taken += arm.radius_m[i] * along
-        total += 0.5 * max(0.0, arrived[i] + arm.offset_m[i] - taken) ** 2
+        e = max(0.0, arrived[i] + arm.offset_m[i] - taken)
+        total += e**2 / 2.0 + arm.hardening_per_m * e**3 / 3.0
     return total
 
 

@@ -1,11 +1,12 @@
 """Bends of an elastic tendon robot along a recording: the least energy with dry friction, row by row.
 
 Backbone: each section a spring with the stiffness K_k about its rest bend. Tendons: springs of one stiffness
-that pull and never push. Pulls reach them through play of half width r. With the energy divided by the
-stiffness of a tendon (no force is measured), each row is the minimum over the bends Theta of
+that pull and never push, a little stiffer the more they are stretched (h). Pulls reach them through play of
+half width r. With the energy divided by the stiffness of a tendon (no force is measured), each row is the
+minimum over the bends Theta of
 
-    1/2 sum_k K_k |Theta_k - rest_k|^2 + 1/2 sum_i max(0, e_i)^2 + sum_k F_k |Theta_k - before_k|,
-    before: Theta of the row before,     e = play(pull) + offset - G Theta        (elongation of the tendons)
+    1/2 sum_k K_k |Theta_k - rest_k|^2 + sum_i (e_i^2 / 2 + h e_i^3 / 3) + sum_k F_k |Theta_k - before_k|,
+    before: Theta of the row before,   e = max(0, play(pull) + offset - G Theta)  (elongation of the tendons)
 
 K in m^2 per rad^2, F (moment of friction in a bend) in m^2. The sum of a strictly convex energy and of the
 dissipation has one minimum; taken row after row it is the quasi-static motion with dry friction, which
@@ -18,7 +19,10 @@ Derivatives by all parameters are carried along, exactly.
 
 from __future__ import annotations
 
+import math
+from collections.abc import Sequence
 from dataclasses import dataclass
+from itertools import pairwise
 from typing import Final, NamedTuple
 
 import numpy as np
@@ -39,7 +43,9 @@ class Elastic:
 
     Attributes:
         count: number of tendons of each section.
-        radius_m, angle_rad: of each tendon.
+        radius_m, angle_rad: of each tendon, at the end of its section.
+        twist_rad: turn of the tendons of section j in each section k < j; (2, 1), (3, 1), (3, 2) and on.
+        hardening_per_m: h; the tension over stiffness is ``e + h e^2``.
         offset_m: of each tendon, positive where it is tight at pull 0.
         stiffness_m2: K of each section.
         rest_rad: rest bends, ``(2 sections,)``.
@@ -50,6 +56,8 @@ class Elastic:
     count: tuple[int, ...]
     radius_m: Array
     angle_rad: Array
+    twist_rad: Array
+    hardening_per_m: float
     offset_m: Array
     stiffness_m2: Array
     rest_rad: Array
@@ -61,15 +69,16 @@ class Elastic:
         """Number of the section of each tendon."""
         return np.repeat(np.arange(len(self.count)), self.count)
 
-    def geometry(self, length_m: Array) -> TendonGeometry:
-        """The same tendons as the model of a robot has them."""
-        ends = np.cumsum((0, *self.count))
-        return TendonGeometry(
-            tuple(
-                TendonSection(float(length), tuple(self.radius_m[low:high]), tuple(self.angle_rad[low:high]))
-                for length, low, high in zip(length_m, ends[:-1], ends[1:], strict=True)
-            )
+
+def pull_matrix(count: Sequence[int], radius_m: Array, angle_rad: Array) -> Array:
+    """G of tendons without twist, as the model of a robot has it: pulls [m] by bends [rad]."""
+    ends = np.cumsum((0, *count))
+    return TendonGeometry(
+        tuple(
+            TendonSection(1.0, tuple(radius_m[low:high]), tuple(angle_rad[low:high]))
+            for low, high in pairwise(ends)
         )
+    ).pull_matrix
 
 
 class BendRows(NamedTuple):
@@ -80,7 +89,7 @@ class BendRows(NamedTuple):
         elongation_m: of the tendons, ``(rows, tendons)``; below 0 they are slack.
         by: derivatives of the bends, ``(rows, 2 sections, columns)``: by radius and angle of every tendon, by
             offset of every tendon, by the logarithm of K, by rest bends, by the logarithms of F and of the
-            play.
+            play, by twists, by the logarithm of the hardening.
     """
 
     bends: Array
@@ -111,22 +120,36 @@ def series(elastic: Elastic, pull_m: Array) -> BendRows:
     return BendRows(bends, elongation, by)
 
 
+def _quarter(arms: Array) -> Array:
+    """Every arm in the rows of G turned by 90 degrees."""
+    turned = np.empty_like(arms)
+    turned[:, 0::2], turned[:, 1::2] = -arms[:, 1::2], arms[:, 0::2]
+    return turned
+
+
 class _Rows:
     """The minimum of one row after the other."""
 
     def __init__(self, elastic: Elastic) -> None:
         self.elastic = elastic
         sections, tendons = len(elastic.count), len(elastic.radius_m)
-        self.G = elastic.geometry(np.ones(sections)).pull_matrix
+        self.h = elastic.hardening_per_m
+        self.G = pull_matrix(elastic.count, elastic.radius_m, elastic.angle_rad)
+        self.twisted = [
+            np.repeat((elastic.section == j)[:, None] & (np.arange(sections) == k), 2, axis=1)
+            for j in range(sections)
+            for k in range(j)
+        ]
+        for where, twist in zip(self.twisted, elastic.twist_rad, strict=True):
+            self.G = np.where(where, math.cos(twist) * self.G + math.sin(twist) * _quarter(self.G), self.G)
         self.K = np.repeat(elastic.stiffness_m2, 2)
         self.r = elastic.play_m[elastic.section]
-        arms = self.G.reshape(tendons, sections, 2)
         self.by_radius = self.G / elastic.radius_m[:, None]
-        self.by_angle = np.stack((-arms[..., 1], arms[..., 0]), axis=-1).reshape(tendons, 2 * sections)
+        self.by_angle = _quarter(self.G)
         self.own = elastic.section[:, None] == np.arange(sections)
         self.pairs = np.repeat(np.eye(sections), 2, axis=0)
         self.blocks = self.pairs @ self.pairs.T
-        self.columns = 3 * tendons + 5 * sections
+        self.columns = 3 * tendons + 5 * sections + len(self.twisted) + 1
 
     def start(self, pull: Array) -> _State:
         sections = len(self.elastic.count)
@@ -147,7 +170,7 @@ class _Rows:
         e = np.maximum(tight - self.G @ bends, 0.0)
         change = ((bends - last) ** 2) @ self.pairs
         slid = np.sqrt(change + SMOOTH_RAD**2) @ self.elastic.friction_m2
-        return float(0.5 * (self.K * off) @ off + 0.5 * e @ e + slid)
+        return float(0.5 * (self.K * off) @ off + 0.5 * e @ e + self.h / 3.0 * (e * e) @ e + slid)
 
     def _friction(self, bends: Array, last: Array) -> tuple[Array, Array]:
         """Gradient and Hessian of the dissipation."""
@@ -163,11 +186,11 @@ class _Rows:
         bends = last
         energy = self._energy(bends, last, tight)
         for _ in range(_ITERATIONS):
-            e = tight - self.G @ bends
-            pulling = self.G[e > 0.0]
+            e = np.maximum(tight - self.G @ bends, 0.0)
+            pulling = self.G.T * ((e > 0.0) * (1.0 + 2.0 * self.h * e))
             slope, curve = self._friction(bends, last)
-            gradient = self.K * (bends - self.elastic.rest_rad) - pulling.T @ e[e > 0.0] + slope
-            hessian = pulling.T @ pulling + curve
+            gradient = self.K * (bends - self.elastic.rest_rad) - (e + self.h * e * e) @ self.G + slope
+            hessian = pulling @ self.G + curve
             hessian.flat[:: len(bends) + 1] += self.K
             step = np.linalg.solve(hessian, gradient)
             part = 1.0
@@ -186,8 +209,9 @@ class _Rows:
         """Of the minimum, by all parameters: the gradient of the energy stays zero."""
         elastic, G = self.elastic, self.G
         e = arrived + elastic.offset_m - G @ bends
-        on = (e > 0.0).astype(float)
-        pull, active = on * e, G.T * on
+        held = np.maximum(e, 0.0)
+        on: Array = np.where(e > 0.0, 1.0 + 2.0 * self.h * held, 0.0)
+        pull, active = held + self.h * held**2, G.T * on
         slope, curve = self._friction(bends, before.bends)
         sections, tendons = len(elastic.count), len(e)
         change = np.empty((len(bends), self.columns))
@@ -203,8 +227,13 @@ class _Rows:
         place += 2 * sections
         change[:, place : place + sections] = self.pairs * slope[:, None]
         place += sections
-        change[:, place:] = -(active * (by_play * self.r)) @ self.own
+        change[:, place : place + sections] = -(active * (by_play * self.r)) @ self.own
+        place += sections
+        for which in self.twisted:
+            rotated: Array = np.where(which, self.by_angle, 0.0)
+            change[:, place] = -rotated.T @ pull + active @ (rotated @ bends)
+            place += 1
+        change[:, place] = -self.h * (held**2) @ G
         hessian = active @ G + curve
         hessian.flat[:: len(bends) + 1] += self.K
-        out: Array = np.linalg.solve(hessian, curve @ before.by - change)
-        return out
+        return np.asarray(np.linalg.solve(hessian, curve @ before.by - change), dtype=np.float64)

@@ -14,7 +14,7 @@ from typing import Final, NamedTuple, Protocol
 import numpy as np
 
 from contid.calibrate.tendon.chain import Mounting, tips
-from contid.calibrate.tendon.elastic import Elastic, series
+from contid.calibrate.tendon.elastic import Elastic, pull_matrix, series
 from contid.calibrate.tendon.parameters import Group, Parameters, group
 from contid.kinematics.array import Array
 from contid.kinematics.tendon.friction import play
@@ -29,10 +29,12 @@ ANGLE_SPREAD_RAD: Final = 0.3
 OFFSET_SPREAD_M: Final = 0.3e-3
 REST_SPREAD_RAD: Final = 0.05
 LOG_SPREAD: Final = 1.0
-#: Expected bending stiffness and friction over the square of the radius; play [m].
+TWIST_SPREAD_RAD: Final = 0.1
+#: Expected bending stiffness and friction over the square of the radius; play [m]; hardening [1/m].
 STIFFNESS: Final = 0.3
 FRICTION: Final = 0.01
 PLAY_M: Final = 0.03e-3
+HARDENING_PER_M: Final = 300.0
 #: A value that is switched off where its logarithm is a parameter.
 NONE: Final = 1e-12
 MOUNTING: Final = ("length_m", "base_m", "tilt_rad", "marker_m")
@@ -64,6 +66,11 @@ class Nominal(NamedTuple):
     def section_names(self) -> tuple[str, ...]:
         """``s1`` and on."""
         return tuple(f"s{s + 1}" for s in range(len(self.tendons)))
+
+    @property
+    def passing_names(self) -> tuple[str, ...]:
+        """``s2/s1``, ``s3/s1``, ``s3/s2`` and on: tendons of one section in another before it."""
+        return tuple(f"s{j + 1}/s{k + 1}" for j in range(len(self.tendons)) for k in range(j))
 
     @property
     def bend_names(self) -> tuple[str, ...]:
@@ -137,14 +144,8 @@ class LinearBends:
         """A has no expectation: its spread is as large as its elements."""
         nominal = self.nominal
         tendons = len(nominal.tendon_names)
-        sections = len(nominal.section_names)
-        elastic = Elastic(
-            nominal.tendons,
-            np.full(tendons, nominal.radius_m),
-            nominal.angle_rad,
-            *(np.zeros(0) for _ in range(5)),
-        )
-        matrix = np.linalg.pinv(elastic.geometry(np.ones(sections)).pull_matrix)
+        arms = np.full(tendons, nominal.radius_m)
+        matrix = np.linalg.pinv(pull_matrix(nominal.tendons, arms, nominal.angle_rad))
         names = [f"{bend}/{tendon}" for bend in nominal.bend_names for tendon in nominal.tendon_names]
         groups = [group("gain_per_m", names, np.asarray(matrix.ravel()), 1.0 / nominal.radius_m)]
         groups += _mounting_groups(nominal, self.offsets)
@@ -202,6 +203,8 @@ class ElasticBends:
         groups = [
             group("radius_m", nominal.tendon_names, d, RADIUS_SPREAD * d),
             group("angle_rad", nominal.tendon_names, nominal.angle_rad, ANGLE_SPREAD_RAD),
+            group("twist_rad", nominal.passing_names, 0.0, TWIST_SPREAD_RAD),
+            group("log_hardening", ("all",), math.log(HARDENING_PER_M), LOG_SPREAD),
             group("offset_m", nominal.tendon_names, 0.0, OFFSET_SPREAD_M),
             group("log_stiffness", nominal.section_names, math.log(STIFFNESS * d * d), LOG_SPREAD),
             group("rest_rad", nominal.bend_names, 0.0, REST_SPREAD_RAD),
@@ -220,6 +223,8 @@ class ElasticBends:
             self.nominal.tendons,
             values["radius_m"],
             values["angle_rad"],
+            values["twist_rad"],
+            float(np.exp(values["log_hardening"][0])),
             values["offset_m"],
             np.exp(values["log_stiffness"]),
             values["rest_rad"],
@@ -240,6 +245,8 @@ class ElasticBends:
             "rest_rad": 2 * sections,
             "log_friction": sections,
             "log_play": sections,
+            "twist_rad": len(nominal.passing_names),
+            "log_hardening": 1,
         }
         ends = np.cumsum([0, *sizes.values()])
         by = {
