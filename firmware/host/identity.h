@@ -25,6 +25,9 @@ inline Identity emulated_identity(Role role) {
   for (uint8_t i = 0; i < UNIQUE_ID_SIZE; ++i) identity.unique_id[i] = static_cast<uint8_t>(0xE0 + i);
   for (uint8_t i = 0; i < CHANNELS; ++i) identity.capabilities[i] = emulated_capability(role);
   identity.pins = "emulated";
+  identity.bridges = role == Role::MOTOR ? ALL_BRIDGES : 0;
+  identity.adc_steps = 4095;
+  identity.adc_mv = 3300;
   return identity;
 }
 

@@ -32,6 +32,8 @@ void Machine::boot(ResetCause cause, uint32_t uptime_ms) {
   identity.cause = cause;
   board_.start(identity, nullptr, nullptr, uptime_ms);
   link_.start();
+  other_port_.start(PortId::PROGRAMMING);
+  board_.clock(since_tick_us_);
   outputs_ = Outputs();
   for (Output& out : outputs_.channel) out.drive = Drive::OFF;
   unfed_ms_ = 0;
@@ -99,9 +101,10 @@ void Machine::note() {
   }
 }
 
-void Machine::take(uint8_t byte, std::vector<uint8_t>& reply) {
-  const size_t size = link_.take(byte, board_);
-  reply.insert(reply.end(), link_.reply(), link_.reply() + size);
+void Machine::take(uint8_t byte, std::vector<uint8_t>& reply, PortId port) {
+  Link& link = port == PortId::NATIVE ? link_ : other_port_;
+  const size_t size = link.take(byte, board_);
+  reply.insert(reply.end(), link.reply(), link.reply() + size);
 }
 
 bool Machine::command(const std::string& line, std::string& out) {
@@ -117,6 +120,11 @@ bool Machine::command(const std::string& line, std::string& out) {
   if (verb == "freeze") {
     if (!(in >> value)) value = 1e9;
     return freeze(static_cast<uint32_t>(value)), true;
+  }
+  if (verb == "supply_low") {
+    in >> plant.supply_low;
+    plant.read(role_ == Role::MOTOR);
+    return true;
   }
   if (verb == "watchdog") return in >> watchdog_fires_, true;
   if (verb == "set" && in >> channel >> name >> value && channel >= 0 && channel < CHANNELS) {

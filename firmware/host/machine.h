@@ -15,8 +15,9 @@ namespace contid {
 class Machine {
  public:
   // `boot_id` is that of the first start; every further one gets the next.
-  Machine(Role role, FILE* journal, uint32_t boot_id = FIRST_BOOT_ID)
-      : role_(role), journal_(journal), boot_id_(boot_id) {
+  // `since_tick_us` is null in lockstep, where no time passes between ticks.
+  Machine(Role role, FILE* journal, uint32_t boot_id = FIRST_BOOT_ID, uint32_t (*since_tick_us)() = nullptr)
+      : role_(role), journal_(journal), since_tick_us_(since_tick_us), boot_id_(boot_id) {
     boot(ResetCause::POWER_UP, 0);
   }
 
@@ -24,7 +25,7 @@ class Machine {
   void tick();
   // A byte for the sketch; answers are appended to `reply`. A board that starts (until its first tick) or whose
   // loop() is frozen receives nothing: the caller keeps the byte.
-  void take(uint8_t byte, std::vector<uint8_t>& reply);
+  void take(uint8_t byte, std::vector<uint8_t>& reply, PortId port = PortId::NATIVE);
   bool receives() const { return starting_ms_ == 0 && frozen_ms_ == 0 && ticked_; }
 
   void reset(ResetCause cause, uint32_t uptime_ms = 0);
@@ -43,7 +44,8 @@ class Machine {
   Role role_;
   FILE* journal_;
   Board board_;
-  Link link_;
+  Link link_, other_port_;
+  uint32_t (*since_tick_us_)();
   Outputs outputs_ = Outputs();
   uint32_t boot_id_;
   uint16_t boots_ = 0;

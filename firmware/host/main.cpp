@@ -11,6 +11,7 @@
 #include <termios.h>
 #include <time.h>
 #include <unistd.h>
+#include <atomic>
 #include <cerrno>
 #include <cstdio>
 #include <cstdlib>
@@ -54,6 +55,7 @@ int run_lockstep(Machine& machine) {
   while (std::getline(std::cin, line)) {
     std::istringstream in(line);
     std::string verb, hex, out;
+    std::vector<uint8_t> other;
     in >> verb;
     bool understood = true;
     if (verb == "step") {
@@ -63,6 +65,10 @@ int run_lockstep(Machine& machine) {
     } else if (verb == "rx") {
       in >> hex;
       for (uint8_t byte : from_hex(hex)) waiting.push_back(byte);
+    } else if (verb == "rx2") {
+      in >> hex;
+      for (uint8_t byte : from_hex(hex)) machine.take(byte, other, contid::PortId::PROGRAMMING);
+      out = other.empty() ? "-" : to_hex(other);
     } else {
       understood = machine.command(line, out);
     }
@@ -78,6 +84,19 @@ int run_lockstep(Machine& machine) {
 }
 
 // ---- real time ----
+
+uint64_t now_us() {
+  struct timespec now;
+  clock_gettime(CLOCK_MONOTONIC, &now);
+  return static_cast<uint64_t>(now.tv_sec) * 1000000u + static_cast<uint64_t>(now.tv_nsec) / 1000u;
+}
+
+std::atomic<uint64_t> ticked_us(0);  // when the newest tick was due
+
+uint32_t since_tick_us() {
+  const uint64_t now = now_us(), ticked = ticked_us;
+  return now > ticked ? static_cast<uint32_t>(now - ticked) : 0;
+}
 
 class Port {
  public:
@@ -121,6 +140,7 @@ struct Shared {
   uint32_t unplugged_ms = 0;
   bool garbage = false;
   bool muted = false;
+  contid::PortId port = contid::PortId::NATIVE;
 };
 
 void run_ticks(Shared& shared) {
@@ -137,6 +157,7 @@ void run_ticks(Shared& shared) {
     std::lock_guard<std::mutex> masked(shared.interrupts);
     if (shared.ended) return;
     shared.machine->tick();
+    ticked_us = static_cast<uint64_t>(next.tv_sec) * 1000000u + static_cast<uint64_t>(next.tv_nsec) / 1000u;
     if (shared.unplugged_ms > 0 && shared.unplugged_ms != UINT32_MAX) --shared.unplugged_ms;
   }
 }
@@ -188,7 +209,7 @@ void run_loop(Shared& shared, Port& port, bool reset_on_open) {
         noise = noise * 1664525u + 1013904223u;
         if ((noise >> 28) == 0) byte = static_cast<uint8_t>(byte ^ (1u << ((noise >> 20) & 7u)));
       }
-      shared.machine->take(byte, reply);
+      shared.machine->take(byte, reply, shared.port);
     }
     write_or_drop(shared, port.fd(), reply);
   }
@@ -208,6 +229,10 @@ void run_commands(Shared& shared) {
       shared.unplugged_ms = 0;
     } else if (verb == "garbage") {
       in >> shared.garbage;
+    } else if (verb == "port") {
+      std::string name;
+      in >> name;
+      shared.port = name == "programming" ? contid::PortId::PROGRAMMING : contid::PortId::NATIVE;
     } else if (verb == "mute") {
       in >> shared.muted;
     } else {
@@ -267,7 +292,8 @@ int main(int argc, char** argv) {
   int code = 0;
   {
     const uint32_t boot_id = lockstep ? contid::FIRST_BOOT_ID : static_cast<uint32_t>(std::random_device()());
-    static Machine machine(motor ? contid::Role::MOTOR : contid::Role::PRESSURE, file, boot_id);
+    static Machine machine(motor ? contid::Role::MOTOR : contid::Role::PRESSURE, file, boot_id,
+                           lockstep ? nullptr : since_tick_us);
     for (const std::string& line : world) {
       std::string out;
       if (!machine.command(line, out)) std::fprintf(stderr, "not understood: %s\n", line.c_str());

@@ -65,6 +65,7 @@ void Plant::step(const Outputs& out, bool motors) {
 void Plant::read(bool motors) {
   if (off) return;
   inputs.bridge_faults = 0;
+  inputs.supply_low = supply_low;
   for (int i = 0; i < CHANNELS; ++i) {
     if (motor[i].bridge) inputs.bridge_faults = static_cast<uint8_t>(inputs.bridge_faults | (1u << i));
     inputs.count[i] = motor[i].count();

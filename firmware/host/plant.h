@@ -96,6 +96,7 @@ struct Plant {
   MotorPlant motor[CHANNELS];
   RegulatorPlant regulator[CHANNELS];
   bool off = false;  // inputs are set by hand
+  bool supply_low = false;
   Inputs inputs = Inputs();
 
   // Sets one parameter by name; false when there is none of that name.

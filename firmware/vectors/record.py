@@ -49,10 +49,10 @@ def motor_dialogue() -> Iterator[tuple[str, ...]]:
     yield ask(Type.DEMAND, messages.demand(0, 0, {}))
     yield ask(Type.ARM, messages.masked(0, [0]))
     yield ("#", "unknown message, wrong version, wrong length")
-    yield (">", messages.request(Type.HELLO, 9).replace(b"\x02\x01", b"\x02\x42", 1).hex())
-    yield (">", b"\x01\x01\x0a".hex())
+    yield (">", messages.request(Type.HELLO, 9).replace(b"\x03\x01", b"\x03\x42", 1).hex())
+    yield (">", b"\x02\x01\x0a".hex())
     yield ask(Type.HELLO, b"\0")
-    yield (">", b"\x02".hex())
+    yield (">", b"\x03".hex())
     yield (
         "#",
         "configure: wrong CRC; safe state is not start state; wrong role; cut short; then as it should be",

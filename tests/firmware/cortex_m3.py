@@ -63,7 +63,7 @@ class M3Board:
 
     def start(self, role: str) -> None:
         self.cpu.call("m3_start", 0 if role == "motor" else 1)
-        for word in range(13):
+        for word in range(20):
             self.cpu.write_word(self.cpu.image.symbols["m3_inputs"] + 4 * word, 0)
 
     def tick(self, count: bool = False) -> int:

@@ -29,7 +29,8 @@ def test_both_kinds_of_decoder_count_in_the_same_direction(host: Host):
     host.demand({})
     assert host.told is not None
     for channel, report in host.told.channels.items():
-        assert report.position == pytest.approx(plant.shaft[channel], abs=5)
+        # The shaft goes on while the answer is on the wire, at 2 counts per ms.
+        assert report.position == pytest.approx(plant.shaft[channel], abs=12)
         assert report.position > 400
 
 

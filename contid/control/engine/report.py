@@ -88,7 +88,9 @@ class RunReport:
             if robot["fault"]:
                 lines.append(f"{name}: {robot['message']}")
         for name, counts in self.buses.items():
-            lines.append(f"{name}: " + ", ".join(f"{count} {what}" for what, count in counts.items()))
+            lines.append(
+                f"{name}: " + ", ".join(f"{count} {what.replace('_', ' ')}" for what, count in counts.items())
+            )
         return "\n".join([*lines, *self.problems])
 
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+import time
 from collections.abc import Mapping, Sequence
 
 from contid.errors import DeviceError, DeviceLostError
@@ -21,6 +22,7 @@ _DEMAND_LIMIT = 1_000_000_000
 #: Commands further apart are steps; the board joins them no more.
 STREAM_GAP_S = 0.1
 _REST = {Rest.HOLD: RestCode.HOLD, Rest.RELAX: RestCode.RELAX, Rest.VENT: RestCode.VENT}
+_SUPPLY_LOW = "the 3.3 V supply of the board is below 3.0 V: its readings and outputs are wrong"
 _POSITION_LOST = (
     "position lost: the board restarted; park the axis at power_up_deg, then contid home --parked"
 )
@@ -42,6 +44,7 @@ class _Axis:
         self.report: BoardReport | None = None
         self.enabled = False
         self.silent = True
+        self.supply_low = False
         self._commanded = (0.0, -math.inf)
 
     @property
@@ -51,7 +54,7 @@ class _Axis:
             return self.report.reason.message
         if self.report is not None and self.report.position_lost and not self.homes:
             return _POSITION_LOST
-        return ""
+        return _SUPPLY_LOW if self.supply_low else ""
 
     @property
     def armed(self) -> bool:
@@ -110,6 +113,7 @@ class DueBus:
         self._boot_id: int | None = None
         self._answered_s = -math.inf
         self._exchanges = self._unanswered = 0
+        self.telemetry: Telemetry | None = None
 
     def open(self) -> None:
         """See `contid.hal.Bus.open`; a board with the same configuration keeps its state."""
@@ -159,7 +163,11 @@ class DueBus:
 
     def answer_counts(self) -> Mapping[str, int]:
         """See `contid.hal.CountsAnswers`."""
-        return {"exchanges": self._exchanges, "silent": self._unanswered}
+        counts = {"exchanges": self._exchanges, "silent": self._unanswered}
+        if self.telemetry is not None:
+            counts["watchdog_trips"] = self.telemetry.trips
+            counts["missed_edges"] = sum(each.missed_edges for each in self.telemetry.channels.values())
+        return counts
 
     def enable(self, axes: Sequence[str]) -> None:
         """See `contid.hal.Bus.enable`; starts the board's watchdog."""
@@ -250,11 +258,15 @@ class DueBus:
             return False
         now = self._clock.now()
         self._answered_s = now
+        self.telemetry = answer
+        # The tick that measured it was up to a period before the request.
+        age_s = max(time.monotonic() - self._need_session().clock.sampled_s, 0.0)
         for axis in self._by_name.values():
             report = answer.channels.get(axis.channel)
             axis.silent = report is None
+            axis.supply_low = answer.supply_low
             if report is not None:
-                axis.update(report, now)
+                axis.update(report, now - age_s)
         return True
 
     def _checked(self, commands: Mapping[str, float]) -> dict[int, int]:

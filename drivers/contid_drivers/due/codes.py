@@ -5,7 +5,7 @@ from __future__ import annotations
 import enum
 from typing import Final
 
-PROTOCOL_VERSION: Final = 2
+PROTOCOL_VERSION: Final = 3
 CHANNELS: Final = 6
 #: Velocity of a demand whose host does not know it.
 NO_VELOCITY: Final = -(2**31)
@@ -23,6 +23,7 @@ CHANNEL_POSITION_LOST: Final = 0x80
 BOARD_CONFIGURED: Final = 0x01
 BOARD_DEMAND_STALE: Final = 0x02
 BOARD_POSITION_LOST: Final = 0x04
+BOARD_SUPPLY_LOW: Final = 0x08
 
 
 class Type(enum.IntEnum):
@@ -114,6 +115,7 @@ class Refusal(enum.IntEnum):
     NO_HOMING = 14
     PERSISTS = 15
     POSITION_LOST = 16
+    OTHER_PORT = 17
 
 
 class RoleCode(enum.IntEnum):
@@ -121,6 +123,13 @@ class RoleCode(enum.IntEnum):
 
     MOTOR = 0
     PRESSURE = 1
+
+
+class PortCode(enum.IntEnum):
+    """Port of a board; one at a time commands it."""
+
+    NATIVE = 0
+    PROGRAMMING = 1
 
 
 class BridgeCode(enum.IntEnum):

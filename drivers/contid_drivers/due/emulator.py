@@ -25,7 +25,7 @@ CHANNEL_FAULTS: Final = ("stall", "bridge", "encoder_stuck", "encoder_reversed",
 #: One channel does not answer: ``{"fault": "silent", "channel": 2, "on": true}``.
 SILENT: Final = "silent"
 #: Switches of the line: ``{"fault": "garbage", "on": true}``.
-LINE_FAULTS: Final = ("garbage", "mute")
+LINE_FAULTS: Final = ("garbage", "mute", "supply_low")
 #: Events: ``{"fault": "freeze", "ms": 400}``; without ``ms`` without end.
 BOARD_FAULTS: Final = ("reset", "brown_out", "power_cycle", "freeze", "unplug", "plug")
 #: Distance of the emulated end stops beyond the travel.

@@ -12,6 +12,7 @@ from contid_drivers.due.codes import (
     BOARD_CONFIGURED,
     BOARD_DEMAND_STALE,
     BOARD_POSITION_LOST,
+    BOARD_SUPPLY_LOW,
     CHANNEL_HOMED,
     CHANNEL_LIMITED,
     CHANNEL_POSITION_LOST,
@@ -39,6 +40,8 @@ class Hello:
         boot: starts since power-up.
         boot_id: random, another one at every start.
         position_lost: a motor counts from an unknown position.
+        bridges: kinds of H-bridge it can drive, one bit each (`codes.BridgeCode`).
+        adc_steps, adc_mv: full scale of an analogue input.
     """
 
     role: int
@@ -54,6 +57,9 @@ class Hello:
     position_lost: bool
     config_crc: int
     capabilities: tuple[int, ...]
+    bridges: int
+    adc_steps: int
+    adc_mv: int
     pins: str
 
     @property
@@ -77,20 +83,33 @@ class BoardReport:
     velocity: int
     duty: int
     aux: int
+    missed_edges: int
 
 
 @dataclass(frozen=True, slots=True)
 class Telemetry:
-    """State of the board and of its configured channels at one tick."""
+    """State of the board and of its configured channels at one tick.
+
+    Attributes:
+        uptime_ms: the tick.
+        age_us: time from the tick to this telemetry.
+        supply_low: the 3.3 V were too low since the telemetry before.
+        trips: channels that the watchdog stopped since the start.
+        longest_ms: longest time without feeding the watchdog while a channel was armed.
+    """
 
     uptime_ms: int
+    age_us: int
     boot_id: int
     cause: ResetCause
     config_crc: int
     configured: bool
     stale: bool
+    supply_low: bool
     bad_frames: int
     dropped: int
+    trips: int
+    longest_ms: int
     channels: Mapping[int, BoardReport]
 
 
@@ -127,9 +146,9 @@ class BadAnswerError(ContidError):
 
 
 _HEADER = struct.Struct("<BBB")
-_HELLO = struct.Struct("<BBBBBI16sHIIBBH6B")
-_TELEMETRY = struct.Struct("<IIBHBHHB")
-_REPORT = struct.Struct("<BBiihh")
+_HELLO = struct.Struct("<BBBBBI16sHIIBBH6BBHH")
+_TELEMETRY = struct.Struct("<IHIBHBHHHHB")
+_REPORT = struct.Struct("<BBiihhB")
 
 
 def request(kind: Type, sequence: int, body: bytes = b"") -> bytes:
@@ -212,19 +231,22 @@ def _read_body(kind: int, body: bytes) -> Answer:
             position_lost=bool(fields[11] & BOARD_POSITION_LOST),
             config_crc=fields[12],
             capabilities=tuple(fields[13:19]),
+            bridges=fields[19],
+            adc_steps=fields[20],
+            adc_mv=fields[21],
             pins=body[_HELLO.size :].decode("ascii", "replace"),
         )
     raise BadAnswerError(f"unknown answer {kind:#04x}")
 
 
 def _read_telemetry(body: bytes) -> Telemetry:
-    uptime, boot_id, cause, crc, flags, bad, dropped, mask = _TELEMETRY.unpack_from(body)
+    uptime, age, boot_id, cause, crc, flags, bad, dropped, trips, longest, mask = _TELEMETRY.unpack_from(body)
     channels = {}
     at = _TELEMETRY.size
     for channel in range(CHANNELS):
         if not mask & (1 << channel):
             continue
-        state, reason, position, velocity, duty, aux = _REPORT.unpack_from(body, at)
+        state, reason, position, velocity, duty, aux, missed = _REPORT.unpack_from(body, at)
         at += _REPORT.size
         channels[channel] = BoardReport(
             BoardState(state & 0x0F),
@@ -237,17 +259,22 @@ def _read_telemetry(body: bytes) -> Telemetry:
             velocity,
             duty,
             aux,
+            missed,
         )
     if at != len(body):
         raise BadAnswerError(f"telemetry of {len(body)} bytes, expected {at}")
     return Telemetry(
         uptime_ms=uptime,
+        age_us=age,
         boot_id=boot_id,
         cause=ResetCause(cause),
         config_crc=crc,
         configured=bool(flags & BOARD_CONFIGURED),
         stale=bool(flags & BOARD_DEMAND_STALE),
+        supply_low=bool(flags & BOARD_SUPPLY_LOW),
         bad_frames=bad,
         dropped=dropped,
+        trips=trips,
+        longest_ms=longest,
         channels=channels,
     )

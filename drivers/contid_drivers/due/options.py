@@ -61,6 +61,7 @@ class DueBusOptions(Strict):
             ``programming`` goes through the board's second chip at 250000 baud, and opening it resets the
             board.
         role: ``motor`` or ``pressure``; the board's hello must match.
+        board_id: unique id of the board's chip (`contid scan` prints it); another board is refused.
         watchdog_ms: watchdog of the board: without a valid demand for this time every armed channel goes to
             its safe state, latched.
         latency_ms: allowance for the adapter and the host, added to every time-out.
@@ -70,6 +71,7 @@ class DueBusOptions(Strict):
     port: str = Field(min_length=1)
     connection: Literal["native", "programming"] = "native"
     role: Role
+    board_id: Annotated[str, Field(pattern="^[0-9a-f]{32}$")] | None = None
     watchdog_ms: int = Field(default=100, ge=5, le=10_000)
     latency_ms: Annotated[float, Field(gt=0, le=200)] = 4.0
     hello_ms: Annotated[float, Field(ge=100, le=20_000)] = 3000.0

@@ -78,6 +78,17 @@ def _timing(name: str, options: DueBusOptions, bus: DueBus) -> list[Finding]:
             "" if well else "use the native port, avoid USB hubs, or raise latency_ms",
         )
     ]
+    if (newest := bus.telemetry) is not None:
+        edges = sum(each.missed_edges for each in newest.channels.values())
+        findings.append(
+            Finding(
+                f"{name} counters",
+                True,
+                f"watchdog stopped {newest.trips} channels since the start, longest gap "
+                f"{newest.longest_ms} of {options.watchdog_ms} ms; {edges} encoder edges missed; "
+                f"{newest.bad_frames} damaged frames",
+            )
+        )
     for axis, sample in samples.items():
         lost = sample.fault.startswith("position lost")
         remedy = "" if lost or not sample.fault else "remove the cause, then clear-fault"

@@ -10,7 +10,8 @@ from typing import Final
 from contid.errors import DeviceError, DeviceLostError, DeviceNotFoundError
 from contid.hal import AxisOnBus
 from contid_drivers.due import messages
-from contid_drivers.due.codes import PROTOCOL_VERSION, Refusal, Type
+from contid_drivers.due.board_clock import BoardClock
+from contid_drivers.due.codes import PROTOCOL_VERSION, PortCode, Refusal, Type
 from contid_drivers.due.frames import crc16
 from contid_drivers.due.messages import Answer, Configured, Hello, Refused, Telemetry
 from contid_drivers.due.options import DueBusOptions
@@ -21,7 +22,7 @@ from contid_drivers.serial_ports import find_port
 #: Interval of repeated hellos while a board starts.
 _HELLO_EVERY_S = 0.05
 #: Bytes of the longest telemetry frame, for its time on the wire.
-_TELEMETRY_BYTES = 112
+_TELEMETRY_BYTES = 132
 #: A board whose clock advanced by this much less than the host's was off in between.
 _CLOCK_LAG_S: Final = 2.0
 _REMEDIES: Final[dict[int, str]] = {
@@ -29,6 +30,7 @@ _REMEDIES: Final[dict[int, str]] = {
     Refusal.NOT_HOMED: "contid home",
     Refusal.NO_SENSOR: "check the wire of the pressure signal",
     Refusal.PERSISTS: "remove its cause",
+    Refusal.OTHER_PORT: "end the other host, or use its port",
     Refusal.POSITION_LOST: "park it at power_up_deg, then contid home --parked",
 }
 
@@ -67,12 +69,18 @@ def _wait_for_hello(name: str, options: DueBusOptions, port: DuePort) -> Hello:
     )
 
 
+def _other_port(answer: Refused) -> str:
+    return f"another host commands the board through its {PortCode(answer.detail).name.lower()} port"
+
+
 def _refusal(name: str, what: str, answer: Refused) -> DeviceNotFoundError:
     remedy = ""
     if answer.refusal == Refusal.WRONG_VERSION:
         remedy = (
             f"the board has protocol {answer.detail}, this contid {PROTOCOL_VERSION}: contid firmware flash"
         )
+    elif answer.refusal == Refusal.OTHER_PORT:
+        return DeviceNotFoundError(name, _other_port(answer), _REMEDIES[Refusal.OTHER_PORT])
     elif answer.refusal == Refusal.ARMED_NOW:
         remedy = "another host armed it with another configuration; its watchdog will disarm it"
     return DeviceNotFoundError(name, f"{what} refused: {answer.message}", remedy)
@@ -88,11 +96,13 @@ class DueConnection:
         self.config_crc = crc16(self._blob)
         self._sequence = 0
         self._port = DuePort(name, find_port(name, options.port))
+        self.clock = BoardClock()
         self.echo_ms = 0
         self._echo_s = -math.inf
         try:
             self.hello = _wait_for_hello(name, options, self._port)
             self._follow_clock(self.hello.uptime_ms, time.monotonic())
+            self._check_board()
             self._check_role()
             self._check_channels(axes)
             self._configure()
@@ -107,6 +117,15 @@ class DueConnection:
             return None if payload is None else messages.read_answer(payload)[1]
         except messages.BadAnswerError:
             return None  # noise passes the CRC once in 65536 times
+
+    def _check_board(self) -> None:
+        expected, found = self._options.board_id, self.hello.unique_id
+        if expected not in (None, found):
+            raise DeviceNotFoundError(
+                self._name,
+                f"expected board {expected} at {self._port.path}, found board {found}",
+                "swap the ports or the boards, or correct board_id in the robot file",
+            )
 
     def _check_role(self) -> None:
         if self.hello.role_name != self._options.role:
@@ -154,7 +173,11 @@ class DueConnection:
             hello = self._request(Type.HELLO, b"", seconds)
             cause = hello.cause.message if isinstance(hello, Hello) else "unknown"
             self._lost_by_reset(cause)
+        if isinstance(answer, Refused) and answer.refusal == Refusal.OTHER_PORT:
+            self.close()
+            raise DeviceLostError(self._name, _other_port(answer), _REMEDIES[Refusal.OTHER_PORT])
         if isinstance(answer, Telemetry):
+            self.clock.update(answer.uptime_ms, answer.age_us, asked_s, time.monotonic())
             restarted = answer.boot_id != self.hello.boot_id or not answer.configured
             if restarted or not self._follow_clock(answer.uptime_ms, asked_s):
                 self._lost_by_reset(answer.cause.message)

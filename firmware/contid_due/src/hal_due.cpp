@@ -28,6 +28,8 @@ using contid::PINS;
 const uint32_t PWM_PERIOD = VARIANT_MCK / 20000;  // 20 kHz: 4200 steps, 12 bit
 // 8 periods of 128 slow clocks: 31 ms; 23 to 51 ms over the tolerance of the RC oscillator (20 to 44 kHz).
 const uint32_t WATCHDOG_PERIODS = 8;
+const uint32_t TIMER_PER_US = VARIANT_MCK / 2 / 1000000;  // counts of the tick's timer
+const uint16_t ADC_STEPS = 4095, ADC_MV = 3300;
 
 contid::Board board;
 contid::Role role;
@@ -123,7 +125,23 @@ void start_tick() {
   timer.TC_CCR = TC_CCR_CLKEN | TC_CCR_SWTRG;
 }
 
+// Time since the newest tick. A tick that waits behind the mask is not counted by the board yet.
+uint32_t since_tick_us() {
+  bool waits = false;
+  uint32_t count = 0;
+  do {
+    waits = NVIC_GetPendingIRQ(TC3_IRQn) != 0;
+    count = TC1->TC_CHANNEL[0].TC_CV;
+  } while (waits != (NVIC_GetPendingIRQ(TC3_IRQn) != 0));
+  return count / TIMER_PER_US + (waits ? 1000000 / contid::TICK_HZ : 0);
+}
+
+// The chip measures VDDUTMI, which the board connects to its 3.3 V; the readings of the ADC scale with them.
+void start_supply_monitor() { SUPC->SUPC_SMMR = SUPC_SMMR_SMTH_3_0V | SUPC_SMMR_SMSMPL_CSM; }
+
 void read_inputs() {
+  // Reading it clears the bit.
+  inputs.supply_low = (SUPC->SUPC_SR & SUPC_SR_SMS) != 0;
   for (uint8_t i = 0; i < CHANNELS; ++i) {
     // Conversions finished since the last tick; the tick never waits for one.
     inputs.analog[i] = static_cast<int32_t>(ADC->ADC_CDR[PINS[i].adc_channel] & 0xFFFu);
@@ -183,8 +201,13 @@ void contid_setup() {
   identity.role = role;
   contid::read_identity(identity);
   for (uint8_t i = 0; i < CHANNELS; ++i) identity.capabilities[i] = capabilities(i);
+  identity.bridges = role == contid::Role::MOTOR ? contid::ALL_BRIDGES : 0;
+  identity.adc_steps = ADC_STEPS;
+  identity.adc_mv = ADC_MV;
   identity.pins = role == contid::Role::MOTOR ? contid::MOTOR_PINS : contid::PRESSURE_PINS;
   board.start(identity, mask_tick, unmask_tick);
+  board.clock(since_tick_us);
+  start_supply_monitor();
 
   // First the outputs that drive bridges and valves.
   start_pwm();

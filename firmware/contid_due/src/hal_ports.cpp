@@ -26,7 +26,7 @@ struct Port {
   bool torn;  // a part of an answer went out, and the rest never will
 
   void start() {
-    link.start();
+    link.start(PortId::NATIVE);
     left = 0;
     sent = 0;
     torn = false;
@@ -142,7 +142,7 @@ void start_programming() {
   UART->UART_MR = UART_MR_PAR_NO;
   UART->UART_BRGR = VARIANT_MCK / 16 / BAUD;
   UART->UART_IDR = 0xFFFFFFFFu;
-  programming.start();
+  programming.start(PortId::PROGRAMMING);
   tail = 0;
   UART->UART_RPR = address_of(ring);
   UART->UART_RCR = HALF;

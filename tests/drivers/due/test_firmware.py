@@ -31,10 +31,20 @@ def test_a_cache_that_cannot_be_made_is_named(monkeypatch: pytest.MonkeyPatch, t
         build_host()
 
 
-def test_a_board_of_the_first_protocol_is_refused_with_the_remedy():
-    # Its answer to a hello of version 2: refused, wrong version, 1.
-    with pytest.raises(messages.BadAnswerError, match="protocol version 1, this contid 2"):
-        messages.read_answer(bytes.fromhex("01ff0701020100"))
+@pytest.mark.parametrize(
+    ("version", "answer"),
+    [
+        (1, "01ff0701020100"),  # refused, wrong version
+        (2, "02ff0701020200"),
+        (
+            2,
+            "028107000601010000000000e0e1e2e3e4e5e6e7e8e9eaebecedeeef0100001d07b001000000000000000c0c0c0c0c0c656d",
+        ),
+    ],
+)
+def test_a_board_of_an_older_protocol_is_refused_in_words(version: int, answer: str) -> None:
+    with pytest.raises(messages.BadAnswerError, match=f"protocol version {version}, this contid 3"):
+        messages.read_answer(bytes.fromhex(answer))
 
 
 def test_a_board_shows_which_sources_it_was_built_from() -> None:

@@ -55,6 +55,7 @@ void NVIC_SetPriority(IRQn_Type irq, uint32_t priority);
 void NVIC_EnableIRQ(IRQn_Type irq);
 void NVIC_DisableIRQ(IRQn_Type irq);
 void NVIC_ClearPendingIRQ(IRQn_Type irq);
+uint32_t NVIC_GetPendingIRQ(IRQn_Type irq);
 void __DSB(void);
 void __ISB(void);
 void __disable_irq(void);

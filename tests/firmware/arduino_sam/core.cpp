@@ -28,11 +28,13 @@ static bool attached;
 static volatile uint8_t* const priorities = (volatile uint8_t*)0xE000E400u;
 static volatile uint32_t* const set_enable = (volatile uint32_t*)0xE000E100u;
 static volatile uint32_t* const clear_enable = (volatile uint32_t*)0xE000E180u;
+static volatile uint32_t* const set_pending = (volatile uint32_t*)0xE000E200u;
 static volatile uint32_t* const clear_pending = (volatile uint32_t*)0xE000E280u;
 
 void NVIC_SetPriority(IRQn_Type irq, uint32_t priority) { priorities[irq] = (uint8_t)(priority << 4); }
 void NVIC_EnableIRQ(IRQn_Type irq) { set_enable[irq / 32] = 1u << irq % 32; }
 void NVIC_DisableIRQ(IRQn_Type irq) { clear_enable[irq / 32] = 1u << irq % 32; }
+uint32_t NVIC_GetPendingIRQ(IRQn_Type irq) { return set_pending[irq / 32] >> irq % 32 & 1u; }
 void NVIC_ClearPendingIRQ(IRQn_Type irq) { clear_pending[irq / 32] = 1u << irq % 32; }
 void __DSB(void) { __asm volatile("dsb" ::: "memory"); }
 void __disable_irq(void) { __asm volatile("cpsid i" ::: "memory"); }

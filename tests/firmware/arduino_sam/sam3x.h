@@ -121,7 +121,8 @@ typedef struct {
   RoReg RSTC_SR;
 } Rstc;
 typedef struct {
-  RoReg reserved[5];
+  WoReg SUPC_CR;
+  RwReg SUPC_SMMR, SUPC_MR, SUPC_WUMR, SUPC_WUIR;
   RoReg SUPC_SR;
 } Supc;
 typedef struct {
@@ -209,7 +210,10 @@ typedef struct {
 #define TRNG_ISR_DATRDY (0x1u << 0)
 #define RSTC_SR_RSTTYP_Pos 8
 #define RSTC_SR_RSTTYP_Msk (0x7u << RSTC_SR_RSTTYP_Pos)
+#define SUPC_SMMR_SMTH_3_0V (0xBu << 0)
+#define SUPC_SMMR_SMSMPL_CSM (0x1u << 8)
 #define SUPC_SR_BODRSTS (0x1u << 3)
+#define SUPC_SR_SMS (0x1u << 5)
 #define WDT_CR_WDRSTT (0x1u << 0)
 #define WDT_CR_KEY(value) ((0xffu << 24) & ((value) << 24))
 #define WDT_MR_WDV(value) (0xfffu & (value))

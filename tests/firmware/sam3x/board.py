@@ -6,7 +6,7 @@ import struct
 from pathlib import Path
 
 from tests.firmware.sam3x.cpu import CLOCK_HZ, NEVER, Cpu
-from tests.firmware.sam3x.registers import Adc, Flash, Pio, Plain, Pmc, Pwm, Tc, Trng, Watchdog
+from tests.firmware.sam3x.registers import Adc, Flash, Pio, Plain, Pmc, Pwm, Supply, Tc, Trng, Watchdog
 from tests.firmware.sam3x.uart import Uart
 from tests.firmware.sam3x.usb import Usb
 
@@ -31,7 +31,7 @@ class Sam3x:
         self.cpu = cpu = Cpu(self._cycles_per_instruction)
         for address, data in self._segments:
             cpu.uc.mem_write(address, data)
-        self.pmc, self.pwm, self.adc = Pmc(), Pwm(), Adc()
+        self.pmc, self.pwm, self.adc, self.supply = Pmc(), Pwm(), Adc(), Supply()
         self.pio = {letter: Pio(cpu, 11 + i) for i, letter in enumerate("ABCD")}
         self.tc = [Tc(cpu, 27 + 3 * i) for i in range(3)]
         self.watchdog = Watchdog(cpu, self._expire)
@@ -52,7 +52,7 @@ class Sam3x:
         for i, port in enumerate(self.pio.values()):
             cpu.add(0x400E_0E00 + 0x200 * i, 0x100, port)
         cpu.add(0x400E_1A00, 0x10, Plain(x4=cause << 8))
-        cpu.add(0x400E_1A10, 0x20, Plain())
+        cpu.add(0x400E_1A10, 0x20, self.supply)
         cpu.add(0x400E_1A50, 0x10, self.watchdog)
         cpu.add(0x400E_1A90, 0x20, self.backup)
         cpu.boot()

@@ -70,6 +70,8 @@ class SystemControl:
             return max(0, self.due - self._cpu.cycles) if self.due != NEVER else 0
         if offset in (0x100, 0x104, 0x180, 0x184):
             return self.enabled >> 32 * (offset % 8 // 4) & 0xFFFF_FFFF
+        if offset in (0x200, 0x204):
+            return (self.pending | self.lines) >> 32 * (offset % 8 // 4) & 0xFFFF_FFFF
         if 0x400 <= offset < 0x430:
             return int.from_bytes(self.priority[offset - 0x3F0 : offset - 0x3EC], "little")
         if offset == 0xD04:

@@ -154,6 +154,9 @@ class Tc(Plain):
         self._cpu.line(self._irq, bool(self.status & self.mask))
 
     def read(self, offset: int) -> int:
+        if offset == 0x10 and self.due != NEVER:  # counts MCK/2 up to RC
+            compare = self.words[0x1C]
+            return (compare - (self.due - self._cpu.cycles) // 2) % compare
         if offset == 0x10:
             return self.count & 0xFFFF_FFFF if self.words.get(0xC4, 0) & 1 << 8 and self.running else 0
         if offset == 0x20:
@@ -198,6 +201,20 @@ class Adc(Plain):
             for channel in range(16):
                 if self.enabled & 1 << channel:
                     self.words[0x50 + 4 * channel] = self.analog[channel]
+
+
+class Supply(Plain):
+    """The supply controller; its monitor compares VDDUTMI with its threshold while it is on."""
+
+    def __init__(self) -> None:
+        super().__init__()
+        self.millivolt = 3300
+
+    def read(self, offset: int) -> int:
+        mode = self.words.get(0x04, 0)
+        threshold_mv = 1900 + 100 * (mode & 15)
+        low = mode >> 8 & 7 != 0 and self.millivolt < threshold_mv
+        return low << 5 | low << 6 if offset == 0x14 else super().read(offset)
 
 
 class Watchdog(Plain):

@@ -199,7 +199,8 @@ def test_a_loop_frozen_for_a_moment_costs_some_samples(world):
         valid.append(all(sample.valid for sample in bus.exchange({}).values()))
         time.sleep(0.002)
     assert False in valid
-    assert bus.answer_counts() == {"exchanges": 1 + len(valid), "silent": valid.count(False)}
+    counts = {"exchanges": 1 + len(valid), "silent": valid.count(False)}
+    assert bus.answer_counts() == {**counts, "watchdog_trips": 0, "missed_edges": 0}
     assert not any(sample.fault for sample in settle(bus, 0.1).values())
 
 
@@ -217,6 +218,56 @@ def test_garbage_on_the_line_costs_samples_and_never_moves(world):
     assert all(sample.valid and not sample.fault for sample in samples.values())
     for axis, goal in goals.items():
         assert samples[axis].value == pytest.approx(goal, abs=0.02)
+
+
+def test_a_board_with_another_id_is_refused_with_both_ids(world):
+    wanted, found = "00112233445566778899aabbccddeeff", bytes(range(0xE0, 0xF0)).hex()
+    bus, _ = world(board_id=wanted)
+    with pytest.raises(DeviceNotFoundError, match=f"expected board {wanted}.*found board {found}"):
+        bus.open()
+    bus, _ = world(board_id=found)
+    bus.open()
+
+
+def test_only_one_port_of_a_board_commands_it(world):
+    bus, emulator = world()
+    bus.open()
+    bus.exchange({})
+    bus.enable(bus.axes)
+    emulator.command("port programming")
+    with pytest.raises(DeviceLostError, match="another host commands the board through its native port"):
+        bus.exchange({})
+    with pytest.raises(DeviceNotFoundError, match="another host commands the board through its native port"):
+        bus.open()
+    time.sleep(0.2)  # the watchdog, after which nothing is armed
+    bus.open()
+    assert all(sample.valid for sample in bus.exchange({}).values())
+
+
+def test_a_low_supply_of_the_board_is_a_fault_while_it_lasts(world):
+    bus, emulator = world()
+    bus.open()
+    assert not any(sample.fault for sample in bus.exchange({}).values())
+    emulator.fault("supply_low")
+    assert all("3.3 V supply" in sample.fault for sample in settle(bus, 0.05).values())
+    emulator.fault("supply_low", on=False)
+    assert not any(sample.fault for sample in settle(bus, 0.05).values())
+
+
+def test_samples_carry_the_time_of_the_tick_that_measured_them(world):
+    bus, _ = world()
+    bus.open()
+    for _ in range(50):
+        before = time.monotonic()
+        (sample, *others) = bus.exchange({}).values()
+        after = time.monotonic()
+        assert all(other.time_s == sample.time_s for other in others)
+        error_s = bus._session.clock.error_s
+        # The tick began at most 1 ms before the request; late ticks of this machine are caught up.
+        assert before - 0.001 - 2 * error_s - 0.05 <= sample.time_s <= after
+        assert sample.age_s >= 0.0
+        time.sleep(0.003)
+    assert error_s < 0.005
 
 
 def test_a_board_that_falls_silent_is_lost(world):
@@ -328,7 +379,7 @@ def test_firmware_command(world, tmp_path, configs):
     file.write_text(text)
     result = run(firmware_command, ["info", str(file)])
     assert result.exit_code == 0, result.output
-    assert "role motor, firmware 1.1.0 (built by hand), chip e0e1" in result.output
+    assert "role motor, firmware 1.2.0 (built by hand), chip e0e1" in result.output
 
 
 def test_parked_by_command(world, tmp_path, configs):

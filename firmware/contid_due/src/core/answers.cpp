@@ -4,7 +4,18 @@
 
 namespace contid {
 
-size_t Board::answer(const uint8_t* request, size_t size, uint8_t* out, size_t capacity) {
+namespace {
+
+const uint32_t U16_MAX = 0xFFFF;
+
+uint32_t at_most(uint32_t value, uint32_t max) { return value < max ? value : max; }
+
+// Requests of the host that moves the robot; hello and stop are for everybody.
+bool commands(uint8_t type) { return type != HELLO && type != STOP; }
+
+}  // namespace
+
+size_t Board::answer(const uint8_t* request, size_t size, uint8_t* out, size_t capacity, PortId port) {
   Reader in(request, size);
   const uint8_t version = in.u8();
   const uint8_t type = in.u8();
@@ -17,7 +28,10 @@ size_t Board::answer(const uint8_t* request, size_t size, uint8_t* out, size_t c
   Verdict verdict = accepted();
   if (version != PROTOCOL_VERSION) {
     verdict = Verdict{Refusal::WRONG_VERSION, PROTOCOL_VERSION};
+  } else if (commands(type) && port != commander_ && commanded()) {
+    verdict = Verdict{Refusal::OTHER_PORT, static_cast<uint16_t>(commander_)};
   } else {
+    if (commands(type)) commander_ = port;
     switch (type) {
       case HELLO:
         if (body != 0) verdict = Verdict{Refusal::WRONG_LENGTH, static_cast<uint16_t>(body)};
@@ -74,6 +88,7 @@ size_t Board::answer(const uint8_t* request, size_t size, uint8_t* out, size_t c
 uint32_t Board::flags() const {
   uint32_t bits = config_.mask != 0 ? BOARD_CONFIGURED : 0u;
   if (stale_) bits |= BOARD_DEMAND_STALE;
+  if (supply_low_) bits |= BOARD_SUPPLY_LOW;
   for (uint8_t i = 0; i < CHANNELS; ++i) {
     const bool used = config_.mask == 0 || (config_.mask & (1u << i)) != 0;
     if (used && lost(i)) bits |= BOARD_POSITION_LOST;
@@ -97,6 +112,9 @@ size_t Board::write_hello(uint8_t* out, size_t capacity) const {
   to.u8(flags());
   to.u16(config_crc_);
   for (uint8_t i = 0; i < CHANNELS; ++i) to.u8(identity_.capabilities[i]);
+  to.u8(identity_.bridges);
+  to.u16(identity_.adc_steps);
+  to.u16(identity_.adc_mv);
   for (const char* c = identity_.pins; c != nullptr && *c != '\0'; ++c) to.u8(static_cast<uint8_t>(*c));
   return to.size();
 }
@@ -106,12 +124,16 @@ size_t Board::write_telemetry(uint8_t* out, size_t capacity) {
   // All numbers of one answer are of one tick.
   block_tick();
   to.u32(now_);
+  to.u16(since_tick_us_ != nullptr ? at_most(since_tick_us_(), U16_MAX) : 0u);
   to.u32(identity_.boot_id);
   to.u8(static_cast<uint8_t>(identity_.cause));
   to.u16(config_crc_);
   to.u8(flags());
+  supply_low_ = false;
   to.u16(bad_frames_);
   to.u16(dropped_);
+  to.u16(trips_);
+  to.u16(at_most(longest_ms_, U16_MAX));
   uint8_t reported = 0;
   for (uint8_t i = 0; i < CHANNELS; ++i) {
     if ((config_.mask & (1u << i)) != 0 && fitted(i)) reported = static_cast<uint8_t>(reported | (1u << i));
@@ -133,6 +155,7 @@ size_t Board::write_telemetry(uint8_t* out, size_t capacity) {
     to.i32(motor ? m.velocity() : r.rate());
     to.i16(motor ? m.duty() : r.duty());
     to.i16(motor ? clamp(m.current_ma(), -32767, 32767) : r.raw());
+    to.u8(motor ? at_most(m.missed_edges(), 0xFF) : 0u);
   }
   allow_tick();
   return to.size();

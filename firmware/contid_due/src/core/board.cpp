@@ -23,6 +23,7 @@ void Board::start(const Identity& identity, void (*mask_tick)(), void (*unmask_t
 void Board::tick(const Inputs& in, Outputs& out) {
   now_ = now_ + 1;
   bridge_faults_ = in.bridge_faults;
+  if (in.supply_low) supply_low_ = true;
   const bool motors = identity_.role == Role::MOTOR;
   for (uint8_t i = 0; i < CHANNELS; ++i) {
     if (motors) {
@@ -43,7 +44,24 @@ void Board::tick(const Inputs& in, Outputs& out) {
 
 bool Board::lost(uint8_t i) const { return identity_.role == Role::MOTOR && motor_[i].lost(); }
 
+bool Board::commanded() const {
+  for (const Channel& channel : channel_) {
+    if (channel.state == State::ARMED || channel.state == State::HOMING) return true;
+  }
+  return false;
+}
+
+void Board::feed() {
+  const uint32_t gap = now_ - fed_;
+  if (commanded() && gap > longest_ms_) longest_ms_ = gap;
+  fed_ = now_;
+}
+
 void Board::trip(uint8_t i, Reason reason) {
+  if (reason == Reason::WATCHDOG && trips_ < UINT16_MAX) {
+    trips_ = static_cast<uint16_t>(trips_ + 1);
+    if (now_ - fed_ > longest_ms_) longest_ms_ = now_ - fed_;
+  }
   channel_[i].state = State::SAFE;
   channel_[i].reason = reason;
   if (identity_.role == Role::MOTOR) motor_[i].hold();

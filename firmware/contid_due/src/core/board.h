@@ -21,6 +21,8 @@ struct Identity {
   ResetCause cause;
   uint8_t capabilities[CHANNELS];  // 0: the channel is not fitted
   const char* pins;                // the pin map as text
+  uint8_t bridges;                 // kinds of H-bridge it can drive, one bit each
+  uint16_t adc_steps, adc_mv;      // full scale of an analogue input
 };
 
 struct Inputs {
@@ -28,6 +30,7 @@ struct Inputs {
   int32_t analog[CHANNELS];  // 12 bit
   uint8_t bridge_faults;     // one bit per channel whose H-bridge reports a fault
   uint32_t missed[CHANNELS];  // encoder edges missed since the start
+  bool supply_low;            // the 3.3 V were below their threshold since the last tick
 };
 
 struct Outputs {
@@ -40,10 +43,13 @@ class Board {
   // `uptime_ms` other than 0 is for tests of the clock's wrap after 49 days.
   void start(const Identity& identity, void (*mask_tick)(), void (*unmask_tick)(), uint32_t uptime_ms = 0);
 
+  // A source of the time since the newest tick [us]; without one the age of telemetry is 0.
+  void clock(uint32_t (*since_tick_us)()) { since_tick_us_ = since_tick_us; }
+
   void tick(const Inputs& in, Outputs& out);
 
   // Answers one request (header and body, CRC checked and removed). Returns the size of the answer.
-  size_t answer(const uint8_t* request, size_t size, uint8_t* out, size_t capacity);
+  size_t answer(const uint8_t* request, size_t size, uint8_t* out, size_t capacity, PortId port = PortId::NATIVE);
 
   // A channel that is not fitted, or dropped out, is absent from telemetry and cannot be armed.
   void fit(uint8_t channel, uint8_t capabilities) { identity_.capabilities[channel] = capabilities; }
@@ -86,6 +92,11 @@ class Board {
   // The first refusal of a channel in the mask. Call it with the tick blocked, so that the result stays valid.
   Verdict check_each(uint8_t mask, Verdict (Board::*may)(uint8_t channel) const) const;
 
+  // Whether a channel follows demands or homes.
+  bool commanded() const;
+  // The watchdog is fed: the host read a telemetry and sent a request.
+  void feed();
+
   // Whether a motor counts from an unknown position.
   bool lost(uint8_t channel) const;
 
@@ -118,6 +129,11 @@ class Board {
   uint32_t echoed_;  // the newest telemetry that the host echoed
   bool stale_;
   uint16_t bad_frames_, dropped_;
+  uint16_t trips_;       // channels that the watchdog stopped
+  uint32_t longest_ms_;  // longest time between two feeds while a channel was commanded
+  bool supply_low_;      // since the last telemetry
+  PortId commander_;
+  uint32_t (*since_tick_us_)();
   uint8_t bridge_faults_;
 };
 

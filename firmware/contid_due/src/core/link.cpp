@@ -25,7 +25,7 @@ size_t Link::take(uint8_t byte, Board& board) {
   }
   const size_t size = size_;
   const bool too_long = too_long_;
-  start();
+  clear();
   if (size == 0) return 0;  // zeros between frames resynchronise; they are no frame
   const size_t payload = too_long ? 0 : cobs_decode(frame_, size);
   if (payload < HEADER_SIZE + CRC_SIZE) {
@@ -39,7 +39,7 @@ size_t Link::take(uint8_t byte, Board& board) {
     return 0;
   }
   uint8_t answer[MAX_ANSWER + CRC_SIZE];
-  const size_t answered = board.answer(frame_, body, answer, MAX_ANSWER);
+  const size_t answered = board.answer(frame_, body, answer, MAX_ANSWER, port_);
   return answered == 0 ? 0 : seal(answer, answered, reply_);
 }
 

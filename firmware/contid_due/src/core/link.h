@@ -12,9 +12,9 @@ class Link {
   static const size_t MAX_FRAME = MAX_PAYLOAD + CRC_SIZE + (MAX_PAYLOAD + CRC_SIZE) / 254 + 1;
   static const size_t MAX_REPLY = MAX_ANSWER + CRC_SIZE + (MAX_ANSWER + CRC_SIZE) / 254 + 2;
 
-  void start() {
-    size_ = 0;
-    too_long_ = false;
+  void start(PortId port = PortId::NATIVE) {
+    port_ = port;
+    clear();
   }
 
   // Takes one byte. Returns the size of the answer now in reply(), or 0.
@@ -22,6 +22,12 @@ class Link {
   const uint8_t* reply() const { return reply_; }
 
  private:
+  void clear() {
+    size_ = 0;
+    too_long_ = false;
+  }
+
+  PortId port_;
   uint8_t frame_[MAX_FRAME];
   uint8_t reply_[MAX_REPLY];
   size_t size_;

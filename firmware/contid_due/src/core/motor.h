@@ -41,6 +41,8 @@ class Motor {
   int32_t velocity() const;
   int32_t duty() const { return duty_; }
   int32_t current_ma() const { return current_; }
+  // Encoder edges missed since the position was known.
+  uint32_t missed_edges() const { return raw_missed_ - missed_base_; }
   bool homed() const { return homed_; }
   // A count that started at an unknown position: neither homed nor parked.
   bool lost() const { return lost_ && !homed_; }
@@ -56,7 +58,7 @@ class Motor {
   enum class Phase : uint8_t { IDLE, APPROACH, BACK_OFF, FOUND };
   // Each missed edge is two counts; so many make the position useless.
   static const uint32_t MISSED_EDGES = 8;
-  bool missed() const { return raw_missed_ - missed_base_ >= MISSED_EDGES; }
+  bool missed() const { return missed_edges() >= MISSED_EDGES; }
 
   static const uint32_t WINDOW = 8;
 

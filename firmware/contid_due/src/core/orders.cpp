@@ -95,7 +95,7 @@ Verdict Board::arm(Reader& in) {
     allow_tick();
     return verdict;
   }
-  fed_ = now_;
+  feed();
   demanded_ = now_;
   for (uint8_t i = 0; i < CHANNELS; ++i) {
     if ((mask & (1u << i)) == 0 || channel_[i].state == State::ARMED) continue;
@@ -142,7 +142,7 @@ Verdict Board::demand(Reader& in) {
     // Only news feeds: the same echo again does not show that the host still reads.
     if (static_cast<int32_t>(echo - echoed_) > 0) {
       echoed_ = echo;
-      fed_ = now_;
+      feed();
     }
     if (mask != 0) demanded_ = now_;
   }
@@ -228,7 +228,7 @@ Verdict Board::home(Reader& in) {
     allow_tick();
     return verdict;
   }
-  fed_ = now_;
+  feed();
   for (uint8_t i = 0; i < CHANNELS; ++i) {
     if ((mask & (1u << i)) == 0 || channel_[i].state == State::HOMING) continue;
     motor_[i].home();

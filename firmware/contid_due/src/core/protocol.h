@@ -8,9 +8,9 @@
 
 namespace contid {
 
-const uint8_t PROTOCOL_VERSION = 2;
+const uint8_t PROTOCOL_VERSION = 3;
 const uint8_t FIRMWARE_MAJOR = 1;
-const uint8_t FIRMWARE_MINOR = 1;
+const uint8_t FIRMWARE_MINOR = 2;
 const uint8_t FIRMWARE_PATCH = 0;
 
 const uint8_t CHANNELS = 6;
@@ -45,6 +45,8 @@ enum class Safe : uint8_t { BRAKE = 0, COAST = 1, HOLD = 2, VENT = 3, CLOSE = 4 
 
 // Kind of H-bridge, by its lines (bridge.cpp).
 enum class Bridge : uint8_t { PWM_IN_IN = 0, TB6612 = 1, IN_IN = 2, DIR_PWM = 3 };
+
+const uint8_t ALL_BRIDGES = 0x0F;
 
 enum class State : uint8_t {
   OFF = 0,      // not configured; the pins of a motor are not driven
@@ -90,7 +92,11 @@ enum class Refusal : uint8_t {
   NO_HOMING = 14,  // detail: the channel
   PERSISTS = 15,   // detail: the channel
   POSITION_LOST = 16,  // detail: the channel; home it, or park it
+  OTHER_PORT = 17,  // detail: the port that commands the board
 };
+
+// Ports of a board. While a channel is armed or homing, only the port that commands it may command.
+enum class PortId : uint8_t { NATIVE = 0, PROGRAMMING = 1 };
 
 enum class ResetCause : uint8_t { POWER_UP = 0, BACKUP = 1, WATCHDOG = 2, SOFTWARE = 3, PIN = 4, BROWN_OUT = 5 };
 
@@ -111,6 +117,7 @@ const uint8_t CHANNEL_POSITION_LOST = 0x80;
 const uint8_t BOARD_CONFIGURED = 0x01;
 const uint8_t BOARD_DEMAND_STALE = 0x02;
 const uint8_t BOARD_POSITION_LOST = 0x04;
+const uint8_t BOARD_SUPPLY_LOW = 0x08;  // the 3.3 V were too low since the last telemetry
 
 const size_t UNIQUE_ID_SIZE = 16;
 
