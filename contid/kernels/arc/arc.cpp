@@ -1,9 +1,10 @@
-// contid.kernels._arc: constant-curvature sections for Python. Calls take microseconds and hold the GIL.
+// contid.kernels._arc: constant-curvature sections for Python. Single calls take microseconds and hold the GIL.
 #include <nanobind/nanobind.h>
 #include <nanobind/ndarray.h>
 
+#include "../batch_python.hpp"
 #include "../python.hpp"
-#include "section_solver.hpp"
+#include "batch.hpp"
 
 namespace nb = nanobind;
 using contid::read, contid::SectionSolver, contid::tuple_of;
@@ -20,10 +21,14 @@ void fill(Out& out, const double (*rows)[contid::kMaxLengths], int columns, cons
 void make(SectionSolver* self, nb::handle radius, nb::handle to_arc, nb::handle to_lengths, nb::handle rigid,
           nb::handle lower, nb::handle upper, nb::handle home, double rack, double curvature_max, nb::handle tuning) {
   const Py_ssize_t count = PyObject_Length(radius.ptr());
-  if (count < 1 || count > contid::kMaxSections) throw nb::value_error("one to four sections");
   contid::Feasible f;
   contid::Sections& s = f.sections;
+#ifdef CONTID_SECTIONS
+  if (count != CONTID_SECTIONS) throw nb::value_error("a build for another number of sections");
+#else
+  if (count < 1 || count > contid::kMaxSections) throw nb::value_error("one to eight sections");
   s.count = static_cast<int>(count);
+#endif
   read(radius, s.radius, count, "radius: one number per section");
   read(rigid, s.rigid, count, "rigid: one number per section");
   read(to_arc, s.to_arc[0], 9 * count, "to_arc: nine numbers per section");
@@ -95,9 +100,30 @@ int follow(const SectionSolver& self, Out tips, nb::handle seed, Out lengths) {
   return met;
 }
 
+// Poses of many rows; the GIL is released.
+void forward_many(const SectionSolver& self, contid::Matrix lengths, contid::Table out, int threads) {
+  const std::size_t rows = out.shape(0);
+  contid::check(lengths, rows, self.size(), "lengths: an array (rows, 3 n)");
+  contid::check(out, rows, contid::kPoseBytes);
+  const nb::gil_scoped_release released;
+  contid::forward_rows(self.feasible().sections, lengths.data(), rows, threads, out.data());
+}
+
+// Answers for many rows; the GIL is released.
+void inverse_many(const SectionSolver& self, contid::Matrix tip, nb::handle direction, nb::handle mid,
+                  contid::Matrix seeds, bool chained, contid::Table out, int threads) {
+  const std::size_t rows = out.shape(0);
+  const contid::TargetRows targets = contid::targets_of(tip, direction, mid, nb::none());
+  contid::check(tip, rows, 3, "tip: an array (rows, 3)");
+  contid::check(seeds, chained ? 1 : rows, self.size(), "seeds: an array (rows, 3 n)");
+  contid::check(out, rows, contid::solution_bytes(self.size()));
+  const nb::gil_scoped_release released;
+  contid::inverse_rows(self, targets, rows, seeds.data(), chained, threads, out.data());
+}
+
 }  // namespace
 
-NB_MODULE(_arc, module) {
+NB_MODULE(KERNEL_MODULE, module) {
   module.doc() =
       "Constant-curvature sections: native twin of contid.kinematics.arc.solve and contid.kinematics.arc.sections.";
   nb::class_<SectionSolver>(module, "SectionSolver")
@@ -107,5 +133,8 @@ NB_MODULE(_arc, module) {
       .def("forward", &forward, nb::arg("lengths"))
       .def("differentiate", &differentiate, nb::arg("lengths"), nb::arg("tip"), nb::arg("spin"), nb::arg("mid"))
       .def("solve", &solve, nb::arg("tip"), nb::arg("direction").none(), nb::arg("mid").none(), nb::arg("seed"))
+      .def("forward_many", &forward_many, nb::arg("actuations"), nb::arg("out"), nb::arg("threads"))
+      .def("inverse_many", &inverse_many, nb::arg("tip"), nb::arg("direction").none(), nb::arg("mid").none(),
+           nb::arg("seeds"), nb::arg("chained"), nb::arg("out"), nb::arg("threads"))
       .def("follow", &follow, nb::arg("tips"), nb::arg("seed"), nb::arg("lengths"));
 }

@@ -1,13 +1,14 @@
 // contid.kernels._cosserat: the pneumatic rod for Python, the protocol contid.kinematics.cosserat.engine.RodSolver.
-// Calls take microseconds and hold the GIL: releasing it costs up to two switch intervals of a busy thread.
+// Single calls take microseconds and hold the GIL: releasing it costs up to two switch intervals of a busy thread.
 
 #include <nanobind/nanobind.h>
 
 #include <memory>
 #include <stdexcept>
 
+#include "../batch_python.hpp"
 #include "../python.hpp"
-#include "search.hpp"
+#include "batch.hpp"
 
 namespace nb = nanobind;
 using namespace contid;
@@ -30,6 +31,8 @@ struct Arm {
   virtual nb::tuple inverse(const Task& task, Vec force, nb::handle seed) const = 0;
   virtual nb::tuple forward(nb::handle pressures, Vec force) const = 0;
   virtual nb::object critical(nb::handle pressures, Vec force, double max_factor) const = 0;
+  virtual void inverse_many(const TaskRows& tasks, Matrix seeds, Table out, int threads) const = 0;
+  virtual void forward_many(Matrix pressures, const double* loads, Table out, int threads) const = 0;
 };
 
 template <int K> struct ArmOf final : Arm {
@@ -101,6 +104,20 @@ template <int K> struct ArmOf final : Arm {
     if (factor < 0.0) return nb::none();
     return nb::float_(factor);
   }
+
+  void inverse_many(const TaskRows& tasks, Matrix seeds, Table out, int threads) const override {
+    check(seeds, out.shape(0), 3 * K, kPressures);
+    check(out, out.shape(0), solution_bytes(3 * K));
+    const nb::gil_scoped_release released;
+    inverse_rows<K>(rod, limits, settings, tasks, out.shape(0), seeds.data(), threads, out.data());
+  }
+
+  void forward_many(Matrix pressures, const double* loads, Table out, int threads) const override {
+    check(pressures, out.shape(0), 3 * K, kPressures);
+    check(out, out.shape(0), kPoseBytes);
+    const nb::gil_scoped_release released;
+    forward_rows<K>(rod, settings, pressures.data(), loads, out.shape(0), threads, out.data());
+  }
 };
 
 struct Engine {
@@ -137,6 +154,22 @@ struct Engine {
     }
     return arm->inverse(task, vec(force), seed);
   }
+
+  void inverse_many(Matrix tip, nb::handle mid, nb::handle direction, nb::handle force, Matrix seeds, Table out,
+                    int threads) const {
+    check(tip, out.shape(0), 3, "tip: an array (rows, 3)");
+    arm->inverse_many({targets_of(tip, direction, mid, force), length, full_rotation}, seeds, out, threads);
+  }
+
+  void forward_many(Matrix pressures, nb::handle force, Table out, int threads) const {
+    const double* loads = nullptr;
+    if (!force.is_none()) {
+      const Matrix rows = nb::cast<Matrix>(force);
+      check(rows, out.shape(0), 3, "force: an array (rows, 3)");
+      loads = rows.data();
+    }
+    arm->forward_many(pressures, loads, out, threads);
+  }
 };
 
 }  // namespace
@@ -146,6 +179,10 @@ NB_MODULE(KERNEL_MODULE, m) {
       .def(nb::init<nb::handle>(), nb::arg("setup"))
       .def("inverse", &Engine::inverse, nb::arg("tip"), nb::arg("mid").none(), nb::arg("direction").none(),
            nb::arg("force"), nb::arg("seed"))
+      .def("inverse_many", &Engine::inverse_many, nb::arg("tip"), nb::arg("mid").none(), nb::arg("direction").none(),
+           nb::arg("force").none(), nb::arg("seeds"), nb::arg("out"), nb::arg("threads"))
+      .def("forward_many", &Engine::forward_many, nb::arg("pressures"), nb::arg("force").none(), nb::arg("out"),
+           nb::arg("threads"))
       .def(
           "forward",
           [](const Engine& e, nb::handle pressures, nb::handle force) { return e.arm->forward(pressures, vec(force)); },

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from typing import Protocol
+from typing import Final, Protocol
 
 import numpy as np
 
@@ -16,6 +16,9 @@ from contid.kinematics.array import Array
 from contid.robot_file.sections import SectionRobot
 from contid.targets import ZERO3, Actuation, Pose, Solution, Target, Vec3
 from contid.units import LIMIT_TOLERANCE_M, m_to_mm
+
+#: Numbers of sections with a kernel of their own.
+EXACT_BUILDS: Final = (1, 2)
 
 
 class Solver(Protocol):
@@ -50,7 +53,8 @@ def feasible_of(robot: SectionRobot) -> Feasible:
 def build_solver(feasible: Feasible, tuning: Tuning | None = None) -> Solver:
     """The native solver where it is built and not switched off, its NumPy twin otherwise."""
     tuning = tuning or tuning_for(feasible)
-    kernel = load("arc")
+    count = feasible.sections.count
+    kernel = load(f"arc{count}" if count in EXACT_BUILDS else "arc")
     if kernel is None:
         return SectionSolver(feasible, tuning)
     solver: Solver = kernel.SectionSolver(
@@ -80,7 +84,7 @@ class SectionModel:
         self.feasible = feasible_of(robot)
         self.sections = self.feasible.sections
         self.solver = build_solver(self.feasible)
-        self._limit_names = self.feasible.names
+        self.limit_names = self.feasible.names
 
     def forward(self, actuation: Actuation, load_n: Vec3 = ZERO3) -> Pose:
         """Tip, orientation and mid-point for lengths [m]; a load does not bend the arc in this model."""
@@ -120,7 +124,7 @@ class SectionModel:
 
     def limits_in(self, binding: int) -> tuple[str, ...]:
         """Names of the limits whose bits are set."""
-        return tuple(name for k, name in enumerate(self._limit_names) if binding >> k & 1)
+        return tuple(name for k, name in enumerate(self.limit_names) if binding >> k & 1)
 
     def _clamped(self, requested: Actuation) -> Solution:
         if not any(excess > 0.0 for excess in self.feasible.excess(np.array(requested))):

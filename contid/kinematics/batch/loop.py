@@ -15,7 +15,7 @@ _BITS = 64
 
 def forward(model: Model, actuations: Array, load_n: Array | None) -> Poses:
     """`Model.forward` of every row."""
-    rows = np.empty(len(actuations), POSE)
+    rows = np.zeros(len(actuations), POSE)
     for k, actuation in enumerate(actuations.tolist()):
         pose = model.forward(tuple(actuation), ZERO3 if load_n is None else _vec3(load_n[k]))
         rotation = np.array(pose.rotation).reshape(3, 3)
@@ -25,7 +25,7 @@ def forward(model: Model, actuations: Array, load_n: Array | None) -> Poses:
 
 def inverse(model: Model, targets: Targets, seeds: Array, chained: bool) -> Solutions:
     """`Model.inverse` of every row; limits are numbered as they appear."""
-    rows = np.empty(len(targets), solution_dtype(len(model.axis_names)))
+    rows = np.zeros(len(targets), solution_dtype(len(model.axis_names)))
     bits: dict[str, int] = {}
     seed: tuple[float, ...] = ()
     for k in range(len(targets)):

@@ -3,12 +3,25 @@
 from __future__ import annotations
 
 import os
+from importlib import import_module
+from types import ModuleType
+from typing import Final
 
+import numpy as np
 from numpy.typing import ArrayLike
 
 from contid.kinematics.batch import loop
 from contid.kinematics.batch.rows import Poses, Solutions, Targets, matrix, vectors
 from contid.kinematics.model import Model
+
+#: Class of a model -> the module with its ``forward`` and ``inverse`` for batches; each gives None where the
+#: kernel is missing, and the loop serves.
+BATCHES: Final = {
+    "contid.kinematics.arc.section_model:SectionModel": "contid.kinematics.batch.sections",
+    "contid.kinematics.cosserat.model:CosseratModel": "contid.kinematics.batch.pneumatic",
+    "contid.kinematics.rack.finger:RackFingerModel": "contid.kinematics.batch.finger",
+    "contid.kinematics.ph.model:PhModel": "contid.kinematics.batch.sections",
+}
 
 
 def forward_many(
@@ -27,8 +40,9 @@ def forward_many(
     """
     rows = matrix(actuations, None, len(model.axis_names), "actuations")
     loads = None if load_n is None else vectors(load_n, len(rows), "load_n")
-    _count(threads)
-    return loop.forward(model, rows, loads)
+    count, batch = _count(threads), _batch_of(model)
+    found: Poses | None = None if batch is None else batch.forward(model, rows, loads, count)
+    return loop.forward(model, rows, loads) if found is None else found
 
 
 def inverse_many(
@@ -50,8 +64,17 @@ def inverse_many(
     """
     axes = len(model.axis_names)
     starts = matrix(seeds, 1 if chained else len(targets), axes, "seeds")
-    _count(threads)
-    return loop.inverse(model, targets, starts, chained)
+    count, batch = _count(threads), _batch_of(model)
+    found: Solutions | None = None
+    if batch is not None:
+        # Kernels take a row each, also where one seed serves all.
+        found = batch.inverse(model, targets, np.ascontiguousarray(starts), chained, count)
+    return loop.inverse(model, targets, starts, chained) if found is None else found
+
+
+def _batch_of(model: Model) -> ModuleType | None:
+    name = BATCHES.get(f"{type(model).__module__}:{type(model).__qualname__}")
+    return None if name is None else import_module(name)
 
 
 def _count(threads: int | None) -> int:

@@ -132,8 +132,8 @@ def matrix(given: ArrayLike, rows: int | None, columns: int, name: str) -> Array
         ValueError: another shape.
     """
     array = np.asarray(given, dtype=np.float64)
-    if array.ndim == 1 and rows is not None:
-        array = np.broadcast_to(array, (rows, len(array)))
+    if rows is not None and array.shape in ((columns,), (1, columns)):
+        array = np.broadcast_to(array, (rows, columns))
     if array.ndim != 2 or array.shape[1] != columns or (rows is not None and len(array) != rows):
         shape = f"({'rows' if rows is None else rows}, {columns})"
         raise ValueError(f"{name}: shape {array.shape}; expected {shape}")

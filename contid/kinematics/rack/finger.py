@@ -44,13 +44,13 @@ class RackFingerModel:
         self.rack_spacing_m = robot.geometry.rack_spacing_mm / MM_PER_M
         self.tip_length_m = robot.geometry.tip_length_mm / MM_PER_M
         correction = robot.correction
-        self._gain_per_m, self._gain_offset = 0.0, 0.0
-        self._gain_range_m = (0.0, math.inf)
+        self.gain_per_m, self.gain_offset = 0.0, 0.0
+        self.gain_range_m = (0.0, math.inf)
         if correction is not None:
-            self._gain_per_m = correction.a_per_mm * MM_PER_M
-            self._gain_offset = correction.b
+            self.gain_per_m = correction.a_per_mm * MM_PER_M
+            self.gain_offset = correction.b
             least_mm, greatest_mm = correction.arc_length_mm
-            self._gain_range_m = (least_mm / MM_PER_M, greatest_mm / MM_PER_M)
+            self.gain_range_m = (least_mm / MM_PER_M, greatest_mm / MM_PER_M)
         self.envelope = RackFingerEnvelope(
             rack_spacing_m=self.rack_spacing_m,
             length_min_m=self.lower[0],
@@ -62,8 +62,8 @@ class RackFingerModel:
 
     def curvature_gain(self, arc_length_m: float) -> float:
         """Actual over commanded curvature, ``1 + a S + b``, S clamped to its identified range (Eq. 5, 10)."""
-        least, greatest = self._gain_range_m
-        return 1.0 + self._gain_per_m * min(max(arc_length_m, least), greatest) + self._gain_offset
+        least, greatest = self.gain_range_m
+        return 1.0 + self.gain_per_m * min(max(arc_length_m, least), greatest) + self.gain_offset
 
     def arc(self, actuation: Actuation) -> tuple[float, float]:
         """Arc length S [m] and actual turning angle theta [rad] of two rack lengths [m]."""
@@ -87,8 +87,8 @@ class RackFingerModel:
         left, right = actuation
         arc_length_m, theta = self.arc(actuation)
         gain = self.curvature_gain(arc_length_m)
-        least, greatest = self._gain_range_m
-        gain_slope = self._gain_per_m if least < arc_length_m < greatest else 0.0
+        least, greatest = self.gain_range_m
+        gain_slope = self.gain_per_m if least < arc_length_m < greatest else 0.0
         bend, shear = gain / self.rack_spacing_m, 0.5 * (right - left) / self.rack_spacing_m * gain_slope
         theta_by_rack = np.array([-bend + shear, bend + shear])
         tip_by_theta = np.array(

@@ -9,9 +9,11 @@ import pytest
 import yaml
 
 from contid.kinematics.batch import Targets, forward_many, inverse_many
+from contid.kinematics.batch.loop import target_of
 from contid.kinematics.model import Model, build_model
+from contid.kinematics.ph.model import PhModel
 from contid.robot_file.document import RobotFile
-from contid.targets import ZERO3, Target
+from contid.targets import ZERO3
 
 ROBOTS = ("finger", "trirack", "trirack2", "cbha", "cbha.ph", "stiffflop1", "stiffflop2")
 ROWS = 40
@@ -60,20 +62,48 @@ def test_forward(model: Model, load: tuple[float, float, float]) -> None:
     assert_same_poses(model, box(model), load)
 
 
-@pytest.mark.parametrize("chained", [False, True])
-def test_inverse_of_tips(model: Model, chained: bool) -> None:
-    tips, seed = reached(model), box(model, 1)[0]
-    found = inverse_many(model, Targets.of(tips), seed, chained=chained, threads=2)
-    last = tuple(seed.tolist())
-    for k, tip in enumerate(tips.tolist()):
-        single = model.inverse(Target(tip_m=tuple(tip)), last)
+def assert_same_answers(
+    model: Model, targets: Targets, seeds: np.ndarray, chained: bool, threads: int
+) -> None:
+    found = inverse_many(model, targets, seeds, chained=chained, threads=threads)
+    last = tuple(seeds[0].tolist())
+    for k in range(len(targets)):
+        if not chained and len(seeds) > 1:
+            last = tuple(seeds[k].tolist())
+        single = model.inverse(target_of(targets, k), last)
         row = found.rows[k]
         assert tuple(row["actuation"].tolist()) == single.actuation, k
-        assert row["residual_m"] == single.residual_m
+        assert np.array_equal(row["residual_m"], single.residual_m, equal_nan=True)
         assert sorted(found.limited_by(k)) == sorted(single.limited_by)
         assert (row["iterations"], row["converged"]) == (single.iterations, single.converged)
         if chained:
             last = single.actuation
+
+
+@pytest.mark.parametrize("chained", [False, True])
+def test_tips_from_one_seed(model: Model, chained: bool) -> None:
+    assert_same_answers(model, Targets.of(reached(model)), box(model, 1), chained, 2)
+
+
+def test_loaded_tips_with_a_seed_each(model: Model) -> None:
+    assert_same_answers(model, Targets.of(reached(model), load_n=LOAD), box(model), False, 3)
+
+
+@pytest.mark.parametrize("row", ["direction", "mid"])
+def test_tips_and_more(model: Model, row: str) -> None:
+    if len(model.axis_names) != 6 or isinstance(model, PhModel):
+        pytest.skip("needs two sections")
+    poses = [model.forward(tuple(actuation)) for actuation in box(model).tolist()]
+    tips = [pose.tip_m for pose in poses]
+    mids, directions = [pose.mid_m for pose in poses], [pose.direction for pose in poses]
+    targets = Targets.of(tips, directions) if row == "direction" else Targets.of(tips, mid_m=mids)
+    assert_same_answers(model, targets, box(model, 1), False, 2)
+
+
+def test_tips_that_are_no_numbers(model: Model) -> None:
+    tips = reached(model, 4)
+    tips[1], tips[2], tips[3] = np.nan, np.inf, 0.0
+    assert_same_answers(model, Targets.of(tips), box(model, 1), False, 1)
 
 
 def test_shapes_that_do_not_fit_are_refused(model: Model) -> None:
@@ -94,3 +124,19 @@ def test_no_rows_give_no_rows(model: Model) -> None:
     axes = len(model.axis_names)
     assert len(forward_many(model, np.empty((0, axes)))) == 0
     assert len(inverse_many(model, Targets.of(np.empty((0, 3))), np.zeros(axes))) == 0
+
+
+@pytest.mark.parametrize("model", ["finger"], indirect=True)
+def test_tips_of_all_sizes_of_a_finger(model: Model) -> None:
+    """The kernel's hypot rounds as Python's, also for tips next to the axis and next to the base."""
+    rng = np.random.default_rng(17)
+    low, high = np.array(model.lower), np.array(model.upper)
+    tips = forward_many(model, low + rng.random((3000, 2)) * (high - low)).rows["tip_m"]
+    tips[::3, 0] *= 10.0 ** rng.uniform(-300.0, 0.0, 1000)
+    assert_same_answers(model, Targets.of(tips), box(model, 1), False, 2)
+
+
+def test_the_number_of_threads_changes_nothing(model: Model) -> None:
+    tips = Targets.of(reached(model, 200))
+    one, many = (inverse_many(model, tips, box(model, 1), threads=count) for count in (1, 7))
+    assert one.rows.tobytes() == many.rows.tobytes()

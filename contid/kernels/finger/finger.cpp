@@ -1,0 +1,60 @@
+// contid.kernels._finger: many rows of a two-rack finger for Python; single calls are fast enough in Python.
+#include "../batch_python.hpp"
+#include "finger.hpp"
+
+namespace nb = nanobind;
+using contid::Finger, contid::Matrix, contid::Table;
+
+namespace {
+
+// Poses of many rows; the GIL is released.
+void forward_many(const Finger& self, Matrix racks, Table out, int threads) {
+  const std::size_t rows = out.shape(0);
+  contid::check(racks, rows, 2, "racks: an array (rows, 2)");
+  contid::check(out, rows, contid::kPoseBytes);
+  const nb::gil_scoped_release released;
+  contid::over_rows(rows, threads, [&](std::size_t begin, std::size_t end) {
+    for (std::size_t k = begin; k < end; ++k) {
+      double tip[3], t[3];
+      tip[2] = t[2] = 0.0;
+      self.forward(racks.data() + 2 * k, tip, t);
+      const double rotation[9] = {t[1], t[0], 0.0, -t[0], t[1], 0.0, 0.0, 0.0, 1.0};
+      contid::write_pose(out.data() + k * contid::kPoseBytes, tip, rotation, t, tip, true);
+    }
+  });
+}
+
+// Racks for tips within every limit; the others are left with converged = false, for the caller. The GIL is released.
+void inverse_many(const Finger& self, Matrix tip, Table out, int threads) {
+  const std::size_t rows = out.shape(0);
+  contid::check(tip, rows, 3, "tip: an array (rows, 3)");
+  contid::check(out, rows, contid::solution_bytes(2));
+  const nb::gil_scoped_release released;
+  contid::over_rows(rows, threads, [&](std::size_t begin, std::size_t end) {
+    for (std::size_t k = begin; k < end; ++k) {
+      const double* p = tip.data() + 3 * k;
+      double racks[2] = {}, residual = 0.0;
+      const bool met = self.inverse(p[0], p[1], racks, residual);
+      contid::write_solution(out.data() + k * contid::solution_bytes(2), racks, 2, residual, 0, 0, met);
+    }
+  });
+}
+
+}  // namespace
+
+NB_MODULE(KERNEL_MODULE, module) {
+  module.doc() = "Two-rack fingers: native twin of contid.kinematics.rack.finger for batches.";
+  nb::class_<Finger>(module, "Finger")
+      .def(
+          "__init__",
+          [](Finger* self, double spacing, double tip, double gain_per_m, double gain_offset, double gain_low,
+             double gain_high, double length_min, double length_max, double curvature_max, double arc_length_min) {
+            new (self) Finger{spacing,   tip,        gain_per_m, gain_offset,   gain_low,
+                              gain_high, length_min, length_max, curvature_max, arc_length_min};
+          },
+          nb::arg("spacing"), nb::arg("tip"), nb::arg("gain_per_m"), nb::arg("gain_offset"), nb::arg("gain_low"),
+          nb::arg("gain_high"), nb::arg("length_min"), nb::arg("length_max"), nb::arg("curvature_max"),
+          nb::arg("arc_length_min"))
+      .def("forward_many", &forward_many, nb::arg("actuations"), nb::arg("out"), nb::arg("threads"))
+      .def("inverse_many", &inverse_many, nb::arg("tip"), nb::arg("out"), nb::arg("threads"));
+}

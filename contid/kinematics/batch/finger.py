@@ -1,0 +1,63 @@
+"""Batches of two-rack fingers, by ``contid/kernels/finger/finger.hpp``; tips out of reach by single calls."""
+
+from __future__ import annotations
+
+from typing import Final, Protocol
+
+import numpy as np
+
+from contid.kernels import load
+from contid.kinematics.array import Array
+from contid.kinematics.batch import loop
+from contid.kinematics.batch.kernel import Bytes, ManyForward, in_bytes, poses, solutions
+from contid.kinematics.batch.rows import Poses, Solutions, Targets
+from contid.kinematics.rack.finger import RackFingerModel
+
+#: Every limit a finger's answer can name.
+LIMITS: Final = (
+    "arc_length.min", "curvature", "full_turn", "left.max", "left.min", "right.max", "right.min", "no_arc",
+)  # fmt: skip
+
+
+class _FingerKernel(ManyForward, Protocol):
+    def inverse_many(self, tip: Array, out: Bytes, threads: int) -> None: ...
+
+
+def forward(model: RackFingerModel, actuations: Array, load_n: Array | None, threads: int) -> Poses | None:
+    """Poses of rows of racks [m]; loads do not bend racks in this model. None without a kernel."""
+    kernel = _kernel_of(model)
+    return None if kernel is None else Poses(poses(kernel, actuations, threads))
+
+
+def inverse(
+    model: RackFingerModel, targets: Targets, seeds: Array, chained: bool, threads: int
+) -> Solutions | None:
+    """Racks [m] for rows of targets; seeds have no effect. None without a kernel."""
+    kernel = _kernel_of(model)
+    if kernel is None:
+        return None
+    rows = solutions(len(targets), 2)
+    kernel.inverse_many(targets.tip_m, in_bytes(rows), threads)
+    for k in np.flatnonzero(~rows["converged"]).tolist():
+        found = model.inverse(loop.target_of(targets, k), (0.0, 0.0))
+        limited = sum(1 << LIMITS.index(name) for name in found.limited_by)
+        rows[k] = (found.actuation, found.residual_m, limited, found.iterations, found.converged)
+    return Solutions(rows, LIMITS)
+
+
+def _kernel_of(model: RackFingerModel) -> _FingerKernel | None:
+    module, envelope = load("finger"), model.envelope
+    if module is None:
+        return None
+    kernel: _FingerKernel = module.Finger(
+        model.rack_spacing_m,
+        model.tip_length_m,
+        model.gain_per_m,
+        model.gain_offset,
+        *model.gain_range_m,
+        envelope.length_min_m,
+        envelope.length_max_m,
+        envelope.curvature_max_per_m,
+        envelope.arc_length_min_m,
+    )
+    return kernel

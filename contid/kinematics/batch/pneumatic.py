@@ -1,0 +1,98 @@
+"""Batches of pneumatic arms, by ``contid/kernels/cosserat/batch.hpp``: mm and bar there, SI here."""
+
+from __future__ import annotations
+
+from typing import Final, Protocol, runtime_checkable
+
+import numpy as np
+
+from contid.kinematics.array import Array
+from contid.kinematics.batch import loop
+from contid.kinematics.batch.kernel import Bytes, in_bytes, solutions
+from contid.kinematics.batch.rows import POSE, Poses, Solutions, Table, Targets
+from contid.kinematics.cosserat.model import CosseratModel
+from contid.units import BAR, MM_PER_M
+
+# Bits the kernel leaves in `limited_by`.
+_OPTIMAL, _STABLE, _BLOCKED, _SNAPS = (np.uint64(1 << k) for k in range(4))
+_NONE: Final = np.uint64(0)
+# Reasons other than pressure limits.
+_REASONS: Final = ("stability", "iterations", "reach")
+
+
+@runtime_checkable
+class _RodKernel(Protocol):
+    def forward_many(self, pressures: Array, force: Array | None, out: Bytes, threads: int) -> None: ...
+
+    def inverse_many(
+        self,
+        tip: Array,
+        mid: Array | None,
+        direction: Array | None,
+        force: Array | None,
+        seeds: Array,
+        out: Bytes,
+        threads: int,
+    ) -> None: ...
+
+
+def forward(model: CosseratModel, actuations: Array, load_n: Array | None, threads: int) -> Poses | None:
+    """Poses of rows of pressures [Pa] under loads [N]. None without a kernel."""
+    kernel = model.engine
+    if not isinstance(kernel, _RodKernel):
+        return None
+    rows = np.zeros(len(actuations), POSE)
+    kernel.forward_many(actuations / BAR, load_n, in_bytes(rows), threads)
+    rows["tip_m"] /= MM_PER_M
+    rows["mid_m"] /= MM_PER_M
+    return Poses(rows)
+
+
+def inverse(
+    model: CosseratModel, targets: Targets, seeds: Array, chained: bool, threads: int
+) -> Solutions | None:
+    """Pressures [Pa] for rows of targets. None without a kernel, or where a row needs the one before."""
+    kernel = model.engine
+    if chained or not isinstance(kernel, _RodKernel):
+        return None
+    rows = solutions(len(targets), len(model.axis_names))
+    kernel.inverse_many(
+        targets.tip_m * MM_PER_M,
+        None if targets.mid_m is None else targets.mid_m * MM_PER_M,
+        targets.direction,
+        targets.load_n,
+        seeds / BAR,
+        in_bytes(rows),
+        threads,
+    )
+    refused = np.flatnonzero(rows["limited_by"] & _STABLE == _NONE).tolist()
+    names = (*(f"{axis}.{end}" for axis in model.axis_names for end in ("min", "max")), *_REASONS)
+    _in_si(rows, np.array(model.lower), np.array(model.upper))
+    for k in refused:
+        found = model.inverse(loop.target_of(targets, k), tuple(seeds[k].tolist()))
+        limited = sum(1 << names.index(name) for name in found.limited_by)
+        rows[k] = (found.actuation, found.residual_m, limited, found.iterations, found.converged)
+    return Solutions(rows, names)
+
+
+def _in_si(rows: Table, lower: Array, upper: Array) -> None:
+    """Pressures in Pa, residuals in m, and the names of limits that `CosseratModel.inverse` gives."""
+    axes, away = len(lower), ~rows["converged"]
+    why = rows["limited_by"][away]
+    p = rows["actuation"] * BAR
+    low = np.where(lower > p, lower, p)
+    held = np.where(upper < low, upper, low)
+    rows["actuation"] = np.where(away[:, None], held, p)
+    rows["residual_m"] /= MM_PER_M
+    at_low, at_high = held[away] <= lower, held[away] >= upper
+    limited = np.zeros(len(why), np.uint64)
+    for k in range(axes):
+        limited |= at_low[:, k].astype(np.uint64) << np.uint64(2 * k)
+        limited |= (~at_low[:, k] & at_high[:, k]).astype(np.uint64) << np.uint64(2 * k + 1)
+    unstable = (why & (_SNAPS | _BLOCKED)) != _NONE
+    unfinished = ~unstable & (why & _OPTIMAL == _NONE)
+    limited |= unstable.astype(np.uint64) << np.uint64(2 * axes)
+    limited |= unfinished.astype(np.uint64) << np.uint64(2 * axes + 1)
+    limited |= (limited == _NONE).astype(np.uint64) << np.uint64(2 * axes + 2)
+    rows["limited_by"] = _NONE
+    rows["limited_by"][away] = limited
