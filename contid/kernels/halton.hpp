@@ -3,7 +3,8 @@
 
 namespace contid {
 
-constexpr int kPrimes[] = {2, 3, 5, 7, 11, 13, 17, 19, 23, 29, 31, 37, 41, 43, 47, 53, 59, 61, 67, 71, 73, 79, 83, 89};  // one base per coordinate
+constexpr int kPrimes[] = {2,  3,  5,  7,  11, 13, 17, 19, 23, 29, 31, 37,
+                           41, 43, 47, 53, 59, 61, 67, 71, 73, 79, 83, 89};  // one base per coordinate
 
 // Van der Corput's sequence in [0, 1): digits of the index mirrored at the point.
 inline double radical_inverse(int index, int base) {

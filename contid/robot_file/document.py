@@ -10,12 +10,13 @@ from contid.robot_file.base import Strict
 from contid.robot_file.chain import Chain
 from contid.robot_file.cosserat import Cosserat
 from contid.robot_file.rack_finger import RackFinger
+from contid.robot_file.tendon import TendonRobot
 from contid.robot_file.tri_rack import TriRack
 from contid.robot_file.tri_tube import TriTube
 
 #: One class per model; a robot file's ``model`` key decides which.
 AnyRobot: TypeAlias = Annotated[
-    RackFinger | TriRack | TriTube | Cosserat | Chain, Field(discriminator="model")
+    RackFinger | TriRack | TriTube | Cosserat | TendonRobot | Chain, Field(discriminator="model")
 ]
 
 #: A shorter tick leaves no time for a serial bus.

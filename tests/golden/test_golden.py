@@ -27,11 +27,13 @@ MUTATIONS = {
     "hand": ("rack_spacing_mm: 13", "rack_spacing_mm: 13.001"),
     "stiffflop1": ("length_mm: 42.0", "length_mm: 42.001"),
     "stiffflop2": ("length_mm: 42.0", "length_mm: 42.001"),
+    "ftdcr_v4": ("length_mm: 62.5", "length_mm: 62.501"),
+    "tendon3": ("length_mm: 100,", "length_mm: 100.001,"),
     "trirack": ("rack_radius_mm: 35", "rack_radius_mm: 35.001"),
     "trirack2": ("rack_radius_mm: 35", "rack_radius_mm: 35.001"),
 }
 #: The NumPy twins of the others choose among equally good actuations differently, or take seconds per tick.
-PURE = ("cbha", "finger", "hand", "stiffflop1")
+PURE = ("cbha", "finger", "ftdcr_v4", "hand", "stiffflop1", "tendon3")
 
 
 def test_every_shipped_robot_file_has_one() -> None:

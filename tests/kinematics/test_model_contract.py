@@ -14,7 +14,7 @@ from contid.robot_file.document import RobotFile
 from contid.targets import Target
 
 #: Every shipped robot, and the solvers no shipped file selects.
-ROBOTS = ("finger", "trirack", "trirack2", "cbha", "cbha.ph", "stiffflop1", "stiffflop2")
+ROBOTS = ("finger", "trirack", "trirack2", "cbha", "cbha.ph", "stiffflop1", "stiffflop2", "tendon3")
 #: What a solver may leave at best [m], and with a direction beside the tip.
 WITHIN_M = {"cbha.ph": (5e-4, 0.03)}
 
@@ -35,11 +35,12 @@ def middle(model: Model) -> tuple[float, ...]:
 
 
 def postures(model: Model, count: int) -> list[tuple[float, ...]]:
-    """Postures well inside the limits, seeded."""
+    """Postures well inside the limits, seeded; a model whose limits couple its axes moves them inside."""
     rng = np.random.default_rng(5)
     low, high = np.array(model.lower), np.array(model.upper)
     share = rng.uniform(0.35, 0.65, (count, len(low)))
-    return [tuple(row) for row in (low + share * (high - low)).tolist()]
+    rows = [tuple(row) for row in (low + share * (high - low)).tolist()]
+    return [model.inverse(Target(actuation=row), row).actuation for row in rows]
 
 
 def inside(model: Model, actuation: tuple[float, ...]) -> bool:

@@ -6,7 +6,11 @@
 #pragma once
 
 #include "cholesky.hpp"
+#ifdef CONTID_TENDON
+#include "../tendon/feasible.hpp"
+#else
 #include "feasible.hpp"
+#endif
 
 namespace contid {
 
@@ -24,7 +28,7 @@ struct Held {
   int numbers[kMaxHeld];  // of the limits
   int wide, flat;         // length of a normal; limits with a lesser number are flat
   int count;
-  std::uint64_t mask = 0;  // of the flat limits
+  LimitSet mask;           // of the flat limits
 
   Held(const double (*task)[kMaxLengths], int rows, double weight, int n, int flat)
       : wide(n + rows), flat(flat), count(rows) {
@@ -52,11 +56,11 @@ struct Held {
     std::memcpy(normals[count], normal, wide * sizeof(double));
     multipliers[count] = multiplier;
     numbers[count++] = number;
-    if (number < flat) mask |= std::uint64_t{1} << number;
+    if (number < flat) mask.set(number);
   }
 
   void drop(int place) {
-    if (numbers[place] < flat) mask &= ~(std::uint64_t{1} << numbers[place]);
+    if (numbers[place] < flat) mask.reset(numbers[place]);
     --count;
     for (int a = place; a < count; ++a) {
       std::memcpy(normals[a], normals[a + 1], wide * sizeof(double));
@@ -124,13 +128,13 @@ inline void bounded_step(const double* whiten, const double* at, const Limits& l
   double trial[kMaxLengths];
   for (int i = 0; i < n; ++i) trial[i] = at[i] + d[i];
   int number;
-  const double excess = limits.worst(trial, 0, number);
+  const double excess = limits.worst(trial, {}, number);
   if (excess <= kRounding) return;
   Held held(task, rows, weight, n, limits.flat());
   hold_limits(whiten, at, limits, rows, excess, number, held, d);
   if (!cones) return;
   for (int a = rows; a < held.count; ++a)
-    if (held.numbers[a] >= 2 * n + 3) cones[held.numbers[a] - 2 * n - 3] += held.multipliers[a];
+    if (held.numbers[a] >= limits.planes()) cones[held.numbers[a] - limits.planes()] += held.multipliers[a];
 }
 
 struct IdentityFactor {

@@ -46,7 +46,7 @@ void make(SectionSolver* self, nb::handle radius, nb::handle to_arc, nb::handle 
   new (self) SectionSolver(
       f, {number("ell_m"), number("tolerance_m"), number("home_tolerance_m"), number("weight"), number("near"),
           count_of("home_steps"), number("contraction"), number("slow"), count_of("iterations"), count_of("settling"),
-          count_of("starts"), count_of("agreeing"), number("tracking")});
+          count_of("starts"), count_of("agreeing"), number("tracking"), number("still_m"), number("still_error_m")});
 }
 
 nb::tuple forward(const SectionSolver& self, nb::handle lengths) {
@@ -65,7 +65,7 @@ nb::tuple solve(const SectionSolver& self, nb::handle tip, nb::handle direction,
   read(seed, l, self.size(), "seed: three lengths per section");
   contid::Answer answer;
   self.solve({p, direction.is_none() ? nullptr : t, mid.is_none() ? nullptr : m}, l, answer);
-  return nb::make_tuple(tuple_of(answer.lengths, self.size()), answer.residual, answer.converged, answer.binding,
+  return nb::make_tuple(tuple_of(answer.lengths, self.size()), answer.residual, answer.converged, answer.binding.to_ullong(),
                         answer.iterations, answer.starts);
 }
 

@@ -24,8 +24,8 @@ inline void inverse_rows(const SectionSolver& solver, const TargetRows& targets,
   const int n = solver.size();
   const auto solve = [&](std::size_t k, const double* seed, Answer& answer) {
     solver.solve({targets.tip + 3 * k, targets.row(targets.direction, k), targets.row(targets.mid, k)}, seed, answer);
-    write_solution(out + k * solution_bytes(n), answer.lengths, n, answer.residual, answer.binding, answer.iterations,
-                   answer.converged);
+    write_solution(out + k * solution_bytes(n), answer.lengths, n, answer.residual, answer.binding.to_ullong(),
+                   answer.iterations, answer.converged);
   };
   if (chained) {
     double last[kMaxLengths];

@@ -2,15 +2,17 @@
 // Twin and specification: contid/kinematics/arc/feasible.py, with the definition of each limit.
 #pragma once
 
-#include <cstdint>
+#include <bitset>
 #include <limits>
 
-#include "arc.hpp"
+#include "sections.hpp"
 
 namespace contid {
 
 constexpr double kInfinity = std::numeric_limits<double>::infinity();
 constexpr double kBinding = 1e-9;  // a limit binds when less than this is left of it [m]
+
+using LimitSet = std::bitset<64>;
 
 struct Feasible {
   Sections sections;
@@ -21,6 +23,7 @@ struct Feasible {
 
   int size() const { return sections.size(); }
   int flat() const { return 2 * size() + 3; }  // limits before the cones
+  int planes() const { return flat(); }
   int limits() const { return flat() + sections.count; }
 
   // No tip is farther from the base than this.
@@ -55,28 +58,28 @@ struct Feasible {
   }
 
   // The flat limit exceeded most; those whose bit is set in `held` are left out.
-  double worst_flat(const double* l, std::uint64_t held, int& number) const {
+  double worst_flat(const double* l, const LimitSet& held, int& number) const {
     double most = -kInfinity;
     number = 0;
     const int n = size();
     for (int i = 0; i < n; ++i) {
       const double below = low[i] - l[i];
-      if (below > most && !(held >> i & 1)) most = below, number = i;
+      if (below > most && !held[i]) most = below, number = i;
     }
     for (int i = 0; i < n; ++i) {
       const double above = l[i] - high[i];
-      if (above > most && !(held >> (n + i) & 1)) most = above, number = n + i;
+      if (above > most && !held[n + i]) most = above, number = n + i;
     }
     if (rack < kInfinity)
       for (int j = 0; j < 3; ++j) {
         const double over = rack_excess(l, j);
-        if (over > most && !(held >> (2 * n + j) & 1)) most = over, number = 2 * n + j;
+        if (over > most && !held[2 * n + j]) most = over, number = 2 * n + j;
       }
     return most;
   }
 
   // The limit exceeded most; cones are never left out.
-  double worst(const double* l, std::uint64_t held, int& number) const {
+  double worst(const double* l, const LimitSet& held, int& number) const {
     double most = worst_flat(l, held, number);
     if (curvature_max < kInfinity)
       for (int s = 0; s < sections.count; ++s) {
@@ -138,10 +141,10 @@ struct Feasible {
   }
 
   // Bits of the limits that bind.
-  std::uint64_t binding(const double* l) const {
-    std::uint64_t bits = 0;
+  LimitSet binding(const double* l) const {
+    LimitSet bits;
     for (int k = 0; k < limits(); ++k)
-      if (excess(l, k) > -kBinding) bits |= std::uint64_t{1} << k;
+      if (excess(l, k) > -kBinding) bits.set(k);
     return bits;
   }
 
@@ -184,14 +187,15 @@ struct TangentLimits {
 
   int size() const { return feasible.size(); }
   int flat() const { return feasible.limits(); }
+  int planes() const { return feasible.flat(); }  // limits before the tangent planes
 
-  double worst(const double* l, std::uint64_t held, int& number) const {
+  double worst(const double* l, const LimitSet& held, int& number) const {
     double most = feasible.worst_flat(l, held, number);
     if (feasible.curvature_max < kInfinity)
       for (int s = 0; s < feasible.sections.count; ++s) {
         const int plane = feasible.flat() + s;
         const double over = offsets[s] + along(s, l);
-        if (over > most && !(held >> plane & 1)) most = over, number = plane;
+        if (over > most && !held[plane]) most = over, number = plane;
       }
     return most;
   }

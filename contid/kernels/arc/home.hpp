@@ -28,7 +28,7 @@ class Homing {
       const Task& task = tasks[now];
       Task& next = tasks[1 - now];
       double e[kMaxRows], z[kMaxLengths], d[kMaxLengths], y[kMaxRows], trial[kMaxLengths];
-      task_error(task, goal, e);
+      task_error(task, goal, feasible.sections, e);
       double slope[kMaxLengths];
       home_slope(feasible, lengths, slope);
       for (int i = 0; i < n; ++i) z[i] = slope[i];
@@ -49,7 +49,7 @@ class Homing {
       const bool solvable = left <= kExact || left <= 0.1 * task.error;
       if (task.error > t.tolerance && left > kHopeless * task.error) return task.error;
       double step = moved(feasible, lengths, d, trial);
-      if (k == 0 && step <= t.home_tolerance && task.error <= kExact) return task.error;
+      if (k == 0 && step <= t.still && task.error <= t.still_error) return task.error;
       next.evaluate(feasible.sections, t.ell, trial, goal);
       const double penalty = kPenalty * std::sqrt(dot(y, y, task.rows));
       const double merit = distance(feasible, lengths) + penalty * task.error;
@@ -135,13 +135,27 @@ class Homing {
   }
 
   // The error rows; of the direction's only what is across the tangent: no length changes the rest.
-  void task_error(const Task& task, const Goal& goal, double* e) const {
+  void task_error(const Task& task, const Goal& goal, const Sections& sections, double* e) const {
     std::memcpy(e, task.e, sizeof task.e);
+    if (kColumns == 2 && goal.mid) drop_normal(task, task.rows - 3, e);
+    if (kColumns == 2 && sections.count == 1) drop_normal(task, 0, e);
     if (!goal.direction) return;
     double tangent[3];
     for (int k = 0; k < 3; ++k) tangent[k] = goal.direction[k] - task.e[3 + k] / tuning_.ell;
     const double along = dot(task.e + 3, tangent, 3);
     for (int k = 0; k < 3; ++k) e[3 + k] -= along * tangent[k];
+  }
+
+  // The end of one section of given length stays on a surface: only errors along it can be met.
+  static void drop_normal(const Task& task, int row, double* e) {
+    double normal[3], size = 0.0, out = 0.0;
+    for (int k = 0; k < 3; ++k) {
+      const int a = row + (k + 1) % 3, b = row + (k + 2) % 3;
+      normal[k] = task.J[a][0] * task.J[b][1] - task.J[b][0] * task.J[a][1];
+      size += normal[k] * normal[k];
+      out += normal[k] * e[row + k];
+    }
+    for (int k = 0; size > 0.0 && k < 3; ++k) e[row + k] -= out / size * normal[k];
   }
 
   // minimise 1/2 d^T W d - z^T d with J d = e and l + d inside the limits; W by its lower factor `whiten`.

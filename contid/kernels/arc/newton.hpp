@@ -36,9 +36,10 @@ inline void stiffen(const Feasible& feasible, const double* lengths, const doubl
   const int n = feasible.size();
   double most = 0.0, normal[kMaxLengths];
   for (int i = 0; i < n; ++i) most = std::max(most, std::fabs(H[i * kMaxLengths + i]));
-  for (std::uint64_t bits = feasible.binding(lengths), k = 0; bits >> k; ++k) {
-    if (!(bits >> k & 1)) continue;
-    feasible.normal(lengths, static_cast<int>(k), normal);
+  const LimitSet bits = feasible.binding(lengths);
+  for (int k = 0; k < feasible.limits(); ++k) {
+    if (!bits[k]) continue;
+    feasible.normal(lengths, k, normal);
     if (dot(normal, push, n) <= 0.0) continue;
     const double weight = 10.0 * most / dot(normal, normal, n);
     for (int i = 0; i < n; ++i)

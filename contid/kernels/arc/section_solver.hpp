@@ -17,7 +17,7 @@ struct Answer {
   double lengths[kMaxLengths];
   double residual;
   bool converged;
-  std::uint64_t binding;
+  LimitSet binding;
   int iterations;
   int starts;
 };
@@ -67,7 +67,7 @@ class SectionSolver {
     std::memcpy(out.lengths, trial, sizeof trial);
     if (out.residual > tuning().tolerance) {
       Search search(goal, limits(goal, begun, trial));
-      const bool biarcs = feasible().sections.count == 2 && goal.direction && !goal.mid;
+      const bool biarcs = kColumns == 3 && feasible().sections.count == 2 && goal.direction && !goal.mid;
       if (!biarcs || !try_biarcs(search, out)) try_library(search, out);
     }
     finish(out);
@@ -101,7 +101,9 @@ class SectionSolver {
   bool closed_form(const Goal& goal, double* lengths) const {
     const Sections& s = feasible().sections;
     double arcs[6];
-    if (s.count == 1 && !goal.direction && !goal.mid) {
+    if (kColumns == 2) {  // the length of a section is given: no arc leads anywhere
+      return false;
+    } else if (s.count == 1 && !goal.direction && !goal.mid) {
       if (!through(goal.tip, s.rigid[0], arcs)) return false;
     } else if (s.count == 2 && !goal.direction && goal.mid) {
       if (!two_arcs(goal.mid, goal.tip, s.rigid, arcs)) return false;
@@ -112,7 +114,7 @@ class SectionSolver {
     double sum = 0.0;  // not finite when a length is not: a target on the rim of what arcs can reach
     for (int i = 0; i < s.size(); ++i) sum += lengths[i];
     int number;
-    return std::isfinite(sum) && feasible().worst(lengths, 0, number) <= kRounding;
+    return std::isfinite(sum) && feasible().worst(lengths, {}, number) <= kRounding;
   }
 
   // Few starts beyond the length of the arm, and few when the seed's descent followed a bounded optimum.

@@ -15,7 +15,7 @@ struct Tuning {
   double contraction;
   double slow;
   int iterations, settling, starts, agreeing;
-  double tracking;
+  double tracking, still, still_error;
 };
 
 struct Goal {

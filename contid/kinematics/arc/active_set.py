@@ -15,7 +15,7 @@ from typing import Final
 
 import numpy as np
 
-from contid.kinematics.arc.feasible import Feasible, TangentLimits
+from contid.kinematics.arc.feasible import BoundedChain, TangentLimits
 from contid.kinematics.array import Array
 
 # Excess that counts as rounding [m]; the caller pulls the rest inside.
@@ -34,7 +34,13 @@ def solve(matrix: Array, right: Array) -> Array:
 
 
 def damped_step(
-    J: Array, e: Array, weight: float, z: Array, at: Array, feasible: Feasible, metric: Array | None = None
+    J: Array,
+    e: Array,
+    weight: float,
+    z: Array,
+    at: Array,
+    feasible: BoundedChain,
+    metric: Array | None = None,
 ) -> tuple[Array, Array]:
     """Minimise ``|J d - e|^2 + weight (d^T W d - 2 z^T d)`` within the limits; W defaults to the identity.
 
@@ -56,7 +62,7 @@ def bounded_step(
     factor: Array,
     d: Array,
     at: Array,
-    limits: Feasible | TangentLimits,
+    limits: BoundedChain | TangentLimits,
     rows: Array | None = None,
     weight: float = 0.0,
     cones: Array | None = None,
@@ -84,13 +90,13 @@ def bounded_step(
     d, held, multipliers = _hold_limits(factor, d, at, limits, normals, fixed)
     if cones is not None:
         for number, multiplier in zip(held, multipliers, strict=True):
-            if number >= 2 * size + 3:
-                cones[number - 2 * size - 3] += multiplier
+            if number >= limits.flat:
+                cones[number - limits.flat] += multiplier
     return d
 
 
 def _hold_limits(
-    factor: Array, d: Array, at: Array, limits: Feasible | TangentLimits, normals: Array, fixed: int
+    factor: Array, d: Array, at: Array, limits: BoundedChain | TangentLimits, normals: Array, fixed: int
 ) -> tuple[Array, list[int], Array]:
     """Hold limits until ``at + d`` is feasible: the step, the numbers of the limits and their multipliers."""
     size = len(at)

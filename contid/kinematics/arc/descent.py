@@ -17,7 +17,7 @@ from typing import Final
 import numpy as np
 
 from contid.kinematics.arc.active_set import bounded_step, cholesky, damped_step
-from contid.kinematics.arc.feasible import BINDING_M, Feasible
+from contid.kinematics.arc.feasible import BINDING_M, BoundedChain
 from contid.kinematics.arc.home import Homing
 from contid.kinematics.arc.task import Goal, Tuning, task
 from contid.kinematics.array import Array
@@ -32,7 +32,7 @@ _MIN_SHIFT: Final = 1e-3
 class Descent:
     """Descent from one start; the native twin makes the same decisions in the same order."""
 
-    def __init__(self, feasible: Feasible, tuning: Tuning) -> None:
+    def __init__(self, feasible: BoundedChain, tuning: Tuning) -> None:
         self.feasible = feasible
         self.sections = feasible.sections
         self.tuning = tuning

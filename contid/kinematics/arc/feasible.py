@@ -16,15 +16,78 @@ from __future__ import annotations
 import math
 from collections.abc import Collection, Sequence
 from dataclasses import dataclass, field
-from typing import Final
+from typing import Final, Protocol
 
 import numpy as np
 
-from contid.kinematics.arc.sections import Sections
+from contid.kinematics.arc.sections import ArcChain, Sections
 from contid.kinematics.array import Array
 
 # A limit binds when less than this is left of it [m]; far below any actuator, far above rounding.
 BINDING_M: Final = 1e-9
+
+
+class BoundedChain(Protocol):
+    """Interface of the limits of a chain of arcs, as the solver uses them; convex."""
+
+    @property
+    def low(self) -> Array:
+        """Lower corner of a box around the limits [m]."""
+        ...
+
+    @property
+    def high(self) -> Array:
+        """Its upper corner [m]."""
+        ...
+
+    @property
+    def home(self) -> Array:
+        """The posture that resolves redundancy, well inside [m]."""
+        ...
+
+    @property
+    def metric(self) -> Array:
+        """Of the distance from home, ``(N, N)``."""
+        ...
+
+    @property
+    def sections(self) -> ArcChain:
+        """The chain."""
+        ...
+
+    @property
+    def flat(self) -> int:
+        """Number of limits that are planes; one cone per section follows."""
+        ...
+
+    @property
+    def longest_m(self) -> float:
+        """No tip is farther from the base than this [m]."""
+        ...
+
+    def excess(self, lengths: Array) -> Array:
+        """By how much every limit is exceeded [m], negative inside."""
+        ...
+
+    def binding(self, lengths: Array) -> int:
+        """Bits of the limits that bind."""
+        ...
+
+    def worst(self, lengths: Array, held: Collection[int]) -> tuple[float, Array, int]:
+        """The limit exceeded most, ``held`` flat ones left out: excess [m], normal ``(N,)`` and number."""
+        ...
+
+    def normal(self, lengths: Array, number: int) -> Array:
+        """Gradient of one limit's excess, shape ``(N,)``."""
+        ...
+
+    def cone_curvature(self, lengths: Array, s: int) -> Array:
+        """Second derivative of the excess of a section's cone, ``(N, N)``."""
+        ...
+
+    def pulled(self, lengths: Array | Sequence[float]) -> Array:
+        """The first feasible point on the way to `home`."""
+        ...
 
 
 @dataclass(frozen=True, eq=False)
@@ -80,6 +143,11 @@ class Feasible:
             *(f"rack{j + 1}.length" for j in range(3)),
             *(f"s{s + 1}.bend_radius" for s in range(self.sections.count)),
         )
+
+    @property
+    def flat(self) -> int:
+        """Number of limits that are planes; the cones follow."""
+        return 2 * len(self.low) + 3
 
     @property
     def longest_m(self) -> float:
@@ -161,9 +229,9 @@ class Feasible:
 class TangentLimits:
     """The same limits with every cone replaced by its tangent plane at one point: all of them are flat."""
 
-    def __init__(self, feasible: Feasible, at: Array) -> None:
+    def __init__(self, feasible: BoundedChain, at: Array) -> None:
         self._feasible = feasible
-        self._flat = 2 * len(at) + 3
+        self._flat = self.flat = feasible.flat
         cones = range(self._flat, self._flat + feasible.sections.count)
         self._normals = np.array([feasible.normal(at, number) for number in cones])
         self._offsets = feasible.excess(at)[self._flat :] - self._normals @ at

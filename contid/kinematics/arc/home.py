@@ -16,7 +16,7 @@ from typing import Final, NamedTuple
 import numpy as np
 
 from contid.kinematics.arc.active_set import bounded_step, cholesky, damped_step, solve
-from contid.kinematics.arc.feasible import BINDING_M, Feasible, TangentLimits
+from contid.kinematics.arc.feasible import BINDING_M, BoundedChain, TangentLimits
 from contid.kinematics.arc.task import Goal, Tuning, task
 from contid.kinematics.array import Array
 
@@ -66,7 +66,7 @@ class _Curved(NamedTuple):
 class Homing:
     """Settles lengths that are near a target; the native twin makes the same decisions in the same order."""
 
-    def __init__(self, feasible: Feasible, tuning: Tuning) -> None:
+    def __init__(self, feasible: BoundedChain, tuning: Tuning) -> None:
         self.feasible = feasible
         self.tuning = tuning
         self._home_factor = cholesky(feasible.metric)
@@ -83,7 +83,8 @@ class Homing:
             if here.error > t.tolerance_m and model.left > _HOPELESS * here.error:
                 return here.lengths, here.error, k
             trial = self.feasible.pulled(here.lengths + model.d)
-            if k == 1 and here.error <= _EXACT_M and _largest(trial - here.lengths) <= t.home_tolerance_m:
+            still = _largest(trial - here.lengths) <= t.still_m
+            if k == 1 and here.error <= t.still_error_m and still:
                 return here.lengths, here.error, k
             solvable = model.left <= _EXACT_M or model.left <= 0.1 * here.error
             there = self._at(trial, goal)
@@ -157,6 +158,11 @@ class Homing:
         """
         weight, J = self.tuning.weight, here.J
         e = here.e.copy()
+        sections = self.feasible.sections
+        if sections.to_arc.shape[-1] == 2 and goal.mid is not None:
+            _drop_normal(J, e, len(e) - 3)
+        if sections.to_arc.shape[-1] == 2 and sections.count == 1:
+            _drop_normal(J, e, 0)
         if goal.direction is not None:  # only what is across the tangent: no length changes the rest
             tangent = np.array(goal.direction) - e[3:6] / self.tuning.ell_m
             e[3:6] -= float(e[3:6] @ tangent) * tangent
@@ -219,7 +225,7 @@ class Homing:
         feasible = self.feasible
         push = model.slope + at.J.T @ model.y
         stiff = 10.0 * float(np.abs(np.diag(H)).max())
-        flat = 2 * len(at.lengths) + 3
+        flat = feasible.flat
         for number, excess in enumerate(feasible.excess(at.lengths)):
             normal = feasible.normal(at.lengths, number)
             if number >= flat:
@@ -229,6 +235,14 @@ class Homing:
             if pushed:
                 H = H + stiff / float(normal @ normal) * np.outer(normal, normal)
         return H
+
+
+def _drop_normal(J: Array, e: Array, row: int) -> None:
+    """Drop errors across the surface on which the end of one section of given length stays, in place."""
+    normal = np.cross(J[row : row + 3, 0], J[row : row + 3, 1])
+    size = float(normal @ normal)
+    if size > 0.0:
+        e[row : row + 3] -= float(normal @ e[row : row + 3]) / size * normal
 
 
 def _largest(change: Array) -> float:

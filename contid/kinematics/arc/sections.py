@@ -17,6 +17,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, field
+from typing import ClassVar, Protocol
 
 import numpy as np
 
@@ -39,6 +40,7 @@ class Sections:
     radius_m: tuple[float, ...]
     angles_rad: tuple[tuple[float, float, float], ...]
     rigid_m: tuple[float, ...]
+    offset_m: ClassVar[tuple[float, float]] = (0.0, 0.0)
     to_arc: Array = field(init=False)
     to_lengths: Array = field(init=False)
 
@@ -67,6 +69,34 @@ class Sections:
         return stacked.reshape(*stacked.shape[:-2], 3 * self.count)
 
 
+class ArcChain(Protocol):
+    """Interface of every chain of arcs whose variables map linearly to ``(u, v, L)``."""
+
+    @property
+    def to_arc(self) -> Array:
+        """Derivatives of (u, v, L) by the variables of each section, shape ``(n, 3, columns)``."""
+        ...
+
+    @property
+    def rigid_m(self) -> tuple[float, ...]:
+        """Rigid piece after each section [m]."""
+        ...
+
+    @property
+    def offset_m(self) -> tuple[float, float]:
+        """Offset of the tip across the last tangent, in the tip frame [m]."""
+        ...
+
+    @property
+    def count(self) -> int:
+        """Number of sections."""
+        ...
+
+    def arcs(self, lengths: Array | Sequence[float]) -> Array:
+        """Arcs (u, v, L), shape ``(..., n, 3)``, of variables ``(..., n columns)``."""
+        ...
+
+
 @dataclass(frozen=True, slots=True)
 class Frames:
     """Tip, its rotation, and the end of the first section (its rigid piece included), in the base frame."""
@@ -86,7 +116,7 @@ class Derivatives:
     mid: Array
 
 
-def forward(sections: Sections, lengths: Array | Sequence[float]) -> Frames:
+def forward(sections: ArcChain, lengths: Array | Sequence[float]) -> Frames:
     """Where the chain ends: ``p = p1 + R1 (h1 e_z + p2 + R2 (...))``."""
     arcs = sections.arcs(lengths)
     position = np.zeros((*arcs.shape[:-2], 3))
@@ -99,10 +129,10 @@ def forward(sections: Sections, lengths: Array | Sequence[float]) -> Frames:
         rotation = rotation @ r
         if i == 0:
             mid = position
-    return Frames(position, rotation, mid)
+    return Frames(_with_offset(sections, position, rotation), rotation, mid)
 
 
-def differentiate(sections: Sections, lengths: Array | Sequence[float]) -> Derivatives:
+def differentiate(sections: ArcChain, lengths: Array | Sequence[float]) -> Derivatives:
     """Jacobians of tip, orientation and mid-point: ``J_i = R (Jp_i + Jw_i x rest_i) d(u, v, L)/dl``.
 
     ``R`` is the frame where section i starts and ``rest_i`` leads from its end to the tip.
@@ -125,10 +155,11 @@ def differentiate(sections: Sections, lengths: Array | Sequence[float]) -> Deriv
         position = end + rigid_m * rotation[..., :, 2]
         if i == 0:
             mid = position
+    position = _with_offset(sections, position, rotation)
     tip_columns = [
         linear[i] + np.cross(spin[i], (position - ends[i])[..., None], axis=-2) for i in range(sections.count)
     ]
-    mid_columns = [np.zeros((*batch, 3, 3)) for _ in range(sections.count)]
+    mid_columns = [np.zeros_like(columns) for columns in linear]
     mid_columns[0] = linear[0] + np.cross(spin[0], (mid - ends[0])[..., None], axis=-2)
     return Derivatives(
         Frames(position, rotation, mid),
@@ -138,7 +169,14 @@ def differentiate(sections: Sections, lengths: Array | Sequence[float]) -> Deriv
     )
 
 
-def backbone(sections: Sections, lengths: Array | Sequence[float], points: int) -> Array:
+def _with_offset(sections: ArcChain, position: Array, rotation: Array) -> Array:
+    if not any(sections.offset_m):
+        return position
+    shifted: Array = position + rotation[..., :, :2] @ np.array(sections.offset_m)
+    return shifted
+
+
+def backbone(sections: ArcChain, lengths: Array | Sequence[float], points: int) -> Array:
     """Points from base to tip at equal arc length, rigid pieces included, shape ``(points, 3)`` [m]."""
     arcs = sections.arcs(lengths)
     pieces = np.ravel(np.column_stack((arcs[:, 2], sections.rigid_m)))

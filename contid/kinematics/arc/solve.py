@@ -15,8 +15,8 @@ import numpy as np
 
 from contid.kinematics.arc import arc, biarc
 from contid.kinematics.arc.descent import Descent
-from contid.kinematics.arc.feasible import Feasible
-from contid.kinematics.arc.sections import differentiate, forward
+from contid.kinematics.arc.feasible import BoundedChain
+from contid.kinematics.arc.sections import Sections, differentiate, forward
 from contid.kinematics.arc.task import Goal, Tuning
 from contid.kinematics.array import Array
 from contid.kinematics.halton import PRIMES, radical_inverse
@@ -46,12 +46,12 @@ def vec3(array: Array) -> Vec3:
 class SectionSolver:
     """Inverse kinematics of one chain; the native twin has the same methods and attributes."""
 
-    def __init__(self, feasible: Feasible, tuning: Tuning) -> None:
+    def __init__(self, feasible: BoundedChain, tuning: Tuning) -> None:
         self.feasible = feasible
         self.sections = feasible.sections
         self.tuning = tuning
         self._descent = Descent(feasible, tuning)
-        size = 3 * self.sections.count
+        size = len(feasible.home)
         cube = np.array([[radical_inverse(k + 1, prime) for prime in PRIMES[:size]] for k in range(LIBRARY)])
         self._library = np.array(
             [feasible.pulled(feasible.low + c * (feasible.high - feasible.low)) for c in cube]
@@ -117,6 +117,8 @@ class SectionSolver:
 
     def _closed_form(self, goal: Goal) -> Array | None:
         """Lengths from the closed forms, if they exist and are inside every limit."""
+        if not isinstance(self.sections, Sections):  # the length of a section is given: no arc leads anywhere
+            return None
         arcs: Sequence[tuple[float, float, float]] | None = None
         rigid = self.sections.rigid_m
         if self.sections.count == 1 and goal.direction is None and goal.mid is None:
@@ -131,8 +133,9 @@ class SectionSolver:
 
     def _starts(self, goal: Goal) -> Iterator[Array]:
         """Starts for a target the seed did not reach, most promising first."""
-        if self.sections.count == 2 and goal.direction is not None and goal.mid is None:
-            yield from self._biarc_starts(goal)
+        sections, directed = self.sections, goal.direction is not None and goal.mid is None
+        if isinstance(sections, Sections) and sections.count == 2 and directed:
+            yield from self._biarc_starts(sections, goal)
         frames = self._library_frames
         distance = ((frames.tip - goal.tip) ** 2).sum(axis=-1)
         if goal.direction is not None:
@@ -143,17 +146,17 @@ class SectionSolver:
         for k in range(self.tuning.starts):  # the nearest ones, then with growing strides
             yield self._library[order[min(k * (k + 7) // 8, LIBRARY - 1)]]
 
-    def _biarc_starts(self, goal: Goal) -> Iterator[Array]:
+    def _biarc_starts(self, sections: Sections, goal: Goal) -> Iterator[Array]:
         """The three biarcs that exceed the limits least, out of 64 control legs."""
         scored: list[tuple[float, int, Array]] = []
         scale = float(self.feasible.home[:3].mean())
-        rigid = self.sections.rigid_m
+        rigid = sections.rigid_m
         for k in range(64):
             leg = 0.5 * scale * math.tan(0.5 * math.pi * ((2 * k + 1) / 64 - 1.0))
             arcs = biarc.biarc(np.array(goal.tip), np.array(goal.direction), leg, (rigid[0], rigid[1]))
             if arcs is None:
                 continue
-            lengths = self.sections.lengths(np.array(arcs))
+            lengths = sections.lengths(np.array(arcs))
             excess = np.maximum(self.feasible.excess(lengths), 0.0)
             from_home = float(((lengths - self.feasible.home) ** 2).sum())
             scored.append((float((excess**2).sum()) + 1e-4 * from_home, k, lengths))

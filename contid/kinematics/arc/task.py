@@ -12,7 +12,7 @@ from typing import NamedTuple
 import numpy as np
 
 from contid.kinematics.arc.feasible import Feasible
-from contid.kinematics.arc.sections import Sections, differentiate
+from contid.kinematics.arc.sections import ArcChain, differentiate
 from contid.kinematics.array import Array
 from contid.targets import Vec3
 
@@ -36,6 +36,9 @@ class Tuning:
             length of the arm; within its length every start is tried.
         tracking: a descent from the seed that moves less than ``tracking * ell_m`` without meeting its target
             follows a bounded optimum from tick to tick: then at most ``agreeing`` starts, to stay in time.
+        still_m: a seed that meets its target within ``still_error_m`` [m] is kept where the first step is
+            shorter [m]: an answer that is asked for again from itself does not move.
+        still_error_m: see ``still_m``.
     """
 
     ell_m: float
@@ -51,6 +54,8 @@ class Tuning:
     starts: int = 32
     agreeing: int = 3
     tracking: float = 0.1
+    still_m: float = 1e-8
+    still_error_m: float = 1e-10
 
 
 def tuning_for(feasible: Feasible) -> Tuning:
@@ -66,7 +71,7 @@ class Goal(NamedTuple):
     mid: Vec3 | None = None
 
 
-def task(sections: Sections, ell_m: float, lengths: Array, goal: Goal) -> tuple[Array, Array]:
+def task(sections: ArcChain, ell_m: float, lengths: Array, goal: Goal) -> tuple[Array, Array]:
     """Error rows ``(m,)`` [m] and their Jacobian ``(m, 3 n)`` at ``lengths``."""
     at = differentiate(sections, lengths)
     errors, rows = [np.array(goal.tip) - at.frames.tip], [at.tip]

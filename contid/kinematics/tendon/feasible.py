@@ -1,0 +1,168 @@
+"""The convex set of bends a tendon robot may take, with a name for every limit.
+
+In the variables ``x = L Theta`` [m] of `BendSections`:
+
+* travel of every tendon: planes, since pulls are linear in the bends. With elastic tendons a pull has a part
+  for the stretch that keeps the section taut (`TendonStatics`). Its maximum is the maximum of several planes.
+  Its minimum is kept for a tendon at the floor: exact for the tendon of a section that is paid out most, and
+  on the safe side for others;
+* largest tension of every tendon: planes; the least tension holds by the choice of the mean pull;
+* largest bend of every section: a cone.
+
+A point outside is brought inside by straightening the robot. Specification of
+``contid/kernels/tendon/feasible.hpp``.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Collection, Sequence
+from dataclasses import dataclass, field
+
+import numpy as np
+
+from contid.kinematics.arc.feasible import BINDING_M
+from contid.kinematics.array import Array
+from contid.kinematics.tendon.geometry import TendonGeometry
+from contid.kinematics.tendon.sections import BendSections
+from contid.kinematics.tendon.tension import TendonStatics
+
+
+@dataclass(frozen=True, eq=False)
+class TendonFeasible:
+    """Limits of one robot.
+
+    Attributes:
+        sections: the chain.
+        bend_max_rad: largest bend of each section [rad].
+        normals, offsets: planes ``normals x <= offsets`` [m], shapes ``(planes, 2 n)`` and ``(planes,)``.
+        plane_names: name of each plane's limit; several planes can share one.
+        home: the straight robot.
+        low, high: a box around the cones [m].
+        metric: of the distance from home: half the square of the variables.
+    """
+
+    sections: BendSections
+    bend_max_rad: tuple[float, ...]
+    normals: Array
+    offsets: Array
+    plane_names: tuple[str, ...]
+    home: Array = field(init=False)
+    low: Array = field(init=False)
+    high: Array = field(init=False)
+    metric: Array = field(init=False)
+
+    def __post_init__(self) -> None:
+        size = 2 * self.sections.count
+        high = np.repeat(self.sections.backbone_m, 2) * np.repeat(self.bend_max_rad, 2)
+        for name, value in (
+            ("home", np.zeros(size)),
+            ("low", -high),
+            ("high", high),
+            ("metric", 0.5 * np.eye(size)),
+        ):
+            object.__setattr__(self, name, value)
+        if not np.all(self.excess(self.home) < 0.0):
+            raise ValueError("the straight robot is not inside the limits")
+
+    @property
+    def flat(self) -> int:
+        """Number of planes; the cones follow."""
+        return len(self.offsets)
+
+    @property
+    def names(self) -> tuple[str, ...]:
+        """Names of the limits in the order of the bits of `binding`."""
+        return (*self.plane_names, *(f"s{s + 1}.bend" for s in range(self.sections.count)))
+
+    @property
+    def longest_m(self) -> float:
+        """No tip is farther from the base than this [m]: the straight robot."""
+        return (
+            sum(self.sections.backbone_m)
+            + sum(self.sections.rigid_m)
+            + float(np.hypot(*self.sections.offset_m))
+        )
+
+    def excess(self, lengths: Array) -> Array:
+        """By how much every limit is exceeded [m], negative inside, in the order of `names`."""
+        bend = np.hypot(lengths[0::2], lengths[1::2])
+        cones = bend - np.array(self.sections.backbone_m) * np.array(self.bend_max_rad)
+        return np.concatenate((self.normals @ lengths - self.offsets, cones))
+
+    def binding(self, lengths: Array) -> int:
+        """Bits of the limits that bind, in the order of `names`."""
+        return sum(1 << int(k) for k in np.flatnonzero(self.excess(lengths) > -BINDING_M))
+
+    def worst(self, lengths: Array, held: Collection[int]) -> tuple[float, Array, int]:
+        """The limit exceeded most, ``held`` planes left out: excess [m], normal ``(2 n,)`` and number."""
+        excess = self.excess(lengths)
+        for number in held:
+            if number < self.flat:
+                excess[number] = -np.inf
+        number = int(np.argmax(excess))
+        return float(excess[number]), self.normal(lengths, number), number
+
+    def normal(self, lengths: Array, number: int) -> Array:
+        """Gradient of one limit's excess at these variables, shape ``(2 n,)``."""
+        if number < self.flat:
+            row: Array = self.normals[number]
+            return row
+        normal = np.zeros(len(lengths))
+        at = slice(2 * (number - self.flat), 2 * (number - self.flat) + 2)
+        normal[at] = lengths[at] / (float(np.hypot(*lengths[at])) or 1.0)
+        return normal
+
+    def cone_curvature(self, lengths: Array, s: int) -> Array:
+        """Second derivative of the excess of a section's cone, ``(2 n, 2 n)``; 0 for a straight section."""
+        curvature = np.zeros((len(lengths), len(lengths)))
+        at = slice(2 * s, 2 * s + 2)
+        a, b = lengths[at]
+        size = float(np.hypot(a, b))
+        if size >= 1e-9:
+            across = np.array([-b, a]) / size
+            curvature[at, at] = np.outer(across, across) / size
+        return curvature
+
+    def pulled(self, lengths: Array | Sequence[float]) -> Array:
+        """The first feasible point on the way from there (clipped to the box) to the straight robot."""
+        clipped = np.clip(np.asarray(lengths, dtype=np.float64), self.low, self.high)
+        outside, inside = self.excess(clipped), self.excess(self.home)
+        share = 1.0
+        for there, here in zip(outside, inside, strict=True):
+            if there > 0.0:
+                share = min(share, here / (here - there))
+        return clipped if share == 1.0 else np.asarray(share * clipped, dtype=np.float64)
+
+
+def limits_of(
+    geometry: TendonGeometry,
+    lower_m: Sequence[float],
+    upper_m: Sequence[float],
+    bend_max_rad: Sequence[float],
+    statics: TendonStatics | None = None,
+) -> TendonFeasible:
+    """Limits of travel [m] per tendon, of bends [rad] per section, and of tension where it is described."""
+    sections = BendSections.of(geometry)
+    names = geometry.names
+    planes: list[tuple[str, Array, float]] = []
+    for tendon, (name, row) in enumerate(zip(names, geometry.pull_matrix, strict=True)):
+        paid_out = 0.0
+        if statics is not None:
+            paid_out = float(statics.floor_n - statics.rest_n[tendon]) / statics.tendon_n_per_m[tendon]
+        planes.append((f"{name}.min", -row, paid_out - lower_m[tendon]))
+        if statics is None:
+            planes.append((f"{name}.max", row, upper_m[tendon]))
+    if statics is not None:
+        for tendon, tension_row, tension in statics.pieces():
+            k = statics.tendon_n_per_m[tendon]
+            at_rest = (tension - float(statics.rest_n[tendon])) / k
+            row = geometry.pull_matrix[tendon] + tension_row / k
+            planes.append((f"{names[tendon]}.max", row, upper_m[tendon] - at_rest))
+        for tendon, row, bound in statics.planes():
+            planes.append((f"{names[tendon]}.tension", row, bound))
+    per_length = 1.0 / np.repeat(sections.backbone_m, 2)
+    normals = np.array([row for _, row, _ in planes]) * per_length
+    offsets = np.array([bound for _, _, bound in planes])
+    return TendonFeasible(
+        sections, tuple(bend_max_rad), normals, offsets, tuple(name for name, _, _ in planes)
+    )

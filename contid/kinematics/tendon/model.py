@@ -1,0 +1,241 @@
+"""The model of tendon robots: pulls of tendons to a tip by sections of constant curvature, and back."""
+
+from __future__ import annotations
+
+import math
+from typing import Protocol
+
+import numpy as np
+
+from contid.kernels import load
+from contid.kinematics.arc.sections import backbone
+from contid.kinematics.arc.solve import SectionSolver
+from contid.kinematics.arc.task import Tuning
+from contid.kinematics.array import Array
+from contid.kinematics.tendon.feasible import TendonFeasible, limits_of
+from contid.kinematics.tendon.geometry import TendonGeometry, TendonSection
+from contid.kinematics.tendon.sections import BendSections
+from contid.kinematics.tendon.tension import TendonStatics
+from contid.robot_file.tendon import TendonRobot
+from contid.targets import ZERO3, Actuation, Pose, Solution, Target, Vec3
+from contid.units import LIMIT_TOLERANCE_M, MM_PER_M, m_to_mm
+
+
+class BendSolver(Protocol):
+    """Interface of the native solver and of its NumPy twin; bends times lengths [m]."""
+
+    def forward(self, bends: tuple[float, ...]) -> tuple[Vec3, tuple[float, ...], Vec3]:
+        """Tip [m], rotation row by row, end of the first section [m]."""
+        ...
+
+    def differentiate(self, bends: tuple[float, ...], tip: Array, spin: Array, mid: Array) -> None:
+        """Jacobians of tip, orientation and mid-point, into arrays ``(3, 2 n)`` the caller made."""
+        ...
+
+    def solve(
+        self, tip: Vec3, direction: Vec3 | None, mid: Vec3 | None, seed: tuple[float, ...]
+    ) -> tuple[tuple[float, ...], float, bool, tuple[int, ...], int, int]:
+        """Bends, residual [m], converged, numbers of the binding limits, iterations, starts."""
+        ...
+
+
+class _Twin:
+    """The NumPy solver of arcs with the native kernel's results."""
+
+    def __init__(self, feasible: TendonFeasible, tuning: Tuning) -> None:
+        self._solver = SectionSolver(feasible, tuning)
+        self.forward = self._solver.forward
+        self.differentiate = self._solver.differentiate
+
+    def solve(
+        self, tip: Vec3, direction: Vec3 | None, mid: Vec3 | None, seed: tuple[float, ...]
+    ) -> tuple[tuple[float, ...], float, bool, tuple[int, ...], int, int]:
+        """See `BendSolver`."""
+        bends, residual_m, converged, bits, iterations, starts = self._solver.solve(tip, direction, mid, seed)
+        binding = tuple(k for k in range(bits.bit_length()) if bits >> k & 1)
+        return bends, residual_m, converged, binding, iterations, starts
+
+
+def geometry_of(robot: TendonRobot) -> TendonGeometry:
+    """Geometry of a robot description."""
+    sections = tuple(
+        TendonSection(
+            section.length_mm / MM_PER_M,
+            section.radius_m,
+            tuple(math.radians(angle) for angle in section.angles_deg),
+            section.rigid_mm / MM_PER_M,
+        )
+        for section in robot.geometry.sections
+    )
+    through = robot.geometry.routing == "through"
+    return TendonGeometry(sections, through, robot.geometry.base_offset_mm / MM_PER_M, robot.tip_offset_m)
+
+
+def statics_of(robot: TendonRobot, geometry: TendonGeometry) -> TendonStatics | None:
+    """Balance of tensions of a robot description; None where it has none."""
+    tension = robot.tension
+    if tension is None:
+        return None
+    bending = robot.per_section(tension.bending_n_mm2)
+    stiffness = robot.per_section(tension.tendon_n_per_mm)
+    return TendonStatics(
+        geometry,
+        tuple(
+            ei / (MM_PER_M * MM_PER_M) / section.length_m
+            for ei, section in zip(bending, geometry.sections, strict=True)
+        ),
+        tuple(
+            k * MM_PER_M
+            for k, section in zip(stiffness, geometry.sections, strict=True)
+            for _ in section.angle_rad
+        ),
+        tension.floor_n,
+        tension.max_n,
+    )
+
+
+def build_bend_solver(feasible: TendonFeasible) -> BendSolver:
+    """The native solver where it is built and not switched off, its NumPy twin otherwise."""
+    sections = feasible.sections
+    # Where a limit of tension binds next to the edge of the reach, homing ends up to 3e-6 m from its minimum.
+    tuning = Tuning(
+        ell_m=0.2 * (sum(sections.backbone_m) + sum(sections.rigid_m)), still_m=1e-5, still_error_m=1e-8
+    )
+    kernel = load("tendon3" if sections.count == 3 else "tendon")  # a build of its own for three
+    if kernel is None:
+        return _Twin(feasible, tuning)
+    solver: BendSolver = kernel.SectionSolver(
+        sections.backbone_m,
+        sections.rigid_m,
+        sections.offset_m,
+        feasible.bend_max_rad,
+        feasible.normals.ravel().tolist(),
+        feasible.offsets.tolist(),
+        tuning,
+    )
+    return solver
+
+
+class TendonModel:
+    """Forward and inverse kinematics of a tendon robot; `TendonStatics` has the tensions."""
+
+    dimension = 3
+
+    def __init__(self, robot: TendonRobot) -> None:
+        self.axis_names = robot.axis_names
+        self.lower = robot.lower
+        self.upper = robot.upper
+        self.geometry = geometry_of(robot)
+        self.statics = statics_of(robot, self.geometry)
+        bend_max_rad = tuple(math.radians(bend) for bend in robot.per_section(robot.limits.bend_max_deg))
+        self.feasible = limits_of(self.geometry, self.lower, self.upper, bend_max_rad, self.statics)
+        self.solver = build_bend_solver(self.feasible)
+        self._lengths = np.repeat(self.feasible.sections.backbone_m, 2)
+        self._base_m = self.geometry.base_offset_m
+        if self.statics is not None:
+            by_pulls = self.statics.bends_by_pulls
+        else:
+            by_pulls = np.asarray(np.linalg.pinv(self.geometry.pull_matrix), dtype=np.float64)
+        #: Variables of the solver [m] by pulls [m].
+        self._by_pulls: Array = self._lengths[:, None] * by_pulls
+        self._names = self.feasible.names
+
+    def forward(self, actuation: Actuation, load_n: Vec3 = ZERO3) -> Pose:
+        """Tip, orientation and end of the first section for pulls [m]; a load does not bend this model."""
+        tip, rotation, mid = self.solver.forward(tuple((self._by_pulls @ actuation).tolist()))
+        lift = self._base_m
+        return Pose(
+            (tip[0], tip[1], tip[2] + lift),
+            rotation,
+            (rotation[2], rotation[5], rotation[8]),
+            (mid[0], mid[1], mid[2] + lift),
+        )
+
+    def jacobian(self, actuation: Actuation, load_n: Vec3 = ZERO3) -> Array:
+        """Tip by pulls, shape (3, tendons); exact, also for the straight robot."""
+        tip, spin, mid = np.empty((3, 3, len(self._lengths)))
+        self.solver.differentiate(tuple((self._by_pulls @ actuation).tolist()), tip, spin, mid)
+        jacobian: Array = tip @ self._by_pulls
+        return jacobian
+
+    def shape(self, actuation: Actuation, points: int, load_n: Vec3 = ZERO3) -> Array:
+        """Backbone and rigid pieces at equal arc length, base offset first, shape (points, 3) [m]."""
+        x = self._by_pulls @ actuation
+        sections = self.feasible.sections
+        if self._base_m:  # a section that never bends
+            sections = BendSections((self._base_m, *sections.backbone_m), (0.0, *sections.rigid_m))
+            x = np.concatenate(([0.0, 0.0], x))
+        curve = backbone(sections, x, points)
+        curve[-1] = self.forward(actuation).tip_m  # a tip offset may lead aside
+        return curve
+
+    def tensions(self, actuation: Actuation) -> Array | None:
+        """Tensions ``(tendons,)`` [N] of pulls [m]; None where the robot file has no ``tension``."""
+        return None if self.statics is None else self.statics.tensions(np.array(actuation))
+
+    def inverse(self, target: Target, seed: Actuation) -> Solution:
+        """Pulls inside every limit of travel and tension for a tip, a tip and its direction, or a mid-point.
+
+        Of the bends that meet a target the ones nearest to the straight robot; of the pulls for these bends
+        the ones whose least tension in every section is the floor. A direction enters the residual times a
+        fifth of the robot's length.
+        """
+        if target.actuation is not None:
+            return self._clamped(target.actuation)
+        if target.tip_m is None:
+            raise ValueError("a tendon robot takes a tip position or pulls")
+        lift = self._base_m
+        tip, mid = target.tip_m, target.mid_m
+        if lift:
+            tip = (tip[0], tip[1], tip[2] - lift)
+            mid = None if mid is None else (mid[0], mid[1], mid[2] - lift)
+        start = tuple((self._by_pulls @ seed).tolist())
+        bends, residual_m, converged, binding, iterations, _ = self.solver.solve(
+            tip, target.direction, mid, start
+        )
+        pulls = self._pulls(np.array(bends) / self._lengths)
+        limits = tuple(dict.fromkeys(self._names[k] for k in binding)) if binding else ()
+        if converged:
+            return Solution(pulls, residual_m, True, limits, iterations)
+        note = f"the nearest answer found within the limits leaves {m_to_mm(residual_m):.6g} mm"
+        return Solution(pulls, residual_m, False, limits, iterations, note)
+
+    def _pulls(self, bends: Array) -> Actuation:
+        """Pulls of bends [rad], within the travel to the last bit."""
+        pulls = self.geometry.pulls(bends) if self.statics is None else self.statics.pulls(bends)
+        return tuple(np.clip(pulls, self.lower, self.upper).tolist())
+
+    def excess(self, actuation: Actuation) -> Array:
+        """By how much limits of travel, tension and bends are exceeded by pulls [m], negative inside.
+
+        In the order: least pull, largest pull, slack, tension per tendon; bend per section.
+        """
+        q = np.array(actuation)
+        x = self._by_pulls @ q
+        parts = [np.array(self.lower) - q, q - np.array(self.upper)]
+        if self.statics is not None:
+            k = np.array(self.statics.tendon_n_per_m)
+            tension = self.statics.tensions(q)
+            parts += [(self.statics.floor_n - tension) / k, (tension - self.statics.limit_n) / k]
+        parts.append(self.feasible.excess(x)[self.feasible.flat :])
+        return np.concatenate(parts)
+
+    @property
+    def limit_names(self) -> tuple[str, ...]:
+        """Names in the order of `excess`."""
+        kinds = ("min", "max") if self.statics is None else ("min", "max", "slack", "tension")
+        tendons = tuple(f"{name}.{kind}" for kind in kinds for name in self.axis_names)
+        return (*tendons, *self._names[self.feasible.flat :])
+
+    def _clamped(self, requested: Actuation) -> Solution:
+        """The pulls themselves where every tendon stays taut and inside its limits; else near ones."""
+        excess = self.excess(requested)
+        if np.all(excess <= LIMIT_TOLERANCE_M):  # a slack tendon or NaN is not inside
+            return Solution(tuple(np.clip(requested, self.lower, self.upper).tolist()), 0.0, True)
+        limits = tuple(name for name, over in zip(self.limit_names, excess, strict=True) if not over <= 0.0)
+        finite = np.nan_to_num(np.array(requested), nan=0.0, posinf=1e6, neginf=-1e6)
+        pulls = self._pulls(self.feasible.pulled(self._by_pulls @ finite) / self._lengths)
+        residual_m = math.dist(self.forward(pulls).tip_m, self.forward(tuple(finite.tolist())).tip_m)
+        off_m = float(np.abs(np.array(pulls) - finite).max())
+        note = f"pulls moved by up to {m_to_mm(off_m):.6g} mm to keep every tendon taut and inside the limits"
+        return Solution(pulls, residual_m, False, limits, 0, note)

@@ -1,0 +1,134 @@
+"""Tension of the tendons of a robot with constant bending stiffness and no load, and the pulls that keep it.
+
+With tendons of stiffness k and sections of stiffness ``K = EI / L`` [N m/rad], pulls q (0 on the straight
+robot at its pretension tau0) and bends Theta balance where the energy of both is least:
+
+    tau = tau0 + k (q - G Theta),      G^T tau = K Theta      hence      Theta = (G^T k G + K)^-1 G^T k q.
+
+Backwards, bends leave each section one number free: adding ``lambda n`` with ``n`` the tensions that do not
+bend (all equal for even azimuths) tightens its tendons. It is chosen so that the least tension of the section
+is the floor: no tendon is slack, none is tighter than necessary. Tensions are then piecewise linear and
+convex in the bends, so a limit of tension is a set of planes.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+
+import numpy as np
+
+from contid.kinematics.array import Array
+from contid.kinematics.tendon.geometry import TendonGeometry
+
+# Rounds of the search for tensions that do not bend; even the worst layout a robot file allows needs a few.
+_ROUNDS = 10000
+
+
+def balanced(arms: Array) -> Array | None:
+    """Positive tensions ``(tendons,)``, mean 1, whose moments ``arms^T n`` vanish; None if there are none.
+
+    Alternating projections onto the null space and onto ``n >= 1/20``: with three tendons the null space has
+    one direction, with evenly placed ones the answer is 1 everywhere.
+    """
+    across = np.eye(len(arms)) - arms @ np.linalg.pinv(arms)
+    n = across @ np.ones(len(arms))
+    for _ in range(_ROUNDS):
+        mean = float(n.mean())
+        if mean > 1e-9 and float(n.min()) >= 1e-3 * mean:
+            return np.asarray(n / mean, dtype=np.float64)
+        n = across @ np.maximum(n, 0.05)
+    return None
+
+
+@dataclass(frozen=True, eq=False)
+class TendonStatics:
+    """Balance of tendons and backbone.
+
+    Attributes:
+        geometry: sections and tendons.
+        bending_nm: K, bending stiffness of each section over its length [N m/rad].
+        tendon_n_per_m: k, stiffness of each tendon [N/m].
+        floor_n: least tension [N].
+        limit_n: largest tension [N].
+        slack_free: n of every tendon, see the module; mean 1 in each section.
+        rest_n: tau0, tensions of the straight robot at zero pulls [N].
+        demand: tensions by bends before any tightening [N/rad], shape ``(tendons, 2 sections)``.
+        bends_by_pulls: Theta by q [rad/m], shape ``(2 sections, tendons)``.
+    """
+
+    geometry: TendonGeometry
+    bending_nm: tuple[float, ...]
+    tendon_n_per_m: tuple[float, ...]
+    floor_n: float
+    limit_n: float
+    slack_free: Array = field(init=False)
+    rest_n: Array = field(init=False)
+    demand: Array = field(init=False)
+    bends_by_pulls: Array = field(init=False)
+
+    def __post_init__(self) -> None:
+        geometry = self.geometry
+        stiffness = np.repeat(self.bending_nm, 2)
+        demand = np.zeros_like(geometry.pull_matrix)
+        free = np.empty(geometry.tendons)
+        for j, rows in enumerate(geometry.tendon_slices):
+            arms = geometry.sections[j].arms
+            n = balanced(arms)
+            if n is None:
+                raise ValueError(f"the tendons of section {j + 1} do not stand around the backbone")
+            free[rows] = n
+            moments = np.zeros((2, 2 * geometry.count))  # left to the section's own tendons
+            for k in range(j, min(j + 2, geometry.count) if geometry.through else j + 1):
+                at = slice(2 * k, 2 * k + 2)
+                moments[:, at] = (1.0 if k == j else -1.0) * np.diag(stiffness[at])
+            demand[rows] = np.linalg.pinv(arms.T) @ moments
+        weighted = geometry.pull_matrix.T * np.array(self.tendon_n_per_m)
+        by_pulls = np.linalg.solve(weighted @ geometry.pull_matrix + np.diag(stiffness), weighted)
+        for name, value in (("slack_free", free), ("demand", demand), ("bends_by_pulls", by_pulls)):
+            object.__setattr__(self, name, value)
+        object.__setattr__(self, "rest_n", self.tensions_of_bends(np.zeros(2 * geometry.count)))
+
+    def tensions_of_bends(self, bends: Array) -> Array:
+        """Least tensions ``(tendons,)`` [N] that hold bends ``(2 sections,)`` [rad] above the floor."""
+        tensions: Array = self.demand @ bends
+        for rows in self.geometry.tendon_slices:
+            free = self.slack_free[rows]
+            tensions[rows] += float(np.max((self.floor_n - tensions[rows]) / free)) * free
+        return tensions
+
+    def pulls(self, bends: Array) -> Array:
+        """Pulls ``(tendons,)`` [m] that lead to bends [rad] with those tensions."""
+        stretch = (self.tensions_of_bends(bends) - self.rest_n) / np.array(self.tendon_n_per_m)
+        pulls: Array = self.geometry.pull_matrix @ bends + stretch
+        return pulls
+
+    def bends(self, pulls: Array) -> Array:
+        """Bends ``(2 sections,)`` [rad] of any pulls ``(tendons,)`` [m] that keep all tendons taut."""
+        bends: Array = self.bends_by_pulls @ pulls
+        return bends
+
+    def tensions(self, pulls: Array) -> Array:
+        """Tensions ``(tendons,)`` [N] of pulls [m]; below 0 a tendon would have to push."""
+        stretch = pulls - self.geometry.pull_matrix @ self.bends(pulls)
+        tensions: Array = self.rest_n + np.array(self.tendon_n_per_m) * stretch
+        return tensions
+
+    def planes(self) -> list[tuple[int, Array, float]]:
+        """Limits of tension: tendon, row ``(2 sections,)`` and bound with ``row . Theta <= bound`` [m]."""
+        out = []
+        for tendon, row, at_rest in self.pieces():
+            if np.any(row):
+                k = self.tendon_n_per_m[tendon]
+                out.append((tendon, row / k, (self.limit_n - at_rest) / k))
+        return out
+
+    def pieces(self) -> list[tuple[int, Array, float]]:
+        """Tendon, row and offset of every linear function of the bends whose maximum is its tension [N]."""
+        out = []
+        for rows in self.geometry.tendon_slices:
+            for tendon in range(rows.start, rows.stop):
+                for least in range(rows.start, rows.stop):  # the tendon that is at the floor
+                    share = float(self.slack_free[tendon] / self.slack_free[least])
+                    row = self.demand[tendon] - share * self.demand[least]
+                    out.append((tendon, row if tendon != least else 0.0 * row, share * self.floor_n))
+        return out

@@ -1,0 +1,203 @@
+"""Robot description of tendon robots: sections in series on one backbone, bent by tendons on spools."""
+
+from __future__ import annotations
+
+from typing import Annotated, ClassVar, Literal
+
+from pydantic import Field, model_validator
+
+from contid.robot_file.base import Interval, NonNegative, Positive, Quantity, Size, Strict
+from contid.robot_file.robot import RobotDescription
+from contid.targets import Actuation, Vec3
+from contid.units import MM_PER_M
+
+#: The native kernel has scratch on the stack for so many.
+MAX_TENDON_SECTIONS = 8
+MAX_TENDONS = 8  # of a section
+
+
+class TendonSectionDescription(Strict):
+    """One section of the backbone and the tendons that end at its disc.
+
+    Attributes:
+        length_mm: length of the backbone between the discs; it does not change.
+        radius_mm: distance of the tendons from the backbone, one number or one per tendon.
+        angles_deg: azimuth of each tendon, counter-clockwise from +x seen from +z; three or more, all around.
+        rigid_mm: rigid piece after the section, such as a thick disc.
+    """
+
+    length_mm: Size
+    radius_mm: Annotated[tuple[Size, ...], Field(min_length=1, max_length=MAX_TENDONS)]
+    angles_deg: Annotated[tuple[float, ...], Field(min_length=3, max_length=MAX_TENDONS)]
+    rigid_mm: NonNegative = 0.0
+
+    @model_validator(mode="after")
+    def _around(self) -> TendonSectionDescription:
+        count = len(self.angles_deg)
+        if len(self.radius_mm) not in (1, count):
+            raise ValueError(
+                f"radius_mm has {len(self.radius_mm)} numbers; allowed: 1 or {count}, one per tendon"
+            )
+        turned = sorted(angle % 360.0 for angle in self.angles_deg)
+        widest = max(b - a for a, b in zip(turned, (*turned[1:], turned[0] + 360.0), strict=True))
+        if widest > 170.0:
+            raise ValueError(
+                f"angles_deg leaves {widest:g} degrees without a tendon; allowed: gaps up to 170, "
+                "so that the tendons can balance each other"
+            )
+        return self
+
+    @property
+    def radius_m(self) -> tuple[float, ...]:
+        """Distance of every tendon from the backbone [m]."""
+        count = len(self.angles_deg)
+        return tuple(
+            r / MM_PER_M for r in (self.radius_mm * count if len(self.radius_mm) == 1 else self.radius_mm)
+        )
+
+
+class TendonRobotGeometry(Strict):
+    """Dimensions of the robot.
+
+    Attributes:
+        sections: from the base on.
+        routing: ``through``: tendons run along the backbone through the sections before their own, and
+            shorten with them; ``independent``: sheaths carry them to their own section.
+        base_offset_mm: from the origin of the base frame to the start of the first section, along z.
+        tip_offset_mm: from the end of the last section to the tip that targets mean, in the tip frame.
+    """
+
+    sections: Annotated[
+        tuple[TendonSectionDescription, ...], Field(min_length=1, max_length=MAX_TENDON_SECTIONS)
+    ]
+    routing: Literal["through", "independent"] = "through"
+    base_offset_mm: NonNegative = 0.0
+    tip_offset_mm: tuple[float, float, float] = (0.0, 0.0, 0.0)
+
+
+class TendonRobotLimits(Strict):
+    """Limits of the robot.
+
+    Attributes:
+        pull_mm: ``[min, max]`` pull of the tendons from the straight robot, positive when a tendon shortens:
+            one row for all, or one per section.
+        bend_max_deg: largest bend of a section: one number for all, or one per section.
+    """
+
+    pull_mm: Annotated[tuple[Interval, ...], Field(min_length=1, max_length=MAX_TENDON_SECTIONS)]
+    bend_max_deg: Annotated[
+        tuple[Annotated[float, Field(gt=0, le=350)], ...], Field(min_length=1, max_length=MAX_TENDON_SECTIONS)
+    ] = (180.0,)
+
+
+class Tension(Strict):
+    """Tension of the tendons; without it pulls are geometric and tensions are not bounded.
+
+    Attributes:
+        floor_n: least tension: pretension of the straight robot, below which a tendon counts as slack.
+        max_n: largest tension.
+        bending_n_mm2: bending stiffness E I of the backbone: one number for all, or one per section.
+        tendon_n_per_mm: stiffness of a tendon from spool to disc: one number for all, or one per section.
+    """
+
+    floor_n: Positive
+    max_n: Positive
+    bending_n_mm2: Annotated[tuple[Positive, ...], Field(min_length=1, max_length=MAX_TENDON_SECTIONS)]
+    tendon_n_per_mm: Annotated[tuple[Positive, ...], Field(min_length=1, max_length=MAX_TENDON_SECTIONS)]
+
+    @model_validator(mode="after")
+    def _room(self) -> Tension:
+        if self.max_n < 2.0 * self.floor_n:
+            raise ValueError(f"max_n {self.max_n:g} is less than twice floor_n, {2.0 * self.floor_n:g}")
+        return self
+
+
+class TendonRobot(RobotDescription):
+    """A tendon robot of one to eight sections; it grows along +z.
+
+    Axes: ``s1.t1``, ``s1.t2`` and so on: section, tendon; their values are pulls from the straight robot.
+    Targets: a tip; from three sections on also its direction, or a mid-point beside it.
+
+    Attributes:
+        model: ``tendon``.
+        geometry: dimensions.
+        limits: of pulls and bends.
+        tension: of the tendons; bounds them and adds the stretch of tendons to the pulls.
+    """
+
+    quantity: ClassVar[Quantity] = Quantity.LENGTH
+    dimension: ClassVar[int] = 3
+
+    model: Literal["tendon"]
+    geometry: TendonRobotGeometry
+    limits: TendonRobotLimits
+    tension: Tension | None = None
+
+    @model_validator(mode="after")
+    def _consistent(self) -> TendonRobot:
+        count = self.sections
+        rows = [("limits.pull_mm", self.limits.pull_mm), ("limits.bend_max_deg", self.limits.bend_max_deg)]
+        if self.tension is not None:
+            rows.append(("tension.bending_n_mm2", self.tension.bending_n_mm2))
+            rows.append(("tension.tendon_n_per_mm", self.tension.tendon_n_per_mm))
+        for what, values in rows:
+            if len(values) not in (1, count):
+                raise ValueError(f"{what} has {len(values)} entries; allowed: 1 or {count}, one per section")
+        for low, high in self.limits.pull_mm:
+            if not low < 0.0 < high:
+                raise ValueError(
+                    f"limits.pull_mm [{low:g}, {high:g}] has no room on both sides of 0, the straight robot"
+                )
+        return self
+
+    @property
+    def sections(self) -> int:
+        """Number of sections."""
+        return len(self.geometry.sections)
+
+    @property
+    def axis_names(self) -> tuple[str, ...]:
+        """Section by section from the base, tendon by tendon."""
+        return tuple(
+            f"s{s + 1}.t{t + 1}"
+            for s, section in enumerate(self.geometry.sections)
+            for t in range(len(section.angles_deg))
+        )
+
+    @property
+    def accepts(self) -> frozenset[str]:
+        """A tip; from three sections on also a direction or a mid-point."""
+        more = {"direction", "mid"} if self.sections > 2 else set()
+        return frozenset({"tip", "actuation"} | more)
+
+    @property
+    def lower(self) -> Actuation:
+        """Least pull of every tendon [m]."""
+        return self._per_tendon(tuple(low / MM_PER_M for low, _ in self.limits.pull_mm))
+
+    @property
+    def upper(self) -> Actuation:
+        """Largest pull of every tendon [m]."""
+        return self._per_tendon(tuple(high / MM_PER_M for _, high in self.limits.pull_mm))
+
+    @property
+    def rest(self) -> Actuation:
+        """As written, else the straight robot."""
+        return super().rest if self.rest_mm is not None else (0.0,) * len(self.axis_names)
+
+    @property
+    def tip_offset_m(self) -> Vec3:
+        """``geometry.tip_offset_mm`` [m]."""
+        x, y, z = self.geometry.tip_offset_mm
+        return x / MM_PER_M, y / MM_PER_M, z / MM_PER_M
+
+    def per_section(self, values: tuple[float, ...]) -> tuple[float, ...]:
+        """One number per section."""
+        return values * self.sections if len(values) == 1 else values
+
+    def _per_tendon(self, values: tuple[float, ...]) -> tuple[float, ...]:
+        return tuple(
+            value
+            for value, section in zip(self.per_section(values), self.geometry.sections, strict=True)
+            for _ in section.angles_deg
+        )
