@@ -9,6 +9,7 @@ of commands is intended, or a robot file changed; replay the old ones first to s
 from __future__ import annotations
 
 import io
+import itertools
 import sys
 from pathlib import Path
 from typing import Final
@@ -34,9 +35,13 @@ RATE_HZ: Final = 100.0
 #: Rows, and how far around the rest pose they go, as a share of an axis's travel.
 TIMES_S: Final = (0.0, 0.2, 0.4, 0.6, 0.8)
 REACH: Final = 0.03
-#: Where not around the rest pose, which is at the edge of the reach of arms that lengthen or inflate: share
-#: of each axis's travel.
-CENTRES: Final = {"stiffflop1": 0.5, "stiffflop2": 0.5, "trirack": 0.1, "trirack2": 0.1}
+#: Where not around the rest pose, which is at the edge of the reach of arms that lengthen, inflate or have a
+#: backbone of given length: share of each axis's travel, of one axis after the other where there are several.
+CENTRES: Final[dict[str, tuple[float, ...]]] = {
+    **dict.fromkeys(("stiffflop1", "stiffflop2"), (0.5,)),
+    **dict.fromkeys(("trirack", "trirack2"), (0.1,)),
+    **dict.fromkeys(("ftdcr_v4", "tendon3"), (0.6, 0.45, 0.45)),
+}
 #: Of long racks the same share is a long way.
 REACHES: Final = {"trirack": 0.005, "trirack2": 0.005}
 #: How far commands may differ [mm or bar]: a fifth of the least move by a mutation of test_golden (cbha).
@@ -66,12 +71,13 @@ def trajectory(loaded: LoadedFile, rate_hz: float) -> Trajectory:
     return read_trajectory(io.StringIO("\n".join(lines)), "golden.csv", robots)
 
 
-def _centre(config: RobotConfig, share: float | None) -> Actuation:
-    """Actuation of the first tip: that of the rest pose, or a share of each axis's travel."""
+def _centre(config: RobotConfig, shares: tuple[float, ...] | None) -> Actuation:
+    """Actuation of the first tip: that of the rest pose, or shares of the axes' travels."""
     model = config.model
-    if share is None:
+    if shares is None:
         return config.rest[: len(model.lower)]
-    return tuple(a + share * (b - a) for a, b in zip(model.lower, model.upper, strict=True))
+    travels = zip(itertools.cycle(shares), model.lower, model.upper, strict=False)
+    return tuple(a + share * (b - a) for share, a, b in travels)
 
 
 def _tip(config: RobotConfig, centre: Actuation, reach: float, dimension: int, k: int) -> list[float]:
