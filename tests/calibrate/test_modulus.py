@@ -20,6 +20,7 @@ from contid.calibrate.modulus import bending_deg, fit, growing_range
 from contid.cli.commands.calibrate import command
 from contid.errors import BadInputError, ContidError
 from contid.kinematics.cosserat.section import Section
+from contid.robot_file.cosserat import Cosserat
 from contid.robot_file.load import load_robot_file
 from studies.shi_experiments import MODULI_PA as MODULI
 from tests.kinematics.cosserat_cases import section
@@ -165,7 +166,9 @@ def test_command_writes_back_with_its_origin(tmp_path: Path, configs: Path, font
     done = CliRunner().invoke(command, arguments)
     assert done.exit_code == 0, done.output
     assert "bending_gain 1.2000" in done.output
-    first, second = load_robot_file(robot).file.robots["arm"].geometry.sections  # type: ignore[union-attr]
+    arm = load_robot_file(robot).file.robots["arm"]
+    assert isinstance(arm, Cosserat)
+    first, second = arm.geometry.sections
     assert np.allclose(first.modulus_pa, MODULI[0], atol=2e-3)
     assert np.allclose(second.modulus_pa, MODULI[1], atol=2e-3)
     assert first.bending_gain == pytest.approx(1.2, abs=1e-5)
@@ -193,7 +196,9 @@ def test_command_writes_into_every_style_of_file(style: str, tmp_path: Path, con
     yaml.dump(document, robot)
     done = CliRunner().invoke(command, ["modulus", str(data), "--write", str(robot)], catch_exceptions=False)
     assert done.exit_code == 0, done.output
-    first, second = load_robot_file(robot).file.robots["arm"].geometry.sections  # type: ignore[union-attr]
+    arm = load_robot_file(robot).file.robots["arm"]
+    assert isinstance(arm, Cosserat)
+    first, second = arm.geometry.sections
     assert np.allclose(first.modulus_pa, MODULI[0], atol=2e-3)
     assert np.allclose(second.modulus_pa, MODULI[1], atol=2e-3)
 
