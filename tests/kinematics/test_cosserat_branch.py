@@ -9,9 +9,9 @@ import numpy as np
 import pytest
 
 from contid.kinematics.cosserat.branch import Station, critical_factor, equilibrium, follow
+from contid.kinematics.cosserat.discretisation import fine_equilibrium
 from contid.kinematics.cosserat.loads import Loads
 from contid.kinematics.cosserat.model import CosseratModel
-from contid.kinematics.cosserat.search import fine_equilibrium
 from contid.kinematics.model import build_model
 from contid.robot_file.load import load_robot_file
 from contid.targets import Target

@@ -10,10 +10,12 @@ import numpy as np
 import pytest
 from scipy.optimize import minimize
 
+from contid import kernels
 from contid.kinematics.arc.feasible import Feasible
 from contid.kinematics.arc.section_model import build_solver
 from contid.kinematics.model import build_model
 from contid.robot_file.shipped import load_named
+from tests.oracles import rods
 from tests.oracles.arcs import random_posture, tip_and_tangent
 
 #: How far an answer may move when it is asked for again from itself [m]: 1e-5 mm.
@@ -78,3 +80,12 @@ def test_no_neighbour_with_the_same_tip_is_nearer_to_home():
             off = np.linalg.norm(tip_and_tangent(feasible, best.x)[0] - tip)
             if np.linalg.norm(best.x - found) < 0.02 and off < 1e-7 and feasible.excess(best.x).max() < 1e-7:
                 assert distance(found) <= best.fun + 1e-6
+
+
+@pytest.mark.skipif(kernels.load("cosserat") is None, reason="needs compiled kernels")
+@pytest.mark.parametrize("share", [rods.NEAR_REST, 1.0], ids=["near rest", "box"])
+@pytest.mark.parametrize("directed", [False, True], ids=["tip", "direction"])
+def test_an_answer_of_two_pneumatic_sections_asked_for_again_does_not_move(share, directed):
+    missed, moved = rods.moves(share, directed, 0.0, 200, seed=7)
+    assert missed == 0
+    assert max(moved) <= rods.FIXED_BAR

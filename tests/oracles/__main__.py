@@ -12,6 +12,7 @@ from contid.kinematics.arc.section_model import SectionModel
 from contid.kinematics.model import build_model
 from contid.robot_file.shipped import load_named
 from tests.oracles.arcs import random_posture, tip_and_tangent
+from tests.oracles.rods import FIXED_BAR, NEAR_REST, moves
 
 
 def settled(name: str, most_rad: float, directed: bool, cases: int) -> bool:
@@ -43,6 +44,18 @@ def settled(name: str, most_rad: float, directed: bool, cases: int) -> bool:
     return missed == 0 and far == 0
 
 
+def settled_rods(share: float, directed: bool, load_n: float, cases: int) -> bool:
+    """The same for two pneumatic sections, with pressures up to a share of their range."""
+    missed, moved = moves(share, directed, load_n, cases)
+    far = sum(change > FIXED_BAR for change in moved)
+    print(
+        f"settled stiffflop2 {'tip + direction' if directed else 'tip':15} pressures to {share:.0%}, "
+        f"load {load_n:g} N: {missed} of {cases} missed, {far} moved by more than {FIXED_BAR:g} bar when "
+        f"asked again (worst {max(moved):.2g} bar)"
+    )
+    return missed == 0 and far == 0
+
+
 def main() -> int:
     """Run every oracle; exit 1 when one of those that must hold does not."""
     parser = argparse.ArgumentParser(prog="python -m tests.oracles")
@@ -53,6 +66,10 @@ def main() -> int:
         for directed in (False, True):
             held &= settled(name, np.pi / 3, directed, cases)
             settled(name, 1.2 * np.pi, directed, cases)
+    for share in (NEAR_REST, 1.0):
+        for directed in (False, True):
+            settled_rods(share, directed, 0.0, cases)
+        settled_rods(share, False, 0.05, max(1, cases // 10))
     return 0 if held else 1
 
 

@@ -2,106 +2,18 @@
 #pragma once
 
 #include "../halton.hpp"
+#include "closed_form.hpp"
 #include "descent.hpp"
+#include "discretisation.hpp"
+#include "home.hpp"
 #include "track.hpp"
 
 namespace contid {
 
-constexpr int kIterations = 60, kRestarts = 20, kRestartIterations = 25, kLoadSteps = 3, kRampIterations = 10,
-              kMembers = 9;
+constexpr int kIterations = 60, kRestarts = 20, kRestartIterations = 25, kLoadSteps = 3, kRampIterations = 10;
 constexpr double kRampTolerance = 1e-2, kTracking = 0.05;
 constexpr double kRetreat = 2e-3;
 constexpr int kWork = 1200, kStandWork = 4, kRefusalElements = 12;
-
-inline double average_pressure(const Section& s, double stretch) {
-  const double push = 3.0 * s.pair_force / s.area, strain = stretch - 1.0, top = s.modulus_up_to;
-  double slope;
-  if (strain <= 0.0) return strain * modulus(s, 0.0, slope) / push;
-  const double at_top = modulus(s, top, slope);
-  if (strain >= push * top / at_top) return strain * at_top / push;
-  double low = 0.0, high = top, x = 0.5 * top;
-  for (int i = 0; i < 60; ++i) {
-    const double e = modulus(s, x, slope), error = push * x / e - strain;
-    (error > 0.0 ? high : low) = x;
-    const double newton = x - error / (push / e * (1.0 - x * slope / e));
-    const double following = low < newton && newton < high ? newton : 0.5 * (low + high);
-    if (std::fabs(following - x) < 1e-15) break;
-    x = following;
-  }
-  return x;
-}
-
-// Pressures of the arc that ends at `end`, and false where there is none.
-inline bool arc_pressures(const Section& s, Vec end, double* p) {
-  const double r = std::hypot(end.x, end.y), half = std::atan2(r, end.z), chord = norm(end);
-  const double arc = chord * (half > 1e-8 ? half / std::sin(half) : 1.0);
-  const double x = average_pressure(s, arc / s.length);
-  double slope;
-  const double stiffness = modulus(s, x, slope) * s.inertia;
-  const double scale = r > 0.0 ? stiffness * 2.0 * half / s.length / r : 0.0;
-  Mat rows{}, inv;
-  for (int k = 0; k < 3; ++k)
-    rows.m[0][k] = s.pair_moment[0][k], rows.m[1][k] = s.pair_moment[1][k], rows.m[2][k] = 1.0;
-  if (!inverse(rows, inv)) return false;
-  const Vec q = inv * Vec{-scale * end.y, scale * end.x, 3.0 * x};
-  put(p, q);
-  return finite(q);
-}
-
-inline bool tip_pressures(const Section& s, Vec tip, double* p) {
-  if (s.link == 0.0) return arc_pressures(s, tip, p);
-  const double d = (dot(tip, tip) - s.link * s.link) / (2.0 * (tip.z + s.link));
-  const Vec e3{0, 0, 1}, tangent = (1.0 / (d + s.link)) * (tip - d * e3);
-  return arc_pressures(s, d * (e3 + tangent), p);
-}
-
-inline bool mid_and_tip_pressures(const Section& first, const Section& second, Vec mid, Vec tip, double* p) {
-  const Vec m = (2.0 * mid.z / dot(mid, mid)) * mid - Vec{0, 0, 1};
-  const Vec rest = transposed_times(tilt(m), tip - mid - first.link * m);
-  return arc_pressures(first, mid, p) && tip_pressures(second, rest, p + 3);
-}
-
-inline bool tip_and_direction_pressures(const Section& first, const Section& second, Vec tip, Vec t, double d1,
-                                        double* p) {
-  const Vec e3{0, 0, 1}, end = tip - second.link * t;
-  const double link = first.link;
-  const double d2 =
-      (dot(end, end) - link * link - 2.0 * d1 * (end.z + link)) / (2.0 * (dot(end, t) + link) + 2.0 * d1 * (1.0 - t.z));
-  const Vec m = (1.0 / (d1 + link + d2)) * (end - d2 * t - d1 * e3);
-  return mid_and_tip_pressures(first, second, d1 * (e3 + m), tip, p);
-}
-
-template <int K> void clamp(const Limits<K>& limits, double* p) {
-  for (int i = 0; i < 3 * K; ++i) p[i] = std::min(std::max(p[i], limits.lower[i]), limits.upper[i]);
-}
-
-// Pressures of the unloaded closed form, clamped; false where there is none for this task.
-template <int K> bool unloaded(const Rod<K>& rod, const Task& task, const Limits<K>& limits, double* p) {
-  bool found = false;
-  if constexpr (K == 1) {
-    found = tip_pressures(rod.sections[0], task.tip, p);
-  } else if constexpr (K == 2) {
-    const Section &first = rod.sections[0], &second = rod.sections[1];
-    if (task.has_mid) {
-      found = mid_and_tip_pressures(first, second, task.mid, task.tip, p);
-    } else if (task.has_direction) {
-      double best = std::numeric_limits<double>::infinity(), member[3 * K];
-      for (int i = 0; i < kMembers; ++i) {
-        const double d1 = (0.3 + 0.8 * i / (kMembers - 1)) * first.length;
-        if (!tip_and_direction_pressures(first, second, task.tip, task.direction, d1, member)) continue;
-        double away = 0.0;
-        for (int j = 0; j < 3 * K; ++j) away += (member[j] - limits.centre[j]) * (member[j] - limits.centre[j]);
-        if (away < best) {
-          best = away;
-          std::copy(member, member + 3 * K, p);
-          found = true;
-        }
-      }
-    }
-  }
-  if (found) clamp<K>(limits, p);
-  return found;
-}
 
 template <int K> struct Found {
   Outcome<K> outcome;
@@ -109,40 +21,6 @@ template <int K> struct Found {
   int elements, iterations;
   double snap;  // part of the path to an equilibrium on the target at which the arm snaps through; 1 for none
 };
-
-struct Settings {
-  int elements;
-  double tolerance, error;
-};
-
-// Estimated error of the tip and of the end of the first section from a sweep with fewer elements (n and m differ by
-// (n/m)^4 - 1 times the error of n).
-template <int K>
-double discretisation_error(const Rod<K>& rod, const double* pressures, Vec moment, const Judged& at, Vec tip_force,
-                            int n) {
-  const int m = n > 1 ? std::max(1, 2 * n / 3) : 2;
-  Sweep<K> other;
-  sweep<K, false>(rod, pressures, moment, tip_force, 1.0, m, other);
-  const Vec unbalanced = other.moment - at.ends.moment;
-  const Vec tip = other.tip.p - at.ends.p - at.tip_by_balance * unbalanced;
-  const Vec mid = other.mid - at.ends.mid - at.mid_by_balance * unbalanced;
-  const double ratio = static_cast<double>(n) / m;
-  return std::fmax(norm(tip), norm(mid)) / std::fabs(ratio * ratio * ratio * ratio - 1.0);
-}
-
-// `equilibrium` with as many elements as the load demands, and with more before it ends short of the full load.
-template <int K>
-double fine_equilibrium(const Rod<K>& rod, const double* pressures, Vec tip_force, const Settings& settings,
-                        Vec& moment, Judged& out, int& elements) {
-  double done = 0.0;
-  for (elements = settings.elements;; elements *= 2) {
-    if (done < 1.0 || !settle<K>(rod, pressures, moment, tip_force, 1.0, elements, kStatics, out))
-      done = equilibrium<K>(rod, pressures, tip_force, elements, moment, out);
-    if (elements >= kMaxElements || !loaded<K>(rod, tip_force)) return done;
-    if (done == 1.0 && discretisation_error<K>(rod, pressures, moment, out, tip_force, elements) <= settings.error)
-      return done;
-  }
-}
 
 // Search for a loaded arm where a descent from the last command did not end on the target and on the branch: from
 // several starts, only through equilibria of the branch that the present state reaches on a straight path.
@@ -275,6 +153,16 @@ Found<K> search(const Rod<K>& rod, const Task& task, Vec tip_force, const Limits
     return follow<K>(rod, {from, tip_force, 1.0}, {o.pressures, tip_force, 1.0}, settings.elements, moment, at) == 1.0 &&
            norm(moment - o.moment) <= kSamePose * scale;
   };
+  // Moves an answer to a redundant task to the nearest to the centre, where that is one that counts.
+  const auto home = [&](Found<K>& found) {
+    if (!found.outcome.met || task.independent() >= n) return false;
+    Outcome<K> o = found.outcome;
+    o.iterations += Homing<K>{rod, task, tip_force, limits, found.elements}.run(o);
+    found.outcome.iterations = o.iterations;
+    if (!stable(o, found.elements) || !stands(o)) return false;
+    found.outcome = o;
+    return true;
+  };
   const auto attempt = [&](const double* start, int iterations) {
     Found<K> found{};
     found.snap = 1.0;
@@ -284,10 +172,12 @@ Found<K> search(const Rod<K>& rod, const Task& task, Vec tip_force, const Limits
                    found.outcome)))
       found.outcome =
           solve<K>(rod, task, tip_force, 1.0, limits, start, guess, settings.elements, settings.tolerance, iterations);
-    found.stable = stable(found.outcome, settings.elements);
     found.elements = settings.elements;
+    const bool homed = home(found);
+    found.stable = homed || stable(found.outcome, settings.elements);
     spent += found.outcome.iterations;
-    const bool counts = found.stable && (found.outcome.met || (found.outcome.optimal && start == seed)) && stands(found.outcome);
+    const bool usable = found.outcome.met || (found.outcome.optimal && start == seed);
+    const bool counts = homed || (found.stable && usable && stands(found.outcome));
     if (weighs && !counts) return false;
     if (!any || (found.outcome.met && !best.outcome.met) ||
         (found.outcome.met == best.outcome.met && found.outcome.residual < best.outcome.residual))
@@ -329,6 +219,7 @@ Found<K> search(const Rod<K>& rod, const Task& task, Vec tip_force, const Limits
         best.snap = branch.best.snap, descended = false;
       else if (descended)
         best = branch.best;
+      if (descended) home(best);
       if (descended || any || elements >= kRefusalElements) break;
     }
   }

@@ -14,8 +14,9 @@ import numpy as np
 from contid.kernels import load
 from contid.kinematics.array import Array
 from contid.kinematics.cosserat.branch import buckled, critical_factor
+from contid.kinematics.cosserat.discretisation import fine_equilibrium
 from contid.kinematics.cosserat.loads import Loads
-from contid.kinematics.cosserat.search import fine_equilibrium, search
+from contid.kinematics.cosserat.search import search
 from contid.kinematics.cosserat.section import Rod
 from contid.kinematics.cosserat.solve import Limits, Problem
 from contid.kinematics.cosserat.task import Task

@@ -7,7 +7,7 @@ counts is followed by descents along the branch from a fixed list of starts, bou
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator
+from collections.abc import Callable
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -21,26 +21,16 @@ from contid.kinematics.cosserat.branch import (
     equilibrium,
     follow,
     load_scale,
-    settle,
-)
-from contid.kinematics.cosserat.closed_form import (
-    mid_and_tip_pressures,
-    tip_and_direction_pressures,
-    tip_pressures,
 )
 from contid.kinematics.cosserat.descent import descend
-from contid.kinematics.cosserat.equilibrium import STATICS_TOLERANCE
-from contid.kinematics.cosserat.loads import Loads
-from contid.kinematics.cosserat.section import Rod
-from contid.kinematics.cosserat.solve import BALANCE_TOLERANCE, Limits, Problem, RodSolution, solve
-from contid.kinematics.cosserat.spatial import cross
+from contid.kinematics.cosserat.discretisation import discretisation_error
+from contid.kinematics.cosserat.home import home
+from contid.kinematics.cosserat.solve import BALANCE_TOLERANCE, Problem, RodSolution, solve
 from contid.kinematics.cosserat.stability import unstable_modes
-from contid.kinematics.cosserat.statics import Sweep, sweep
-from contid.kinematics.cosserat.task import Task, residual
-from contid.kinematics.halton import PRIMES, radical_inverse
+from contid.kinematics.cosserat.starts import predicted_moment, starts, unloaded
+from contid.kinematics.cosserat.task import residual
 
-#: Further starts after the closed form and the centre; each gets fewer iterations than the first.
-RESTARTS = 20
+#: Iterations from the seed, and from each further start.
 ITERATIONS = 60
 RESTART_ITERATIONS = 25
 #: An optimum this close to the seed continues a motion [bar].
@@ -73,71 +63,6 @@ class Found:
     snap: float = 1.0
 
 
-def predicted_moment(rod: Rod, task: Task, loads: Loads) -> Array:
-    """Base moment [N·mm] of a rod whose tip is at the target, shape (3,).
-
-    Exact for tip loads; weights are put on the chord.
-    """
-    moment = cross(task.tip, loads.tip_force) + loads.tip_moment
-    done = 0.0
-    for i, section in enumerate(rod.sections):
-        middle = (done + 0.5 * section.length) / rod.reach
-        end = (done + section.length) / rod.reach
-        link = (done + section.length + 0.5 * section.link) / rod.reach
-        moment = moment + cross(middle * task.tip, section.length * loads.weight.get(i, np.zeros(3)))
-        at_end = end * task.tip if task.mid is None or i > 0 else task.mid
-        moment = moment + cross(at_end, loads.joint_force.get(i, np.zeros(3)))
-        moment = moment + loads.joint_moment.get(i, np.zeros(3))
-        moment = moment + cross(link * task.tip, section.link * loads.link_weight.get(i, np.zeros(3)))
-        done += section.length + section.link
-    return moment
-
-
-def unloaded(rod: Rod, task: Task, limits: Limits) -> Array | None:
-    """Pressures of the closed form [bar], clamped, shape (3k,); None where there is none.
-
-    For a tip direction the member of the family nearest to the centre.
-    """
-    n = len(rod.sections)
-    try:
-        with np.errstate(all="ignore"):
-            if n == 1:
-                return _usable(tip_pressures(rod.sections[0], task.tip), limits)
-            if n > 2:
-                return None
-            if task.mid is not None:
-                return _usable(mid_and_tip_pressures(rod, task.mid, task.tip), limits)
-            if task.direction is None:
-                return None
-            members = []
-            for d1 in np.linspace(0.3, 1.1, 9) * rod.sections[0].length:
-                member = _usable(
-                    tip_and_direction_pressures(rod, task.tip, task.direction, float(d1)), limits, clamp=False
-                )
-                if member is not None:
-                    members.append(member)
-    except (ZeroDivisionError, np.linalg.LinAlgError):
-        return None
-    if not members:
-        return None
-    best = min(members, key=lambda member: float(np.sum((member - limits.centre) ** 2)))
-    return np.clip(best, limits.lower, limits.upper)
-
-
-def _usable(pressures: Array, limits: Limits, clamp: bool = True) -> Array | None:
-    if not np.all(np.isfinite(pressures)):
-        return None
-    return np.clip(pressures, limits.lower, limits.upper) if clamp else pressures
-
-
-def starts(limits: Limits) -> Iterator[Array]:
-    """The centre, then Halton points of the box [bar], shape (3k,) each."""
-    yield limits.centre
-    for index in range(1, RESTARTS + 1):
-        share = np.array([radical_inverse(index, PRIMES[axis]) for axis in range(len(limits.lower))])
-        yield limits.lower + share * (limits.upper - limits.lower)
-
-
 def search(problem: Problem, seed: Array, error: float = np.inf) -> Found:
     """Solve from the seed; where that does not end on the target and on the branch, from elsewhere.
 
@@ -155,6 +80,9 @@ def search(problem: Problem, seed: Array, error: float = np.inf) -> Found:
         nonlocal best, spent
         outcome = solve(problem, start, moment, iterations)
         spent += outcome.iterations
+        settled = settle_freedom(problem, outcome, seed)
+        if settled is not None:
+            outcome = settled
         candidate = Found(outcome, is_stable(problem, outcome), problem.elements, spent)
         usable = outcome.met or (outcome.optimal and start is seed)
         if loaded and not (candidate.stable and usable and stands(problem, outcome, seed)):
@@ -174,6 +102,8 @@ def search(problem: Problem, seed: Array, error: float = np.inf) -> Found:
             found = search_branch(replace(problem, elements=elements), seed)
             if found is not None:
                 spent += found.iterations
+                settled = settle_freedom(replace(problem, elements=found.elements), found.outcome, seed)
+                found = found if settled is None else replace(found, outcome=settled)
                 if best is None or found.outcome.met or found.outcome.residual < best.outcome.residual:
                     best, descended = found, True
                 else:
@@ -187,6 +117,16 @@ def search(problem: Problem, seed: Array, error: float = np.inf) -> Found:
     if best.stable and loaded:
         best = refine(problem, best, seed, error)
     return on_the_branch(problem, best) if descended and best.stable else best
+
+
+def settle_freedom(problem: Problem, outcome: RodSolution, seed: Array) -> RodSolution | None:
+    """An answer to a redundant task moved nearest to the centre; None where that does not count."""
+    if not outcome.met or problem.task.rows >= problem.rod.pressures:
+        return None
+    settled = home(problem, outcome)
+    loaded = not problem.loads.none
+    counts = is_stable(problem, settled) and (not loaded or stands(problem, settled, seed))
+    return settled if counts else None
 
 
 def same_pose(problem: Problem, base_moment: Array, other: Array) -> bool:
@@ -356,46 +296,3 @@ def on_the_branch(problem: Problem, found: Found) -> Found:
         o.pressures, at.base_moment, left, statics, met, met, o.iterations, at.sweep, not met
     )
     return replace(found, outcome=settled)
-
-
-def discretisation_error(
-    rod: Rod, pressures: Array, base_moment: Array, loads: Loads, n: int, here: Sweep
-) -> float:
-    """Estimated error [mm] of the tip and of the end of the first section of a sweep with n elements.
-
-    From a sweep with two thirds of them: for a method of fourth order the results of n and m < n elements
-    differ by ``(n/m)^4 - 1`` times the error of n. The equilibrium of the coarser rod is included to first
-    order.
-    """
-    m = max(1, 2 * n // 3) if n > 1 else 2
-    other = sweep(rod, pressures, base_moment, loads, m)
-    assert here.tangents is not None
-    turn = np.linalg.solve(here.tangents.moment[:, :3], other.moment - here.moment)
-    tip = other.tip - here.tip - here.tangents.tip[:, :3] @ turn
-    mid = other.ends[0] - here.ends[0] - here.tangents.ends[0][:, :3] @ turn
-    return max(float(np.linalg.norm(tip)), float(np.linalg.norm(mid))) / abs((n / m) ** 4 - 1.0)
-
-
-def fine_equilibrium(
-    rod: Rod, pressures: Array, loads: Loads, elements: int, error: float
-) -> tuple[Followed, int]:
-    """`branch.equilibrium` with as many elements as ``error`` [mm] demands; also their number.
-
-    A branch that ends short of the full load is followed with more elements before that counts.
-    """
-    found: Followed | None = None
-    while True:
-        if found is not None and found.done == 1.0:
-            finer = settle(rod, pressures, found.base_moment, loads, elements, STATICS_TOLERANCE)
-            found = None if finer is None else Followed(finer.base_moment, finer.sweep, 1.0)
-        else:
-            found = None
-        if found is None:
-            found = equilibrium(rod, pressures, loads, elements)
-        if elements >= MAX_ELEMENTS or loads.none:
-            return found, elements
-        if found.done == 1.0:
-            estimate = discretisation_error(rod, pressures, found.base_moment, loads, elements, found.sweep)
-            if estimate <= error:
-                return found, elements
-        elements *= 2

@@ -1,0 +1,42 @@
+// How many elements a rod needs: twin of contid/kinematics/cosserat/discretisation.py.
+#pragma once
+
+#include "branch.hpp"
+
+namespace contid {
+
+struct Settings {
+  int elements;
+  double tolerance, error;
+};
+
+// Estimated error of the tip and of the end of the first section from a sweep with fewer elements (n and m differ by
+// (n/m)^4 - 1 times the error of n).
+template <int K>
+double discretisation_error(const Rod<K>& rod, const double* pressures, Vec moment, const Judged& at, Vec tip_force,
+                            int n) {
+  const int m = n > 1 ? std::max(1, 2 * n / 3) : 2;
+  Sweep<K> other;
+  sweep<K, false>(rod, pressures, moment, tip_force, 1.0, m, other);
+  const Vec unbalanced = other.moment - at.ends.moment;
+  const Vec tip = other.tip.p - at.ends.p - at.tip_by_balance * unbalanced;
+  const Vec mid = other.mid - at.ends.mid - at.mid_by_balance * unbalanced;
+  const double ratio = static_cast<double>(n) / m;
+  return std::fmax(norm(tip), norm(mid)) / std::fabs(ratio * ratio * ratio * ratio - 1.0);
+}
+
+// `equilibrium` with as many elements as the load demands, and with more before it ends short of the full load.
+template <int K>
+double fine_equilibrium(const Rod<K>& rod, const double* pressures, Vec tip_force, const Settings& settings,
+                        Vec& moment, Judged& out, int& elements) {
+  double done = 0.0;
+  for (elements = settings.elements;; elements *= 2) {
+    if (done < 1.0 || !settle<K>(rod, pressures, moment, tip_force, 1.0, elements, kStatics, out))
+      done = equilibrium<K>(rod, pressures, tip_force, elements, moment, out);
+    if (elements >= kMaxElements || !loaded<K>(rod, tip_force)) return done;
+    if (done == 1.0 && discretisation_error<K>(rod, pressures, moment, out, tip_force, elements) <= settings.error)
+      return done;
+  }
+}
+
+}  // namespace contid

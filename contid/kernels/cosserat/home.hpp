@@ -1,0 +1,224 @@
+// Of all pressures that meet a target the nearest to the centre: twin of contid/kinematics/cosserat/home.py, its
+// specification.
+#pragma once
+
+#include "solve.hpp"
+
+namespace contid {
+
+constexpr int kHomeSteps = 40, kHomeChords = 16, kShifts = 16;
+constexpr double kSettled = 1e-7, kExactTask = 1e-8, kExactBalance = 1e-8, kHomeNoise = 3e-3, kHomeContraction = 0.3,
+                 kForward = 1e-4, kHomeGain = 1e-4, kHomeLast = 0.8, kHomeShrink = 0.25;
+
+// Of the rows and columns that are free.
+template <int n> bool positive(const double (&H)[n][n], const bool* free, double least) {
+  double L[n][n];
+  for (int i = 0; i < n; ++i)
+    for (int j = 0; j <= i; ++j) {
+      double value = free[i] && free[j] ? H[i][j] : i == j ? 1.0 : 0.0;
+      for (int k = 0; k < j; ++k) value -= L[i][k] * L[j][k];
+      if (i == j && !(value > least)) return false;
+      L[i][j] = i == j ? std::sqrt(value) : value / L[j][j];
+    }
+  return true;
+}
+
+template <int K> struct Homing {
+  static constexpr int n = 3 * K;
+  const Rod<K>& rod;
+  const Task& task;
+  Vec force;
+  const Limits<K>& limits;
+  int elements;
+
+  struct Point {
+    double p[n];
+    Vec moment, e;
+    Ends ends;
+    double r[9];
+  };
+
+  double distance(const double* p) const {
+    double sum = 0.0;
+    for (int i = 0; i < n; ++i) sum += (p[i] - limits.centre[i]) * (p[i] - limits.centre[i]);
+    return 0.5 * sum;
+  }
+
+  double task_error(const Point& at) const {
+    double sum = 0.0;
+    for (int a = 0; a < task.rows(); ++a) sum += at.r[a] * at.r[a];
+    return std::sqrt(sum);
+  }
+
+  bool exact(const Point& at) const { return task_error(at) <= kExactTask && norm(at.e) <= kExactBalance; }
+
+  // A step from `here`, then chords back onto the target; false where they do not get there.
+  bool onto(const Reduced<K>& by, const Point& here, const double* d, Point& there) const {
+    double low[n], high[n], g[n], ahead[9], step[n], H[n][n];
+    for (int j = 0; j < n; ++j) {
+      step[j] = d[j];
+      for (int i = 0; i < n; ++i) H[j][i] = by.H[j][i] + (i == j ? kCentreWeight : 0.0);
+    }
+    there = here;
+    // Axes that the step brings to a limit stay there while enough others are free.
+    bool held[n];
+    int free = 0;
+    for (int j = 0; j < n; ++j) {
+      held[j] = here.p[j] + d[j] <= limits.lower[j] || here.p[j] + d[j] >= limits.upper[j];
+      free += !held[j];
+    }
+    Sweep<K> scratch;
+    double before = std::numeric_limits<double>::infinity();
+    for (int chord = 0; chord <= kHomeChords; ++chord) {
+      const Vec turn = by.moment_step(step, 1.0, by.inverse_A * there.e);
+      for (int j = 0; j < n; ++j)
+        there.p[j] = std::min(std::max(there.p[j] + step[j], limits.lower[j]), limits.upper[j]);
+      there.moment = there.moment - turn;
+      sweep<K, false>(rod, there.p, there.moment, force, 1.0, elements, scratch);
+      there.ends = scratch.ends();
+      there.e = there.ends.moment;
+      residual(task, there.ends, there.r);
+      if (exact(there)) return true;
+      const double error = task_error(there) + norm(there.e);
+      if (!(error < 0.5 * before)) return false;
+      before = error;
+      by.ahead(there.r, 1.0, by.inverse_A * there.e, ahead);
+      for (int j = 0; j < n; ++j) {
+        g[j] = 0.0;
+        for (int a = 0; a < by.rows; ++a) g[j] += by.J[a][j] * ahead[a];
+        const bool stays = held[j] && free >= task.independent();
+        low[j] = stays ? 0.0 : limits.lower[j] - there.p[j];
+        high[j] = stays ? 0.0 : limits.upper[j] - there.p[j];
+      }
+      box_step<n>(H, g, low, high, step);
+    }
+    return false;
+  }
+
+  // W = 1 + sum_a y_a d2 r_a / dp2 by forward differences, shifted until J^T J + weight W is positive definite.
+  void curvature(const Reduced<K>& by, const Point& here, const double* y, double (&W)[n][n]) const {
+    double base[n];
+    const auto pulled = [&](const Reduced<K>& at, double* out) {
+      for (int j = 0; j < n; ++j) {
+        out[j] = 0.0;
+        for (int a = 0; a < by.rows; ++a) out[j] += at.J[a][j] * y[a];
+      }
+    };
+    pulled(by, base);
+    double C[n][n];
+    for (int k = 0; k < n; ++k) {
+      double p[n], d[n] = {}, moved[n];
+      std::copy(here.p, here.p + n, p);
+      const double h = p[k] + kForward <= limits.upper[k] ? kForward : -kForward;
+      p[k] += h, d[k] = h;
+      Sweep<K> there;
+      sweep<K, true>(rod, p, here.moment - by.moment_step(d, 1.0, by.inverse_A * here.e), force, 1.0, elements, there);
+      Reduced<K> at;
+      if (at.eliminate(task, there, 0.0))
+        pulled(at, moved);
+      else
+        std::copy(base, base + n, moved);
+      for (int j = 0; j < n; ++j) C[k][j] = (moved[j] - base[j]) / h;
+    }
+    double shift = 0.0;
+    bool free[n];
+    for (int j = 0; j < n; ++j) free[j] = here.p[j] > limits.lower[j] && here.p[j] < limits.upper[j];
+    for (int attempt = 0; attempt <= kShifts; ++attempt) {
+      double H[n][n];
+      for (int i = 0; i < n; ++i)
+        for (int j = 0; j < n; ++j) {
+          W[i][j] = 0.5 * (C[i][j] + C[j][i]) + (i == j ? 1.0 + shift : 0.0);
+          H[i][j] = by.H[i][j] + kCentreWeight * W[i][j];
+        }
+      if (positive<n>(H, free, 0.01 * kCentreWeight)) return;
+      shift = shift == 0.0 ? 0.02 : 2.0 * shift;
+    }
+  }
+
+  // Settles an outcome that meets its target; one that is settled already stays as it is. Returns the steps taken.
+  int run(Outcome<K>& o) const {
+    Point here;
+    std::copy(o.pressures, o.pressures + n, here.p);
+    here.moment = o.moment;
+    double W[n][n], H[n][n], d[n], g[n], low[n], high[n], y[9] = {}, ahead[9];
+    double trust = kTrustStart, last = std::numeric_limits<double>::infinity();
+    bool arrived = true, bend = false, curved = false, fresh = false, left = false;
+    Sweep<K> at;
+    Reduced<K> by;
+    int steps = 0;
+    while (steps < kHomeSteps) {
+      ++steps;
+      if (arrived) {
+        sweep<K, true>(rod, here.p, here.moment, force, 1.0, elements, at);
+        if (!by.eliminate(task, at, 0.0)) break;
+        here.ends = at.ends();
+        here.e = here.ends.moment;
+        residual(task, here.ends, here.r);
+        if (left) keep(o, here, by, at);
+        if (bend) curvature(by, here, y, W);
+        curved = fresh = bend;
+        arrived = false;
+      }
+      by.ahead(here.r, 1.0, by.inverse_A * here.e, ahead);
+      for (int j = 0; j < n; ++j) {
+        low[j] = std::max(limits.lower[j] - here.p[j], -trust);
+        high[j] = std::min(limits.upper[j] - here.p[j], trust);
+        for (int i = 0; i < n; ++i) H[j][i] = by.H[j][i] + kCentreWeight * (curved ? W[j][i] : i == j ? 1.0 : 0.0);
+      }
+      // The weight leaves a part of the error that the multipliers found so far remove.
+      for (int pass = 0; pass < 2; ++pass) {
+        for (int j = 0; j < n; ++j) {
+          g[j] = kCentreWeight * (here.p[j] - limits.centre[j]);
+          for (int a = 0; a < by.rows; ++a) g[j] += by.J[a][j] * (ahead[a] + kCentreWeight * y[a]);
+        }
+        box_step<n>(H, g, low, high, d);
+        for (int a = 0; a < by.rows; ++a) {
+          double closed = ahead[a];
+          for (int j = 0; j < n; ++j) closed += by.J[a][j] * d[j];
+          y[a] += closed / kCentreWeight;
+        }
+      }
+      double size = 0.0, gain = 0.0;
+      for (int j = 0; j < n; ++j) {
+        size = std::fmax(size, std::fabs(d[j]));
+        gain -= d[j] * (here.p[j] - limits.centre[j] + 0.5 * d[j]);
+      }
+      if (size <= kSettled) break;
+      Point there;
+      bool good = onto(by, here, d, there);
+      // On the target a step must gain; where it is too short for that, shorter than the one before.
+      if (good && exact(here))
+        good = size > kHomeNoise ? distance(there.p) <= distance(here.p) - kHomeGain * std::fabs(gain)
+                                 : size < kHomeLast * last;
+      if (good) {
+        bend = curved || size > kHomeContraction * last;
+        trust = std::fmax(trust, 2.0 * size);
+        last = bend && !curved ? std::numeric_limits<double>::infinity() : size;
+        here = there;
+        arrived = left = true;
+      } else if (!fresh) {
+        curvature(by, here, y, W);
+        curved = fresh = true;
+        last = std::numeric_limits<double>::infinity();
+      } else if (size > kHomeNoise) {
+        trust = kHomeShrink * size;
+      } else {
+        break;
+      }
+    }
+    return steps;
+  }
+
+  void keep(Outcome<K>& o, const Point& here, const Reduced<K>& by, const Sweep<K>& at) const {
+    std::copy(here.p, here.p + n, o.pressures);
+    o.moment = here.moment;
+    o.at.ends = here.ends;
+    o.at.modes = -1;
+    o.at.tip_by_balance = first_columns(at.tip.by.shift) * by.inverse_A;
+    o.at.mid_by_balance = first_columns(at.mid_shift) * by.inverse_A;
+    o.residual = task_error(here);
+    o.statics = norm(here.e);
+  }
+};
+
+}  // namespace contid
