@@ -19,6 +19,7 @@ _ORDERS: Final = "contid.cli.commands.orders"
 #: Command -> (module[:attribute], one line for ``contid --help``).
 COMMANDS: Final[dict[str, tuple[str, str]]] = {
     "run": ("contid.cli.commands.run", "make the robots follow a trajectory"),
+    "demo": ("contid.cli.commands.panel:demo", "a robot on simulated devices, in the browser"),
     "status": (
         "contid.cli.commands.status",
         "robots, buses and faults of a running daemon; --watch for a live view",

@@ -20,7 +20,7 @@ from contid.remote.protocol.wire import ConnectionLostError, Fields, NoDaemonErr
 PERSISTENCE_S: Final = 10.0
 RETRY_S: Final = 0.05
 #: Seconds without a heartbeat of the page after which its lease lapses.
-LEASE_TIMEOUT_S: Final = 1.0
+LEASE_TIMEOUT_S: Final = 1.5
 
 
 class PageGoneError(Exception):

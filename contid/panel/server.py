@@ -19,7 +19,8 @@ from contid.panel.access import LOOPBACK_NAMES, Access, is_loopback
 from contid.panel.app import PanelApp
 from contid.panel.limits import MAX_HEADER, MAX_MESSAGE, PanelHttp
 
-NICE: Final = 10
+#: Below the daemon and the control process; not lower, because STOP passes through here.
+NICE: Final = 5
 #: Tried first, so that a bookmark of the tunnel stays right; another free port when it is taken.
 DEFAULT_PORT: Final = 8421
 #: Seconds between pings of the WebSocket: a page whose network is gone is closed.

@@ -1,13 +1,17 @@
-"""``contid panel``: the robots of a running daemon in a browser."""
+"""``contid panel`` and ``contid demo``: robots in a browser, of a running daemon or simulated."""
 
 from __future__ import annotations
 
+import os
+import signal
 import sys
+import threading
 from pathlib import Path
 
 import click
 
 from contid.cli.support.orders import socket_option
+from contid.cli.support.robot_names import robot_names
 
 
 @click.command()
@@ -44,7 +48,8 @@ def command(
 
     require_extra()
     from contid.panel.server import PanelSettings, serve
-    from contid.remote.protocol.socket_path import find
+    from contid.remote.protocol.socket_path import find, is_listening
+    from contid.remote.protocol.wire import NoDaemonError
 
     path = Path(socket) if wait and socket is not None else find(socket)
     settings = PanelSettings(
@@ -57,6 +62,10 @@ def command(
         key=None if tls_key is None else Path(tls_key),
         names=names,
     )
+
+    settings.check()
+    if not wait and not is_listening(path):
+        raise NoDaemonError(f"{path}: no daemon listens there; start one with `contid run ROBOT.yaml`")
 
     def ready(url: str) -> None:
         if wait:
@@ -76,9 +85,6 @@ def command(
 
 def _end_with_stdin() -> None:
     """End this process when the process that started it ends: its end of the pipe closes then."""
-    import os
-    import signal
-    import threading
 
     def watch() -> None:
         while sys.stdin.buffer.read(1):
@@ -86,3 +92,22 @@ def _end_with_stdin() -> None:
         os.kill(os.getpid(), signal.SIGTERM)
 
     threading.Thread(target=watch, daemon=True).start()
+
+
+@click.command()
+@click.argument("robot_file", default="hand", shell_complete=robot_names)
+@click.option("--no-open", is_flag=True, help="Print the URL and open no browser.")
+@click.pass_context
+def demo(ctx: click.Context, robot_file: str, no_open: bool) -> None:
+    """Run ROBOT_FILE (the two-fingered hand) on simulated devices with the panel.
+
+    The same as `contid run ROBOT_FILE --mock --panel`, and a browser is opened on it. Ctrl-C ends both.
+    """
+    from contid.cli.commands import run
+
+    # What stands in stdin of a script is no trajectory here.
+    null = os.open(os.devnull, os.O_RDONLY)
+    os.dup2(null, sys.stdin.fileno())
+    os.close(null)
+    screen = bool(os.environ.get("DISPLAY") or os.environ.get("WAYLAND_DISPLAY"))
+    ctx.invoke(run.command, robot_file=robot_file, mock=True, panel=True, panel_open=screen and not no_open)

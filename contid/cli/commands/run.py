@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import contextlib
 import sys
 from pathlib import Path
 from typing import TYPE_CHECKING
@@ -56,6 +57,8 @@ if TYPE_CHECKING:
     metavar="spawn|serve|FILE.rrd",
     help="Show the robots: in a window, in a browser on this machine, or in a file for `contid view`.",
 )
+@click.option("--panel", is_flag=True, help="Serve a page that shows and moves the robots; prints its URL.")
+@click.option("--panel-open", is_flag=True, hidden=True, help="The same, and open a browser.")
 @click.option(
     "--socket",
     type=click.Path(dir_okay=False),
@@ -82,6 +85,8 @@ def command(
     log: str | None,
     record: str | None,
     view: str | None,
+    panel: bool,
+    panel_open: bool,
     socket: str | None,
     socket_group: str | None,
     as_json: bool,
@@ -101,6 +106,8 @@ def command(
 
     make_stderr_nonblocking()
     view_target = None if view is None else _view_target(view)
+    if panel or panel_open:
+        _check_panel(virtual)
     # First, because its imports take as long as ours.
     spawned = None if virtual else spawn()
     from contid.control.daemon.run import run
@@ -143,13 +150,27 @@ def command(
         log_level=logging.DEBUG if verbose else logging.WARNING if quiet else logging.INFO,
     )
     try:
-        report = run(request, spawned)
+        with contextlib.ExitStack() as stack:
+            if endpoint is not None and (panel or panel_open):
+                from contid.panel.subprocess import PanelSubprocess
+
+                stack.enter_context(PanelSubprocess(endpoint.path, opens=panel_open))
+            report = run(request, spawned)
     finally:
         if endpoint is not None:
             endpoint.close()
     if recording is not None and recording.lost and report.exit_code == 0:
         report.ending, report.exit_code = f"{report.ending}, but the recording is incomplete", 1
     finish(report, as_json)
+
+
+def _check_panel(virtual: bool) -> None:
+    """Refuse a panel that cannot be, before the run starts."""
+    from contid.panel.extra import require_extra
+
+    if virtual:
+        raise click.UsageError("--panel needs a daemon in real time; --virtual has no socket")
+    require_extra()
 
 
 def _view_target(text: str) -> ViewTarget | None:

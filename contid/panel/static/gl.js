@@ -7,11 +7,11 @@ varying vec3 n; varying vec3 p;
 void main() { p = position * scale + offset; n = normal; gl_Position = viewProjection * vec4(p, 1.0); }`;
 const FRAGMENT = `
 precision mediump float;
-uniform vec4 color; uniform float lit; uniform vec3 eye;
+uniform vec4 color; uniform float lit; uniform vec3 eye; uniform float flip;
 varying vec3 n; varying vec3 p;
 void main() {
   vec3 normal = normalize(n + vec3(0.0, 0.0, 1e-6)); vec3 toEye = normalize(eye - p);
-  vec3 key = normalize(vec3(0.35, -0.5, 0.8)); vec3 half_ = normalize(key + toEye);
+  vec3 key = normalize(vec3(0.35, -0.5, 0.8 * flip)); vec3 half_ = normalize(key + toEye);
   float wrapped = 0.5 + 0.5 * dot(normal, key);
   float shine = pow(max(dot(normal, half_), 0.0), 40.0) * 0.28;
   float rim = pow(1.0 - abs(dot(normal, toEye)), 3.0) * 0.18;
@@ -26,7 +26,7 @@ export class Renderer {
     if (gl === null) throw new Error("this browser has no WebGL");
     this.gl = gl;
     this.program = this.link();
-    this.place = Object.fromEntries(["viewProjection", "offset", "scale", "color", "lit", "eye"].map((name) => [name, gl.getUniformLocation(this.program, name)]));
+    this.place = Object.fromEntries(["viewProjection", "offset", "scale", "color", "lit", "eye", "flip"].map((name) => [name, gl.getUniformLocation(this.program, name)]));
     this.position = gl.getAttribLocation(this.program, "position");
     this.normal = gl.getAttribLocation(this.program, "normal");
     gl.enable(gl.DEPTH_TEST);
@@ -71,6 +71,7 @@ export class Renderer {
     gl.useProgram(this.program);
     gl.uniformMatrix4fv(this.place.viewProjection, false, camera.matrix(width / Math.max(height, 1)));
     gl.uniform3fv(this.place.eye, camera.eye());
+    gl.uniform1f(this.place.flip, camera.flip);
     gl.enableVertexAttribArray(this.position);
     gl.enableVertexAttribArray(this.normal);
   }
@@ -103,7 +104,7 @@ export function unit(a) {
   return [a[0] / length, a[1] / length, a[2] / length];
 }
 
-/** A camera that turns around a point; z is up. */
+/** A camera that turns around a point; z is up, or down with `flip` -1. */
 export class Camera {
   constructor() {
     this.center = [0, 0, 0];
@@ -111,17 +112,18 @@ export class Camera {
     this.turn = -0.9;
     this.lift = 0.35;
     this.field = 0.6;
+    this.flip = 1;
   }
 
   eye() {
     const flat = Math.cos(this.lift) * this.distance;
-    return [this.center[0] + flat * Math.cos(this.turn), this.center[1] + flat * Math.sin(this.turn), this.center[2] + Math.sin(this.lift) * this.distance];
+    return [this.center[0] + flat * Math.cos(this.turn), this.center[1] + flat * Math.sin(this.turn), this.center[2] + this.flip * Math.sin(this.lift) * this.distance];
   }
 
   /** Right, up and backward directions of the image. */
   frame() {
     const back = unit(sub(this.eye(), this.center));
-    const right = [-Math.sin(this.turn), Math.cos(this.turn), 0];
+    const right = [-this.flip * Math.sin(this.turn), this.flip * Math.cos(this.turn), 0];
     return [right, cross(back, right), back];
   }
 

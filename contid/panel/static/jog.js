@@ -3,6 +3,7 @@
 import { toast } from "./dom.js";
 
 const PERIOD_MS = 50;
+const STATUS_MS = 600;
 
 export class Jog {
   constructor(link) {
@@ -53,7 +54,8 @@ export class Jog {
     } catch (error) {
       this.active = this.row = null;
       this.refused = "";
-      toast(error.message, "error");
+      // When the lease was lost, the status reports it and this message adds nothing.
+      setTimeout(() => { if (this.link.mine) toast(error.message, "error"); }, STATUS_MS);
     } finally {
       this.sending = false;
     }

@@ -1,12 +1,12 @@
 // Plots of the selected robot over the last seconds: axes, and the distance of the tip from its target.
 
 import uPlot from "./vendor/uplot/uPlot.esm.js";
-import { byId, h } from "./dom.js";
+import { byId, h, setHidden } from "./dom.js";
 
 const WINDOW_S = 20;
 const PERIOD_MS = 100;
 const HEIGHT = 150;
-const COLORS = ["#3b82f6", "#f59e0b", "#10b981", "#ec4899", "#8b5cf6", "#14b8a6", "#ef4444", "#84cc16"];
+export const COLORS = ["#3b82f6", "#f59e0b", "#10b981", "#ec4899", "#8b5cf6", "#14b8a6", "#ef4444", "#84cc16"];
 
 function style(name) {
   return getComputedStyle(document.documentElement).getPropertyValue(name).trim();
@@ -45,23 +45,25 @@ export class Plots {
     this.errorPlot?.destroy();
     if (!this.data.has(this.robot)) return;
     const robot = this.robots[this.robot];
-    this.title.textContent = `${this.robot}: axes [${robot.unit}], tip off its target [mm]`;
+    this.title.textContent = `${this.robot}: axes [${robot.unit}] (dashed: command), tip off its target [mm]`;
+    const span = 0.04 * Math.max(...Object.values(robot.axes).map((axis) => axis[`max_${robot.unit}`] - axis[`min_${robot.unit}`]));
     const series = [];
     Object.keys(robot.axes).forEach((axis, i) => {
       const color = COLORS[i % COLORS.length];
       series.push({ label: axis, stroke: color, width: 1.75, points: { show: false } });
       series.push({ label: `${axis} command`, stroke: color, width: 1, dash: [4, 3], points: { show: false } });
     });
-    this.axesPlot = new uPlot(this.options(series, HEIGHT), [[], ...series.map(() => [])], this.axes);
+    this.axesPlot = new uPlot(this.options(series, HEIGHT, span), [[], ...series.map(() => [])], this.axes);
     const tip = [{ label: "tip", stroke: COLORS[0], width: 1.5, fill: "rgba(59,130,246,0.12)", points: { show: false } }];
-    this.errorPlot = new uPlot(this.options(tip, HEIGHT * 0.7), [[], []], this.error);
+    this.errorPlot = new uPlot(this.options(tip, HEIGHT * 0.7, 0.5), [[], []], this.error);
   }
 
-  options(series, height) {
+  /** `span` is the least height of the plot: noise must not fill it. */
+  options(series, height, span) {
     const axis = { stroke: style("--muted"), grid: { stroke: style("--line"), width: 1 }, ticks: { stroke: style("--line"), width: 1 }, font: "11px system-ui, sans-serif" };
     return {
       width: this.width(), height, legend: { show: false }, cursor: { show: false }, series: [{}, ...series],
-      scales: { x: { time: false }, y: { range: (u, low, high) => padded(low, high) } },
+      scales: { x: { time: false }, y: { range: (u, low, high) => padded(low, high, span) } },
       axes: [{ ...axis, size: 28, values: (u, ticks) => ticks.map((t) => `${t} s`) }, { ...axis, size: 52 }],
     };
   }
@@ -101,13 +103,15 @@ export class Plots {
     const window = { min: -WINDOW_S, max: 0 };
     this.axesPlot.setData([t, ...data.axes.flatMap((axis) => [axis.measured, axis.command])], false);
     this.axesPlot.setScale("x", window);
+    const followed = data.error.some((each) => each !== null);
+    setHidden(this.error, !followed);
     this.errorPlot.setData([t, data.error], false);
     this.errorPlot.setScale("x", window);
   }
 }
 
-function padded(low, high) {
+function padded(low, high, span) {
   if (low === null || high === null) return [0, 1];
-  const room = Math.max(0.08 * (high - low), 0.02 * Math.abs(high), 0.01);
+  const room = Math.max(0.08 * (high - low), 0.5 * (span - (high - low)));
   return [low >= 0 && low - room < 0 ? 0 : low - room, high + room];
 }

@@ -1,9 +1,11 @@
 // One card per robot: state, fault with its remedy, orders, and sliders for tip and axes.
 
+import { COLORS } from "./plots.js";
 import { byId, confirmed, h, setHidden, setText, shown, toast } from "./dom.js";
 
 const ARMED = new Set(["HOLD", "RUN", "APPROACH"]);
 const JOG_END_MS = 350;
+const KEPT_MS = 1000;
 const MEANING = {
   OFF: "not commanded, at rest", CONNECTING: "waiting for its devices", READY: "devices answer, not armed",
   ARMING: "torque comes on", APPROACH: "on its way", RUN: "follows its target", HOLD: "holds its position",
@@ -12,11 +14,12 @@ const MEANING = {
 
 /** A slider with its name, its value, and the measured value as a mark. */
 class Slider {
-  constructor(name, minimum, maximum, unit, moved, ended) {
+  constructor(name, minimum, maximum, unit, moved, ended, color = null) {
     this.minimum = minimum;
     this.maximum = maximum;
     this.decimals = maximum - minimum > 20 ? 1 : 3;
     this.held = false;
+    this.keptUntil = 0;
     this.mark = h("i", { className: "mark" });
     this.value = h("output", {});
     this.input = h("input", {
@@ -30,10 +33,9 @@ class Slider {
       onpointerdown: () => { this.pressed = true; },
       onpointerup: () => this.release(ended),
       onpointercancel: () => this.release(ended),
-      onchange: () => { if (!this.pressed) this.release(ended); },
     });
     this.flag = h("span", { className: "flag" });
-    this.row = h("label", { className: "slider" }, h("span", { className: "axis" }, name),
+    this.row = h("label", { className: "slider" }, axisName(name, color),
       h("span", { className: "track" }, this.mark, this.input), this.value, h("span", { className: "unit" }, unit), this.flag);
   }
 
@@ -42,6 +44,7 @@ class Slider {
     this.pressed = false;
     if (!this.held) return;
     this.held = false;
+    this.keptUntil = performance.now() + KEPT_MS;
     ended();
   }
 
@@ -50,13 +53,22 @@ class Slider {
   }
 
   show(target, measured, limits) {
-    if (!this.held && target !== null) this.input.value = target;
+    // Shortly after a hand was on it the slider stays: the next press of a key goes on from there.
+    if (!this.held && target !== null && performance.now() > this.keptUntil) this.input.value = target;
     setText(this.value, shown(this.held ? this.number : (measured ?? target), this.decimals));
     const share = measured === null ? -1 : (measured - this.minimum) / (this.maximum - this.minimum);
     setHidden(this.mark, share < 0);
-    this.mark.style.left = `${100 * Math.min(Math.max(share, 0), 1)}%`;
+    const inside = Math.min(Math.max(share, 0), 1); // the thumb stays within the track, half its width from the ends
+    this.mark.style.left = `calc(${100 * inside}% + ${8 - 16 * inside}px)`;
     setText(this.flag, limits.join(", "));
   }
+}
+
+/** The name of an axis, with the color of its curve in the plots. */
+function axisName(name, color) {
+  const dot = h("i", { className: "dot", hidden: color === null });
+  if (color !== null) dot.style.background = color;
+  return h("span", { className: "axis" }, dot, name);
 }
 
 export class RobotCard {
@@ -68,7 +80,7 @@ export class RobotCard {
     this.axisColumns = drawing?.axis_columns ?? [];
     const unit = description.unit;
     const axes = Object.entries(description.axes);
-    this.axes = axes.map(([axis, limit]) => new Slider(axis, limit[`min_${unit}`], limit[`max_${unit}`], unit, () => this.jogAxes(), () => jog.end()));
+    this.axes = axes.map(([axis, limit], i) => new Slider(axis, limit[`min_${unit}`], limit[`max_${unit}`], unit, () => this.jogAxes(), () => jog.end(), COLORS[i % COLORS.length]));
     const [low, high] = drawing?.bounds ?? [[], []];
     this.tip = this.tipColumns.map((column, i) => new Slider("xyz"[i], Math.floor(low[i]), Math.ceil(high[i]), "mm", () => this.jogTip(), () => jog.end()));
     this.state = h("span", { className: "state" });

@@ -62,7 +62,8 @@ export class Machine {
 export class Events {
   constructor() {
     this.list = h("ol", {});
-    byId("events").append(h("h2", {}, "Events"), this.list);
+    this.none = h("p", { className: "facts" }, "None since this page was opened.");
+    byId("events").append(h("h2", {}, "Events"), this.none, this.list);
   }
 
   add(event) {
@@ -71,6 +72,7 @@ export class Events {
     const where = event.robot || event.bus || "";
     const time = new Date().toLocaleTimeString([], { hour12: false });
     const kind = event.kind === "fault" || event.level === "error" ? "error" : "";
+    setHidden(this.none, true);
     this.list.prepend(h("li", { className: kind }, h("time", {}, time), h("b", {}, [where, event.kind].filter(Boolean).join(" ")), ` ${what}`));
     while (this.list.children.length > MAX_EVENTS) this.list.lastChild.remove();
   }

@@ -6,6 +6,7 @@ import { Mesh, smooth } from "./shapes.js";
 
 const TRAIL = 120; // frames, 6 s
 const GRAB_PX = 26;
+const MARGIN_PX = 14;
 const BODY = [[0.23, 0.51, 0.96, 1], [0.96, 0.62, 0.04, 1], [0.06, 0.72, 0.51, 1], [0.93, 0.28, 0.6, 1]];
 const DARK = [0.2, 0.23, 0.28, 1];
 const ROPE = [0.62, 0.45, 0.28, 1];
@@ -44,12 +45,12 @@ export class View {
     if (!this.drawing) return;
     this.size = Math.hypot(...sub(drawing.bounds[1], drawing.bounds[0]));
     const floor = new Mesh();
-    for (const line of drawing.floor) floor.tube(line, this.size * 0.0007, 4);
+    for (const line of drawing.floor) floor.tube(line, this.size * 0.0011, 4);
     this.fixed.floor = this.renderer.mesh(...floor.arrays);
     Object.entries(drawing.robots).forEach(([name, robot], i) => {
       const reach = new Mesh();
       if (robot.reach_is_outline) reach.tube([...robot.reach, robot.reach[0]], this.size * 0.0014, 5);
-      else for (const tip of robot.reach) reach.mark(tip, this.size * 0.0028);
+      else for (const tip of robot.reach) reach.mark(tip, this.size * 0.0034);
       this.robots.set(name, { ...robot, color: BODY[i % BODY.length], trail: [], target: null, tip: null, meshes: {}, reachMesh: this.renderer.mesh(...reach.arrays) });
     });
     this.reset();
@@ -60,11 +61,23 @@ export class View {
     const [low, high] = this.drawing.bounds;
     const camera = this.camera;
     camera.center = low.map((v, i) => (v + high[i]) / 2);
-    const wide = this.canvas.clientWidth / Math.max(this.canvas.clientHeight, 1);
-    camera.distance = (this.size * (this.drawing.planar ? 0.98 : 0.92)) / Math.min(wide, 1.25) / Math.tan(camera.field / 2) / 1.6;
+    camera.flip = Object.values(this.drawing.robots).every((robot) => robot.up[2] < -0.5) ? -1 : 1; // hanging arms hang
     camera.turn = this.drawing.planar ? -Math.PI / 2 : -0.9;
-    camera.lift = this.drawing.planar ? 1.05 : 0.3;
+    camera.lift = this.drawing.planar ? 1.1 : 0.3;
+    this.fit([0, 1, 2, 3, 4, 5, 6, 7].map((k) => [0, 1, 2].map((i) => (k >> i) & 1 ? high[i] : low[i])));
     this.redraw();
+  }
+
+  /** Move the camera until points just fit. */
+  fit(points) {
+    const { camera, canvas } = this;
+    for (let step = 0; step < 40; step++) {
+      const seen = points.map((each) => camera.project(each, canvas));
+      const fits = seen.every((at) => at && at[0] > MARGIN_PX && at[1] > MARGIN_PX && at[0] < canvas.clientWidth - MARGIN_PX && at[1] < canvas.clientHeight - MARGIN_PX);
+      if (step === 0) camera.distance = this.size * 0.7;
+      else if (fits) return;
+      else camera.distance *= 1.06;
+    }
   }
 
   frame(message) {
@@ -181,7 +194,7 @@ export class View {
         before = span;
       } else if (event.buttons === 2 || event.shiftKey) this.pan(now[0] - old[0], now[1] - old[1]);
       else {
-        this.camera.turn -= (now[0] - old[0]) * 0.008;
+        this.camera.turn -= (now[0] - old[0]) * 0.008 * this.camera.flip;
         this.camera.lift = Math.min(Math.max(this.camera.lift + (now[1] - old[1]) * 0.008, -1.5), 1.5);
       }
       this.redraw();
