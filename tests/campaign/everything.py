@@ -1,8 +1,8 @@
 """All campaigns for a time, in one table: ``python -m tests.campaign --all --minutes N``.
 
 Each part runs in a process of its own, a slice of cases with a new seed at a time; the part with the least
-time so far is next, so every part gets the same share. A slice that was begun is finished. A violation ends
-with its output and the command that repeats it.
+time so far is next, so every part gets the same share. A slice that was begun is finished; Ctrl-C prints the
+table so far. A violation ends with its output and the command that repeats it.
 """
 
 from __future__ import annotations
@@ -82,10 +82,14 @@ def everything(minutes: float, seed: int, among: Sequence[Part] | None = None) -
     """Run for a time and print the table; the number of slices with violations."""
     end_s = time.monotonic() + 60.0 * minutes
     every, outputs = list(parts() if among is None else among), []
-    while any(part.slices == 0 for part in every) or time.monotonic() < end_s:
-        part = min(every, key=lambda each: each.seconds)
-        if output := part.run(seed + part.slices):
-            outputs.append(output)
+    try:
+        while any(part.slices == 0 for part in every) or time.monotonic() < end_s:
+            part = min(every, key=lambda each: each.seconds)
+            if output := part.run(seed + part.slices):
+                outputs.append(output)
+    except KeyboardInterrupt:
+        missing = ", ".join(part.name for part in every if part.slices == 0)
+        outputs.append("interrupted" + (f"; not tried: {missing}" if missing else ""))
     print(f"{'campaign':<30}{'cases':>12}{'seconds':>10}{'violated slices':>17}")
     for part in every:
         print(f"{part.name:<30}{part.slices * part.cases:>12}{part.seconds:>10.0f}{part.failed:>17}")
