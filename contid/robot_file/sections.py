@@ -12,8 +12,8 @@ from contid.robot_file.robot import RobotDescription
 from contid.targets import Actuation
 from contid.units import MM_PER_M
 
-#: The native kernel has scratch on the stack for so many.
-MAX_SECTIONS = 4
+#: The kernels have scratch on the stack for so many.
+MAX_SECTIONS = 8
 
 
 class SectionLimits(Strict):

@@ -24,8 +24,8 @@ pytestmark = pytest.mark.skipif(
 
 @st.composite
 def chains(draw: st.DrawFn) -> Feasible:
-    """One to four sections with any radii, azimuths and rigid pieces."""
-    count = draw(st.integers(1, 4))
+    """One to eight sections with any radii, azimuths and rigid pieces."""
+    count = draw(st.integers(1, 8))
 
     def each(low: float, high: float) -> tuple[float, ...]:
         return tuple(draw(st.floats(low, high)) for _ in range(count))

@@ -137,8 +137,16 @@ struct Engine {
       arm = std::make_unique<ArmOf<3>>(setup);
     else if (sections == 4)
       arm = std::make_unique<ArmOf<4>>(setup);
+    else if (sections == 5)
+      arm = std::make_unique<ArmOf<5>>(setup);
+    else if (sections == 6)
+      arm = std::make_unique<ArmOf<6>>(setup);
+    else if (sections == 7)
+      arm = std::make_unique<ArmOf<7>>(setup);
+    else if (sections == 8)
+      arm = std::make_unique<ArmOf<8>>(setup);
     else
-      throw std::invalid_argument("the kernel is built for one to four sections");
+      throw std::invalid_argument("the kernel is built for one to eight sections");
   }
 
   nb::tuple inverse(nb::handle tip, nb::handle mid, nb::handle direction, nb::handle force, nb::handle seed) const {

@@ -31,7 +31,7 @@ ForwardAnswer: TypeAlias = tuple[
 ]
 
 #: The kernel is compiled for one to this many sections.
-KERNEL_SECTIONS = 4
+KERNEL_SECTIONS = 8
 
 
 @dataclass(frozen=True)
