@@ -116,6 +116,11 @@ class RobotDescription(Strict):
         return (*ranges, *extra)
 
     @property
+    def play(self) -> Actuation | None:
+        """Half width of the play between every device and its axis [m or Pa]; None: there is none."""
+        return None
+
+    @property
     def rest(self) -> Actuation:
         """The rest pose [m or Pa]: as written, else half-way for lengths, minimum for pressures."""
         written = self.rest_mm if self.quantity is Quantity.LENGTH else self.rest_bar

@@ -112,6 +112,19 @@ class Tension(Strict):
         return self
 
 
+class TendonFriction(Strict):
+    """Friction of the tendons; left out, there is none.
+
+    Attributes:
+        play_mm: half width of the play between a spool and its disc, by which pulls lead in the direction of
+            motion: one number for all tendons, one per section, or one per tendon.
+    """
+
+    play_mm: Annotated[
+        tuple[NonNegative, ...], Field(min_length=1, max_length=MAX_TENDON_SECTIONS * MAX_TENDONS)
+    ]
+
+
 class TendonRobot(RobotDescription):
     """A tendon robot of one to eight sections; it grows along +z.
 
@@ -123,6 +136,7 @@ class TendonRobot(RobotDescription):
         geometry: dimensions.
         limits: of pulls and bends.
         tension: of the tendons; bounds them and adds the stretch of tendons to the pulls.
+        friction: of the tendons; off when left out.
     """
 
     quantity: ClassVar[Quantity] = Quantity.LENGTH
@@ -132,6 +146,7 @@ class TendonRobot(RobotDescription):
     geometry: TendonRobotGeometry
     limits: TendonRobotLimits
     tension: Tension | None = None
+    friction: TendonFriction | None = None
 
     @model_validator(mode="after")
     def _consistent(self) -> TendonRobot:
@@ -143,6 +158,11 @@ class TendonRobot(RobotDescription):
         for what, values in rows:
             if len(values) not in (1, count):
                 raise ValueError(f"{what} has {len(values)} entries; allowed: 1 or {count}, one per section")
+        play = () if self.friction is None else self.friction.play_mm
+        if play and len(play) not in (1, count, len(self.axis_names)):
+            raise ValueError(
+                f"friction.play_mm has {len(play)} numbers; allowed: 1, {count} or {len(self.axis_names)}"
+            )
         for low, high in self.limits.pull_mm:
             if not low < 0.0 < high:
                 raise ValueError(
@@ -184,6 +204,14 @@ class TendonRobot(RobotDescription):
     def rest(self) -> Actuation:
         """As written, else the straight robot."""
         return super().rest if self.rest_mm is not None else (0.0,) * len(self.axis_names)
+
+    @property
+    def play(self) -> Actuation | None:
+        """``friction.play_mm`` per tendon [m]; None where it is off."""
+        if self.friction is None or not any(self.friction.play_mm):
+            return None
+        play = tuple(r / MM_PER_M for r in self.friction.play_mm)
+        return play if len(play) == len(self.axis_names) else self._per_tendon(play)
 
     @property
     def tip_offset_m(self) -> Vec3:

@@ -85,6 +85,7 @@ class RobotConfig:
         stale_s: age at which the data of each axis count as stale [s].
         period_s: of the tick.
         feedback: closed loop on the tip, None when off.
+        play: half width of the play of every axis [m or Pa], None without.
     """
 
     name: str
@@ -106,6 +107,7 @@ class RobotConfig:
     stale_s: tuple[float, ...]
     period_s: float
     feedback: FeedbackConfig | None = None
+    play: Actuation | None = None
 
 
 def robot_config(
@@ -143,4 +145,5 @@ def robot_config(
         stale_s=tuple(max(ticks * period_s, STALE_S) for ticks in tolerance),
         period_s=period_s,
         feedback=None if robot.feedback is None else FeedbackConfig.of(robot.feedback),
+        play=None if robot.play is None else (*robot.play, *(0.0,) * len(robot.extra_axis_names)),
     )

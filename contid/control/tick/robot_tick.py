@@ -17,6 +17,7 @@ from contid.control.tick.config import RobotConfig
 from contid.control.tick.faults import Fault
 from contid.control.tick.limits import limit
 from contid.control.tick.on_path import limit_on_path
+from contid.control.tick.play import led, taken_up
 from contid.control.tick.state import Effect, RobotState
 from contid.control.tick.supervisor import Event, Mode
 from contid.control.tick.tip_feedback import Measurement, corrected, kept, observed
@@ -77,7 +78,7 @@ def tick(
             if config.feedback is not None:
                 load_n = config.frame.vector_in_base(target.load_n)
                 learnt = observed(
-                    config, config.feedback, state.correction, now_s, samples, measurement, load_n
+                    config, config.feedback, state.correction, now_s, samples, measurement, load_n, state.play
                 )
                 state = replace(state, correction=learnt)
             return _follow(config, state, now_s, target)
@@ -140,7 +141,7 @@ def _arming(
             return fail(config, state, Fault.NO_SAMPLE, message, now_s)
     if state.mode is Mode.READY and state.arm_requested:
         # Old commands are dropped: an interrupted arming must not return to them.
-        cleared = replace(state, command=(), increments=(), reference=(), motion=None)
+        cleared = replace(state, command=(), increments=(), reference=(), motion=None, play=())
         return replace(moved(config, cleared, Event.ARM, now_s), pending=Effect.ENABLE, enabled=False)
     if state.mode is Mode.ARMING and state.enabled and sampled:
         present = config.transmission.to_actuation(tuple(sample.value or 0.0 for sample in samples))
@@ -182,9 +183,8 @@ def _follow(config: RobotConfig, state: RobotState, now_s: float, target: Target
     target_tip = in_base.tip_m
     if target_tip is None:
         target_tip = config.model.forward(in_base.actuation or after.command, in_base.load_n).tip_m
-    return TickResult(
-        after, config.transmission.to_device(after.command), solution, math.dist(tip, target_tip), flags
-    )
+    device = config.transmission.to_device(led(after.command, after.play))
+    return TickResult(after, device, solution, math.dist(tip, target_tip), flags)
 
 
 def _move(config: RobotConfig, state: RobotState, now_s: float) -> TickResult:
@@ -196,7 +196,7 @@ def _move(config: RobotConfig, state: RobotState, now_s: float) -> TickResult:
         reference = state.motion.at(since_s)[0]
         over = since_s >= state.motion.duration_s
     after, flags = _limited(config, state, reference)
-    device = config.transmission.to_device(after.command)
+    device = config.transmission.to_device(led(after.command, after.play))
     # The limiter may lag behind (a motion that ends outside a limit): wait for standstill.
     if over and not any(after.increments):
         after = replace(after, motion=None, reference=after.command)
@@ -224,10 +224,11 @@ def _limited(
     else:
         command, flags = limit_on_path(config, last, state.increments, reference, target_step, target_in_base)
     increments = tuple([new - old for new, old in zip(command, last, strict=True)])
+    play = taken_up(config.play, state.play, increments, config.limits) if config.play else ()
     # Written out: `replace` costs three times as much, and this runs for every robot in every tick.
     after = RobotState(
         state.mode, state.since_s, state.fault, state.message, state.enabled, state.arm_requested,
         state.follow, state.goto, command, increments, reference, state.motion, state.motion_s, state.policy,
-        state.misses, state.pending, state.correction, state.recovering,
+        state.misses, state.pending, state.correction, state.recovering, play,
     )  # fmt: skip
     return after, flags if any(flags) else ()

@@ -68,6 +68,7 @@ class RobotState:
         pending: next request to the devices.
         correction: of the closed loop on the tip.
         recovering: to move inside the limits slowly once armed, or on the way.
+        play: what is added to commands to lead the play of the drives; empty without play.
     """
 
     mode: Mode = Mode.OFF
@@ -88,3 +89,4 @@ class RobotState:
     pending: Effect = Effect.NONE
     correction: Correction = NO_CORRECTION
     recovering: bool = False
+    play: Actuation = ()

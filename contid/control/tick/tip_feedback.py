@@ -17,8 +17,9 @@ import math
 from dataclasses import dataclass, replace
 
 from contid.control.tick.config import FeedbackConfig, RobotConfig
+from contid.control.tick.play import led
 from contid.hal import Sample
-from contid.targets import ZERO3, Target, Vec3
+from contid.targets import ZERO3, Actuation, Target, Vec3
 
 
 @dataclass(frozen=True, slots=True)
@@ -75,6 +76,7 @@ def observed(
     samples: tuple[Sample, ...],
     measurement: Measurement | None,
     load_n: Vec3,
+    play: Actuation = (),
 ) -> Correction:
     """The correction after this tick.
 
@@ -86,12 +88,14 @@ def observed(
         samples: newest of every axis.
         measurement: newest there is, also an old one.
         load_n: known force on the tip, in the base frame.
+        play: by which the devices lead their axes.
     """
     seen_m, used_s = before.seen_m, before.used_s
     valid = bool(samples) and all(sample.valid and sample.value is not None for sample in samples)
     if measurement is not None and measurement.time_s > used_s and valid:
         actuation = config.transmission.to_actuation(tuple([sample.value or 0.0 for sample in samples]))
-        model_tip = config.model.forward(actuation, load_n).tip_m
+        delivered = led(actuation, tuple([-lead for lead in play]))
+        model_tip = config.model.forward(delivered, load_n).tip_m
         error_m = _minus(config.frame.point_in_base(measurement.tip_in_world), model_tip)
         if all(map(math.isfinite, error_m)):
             seen_m, used_s = _bounded(error_m, feedback.limit_m), measurement.time_s
