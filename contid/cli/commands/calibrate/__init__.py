@@ -9,11 +9,11 @@ from contid.cli.support.table import TableGroup
 #: Calibration -> (module that defines it as ``command``, one line for ``contid calibrate --help``).
 CALIBRATIONS: Final[dict[str, tuple[str, str]]] = {
     "curvature": (
-        "contid.cli.commands.calibrate_curvature",
+        "contid.cli.commands.calibrate.curvature",
         "a rack finger's curvature correction from photographed markers",
     ),
     "modulus": (
-        "contid.cli.commands.calibrate_modulus",
+        "contid.cli.commands.calibrate.modulus",
         "a pneumatic section's modulus from elongation, its bending gain from angles",
     ),
 }
