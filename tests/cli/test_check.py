@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import json
+import subprocess
+import sys
 from pathlib import Path
 
 import pytest
@@ -72,3 +74,56 @@ def test_a_bad_file_as_json_is_one_line_per_mistake(tmp_path: Path, configs: Pat
     wrong = [lines[each["line"] - 1] for each in found]
     assert ["rate_hz" in wrong[0], "gap_mm" in wrong[1]] == [True, True]
     assert all(each["file"] == str(bad) and each["column"] > 1 for each in found)
+
+
+CIRCLE = "path circle --center 20,80 --radius 10 --period {period} --for finger"
+
+
+def contid(words: str, folder: Path, text: str | None = None) -> subprocess.CompletedProcess[str]:
+    return subprocess.run(
+        [sys.executable, "-m", "contid", *words.split()],
+        cwd=folder,
+        input=text,
+        stdin=subprocess.DEVNULL if text is None else None,
+        capture_output=True,
+        text=True,
+        timeout=60,
+        check=False,
+    )
+
+
+def test_a_trajectory_is_checked_as_a_run_checks_it(tmp_path: Path) -> None:
+    good = contid(CIRCLE.format(period=3), tmp_path).stdout
+    (tmp_path / "good.csv").write_text(good)
+    done = contid("check finger good.csv", tmp_path)
+    assert (done.returncode, done.stderr) == (0, "")
+    assert done.stdout.startswith("good.csv: 151 rows in 3 s: within reach and limits of finger")
+    assert contid("check finger -", tmp_path, good).stdout.startswith("stdin: 151 rows in 3 s")
+    assert json.loads(contid("check finger good.csv --json", tmp_path).stdout)["rows"] == 151
+
+
+@pytest.mark.parametrize(
+    "text",
+    [
+        "t_s,x_mm,y_mm\n0,20,80\n1,20,900\n",  # out of reach
+        "t_s,x_mm,y_mm\n0,20,80\n0.1,20,60\n",  # too fast
+        "t_s,x_mm,y_mm\n0,20,80\n0,20,60\n",  # times repeat
+        "t_s,x_m,y_mm\n0,20,80\n",  # a wrong column
+        "",
+    ],
+)
+def test_what_a_check_refuses_a_run_refuses_with_the_same_words(text: str, tmp_path: Path) -> None:
+    (tmp_path / "bad.csv").write_text(text)
+    checked = contid("check finger bad.csv", tmp_path)
+    run = contid("run finger --virtual --trajectory bad.csv", tmp_path)
+    assert (checked.returncode, checked.stdout) == (2, "")
+    assert (run.returncode, run.stderr) == (2, checked.stderr)
+    as_json = contid("check finger bad.csv --json", tmp_path)
+    assert as_json.returncode == 2
+    assert all(json.loads(line)["file"] == "bad.csv" for line in as_json.stdout.splitlines())
+
+
+def test_a_live_stream_cannot_be_checked(tmp_path: Path) -> None:
+    done = contid("check finger -", tmp_path, "x_mm,y_mm\n20,80\n")
+    assert done.returncode == 2
+    assert "no column 't_s'" in done.stderr

@@ -1,7 +1,8 @@
-"""``contid check``: validate a robot file and print what it describes."""
+"""``contid check``: validate a robot file and print what it describes; check a trajectory for it."""
 
 from __future__ import annotations
 
+import dataclasses
 import json
 
 import click
@@ -11,9 +12,13 @@ from contid.cli.support.robot_names import robot_names
 
 @click.command()
 @click.argument("robot_file", shell_complete=robot_names)
+@click.argument("trajectory", required=False, type=click.Path(dir_okay=False, exists=True, allow_dash=True))
 @click.option("--json", "as_json", is_flag=True, help="One JSON object; of a bad file one per mistake.")
-def command(robot_file: str, as_json: bool) -> None:
+def command(robot_file: str, trajectory: str | None, as_json: bool) -> None:
     """Validate ROBOT_FILE (or a shipped one by its name) and print what it describes.
+
+    With TRAJECTORY (`-`: stdin), check that instead, as `contid run` does before it moves anything: reach,
+    limits and speed of every row and of the way between. No device is opened.
 
     A bad file ends with exit code 2 and every mistake as file:line:column: what; allowed; nearest name.
     """
@@ -22,6 +27,16 @@ def command(robot_file: str, as_json: bool) -> None:
     from contid.robot_file.summary import summarise
 
     try:
+        if trajectory is not None:
+            from contid.control.daemon.check_trajectory import check_trajectory
+
+            checked = check_trajectory(robot_file, trajectory)
+            click.echo(
+                json.dumps(dataclasses.asdict(checked))
+                if as_json
+                else f"{'stdin' if trajectory == '-' else trajectory}: {checked}"
+            )
+            return
         loaded = load_named(robot_file)
     except BadInputError as error:
         if not as_json:

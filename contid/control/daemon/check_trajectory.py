@@ -1,0 +1,60 @@
+"""The check of a trajectory for `contid check`: what a run checks before it moves anything."""
+
+from __future__ import annotations
+
+import sys
+from contextlib import closing
+from dataclasses import dataclass
+
+from contid.control.daemon.cancellable_reader import CancellableReader
+from contid.control.daemon.inputs import Stream, read_file, read_stdin
+from contid.control.daemon.terminal import check_progress
+from contid.control.engine.wiring import build_preflight, driven_robots
+from contid.control.tick.preflight import Unreachable
+from contid.errors import ContidError
+from contid.robot_file.shipped import load_named
+
+
+@dataclass(frozen=True, slots=True)
+class AcceptedTrajectory:
+    """A trajectory that its robots can follow.
+
+    Attributes:
+        robot_file: name of the robot file.
+        rows: of the trajectory.
+        duration_s: from its first row to its last.
+        robots: that have columns in it.
+    """
+
+    robot_file: str
+    rows: int
+    duration_s: float
+    robots: tuple[str, ...]
+
+    def __str__(self) -> str:
+        """One line."""
+        rows = "1 row" if self.rows == 1 else f"{self.rows} rows"
+        names = " and ".join(self.robots)
+        return f"{rows} in {self.duration_s:g} s: within reach and limits of {names} ({self.robot_file})"
+
+
+def check_trajectory(robot_file: str, trajectory: str) -> AcceptedTrajectory:
+    """Check a trajectory (``-``: stdin) for a robot file, at the rate of the file.
+
+    Raises:
+        ContidError: the robot file or the trajectory is wrong, or a robot cannot follow it.
+    """
+    loaded = load_named(robot_file)
+    robots = driven_robots(loaded)
+    if trajectory == "-":
+        with closing(CancellableReader()) as reader:
+            source = read_stdin(sys.stdin, robots, reader)
+    else:
+        source = read_file(trajectory, robots)
+    if isinstance(source, Stream):
+        raise ContidError("stdin: no column 't_s': only trajectories with times can be checked as a whole")
+    preflight = build_preflight(loaded, loaded.file.rate_hz, Unreachable.REFUSE)
+    assert preflight is not None, "refusing always checks"
+    preflight.trajectory(source, "stdin" if trajectory == "-" else trajectory, check_progress(len(source)))
+    moved = tuple(name for name in robots if name in source.targets_of_row(0))
+    return AcceptedTrajectory(loaded.file.name, len(source), source.end_s - source.start_s, moved)
