@@ -39,7 +39,7 @@ def find_robot(file: str, name: str | None, kind: type[_Kind], label: str) -> tu
     return next(iter(found.items()))
 
 
-def write_back(path: Path, robot: str, changes: Sequence[Change]) -> None:
+def write_back(path: Path, robot: str, changes: Sequence[Change], measured: Sequence[str] = ()) -> None:
     """Write calibrated values below ``robots.ROBOT`` and remove them from its placeholders.
 
     The new text is checked as a robot file before it replaces the old one atomically.
@@ -48,13 +48,14 @@ def write_back(path: Path, robot: str, changes: Sequence[Change]) -> None:
         path: of the robot file.
         robot: its name.
         changes: keys relative to the robot, ``correction.b``.
+        measured: further placeholders that are none any more, such as a list whose parts are all written.
 
     Raises:
         BadInputError: the result would not load; the file is unchanged.
         EditError: a key's mapping is not in the file.
     """
     loaded = load_robot_file(path)
-    written = [change.key for change in changes]
+    written = [*(change.key for change in changes), *measured]
     marked = loaded.file.robots[robot].placeholder
     rest = [key for key in marked if key not in written]
     front = f"robots.{robot}."

@@ -85,9 +85,11 @@ def fit_residual(features: Array, missing_m: Array, runs: Array, bends: int) -> 
         features: ``(rows, any)``, bends first.
         missing_m: measured minus predicted tips, ``(rows, 3)``.
         runs: number of the pattern of each row; folds are blocks of consecutive patterns.
-        bends: how many features are bends.
+        bends: how many features are bends. One pattern alone gives no correction.
     """
     fold = np.minimum((runs - runs.min()) * FOLDS // (np.ptp(runs) + 1.0), FOLDS - 1)
+    if len(np.unique(fold)) < 2:  # nothing can be kept out
+        return _solve(features, missing_m, bends, np.inf)
     scores = []
     for penalty in PENALTIES:
         total = 0.0

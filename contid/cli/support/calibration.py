@@ -56,12 +56,12 @@ class Calibration:
 
         return find_robot(self.robot_file, self.robot, kind, kind_name)
 
-    def write_back(self, robot: str, changes: Sequence[Change]) -> None:
-        """Write the numbers into the robot file, with ``--write``."""
+    def write_back(self, robot: str, changes: Sequence[Change], measured: Sequence[str] = ()) -> None:
+        """Write the numbers into the robot file, with ``--write``; ``measured``: placeholders they fill."""
         from contid.calibrate.target_robot import write_back
 
         if self.write is not None:
-            write_back(self.write, robot, changes)
+            write_back(self.write, robot, changes, measured)
             click.echo(f"written to {self.write}", err=True)
 
 

@@ -16,6 +16,10 @@ CALIBRATIONS: Final[dict[str, tuple[str, str]]] = {
         "contid.cli.commands.calibrate.modulus",
         "a pneumatic section's modulus from elongation, its bending gain from angles",
     ),
+    "tendon": (
+        "contid.cli.commands.calibrate.tendon",
+        "a tendon robot's geometry, stiffness, friction and play from tips over pulls",
+    ),
 }
 
 command = TableGroup(

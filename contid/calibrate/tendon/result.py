@@ -1,0 +1,131 @@
+"""A calibrated tendon robot in the units of robot files, for reports and for the robot file."""
+
+from __future__ import annotations
+
+import math
+import re
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
+from typing import Final
+
+import numpy as np
+
+from contid.calibrate.tendon.accuracy import Accuracy
+from contid.calibrate.tendon.geometry import FoundGeometry
+from contid.calibrate.tendon.stages import Stage
+from contid.robot_file.edit import Change
+from contid.robot_file.tendon import TendonRobot
+from contid.units import MM_PER_M
+
+#: Group of the fit -> name in reports, factor, and whether the logarithm was fitted.
+_REPORTED: Final = {
+    "radius_m": ("radius_mm", 1e3, False),
+    "angle_rad": ("angle_deg", math.degrees(1.0), False),
+    "twist_rad": ("twist_deg", math.degrees(1.0), False),
+    "offset_m": ("offset_mm", 1e3, False),
+    "length_m": ("length_mm", 1e3, False),
+    "log_stiffness": ("stiffness_mm2", 1e6, True),
+    "log_hardening": ("hardening_per_mm", 1e-3, True),
+    "rest_rad": ("rest_deg", math.degrees(1.0), False),
+    "log_friction": ("friction_mm2", 1e6, True),
+    "log_play": ("play_mm", 1e3, True),
+    "base_m": ("base_mm", 1e3, False),
+    "tilt_rad": ("tilt_deg", math.degrees(1.0), False),
+    "marker_m": ("marker_mm", 1e3, False),
+}
+_SERVO_ID = re.compile(r"servo_(\d+)_mm")
+
+
+@dataclass(frozen=True, slots=True)
+class FittedNumber:
+    """A fitted parameter in the unit of its name, with its 95 % interval."""
+
+    name: str
+    label: str
+    value: float
+    low: float
+    high: float
+
+    @property
+    def half_width(self) -> float:
+        """Half of the interval."""
+        return 0.5 * (self.high - self.low)
+
+
+def numbers(stage: Stage) -> Iterator[FittedNumber]:
+    """All parameters of a stage of statics."""
+    parameters = stage.fit.model.parameters
+    values, widths = parameters.split(stage.fit.vector), parameters.split(stage.fit.half_width)
+    for group in parameters.groups:
+        name, factor, logarithm = _REPORTED[group.name]
+        rows = zip(group.labels, values[group.name], widths[group.name], strict=True)
+        for label, value, width in rows:
+            ends = np.array([value, value - width, value + width])
+            here, low, high = factor * (np.exp(np.minimum(ends, 50.0)) if logarithm else ends)
+            yield FittedNumber(name, label, float(here), float(low), float(high))
+
+
+def millimetres(found: Accuracy | None) -> dict[str, object] | None:
+    """Errors of a stage in mm."""
+    if found is None:
+        return None
+    return {
+        "rmse_mm": found.rmse_m * MM_PER_M,
+        "rmse_95_mm": [each * MM_PER_M for each in found.rmse_95_m],
+        "mean_mm": found.mean_m * MM_PER_M,
+        "mean_95_mm": [each * MM_PER_M for each in found.mean_95_m],
+        "rows": found.rows,
+    }
+
+
+def changes(
+    stage: Stage, robot: TendonRobot, servos: Sequence[str], geometry: FoundGeometry | None, note: str
+) -> list[Change]:
+    """What the robot file holds of a fit.
+
+    Lengths, radii and azimuths of the sections; the bending stiffness, from the stiffness of the tendons
+    that the file states, because a recording without forces gives only their quotient; play where the file
+    has ``friction``; and the servo of each tendon where geometry was found and both have numbers.
+    """
+    of: dict[str, list[FittedNumber]] = {}
+    for number in numbers(stage):
+        of.setdefault(number.name, []).append(number)
+    out = []
+    place = 0
+    for s, section in enumerate(robot.geometry.sections):
+        own = slice(place, place + len(section.angles_deg))
+        place = own.stop
+        key = f"geometry.sections.{s}."
+        radii, angles, length = of["radius_mm"][own], of["angle_deg"][own], of["length_mm"][s]
+        widest = ", ".join(
+            (
+                f"+- {length.half_width:.2g} mm",
+                f"{max(each.half_width for each in radii):.2g} mm",
+                f"{max(each.half_width for each in angles):.2g} deg (95 %)",
+            )
+        )
+        out += [
+            Change(key + "length_mm", round(length.value, 3)),
+            Change(key + "radius_mm", [round(each.value, 4) for each in radii]),
+            Change(key + "angles_deg", [round(each.value, 3) for each in angles], f"{note}, {widest}"),
+        ]
+    if robot.tension is not None:
+        stretch = robot.per_section(robot.tension.tendon_n_per_mm)
+        bending = [
+            float(f"{ratio.value * each * length.value:.4g}")
+            for ratio, each, length in zip(of["stiffness_mm2"], stretch, of["length_mm"], strict=True)
+        ]
+        out.append(Change("tension.bending_n_mm2", bending, f"{note}, by tendon_n_per_mm"))
+    if robot.friction is not None:
+        plays = [round(each.value, 4) for each in of["play_mm"]]
+        out.append(Change("friction.play_mm", plays, note))
+    if geometry is not None:
+        ids = [_SERVO_ID.fullmatch(servo) for servo in servos]
+        extra = [robot.axes[name].model_extra or {} for name in robot.axis_names]
+        if all(ids) and all(isinstance(each.get("id"), int) for each in extra):
+            out += [
+                Change(f"axes.{name}.id", int(match[1]))
+                for name, match in zip(robot.axis_names, ids, strict=True)
+                if match
+            ]
+    return out
