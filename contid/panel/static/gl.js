@@ -22,7 +22,11 @@ void main() {
 export class Renderer {
   constructor(canvas) {
     this.canvas = canvas;
-    const gl = canvas.getContext("webgl", { antialias: true, alpha: true, premultipliedAlpha: false });
+    const wishes = { antialias: true, alpha: true, premultipliedAlpha: false };
+    // Without a graphics card every image costs so much that a press of STOP would wait for it: fewer, plainer ones.
+    let gl = canvas.getContext("webgl", { ...wishes, failIfMajorPerformanceCaveat: true });
+    this.slow = gl === null;
+    gl ??= canvas.getContext("webgl", { ...wishes, antialias: false });
     if (gl === null) throw new Error("this browser has no WebGL");
     this.gl = gl;
     this.program = this.link();
@@ -62,7 +66,7 @@ export class Renderer {
 
   begin(camera) {
     const { gl, canvas } = this;
-    const ratio = Math.min(devicePixelRatio, 2);
+    const ratio = this.slow ? 1 : Math.min(devicePixelRatio, 2);
     const width = Math.round(canvas.clientWidth * ratio), height = Math.round(canvas.clientHeight * ratio);
     if (canvas.width !== width || canvas.height !== height) Object.assign(canvas, { width, height });
     gl.viewport(0, 0, width, height);

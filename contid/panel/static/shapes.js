@@ -37,9 +37,10 @@ export class Mesh {
       const lean = k < 3 ? -k * 0.3 + 0.9 : k >= rings.length - 3 ? (k - rings.length + 4) * 0.3 : 0;
       for (let i = 0; i < sides; i++) {
         const angle = (2 * Math.PI * i) / sides;
-        const n = add(s.map((v) => v * Math.cos(angle)), up, Math.sin(angle));
-        const tilted = lean === 0 ? n : unit(add(n, t, k < 3 ? -lean * 2 : lean * 2));
-        this.vertices.push(...add(p, n, size), ...tilted);
+        const c = Math.cos(angle), d = Math.sin(angle);
+        const n = [c * s[0] + d * up[0], c * s[1] + d * up[1], c * s[2] + d * up[2]];
+        const m = lean === 0 ? n : unit(add(n, t, k < 3 ? -lean * 2 : lean * 2));
+        this.vertices.push(p[0] + size * n[0], p[1] + size * n[1], p[2] + size * n[2], m[0], m[1], m[2]);
       }
     });
     for (let k = 0; k + 1 < rings.length; k++) {

@@ -7,6 +7,7 @@ import { Mesh, smooth } from "./shapes.js";
 const TRAIL = 120; // frames, 6 s
 const GRAB_PX = 26;
 const MARGIN_PX = 14;
+const SLOW_MS = 250; // between images without a graphics card
 const BODY = [[0.23, 0.51, 0.96, 1], [0.96, 0.62, 0.04, 1], [0.06, 0.72, 0.51, 1], [0.93, 0.28, 0.6, 1]];
 const DARK = [0.2, 0.23, 0.28, 1];
 const ROPE = [0.62, 0.45, 0.28, 1];
@@ -82,8 +83,11 @@ export class View {
 
   frame(message) {
     if (!this.drawing) return;
+    const ropes = message.bodies.ropes;
+    let changed = this.moved(this.ropeShape, ropes);
     for (const [name, robot] of this.robots) {
       const data = message.robots[name];
+      changed ||= robot.state !== data.state;
       robot.state = data.state;
       robot.tip = data.tip_mm && point(data.tip_mm);
       if (robot !== this.dragged) robot.target = data.target_mm ? point(data.target_mm) : robot.tip;
@@ -93,20 +97,34 @@ export class View {
         robot.trail.shift();
         robot.still = 0;
       }
-      this.build(robot, message.bodies.robots[name]);
+      const strips = message.bodies.robots[name]?.strips ?? [];
+      if (!this.moved(robot.strips, strips) && robot.trail.length === robot.trailed) continue;
+      robot.strips = strips;
+      robot.trailed = robot.trail.length;
+      changed = true;
+      this.build(robot, strips);
     }
-    const ropes = new Mesh();
-    for (const line of message.bodies.ropes) ropes.tube(line, this.size * 0.004, 8);
-    this.ropes = this.renderer.mesh(...ropes.arrays, this.ropes ?? null);
+    if (!changed) return; // nothing that could be seen: the noise of measurements needs no image
+    const mesh = new Mesh();
+    for (const line of ropes) mesh.tube(line, this.size * 0.004, 8);
+    this.ropeShape = ropes;
+    this.ropes = this.renderer.mesh(...mesh.arrays, this.ropes ?? null);
     this.redraw();
   }
 
-  build(robot, body) {
+  /** True when lines differ by what can be seen. */
+  moved(before, now) {
+    if (before === undefined || before.length !== now.length) return true;
+    const seen = this.size * 0.0004;
+    return now.some((line, i) => [line.length >> 1, line.length - 1].some((k) => before[i].length !== line.length || line[k].some((v, x) => Math.abs(v - before[i][k][x]) > seen)));
+  }
+
+  build(robot, strips) {
     const { renderer } = this;
     const main = new Mesh(), second = new Mesh(), trail = new Mesh();
-    if (body) {
-      if (robot.planar) fingers(main, second, body.strips, robot.length_mm);
-      else arm(main, second, body.strips, robot);
+    if (strips.length) {
+      if (robot.planar) fingers(main, second, strips, robot.length_mm);
+      else arm(main, second, strips, robot);
     }
     if (robot.trail.length > 1) trail.tube(robot.trail, (i) => (this.size * 0.0032 * (i + 1)) / robot.trail.length, 6);
     robot.meshes.main = renderer.mesh(...main.arrays, robot.meshes.main);
@@ -126,10 +144,12 @@ export class View {
   redraw() {
     if (!this.drawing || this.asked) return;
     this.asked = true;
-    requestAnimationFrame(() => {
+    const draw = () => requestAnimationFrame(() => {
       this.asked = false;
       this.draw();
     });
+    if (this.renderer.slow) setTimeout(draw, SLOW_MS);
+    else draw();
   }
 
   draw() {
