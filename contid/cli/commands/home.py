@@ -98,18 +98,25 @@ def _park(robot_file: Path, buses: Sequence[WiredBus], axes: Sequence[str]) -> N
 
 
 def _home(buses: Sequence[WiredBus], axes: Sequence[str]) -> Iterator[Homed]:
-    """Home one axis after the other; every bus is checked before the first moves."""
+    """Home one axis after the other, tendons together; every bus is checked before the first moves."""
     report = functools.partial(click.echo, err=True)
-    chosen: list[tuple[bool, WiredBus, Homes, str]] = []
+    chosen: list[tuple[bool, WiredBus, Homes, list[str]]] = []
     for bus in buses:
         homing = {axis.name: getattr(axis.options, "homing", None) is not None for axis in bus.axes}
         only = [name for name, has in homing.items() if (name in axes if axes else has)]
         if only:
             homes = bus.capable(Homes, "home")  # type: ignore[type-abstract]  # a runtime protocol
-            chosen += [(homing[name], bus, homes, name) for name in only]
+            together = {
+                axis.name
+                for axis in bus.axes
+                if getattr(getattr(axis.options, "homing", None), "together", False)
+            }
+            chosen += [(homing[name], bus, homes, [name]) for name in only if name not in together]
+            if tendons := [name for name in only if name in together]:
+                chosen.append((True, bus, homes, tendons))
     # Axes without homing come first: their driver refuses them before anything moves.
-    for _, bus, homes, name in sorted(chosen, key=lambda each: each[0]):
-        yield from homes.home(bus.wiring.name, bus.wiring.options, bus.axes, [name], report)
+    for _, bus, homes, names in sorted(chosen, key=lambda each: each[0]):
+        yield from homes.home(bus.wiring.name, bus.wiring.options, bus.axes, names, report)
 
 
 @contextmanager

@@ -19,8 +19,9 @@ from contid_drivers.dynamixel import arming, turns
 from contid_drivers.dynamixel import registers as reg
 from contid_drivers.dynamixel.axis import Axis
 from contid_drivers.dynamixel.client import ServoClient
-from contid_drivers.dynamixel.options import DynamixelBusOptions, HardStop, SingleTurn
+from contid_drivers.dynamixel.options import DynamixelBusOptions, HardStop, SingleTurn, Tensioning
 from contid_drivers.dynamixel.port import ServoPort
+from contid_drivers.dynamixel.tensioning import tension
 from contid_drivers.serial_ports import find_port
 
 POLL_S: Final = 0.01
@@ -51,11 +52,17 @@ def home(
             if client.read(axis.device, reg.TORQUE_ENABLE) and client.read(axis.device, reg.MOVING):
                 raise DeviceError(client.name(axis.device), "it is moving", "stop its robot first")
         try:
-            return [_home_one(client, axis, options, report) for axis in chosen]
+            tendons = [axis for axis in chosen if isinstance(axis.options.homing, Tensioning)]
+            found = [_home_one(client, axis, options, report) for axis in chosen if axis not in tendons]
+            if tendons:
+                found += tension(client, tendons, options, report)
+                with defer_signals():
+                    arming.torque_off(client, tendons)
+            return found
         except BaseException:
             # An interrupt may arrive between the end of a search and its torque off.
             with defer_signals():
-                arming.torque_off(client, [a for a in chosen if isinstance(a.options.homing, HardStop)])
+                arming.torque_off(client, [a for a in chosen if not isinstance(a.options.homing, SingleTurn)])
             raise
     finally:
         port.close()

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import Annotated, Literal, Self, TypeAlias
+from typing import Annotated, ClassVar, Literal, Self, TypeAlias
 
 from pydantic import BeforeValidator, Field, model_validator
 
@@ -82,7 +82,32 @@ class SingleTurn(Strict):
     at_mm: float = 0.0
 
 
-Homing: TypeAlias = Annotated[HardStop | SingleTurn, Field(discriminator="method")]
+class Tensioning(Strict):
+    """Homing of a tendon on a spool: all tendons that have it wind in until they carry a current.
+
+    Attributes:
+        method: ``tension``.
+        direction: sense of the servo's own rotation that winds in.
+        current_ma: current that the taut tendon carries; it sets the pretension.
+        speed_deg_s: speed of winding.
+        slack_deg: a tendon that is not taut after this rotation is slack or snapped.
+        at_mm: pull of the tendon then, 0 on the straight robot.
+        timeout_s: time limit of the search.
+    """
+
+    #: `contid home` homes all such axes of a bus in one call.
+    together: ClassVar[bool] = True
+
+    method: Literal["tension"]
+    direction: Literal[1, -1]
+    current_ma: Annotated[int, Field(ge=45, le=600)] = 80
+    speed_deg_s: Annotated[float, Field(gt=0, le=360)] = 45.0
+    slack_deg: Annotated[float, Field(gt=0, le=3600)] = 720.0
+    at_mm: float = 0.0
+    timeout_s: Positive = 60.0
+
+
+Homing: TypeAlias = Annotated[HardStop | SingleTurn | Tensioning, Field(discriminator="method")]
 
 
 def _supported(name: object) -> object:
@@ -130,7 +155,7 @@ class DynamixelAxisOptions(Strict):
     def _currents_of_the_model(self) -> Self:
         """Currents end at those of the model; a model without current registers takes none."""
         limit_ma = BY_NAME[self.model].current_limit_ma
-        homing_ma = self.homing.current_ma if isinstance(self.homing, HardStop) else None
+        homing_ma = self.homing.current_ma if isinstance(self.homing, HardStop | Tensioning) else None
         currents = {
             "current_limit_ma": self.current_limit_ma,
             "goal_current_ma": self.goal_current_ma,

@@ -26,7 +26,7 @@ from contid.errors import DeviceError
 from contid_drivers.dynamixel import registers as reg
 from contid_drivers.dynamixel.axis import Axis
 from contid_drivers.dynamixel.client import ServoClient, ServoRefusedError
-from contid_drivers.dynamixel.options import HardStop, SingleTurn
+from contid_drivers.dynamixel.options import HardStop, SingleTurn, Tensioning
 from contid_drivers.dynamixel.packets import sync_write
 from contid_drivers.dynamixel.registers import Register
 
@@ -132,7 +132,7 @@ def settle(client: ServoClient, axis: Axis) -> None:
     elif isinstance(homing, SingleTurn):
         expected = math.radians(homing.pose_deg)
         tolerance, what = math.radians(homing.plausible_deg), "it is parked at"
-    elif isinstance(homing, HardStop):
+    elif isinstance(homing, HardStop | Tensioning):
         raise DeviceError(
             name, "it has lost its turn count (power was off) and is not homed", "run `contid home`"
         )

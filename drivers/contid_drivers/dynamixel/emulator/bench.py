@@ -11,10 +11,13 @@ from typing import Final
 from contid.hal import AxisOnBus
 from contid_drivers.dynamixel import registers as reg
 from contid_drivers.dynamixel.emulator.servo import Servo
+from contid_drivers.dynamixel.emulator.tendons import TendonPlant
 from contid_drivers.dynamixel.emulator.wire import DynamixelEmulator
 from contid_drivers.dynamixel.models import BY_NAME
-from contid_drivers.dynamixel.options import DynamixelAxisOptions, DynamixelBusOptions, SingleTurn
+from contid_drivers.dynamixel.options import DynamixelAxisOptions, DynamixelBusOptions, SingleTurn, Tensioning
 
+#: Stiffness of an emulated tendon on its own, soft because a backbone yields when its tendons are pulled.
+MA_PER_TICK: Final = 0.2
 #: Distance of the mechanical stops beyond the travel of the robot file.
 BEYOND_TRAVEL_RAD: Final = math.radians(10.0)
 
@@ -42,6 +45,19 @@ def servo_of(axis: AxisOnBus, baud: int) -> Servo:
     )
 
 
+def tendons_of(servos: Sequence[Servo], axes: Sequence[AxisOnBus]) -> TendonPlant | None:
+    """Tendons on the spools of axes whose homing tensions them, each on its own, taut in the servo's zero."""
+    found = [
+        (servo, axis.options.homing.direction)
+        for servo, axis in zip(servos, axes, strict=True)
+        if isinstance(axis.options, DynamixelAxisOptions) and isinstance(axis.options.homing, Tensioning)
+    ]
+    if not found:
+        return None
+    spools, winding = zip(*found, strict=True)
+    return TendonPlant(spools, winding, (0.0,) * len(spools), (MA_PER_TICK,) * len(spools))
+
+
 class Bench:
     """Context manager that serves the bus at the port of the robot file."""
 
@@ -52,6 +68,7 @@ class Bench:
         self._control = control
         servos = [servo_of(axis, options.baud) for axis in axes]
         self.emulator = DynamixelEmulator(servos, options.port, control)
+        self.tendons = tendons_of(servos, axes)
 
     def __enter__(self) -> Sequence[str]:
         """Start; returns a description of the bus."""

@@ -7,6 +7,7 @@ to its limit, and an overload after pushing too hard for too long.
 from __future__ import annotations
 
 import math
+from collections.abc import Callable
 from typing import Final
 
 #: No-load speed at 5 V, 103 rpm [ticks/s], and the acceleration of a free servo without a profile.
@@ -36,6 +37,8 @@ class ShaftMotion:
         #: A stop is an object that breaks when it is pushed with more than this current [mA].
         self.crush_ma = math.inf
         self.crushed = False
+        #: Current with which a tendon turns the shaft back, signed like its rotation [mA]; None for no load.
+        self.load: Callable[[], float] | None = None
 
     def limit(self, speed: float, acceleration: float, current: float) -> None:
         """Limits of the profile [ticks/s, ticks/s^2; 0 is none] and of the current [mA]."""
@@ -60,8 +63,9 @@ class ShaftMotion:
     def step(self, dt: float) -> None:
         """Advance by ``dt`` [s] under torque."""
         error = self.goal - self.position
+        load = self.load() if self.load is not None else 0.0
         if error == 0.0 and self.velocity == 0.0:
-            self.current = 0.0
+            self.current = -load if load else 0.0  # what holds it
             self._pushed_s = 0.0
             return
         target = min(
@@ -73,6 +77,10 @@ class ShaftMotion:
         target = math.copysign(target, error)
         if self._current_limit < FRICTION_MA:
             target = 0.0
+        opposing = abs(load) if load * error < 0.0 else 0.0
+        blocked = opposing > 0.0 and FRICTION_MA + opposing >= self._current_limit
+        if blocked:
+            self.velocity = target = 0.0
         change = self._acceleration * dt
         self.velocity += max(-change, min(change, target - self.velocity))
         moved = self.position + self.velocity * dt
@@ -85,7 +93,10 @@ class ShaftMotion:
             self._pushed_s = self._pushed_s + dt if abs(self.current) > OVERLOAD_MA else 0.0
         else:
             self._pushed_s = 0.0
-            self.current = math.copysign(min(self._current_limit, FRICTION_MA), self.velocity)
-        if abs(error) < 0.5 and moved == free and abs(self.velocity) * dt < 0.5:
-            free, self.velocity, self.current = self.goal, 0.0, 0.0
+            needed = self._current_limit if blocked else FRICTION_MA + opposing
+            self.current = math.copysign(
+                min(self._current_limit, needed), error if blocked else self.velocity
+            )
+        if abs(error) < 0.5 and not blocked and moved == free and abs(self.velocity) * dt < 0.5:
+            free, self.velocity, self.current = self.goal, 0.0, -load if load else 0.0
         self.position = free

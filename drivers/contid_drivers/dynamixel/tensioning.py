@@ -1,0 +1,149 @@
+"""Homing of tendons: all spools of a robot wind in with low current until every tendon carries it.
+
+A jig holds the robot straight: the friction of a gear hides differences of tension that bend a thin backbone.
+Axes with ``homing: {method: tension}`` are homed together, so that no tendon alone pushes the robot against
+the jig: current-based position mode with a small Goal Current, a slow profile, armed Bus Watchdogs, goals far
+inside. Once all are taut they back off and wind in once more, slowly, because the speed of a spool adds to
+the tension. The zeros are where all servos stand still with the current at the same time.
+"""
+
+from __future__ import annotations
+
+import math
+import time
+from collections.abc import Sequence
+from typing import Final
+
+from contid.errors import DeviceError
+from contid.hal import Homed, Report
+from contid_drivers.dynamixel import arming, turns
+from contid_drivers.dynamixel import registers as reg
+from contid_drivers.dynamixel.axis import Axis
+from contid_drivers.dynamixel.client import ServoClient
+from contid_drivers.dynamixel.options import DynamixelBusOptions, Tensioning
+
+STILL_TICKS: Final = 3
+STILL_S: Final = 0.3
+#: Share of the current from which on a tendon carries it.
+CARRIED: Final = 0.8
+POLL_S: Final = 0.005
+#: Way back between the two windings, its time, and the share of the speed of the second.
+BACK_DEG: Final = 6.0
+BACK_S: Final = 0.4
+SLOWLY: Final = 0.1
+
+
+def tension(
+    client: ServoClient, axes: Sequence[Axis], options: DynamixelBusOptions, report: Report
+) -> list[Homed]:
+    """Zeros of the axes, which stay under torque; the caller switches it off.
+
+    Raises:
+        DeviceError: a tendon stays slack or is snapped, a hardware error, a tripped watchdog.
+    """
+    starts = {}
+    for axis in axes:
+        starts[axis.device] = _prepared(client, axis)
+    for axis in axes:
+        arming.arm(client, axis)
+    arming.start_watchdogs(client, list(axes), options.watchdog_ms // reg.WATCHDOG_MS_PER_UNIT)
+    report(f"{', '.join(axis.name for axis in axes)}: winding in")
+    _wind(client, axes, starts, 1.0)
+    first = _until_taut(client, axes, starts)
+    for axis in axes:
+        back = round(BACK_DEG / 360.0 * reg.TICKS_PER_REV)
+        client.write(axis.device, reg.GOAL_POSITION, first[axis.device] - _homing(axis).direction * back)
+    _rest(client, axes)
+    _wind(client, axes, starts, SLOWLY)
+    found = _until_taut(client, axes, starts)
+    homed = []
+    for axis in axes:
+        homing, position = _homing(axis), found[axis.device]
+        wound_deg = abs(position - starts[axis.device]) * 360.0 / reg.TICKS_PER_REV
+        turns.store(client, axis, 0)
+        report(f"{axis.name}: taut at {math.degrees(position * reg.RAD_PER_TICK):.2f} deg")
+        how = f"tension with {homing.current_ma} mA after {wound_deg:.0f} deg"
+        homed.append(Homed(axis.name, position * reg.RAD_PER_TICK, homing.at_mm, how))
+    return homed
+
+
+def _homing(axis: Axis) -> Tensioning:
+    homing = axis.options.homing
+    assert isinstance(homing, Tensioning)
+    return homing
+
+
+def _prepared(client: ServoClient, axis: Axis) -> int:
+    """Registers for winding in, torque off; the present position [ticks]."""
+    device, homing = axis.device, _homing(axis)
+    if arming.torque_off(client, [axis]):
+        raise DeviceError(client.name(device), "torque off is not confirmed")
+    for register, value in (
+        (reg.HOMING_OFFSET, 0),
+        (reg.DRIVE_MODE, 0),
+        (reg.OPERATING_MODE, reg.MODE_NUMBERS["current_based_position"]),
+        (reg.PROFILE_VELOCITY, max(1, round(homing.speed_deg_s / reg.DEG_S_PER_UNIT))),
+        (reg.PROFILE_ACCELERATION, 0),
+        (reg.GOAL_CURRENT, axis.model.to_units(homing.current_ma)),
+    ):
+        if client.read(device, register) != value:
+            client.write(device, register, value)
+    axis.turns, axis.travel = 0, None
+    return client.read(device, reg.PRESENT_POSITION)
+
+
+def _wind(client: ServoClient, axes: Sequence[Axis], starts: dict[int, int], share: float) -> None:
+    """Goals far inside, at a share of the speed."""
+    for axis in axes:
+        homing = _homing(axis)
+        speed = max(1, round(share * homing.speed_deg_s / reg.DEG_S_PER_UNIT))
+        client.write(axis.device, reg.PROFILE_VELOCITY, speed)
+        reach = round(2.0 * homing.slack_deg / 360.0 * reg.TICKS_PER_REV)
+        client.write(axis.device, reg.GOAL_POSITION, starts[axis.device] + homing.direction * reach)
+
+
+def _rest(client: ServoClient, axes: Sequence[Axis]) -> None:
+    """Until the way back is over; the reads feed the watchdogs."""
+    until = time.monotonic() + BACK_S
+    while time.monotonic() < until:
+        for axis in axes:
+            client.read(axis.device, reg.PRESENT_POSITION)
+        time.sleep(POLL_S)
+
+
+def _until_taut(client: ServoClient, axes: Sequence[Axis], starts: dict[int, int]) -> dict[int, int]:
+    """Positions [ticks] in which all servos stand still with their current."""
+    until = time.monotonic() + max(_homing(axis).timeout_s for axis in axes)
+    last, still_since = dict(starts), time.monotonic()
+    while True:
+        time.sleep(POLL_S)
+        slack = []
+        for axis in axes:
+            device, name, homing = axis.device, client.name(axis.device), _homing(axis)
+            if bits := client.read(device, reg.HARDWARE_ERROR):
+                raise DeviceError(name, f"hardware error while homing: {reg.describe_hardware_error(bits)}")
+            if client.read(device, reg.BUS_WATCHDOG) != axis.armed:
+                raise DeviceError(name, "its watchdog tripped or it reset itself while homing", "home again")
+            position = client.read(device, reg.PRESENT_POSITION)
+            current = abs(client.read(device, reg.PRESENT_CURRENT)) * (axis.model.ma_per_unit or 0.0)
+            carried = current >= CARRIED * homing.current_ma
+            wound_deg = homing.direction * (position - starts[device]) * 360.0 / reg.TICKS_PER_REV
+            if not carried and wound_deg > homing.slack_deg:
+                raise DeviceError(
+                    name,
+                    f"slack or snapped tendon: {wound_deg:.0f} deg wound in with {current:.0f} of "
+                    f"{homing.current_ma} mA, limit {homing.slack_deg:g} deg",
+                    "check the tendon, and direction and slack_deg of its homing",
+                )
+            if abs(position - last[device]) >= STILL_TICKS or not carried:
+                still_since, last[device] = time.monotonic(), position
+                slack.append(axis.name)
+        now = time.monotonic()
+        if now - still_since >= STILL_S and not slack:
+            return last
+        if now > until:
+            raise DeviceError(
+                client.name(axes[0].device),
+                f"no tension within the time limit: {', '.join(slack) or 'tendons'} still move or are slack",
+                "check direction, speed and current of the homing",
+            )

@@ -1,0 +1,113 @@
+"""Tendons on emulated spools: the plant against the model, homing to a tension, slack and snapped."""
+
+from __future__ import annotations
+
+import random
+from collections.abc import Callable
+from typing import Any
+
+import numpy as np
+import pytest
+
+from contid.errors import DeviceError
+from contid.kinematics.tendon.geometry import TendonGeometry, even_section
+from contid.kinematics.tendon.tension import TendonStatics
+from contid_drivers.dynamixel import DRIVER
+from contid_drivers.dynamixel import registers as reg
+from contid_drivers.dynamixel.emulator import Servo, TendonPlant
+
+Make = Callable[..., Any]
+MA_PER_N = 28.0
+M_PER_TICK = 2 * np.pi * 0.010 / 4096
+HOMING = {"method": "tension", "direction": 1, "current_ma": 120, "speed_deg_s": 180, "timeout_s": 40}
+#: One section of `tendon3`.
+STATICS = TendonStatics(TendonGeometry((even_section(0.1, 0.008),)), (0.02945,), (20e3,) * 3, 1.0, 25.0)
+
+
+def plant_on(servos: list[Servo], taut: list[float]) -> TendonPlant:
+    stiffness = [20e3 * MA_PER_N * M_PER_TICK] * 3
+    matrix = STATICS.geometry.pull_matrix / M_PER_TICK
+    bending = [0.02945 * MA_PER_N / M_PER_TICK] * 2
+    return TendonPlant(servos, (1,) * 3, taut, stiffness, matrix, bending)
+
+
+def spools(seed: int = 1) -> list[Servo]:
+    rng = random.Random(seed)
+    made = [Servo(i + 1, position_ticks=round(rng.uniform(-600.0, -100.0))) for i in range(3)]
+    for servo in made:
+        servo.memory[9] = 0
+    return made
+
+
+def quiet(line: str) -> None:
+    """Ignore the report."""
+
+
+def home(r: Any) -> Any:
+    return DRIVER.home("servos", r.options, r.axes, ("r.a1", "r.a2", "r.a3"), quiet)  # type: ignore[attr-defined]
+
+
+def test_taut_tendons_have_the_tensions_of_the_model():
+    servos = spools()
+    pretension = STATICS.rest_n / 20e3 / M_PER_TICK  # wound beyond just taut
+    plant = plant_on(servos, [0.0] * 3)
+    for bends in np.random.default_rng(2).uniform(-1.0, 1.0, (20, 2)):
+        pulls = STATICS.pulls(bends)
+        for servo, position in zip(servos, pretension + pulls / M_PER_TICK, strict=True):
+            servo.motion.position = float(position)
+        np.testing.assert_allclose(plant.tensions_ma(), MA_PER_N * STATICS.tensions(pulls), rtol=1e-9)
+
+
+def test_a_slack_tendon_does_not_push():
+    servos = spools()
+    plant = plant_on(servos, [0.0] * 3)
+    for servo, position in zip(servos, (-500.0, 10.0, 10.0), strict=True):
+        servo.motion.position = position
+    tensions = plant.tensions_ma()
+    assert tensions[0] == 0.0
+    # Two tendons alone bend the section towards the point between them.
+    assert tensions[1] == pytest.approx(tensions[2])
+    assert 0.0 < tensions[1] < 10 * 20e3 * MA_PER_N * M_PER_TICK
+
+
+@pytest.mark.realtime
+def test_homing_in_a_jig_gives_all_tendons_the_same_tension(rig: Make) -> None:
+    servos = spools()
+    taut = np.array([40.0, -25.0, 60.0])
+    stiffness = 20e3 * MA_PER_N * M_PER_TICK
+    plant = TendonPlant(servos, (1,) * 3, taut.tolist(), [stiffness] * 3)
+    r = rig(3, axis={"homing": HOMING}, made=servos)
+    found = home(r)
+    assert not any(servo.torque for servo in servos)
+    # 120 mA less the friction of the emulated gear.
+    np.testing.assert_allclose(plant.tensions_ma(), 80.0, atol=2.0 * stiffness)
+    zeros = np.array([each.value for each in found]) / reg.RAD_PER_TICK
+    # Powered up a turn below zero, where the count begins anew.
+    np.testing.assert_allclose(zeros - reg.TICKS_PER_REV, taut + 80.0 / stiffness, atol=2.0)
+    assert [each.at_mm for each in found] == [0.0] * 3
+    assert "tension with 120 mA" in found[0].how
+
+
+@pytest.mark.realtime
+def test_a_snapped_tendon_is_named_and_torque_is_off(rig: Make) -> None:
+    servos = spools()
+    plant_on(servos, [0.0] * 3).snap(1)
+    r = rig(3, axis={"homing": {**HOMING, "slack_deg": 120}}, made=servos)
+    with pytest.raises(DeviceError, match=r"servo 2 .*slack or snapped tendon"):
+        home(r)
+    assert not any(servo.torque for servo in servos)
+
+
+@pytest.mark.realtime
+def test_axes_are_refused_until_they_were_tensioned_since_power_up(rig: Make) -> None:
+    servos = spools()
+    plant_on(servos, [0.0] * 3)
+    r = rig(3, axis={"homing": HOMING}, made=servos)
+    r.bus.open()
+    assert "not homed" in r.tick()["r.a1"].fault
+    r.bus.close()
+    home(r)
+    r.bus.open()
+    r.bus.clear_fault(["r.a1", "r.a2", "r.a3"])
+    r.bus.enable(["r.a1", "r.a2", "r.a3"])
+    assert not r.tick()["r.a1"].fault
