@@ -99,6 +99,15 @@ class Trajectory:
         row: list[float] = (((c3 * u + c2) * u + c1) * u + c0).tolist()
         return self.layout.targets(row)
 
+    def stretched(self, factor: float) -> Trajectory:
+        """The same path, each of its parts as many times slower; the time of the first row stays."""
+        assert self.layout.time is not None
+        rows = self.rows.copy()
+        times = rows[:, self.layout.time]
+        rows[:, self.layout.time] = times[0] + factor * (times - times[0])
+        rows.setflags(write=False)
+        return Trajectory(self.layout, rows, self.lines, self.interpolation)
+
     def targets_of_row(self, index: int) -> Mapping[str, Target]:
         """Targets of row ``index``."""
         return self.layout.targets(self.rows[index].tolist())

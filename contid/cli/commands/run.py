@@ -38,6 +38,11 @@ if TYPE_CHECKING:
     show_default=True,
     help="Targets out of reach: refuse the file (hold, on a live stream), or go to the nearest point.",
 )
+@click.option(
+    "--stretch",
+    is_flag=True,
+    help="Slow a trajectory down that is too fast for the limits, as little as needed, and follow it.",
+)
 @click.option("--virtual", is_flag=True, help="Simulated devices in virtual time; repeatable to the bit.")
 @click.option(
     "--disarmed",
@@ -80,6 +85,7 @@ def command(
     rate: float | None,
     on_end: str,
     unreachable: str,
+    stretch: bool,
     virtual: bool,
     disarmed: bool,
     log: str | None,
@@ -105,6 +111,8 @@ def command(
     from contid.control.process.nonblocking_stderr import make_stderr_nonblocking
 
     make_stderr_nonblocking()
+    if stretch and unreachable != "refuse":
+        raise click.UsageError("--stretch needs targets within reach: leave out --unreachable nearest")
     view_target = None if view is None else _view_target(view)
     if panel or panel_open:
         _check_panel(virtual)
@@ -143,6 +151,7 @@ def command(
         on_end=OnEnd(on_end),
         unreachable=Unreachable(unreachable),
         virtual=virtual,
+        stretch=stretch,
         armed=not disarmed,
         log=None if log is None else Path(log),
         observers=observers,

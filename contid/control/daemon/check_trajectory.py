@@ -8,9 +8,10 @@ from dataclasses import dataclass
 
 from contid.control.daemon.cancellable_reader import CancellableReader
 from contid.control.daemon.inputs import Stream, read_file, read_stdin
+from contid.control.daemon.stretch import with_remedy
 from contid.control.daemon.terminal import check_progress
 from contid.control.engine.wiring import build_preflight, driven_robots
-from contid.control.tick.preflight import Unreachable
+from contid.control.tick.preflight import TooFastError, Unreachable
 from contid.errors import ContidError
 from contid.robot_file.shipped import load_named
 
@@ -55,6 +56,11 @@ def check_trajectory(robot_file: str, trajectory: str) -> AcceptedTrajectory:
         raise ContidError("stdin: no column 't_s': only trajectories with times can be checked as a whole")
     preflight = build_preflight(loaded, loaded.file.rate_hz, Unreachable.REFUSE)
     assert preflight is not None, "refusing always checks"
-    preflight.trajectory(source, "stdin" if trajectory == "-" else trajectory, check_progress(len(source)))
+    try:
+        preflight.trajectory(
+            source, "stdin" if trajectory == "-" else trajectory, check_progress(len(source))
+        )
+    except TooFastError as error:
+        raise with_remedy(error) from error
     moved = tuple(name for name in robots if name in source.targets_of_row(0))
     return AcceptedTrajectory(loaded.file.name, len(source), source.end_s - source.start_s, moved)

@@ -12,10 +12,11 @@ from contid.control.daemon.cancellable_reader import CancellableReader
 from contid.control.daemon.inputs import Stream, has_input, read_file, read_stdin
 from contid.control.daemon.interfaces import CommandSource, RunObserver
 from contid.control.daemon.pending_input import PendingInput
-from contid.control.daemon.terminal import check_progress
+from contid.control.daemon.stretch import stretch, with_remedy
+from contid.control.daemon.terminal import check_progress, print_message
 from contid.control.engine.cycle import OnEnd
 from contid.control.engine.wiring import build_preflight, driven_robots
-from contid.control.tick.preflight import Preflight, Unreachable
+from contid.control.tick.preflight import Preflight, TooFastError, Unreachable
 from contid.errors import ContidError
 from contid.robot_file.document import MAX_RATE_HZ
 from contid.robot_file.exchange_time import rate_too_high
@@ -59,12 +60,14 @@ class RunRequest(RunOptions):
         mock: simulated devices.
         trajectory: file of timed rows; None for stdin.
         virtual: in virtual time.
+        stretch: slow a trajectory down that is too fast, as little as needed.
     """
 
     robot_file: str
     mock: bool = False
     trajectory: str | None = None
     virtual: bool = False
+    stretch: bool = False
 
 
 def load(request: RunRequest) -> LoadedFile:
@@ -111,16 +114,34 @@ def read_input(
         source = read_stdin(sys.stdin, robots, reader)
     else:
         return None
-    if isinstance(source, Trajectory):
-        preflight = preflight_of(request, loaded)
-        if preflight is not None:
-            show = check_progress(len(source))
+    if not isinstance(source, Trajectory):
+        if request.stretch:
+            raise ContidError("--stretch: rows of a live stream have no times to stretch")
+        return source
+    preflight = preflight_of(request, loaded)
+    return source if preflight is None else _checked(request, source, preflight, reader)
 
-            def progress(done: int, total: int) -> None:
-                reader.check()
-                show(done, total)
 
-            preflight.trajectory(source, request.trajectory or "stdin", progress)
+def _checked(
+    request: RunRequest, source: Trajectory, preflight: Preflight, reader: CancellableReader
+) -> Trajectory:
+    """The trajectory that will be followed: the one that was read, or with ``stretch`` a slower one."""
+    show = check_progress(len(source))
+
+    def progress(done: int, total: int) -> None:
+        reader.check()
+        show(done, total)
+
+    try:
+        preflight.trajectory(source, request.trajectory or "stdin", progress)
+    except TooFastError as error:
+        if not request.stretch:
+            raise with_remedy(error) from error
+        slower, factor = stretch(source, preflight, error, reader.check)
+        if request.log_level <= logging.INFO:
+            before_s, now_s = (each.end_s - each.start_s for each in (source, slower))
+            print_message(f"too fast: stretched {factor:.4g} times, from {before_s:.4g} s to {now_s:.4g} s")
+        return slower
     return source
 
 

@@ -12,6 +12,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Iterator, Sequence
+from dataclasses import dataclass, replace
 from typing import Final
 
 from contid.control.tick.config import RobotConfig
@@ -31,6 +32,23 @@ _ROUNDING: Final = 1.0 + 1e-6
 
 #: Why a robot cannot meet a target.
 Explain = Callable[[RobotConfig, Target, Solution], str]
+
+
+@dataclass(frozen=True, slots=True)
+class PathFinding:
+    """Why a robot cannot follow the way to a row.
+
+    Attributes:
+        message: for a person.
+        slowdown: for too fast a path, at least how many times slower this part has to be; 0 out of reach.
+        residual_m: of a target out of reach [m].
+        row: index of the row.
+    """
+
+    message: str
+    slowdown: float = 0.0
+    residual_m: float = 0.0
+    row: int = 0
 
 
 def run_ticks(
@@ -80,8 +98,8 @@ class PathPreflight:
 
     def findings(
         self, trajectory: Trajectory, progress: Callable[[int], None] | None = None
-    ) -> Iterator[tuple[int, str]]:
-        """Rows in order, each with the message of a robot that fails on the way to it.
+    ) -> Iterator[PathFinding]:
+        """Rows in order that a robot fails on the way to.
 
         Args:
             trajectory: its rows are within reach.
@@ -96,17 +114,26 @@ class PathPreflight:
             _Follower(config, first[config.name], seed, self._explain)
             for config, seed in zip(self._configs, self._seeds, strict=True)
         ]
-        refused = [-1 for _ in followers]
+        refused = dict[int, PathFinding]()  # by follower, its worst on the way to the newest row
         path = run_ticks(trajectory, 1.0 / self._configs[0].period_s, lead, tail)
         for count, (ticks, time_s, row) in enumerate(path):
             if progress is not None and count % 1000 == 0:
                 progress(row)
+            if any(found.row < row for found in refused.values()):
+                yield from refused.values()
+                refused.clear()
             targets = trajectory.targets_at(time_s)
             for index, follower in enumerate(followers):
-                message = follower.follow(targets[follower.name], ticks)
-                if message and refused[index] != row:
-                    refused[index] = row
-                    yield row, f"on the way to this row, {message}"
+                found = follower.follow(targets[follower.name], ticks)
+                if found and (index not in refused or _severity(found) > _severity(refused[index])):
+                    message = f"on the way to this row, {found.message}"
+                    refused[index] = replace(found, row=row, message=message)
+        yield from refused.values()
+
+
+def _severity(found: PathFinding) -> tuple[float, float]:
+    """Order of the findings on the way to one row: out of reach by most, else too fast by most."""
+    return found.residual_m, found.slowdown
 
 
 class _Follower:
@@ -123,14 +150,14 @@ class _Follower:
         #: Greatest step and change of step of each axis since the command was last on the curve.
         self._peaks = [(0.0, 0.0) for _ in self._goal]
 
-    def follow(self, target: Target, ticks: int) -> str:
-        """Go to the target, so many ticks after the one before; why that fails, "" when it does not."""
+    def follow(self, target: Target, ticks: int) -> PathFinding | None:
+        """Go to the target, so many ticks after the one before; why that fails, None when it does not."""
         config = self._config
         in_base = config.frame.target_in_base(target)
         try:
             solution = config.model.inverse(in_base, self._command)
         except ValueError as error:
-            return f"{config.name}: {error}"
+            return PathFinding(f"{config.name}: {error}")
         goal = solution.actuation
         pace = tuple([(new - old) / ticks for new, old in zip(goal, self._goal, strict=True)])
         changes = [new - old for new, old in zip(pace, self._pace, strict=True)]
@@ -149,16 +176,16 @@ class _Follower:
         self._steps = tuple([new - old for new, old in zip(command, self._command, strict=True)])
         self._command = command
         worst = max(range(len(behind)), key=behind.__getitem__)
-        message = ""
+        found = None
         if not solution.converged and (solution.residual_m > NEAR_M or target.extra):
-            message = self._explain(config, target, solution)
+            found = PathFinding(self._explain(config, target, solution), residual_m=solution.residual_m)
         elif behind[worst] > _ROUNDING:
-            message = self._too_fast(worst)
-        if message or ticks > 1:
+            found = self._too_fast(worst)
+        if found or ticks > 1:
             self._command, self._steps = goal, pace
-        if message or not any(flags):
+        if found or not any(flags):
             self._peaks = [(0.0, 0.0) for _ in goal]
-        return message
+        return found
 
     def _behind(self, command: Actuation, goal: Actuation, in_base: Target) -> list[float]:
         """How far each axis is behind in allowed lags; the tip's distance counts for the furthest one."""
@@ -171,12 +198,34 @@ class _Follower:
         behind[furthest] = off_m / tip_tolerance_m(config.quantity)
         return behind
 
-    def _too_fast(self, axis: int) -> str:
+    def _too_fast(self, axis: int) -> PathFinding:
+        """Speed and acceleration that an axis needs; of the two, the one that asks for the greater slowdown.
+
+        A path played s times slower needs s times less speed and s^2 times less acceleration.
+        """
         config = self._config
         step, change = self._peaks[axis]
         unit, per_si = config.quantity.unit, config.quantity.per_si
-        speed, acceleration = step / config.period_s * per_si, change / config.period_s**2 * per_si
-        return (
-            f"{config.axes[axis]} needs {speed:.4g} {unit}/s and {acceleration:.4g} {unit}/s2; allowed are "
-            f"{config.velocity * per_si:.4g} and {config.acceleration * per_si:.4g}: give the rows more time"
+        speed, acceleration = step / config.period_s, change / config.period_s**2
+        by_speed, by_acceleration = speed / config.velocity, math.sqrt(acceleration / config.acceleration)
+        needs = [
+            (by_speed, f"{speed * per_si:.4g} {unit}/s, limit {config.velocity * per_si:.4g}"),
+            (
+                by_acceleration,
+                f"{acceleration * per_si:.4g} {unit}/s2, limit {config.acceleration * per_si:.4g}",
+            ),
+        ]
+        slowdown = max(1.0, by_speed, by_acceleration)
+        over = " and ".join(text for share, text in needs if share > 1.0)
+        # Within both limits an axis is late where it has to brake before the end of its travel.
+        both = over or " and ".join(text for _, text in needs)
+        return PathFinding(
+            f"{config.axes[axis]} needs {both}: slow down at least {rounded_up(slowdown)} times",
+            slowdown=slowdown,
         )
+
+
+def rounded_up(factor: float) -> str:
+    """A factor with two digits, never below it."""
+    digits = 10.0 ** (1 - math.floor(math.log10(factor)))
+    return f"{math.ceil(factor * digits * (1.0 - 1e-9)) / digits:g}"

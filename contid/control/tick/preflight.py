@@ -5,18 +5,18 @@ from __future__ import annotations
 import enum
 import math
 from collections.abc import Callable, Mapping, Sequence
-from itertools import islice
 from typing import Final
 
 from contid.control.tick.config import RobotConfig
-from contid.control.tick.path_preflight import PathPreflight
+from contid.control.tick.path_preflight import PathFinding, PathPreflight, rounded_up
 from contid.errors import BadInputError, Located
 from contid.kinematics.rope.chain import ChainGuard, Tip
 from contid.targets import ZERO3, Actuation, Solution, Target
 from contid.trajectory.timed import Trajectory
 from contid.units import m_to_mm
 
-MAX_FINDINGS: Final = 20
+#: Refused rows that are listed one by one; the last finding counts them all.
+MAX_LISTED: Final = 5
 #: Interval between checks of a rope along a path; tips at 0.5 m/s move 10 mm in it.
 SAMPLE_INTERVAL_S: Final = 0.02
 
@@ -26,6 +26,18 @@ class Unreachable(enum.StrEnum):
 
     REFUSE = "refuse"  # a file is not run; a row of a live stream holds its robot
     NEAREST = "nearest"  # go to the reachable point the model answers, and count it
+
+
+class TooFastError(BadInputError):
+    """Robots can reach every row, but not in its time.
+
+    Attributes:
+        slowdown: at least how many times slower the worst part has to be.
+    """
+
+    def __init__(self, findings: Sequence[Located], slowdown: float) -> None:
+        self.slowdown = slowdown
+        super().__init__(findings)
 
 
 class Preflight:
@@ -53,6 +65,8 @@ class Preflight:
         self._refuses = unreachable is Unreachable.REFUSE
         # Tips of the arms of chains after the last accepted row; at rest before the first.
         self._tips = {arm: self._tip(arm, self._seeds[arm]) for guard in guards for arm in guard.arms}
+        # Greatest residual among the targets that the newest row was refused for.
+        self._missed_m = 0.0
 
     def row(self, targets: Mapping[str, Target | None]) -> dict[str, str]:
         """By robot, why it cannot follow this row; empty when all can."""
@@ -62,6 +76,7 @@ class Preflight:
         """The same; without ``refuses`` only chains refuse."""
         wrong = {}
         tips = dict(self._tips)
+        self._missed_m = 0.0
         for name, target in targets.items():
             config = self._configs.get(name)
             if config is None or target is None:
@@ -73,6 +88,7 @@ class Preflight:
                 continue
             if not solution.converged and refuses:
                 wrong[name] = explain(config, target, solution)
+                self._missed_m = max(self._missed_m, solution.residual_m)
                 continue
             self._seeds[name] = solution.actuation
             if name in tips:
@@ -122,32 +138,93 @@ class Preflight:
         """Check every row, then the curve between them.
 
         Raises:
+            TooFastError: every row is within reach, but the rates of a robot do not allow the curve.
             BadInputError: rows that cannot be reached or that a chain forbids, or a curve between rows that
-                leaves the reach or the rates of a robot; each with its line.
+                leaves the reach of a robot. The first rows are listed with their lines, then all counted.
         """
-        seeds = dict(self._seeds)
-        findings: list[Located] = []
+        before = dict(self._seeds)
+        refused = _Refused(trajectory, name)
         total = len(trajectory)
         for index in range(total):
             if progress is not None and index % 1000 == 0:
                 progress(index, total)
             wrong = self.between_rows(trajectory, index) or self.row(trajectory.targets_of_row(index))
             for message in dict.fromkeys(wrong.values()):
-                findings.append(Located(name, trajectory.line_of_row(index), 1, message))
-            if len(findings) >= MAX_FINDINGS:
-                message = f"{MAX_FINDINGS} refused targets so far; not checked further"
-                findings.append(Located(name, trajectory.line_of_row(index), 1, message))
-                break
-        if not findings and self._refuses:
-            moved = [self._configs[each] for each in trajectory.targets_of_row(0) if each in self._configs]
-            path = PathPreflight(moved, [seeds[config.name] for config in moved], explain)
-            report = None if progress is None else lambda row: progress(row, total)
-            findings = [
-                Located(name, trajectory.line_of_row(row), 1, message)
-                for row, message in islice(path.findings(trajectory, report), MAX_FINDINGS)
-            ]
-        if findings:
-            raise BadInputError(findings)
+                refused.add(PathFinding(message, residual_m=self._missed_m, row=index))
+        if refused.rows:
+            raise BadInputError(refused.findings())
+        if not self._refuses:
+            return
+        report = None if progress is None else lambda row: progress(row, total)
+        for found in self._path(trajectory, before).findings(trajectory, report):
+            refused.add(found)
+        if refused.rows:
+            slowdown = max(found.slowdown for found in refused.worst.values())
+            too_fast = all(found.slowdown for found in refused.worst.values())
+            raise (
+                TooFastError(refused.findings(), slowdown) if too_fast else BadInputError(refused.findings())
+            )
+
+    def follows(self, trajectory: Trajectory) -> bool:
+        """True when the rates of the robots allow the curve, whose rows were checked before.
+
+        It returns at the first place that they do not allow.
+        """
+        seeds = {name: config.rest for name, config in self._configs.items()}
+        return next(self._path(trajectory, seeds).findings(trajectory), None) is None
+
+    def _path(self, trajectory: Trajectory, seeds: Mapping[str, Actuation]) -> PathPreflight:
+        moved = [self._configs[each] for each in trajectory.targets_of_row(0) if each in self._configs]
+        return PathPreflight(moved, [seeds[config.name] for config in moved], explain)
+
+
+class _Refused:
+    """The refused rows of a trajectory."""
+
+    def __init__(self, trajectory: Trajectory, name: str) -> None:
+        self._trajectory = trajectory
+        self._name = name
+        self._listed: list[PathFinding] = []
+        self.rows: set[int] = set()
+        #: By kind (too fast or out of reach) the worst finding.
+        self.worst: dict[bool, PathFinding] = {}
+
+    def add(self, found: PathFinding) -> None:
+        """Count a finding."""
+        if len(self._listed) < MAX_LISTED:
+            self._listed.append(found)
+        self.rows.add(found.row)
+        too_fast = found.slowdown > 0.0
+        worst = self.worst.get(too_fast)
+        if worst is None or (found.slowdown, found.residual_m) > (worst.slowdown, worst.residual_m):
+            self.worst[too_fast] = found
+
+    def findings(self) -> list[Located]:
+        """The first ones, and where there are more a last one that counts all and has the worst."""
+        found = [self._located(each.row, each.message) for each in self._listed]
+        if len(self.rows) <= 1:
+            return found
+        what = "too fast" if self.worst.keys() == {True} else "refused"
+        total = len(self._trajectory)
+        message = (
+            f"{len(self.rows)} of {total} rows are {what}, the first on line {self._line(min(self.rows))}"
+        )
+        place = max(self.rows)
+        if self.worst.keys() == {True}:
+            place = self.worst[True].row
+            message += (
+                f"; the worst is this one: slow down at least {rounded_up(self.worst[True].slowdown)} times"
+            )
+        elif self.worst[False].residual_m > 0.0:
+            place = self.worst[False].row
+            message += f"; the worst is this one, by {m_to_mm(self.worst[False].residual_m):.3g} mm"
+        return [*found, self._located(place, message)]
+
+    def _located(self, row: int, message: str) -> Located:
+        return Located(self._name, self._line(row), 1, message)
+
+    def _line(self, row: int) -> int:
+        return self._trajectory.line_of_row(row)
 
 
 def explain(config: RobotConfig, target: Target, solution: Solution) -> str:

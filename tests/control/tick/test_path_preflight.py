@@ -45,9 +45,9 @@ def refused(loaded: LoadedFile, trajectory: Trajectory) -> list[tuple[int, str]]
     [
         # Both tips are within reach; the straight way between them passes below the reach of the finger.
         (TIPS, [(0.0, 45.0, 14.0), (20.0, -45.0, 14.0)], 3, "f0: tip ("),
-        (AXES, [(0.0, 50.0, 50.0), (1.0, 90.0, 90.0), (2.0, 100.0, 98.0), (3.0, 99.0, 98.0)], 5, "100.0"),
+        (AXES, [(0.0, 50.0, 50.0), (1.0, 90.0, 90.0), (2.0, 100.0, 98.0), (3.0, 99.0, 98.0)], 5, "100.9"),
         (AXES, [(0.0, 50.0, 50.0), (0.2, 80.0, 50.0)], 3, "f0.left needs"),
-        (AXES, [(0.0, 50.0, 50.0), (1.0, 99.0, 50.0), (2.0, 50.0, 50.0), (2.0001, 60.0, 50.0)], 5, "allowed"),
+        (AXES, [(0.0, 50.0, 50.0), (1.0, 99.0, 50.0), (2.0, 50.0, 50.0), (2.0001, 60.0, 50.0)], 5, "limit"),
         (AXES, [(0.0, 50.0, 50.0), (100.0, 50.0, 50.0), (100.001, 60.0, 50.0)], 4, "f0.left needs"),
     ],
     ids=["reach", "overshoot", "speed", "jump", "after a dwell"],

@@ -1,0 +1,58 @@
+"""The least uniform slowdown with which robots can follow a trajectory.
+
+The path stays: only times change. The limits of velocity and acceleration give a first factor (a path that is
+s times slower needs s times less speed and s^2 times less acceleration); the check of a run decides, and a
+bisection between a factor that it refuses and one that it accepts ends within `ACCURACY`.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable
+from dataclasses import replace
+from typing import Final
+
+from contid.control.tick.preflight import Preflight, TooFastError
+from contid.trajectory.timed import Trajectory
+
+#: The factor is at most so many times the least one.
+ACCURACY: Final = 1.01
+#: No trajectory is slowed down further.
+MAX_SLOWDOWN: Final = 1e4
+
+
+def with_remedy(refused: TooFastError) -> TooFastError:
+    """The same error; its last finding names the option."""
+    *others, last = refused.findings
+    message = f"{last.message}, or contid run --stretch"
+    return TooFastError([*others, replace(last, message=message)], refused.slowdown)
+
+
+def stretch(
+    trajectory: Trajectory, preflight: Preflight, refused: TooFastError, cancelled: Callable[[], None]
+) -> tuple[Trajectory, float]:
+    """The trajectory with the least uniform slowdown, and its factor.
+
+    Args:
+        trajectory: within reach, but too fast.
+        preflight: the check of the run.
+        refused: what it raised.
+        cancelled: raises when the search has to end.
+
+    Raises:
+        TooFastError: no slowdown helps: an axis would have to jump.
+    """
+
+    def followed(factor: float) -> bool:
+        cancelled()
+        return preflight.follows(trajectory.stretched(factor))
+
+    too_fast, enough = 1.0, refused.slowdown * (1.0 + 1e-6)
+    while not followed(enough):
+        too_fast, enough = enough, 1.5 * enough
+        if enough > MAX_SLOWDOWN:
+            raise refused
+    while enough > ACCURACY * too_fast:
+        between = math.sqrt(too_fast * enough)
+        too_fast, enough = (too_fast, between) if followed(between) else (between, enough)
+    return trajectory.stretched(enough), enough
