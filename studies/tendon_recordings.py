@@ -5,7 +5,8 @@
 FOLDER holds ``ftdcr_v4`` and ``ftdcr_v6`` of https://github.com/ContinuumRoboticsLab/opencr-mujoco (MIT).
 The split: ftdcr_v4 is fitted to ``train.csv`` (geometry: ``tendon_pull.csv``) and predicts ``val.csv``, all
 three sections together, which the training rows never show; ftdcr_v6 is fitted to the first 80 % of its
-``train.csv`` and predicts the rest. Every choice (form of the model, penalties, expectations) is made
+``train.csv`` and predicts the rest; if it has a ``val.csv``, too, ftdcr_v6 is also fitted to all of its
+``train.csv`` and predicts that. Every choice (form of the model, penalties, expectations) is made
 inside the training rows; the rows kept out are read here only, and each model predicts them once, from
 pulls alone.
 """
@@ -24,7 +25,7 @@ from contid.calibrate.tendon.accuracy import Accuracy, accuracy
 from contid.calibrate.tendon.geometry import find_geometry, nominal_of
 from contid.calibrate.tendon.models import Nominal
 from contid.calibrate.tendon.recording import TendonRecording, read_recording
-from contid.calibrate.tendon.stages import Stage, run_stages, split_rows
+from contid.calibrate.tendon.stages import run_stages, split_rows
 from studies.tendon_black_boxes import black_boxes
 
 COUNT: Final = (3, 3, 3)
@@ -69,35 +70,37 @@ def read(folder: Path, robot: RecordedRobot, file: str) -> TendonRecording:
         return read_recording(lines, f"{robot.name}/{file}")
 
 
-def split(folder: Path, robot: RecordedRobot) -> Split:
-    """The split of the module's first lines."""
+def splits(folder: Path, robot: RecordedRobot) -> Iterator[Split]:
+    """The splits of the module's first lines."""
     training = read(folder, robot, "train.csv")
-    if robot is V4:
-        held_out: TendonRecording | None = read(folder, robot, "val.csv")
-    else:
-        training, held_out = split_rows(training, V6_KEPT_OUT)
+    if robot is V6:
+        first, rest = split_rows(training, V6_KEPT_OUT)
+        assert rest is not None
+        yield split(folder, robot, first, rest)
+    if robot is V4 or (folder / robot.name / "val.csv").exists():
+        yield split(folder, robot, training, read(folder, robot, "val.csv"))
+
+
+def split(folder: Path, robot: RecordedRobot, training: TendonRecording, held_out: TendonRecording) -> Split:
+    """Columns in the order of the tendons, by the pulls of one tendon."""
     found = find_geometry(read(folder, robot, "tendon_pull.csv"), COUNT)
     assert found is not None
-    assert held_out is not None
     angles = np.array([each.angle_rad for each in found.tendons])
     training = training.in_order(found.columns)
     nominal = nominal_of(training, robot.length_m, RADIUS_M, angles, COUNT)
     return Split(training, held_out.in_order(found.columns), nominal)
 
 
-def table(rows: Split) -> Iterator[tuple[Line, Stage | None]]:
+def table(rows: Split) -> Iterator[Line]:
     """Each black box and each stage, with its errors."""
     both = rows.training.followed_by(rows.held_out)
     runs, first = both.runs, len(rows.training)
     for name, tip_m in black_boxes(rows.training, rows.held_out):
         error = tip_m - both.tip_m
-        yield (
-            Line(name, accuracy(error[:first], runs[:first]), accuracy(error[first:], runs[first:])),
-            None,
-        )
+        yield Line(name, accuracy(error[:first], runs[:first]), accuracy(error[first:], runs[first:]))
     for stage in run_stages(rows.training, rows.held_out, rows.nominal):
         assert stage.held_out is not None
-        yield Line(stage.name, stage.train, stage.held_out), stage
+        yield Line(stage.name, stage.train, stage.held_out)
 
 
 def text(line: Line) -> str:
@@ -120,13 +123,12 @@ def main(folder: Path, robot: tuple[str, ...]) -> None:
     for each in (V4, V6):
         if robot and each.name not in robot:
             continue
-        rows = split(folder, each)
-        click.echo(f"{each.name}: {len(rows.training)} rows fitted, {len(rows.held_out)} kept out [mm]")
-        click.echo(
-            "| model | train RMSE / mean | held out RMSE (95 %) | held out mean (95 %) |\n|---|---|---|---|"
-        )
-        for line, _stage in table(rows):
-            click.echo(text(line))
+        for rows in splits(folder, each):
+            click.echo(f"{each.name}: {len(rows.training)} rows fitted, {len(rows.held_out)} kept out [mm]")
+            click.echo("| model | train RMSE / mean | held out RMSE (95 %) | held out mean (95 %) |")
+            click.echo("|---|---|---|---|")
+            for line in table(rows):
+                click.echo(text(line))
 
 
 if __name__ == "__main__":
