@@ -10,8 +10,8 @@ from contid.hal import AxisOnBus, Rest, Sample
 from contid_drivers.dynamixel import registers as reg
 from contid_drivers.dynamixel.cyclic import ServoReading
 from contid_drivers.dynamixel.models import BY_NAME, ServoModel
-from contid_drivers.dynamixel.options import DynamixelAxisOptions, DynamixelBusOptions
-from contid_drivers.dynamixel.plausibility import FollowingError, jumped
+from contid_drivers.dynamixel.options import DynamixelAxisOptions, DynamixelBusOptions, Tensioning
+from contid_drivers.dynamixel.plausibility import FollowingError, SlackTendon, jumped
 
 RESET_FAULT = "it reset itself (brown-out?); its watchdog, settings and turn count are gone"
 #: Following error allowed in extended position mode.
@@ -42,6 +42,7 @@ class Axis:
         pending_rest: state of rest that the servo has not confirmed; applied when it answers.
         goal: newest command [rad] since it was armed.
         following: its following error.
+        tendon: on its spool, if its homing tensions one.
         value, time_s: last valid position [rad] and its time.
         effort_share: share of its current limit, see `grip`.
     """
@@ -71,6 +72,7 @@ class Axis:
     effort_share: float = 1.0
     goal: float | None = None
     following: FollowingError = field(default_factory=lambda: FollowingError(math.inf, 0.0))
+    tendon: SlackTendon = field(default_factory=lambda: SlackTendon(0, 0.0, 0.0))
 
     @classmethod
     def of(cls, axis: AxisOnBus, bus: DynamixelBusOptions) -> Axis:
@@ -86,7 +88,8 @@ class Axis:
             # In the current-based mode pushing against something is the purpose.
             limit_deg = math.inf if mode == "current_based_position" else FOLLOWING_ERROR_DEG
         following = FollowingError(math.radians(limit_deg), options.following_error_ms / 1e3)
-        return cls(axis.name, options, axis.travel, reg.MODE_NUMBERS[mode], following=following)
+        number = reg.MODE_NUMBERS[mode]
+        return cls(axis.name, options, axis.travel, number, following=following, tendon=_tendon_of(options))
 
     @property
     def model(self) -> ServoModel:
@@ -128,6 +131,7 @@ class Axis:
         """Torque and watchdog are on, the goal is the present position."""
         self.armed, self.enabled, self.pending_rest, self.goal = watchdog, True, None, None
         self.following.clear()
+        self.tendon.clear()
 
     def missed(self, time_s: float) -> Sample:
         """No answer in this exchange."""
@@ -164,6 +168,7 @@ class Axis:
         if reading.temperature is not None:
             self.temperature_c = float(reading.temperature)
         self._detect_standstill(time_s)
+        self._detect_slack(time_s)
         return self._sample(time_s, valid=True)
 
     def _detect_standstill(self, time_s: float) -> None:
@@ -178,6 +183,22 @@ class Axis:
         self.latch(
             f"it does not follow: {abs(math.degrees(error)):.0f} deg behind its goal for "
             f"{1e3 * self.following.time_s:.0f} ms{current}; a blocked shaft or a dead encoder?"
+        )
+
+    def _detect_slack(self, time_s: float) -> None:
+        if not self.enabled or self.effort is None or self.velocity is None:
+            return
+        if not self.tendon.exceeded(self.effort, self.velocity, time_s):
+            return
+        now_ma, least_ma = 1e3 * self.tendon.winding * self.effort, 1e3 * self.tendon.least_a
+        state = (
+            f"snapped tendon: {1e3 * self.tendon.before_a:.0f} mA before,"
+            if self.tendon.snapped
+            else "slack tendon:"
+        )
+        self.latch(
+            f"{state} {now_ma:.0f} mA for {1e3 * self.tendon.time_s:.0f} ms, "
+            f"a taut one carries {least_ma:.0f}; look at the tendon, then run `contid home`"
         )
 
     def _detect_faults(self, reading: ServoReading) -> None:
@@ -211,3 +232,10 @@ class Axis:
             self.voltage_v,
             self.fault,
         )
+
+
+def _tendon_of(options: DynamixelAxisOptions) -> SlackTendon:
+    homing = options.homing
+    if not isinstance(homing, Tensioning) or homing.slack_ma is None:
+        return SlackTendon(0, 0.0, 0.0)
+    return SlackTendon(homing.direction, homing.slack_ma / 1e3, homing.slack_ms / 1e3)

@@ -93,6 +93,9 @@ class Tensioning(Strict):
         slack_deg: a tendon that is not taut after this rotation is slack or snapped.
         at_mm: pull of the tendon then, 0 on the straight robot.
         timeout_s: time limit of the search.
+        slack_ma: while the robot runs, a tendon that carries less current than this and is not paid out is
+            slack or snapped, which is a fault of its axis; left out, tendons are not watched.
+        slack_ms: after this time.
     """
 
     #: `contid home` homes all such axes of a bus in one call.
@@ -105,6 +108,8 @@ class Tensioning(Strict):
     slack_deg: Annotated[float, Field(gt=0, le=3600)] = 720.0
     at_mm: float = 0.0
     timeout_s: Positive = 60.0
+    slack_ma: Annotated[int, Field(ge=1, le=600)] | None = None
+    slack_ms: Positive = 500.0
 
 
 Homing: TypeAlias = Annotated[HardStop | SingleTurn | Tensioning, Field(discriminator="method")]

@@ -1,4 +1,4 @@
-"""Motion that a healthy servo cannot make: a jump of its position, a shaft that does not follow."""
+"""What a healthy servo cannot measure: a jump, a shaft that does not follow, a slack tendon."""
 
 from __future__ import annotations
 
@@ -18,6 +18,8 @@ PUSHING: Final = 0.5
 STILL_RAD_S: Final = math.radians(3.0)
 #: An error that shrinks by this share of its limit is progress.
 PROGRESS: Final = 0.1
+#: A tendon that carried this many times its least current just before has snapped.
+SNAPPED: Final = 3.0
 
 
 def jumped(moved_rad: float, elapsed_s: float) -> bool:
@@ -64,3 +66,41 @@ class FollowingError:
     def clear(self) -> None:
         """Forget the past; for a new goal after arming."""
         self.since, self.best_rad = None, math.inf
+
+
+@dataclass(slots=True)
+class SlackTendon:
+    """Detects a tendon that carries no tension although its spool does not pay it out.
+
+    Attributes:
+        winding: sense of rotation that winds in; 0 switches the detection off.
+        least_a: current of a taut tendon [A].
+        time_s: time for which less is normal.
+        since: start of less [s], None without it.
+        before_a: current before it [A].
+    """
+
+    winding: int
+    least_a: float
+    time_s: float
+    since: float | None = None
+    before_a: float = 0.0
+
+    def exceeded(self, effort_a: float, velocity_rad_s: float, now: float) -> bool:
+        """Judge one measurement: current [A], velocity [rad/s] and its time [s]."""
+        carried_a = self.winding * effort_a
+        if not self.winding or carried_a >= self.least_a or self.winding * velocity_rad_s < -STILL_RAD_S:
+            self.since, self.before_a = None, max(carried_a, 0.0)
+            return False
+        if self.since is None:
+            self.since = now
+        return now - self.since >= self.time_s
+
+    @property
+    def snapped(self) -> bool:
+        """Whether the tendon carried much just before it was slack."""
+        return self.before_a >= SNAPPED * self.least_a
+
+    def clear(self) -> None:
+        """Forget the past; for a new goal after arming."""
+        self.since, self.before_a = None, 0.0

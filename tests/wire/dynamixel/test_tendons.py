@@ -111,3 +111,52 @@ def test_axes_are_refused_until_they_were_tensioned_since_power_up(rig: Make) ->
     r.bus.clear_fault(["r.a1", "r.a2", "r.a3"])
     r.bus.enable(["r.a1", "r.a2", "r.a3"])
     assert not r.tick()["r.a1"].fault
+
+
+def running(rig: Make, **homing: Any) -> tuple[Any, TendonPlant]:
+    """Three spools in a jig, homed and under torque; the tendons hold about 80 mA."""
+    servos = spools()
+    plant = TendonPlant(servos, (1,) * 3, (0.0,) * 3, (20e3 * MA_PER_N * M_PER_TICK,) * 3)
+    r = rig(3, axis={"homing": {**HOMING, **homing}}, made=servos)
+    home(r)
+    r.bus.open()
+    names = ["r.a1", "r.a2", "r.a3"]
+    r.bus.clear_fault(names)
+    r.bus.enable(names)
+    return r, plant
+
+
+@pytest.mark.realtime
+def test_a_tendon_that_snaps_while_the_robot_runs_is_a_fault_of_its_axis(rig: Make) -> None:
+    r, plant = running(rig, slack_ma=20, slack_ms=100)
+    samples = r.tick(30)
+    assert not any(sample.fault for sample in samples.values())
+    assert samples["r.a2"].effort == pytest.approx(0.08, abs=0.02)
+    plant.snap(1)
+    r.until(lambda: bool(r.tick()["r.a2"].fault))
+    samples = r.tick()
+    assert "snapped tendon: " in samples["r.a2"].fault
+    assert not samples["r.a1"].fault
+    assert not samples["r.a3"].fault
+
+
+@pytest.mark.realtime
+def test_a_tendon_that_was_paid_out_too_far_is_slack(rig: Make) -> None:
+    r, _ = running(rig, slack_ma=20, slack_ms=100)
+    here = r.tick()["r.a1"].value
+    goal = here
+    for _ in range(200):
+        goal -= 0.002
+        r.tick(a1=goal)
+        if r.tick()["r.a1"].fault:
+            break
+    r.until(lambda: bool(r.tick()["r.a1"].fault))
+    assert "tendon: " in r.tick()["r.a1"].fault
+
+
+@pytest.mark.realtime
+def test_tendons_are_not_watched_unless_asked_for(rig: Make) -> None:
+    r, plant = running(rig)
+    plant.snap(1)
+    for _ in range(60):
+        assert not r.tick()["r.a2"].fault
