@@ -136,3 +136,14 @@ def test_another_robot_s_data_are_refused(tmp_path: Path) -> None:
     result = CliRunner().invoke(command, ["tendon", str(short), "--for", "ftdcr_v4"])
     assert "24 rows to fit; give 40 or more" in str(result.exception)
     assert isinstance(load_named("ftdcr_v4").file.robots["arm"], TendonRobot)
+
+
+@pytest.mark.parametrize(
+    ("kind", "robot"), [("tendon", "ftdcr_v4"), ("modulus", "stiffflop2"), ("curvature", "finger")]
+)
+def test_a_file_that_is_no_text_is_refused_without_a_traceback(kind: str, robot: str, tmp_path: Path) -> None:
+    picture = tmp_path / "scan.csv"
+    picture.write_bytes(b"\x89PNG\r\n")
+    result = CliRunner().invoke(command, [kind, str(picture), "--for", robot])
+    assert isinstance(result.exception, ContidError)
+    assert "scan.csv: not a table in UTF-8 text" in str(result.exception)

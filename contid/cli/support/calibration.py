@@ -12,6 +12,7 @@ from typing import TYPE_CHECKING, Any, TextIO, TypeVar
 import click
 
 from contid.cli.support.figure import FIGURE
+from contid.errors import ContidError
 
 if TYPE_CHECKING:
     from contid.robot_file.edit import Change
@@ -96,7 +97,11 @@ def calibration(name: str) -> Callable[[Callable[..., None]], click.Command]:
                 raise click.UsageError(
                     "name the robot's file: --write FILE to change it, --for FILE to only read it"
                 )
-            function(Calibration(data, str(write or robot_file), robot, write, plot, as_json), **own)
+            request = Calibration(data, str(write or robot_file), robot, write, plot, as_json)
+            try:
+                function(request, **own)
+            except UnicodeDecodeError as error:
+                raise ContidError(f"{request.source}: not a table in UTF-8 text ({error.reason})") from None
 
         return command
 
