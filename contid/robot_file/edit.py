@@ -125,7 +125,7 @@ def _comment(document: Any, node: Any, parents: list[str], last: str, comment: s
 
 
 def replace_whole(path: Path, text: str) -> None:
-    """Replace a file atomically."""
+    """Replace a file atomically, or make it."""
     path = path.resolve()
     handle, name = tempfile.mkstemp(prefix=f".{path.name}.", dir=path.parent)
     try:
@@ -133,7 +133,7 @@ def replace_whole(path: Path, text: str) -> None:
             file.write(text)
             file.flush()
             os.fsync(file.fileno())
-        Path(name).chmod(path.stat().st_mode & 0o777)
+        Path(name).chmod(path.stat().st_mode & 0o777 if path.exists() else 0o644)
         Path(name).replace(path)
     except BaseException:
         Path(name).unlink(missing_ok=True)

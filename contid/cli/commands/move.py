@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from pathlib import Path
 from typing import TYPE_CHECKING, Any, TextIO
 
 import click
@@ -16,6 +17,12 @@ if TYPE_CHECKING:
 @click.command()
 @click.argument("message", nargs=-1, metavar="[ROBOT] COLUMN=VALUE...")
 @click.option("--trajectory", type=click.File(), help="CSV rows to follow instead of a point; - for stdin.")
+@click.option("--pose", help="Go to this named pose instead of a point.")
+@click.option(
+    "--poses",
+    type=click.Path(path_type=Path, dir_okay=False),
+    help="File of --pose; default ROBOTFILE.poses.yaml or poses.yaml beside the daemon's robot file.",
+)
 @click.option(
     "--grip",
     type=NumberRange(0.0, 1.0),
@@ -28,6 +35,8 @@ if TYPE_CHECKING:
 def command(
     message: tuple[str, ...],
     trajectory: TextIO | None,
+    pose: str | None,
+    poses: Path | None,
     grip: float | None,
     takeover: bool,
     no_wait: bool,
@@ -44,9 +53,11 @@ def command(
     from contid.remote.client.move_arguments import columns_and_rows, point
 
     robots = tuple(part for part in message if "=" not in part)
-    only_grip = grip is not None and trajectory is None and len(robots) == len(message)
-    if not only_grip and (trajectory is None) == (not message):
-        raise click.UsageError("give a point (COLUMN=VALUE...) or --trajectory, one of them")
+    only_grip = grip is not None and trajectory is None and pose is None and len(robots) == len(message)
+    if not only_grip and sum((bool(message), trajectory is not None, pose is not None)) != 1:
+        raise click.UsageError("give a point (COLUMN=VALUE...), --pose or --trajectory, one of them")
+    if poses is not None and pose is None:
+        raise click.UsageError("--poses names the file of --pose")
 
     def request(client: Client) -> dict[str, Any]:
         if takeover:
@@ -55,12 +66,27 @@ def command(
             limited = client.grip(grip, robots or None)
             if only_grip:
                 return limited
+        if pose is not None:
+            return {"move": client.move(_target_of(client, pose, poses), wait=not no_wait)}
         if trajectory is None:
             return {"move": client.move(target, wait=not no_wait)}
         return {"refused": client.stream(columns, rows)}
 
     if trajectory is None:
-        target = {} if only_grip else point(message)
+        target = {} if only_grip or pose is not None else point(message)
     else:
         columns, rows = columns_and_rows(trajectory)
     send(socket, as_json, request)
+
+
+def _target_of(client: Client, name: str, file: Path | None) -> dict[str, float]:
+    """The target of a named pose, compared with the robots of the daemon."""
+    from contid.teach.pose_file import read_pose_file
+    from contid.teach.pose_store import default_pose_file
+    from contid.teach.robot_columns import check_targets
+
+    describe = client.describe()
+    read = read_pose_file(file or default_pose_file(Path(describe["file"])))
+    target = dict(read.pose(name).target)
+    check_targets(read, describe, {name})
+    return target

@@ -112,7 +112,7 @@ class QueryHandler:
         lateness = sorted(self._control.lateness(LATENESS_TICKS))
         return {
             "name": self._control.loaded.file.name,
-            "file": str(self._control.loaded.path),
+            "file": str(self._control.loaded.path.absolute()),
             "version": __version__,
             "rate_hz": self._control.rate_hz,
             "realtime": self._realtime,

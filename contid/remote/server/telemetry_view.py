@@ -154,7 +154,7 @@ class TelemetryView:
                     for axis, minimum, maximum in limits
                 },
             }
-        return {"name": self._loaded.file.name, "file": str(self._loaded.path), "robots": robots}
+        return {"name": self._loaded.file.name, "file": str(self._loaded.path.absolute()), "robots": robots}
 
     def status(self, record: TickRecord | None, now_s: float | None = None) -> Fields:
         """Buses and robots now."""

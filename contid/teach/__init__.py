@@ -1,0 +1,1 @@
+"""Named poses, sequences of them, and recordings of robots that are moved by hand."""
