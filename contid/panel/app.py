@@ -9,7 +9,7 @@ from pathlib import Path
 from typing import Final
 
 from starlette.applications import Starlette
-from starlette.requests import Request
+from starlette.requests import ClientDisconnect, Request
 from starlette.responses import FileResponse, JSONResponse, PlainTextResponse, Response
 from starlette.routing import Mount, Route, WebSocketRoute
 from starlette.staticfiles import StaticFiles
@@ -22,7 +22,7 @@ from contid.panel.access import Access
 from contid.panel.checks import Checks
 from contid.panel.guard import Guard
 from contid.panel.hub import Hub
-from contid.panel.limits import MAX_PAGES, MAX_UPLOAD
+from contid.panel.limits import MAX_PAGES, MAX_UPLOAD, UPLOAD_TIMEOUT_S
 from contid.panel.page import Page
 from contid.panel.page_client import PageClient
 
@@ -43,6 +43,7 @@ class PanelApp:
         self._checks = Checks(self.hub)
         self._stopper = PageClient(socket, "panel stop")
         self._pages = 0
+        self._uploading = asyncio.Lock()
         routes = [
             Route("/", self._index),
             Route("/api/hello", self._hello, methods=["GET"]),
@@ -80,13 +81,24 @@ class PanelApp:
         """Check an uploaded trajectory."""
         if self._read_only:
             return PlainTextResponse("this panel is read-only\n", status_code=403)
+        if self._uploading.locked():  # each takes memory, and a check takes a core
+            return PlainTextResponse("another trajectory is being checked\n", status_code=503)
+        async with self._uploading:
+            return await self._checked(request)
+
+    async def _checked(self, request: Request) -> Response:
         body = bytearray()
-        async for chunk in request.stream():
-            body += chunk
-            if len(body) > MAX_UPLOAD:
-                return PlainTextResponse(f"more than {MAX_UPLOAD >> 20} MiB\n", status_code=413)
         try:
+            async with asyncio.timeout(UPLOAD_TIMEOUT_S):
+                async for chunk in request.stream():
+                    body += chunk
+                    if len(body) > MAX_UPLOAD:
+                        return PlainTextResponse(f"more than {MAX_UPLOAD >> 20} MiB\n", status_code=413)
             text = body.decode("utf-8-sig")
+        except ClientDisconnect:
+            return PlainTextResponse("the upload was cut off\n", status_code=400)
+        except TimeoutError:
+            return PlainTextResponse("the file did not come in time\n", status_code=408)
         except UnicodeDecodeError:
             return PlainTextResponse("the file is not text in UTF-8\n", status_code=400)
         name = "".join(c for c in request.query_params.get("name", "trajectory")[:80] if c.isprintable())

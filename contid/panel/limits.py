@@ -18,6 +18,8 @@ HEADER_TIMEOUT_S: Final = 5.0
 MAX_MESSAGE: Final = 1 << 16
 MAX_HEADER: Final = 1 << 14
 MAX_UPLOAD: Final = 8 << 20
+#: Seconds for an uploaded trajectory to come; there is one upload at a time.
+UPLOAD_TIMEOUT_S: Final = 20.0
 #: Messages per second of one page, and how many may come at once.
 MESSAGE_RATE_HZ: Final = 120.0
 MESSAGE_BURST: Final = 240.0

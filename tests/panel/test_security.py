@@ -18,6 +18,7 @@ from websockets.exceptions import InvalidStatus
 from contid.panel.limits import HEADER_TIMEOUT_S, MAX_CONNECTIONS, MAX_PAGES, MAX_UPLOAD
 from tests.support.daemons import Running, armed, daemon, states
 from tests.support.panels import PanelProcess, page, panel
+from tests.support.waiting import until
 
 
 @pytest.fixture(scope="module")
@@ -163,6 +164,21 @@ def test_a_large_upload_is_cut_off(served: PanelProcess) -> None:
     with suppress(httpx.WriteError):
         response = served.request("POST", "/api/check", content=b"x" * (MAX_UPLOAD + 1))
         assert response.status_code == 413
+
+
+def test_one_upload_at_a_time(served: PanelProcess) -> None:
+    """A second one is refused while the first has not come: what waits for memory is bounded."""
+    head = (
+        f"POST /api/check HTTP/1.1\r\nHost: 127.0.0.1:{served.port}\r\nOrigin: {served.origin}\r\n"
+        f"Authorization: Bearer {served.token}\r\nContent-Length: 1000\r\n\r\n"
+    )
+    with socket.create_connection(("127.0.0.1", served.port)) as slow:
+        slow.sendall(head.encode() + b"t_s,")
+        until(
+            lambda: served.request("POST", "/api/check", content=b"x").status_code == 503,
+            "the first has begun",
+        )
+    until(lambda: served.request("POST", "/api/check", content=b"x").status_code == 200, "it is over")
 
 
 async def test_two_hundred_pages_are_refused_and_memory_stays(served: PanelProcess, running: Running) -> None:

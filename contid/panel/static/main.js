@@ -75,6 +75,7 @@ function select(name) {
 
 function lost() {
   for (const card of cards.values()) card.lost();
+  view.lost();
   trajectory.update();
 }
 

@@ -112,6 +112,12 @@ export class View {
     this.redraw();
   }
 
+  /** Where the robots are is unknown: they stay as they were seen last, grey. */
+  lost() {
+    for (const robot of this.robots.values()) robot.state = "OFF";
+    this.redraw();
+  }
+
   /** True when lines differ by what can be seen. */
   moved(before, now) {
     if (before === undefined || before.length !== now.length) return true;
@@ -156,7 +162,7 @@ export class View {
     const { renderer } = this;
     const dark = this.dark.matches;
     renderer.begin(this.camera);
-    renderer.draw(this.fixed.floor, dark ? [0.32, 0.36, 0.42, 0.55] : [0.55, 0.6, 0.67, 0.5], { lit: 0 });
+    renderer.draw(this.fixed.floor, dark ? [0.32, 0.36, 0.42, 0.55] : [0.55, 0.6, 0.67, 0.38], { lit: 0 });
     for (const robot of this.robots.values()) {
       const [r, g, b] = robot.color;
       const live = robot.state !== "OFF" && robot.state !== "FAULT";
@@ -172,7 +178,7 @@ export class View {
       if (!robot.target) continue;
       const refused = robot === this.dragged && this.jog.refused;
       const color = refused ? [0.9, 0.1, 0.1, 0.9] : [0.95, 0.26, 0.36, this.link.mine ? 0.95 : 0.55];
-      renderer.draw(this.ball, color, { offset: robot.target, scale: this.size * (robot === this.dragged ? 0.016 : 0.0125), over: true });
+      renderer.draw(this.ball, color, { offset: robot.target, scale: this.size * (robot === this.dragged ? 0.016 : 0.0125), lit: 0.6, over: true });
     }
   }
 
