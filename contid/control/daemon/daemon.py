@@ -29,10 +29,11 @@ from contid.control.daemon.shutdown import Escalation, ShutdownSequence
 from contid.control.engine.command_log import CommandLog
 from contid.control.engine.cycle import OnEnd
 from contid.control.engine.events import PaceReported, RunEvent, RunFailed, SourceEnded, StopBegan
+from contid.control.engine.measured_tip import MeasuredTips
 from contid.control.engine.messages import Begin, EndOfRows, Estop, Finish, Hold, Message, Play
-from contid.control.engine.report import RunReport
+from contid.control.engine.report import RunReport, outrun
 from contid.control.engine.tick_layout import RecordLayout, TickRecord
-from contid.control.engine.wiring import record_layout
+from contid.control.engine.wiring import build_robot_configs, record_layout
 from contid.control.process.log_queue import LogQueue, handle_logs
 from contid.control.process.setup import RunSetup
 from contid.errors import ContidError
@@ -70,6 +71,9 @@ class Daemon:
         self._options = options
         self._child = child
         self._report = ReportBuilder(self.rate_hz)
+        self._tips = MeasuredTips(
+            build_robot_configs(loaded, self.rate_hz), record_layout(loaded, self.rate_hz)
+        )
         self._shutdown = ShutdownSequence()
         self._notifier = Notifier()
         self._logs = LogQueue("daemon")
@@ -284,6 +288,7 @@ class Daemon:
                     self._child.kill()
                     self._report.killed()
                     break
+            self._tips.add(self.newest())
             line.show(self.newest, end_s)
 
     def _fetch(self) -> None:
@@ -361,5 +366,8 @@ class Daemon:
         assert reader is not None
         missed = reader.missed_ticks if self._command_log is not None else 0
         self._report.conclude(reader, self._child.status)
+        self._tips.complete(self._report.report.robots)
+        if isinstance(self._source, Stream):
+            self._report.report.problems += outrun(self._report.report.robots)
         if missed:
             self._report.problem(f"{missed} ticks are missing in the command log")

@@ -25,9 +25,10 @@ from contid.control.daemon.terminal import event_text, print_message
 from contid.control.engine.command_log import CommandLog
 from contid.control.engine.cycle import Sink
 from contid.control.engine.events import RunEvent
-from contid.control.engine.report import RunReport
+from contid.control.engine.measured_tip import MeasuredTips
+from contid.control.engine.report import RunReport, outrun
 from contid.control.engine.virtual import Tee, run_virtual
-from contid.control.engine.wiring import record_layout
+from contid.control.engine.wiring import build_robot_configs, record_layout
 from contid.control.process.log_queue import LogQueue, handle_logs
 from contid.control.process.setup import RunSetup
 from contid.control.tick.preflight import Preflight
@@ -74,7 +75,13 @@ def _virtual(request: RunRequest) -> RunReport:
             stack.callback(observer.detach)
         stack.enter_context(handle_logs(min(request.log_level, logging.INFO), SinkHandler(Tee(sinks))))
         rows = _rows(source, preflight_of(request, loaded)) if isinstance(source, Stream) else None
-        return run_virtual(loaded, rate_hz, timed, sinks=sinks, on_end=request.on_end, rows=rows)
+        tips = MeasuredTips(build_robot_configs(loaded, rate_hz), record_layout(loaded, rate_hz))
+        sinks.append(TipSink(tips))
+        report = run_virtual(loaded, rate_hz, timed, sinks=sinks, on_end=request.on_end, rows=rows)
+    tips.complete(report.robots)
+    if rows is not None:
+        report.problems += outrun(report.robots)
+    return report
 
 
 def _rows(stream: Stream, preflight: Preflight | None) -> Iterator[Mapping[str, Target | None]]:
@@ -100,6 +107,20 @@ class SinkHandler(LogQueue):
         """See `logging.Handler.emit`."""
         super().emit(record)
         self.write(self._sink)
+
+
+class TipSink:
+    """A sink that tallies measured tips."""
+
+    def __init__(self, tips: MeasuredTips) -> None:
+        self._tips = tips
+
+    def write(self, values: list[float]) -> None:
+        """See `contid.control.engine.cycle.Sink`."""
+        self._tips.write(values)
+
+    def event(self, event: RunEvent) -> None:
+        """Events are not tallied."""
 
 
 class TerminalSink:

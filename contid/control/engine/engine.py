@@ -271,7 +271,7 @@ class Engine:
         if outcome.solution is not None:
             source = self._selector.source
             timed = source is not None and source.time_s is not None
-            tally.add(outcome.tip_error_m, outcome.solution.converged)
+            tally.add(outcome.tip_error_m, outcome.solution.converged, outcome.solution.residual_m)
             if outcome.solution.converged or outcome.solution.residual_m <= NEAR_M:
                 off_m = outcome.tip_error_m - outcome.solution.residual_m
                 tally.on_path(off_m, state.command != state.reference, timed, state.since_s)

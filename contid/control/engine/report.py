@@ -2,9 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
-from typing import Any
+from typing import Any, Final
 
 from contid.control.engine.engine import Engine
 from contid.control.engine.tick_layout import CONVERGED, RecordLayout, TickRecord
@@ -14,6 +14,9 @@ from contid.control.tick.statistics import Lateness, RobotTally
 from contid.control.tick.supervisor import Mode
 from contid.kernels import in_use
 from contid.units import m_to_mm
+
+#: A commanded tip that is farther off than the residual by this is shown: limits held the robot back.
+SHOWN_MM: Final = 1e-6
 
 
 @dataclass(slots=True)
@@ -80,8 +83,7 @@ class RunReport:
         lines.append(f"kernels: {self.kernels}")
         for name, robot in self.robots.items():
             lines.append(
-                f"{name}: {robot['mode']}, {robot['ticks_followed']} ticks followed, tip error "
-                f"max {robot['tip_error_max_mm']:.3g} mm, rms {robot['tip_error_rms_mm']:.3g} mm"
+                f"{name}: {robot['mode']}, {robot['ticks_followed']} ticks followed{_errors(robot)}"
                 + "".join(f", {n} ticks at the {limit} limit" for limit, n in robot["ticks_limited"].items())
                 + (f", {robot['ticks_unreachable']} unreachable" if robot["ticks_unreachable"] else "")
             )
@@ -92,6 +94,20 @@ class RunReport:
                 f"{name}: " + ", ".join(f"{count} {what.replace('_', ' ')}" for what, count in counts.items())
             )
         return "\n".join([*lines, *self.problems])
+
+
+def _errors(robot: Mapping[str, Any]) -> str:
+    """What the model, the limits and the robot left of the targets, side by side."""
+    if not robot["ticks_followed"]:
+        return ""
+    residual_mm, commanded_mm = robot["ik_residual_max_mm"], robot["tip_error_max_mm"]
+    text = f"; IK residual max {residual_mm:.3g} mm"
+    if commanded_mm > residual_mm + SHOWN_MM:
+        text += f"; commanded tip error max {commanded_mm:.3g} mm, rms {robot['tip_error_rms_mm']:.3g} mm"
+    if "measured_tip_error_max_mm" in robot:
+        most, rms = robot["measured_tip_error_max_mm"], robot["measured_tip_error_rms_mm"]
+        text += f"; measured tip error max {most:.3g} mm, rms {rms:.3g} mm"
+    return text
 
 
 def robot_reports(engine: Engine) -> dict[str, dict[str, Any]]:
@@ -109,6 +125,21 @@ def robot_reports(engine: Engine) -> dict[str, dict[str, Any]]:
             "message": describe(fault, message) if faulted else "",
             **tally.as_dict(),
         }
+    return out
+
+
+def outrun(robots: Mapping[str, Mapping[str, Any]]) -> list[str]:
+    """Warnings for robots that live rows asked for more than their limits allow."""
+    out = []
+    for name, robot in robots.items():
+        limited = robot["ticks_limited"]
+        if limited and robot["tip_error_max_mm"] > robot["ik_residual_max_mm"] + SHOWN_MM:
+            counts = ", ".join(f"{limit} in {count}" for limit, count in limited.items())
+            out.append(
+                f"warning: {name}: the live rows outran its limits ({counts} of {robot['ticks_followed']} "
+                f"ticks); its commanded tip was up to {robot['tip_error_max_mm']:.3g} mm behind: send rows "
+                "closer together, or more slowly"
+            )
     return out
 
 
@@ -134,7 +165,7 @@ def complete_from_records(
         lateness.add(record.lateness_s)
         for robot, tally in zip(record.robots, tallies, strict=True):
             if robot.tip_error_m == robot.tip_error_m:
-                tally.add(robot.tip_error_m, bool(robot.flags & CONVERGED))
+                tally.add(robot.tip_error_m, bool(robot.flags & CONVERGED), robot.residual_m)
     last = records[-1]
     report.ticks, report.skipped, report.lateness = written, last.skipped, lateness.as_dict()
     for name, robot, tally in zip(layout.robots, last.robots, tallies, strict=True):

@@ -56,6 +56,7 @@ class RobotTally:
         followed: ticks in RUN.
         greatest_m: greatest distance of the commanded model's tip from the target [m].
         squares_m2: sum of its squares.
+        residual_m: greatest residual of the inverse kinematics [m].
         unreachable: ticks whose target the model did not reach.
         far: a target was out of reach by more than a curve between reachable rows may bulge.
         off_m: greatest distance of the commanded tip from its target beyond the residual [m]; ticks in which
@@ -68,6 +69,7 @@ class RobotTally:
     followed: int = 0
     greatest_m: float = 0.0
     squares_m2: float = 0.0
+    residual_m: float = 0.0
     unreachable: int = 0
     off_m: float = 0.0
     last_off_m: float = 0.0
@@ -104,9 +106,11 @@ class RobotTally:
         """The target of a tick is out of reach: the robot has to catch up with the next one that is not."""
         self.caught_up, self.last_off_m, self.far = False, 0.0, True
 
-    def add(self, tip_error_m: float, converged: bool) -> None:
+    def add(self, tip_error_m: float, converged: bool, residual_m: float = 0.0) -> None:
         """Count one tick in RUN."""
         self.followed += 1
+        if residual_m > self.residual_m:
+            self.residual_m = residual_m
         self.squares_m2 += tip_error_m * tip_error_m
         if tip_error_m > self.greatest_m:
             self.greatest_m = tip_error_m
@@ -118,6 +122,7 @@ class RobotTally:
         rms_m = math.sqrt(self.squares_m2 / self.followed) if self.followed else 0.0
         return {
             "ticks_followed": self.followed,
+            "ik_residual_max_mm": m_to_mm(self.residual_m),
             "tip_error_max_mm": m_to_mm(self.greatest_m),
             "tip_error_rms_mm": m_to_mm(rms_m),
             "ticks_unreachable": self.unreachable,

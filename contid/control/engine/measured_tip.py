@@ -1,0 +1,82 @@
+"""How far the measured tip was from the target: forward kinematics of the samples, beside the IK residual.
+
+The residual compares the model with itself and is near rounding on every path within reach; what a robot did
+is in its samples. A few records per second are enough for the closing report, and keep the arithmetic out of
+the tick. It shows the error of axes and their delay, not that of the model: a tracker measures that.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Any, Final
+
+from contid.control.engine.tick_layout import TICK, RecordLayout, RobotRecord, TickRecord
+from contid.control.tick.config import RobotConfig
+from contid.control.tick.supervisor import Mode
+from contid.targets import ZERO3
+from contid.units import m_to_mm
+
+#: Records per second that are evaluated.
+SAMPLES_HZ: Final = 50.0
+
+
+@dataclass(slots=True)
+class _Tally:
+    count: int = 0
+    greatest_m: float = 0.0
+    squares_m2: float = 0.0
+
+
+class MeasuredTips:
+    """Tally of the measured tip errors of all robots.
+
+    Args:
+        configs: of the robots, in the order of the records.
+        layout: of the records.
+    """
+
+    def __init__(self, configs: Sequence[RobotConfig], layout: RecordLayout) -> None:
+        self._configs = tuple(configs)
+        self._layout = layout
+        self._every = max(1, round(layout.rate_hz / SAMPLES_HZ))
+        self._next = 0
+        self._tallies = [_Tally() for _ in self._configs]
+
+    def write(self, values: Sequence[float]) -> None:
+        """Take the undecoded values of a record; most are skipped."""
+        if values[TICK] >= self._next:
+            self.add(self._layout.decode(tuple(values)))
+
+    def add(self, record: TickRecord | None) -> None:
+        """Take a record, unless its turn has not come."""
+        if record is None or record.tick < self._next:
+            return
+        self._next = record.tick + self._every
+        for config, tally, robot in zip(self._configs, self._tallies, record.robots, strict=True):
+            error_m = measured_tip_error_m(config, robot)
+            if robot.mode == Mode.RUN and math.isfinite(error_m):
+                tally.count += 1
+                tally.squares_m2 += error_m * error_m
+                tally.greatest_m = max(tally.greatest_m, error_m)
+
+    def complete(self, robots: dict[str, dict[str, Any]]) -> None:
+        """Add the figures to the reports of the robots; those without a sample in RUN get none."""
+        for config, tally in zip(self._configs, self._tallies, strict=True):
+            if tally.count and config.name in robots:
+                robots[config.name] |= {
+                    "measured_tip_error_max_mm": m_to_mm(tally.greatest_m),
+                    "measured_tip_error_rms_mm": m_to_mm(math.sqrt(tally.squares_m2 / tally.count)),
+                }
+
+
+def measured_tip_error_m(config: RobotConfig, robot: RobotRecord) -> float:
+    """Distance of the target from the tip that the model computes from the samples, NaN without either."""
+    values = tuple([axis.value for axis in robot.axes])
+    if not (all(map(math.isfinite, values)) and all(map(math.isfinite, robot.tip_m))):
+        return math.nan
+    load = robot.load_n if all(map(math.isfinite, robot.load_n)) else ZERO3
+    actuation = config.transmission.to_actuation(values)
+    pose = config.model.forward(actuation, config.frame.vector_in_base(load))
+    return math.dist(config.frame.point_in_world(pose.tip_m), robot.tip_m)
