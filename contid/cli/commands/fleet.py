@@ -1,0 +1,191 @@
+"""``contid fleet``: robots on several machines: the bridge, one table, one stop, moves."""
+
+from __future__ import annotations
+
+import json
+import sys
+import time
+from pathlib import Path
+from typing import TYPE_CHECKING, TextIO
+
+import click
+
+from contid.cli.support.numbers import NumberRange
+from contid.cli.support.orders import json_option
+
+if TYPE_CHECKING:
+    from contid.fleet.operator import Answers, FleetOperator
+
+file_option = click.option(
+    "--file",
+    type=click.Path(path_type=Path),
+    help="File of the operator; default: fleet.yaml here or in ~/.config/contid.",
+)
+
+
+@click.group()
+def command() -> None:
+    """Robots on several machines; docs/fleet.md goes from two machines to one stop.
+
+    A stop by network is best effort and never the only stop of a robot.
+    """
+
+
+@command.command("serve")
+@click.argument("machine", type=click.Path(path_type=Path))
+@click.option("-v", "--verbose", is_flag=True, help="Print debug messages.")
+def serve(machine: Path, verbose: bool) -> None:
+    """Offer the daemons of this machine to the network, as the file MACHINE allows, until Ctrl-C.
+
+    The leases stay in the daemons: when the operator, the network or this process stands still, they lapse
+    and the robots hold.
+    """
+    import logging
+
+    from contid.fleet.bridge import serve as serve_bridge
+    from contid.fleet.fleet_file import load_machine_file
+
+    level = logging.DEBUG if verbose else logging.INFO
+    logging.basicConfig(format="contid: fleet: %(message)s", level=level, stream=sys.stderr)
+    file = load_machine_file(machine)
+
+    def ready() -> None:
+        where = ", ".join(file.endpoints())
+        click.echo(f"contid: fleet: {file.fleet} is ready at {where}", err=True)
+
+    serve_bridge(file, ready)
+
+
+def _operator(file: Path | None) -> FleetOperator:
+    from contid.fleet.fleet_file import load_operator_file
+    from contid.fleet.operator import FleetOperator
+
+    return FleetOperator(load_operator_file(file))
+
+
+@command.command("status")
+@click.option("--watch", is_flag=True, help="Repeat until Ctrl-C.")
+@click.option(
+    "--rate", type=NumberRange(0.2, 10.0), default=2.0, show_default=True, help="Updates per second."
+)
+@file_option
+@json_option
+def status(watch: bool, rate: float, file: Path | None, as_json: bool) -> None:
+    """Show the robots of every node; exit code 4 while a node does not answer, 3 while one is in FAULT."""
+    from rich.console import Console
+    from rich.live import Live
+
+    from contid.cli.support.render_fleet import render_nodes
+
+    with _operator(file) as operator:
+        console = Console()
+        if not watch:
+            answers = operator.ask_all("status", {})
+            if as_json:
+                click.echo(json.dumps({"nodes": answers.by_node, "missing": answers.missing}))
+            else:
+                console.print(render_nodes(answers))
+                if answers.unlinked:
+                    click.echo(f"{answers.unlinked} of the endpoints of the file: no link", err=True)
+            sys.exit(_code(answers))
+        with Live(console=console, auto_refresh=False) as live:
+            while True:
+                begin_s = time.monotonic()
+                answers = operator.ask_all("status", {})
+                if as_json:
+                    click.echo(json.dumps({"nodes": answers.by_node, "missing": answers.missing}))
+                else:
+                    live.update(render_nodes(answers), refresh=True)
+                time.sleep(max(begin_s + 1.0 / rate - time.monotonic(), 0.0))
+
+
+def _code(answers: Answers) -> int:
+    """The exit code of a status: 4 when it is not whole, 3 while a robot is in FAULT."""
+    robots = [
+        robot
+        for response in answers.by_node.values()
+        for robot in response.get("result", {}).get("robots", {}).values()
+    ]
+    refused = [name for name, response in answers.by_node.items() if not response.get("ok")]
+    if answers.missing or answers.unlinked or answers.doubled or refused or not robots:
+        return 4
+    return 3 if any(robot.get("fault") for robot in robots) else 0
+
+
+def _stop(verb: str, help: str) -> click.Command:
+    @command.command(
+        verb,
+        help=f"{help}\n\nNODES: names; default every node. Exit code 0 only if each one confirmed for every "
+        "robot within 1 s. Best effort: never the only stop of a robot.",
+    )
+    @click.argument("nodes", nargs=-1)
+    @file_option
+    @json_option
+    def stop(nodes: tuple[str, ...], file: Path | None, as_json: bool) -> None:
+        from contid.cli.support.render_fleet import REMEDY, stop_lines
+        from contid.fleet.net import FleetError
+        from contid.fleet.operator import ANSWER_TIMEOUT_S
+        from contid.fleet.stops import stop_fleet
+
+        with _operator(file) as operator:
+            report = stop_fleet(operator, verb, nodes)
+        if as_json:
+            click.echo(json.dumps(report.as_fields()))
+            sys.exit(0 if report.complete else FleetError.exit_code)
+        for line in stop_lines(report, ANSWER_TIMEOUT_S):
+            click.echo(line)
+        if not report.confirmed and not report.refused and not report.missing:
+            raise FleetError(f"no node is known: {REMEDY}")
+        if not report.complete:
+            raise FleetError(f"{verb}: not every node confirmed: {REMEDY}")
+
+    return stop
+
+
+hold = _stop("hold", "Stop the robots of the fleet with limited jerk and stay.")
+stop = _stop("stop", "Stop the robots of the fleet by stop.on_interrupt of their robot files.")
+estop = _stop("estop", "Relax or vent the robots of the fleet at once.")
+
+
+@command.command("move")
+@click.argument("node")
+@click.argument("message", nargs=-1, metavar="[ROBOT] COLUMN=VALUE...")
+@click.option("--trajectory", type=click.File(), help="CSV rows to follow instead of a point; - for stdin.")
+@click.option("--takeover", is_flag=True, help="Take the lease from its holder; the robots hold.")
+@click.option("--lease", type=NumberRange(0.1, 5.0), default=1.0, show_default=True, help="Seconds.")
+@file_option
+def move(
+    node: str,
+    message: tuple[str, ...],
+    trajectory: TextIO | None,
+    takeover: bool,
+    lease: float,
+    file: Path | None,
+) -> None:
+    """Send the robots of one NODE to a point, or along the rows of --trajectory, and hold there."""
+    from contid.fleet.fleet_client import FleetProcedures
+    from contid.remote.client.move_arguments import columns_and_rows, point
+    from contid.remote.client.sync_client import completed
+
+    if (trajectory is None) == (not message):
+        raise click.UsageError("give a point (COLUMN=VALUE...) or --trajectory, one of them")
+    target = point(message) if trajectory is None else {}
+    columns, rows = ((), iter(())) if trajectory is None else columns_and_rows(trajectory)
+
+    async def carry_out(client: FleetProcedures) -> list[str]:
+        await client.connect()
+        await client.acquire(lease, takeover=takeover)
+        if trajectory is None:
+            await client.move(target)
+            refused: list[str] = []
+        else:
+            refused = await client.stream(columns, rows)
+        await client.close()
+        return refused
+
+    from contid.errors import ContidError
+
+    with _operator(file) as operator:
+        refused = completed(carry_out(FleetProcedures(operator, node)))
+    if refused:
+        raise ContidError("refused: " + "; ".join(refused))

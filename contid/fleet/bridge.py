@@ -1,0 +1,165 @@
+"""The bridge of a machine, `contid fleet serve`: carries the protocol of its daemons' sockets to the network.
+
+It never refreshes a lease: only requests of an operator do. When the operator, the network or this process
+stands still, the lease lapses in the daemon and the robots hold.
+"""
+
+from __future__ import annotations
+
+import asyncio
+import logging
+import os
+import signal
+from collections.abc import Callable
+from pathlib import Path
+from typing import Final
+
+from contid.errors import ContidError
+from contid.fleet.fleet_file import MachineFile
+from contid.fleet.keys import Keys, Origin, is_node_name
+from contid.fleet.net import FleetError, NetSession, NetSettings
+from contid.fleet.node import Node
+from contid.remote.protocol.socket_path import running
+
+log = logging.getLogger(__name__)
+
+#: A token may come after the first request of its session: zenoh orders declarations and queries apart.
+TOKEN_TIMEOUT_S: Final = 1.0
+#: Period of the search for further daemons, when the file names none.
+SEARCH_PERIOD_S: Final = 1.0
+#: How long the start waits for tokens of nodes with the same names.
+RIVALS_TIMEOUT_S: Final = 0.5
+
+
+class Sessions:
+    """Tokens of the sessions of operators."""
+
+    def __init__(self) -> None:
+        self._tokens: set[Origin] = set()
+        self._changed = asyncio.Condition()
+
+    async def change(self, origin: Origin, alive: bool) -> None:
+        """Note a token that appeared or disappeared."""
+        async with self._changed:
+            (self._tokens.add if alive else self._tokens.discard)(origin)
+            self._changed.notify_all()
+
+    async def present(self, origin: Origin, wait: bool) -> bool:
+        """True for a session with a token; with ``wait`` it may still come."""
+        if origin in self._tokens or not wait:
+            return origin in self._tokens
+        try:
+            async with asyncio.timeout(TOKEN_TIMEOUT_S), self._changed:
+                await self._changed.wait_for(lambda: origin in self._tokens)
+        except TimeoutError:
+            return False
+        return True
+
+
+class FleetBridge:
+    """All nodes of a machine in one session.
+
+    Raises:
+        FleetError: from the constructor: an endpoint cannot be used.
+    """
+
+    def __init__(self, machine: MachineFile) -> None:
+        self._machine = machine
+        self._keys = Keys(machine.fleet)
+        self._net = NetSession(NetSettings(listen=machine.listen, connect=machine.connect, tls=machine.tls))
+        self._nodes: dict[str, Node] = {}
+        self._running: dict[str, asyncio.Task[None]] = {}
+        self._sessions = Sessions()
+        self._tasks: set[asyncio.Task[None]] = set()
+
+    async def serve(self, ready: Callable[[], None]) -> None:
+        """Serve until SIGINT or SIGTERM.
+
+        Raises:
+            FleetError: another bridge has one of the nodes already.
+        """
+        loop, end = asyncio.get_running_loop(), asyncio.Event()
+        for number in (signal.SIGINT, signal.SIGTERM):
+            loop.add_signal_handler(number, end.set)
+        try:
+            await self._refuse_rivals()
+            self._net.watch_tokens(
+                self._keys.who("*", "*"), lambda *token: loop.call_soon_threadsafe(self._who, *token)
+            )
+            self._net.watch_tokens(
+                self._keys.alive("*", "*"), lambda *token: loop.call_soon_threadsafe(self._alive, *token)
+            )
+            self._begin()
+            ready()
+            while not end.is_set():
+                self._check()
+                try:
+                    async with asyncio.timeout(SEARCH_PERIOD_S):
+                        await end.wait()
+                except TimeoutError:
+                    self._begin()
+        finally:
+            for task in (*self._running.values(), *self._tasks):
+                task.cancel()
+            await asyncio.gather(*self._running.values(), *self._tasks, return_exceptions=True)
+            await asyncio.to_thread(self._net.close)
+
+    def _sockets(self) -> dict[str, Path]:
+        """Socket by name of the node."""
+        if self._machine.nodes:
+            return self._machine.nodes
+        found = {path.name.removesuffix(".sock"): path for path in reversed(running())}
+        return {name: path for name, path in sorted(found.items()) if is_node_name(name)}
+
+    def _begin(self) -> None:
+        for name, path in self._sockets().items():
+            if name not in self._nodes:
+                present = self._sessions.present
+                node = Node(name, path, self._machine, self._net, self._keys, present)
+                self._nodes[name] = node
+                self._running[name] = asyncio.create_task(node.run())
+
+    def _check(self) -> None:
+        """An error of one node must not go unnoticed."""
+        for task in self._running.values():
+            if task.done():
+                task.result()
+
+    async def _refuse_rivals(self) -> None:
+        for name in self._sockets():
+            key = self._keys.alive(name, "*")
+            found = await asyncio.to_thread(self._net.tokens, key, RIVALS_TIMEOUT_S)
+            if found:
+                raise FleetError(
+                    f"node {name!r} is in fleet {self._machine.fleet!r} already (bridge "
+                    f"{found[0].rpartition('/')[2]}); give this one another name: nodes: {{NAME: SOCKET}}"
+                )
+
+    def _who(self, key: str, alive: bool) -> None:
+        origin = self._keys.origin(key)
+        if origin is None:
+            return
+        task = asyncio.ensure_future(self._sessions.change(origin, alive))
+        self._tasks.add(task)
+        task.add_done_callback(self._tasks.discard)
+        if not alive:
+            for node in self._nodes.values():
+                node.session_ended(origin)
+
+    def _alive(self, key: str, alive: bool) -> None:
+        name, bridge = self._keys.alive_node(key) or ("", "")
+        if name in self._nodes and bridge != self._net.name:
+            self._nodes[name].rival(bridge, alive)
+
+
+def serve(machine: MachineFile, ready: Callable[[], None]) -> None:
+    """Serve until SIGINT or SIGTERM; ``ready`` is called when operators can connect.
+
+    Raises:
+        ContidError: it cannot start, or an error of a node.
+    """
+    os.umask(0o077)  # Unix sockets of Zenoh are for this user
+    try:
+        asyncio.run(FleetBridge(machine).serve(ready))
+    except OSError as error:
+        raise ContidError(f"the bridge: {error.strerror or error}") from error

@@ -1,0 +1,195 @@
+"""The two YAML files of a fleet: that of a machine (`contid fleet serve`) and that of an operator."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+from typing import Annotated, Final, Self, TypeVar
+
+from pydantic import AfterValidator, Field, ValidationError, model_validator
+
+from contid.errors import BadInputError, ContidError, first_findings
+from contid.fleet.endpoints import check_endpoint, protocol
+from contid.fleet.keys import is_name, is_node_name
+from contid.fleet.rights import Right
+from contid.robot_file.base import Strict
+from contid.robot_file.findings import explain
+from contid.robot_file.positions import read_document
+
+#: Where the commands of an operator look for its file.
+OPERATOR_FILES: Final = (Path("fleet.yaml"), Path("~/.config/contid/fleet.yaml"))
+RULE: Final = "1 to 40 of a-z, 0-9, dot, dash and underscore"
+
+_File = TypeVar("_File", bound="FleetFile")
+
+
+def _name(value: str) -> str:
+    if not is_name(value):
+        raise ValueError(f"{value!r} is no name of a fleet: {RULE}")
+    return value
+
+
+def _node_name(value: str) -> str:
+    if not is_node_name(value):
+        raise ValueError(f"{value!r} is no name of a node: {RULE}, and not `who`")
+    return value
+
+
+def _listen(value: str) -> str:
+    check_endpoint(value, listening=True)
+    return value
+
+
+def _connect(value: str) -> str:
+    check_endpoint(value, listening=False)
+    return value
+
+
+Name = Annotated[str, AfterValidator(_name)]
+NodeName = Annotated[str, AfterValidator(_node_name)]
+Listen = Annotated[str, AfterValidator(_listen)]
+Connect = Annotated[str, AfterValidator(_connect)]
+
+
+class Tls(Strict):
+    """Files of TLS (PEM): the CA of the fleet, the certificate, and its private key."""
+
+    ca: Path
+    certificate: Path
+    key: Path
+
+    def check(self) -> None:
+        """Refuse files that are missing, or a key that others can read.
+
+        Raises:
+            ContidError: with the remedy.
+        """
+        for path in (self.ca, self.certificate, self.key):
+            if not path.is_file():
+                raise ContidError(f"{path}: no such file; `contid fleet cert` writes it")
+        if self.key.stat().st_mode & 0o077:
+            raise ContidError(f"{self.key}: other users can read this private key; chmod 600 {self.key}")
+
+
+class FleetFile(Strict):
+    """What both files have."""
+
+    fleet: Name
+    connect: list[Connect] = Field(default_factory=list, max_length=64)
+    tls: Tls | None = None
+
+    def endpoints(self) -> list[str]:
+        """Every endpoint of the file."""
+        return self.connect
+
+    @model_validator(mode="after")
+    def _is_local(self) -> Self:
+        if any(protocol(each) == "tls" for each in self.endpoints()):
+            raise ValueError("TLS is not available yet; use tcp/127.0.0.1:PORT or a Unix socket")
+        return self
+
+    @model_validator(mode="after")
+    def _has_tls(self) -> Self:
+        if self.tls is None and any(protocol(each) == "tls" for each in self.endpoints()):
+            raise ValueError("a tls/ endpoint needs tls: {ca: ..., certificate: ..., key: ...}")
+        return self
+
+
+class MachineFile(FleetFile):
+    """What `contid fleet serve` offers.
+
+    Attributes:
+        listen: endpoints for operators.
+        connect: endpoints of a router to connect to.
+        nodes: socket by name of the node; empty for every daemon that `contid status` finds.
+        operators: rights by name of the operator.
+        trust_local_users: without TLS names are not verified. True: every user that reaches the endpoint
+            has the rights of the name it gives.
+        telemetry_hz: rate of the published telemetry.
+    """
+
+    listen: list[Listen] = Field(default_factory=list, max_length=16)
+    nodes: dict[NodeName, Path] = Field(default_factory=dict, max_length=64)
+    operators: dict[Name, list[Right]] = Field(default_factory=dict, max_length=256)
+    trust_local_users: bool = False
+    telemetry_hz: float = Field(default=20.0, ge=0.0, le=200.0)
+
+    def endpoints(self) -> list[str]:
+        """Every endpoint of the file."""
+        return [*self.listen, *self.connect]
+
+    @model_validator(mode="after")
+    def _is_reachable(self) -> Self:
+        if not self.endpoints():
+            raise ValueError("an endpoint is expected: listen: [tcp/127.0.0.1:7447], or connect: [...]")
+        plain = [each for each in self.endpoints() if protocol(each) != "tls"]
+        more = [name for name, rights in self.operators.items() if {*rights} - {Right.WATCH}]
+        if plain and more and not self.trust_local_users:
+            raise ValueError(
+                f"{plain[0]} has no TLS, so names of operators are not verified; {more[0]!r} may only have "
+                "`watch`. With trust_local_users: true every user who reaches the endpoint has these rights"
+            )
+        return self
+
+
+class OperatorFile(FleetFile):
+    """How an operator reaches the fleet.
+
+    Attributes:
+        operator: its name, that of its certificate.
+        expected: nodes that a fleet stop must reach; it also asks those it finds.
+    """
+
+    operator: Name
+    expected: list[NodeName] = Field(default_factory=list, max_length=1024)
+
+    @model_validator(mode="after")
+    def _connects(self) -> Self:
+        if not self.connect:
+            raise ValueError("connect: endpoints of the machines or of a router are expected")
+        return self
+
+
+def load_machine_file(path: Path) -> MachineFile:
+    """Read the file of a machine.
+
+    Raises:
+        ContidError: with every mistake and its place.
+    """
+    return _load(path, MachineFile)
+
+
+def load_operator_file(path: Path | None) -> OperatorFile:
+    """Read the file of an operator; None for the first of `OPERATOR_FILES` that exists.
+
+    Raises:
+        ContidError: there is none, or with every mistake and its place.
+    """
+    if path is None:
+        found = [each.expanduser() for each in OPERATOR_FILES if each.expanduser().is_file()]
+        if not found:
+            listed = " or ".join(map(str, OPERATOR_FILES))
+            raise ContidError(f"no file of an operator: {listed}; give --file FILE (docs/fleet.md)")
+        path = found[0]
+    return _load(path, OperatorFile)
+
+
+def _load(path: Path, kind: type[_File]) -> _File:
+    try:
+        text = path.read_text(encoding="utf-8")
+    except (OSError, UnicodeDecodeError) as error:
+        reason = error.strerror if isinstance(error, OSError) else "not UTF-8 text"
+        raise ContidError(f"{path}: cannot read it: {reason}") from error
+    document = read_document(text, str(path))
+    try:
+        loaded = kind.model_validate_json(json.dumps(document.data), strict=True)
+    except ValidationError as error:
+        raise BadInputError(first_findings(explain(error, document, (), kind))) from None
+    if loaded.tls is None:
+        return loaded
+    # Paths of a file are relative to its folder.
+    tls = loaded.tls.model_copy(
+        update={name: path.parent / value for name, value in loaded.tls.model_dump().items()}
+    )
+    tls.check()
+    return loaded.model_copy(update={"tls": tls})

@@ -1,0 +1,210 @@
+"""One daemon in the fleet: its telemetry and events go out, requests of operators come in."""
+
+from __future__ import annotations
+
+import asyncio
+import logging
+import time
+from collections.abc import Awaitable, Callable
+from pathlib import Path
+from typing import Final
+
+from contid.errors import ContidError
+from contid.fleet.daemon_link import DaemonLink, refusal
+from contid.fleet.fleet_file import MachineFile
+from contid.fleet.gate import checked
+from contid.fleet.keys import Keys, Order, Origin
+from contid.fleet.net import NetSession, Question, Token
+from contid.fleet.operator_link import OperatorLink
+from contid.fleet.rights import READS, STOPS
+from contid.remote.protocol.wire import Code, ConnectionLostError, Fields, RemoteError, encode
+
+log = logging.getLogger(__name__)
+
+#: Code of the bridge: two nodes have one name.
+DUPLICATE: Final = "duplicate"
+#: Pause before a daemon that ended is looked for again.
+RETRY_S: Final = 1.0
+#: Sessions with a connection of their own; stops of others use that of the bridge.
+MAX_SESSIONS: Final = 16
+#: A connection of a session without a token is closed after so long without a request.
+IDLE_S: Final = 10.0
+
+
+class Node:
+    """A daemon, as the network sees it.
+
+    Args:
+        name: of the node.
+        path: of its socket.
+        machine: rights of the operators.
+        net: the session on the network.
+        keys: of the fleet.
+        present: waits for the token of a session, False when it does not come.
+
+    Attributes:
+        rivals: other bridges that have a node of this name; while there are any it only stops.
+    """
+
+    def __init__(
+        self,
+        name: str,
+        path: Path,
+        machine: MachineFile,
+        net: NetSession,
+        keys: Keys,
+        present: Callable[[Origin, bool], Awaitable[bool]],
+    ) -> None:
+        self.name = name
+        self.rivals: set[str] = set()
+        self._path = path
+        self._machine = machine
+        self._net = net
+        self._keys = keys
+        self._present = present
+        self._links: dict[Origin, OperatorLink] = {}
+        self._watch: DaemonLink | None = None
+        self._ended = asyncio.Event()
+        self._tasks: set[asyncio.Task[None]] = set()
+
+    async def run(self) -> None:
+        """Serve until cancelled; a daemon that ended is looked for again."""
+        loop = asyncio.get_running_loop()
+        self._net.serve(
+            self._keys.do(self.name, "*", "*", "*"),
+            lambda question: loop.call_soon_threadsafe(self._start, question),
+        )
+        try:
+            while True:
+                try:
+                    await self._serve_daemon()
+                except (ContidError, OSError, TimeoutError) as error:
+                    log.debug("%s: %s", self.name, error)
+                await asyncio.sleep(RETRY_S)
+        finally:
+            for link in self._links.values():
+                link.close()
+
+    def session_ended(self, origin: Origin) -> None:
+        """The token of a session is gone: if it held the lease, the robots hold."""
+        link = self._links.pop(origin, None)
+        if link is not None:
+            link.close()
+
+    def rival(self, bridge: str, alive: bool) -> None:
+        """Another bridge has, or no longer has, a node of this name."""
+        if not alive:
+            self.rivals.discard(bridge)
+            return
+        self.rivals.add(bridge)
+        log.error("node %s: another bridge has this name too; both only stop until one is gone", self.name)
+        for origin in tuple(self._links):
+            self.session_ended(origin)
+
+    # -- the daemon --------------------------------------------------------------------------------------
+
+    async def _serve_daemon(self) -> None:
+        """Publish what a daemon sends, until its connection ends."""
+        self._ended.clear()
+        link = DaemonLink(self._path, self._publish, self._ended.set)
+        await link.connect()
+        token: Token | None = None
+        try:
+            self._watch = link
+            await link.result("hello", name="fleet")
+            token = self._net.token(self._keys.alive(self.name, self._net.name))
+            log.info("node %s: %s", self.name, self._path)
+            subscription = {"rate_hz": self._machine.telemetry_hz, "events": True}
+            await link.request("subscribe", subscription)  # refused while the robot is homed
+            while not self._ended.is_set():
+                self._close_idle()
+                try:
+                    async with asyncio.timeout(RETRY_S):
+                        await self._ended.wait()
+                except TimeoutError:
+                    continue
+            log.warning("node %s: its daemon ended", self.name)
+        finally:
+            self._watch = None
+            link.close()
+            if token is not None:
+                token.end()
+
+    def _publish(self, line: bytes, fields: Fields | None) -> None:
+        if fields is None:
+            self._net.put(self._keys.telemetry(self.name), line)
+        elif fields["event"] == "event":
+            self._net.put(self._keys.event(self.name), line, urgent=True)
+
+    def _close_idle(self) -> None:
+        before_s = time.monotonic() - IDLE_S
+        for origin, link in tuple(self._links.items()):
+            if link.used_s < before_s:
+                task = asyncio.ensure_future(self._close_absent(origin))
+                self._keep(task)
+
+    async def _close_absent(self, origin: Origin) -> None:
+        if not await self._present(origin, False):
+            self.session_ended(origin)
+
+    # -- requests ----------------------------------------------------------------------------------------
+
+    def _start(self, question: Question) -> None:
+        self._keep(asyncio.ensure_future(self._answer(question)))
+
+    def _keep(self, task: asyncio.Task[None]) -> None:
+        self._tasks.add(task)
+        task.add_done_callback(self._tasks.discard)
+
+    async def _answer(self, question: Question) -> None:
+        try:
+            order, fields = checked(self._keys, question.key, question.payload, self._machine.operators)
+            response = await self._carry_out(order, fields)
+        except RemoteError as error:
+            response = {"ok": False, "error": error.as_fields()}
+        except ConnectionLostError as error:
+            response = refusal(Code.NO_ANSWER, str(error))
+        # The key of the answer names the node; other wildcards of the question are filled in.
+        chunks = [chunk if "*" not in chunk else "any" for chunk in question.key.split("/")]
+        if len(chunks) > 2:
+            chunks[2] = self.name
+        question.answer("/".join(chunks), encode(response)[:-1])
+
+    async def _carry_out(self, order: Order, fields: Fields) -> Fields:
+        verb, origin = order.verb, order.origin
+        if verb in STOPS:
+            return await self._stop(origin, verb, fields)
+        if verb not in READS:
+            if self.rivals:
+                return refusal(DUPLICATE, f"another bridge has a node {self.name!r} too: this one only stops")
+            if self._watch is not None and not self._watch.same_protocol:
+                theirs = self._watch.hello.get("protocol")
+                return refusal(Code.PROTOCOL, f"the daemon has protocol {theirs}: it only stops by network")
+            if not await self._present(origin, True):
+                return refusal(Code.REFUSED, "this session has no token; it may only stop and read")
+        link = self._link(origin)
+        if link is None:
+            return refusal(Code.REFUSED, f"{MAX_SESSIONS} sessions are connected to this node")
+        return await link.request(verb, fields)
+
+    async def _stop(self, origin: Origin, verb: str, fields: Fields) -> Fields:
+        """Stop on the connection of the session, so that the daemon names its operator; else on any."""
+        link = self._link(origin)
+        if link is not None:
+            response = await link.request(verb, fields)
+            if response.get("error", {}).get("code") != Code.NO_ANSWER:
+                return response
+            self.session_ended(origin)
+        if self._watch is None:
+            return refusal(Code.NO_ANSWER, f"no daemon listens at {self._path}")
+        return await self._watch.request(verb, fields)
+
+    def _link(self, origin: Origin) -> OperatorLink | None:
+        if origin not in self._links:
+            if len(self._links) >= MAX_SESSIONS:
+                return None
+            key = self._keys.notices(self.name, origin)
+            self._links[origin] = OperatorLink(
+                self._path, origin, lambda line: self._net.put(key, line, urgent=True)
+            )
+        return self._links[origin]

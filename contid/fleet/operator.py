@@ -1,0 +1,163 @@
+"""An operator of a fleet: a session on the network, and questions to one node or to all."""
+
+from __future__ import annotations
+
+import queue
+import time
+from collections.abc import Callable, Collection, Mapping
+from dataclasses import dataclass
+from types import TracebackType
+from typing import Any, Final, Self
+
+from contid.fleet.fleet_file import OperatorFile
+from contid.fleet.keys import Keys, Origin
+from contid.fleet.net import NetSession, NetSettings
+from contid.remote.protocol.wire import Fields, RemoteError, decode, encode
+
+#: A question to every node is repeated so often until every known node answered.
+REPEAT_S: Final = 0.2
+#: A node that has not answered after this time is reported.
+ANSWER_TIMEOUT_S: Final = 1.0
+
+
+@dataclass(frozen=True, slots=True)
+class Answers:
+    """Responses of nodes to one question.
+
+    Attributes:
+        by_node: the whole response, refusals too.
+        missing: nodes that did not answer in time.
+        doubled: nodes of whose name there are several.
+        unlinked: endpoints of the file without a link.
+        took_s: until the last response.
+    """
+
+    by_node: Mapping[str, Fields]
+    missing: tuple[str, ...]
+    doubled: tuple[str, ...]
+    unlinked: int
+    took_s: float
+
+
+class FleetOperator:
+    """A session of an operator. Use it with ``with``.
+
+    Attributes:
+        keys: of the fleet.
+        origin: operator and session.
+        net: the session on the network.
+
+    Raises:
+        ContidError: from the constructor: no Zenoh, or wrong files of TLS.
+    """
+
+    def __init__(self, file: OperatorFile) -> None:
+        self._file = file
+        self.keys = Keys(file.fleet)
+        self.net = NetSession(NetSettings(connect=file.connect, tls=file.tls))
+        self.origin = Origin(file.operator, self.net.name)
+        self._tokens: dict[str, bool] = {}
+        self._token = self.net.token(self.keys.who(*self._who()))
+        self.net.watch_tokens(self.keys.alive("*", "*"), self._note_token)
+
+    def close(self) -> None:
+        """End the session; robots that it moved hold."""
+        self.net.close()
+
+    def __enter__(self) -> Self:
+        """Close on leaving."""
+        return self
+
+    def __exit__(
+        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
+    ) -> None:
+        """Close."""
+        self.close()
+
+    def nodes(self) -> dict[str, int]:
+        """Nodes that have a token, with the number of bridges that have one: more than one is a mistake."""
+        counts: dict[str, int] = {}
+        for key, alive in tuple(self._tokens.items()):
+            found = self.keys.alive_node(key)
+            if alive and found is not None:
+                counts[found[0]] = counts.get(found[0], 0) + 1
+        return counts
+
+    def ask(self, node: str, verb: str, fields: Mapping[str, Any], timeout_s: float) -> Fields | None:
+        """The whole response of one node, None without one in time."""
+        answers: queue.SimpleQueue[Fields | None] = queue.SimpleQueue()
+        self.net.ask(
+            self.keys.do(node, *self._who(), verb),
+            encode(fields)[:-1],
+            timeout_s,
+            lambda _, payload: answers.put(_response(payload)),
+            lambda: answers.put(None),
+        )
+        try:
+            return answers.get(timeout=timeout_s + ANSWER_TIMEOUT_S)
+        except queue.Empty:
+            return None
+
+    def ask_all(
+        self,
+        verb: str,
+        fields: Mapping[str, Any],
+        nodes: Collection[str] = (),
+        timeout_s: float = ANSWER_TIMEOUT_S,
+        expected: Collection[str] | None = None,
+    ) -> Answers:
+        """Ask nodes, or all, until every known one has answered or the time is over.
+
+        Args:
+            verb: a stop or a read.
+            fields: of the request.
+            nodes: names; empty for every node of the fleet.
+            timeout_s: when to go on without those that did not answer.
+            expected: nodes that must answer besides those with a token; None for those of the file.
+        """
+        begin_s = time.monotonic()
+        arrived: queue.SimpleQueue[tuple[str, bytes]] = queue.SimpleQueue()
+        found: dict[str, Fields] = {}
+        required = {*nodes} or {*(self._file.expected if expected is None else expected)}
+        took_s, next_s = 0.0, begin_s
+        while (now_s := time.monotonic()) < begin_s + timeout_s:
+            known = required if nodes else required | {*self.nodes()}
+            unlinked = self._unlinked()
+            # A node that a new link brings is asked in the next round.
+            if known and known <= found.keys() and (nodes or not unlinked):
+                break
+            if now_s >= next_s:
+                next_s = now_s + REPEAT_S
+                for each in sorted({*nodes} - found.keys()) or (() if nodes else ("*",)):
+                    key = self.keys.do(each, *self._who(), verb)
+                    self.net.ask(key, encode(fields)[:-1], timeout_s, _put(arrived), urgent=True)
+            try:
+                key, payload = arrived.get(timeout=max(min(next_s, begin_s + timeout_s) - now_s, 0.001))
+            except queue.Empty:
+                continue
+            # The first answer counts: a repeated stop changes nothing more.
+            if found.setdefault(self.keys.node(key), _response(payload)):
+                took_s = time.monotonic() - begin_s
+        known = required if nodes else required | {*self.nodes()}
+        doubled = tuple(sorted(name for name, count in self.nodes().items() if count > 1 and name in known))
+        return Answers(found, tuple(sorted(known - found.keys())), doubled, self._unlinked(), took_s)
+
+    def _unlinked(self) -> int:
+        return max(len(self._file.connect) - self.net.peers(), 0)
+
+    def _who(self) -> tuple[str, str]:
+        return self.origin.operator, self.origin.session
+
+    def _note_token(self, key: str, alive: bool) -> None:
+        self._tokens[key] = alive
+
+
+def _put(arrived: queue.SimpleQueue[tuple[str, bytes]]) -> Callable[[str, bytes], None]:
+    return lambda key, payload: arrived.put((key, payload))
+
+
+def _response(payload: bytes) -> Fields:
+    try:
+        return decode(payload)
+    except RemoteError as error:
+        return {"ok": False, "error": error.as_fields()}

@@ -1,0 +1,53 @@
+"""What an operator may ask by network: the rights of the fleet file over the verbs of the socket.
+
+Stops need no right. Verbs that are not listed are refused: `subscribe` (telemetry is published), `hello`, and
+the end of a daemon.
+"""
+
+from __future__ import annotations
+
+import enum
+from typing import Final
+
+
+class Right(enum.StrEnum):
+    """A right of an operator in the file of a machine."""
+
+    WATCH = "watch"
+    MEASURE = "measure"
+    MOVE = "move"
+    ARM = "arm"
+
+
+#: Allowed without a right, also in a request to every node.
+STOPS: Final = frozenset({"hold", "stop", "estop"})
+#: Requests that change nothing; also to every node.
+READS: Final = frozenset({"status", "describe"})
+#: The right that a verb needs.
+VERBS: Final = {
+    **dict.fromkeys(READS, Right.WATCH),
+    "ping": Right.WATCH,
+    "measure": Right.MEASURE,
+    **dict.fromkeys(("acquire", "release", "move", "rows", "end", "grip"), Right.MOVE),
+    **dict.fromkeys(("resume", "recover", "clear_fault"), Right.ARM),
+}
+#: Verbs that need the lease: at the daemon some take a free one by themselves. An order that waited in a
+#: bridge that stood still must not do that.
+LEASED: Final = frozenset({"move", "grip", "resume", "recover", "clear_fault"})
+#: Verbs of the lease itself.
+LEASE: Final = frozenset({"acquire", "release"})
+
+
+def needed(verb: str) -> frozenset[Right] | None:
+    """Rights of which one suffices; empty for a stop, None for a verb that no right allows."""
+    if verb in STOPS:
+        return frozenset()
+    if verb in LEASE:
+        return frozenset({Right.MOVE, Right.ARM})
+    return frozenset({VERBS[verb]}) if verb in VERBS else None
+
+
+def allowed_verbs(rights: frozenset[Right]) -> tuple[str, ...]:
+    """Verbs that rights allow, stops included, sorted."""
+    verbs = {verb for verb in VERBS if (needed(verb) or frozenset()) & rights}
+    return tuple(sorted(verbs | STOPS))

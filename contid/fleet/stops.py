@@ -1,0 +1,103 @@
+"""Stops of a fleet: one order to every node, and who confirmed it.
+
+Best effort: the network, a bridge or a machine may be down. It is never the only stop of a robot.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Collection, Mapping, Sequence
+from dataclasses import dataclass, field
+
+from contid.fleet.operator import ANSWER_TIMEOUT_S, FleetOperator
+from contid.remote.protocol.wire import Fields
+
+
+@dataclass(frozen=True, slots=True)
+class Confirmation:
+    """What a node answered to a stop that it obeyed.
+
+    Attributes:
+        tick: in which the control process obeyed; None before the run began.
+        robots: state by robot.
+        silent: axes that did not answer in that tick, by robot: the order may not have reached them.
+        refused: message by robot that did not obey.
+    """
+
+    tick: int | None
+    robots: Mapping[str, str]
+    silent: Mapping[str, Sequence[str]] = field(default_factory=dict)
+    refused: Mapping[str, str] = field(default_factory=dict)
+
+
+@dataclass(frozen=True, slots=True)
+class StopReport:
+    """How a stop of the fleet went.
+
+    Attributes:
+        verb: what was ordered.
+        confirmed: by node.
+        refused: message by node that refused.
+        missing: nodes that did not answer within `contid.fleet.operator.ANSWER_TIMEOUT_S`.
+        doubled: names that several nodes have: one of them may not have confirmed.
+        unlinked: endpoints without a link.
+        took_s: until the last answer.
+    """
+
+    verb: str
+    confirmed: Mapping[str, Confirmation]
+    refused: Mapping[str, str]
+    missing: tuple[str, ...]
+    doubled: tuple[str, ...]
+    unlinked: int
+    took_s: float
+
+    @property
+    def complete(self) -> bool:
+        """Every node that is known confirmed for every robot, and every endpoint is linked."""
+        robots = self.confirmed.values()
+        gaps = self.refused or self.missing or self.doubled or self.unlinked
+        return bool(robots) and not gaps and not any(each.refused or each.silent for each in robots)
+
+    def as_fields(self) -> Fields:
+        """For ``--json``."""
+        return {
+            "ok": self.complete,
+            "verb": self.verb,
+            "confirmed": {
+                name: {
+                    "tick": each.tick,
+                    "robots": dict(each.robots),
+                    "silent": dict(each.silent),
+                    "refused": dict(each.refused),
+                }
+                for name, each in self.confirmed.items()
+            },
+            "refused": dict(self.refused),
+            "missing": list(self.missing),
+            "doubled": list(self.doubled),
+            "unlinked": self.unlinked,
+            "took_ms": round(self.took_s * 1e3, 1),
+        }
+
+
+def stop_fleet(
+    operator: FleetOperator, verb: str, nodes: Collection[str] = (), timeout_s: float = ANSWER_TIMEOUT_S
+) -> StopReport:
+    """Order `hold`, `stop` or `estop` at nodes, or at every node, and collect who confirmed."""
+    answers = operator.ask_all(verb, {}, nodes, timeout_s)
+    confirmed: dict[str, Confirmation] = {}
+    refused: dict[str, str] = {}
+    for name, response in sorted(answers.by_node.items()):
+        if response.get("ok"):
+            result = response.get("result", {})
+            confirmed[name] = Confirmation(
+                result.get("tick"),
+                result.get("robots", {}),
+                result.get("silent", {}),
+                result.get("refused", {}),
+            )
+        else:
+            refused[name] = str(response.get("error", {}).get("message", "refused"))
+    return StopReport(
+        verb, confirmed, refused, answers.missing, answers.doubled, answers.unlinked, answers.took_s
+    )

@@ -1,0 +1,38 @@
+"""A program that moves a node of a fleet with live rows until it is killed: FILE NODE LEASE."""
+
+from __future__ import annotations
+
+import math
+import sys
+import time
+from collections.abc import Iterator
+from pathlib import Path
+
+from contid.fleet.fleet_client import FleetProcedures
+from contid.fleet.fleet_file import load_operator_file
+from contid.fleet.operator import FleetOperator
+from contid.remote.client.sync_client import completed
+
+PERIOD_S = 0.02
+
+
+def rows() -> Iterator[list[float]]:
+    begin_s = time.monotonic()
+    for number in range(10**6):
+        if number == 25:
+            print("moving", flush=True)
+        yield [15.0 * math.sin(2.0 * (time.monotonic() - begin_s)), 85.0]
+        time.sleep(PERIOD_S)
+
+
+def main() -> None:
+    path, node, lease_s = sys.argv[1:]
+    with FleetOperator(load_operator_file(Path(path))) as operator:
+        client = FleetProcedures(operator, node)
+        completed(client.connect())
+        completed(client.acquire(float(lease_s)))
+        completed(client.stream(["x_mm", "y_mm"], rows()))
+
+
+if __name__ == "__main__":
+    main()

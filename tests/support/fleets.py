@@ -1,0 +1,119 @@
+"""Real bridges before real daemons on simulated devices, and operators in processes of their own."""
+
+from __future__ import annotations
+
+import shutil
+import subprocess
+import tempfile
+from collections.abc import Iterator, Mapping, Sequence
+from contextlib import ExitStack, contextmanager
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import yaml
+
+from contid.fleet.fleet_file import OperatorFile, load_operator_file
+from tests.support.daemons import Running, command, daemon
+
+RIGHTS = ("watch", "move", "arm", "measure")
+
+
+@dataclass
+class BridgeProcess:
+    """`contid fleet serve`, its files, and its messages."""
+
+    process: subprocess.Popen[str]
+    folder: Path
+    endpoint: str
+
+    def operator_file(self, name: str = "anna", expected: Sequence[str] = ()) -> Path:
+        path = self.folder / f"{name}.yaml"
+        contents = {"fleet": "lab", "connect": [self.endpoint], "operator": name, "expected": [*expected]}
+        path.write_text(yaml.safe_dump(contents))
+        return path
+
+    def operator(self, name: str = "anna", expected: Sequence[str] = ()) -> OperatorFile:
+        return load_operator_file(self.operator_file(name, expected))
+
+
+def machine_file(folder: Path, endpoint: str, nodes: Mapping[str, Path], **keys: object) -> Path:
+    """The file of a machine on which anna may do everything and bob may watch."""
+    path = folder / "machine.yaml"
+    contents: dict[str, object] = {
+        "fleet": "lab",
+        "listen": [endpoint],
+        "trust_local_users": True,
+        "nodes": {name: str(socket) for name, socket in nodes.items()},
+        "operators": {"anna": [*RIGHTS], "bob": ["watch"]},
+        **keys,
+    }
+    path.write_text(yaml.safe_dump({key: value for key, value in contents.items() if value is not None}))
+    return path
+
+
+@contextmanager
+def bridge(
+    nodes: Mapping[str, Path],
+    env: Mapping[str, str] | None = None,
+    **keys: object,
+) -> Iterator[BridgeProcess]:
+    """`contid fleet serve` at a Unix socket, from its ready message on."""
+    folder = Path(tempfile.mkdtemp(prefix="contid-"))
+    endpoint = f"unixsock-stream/{folder}/net"
+    path = machine_file(folder, endpoint, nodes, **keys)
+    process = subprocess.Popen(
+        command("fleet", "serve", str(path)),
+        stdin=subprocess.DEVNULL,
+        stderr=subprocess.PIPE,
+        text=True,
+        env=None if env is None else {**env},
+    )
+    assert process.stderr is not None
+    try:
+        seen = []
+        while "is ready at" not in (line := process.stderr.readline()):
+            seen.append(line)
+            assert line, "".join(seen)
+        yield BridgeProcess(process, folder, endpoint)
+    finally:
+        process.terminate()
+        process.send_signal(18)  # SIGCONT, for a test that stopped it
+        _, errors = process.communicate(timeout=20)
+        shutil.rmtree(folder, ignore_errors=True)
+        assert "Traceback" not in errors, errors
+
+
+@dataclass
+class Fleet:
+    """Two daemons and their bridge."""
+
+    daemons: Mapping[str, Running]
+    bridge: BridgeProcess
+
+
+@contextmanager
+def fleet(**keys: Any) -> Iterator[Fleet]:
+    """Nodes hand1 and hand2 on one machine."""
+    with ExitStack() as stack:
+        daemons = {name: stack.enter_context(daemon()) for name in ("hand1", "hand2")}
+        sockets = {name: each.socket for name, each in daemons.items()}
+        yield Fleet(daemons, stack.enter_context(bridge(sockets, **keys)))
+
+
+@contextmanager
+def mover(bridge: BridgeProcess, node: str, lease_s: float) -> Iterator[subprocess.Popen[str]]:
+    """A program of anna that moves a node with live rows; it has begun."""
+    process = subprocess.Popen(
+        [*command()[:1], "-m", "tests.support.fleet_mover", str(bridge.operator_file()), node, str(lease_s)],
+        stdin=subprocess.DEVNULL,
+        stdout=subprocess.PIPE,
+        text=True,
+    )
+    assert process.stdout is not None
+    try:
+        assert process.stdout.readline() == "moving\n"
+        yield process
+    finally:
+        process.kill()
+        process.communicate()
