@@ -9,7 +9,7 @@ from typing import Any, Final
 
 import numpy as np
 
-from contid.control.engine.wiring import chain_guards, driven_robots
+from contid.control.engine.wiring import chain_guards, clearance_guard, driven_robots
 from contid.control.tick.preflight import Preflight, Unreachable
 from contid.errors import ContidError
 from contid.remote.protocol.wire import Fields
@@ -41,6 +41,7 @@ class PanelGeometry:
 
     def __init__(self, loaded: LoadedFile, rate_hz: float) -> None:
         self.loaded = loaded
+        self._clearance = clearance_guard(loaded)
         self.scene: Scene = build_scene(loaded, rate_hz)
         self._drawn: dict[str, tuple[Actuation, RobotDrawing | None]] = {}
 
@@ -149,7 +150,8 @@ class PanelGeometry:
     def preflight(self, commands: Mapping[str, Actuation]) -> Preflight:
         """The check of a trajectory from where the robots are."""
         configs = tuple(robot.config for robot in self.scene.robots)
-        return Preflight(configs, chain_guards(self.loaded), Unreachable.REFUSE, commands)
+        guards, clearance = chain_guards(self.loaded), self._clearance
+        return Preflight(configs, guards, Unreachable.REFUSE, commands, clearance)
 
 
 def _radius_mm(description: RobotDescription) -> float:

@@ -8,6 +8,7 @@ from pydantic import BaseModel, ConfigDict, Field
 
 from contid.robot_file.base import Strict
 from contid.robot_file.chain import Chain
+from contid.robot_file.clearance import Clearance
 from contid.robot_file.cosserat import Cosserat
 from contid.robot_file.rack_finger import RackFinger
 from contid.robot_file.tendon import TendonRobot
@@ -46,6 +47,7 @@ class RobotFile(Strict):
         rate_hz: ticks per second of the control loop.
         buses: what axes are wired to, by names of your choice.
         robots: by names of your choice.
+        clearance: distances that trajectories must keep; not checked when left out.
     """
 
     contid: Literal[1]
@@ -53,3 +55,4 @@ class RobotFile(Strict):
     rate_hz: Annotated[float, Field(gt=0, le=MAX_RATE_HZ)]
     buses: dict[str, BusDescription]
     robots: dict[str, AnyRobot]
+    clearance: Clearance | None = None

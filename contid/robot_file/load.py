@@ -15,6 +15,7 @@ from contid.hal import Driver, Restricts, UnknownDriverError, driver_names, load
 from contid.robot_file.base import AxisDescription
 from contid.robot_file.chain import Chain, check_chain
 from contid.robot_file.checks import WiredAxis, check_name, check_robot
+from contid.robot_file.clearance import check_clearance
 from contid.robot_file.document import AnyRobot, BusDescription, RobotFile
 from contid.robot_file.exchange_time import rate_too_high
 from contid.robot_file.findings import allowed_names, explain, shown
@@ -142,7 +143,7 @@ class _Loader:
                 head[part] = {}
                 if not data[part]:
                     self.findings.append(self.document.at_key((part,), f"{part}: at least one is needed"))
-        self._validated(RobotFile, head, ())
+        whole = self._validated(RobotFile, head, ())
         buses, robots = _mapping(data.get("buses")), _mapping(data.get("robots"))
         self.axes = {name: [] for name in buses}
         wirings = {name: self._bus(name, raw) for name, raw in buses.items() if not self.enough}
@@ -166,6 +167,8 @@ class _Loader:
         for name, robot in described.items():
             if isinstance(robot, Chain):
                 self.findings += check_chain(self.document, ("robots", name), robot, described)
+        if whole is not None and whole.clearance is not None:
+            self.findings += check_clearance(self.document, whole.clearance, described)
         return complete
 
     @property

@@ -6,6 +6,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import TypeVar
 
+from contid.clearance.guard import ClearanceGuard
 from contid.control.engine.tick_layout import RecordLayout, RobotLayout
 from contid.control.tick.config import RobotConfig, robot_config
 from contid.control.tick.preflight import Preflight, Unreachable
@@ -98,12 +99,38 @@ def chain_guards(loaded: LoadedFile) -> list[ChainGuard]:
     return [ChainGuard(name, robot) for name, robot in robots if isinstance(robot, Chain)]
 
 
+def clearance_guard(loaded: LoadedFile) -> ClearanceGuard | None:
+    """What a file keeps apart, None when it does not state it.
+
+    Raises:
+        ContidError: bodies are too near with every robot at its rest pose.
+    """
+    clearance = loaded.file.clearance
+    if clearance is None:
+        return None
+    guard = ClearanceGuard(loaded.file, clearance)
+    close = [each for each in guard.at_rest() if each.distance.lower_m < guard.margin_m]
+    if close:
+        margin = f"clearance.margin_mm is {clearance.margin_mm:g}"
+        raise ContidError(f"{loaded.path}: at the rest pose, {close[0]}; {margin}")
+    return guard
+
+
 def build_preflight(loaded: LoadedFile, rate_hz: float, unreachable: Unreachable) -> Preflight | None:
-    """The check of rows before motion; None when nearest points are allowed and no chain exists."""
-    guards = chain_guards(loaded)
+    """The check of rows before motion; None when nearest points are allowed and no chain exists.
+
+    Raises:
+        ContidError: nearest points are allowed, and bodies are to be kept apart.
+    """
+    guards, clearance = chain_guards(loaded), clearance_guard(loaded)
+    if unreachable is Unreachable.NEAREST and clearance is not None:
+        raise ContidError(
+            f"{loaded.path}: nearest points of targets out of reach are not checked for clearance; "
+            "refuse them, or remove clearance: from the file"
+        )
     if unreachable is Unreachable.NEAREST and not guards:
         return None
-    return Preflight(build_robot_configs(loaded, rate_hz), guards, unreachable)
+    return Preflight(build_robot_configs(loaded, rate_hz), guards, unreachable, clearance=clearance)
 
 
 def record_layout(loaded: LoadedFile, rate_hz: float) -> RecordLayout:

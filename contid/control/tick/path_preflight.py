@@ -15,6 +15,7 @@ from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, replace
 from typing import Final
 
+from contid.control.tick.clearance_preflight import ClearancePreflight
 from contid.control.tick.config import RobotConfig
 from contid.control.tick.on_path import limit_on_path, tip_tolerance_m
 from contid.control.tick.soft_start import ease_ticks, fitted, played
@@ -89,12 +90,20 @@ class PathPreflight:
         configs: of these robots.
         seeds: actuation of each from which the first row is solved.
         explain: the message of a target out of reach.
+        clearance: keeps the bodies apart on the approach from the seeds and on the curve; None without.
     """
 
-    def __init__(self, configs: Sequence[RobotConfig], seeds: Sequence[Actuation], explain: Explain) -> None:
+    def __init__(
+        self,
+        configs: Sequence[RobotConfig],
+        seeds: Sequence[Actuation],
+        explain: Explain,
+        clearance: ClearancePreflight | None = None,
+    ) -> None:
         self._configs = tuple(configs)
         self._seeds = tuple(seeds)
         self._explain = explain
+        self._clearance = clearance
 
     def findings(
         self, trajectory: Trajectory, progress: Callable[[int], None] | None = None
@@ -114,7 +123,13 @@ class PathPreflight:
             _Follower(config, first[config.name], seed, self._explain)
             for config, seed in zip(self._configs, self._seeds, strict=True)
         ]
-        refused = dict[int, PathFinding]()  # by follower, its worst on the way to the newest row
+        refused = dict[int, PathFinding]()  # by follower; after them the clearance
+        if self._clearance is not None:
+            begin = {f.name: (f.command, first[f.name].load_n) for f in followers}
+            message = self._clearance.approach(begin)
+            if message:
+                yield PathFinding(f"on the approach to this row, {message}", row=0)
+                return
         path = run_ticks(trajectory, 1.0 / self._configs[0].period_s, lead, tail)
         for count, (ticks, time_s, row) in enumerate(path):
             if progress is not None and count % 1000 == 0:
@@ -128,6 +143,12 @@ class PathPreflight:
                 if found and (index not in refused or _severity(found) > _severity(refused[index])):
                     message = f"on the way to this row, {found.message}"
                     refused[index] = replace(found, row=row, message=message)
+            if self._clearance is not None and len(followers) not in refused:
+                reached = {f.name: (f.command, targets[f.name].load_n) for f in followers}
+                message = self._clearance.walk.to(reached)
+                if message:
+                    message = f"on the way to this row, {message}"
+                    refused[len(followers)] = PathFinding(message, row=row)
         yield from refused.values()
 
 
@@ -149,6 +170,11 @@ class _Follower:
         self._lag = tuple([each.step * max(1.0, LAG_S / config.period_s) for each in config.limits])
         #: Greatest step and change of step of each axis since the command was last on the curve.
         self._peaks = [(0.0, 0.0) for _ in self._goal]
+
+    @property
+    def command(self) -> Actuation:
+        """The actuation reached."""
+        return self._command
 
     def follow(self, target: Target, ticks: int) -> PathFinding | None:
         """Go to the target, so many ticks after the one before; why that fails, None when it does not."""

@@ -7,6 +7,8 @@ import math
 from collections.abc import Callable, Mapping, Sequence
 from typing import Final
 
+from contid.clearance.guard import ClearanceGuard
+from contid.control.tick.clearance_preflight import ClearancePreflight
 from contid.control.tick.config import RobotConfig
 from contid.control.tick.path_preflight import PathFinding, PathPreflight, rounded_up
 from contid.errors import BadInputError, Located
@@ -50,6 +52,7 @@ class Preflight:
         guards: of the closed chains among them.
         unreachable: with NEAREST only the guards refuse, judging the reachable points.
         seeds: where robots are now; without one a robot is at its rest pose.
+        clearance: keeps bodies apart; None without.
     """
 
     def __init__(
@@ -58,10 +61,12 @@ class Preflight:
         guards: Sequence[ChainGuard] = (),
         unreachable: Unreachable = Unreachable.REFUSE,
         seeds: Mapping[str, Actuation] | None = None,
+        clearance: ClearanceGuard | None = None,
     ) -> None:
         self._configs = {config.name: config for config in configs}
         self._seeds = {config.name: config.rest for config in configs} | dict(seeds or {})
         self._guards = guards
+        self._clearance = None if clearance is None else ClearancePreflight(clearance, configs, self._seeds)
         self._refuses = unreachable is Unreachable.REFUSE
         # Tips of the arms of chains after the last accepted row; at rest before the first.
         self._tips = {arm: self._tip(arm, self._seeds[arm]) for guard in guards for arm in guard.arms}
@@ -70,7 +75,20 @@ class Preflight:
 
     def row(self, targets: Mapping[str, Target | None]) -> dict[str, str]:
         """By robot, why it cannot follow this row; empty when all can."""
-        return self._row(targets, self._refuses)
+        seeds, tips = dict(self._seeds), self._tips
+        wrong = self._row(targets, self._refuses)
+        if self._clearance is None:
+            return wrong
+        goals = {
+            name: (self._seeds[name], target.load_n)
+            for name, target in targets.items()
+            if target is not None and name in self._configs and name not in wrong
+        }
+        message = self._clearance.approach(goals)
+        if message:
+            self._seeds, self._tips = seeds, tips
+            wrong |= dict.fromkeys(goals, message)
+        return wrong
 
     def _row(self, targets: Mapping[str, Target | None], refuses: bool) -> dict[str, str]:
         """The same; without ``refuses`` only chains refuse."""
@@ -148,7 +166,9 @@ class Preflight:
         for index in range(total):
             if progress is not None and index % 1000 == 0:
                 progress(index, total)
-            wrong = self.between_rows(trajectory, index) or self.row(trajectory.targets_of_row(index))
+            wrong = self.between_rows(trajectory, index) or self._row(
+                trajectory.targets_of_row(index), self._refuses
+            )
             for message in dict.fromkeys(wrong.values()):
                 refused.add(PathFinding(message, residual_m=self._missed_m, row=index))
         if refused.rows:
@@ -156,7 +176,7 @@ class Preflight:
         if not self._refuses:
             return
         report = None if progress is None else lambda row: progress(row, total)
-        for found in self._path(trajectory, before).findings(trajectory, report):
+        for found in self._path(trajectory, before, self._clearance).findings(trajectory, report):
             refused.add(found)
         if refused.rows:
             slowdown = max(found.slowdown for found in refused.worst.values())
@@ -173,9 +193,14 @@ class Preflight:
         seeds = {name: config.rest for name, config in self._configs.items()}
         return next(self._path(trajectory, seeds).findings(trajectory), None) is None
 
-    def _path(self, trajectory: Trajectory, seeds: Mapping[str, Actuation]) -> PathPreflight:
+    def _path(
+        self,
+        trajectory: Trajectory,
+        seeds: Mapping[str, Actuation],
+        clearance: ClearancePreflight | None = None,
+    ) -> PathPreflight:
         moved = [self._configs[each] for each in trajectory.targets_of_row(0) if each in self._configs]
-        return PathPreflight(moved, [seeds[config.name] for config in moved], explain)
+        return PathPreflight(moved, [seeds[config.name] for config in moved], explain, clearance)
 
 
 class _Refused:

@@ -7,7 +7,7 @@ from typing import Final
 
 from contid.control.daemon.interfaces import RunControl
 from contid.control.engine.tick_layout import TickRecord
-from contid.control.engine.wiring import chain_guards
+from contid.control.engine.wiring import chain_guards, clearance_guard
 from contid.control.tick.preflight import Preflight, Unreachable
 from contid.control.tick.supervisor import Mode
 from contid.errors import BadInputError
@@ -29,6 +29,7 @@ class Preconditions:
         self._control = control
         self._view = view
         self._guards = chain_guards(control.loaded)
+        self._clearance = clearance_guard(control.loaded)
         self._refuses = control.unreachable is Unreachable.REFUSE or bool(self._guards)
 
     def armed(self, robots: Sequence[str]) -> None:
@@ -70,7 +71,8 @@ class Preconditions:
     def _preflight(self, record: TickRecord | None) -> Preflight:
         commands = {name: self._view.command(name, record) for name in self._view.configs}
         seeds = {name: command for name, command in commands.items() if command is not None}
-        return Preflight(tuple(self._view.configs.values()), self._guards, self._control.unreachable, seeds)
+        configs, unreachable = tuple(self._view.configs.values()), self._control.unreachable
+        return Preflight(configs, self._guards, unreachable, seeds, self._clearance)
 
 
 def bad_target(error: BadInputError) -> RemoteError:

@@ -1,0 +1,1 @@
+"""Distances between bodies of robots and to obstacles, bounded from below."""

@@ -1,0 +1,94 @@
+"""The body of a continuum robot: a curve sampled at equal arc length, swept by a ball.
+
+Between two samples that are an arc length h apart, a curve stays inside the ellipsoid of revolution with
+these samples as foci and h as its long axis. With the chord c it is therefore at most
+
+    sqrt(h^2 - c^2) / 2
+
+off the chord, whatever its curvature; for an arc this is 1.155 times its sagitta. So a chain of arcs, a rod
+in equilibrium and a Pythagorean-hodograph curve are bounded by the same arithmetic.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from typing import Any, Final, TypeAlias
+
+import numpy as np
+from numpy.typing import NDArray
+
+from contid.kinematics.array import Array
+
+#: Numbers of samples.
+Indices: TypeAlias = NDArray[np.integer[Any]]
+
+#: The allowance between samples is brought below this by more samples [m], up to `MAX_PIECES`.
+ALLOWANCE_M: Final = 2.5e-5
+MIN_PIECES: Final = 32
+MAX_PIECES: Final = 1024
+#: Added to an arc length between samples, relative: the error of the measured length where curvature jumps.
+_LENGTH_ROUNDING: Final = 4e-6
+
+
+@dataclass(frozen=True, eq=False, slots=True)
+class Body:
+    """A swept curve.
+
+    Attributes:
+        points: of the curve at equal arc length, shape ``(n + 1, 3)`` [m].
+        spacing_m: upper bound of the arc length between neighbours [m].
+        radius_m: of the ball [m].
+        start_m: arc length of the first point from the base of the robot [m].
+    """
+
+    points: Array
+    spacing_m: float
+    radius_m: float
+    start_m: float = 0.0
+
+    @property
+    def pieces(self) -> int:
+        """Number of intervals between points."""
+        return len(self.points) - 1
+
+    def part(self, from_m: float, to_m: float) -> Body:
+        """The part between two arc lengths from the base [m], extended to whole pieces; at least one."""
+        first = int(np.floor((from_m - self.start_m) / self.spacing_m))
+        last = int(np.ceil((to_m - self.start_m) / self.spacing_m))
+        first = min(max(first, 0), self.pieces - 1)
+        last = min(max(last, first + 1), self.pieces)
+        if first == 0 and last == self.pieces:
+            return self
+        begin = self.start_m + first * self.spacing_m
+        return Body(self.points[first : last + 1], self.spacing_m, self.radius_m, begin)
+
+    def allowance(self, first: Indices, last: Indices) -> Array:
+        """Greatest distance of the curve between samples ``first`` and ``last`` from their chord [m]."""
+        chord = self.points[last] - self.points[first]
+        along = (last - first) * self.spacing_m
+        return np.asarray(0.5 * np.sqrt(np.maximum(along**2 - np.einsum("ij,ij->i", chord, chord), 0.0)))
+
+
+def sampled_body(curve: Callable[[int], Array], radius_m: float) -> Body:
+    """A body from a function that gives any number of points at equal arc length.
+
+    Args:
+        curve: number of points to points, shape ``(points, 3)`` [m].
+        radius_m: of the body [m].
+    """
+    pieces = MIN_PIECES
+    while True:
+        points = np.asarray(curve(pieces + 1), dtype=float)
+        # Chords are short by the square of their size: two polylines give the length (Richardson).
+        fine, coarse = _polyline(points), _polyline(points[::2])
+        length = max(fine, (4.0 * fine - coarse) / 3.0)
+        body = Body(points, length / pieces * (1.0 + _LENGTH_ROUNDING), radius_m)
+        steps = np.arange(pieces)
+        if pieces >= MAX_PIECES or body.allowance(steps, steps + 1).max() <= ALLOWANCE_M:
+            return body
+        pieces *= 2
+
+
+def _polyline(points: Array) -> float:
+    return float(np.linalg.norm(np.diff(points, axis=0), axis=1).sum())

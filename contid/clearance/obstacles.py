@@ -1,0 +1,77 @@
+"""Convex obstacles by their signed distance: negative inside, convex, changing no faster than the point."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Protocol
+
+import numpy as np
+
+from contid.kinematics.array import Array
+
+
+class Obstacle(Protocol):
+    """A convex set in the world."""
+
+    def signed_distance(self, points: Array) -> Array:
+        """Distance of points ``(n, 3)`` from the surface [m], negative inside, shape ``(n,)``."""
+        ...
+
+
+@dataclass(frozen=True, eq=False, slots=True)
+class Plane:
+    """A half space: everything behind a plane.
+
+    Attributes:
+        point: on the plane [m].
+        normal: unit vector that points out of the obstacle.
+    """
+
+    point: Array
+    normal: Array
+
+    def signed_distance(self, points: Array) -> Array:
+        """See `Obstacle`."""
+        return np.asarray((points - self.point) @ self.normal)
+
+
+@dataclass(frozen=True, eq=False, slots=True)
+class Capsule:
+    """A cylinder with round ends; a sphere when both ends are one point.
+
+    Attributes:
+        start, end: of its axis [m].
+        radius_m: [m].
+    """
+
+    start: Array
+    end: Array
+    radius_m: float
+
+    def signed_distance(self, points: Array) -> Array:
+        """See `Obstacle`."""
+        axis, from_start = self.end - self.start, points - self.start
+        squared = float(axis @ axis)
+        along = np.zeros(len(points)) if squared == 0.0 else np.clip(from_start @ axis / squared, 0.0, 1.0)
+        return np.asarray(np.linalg.norm(from_start - along[:, None] * axis, axis=1) - self.radius_m)
+
+
+@dataclass(frozen=True, eq=False, slots=True)
+class Box:
+    """A box.
+
+    Attributes:
+        center: [m].
+        rotation: box to world, shape ``(3, 3)``.
+        half: of its three sizes [m].
+    """
+
+    center: Array
+    rotation: Array
+    half: Array
+
+    def signed_distance(self, points: Array) -> Array:
+        """See `Obstacle`."""
+        over = np.abs((points - self.center) @ self.rotation) - self.half
+        outside = np.linalg.norm(np.maximum(over, 0.0), axis=1)
+        return np.asarray(outside + np.minimum(over.max(axis=1), 0.0))

@@ -1,0 +1,56 @@
+"""Keeps bodies apart on motions that are known before they begin: approaches, moves, trajectories."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping, Sequence
+from typing import Final
+
+from contid.clearance.guard import ClearanceGuard, Configuration
+from contid.clearance.walk import Walk
+from contid.control.tick.config import RobotConfig
+from contid.targets import ZERO3, Actuation
+from contid.trajectory.approach import Approach
+
+#: Interval between the configurations of an approach; the way between them is bounded [s].
+INTERVAL_S: Final = 0.02
+
+
+class ClearancePreflight:
+    """A walk of the robots of a guard, moved as the tick moves them.
+
+    Args:
+        guard: what is kept apart.
+        configs: of all robots.
+        seeds: where robots are; without one a robot is at its rest pose.
+    """
+
+    def __init__(
+        self, guard: ClearanceGuard, configs: Sequence[RobotConfig], seeds: Mapping[str, Actuation]
+    ) -> None:
+        self._guard = guard
+        self._configs = {config.name: config for config in configs if config.name in guard.arms}
+        start = {name: (seeds.get(name, config.rest), ZERO3) for name, config in self._configs.items()}
+        self.walk = Walk(guard, start)
+
+    def approach(self, goals: Configuration) -> str:
+        """Move all robots of ``goals`` there at once, from standstill; why that comes too near, or "".
+
+        After a refusal they are where they were.
+        """
+        goals = {name: goal for name, goal in goals.items() if name in self._configs}
+        start = self.walk.configuration
+        motions = {}
+        for name, (goal, _) in goals.items():
+            config, here = self._configs[name], start[name][0]
+            rates = config.velocity, config.acceleration, config.jerk
+            motions[name] = Approach(here, (0.0,) * len(here), goal, *rates)
+        duration_s = max((motion.duration_s for motion in motions.values()), default=0.0)
+        steps = max(1, math.ceil(duration_s / INTERVAL_S))
+        for k in range(1, steps + 1):
+            at_s = duration_s * k / steps
+            message = self.walk.to({name: (m.at(at_s)[0], goals[name][1]) for name, m in motions.items()})
+            if message:
+                self.walk = Walk(self._guard, start)
+                return message
+        return ""

@@ -1,0 +1,149 @@
+"""Distances against dense sampling and scipy's minimisation of arcs, random configurations."""
+
+import os
+
+import numpy as np
+import pytest
+from scipy.optimize import minimize
+from scipy.spatial import cKDTree
+from scipy.spatial.transform import Rotation
+
+from contid.clearance.body import Body, sampled_body
+from contid.clearance.distance import between_bodies, segment_distance, to_obstacle
+from contid.clearance.obstacles import Box, Capsule, Plane
+from tests.clearance.arcs import random_chain
+
+CONFIGURATIONS = int(os.environ.get("CLEARANCE_CONFIGURATIONS", "1000"))
+#: What a body of an arc chain may add to the truth [m]: twice the allowance between its samples.
+TOLERANCE_M = 6e-5
+
+
+def refined(function, start, bounds):
+    """The least value near a start, by scipy."""
+    return min(function(start), minimize(function, start, bounds=bounds, method="L-BFGS-B").fun)
+
+
+def true_distance(a, b):
+    """Of two curves: 401 samples each, then scipy from the best."""
+    s, t = np.linspace(0, a.length, 401), np.linspace(0, b.length, 401)
+    apart, index = cKDTree(b.at(t)).query(a.at(s))
+    best = int(apart.argmin())
+
+    def distance(x):
+        return float(np.linalg.norm(a.at(x[0])[0] - b.at(x[1])[0]))
+
+    start = np.array([s[best], t[index[best]]])
+    return min(float(apart.min()), refined(distance, start, [(0, a.length), (0, b.length)]))
+
+
+def test_two_arms_are_never_accepted_nearer_than_they_are():
+    rng = np.random.default_rng(1)
+    falsely_refused = penetrations = 0
+    for _ in range(CONFIGURATIONS):
+        a, b = random_chain(rng, 0.12), random_chain(rng, 0.12)
+        radii = rng.uniform(0.002, 0.03, 2)
+        found = between_bodies(sampled_body(a.evenly, radii[0]), sampled_body(b.evenly, radii[1]))
+        dense = float(cKDTree(b.evenly(401)).query(a.evenly(401))[0].min()) - radii.sum()
+        # The samples are at most 1.5 mm apart: only near the decision is the exact minimum worth its time.
+        truth = dense if dense > found.upper_m + 2e-3 else true_distance(a, b) - radii.sum()
+        assert found.lower_m <= truth + 1e-9
+        assert truth <= dense
+        assert found.lower_m <= found.upper_m
+        if truth is not dense:
+            assert truth - found.lower_m < TOLERANCE_M
+        penetrations += truth < 0.0
+        falsely_refused += truth >= 1e-3 > found.lower_m
+    assert penetrations > CONFIGURATIONS / 20
+    assert falsely_refused <= 0.02 * CONFIGURATIONS
+
+
+def random_obstacle(rng):
+    at = rng.uniform(-0.2, 0.2, 3)
+    kind = rng.integers(4)
+    if kind == 0:
+        normal = rng.normal(size=3)
+        return Plane(at, normal / np.linalg.norm(normal))
+    if kind == 1:
+        return Capsule(at, at, rng.uniform(0.01, 0.1))
+    if kind == 2:
+        return Capsule(at, at + rng.uniform(-0.1, 0.1, 3), rng.uniform(0.01, 0.05))
+    return Box(at, Rotation.random(random_state=rng).as_matrix(), rng.uniform(0.005, 0.1, 3))
+
+
+def test_obstacles_bound_the_dense_sampling():
+    rng = np.random.default_rng(2)
+    for _ in range(CONFIGURATIONS):
+        curve, obstacle, radius = random_chain(rng, 0.2), random_obstacle(rng), rng.uniform(0.002, 0.03)
+        found = to_obstacle(sampled_body(curve.evenly, radius), obstacle)
+        s = np.linspace(0, curve.length, 2001)
+        values = obstacle.signed_distance(curve.at(s)) - radius
+        dense = float(values.min())
+        spacing = s[1]
+        assert found.lower_m <= dense + 1e-9
+        assert dense - found.lower_m < TOLERANCE_M + 0.5 * spacing
+        assert found.lower_m <= found.upper_m + 1e-12
+
+
+def test_the_signed_distance_of_a_box_is_the_distance_to_its_nearest_point():
+    rng = np.random.default_rng(3)
+    for _ in range(50):
+        box = Box(rng.normal(size=3), Rotation.random(random_state=rng).as_matrix(), rng.uniform(0.1, 1, 3))
+        point = rng.uniform(-3, 3, 3)
+
+        def apart(x, box=box, point=point):
+            return float(np.linalg.norm(box.center + box.rotation @ x - point))
+
+        bounds = list(zip(-box.half, box.half, strict=True))
+        found = minimize(apart, np.zeros(3), bounds=bounds, tol=1e-14).fun
+        assert max(float(box.signed_distance(point[None])[0]), 0.0) == pytest.approx(found, abs=1e-5)
+    cube = Box(np.zeros(3), np.eye(3), np.array([1.0, 2.0, 3.0]))
+    assert cube.signed_distance(np.array([[0.5, 0, 0], [0, 0, 0]])) == pytest.approx([-0.5, -1.0])
+
+
+def test_segments_against_scipy_also_when_parallel_crossing_or_points():
+    rng = np.random.default_rng(4)
+    for case in range(200):
+        p, u, q, v = rng.uniform(-1, 1, (4, 3))
+        if case % 4 == 1:
+            v = u * rng.uniform(-2, 2) + 1e-12 * v
+        if case % 4 == 2:
+            q = p + 0.3 * u - 0.4 * v  # they cross
+        if case % 8 == 7:
+            u = np.zeros(3)
+        got = float(segment_distance(p[None], u[None], q[None], v[None])[0])
+
+        def apart(x, p=p, u=u, q=q, v=v):
+            return float(np.sum((p + x[0] * u - q - x[1] * v) ** 2))
+
+        starts = [(a, b) for a in (0.1, 0.9) for b in (0.1, 0.9)]
+        truth = min(minimize(apart, x, bounds=[(0, 1)] * 2, tol=1e-16).fun for x in starts) ** 0.5
+        assert got == pytest.approx(truth, abs=2e-6)
+
+
+def test_a_part_is_not_nearer_and_contains_its_ends():
+    rng = np.random.default_rng(5)
+    for _ in range(50):
+        curve = random_chain(rng)
+        body = sampled_body(curve.evenly, 0.01)
+        part = body.part(0.3 * curve.length, 0.8 * curve.length)
+        assert part.start_m <= 0.3 * curve.length
+        assert part.start_m + part.pieces * part.spacing_m >= 0.8 * curve.length - 1e-9
+        plane = Plane(np.array([0.0, 0.0, -1.0]), np.array([0.0, 0.0, 1.0]))
+        assert to_obstacle(part, plane).lower_m >= to_obstacle(body, plane).lower_m - TOLERANCE_M
+
+
+def test_enough_stops_early_without_a_wrong_answer():
+    rng = np.random.default_rng(6)
+    for _ in range(200):
+        a, b = (sampled_body(random_chain(rng).evenly, 0.01) for _ in range(2))
+        full, quick = between_bodies(a, b), between_bodies(a, b, enough_m=0.02)
+        assert (quick.lower_m >= 0.02) == (full.lower_m >= 0.02)
+        assert quick.lower_m <= full.upper_m
+
+
+def test_a_curve_between_coarse_samples_is_not_missed():
+    """A half circle given by its two ends and their arc length bulges half its diameter off the chord."""
+    ends = np.array([[-0.1, 0.0, 0.0], [0.1, 0.0, 0.0]])
+    body = Body(ends, 0.1 * np.pi, 0.0)
+    found = to_obstacle(body, Plane(np.array([0.0, -0.1, 0.0]), np.array([0.0, 1.0, 0.0])))
+    assert found.lower_m <= 0.0
