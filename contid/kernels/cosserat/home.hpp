@@ -6,9 +6,9 @@
 
 namespace contid {
 
-constexpr int kHomeSteps = 40, kHomeChords = 16, kShifts = 16;
+constexpr int kHomeSteps = 100, kHomeChords = 16, kShifts = 16;
 constexpr double kSettled = 1e-7, kExactTask = 1e-8, kExactBalance = 1e-8, kHomeNoise = 3e-3, kHomeContraction = 0.3,
-                 kForward = 1e-4, kHomeGain = 1e-4, kHomeLast = 0.8, kHomeShrink = 0.25;
+                 kForward = 1e-4, kHomeGain = 1e-4, kHomeLast = 0.8, kHomeLeast = 1e-9, kHomeShrink = 0.25;
 
 // Of the rows and columns that are free.
 template <int n> bool positive(const double (&H)[n][n], const bool* free, double least) {
@@ -186,10 +186,12 @@ template <int K> struct Homing {
       if (size <= kSettled) break;
       Point there;
       bool good = onto(by, here, d, there);
-      // On the target a step must gain; where it is too short for that, shorter than the one before.
-      if (good && exact(here))
-        good = size > kHomeNoise ? distance(there.p) <= distance(here.p) - kHomeGain * std::fabs(gain)
-                                 : size < kHomeLast * last;
+      // On the target a step must gain; a short one may be shorter than the one before instead, and away from a
+      // saddle short steps grow.
+      if (good && exact(here)) {
+        const double nearer = distance(here.p) - distance(there.p);
+        good = size > kHomeNoise ? nearer >= kHomeGain * std::fabs(gain) : size < kHomeLast * last || nearer > kHomeLeast;
+      }
       if (good) {
         bend = curved || size > kHomeContraction * last;
         trust = std::fmax(trust, 2.0 * size);

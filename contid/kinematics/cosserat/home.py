@@ -5,8 +5,8 @@
 Every iterate meets the task: a step minimises a quadratic model with the linearised task as an equation,
 chords bring it back onto the target. The metric is the identity at first; where steps do not shrink it
 becomes the second derivative of the Lagrangian, with the task's curvature. Long steps must lower the
-distance; short ones must be shorter than the one before, because the derivatives of a sweep are those of the
-rod, not of its elements. An answer asked for again from itself does not move: its step is below `SETTLED`.
+distance; short ones must lower it by more than rounding, or be shorter than the one before, because the
+derivatives of a sweep are those of the rod, not of its elements. An answer asked for again from itself does not move: its step is below `SETTLED`.
 Specification of ``contid/kernels/cosserat/home.hpp``.
 """
 
@@ -23,7 +23,7 @@ from contid.kinematics.cosserat.statics import Sweep, sweep
 from contid.kinematics.cosserat.task import jacobian, residual
 
 #: Steps, chords of a step, and shifts of a metric that is not positive definite, at most.
-STEPS, CHORDS, SHIFTS = 40, 16, 16
+STEPS, CHORDS, SHIFTS = 100, 16, 16
 #: A step of pressure at which an answer is settled [bar].
 SETTLED = 1e-7
 #: Task error [mm] and moment balance [N·mm] of an iterate.
@@ -33,6 +33,8 @@ NOISE, GAIN = 3e-3, 1e-4
 #: A step longer than this share of the one before calls for the curvature; a short one has to be shorter than
 #: that share of the one before.
 CONTRACTION, LAST = 0.3, 0.8
+#: Gain of a short step that is more than rounding, half of a squared distance [bar2].
+LEAST = 1e-9
 #: Forward differences of the derivatives [bar].
 FORWARD = 1e-4
 SHRINK = 0.25
@@ -90,8 +92,8 @@ def home(problem: Problem, outcome: RodSolution) -> RodSolution:
         good = there is not None
         if there is not None and _exact(here.r, here.found):
             gain = abs(float(d @ (here.p - limits.centre + 0.5 * d)))
-            nearer = _distance(problem, there[0]) <= _distance(problem, here.p) - GAIN * gain
-            good = nearer if size > NOISE else size < LAST * last
+            nearer = _distance(problem, here.p) - _distance(problem, there[0])
+            good = nearer >= GAIN * gain if size > NOISE else size < LAST * last or nearer > LEAST
         if good and there is not None:
             bend = curved or size > CONTRACTION * last
             trust = max(trust, 2.0 * size)
