@@ -89,3 +89,12 @@ def test_an_answer_of_two_pneumatic_sections_asked_for_again_does_not_move(share
     missed, moved = rods.moves(share, directed, 0.0, 200, seed=7)
     assert missed == 0
     assert max(moved) <= rods.FIXED_BAR
+
+
+@pytest.mark.skipif(kernels.load("cosserat") is None, reason="needs compiled kernels")
+@pytest.mark.parametrize(("load_n", "cases", "seed"), [(0.0, 1000, 103), (0.05, 300, 107)])
+def test_a_first_answer_does_not_end_beside_a_saddle(load_n, cases, seed):
+    """Near rest three answers of the first set moved by up to 1.5 bar, and two of the second by 0.74 bar."""
+    missed, moved = rods.moves(rods.NEAR_REST, False, load_n, cases, seed=seed)
+    assert missed == 0
+    assert max(moved) <= rods.FIXED_BAR

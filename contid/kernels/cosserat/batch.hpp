@@ -2,7 +2,7 @@
 #pragma once
 
 #include "../batch.hpp"
-#include "search.hpp"
+#include "settled.hpp"
 
 namespace contid {
 
@@ -40,7 +40,7 @@ void inverse_rows(const Rod<K>& rod, const Limits<K>& limits, const Settings& se
   over_rows(rows, threads, [&](std::size_t begin, std::size_t end) {
     for (std::size_t k = begin; k < end; ++k) {
       const Vec load = load_of(tasks.targets.load, k);
-      const Found<K> found = search<K>(rod, tasks.task(k), load, limits, seeds + 3 * K * k, settings);
+      const Found<K> found = search_settled<K>(rod, tasks.task(k), load, limits, seeds + 3 * K * k, settings);
       const Outcome<K>& o = found.outcome;
       const std::uint64_t why = kOptimal * o.optimal | kStable * found.stable | kBlocked * o.blocked |
                                 kSnaps * (found.snap < 1.0);

@@ -79,7 +79,7 @@ template <int K> struct ArmOf final : Arm {
   nb::tuple inverse(const Task& task, Vec force, nb::handle seed) const override {
     double start[3 * K];
     read(seed, start, 3 * K, kPressures);
-    const Found<K> found = search<K>(rod, task, force, limits, start, settings);
+    const Found<K> found = search_settled<K>(rod, task, force, limits, start, settings);
     const Outcome<K>& o = found.outcome;
     return nb::make_tuple(tuple_of(o.pressures, 3 * K), o.residual, o.met, o.optimal, found.stable, found.iterations,
                           found.elements, o.statics, o.blocked, found.snap);

@@ -16,8 +16,8 @@ from contid.kinematics.array import Array
 from contid.kinematics.cosserat.branch import buckled, critical_factor
 from contid.kinematics.cosserat.discretisation import fine_equilibrium
 from contid.kinematics.cosserat.loads import Loads
-from contid.kinematics.cosserat.search import search
 from contid.kinematics.cosserat.section import Rod
+from contid.kinematics.cosserat.settled import search_settled
 from contid.kinematics.cosserat.solve import Limits, Problem
 from contid.kinematics.cosserat.task import Task
 from contid.targets import Vec3
@@ -90,7 +90,7 @@ class NumpyEngine:
             length=s.direction_length,
         )
         problem = Problem(s.rod, self.loads(force), task, s.limits, s.elements, s.tolerance)
-        found = search(problem, np.array(seed), s.error)
+        found = search_settled(problem, np.array(seed), s.error)
         o = found.outcome
         return (
             tuple(o.pressures.tolist()), o.residual, o.met, o.optimal, found.stable, found.iterations,

@@ -1,0 +1,45 @@
+// Answers that stay when they are asked for again: twin of contid/kinematics/cosserat/settled.py, its specification.
+#pragma once
+
+#include "search.hpp"
+
+namespace contid {
+
+constexpr int kAsks = 4;
+constexpr double kStays = 1e-7;
+
+template <int K>
+Found<K> search_settled(const Rod<K>& rod, const Task& task, Vec tip_force, const Limits<K>& limits, const double* seed,
+                        const Settings& settings) {
+  constexpr int n = 3 * K;
+  Found<K> found = search<K>(rod, task, tip_force, limits, seed, settings);
+  if (task.independent() >= n) return found;
+  const auto moved = [&](const Outcome<K>& o, const double* from) {
+    double most = 0.0;
+    for (int i = 0; i < n; ++i) most = std::fmax(most, std::fabs(o.pressures[i] - from[i]));
+    return most;
+  };
+  // True when the arm gets from the seed to an equilibrium on a straight path.
+  const auto reached = [&](const Outcome<K>& o) {
+    if (!loaded<K>(rod, tip_force)) return true;
+    double from[n];
+    std::copy(seed, seed + n, from);
+    clamp<K>(limits, from);
+    Vec moment;
+    Judged at;
+    if (equilibrium<K>(rod, from, tip_force, settings.elements, moment, at) < 1.0) return true;
+    return follow<K>(rod, {from, tip_force, 1.0}, {o.pressures, tip_force, 1.0}, settings.elements, moment, at) == 1.0 &&
+           norm(moment - o.moment) <= kSamePose * load_scale<K>(rod, tip_force);
+  };
+  for (int ask = 0; ask < kAsks && found.outcome.met && found.stable && moved(found.outcome, seed) > kTracking; ++ask) {
+    Found<K> again = search<K>(rod, task, tip_force, limits, found.outcome.pressures, settings);
+    found.iterations += again.iterations;
+    if (!again.outcome.met || !again.stable || moved(again.outcome, found.outcome.pressures) <= kStays) break;
+    if (!reached(again.outcome)) break;
+    again.iterations = found.iterations;
+    found = again;
+  }
+  return found;
+}
+
+}  // namespace contid

@@ -1,0 +1,62 @@
+"""Answers that stay when they are asked for again.
+
+A first answer far from its seed may end where a search from itself would go on: beside a saddle of the
+distance to the centre, or where a descent along the branch took another way. It is asked for again until it
+stays, a few times at most. Answers near their seed continue a motion, and every tick asks again anyway.
+Specification of ``contid/kernels/cosserat/settled.hpp``.
+"""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+
+from contid.kinematics.array import Array
+from contid.kinematics.cosserat.branch import equilibrium
+from contid.kinematics.cosserat.search import TRACKING, Found, reaches, search
+from contid.kinematics.cosserat.solve import Problem, RodSolution
+
+#: Further searches at most, and the change of pressure below which an answer stays [bar].
+ASKS, STAYS = 4, 1e-7
+
+
+def search_settled(problem: Problem, seed: Array, error: float = np.inf) -> Found:
+    """`search`, repeated from its own answer to a redundant target until that stays.
+
+    Args:
+        problem: what to solve, with the minimum number of elements.
+        seed: the last commanded pressures [bar].
+        error: estimated discretisation error [mm] at which the elements are doubled.
+    """
+    found = search(problem, seed, error)
+    if problem.task.rows >= problem.rod.pressures:
+        return found
+    for _ in range(ASKS):
+        if not (found.outcome.met and found.stable) or _moved(found.outcome, seed) <= TRACKING:
+            break
+        again = search(problem, found.outcome.pressures, error)
+        spent = found.iterations + again.iterations
+        found = replace(found, iterations=spent)
+        if (
+            not (again.outcome.met and again.stable)
+            or _moved(again.outcome, found.outcome.pressures) <= STAYS
+        ):
+            break
+        if not _reached(problem, seed, again.outcome):
+            break
+        found = replace(again, iterations=spent)
+    return found
+
+
+def _moved(outcome: RodSolution, seed: Array) -> float:
+    return float(np.abs(outcome.pressures - seed).max())
+
+
+def _reached(problem: Problem, seed: Array, outcome: RodSolution) -> bool:
+    """True when the arm gets from the seed to an equilibrium on a straight path."""
+    if problem.loads.none:
+        return True
+    here = np.clip(seed, problem.limits.lower, problem.limits.upper)
+    present = equilibrium(problem.rod, here, problem.loads, problem.elements)
+    return present.done < 1.0 or reaches(problem, here, present.base_moment, outcome)[0]
