@@ -15,6 +15,7 @@ class PlacedRows:
     """The base frame of a robot applied to arrays ``(N, d)`` [m]; d is 2 for planar robots, else 3."""
 
     def __init__(self, frame: BaseFrame, dimension: int) -> None:
+        #: Rotation matrix from the base to the world, row by row.
         self._r = frame.rotation
         self._origin = frame.origin_in_world
         self.dimension = dimension
@@ -23,22 +24,22 @@ class PlacedRows:
         """Points of the world, ``(N, d)``, in the base frame, ``(N, 3)``."""
         x, y, z = self._columns(points)
         ox, oy, oz = self._origin
-        return self._rotated(x - ox, y - oy, z - oz)
+        return self._to_base(x - ox, y - oy, z - oz)
 
     def vectors_in_base(self, vectors: Array) -> Array:
         """Directions or forces of the world, ``(N, d)`` or ``(N, 3)``, in the base frame, ``(N, 3)``."""
-        return self._rotated(*self._columns(vectors))
+        return self._to_base(*self._columns(vectors))
 
     def points_in_world(self, points: Array) -> Array:
         """Points of the base frame, ``(..., 3)``, in the world, ``(..., d)``."""
-        world = self._turned(points)
+        world = self._to_world(points)
         for axis, origin in enumerate(self._origin):
             world[..., axis] += origin
         return world[..., : self.dimension]
 
     def vectors_in_world(self, vectors: Array) -> Array:
         """Directions of the base frame, ``(..., 3)``, in the world, ``(..., d)``."""
-        return self._turned(vectors)[..., : self.dimension]
+        return self._to_world(vectors)[..., : self.dimension]
 
     def columns_in_world(self, matrices: Array) -> Array:
         """Matrices ``(..., 3, n)`` whose columns are vectors of the base frame, in the world."""
@@ -47,7 +48,7 @@ class PlacedRows:
         return turned
 
     def tensors_in_world(self, tensors: Array) -> Array:
-        """Matrices ``(..., 3, 3)`` from vectors to vectors of the base frame, in the world."""
+        """Tensors ``(..., 3, 3)`` of the base frame, such as compliances, in the world: ``R T R^T``."""
         matrix = np.array(self._r).reshape(3, 3)
         turned: Array = matrix @ tensors @ matrix.T
         return turned
@@ -56,7 +57,7 @@ class PlacedRows:
         z = rows[:, 2] if rows.shape[1] == 3 else np.zeros(len(rows))
         return rows[:, 0], rows[:, 1], z
 
-    def _rotated(self, x: Array, y: Array, z: Array) -> Array:
+    def _to_base(self, x: Array, y: Array, z: Array) -> Array:
         r = self._r
         # The sums of BaseFrame.vector_in_base in their order.
         return np.stack(
@@ -68,7 +69,7 @@ class PlacedRows:
             axis=1,
         )
 
-    def _turned(self, rows: Array) -> Array:
+    def _to_world(self, rows: Array) -> Array:
         r = self._r
         x, y, z = rows[..., 0], rows[..., 1], rows[..., 2]
         return np.stack(

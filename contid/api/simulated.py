@@ -27,7 +27,7 @@ from contid.robot_file.load import with_mock
 from contid.robot_file.shipped import load_named
 from contid.session.recording_observer import RecordingObserver
 
-#: Time in which every robot arms; simulated devices need some ticks.
+#: Greatest virtual time until every robot is armed [s]; simulated devices need some ticks.
 ARMING_TIMEOUT_S: Final = 60.0
 
 
@@ -85,7 +85,7 @@ class Sim:
             record_layout(loaded, self.rate_hz), self._process.engine.configs, self.units
         )
         self._closed = False
-        self.state = self._armed()
+        self.state = self._arm()
 
     def step(self, u: Command | None = None, *, ticks: int = 1) -> SimState:
         """Advance by some ticks towards a target; without one the robots go on to the previous target.
@@ -110,7 +110,7 @@ class Sim:
             self._refused = {name: why for name, why in self._refused.items() if name not in targets} | wrong
             self._process.engine.obey(msg.Rows({**targets, **dict.fromkeys(wrong)}), self._process.tick)
         for _ in range(ticks):
-            self._turn()
+            self._run_tick()
         self.state = self._states.read(self._values, self._refused)
         return self.state
 
@@ -153,14 +153,15 @@ class Sim:
 
     def event(self, event: RunEvent) -> None:
         """See `contid.control.engine.cycle.Sink`."""
-        if not isinstance(event, OrderGiven):  # every step gives one
+        if not isinstance(event, OrderGiven):  # every step emits one
             self.events.append(event)
 
-    def _armed(self) -> SimState:
+    def _arm(self) -> SimState:
+        """Run ticks until every robot is armed, or all are in FAULT."""
         engine = self._process.engine
         engine.arm()
         while not engine.armed or self._process.cycles == 0:
-            self._turn()
+            self._run_tick()
             state = self._states.read(self._values, self._refused)
             if all(robot.mode == Mode.FAULT.name for robot in state.robots.values()):
                 break
@@ -173,6 +174,6 @@ class Sim:
             raise ContidError("this simulation is closed; make a new one")
         self._process.engine.obey(message, self._process.tick)
 
-    def _turn(self) -> None:
+    def _run_tick(self) -> None:
         self._process.begin()
         self._process.turn()

@@ -26,7 +26,7 @@ _HALVINGS: Final = 60
 
 
 def fit_line(x: Floats, y: Floats, variances: Floats) -> tuple[tuple[float, float], tuple[float, float]]:
-    """Slope and intercept, and the standard error of each; their t has n - 2 degrees of freedom.
+    """Slope and intercept, and their standard errors; Student's t applies with n - 2 degrees of freedom.
 
     Args:
         x: shape ``(n,)``, n >= 3, not all equal.
@@ -41,8 +41,8 @@ def fit_line(x: Floats, y: Floats, variances: Floats) -> tuple[tuple[float, floa
         for _ in range(_HALVINGS):
             common = 0.5 * (low + high)
             low, high = (common, high) if _weighted(x, y, known + common)[2] > freedom else (low, common)
-    line, covariance, size = _weighted(x, y, known + common)
-    a_error, b_error = np.sqrt(np.diag(covariance) * max(1.0, size / freedom)).tolist()
+    line, covariance, chi2 = _weighted(x, y, known + common)
+    a_error, b_error = np.sqrt(np.diag(covariance) * max(1.0, chi2 / freedom)).tolist()
     return (float(line[0]), float(line[1])), (a_error, b_error)
 
 

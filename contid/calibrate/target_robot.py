@@ -47,8 +47,8 @@ def write_back(path: Path, robot: str, changes: Sequence[Change], measured: Sequ
     Args:
         path: of the robot file.
         robot: its name.
-        changes: keys relative to the robot, ``correction.b``.
-        measured: further placeholders that are none any more, such as a list whose parts are all written.
+        changes: keys are relative to the robot, such as ``correction.b``.
+        measured: further keys to remove from the placeholders, such as a list whose parts are all written.
 
     Raises:
         BadInputError: the result would not load; the file is unchanged.

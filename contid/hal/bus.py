@@ -74,9 +74,11 @@ class Finding:
     """One line of a ``doctor`` report.
 
     Attributes:
+        subject: what was examined, such as a port or an axis.
         ok: False when a person must do something before the robot can run.
+        message: what was found.
         remedy: what to do.
-        warning: ``ok``, but with a restriction, or only after arming has changed it.
+        warning: True for a finding that is ``ok`` with a restriction, or that arming corrects.
     """
 
     subject: str
@@ -104,7 +106,7 @@ class Bus(Protocol):
     axes: tuple[str, ...]
 
     def open(self) -> None:
-        """Connect and shake hands.
+        """Connect, and check that the devices of the robot file answer.
 
         Raises:
             DeviceNotFoundError: the port or a device is missing, or differs from the robot file; the message

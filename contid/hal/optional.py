@@ -120,7 +120,7 @@ class Parks(Protocol):
     """Has axes without homing, whose position is known only when parked: ``contid home --parked``."""
 
     def parkable(self, axis: BaseModel) -> bool:
-        """Whether an axis with these options is one of them."""
+        """True for options of an axis that can be parked."""
 
     def park(
         self, name: str, options: BaseModel, axes: Sequence[AxisOnBus], only: Sequence[str], report: Report
@@ -128,7 +128,7 @@ class Parks(Protocol):
         """Take the present pose of the axes ``only`` as their parked pose; moves nothing.
 
         Raises:
-            DeviceError: an axis is no such axis, or is under power.
+            DeviceError: an axis cannot be parked, or is under power.
         """
 
 
@@ -195,7 +195,7 @@ class Commissions(Protocol):
         """Set a register that moves nothing; returns what it holds afterwards."""
 
     def factory_reset(self, port: str, baud: int, device: int) -> None:
-        """Factory values of every setting but id and baud rate."""
+        """Restore the factory value of every setting but id and baud rate."""
 
     def setup(
         self,
@@ -205,4 +205,12 @@ class Commissions(Protocol):
         ask: Callable[[str], None],
         report: Report,
     ) -> None:
-        """Number the devices of a bus as the robot file has them; ``ask`` waits for the person."""
+        """Give the devices of a bus the ids of the robot file, one device after the other.
+
+        Args:
+            name: the bus.
+            options: the bus's own options.
+            axes: its axes.
+            ask: shows a request, such as to connect one device, and returns when the person has done it.
+            report: takes lines about the progress.
+        """

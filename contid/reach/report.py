@@ -103,7 +103,14 @@ def spatial_report(
     across: int,
     progress: Progress | None = None,
 ) -> ReachReport:
-    """Voxel volumes of spatial arms on one common grid."""
+    """Voxel volumes of spatial arms on one common grid.
+
+    Args:
+        robots: descriptions by name.
+        edge_mm: edge of a voxel [mm]; None gives the widest side of the first arm ``across`` voxels.
+        across: see ``edge_mm``.
+        progress: called with the number of voxels tested so far.
+    """
     volumes: dict[str, Volume] = {}
     edge_m = None if edge_mm is None else edge_mm / MM_PER_M
     for name, robot in robots.items():

@@ -22,6 +22,7 @@ from contid.kinematics.model import Model
 from contid.targets import Actuation, Target
 
 Voxel = tuple[int, int, int]
+#: Called with the number of voxels tested so far.
 Progress = Callable[[int], None]
 
 _SEED: Final = 20171205
@@ -78,7 +79,7 @@ def sample_tips(model: Model, frame: BaseFrame, samples: int) -> tuple[list[Actu
     actuations: list[Actuation] = []
     tips = np.empty((samples, 3))
     for row, actuation in enumerate((low + unit * (high - low)).tolist()):
-        # The inverse also applies limits that are no box (curvature, rack length).
+        # The inverse also applies the limits that couple axes (curvature, rack length).
         inside = model.inverse(Target(actuation=tuple(actuation)), tuple(actuation)).actuation
         actuations.append(inside)
         tips[row] = frame.point_in_world(model.forward(inside).tip_m)

@@ -86,8 +86,9 @@ def parse_robot_file(text: str, name: str, recorded: bool = False) -> LoadedFile
 
     Args:
         text: the YAML text.
-        name: what messages call it.
-        recorded: it comes from a session file; keys of older revisions are accepted.
+        name: of the file in messages.
+        recorded: the text comes from a session file; keys of older revisions are accepted, and
+            ``rate_hz`` is not checked against the drivers.
 
     Raises:
         BadInputError: as `load_robot_file`.
@@ -124,7 +125,7 @@ class _Loader:
 
     def __init__(self, document: Document, recorded: bool) -> None:
         self.document = document
-        #: The rate of a recorded file was possible, on the driver of its time.
+        #: From a session: its rate and options are not checked, they were possible with the driver of then.
         self.recorded = recorded
         self.findings: list[Located] = []
         self.drivers: dict[str, Driver] = {}
@@ -146,13 +147,15 @@ class _Loader:
         whole = self._validated(RobotFile, head, ())
         buses, robots = _mapping(data.get("buses")), _mapping(data.get("robots"))
         self.axes = {name: [] for name in buses}
-        wirings = {name: self._bus(name, raw) for name, raw in buses.items() if not self.enough}
+        wirings = {name: self._bus(name, raw) for name, raw in buses.items() if not self.too_many_findings}
         rate_hz = data.get("rate_hz")
         if isinstance(rate_hz, int | float) and rate_hz > 0:
             for message in watchdog_too_short([bus for bus in wirings.values() if bus], rate_hz):
                 self.findings.append(self.document.at_value(("rate_hz",), f"rate_hz: {message}"))
-        described = {name: self._robot(name, raw) for name, raw in robots.items() if not self.enough}
-        if self.enough:
+        described = {
+            name: self._robot(name, raw) for name, raw in robots.items() if not self.too_many_findings
+        }
+        if self.too_many_findings:
             return {}
         complete = {name: replace(bus, axes=tuple(self.axes[name])) for name, bus in wirings.items() if bus}
         if isinstance(rate_hz, int | float) and rate_hz > 0 and not self.recorded:
@@ -172,24 +175,27 @@ class _Loader:
         return complete
 
     @property
-    def enough(self) -> bool:
-        """More findings than are listed; no other part is looked at."""
+    def too_many_findings(self) -> bool:
+        """True with more findings than are listed; further parts are then not checked."""
         return len(self.findings) > MAX_FINDINGS
 
     def _validated(
         self, kind: type[_Part], data: Data, at: KeyPath, also: Sequence[str] = ()
     ) -> _Part | None:
-        """``data`` as a ``kind``; mistakes become findings and are replaced where possible."""
+        """``data`` as a ``kind``; mistakes become findings and are replaced where possible.
+
+        ``at`` is the path of ``data`` in the document; ``also`` are further keys allowed there.
+        """
         try:
             return kind.model_validate_json(json.dumps(data), strict=True)
         except ValidationError as error:
             self.findings += explain(error, self.document, at, kind, also)
-            return None if self.enough else recovered(kind, data)
+            return None if self.too_many_findings else recovered(kind, data)
 
     def _bus(self, name: str, raw: Data) -> BusWiring | None:
         at: KeyPath = ("buses", name)
         self.findings += check_name(self.document, at)
-        common = self._validated(BusDescription, _mine(raw, BUS_KEYS), at)
+        common = self._validated(BusDescription, _contid_keys(raw, BUS_KEYS), at)
         if not isinstance(raw, dict) or not isinstance(raw.get("driver"), str) or common is None:
             return None
         try:
@@ -199,7 +205,7 @@ class _Loader:
             message = f"driver: {shown(common.driver)} is not installed; {allowed}"
             self.findings.append(self.document.at_value((*at, "driver"), message))
             return None
-        options = self._validated(driver.bus_options, _theirs(raw, BUS_KEYS), at, BUS_KEYS)
+        options = self._validated(driver.bus_options, _driver_keys(raw, BUS_KEYS), at, BUS_KEYS)
         if options is None:
             return None
         return BusWiring(name, common.driver, options, (), common.tolerance_ticks)
@@ -214,9 +220,9 @@ class _Loader:
         wired = {
             axis: self._axis((*at, "axes", axis), each)
             for axis, each in _mapping(raw.get("axes")).items()
-            if not self.enough
+            if not self.too_many_findings
         }
-        if self.enough:
+        if self.too_many_findings:
             return None
         kinds = robot_classes()
         model = raw.get("model")
@@ -240,7 +246,7 @@ class _Loader:
 
     def _axis(self, at: KeyPath, raw: Data) -> WiredAxis:
         """One axis: its common keys, its bus, its driver's keys, and a unique address."""
-        common = self._validated(AxisDescription, _mine(raw, AXIS_KEYS), at)
+        common = self._validated(AxisDescription, _contid_keys(raw, AXIS_KEYS), at)
         bus = raw.get("bus") if isinstance(raw, dict) else None
         if not isinstance(bus, str) or not isinstance(raw, dict):
             return WiredAxis(at, common, None)
@@ -250,7 +256,7 @@ class _Loader:
         driver = self.drivers.get(bus)
         if driver is None:
             return WiredAxis(at, common, None)
-        options = self._validated(driver.axis_options, _theirs(raw, AXIS_KEYS), at, AXIS_KEYS)
+        options = self._validated(driver.axis_options, _driver_keys(raw, AXIS_KEYS), at, AXIS_KEYS)
         if options is None:
             return WiredAxis(at, common, None)
         owner = f"{at[1]}.{at[3]}"
@@ -292,11 +298,11 @@ def _mapping(data: Data) -> dict[str, Data]:
     return data if isinstance(data, dict) else {}
 
 
-def _mine(data: Data, keys: Sequence[str]) -> Data:
+def _contid_keys(data: Data, keys: Sequence[str]) -> Data:
     """The keys of a mapping that belong to contid; other data unchanged."""
     return {key: data[key] for key in keys if key in data} if isinstance(data, dict) else data
 
 
-def _theirs(data: dict[str, Data], keys: Sequence[str]) -> Data:
+def _driver_keys(data: dict[str, Data], keys: Sequence[str]) -> Data:
     """The keys of a mapping that belong to the driver."""
     return {key: value for key, value in data.items() if key not in keys}

@@ -11,7 +11,7 @@ from contid.robot_file.robot import RobotDescription
 from contid.targets import Actuation, Vec3
 from contid.units import MM_PER_M
 
-#: The native kernel has scratch on the stack for so many.
+#: The native kernel has scratch memory on the stack for this many sections.
 MAX_TENDON_SECTIONS = 8
 MAX_TENDONS = 8  # of a section
 
@@ -32,7 +32,7 @@ class TendonSectionDescription(Strict):
     rigid_mm: NonNegative = 0.0
 
     @model_validator(mode="after")
-    def _around(self) -> TendonSectionDescription:
+    def _check_angles(self) -> TendonSectionDescription:
         count = len(self.angles_deg)
         if len(self.radius_mm) not in (1, count):
             raise ValueError(
@@ -106,7 +106,7 @@ class Tension(Strict):
     tendon_n_per_mm: Annotated[tuple[Positive, ...], Field(min_length=1, max_length=MAX_TENDON_SECTIONS)]
 
     @model_validator(mode="after")
-    def _room(self) -> Tension:
+    def _check_range(self) -> Tension:
         if self.max_n < 2.0 * self.floor_n:
             raise ValueError(f"max_n {self.max_n:g} is less than twice floor_n, {2.0 * self.floor_n:g}")
         return self

@@ -23,18 +23,27 @@ class Info:
     """A summary.
 
     Attributes:
+        file: path of the session.
+        bytes: size of the file.
         state: ``clean`` or why not.
         compacted: indexed and compressed.
         began: UTC, ISO 8601.
-        duration_s: from the first tick to the last.
+        duration_s: from the first tick to the last [s].
+        ticks: number of recorded ticks.
+        rate_hz: ticks per second.
+        virtual: recorded in virtual time.
         late: ticks that started more than a tenth of a period after their deadline; 0 in virtual time.
         skipped: ticks that were not started.
         waited: periods that passed while devices were connected, armed or cleared.
-        longest_gap_ms: longest time between two ticks that others were left out of; 0 when none was.
+        longest_gap_ms: longest time between two recorded ticks with skipped or waited ones between them; 0
+            without any.
         lost: ticks that the recorder missed.
         robots: model, axes and last mode by name.
+        input: name of the trajectory and its number of rows, or ``live``.
+        faults: tick, robot and message of each.
         events: number of each kind.
         listed: important events with their tick.
+        versions: of contid and its libraries, by name.
     """
 
     file: str

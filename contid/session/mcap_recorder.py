@@ -2,8 +2,8 @@
 
 Started before the first tick as ``python -m contid.session.mcap_recorder`` with a pickled `RecorderJob` on
 stdin. Its stdout has lines for the daemon: ``ready`` or an error, later further errors. It sleeps until half
-a period after the next deadline, computed from the newest record, with the writer's pidfd in the same
-``select``: one wake-up per tick, no polling, no work for the control process.
+a period after the next deadline, computed from the newest record, with the pidfd of the ring's writer (the
+control process) in the same ``select``: one wake-up per tick, no polling, no work for the control process.
 
 It ends when the ring is finished or the ring's writer has ended, with or without the daemon: drains the ring,
 adds the footer, compacts. It ignores SIGTERM and SIGINT, which service managers send to the whole group.
@@ -37,7 +37,7 @@ _MAX_RECORDS: Final = 256
 #: Fraction of a period after a deadline at which its record is read.
 _DELAY: Final = 0.5
 _MIN_SLEEP_S: Final = 5e-4
-#: Nice value while recording: a kill of this process loses the records that are only in the ring.
+#: Nice value while recording. A kill of this process loses the records that are still in the ring only.
 _PRIORITY: Final = -10
 
 
@@ -54,6 +54,7 @@ class McapRecorder:
         self._period_s = 1.0 / job.header.layout.rate_hz
         self._next_s = 0.0
         self._taken = 0
+        #: Ticks and events missed so far.
         self._missed = (0, 0)
         self._inbox = -1
         self._lines = b""
@@ -63,20 +64,20 @@ class McapRecorder:
             self._pidfd = -1
 
     def run(self) -> None:
-        """Record until the writer is done.
+        """Record until the ring is finished or the control process, its writer, has ended.
 
         Raises:
             ContidError: the file cannot be written.
         """
-        gone = self._pidfd < 0
+        writer_ended = self._pidfd < 0
         while True:
             # Read before the ring is drained: what was written until then is read below.
             finished = self._reader.finished
             while self._drain():
                 pass
-            if finished or gone:
+            if finished or writer_ended:
                 break
-            gone = self._sleep()
+            writer_ended = self._sleep()
         if not finished:
             self._writer.event(RecorderFailed(message="the control process ended unexpectedly"))
         self._writer.finish()
@@ -136,7 +137,7 @@ class McapRecorder:
                 path.unlink()
 
     def _sleep(self) -> bool:
-        """Sleep until the next record is due; True if the writer has ended."""
+        """Sleep until the next record is due; True if the control process has ended."""
         wait_s = self._next_s - time.monotonic()
         if wait_s <= 0.0:  # overdue: the robots are connecting, or a tick was skipped
             wait_s = max(_DELAY * self._period_s, _MIN_SLEEP_S)

@@ -24,7 +24,7 @@ from contid.session.format.metadata import TRAJECTORY, describe, encode_trajecto
 from contid.session.mcap_recorder import READY
 from contid.session.write import SessionSink, SessionWriter
 
-#: How long the end of a run waits for compaction; 45 minutes of a hand take a third of it.
+#: How long the end of a run waits for compaction; a session of 45 minutes of a hand takes a third of it.
 COMPACTION_TIMEOUT_S: Final = 120.0
 
 
@@ -44,8 +44,8 @@ class RecordingObserver:
         self._host = host
         self._process: subprocess.Popen[bytes] | None = None
         self._writer: SessionWriter | None = None
-        self._played = 0
-        self._sent: list[Path] = []
+        self._played = 0  # trajectories of orders so far
+        self._sent: list[Path] = []  # files of trajectories for the recorder to remove
         #: The recorder failed: records are missing from the session.
         self.lost = False
 

@@ -1,7 +1,7 @@
 """Shapes to follow, as points by time, for ``contid path``.
 
 Every shape is a function of ``tau``, the number of laps, one per period. Plane coordinates (x, y) are about
-the shape's centre, z is added to the height; lengths in mm. Open shapes return the way they came.
+the shape's centre, z is added to the height; lengths in mm. Open shapes return on the same path.
 
 Source: the trajectories of Shi et al. (Fig. 7: square, ellipse, spiral, box with variable height), Hughes et
 al. (Fig. 5: traverse, diagonal, corners) and Morita et al. (section V: circle, line). The papers print no

@@ -43,17 +43,17 @@ class Viewer:
             sys.stderr.write(f"contid: view: {self._session.server.url}\n")
 
     def run(self) -> None:
-        """Draw until the writer is done."""
-        gone = self._pidfd < 0
+        """Draw until the ring is finished, the control process has ended, or the window is closed."""
+        writer_ended = self._pidfd < 0
         while True:
             finished = self._reader.finished
             self._draw_new()
-            if finished or gone:
+            if finished or writer_ended:
                 break
             if self._session.window is not None and not self._session.window.open:
                 sys.stderr.write("contid: view: the window was closed; the run goes on\n")
                 return
-            gone = bool(select.select([self._pidfd], [], [], 1.0 / FRAMES_HZ)[0])
+            writer_ended = bool(select.select([self._pidfd], [], [], 1.0 / FRAMES_HZ)[0])
         self._decimator.finish()
 
     def close(self) -> None:

@@ -11,7 +11,7 @@ from contid.view.csp_proxy import LOOPBACK
 from contid.view.rerun_program import await_port, free_port, start_rerun
 from contid.view.view_target import ViewError
 
-#: The program listens at once; missing graphics or displays end it up to this much later.
+#: The program opens its port at once; without graphics or a display it ends up to this much later [s].
 OPENING_S: Final = 3.0
 _COLOURS: Final = re.compile(r"\x1b\[[0-9;]*m")
 

@@ -168,7 +168,7 @@ def test_schemas_are_strict() -> None:
 
 
 def test_modes_have_their_names_in_the_schema() -> None:
-    (message,) = {each.message for each in FIELDS["tick"] if each.path[-1] == "mode"}
+    (message,) = {each.meaning for each in FIELDS["tick"] if each.path[-1] == "mode"}
     assert message == ", ".join(f"{mode.value} {mode.name}" for mode in Mode)
 
 

@@ -30,12 +30,13 @@ OFFSET_SPREAD_M: Final = 0.3e-3
 REST_SPREAD_RAD: Final = 0.05
 LOG_SPREAD: Final = 1.0
 TWIST_SPREAD_RAD: Final = 0.1
-#: Expected bending stiffness and friction over the square of the radius; play [m]; hardening [1/m].
+#: Expected bending stiffness E I / (L k), with k the stiffness of a tendon, and friction, both over the
+#: square of the radius; play [m]; hardening [1/m].
 STIFFNESS: Final = 0.3
 FRICTION: Final = 0.01
 PLAY_M: Final = 0.03e-3
 HARDENING_PER_M: Final = 300.0
-#: A value that is switched off where its logarithm is a parameter.
+#: Stands for 0 where the logarithm of a quantity is the parameter.
 NONE: Final = 1e-12
 MOUNTING: Final = ("length_m", "base_m", "tilt_rad", "marker_m")
 
@@ -59,22 +60,22 @@ class Nominal(NamedTuple):
 
     @property
     def tendon_names(self) -> tuple[str, ...]:
-        """``s1.t1`` and on."""
+        """``s1.t1``, ``s1.t2`` and so on."""
         return tuple(f"s{s + 1}.t{t + 1}" for s, n in enumerate(self.tendons) for t in range(n))
 
     @property
     def section_names(self) -> tuple[str, ...]:
-        """``s1`` and on."""
+        """``s1``, ``s2`` and so on."""
         return tuple(f"s{s + 1}" for s in range(len(self.tendons)))
 
     @property
     def passing_names(self) -> tuple[str, ...]:
-        """``s2/s1``, ``s3/s1``, ``s3/s2`` and on: tendons of one section in another before it."""
+        """``s2/s1``, ``s3/s1``, ``s3/s2`` and so on: tendons of one section in another before it."""
         return tuple(f"s{j + 1}/s{k + 1}" for j in range(len(self.tendons)) for k in range(j))
 
     @property
     def bend_names(self) -> tuple[str, ...]:
-        """``s1.x``, ``s1.y`` and on."""
+        """``s1.x``, ``s1.y`` and so on."""
         return tuple(f"{name}.{axis}" for name in self.section_names for axis in "xy")
 
 
@@ -141,11 +142,11 @@ class LinearBends:
 
     @cached_property
     def parameters(self) -> Parameters:
-        """A has no expectation: its spread is as large as its elements."""
+        """The prior of A is that of the geometry, with a standard deviation as large as its elements."""
         nominal = self.nominal
         tendons = len(nominal.tendon_names)
-        arms = np.full(tendons, nominal.radius_m)
-        matrix = np.linalg.pinv(pull_matrix(nominal.tendons, arms, nominal.angle_rad))
+        radii = np.full(tendons, nominal.radius_m)
+        matrix = np.linalg.pinv(pull_matrix(nominal.tendons, radii, nominal.angle_rad))
         names = [f"{bend}/{tendon}" for bend in nominal.bend_names for tendon in nominal.tendon_names]
         groups = [group("gain_per_m", names, np.asarray(matrix.ravel()), 1.0 / nominal.radius_m)]
         groups += _mounting_groups(nominal, self.offsets)
@@ -190,7 +191,12 @@ def _play_rows(pull: Array, width: Array) -> tuple[Array, Array]:
 
 @dataclass(frozen=True, eq=False)
 class ElasticBends:
-    """The least energy of backbone and tendons that never push; with or without dry friction and play."""
+    """The least energy of backbone and tendons that never push; with or without dry friction and play.
+
+    Attributes:
+        nominal: the robot before the fit.
+        friction: also fit dry friction and play; else both are 0.
+    """
 
     nominal: Nominal
     friction: bool = True
@@ -210,8 +216,8 @@ class ElasticBends:
             group("rest_rad", nominal.bend_names, 0.0, REST_SPREAD_RAD),
         ]
         if self.friction:
-            slid = math.log(FRICTION * d * d)
-            groups.append(group("log_friction", nominal.section_names, slid, LOG_SPREAD))
+            log_friction = math.log(FRICTION * d * d)
+            groups.append(group("log_friction", nominal.section_names, log_friction, LOG_SPREAD))
             groups.append(group("log_play", nominal.section_names, math.log(PLAY_M), LOG_SPREAD))
         return Parameters((*groups, *_mounting_groups(nominal, True)))
 

@@ -30,11 +30,11 @@ class TendonRecording:
 
     Attributes:
         name: of the data, in messages.
-        time_s: of each row.
+        time_s: of each row [s], shape ``(rows,)``.
         pattern: label of each row, without ``_hold``.
         servos: name of each column of ``pull_m``.
-        pull_m: shape ``(rows, tendons)``.
-        tip_m: measured, shape ``(rows, 3)``.
+        pull_m: pull of each tendon [m], shape ``(rows, tendons)``.
+        tip_m: measured tip [m], shape ``(rows, 3)``.
     """
 
     name: str
@@ -49,7 +49,7 @@ class TendonRecording:
 
     @property
     def runs(self) -> Array:
-        """Number of the pattern of each row, counted up at every change of the label."""
+        """Number of the run of each row, from 0, shape ``(rows,)``; a change of the label begins a run."""
         labels = np.array(self.pattern)
         changes = np.flatnonzero(labels[1:] != labels[:-1]) + 1
         runs = np.zeros(len(self))

@@ -38,7 +38,14 @@ _SERVO_ID = re.compile(r"servo_(\d+)_mm")
 
 @dataclass(frozen=True, slots=True)
 class FittedNumber:
-    """A fitted parameter in the unit of its name, with its 95 % interval."""
+    """A fitted parameter in the unit of its name, with its 95 % interval.
+
+    Attributes:
+        name: of the quantity, with its unit: ``radius_mm``.
+        label: tendon, section or axis that it belongs to: ``s1.t2``.
+        value: the estimate.
+        low, high: ends of the interval.
+    """
 
     name: str
     label: str
@@ -66,7 +73,7 @@ def numbers(stage: Stage) -> Iterator[FittedNumber]:
 
 
 def millimetres(found: Accuracy | None) -> dict[str, object] | None:
-    """Errors of a stage in mm."""
+    """Errors of a stage in mm, each with its 95 % interval; None for none."""
     if found is None:
         return None
     return {
@@ -81,7 +88,7 @@ def millimetres(found: Accuracy | None) -> dict[str, object] | None:
 def changes(
     stage: Stage, robot: TendonRobot, servos: Sequence[str], geometry: FoundGeometry | None, note: str
 ) -> list[Change]:
-    """What the robot file holds of a fit.
+    """Changes of the robot file that a fit gives.
 
     Lengths, radii and azimuths of the sections; the bending stiffness, from the stiffness of the tendons
     that the file states, because a recording without forces gives only their quotient; play where the file

@@ -1,6 +1,6 @@
 """The convex set of lengths a chain of sections may take, with a name for every limit.
 
-Four kinds of limits, all convex in the lengths l:
+Three kinds of limits, all convex in the lengths l:
 
 * minimum and maximum length of every tube or rack;
 * the rack budget: the racks of a tri-rack arm pass through all segments, ``sum_i l_ij <= rack``;
@@ -70,7 +70,7 @@ class BoundedChain(Protocol):
         ...
 
     def binding(self, lengths: Array) -> int:
-        """Bits of the limits that bind."""
+        """Bit mask of the limits that bind."""
         ...
 
     def worst(self, lengths: Array, held: Collection[int]) -> tuple[float, Array, int]:
@@ -155,7 +155,7 @@ class Feasible:
         return min(sum(self.upper), self.rack_m) + sum(self.sections.rigid_m)
 
     def excess(self, lengths: Array) -> Array:
-        """By how much every limit is exceeded [m], negative inside, in the order of `names`; one of each."""
+        """By how much every limit is exceeded [m], negative inside, in the order of `names`."""
         arcs = self.sections.arcs(lengths)
         bend = np.full(self.sections.count, -math.inf)
         if self.curvature_max < math.inf:
@@ -170,7 +170,7 @@ class Feasible:
         )
 
     def binding(self, lengths: Array) -> int:
-        """Bits of the limits that bind at these lengths, in the order of `names`."""
+        """Bit mask of the limits that bind at these lengths, in the order of `names`."""
         return sum(1 << int(k) for k in np.flatnonzero(self.excess(lengths) > -BINDING_M))
 
     def worst(self, lengths: Array, held: Collection[int]) -> tuple[float, Array, int]:
@@ -207,7 +207,7 @@ class Feasible:
         theta = math.hypot(u, v)
         if theta >= 1e-9:
             to_arc = self.sections.to_arc[s]
-            across = (u * to_arc[1] - v * to_arc[0]) / theta  # of d(u, v)/dl, what turns the bend
+            across = (u * to_arc[1] - v * to_arc[0]) / theta  # part of d(u, v)/dl across the bend
             block = slice(3 * s, 3 * s + 3)
             curvature[block, block] = self.sections.radius_m[s] / theta * np.outer(across, across)
         return curvature

@@ -17,7 +17,7 @@ from contid.robot_file.sections import SectionRobot
 from contid.targets import ZERO3, Actuation, Pose, Solution, Target, Vec3
 from contid.units import LIMIT_TOLERANCE_M, m_to_mm
 
-#: Numbers of sections with a kernel of their own.
+#: Counts of sections for which a kernel is compiled with that count fixed.
 EXACT_BUILDS: Final = (1, 2)
 
 
@@ -92,7 +92,7 @@ class SectionModel:
         return Pose(tip, rotation, (rotation[2], rotation[5], rotation[8]), mid)
 
     def jacobian(self, actuation: Actuation, load_n: Vec3 = ZERO3) -> Array:
-        """Tip by lengths, shape (3, 3 n); regular on the straight arm."""
+        """Derivative of the tip by the lengths, shape (3, 3 n); regular on the straight arm."""
         tip, spin, mid = np.empty((3, 3, len(self.axis_names)))
         self.solver.differentiate(actuation, tip, spin, mid)
         return tip

@@ -22,13 +22,23 @@ from contid.kinematics.array import Array
 from contid.kinematics.halton import PRIMES, radical_inverse
 from contid.targets import Vec3
 
+#: Number of postures in the library of starts.
 LIBRARY: Final = 256
 # Larger than the error of any arm [m]; its square does not overflow.
 MAX_ERROR_M: Final = 1e6
 
 
 class SectionSolution(NamedTuple):
-    """Lengths inside every limit, the task error left [m], and the effort spent."""
+    """Lengths inside every limit, and the error that is left.
+
+    Attributes:
+        lengths: of every tube or rack [m].
+        residual_m: norm of the task error [m].
+        converged: it is within the tolerance.
+        binding: bit mask of the limits that bind.
+        iterations: damped steps in all.
+        starts: descents that were run; 0 for a closed form.
+    """
 
     lengths: tuple[float, ...]
     residual_m: float
@@ -89,6 +99,7 @@ class SectionSolver:
         tried = agreeing = 1
         beyond = math.dist(goal.tip, (0.0, 0.0, 0.0)) > self.feasible.longest_m
         tracked = float(np.abs(best - start).max()) <= self.tuning.tracking * self.tuning.ell_m
+        # 2 * LIBRARY: no bound. See `Tuning.agreeing` and `Tuning.tracking`.
         enough = self.tuning.agreeing if beyond else 2 * LIBRARY
         most = self.tuning.agreeing if tracked else 2 * LIBRARY
         if error > self.tuning.tolerance_m:
@@ -96,7 +107,7 @@ class SectionSolver:
                 lengths, left, steps = self._descent.run(start, goal)
                 iterations += steps
                 tried += 1
-                # A clear gain only, so that rounding cannot make the answer jump between equal minima.
+                # Only a gain above 0.1 %, so that rounding cannot make the answer jump between equal minima.
                 if left <= self.tuning.tolerance_m or left < 0.999 * error:
                     best, error, agreeing = lengths, left, 1
                 elif left < 1.001 * error:
@@ -117,7 +128,7 @@ class SectionSolver:
 
     def _closed_form(self, goal: Goal) -> Array | None:
         """Lengths from the closed forms, if they exist and are inside every limit."""
-        if not isinstance(self.sections, Sections):  # the length of a section is given: no arc leads anywhere
+        if not isinstance(self.sections, Sections):  # sections of fixed length have no closed form
             return None
         arcs: Sequence[tuple[float, float, float]] | None = None
         rigid = self.sections.rigid_m

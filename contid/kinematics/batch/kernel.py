@@ -16,7 +16,7 @@ Bytes: TypeAlias = NDArray[np.uint8]
 
 @runtime_checkable
 class ManyForward(Protocol):
-    """Poses of many rows."""
+    """Interface of a kernel that computes the poses of many rows."""
 
     def forward_many(self, actuations: Array, out: Bytes, threads: int) -> None:
         """Fill rows of `POSE`."""
@@ -25,7 +25,7 @@ class ManyForward(Protocol):
 
 @runtime_checkable
 class ManyInverse(Protocol):
-    """Answers for many rows."""
+    """Interface of a kernel that solves the inverse of many rows."""
 
     def inverse_many(
         self,

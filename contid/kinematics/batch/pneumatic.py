@@ -37,7 +37,7 @@ class _RodKernel(Protocol):
 
 
 def forward(model: CosseratModel, actuations: Array, load_n: Array | None, threads: int) -> Poses | None:
-    """Poses of rows of pressures [Pa] under loads [N]. None without a kernel."""
+    """Poses of pressures ``(rows, axes)`` [Pa] under loads ``(rows, 3)`` [N]; None without a kernel."""
     kernel = model.engine
     if not isinstance(kernel, _RodKernel):
         return None
@@ -51,7 +51,11 @@ def forward(model: CosseratModel, actuations: Array, load_n: Array | None, threa
 def inverse(
     model: CosseratModel, targets: Targets, seeds: Array, chained: bool, threads: int
 ) -> Solutions | None:
-    """Pressures [Pa] for rows of targets. None without a kernel, or where a row needs the one before."""
+    """Pressures [Pa] for targets, from ``seeds`` of shape ``(rows, axes)`` [Pa].
+
+    None without a kernel, or where a row needs the one before (``chained``). Rows whose answer the kernel
+    finds unstable are solved again by the model itself.
+    """
     kernel = model.engine
     if chained or not isinstance(kernel, _RodKernel):
         return None

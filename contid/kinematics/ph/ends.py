@@ -136,8 +136,8 @@ def through(ends: CurveEnds, length_m: float | None = None, beta: float = 0.0, g
     if math.isnan(m):
         m = speed_as_mean(chord, G, k)
         if length_m is not None:
-            met, note = False, _why_not(chord, length_m)
-    # The preimages m was found for: lifting nearly opposite derivatives again could give others.
+            met, note = False, _length_note(chord, length_m)
+    # The preimages from which m was computed: lifting nearly opposite derivatives again could give others.
     root = math.sqrt(m)
     curve = quintic_between(start, chord, root * a0, root * a2, 120.0 * chord + m * G, gamma)
     return PhFit(curve, m, beta, gamma, met, note)
@@ -181,7 +181,7 @@ def _unit(direction: Vec3) -> Array:
     return result
 
 
-def _why_not(chord: Array, length_m: float) -> str:
+def _length_note(chord: Array, length_m: float) -> str:
     span = math.sqrt(float(chord @ chord))
     if length_m < span:
         return f"a length of {length_m * 1e3:g} mm is {(span - length_m) * 1e3:.3g} mm shorter than the chord"

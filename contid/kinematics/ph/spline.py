@@ -1,4 +1,4 @@
-"""Quintics one after another: several links, or a body too complex for a single curve."""
+"""Spline of Pythagorean-hodograph quintics: several links, or a body too complex for a single curve."""
 
 from __future__ import annotations
 
@@ -29,11 +29,11 @@ class PhSpline:
         """
         s = np.asarray(s_m, dtype=np.float64).reshape(-1)
         starts = np.concatenate([[0.0], np.cumsum([piece.length_m for piece in self.pieces])[:-1]])
-        owner = np.clip(np.searchsorted(starts, s, side="right") - 1, 0, len(self.pieces) - 1)
+        piece_of = np.clip(np.searchsorted(starts, s, side="right") - 1, 0, len(self.pieces) - 1)
         points = np.empty((len(s), 3))
         for index, piece in enumerate(self.pieces):
-            mine = owner == index
-            points[mine] = piece.point(piece.parameter_at(s[mine] - starts[index]))
+            inside = piece_of == index
+            points[inside] = piece.point(piece.parameter_at(s[inside] - starts[index]))
         return points
 
     def evenly(self, points: int) -> Array:

@@ -83,7 +83,7 @@ class RackFingerModel:
         return Pose(tip, (cos, sin, 0.0, -sin, cos, 0.0, 0.0, 0.0, 1.0), (sin, cos, 0.0), tip)
 
     def jacobian(self, actuation: Actuation, load_n: Vec3 = ZERO3) -> Array:
-        """Tip by racks, shape (3, 2); regular on the straight line, unlike Eq. 6 in [r, theta]."""
+        """Derivative of the tip by the racks, shape (3, 2); regular on the straight line, unlike Eq. 6."""
         left, right = actuation
         arc_length_m, theta = self.arc(actuation)
         gain = self.curvature_gain(arc_length_m)

@@ -13,7 +13,7 @@ from typing import Final, NamedTuple
 
 from contid.targets import Vec3
 
-#: Where a tip is at a parameter.
+#: Position of a tip [m] as a function of a parameter.
 Curve = Callable[[float], Vec3]
 
 _INVERSE_GOLDEN: Final = (math.sqrt(5.0) - 1.0) / 2.0
@@ -24,7 +24,15 @@ _DETOUR: Final = 1.2
 
 
 class _Valley(NamedTuple):
-    """A sample nearer than its neighbours: distance, curve, parameters, lower bound of the distance."""
+    """A sample nearer to the goal than its neighbours, and the interval between them.
+
+    Attributes:
+        distance: of the sample from the goal.
+        curve: number of the curve.
+        at: parameter of the sample.
+        low, high: parameters of its neighbours.
+        floor: lower bound of the distance between them.
+    """
 
     distance: float
     curve: int

@@ -93,9 +93,9 @@ class Catenary:
 
     def pull_n(self, weight_n: float) -> tuple[float, float]:
         """Tension at the start and at the end [N] of a rope of this weight; inf when it is taut."""
-        across = weight_n * self.a_m / self.length_m
+        horizontal_n = weight_n * self.a_m / self.length_m
         ends = (self.slope_start, self._slope(self.length_m))
-        return across * math.hypot(1.0, ends[0]), across * math.hypot(1.0, ends[1])
+        return horizontal_n * math.hypot(1.0, ends[0]), horizontal_n * math.hypot(1.0, ends[1])
 
     def _slope(self, s_m: float) -> float:
         return self.slope_start + s_m / self.a_m
@@ -136,9 +136,9 @@ def stretch(surplus: float) -> float:
     high = max(high, low * 1.5)
     xi = low
     for _ in range(60):
-        excess = _log_sinh_by(xi) - ratio
+        excess = _log_sinhc(xi) - ratio
         low, high = (xi, high) if excess < 0.0 else (low, xi)
-        step = xi - excess / _rate(xi)
+        step = xi - excess / _log_sinhc_slope(xi)
         new = step if low < step < high else 0.5 * (low + high)
         if abs(new - xi) <= 2e-16 * xi:
             return new
@@ -147,13 +147,13 @@ def stretch(surplus: float) -> float:
 
 
 def as_quintic(rope: Catenary) -> PhFit:
-    """The rope as one quintic of its length with its end directions: 0.05 mm per metre at usual sags."""
+    """The rope as one quintic with its length and end directions; error 0.05 mm per metre at usual sags."""
     return through(
         CurveEnds(rope.start_m, rope.end_m, rope.start_direction, rope.end_direction), rope.length_m
     )
 
 
-def _log_sinh_by(xi: float) -> float:
+def _log_sinhc(xi: float) -> float:
     """``log(sinh(xi) / xi)``."""
     if xi < 0.05:
         q = xi * xi
@@ -161,8 +161,8 @@ def _log_sinh_by(xi: float) -> float:
     return xi + math.log(-math.expm1(-2.0 * xi) / (2.0 * xi))
 
 
-def _rate(xi: float) -> float:
-    """Derivative of `_log_sinh_by`: ``coth(xi) - 1 / xi``."""
+def _log_sinhc_slope(xi: float) -> float:
+    """Derivative of `_log_sinhc`: ``coth(xi) - 1 / xi``."""
     if xi < 0.05:
         q = xi * xi
         return xi * (1.0 / 3.0 - q * (1.0 / 45.0 - q * (2.0 / 945.0 - q / 4725.0)))

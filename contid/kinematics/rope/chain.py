@@ -42,7 +42,7 @@ class ChainState:
         feasible: long enough, and above the floor.
         margin_m: height of the lowest point above the floor [m]; when the rope is too short, minus the
             missing length.
-        lowest: its lowest point in the world [m]; None when it is too short.
+        lowest: the rope's lowest point in the world [m]; None when it is too short.
         reason: why it is not feasible, "" when it is.
         pull_n: tension at the first and the second tip [N]; None unless it is pinned, of known mass, and not
             taut.
@@ -105,7 +105,7 @@ class ChainGuard:
         return tuple(through(ends, length_m) for ends, length_m in self._ends(tips, hanging))
 
     def _ends(self, tips: Mapping[str, Tip], hanging: Catenary) -> tuple[tuple[CurveEnds, float], ...]:
-        """Ends and length of every piece."""
+        """Ends and length [m] of every piece."""
         pinned, one = self._rope.ends == "pinned", self._rope.pieces == 1
         (start, leaving), (end, entering) = (tips[arm] for arm in self.arms)
         x, y, z = entering

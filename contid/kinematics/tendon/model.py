@@ -152,7 +152,7 @@ class TendonModel:
         )
 
     def jacobian(self, actuation: Actuation, load_n: Vec3 = ZERO3) -> Array:
-        """Tip by pulls, shape (3, tendons); exact, also for the straight robot."""
+        """Derivative of the tip by the pulls, shape (3, tendons); exact, also for the straight robot."""
         tip, spin, mid = np.empty((3, 3, len(self._lengths)))
         self.solver.differentiate(tuple((self._by_pulls @ actuation).tolist()), tip, spin, mid)
         jacobian: Array = tip @ self._by_pulls

@@ -1,6 +1,6 @@
 """The client side of the protocol without I/O: requests to bytes, bytes to results and notices.
 
-Lines take effect in order of arrival: the credit of a move is that of the newest line, be it a response or a
+Lines take effect in order of arrival: the credit of a move is that of the newest line, whether response or
 notice.
 """
 

@@ -76,7 +76,7 @@ class Procedures(ABC):
 
     @abstractmethod
     async def _sleep(self, seconds: float) -> None:
-        """Let time pass."""
+        """Wait for this time [s]."""
 
     @abstractmethod
     async def _disconnect(self) -> None:
@@ -156,7 +156,7 @@ class Procedures(ABC):
         return await self.request("clear_fault", robots=_names(robots))
 
     async def grip(self, share: float, robots: Robots = None) -> Fields:
-        """Limit the effort to a share (0 to 1) of that of the robot file; robots stay as they are."""
+        """Limit the effort to a share (0 to 1) of that of the robot file; moves and arms nothing."""
         return await self.request("grip", share=share, robots=_names(robots))
 
     async def recover(self, robots: Robots = None, *, after_stop: bool = False) -> Fields:
@@ -285,10 +285,10 @@ class Procedures(ABC):
         """Send the tip position that a tracker measured; needs no lease, one tracker per robot.
 
         Args:
-            tip_mm: position in the world frame.
+            tip_mm: position in the world frame, ``(x, y, z)``.
             direction: of the body at its tip, in the world frame; its length does not matter.
             robot: its name; may be left out when there is only one.
-            age_ms: time since the capture.
+            age_ms: time since the capture; 0 when neither time is given.
             time_s: time of the capture, by `time.monotonic` on this machine; instead of ``age_ms``.
 
         Returns:

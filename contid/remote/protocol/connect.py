@@ -27,7 +27,7 @@ def connect(path: Path, timeout_s: float) -> socket.socket:
     """
     connected = socket.socket(socket.AF_UNIX, socket.SOCK_STREAM)
     try:
-        # The kernel lets those who wait in by turns; `settimeout` would give up at once (EAGAIN).
+        # With this option the call waits for room; after `settimeout` a full backlog fails at once (EAGAIN).
         whole_s, rest_s = divmod(max(timeout_s, 0.001), 1.0)
         limit = struct.pack("@ll", int(whole_s), int(rest_s * 1e6))
         connected.setsockopt(socket.SOL_SOCKET, socket.SO_SNDTIMEO, limit)

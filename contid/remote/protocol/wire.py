@@ -14,7 +14,7 @@ from typing import Any, Final, TypeAlias
 
 from contid.errors import ContidError
 
-#: Incremented when an old client would misunderstand a new server, or the other way round.
+#: Incremented when an old client would misunderstand a new server, or a new client an old server.
 PROTOCOL: Final = 2
 #: Clients at a time; one more displaces the one that was idle longest.
 MAX_CLIENTS: Final = 64
@@ -116,7 +116,7 @@ def decode(line: bytes) -> Fields:
 
 
 def is_number(value: object) -> bool:
-    """True for a number of JSON; Python's bool is none."""
+    """True for a number of JSON; a bool, an int in Python, is not one."""
     return isinstance(value, int | float) and not isinstance(value, bool)
 
 

@@ -14,7 +14,7 @@ from contid.remote.protocol.wire import Code, Fields, RemoteError
 from contid.targets import Target
 from contid.trajectory.rows import RowReader
 
-#: Credit of a live stream: a burst of so many ticks.
+#: Greatest credit of a live stream: rows that may come in one burst.
 LIVE_ROWS: Final = 8
 #: Credit of a timed trajectory.
 TIMED_ROWS: Final = 1024
@@ -34,7 +34,7 @@ class Credit:
 
     @property
     def rows(self) -> int:
-        """Whole rows."""
+        """Whole rows of credit left."""
         return int(self._rows)
 
     def spend(self, rows: int, now_s: float) -> None:
@@ -67,8 +67,8 @@ class Move:
     """A move in progress.
 
     Attributes:
-        number: its name on the socket.
-        client: its owner.
+        number: identifies the move in requests and notices.
+        client: number of the client that owns it.
         notify: sends a notice to the owner.
         waiting: robots whose goto has not ended.
         failed: robots whose goto was dropped.

@@ -196,7 +196,7 @@ class Moves:
         """End a stream or a played trajectory before its end."""
         if self._stream is move:
             self._stream = None
-        # Without targets a later resume arms and goes nowhere.
+        # Without targets a later resume arms the robots and does not move them.
         self._control.send(Begin())
         move.end(False, message)
 
@@ -222,7 +222,7 @@ class Moves:
             self._control.send(Begin())
             played.end(True, "")
 
-    # -- inside ------------------------------------------------------------------------------------------
+    # -- helpers -----------------------------------------------------------------------------------------
 
     def _number(self) -> int:
         self._numbers += 1

@@ -1,7 +1,7 @@
 """Lines that wait to be written to one client, bounded in number.
 
-Responses and notices keep their order and are never dropped; too many of them mark the outbox as overflowed.
-Of telemetry only the newest frames are kept; dropped ones are counted.
+Responses and notices keep their order; when too many wait, the outbox is marked as overflowed and its
+connection is ended. Of telemetry only the newest frames are kept; dropped ones are counted.
 """
 
 from __future__ import annotations
@@ -21,7 +21,7 @@ class Outbox:
 
     Attributes:
         dropped: number of dropped frames of telemetry.
-        overflowed: a response found no room.
+        overflowed: too many responses wait; one was dropped.
     """
 
     def __init__(self) -> None:

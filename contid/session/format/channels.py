@@ -17,8 +17,9 @@ from contid.control.engine.tick_layout import AXIS, HEAD, ROBOT, RecordLayout, V
 
 TICK_CHANNELS: Final = ("tick", "target", "solution", "command", "sample")
 EVENT: Final = "event"
-#: Of the messages; all are read. 1 adds the measured tip; 2 omits absent values (before: ``null``) and lists
-#: infinite ones (before: ``1e999``); 3 renames keys of events (`RENAMED_EVENT_KEYS`).
+#: Revision of the messages; readers accept every one. 1 adds the measured tip; 2 omits absent values
+#: (before: ``null``) and lists infinite ones (before: ``1e999``); 3 renames keys of events
+#: (`RENAMED_EVENT_KEYS`).
 REVISION: Final = 3
 CHANNELS: Final = (*TICK_CHANNELS, EVENT)
 #: Key of the paths of infinite numbers, which JSON lacks; a minus precedes negative ones.
@@ -37,13 +38,13 @@ class Field:
         path: keys from the message down to it.
         slots: places in the record; three make a vector.
         kind: JSON Schema type of it.
-        message: what it is, for the schema.
+        meaning: description of it in the schema.
     """
 
     path: tuple[str, ...]
     slots: tuple[int, ...]
     kind: str
-    message: str
+    meaning: str
 
     @property
     def required(self) -> bool:
@@ -113,13 +114,13 @@ def schema(layout: RecordLayout, device_units: Mapping[str, str], channel: str) 
         at = root
         for key in each.path[:-1]:
             at = _add(at, key, _object(), required=True)
-        about: dict[str, Any] = {"type": each.kind, "description": each.message}
+        about: dict[str, Any] = {"type": each.kind, "description": each.meaning}
         if each.kind == "array":
             about |= {"items": {"type": "number"}, "minItems": 3, "maxItems": 3}
         _add(at, each.path[-1], about, each.required)
-    message = "paths of numbers that are infinite, a minus in front of negative ones; absent without any"
+    meaning = "paths of numbers that are infinite, a minus in front of negative ones; absent without any"
     _add(
-        root, INFINITE, {"type": "array", "items": {"type": "string"}, "description": message}, required=False
+        root, INFINITE, {"type": "array", "items": {"type": "string"}, "description": meaning}, required=False
     )
     return root
 

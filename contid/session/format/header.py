@@ -22,8 +22,8 @@ class Header:
         device_units: ``rad`` or ``pa`` by ``ROBOT.AXIS``.
         metadata: by name, each a mapping of texts; becomes metadata records.
         attachments: name, media type, content.
-        wall_ns: time of day since 1970 [ns] ...
-        monotonic_s: ... when the clock of the ticks showed this.
+        wall_ns: time of day since 1970 [ns] at the instant ``monotonic_s``.
+        monotonic_s: the same instant on the clock of the ticks [s].
     """
 
     layout: RecordLayout
@@ -34,13 +34,13 @@ class Header:
     monotonic_s: float
 
     def time_ns(self, deadline_s: float) -> int:
-        """Time of day of an instant on the clock of the ticks."""
+        """Time of day since 1970 [ns] of an instant on the clock of the ticks."""
         return self.wall_ns + round((deadline_s - self.monotonic_s) * 1e9)
 
 
 @dataclass(frozen=True, slots=True)
 class Attached:
-    """A trajectory that came during the run; one line of JSON from the daemon to the recorder.
+    """A trajectory that an order brought during the run; one line of JSON from the daemon to the recorder.
 
     Attributes:
         name: of its attachment and its metadata.
