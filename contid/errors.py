@@ -71,8 +71,30 @@ class DeviceLostError(DeviceError):
     """An open device is gone: unplugged, reset unexpectedly, or its port failed."""
 
 
+#: Package, as it is imported -> the extra of ``pip install 'contid[EXTRA]'`` that has it.
+EXTRAS: Final = {
+    "matplotlib": "plots",
+    "pandas": "data",
+    "rerun": "view",
+    "scipy": "fit",
+    "shapely": "plots",
+    "starlette": "panel",
+    "uvicorn": "panel",
+    "websockets": "panel",
+    "zenoh": "fleet",
+}
+
+
 class MissingExtraError(ContidError, ImportError):
     """A package of an extra is not installed: ``to_pandas needs pandas: pip install 'contid[data]'``."""
 
     def __init__(self, what: str, package: str, extra: str) -> None:
         super().__init__(f"{what} needs {package}: pip install 'contid[{extra}]'")
+
+
+def missing_extra(error: ImportError, what: str) -> MissingExtraError | None:
+    """The message for an import that failed because an extra is not installed; None for other imports."""
+    package = (error.name or "").partition(".")[0]
+    if not isinstance(error, ModuleNotFoundError) or package not in EXTRAS:
+        return None
+    return MissingExtraError(what, package, EXTRAS[package])

@@ -12,7 +12,7 @@ import click
 from contid import __version__
 from contid.cli.support.streams import flush_stdout, open_closed_streams, print_error, system_error_message
 from contid.cli.support.table import TableGroup
-from contid.errors import ContidError
+from contid.errors import ContidError, missing_extra
 
 _ORDERS: Final = "contid.cli.commands.orders"
 
@@ -108,6 +108,12 @@ def _run() -> int:
     except ContidError as error:
         print_error(str(error))
         return error.exit_code
+    except ModuleNotFoundError as error:
+        missing = missing_extra(error, f"contid {sys.argv[1]}" if sys.argv[1:] else "contid")
+        if missing is None:
+            raise
+        print_error(str(missing))
+        return missing.exit_code
     except OSError as error:
         # Commands convert the errors of files they were given; what arrives here is mostly the output itself.
         print_error(system_error_message(error))

@@ -1,0 +1,105 @@
+"""A base install runs robots; what needs an extra names it. The packages of all extras are hidden here."""
+
+from __future__ import annotations
+
+import os
+import subprocess
+import sys
+import tomllib
+from pathlib import Path
+
+import pytest
+
+from contid.errors import EXTRAS
+
+ROOT = Path(__file__).parent.parent.parent
+# Processes that a command starts hide them as well: they import this module too.
+HIDE = f"""
+import sys
+from importlib.machinery import PathFinder
+
+class Finder(PathFinder):
+    @classmethod
+    def find_spec(cls, name, path=None, target=None):
+        if name.partition(".")[0] in {set(EXTRAS)!r}:
+            return None
+        return super().find_spec(name, path, target)
+
+sys.meta_path[:] = [Finder if each is PathFinder else each for each in sys.meta_path]
+"""
+CIRCLE = "contid path circle --center 50,70 --radius 20 --for hand"
+
+
+@pytest.fixture
+def hidden(tmp_path: Path) -> Path:
+    (tmp_path / "hide").mkdir()
+    (tmp_path / "hide" / "sitecustomize.py").write_text(HIDE)
+    return tmp_path
+
+
+def shell(line: str, folder: Path) -> subprocess.CompletedProcess[str]:
+    function = f'contid() {{ "{sys.executable}" -m contid "$@"; }}; set -o pipefail; '
+    return subprocess.run(
+        ["bash", "-c", function + line],
+        cwd=folder,
+        env={
+            **os.environ,
+            "PYTHONPATH": os.pathsep.join([str(folder / "hide"), str(ROOT), str(ROOT / "drivers")]),
+            "XDG_RUNTIME_DIR": str(folder),
+        },
+        capture_output=True,
+        text=True,
+        timeout=120,
+        stdin=subprocess.DEVNULL,
+        check=False,
+    )
+
+
+def test_the_packages_are_hidden(hidden: Path) -> None:
+    done = shell(f"'{sys.executable}' -c 'import scipy'", hidden)
+    assert "ModuleNotFoundError: No module named 'scipy'" in done.stderr
+
+
+@pytest.mark.parametrize(
+    "line",
+    [
+        f"{CIRCLE} | contid run hand --mock",
+        f"{CIRCLE} > c.csv && contid check hand c.csv"
+        " && contid run hand --virtual --trajectory c.csv --record c.mcap"
+        " && contid session info c.mcap && contid replay c.mcap"
+        " && contid session export c.mcap --csv table.csv && contid ik hand c.csv",
+        "contid new mine --from finger && contid check mine.yaml && contid schema && contid --help",
+        "contid calibrate --help && contid calibrate modulus --help && contid view --help",
+    ],
+)
+def test_the_base_install_runs_robots(line: str, hidden: Path) -> None:
+    done = shell(line, hidden)
+    assert done.returncode == 0, done.stderr
+
+
+@pytest.mark.parametrize(
+    ("line", "extra"),
+    [
+        ("contid run finger --mock --view serve", "view"),
+        (f"{CIRCLE} | contid run hand --virtual --record c.mcap && contid view c.mcap", "view"),
+        ("contid reach hand", "plots"),
+        ("contid panel", "panel"),
+        ("contid demo", "panel"),
+    ],
+)
+def test_a_missing_extra_is_named(line: str, extra: str, hidden: Path) -> None:
+    done = shell(line, hidden)
+    assert done.returncode == 2
+    assert f"pip install 'contid[{extra}]'" in done.stderr
+    assert "Traceback" not in done.stderr
+
+
+def test_every_extra_that_a_message_names_is_declared() -> None:
+    project = tomllib.loads((ROOT / "pyproject.toml").read_text())["project"]
+    extras = project["optional-dependencies"]
+    distributions = {"rerun": "rerun-sdk", "zenoh": "eclipse-zenoh"}
+    for package, extra in EXTRAS.items():
+        name = distributions.get(package, package)
+        assert any(each.startswith(f"{name}>=") for each in extras[extra]), (package, extra)
+        assert not any(each.startswith(f"{name}>=") for each in project["dependencies"]), package
+        assert extra in extras["all"][0]
