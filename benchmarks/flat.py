@@ -20,7 +20,7 @@ NOISE_KB: Final = 1024.0
 FEW_DESCRIPTORS: Final = 6
 #: Below this, what is extrapolated to an hour is noise.
 MIN_H: Final = 0.1
-#: Means of so many equal parts of the run are fitted: they are independent, where samples are not.
+#: Number of equal parts of the run whose means are fitted: they are independent, where samples are not.
 PARTS: Final = 10
 
 

@@ -25,7 +25,7 @@ from contid.units import MM_PER_M, m_to_mm
 #: Actuation and known force on the tip in the world [N], by robot.
 Configuration: TypeAlias = Mapping[str, tuple[Actuation, Vec3]]
 
-#: The greatest speed of a body is looked for at so many actuations, and multiplied by the factor.
+#: The greatest speed of a body is searched among this many actuations, and multiplied by the factor.
 SPEED_SAMPLES: Final = 24
 SPEED_FACTOR: Final = 1.5
 _STEP: Final = 1e-3

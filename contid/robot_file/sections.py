@@ -12,7 +12,7 @@ from contid.robot_file.robot import RobotDescription
 from contid.targets import Actuation
 from contid.units import MM_PER_M
 
-#: The kernels have scratch on the stack for so many.
+#: The kernels have scratch memory on the stack for this many sections.
 MAX_SECTIONS = 8
 
 

@@ -15,7 +15,7 @@ from contid.trajectory.rows import MAX_ROWS, RowReader, is_comment, numbered_lin
 from contid.trajectory.spline import Floats
 from contid.trajectory.timed import Interpolation, Trajectory
 
-#: Reading stops after so many findings; mistakes usually repeat in every row.
+#: Reading stops after this many findings; mistakes usually repeat in every row.
 MAX_FINDINGS: Final = 50
 #: Least time from row to row. No tick is as short, and a shorter time is a mistake of rounding or unit.
 MIN_ROW_INTERVAL_S: Final = 1e-4

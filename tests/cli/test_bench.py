@@ -37,7 +37,7 @@ def test_train_then_compare(tmp_path):
     assert by_damping[0.5]["with_feedback_mm"] < 0.2
 
 
-def test_the_table_says_that_it_is_simulated():
+def test_the_table_is_marked_as_simulated():
     result = CliRunner().invoke(cli, ["bench", "ik", "--no-network", "--random", "0"], catch_exceptions=False)
     assert result.exit_code == 0
     assert "simulated" in result.stdout

@@ -112,7 +112,7 @@ def test_a_trajectory_is_checked_as_a_run_checks_it(tmp_path: Path) -> None:
         "",
     ],
 )
-def test_what_a_check_refuses_a_run_refuses_with_the_same_words(text: str, tmp_path: Path) -> None:
+def test_check_and_run_refuse_with_the_same_message(text: str, tmp_path: Path) -> None:
     (tmp_path / "bad.csv").write_text(text)
     checked = contid("check finger bad.csv", tmp_path)
     run = contid("run finger --virtual --trajectory bad.csv", tmp_path)

@@ -37,7 +37,7 @@ def test_both_fingers_of_the_hand_meet_in_the_world_frame() -> None:
     assert [float(value) for value in tip.values()] == pytest.approx([60, 70, 60, 70], abs=1e-9)
 
 
-def test_a_target_out_of_reach_is_answered_and_says_what_limits_it() -> None:
+def test_a_target_out_of_reach_gets_an_answer_that_names_its_limit() -> None:
     answer = contid("ik", "finger", "--json", stdin="x_mm,y_mm\n0,200\n")
     found = json.loads(answer.stdout)
     assert found["converged"] is False

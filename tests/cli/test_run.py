@@ -121,7 +121,7 @@ def test_bad_input_is_named_and_nothing_moves(name: str, robot: Callable[..., Pa
     assert journal(tmp_path) == []
 
 
-def test_an_unreachable_point_says_which_limit_and_by_how_much(robot: Callable[..., Path]) -> None:
+def test_an_unreachable_point_names_its_limit_and_the_distance(robot: Callable[..., Path]) -> None:
     done = contid("run", str(robot(1)), stdin=BAD["unreachable"][0])
     assert "f0: tip (500, 75, 0) mm is out of reach by" in done.stderr
     assert "left.max" in done.stderr
@@ -183,7 +183,7 @@ def test_a_live_stream_in_real_time_holds_on_bad_rows_and_ends_with_its_input(
     ],
 )
 @pytest.mark.parametrize("virtual", [False, True], ids=["real", "virtual"])
-def test_a_stream_that_ends_on_a_bad_row_says_so_and_does_not_follow_it(
+def test_a_stream_that_ends_on_a_bad_row_reports_it_and_does_not_follow_it(
     last: str, message: str, virtual: bool, robot: Callable[..., Path], tmp_path: Path
 ) -> None:
     log = tmp_path / "log.csv"
@@ -249,7 +249,7 @@ def test_the_second_signal_relaxes_at_once(
     assert rests == {"relax"}
 
 
-def test_a_closed_terminal_is_an_orderly_stop_however_often_it_is_told(
+def test_repeated_hangups_of_a_closed_terminal_are_one_orderly_stop(
     robot: Callable[..., Path], tmp_path: Path, started: Callable[..., Any]
 ) -> None:
     process = started(str(robot(1, on_interrupt="rest")), "--on-end", "hold")
@@ -265,7 +265,7 @@ def test_a_closed_terminal_is_an_orderly_stop_however_often_it_is_told(
 
 
 @pytest.mark.parametrize("full", [False, True], ids=["reader gone", "reader that does not read"])
-def test_words_that_nobody_takes_keep_nobody_from_stopping(
+def test_a_full_or_closed_stderr_does_not_delay_the_stop(
     full: bool, robot: Callable[..., Path], tmp_path: Path
 ) -> None:
     reader, writer = os.pipe()

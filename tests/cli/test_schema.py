@@ -46,7 +46,7 @@ def test_the_schema_is_whole() -> None:
     assert models == set(robot_classes())
 
 
-def test_every_key_says_what_it_means() -> None:
+def test_every_key_has_a_description() -> None:
     schema = robot_file_schema(BUILT_IN)
     objects = {"the file": schema, **schema["$defs"]}
     for kind in ("BusDescription", "AxisDescription"):

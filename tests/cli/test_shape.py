@@ -43,7 +43,7 @@ def test_a_measured_pose_gives_the_golden_curve() -> None:
     assert unknown["robots"]["cbha"]["length_mm"] == pytest.approx(229.629260101439)
 
 
-def test_a_length_shorter_than_the_chord_is_told_with_its_row() -> None:
+def test_a_length_shorter_than_the_chord_is_reported_with_its_row() -> None:
     poses = "x_mm,y_mm,z_mm,ax,ay,az\n0,0,230,0,0,1\n"
     done = contid("shape", "cbha", "--from-poses", "--length-mm", "200", stdin=poses)
     assert done.returncode == 0

@@ -72,7 +72,7 @@ def test_a_narrow_encoding_writes_what_it_can(tmp_path: Path) -> None:
     assert shell("contid check hand", tmp_path, PYTHONIOENCODING="latin-1").returncode == 0
 
 
-def test_a_message_that_nobody_takes_keeps_its_exit_code(tmp_path: Path) -> None:
+def test_the_exit_code_stays_when_stderr_cannot_be_written(tmp_path: Path) -> None:
     assert shell("contid check 2> /dev/full", tmp_path).returncode == 2
     assert shell("contid check nowhere.yaml 2> /dev/full", tmp_path).returncode == 2
 

@@ -69,7 +69,7 @@ def test_open_names_the_axis_that_is_missing(rig):
 # -- the bus is gone -------------------------------------------------------------------------------------
 
 
-def test_a_lost_bus_says_so_at_once_and_until_it_is_opened_again(enabled):
+def test_a_lost_bus_raises_at_once_and_until_it_is_opened_again(enabled):
     enabled.unplug()
     for _ in range(3):
         with pytest.raises(DeviceLostError):
@@ -188,7 +188,7 @@ def test_clearing_nothing_disturbs_nothing(enabled):
 # -- a device's own fault --------------------------------------------------------------------------------
 
 
-def test_a_broken_device_says_so_in_words_and_the_others_go_on(enabled):
+def test_a_broken_device_reports_its_fault_and_the_others_go_on(enabled):
     first, *others = enabled.bus.axes
     enabled.break_device(first)
     goals = offset(enabled, enabled.bus.axes, enabled.facts.near)
@@ -211,7 +211,7 @@ def test_a_fault_that_persists_cannot_be_cleared(enabled):
         enabled.bus.enable([first])
 
 
-def test_a_mended_device_stays_at_rest_until_it_is_cleared_and_enabled(enabled):
+def test_a_repaired_device_stays_at_rest_until_it_is_cleared_and_enabled(enabled):
     first = enabled.bus.axes[0]
     enabled.break_device(first)
     enabled.pump(enabled.facts.settle_s + enabled.facts.vent_s)

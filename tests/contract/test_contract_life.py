@@ -126,7 +126,7 @@ def test_closing_and_opening_never_touch_torque(enabled):
     assert all(enabled.powered(axis) for axis in enabled.bus.axes)
 
 
-def test_closing_forgets_who_was_enabled(enabled):
+def test_axes_are_not_enabled_after_closing(enabled):
     axis = enabled.bus.axes[0]
     enabled.bus.close()
     enabled.bus.open()

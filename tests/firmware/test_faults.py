@@ -70,7 +70,7 @@ def test_latched_until_cleared_then_armed_where_it_stands(board):
     assert abs(motors.demand().channels[0].position - stood.position) <= 1
 
 
-def test_a_host_that_does_not_hear_does_not_feed(board):
+def test_a_host_that_receives_nothing_does_not_feed_the_watchdog(board):
     motors, ramp = _moving_motor(board)
     deaf_since = motors.telemetry.uptime_ms
     for _ in range(60):  # demands keep coming, but always name the same old telemetry
@@ -84,7 +84,7 @@ def test_a_host_that_does_not_hear_does_not_feed(board):
 
 
 @pytest.mark.parametrize("left_ms", [50, 300, 1000])
-def test_the_clock_wraps_after_49_days_and_nobody_notices(board, left_ms):
+def test_the_wrap_of_the_clock_after_49_days_has_no_effect(board, left_ms):
     motors = board("motor")
     motors.command(f"old {2**32 - left_ms}")
     motors.step(40)  # it starts
@@ -129,7 +129,7 @@ def test_stalled_motor(board):
 
 
 @pytest.mark.parametrize(("switch", "reason"), [("encoder_stuck", "encoder_silent"), ("stall", "stalled")])
-def test_current_tells_a_dead_encoder_from_a_stall(board, switch, reason):
+def test_current_distinguishes_a_dead_encoder_from_a_stall(board, switch, reason):
     motors, ramp = _moving_motor(board, stall_ms=100, stall_current_ma=1000)
     motors.command(f"set 0 {switch} 1")
     began = motors.telemetry.uptime_ms
@@ -215,7 +215,7 @@ def test_over_pressure_vents(board):
 
 
 @pytest.mark.parametrize(("command", "cause"), [("reset", "PIN"), ("brown_out", "BROWN_OUT")])
-def test_reset_leaves_outputs_off_and_is_told(board, command, cause):
+def test_reset_leaves_outputs_off_and_is_reported(board, command, cause):
     motors, _ = _moving_motor(board)
     motors.command(command)
     motors.step(1)
@@ -269,7 +269,7 @@ def test_bridge_fault(board):
     assert motors.masked(Type.CLEAR, 0).channels[0].state is BoardState.READY
 
 
-def test_a_channel_that_falls_out_tells_nothing_and_cannot_be_armed(board):
+def test_a_channel_that_fails_reports_nothing_and_cannot_be_armed(board):
     motors = board("motor")
     motors.configure({"m0": {}, "m1": {}})
     motors.command("silent 1 1")

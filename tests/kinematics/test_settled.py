@@ -30,7 +30,7 @@ def feasible_of(name: str) -> Feasible:
 
 @pytest.mark.parametrize("directed", [False, True], ids=["tip", "direction"])
 @pytest.mark.parametrize("name", ["trirack2", "cbha"])
-def test_an_answer_asked_for_again_does_not_move(name, directed):
+def test_an_answer_solved_again_does_not_move(name, directed):
     feasible = feasible_of(name)
     solver = build_solver(feasible)
     rng = np.random.default_rng(16)
@@ -85,7 +85,7 @@ def test_no_neighbour_with_the_same_tip_is_nearer_to_home():
 @pytest.mark.skipif(kernels.load("cosserat") is None, reason="needs compiled kernels")
 @pytest.mark.parametrize("share", [rods.NEAR_REST, 1.0], ids=["near rest", "box"])
 @pytest.mark.parametrize("directed", [False, True], ids=["tip", "direction"])
-def test_an_answer_of_two_pneumatic_sections_asked_for_again_does_not_move(share, directed):
+def test_an_answer_of_two_pneumatic_sections_solved_again_does_not_move(share, directed):
     missed, moved = rods.moves(share, directed, 0.0, 200, seed=7)
     assert missed == 0
     assert max(moved) <= rods.FIXED_BAR

@@ -113,7 +113,7 @@ def test_jog_along_every_axis(it: OpenPage, running: Running, name: str) -> None
     assert _tip_mm(running, "f1") == pytest.approx(others, abs=0.1)
 
 
-def test_a_jog_out_of_reach_is_refused_in_words(it: OpenPage, running: Running) -> None:
+def test_a_jog_out_of_reach_is_refused_with_a_message(it: OpenPage, running: Running) -> None:
     it.take_control()
     slider = it.page.locator(it.slider("f0", "y"))
     box = slider.bounding_box()

@@ -137,7 +137,7 @@ def test_what_is_no_robot_file_is_refused() -> None:
     assert missing == {"contid", "name", "rate_hz", "buses", "robots"}
 
 
-def test_a_file_that_cannot_be_read_says_so(tmp_path: Path) -> None:
+def test_a_file_that_cannot_be_read_is_an_error_with_its_path(tmp_path: Path) -> None:
     with pytest.raises(ContidError, match="cannot read"):
         load_robot_file(tmp_path / "none.yaml")
     (tmp_path / "latin.yaml").write_bytes(b"name: \xe9")

@@ -24,7 +24,7 @@ def _recorder(daemon: int) -> int:
 
 @pytest.mark.realtime
 @pytest.mark.parametrize("full", [False, True])
-def test_the_exit_code_of_a_run_tells_a_lost_recording(full: bool, tmp_path: Path) -> None:
+def test_a_lost_recording_sets_the_exit_code_of_the_run(full: bool, tmp_path: Path) -> None:
     """The recorder's file may grow no further: the same path as a full disk, without a disk of its own."""
     (tmp_path / "rows.csv").write_text(ROWS)
     session = tmp_path / "a.mcap"

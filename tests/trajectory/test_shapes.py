@@ -23,7 +23,7 @@ def test_closed_shapes_close_exactly_after_every_lap(shape: Shape) -> None:
 
 
 @pytest.mark.parametrize("shape", OPEN)
-def test_open_shapes_come_back_the_way_they_went(shape: Shape) -> None:
+def test_open_shapes_return_on_the_same_path(shape: Shape) -> None:
     path = ShapePath(shape, (0.0, 0.0), 40.0, dz_mm=10.0, period_s=2.0, laps=2)
     assert path.point_mm(0.0) != path.point_mm(2.0)
     for time_s in (0.0, 0.25, 0.75, 1.5):

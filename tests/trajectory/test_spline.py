@@ -187,7 +187,7 @@ def test_loads_step_without_overshoot(arm: dict[str, RobotDescription]) -> None:
         ("0,0,0,110,0,0,1\n1,0,0,110,0,0.1,-1\n", "150 degrees since line 2"),
     ],
 )
-def test_directions_that_say_nothing_are_refused(
+def test_directions_that_cannot_be_interpolated_are_refused(
     arm: dict[str, RobotDescription], rows: str, expected: str
 ) -> None:
     with pytest.raises(BadInputError, match=expected):

@@ -44,7 +44,7 @@ class Elastic:
     Attributes:
         count: number of tendons of each section.
         radius_m, angle_rad: of each tendon, at the end of its section.
-        twist_rad: turn of the tendons of section j in each section k < j; (2, 1), (3, 1), (3, 2) and on.
+        twist_rad: turn of the tendons of section j in each section k < j; (2, 1), (3, 1), (3, 2) and so on.
         hardening_per_m: h; the tension over stiffness is ``e + h e^2``.
         offset_m: of each tendon, positive where it is tight at pull 0.
         stiffness_m2: K of each section.

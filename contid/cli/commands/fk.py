@@ -40,18 +40,18 @@ def command(robot_file: str, rows: str | None, pose: bool, as_json: bool) -> Non
             if target.actuation is None:
                 axes = ", ".join(f"{axis}_{robots[name].quantity.unit}" for axis in robots[name].axis_names)
                 raise ValueError(f"fk needs the actuation of {name}: {axes}")
-            here, frame = column_prefix(loaded, name), frames[name]
+            prefix, frame = column_prefix(loaded, name), frames[name]
             load_in_base = frame.vector_in_base(target.load_n)
             tip = models[name].forward(target.actuation, load_in_base)
             axes = "xyz"[: models[name].dimension]
             for axis, value in zip(axes, frame.point_in_world(tip.tip_m), strict=False):
-                cells[f"{here}{axis}_mm"] = m_to_mm(value)
+                cells[f"{prefix}{axis}_mm"] = m_to_mm(value)
             if pose or "direction" in robots[name].accepts:
                 for axis, value in zip(axes, frame.vector_in_world(tip.direction), strict=False):
-                    cells[f"{here}a{axis}"] = value
+                    cells[f"{prefix}a{axis}"] = value
             if pose and "mid" in robots[name].accepts:
                 for axis, value in zip(axes, frame.point_in_world(tip.mid_m), strict=False):
-                    cells[f"{here}mid.{axis}_mm"] = m_to_mm(value)
+                    cells[f"{prefix}mid.{axis}_mm"] = m_to_mm(value)
         return cells
 
     with open_rows(rows) as source:

@@ -105,7 +105,7 @@ def demo(ctx: click.Context, robot_file: str, no_open: bool) -> None:
     """
     from contid.cli.commands import run
 
-    # What stands in stdin of a script is no trajectory here.
+    # `contid run` would read the stdin of a calling script as a trajectory.
     null = os.open(os.devnull, os.O_RDONLY)
     os.dup2(null, sys.stdin.fileno())
     os.close(null)

@@ -14,10 +14,11 @@ from contid.kinematics.frames import BaseFrame
 from contid.session.read import Session
 from contid.targets import Vec3
 
-#: A row needs a tip measured in its tick, and since the row before this motion of a tendon [m] or time [s].
+#: A tick becomes a row when its tip was measured in it and, since the row before, a tendon moved this far [m]
+#: or this time passed [s].
 MOTION_M: Final = 0.1e-3
 INTERVAL_S: Final = 0.5
-#: Sessions have no labels; so many seconds form one pattern.
+#: Sessions have no labels; each interval of this length forms one pattern [s].
 PATTERN_S: Final = 10.0
 
 

@@ -15,7 +15,7 @@ from typing import Final
 from contid.control.tick.preflight import Preflight, TooFastError
 from contid.trajectory.timed import Trajectory
 
-#: The factor is at most so many times the least one.
+#: Greatest ratio of the factor found to the least possible one.
 ACCURACY: Final = 1.01
 #: No trajectory is slowed down further.
 MAX_SLOWDOWN: Final = 1e4

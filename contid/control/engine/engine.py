@@ -50,7 +50,7 @@ class Engine:
         attended: bool = False,
         guards: Sequence[ChainGuard] = (),
     ) -> None:
-        """Prepare; nothing is touched.
+        """Prepare; accesses no device.
 
         Args:
             configs: of the robots, in file order.
@@ -76,6 +76,7 @@ class Engine:
         self._rate_hz = rate_hz
         self._sink = sink
         self._step = -1
+        #: Goto of each robot in the tick before; a replaced one has ended.
         self._going: list[Target | None] = [None for _ in configs]
 
     @property

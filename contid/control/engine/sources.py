@@ -33,11 +33,11 @@ class Source(Protocol):
         ...
 
     def pause(self, tick: int) -> None:
-        """Stand still in time."""
+        """Stop the clock of the source."""
         ...
 
     def resume(self) -> None:
-        """Go on, once the robots are back."""
+        """Start the clock again, once the robots are back where it stopped."""
         ...
 
 
@@ -57,7 +57,7 @@ class Timed:
         self._robots = tuple(trajectory.targets_of_row(0))
         self._length = (trajectory.end_s - trajectory.start_s) * rate_hz
         self._origin: int | None = None
-        self._base = 0.0  # ticks of the trajectory before the last pause
+        self._base = 0.0  # ticks of the trajectory played before the last pause
         # Known before the first tick: with many robots this takes longer than a tick may.
         self._start_lead = ease_ticks(self._configs, trajectory, trajectory.start_s, ahead=True)
         self._end_tail = ease_ticks(self._configs, trajectory, trajectory.end_s, ahead=False)
@@ -91,7 +91,7 @@ class Timed:
                 self._begin(tick)
 
     def pause(self, tick: int) -> None:
-        """Stand still at the time reached."""
+        """Stop the clock of the trajectory at the time reached."""
         self._base = self._position(tick)
         self._origin, self._paused = None, True
 

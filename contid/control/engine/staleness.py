@@ -59,10 +59,17 @@ class StalenessMonitor:
         self._recovery_ticks = max(math.ceil(RECOVERY_S * rate_hz), 1)
         self._sink = sink
         self._reported: dict[str, Staleness] = {}
+        #: Exchanges in a row with a better class than the reported one, by bus.
         self._better: dict[str, int] = dict.fromkeys(self._axes_of, 0)
 
     def look(self, tick: int, samples: Mapping[str, Sample], now_s: float) -> None:
-        """After an exchange: ``samples`` by axis, ``now_s`` on their clock; first data are no change."""
+        """Classify the samples of an exchange and report changes; the first class of a bus is not reported.
+
+        Args:
+            tick: number of the tick.
+            samples: by axis.
+            now_s: time on the clock of the samples [s].
+        """
         for bus, axes in self._axes_of.items():
             read = [samples[axis] for axis in axes if axis in samples]
             if not read or len(read) < len(axes) or any(s.value is None for s in read):

@@ -121,7 +121,7 @@ def run_virtual(
         on_end: what to do when the source ends; HOLD ends the run too, because no order can come.
         rows: rows of a stream instead of a trajectory; one per tick once every robot is armed.
         orders: messages by the tick before which they arrive.
-        ticks: end after so many at the latest.
+        ticks: maximum number of ticks.
         progress: called with the number of the tick now and then.
 
     Returns:

@@ -16,7 +16,7 @@ from typing import TYPE_CHECKING, Final
 if TYPE_CHECKING:
     from _typeshed import ReadableBuffer
 
-#: Bytes per write: a writable pipe accepts at least so many.
+#: Bytes per write: a writable pipe accepts at least this many.
 PIECE: Final = 512
 
 

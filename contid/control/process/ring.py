@@ -35,11 +35,14 @@ from contid.errors import ContidError
 MAGIC: Final = b"contidR4"
 HEAD: Final = struct.Struct("=8sQQQQQ")  # magic, bytes of JSON, tick slots, bytes per tick, event slots
 HEAD_BYTES: Final = 64
+#: Offsets of the two sequence numbers and of the closed flag.
 TICKS_AT, EVENTS_AT, CLOSED_AT = 48, 56, 40
+#: Size of an event slot, and number of them.
 EVENT_BYTES: Final = 2048
 EVENT_SLOTS: Final = 1024
 #: Most slots of one event, so that a timely reader gets all of them.
 EVENT_PARTS: Final = 128
+#: Least time of ticks that a ring holds [s].
 SECONDS: Final = 8.0
 #: A younger ring may belong to a run that has not opened it yet.
 STALE_S: Final = 60.0
@@ -197,6 +200,8 @@ def _shortened(event: Mapping[str, Any], limit: int) -> bytes:
 
 @dataclass(slots=True)
 class _Cursor:
+    """Number of the next slot to read, and count of slots overwritten before."""
+
     next: int = 0
     missed: int = 0
 

@@ -2,7 +2,7 @@
 
 A fault stops one robot by its ``stop.on_fault`` policy and stays until ``clear-fault``; the other robots go
 on, but for those of the same closed chain. Numbers never change their meaning: 1xx the devices, 2xx the
-arithmetic, 3xx the company of other robots.
+arithmetic, 3xx other robots.
 """
 
 from __future__ import annotations

@@ -177,7 +177,7 @@ class _Follower:
         return self._command
 
     def follow(self, target: Target, ticks: int) -> PathFinding | None:
-        """Go to the target, so many ticks after the one before; why that fails, None when it does not."""
+        """Go to the target, ``ticks`` ticks after the one before; why that fails, None when it does not."""
         config = self._config
         in_base = config.frame.target_in_base(target)
         try:

@@ -1,7 +1,7 @@
 """Soft start and soft end of a trajectory that begins or ends at speed.
 
-A circle at constant speed asks for a jump of velocity at its first row. Limits would answer it by leaving the
-path. Instead the *clock* of the trajectory is eased: over N ticks it gains the pace 0 -> 1 as
+A circle at constant speed needs a jump of velocity at its first row, and the limits of the axes would take
+the tip off its path. Instead the *clock* of the trajectory is eased: over N ticks it gains the pace 0 -> 1 as
 ``3 u^2 - 2 u^3`` (u = n/N), so after them it is N/2 ticks behind, and the same backwards at the end. Robots
 stay on their path at every tick; N is even, so rows written at ticks are still met exactly at ticks. A
 trajectory that starts and ends slowly enough for the limits is played as it is written.
@@ -37,7 +37,7 @@ def fitted(ticks: int, length: float) -> int:
 
 
 def _eased(n: float, ticks: int) -> float:
-    """Integral of the pace ``3 u^2 - 2 u^3`` over n of so many ticks."""
+    """Integral of the pace ``3 u^2 - 2 u^3`` over the first n of ``ticks`` ticks."""
     u = n / ticks
     return ticks * u * u * u * (1.0 - 0.5 * u)
 

@@ -1,4 +1,4 @@
-// Answers that stay when they are asked for again: twin of contid/kinematics/cosserat/settled.py, its specification.
+// Answers that stay when they are solved again: twin of contid/kinematics/cosserat/settled.py, its specification.
 #pragma once
 
 #include "search.hpp"

@@ -6,7 +6,7 @@ A step minimises a quadratic model with the linearised task as an equation. Its 
 steps stop shrinking it becomes the second derivative of the Lagrangian, with the curvature of task and bend
 cones, and the cones become their tangent planes. Steps must lower the merit ``distance + penalty |e|``
 (Nocedal and Wright, Numerical Optimization, 2nd edition, chapter 18), so homing ends at a minimum, and an
-answer that is asked for again from itself does not move. Specification of ``home.hpp``.
+answer that is solved again from itself does not move. Specification of ``home.hpp``.
 """
 
 from __future__ import annotations

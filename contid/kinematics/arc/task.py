@@ -37,7 +37,7 @@ class Tuning:
         tracking: a descent from the seed that moves less than ``tracking * ell_m`` without meeting its target
             follows a bounded optimum from tick to tick: then at most ``agreeing`` starts, to stay in time.
         still_m: a seed that meets its target within ``still_error_m`` [m] is kept where the first step is
-            shorter [m]: an answer that is asked for again from itself does not move.
+            shorter [m]: an answer solved again from itself does not move.
         still_error_m: see ``still_m``.
     """
 

@@ -26,7 +26,7 @@ POSE = np.dtype(
 
 
 def solution_dtype(axes: int) -> np.dtype[Any]:
-    """One row of `Solutions` for a model of so many axes; the kernels write this layout."""
+    """One row of `Solutions` for a model with ``axes`` axes; the kernels write this layout."""
     return np.dtype(
         [
             ("actuation", np.float64, (axes,)),

@@ -6,7 +6,7 @@ Every iterate meets the task: a step minimises a quadratic model with the linear
 chords bring it back onto the target. The metric is the identity at first; where steps do not shrink it
 becomes the second derivative of the Lagrangian, with the task's curvature. Long steps must lower the
 distance; short ones must lower it by more than rounding, or be shorter than the one before, because the
-derivatives of a sweep are those of the rod, not of its elements. An answer asked for again from itself does
+derivatives of a sweep are those of the rod, not of its elements. An answer solved again from itself does
 not move: its step is below `SETTLED`.
 Specification of ``contid/kernels/cosserat/home.hpp``.
 """

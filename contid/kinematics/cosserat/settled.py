@@ -1,8 +1,8 @@
-"""Answers that stay when they are asked for again.
+"""Answers that stay when they are solved again from themselves.
 
 A first answer far from its seed may end where a search from itself would go on: beside a saddle of the
-distance to the centre, or where a descent along the branch took another way. It is asked for again until it
-stays, a few times at most. Answers near their seed continue a motion, and every tick asks again anyway.
+distance to the centre, or where a descent along the branch took another way. It is solved again until it
+stays, a few times at most. Answers near their seed continue a motion, and every tick solves again anyway.
 Specification of ``contid/kernels/cosserat/settled.hpp``.
 """
 

@@ -30,7 +30,7 @@ SILENT_S: Final = 1.0
 STALE_S: Final = 0.2
 #: Tolerance for stamps ahead of this clock: rounding.
 AHEAD_S: Final = 2e-3
-#: A tip further from the base than so many times the longest backbone is in another unit or frame.
+#: A tip further from the base than this multiple of the longest backbone is in another unit or frame.
 REACH: Final = 1.5
 POINTS: Final = 65
 #: Maximum of a number; whole numbers of JSON may exceed the range of a float.

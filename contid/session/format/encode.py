@@ -19,7 +19,7 @@ from typing import Any, Final
 from contid.control.engine.tick_layout import RecordLayout
 from contid.session.format.channels import INFINITE, TICK_CHANNELS, Field, fields
 
-#: Texts are kept for so many patterns of what is absent; a run has a few, one per state of its robots.
+#: Number of patterns of absent values whose texts are kept; a run has a few, one per state of its robots.
 _PATTERNS: Final = 256
 _Pick = Callable[[Sequence[str]], tuple[str, ...]]
 

@@ -32,7 +32,7 @@ _MAX_RECORD_BYTES: Final = 1 << 32
 #: A chunk that declares or holds more bytes than this is damaged, or made to fill the memory; those of contid
 #: have 1 MB. The size in its compressed frame is not used.
 MAX_CHUNK_BYTES: Final = 1 << 25
-#: All chunks together hold at most so many times their compressed bytes, beyond `FREE_BYTES`: a robot
+#: All chunks together hold at most this many times their compressed bytes, beyond `FREE_BYTES`: a robot
 #: that stands still for ten minutes is packed 30-fold, zeros 10 000-fold. Bounds the time of reading.
 MAX_EXPANSION: Final = 300
 FREE_BYTES: Final = 1 << 22

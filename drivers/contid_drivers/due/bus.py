@@ -15,11 +15,11 @@ from contid_drivers.due.options import DueBusOptions
 from contid_drivers.due.session import DueConnection, refused
 from contid_drivers.due.wiring import Scale, axis_options
 
-#: A board silent for longer counts as lost.
+#: A board silent for longer than this [s] counts as lost.
 SILENCE_S = 0.5
 #: Magnitude limit of a demand [counts or Pa]; the board computes in 32 bits.
 _DEMAND_LIMIT = 1_000_000_000
-#: Commands further apart are steps; the board joins them no more.
+#: Commands further apart than this [s] are steps; the board does not interpolate between them.
 STREAM_GAP_S = 0.1
 _REST = {Rest.HOLD: RestCode.HOLD, Rest.RELAX: RestCode.RELAX, Rest.VENT: RestCode.VENT}
 _SUPPLY_LOW = "the 3.3 V supply of the board is below 3.0 V: its readings and outputs are wrong"
@@ -105,10 +105,11 @@ class DueBus:
         self.name = name
         self.axes = tuple(axis.name for axis in axes)
         self._options = options
-        self._given = tuple(axes)
+        self._axes_on_bus = tuple(axes)
         self._clock = clock
         self._by_name = {axis.name: _Axis(axis) for axis in axes}
         self._session: DueConnection | None = None
+        #: Why the bus cannot be used, "" while it can.
         self._lost = "it is not open"
         self._boot_id: int | None = None
         self._answered_s = -math.inf
@@ -118,11 +119,11 @@ class DueBus:
     def open(self) -> None:
         """See `contid.hal.Bus.open`; a board with the same configuration keeps its state."""
         self.close()
-        session = DueConnection(self.name, self._options, self._given)
+        session = DueConnection(self.name, self._options, self._axes_on_bus)
         self._session = session
         self._lost = ""
         if self._boot_id not in (None, session.hello.boot_id):
-            # A board that lost its power takes its shafts for parked; this host knew them under way.
+            # A restarted board assumes parked shafts, which is wrong for shafts that this host has moved.
             self._park(session, [axis for axis in self._by_name.values() if axis.motor], parked=False)
         self._boot_id = session.hello.boot_id
         self._answered_s = self._clock.now()
@@ -158,7 +159,7 @@ class DueBus:
         self._unanswered += not fresh
         now = self._clock.now()
         if not fresh and now - self._answered_s > SILENCE_S:
-            self._lose(f"no answer for {now - self._answered_s:.1f} s")
+            self._mark_lost(f"no answer for {now - self._answered_s:.1f} s")
         return {name: axis.sample(now, fresh) for name, axis in self._by_name.items()}
 
     def answer_counts(self) -> Mapping[str, int]:
@@ -186,7 +187,7 @@ class DueBus:
         if stray:
             # Armed by an earlier host with that host's goal; arming from rest takes the present position.
             self.disable(stray, Rest.HOLD)
-        self._grant(session, Type.ARM, "cannot enable", [axis for axis in chosen if not axis.armed])
+        self._request_for(session, Type.ARM, "cannot enable", [axis for axis in chosen if not axis.armed])
         for axis in chosen:
             axis.enabled = True
 
@@ -207,7 +208,9 @@ class DueBus:
 
     def clear_fault(self, axes: Sequence[str]) -> None:
         """See `contid.hal.Bus.clear_fault`; a lost position stays lost."""
-        self._grant(self._need_session(), Type.CLEAR, "cannot clear", [self._axis(name) for name in axes])
+        self._request_for(
+            self._need_session(), Type.CLEAR, "cannot clear", [self._axis(name) for name in axes]
+        )
 
     def park(self, axes: Sequence[str]) -> None:
         """Set the count of axes that stand at ``power_up_deg`` now."""
@@ -219,14 +222,15 @@ class DueBus:
 
     def home(self, axes: Sequence[str]) -> None:
         """Start homing; call `exchange` until `homing` is false."""
-        self._grant(self._need_session(), Type.HOME, "cannot home", [self._axis(name) for name in axes])
+        self._request_for(self._need_session(), Type.HOME, "cannot home", [self._axis(name) for name in axes])
 
     def homing(self, axis: str) -> bool:
         """Whether the axis was still searching its end stop in the newest telemetry."""
         report = self._axis(axis).report
         return report is not None and report.state is BoardState.HOMING
 
-    def _grant(self, session: DueConnection, kind: Type, what: str, axes: Sequence[_Axis]) -> None:
+    def _request_for(self, session: DueConnection, kind: Type, what: str, axes: Sequence[_Axis]) -> None:
+        """Send a request whose body is the mask of the axes' channels."""
         body = messages.masked(session.config_crc, (axis.channel for axis in axes))
         self._request(session, kind, what, axes, body)
 
@@ -235,7 +239,7 @@ class DueBus:
     ) -> None:
         if not axes:
             return
-        # Arming, clearing, homing and parking are idempotent, so a lost answer is asked for again.
+        # Arming, clearing, homing and parking are idempotent, so a request without an answer is repeated.
         refusal = None
         for _ in range(3):
             answer = self._command(session, kind, body)
@@ -290,7 +294,7 @@ class DueBus:
             raise DeviceLostError(self.name, self._lost, "open it again")
         return self._session
 
-    def _lose(self, why: str) -> None:
+    def _mark_lost(self, why: str) -> None:
         if self._session is not None:
             self._session.close()
         self._lost = why

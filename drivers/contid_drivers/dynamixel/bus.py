@@ -1,4 +1,4 @@
-"""Dynamixel servos as a `contid.hal.Bus`."""
+"""Dynamixel servos on one serial port as a `contid.hal.Bus`."""
 
 from __future__ import annotations
 
@@ -62,11 +62,11 @@ class DynamixelBus:
         self._cyclic: Cyclic | None = None
         self._lost: DeviceLostError | None = None
         self._counts = AnswerCounts()
-        self._count = 0
-        self._clean = 0
+        self._count = 0  # exchanges
+        self._clean = 0  # complete exchanges since the last miss
         self._late_logged = False
 
-    # -- life ----------------------------------------------------------------------------------------------
+    # -- port ----------------------------------------------------------------------------------------------
 
     def open(self) -> None:
         """See `contid.hal.Bus.open`."""
@@ -160,17 +160,20 @@ class DynamixelBus:
                     self._rest(axis, reading)
             self._note_missing(cyclic)
         except DeviceLostError as error:
-            raise self._gone(error) from None
+            raise self._mark_lost(error) from None
         return samples
 
     def _usable(self, axis: Axis, reading: ServoReading | None) -> ServoReading | None:
-        """Without mapped bytes only an armed watchdog shows that a servo has not reset itself."""
+        """The reading, None when it may come from a servo that has reset itself.
+
+        Without mapped bytes only an armed watchdog excludes a reset.
+        """
         assert self._cyclic is not None
         proven = not self._cyclic.layout.indirect or axis.armed
         return reading if reading is None or proven or reading.voltage_low is not None else None
 
     def _note_missing(self, cyclic: Cyclic) -> None:
-        """Long-silent servos go last, and the late answers of this exchange are no answers to a request."""
+        """Read servos that missed several exchanges last, discard late answers, log the first late one."""
         assert self._client is not None
         missing = [axis for axis in self._states.values() if axis.misses]
         if not missing and not cyclic.disturbed:
@@ -257,7 +260,7 @@ class DynamixelBus:
             raise DeviceLostError(self.name, "the bus is not open")
         return self._cyclic
 
-    def _gone(self, error: DeviceLostError) -> DeviceLostError:
+    def _mark_lost(self, error: DeviceLostError) -> DeviceLostError:
         self._lost = error
         for axis in self._states.values():
             axis.enabled = False
@@ -302,7 +305,7 @@ class DynamixelBus:
             if chosen:
                 self._start_watchdogs(client, chosen)
         except DeviceLostError as error:
-            raise self._gone(error) from None
+            raise self._mark_lost(error) from None
         except DeviceError:
             self._back_out(chosen, started)
             raise
@@ -354,7 +357,7 @@ class DynamixelBus:
                     # Its watchdog stays armed and will hold it where it is.
                     log.error("%s", error)
         except DeviceLostError as error:
-            self._gone(error)
+            self._mark_lost(error)
         except DeviceError as error:
             log.error("%s", error)
 
@@ -367,7 +370,7 @@ class DynamixelBus:
                 if axis.fault or not axis.enabled:
                     arming.recover(self._client, axis)
         except DeviceLostError as error:
-            raise self._gone(error) from None
+            raise self._mark_lost(error) from None
 
     def _named(self, axes: Sequence[str]) -> list[Axis]:
         unknown = [name for name in axes if name not in self._states]

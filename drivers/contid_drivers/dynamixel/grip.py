@@ -15,7 +15,7 @@ from contid_drivers.dynamixel.packets import sync_write
 
 #: Exchanges after a change that carry the currents.
 REPEATS: Final = 3
-#: Every so many exchanges carry them as well, while one differs from the robot file.
+#: One exchange in this many carries them as well, while one differs from the robot file.
 EVERY: Final = 20
 CURRENT_BASED: Final = reg.MODE_NUMBERS["current_based_position"]
 

@@ -33,11 +33,13 @@ from contid_drivers.dynamixel.registers import Register
 log = logging.getLogger(__name__)
 
 MARKER: Final = next(r for r in reg.TABLE if r.name == f"indirect address {reg.INDIRECT_COUNT}")
+#: Values of the two registers for 0 turns.
 _CENTRE: Final = 145
 _GAIN_CENTRE: Final = 4096
 _MULTI_TURN_MODES: Final = tuple(reg.MODE_NUMBERS.values())
+#: Greatest number of turns that is stored.
 TURNS_MAX: Final = 80
-#: Largest motion assumed during a reset of the servo.
+#: Greatest motion assumed between the last reading (``axis.seen``) and the first one after a reset.
 SEEN_TOLERANCE_RAD: Final = math.radians(45.0)
 _TURN: Final = 2.0 * math.pi
 
@@ -87,7 +89,7 @@ def store(client: ServoClient, axis: Axis, turns: int) -> None:
 
 
 def adopt(client: ServoClient, axis: Axis, position: int) -> None:
-    """Keep the turn of a servo that reset, at the first position it reports; unconfirmed, because in a tick.
+    """Keep the turn of a servo that reset, at the first position it reports; in a tick, so unconfirmed.
 
     Without a turn near enough to its last position the mark is cleared, so that `settle` refuses the axis.
     """
@@ -108,7 +110,7 @@ def _marks(turns: int) -> tuple[tuple[Register, int], ...]:
 
 
 def forget(client: ServoClient, axis: Axis) -> None:
-    """Clear the marks, as a power-up does; for a person who has parked the axis."""
+    """Clear the marks, as a power-up does; used after the axis was parked by hand."""
     axis.seen = None
     client.write(axis.device, MARKER, MARKER.default)
 

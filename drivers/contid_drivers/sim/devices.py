@@ -23,7 +23,7 @@ AMBIENT_C: Final = 25.0
 
 @dataclass(frozen=True, slots=True)
 class Character:
-    """Numbers of one kind of device; SI, rad or Pa.
+    """Constants of one kind of device; rad or Pa, and s.
 
     Attributes:
         quantum: step of goals and readings.
@@ -31,13 +31,13 @@ class Character:
         lowest, highest: the device clamps goals to this range.
         velocity, acceleration: limits of the profile.
         vent_rate: speed towards zero while venting.
-        tau_s: first-order response.
+        tau_s: time constant of the first-order response [s].
         noise: standard deviation of a reading before quantisation.
         current_limit_a: 0 for devices that report no current.
         overload_s: time at the current limit after which the device drops its torque.
         overload: its fault text.
         supply_v: voltage at rest, 0 for devices that report none.
-        on_watchdog: rest taken when the watchdog trips.
+        on_watchdog: state of rest that the watchdog brings.
     """
 
     quantum: float
@@ -165,7 +165,9 @@ class SimDevice:
         #: True while the device follows goals: torque on, or regulator active.
         self.on = False
         self.rest = Rest.RELAX
+        #: Latched fault as text, "" without one.
         self.fault = ""
+        #: When the watchdog was last refreshed.
         self.fed_at_s = time_s
         self._noise = random.Random(seed)
         self._temperature_c = AMBIENT_C
@@ -174,7 +176,7 @@ class SimDevice:
         self._amperes_per_lag = self.FULL_SPEED_SHARE * self.character.current_limit_a / lag
 
     def advance(self, to_s: float) -> bool:
-        """Advance to ``to_s``; True when the device dropped its torque on the way."""
+        """Advance to ``to_s``; True when the device dropped its torque within this time."""
         dt = to_s - self.motion.time_s
         if dt <= 0.0:
             return False

@@ -10,7 +10,7 @@ from contid_drivers.sim.options import FaultKind, ScheduledFault
 
 @dataclass(frozen=True, slots=True, order=True)
 class Edge:
-    """Begin or end of a fault; the number keeps edges of one instant in the order of the file."""
+    """Begin or end of a fault; ``number`` keeps edges of one instant in the order of the file."""
 
     time_s: float
     number: int
@@ -21,7 +21,7 @@ class Edge:
 
 
 class Switches:
-    """Faults that are on, and future edges. ``axis`` is "" for faults of the bus."""
+    """The faults that are on now, and the scheduled edges; ``axis`` is "" for faults of the bus."""
 
     def __init__(self) -> None:
         self._edges: list[Edge] = []

@@ -1,6 +1,6 @@
 """The journal of a simulated bus: one JSON line per event with the state of every axis, written at once.
 
-It shows what the devices did after their host died.
+It shows what the devices did after the control process ended.
 """
 
 from __future__ import annotations

@@ -43,25 +43,25 @@ def run(
     return collector
 
 
-def told(collector: Collector, kind: str) -> list[dict[str, object]]:
+def events_of(collector: Collector, kind: str) -> list[dict[str, object]]:
     return [event for event in collector.events if event["event"] == kind]
 
 
-def test_a_goto_says_when_it_arrived_or_was_dropped() -> None:
+def test_the_end_of_a_goto_is_an_event_arrived_or_dropped() -> None:
     went = run(
         {50: [Goto("f0", HERE)], 600: [Goto("f0", THERE)], 620: [Hold()], 800: [Goto("f0", HERE)]}, 1400
     )
-    assert [event["arrived"] for event in told(went, "goto")] == [True, False, True]
+    assert [event["arrived"] for event in events_of(went, "goto")] == [True, False, True]
 
 
 def test_a_goto_to_where_it_is_arrives_too() -> None:
     went = run({50: [Goto("f0", HERE)], 600: [Goto("f0", HERE)]}, 700)
-    assert [event["arrived"] for event in told(went, "goto")] == [True, True]
+    assert [event["arrived"] for event in events_of(went, "goto")] == [True, True]
 
 
 def test_a_goto_replaces_the_one_before() -> None:
     went = run({50: [Goto("f0", HERE)], 53: [Goto("f0", THERE)]}, 700)
-    assert [event["arrived"] for event in told(went, "goto")] == [False, True]
+    assert [event["arrived"] for event in events_of(went, "goto")] == [False, True]
 
 
 def test_a_played_trajectory_and_a_stream_end_without_ending_the_run() -> None:
@@ -73,7 +73,7 @@ def test_a_played_trajectory_and_a_stream_end_without_ending_the_run() -> None:
     }
     run_virtual(loaded, 200.0, None, sinks=[collector], orders=orders, ticks=1000)
     assert [event["event"] for event in collector.events if event["event"] in ("end", "stopping")] == ["end"]
-    assert told(collector, "mark") == [{"event": "mark", "number": 7, "tick": 700}]
+    assert events_of(collector, "mark") == [{"event": "mark", "number": 7, "tick": 700}]
     assert collector.modes("f0")[-2:] == ["APPROACH", "RUN"]
     last = collector.records[-1].robots[0]
     assert last.tip_error_m == pytest.approx(0.0, abs=1e-6)
@@ -88,7 +88,7 @@ def test_a_stopped_robot_in_fault_stays_there_until_it_is_cleared(order: Message
     }  # fmt: skip
     went = run(orders, 500, SILENT)
     assert went.modes("f0")[-5:] == ["HOLD", "FAULT", "READY", "ARMING", "HOLD"]
-    assert "cannot arm while FAULT" in str(told(went, "refused")[0]["message"])
+    assert "cannot arm while FAULT" in str(events_of(went, "refused")[0]["message"])
 
 
 def test_an_order_that_fails_inside_is_that_robots_fault_and_the_run_goes_on(
@@ -112,8 +112,8 @@ def test_an_order_that_fails_inside_is_that_robots_fault_and_the_run_goes_on(
     monkeypatch.setattr(transitions, "Approach", none)
     run_virtual(loaded, 200.0, None, sinks=[collector], orders=orders, ticks=600)
     assert collector.modes("f0")[-6:] == ["APPROACH", "FAULT", "READY", "ARMING", "HOLD", "FAULT"]
-    assert all("no motion from here" in str(event["message"]) for event in told(collector, "fault"))
-    assert told(collector, "fault")[0]["name"] == "INTERNAL"
+    assert all("no motion from here" in str(event["message"]) for event in events_of(collector, "fault"))
+    assert events_of(collector, "fault")[0]["name"] == "INTERNAL"
     assert collector.modes("f1")[-2:] == ["HOLD", "FAULT"], "it cannot be brought to rest either"
 
 
@@ -152,5 +152,5 @@ def test_a_hold_does_not_end_a_stop_and_is_refused_by_name_and_to_all(who: tuple
     ran = run({50: [Goto("f0", HERE)], 600: [stop], 610: [Mark(1), Hold(who), Mark(2)]}, 900)
     kinds = [event["event"] for event in ran.events if event["event"] in ("mark", "refused")]
     assert kinds == ["mark", "refused", "mark"]
-    assert "cannot hold while STOPPING" in str(told(ran, "refused")[0]["message"])
+    assert "cannot hold while STOPPING" in str(events_of(ran, "refused")[0]["message"])
     assert ran.modes("f0")[-2:] == ["STOPPING", "OFF"]

@@ -149,7 +149,7 @@ def test_a_refusal_of_one_robot_is_not_a_loss_of_the_bus() -> None:
     bus.close()
 
 
-def test_a_defect_of_a_driver_is_told_as_a_lost_bus() -> None:
+def test_a_defect_of_a_driver_is_reported_as_a_lost_bus() -> None:
     loaded = load(1)
     (bus,) = open_buses(loaded, Ticking()).values()
 
@@ -163,7 +163,7 @@ def test_a_defect_of_a_driver_is_told_as_a_lost_bus() -> None:
 
 @pytest.mark.parametrize("value", [math.nan, math.inf, None, "left out"])
 @pytest.mark.parametrize("since", [0, 40], ids=["from the start", "while armed"])
-def test_what_is_no_number_is_a_failed_read_whatever_the_driver_says(value: Any, since: int) -> None:
+def test_a_value_that_is_no_number_is_a_failed_read_even_if_marked_valid(value: Any, since: int) -> None:
     loaded = load(1)
     clock = Ticking()
     ((name, bus),) = open_buses(loaded, clock).items()

@@ -173,7 +173,7 @@ def test_goto_then_hold() -> None:
     assert plan_tip.mode == Mode.HOLD
 
 
-def test_orders_that_do_not_fit_are_refused_in_words() -> None:
+def test_orders_that_do_not_fit_are_refused_with_a_message() -> None:
     loaded = load(1)
     seen = Collector(loaded)
     orders: dict[int, list[msg.Message]] = {0: [msg.ClearFault(("f0",)), msg.Hold(("thumb",))]}

@@ -96,7 +96,7 @@ def test_every_policy_ends_in_a_rest_of_the_device() -> None:
     assert set(REST_OF) == set(StopPolicy)
 
 
-def test_refusals_can_say_what_is_possible() -> None:
+def test_refusals_can_name_what_is_possible() -> None:
     assert allowed(Mode.FAULT) == ("stop", "estop", "clear", "recover")
 
 

@@ -160,7 +160,7 @@ def test_without_the_tracker_it_falls_back_to_the_open_loop_within_a_second_and_
 
 
 @pytest.mark.parametrize("tracking", [True, False])
-def test_a_robot_that_holds_keeps_its_correction_only_as_long_as_somebody_measures(tracking: bool) -> None:
+def test_a_robot_that_holds_keeps_its_correction_only_while_tips_are_measured(tracking: bool) -> None:
     loaded, truth = finger({})
     rig = Rig(loaded, truth)
     rig.run(5.0, Target(tip_m=(0.030, 0.070, 0.0)))

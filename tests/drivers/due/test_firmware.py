@@ -14,7 +14,7 @@ from contid_drivers.due import messages
 from contid_drivers.due.firmware import build_host, build_id, build_note, cache_dir, firmware_dir
 
 
-def test_a_user_without_home_folder_is_told_what_to_set(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_without_a_home_folder_the_message_names_the_variable_to_set(monkeypatch: pytest.MonkeyPatch) -> None:
     def unknown() -> Path:
         raise RuntimeError("Could not determine home directory.")
 
@@ -42,7 +42,7 @@ def test_a_cache_that_cannot_be_made_is_named(monkeypatch: pytest.MonkeyPatch, t
         ),
     ],
 )
-def test_a_board_of_an_older_protocol_is_refused_in_words(version: int, answer: str) -> None:
+def test_a_board_of_an_older_protocol_is_refused_with_a_message(version: int, answer: str) -> None:
     with pytest.raises(messages.BadAnswerError, match=f"protocol version {version}, this contid 3"):
         messages.read_answer(bytes.fromhex(answer))
 

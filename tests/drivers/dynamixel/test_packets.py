@@ -141,7 +141,7 @@ def fast_answer(parts: list[tuple[int, bytes]]) -> bytes:
     return bytes(wire)
 
 
-def test_a_fast_answer_is_believed_part_by_part() -> None:
+def test_a_fast_answer_is_checked_part_by_part() -> None:
     data = [b"\xff\xff\xfd\x00", b"\x01\x02\x03\x04", b"abcd"]
     wire = fast_answer(list(zip((1, 2, 3), data, strict=True)))
     assert [part.data for part in fast_parts(wire, [1, 2, 3], [4, 4, 4])] == data

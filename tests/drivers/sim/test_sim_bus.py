@@ -159,7 +159,7 @@ def test_load_draws_current_warms_and_lowers_the_voltage():
     assert 26.0 <= hot.temperature_c < 60.0
 
 
-def test_nobody_overloads_by_moving_freely():
+def test_free_motion_never_overloads_a_device():
     for device in ("servo", "motor"):
         rig = Rig({"device": device}).start()
         for k in range(20):
@@ -199,7 +199,7 @@ def test_stale_data_is_valid_and_grows_old():
     assert rig.run(0.1, a=2.0)[-1]["r.a"].age_s == 0.0
 
 
-def test_a_late_reply_takes_its_time_and_says_so():
+def test_a_late_reply_delays_the_exchange_and_ages_its_sample():
     rig = Rig({"device": "servo"}, latency_ms=1.0).start()
     rig.bus.inject(FaultKind.LATE, for_s=0.001, delay_ms=30.0)
     before = rig.clock.now()

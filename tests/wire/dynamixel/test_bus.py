@@ -102,7 +102,7 @@ def test_settings_are_written_only_where_they_differ(rig: Make, caplog: pytest.L
     assert [servo.get(x) for x in (reg.CURRENT_LIMIT, reg.POSITION_P, reg.GOAL_CURRENT)] == [400, 640, 300]
 
 
-def test_an_eeprom_setting_under_torque_is_refused_in_words(rig: Make) -> None:
+def test_an_eeprom_setting_under_torque_is_refused_with_a_message(rig: Make) -> None:
     r = rig(1)
     r.emulator.servos[0].put(reg.TORQUE_ENABLE, 1)
     r.bus.open()
@@ -193,7 +193,7 @@ def test_wrong_commands_are_refused_before_anything_is_sent(rig: Make) -> None:
     assert r.emulator.instructions == before
 
 
-def test_old_firmware_reads_plainly_and_says_so(rig: Make, caplog: pytest.LogCaptureFixture) -> None:
+def test_old_firmware_is_read_plainly_with_a_warning(rig: Make, caplog: pytest.LogCaptureFixture) -> None:
     r = rig(2, servo={"firmware": 45})
     r.bus.open()
     assert "Fast Sync Read needs firmware 46" in caplog.text

@@ -36,7 +36,7 @@ def running(rig: Make, request: pytest.FixtureRequest) -> Any:
 
 
 @pytest.mark.parametrize("kind", ["drop", "corrupt"])
-def test_a_lost_answer_is_asked_for_again_within_the_same_exchange(running: Any, kind: str) -> None:
+def test_a_lost_answer_is_requested_again_within_the_same_exchange(running: Any, kind: str) -> None:
     # A fast read has one answer for all, under the broadcast id.
     running.emulator.set(kind, 254 if running.options.fast_read == "auto" else 2, count=1)
     samples = running.tick()
@@ -111,7 +111,7 @@ def test_a_stale_answer_is_not_taken_for_the_answer_to_another_request(rig: Make
     ("kind", "bits", "message"),
     [("alert", 0x04, "overheated"), ("alert", 0x01, "input voltage"), ("overload", 0x20, "overload")],
 )
-def test_a_hardware_error_is_a_fault_in_words_within_one_exchange(
+def test_a_hardware_error_is_a_fault_with_text_within_one_exchange(
     running: Any, kind: str, bits: int, message: str
 ) -> None:
     running.emulator.set(kind, 2, bits=bits)

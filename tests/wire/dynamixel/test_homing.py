@@ -64,14 +64,14 @@ def test_an_interrupt_leaves_torque_off(rig: Make, monkeypatch: pytest.MonkeyPat
     assert not r.emulator.servo(1).torque
 
 
-def test_homing_is_refused_while_somebody_owns_the_bus(rig: Make) -> None:
+def test_homing_is_refused_while_another_program_has_the_bus_open(rig: Make) -> None:
     r = rig(2, axis={"homing": STOP})
     r.bus.open()
     with pytest.raises(DeviceNotFoundError, match="in use by"):
         home(r)
 
 
-def test_an_axis_without_homing_says_what_to_add(rig: Make) -> None:
+def test_the_error_of_an_axis_without_homing_names_the_key_to_add(rig: Make) -> None:
     with pytest.raises(DeviceError, match="hard_stop"):
         home(rig(1))
 
@@ -91,7 +91,7 @@ def test_an_axis_with_a_stop_is_refused_until_it_was_homed_since_power_up(rig: M
     assert r.emulator.servo(1).torque
 
 
-def test_a_stored_pose_tells_the_turn(rig: Make) -> None:
+def test_a_stored_pose_determines_the_turn(rig: Make) -> None:
     real = 3 * 4096 + 400.0
     r = rig(1, axis={"homing": POSE}, servo={"position_ticks": real})
     r.bus.open()
@@ -107,7 +107,7 @@ def test_a_stored_pose_tells_the_turn(rig: Make) -> None:
     assert r.tick()["r.a1"].value == pytest.approx(there * TICK, abs=2 * TICK)
 
 
-def test_an_implausible_pose_is_refused_in_words(rig: Make) -> None:
+def test_an_implausible_pose_is_refused_with_a_message(rig: Make) -> None:
     r = rig(1, axis={"homing": POSE}, servo={"position_ticks": 3 * 4096 + 1500.0})
     r.bus.open()
     assert "lost its turn count" in r.tick()["r.a1"].fault

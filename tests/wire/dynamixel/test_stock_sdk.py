@@ -149,7 +149,7 @@ def test_factory_reset_keeps_the_id_when_asked(bus: DynamixelEmulator, port: Any
     assert protocol.ping(port, 3) == (1200, sdk.COMM_SUCCESS, 0)
 
 
-def test_clear_forgets_the_turns(bus: DynamixelEmulator, port: Any) -> None:
+def test_clear_resets_the_turns(bus: DynamixelEmulator, port: Any) -> None:
     bus.servo(2).motion.position = 5 * 4096 + 9.0
     assert protocol.clearMultiTurn(port, 2) == (sdk.COMM_SUCCESS, 0)
     assert protocol.read4ByteTxRx(port, 2, 132)[0] == 9

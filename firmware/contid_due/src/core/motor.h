@@ -56,7 +56,7 @@ class Motor {
 
  private:
   enum class Phase : uint8_t { IDLE, APPROACH, BACK_OFF, FOUND };
-  // Each missed edge is two counts; so many make the position useless.
+  // Each missed edge is two counts; from this number on the position is useless.
   static const uint32_t MISSED_EDGES = 8;
   bool missed() const { return missed_edges() >= MISSED_EDGES; }
 
