@@ -1,8 +1,9 @@
-"""A program that moves a node of a fleet with live rows until it is killed: FILE NODE LEASE."""
+"""Moves a node of a fleet with live rows until it is killed; SIGUSR1 hangs it. Arguments: FILE NODE LEASE."""
 
 from __future__ import annotations
 
 import math
+import signal
 import sys
 import time
 from collections.abc import Iterator
@@ -25,7 +26,13 @@ def rows() -> Iterator[list[float]]:
         time.sleep(PERIOD_S)
 
 
+def hang(*_: object) -> None:
+    """The program hangs, and the threads of Zenoh do not."""
+    time.sleep(60.0)
+
+
 def main() -> None:
+    signal.signal(signal.SIGUSR1, hang)
     path, node, lease_s = sys.argv[1:]
     with FleetOperator(load_operator_file(Path(path))) as operator:
         client = FleetProcedures(operator, node)
