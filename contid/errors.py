@@ -73,6 +73,7 @@ class DeviceLostError(DeviceError):
 
 #: Package, as it is imported -> the extra of ``pip install 'contid[EXTRA]'`` that has it.
 EXTRAS: Final = {
+    "cryptography": "fleet",
     "matplotlib": "plots",
     "pandas": "data",
     "rerun": "view",

@@ -15,6 +15,7 @@ from pathlib import Path
 from typing import Final
 
 from contid.errors import ContidError
+from contid.fleet.access_rules import access_rules
 from contid.fleet.fleet_file import MachineFile
 from contid.fleet.keys import Keys, Origin, is_node_name
 from contid.fleet.net import FleetError, NetSession, NetSettings
@@ -66,7 +67,8 @@ class FleetBridge:
     def __init__(self, machine: MachineFile) -> None:
         self._machine = machine
         self._keys = Keys(machine.fleet)
-        self._net = NetSession(NetSettings(listen=machine.listen, connect=machine.connect, tls=machine.tls))
+        access = access_rules(machine.fleet, machine.operators) if machine.tls is not None else None
+        self._net = NetSession(NetSettings(machine.listen, machine.connect, machine.tls, access=access))
         self._nodes: dict[str, Node] = {}
         self._running: dict[str, asyncio.Task[None]] = {}
         self._sessions = Sessions()

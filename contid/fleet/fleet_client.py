@@ -17,6 +17,8 @@ from contid.remote.protocol.wire import Fields, decode, encode
 #: How long a node may take to appear after this session was opened.
 APPEAR_TIMEOUT_S: Final = 1.0
 POLL_S: Final = 0.01
+#: How long to wait for a response, if its verb takes no longer.
+RESPONSE_TIMEOUT_S: Final = 5.0
 
 
 class FleetProcedures(Procedures):
@@ -33,7 +35,7 @@ class FleetProcedures(Procedures):
     """
 
     def __init__(self, operator: FleetOperator, node: str) -> None:
-        super().__init__(None, name=f"fleet {operator.origin.operator}")
+        super().__init__(None, name=f"fleet {operator.origin.operator}", timeout_s=RESPONSE_TIMEOUT_S)
         self.path = Path(node)
         self._operator = operator
         self._node = node
@@ -67,7 +69,10 @@ class FleetProcedures(Procedures):
         verb = str(decode(request.line)["verb"])
         response = self._operator.ask(self._node, verb, request.fields, request.timeout_s)
         if response is None:
-            raise self._protocol.lost(f"{self._node}: no response within {request.timeout_s:g} s")
+            raise self._protocol.lost(
+                f"{self._node}: no response to {verb} within {request.timeout_s:g} s (a machine with TLS "
+                "answers nothing that its file does not allow this operator)"
+            )
         number = response.pop("client", None)
         if verb == "acquire":
             self._client = number

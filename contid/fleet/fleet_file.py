@@ -83,12 +83,6 @@ class FleetFile(Strict):
         return self.connect
 
     @model_validator(mode="after")
-    def _is_local(self) -> Self:
-        if any(protocol(each) == "tls" for each in self.endpoints()):
-            raise ValueError("TLS is not available yet; use tcp/127.0.0.1:PORT or a Unix socket")
-        return self
-
-    @model_validator(mode="after")
     def _has_tls(self) -> Self:
         if self.tls is None and any(protocol(each) == "tls" for each in self.endpoints()):
             raise ValueError("a tls/ endpoint needs tls: {ca: ..., certificate: ..., key: ...}")
@@ -122,6 +116,8 @@ class MachineFile(FleetFile):
     def _is_reachable(self) -> Self:
         if not self.endpoints():
             raise ValueError("an endpoint is expected: listen: [tcp/127.0.0.1:7447], or connect: [...]")
+        if len({protocol(each) == "tls" for each in self.endpoints()}) > 1:
+            raise ValueError("TLS and other endpoints are not mixed: names would be verified on some only")
         plain = [each for each in self.endpoints() if protocol(each) != "tls"]
         more = [name for name, rights in self.operators.items() if {*rights} - {Right.WATCH}]
         if plain and more and not self.trust_local_users:

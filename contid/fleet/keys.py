@@ -73,6 +73,10 @@ class Keys:
         """Notices of the local connection of a session: moves that ended, a lease that was lost."""
         return f"{ROOT}/{self.fleet}/{node}/notices/{origin.operator}/{origin.session}"
 
+    def notices_of(self, node: str, operator: str) -> str:
+        """Notices of every session of an operator."""
+        return f"{ROOT}/{self.fleet}/{node}/notices/{operator}/*"
+
     def do(self, node: str, operator: str, session: str, verb: str) -> str:
         """A request; each part may be ``*``."""
         return f"{ROOT}/{self.fleet}/{node}/do/{operator}/{session}/{verb}"

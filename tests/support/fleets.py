@@ -27,14 +27,15 @@ class BridgeProcess:
     folder: Path
     endpoint: str
 
-    def operator_file(self, name: str = "anna", expected: Sequence[str] = ()) -> Path:
+    def operator_file(self, name: str = "anna", expected: Sequence[str] = (), **keys: Any) -> Path:
         path = self.folder / f"{name}.yaml"
         contents = {"fleet": "lab", "connect": [self.endpoint], "operator": name, "expected": [*expected]}
+        contents |= keys
         path.write_text(yaml.safe_dump(contents))
         return path
 
-    def operator(self, name: str = "anna", expected: Sequence[str] = ()) -> OperatorFile:
-        return load_operator_file(self.operator_file(name, expected))
+    def operator(self, name: str = "anna", expected: Sequence[str] = (), **keys: Any) -> OperatorFile:
+        return load_operator_file(self.operator_file(name, expected, **keys))
 
 
 def machine_file(folder: Path, endpoint: str, nodes: Mapping[str, Path], **keys: object) -> Path:
@@ -56,11 +57,12 @@ def machine_file(folder: Path, endpoint: str, nodes: Mapping[str, Path], **keys:
 def bridge(
     nodes: Mapping[str, Path],
     env: Mapping[str, str] | None = None,
+    endpoint: str | None = None,
     **keys: object,
 ) -> Iterator[BridgeProcess]:
-    """`contid fleet serve` at a Unix socket, from its ready message on."""
+    """`contid fleet serve`, at a Unix socket if no endpoint is given, from its ready message on."""
     folder = Path(tempfile.mkdtemp(prefix="contid-"))
-    endpoint = f"unixsock-stream/{folder}/net"
+    endpoint = endpoint or f"unixsock-stream/{folder}/net"
     path = machine_file(folder, endpoint, nodes, **keys)
     process = subprocess.Popen(
         command("fleet", "serve", str(path)),

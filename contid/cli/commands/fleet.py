@@ -189,3 +189,48 @@ def move(
         refused = completed(carry_out(FleetProcedures(operator, node)))
     if refused:
         raise ContidError("refused: " + "; ".join(refused))
+
+
+@command.command("init")
+@click.argument("folder", type=click.Path(path_type=Path, file_okay=False))
+@click.option("--fleet", required=True, help="Name of the fleet.")
+def init(folder: Path, fleet: str) -> None:
+    """Write the CA of a new fleet into FOLDER; its ca.key signs every certificate and stays there."""
+    from contid.fleet.certificates import make_ca
+
+    ca = make_ca(folder, fleet)
+    click.echo(
+        f"{ca}: goes to every machine and operator; {ca.with_suffix('.key')}: keep it here, and secret"
+    )
+
+
+@command.command("cert")
+@click.argument("name")
+@click.option(
+    "--ca", type=click.Path(path_type=Path, file_okay=False), required=True, help="Folder of `fleet init`."
+)
+@click.option("--host", "hosts", multiple=True, help="For a machine: its IP address or name; repeat it.")
+@click.option(
+    "--days", type=NumberRange(0.01, 825.0), default=30.0, show_default=True, help="Until it expires."
+)
+@click.option(
+    "--out", type=click.Path(path_type=Path, file_okay=False), default=Path(), help="Folder for the files."
+)
+def cert(name: str, ca: Path, hosts: tuple[str, ...], days: float, out: Path) -> None:
+    """Write NAME.pem and NAME.key: for an operator of that name or, with --host, for a machine."""
+    from contid.fleet.certificates import make_certificate
+
+    path = make_certificate(out, ca, name, hosts, days)
+    kind = "machine" if hosts else "operator"
+    click.echo(f"{path} and {path.with_suffix('.key')}: {kind} {name}, {days:g} days")
+
+
+@command.command("acl")
+@click.argument("machine", type=click.Path(path_type=Path))
+def acl(machine: Path) -> None:
+    """Print the access rules of Zenoh that `fleet serve` uses for the file MACHINE, as JSON."""
+    from contid.fleet.access_rules import access_rules
+    from contid.fleet.fleet_file import load_machine_file
+
+    file = load_machine_file(machine)
+    click.echo(json.dumps({"access_control": access_rules(file.fleet, file.operators)}, indent=2))

@@ -1,0 +1,206 @@
+"""Certificates of a fleet: a CA of its own, and one certificate per machine and per operator (P-256).
+
+The common name of an operator's certificate is its name in the fleet. Only certificates of machines may be
+used to listen. Private keys have mode 0600.
+"""
+
+from __future__ import annotations
+
+import datetime
+import ipaddress
+import os
+from collections.abc import Sequence
+from importlib.util import find_spec
+from pathlib import Path
+from typing import TYPE_CHECKING, Final
+
+from contid.errors import ContidError, MissingExtraError
+from contid.fleet.keys import is_name
+
+if TYPE_CHECKING:
+    from cryptography import x509
+    from cryptography.hazmat.primitives.asymmetric import ec
+
+#: Zenoh has no revocation lists: certificates are short-lived instead, and links close when one expires.
+CERTIFICATE_DAYS: Final = 30
+CA_DAYS: Final = 3650
+#: Before now, for machines whose clocks differ.
+EARLIER: Final = datetime.timedelta(hours=1)
+CA_CERTIFICATE: Final = "ca.pem"
+CA_KEY: Final = "ca.key"
+
+
+def require_cryptography() -> None:
+    """Refuse to go on without the package.
+
+    Raises:
+        MissingExtraError: with the remedy.
+    """
+    if find_spec("cryptography") is None:
+        raise MissingExtraError("certificates of a fleet", "cryptography", "fleet")
+
+
+def make_ca(folder: Path, fleet: str, days: float = CA_DAYS) -> Path:
+    """Write ``ca.pem`` and ``ca.key`` of a new CA; returns the first.
+
+    Raises:
+        ContidError: there is one already, or the folder cannot be written.
+    """
+    require_cryptography()
+    from cryptography import x509
+    from cryptography.hazmat.primitives.asymmetric import ec
+
+    _check_name(fleet)
+    _free(folder / CA_CERTIFICATE, folder / CA_KEY)
+    key = ec.generate_private_key(ec.SECP256R1())
+    name = x509.Name([x509.NameAttribute(x509.NameOID.COMMON_NAME, f"contid fleet {fleet}")])
+    builder = (
+        _builder(name, name, key.public_key(), key.public_key(), days)
+        .add_extension(x509.BasicConstraints(ca=True, path_length=0), critical=True)
+        .add_extension(_usage(ca=True), critical=True)
+    )
+    return _write(folder / CA_CERTIFICATE, folder / CA_KEY, builder, key, key)
+
+
+def make_certificate(
+    folder: Path, ca: Path, name: str, hosts: Sequence[str] = (), days: float = CERTIFICATE_DAYS
+) -> Path:
+    """Write ``NAME.pem`` and ``NAME.key``, signed by a CA; returns the first.
+
+    Args:
+        folder: for the files.
+        ca: the folder of `make_ca`.
+        name: of the operator or the machine.
+        hosts: IP addresses and names of a machine; empty for an operator, who cannot listen.
+        days: until it expires.
+
+    Raises:
+        ContidError: the CA cannot be read, a file is there already, or a name is wrong.
+    """
+    require_cryptography()
+    from cryptography import x509
+    from cryptography.hazmat.primitives.asymmetric import ec
+    from cryptography.x509.oid import ExtendedKeyUsageOID
+
+    _check_name(name)
+    _free(folder / f"{name}.pem", folder / f"{name}.key")
+    issuer, issuer_key = _read_ca(ca)
+    key = ec.generate_private_key(ec.SECP256R1())
+    subject = x509.Name([x509.NameAttribute(x509.NameOID.COMMON_NAME, name)])
+    uses = [ExtendedKeyUsageOID.CLIENT_AUTH]
+    builder = (
+        _builder(subject, issuer.subject, key.public_key(), issuer_key.public_key(), days)
+        .add_extension(x509.BasicConstraints(ca=False, path_length=None), critical=True)
+        .add_extension(_usage(ca=False), critical=True)
+    )
+    if hosts:
+        uses.append(ExtendedKeyUsageOID.SERVER_AUTH)
+        builder = builder.add_extension(x509.SubjectAlternativeName(list(map(_host, hosts))), critical=False)
+    builder = builder.add_extension(x509.ExtendedKeyUsage(uses), critical=False)
+    return _write(folder / f"{name}.pem", folder / f"{name}.key", builder, key, issuer_key)
+
+
+def _check_name(name: str) -> None:
+    if not is_name(name):
+        raise ContidError(f"{name!r} is no name: 1 to 40 of a-z, 0-9, dot, dash and underscore")
+
+
+def _free(*paths: Path) -> None:
+    """Refuse to replace files."""
+    for path in paths:
+        if path.exists():
+            raise ContidError(f"{path}: exists; it is not replaced, remove it or give another folder")
+
+
+def _builder(
+    subject: x509.Name,
+    issuer: x509.Name,
+    key: ec.EllipticCurvePublicKey,
+    issuer_key: ec.EllipticCurvePublicKey,
+    days: float,
+) -> x509.CertificateBuilder:
+    from cryptography import x509
+
+    now = datetime.datetime.now(datetime.UTC)
+    end = now + datetime.timedelta(days=days)
+    return (
+        x509.CertificateBuilder()
+        .subject_name(subject)
+        .issuer_name(issuer)
+        .public_key(key)
+        .serial_number(x509.random_serial_number())
+        .add_extension(x509.SubjectKeyIdentifier.from_public_key(key), critical=False)
+        .add_extension(x509.AuthorityKeyIdentifier.from_issuer_public_key(issuer_key), critical=False)
+        .not_valid_before(min(now, end) - EARLIER)
+        .not_valid_after(end)
+    )
+
+
+def _usage(ca: bool) -> x509.KeyUsage:
+    from cryptography import x509
+
+    return x509.KeyUsage(
+        digital_signature=not ca,
+        key_cert_sign=ca,
+        crl_sign=ca,
+        content_commitment=False,
+        key_encipherment=False,
+        data_encipherment=False,
+        key_agreement=False,
+        encipher_only=False,
+        decipher_only=False,
+    )
+
+
+def _host(host: str) -> x509.GeneralName:
+    from cryptography import x509
+
+    try:
+        return x509.IPAddress(ipaddress.ip_address(host))
+    except ValueError:
+        pass
+    try:
+        return x509.DNSName(host)
+    except ValueError as error:
+        raise ContidError(f"{host!r}: an IP address or a host name is expected") from error
+
+
+def _read_ca(folder: Path) -> tuple[x509.Certificate, ec.EllipticCurvePrivateKey]:
+    from cryptography import x509
+    from cryptography.hazmat.primitives import serialization
+    from cryptography.hazmat.primitives.asymmetric import ec
+
+    try:
+        certificate = x509.load_pem_x509_certificate((folder / CA_CERTIFICATE).read_bytes())
+        key = serialization.load_pem_private_key((folder / CA_KEY).read_bytes(), None)
+    except (OSError, ValueError) as error:
+        reason = error.strerror if isinstance(error, OSError) else "no certificate and key"
+        raise ContidError(f"{folder}: no CA there ({reason}); `contid fleet init` makes one") from error
+    if not isinstance(key, ec.EllipticCurvePrivateKey) or key.public_key() != certificate.public_key():
+        raise ContidError(f"{folder}: {CA_KEY} is not the key of {CA_CERTIFICATE}")
+    return certificate, key
+
+
+def _write(
+    path: Path,
+    key_path: Path,
+    builder: x509.CertificateBuilder,
+    key: ec.EllipticCurvePrivateKey,
+    issuer_key: ec.EllipticCurvePrivateKey,
+) -> Path:
+    from cryptography.hazmat.primitives import hashes, serialization
+
+    certificate = builder.sign(issuer_key, hashes.SHA256())
+    pem = key.private_bytes(
+        serialization.Encoding.PEM, serialization.PrivateFormat.PKCS8, serialization.NoEncryption()
+    )
+    try:
+        path.parent.mkdir(parents=True, exist_ok=True)
+        # No other user may read it between its creation and a chmod either.
+        descriptor = os.open(key_path, os.O_WRONLY | os.O_CREAT | os.O_EXCL, 0o600)
+        with os.fdopen(descriptor, "wb") as file:
+            file.write(pem)
+        path.write_bytes(certificate.public_bytes(serialization.Encoding.PEM))
+    except OSError as error:
+        raise ContidError(f"{error.filename or path}: cannot write it: {error.strerror}") from error
+    return path
