@@ -25,7 +25,14 @@ COMMANDS: Final[dict[str, tuple[str, str]]] = {
         "robots, buses and faults of a running daemon; --watch for a live view",
     ),
     "move": ("contid.cli.commands.move", "send robots of a running daemon to a point, or along a trajectory"),
-    "play": ("contid.cli.commands.play", "play a sequence of named poses, with times, waits and loops"),
+    "teach": (
+        "contid.cli.commands.teleop.teach",
+        "torque off: save poses and motions of robots moved by hand",
+    ),
+    "play": (
+        "contid.cli.commands.teleop.play",
+        "play a sequence of named poses, with times, waits and loops",
+    ),
     "hold": (f"{_ORDERS}:hold", "stop robots and keep them where they are"),
     "resume": (f"{_ORDERS}:resume", "arm robots and continue with what they followed"),
     "stop": (f"{_ORDERS}:stop", "stop robots by the policy of the robot file"),

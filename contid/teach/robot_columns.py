@@ -24,7 +24,7 @@ class DescribedRobot:
         minimum, maximum: limits of the axes, in their units.
         tip: columns of its tip.
         unit: of its axes: mm or bar.
-        velocity: limit of its axes [unit/s].
+        rates: greatest velocity, acceleration and jerk of its axes [unit/s, unit/s^2, unit/s^3].
         estop: what `estop` does with it: relax, vent or another policy.
     """
 
@@ -34,13 +34,8 @@ class DescribedRobot:
     maximum: tuple[float, ...]
     tip: tuple[str, ...]
     unit: str
-    velocity: float
+    rates: tuple[float, float, float]
     estop: str
-
-    def clipped(self, actuation: list[float]) -> list[float]:
-        """An actuation inside the limits."""
-        limits = zip(actuation, self.minimum, self.maximum, strict=True)
-        return [min(max(value, low), high) for value, low, high in limits]
 
 
 def columns_of(describe: Mapping[str, Any]) -> dict[str, DescribedRobot]:
@@ -58,7 +53,11 @@ def columns_of(describe: Mapping[str, Any]) -> dict[str, DescribedRobot]:
             maximum=tuple(limit[f"max_{unit}"] for limit in limits.values()),
             tip=tuple(f"{prefix}{axis}_mm" for axis in "xyz" if f"{axis}_mm" in robot["columns"]),
             unit=unit,
-            velocity=robot[f"velocity_{unit}_s"],
+            rates=(
+                robot[f"velocity_{unit}_s"],
+                robot[f"acceleration_{unit}_s2"],
+                robot[f"jerk_{unit}_s3"],
+            ),
             estop=robot["stop"]["estop"],
         )
     return found

@@ -107,7 +107,7 @@ def test_without_a_certificate_there_is_no_link(served: BridgeProcess, certifica
     assert not links(None, served.endpoint.replace("tls/", "tcp/"))
 
 
-def test_a_certificate_of_an_operator_serves_nobody_else(certificates: Path) -> None:
+def test_a_certificate_of_an_operator_is_of_no_use_to_others(certificates: Path) -> None:
     """Otherwise an operator could take the place of a machine, and confirm stops."""
     endpoint = f"tls/127.0.0.1:{free_port()}"
     net = NetSession(NetSettings(listen=[endpoint], tls=files(certificates, "bob")))

@@ -148,6 +148,8 @@ class TelemetryView:
                 "unit": unit,
                 "columns": list(vocabulary(self.robots[name])),
                 f"velocity_{unit}_s": config.velocity * scale,
+                f"acceleration_{unit}_s2": config.acceleration * scale,
+                f"jerk_{unit}_s3": config.jerk * scale,
                 "stop": {key: getattr(config.stops, key).value for key in config.stops.__slots__},
                 "axes": {
                     axis: {f"min_{unit}": minimum * scale, f"max_{unit}": maximum * scale}

@@ -19,6 +19,7 @@ Each switch is an `InjectedFault`; as JSON it is one line appended to the contro
     {"fault": "host", "hz": 20}                 a second host reads positions at 20 Hz, until hz is 0
     {"fault": "jam", "id": 3, "on": true}       its shaft is blocked; the current rises to its limit
     {"fault": "freeze", "id": 3, "on": true}    its encoder reports the same position for ever
+    {"fault": "push", "id": 3, "degrees": 30, "ms": 500}  a hand turns its shaft; under torque it resists
     {"fault": "unplug"}                         the port disappears
     {"fault": "replug", "port": "servos2.pty"}  and returns, under another name if one is given
 
@@ -53,6 +54,7 @@ _KEYS: Final[dict[str, tuple[str, ...]]] = {
     "host": ("hz",),
     "jam": ("id", "on"),
     "freeze": ("id", "on"),
+    "push": ("id", "degrees", "ms"),
     "unplug": (),
     "replug": ("port",),
 }
@@ -67,6 +69,7 @@ _NEED_ID: Final = {
     "trip",
     "jam",
     "freeze",
+    "push",
 }
 
 
@@ -85,6 +88,7 @@ class InjectedFault:
     hz: float = 0.0
     bits: int = 0x04
     on: bool = True
+    degrees: float = 0.0
     port: str | None = None
 
     def __post_init__(self) -> None:

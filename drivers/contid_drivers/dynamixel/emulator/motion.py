@@ -51,6 +51,10 @@ class ShaftMotion:
         self.velocity = self.current = self._pushed_s = 0.0
         self.goal = self.position
 
+    def turn(self, ticks: float) -> None:
+        """Turn the free shaft from outside, as far as its stops."""
+        self.position = self.goal = max(self.stops[0], min(self.stops[1], self.position + ticks))
+
     @property
     def overloaded(self) -> bool:
         """True once the overload time is over."""

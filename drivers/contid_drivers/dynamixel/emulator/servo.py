@@ -74,6 +74,8 @@ class Servo(ControlTable):
         self.supply_decivolt = round(self.model.supply_v * 10)
         #: Position [ticks] that a broken encoder reports, None for the true one.
         self.frozen: int | None = None
+        #: A hand turns the shaft: its speed [ticks/s], and until when.
+        self.hand_ticks_s, self.hand_until = 0.0, 0.0
         #: Hardware error that returns after every reboot until it is set to 0.
         self.cause = 0
         code = next(code for code, rate in reg.BAUD_CODES.items() if rate == baud)
@@ -253,7 +255,10 @@ class Servo(ControlTable):
                     self.fail(0x20)
             elif self.motion.velocity:
                 self.motion.release()
-            if now - self.now > 1.0 and not self.motion.velocity:
+            by_hand = self.now <= self.hand_until
+            if by_hand and not self.torque:
+                self.motion.turn(self.hand_ticks_s * step)
+            if now - self.now > 1.0 and not self.motion.velocity and not by_hand:
                 # Not advanced for a long time and nothing moves: skip ahead.
                 self.now = now - 1.0
 
@@ -297,6 +302,10 @@ class Servo(ControlTable):
             self._free_stops, motion.stops = motion.stops, (motion.position, motion.position)
         elif not on and self._free_stops is not None:
             motion.stops, self._free_stops = self._free_stops, None
+
+    def push(self, ticks: float, seconds: float) -> None:
+        """Turn the shaft from outside, without torque at constant speed."""
+        self.hand_ticks_s, self.hand_until = ticks / max(seconds, STEP_S), self.now + max(seconds, STEP_S)
 
     def read_position(self) -> int:
         """Present Position now [ticks]."""

@@ -9,6 +9,7 @@ from __future__ import annotations
 
 import contextlib
 import heapq
+import math
 import os
 import select
 import termios
@@ -153,6 +154,8 @@ class DynamixelEmulator:
                 servo.trip()
             elif fault.kind == "jam":
                 servo.jam(fault.on)
+            elif fault.kind == "push":
+                servo.push(math.radians(fault.degrees) / reg.RAD_PER_TICK, fault.ms / 1e3)
             elif fault.kind == "freeze":
                 servo.frozen = servo.read_position() if fault.on else None
 

@@ -1,0 +1,1 @@
+"""Commands that move robots by hand: teaching, playing what was taught, jogging."""

@@ -1,0 +1,1 @@
+"""Teleoperation: keys and input devices to set-points of a running daemon."""

@@ -1,0 +1,40 @@
+"""A last line of the terminal that is written again and again, below lines that stay."""
+
+from __future__ import annotations
+
+import shutil
+from types import TracebackType
+from typing import Self, TextIO
+
+
+class StatusLine:
+    """Context manager; without a terminal only the lines that stay are written."""
+
+    def __init__(self, out: TextIO) -> None:
+        self._out = out
+        self._shown = ""
+        self._terminal = out.isatty()
+
+    def log(self, text: str) -> None:
+        """Write lines that stay."""
+        self._write(f"\r\x1b[K{text}\n{self._shown}" if self._shown else f"{text}\n")
+
+    def show(self, text: str) -> None:
+        """Replace the last line."""
+        if self._terminal:
+            width = shutil.get_terminal_size().columns - 1
+            self._shown = text if len(text) <= width else f"{text[: width - 1]}…"
+            self._write(f"\r\x1b[K{self._shown}")
+
+    def _write(self, text: str) -> None:
+        self._out.write(text)
+        self._out.flush()
+
+    def __enter__(self) -> Self:
+        """The line is cleared on leaving."""
+        return self
+
+    def __exit__(self, kind: type[BaseException] | None, error: object, trace: TracebackType | None) -> None:
+        if self._shown:
+            self._shown = ""
+            self._write("\r\x1b[K")
