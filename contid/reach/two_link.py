@@ -1,7 +1,7 @@
 """The rigid two-link finger that Morita et al. compare with (section IV-B, Fig. 5 and 6).
 
 Both joints turn by at most A to either side. The paper's "99 degrees" reproduces with these limits only, not
-with joints limited to one side ("0 to 120 degrees") (reference A3).
+with joints limited to one side ("0 to 120 degrees"): a finding of this project, tested in tests/reach.
 """
 
 from __future__ import annotations

@@ -60,7 +60,7 @@ def check_robot(
     yield from _check_rest(document, at, robot)
     yield from _check_stops(document, at, robot, wired)
     for index, key in enumerate(robot.placeholder):
-        if not _names_something(document, at, robot, key):
+        if not _is_key(document, at, robot, key):
             message = (
                 f"placeholder {key!r} names no key of this robot; write it like geometry.{_example(robot)}"
             )
@@ -222,7 +222,7 @@ def _check_stops(
             yield document.at_value(place, message)
 
 
-def _names_something(document: Document, at: KeyPath, robot: RobotDescription, key: str) -> bool:
+def _is_key(document: Document, at: KeyPath, robot: RobotDescription, key: str) -> bool:
     """True when a dotted key is written in the robot, or is a top-level key of its class.
 
     Names of axes contain dots, so every split is tried.

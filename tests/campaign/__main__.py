@@ -14,7 +14,7 @@ from tests.campaign.wired_checks import Tally as WireTally
 def main() -> int:
     parser = argparse.ArgumentParser(prog="python -m tests.campaign", description="The fault campaign.")
     parser.add_argument("--cases", type=int, default=5000, help="in virtual time, on simulated devices")
-    parser.add_argument("--ptys", type=int, help="instead so many in real time, on emulated devices")
+    parser.add_argument("--ptys", type=int, help="instead this number in real time, on emulated devices")
     parser.add_argument("--all", action="store_true", help="instead every campaign, for --minutes")
     parser.add_argument("--minutes", type=float, default=10.0)
     parser.add_argument("--seed", type=int, default=1)

@@ -80,7 +80,7 @@ def campaign(
     on: list[Machine] | None = None,
     until: str | None = None,
 ) -> Tally:
-    """Run so many cases: scripts without a fault, each followed by itself with one to four faults.
+    """Run ``cases`` cases: scripts without a fault, each followed by itself with one to four faults.
 
     Args:
         cases: how many.

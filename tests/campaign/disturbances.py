@@ -239,7 +239,7 @@ def starve(case: Case, dice: random.Random) -> str:
         for loop in busy:
             loop.kill()
             loop.wait()
-    case.back("starved")
+    case.back("load ended")
     return "starve"
 
 

@@ -100,7 +100,7 @@ def _old_goal(patch: pytest.MonkeyPatch) -> None:
 
 
 def _powered_stop(patch: pytest.MonkeyPatch) -> None:
-    """An emergency stop that forgets the devices."""
+    """An emergency stop that skips the devices."""
 
     def forgetful(*arguments: Any) -> RobotState:
         return replace(estop(*arguments), pending=Effect.NONE)
@@ -129,6 +129,6 @@ MUTATIONS: dict[str, Mutation] = {
     "tolerance ignored": Mutation("fault within the stated ticks", 2, _no_tolerance),
     "watchdog disabled": Mutation("no power without a host", 6, _no_watchdog),
     "re-arm without goal := present": Mutation("no jump on arming", 2, _old_goal),
-    "estop forgets the devices": Mutation("estop within the tick", 1, _powered_stop),
+    "estop skips the devices": Mutation("estop within the tick", 1, _powered_stop),
     "a fault slows everybody": Mutation("other robots unaffected", 1, _shared_fate),
 }

@@ -63,7 +63,7 @@ LOSES_POSITION: Final = {"trirack_motors": frozenset({"reset", "brown_out", "fre
 
 #: Deliberate bugs: code that disables a protection in every process of the daemon.
 BUGS: Final[dict[str, str]] = {
-    "estop forgets the devices": (
+    "estop skips the devices": (
         "from dataclasses import replace\n"
         "from contid.control.tick import transitions\n"
         "estop = transitions.estop\n"
@@ -90,7 +90,7 @@ class Run:
         self._lost: frozenset[str] = frozenset()
 
     def play(self, cases: int) -> None:
-        """So many cases, then the end in a random state."""
+        """Several cases, then the end in a random state."""
 
         def body() -> None:
             for _ in range(cases):
@@ -361,7 +361,7 @@ def _alive(process: psutil.Process) -> bool:
 def campaign(
     cases: int, seed: int, progress: Callable[[Tally], None] | None = None, per_daemon: int = PER_DAEMON
 ) -> Tally:
-    """So many cases, each daemon sees some of them."""
+    """Run cases, several of them with each daemon."""
     tally, begin_s = Tally(seed), time.monotonic()
     number = 0
     while tally.cases < cases:

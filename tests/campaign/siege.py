@@ -192,7 +192,7 @@ class Siege:
         return sum(int(each.split("VmHWM:")[1].split()[0]) << 10 for each in status)
 
     def flood(self, requests: int, read: bool) -> int:
-        """So many small requests in one connection; how many were answered."""
+        """Small requests in one connection; returns how many were answered."""
         small = LAST.replace(b"last", b"more")
         with sockets.socket(sockets.AF_UNIX) as connected:
             connected.connect(str(self.socket))

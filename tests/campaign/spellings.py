@@ -2,7 +2,7 @@
 
 What contains a verb that a person reads as an emergency stop must stop: whatever its case, separators,
 white space, escapes, quotes, encoding, other fields, order of fields, and where the line is cut off behind
-it. What has another verb must not, also with the same words in its other fields.
+it. What has another verb must not, also with the same texts in its other fields.
 """
 
 from __future__ import annotations
@@ -16,8 +16,8 @@ from typing import Any, Final
 WHITE: Final = ("", "", "", " ", "\t", "  ", " \t ", "\r")
 SEPARATORS: Final = ("", "", "-", "_", " ", ".", ". ")
 OTHER_VERBS: Final = ("status", "hello", "move", "stop", "hold", "ping", "acquire", "rows", "step", "estops")
-#: Words that a stop would have, as values and names of other fields.
-WORDS: Final = ("estop", "emergency stop", '"verb":"estop"', "verb", "x", "\u202e", "\x00", "é", "")
+#: Texts that a stop would have, as values and names of other fields.
+TEXTS: Final = ("estop", "emergency stop", '"verb":"estop"', "verb", "x", "\u202e", "\x00", "é", "")
 
 
 class Spellings:
@@ -107,7 +107,7 @@ class Spellings:
             case 4:
                 return "x" * dice.choice((1, 201, 5000))
             case 5 | 6:
-                return dice.choice(WORDS)
+                return dice.choice(TEXTS)
             case 7:
                 return "".join(
                     chr(dice.choice((34, 39, 92, 47, 58, 123, 233, 0x4E00, 0x1F6D1))) for _ in range(6)

@@ -61,7 +61,7 @@ class Switch:
         name: of the emulator.
         on: axes it is for; empty for the whole bus.
         must: a robot that is watched goes to FAULT when it stays on.
-        ticks: within so many of them, on top of those a bus takes to answer.
+        ticks: within this number of them, on top of those a bus takes to answer.
     """
 
     name: str

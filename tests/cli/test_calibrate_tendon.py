@@ -142,8 +142,8 @@ def test_another_robot_s_data_are_refused(tmp_path: Path) -> None:
     ("kind", "robot"), [("tendon", "ftdcr_v4"), ("modulus", "stiffflop2"), ("curvature", "finger")]
 )
 def test_a_file_that_is_no_text_is_refused_without_a_traceback(kind: str, robot: str, tmp_path: Path) -> None:
-    picture = tmp_path / "scan.csv"
-    picture.write_bytes(b"\x89PNG\r\n")
-    result = CliRunner().invoke(command, [kind, str(picture), "--for", robot])
+    image = tmp_path / "scan.csv"
+    image.write_bytes(b"\x89PNG\r\n")
+    result = CliRunner().invoke(command, [kind, str(image), "--for", robot])
     assert isinstance(result.exception, ContidError)
     assert "scan.csv: not a table in UTF-8 text" in str(result.exception)

@@ -27,7 +27,7 @@ def run(text: str, folder: Path, *options: str) -> subprocess.CompletedProcess[s
 
 
 def line(seconds: float) -> str:
-    """The tip goes from one point to another in so many seconds, at nearly constant speed."""
+    """The tip goes from one point to another in this time [s], at nearly constant speed."""
     rows = "".join(f"{seconds * k / 40!r},{20 + k / 4!r},80\n" for k in range(41))
     return f"t_s,x_mm,y_mm\n{rows}"
 

@@ -1,4 +1,4 @@
-"""The sketch's core in virtual time: every millisecond of the board passes when the test says so."""
+"""The sketch's core in virtual time: every millisecond of the board passes on a call of the test."""
 
 from __future__ import annotations
 
@@ -110,8 +110,8 @@ class VirtualBoard:
         echo_ms: int | None = None,
         velocities: Mapping[int, int] | None = None,
     ) -> Telemetry:
-        heard = echo_ms if echo_ms is not None else self.telemetry.uptime_ms if self.telemetry else 0
-        answer = self.ask(Type.DEMAND, messages.demand(self.crc, heard, values or {}, velocities))
+        echo = echo_ms if echo_ms is not None else self.telemetry.uptime_ms if self.telemetry else 0
+        answer = self.ask(Type.DEMAND, messages.demand(self.crc, echo, values or {}, velocities))
         assert isinstance(answer, Telemetry), answer
         return answer
 

@@ -60,9 +60,9 @@ def measure(
         worst = max(worst, (board.cpu.cycles - begun) * 1000 / CLOCK_HZ)
         furthest = max(furthest, plant.shaft[motors - 1])
         board.run_ms(max(0.25, start_ms + PERIOD_MS * (i + 1) - board.elapsed_ms))
-    told = host.told
-    assert told is not None
-    armed = all(report.state is BoardState.ARMED for report in told.channels.values())
+    telemetry = host.telemetry
+    assert telemetry is not None
+    armed = all(report.state is BoardState.ARMED for report in telemetry.channels.values())
     return Exchanges(exchanges, host.lost, board.uart.overruns, board.resets, worst, furthest, armed)
 
 

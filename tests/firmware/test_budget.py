@@ -71,15 +71,17 @@ def measure() -> Load:
 
     board.tick()
     assert isinstance(ask(Type.CONFIGURE, wiring.config_body(blob)), messages.Configured)
-    told = ask(Type.ARM, messages.masked(crc, range(MOTORS)))
+    answer = ask(Type.ARM, messages.masked(crc, range(MOTORS)))
     ticks = []
     for now in range(300):
-        assert isinstance(told, messages.Telemetry)
-        assert all(report.state is BoardState.ARMED for report in told.channels.values())
+        assert isinstance(answer, messages.Telemetry)
+        assert all(report.state is BoardState.ARMED for report in answer.channels.values())
         if now % 5 == 0:
             # The last third is a step to a far goal: the longest way through the set-point's root.
             goal = EDGES_PER_S * now // 1000 if now < 200 else 39526
-            told = ask(Type.DEMAND, messages.demand(crc, told.uptime_ms, dict.fromkeys(range(MOTORS), goal)))
+            answer = ask(
+                Type.DEMAND, messages.demand(crc, answer.uptime_ms, dict.fromkeys(range(MOTORS), goal))
+            )
         for motor in range(MOTORS):
             board.set_count(motor, shaft(now))
         ticks.append(board.tick(count=True))

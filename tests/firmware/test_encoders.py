@@ -27,8 +27,8 @@ def test_both_kinds_of_decoder_count_in_the_same_direction(host: Host):
         host.demand(dict.fromkeys(range(6), 20 * i))
         host.board.run_ms(10)
     host.demand({})
-    assert host.told is not None
-    for channel, report in host.told.channels.items():
+    assert host.telemetry is not None
+    for channel, report in host.telemetry.channels.items():
         # The shaft goes on while the answer is on the wire, at 2 counts per ms.
         assert report.position == pytest.approx(plant.shaft[channel], abs=12)
         assert report.position > 400
@@ -48,10 +48,10 @@ def test_missed_edges_put_the_motor_into_its_safe_state(host: Host, channel: int
         host.demand({})
         board.run_ms(2)
     host.demand({})
-    assert host.told is not None
-    report = host.told.channels[channel]
+    assert host.telemetry is not None
+    report = host.telemetry.channels[channel]
     assert (report.state, report.reason) == (BoardState.SAFE, Reason.ENCODER_EDGES)
-    others = {c: r.state for c, r in host.told.channels.items() if c != channel}
+    others = {c: r.state for c, r in host.telemetry.channels.items() if c != channel}
     assert set(others.values()) == {BoardState.ARMED}
 
 

@@ -93,8 +93,8 @@ def test_the_wrap_of_the_clock_after_49_days_has_no_effect(board, left_ms):
     goal = 0
     for _ in range(200):
         goal += MOVING // 200
-        told = motors.demand({0: goal})
-        assert (told.channels[0].state, told.stale) == (BoardState.ARMED, False)
+        telemetry = motors.demand({0: goal})
+        assert (telemetry.channels[0].state, telemetry.stale) == (BoardState.ARMED, False)
         motors.step(5)
     assert motors.telemetry.uptime_ms < 2000
     assert motors.truth(0)[1] == pytest.approx(MOVING, rel=0.05)
@@ -108,13 +108,13 @@ def test_the_watchdog_trips_across_the_wrap_and_old_demands_stay_old(board):
     motors.step(40)
     motors.configure({"m0": {}})
     motors.arm(0)
-    heard = motors.demand({0: 100}).uptime_ms
-    while (heard + 30) % 2**32 > heard:  # the last demand comes shortly before the wrap
+    newest_ms = motors.demand({0: 100}).uptime_ms
+    while (newest_ms + 30) % 2**32 > newest_ms:  # the last demand comes shortly before the wrap
         motors.step(5)
-        heard = motors.demand({0: 100}).uptime_ms
+        newest_ms = motors.demand({0: 100}).uptime_ms
     motors.step(150)
     assert (motors.trip()["reason"], motors.trip()["silence_ms"]) == ("watchdog", 100)
-    assert motors.demand({0: 200}, echo_ms=heard).stale
+    assert motors.demand({0: 200}, echo_ms=newest_ms).stale
     assert not motors.demand({0: 200}).stale
 
 

@@ -72,5 +72,5 @@ def test_the_dead_man_trips_when_demands_stop():
     # Brake: both inputs high, full PWM.
     assert all(plant.duty(channel) == 0 for channel in range(6))
     host.demand({})
-    assert host.told is not None
-    assert {report.state for report in host.told.channels.values()} == {BoardState.SAFE}
+    assert host.telemetry is not None
+    assert {report.state for report in host.telemetry.channels.values()} == {BoardState.SAFE}

@@ -75,7 +75,7 @@ def test_step_of_1_5_bar(board, trim_bar):
 def test_outer_loop_takes_out_a_calibration_error(board):
     air = board("pressure")
     air.configure({"p0": {"trim_bar": 0.2}})
-    air.command("set 0 full_pa 285000")  # the regulator gives 5 % less than its table says
+    air.command("set 0 full_pa 285000")  # the regulator gives 5 % less than its table states
     air.arm(0)
     for _ in range(600):
         air.demand({0: 150_000})

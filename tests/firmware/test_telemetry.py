@@ -64,11 +64,11 @@ def test_the_other_port_takes_over_once_the_watchdog_has_stopped_everything(moto
 def test_the_watchdog_counts_its_stops_and_the_longest_gap(motors: VirtualBoard) -> None:
     for gap_ms in (10, 37, 20):
         motors.step(gap_ms)
-        told = motors.demand({0: 0})
-    assert (told.trips, told.longest_ms) == (0, 37)
+        telemetry = motors.demand({0: 0})
+    assert (telemetry.trips, telemetry.longest_ms) == (0, 37)
     motors.step(150)
-    told = motors.demand({})
-    assert (told.trips, told.longest_ms) == (2, 100)
+    telemetry = motors.demand({})
+    assert (telemetry.trips, telemetry.longest_ms) == (2, 100)
     motors.step(500)
     assert motors.demand({}).longest_ms == 100, "gaps count while a channel is armed only"
 
@@ -76,14 +76,14 @@ def test_the_watchdog_counts_its_stops_and_the_longest_gap(motors: VirtualBoard)
 def test_missed_edges_are_in_telemetry_before_they_are_a_fault(motors: VirtualBoard) -> None:
     motors.command("set 1 missed 5")
     motors.step(5)
-    told = motors.demand({})
-    assert [told.channels[i].missed_edges for i in (0, 1)] == [0, 5]
-    assert told.channels[1].state is BoardState.ARMED
+    telemetry = motors.demand({})
+    assert [telemetry.channels[i].missed_edges for i in (0, 1)] == [0, 5]
+    assert telemetry.channels[1].state is BoardState.ARMED
     motors.command("set 1 missed 400")
     motors.step(5)
-    told = motors.demand({})
-    assert told.channels[1].missed_edges == 255
-    assert told.channels[1].reason is Reason.ENCODER_EDGES
+    telemetry = motors.demand({})
+    assert telemetry.channels[1].missed_edges == 255
+    assert telemetry.channels[1].reason is Reason.ENCODER_EDGES
 
 
 def test_a_low_supply_is_kept_until_the_next_telemetry(motors: VirtualBoard) -> None:
@@ -115,9 +115,9 @@ def test_the_chip_stamps_telemetry_and_watches_its_supply() -> None:
         board.run_ms(3.0 + 0.137 * k)
         asked = board.cpu.cycles / 84
         host.demand({})
-        assert host.told is not None
-        assert not host.told.supply_low
-        composed = host.told.uptime_ms * 1000 + host.told.age_us
+        assert host.telemetry is not None
+        assert not host.telemetry.supply_low
+        composed = host.telemetry.uptime_ms * 1000 + host.telemetry.age_us
         times.append((asked, composed, board.cpu.cycles / 84))
     low = max(asked - composed for asked, composed, _ in times)
     high = min(received - composed for _, composed, received in times)
@@ -127,5 +127,5 @@ def test_the_chip_stamps_telemetry_and_watches_its_supply() -> None:
     board.supply.millivolt = 2950
     board.run_ms(2)
     host.demand({})
-    assert host.told is not None
-    assert host.told.supply_low
+    assert host.telemetry is not None
+    assert host.telemetry.supply_low

@@ -74,7 +74,7 @@ def pneumatic(count: int) -> CosseratModel:
 
 
 def tip_by_exponentials(model: SectionModel, lengths: np.ndarray) -> np.ndarray:
-    """Product of exp of the twists of constant curvature, which knows nothing of arcs."""
+    """Product of exp of the twists of constant curvature, without the formulae of arcs."""
     frame = np.eye(4)
     for s, radius in enumerate(model.sections.radius_m):
         rows = [[-radius * math.cos(a), -radius * math.sin(a), 1.0] for a in AZIMUTHS]

@@ -1,4 +1,4 @@
-"""Settled answers: asked for again they do not move, and no neighbour with the same tip is nearer to home.
+"""Settled answers: solved again they do not move, and no neighbour with the same tip is nearer to home.
 
 Targets are drawn as bends and lengths of sections and put into space by rotation matrices of scipy, not by
 the kinematics under test. The long form is ``python -m tests.oracles``.
@@ -18,7 +18,7 @@ from contid.robot_file.shipped import load_named
 from tests.oracles import rods
 from tests.oracles.arcs import random_posture, tip_and_tangent
 
-#: How far an answer may move when it is asked for again from itself [m]: 1e-5 mm.
+#: How far an answer may move when it is solved again from itself [m]: 1e-5 mm.
 FIXED_M = 1e-8
 
 

@@ -1,4 +1,4 @@
-"""Redundant answers of the pneumatic arm asked for again: pressures drawn in the box or near rest."""
+"""Redundant answers of the pneumatic arm solved again: pressures drawn in the box or near rest."""
 
 from __future__ import annotations
 
@@ -9,14 +9,14 @@ from contid.robot_file.shipped import load_named
 from contid.targets import Target
 from contid.units import BAR
 
-#: How far an answer may move when it is asked for again from itself [bar].
+#: How far an answer may move when it is solved again from itself [bar].
 FIXED_BAR = 1e-6
 #: Share of the range of pressures: the box, and near rest, where the preferred pressures are far away.
 NEAR_REST = 0.12
 
 
 def moves(share: float, directed: bool, load_n: float, cases: int, seed: int = 16) -> tuple[int, list[float]]:
-    """Targets not met, and how far each other answer moves when asked for again [bar]."""
+    """Targets not met, and how far each other answer moves when solved again [bar]."""
     (robot,) = load_named("stiffflop2").file.robots.values()
     model = build_model(robot)
     low, high = np.array(model.lower), np.array(model.upper)

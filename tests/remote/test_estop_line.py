@@ -30,7 +30,7 @@ SPELLINGS = [
     b'{"id":1,"Verb":"estop"}',
     b"{'id':1,'verb':'estop'}",
     b'{"id":1,"verb":"estop","robots":"f0"}',
-    b'{"id":1,"verb":"estop","robots":["nobody"]}',
+    b'{"id":1,"verb":"estop","robots":["unknown"]}',
     b'{"id":1,"verb":"estop","verb":"status"}',
     b'{"id":1,"verb":"estop"',
     b'{"id":1,"verb":"\\u0065stop"}',

@@ -128,7 +128,7 @@ def _quarter(arms: Array) -> Array:
 
 
 class _Rows:
-    """The minimum of one row after the other."""
+    """The minimum of one row after the other; h, G, K and r as in the module, per tendon or bend."""
 
     def __init__(self, elastic: Elastic) -> None:
         self.elastic = elastic

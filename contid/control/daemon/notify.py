@@ -2,7 +2,7 @@
 
 One datagram of ``NAME=VALUE`` lines to the Unix socket in ``NOTIFY_SOCKET``; a leading ``@`` is an abstract
 socket; without the variable nothing is sent. ``WATCHDOG=1`` is sent only when ticks were completed since the
-last one, so that the manager also restarts a daemon whose control process hangs (ros_odrive 10).
+last one, so that the manager also restarts a daemon whose control process hangs.
 
 Source: systemd's manual pages sd_notify(3) and sd_watchdog_enabled(3).
 """

@@ -82,7 +82,7 @@ class RobotTally:
     def off_target_m(self) -> float:
         """Distance of the tip from its targets beyond their residual [m].
 
-        Robots brake before the limits that targets out of reach lead to: with those the last tick counts.
+        After a target out of reach only the last tick counts: near its limits a robot brakes and lags.
         """
         return self.last_off_m if self.far else max(self.off_m, self.last_off_m)
 

@@ -24,6 +24,7 @@ from contid.units import m_to_mm
 
 # Rounding of the closed form, relative: a target exactly on a limit is inside it.
 _ROUNDING: Final = 1e-12
+# Intervals of the even samples along a side of the boundary.
 _COARSE: Final = 96
 # Halves the distance of two samples to the last bits of the parameter.
 _BISECTIONS: Final = 45
@@ -61,7 +62,7 @@ class RackFingerEnvelope:
         object.__setattr__(self, "_pieces", (*pieces, tuple(piece)))
 
     def racks(self, arc_length_m: float, commanded_per_m: float) -> tuple[float, float]:
-        """``L = S (1 -+ k w/2)``."""
+        """Lengths of the left and the right rack [m]: ``L = S (1 -+ k w/2)``."""
         bend = 0.5 * self.rack_spacing_m * commanded_per_m * arc_length_m
         return arc_length_m - bend, arc_length_m + bend
 

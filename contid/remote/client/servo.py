@@ -30,11 +30,11 @@ MAX_REFUSED: Final = 20
 
 @dataclass(frozen=True, slots=True)
 class ServoState:
-    """What a controller sees.
+    """Input of a controller in one period.
 
     Attributes:
         step: number of this period, from 0.
-        time_s: since the first period.
+        time_s: time since the first period [s].
         robots: newest telemetry by robot: ``state``, ``fault``, ``tip_mm``, ``command``, ``measured``.
         tick: of that telemetry.
         refused: why the last set-point was refused (its robots hold), "" otherwise.
@@ -54,7 +54,7 @@ Controller: TypeAlias = Callable[[ServoState], SetPoint | Awaitable[SetPoint]]
 
 @dataclass(frozen=True, slots=True)
 class ServoReport:
-    """How a servo loop went.
+    """Statistics of a servo loop.
 
     Attributes:
         steps: set-points sent.

@@ -4,7 +4,7 @@
 
 The board composes an answer after the host began to send the request and before it has the answer. So every
 exchange bounds the offset from both sides. The bounds are kept, widened by the drift of the two crystals, and
-their middle is the estimate: its error is at most half of the shortest round trip of late.
+their middle is the estimate: its error is at most half of the shortest recent round trip.
 """
 
 from __future__ import annotations

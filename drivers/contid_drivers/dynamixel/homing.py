@@ -128,6 +128,7 @@ def _by_stop(
 
 
 def _until_blocked(client: ServoClient, axis: Axis, homing: HardStop, start: int) -> int:
+    """Position [ticks] at which the servo stands still with its current at the limit."""
     device, name = axis.device, client.name(axis.device)
     until = time.monotonic() + homing.timeout_s
     still_since, last = time.monotonic(), start

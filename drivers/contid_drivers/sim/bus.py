@@ -159,7 +159,7 @@ class SimBus:
         """Advance `devices` to the clock's time, for direct access to them."""
         self._advance()
 
-    # -- inside ------------------------------------------------------------------------------------------
+    # -- helpers -----------------------------------------------------------------------------------------
 
     def _device(self, axis: str) -> SimDevice:
         try:
@@ -234,6 +234,6 @@ def _device(bus: str, options: SimBusOptions, axis: AxisOnBus, now: float) -> Si
     start = axis.options.start
     if start is None:
         low, high = axis.travel or (0.0, 0.0)
-        without_pressure = axis.options.device is DeviceKind.REGULATOR
-        start = min(high, max(low, 0.0)) if without_pressure else 0.5 * (low + high)
+        is_regulator = axis.options.device is DeviceKind.REGULATOR
+        start = min(high, max(low, 0.0)) if is_regulator else 0.5 * (low + high)
     return SimDevice(axis.options, start, now, seed=f"{options.seed}:{bus}:{axis.name}")

@@ -81,7 +81,7 @@ def test_a_played_trajectory_and_a_stream_end_without_ending_the_run() -> None:
 
 @pytest.mark.parametrize("order", [Stop(), Estop()])
 def test_a_stopped_robot_in_fault_stays_there_until_it_is_cleared(order: Message) -> None:
-    """Torque goes as the policy says, the latch stays: resume is refused before clear-fault."""
+    """Torque goes by the policy, the latch stays: resume is refused before clear-fault."""
     orders: dict[int, list[Message]] = {
         100: [Hold()], 300: [order], 320: [Resume(("f0",))],
         340: [ClearFault()], 360: [Resume(("f0",))],
@@ -118,7 +118,7 @@ def test_an_order_that_fails_inside_is_that_robots_fault_and_the_run_goes_on(
 
 
 def test_estop_rests_the_devices_in_the_tick_it_comes_in_every_state(tmp_path: Path) -> None:
-    """The journal of the devices says so: at the deadline of that very tick every axis is off."""
+    """By the journal of the devices, at the deadline of that very tick every axis is off."""
     seen: set[int] = set()
     for at in (*range(9), *range(9, 900, 31)):
         path = tmp_path / f"{at}.jsonl"

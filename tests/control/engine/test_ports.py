@@ -55,7 +55,7 @@ class Blocking:
 
 
 class Ticking:
-    """A clock that shows the time it is told; the bus is real, the waiting is not."""
+    """A clock that shows a time that is set; the bus is real, the waiting is not."""
 
     def __init__(self) -> None:
         self.now_s = 0.0

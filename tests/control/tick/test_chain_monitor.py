@@ -1,4 +1,4 @@
-"""Ways that begin: the arms of a chain move together or not at all, and never where the rope forbids it."""
+"""Motions of chains: the arms of a chain move together or not at all, and never where the rope forbids it."""
 
 from __future__ import annotations
 
@@ -148,9 +148,9 @@ def test_an_approach_the_rope_forbids_does_not_begin() -> None:
     low = (0.0, 0.0, 190.0, 700.0, 0.0, 190.0)
     report = run_virtual(loaded, RATE, rows(loaded, low, low), sinks=[seen])
     assert report.exit_code == 3
-    told = message(seen, "fault")
-    assert len(told) == 2
-    assert all("fault 301 chain-forbids: rope: on the way, the rope hangs" in each for each in told)
+    found = message(seen, "fault")
+    assert len(found) == 2
+    assert all("fault 301 chain-forbids: rope: on the way, the rope hangs" in each for each in found)
     assert moved_m(loaded, seen, "left") == moved_m(loaded, seen, "right") == 0.0
 
 
@@ -174,7 +174,7 @@ def test_an_order_to_a_point_that_the_rope_forbids_is_refused() -> None:
     assert moved_m(loaded, seen, "left") < 0.03  # from arming to the row; not down
 
 
-def test_two_arms_ordered_at_once_are_looked_at_together() -> None:
+def test_two_arms_ordered_at_once_are_checked_together() -> None:
     """One alone would pull the rope taut; both to the same side do not."""
     loaded = chain(length_mm=705)
     aside = {"left": (-0.05, 0.0, 0.24), "right": (0.65, 0.0, 0.24)}
@@ -230,8 +230,8 @@ def test_a_fault_of_one_arm_stops_the_other(kind: str, policy: str) -> None:
     numbers = {e["robot"]: e["fault"] for e in seen.events if e["event"] == "fault"}
     assert numbers["left"] == Fault.CHAIN_BROKEN
     assert numbers["right"] in (Fault.DEVICE_FAULT, Fault.DEVICE_LOST)
-    (told,) = (text for text in message(seen, "fault") if "302" in text)
-    assert "rope: right has fault 10" in told
+    (found,) = (text for text in message(seen, "fault") if "302" in text)
+    assert "rope: right has fault 10" in found
     ticks = [e["tick"] for e in seen.events if e["event"] == "fault"]
     assert ticks[0] == ticks[1]
 
@@ -267,7 +267,7 @@ def test_cleared_alone_an_arm_does_not_follow_without_the_other() -> None:
 
 
 @pytest.mark.parametrize("ending", ["finish", "stop", "on_end"])
-def test_a_way_to_the_rest_pose_that_the_rope_forbids_ends_where_it_is(ending: str) -> None:
+def test_a_motion_to_the_rest_pose_that_the_rope_forbids_stops_in_place(ending: str) -> None:
     loaded = chain(floor_mm=-110, rest_mm=95)
     # Simulated servos begin in the middle of their travel, 230 mm high; the rest pose lies on the ground.
     seen = Collector(loaded)
@@ -279,14 +279,14 @@ def test_a_way_to_the_rest_pose_that_the_rope_forbids_ends_where_it_is(ending: s
     orders = by_ending[ending]
     on_end = OnEnd.REST if ending == "on_end" else OnEnd.STOP
     run_virtual(loaded, RATE, rows(loaded, UP, UP), sinks=[seen], orders=orders, on_end=on_end, ticks=400)
-    told = message(seen, "refused")
-    assert len(told) == 2
-    assert all("it stops where it is instead of at its rest pose" in each for each in told)
+    found = message(seen, "refused")
+    assert len(found) == 2
+    assert all("it stops where it is instead of at its rest pose" in each for each in found)
     assert tips(loaded, seen)["left"][-1][2] == pytest.approx(0.25, abs=1e-4)
     assert seen.modes("left")[-1] == "OFF"
 
 
-def test_a_way_to_the_rest_pose_that_the_rope_allows_is_gone() -> None:
+def test_a_motion_to_the_rest_pose_that_the_rope_allows_is_completed() -> None:
     loaded = chain(floor_mm=-160, rest_mm=95)
     seen = Collector(loaded)
     run_virtual(loaded, RATE, rows(loaded, UP, UP), sinks=[seen], on_end=OnEnd.REST)

@@ -20,7 +20,7 @@ class Host:
         self.lost = 0
         self.sequence = 0
         self.crc = 0
-        self.told: messages.Telemetry | None = None
+        self.telemetry: messages.Telemetry | None = None
 
     def ask(self, kind: Type, body: bytes = b"", timeout_ms: float = 30) -> messages.Answer | None:
         self.sequence = (self.sequence + 1) & 0xFF
@@ -32,7 +32,7 @@ class Host:
         sequence, message = messages.read_answer(payload)
         assert sequence == self.sequence
         if isinstance(message, messages.Telemetry):
-            self.told = message
+            self.telemetry = message
         return message
 
     def configure(self, motors: int = 6, watchdog_ms: int = 100) -> None:
@@ -52,5 +52,5 @@ class Host:
         assert isinstance(answer, messages.Telemetry), answer
 
     def demand(self, goals: Mapping[int, int], timeout_ms: float = 30) -> None:
-        echo = self.told.uptime_ms if self.told else 0
+        echo = self.telemetry.uptime_ms if self.telemetry else 0
         self.ask(Type.DEMAND, messages.demand(self.crc, echo, goals), timeout_ms)

@@ -115,11 +115,11 @@ class Usb:
             while end.flags & RXOUTI:
                 end.flags |= TXINI
                 yield
-        wanted = int.from_bytes(setup[6:8], "little") if setup[0] & 0x80 else 0
+        requested = int.from_bytes(setup[6:8], "little") if setup[0] & 0x80 else 0
         for _ in range(6):  # the status stage, or packets of data
             end.flags |= TXINI
             yield
-            if wanted and len(self._control_in) >= wanted:
+            if requested and len(self._control_in) >= requested:
                 break
 
     # ---- banks ----

@@ -221,9 +221,9 @@ def test_garbage_on_the_line_costs_samples_and_never_moves(world):
 
 
 def test_a_board_with_another_id_is_refused_with_both_ids(world):
-    wanted, found = "00112233445566778899aabbccddeeff", bytes(range(0xE0, 0xF0)).hex()
-    bus, _ = world(board_id=wanted)
-    with pytest.raises(DeviceNotFoundError, match=f"expected board {wanted}.*found board {found}"):
+    expected, found = "00112233445566778899aabbccddeeff", bytes(range(0xE0, 0xF0)).hex()
+    bus, _ = world(board_id=expected)
+    with pytest.raises(DeviceNotFoundError, match=f"expected board {expected}.*found board {found}"):
         bus.open()
     bus, _ = world(board_id=found)
     bus.open()

@@ -165,7 +165,7 @@ def test_a_tripped_watchdog_is_a_latched_fault_and_comes_back_without_a_jump(run
     running.until(lambda: abs(running.emulator.servo(1).position_ticks - stopped - 100) < 1)
 
 
-def test_the_watchdog_stops_a_servo_the_host_forgot(rig: Make) -> None:
+def test_the_watchdog_stops_a_servo_without_exchanges(rig: Make) -> None:
     r = rig(2, watchdog_ms=60)
     r.bus.open()
     r.bus.enable(["r.a1", "r.a2"])

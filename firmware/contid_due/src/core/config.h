@@ -21,8 +21,8 @@ struct MotorConfig {
   int32_t stall_duty, stall_ms;
   int32_t stall_current_ma;  // 0: no sensor
   int32_t full_scale_ma;     // current at the top of the analogue input
-  int32_t follow;            // [counts]
-  int32_t power_up;          // [counts]
+  int32_t follow;            // greatest following error [counts]
+  int32_t power_up;          // position of the parked shaft [counts]
   int32_t home_velocity, home_duty, home_at, home_backoff, home_timeout_ms;
 };
 
