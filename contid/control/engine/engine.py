@@ -6,6 +6,7 @@ what differs between them: clock, ports and sink.
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable, Mapping, Sequence
 
 from contid.control.engine import messages as msg
@@ -277,8 +278,16 @@ class Engine:
                 off_m = outcome.tip_error_m - outcome.solution.residual_m
                 tally.on_path(off_m, state.command != state.reference, timed, state.since_s)
             else:  # the nearest point, which may jump
-                tally.off_path()
+                tally.off_path(_behind_m(config, state, target))
         for bits in outcome.limits:
             if bits:
                 tally.limited[bits] += 1
         return outcome
+
+
+def _behind_m(config: RobotConfig, state: RobotState, target: Target | None) -> float:
+    """Distance of the commanded tip from that of the model's answer [m]."""
+    if target is None or state.command == state.reference:
+        return 0.0
+    forward, load_n = config.model.forward, config.frame.vector_in_base(target.load_n)
+    return math.dist(forward(state.command, load_n).tip_m, forward(state.reference, load_n).tip_m)

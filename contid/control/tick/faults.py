@@ -107,8 +107,8 @@ PAGES: Final[dict[Fault, FaultPage]] = {
         "this is a defect of contid: report it with the message and the recording",
     ),
     Fault.TIP_OFF_TARGET: FaultPage(
-        "the run ended by itself, but the commanded tip was off its path or its last target by "
-        "more than 1e-6 mm (lengths) or 0.05 mm (pressures)",
+        "the run ended by itself, but the commanded tip was off its path or its last target (or the nearest "
+        "point to that) by more than 1e-6 mm (lengths) or 0.05 mm (pressures)",
         "nothing: the error is found when the run ends, by its closing report",
         "play the path more slowly where a rate limited it; else report this defect of the model, with "
         "the recording",

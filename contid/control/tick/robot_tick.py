@@ -153,16 +153,43 @@ def _arming(
             return fail(config, state, Fault.OUTSIDE_LIMITS, far, now_s)
         if target is None or not state.follow:
             return moved(config, state, Event.HOLD, now_s)
-        return _approach(config, moved(config, state, Event.ARMED, now_s), target, now_s, now_s)
+        return _approach(
+            config,
+            moved(config, state, Event.ARMED, now_s),
+            target,
+            now_s,
+            now_s,
+            _first_seed(config, target, present),
+        )
     return state
 
 
+def _first_seed(config: RobotConfig, target: Target, present: Actuation) -> Actuation:
+    """Where the solve of a first target starts: at rest, like that of the preflight.
+
+    Where a target has several solutions, the one that was checked is approached, wherever the axes stand. A
+    loaded rod has to be led to its answer from the present equilibrium.
+    """
+    if any(target.load_n):
+        return present
+    own = len(present) - config.extra_axes
+    return (*config.rest[:own], *present[own:])
+
+
 def _approach(
-    config: RobotConfig, state: RobotState, target: Target, now_s: float, start_s: float
+    config: RobotConfig,
+    state: RobotState,
+    target: Target,
+    now_s: float,
+    start_s: float,
+    seed: Actuation = (),
 ) -> RobotState:
-    """Begin the jerk-limited motion from the last command, given at ``start_s``, to a target."""
+    """Begin the jerk-limited motion from the last command, given at ``start_s``, to a target.
+
+    The target is solved from ``seed``, or from the last command.
+    """
     in_base = corrected(state.correction, config.frame.target_in_base(target))
-    goal = config.model.inverse(in_base, state.command).actuation
+    goal = config.model.inverse(in_base, seed or state.command).actuation
     if not all(map(math.isfinite, goal)):
         return fail(config, state, Fault.NOT_A_NUMBER, f"the model answered {goal}", now_s)
     motion = Approach(

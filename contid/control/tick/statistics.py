@@ -102,9 +102,13 @@ class RobotTally:
         if self.last_off_m > self.off_m and (not limited or (timed and self.caught_up)):
             self.off_m = self.last_off_m
 
-    def off_path(self) -> None:
-        """The target of a tick is out of reach: the robot has to catch up with the next one that is not."""
-        self.caught_up, self.last_off_m, self.far = False, 0.0, True
+    def off_path(self, behind_m: float) -> None:
+        """The target of a tick is out of reach: the robot has to catch up with the next one that is not.
+
+        Args:
+            behind_m: distance of the commanded tip from the nearest point that the model answered [m].
+        """
+        self.caught_up, self.last_off_m, self.far = False, behind_m, True
 
     def add(self, tip_error_m: float, converged: bool, residual_m: float = 0.0) -> None:
         """Count one tick in RUN."""

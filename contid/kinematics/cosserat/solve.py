@@ -6,7 +6,7 @@ Unknowns are the base moment and the pressures. The moment balance e(M, P) = 0 i
 
 so an unreachable target never costs equilibrium (erratum: eqs. 13-17 put both in one sum). What is left is
 a Gauss-Newton step on the task r inside the pressure limits and a trust box; where the task is redundant, a
-small weight on the distance from a centre makes the answer unique.
+small weight on the distance from a centre chooses among the answers near the start.
 """
 
 from __future__ import annotations

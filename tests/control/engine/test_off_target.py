@@ -2,18 +2,22 @@
 
 from __future__ import annotations
 
+import io
 from dataclasses import replace
 
 import pytest
 
 from contid.control.engine.virtual import run_virtual
+from contid.control.engine.wiring import driven_robots
 from contid.control.tick.faults import Fault
 from contid.control.tick.on_path import tip_tolerance_m
 from contid.control.tick.statistics import RobotTally
 from contid.kinematics.rack.finger import RackFingerModel
 from contid.robot_file.base import Quantity
+from contid.robot_file.load import parse_robot_file
 from contid.targets import Actuation, Solution, Target
-from tests.support.fingers import circle, load
+from contid.trajectory.read import read_trajectory
+from tests.support.fingers import circle, fingers, load
 
 RATE = 200.0
 TOLERANCE_M = tip_tolerance_m(Quantity.LENGTH)
@@ -71,3 +75,17 @@ def test_what_counts_as_off_the_path() -> None:
     tally.on_path(0.0, False, True, 1.0)
     tally.on_path(3e-3, True, True, 2.0)
     assert (tally.off_m, tally.off_target_m) == (1e-3, 3e-3)
+
+
+def test_a_nearest_point_that_is_not_reached_ends_the_run_with_a_fault() -> None:
+    """A last target out of reach counts by the nearest point; a robot of 2 mm/s is far from that."""
+    slow = fingers(1).replace("velocity_mm_s: 100,", "velocity_mm_s: 2,")
+    for text, exit_code in ((slow, 3), (fingers(1), 0)):
+        loaded = parse_robot_file(text, "fingers.yaml")
+        rows = "t_s,x_mm,y_mm\n0,50,75\n0.5,50,75\n0.7,50,395\n"
+        report = run_virtual(
+            loaded, RATE, read_trajectory(io.StringIO(rows), "far.csv", driven_robots(loaded))
+        )
+        assert report.exit_code == exit_code
+        assert report.robots["f0"]["ticks_unreachable"]
+        assert report.robots["f0"]["fault"] == (Fault.TIP_OFF_TARGET if exit_code else Fault.NONE)

@@ -10,6 +10,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
+from contid import kernels
 from contid.control.engine.virtual import run_virtual
 from contid.control.engine.wiring import build_robot_configs, driven_robots
 from contid.control.tick.on_path import tip_tolerance_m
@@ -18,9 +19,11 @@ from contid.control.tick.preflight import Preflight
 from contid.control.tick.supervisor import Mode
 from contid.errors import BadInputError
 from contid.robot_file.base import Quantity
-from contid.robot_file.load import LoadedFile
+from contid.robot_file.load import LoadedFile, with_mock
+from contid.robot_file.shipped import load_named
 from contid.trajectory.read import read_trajectory
 from contid.trajectory.timed import Trajectory
+from tests.golden import make
 from tests.support.fingers import Collector, load
 
 RATE = 200.0
@@ -32,9 +35,9 @@ def trajectory_of(loaded: LoadedFile, header: str, *rows: tuple[float, ...]) -> 
     return read_trajectory(io.StringIO(text), "t.csv", driven_robots(loaded))
 
 
-def refused(loaded: LoadedFile, trajectory: Trajectory) -> list[tuple[int, str]]:
+def refused(loaded: LoadedFile, trajectory: Trajectory, rate_hz: float = RATE) -> list[tuple[int, str]]:
     try:
-        Preflight(build_robot_configs(loaded, RATE)).trajectory(trajectory, "t.csv")
+        Preflight(build_robot_configs(loaded, rate_hz)).trajectory(trajectory, "t.csv")
     except BadInputError as error:
         return [(found.line, found.message) for found in error.findings]
     return []
@@ -117,3 +120,18 @@ def test_ticks_of_short_intervals_are_all_there(ease: tuple[int, int]) -> None:
     assert len(ticks) == 9 * RATE + 1 + sum(ease) / 2
     for _, time_s, row in ticks:
         assert trajectory.time_of_row(row - 1) <= time_s <= trajectory.time_of_row(row)
+
+
+@pytest.mark.skipif(kernels.load("cosserat") is None, reason="needs compiled kernels")
+@pytest.mark.parametrize("slower", [0.5, 0.7, 1.0])
+def test_what_is_accepted_on_the_axis_of_the_arm_is_followed(
+    slower: float, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """A first tip on the axis has mirrored solutions: the run takes the one that the preflight checked."""
+    monkeypatch.setitem(make.CENTRES, "stiffflop2", (0.05,))
+    monkeypatch.setattr(make, "TIMES_S", tuple(slower * time_s for time_s in make.TIMES_S))
+    loaded = with_mock(load_named("stiffflop2"))
+    trajectory = make.trajectory(loaded, make.RATE_HZ)
+    accepted = not refused(loaded, trajectory, make.RATE_HZ)
+    assert accepted == (slower >= 0.7)
+    assert (run_virtual(loaded, make.RATE_HZ, trajectory).exit_code == 0) == accepted
