@@ -80,6 +80,7 @@ EXTRAS: Final = {
     "scipy": "fit",
     "shapely": "plots",
     "starlette": "panel",
+    "toppra": "retime",
     "uvicorn": "panel",
     "websockets": "panel",
     "zenoh": "fleet",

@@ -44,6 +44,7 @@ COMMANDS: Final[dict[str, tuple[str, str]]] = {
     "check": ("contid.cli.commands.check", "validate a robot file, or a trajectory for it; moves nothing"),
     "schema": ("contid.cli.commands.schema", "print the JSON Schema of the robot file"),
     "path": ("contid.cli.commands.path", "print a trajectory: circle, line, square, spiral and others"),
+    "retime": ("contid.cli.commands.retime", "the fastest timing of a trajectory within all limits"),
     "fk": ("contid.cli.commands.fk", "actuation rows to tip positions"),
     "ik": ("contid.cli.commands.ik", "target rows to actuation"),
     "shape": (

@@ -91,13 +91,18 @@ class Trajectory:
 
         Exactly a row at its own time; the first row before it, the last row after it.
         """
+        return self.layout.targets(self.values_at(time_s))
+
+    def values_at(self, time_s: float) -> list[float]:
+        """SI values of the columns at a time, as `targets_at`."""
         index = bisect_right(self._times, time_s) - 1
         if index < 0 or index >= len(self._coefficients):
-            return self.targets_of_row(0 if index < 0 else -1)
+            end: list[float] = self.rows[0 if index < 0 else -1].tolist()
+            return end
         c0, c1, c2, c3 = self._coefficients[index]
         u = time_s - self._times[index]
         row: list[float] = (((c3 * u + c2) * u + c1) * u + c0).tolist()
-        return self.layout.targets(row)
+        return row
 
     def stretched(self, factor: float) -> Trajectory:
         """The same path, each of its parts as many times slower; the time of the first row stays."""

@@ -83,6 +83,7 @@ def test_the_base_install_runs_robots(line: str, hidden: Path) -> None:
         ("contid run finger --mock --view serve", "view"),
         (f"{CIRCLE} | contid run hand --virtual --record c.mcap && contid view c.mcap", "view"),
         ("contid reach hand", "plots"),
+        (f"{CIRCLE} --fastest", "retime"),
         ("contid panel", "panel"),
         ("contid demo", "panel"),
     ],

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import io
 import sys
 from collections.abc import Callable
 from typing import TYPE_CHECKING
@@ -49,6 +50,7 @@ SHAPES = ("line", "circle", "ellipse", "square", "box", "spiral", "corners", "tr
     metavar="ROBOT_FILE",
     help="Robot file, or the name of a shipped one: every robot's columns.",
 )
+@click.option("--fastest", is_flag=True, help="The fastest timing instead of --period, as `contid retime`.")
 @click.option(
     "--robots", help="Only these robots, names separated by commas; without --for just their names."
 )
@@ -68,6 +70,7 @@ def command(
     laps: float,
     rate: float,
     robot_file: str | None,
+    fastest: bool,
     robots: str | None,
 ) -> None:
     """Print a trajectory that follows SHAPE.
@@ -76,6 +79,8 @@ def command(
 
     Positions are in the world frame, so robots that share a target get equal columns.
     """
+    if fastest and (robot_file is None or shape in (GOLDEN, SWING)):
+        raise click.UsageError("--fastest takes a shape with --for ROBOT_FILE, whose limits it needs")
     if shape == GOLDEN:
         if any(value is not None for value in (radius, size, height, dz, lean, mid_text)):
             raise click.UsageError(f"{GOLDEN} has a fixed place and size; it takes --period, --laps, --rate")
@@ -133,7 +138,14 @@ def command(
     size_mm = size if size is not None else 2.0 * (radius or 0.0)
     path = with_shape(kind, size_mm, height or 0.0, rise, lean)
     mid = _mid(mid_text, with_shape) if mid_text is not None else None
-    write_path(sys.stdout, path, targets, mid)
+    if not fastest or robot_file is None:
+        write_path(sys.stdout, path, targets, mid)
+        return
+    from contid.cli.commands.retime import print_fastest
+
+    text = io.StringIO()
+    write_path(text, path, targets, mid)
+    print_fastest(robot_file, "the path", io.StringIO(text.getvalue()))
 
 
 def _golden(period: float, laps: float, rate: float, robot_file: str | None, robots: str | None) -> None:

@@ -3,17 +3,22 @@
 from __future__ import annotations
 
 import sys
-from contextlib import closing
+from contextlib import closing, suppress
 from dataclasses import dataclass
+from typing import TextIO
 
 from contid.control.daemon.cancellable_reader import CancellableReader
+from contid.control.daemon.fastest import FastestPath, fastest
 from contid.control.daemon.inputs import Stream, read_file, read_stdin
 from contid.control.daemon.stretch import with_remedy
 from contid.control.daemon.terminal import check_progress
 from contid.control.engine.wiring import build_preflight, driven_robots
 from contid.control.tick.preflight import TooFastError, Unreachable
 from contid.errors import ContidError
+from contid.robot_file.load import LoadedFile
 from contid.robot_file.shipped import load_named
+from contid.trajectory.read import read_trajectory
+from contid.trajectory.timed import Trajectory
 
 
 @dataclass(frozen=True, slots=True)
@@ -45,15 +50,7 @@ def check_trajectory(robot_file: str, trajectory: str) -> AcceptedTrajectory:
     Raises:
         ContidError: the robot file or the trajectory is wrong, or a robot cannot follow it.
     """
-    loaded = load_named(robot_file)
-    robots = driven_robots(loaded)
-    if trajectory == "-":
-        with closing(CancellableReader()) as reader:
-            source = read_stdin(sys.stdin, robots, reader)
-    else:
-        source = read_file(trajectory, robots)
-    if isinstance(source, Stream):
-        raise ContidError("stdin: no column 't_s': only trajectories with times can be checked as a whole")
+    loaded, source = _read(robot_file, trajectory)
     preflight = build_preflight(loaded, loaded.file.rate_hz, Unreachable.REFUSE)
     assert preflight is not None, "refusing always checks"
     try:
@@ -62,5 +59,43 @@ def check_trajectory(robot_file: str, trajectory: str) -> AcceptedTrajectory:
         )
     except TooFastError as error:
         raise with_remedy(error) from error
-    moved = tuple(name for name in robots if name in source.targets_of_row(0))
+    moved = tuple(name for name in driven_robots(loaded) if name in source.targets_of_row(0))
     return AcceptedTrajectory(loaded.file.name, len(source), source.end_s - source.start_s, moved)
+
+
+def fastest_trajectory(robot_file: str, trajectory: str, text: TextIO | None = None) -> FastestPath:
+    """The fastest timing of a trajectory (``-``: stdin) for a robot file, at the rate of the file.
+
+    Args:
+        robot_file: path, or name of a shipped file.
+        trajectory: path of a file, or name of ``text``.
+        text: the trajectory; None to read the file.
+
+    Raises:
+        ContidError: the robot file or the trajectory is wrong, or a robot cannot reach it.
+    """
+    loaded, source = _read(robot_file, trajectory, text)
+    preflight = build_preflight(loaded, loaded.file.rate_hz, Unreachable.REFUSE)
+    assert preflight is not None, "refusing always checks"
+    with suppress(TooFastError):
+        preflight.trajectory(
+            source, "stdin" if trajectory == "-" else trajectory, check_progress(len(source))
+        )
+    return fastest(loaded, source, loaded.file.rate_hz)
+
+
+def _read(robot_file: str, trajectory: str, text: TextIO | None = None) -> tuple[LoadedFile, Trajectory]:
+    """A robot file, and a trajectory with times for it."""
+    loaded = load_named(robot_file)
+    robots = driven_robots(loaded)
+    source: Trajectory | Stream
+    if text is not None:
+        source = read_trajectory(text, trajectory, robots)
+    elif trajectory == "-":
+        with closing(CancellableReader()) as reader:
+            source = read_stdin(sys.stdin, robots, reader)
+    else:
+        source = read_file(trajectory, robots)
+    if isinstance(source, Stream):
+        raise ContidError("stdin: no column 't_s': only trajectories with times can be checked as a whole")
+    return loaded, source

@@ -1,0 +1,95 @@
+"""``contid retime``: limits by numpy and the check of sessions, the optimum by ruckig, the path."""
+
+from __future__ import annotations
+
+import csv
+import io
+import subprocess
+import sys
+from pathlib import Path
+
+import numpy as np
+import pytest
+from numpy.typing import NDArray
+
+from contid.session.check import check_session
+from contid.session.read import Session
+
+pytest.importorskip("toppra", reason="the extra retime is not installed")
+
+#: Of the shipped finger [mm/s, mm/s^2, mm/s^3], at its rate [Hz].
+LIMITS, RATE_HZ = (60.0, 1000.0, 20000.0), 200.0
+
+
+def contid(words: str, folder: Path) -> subprocess.CompletedProcess[str]:
+    return subprocess.run(
+        [sys.executable, "-m", "contid", *words.split()],
+        cwd=folder,
+        capture_output=True,
+        text=True,
+        timeout=120,
+        stdin=subprocess.DEVNULL,
+        check=False,
+    )
+
+
+def table(text: str) -> NDArray[np.float64]:
+    return np.array([[float(cell) for cell in row] for row in list(csv.reader(io.StringIO(text)))[1:]])
+
+
+def shares(axes_mm: NDArray[np.float64]) -> list[float]:
+    """Greatest velocity, acceleration and jerk from standstill to standstill, as shares of the limits."""
+    still = np.concatenate([axes_mm[:1].repeat(3, axis=0), axes_mm, axes_mm[-1:].repeat(3, axis=0)])
+    return [
+        float(np.abs(np.diff(still, order, axis=0)).max()) * RATE_HZ**order / most
+        for order, most in enumerate(LIMITS, 1)
+    ]
+
+
+@pytest.mark.parametrize("shape", ["circle", "square"])
+def test_every_limit_holds_and_the_path_stays(shape: str, tmp_path: Path) -> None:
+    done = contid(f"path {shape} --center 20,80 --size 20 --period 3 --for finger --fastest", tmp_path)
+    assert done.returncode == 0, done.stderr
+    (tmp_path / "fast.csv").write_text(done.stdout)
+    tips = table(done.stdout)
+    assert tips[-1, 0] < 4.0  # the corners of a square bind its jerk; in 3 s it exceeds it
+    off = tips[:, 1:] - [20.0, 80.0]
+    distance = np.linalg.norm(off, axis=1) if shape == "circle" else np.abs(off).max(axis=1)
+    assert np.abs(distance - 10.0).max() < 0.1
+    run = contid("run finger --virtual --trajectory fast.csv --record s.mcap --log log.csv", tmp_path)
+    assert run.returncode == 0, run.stderr
+    assert list(check_session(Session(tmp_path / "s.mcap"))) == []
+    solved = contid("ik --bare finger fast.csv", tmp_path)
+    assert solved.returncode == 0, solved.stderr
+    found = shares(table(solved.stdout)[:, 1:])
+    assert max(found) <= 1.005, found
+    assert max(found) > 0.9
+
+
+def test_a_move_of_one_axis_is_near_the_optimum_of_ruckig(tmp_path: Path) -> None:
+    import ruckig
+
+    (tmp_path / "line.csv").write_text("t_s,left_mm,right_mm\n0,30,60\n9,60,60\n")
+    done = contid("retime finger line.csv", tmp_path)
+    assert done.returncode == 0, done.stderr
+    rows = table(done.stdout)
+    assert max(shares(rows[:, 1:])) <= 1.005
+    problem = ruckig.InputParameter(1)
+    problem.current_position, problem.target_position = [30.0], [60.0]
+    problem.max_velocity, problem.max_acceleration, problem.max_jerk = ([each] for each in LIMITS)
+    best = ruckig.Trajectory(1)
+    ruckig.Ruckig(1).calculate(problem, best)
+    assert best.duration - 1.0 / RATE_HZ <= rows[-1, 0] <= 1.15 * best.duration
+
+
+@pytest.mark.parametrize(
+    ("text", "message"),
+    [
+        ("t_s,x_mm,y_mm\n0,20,80\n5,20,80\n", "nothing to retime: no axis moves"),
+        ("t_s,x_mm,y_mm\n0,20,80\n5,20,900\n", "out of reach"),
+    ],
+)
+def test_what_cannot_be_retimed_is_refused(text: str, message: str, tmp_path: Path) -> None:
+    (tmp_path / "rows.csv").write_text(text)
+    done = contid("retime finger rows.csv", tmp_path)
+    assert (done.returncode, done.stdout, message in done.stderr) == (2, "", True), done.stderr
