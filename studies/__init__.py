@@ -1,1 +1,1 @@
-"""The papers' own methods, as printed and corrected, for comparison and teaching; no robot runs on them."""
+"""The papers' own methods, as printed and corrected, for comparison and teaching; not used in a run."""

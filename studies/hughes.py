@@ -1,4 +1,4 @@
-"""The tri-rack inverse kinematics of Hughes et al., Eq. 4-6: a dynamical system whose rest is the answer.
+"""The tri-rack inverse kinematics of Hughes et al., Eq. 4-6: a dynamical system with the answer at rest.
 
     minimise |x_d - h(Delta)|  subject to  L in [lower, upper],        Delta = M L
     Delta' = J_set^+ e_set + (I - J_set^+ J_set) J^+ (x_d - h(Delta))                     (Eq. 5)

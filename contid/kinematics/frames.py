@@ -1,4 +1,4 @@
-"""Between the world frame of trajectories and the base frame of a model.
+"""Transforms between the world frame of trajectories and the base frame of a model.
 
     p_world = R p_base + o        with R = Rz Ry Rx M (M mirrors x if the robot file has a mirror)
 

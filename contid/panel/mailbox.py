@@ -1,4 +1,4 @@
-"""What waits to be sent to a page: the newest frame only, and a bounded number of other messages."""
+"""Messages that wait to be sent to a page: the newest frame only, and a bounded number of other messages."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""The tick rate against the time of an exchange on the wire, where a driver can compute it."""
+"""Check of the tick rate against the time of an exchange on the wire, where a driver can compute it."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""The tick rate against the devices' watchdogs, which ticks refresh."""
+"""Check of the tick rate against the devices' watchdogs, which ticks refresh."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""The tip over bends, lengths and the mounting of a recorded robot, with derivatives.
+"""The tip as a function of bends, lengths and the mounting of a recorded robot, with derivatives.
 
 The recorded tip is a marker: ``tip = base + R(tilt) (chain(Theta, l) + R_chain marker)``. Vectorised over
 rows.

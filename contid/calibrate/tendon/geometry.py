@@ -1,4 +1,4 @@
-"""Which servo pulls which tendon, and where it stands: from pulls of one tendon while all others are slack.
+"""Section and azimuth of the tendon of each servo, from pulls of one tendon while all others are slack.
 
 A tendon of section j alone bends all sections up to j, by the same moment. The tip moves towards the
 tendon, the farther per pull the nearer its section is to the base, because the rest of the robot is a

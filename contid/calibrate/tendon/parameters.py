@@ -1,4 +1,4 @@
-"""Named parameters of a fit with what is expected of them before the data."""
+"""Named parameters of a fit with their priors: expected values and standard deviations."""
 
 from __future__ import annotations
 

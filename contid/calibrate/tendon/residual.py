@@ -1,4 +1,4 @@
-"""What a model leaves, as a bounded correction of its tips.
+"""Regression of the tip errors that a model leaves: a bounded correction of its tips.
 
 Ridge regression on bends, their products, and tensions. The correction is used where there were data:
 features are clamped to their range in the training rows, the correction fades with the distance from that

@@ -1,4 +1,4 @@
-"""``contid reach``."""
+"""``contid reach``: areas or volumes that the tips of a robot file reach."""
 
 from __future__ import annotations
 

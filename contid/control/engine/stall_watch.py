@@ -1,4 +1,4 @@
-"""Whether the loop stood still: a device that then reports its watchdog has no fault of its own.
+"""Detects stalls of the loop: a device that then reports an expired watchdog is not faulty itself.
 
 The time between the starts of two ticks is compared with the period; a replay has the same times. Pure
 computation on given times.

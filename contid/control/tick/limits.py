@@ -1,4 +1,4 @@
-"""The last arithmetic before the transmission: position, velocity and acceleration of every axis.
+"""Limits of position, velocity and acceleration of every axis: the last step before the transmission.
 
 Everything is compared with the *last command*, never with the measurement: limiting against a lagging
 measurement slows a robot down, or throws it, just outside a limit (ros2_control PR 2183).

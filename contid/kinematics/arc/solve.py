@@ -1,4 +1,4 @@
-"""Bounded inverse kinematics of a chain of sections: starts, and the best of what they lead to.
+"""Bounded inverse kinematics of a chain of sections: descents from several starts, and the best result.
 
 The closed form comes first where there is one, then a `descent` from the seed. Where that does not meet the
 target, further descents start from biarcs (for tip and direction) and from the nearest postures of a fixed

@@ -1,4 +1,4 @@
-"""What the kernels offer for batches, and their results as structured arrays."""
+"""Interfaces of the kernels for batches, and their results as structured arrays."""
 
 from __future__ import annotations
 

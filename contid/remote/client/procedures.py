@@ -1,4 +1,4 @@
-"""Everything a client does, as coroutines over the few operations that are I/O.
+"""Requests and procedures of a client, as coroutines over five abstract I/O operations.
 
 `contid.remote.client.async_client.AsyncClient` implements these operations with asyncio.
 `contid.remote.client.sync_client.Client` implements them with blocking calls: its coroutines never suspend.

@@ -1,4 +1,4 @@
-"""The head of a session as plain texts and bytes: all the recorder's process needs, and quick to import."""
+"""The head of a session as plain texts and bytes: input of the recorder's process, quick to import."""
 
 from __future__ import annotations
 

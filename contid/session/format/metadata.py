@@ -1,4 +1,4 @@
-"""The head of a session: robot file, versions, host, options, clock, input.
+"""Builds the head of a session: robot file, versions, host, options, clock, input.
 
 It is plain text and bytes, so the recorder's process needs neither models nor drivers, and a reader needs
 only the file.

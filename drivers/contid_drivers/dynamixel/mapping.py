@@ -1,4 +1,4 @@
-"""The indirect addresses of a servo, pointed at the block of the exchange, and the proof that they are.
+"""The indirect addresses of a servo: set to the registers of the exchange, and checked.
 
 Where the indirect data begin depends on model and firmware. At a wrong address a servo answers with other
 registers, which would pass for positions; so the block is compared with the registers it stands for.

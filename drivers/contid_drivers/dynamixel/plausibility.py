@@ -1,4 +1,4 @@
-"""What a healthy servo cannot measure: a jump, a shaft that does not follow, a slack tendon."""
+"""Readings that a healthy servo cannot give: a jump, a shaft that does not follow, a slack tendon."""
 
 from __future__ import annotations
 

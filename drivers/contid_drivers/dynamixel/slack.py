@@ -1,4 +1,4 @@
-"""How long an exchange waits on when nothing at all has arrived: a stall of the host, not a silent servo."""
+"""Extra waiting time of an exchange in which nothing arrived: a stall of the host, not a silent servo."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-// The two entries of the sketch.
+// Entry points of the sketch: setup and loop.
 #ifndef CONTID_HAL_DUE_H
 #define CONTID_HAL_DUE_H
 

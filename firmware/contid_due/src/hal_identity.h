@@ -1,4 +1,4 @@
-// Which board this is, and which start of it.
+// Identity of the board, and of its present start.
 #ifndef CONTID_HAL_IDENTITY_H
 #define CONTID_HAL_IDENTITY_H
 
