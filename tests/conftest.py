@@ -104,14 +104,16 @@ async def no_tasks_left() -> AsyncIterator[None]:
 
 # A virtual machine that stands still for a tenth of a second looks exactly like a dead bus, so `realtime`
 # tests may be tried three times. `pytest_sessionfinish` limits how many need it.
+# A stall often lasts longer than the start of the next try, hence the delay.
 RERUNS = 2
+RERUN_DELAY_S = 3
 
 
 def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
     """Every coroutine test gets the task check, every `realtime` test its further tries."""
     for item in items:
         if item.get_closest_marker("realtime"):
-            item.add_marker(pytest.mark.flaky(reruns=RERUNS))
+            item.add_marker(pytest.mark.flaky(reruns=RERUNS, reruns_delay=RERUN_DELAY_S))
         if isinstance(item, pytest.Function) and asyncio.iscoroutinefunction(item.function):
             item.fixturenames.append("no_tasks_left")
 
