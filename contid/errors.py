@@ -94,9 +94,14 @@ class MissingExtraError(ContidError, ImportError):
         super().__init__(f"{what} needs {package}: pip install 'contid[{extra}]'")
 
 
-def missing_extra(error: ImportError, what: str) -> MissingExtraError | None:
-    """The message for an import that failed because an extra is not installed; None for other imports."""
+def missing_extra(error: ImportError, what: str) -> ContidError | None:
+    """The message for an import of what a package does not have: an extra, or the studies of a clone.
+
+    None for other imports.
+    """
     package = (error.name or "").partition(".")[0]
+    if package == "studies":
+        return ContidError(f"{what} needs the folder studies of contid's repository: run it in a clone")
     if not isinstance(error, ModuleNotFoundError) or package not in EXTRAS:
         return None
     return MissingExtraError(what, package, EXTRAS[package])
