@@ -51,7 +51,14 @@ class BusWiring:
 
 @dataclass(frozen=True, slots=True)
 class LoadedFile:
-    """A robot file that passed every check; ``text`` is what was read, for recordings."""
+    """A robot file that passed every check.
+
+    Attributes:
+        path: where it was read.
+        text: what was read, for recordings.
+        file: the validated values.
+        buses: wiring of each bus, by name.
+    """
 
     path: Path
     text: str

@@ -43,7 +43,13 @@ _CONSTANTS: Final[dict[str, bool | float | None]] = {
 
 @dataclass(slots=True)
 class Document:
-    """A parsed document: plain data, and positions by path (line and column count from 1)."""
+    """A parsed document: plain data, and positions by path.
+
+    Attributes:
+        file: its name in messages.
+        data: mappings, sequences and scalars as Python values.
+        keys, values: line and column, from 1, of the key and of the value at a path.
+    """
 
     file: str
     data: Data = None

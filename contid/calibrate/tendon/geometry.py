@@ -58,8 +58,7 @@ class FoundGeometry:
 
     Attributes:
         tendons: in the order of the model.
-        margin: how much the sum of squares grows when any two servos of different sections change places;
-        where
+        margin: least growth of the sum of squares when two servos of different sections are exchanged; where
             it is small, the sections are uncertain.
     """
 

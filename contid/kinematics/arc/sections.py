@@ -99,7 +99,13 @@ class ArcChain(Protocol):
 
 @dataclass(frozen=True, slots=True)
 class Frames:
-    """Tip, its rotation, and the end of the first section (its rigid piece included), in the base frame."""
+    """Frames of a chain in the base frame.
+
+    Attributes:
+        tip: position of the tip [m], ``(..., 3)``.
+        rotation: of the tip, ``(..., 3, 3)``.
+        mid: end of the first section, its rigid piece included [m], ``(..., 3)``.
+    """
 
     tip: Array
     rotation: Array

@@ -30,8 +30,9 @@ class Tuning:
         home_steps: maximum number of homing steps.
         contraction: where homing steps shrink less than by this factor, their metric gets the curvature.
         slow: a damped step that leaves more than this share of the error ends the approach.
-        iterations: maximum number of damped steps per start. settling: maximum number of Newton steps per
-        start, for targets that are not met. starts: starts after the seed for a target that is not met.
+        iterations: maximum number of damped steps per start.
+        settling: maximum number of Newton steps per start, for a target that is not met.
+        starts: maximum number of starts after the seed, for a target that is not met.
         agreeing: number of starts ending at the best answer that ends the search for a target beyond the
             length of the arm; within its length every start is tried.
         tracking: a descent from the seed that moves less than ``tracking * ell_m`` without meeting its target

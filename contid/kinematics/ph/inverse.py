@@ -44,7 +44,7 @@ class ShapeSolution:
         backbone_m: backbone length of each section [m].
         bending: (u, v) of each section [rad], as in a constant-curvature section.
         length_met: False when the given backbone length was ignored
-        (`contid.kinematics.ph.ends.through_rough`).
+            (`contid.kinematics.ph.ends.through_rough`).
     """
 
     lengths_m: tuple[float, ...]

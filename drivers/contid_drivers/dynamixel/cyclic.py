@@ -53,7 +53,20 @@ INDIRECT_ORDER: Final = (98, *range(126, 136), 144, 70, 64, 146)
 
 @dataclass(frozen=True, slots=True)
 class ServoReading:
-    """A decoded block, the current in units of the model; None for registers this exchange did not read."""
+    """A decoded block; None for registers this exchange did not read.
+
+    Attributes:
+        current: in units of the model.
+        velocity: in units of 0.229 rpm.
+        position: count of the servo; 4096 per turn.
+        alert: the status packet reports a hardware error.
+        watchdog: value of Bus Watchdog, in units of 20 ms.
+        voltage_low: low byte of the input voltage; 0 after a reset, which clears the indirect addresses.
+        voltage: input voltage in units of 0.1 V.
+        hardware_error: bits of Hardware Error Status.
+        torque: torque is on.
+        temperature: [deg C].
+    """
 
     current: int
     velocity: int

@@ -22,7 +22,7 @@ from dataclasses import dataclass
 
 @dataclass(frozen=True, slots=True)
 class Phase:
-    """Constant acceleration from ``start_s`` until the next phase."""
+    """Constant acceleration from ``start_s`` until the next phase; values in rad or Pa, and per s and s^2."""
 
     start_s: float
     position: float

@@ -121,7 +121,16 @@ class InjectedFault:
 
 @dataclass(slots=True)
 class FaultSwitches:
-    """Faults of the answers of a bus that are on."""
+    """Faults of the answers of a bus that are on.
+
+    Attributes:
+        echo: the adapter returns what the host sends.
+        second_host_hz: rate at which a second host reads positions; 0 for none.
+        adapter: late, batched or chunked delivery.
+        silent: ids that neither receive nor answer.
+        delay_s: additional delay of answers, by id.
+        drop, corrupt, duplicate: number of the next answers with this fault, by id.
+    """
 
     echo: bool = False
     second_host_hz: float = 0.0
