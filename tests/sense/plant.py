@@ -1,0 +1,75 @@
+"""An arm that is not the model: rods by shooting (DOP853) with wrong parameters and hysteresis."""
+
+from dataclasses import replace
+
+import numpy as np
+from scipy.optimize import root
+
+from contid.kinematics.cosserat.model import CosseratModel
+from contid.robot_file.cosserat import Cosserat
+from contid.robot_file.shipped import load_named
+from contid.units import BAR
+from tests.oracles.rod_shooting import shoot
+
+#: Wrong by: modulus of the sections, moments, offset and half the loop of a regulator [bar].
+MODULI = (1.04, 0.97)
+MOMENTS = 0.98
+OFFSET_BAR = 0.03
+HALF_LOOP_BAR = 0.015
+NOISE_M = 3e-4
+RATE_HZ = 50.0
+
+
+def shipped_robot():
+    robot = load_named("stiffflop2").file.robots["arm"]
+    assert isinstance(robot, Cosserat)
+    return robot
+
+
+def shipped_model():
+    return CosseratModel(shipped_robot())
+
+
+class Plant:
+    """The two-section arm, static at every commanded pressure."""
+
+    def __init__(self, seed):
+        self.rng = np.random.default_rng(seed)
+        self.model = shipped_model()
+        rod = self.model.setup.rod
+        sections = [
+            replace(
+                s, modulus_pa=tuple(scale * b for b in s.modulus_pa), bending_gain=MOMENTS * s.bending_gain
+            )
+            for s, scale in zip(rod.sections, MODULI, strict=True)
+        ]
+        self.rod = replace(rod, sections=tuple(sections))
+        self.offset = self.rng.uniform(-OFFSET_BAR, OFFSET_BAR, 6)
+        self.pressure = np.zeros(6)  # inside the chambers, without the offset
+
+    def command(self, bar):
+        """Regulators follow a command as far as their play allows."""
+        self.pressure = np.clip(self.pressure, bar - HALF_LOOP_BAR, bar + HALF_LOOP_BAR)
+
+    def tip_m(self, force_n):
+        """The tip at rest [m]; contid's model gives the start of the search only."""
+        pressures = self.pressure + self.offset
+        force = np.asarray(force_n, float)
+        start = np.array(self.model.engine.forward(pressures.tolist(), tuple(force))[-2])
+        found = root(lambda m: shoot(self.rod, pressures, force, m)[1], start, options={"xtol": 1e-8})
+        assert found.success
+        return shoot(self.rod, pressures, force, found.x)[0] / 1e3
+
+    def measurements(self, force_n, seconds):
+        """Tips as a tracker reports them while the arm rests, shape (n, 3) [m]."""
+        count = round(seconds * RATE_HZ)
+        return self.tip_m(force_n) + self.rng.normal(0.0, NOISE_M, (count, 3))
+
+
+def random_pressures(rng):
+    """Commands [bar] at which the sections bend and stay short of their limits."""
+    return rng.uniform(0.05, 1.2, 6)
+
+
+def pascal(bar):
+    return tuple((np.asarray(bar) * BAR).tolist())
