@@ -25,6 +25,7 @@ COMMANDS: Final[dict[str, tuple[str, str]]] = {
         "robots, buses and faults of a running daemon; --watch for a live view",
     ),
     "move": ("contid.cli.commands.move", "send robots of a running daemon to a point, or along a trajectory"),
+    "jog": ("contid.cli.commands.teleop.jog", "move a robot of a running daemon by keys"),
     "teach": (
         "contid.cli.commands.teleop.teach",
         "torque off: save poses and motions of robots moved by hand",

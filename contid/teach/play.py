@@ -12,8 +12,9 @@ from contid.client import Client, ConnectionLostError, RemoteError
 from contid.errors import ContidError
 from contid.remote.client.move_arguments import columns_and_rows
 from contid.robot_file.positions import KeyPath
+from contid.teach.check_targets import check_targets
 from contid.teach.pose_file import PoseFile, SequenceStep
-from contid.teach.robot_columns import check_targets, columns_of
+from contid.teleop.described_robot import columns_of
 
 #: Period of requests that keep the lease during a wait; it lapses after two seconds.
 PING_PERIOD_S: Final = 0.25

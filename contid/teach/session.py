@@ -12,8 +12,8 @@ from contid.errors import ContidError
 from contid.robot_file.findings import allowed_names
 from contid.teach.pose_file import read_pose_file
 from contid.teach.pose_store import default_pose_file
-from contid.teach.robot_columns import DescribedRobot, columns_of
 from contid.teach.teacher import Teacher
+from contid.teleop.described_robot import DescribedRobot, columns_of
 from contid.teleop.keys import Keyboard
 
 #: The lease lapses so long after the last request.

@@ -16,7 +16,7 @@ from contid.robot_file.edit import replace_whole
 from contid.teach.pose_file import read_pose_file
 from contid.teach.pose_store import check_pose_name, provenance, save_pose
 from contid.teach.recording import RecordedLimits, taught_motion, trajectory_csv
-from contid.teach.robot_columns import DescribedRobot
+from contid.teleop.described_robot import DescribedRobot
 
 HELP: Final = "s save pose, r record / end recording, q quit"
 #: Half an hour at 50 Hz.

@@ -81,9 +81,9 @@ def command(
 
 def _target_of(client: Client, name: str, file: Path | None) -> dict[str, float]:
     """The target of a named pose, compared with the robots of the daemon."""
+    from contid.teach.check_targets import check_targets
     from contid.teach.pose_file import read_pose_file
     from contid.teach.pose_store import default_pose_file
-    from contid.teach.robot_columns import check_targets
 
     describe = client.describe()
     read = read_pose_file(file or default_pose_file(Path(describe["file"])))
