@@ -123,6 +123,13 @@ def test_check_and_run_refuse_with_the_same_message(text: str, tmp_path: Path) -
     assert all(json.loads(line)["file"] == "bad.csv" for line in as_json.stdout.splitlines())
 
 
+@pytest.mark.parametrize(("scale", "metres"), [(1.0, False), (1e-3, True)])
+def test_metres_in_a_column_of_millimetres_are_suspected(scale: float, metres: bool, tmp_path: Path) -> None:
+    rows = "".join(f"{k},{20 * scale!r},{300 * scale!r}\n" for k in range(3))
+    done = contid("check finger -", tmp_path, f"t_s,x_mm,y_mm\n{rows}")
+    assert (done.returncode, "are these metres in a mm column?" in done.stderr) == (2, metres), done.stderr
+
+
 def test_a_live_stream_cannot_be_checked(tmp_path: Path) -> None:
     done = contid("check finger -", tmp_path, "x_mm,y_mm\n20,80\n")
     assert done.returncode == 2

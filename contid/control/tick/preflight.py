@@ -5,6 +5,7 @@ from __future__ import annotations
 import enum
 import math
 from collections.abc import Callable, Mapping, Sequence
+from dataclasses import replace
 from typing import Final
 
 from contid.clearance.guard import ClearanceGuard
@@ -21,6 +22,10 @@ from contid.units import m_to_mm
 MAX_LISTED: Final = 5
 #: Interval between checks of a rope along a path; tips at 0.5 m/s move 10 mm in it.
 SAMPLE_INTERVAL_S: Final = 0.02
+
+
+#: A millimetre column with values of at most 2 may hold metres.
+METRES_M: Final = 2e-3
 
 
 class Unreachable(enum.StrEnum):
@@ -172,7 +177,13 @@ class Preflight:
             for message in dict.fromkeys(wrong.values()):
                 refused.add(PathFinding(message, residual_m=self._missed_m, row=index))
         if refused.rows:
-            raise BadInputError(refused.findings())
+            findings = refused.findings()
+            if _looks_like_metres(trajectory):
+                hint = (
+                    f"{findings[-1].message}; every position is below 2 mm: are these metres in a mm column?"
+                )
+                findings[-1] = replace(findings[-1], message=hint)
+            raise BadInputError(findings)
         if not self._refuses:
             return
         report = None if progress is None else lambda row: progress(row, total)
@@ -250,6 +261,15 @@ class _Refused:
 
     def _line(self, row: int) -> int:
         return self._trajectory.line_of_row(row)
+
+
+def _looks_like_metres(trajectory: Trajectory) -> bool:
+    """True when every tip of a trajectory is within `METRES_M` of the origin of the world."""
+    for index in range(len(trajectory)):
+        for target in trajectory.targets_of_row(index).values():
+            if target.tip_m is None or max(map(abs, target.tip_m)) > METRES_M:
+                return False
+    return True
 
 
 def explain(config: RobotConfig, target: Target, solution: Solution) -> str:
