@@ -60,7 +60,7 @@ def rack_hand() -> Drawing:
             side = outer_side(finger, column)
             rack = offset(bent, side * geometry.rack_spacing_mm / 2)
             d.line(rack, AXIS, 2.5)
-            d.label(rack[36], f"{name}.{axis}", AXIS, (10 * side, 0), "start" if side > 0 else "end")
+            d.label(rack[14], f"{name}.{axis}", AXIS, (10 * side, 0), "start" if side > 0 else "end")
         d.line(along, BODY, 1.5, "4 3")
         d.line([bent[-1], tip], BODY, 6)
         d.circle(tip, 1.8, BODY, BODY)
