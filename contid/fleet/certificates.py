@@ -1,7 +1,7 @@
 """Certificates of a fleet: a CA of its own, and one certificate per machine and per operator (P-256).
 
-The common name of an operator's certificate is its name in the fleet. Only certificates of machines may be
-used to listen. Private keys have mode 0600.
+The common name of an operator's certificate is its name in the fleet; that of a machine has a prefix that no
+operator can have. Only certificates of machines may be used to listen. Private keys have mode 0600.
 """
 
 from __future__ import annotations
@@ -15,6 +15,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Final
 
 from contid.errors import ContidError, MissingExtraError
+from contid.fleet.endpoints import is_host_name
 from contid.fleet.keys import is_name
 
 if TYPE_CHECKING:
@@ -28,6 +29,8 @@ CA_DAYS: Final = 3650
 EARLIER: Final = datetime.timedelta(hours=1)
 CA_CERTIFICATE: Final = "ca.pem"
 CA_KEY: Final = "ca.key"
+#: Begins the common name of a machine; a colon is in no name of an operator.
+MACHINE: Final = "machine:"
 
 
 def require_cryptography() -> None:
@@ -86,7 +89,8 @@ def make_certificate(
     _free(folder / f"{name}.pem", folder / f"{name}.key")
     issuer, issuer_key = _read_ca(ca)
     key = ec.generate_private_key(ec.SECP256R1())
-    subject = x509.Name([x509.NameAttribute(x509.NameOID.COMMON_NAME, name)])
+    common_name = f"{MACHINE}{name}" if hosts else name
+    subject = x509.Name([x509.NameAttribute(x509.NameOID.COMMON_NAME, common_name)])
     uses = [ExtendedKeyUsageOID.CLIENT_AUTH]
     builder = (
         _builder(subject, issuer.subject, key.public_key(), issuer_key.public_key(), days)
@@ -98,6 +102,24 @@ def make_certificate(
         builder = builder.add_extension(x509.SubjectAlternativeName(list(map(_host, hosts))), critical=False)
     builder = builder.add_extension(x509.ExtendedKeyUsage(uses), critical=False)
     return _write(folder / f"{name}.pem", folder / f"{name}.key", builder, key, issuer_key)
+
+
+def check_validity(path: Path) -> None:
+    """Refuse a certificate that has expired; without the package Zenoh refuses it, with less detail.
+
+    Raises:
+        ContidError: with the date.
+    """
+    if find_spec("cryptography") is None:
+        return
+    from cryptography import x509
+
+    try:
+        end = x509.load_pem_x509_certificate(path.read_bytes()).not_valid_after_utc
+    except (OSError, ValueError) as error:
+        raise ContidError(f"{path}: no certificate (PEM): {error}") from error
+    if end < datetime.datetime.now(datetime.UTC):
+        raise ContidError(f"{path}: expired at {end:%Y-%m-%d %H:%M} UTC; `contid fleet cert` makes a new one")
 
 
 def _check_name(name: str) -> None:
@@ -159,10 +181,9 @@ def _host(host: str) -> x509.GeneralName:
         return x509.IPAddress(ipaddress.ip_address(host))
     except ValueError:
         pass
-    try:
-        return x509.DNSName(host)
-    except ValueError as error:
-        raise ContidError(f"{host!r}: an IP address or a host name is expected") from error
+    if not is_host_name(host):
+        raise ContidError(f"{host!r}: an IP address or a host name is expected")
+    return x509.DNSName(host)
 
 
 def _read_ca(folder: Path) -> tuple[x509.Certificate, ec.EllipticCurvePrivateKey]:

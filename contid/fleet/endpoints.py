@@ -19,6 +19,11 @@ def protocol(endpoint: str) -> str:
     return endpoint.partition("/")[0]
 
 
+def is_host_name(text: str) -> bool:
+    """True for a name of a machine."""
+    return _HOST_NAME.fullmatch(text) is not None
+
+
 def check_endpoint(endpoint: str, listening: bool) -> None:
     """Refuse an endpoint that is reachable from other machines without TLS, or at every address.
 
@@ -42,7 +47,7 @@ def check_endpoint(endpoint: str, listening: bool) -> None:
     if not colon or not _PORT.fullmatch(port) or not 0 < int(port) < 65536:
         raise ValueError(f"{endpoint!r}: a host and a port are expected, as in {name}/192.168.1.10:7447")
     found = _address(host)
-    if found is None and (listening or not _HOST_NAME.fullmatch(host)):
+    if found is None and (listening or not is_host_name(host)):
         raise ValueError(f"{endpoint!r}: an IP address is expected, as in {name}/192.168.1.10:{port}")
     if found is not None and found.is_unspecified:
         raise ValueError(f"{endpoint!r}: that is every address of the machine; give one of them")

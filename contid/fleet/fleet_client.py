@@ -76,7 +76,7 @@ class FleetProcedures(Procedures):
         number = response.pop("client", None)
         if verb == "acquire":
             self._client = number
-        elif self._client is not None and number != self._client:
+        elif None not in (number, self._client) and number != self._client:
             raise self._protocol.lost(f"{self._node}: its bridge or its daemon lost this session")
         self._protocol.receive(encode({"id": request.number, **response}))
         result = self._protocol.result(request)

@@ -9,6 +9,7 @@ from typing import Annotated, Final, Self, TypeVar
 from pydantic import AfterValidator, Field, ValidationError, model_validator
 
 from contid.errors import BadInputError, ContidError, first_findings
+from contid.fleet.certificates import check_validity
 from contid.fleet.endpoints import check_endpoint, protocol
 from contid.fleet.keys import is_name, is_node_name
 from contid.fleet.rights import Right
@@ -69,6 +70,7 @@ class Tls(Strict):
                 raise ContidError(f"{path}: no such file; `contid fleet cert` writes it")
         if self.key.stat().st_mode & 0o077:
             raise ContidError(f"{self.key}: other users can read this private key; chmod 600 {self.key}")
+        check_validity(self.certificate)
 
 
 class FleetFile(Strict):

@@ -204,6 +204,18 @@ class NetSession:
         replies = self._session.liveliness().get(key, timeout=timeout_s)
         return [str(reply.ok.key_expr) for reply in replies if reply.ok is not None]
 
+    def survey(
+        self, key: str, timeout_s: float, found: Callable[[str], object], done: Callable[[], object]
+    ) -> None:
+        """Look for tokens; ``done`` is called when every linked session has answered."""
+        import zenoh
+
+        def report(reply: zenoh.Reply) -> None:
+            if reply.ok is not None:
+                found(str(reply.ok.key_expr))
+
+        self._session.liveliness().get(key, zenoh.handlers.Callback(report, done), timeout=timeout_s)
+
     def subscribe(self, key: str, received: Callable[[str, bytes], object]) -> None:
         """Receive what is published."""
 
@@ -229,8 +241,12 @@ class NetSession:
         answered: Callable[[str, bytes], object],
         done: Callable[[], object] = lambda: None,
         urgent: bool = False,
+        wait: bool = False,
     ) -> None:
-        """Send a request to all whom the key concerns; ``done`` is called after the last answer."""
+        """Send a request to all whom the key concerns; ``done`` is called after the last answer.
+
+        With ``wait`` it waits for a full queue, `CLOSE_AFTER_S` at most; otherwise it is dropped then.
+        """
         import zenoh
 
         def report(reply: zenoh.Reply) -> None:
@@ -243,7 +259,7 @@ class NetSession:
             target=zenoh.QueryTarget.ALL,
             consolidation=zenoh.ConsolidationMode.NONE,
             timeout=timeout_s,
-            congestion_control=zenoh.CongestionControl.DROP,
+            congestion_control=zenoh.CongestionControl.BLOCK if wait else zenoh.CongestionControl.DROP,
             priority=zenoh.Priority.REAL_TIME if urgent else zenoh.Priority.INTERACTIVE_HIGH,
             express=True,
             payload=payload,

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import queue
+import threading
 import time
 from collections.abc import Callable, Collection, Mapping
 from dataclasses import dataclass
@@ -92,6 +93,7 @@ class FleetOperator:
             timeout_s,
             lambda _, payload: answers.put(_response(payload)),
             lambda: answers.put(None),
+            wait=verb != "rows",
         )
         try:
             return answers.get(timeout=timeout_s + ANSWER_TIMEOUT_S)
@@ -120,23 +122,34 @@ class FleetOperator:
         found: dict[str, Fields] = {}
         required = {*nodes} or {*(self._file.expected if expected is None else expected)}
         took_s, next_s = 0.0, begin_s
+        surveyed, surveying = threading.Event(), False
         while (now_s := time.monotonic()) < begin_s + timeout_s:
             known = required if nodes else required | {*self.nodes()}
             unlinked = self._unlinked()
-            # A node that a new link brings is asked in the next round.
-            if known and known <= found.keys() and (nodes or not unlinked):
+            confirmed = {name for name, response in found.items() if response.get("ok")}
+            if known and known <= confirmed and (nodes or surveyed.is_set()):
                 break
+            if not unlinked and not surveying:  # every node is known only when every link has its tokens
+                surveying = True
+                self.net.survey(
+                    self.keys.alive("*", "*"),
+                    timeout_s,
+                    lambda key: self._note_token(key, True),
+                    surveyed.set,
+                )
             if now_s >= next_s:
                 next_s = now_s + REPEAT_S
-                for each in sorted({*nodes} - found.keys()) or (() if nodes else ("*",)):
+                for each in sorted({*nodes} - confirmed) if nodes else ("*",):
                     key = self.keys.do(each, *self._who(), verb)
                     self.net.ask(key, encode(fields)[:-1], timeout_s, _put(arrived), urgent=True)
             try:
                 key, payload = arrived.get(timeout=max(min(next_s, begin_s + timeout_s) - now_s, 0.001))
             except queue.Empty:
                 continue
-            # The first answer counts: a repeated stop changes nothing more.
-            if found.setdefault(self.keys.node(key), _response(payload)):
+            name = self.keys.node(key)
+            # The first confirmation counts: a repeated stop changes nothing more.
+            if not found.get(name, {}).get("ok"):
+                found[name] = _response(payload)
                 took_s = time.monotonic() - begin_s
         known = required if nodes else required | {*self.nodes()}
         doubled = tuple(sorted(name for name, count in self.nodes().items() if count > 1 and name in known))

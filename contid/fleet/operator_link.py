@@ -22,8 +22,9 @@ from contid.remote.protocol.wire import PROTOCOL, Code, ConnectionLostError, Fie
 #: Codes of this bridge, beside those of the socket.
 SUPERSEDED: Final = "superseded"
 NO_LEASE: Final = "no-lease"
-#: Requests of a session under way, stops not counted.
+#: Requests of a session under way. Of rows at most two are: one that is sent, and one that waits.
 MAX_UNDER_WAY: Final = 32
+UNCOUNTED: Final = STOPS | {"rows", "end"}
 #: Longest lease by network: an order that waited in a bridge that stood still must find it lapsed.
 MAX_LEASE_S: Final = 5.0
 LEASE_S: Final = 1.0
@@ -49,15 +50,16 @@ class OperatorLink:
         self._link: DaemonLink | None = None
         self._number = 0
         self._connecting = asyncio.Lock()
+        self._closed = False
         self._under_way = 0
         self._rows = _LiveRows()
 
     async def request(self, verb: str, fields: Fields) -> Fields:
         """The response to a request that the operator may make; never raises for a refusal."""
         self.used_s = time.monotonic()
-        if verb not in STOPS and self._under_way >= MAX_UNDER_WAY:
+        if verb not in UNCOUNTED and self._under_way >= MAX_UNDER_WAY:
             return refusal(Code.REFUSED, f"{MAX_UNDER_WAY} requests of this session are under way")
-        self._under_way += 1
+        self._under_way += verb not in UNCOUNTED
         try:
             async with asyncio.timeout(VERB_TIMEOUT_S.get(verb, RESPONSE_TIMEOUT_S)):
                 response = await self._request(verb, fields)
@@ -68,10 +70,11 @@ class OperatorLink:
         except (ContidError, OSError, TimeoutError) as error:
             return refusal(Code.NO_ANSWER, str(error) or "the daemon did not answer in time")
         finally:
-            self._under_way -= 1
+            self._under_way -= verb not in UNCOUNTED
 
     def close(self) -> None:
-        """End the connection without a release: if it held the lease, the robots hold."""
+        """End the connection for good, without a release: if it held the lease, the robots hold."""
+        self._closed = True
         if self._link is not None:
             self._link.close()
             self._link = None
@@ -90,6 +93,8 @@ class OperatorLink:
                 return refusal(NO_LEASE, "this session does not hold the lease; acquire it first")
         if verb == "rows" and self._rows.is_live(fields):
             return await self._rows.follow(link, fields)
+        if verb == "end":
+            await self._rows.settled()
         response = await link.request(verb, fields)
         if verb == "move" and response.get("ok"):
             self._rows.begun(response["result"])
@@ -103,7 +108,13 @@ class OperatorLink:
             await link.connect()
             name = f"fleet {self._origin.operator}"
             greeting = {"protocol": PROTOCOL, "name": name} if link.same_protocol else {"name": name}
-            self._number = int((await link.result("hello", **greeting))["client"])
+            try:
+                self._number = int((await link.result("hello", **greeting))["client"])
+                if self._closed:  # the session ended meanwhile: it must not acquire anything
+                    raise ConnectionLostError("the session of this operator ended")
+            except BaseException:
+                link.close()
+                raise
             self._link = link
             return link
 
@@ -119,6 +130,7 @@ class _LiveRows:
     def __init__(self) -> None:
         self._credits: dict[int, int] = {}
         self._waiting: tuple[int, Fields, asyncio.Future[Fields]] | None = None
+        self._newest: asyncio.Future[Fields] | None = None
         self._sending = False
         self._link: DaemonLink | None = None
         self._tasks: set[asyncio.Task[None]] = set()
@@ -147,9 +159,15 @@ class _LiveRows:
         self._link = link
         self._supersede("a newer row came before this one was sent")
         future: asyncio.Future[Fields] = asyncio.get_running_loop().create_future()
+        self._newest = future
         self._waiting = int(fields["move"]), fields, future
         self._pump()
         return await future
+
+    async def settled(self) -> None:
+        """Wait for the newest row: the end of its stream must not overtake it."""
+        if self._newest is not None:
+            await asyncio.wait([self._newest])
 
     def clear(self, message: str) -> None:
         """Forget every stream."""

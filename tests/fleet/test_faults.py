@@ -6,6 +6,7 @@ import queue
 import signal
 import subprocess
 import time
+from collections import Counter
 from collections.abc import Iterator
 from contextlib import ExitStack
 
@@ -122,11 +123,11 @@ def test_an_order_that_waited_in_a_stopped_bridge_moves_nothing(node: Running, s
 
 def test_of_live_rows_the_newest_wins(node: Running, served: BridgeProcess) -> None:
     """Rows that arrive at once, as after a stall of the network, are not followed one after the other."""
-    codes: queue.SimpleQueue[str] = queue.SimpleQueue()
+    codes: Counter[str] = Counter()
     count = 200
 
     def answered(_: str, line: bytes) -> None:
-        codes.put(decode(line).get("error", {}).get("code", "ok"))
+        codes[decode(line).get("error", {}).get("code", "ok")] += 1
 
     with FleetOperator(served.operator()) as operator, node.client() as client:
         moves = FleetProcedures(operator, "hand1")
@@ -135,12 +136,13 @@ def test_of_live_rows_the_newest_wins(node: Running, served: BridgeProcess) -> N
         move = completed(moves.request("move", columns=["x_mm", "y_mm"]))["move"]
         key = operator.keys.do("hand1", "anna", operator.origin.session, "rows")
         for number in range(count):
-            row = [20.0 * number / (count - 1), 85.0]
+            # The last ones are equal: in such a flood the network drops a few.
+            row = [20.0 * min(number / (count - 10), 1.0), 85.0]
             operator.net.ask(key, encode({"move": move, "rows": [row]})[:-1], 10.0, answered)
-        found = [codes.get(timeout=10.0) for _ in range(count)]
-        assert {*found} == {"ok", "superseded"}
-        completed(moves.request("end", move=move))
+        completed(moves.request("end", move=move))  # it does not overtake the last row
         completed(moves.wait(move))
+        assert codes.keys() == {"ok", "superseded"}
+        assert codes["superseded"] > codes["ok"]
         arrives(client, "f0", (20.0, 85.0, 0.0))
 
 

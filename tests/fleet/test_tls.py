@@ -17,6 +17,7 @@ import pytest
 from contid.errors import ContidError
 from contid.fleet.certificates import make_ca, make_certificate
 from contid.fleet.fleet_file import Tls, load_machine_file
+from contid.fleet.keys import is_name
 from contid.fleet.net import NetSession, NetSettings, configuration
 from contid.fleet.operator import FleetOperator
 from contid.fleet.stops import stop_fleet
@@ -158,6 +159,29 @@ def test_private_keys_are_private(certificates: Path, tmp_path: Path) -> None:
     path = machine_file(tmp_path, "tls/127.0.0.1:7447", {}, tls=section)
     with pytest.raises(ContidError, match="chmod 600"):
         load_machine_file(path)
+
+
+def test_the_owner_of_an_expired_certificate_reads_when(certificates: Path, tmp_path: Path) -> None:
+    path = machine_file(tmp_path, "tls/127.0.0.1:7447", {}, tls=tls(certificates, "late"))
+    with pytest.raises(ContidError, match="expired at"):
+        load_machine_file(path)
+
+
+def test_a_machine_cannot_have_the_name_of_an_operator(certificates: Path, tmp_path: Path) -> None:
+    """With a certificate for a machine called anna nothing is done in the name of anna."""
+    from cryptography import x509
+
+    make_certificate(tmp_path, certificates, "anna", ["127.0.0.1"])
+    subject = x509.load_pem_x509_certificate((tmp_path / "anna.pem").read_bytes()).subject
+    names = [str(each.value) for each in subject]
+    assert names == ["machine:anna"]
+    assert not any(map(is_name, names))
+
+
+@pytest.mark.parametrize("host", ["bad host!", "", "*.lab", "a/b"])
+def test_a_host_is_an_address_or_a_name(certificates: Path, tmp_path: Path, host: str) -> None:
+    with pytest.raises(ContidError, match="host name is expected"):
+        make_certificate(tmp_path, certificates, "pc3", [host])
 
 
 def test_files_are_not_replaced(certificates: Path) -> None:
