@@ -33,3 +33,17 @@ def test_checks_pass(command: list[str]) -> None:
         env={**os.environ, "PYTHONPATH": path},
     )
     assert done.returncode == 0, done.stdout + done.stderr
+
+
+def test_kernels_and_firmware_are_formatted() -> None:
+    """By .clang-format at the root, which the host's editor reads too."""
+    tool = Path(sys.executable).parent / "clang-format"
+    files = [
+        str(path)
+        for folder in ("contid", "firmware", "tests")
+        for path in sorted((ROOT / folder).rglob("*"))
+        if path.suffix in {".cpp", ".hpp", ".h", ".ino"}
+    ]
+    done = subprocess.run([str(tool), "--dry-run", "-Werror", *files], capture_output=True, text=True)
+    assert files
+    assert done.returncode == 0, done.stderr[-2000:]

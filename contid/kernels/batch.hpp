@@ -11,7 +11,8 @@
 
 namespace contid {
 
-// Calls work(begin, end) for blocks that cover all rows; the calling thread takes part. A row must not depend on others.
+// Calls work(begin, end) for blocks that cover all rows; the calling thread takes part. A row must not depend on
+// others.
 template <class Work> void over_rows(std::size_t rows, int threads, const Work& work) {
   constexpr std::size_t kBlock = 64;  // rows of microseconds: the counter is touched seldom, the ends stay even
   std::atomic<std::size_t> next{0};

@@ -34,9 +34,10 @@ bool Plant::set(int channel, const std::string& name, double value) {
     const char* name;
     bool* value;
   } const switches[] = {
-      {"stall", &m.stalled}, {"bridge", &m.bridge},    {"encoder_stuck", &m.stuck}, {"encoder_reversed", &m.reversed},
-      {"wired_coast", &m.wired_coast},
-      {"leak", &r.leaking},  {"wire", &r.wire_broken},
+      {"stall", &m.stalled},           {"bridge", &m.bridge},
+      {"encoder_stuck", &m.stuck},     {"encoder_reversed", &m.reversed},
+      {"wired_coast", &m.wired_coast}, {"leak", &r.leaking},
+      {"wire", &r.wire_broken},
   };
   for (const auto& one : switches) {
     if (name == one.name) {

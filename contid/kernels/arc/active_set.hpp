@@ -28,7 +28,7 @@ struct Held {
   int numbers[kMaxHeld];  // of the limits
   int wide, flat;         // length of a normal; limits with a lesser number are flat
   int count;
-  LimitSet mask;           // of the flat limits
+  LimitSet mask;  // of the flat limits
 
   Held(const double (*task)[kMaxLengths], int rows, double weight, int n, int flat)
       : wide(n + rows), flat(flat), count(rows) {

@@ -65,8 +65,8 @@ nb::tuple solve(const SectionSolver& self, nb::handle tip, nb::handle direction,
   read(seed, l, self.size(), "seed: three lengths per section");
   contid::Answer answer;
   self.solve({p, direction.is_none() ? nullptr : t, mid.is_none() ? nullptr : m}, l, answer);
-  return nb::make_tuple(tuple_of(answer.lengths, self.size()), answer.residual, answer.converged, answer.binding.to_ullong(),
-                        answer.iterations, answer.starts);
+  return nb::make_tuple(tuple_of(answer.lengths, self.size()), answer.residual, answer.converged,
+                        answer.binding.to_ullong(), answer.iterations, answer.starts);
 }
 
 // Jacobians of tip, orientation and mid-point into given arrays (3, 3 n).

@@ -230,11 +230,11 @@ class Homing {
     }
   }
 
-  // The lower factor of M - sum_a y_a d2 task_a/dl2 + sum_s cones_s d2 cone_s/dl2, and the weight of J^T J that makes it
-  // positive definite without changing steps that keep the task. Where that is not enough, limits that bind and a
+  // The lower factor of M - sum_a y_a d2 task_a/dl2 + sum_s cones_s d2 cone_s/dl2, and the weight of J^T J that makes
+  // it positive definite without changing steps that keep the task. Where that is not enough, limits that bind and a
   // multiple of M help.
-  double curvature(const Feasible& feasible, const double* lengths, const Goal& goal, const Task& task,
-                   const double* y, const double* cones, const double* slope, double* metric) const {
+  double curvature(const Feasible& feasible, const double* lengths, const Goal& goal, const Task& task, const double* y,
+                   const double* cones, const double* slope, double* metric) const {
     constexpr double kForward = 1e-6;  // [m]; J^T y needs few digits
     const int n = feasible.size();
     double rows[kMaxLengths][kMaxLengths], at[kMaxLengths], H[kMaxLengths * kMaxLengths];

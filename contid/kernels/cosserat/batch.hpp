@@ -42,8 +42,8 @@ void inverse_rows(const Rod<K>& rod, const Limits<K>& limits, const Settings& se
       const Vec load = load_of(tasks.targets.load, k);
       const Found<K> found = search_settled<K>(rod, tasks.task(k), load, limits, seeds + 3 * K * k, settings);
       const Outcome<K>& o = found.outcome;
-      const std::uint64_t why = kOptimal * o.optimal | kStable * found.stable | kBlocked * o.blocked |
-                                kSnaps * (found.snap < 1.0);
+      const std::uint64_t why =
+          kOptimal * o.optimal | kStable * found.stable | kBlocked * o.blocked | kSnaps * (found.snap < 1.0);
       write_solution(out + k * solution_bytes(3 * K), o.pressures, 3 * K, o.residual, why, found.iterations, o.met);
     }
   });

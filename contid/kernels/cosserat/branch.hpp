@@ -8,8 +8,8 @@
 namespace contid {
 
 constexpr int kCorrections = 8, kMaxElements = 48;
-// A correction that does not shrink the balance to this part has started outside the neighbourhood of its solution: this
-// is what keeps a path on its branch.
+// A correction that does not shrink the balance to this part has started outside the neighbourhood of its solution:
+// this is what keeps a path on its branch.
 constexpr double kContraction = 0.3;
 constexpr double kFirstStep = 0.25, kLeastStep = 1e-3, kNoStep = 1e-6, kOnTheWay = 1e-5, kRough = 1e-2, kNear = 0.02,
                  kSameFactor = 5e-3, kSamePose = 1e-4;
@@ -57,8 +57,8 @@ double follow(const Rod<K>& rod, const Station& from, const Station& to, int ele
     const Vec rise = goal * (to.tip_force - from.tip_force);
     for (int j = 0; j < 3 * K; ++j) p[j] = from.pressures[j] + goal * (to.pressures[j] - from.pressures[j]);
     // A dead tip force has a moment about the base that follows from the tip; afterwards the secant predicts.
-    const Vec predicted = done > 0.0 ? moment + ((goal - done) / (done - behind)) * (moment - before)
-                                     : moment + cross(out.ends.p, rise);
+    const Vec predicted =
+        done > 0.0 ? moment + ((goal - done) / (done - behind)) * (moment - before) : moment + cross(out.ends.p, rise);
     Vec corrected = predicted;
     Judged trial;
     const double tolerance = goal < 1.0 ? kOnTheWay * scale : kStatics;
@@ -96,8 +96,8 @@ template <int K> Vec predicted_moment(const Rod<K>& rod, Vec tip, Vec tip_force,
   for (int i = 0; i < K; ++i) {
     const Section& s = rod.sections[i];
     const double middle = (done + 0.5 * s.length) / rod.reach, at = (done + s.length + 0.5 * s.link) / rod.reach;
-    moment = moment + (middle * s.length * share) * cross(tip, s.weight) +
-             (at * s.link * share) * cross(tip, s.link_weight);
+    moment =
+        moment + (middle * s.length * share) * cross(tip, s.weight) + (at * s.link * share) * cross(tip, s.link_weight);
     done += s.length + s.link;
   }
   return moment;
@@ -105,8 +105,7 @@ template <int K> Vec predicted_moment(const Rod<K>& rod, Vec tip, Vec tip_force,
 
 // True when a stable equilibrium is the one of `equilibrium`. Tried first: a curve from the straight arm to it, held
 // against the balance at three points of the way.
-template <int K>
-bool on_branch(const Rod<K>& rod, const double* pressures, Vec moment, Vec tip_force, int elements) {
+template <int K> bool on_branch(const Rod<K>& rod, const double* pressures, Vec moment, Vec tip_force, int elements) {
   const double scale = load_scale<K>(rod, tip_force);
   const Vec slope = predicted_moment<K>(rod, {0, 0, rod.reach}, tip_force, 1.0);
   Vec bend = moment - slope, bent_half = bend;  // of (M - s slope) / s^2 at s = 1 and 1/2

@@ -57,9 +57,8 @@ Outcome<K> descend(const Rod<K>& rod, const Task& task, Vec tip_force, const Lim
     for (int j = 0; j < n; ++j) next[j] = std::min(std::max(p[j] + d[j], limits.lower[j]), limits.upper[j]);
     Vec next_moment = moment - by.moment_step(d, 0.0, {0, 0, 0});
     Judged trial;
-    const bool stands = from_rest
-                            ? equilibrium<K>(rod, next, tip_force, elements, next_moment, trial) == 1.0
-                            : settle<K>(rod, next, next_moment, tip_force, 1.0, elements, kStatics, trial);
+    const bool stands = from_rest ? equilibrium<K>(rod, next, tip_force, elements, next_moment, trial) == 1.0
+                                  : settle<K>(rod, next, next_moment, tip_force, 1.0, elements, kStatics, trial);
     const double next_cost = stands ? squared(trial.ends, next_r) : cost;
     if (stands && next_cost < cost) {
       if (cost - next_cost > 0.75 * gain) trust = std::fmax(trust, 2.0 * size);

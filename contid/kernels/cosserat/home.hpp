@@ -190,7 +190,8 @@ template <int K> struct Homing {
       // saddle short steps grow.
       if (good && exact(here)) {
         const double nearer = distance(here.p) - distance(there.p);
-        good = size > kHomeNoise ? nearer >= kHomeGain * std::fabs(gain) : size < kHomeLast * last || nearer > kHomeLeast;
+        good =
+            size > kHomeNoise ? nearer >= kHomeGain * std::fabs(gain) : size < kHomeLast * last || nearer > kHomeLeast;
       }
       if (good) {
         bend = curved || size > kHomeContraction * last;

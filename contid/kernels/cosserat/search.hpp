@@ -92,8 +92,9 @@ template <int K> struct BranchSearch {
     if (!over && unloaded<K>(rod, task, limits, start)) over = attempt(start, kRestartIterations);
     for (int index = 0; !over && index <= kRestarts && work < most; ++index) {
       for (int i = 0; i < n; ++i)
-        start[i] = index == 0 ? limits.centre[i]
-                              : limits.lower[i] + radical_inverse(index, kPrimes[i]) * (limits.upper[i] - limits.lower[i]);
+        start[i] = index == 0
+                       ? limits.centre[i]
+                       : limits.lower[i] + radical_inverse(index, kPrimes[i]) * (limits.upper[i] - limits.lower[i]);
       over = attempt(start, kRestartIterations);
     }
     if (!over) polish();
@@ -150,7 +151,8 @@ Found<K> search(const Rod<K>& rod, const Task& task, Vec tip_force, const Limits
     std::copy(seed, seed + n, from);
     clamp<K>(limits, from);
     if (equilibrium<K>(rod, from, tip_force, settings.elements, moment, at) < 1.0) return true;
-    return follow<K>(rod, {from, tip_force, 1.0}, {o.pressures, tip_force, 1.0}, settings.elements, moment, at) == 1.0 &&
+    return follow<K>(rod, {from, tip_force, 1.0}, {o.pressures, tip_force, 1.0}, settings.elements, moment, at) ==
+               1.0 &&
            norm(moment - o.moment) <= kSamePose * scale;
   };
   // Moves an answer to a redundant task to the nearest to the centre, where that is one that counts.

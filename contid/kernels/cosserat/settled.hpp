@@ -28,7 +28,8 @@ Found<K> search_settled(const Rod<K>& rod, const Task& task, Vec tip_force, cons
     Vec moment;
     Judged at;
     if (equilibrium<K>(rod, from, tip_force, settings.elements, moment, at) < 1.0) return true;
-    return follow<K>(rod, {from, tip_force, 1.0}, {o.pressures, tip_force, 1.0}, settings.elements, moment, at) == 1.0 &&
+    return follow<K>(rod, {from, tip_force, 1.0}, {o.pressures, tip_force, 1.0}, settings.elements, moment, at) ==
+               1.0 &&
            norm(moment - o.moment) <= kSamePose * load_scale<K>(rod, tip_force);
   };
   for (int ask = 0; ask < kAsks && found.outcome.met && found.stable && moved(found.outcome, seed) > kTracking; ++ask) {

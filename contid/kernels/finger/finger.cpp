@@ -1,6 +1,6 @@
 // contid.kernels._finger: many rows of a two-rack finger for Python; single calls are fast enough in Python.
-#include "../batch_python.hpp"
 #include "finger.hpp"
+#include "../batch_python.hpp"
 
 namespace nb = nanobind;
 using contid::Finger, contid::Matrix, contid::Table;

@@ -85,8 +85,8 @@ struct Finger {
       arc_length = d / (rho * sinc(0.5 * theta));
       return std::fabs(theta) < 2.0 * pi;
     }
-    arc_length = curvature != 0.0 ? (theta - std::copysign(2.0 * pi, x)) / curvature
-                                  : std::numeric_limits<double>::infinity();
+    arc_length =
+        curvature != 0.0 ? (theta - std::copysign(2.0 * pi, x)) / curvature : std::numeric_limits<double>::infinity();
     return std::isfinite(arc_length);
   }
 

@@ -184,9 +184,7 @@ contid::Role read_role() {
 }  // namespace
 
 // main() calls it before setup(); the version of the Arduino core disables the watchdog until the next reset.
-void watchdogSetup(void) {
-  WDT->WDT_MR = WDT_MR_WDRSTEN | WDT_MR_WDV(WATCHDOG_PERIODS) | WDT_MR_WDD(WATCHDOG_PERIODS);
-}
+void watchdogSetup(void) { WDT->WDT_MR = WDT_MR_WDRSTEN | WDT_MR_WDV(WATCHDOG_PERIODS) | WDT_MR_WDD(WATCHDOG_PERIODS); }
 
 extern "C" void TC3_Handler(void) {
   (void)TC1->TC_CHANNEL[0].TC_SR;  // reading it ends the request

@@ -21,12 +21,12 @@
 #define max(a, b) ((a) > (b) ? (a) : (b))
 #define abs(x) ((x) > 0 ? (x) : -(x))
 #define constrain(amt, low, high) ((amt) < (low) ? (low) : ((amt) > (high) ? (high) : (amt)))
-#define round(x) ((x) >= 0 ? (long)((x) + 0.5) : (long)((x)-0.5))
-#define radians(deg) ((deg)*0.017453292519943295)
-#define degrees(rad) ((rad)*57.29577951308232)
+#define round(x) ((x) >= 0 ? (long)((x) + 0.5) : (long)((x) - 0.5))
+#define radians(deg) ((deg) * 0.017453292519943295)
+#define degrees(rad) ((rad) * 57.29577951308232)
 #define sq(x) ((x) * (x))
 #define bit(b) (1UL << (b))
-#define lowByte(w) ((uint8_t)((w)&0xff))
+#define lowByte(w) ((uint8_t)((w) & 0xff))
 #define highByte(w) ((uint8_t)((w) >> 8))
 #define interrupts() 0
 #define noInterrupts() 0

@@ -12,13 +12,13 @@ extern "C" {
 #define PIN(port, bit) {PIO##port, 1u << (bit)}
 #define NONE {PIOA, 0}
 extern const PinDescription g_APinDescription[] = {
-    NONE,      NONE,      PIN(B, 25), NONE,      PIN(C, 26), PIN(C, 25), PIN(C, 24), PIN(C, 23),  // 0 .. 7
-    PIN(C, 22), PIN(C, 21), NONE,     PIN(D, 7), NONE,       PIN(B, 27), NONE,       NONE,        // 8 .. 15
-    NONE,      NONE,      NONE,       NONE,      NONE,       NONE,       PIN(B, 26), PIN(A, 14),  // 16 .. 23
-    PIN(A, 15), PIN(D, 0), PIN(D, 1), PIN(D, 2), PIN(D, 3),  PIN(D, 6),  PIN(D, 9),  PIN(A, 7),   // 24 .. 31
-    PIN(D, 10), PIN(C, 1), PIN(C, 2), PIN(C, 3), PIN(C, 4),  PIN(C, 5),  PIN(C, 6),  PIN(C, 7),   // 32 .. 39
-    PIN(C, 8), PIN(C, 9), PIN(A, 19), PIN(A, 20), PIN(C, 19), PIN(C, 18), PIN(C, 17), PIN(C, 16),  // 40 .. 47
-    PIN(C, 15), PIN(C, 14), PIN(C, 13), PIN(C, 12), PIN(B, 21), PIN(B, 14),                       // 48 .. 53
+    NONE,       NONE,       PIN(B, 25), NONE,       PIN(C, 26), PIN(C, 25), PIN(C, 24), PIN(C, 23),  // 0 .. 7
+    PIN(C, 22), PIN(C, 21), NONE,       PIN(D, 7),  NONE,       PIN(B, 27), NONE,       NONE,        // 8 .. 15
+    NONE,       NONE,       NONE,       NONE,       NONE,       NONE,       PIN(B, 26), PIN(A, 14),  // 16 .. 23
+    PIN(A, 15), PIN(D, 0),  PIN(D, 1),  PIN(D, 2),  PIN(D, 3),  PIN(D, 6),  PIN(D, 9),  PIN(A, 7),   // 24 .. 31
+    PIN(D, 10), PIN(C, 1),  PIN(C, 2),  PIN(C, 3),  PIN(C, 4),  PIN(C, 5),  PIN(C, 6),  PIN(C, 7),   // 32 .. 39
+    PIN(C, 8),  PIN(C, 9),  PIN(A, 19), PIN(A, 20), PIN(C, 19), PIN(C, 18), PIN(C, 17), PIN(C, 16),  // 40 .. 47
+    PIN(C, 15), PIN(C, 14), PIN(C, 13), PIN(C, 12), PIN(B, 21), PIN(B, 14),                          // 48 .. 53
 };
 
 typedef void (*Callback)();
@@ -130,10 +130,9 @@ struct Vectors {
 };
 #define HALT4 halt, halt, halt, halt
 __attribute__((section(".vectors"), used)) const Vectors vectors = {
-    &stack_top,
-    {Reset_Handler, halt, halt, HALT4, HALT4, HALT4,   // 1 .. 15
-     HALT4, HALT4, HALT4, halt, halt, PIOD_Handler, halt, HALT4, HALT4, HALT4,
-     halt, halt, TC3_Handler, halt, HALT4, HALT4, halt, halt}};
+    &stack_top, {Reset_Handler, halt,  halt,  HALT4,       HALT4, HALT4,  // 1 .. 15
+                 HALT4,         HALT4, HALT4, halt,        halt,  PIOD_Handler, halt,  HALT4, HALT4,
+                 HALT4,         halt,  halt,  TC3_Handler, halt,  HALT4,        HALT4, halt,  halt}};
 
 void* memset(void* to, int value, size_t size) {
   volatile uint8_t* bytes = static_cast<uint8_t*>(to);

@@ -14,9 +14,9 @@ namespace contid {
 // Facts about this start of this board, for hello and telemetry.
 struct Identity {
   Role role;
-  uint16_t boot;     // counts starts, kept over resets, not over the loss of power
-  uint32_t boot_id;  // random, another one at every start
-  uint32_t build_id;  // of the sources; 0: built by hand
+  uint16_t boot;                      // counts starts, kept over resets, not over the loss of power
+  uint32_t boot_id;                   // random, another one at every start
+  uint32_t build_id;                  // of the sources; 0: built by hand
   uint8_t unique_id[UNIQUE_ID_SIZE];  // of the chip
   ResetCause cause;
   uint8_t capabilities[CHANNELS];  // 0: the channel is not fitted
@@ -27,8 +27,8 @@ struct Identity {
 
 struct Inputs {
   int32_t count[CHANNELS];
-  int32_t analog[CHANNELS];  // 12 bit
-  uint8_t bridge_faults;     // one bit per channel whose H-bridge reports a fault
+  int32_t analog[CHANNELS];   // 12 bit
+  uint8_t bridge_faults;      // one bit per channel whose H-bridge reports a fault
   uint32_t missed[CHANNELS];  // encoder edges missed since the start
   bool supply_low;            // the 3.3 V were below their threshold since the last tick
 };

@@ -145,7 +145,8 @@ Verdict read_config(Reader& in, Role role, BoardConfig& out) {
     const uint8_t start = in.u8();
     if (!in.ok()) break;
     if (channel >= CHANNELS || (out.mask & (1u << channel)) != 0) return Verdict{Refusal::BAD_CHANNEL, channel};
-    if (!same_in_reset(static_cast<Safe>(safe), static_cast<Safe>(start))) return Verdict{Refusal::SAFE_IS_NOT_START, channel};
+    if (!same_in_reset(static_cast<Safe>(safe), static_cast<Safe>(start)))
+      return Verdict{Refusal::SAFE_IS_NOT_START, channel};
     check.within(safe, 0, static_cast<int32_t>(Safe::CLOSE));
     check.require(fits_role(static_cast<Safe>(safe), role));
     out.mask = static_cast<uint8_t>(out.mask | (1u << channel));

@@ -188,7 +188,8 @@ void Motor::watch(int64_t error_q8) {
   reversed_ticks_ = away ? reversed_ticks_ + 1 : 0;
 
   if (missed()) fault_ = Reason::ENCODER_EDGES;
-  if (phase_ == Phase::APPROACH || fault_ == Reason::ENCODER_EDGES) return;  // homing searches for standstill under drive
+  if (phase_ == Phase::APPROACH || fault_ == Reason::ENCODER_EDGES)
+    return;  // homing searches for standstill under drive
   const bool lost = magnitude64(error_q8) > follow_q8;
   if (reversed_ticks_ >= REVERSED_MS) {
     fault_ = Reason::ENCODER_REVERSED;

@@ -70,7 +70,7 @@ class Motor {
   int32_t counted() const;
 
   const MotorConfig* config_;
-  bool reversed_;      // sense and scale of the count when it was referenced
+  bool reversed_;  // sense and scale of the count when it was referenced
   int32_t power_up_, home_at_;
   SetPoint set_;
   uint32_t raw_missed_, missed_base_;  // the base: when the position was known last

@@ -68,7 +68,7 @@ enum class Reason : uint8_t {
   SENSOR_WIRE = 7,
   LEAK = 8,
   OVER_PRESSURE = 9,
-  BRIDGE = 10,        // the H-bridge reports a fault of its own
+  BRIDGE = 10,  // the H-bridge reports a fault of its own
   ABOVE_SET_POINT = 11,
   NOT_VENTING = 12,
   ENCODER_EDGES = 13,  // edges of the encoder were missed
@@ -86,13 +86,13 @@ enum class Refusal : uint8_t {
   SAFE_IS_NOT_START = 8,  // detail: the channel
   WRONG_ROLE = 9,         // detail: the board's role
   ARMED_NOW = 10,
-  LATCHED = 11,    // detail: the channel; clear first
-  NOT_HOMED = 12,  // detail: the channel
-  NO_SENSOR = 13,  // detail: the channel
-  NO_HOMING = 14,  // detail: the channel
-  PERSISTS = 15,   // detail: the channel
+  LATCHED = 11,        // detail: the channel; clear first
+  NOT_HOMED = 12,      // detail: the channel
+  NO_SENSOR = 13,      // detail: the channel
+  NO_HOMING = 14,      // detail: the channel
+  PERSISTS = 15,       // detail: the channel
   POSITION_LOST = 16,  // detail: the channel; home it, or park it
-  OTHER_PORT = 17,  // detail: the port that commands the board
+  OTHER_PORT = 17,     // detail: the port that commands the board
 };
 
 // Ports of a board. While a channel is armed or homing, only the port that commands it may command.
