@@ -45,6 +45,9 @@ AFTER_S: Final = 4.0
 LOOK_S: Final = 5.0
 LOOKS_PER_LINE: Final = 12
 COLUMNS: Final = ("tick", "skipped", "clients", "cables", "faults", "file MB")
+#: Problems of the report that a soak brings about: a large session, and a robot that catches up with its
+#: rows after its cable was plugged in again.
+HARMLESS: Final = ("still being compacted", "the live rows outran its limits")
 #: Sampled processes, by a module name in their command line.
 PROCESSES: Final = {"control": "contid.control.process", "recorder": "contid.session.mcap_recorder"}
 
@@ -213,7 +216,7 @@ def judge(table: Table, report: dict[str, Any], operator: Operator, session: Pat
         *([] if len(back) == len(cables) else ["a robot did not come back"]),
         *([] if complete else ["the session is not complete"]),
         *([] if report["viewers_killed"] else ["no viewer was killed"]),
-        *(message for message in report["problems"] if "still being compacted" not in message),
+        *(message for message in report["problems"] if not any(text in message for text in HARMLESS)),
     ]
     print("verdict: " + ("; ".join(wrong) if wrong else "memory and descriptors flat, nothing lost"))
     return 1 if wrong else 0
