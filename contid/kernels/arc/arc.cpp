@@ -1,34 +1,19 @@
 // contid.kernels._arc: constant-curvature sections for Python. Single calls take microseconds and hold the GIL.
-#include <nanobind/nanobind.h>
-#include <nanobind/ndarray.h>
-
 #include "../batch_python.hpp"
-#include "../python.hpp"
 #include "batch.hpp"
+#include "bindings.hpp"
 
 namespace nb = nanobind;
-using contid::read, contid::SectionSolver, contid::tuple_of;
+using contid::Out, contid::read, contid::SectionSolver;
 
 namespace {
-
-using Out = nb::ndarray<double, nb::c_contig, nb::device::cpu>;
-
-void fill(Out& out, const double (*rows)[contid::kMaxLengths], int columns, const char* what) {
-  if (out.ndim() != 2 || out.shape(0) != 3 || static_cast<int>(out.shape(1)) != columns) throw nb::value_error(what);
-  for (int k = 0; k < 3; ++k) std::memcpy(out.data() + k * columns, rows[k], columns * sizeof(double));
-}
 
 void make(SectionSolver* self, nb::handle radius, nb::handle to_arc, nb::handle to_lengths, nb::handle rigid,
           nb::handle lower, nb::handle upper, nb::handle home, double rack, double curvature_max, nb::handle tuning) {
   const Py_ssize_t count = PyObject_Length(radius.ptr());
   contid::Feasible f;
   contid::Sections& s = f.sections;
-#ifdef CONTID_SECTIONS
-  if (count != CONTID_SECTIONS) throw nb::value_error("a build for another number of sections");
-#else
-  if (count < 1 || count > contid::kMaxSections) throw nb::value_error("one to eight sections");
-  s.count = static_cast<int>(count);
-#endif
+  contid::set_count(s, count);
   read(radius, s.radius, count, "radius: one number per section");
   read(rigid, s.rigid, count, "rigid: one number per section");
   read(to_arc, s.to_arc[0], 9 * count, "to_arc: nine numbers per section");
@@ -41,44 +26,12 @@ void make(SectionSolver* self, nb::handle radius, nb::handle to_arc, nb::handle 
   f.rack = rack;
   f.curvature_max = curvature_max;
   f.weigh_home();
-  const auto number = [&](const char* name) { return nb::cast<double>(tuning.attr(name)); };
-  const auto count_of = [&](const char* name) { return nb::cast<int>(tuning.attr(name)); };
-  new (self) SectionSolver(
-      f, {number("ell_m"), number("tolerance_m"), number("home_tolerance_m"), number("weight"), number("near"),
-          count_of("home_steps"), number("contraction"), number("slow"), count_of("iterations"), count_of("settling"),
-          count_of("starts"), count_of("agreeing"), number("tracking"), number("still_m"), number("still_error_m")});
-}
-
-nb::tuple forward(const SectionSolver& self, nb::handle lengths) {
-  double l[contid::kMaxLengths];
-  read(lengths, l, self.size(), "three lengths per section");
-  contid::Frames frames;
-  contid::forward(self.feasible().sections, l, frames);
-  return nb::make_tuple(tuple_of(frames.tip, 3), tuple_of(frames.rotation, 9), tuple_of(frames.mid, 3));
+  new (self) SectionSolver(f, contid::tuning_of(tuning));
 }
 
 nb::tuple solve(const SectionSolver& self, nb::handle tip, nb::handle direction, nb::handle mid, nb::handle seed) {
-  double p[3], t[3], m[3], l[contid::kMaxLengths];
-  read(tip, p, 3, "tip: three numbers");
-  if (!direction.is_none()) read(direction, t, 3, "direction: three numbers");
-  if (!mid.is_none()) read(mid, m, 3, "mid: three numbers");
-  read(seed, l, self.size(), "seed: three lengths per section");
-  contid::Answer answer;
-  self.solve({p, direction.is_none() ? nullptr : t, mid.is_none() ? nullptr : m}, l, answer);
-  return nb::make_tuple(tuple_of(answer.lengths, self.size()), answer.residual, answer.converged,
-                        answer.binding.to_ullong(), answer.iterations, answer.starts);
-}
-
-// Jacobians of tip, orientation and mid-point into given arrays (3, 3 n).
-void differentiate(const SectionSolver& self, nb::handle lengths, Out tip, Out spin, Out mid) {
-  double l[contid::kMaxLengths];
-  const int n = self.size();
-  read(lengths, l, n, "three lengths per section");
-  contid::Derivatives at;
-  contid::differentiate(self.feasible().sections, l, at, true);
-  fill(tip, at.tip, n, "tip: an array (3, 3 n)");
-  fill(spin, at.spin, n, "spin: an array (3, 3 n)");
-  fill(mid, at.mid, n, "mid: an array (3, 3 n)");
+  const auto bits = [](const contid::LimitSet& binding) { return binding.to_ullong(); };
+  return contid::solve_row(self, tip, direction, mid, seed, bits);
 }
 
 // Solve a path, each point from the previous answer: for benchmarks of the kernel alone.
@@ -88,7 +41,7 @@ int follow(const SectionSolver& self, Out tips, nb::handle seed, Out lengths) {
       lengths.shape(1) != n)
     throw nb::value_error("tips (points, 3) and lengths (points, 3 n)");
   double l[contid::kMaxLengths];
-  read(seed, l, n, "seed: three lengths per section");
+  read(seed, l, n, "seed: " CONTID_VARIABLES);
   int met = 0;
   for (std::size_t k = 0; k < tips.shape(0); ++k) {
     contid::Answer answer;
@@ -130,8 +83,9 @@ NB_MODULE(KERNEL_MODULE, module) {
       .def("__init__", &make, nb::arg("radius"), nb::arg("to_arc"), nb::arg("to_lengths"), nb::arg("rigid"),
            nb::arg("lower"), nb::arg("upper"), nb::arg("home"), nb::arg("rack"), nb::arg("curvature_max"),
            nb::arg("tuning"))
-      .def("forward", &forward, nb::arg("lengths"))
-      .def("differentiate", &differentiate, nb::arg("lengths"), nb::arg("tip"), nb::arg("spin"), nb::arg("mid"))
+      .def("forward", &contid::forward_row, nb::arg("lengths"))
+      .def("differentiate", &contid::differentiate_row, nb::arg("lengths"), nb::arg("tip"), nb::arg("spin"),
+           nb::arg("mid"))
       .def("solve", &solve, nb::arg("tip"), nb::arg("direction").none(), nb::arg("mid").none(), nb::arg("seed"))
       .def("forward_many", &forward_many, nb::arg("actuations"), nb::arg("out"), nb::arg("threads"))
       .def("inverse_many", &inverse_many, nb::arg("tip"), nb::arg("direction").none(), nb::arg("mid").none(),
