@@ -29,7 +29,6 @@ POLL_S: Final = 0.01
 STILL_TICKS: Final = 3
 STILL_S: Final = 0.25
 PUSHING: Final = 0.8
-_CURRENT_BASED: Final = reg.MODE_NUMBERS["current_based_position"]
 
 
 def home(
@@ -92,21 +91,8 @@ def _by_pose(client: ServoClient, axis: Axis, homing: SingleTurn, report: Report
 def _by_stop(
     client: ServoClient, axis: Axis, homing: HardStop, options: DynamixelBusOptions, report: Report
 ) -> Homed:
-    device, name = axis.device, client.name(axis.device)
-    if arming.torque_off(client, [axis]):
-        raise DeviceError(name, "torque off is not confirmed")
-    for register, value in (
-        (reg.HOMING_OFFSET, 0),
-        (reg.DRIVE_MODE, 0),
-        (reg.OPERATING_MODE, _CURRENT_BASED),
-        (reg.PROFILE_VELOCITY, max(1, round(homing.speed_deg_s / reg.DEG_S_PER_UNIT))),
-        (reg.PROFILE_ACCELERATION, 0),
-        (reg.GOAL_CURRENT, axis.model.to_units(homing.current_ma)),
-    ):
-        if client.read(device, register) != value:
-            client.write(device, register, value)
-    axis.turns, axis.travel = 0, None
-    start = client.read(device, reg.PRESENT_POSITION)
+    device = axis.device
+    start = arming.prepare_search(client, axis, homing.speed_deg_s, homing.current_ma)
     arming.arm(client, axis)
     arming.start_watchdogs(client, [axis], options.watchdog_ms // reg.WATCHDOG_MS_PER_UNIT)
     reach = homing.speed_deg_s * homing.timeout_s / 360.0 * reg.TICKS_PER_REV

@@ -43,7 +43,8 @@ def tension(
     """
     starts = {}
     for axis in axes:
-        starts[axis.device] = _prepared(client, axis)
+        homing = _homing(axis)
+        starts[axis.device] = arming.prepare_search(client, axis, homing.speed_deg_s, homing.current_ma)
     for axis in axes:
         arming.arm(client, axis)
     arming.start_watchdogs(client, list(axes), options.watchdog_ms // reg.WATCHDOG_MS_PER_UNIT)
@@ -71,25 +72,6 @@ def _homing(axis: Axis) -> Tensioning:
     homing = axis.options.homing
     assert isinstance(homing, Tensioning)
     return homing
-
-
-def _prepared(client: ServoClient, axis: Axis) -> int:
-    """Registers for winding in, torque off; the present position [ticks]."""
-    device, homing = axis.device, _homing(axis)
-    if arming.torque_off(client, [axis]):
-        raise DeviceError(client.name(device), "torque off is not confirmed")
-    for register, value in (
-        (reg.HOMING_OFFSET, 0),
-        (reg.DRIVE_MODE, 0),
-        (reg.OPERATING_MODE, reg.MODE_NUMBERS["current_based_position"]),
-        (reg.PROFILE_VELOCITY, max(1, round(homing.speed_deg_s / reg.DEG_S_PER_UNIT))),
-        (reg.PROFILE_ACCELERATION, 0),
-        (reg.GOAL_CURRENT, axis.model.to_units(homing.current_ma)),
-    ):
-        if client.read(device, register) != value:
-            client.write(device, register, value)
-    axis.turns, axis.travel = 0, None
-    return client.read(device, reg.PRESENT_POSITION)
 
 
 def _wind(client: ServoClient, axes: Sequence[Axis], starts: dict[int, int], share: float) -> None:
