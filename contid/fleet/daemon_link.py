@@ -9,6 +9,7 @@ from contextlib import suppress
 from pathlib import Path
 from typing import Any, Final
 
+from contid.remote.client.client_protocol import CHUNK
 from contid.remote.protocol.connect import connect_at_once
 from contid.remote.protocol.wire import (
     PROTOCOL,
@@ -20,7 +21,6 @@ from contid.remote.protocol.wire import (
     encode,
 )
 
-CHUNK: Final = 1 << 16
 CONNECT_TIMEOUT_S: Final = 1.0
 CONNECT_PERIOD_S: Final = 0.005
 #: How telemetry begins; such a line is passed on without being parsed.
