@@ -215,15 +215,25 @@ class Feasible:
     def pulled(self, lengths: Array | Sequence[float]) -> Array:
         """The first feasible point on the way from ``lengths`` (clipped to their intervals) to `home`."""
         clipped = np.clip(np.asarray(lengths, dtype=np.float64), self.low, self.high)
-        outside, inside = self.excess(clipped), self.excess(self.home)
-        share = 1.0
-        for there, here in zip(outside, inside, strict=True):
-            if there > 0.0:  # excess is convex, so the chord between the two ends lies above it
-                share = min(share, here / (here - there))
+        share = feasible_share(self.excess(clipped), self.excess(self.home))
         if share == 1.0:
             return clipped
         pulled: Array = np.clip(self.home + share * (clipped - self.home), self.low, self.high)
         return pulled
+
+
+def feasible_share(outside: Array, inside: Array) -> float:
+    """Part of the way from a feasible point to another one that keeps every limit.
+
+    Args:
+        outside: excess of each limit at the other point.
+        inside: at the feasible point, none positive.
+    """
+    share = 1.0
+    for there, here in zip(outside, inside, strict=True):
+        if there > 0.0:  # excess is convex, so the chord between the two ends lies above it
+            share = min(share, here / (here - there))
+    return share
 
 
 class TangentLimits:

@@ -20,7 +20,7 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
-from contid.kinematics.arc.feasible import BINDING_M
+from contid.kinematics.arc.feasible import BINDING_M, feasible_share
 from contid.kinematics.array import Array
 from contid.kinematics.tendon.geometry import TendonGeometry
 from contid.kinematics.tendon.sections import BendSections
@@ -126,11 +126,7 @@ class TendonFeasible:
     def pulled(self, lengths: Array | Sequence[float]) -> Array:
         """The first feasible point on the way from there (clipped to the box) to the straight robot."""
         clipped = np.clip(np.asarray(lengths, dtype=np.float64), self.low, self.high)
-        outside, inside = self.excess(clipped), self.excess(self.home)
-        share = 1.0
-        for there, here in zip(outside, inside, strict=True):
-            if there > 0.0:
-                share = min(share, here / (here - there))
+        share = feasible_share(self.excess(clipped), self.excess(self.home))
         return clipped if share == 1.0 else np.asarray(share * clipped, dtype=np.float64)
 
 
