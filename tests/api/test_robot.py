@@ -5,17 +5,13 @@ from __future__ import annotations
 import csv
 import io
 import math
-import os
-import subprocess
-import sys
-from pathlib import Path
 
 import numpy as np
 import pytest
 
 from contid import Robot
+from tests.support.command import contid
 
-ROOT = Path(__file__).parent.parent.parent
 ARMS = [
     ("finger", None), ("hand", "right"), ("trirack", None), ("trirack2", None), ("cbha", None),
     ("chain", "left"), ("stiffflop1", None), ("stiffflop2", None),
@@ -36,15 +32,8 @@ def actuations(robot: Robot, count: int) -> np.ndarray:
 
 
 def command(*arguments: str, rows: str) -> list[dict[str, str]]:
-    done = subprocess.run(
-        [sys.executable, "-m", "contid", *arguments],
-        input=rows,
-        env={**os.environ, "PYTHONPATH": os.pathsep.join([str(ROOT), str(ROOT / "drivers")])},
-        capture_output=True,
-        text=True,
-        check=True,
-        timeout=100,
-    )
+    done = contid(*arguments, stdin=rows)
+    assert done.returncode == 0, done.stderr
     return list(csv.DictReader(io.StringIO(done.stdout)))
 
 

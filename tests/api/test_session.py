@@ -4,8 +4,6 @@ from __future__ import annotations
 
 import csv
 import math
-import os
-import subprocess
 import sys
 from pathlib import Path
 
@@ -14,8 +12,7 @@ import pytest
 from contid import Robot, Session, Sim
 from contid.control.engine.events import ModeChanged
 from contid.errors import ContidError, MissingExtraError
-
-ROOT = Path(__file__).parent.parent.parent
+from tests.support.command import contid
 
 
 @pytest.fixture(scope="module")
@@ -34,13 +31,8 @@ def file(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 def exported(file: Path, folder: Path) -> list[dict[str, str]]:
     table = folder / "all.csv"
-    subprocess.run(
-        [sys.executable, "-m", "contid", "session", "export", str(file), "--csv", str(table)],
-        env={**os.environ, "PYTHONPATH": os.pathsep.join([str(ROOT), str(ROOT / "drivers")])},
-        check=True,
-        capture_output=True,
-        timeout=100,
-    )
+    done = contid("session", "export", str(file), "--csv", str(table))
+    assert done.returncode == 0, done.stderr
     with table.open() as lines:
         return list(csv.DictReader(lines))
 

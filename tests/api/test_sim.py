@@ -3,10 +3,7 @@
 from __future__ import annotations
 
 import csv
-import os
 import re
-import subprocess
-import sys
 import threading
 from pathlib import Path
 from typing import Any
@@ -17,21 +14,12 @@ import pytest
 
 from contid import Robot, Sim
 from contid.errors import ContidError
-
-ROOT = Path(__file__).parent.parent.parent
+from tests.support.command import contid_in
 
 
 def contid(folder: Path, *arguments: str, rows: str = "") -> str:
-    done = subprocess.run(
-        [sys.executable, "-m", "contid", *arguments],
-        input=rows,
-        cwd=folder,
-        env={**os.environ, "PYTHONPATH": os.pathsep.join([str(ROOT), str(ROOT / "drivers")])},
-        capture_output=True,
-        text=True,
-        check=True,
-        timeout=100,
-    )
+    done = contid_in(folder, *arguments, stdin=rows)
+    assert done.returncode == 0, done.stderr
     return done.stdout
 
 

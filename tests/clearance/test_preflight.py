@@ -1,8 +1,6 @@
 """Clearance of robot files: refused trajectories, approaches and moves, by row with the distance."""
 
 import io
-import subprocess
-import sys
 from functools import partial
 
 import numpy as np
@@ -20,6 +18,7 @@ from contid.robot_file.load import parse_robot_file
 from contid.robot_file.shipped import load_named
 from contid.targets import ZERO3
 from contid.trajectory.read import read_trajectory
+from tests.support.command import contid
 
 FINGER = """
 contid: 1
@@ -63,20 +62,15 @@ def preflight_of(loaded):
     return preflight
 
 
-def contid(*arguments, text=None):
-    command = [sys.executable, "-m", "contid", *arguments]
-    return subprocess.run(command, capture_output=True, text=True, input=text, timeout=120)
-
-
 def trajectory(*rows):
     return "t_s,left_mm,right_mm\n" + "".join(f"{','.join(map(str, row))}\n" for row in rows)
 
 
 def test_the_shipped_hand_runs_its_circle_and_refuses_crossed_fingers():
     circle = contid("path", "circle", "--center=50,70", "--radius=20", "--period=4", "--for=hand").stdout
-    assert contid("check", "hand", "-", text=circle).returncode == 0
+    assert contid("check", "hand", "-", stdin=circle).returncode == 0
     crossed = "t_s,left.x_mm,left.y_mm,right.x_mm,right.y_mm\n0,20,80,80,80\n2,65,70,35,70\n"
-    refused = contid("check", "hand", "-", text=crossed)
+    refused = contid("check", "hand", "-", stdin=crossed)
     assert refused.returncode == 2
     assert "stdin:3:1: on the way to this row, left at" in refused.stderr
     assert "runs into right; clearance.margin_mm is 2" in refused.stderr

@@ -4,13 +4,13 @@ from __future__ import annotations
 
 import json
 import subprocess
-import sys
 from pathlib import Path
 
 import pytest
 from click.testing import CliRunner
 
 from contid.cli.commands.check import command
+from tests.support.command import contid_in
 
 
 def test_the_report_names_robots_axes_buses_limits_rate_and_placeholders() -> None:
@@ -79,17 +79,8 @@ def test_a_bad_file_as_json_is_one_line_per_mistake(tmp_path: Path, configs: Pat
 CIRCLE = "path circle --center 20,80 --radius 10 --period {period} --for finger"
 
 
-def contid(words: str, folder: Path, text: str | None = None) -> subprocess.CompletedProcess[str]:
-    return subprocess.run(
-        [sys.executable, "-m", "contid", *words.split()],
-        cwd=folder,
-        input=text,
-        stdin=subprocess.DEVNULL if text is None else None,
-        capture_output=True,
-        text=True,
-        timeout=60,
-        check=False,
-    )
+def contid(words: str, folder: Path, text: str = "") -> subprocess.CompletedProcess[str]:
+    return contid_in(folder, *words.split(), stdin=text)
 
 
 def test_a_trajectory_is_checked_as_a_run_checks_it(tmp_path: Path) -> None:

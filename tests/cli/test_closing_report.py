@@ -5,23 +5,16 @@ from __future__ import annotations
 import json
 import re
 import subprocess
-import sys
 from pathlib import Path
 from typing import Any
 
 import pytest
 
+from tests.support.command import contid_in
+
 
 def run(text: str, folder: Path, *options: str) -> subprocess.CompletedProcess[str]:
-    done = subprocess.run(
-        [sys.executable, "-m", "contid", "run", "finger", "--virtual", *options],
-        cwd=folder,
-        input=text,
-        capture_output=True,
-        text=True,
-        timeout=120,
-        check=False,
-    )
+    done = contid_in(folder, "run", "finger", "--virtual", *options, stdin=text)
     assert done.returncode == 0, done.stderr
     return done
 

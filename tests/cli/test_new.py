@@ -15,18 +15,11 @@ import yaml
 
 from contid.cli.support.new_file import shipped_templates
 from contid.robot_file.load import load_robot_file
+from tests.support.command import contid_in
 
 
 def contid(words: str, folder: Path) -> subprocess.CompletedProcess[str]:
-    done = subprocess.run(
-        [sys.executable, "-m", "contid", *words.split()],
-        cwd=folder,
-        capture_output=True,
-        text=True,
-        timeout=60,
-        stdin=subprocess.DEVNULL,
-        check=False,
-    )
+    done = contid_in(folder, *words.split())
     assert "Traceback" not in done.stderr
     return done
 

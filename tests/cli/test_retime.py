@@ -4,8 +4,6 @@ from __future__ import annotations
 
 import csv
 import io
-import subprocess
-import sys
 from pathlib import Path
 
 import numpy as np
@@ -14,23 +12,12 @@ from numpy.typing import NDArray
 
 from contid.session.check import check_session
 from contid.session.read import Session
+from tests.support.command import contid_in
 
 pytest.importorskip("toppra", reason="the extra retime is not installed")
 
 #: Of the shipped finger [mm/s, mm/s^2, mm/s^3], at its rate [Hz].
 LIMITS, RATE_HZ = (60.0, 1000.0, 20000.0), 200.0
-
-
-def contid(words: str, folder: Path) -> subprocess.CompletedProcess[str]:
-    return subprocess.run(
-        [sys.executable, "-m", "contid", *words.split()],
-        cwd=folder,
-        capture_output=True,
-        text=True,
-        timeout=120,
-        stdin=subprocess.DEVNULL,
-        check=False,
-    )
 
 
 def table(text: str) -> NDArray[np.float64]:
@@ -48,7 +35,12 @@ def shares(axes_mm: NDArray[np.float64]) -> list[float]:
 
 @pytest.mark.parametrize("shape", ["circle", "square"])
 def test_every_limit_holds_and_the_path_stays(shape: str, tmp_path: Path) -> None:
-    done = contid(f"path {shape} --center 20,80 --size 20 --period 3 --for finger --fastest", tmp_path)
+    done = contid_in(
+        tmp_path,
+        "path",
+        shape,
+        *["--center", "20,80", "--size", "20", "--period", "3", "--for", "finger", "--fastest"],
+    )
     assert done.returncode == 0, done.stderr
     (tmp_path / "fast.csv").write_text(done.stdout)
     tips = table(done.stdout)
@@ -56,10 +48,13 @@ def test_every_limit_holds_and_the_path_stays(shape: str, tmp_path: Path) -> Non
     off = tips[:, 1:] - [20.0, 80.0]
     distance = np.linalg.norm(off, axis=1) if shape == "circle" else np.abs(off).max(axis=1)
     assert np.abs(distance - 10.0).max() < 0.1
-    run = contid("run finger --virtual --trajectory fast.csv --record s.mcap --log log.csv", tmp_path)
+    run = contid_in(
+        tmp_path,
+        *["run", "finger", "--virtual", "--trajectory", "fast.csv", "--record", "s.mcap", "--log", "log.csv"],
+    )
     assert run.returncode == 0, run.stderr
     assert list(check_session(Session(tmp_path / "s.mcap"))) == []
-    solved = contid("ik --bare finger fast.csv", tmp_path)
+    solved = contid_in(tmp_path, "ik", "--bare", "finger", "fast.csv")
     assert solved.returncode == 0, solved.stderr
     found = shares(table(solved.stdout)[:, 1:])
     assert max(found) <= 1.005, found
@@ -70,7 +65,7 @@ def test_a_move_of_one_axis_is_near_the_optimum_of_ruckig(tmp_path: Path) -> Non
     import ruckig
 
     (tmp_path / "line.csv").write_text("t_s,left_mm,right_mm\n0,30,60\n9,60,60\n")
-    done = contid("retime finger line.csv", tmp_path)
+    done = contid_in(tmp_path, "retime", "finger", "line.csv")
     assert done.returncode == 0, done.stderr
     rows = table(done.stdout)
     assert max(shares(rows[:, 1:])) <= 1.005
@@ -91,5 +86,5 @@ def test_a_move_of_one_axis_is_near_the_optimum_of_ruckig(tmp_path: Path) -> Non
 )
 def test_what_cannot_be_retimed_is_refused(text: str, message: str, tmp_path: Path) -> None:
     (tmp_path / "rows.csv").write_text(text)
-    done = contid("retime finger rows.csv", tmp_path)
+    done = contid_in(tmp_path, "retime", "finger", "rows.csv")
     assert (done.returncode, done.stdout, message in done.stderr) == (2, "", True), done.stderr

@@ -18,7 +18,7 @@ from contid.fleet.net import LINK_LEASE_S
 from contid.fleet.operator import FleetOperator
 from contid.remote.client.sync_client import completed
 from contid.remote.protocol.wire import decode, encode
-from tests.support.daemons import Running, armed, arrives, daemon, states
+from tests.support.daemons import Running, armed_daemon, arrives, daemon, states
 from tests.support.fleets import BridgeProcess, bridge, mover
 from tests.support.waiting import until
 
@@ -29,9 +29,7 @@ MARGIN_S = 1.2
 
 @pytest.fixture(scope="module")
 def node() -> Iterator[Running]:
-    with daemon() as started:
-        with started.client() as client:
-            armed(client)
+    with armed_daemon() as started:
         yield started
 
 

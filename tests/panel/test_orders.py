@@ -8,16 +8,14 @@ from collections.abc import Iterator
 
 import pytest
 
-from tests.support.daemons import FAR, HERE, Running, armed, command, daemon, states
+from tests.support.daemons import FAR, HERE, Running, armed_daemon, command, states
 from tests.support.panels import PanelClient, PanelProcess, page, panel
 from tests.support.waiting import until
 
 
 @pytest.fixture
 def running() -> Iterator[Running]:
-    with daemon(2) as started:
-        with started.client() as client:
-            armed(client)
+    with armed_daemon(2) as started:
         yield started
 
 

@@ -21,7 +21,7 @@ pytest.importorskip("playwright.sync_api", reason="pip install 'contid[test]'")
 from playwright.sync_api import Browser
 
 from tests.support.browser import OpenPage, chromium, opened
-from tests.support.daemons import Running, armed, command, daemon, states
+from tests.support.daemons import Running, armed_daemon, command, daemon, states
 from tests.support.panels import PanelProcess, panel
 from tests.support.waiting import until
 
@@ -39,9 +39,7 @@ def browser() -> Iterator[Browser]:
 
 @pytest.fixture
 def running() -> Iterator[Running]:
-    with daemon(2) as started:
-        with started.client() as client:
-            armed(client)
+    with armed_daemon(2) as started:
         yield started
 
 

@@ -16,16 +16,14 @@ import pytest
 from websockets.exceptions import InvalidStatus
 
 from contid.panel.limits import HEADER_TIMEOUT_S, MAX_CONNECTIONS, MAX_PAGES, MAX_UPLOAD
-from tests.support.daemons import Running, armed, daemon, states
+from tests.support.daemons import Running, armed_daemon, states
 from tests.support.panels import PanelProcess, page, panel
 from tests.support.waiting import until
 
 
 @pytest.fixture(scope="module")
 def running() -> Iterator[Running]:
-    with daemon() as started:
-        with started.client() as client:
-            armed(client)
+    with armed_daemon() as started:
         yield started
 
 

@@ -20,7 +20,7 @@ import pytest
 from contid.errors import ContidError
 from contid.panel import extra
 from contid.panel.server import PanelError, PanelSettings
-from tests.support.daemons import Running, armed, command, daemon
+from tests.support.daemons import Running, armed_daemon, command
 from tests.support.panels import PanelProcess, page, panel
 from tests.support.waiting import until
 
@@ -129,9 +129,7 @@ def test_a_missing_package_is_named(monkeypatch: pytest.MonkeyPatch) -> None:
 
 @pytest.fixture
 def running() -> Iterator[Running]:
-    with daemon() as started:
-        with started.client() as client:
-            armed(client)
+    with armed_daemon() as started:
         yield started
 
 

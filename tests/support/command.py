@@ -13,11 +13,15 @@ from pathlib import Path
 ROOT = Path(__file__).parents[2]
 
 
-def contid(*arguments: str, stdin: str = "", timeout_s: float = 60.0) -> subprocess.CompletedProcess[str]:
+def contid(
+    *arguments: str, stdin: str = "", folder: Path | None = None, timeout_s: float = 120.0
+) -> subprocess.CompletedProcess[str]:
     """Run ``contid ARGUMENTS`` with text on stdin; stdout, stderr and the exit code come back."""
     return subprocess.run(
         [sys.executable, "-m", "contid", *arguments],
         input=stdin,
+        cwd=folder,
+        env=environment(),
         capture_output=True,
         text=True,
         timeout=timeout_s,
@@ -29,15 +33,9 @@ def environment() -> dict[str, str]:
     return {**os.environ, "PYTHONPATH": os.pathsep.join((str(ROOT), str(ROOT / "drivers")))}
 
 
-def contid_in(folder: Path, *arguments: str) -> subprocess.CompletedProcess[str]:
+def contid_in(folder: Path, *arguments: str, stdin: str = "") -> subprocess.CompletedProcess[str]:
     """Run ``contid ARGUMENTS`` in a folder."""
-    return subprocess.run(
-        [sys.executable, "-m", "contid", *arguments],
-        cwd=folder,
-        env=environment(),
-        capture_output=True,
-        text=True,
-    )
+    return contid(*arguments, stdin=stdin, folder=folder)
 
 
 @contextmanager

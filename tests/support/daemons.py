@@ -106,6 +106,15 @@ def armed(client: Client) -> None:
     )
 
 
+@contextmanager
+def armed_daemon(count: int = 1) -> Iterator[Running]:
+    """A daemon whose robots are armed and hold."""
+    with daemon(count) as started:
+        with started.client() as client:
+            armed(client)
+        yield started
+
+
 def command(*arguments: str) -> Sequence[str]:
     return [sys.executable, "-m", "contid", *arguments]
 

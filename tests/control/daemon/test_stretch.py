@@ -8,7 +8,6 @@ import json
 import math
 import re
 import subprocess
-import sys
 from pathlib import Path
 
 import numpy as np
@@ -21,6 +20,7 @@ from contid.robot_file.shipped import load_named
 from contid.session.check import check_session
 from contid.session.read import Session
 from contid.trajectory.read import read_trajectory
+from tests.support.command import contid_in
 
 FINGER = load_named("finger")
 
@@ -38,15 +38,7 @@ def sine(period_s: float) -> str:
 
 def run(text: str, folder: Path, *options: str) -> subprocess.CompletedProcess[str]:
     (folder / "rows.csv").write_text(text)
-    words = ["run", "finger", "--virtual", "--trajectory", "rows.csv", *options]
-    return subprocess.run(
-        [sys.executable, "-m", "contid", *words],
-        cwd=folder,
-        capture_output=True,
-        text=True,
-        timeout=120,
-        check=False,
-    )
+    return contid_in(folder, "run", "finger", "--virtual", "--trajectory", "rows.csv", *options)
 
 
 def least_slowdown(text: str) -> float:

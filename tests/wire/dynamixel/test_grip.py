@@ -21,6 +21,7 @@ from contid_drivers.dynamixel import registers as reg
 from contid_drivers.dynamixel.emulator import DynamixelEmulator
 from contid_drivers.dynamixel.emulator.bench import Bench
 from contid_drivers.dynamixel.grip import EVERY
+from tests.support.command import contid_in
 
 pytestmark = pytest.mark.realtime
 
@@ -97,12 +98,6 @@ def test_axes_in_another_mode_have_no_limit(rig: Callable[..., Any]) -> None:
     assert r.bus.effort_limits() == {}
 
 
-def contid(folder: Path, *arguments: str) -> subprocess.CompletedProcess[str]:
-    return subprocess.run(
-        [sys.executable, "-m", "contid", *arguments], cwd=folder, capture_output=True, text=True, check=False
-    )
-
-
 def test_the_grip_of_a_running_robot_changes_live(tmp_path: Path, configs: Path) -> None:
     text = (configs / "hand.emulated.yaml").read_text().replace("./hand.tty", str(tmp_path / "hand.tty"))
     text = text.replace(
@@ -123,19 +118,19 @@ def test_the_grip_of_a_running_robot_changes_live(tmp_path: Path, configs: Path)
         )  # fmt: skip
         try:
             until = time.monotonic() + 20.0
-            while "HOLD" not in contid(tmp_path, "status", "--socket", "s.sock", "--json").stdout:
+            while "HOLD" not in contid_in(tmp_path, "status", "--socket", "s.sock", "--json").stdout:
                 assert time.monotonic() < until
-            done = contid(tmp_path, "move", "left", "--grip", "0.3", "--socket", "s.sock", "--json")
+            done = contid_in(tmp_path, "move", "left", "--grip", "0.3", "--socket", "s.sock", "--json")
             assert json.loads(done.stdout)["share"] == 0.3
             servos = bench.emulator.servos
             until = time.monotonic() + 5.0
             while [servo.get(reg.GOAL_CURRENT) for servo in servos] != [150, 150, 1750, 1750]:
                 assert time.monotonic() < until
                 time.sleep(0.05)
-            refused = contid(tmp_path, "move", "right", "--grip", "0.3", "--socket", "s.sock")
+            refused = contid_in(tmp_path, "move", "right", "--grip", "0.3", "--socket", "s.sock")
             assert refused.returncode != 0
             assert "none of its axes is in a mode that limits its effort" in refused.stderr
-            assert contid(tmp_path, "move", "left", "--grip", "1.5", "--socket", "s.sock").returncode == 2
+            assert contid_in(tmp_path, "move", "left", "--grip", "1.5", "--socket", "s.sock").returncode == 2
         finally:
             run.send_signal(signal.SIGINT)
             out, _ = run.communicate(timeout=20)
