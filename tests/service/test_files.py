@@ -19,6 +19,7 @@ from contid.client import Client
 from contid.control.process import host_checks
 from contid.remote.protocol import socket_path
 from tests.support.fingers import fingers
+from tests.support.systemd import need_systemd_analyze, verify_unit
 from tests.support.waiting import until
 
 ROOT = Path(__file__).parents[2]
@@ -36,21 +37,11 @@ def own_folder() -> Iterator[Path]:
 
 
 def test_systemd_reads_the_unit(tmp_path: Path) -> None:
-    if shutil.which("systemd-analyze") is None:
-        pytest.skip("systemd-analyze is not installed")
-    copy = tmp_path / "contid@hand.service"
-    # The command itself is not installed where tests run.
-    copy.write_text(UNIT.read_text().replace("/usr/local/bin/contid", "/bin/true"))
-    checked = subprocess.run(["systemd-analyze", "verify", str(copy)], capture_output=True, text=True)
-    if "Failed to initialize manager" in checked.stderr:
-        pytest.skip(f"systemd-analyze cannot work here: {checked.stderr.strip()}")
-    assert checked.returncode == 0, checked.stderr
-    assert "contid@hand" not in checked.stderr
+    verify_unit(UNIT, "hand", tmp_path)
 
 
 def test_the_service_is_little_exposed(tmp_path: Path) -> None:
-    if shutil.which("systemd-analyze") is None:
-        pytest.skip("systemd-analyze is not installed")
+    need_systemd_analyze()
     copy = tmp_path / "contid@hand.service"
     shutil.copy(UNIT, copy)
     rated = subprocess.run(
