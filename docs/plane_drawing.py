@@ -2,32 +2,20 @@
 
 from __future__ import annotations
 
-from html import escape
 from typing import Any
 
 import numpy as np
 
+from docs.svg import Point, Svg
+
 BODY, AXIS, FRAME, SIZE = "#1b4965", "#ca6702", "#9b2226", "#6c757d"
-Point = tuple[float, float]
 
 
-class Drawing:
+class Drawing(Svg):
     """A plane of the world in pixels: ``scale`` pixels per mm, ``v`` up, or down for hanging robots."""
 
     def __init__(self, title: str, width: int, height: int) -> None:
-        self.parts = [
-            f'<svg xmlns="http://www.w3.org/2000/svg" viewBox="0 0 {width} {height}" width="{width}" '
-            f'height="{height}" font-family="sans-serif" font-size="12">',
-            f"<title>{escape(title)}</title>",
-            "<defs>"
-            + "".join(
-                f'<marker id="{name}" viewBox="0 0 8 8" refX="7" refY="4" markerWidth="6" markerHeight="6" '
-                f'orient="auto-start-reverse"><path d="M0,0 L8,4 L0,8 z" fill="{colour}"/></marker>'
-                for name, colour in (("frame", FRAME), ("size", SIZE))
-            )
-            + "</defs>",
-            f'<rect width="{width}" height="{height}" fill="white"/>',
-        ]
+        super().__init__(title, width, height, {"frame": FRAME, "size": SIZE})
         self.note((16, 22), title, bold=True)
         self.view((0, 0), 1.0)
 
@@ -40,16 +28,6 @@ class Drawing:
         u, v = float(point_mm[0]), float(point_mm[1])
         return self._origin[0] + self._scale * u, self._origin[1] + self._sign * self._scale * v
 
-    def note(
-        self, at_px: Point, text: str, colour: str = "black", bold: bool = False, anchor: str = "start"
-    ) -> None:
-        """A line of text at pixels."""
-        weight = ' font-weight="bold"' if bold else ""
-        self.parts.append(
-            f'<text x="{at_px[0]:.1f}" y="{at_px[1]:.1f}" fill="{colour}" text-anchor="{anchor}"{weight}>'
-            f"{escape(text)}</text>"
-        )
-
     def label(
         self, at_mm: Any, text: str, colour: str = "black", shift: Point = (0, 0), anchor: str = "start"
     ) -> None:
@@ -61,13 +39,8 @@ class Drawing:
         self, points_mm: Any, colour: str = BODY, width: float = 2, dash: str = "", ends: str = ""
     ) -> None:
         """A line through points of the plane; ``ends`` names its arrow heads (``size``: both ends)."""
-        path = " ".join("{:.1f},{:.1f}".format(*self.px(point)) for point in points_mm)
-        extra = f' stroke-dasharray="{dash}"' if dash else ""
-        extra += f' marker-end="url(#{ends})"' if ends else ""
-        extra += ' marker-start="url(#size)"' if ends == "size" else ""
-        self.parts.append(
-            f'<polyline points="{path}" fill="none" stroke="{colour}" stroke-width="{width}"{extra}/>'
-        )
+        heads = (ends, "size") if ends == "size" else (ends,) if ends else ()
+        self.polyline([self.px(point) for point in points_mm], colour, width, dash, heads)
 
     def frame(self, at_mm: Any, u: Any, v: Any, names: tuple[str, str, str], length: float) -> None:
         """Two axes of a frame, and its name at the origin."""
@@ -86,11 +59,7 @@ class Drawing:
     def circle(self, at_mm: Any, radius_mm: float, colour: str = BODY, fill: str = "none") -> None:
         """A circle of the plane."""
         x, y = self.px(at_mm)
-        self.parts.append(
+        self.add(
             f'<circle cx="{x:.1f}" cy="{y:.1f}" r="{self._scale * radius_mm:.1f}" fill="{fill}" '
             f'stroke="{colour}"/>'
         )
-
-    def svg(self) -> str:
-        """The whole drawing."""
-        return "\n".join([*self.parts, "</svg>"]) + "\n"

@@ -1,12 +1,9 @@
-"""Draw the figure of docs/concepts.md: ``python docs/processes.py`` writes docs/images/processes.svg."""
+"""Draw the figure of docs/concepts.md: ``python -m docs.processes`` writes docs/images/processes.svg."""
 
 from __future__ import annotations
 
-import sys
-from html import escape
-from pathlib import Path
+from docs.svg import Svg, write_drawings
 
-IMAGE = Path(__file__).parent / "images" / "processes.svg"
 TARGETS, SAMPLES, RECORDS = "#1b4965", "#ca6702", "#6c757d"
 STYLE = {
     "process": 'fill="#f1f5f8" stroke="black"',
@@ -15,47 +12,22 @@ STYLE = {
 }
 
 
-class Figure:
+class Figure(Svg):
     """Boxes and arrows; coordinates in pixels."""
 
     def __init__(self, title: str, width: int, height: int) -> None:
-        self._parts = [
-            f'<svg xmlns="http://www.w3.org/2000/svg" viewBox="0 0 {width} {height}" width="{width}" '
-            f'height="{height}" font-family="sans-serif" font-size="12">',
-            f"<title>{escape(title)}</title>",
-            "<defs>",
-            *(
-                f'<marker id="{name}" viewBox="0 0 8 8" refX="7" refY="4" markerWidth="7" markerHeight="7" '
-                f'orient="auto"><path d="M0,0 L8,4 L0,8 z" fill="{colour}"/></marker>'
-                for name, colour in (("t", TARGETS), ("s", SAMPLES), ("r", RECORDS))
-            ),
-            "</defs>",
-            f'<rect width="{width}" height="{height}" fill="white"/>',
-        ]
+        super().__init__(title, width, height, {"t": TARGETS, "s": SAMPLES, "r": RECORDS})
 
     def box(self, kind: str, x: int, y: int, width: int, height: int, *lines: str) -> None:
         """A box with lines of text at its top; the first is bold."""
-        self._parts.append(f'<rect x="{x}" y="{y}" width="{width}" height="{height}" rx="5" {STYLE[kind]}/>')
+        self.add(f'<rect x="{x}" y="{y}" width="{width}" height="{height}" rx="5" {STYLE[kind]}/>')
         for i, text in enumerate(lines):
-            self.note(x + 8, y + 17 + 15 * i, text, bold=i == 0)
-
-    def note(self, x: int, y: int, text: str, bold: bool = False, colour: str = "black") -> None:
-        """A line of text."""
-        weight = ' font-weight="bold"' if bold else ""
-        self._parts.append(f'<text x="{x}" y="{y}" fill="{colour}"{weight}>{escape(text)}</text>')
+            self.note((x + 8, y + 17 + 15 * i), text, bold=i == 0)
 
     def arrow(self, colour: str, *points: tuple[int, int]) -> None:
         """A line through points with its head at the last."""
         name = {TARGETS: "t", SAMPLES: "s", RECORDS: "r"}[colour]
-        path = " ".join(f"{x},{y}" for x, y in points)
-        self._parts.append(
-            f'<polyline points="{path}" fill="none" stroke="{colour}" stroke-width="2" '
-            f'marker-end="url(#{name})"/>'
-        )
-
-    def svg(self) -> str:
-        """The whole figure."""
-        return "\n".join([*self._parts, "</svg>"]) + "\n"
+        self.polyline(points, colour, 2, ends=(name,))
 
 
 def figure() -> Figure:
@@ -65,7 +37,7 @@ def figure() -> Figure:
     f.box(
         "process", 16, 106, 170, 92, "clients", "contid move, stop, ...", "Client in a script", "contid panel"
     )
-    f.note(24, 191, "one of them has the lease")
+    f.note((24, 191), "one of them has the lease")
     f.box("process", 16, 222, 170, 62, "contid fleet serve", "bridge between machines,", "a client as well")
     f.box(
         "process",
@@ -95,25 +67,25 @@ def figure() -> Figure:
     ):
         y = 62 + 44 * i
         f.box("part", 590, y, 324, 30)
-        f.note(600, y + 20, name, bold=True)
-        f.note(690, y + 20, what)
+        f.note((600, y + 20), name, bold=True)
+        f.note((690, y + 20), what)
         if i:
             f.arrow(TARGETS, (640, y - 14), (640, y - 1))
             f.arrow(SAMPLES, (880, y - 1), (880, y - 13))
     f.arrow(TARGETS, (186, 50), (269, 50))
     f.arrow(TARGETS, (186, 145), (269, 145))
     f.arrow(SAMPLES, (270, 165), (187, 165))
-    f.note(192, 137, "socket")
+    f.note((192, 137), "socket")
     f.arrow(TARGETS, (186, 253), (269, 253))
     f.arrow(TARGETS, (470, 77), (589, 77))
-    f.note(478, 69, "pipe: targets,")
-    f.note(478, 93, "orders")
+    f.note((478, 69), "pipe: targets,")
+    f.note((478, 93), "orders")
     f.box("device", 560, 340, 384, 62, "devices", "servos, motors, regulators: real, emulated or simulated")
-    f.note(568, 387, "each with its own watchdog, refreshed by completed ticks only")
+    f.note((568, 387), "each with its own watchdog, refreshed by completed ticks only")
     f.arrow(TARGETS, (640, 268), (640, 339))
-    f.note(648, 318, "commands", colour=TARGETS)
+    f.note((648, 318), "commands", colour=TARGETS)
     f.arrow(SAMPLES, (880, 340), (880, 269))
-    f.note(822, 318, "samples", colour=SAMPLES)
+    f.note((822, 318), "samples", colour=SAMPLES)
     f.box(
         "part",
         270,
@@ -125,9 +97,9 @@ def figure() -> Figure:
         "events; readers never block it",
     )
     f.arrow(RECORDS, (560, 270), (515, 270), (515, 360), (471, 360))
-    f.note(478, 318, "record", colour=RECORDS)
+    f.note((478, 318), "record", colour=RECORDS)
     f.arrow(SAMPLES, (370, 340), (370, 285))
-    f.note(378, 318, "telemetry")
+    f.note((378, 318), "telemetry")
     f.box("process", 16, 340, 170, 62, "recorder", "writes FILE.mcap, every", "tick before the next")
     f.arrow(RECORDS, (270, 362), (187, 362))
     f.box("process", 16, 426, 170, 48, "viewer", "contid run --view")
@@ -141,15 +113,12 @@ def figure() -> Figure:
     ):
         x = 360 + 190 * i
         f.arrow(colour, (x, 455), (x + 30, 455))
-        f.note(x + 38, 459, text)
+        f.note((x + 38, 459), text)
     return f
 
 
-def main() -> None:
-    """Write the figure."""
-    IMAGE.write_text(figure().svg(), encoding="utf-8")
-    sys.stderr.write(f"{IMAGE}\n")
+DRAWINGS = {"processes.svg": figure}
 
 
 if __name__ == "__main__":
-    main()
+    write_drawings(DRAWINGS)

@@ -5,8 +5,6 @@ Shapes and azimuths come from the kinematics of the shipped robot files, dimensi
 
 from __future__ import annotations
 
-import sys
-from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -14,9 +12,8 @@ import numpy as np
 from contid import Robot
 from contid.kinematics.rope.catenary import hang
 from contid.robot_file.shipped import load_named
-from docs.plane_drawing import AXIS, BODY, FRAME, SIZE, Drawing, Point
-
-IMAGES = Path(__file__).parent / "images"
+from docs.plane_drawing import AXIS, BODY, FRAME, SIZE, Drawing
+from docs.svg import Point, write_drawings
 
 
 def offset(points: Any, distance: float) -> Any:
@@ -292,12 +289,5 @@ DRAWINGS = {
 }
 
 
-def main() -> None:
-    """Write every drawing."""
-    for name, draw in DRAWINGS.items():
-        (IMAGES / name).write_text(draw().svg(), encoding="utf-8")
-        sys.stderr.write(f"{IMAGES / name}\n")
-
-
 if __name__ == "__main__":
-    main()
+    write_drawings(DRAWINGS)

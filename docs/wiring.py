@@ -1,52 +1,34 @@
-"""Draw the schematics of docs/due.md: ``python docs/wiring.py`` writes docs/images/due-*.svg."""
+"""Draw the schematics of docs/due.md: ``python -m docs.wiring`` writes docs/images/due-*.svg."""
 
 from __future__ import annotations
 
-import sys
-from pathlib import Path
-from xml.sax.saxutils import escape
+from docs.svg import Svg, write_drawings
 
-IMAGES = Path(__file__).parent / "images"
 LINE = 16
 WIRE = "#1b4965"
 
 
-class Drawing:
+class Drawing(Svg):
     """Boxes, wires and notes on a grid of pixels."""
 
     def __init__(self, title: str, width: int, height: int) -> None:
-        self._parts = [
-            f'<svg xmlns="http://www.w3.org/2000/svg" viewBox="0 0 {width} {height}" width="{width}" '
-            f'height="{height}" font-family="sans-serif" font-size="12">',
-            f"<title>{escape(title)}</title>",
-            f'<rect width="{width}" height="{height}" fill="white"/>',
-        ]
-        self.note(16, 24, title, bold=True)
-
-    def note(self, x: int, y: int, text: str, bold: bool = False) -> None:
-        """A line of text."""
-        weight = ' font-weight="bold"' if bold else ""
-        self._parts.append(f'<text x="{x}" y="{y}"{weight}>{escape(text)}</text>')
+        super().__init__(title, width, height)
+        self.note((16, 24), title, bold=True)
 
     def box(self, x: int, y: int, width: int, *lines: str) -> None:
         """A part with its lines of text; the first is its name."""
         height = LINE * len(lines) + 12
-        self._parts.append(
+        self.add(
             f'<rect x="{x}" y="{y}" width="{width}" height="{height}" rx="4" fill="#f1f5f8" stroke="black"/>'
         )
         for i, text in enumerate(lines):
-            self.note(x + 8, y + LINE * (i + 1) + 2, text, bold=i == 0)
+            self.note((x + 8, y + LINE * (i + 1) + 2), text, bold=i == 0)
 
     def wire(self, *points: tuple[int, int], label: str = "") -> None:
         """A line through points; the label stands above its first piece."""
-        path = " ".join(f"{x},{y}" for x, y in points)
-        self._parts.append(f'<polyline points="{path}" fill="none" stroke="{WIRE}" stroke-width="1.5"/>')
+        self.polyline(points, WIRE, 1.5)
         if label:
-            self.note(min(points[0][0], points[1][0]) + 6, points[0][1] - 4, label)
-
-    def svg(self) -> str:
-        """The whole drawing."""
-        return "\n".join([*self._parts, "</svg>"]) + "\n"
+            self.note((min(points[0][0], points[1][0]) + 6, points[0][1] - 4), label)
 
 
 def motor_channel() -> Drawing:
@@ -98,24 +80,22 @@ def motor_channel() -> Drawing:
     d.box(690, 240, 190, "Encoder (Hall, 2 tracks)", "supply 3.3 V and GND", "shielded, away from motor")
     d.wire((166, 262), (690, 262), label="A: 4.7 kOhm to 3.3 V, 100 Ohm in series")
     d.wire((166, 278), (690, 278))
-    d.note(172, 294, "B: the same. An encoder of 5 V: a 74LVC245 at 3.3 V between")
+    d.note((172, 294), "B: the same. An encoder of 5 V: a 74LVC245 at 3.3 V between")
     d.box(16, 350, 150, "Motor supply", "as the motor, 12 V", "limited for tests")
     d.box(230, 350, 140, "Fuse, slow", "1.5 x the rated", "current of all")
     d.box(460, 350, 170, "E-stop relay, guided", "make contact: supply", "break contact: feedback")
     d.wire((166, 380), (230, 380))
     d.wire((370, 380), (460, 380))
     d.wire((630, 366), (660, 366), (660, 134), (610, 134), label="")
-    d.note(668, 330, "V motor: 1000 uF at the bridges,")
-    d.note(668, 346, "TVS diode above the supply")
+    d.note((668, 330), "V motor: 1000 uF at the bridges,")
+    d.note((668, 346), "TVS diode above the supply")
     d.wire((460, 398), (420, 398), (420, 166))
     d.note(
-        230,
-        430,
+        (230, 430),
         "Feedback: the opened relay pulls all fault lines to GND, each by a 1N4148 (cathode to relay).",
     )
     d.note(
-        230,
-        446,
+        (230, 446),
         "The board stays on its USB supply: it keeps counting, and reports the fault of its bridges.",
     )
     return d
@@ -182,12 +162,5 @@ def pressure_channel() -> Drawing:
 DRAWINGS = {"due-motor.svg": motor_channel, "due-pressure.svg": pressure_channel}
 
 
-def main() -> None:
-    """Write every drawing."""
-    for name, draw in DRAWINGS.items():
-        (IMAGES / name).write_text(draw().svg(), encoding="utf-8")
-        sys.stderr.write(f"{IMAGES / name}\n")
-
-
 if __name__ == "__main__":
-    main()
+    write_drawings(DRAWINGS)

@@ -1,4 +1,4 @@
-"""The figures of processes and robots are those their scripts draw, with the numbers of the robot files."""
+"""The drawings of the docs are those their scripts draw, with the numbers of the robot files."""
 
 from __future__ import annotations
 
@@ -9,10 +9,11 @@ from xml.etree import ElementTree
 import pytest
 import yaml
 
-from docs.processes import IMAGE, figure
-from docs.robot_drawings import DRAWINGS, IMAGES
+from docs import processes, robot_drawings, wiring
+from docs.svg import IMAGES
 
 ROOT = Path(__file__).parent.parent.parent
+DRAWINGS = {**robot_drawings.DRAWINGS, **processes.DRAWINGS, **wiring.DRAWINGS}
 
 
 def numbers(svg: str) -> list[float]:
@@ -26,10 +27,6 @@ def test_the_committed_drawing_is_the_scripts(name: str) -> None:
     assert re.sub(r"-?\d+\.\d", "#", committed) == re.sub(r"-?\d+\.\d", "#", drawn)
     assert numbers(drawn) == pytest.approx(numbers(committed), abs=0.2)
     assert ElementTree.fromstring(drawn).tag.endswith("svg")
-
-
-def test_the_figure_of_processes_is_the_scripts() -> None:
-    assert IMAGE.read_text(encoding="utf-8") == figure().svg()
 
 
 def test_dimensions_and_azimuths_are_those_of_the_robot_files() -> None:
