@@ -1,4 +1,4 @@
-"""An SVG picture in pixels: its head, text and lines; the drawings of the docs build on it."""
+"""An SVG drawing in pixels: its head, text and lines; the drawings of the docs are built on it."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ Point = tuple[float, float]
 
 
 class Svg:
-    """A white picture; ``heads`` are the arrow heads by name, with their colours."""
+    """A drawing on white; ``heads`` are the arrow heads by name, with their colours."""
 
     def __init__(self, title: str, width: int, height: int, heads: Mapping[str, str] | None = None) -> None:
         self._parts = [
@@ -54,12 +54,12 @@ class Svg:
         self.add(f'<polyline points="{path}" fill="none" stroke="{colour}" stroke-width="{width}"{extra}/>')
 
     def svg(self) -> str:
-        """The whole picture."""
+        """The whole drawing."""
         return "\n".join([*self._parts, "</svg>"]) + "\n"
 
 
 def write_drawings(drawings: Mapping[str, Callable[[], Svg]]) -> None:
-    """Write pictures into docs/images, by the names of their files."""
+    """Write drawings into docs/images, by the names of their files."""
     for name, draw in drawings.items():
         (IMAGES / name).write_text(draw().svg(), encoding="utf-8")
         sys.stderr.write(f"{IMAGES / name}\n")

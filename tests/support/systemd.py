@@ -16,7 +16,7 @@ def need_systemd_analyze() -> None:
 
 
 def verify_unit(unit: Path, instance: str, folder: Path) -> None:
-    """Fail if systemd has anything to say about an instance of a unit."""
+    """Fail if systemd finds a fault in an instance of a unit."""
     need_systemd_analyze()
     copy = folder / unit.name.replace("@", f"@{instance}")
     # The command itself is not installed where tests run.
