@@ -106,8 +106,9 @@ class OperatorLink:
                 return self._link
             link = DaemonLink(self._path, self._take, lambda: self._rows.clear("the daemon ended"))
             await link.connect()
-            name = f"fleet {self._origin.operator}"
-            greeting = {"protocol": PROTOCOL, "name": name} if link.same_protocol else {"name": name}
+            greeting: Fields = {"name": f"fleet {self._origin.operator}"}
+            if link.same_protocol:
+                greeting = {"protocol": PROTOCOL, "name": "fleet", "by": self._origin.operator}
             try:
                 self._number = int((await link.result("hello", **greeting))["client"])
                 if self._closed:  # the session ended meanwhile: it must not acquire anything

@@ -4,13 +4,15 @@ from __future__ import annotations
 
 import asyncio
 import errno
+import itertools
 import json
+import random
 import socket
 from typing import Any, cast
 
 import pytest
 
-from contid.remote.server.connection import Connection
+from contid.remote.server.connection import Connection, Subscription
 from contid.remote.server.request_handler import RequestHandler
 
 
@@ -51,3 +53,22 @@ def test_a_request_that_fails_with_any_error_is_answered(caplog: pytest.LogCaptu
     assert first["error"]["code"] == "internal"
     assert "No space left on device" in first["error"]["message"]
     assert "a request of client 1 failed" in caplog.text
+
+
+@pytest.mark.parametrize(("asked_hz", "frames"), [(200.0, 1000), (150.0, 750), (100.0, 500), (20.0, 100)])
+def test_a_subscription_gets_the_rate_that_it_asked_for(asked_hz: float, frames: int) -> None:
+    """Records of 200 ticks a second that come up to 2 ms early or late."""
+    jitter = random.Random(1)
+    subscription = Subscription(asked_hz, (), (), events=False)
+    sent = []
+    for tick in range(1000):
+        now_s = 7.0 + tick / 200.0 + jitter.uniform(-0.002, 0.002)
+        if subscription.due(now_s, 1.0 / 200.0):
+            subscription.sent(now_s, tick)
+            sent.append(now_s)
+    assert len(sent) == pytest.approx(frames, abs=2)
+    assert min(after - before for before, after in itertools.pairwise(sent)) > 0.5 / asked_hz - 0.004
+
+
+def test_a_subscription_of_nothing_is_never_due() -> None:
+    assert not Subscription(0.0, (), (), events=True).due(1e9, 0.005)

@@ -41,6 +41,23 @@ def test_robots_hold_when_the_holder_dies() -> None:
         assert "lost the lease (its connection ended)" in running.end()
 
 
+def test_who_asks_is_named_in_status_refusals_and_journal() -> None:
+    with daemon() as running, running.client(name="one") as one, running.client(name="bridge") as other:
+        armed(one)
+        other.request("hello", by="anna\x1b[2J")
+        other.acquire()
+        assert one.status()["lease"]["by"] == "anna?[2J"
+        with pytest.raises(RemoteError, match="'bridge' by 'anna"):
+            one.move(HERE)
+        for _ in range(5):
+            other.hold()
+        one.acquire(takeover=True)
+        assert "by" not in one.status()["lease"]
+        journal = running.end()
+        assert "client 'bridge' by 'anna?[2J': acquire" in journal
+        assert journal.count("client 'bridge' by 'anna?[2J': hold") == 1  # repeated within a second
+
+
 def test_the_lease_of_a_silent_holder_lapses() -> None:
     with daemon() as running, running.client(name="sleepy") as sleepy, running.client() as other:
         armed(other)

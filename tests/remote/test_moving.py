@@ -11,7 +11,8 @@ from typing import Any
 import pytest
 
 from contid.client import AsyncClient, Code, ConnectionLostError, RemoteError
-from tests.support.daemons import HERE, Running, armed, arrives, command, daemon, states
+from contid.remote.protocol.wire import decode, encode
+from tests.support.daemons import HERE, Running, armed, arrives, command, daemon, raw, states
 from tests.support.waiting import until
 
 pytestmark = pytest.mark.realtime
@@ -152,3 +153,31 @@ def test_the_commands_talk_to_the_daemon() -> None:
         assert contid("stop", "--end").returncode == 0
         assert running.process.wait(30) == 130
         assert contid("status").returncode == 2
+
+
+def test_granted_rows_are_taken_without_waiting_for_responses() -> None:
+    """A client that sends all it was granted so far, and looks at responses later, is never refused."""
+    count = 300
+    with daemon() as running, running.client() as watcher, raw(running) as connected:
+        armed(watcher)
+        lines = connected.makefile("rb")
+        send = connected.sendall
+        send(encode({"id": 1, "verb": "move", "columns": ["x_mm", "y_mm"]}))
+        granted = sent = answered = 0
+        move, errors = 0, []
+        while answered < count:
+            fields = decode(lines.readline())
+            result = fields if fields.get("event") == "credit" else fields.get("result", {})
+            move = result.get("move", move)
+            assert result.get("granted", granted) >= granted, "the sum never falls"
+            granted = result.get("granted", granted)
+            answered += (fields.get("id") or 0) > 1
+            errors += [fields] if fields.get("ok") is False else []
+            while sent < min(granted, count):
+                sent += 1
+                send(encode({"id": sent + 1, "verb": "rows", "move": move, "rows": [[50.0, 75.0]]}))
+        assert not errors
+        send(encode({"id": 0, "verb": "rows", "move": move, "rows": [[50.0, 75.0]] * 9}))
+        while (fields := decode(lines.readline())).get("id") != 0:
+            pass
+        assert fields["error"]["code"] == Code.NO_CREDIT

@@ -5,7 +5,7 @@ from __future__ import annotations
 import os
 import socket
 
-from contid.remote.protocol.peer_credentials import PeerCredentials, is_authorized, peer_of
+from contid.remote.protocol.peer_credentials import ClientRole, PeerCredentials, peer_of, role_of
 
 
 def test_credentials_are_the_kernels() -> None:
@@ -16,8 +16,7 @@ def test_credentials_are_the_kernels() -> None:
     assert peer.groups == {os.getegid(), *os.getgroups()}
     own, root = PeerCredentials(os.geteuid(), frozenset()), PeerCredentials(0, frozenset())
     stranger = PeerCredentials(os.geteuid() + 1, frozenset({7, 8}))
-    assert is_authorized(own, None)
-    assert is_authorized(root, None)
-    assert not is_authorized(stranger, None)
-    assert not is_authorized(stranger, 9)
-    assert is_authorized(stranger, 8)
+    assert role_of(own, None) is role_of(root, None) is role_of(own, None, 8) is ClientRole.ALL
+    assert role_of(stranger, None) is role_of(stranger, 9, 10) is None
+    assert role_of(stranger, 8) is role_of(stranger, 8, 7) is ClientRole.ALL
+    assert role_of(stranger, None, 8) is role_of(stranger, 9, 8) is ClientRole.WATCH

@@ -192,6 +192,51 @@ def test_a_member_of_the_sockets_group_may_give_orders() -> None:
         assert as_member(running.socket) == "ConnectionLostError"
 
 
+def test_a_member_of_the_watch_group_only_reads_and_stops() -> None:
+    if os.geteuid() != 0:
+        pytest.skip("needs root to become another user")
+    mover, watcher = grp.getgrall()[-2:]
+    script = (
+        "import os, sys\nfrom contid.client import Client, RemoteError\n"
+        "os.setgroups([int(sys.argv[2])])\nos.setgid(54321)\nos.setuid(54321)\n"
+        "with Client(sys.argv[1]) as client:\n"
+        "    verbs = ['status', 'hold', 'estop', 'acquire', 'clear_fault', 'move', 'measure']\n"
+        "    for verb in [*verbs, 'stop']:\n"
+        "        try:\n"
+        "            client.request(verb, end=True if verb == 'stop' else None)\n"
+        "            print(verb)\n"
+        "        except RemoteError as error:\n"
+        "            print(error.code)\n"
+    )
+
+    def as_member(path: Path, group: int) -> list[str]:
+        asked = [sys.executable, "-c", script, str(path), str(group)]
+        return subprocess.run(asked, capture_output=True, text=True, check=True).stdout.split()
+
+    with daemon(1, "--watch-group", watcher.gr_name) as running, running.client() as client:
+        armed(client)
+        running.folder.chmod(0o755)
+        assert running.socket.stat().st_mode & 0o777 == 0o660
+        assert as_member(running.socket, watcher.gr_gid) == ["status", "hold", "estop", *["forbidden"] * 5]
+        assert states(client) == {"OFF"}
+    both = ("--socket-group", mover.gr_name, "--watch-group", watcher.gr_name)
+    with daemon(1, *both) as running, running.client() as client:
+        armed(client)
+        running.folder.chmod(0o755)
+        assert as_member(running.socket, watcher.gr_gid)[3:] == ["forbidden"] * 5
+        assert as_member(running.socket, mover.gr_gid)[3] == "acquire"
+
+
+def test_an_unknown_watch_group_is_refused() -> None:
+    with daemon() as running:
+        arguments = ["run", str(running.folder / "fingers.yaml"), "--watch-group", "no-such-group"]
+        done = subprocess.run(
+            command(*arguments), stdin=subprocess.DEVNULL, capture_output=True, text=True, check=False
+        )
+        assert done.returncode == 2
+        assert "--watch-group no-such-group: no such group" in done.stderr
+
+
 def test_a_second_daemon_for_the_same_socket_is_refused() -> None:
     with daemon() as running:
         robot = running.folder / "fingers.yaml"

@@ -75,6 +75,11 @@ if TYPE_CHECKING:
     metavar="GROUP",
     help="Members of this group may give orders as well; default: only the daemon's own user and root.",
 )
+@click.option(
+    "--watch-group",
+    metavar="GROUP",
+    help="Members of this group may read, and hold, stop and estop, and nothing else.",
+)
 @click.option("--json", "as_json", is_flag=True, help="Print the final report as JSON.")
 @click.option("-v", "--verbose", is_flag=True, help="Also print and record debug messages.")
 @click.option("-q", "--quiet", is_flag=True, help="Print warnings and errors only.")
@@ -95,6 +100,7 @@ def command(
     panel_open: bool,
     socket: str | None,
     socket_group: str | None,
+    watch_group: str | None,
     as_json: bool,
     verbose: bool,
     quiet: bool,
@@ -141,7 +147,7 @@ def command(
         from contid.remote.server.server import SocketServer
 
         path = default_path(robot_file) if socket is None else Path(socket)
-        endpoint = Endpoint(path, default=socket is None, group=socket_group)
+        endpoint = Endpoint(path, default=socket is None, group=socket_group, watch_group=watch_group)
         commands.append(SocketServer(endpoint))
     request = RunRequest(
         robot_file=robot_file,

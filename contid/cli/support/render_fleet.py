@@ -48,7 +48,7 @@ def _node(table: Table, name: str, status: Fields, doubled: bool) -> None:
             robot,
             Text(fields["state"], style="bold red" if fault else ""),
             "-" if tip is None else ", ".join(f"{value:.1f}" for value in tip),
-            status["lease"]["holder"] or "free",
+            status["lease"].get("by") or status["lease"]["holder"] or "free",
             age,
             ", ".join(found),
         )

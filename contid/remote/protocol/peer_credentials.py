@@ -1,11 +1,12 @@
-"""Credentials of the peer of a Unix socket, from the kernel, and their authorization.
+"""Credentials of the peer of a Unix socket, from the kernel, and the role that they give it.
 
-Authorized are the daemon's own user, root, and the members of one group (``--socket-group``). The mode of the
-socket file enforces the same.
+The daemon's own user, root, and the members of one group (``--socket-group``) may do everything; the members
+of another (``--watch-group``) may read and stop. The mode of the socket file enforces the same for one group.
 """
 
 from __future__ import annotations
 
+import enum
 import grp
 import os
 import socket
@@ -44,9 +45,24 @@ def peer_of(connected: socket.socket) -> PeerCredentials:
     return PeerCredentials(uid, frozenset((gid, *struct.unpack(f"{len(raw) // 4}I", raw))))
 
 
-def is_authorized(peer: PeerCredentials, group: int | None) -> bool:
-    """True for the daemon's own user, root, and members of the socket's group, if it has one."""
-    return peer.uid in (os.geteuid(), 0) or (group is not None and group in peer.groups)
+class ClientRole(enum.Enum):
+    """What a client may do."""
+
+    ALL = "all"
+    WATCH = "watch"  # read, and stop
+
+
+def role_of(peer: PeerCredentials, group: int | None, watch_group: int | None = None) -> ClientRole | None:
+    """The role of a peer, None when it may not connect.
+
+    Args:
+        peer: its credentials.
+        group: whose members may do everything, None for no group.
+        watch_group: whose members may read and stop, None for no group.
+    """
+    if peer.uid in (os.geteuid(), 0) or (group is not None and group in peer.groups):
+        return ClientRole.ALL
+    return ClientRole.WATCH if watch_group is not None and watch_group in peer.groups else None
 
 
 def group_id(name: str) -> int | None:

@@ -146,6 +146,18 @@ def is_listening(path: Path) -> bool:
     return True
 
 
+def _group(option: str, name: str | None) -> int | None:
+    """The number of a group, None without a name.
+
+    Raises:
+        SocketError: there is no such group.
+    """
+    number = None if name is None else group_id(name)
+    if name is not None and number is None:
+        raise SocketError(f"{option} {name}: no such group; `sudo groupadd --system {name}` creates it")
+    return number
+
+
 class Endpoint:
     """A listening socket with mode 0600; refuses a second daemon, removes the socket of a killed one.
 
@@ -153,18 +165,24 @@ class Endpoint:
         path: of the socket.
         default: the path is the default one: create or check its folder.
         group: name of a group whose members may connect as well; the mode is then 0660.
+        watch_group: name of a group whose members may only read and stop. The mode is 0660 with one group and
+            0666 with both, as a file has one group: then the check of the peer alone keeps others out.
 
     Raises:
         SocketError: from the constructor, with the remedy.
     """
 
-    def __init__(self, path: Path | str, *, default: bool = False, group: str | None = None) -> None:
+    def __init__(
+        self,
+        path: Path | str,
+        *,
+        default: bool = False,
+        group: str | None = None,
+        watch_group: str | None = None,
+    ) -> None:
         self.path = Path(path)
-        self.group = None if group is None else group_id(group)
-        if group is not None and self.group is None:
-            raise SocketError(
-                f"--socket-group {group}: no such group; `sudo groupadd --system {group}` creates it"
-            )
+        self.group = _group("--socket-group", group)
+        self.watch_group = _group("--watch-group", watch_group)
         if default:
             private_directory()
         if len(os.fsencode(self.path)) > MAX_PATH:
@@ -211,9 +229,10 @@ class Endpoint:
             self.socket.bind(str(self.path))
         finally:
             os.umask(before)
-        if self.group is not None:
-            os.chown(self.path, -1, self.group)
-        self.path.chmod(0o600 if self.group is None else 0o660)
+        groups = {each for each in (self.group, self.watch_group) if each is not None}
+        for each in groups:
+            os.chown(self.path, -1, each)
+        self.path.chmod((0o600, 0o660, 0o666)[len(groups)])
         self.socket.listen(BACKLOG)
         self.socket.setblocking(False)
 

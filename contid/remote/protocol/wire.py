@@ -29,6 +29,7 @@ class Code(enum.StrEnum):
     UNKNOWN_VERB = "unknown-verb"
     UNKNOWN_ROBOT = "unknown-robot"
     PROTOCOL = "protocol"  # another version
+    FORBIDDEN = "forbidden"  # this client may only read and stop
     LEASE_HELD = "lease-held"  # another client holds the lease
     TRACKER_HELD = "tracker-held"  # another client tracks this robot
     STOPPED = "stopped"  # another client stopped the robots; acquire the lease again

@@ -19,6 +19,7 @@ from typing import Any, Final
 
 from contid.lines import MAX_LINE
 from contid.remote.protocol.estop_line import ESTOP, is_estop
+from contid.remote.protocol.peer_credentials import ClientRole
 from contid.remote.protocol.wire import Code, Fields, RemoteError, decode, encode
 from contid.remote.server.outbox import Outbox
 from contid.remote.server.request_handler import RequestHandler
@@ -58,12 +59,24 @@ class Subscription:
     next_s: float = 0.0
     tick: int = -1
 
+    def due(self, at_s: float, tick_s: float) -> bool:
+        """True when a record of this time is sent: from half a tick early, so that each tick can be had."""
+        return self.rate_hz > 0.0 and at_s >= self.next_s - 0.5 * tick_s
+
+    def sent(self, now_s: float, tick: int) -> None:
+        """Note a frame; the next one is due a period after this one was, a late one makes no burst."""
+        period_s = 1.0 / self.rate_hz
+        self.next_s = (self.next_s if now_s - self.next_s < period_s else now_s) + period_s
+        self.tick = tick
+
 
 class Connection:
     """A connected client (`contid.remote.server.query_handler.Caller`).
 
     Attributes:
         number, name: of the client.
+        by: the person or program that the client speaks for, as it gave it; "" for itself.
+        role: what it may do.
         outbox: lines to send.
         subscription: None without one.
         active_s: when the client sent something, or connected.
@@ -77,10 +90,13 @@ class Connection:
         writer: asyncio.StreamWriter,
         handler: RequestHandler,
         turns: asyncio.Lock,
+        role: ClientRole = ClientRole.ALL,
     ) -> None:
         """Serve a client; the lock ``turns`` is shared by all connections."""
         self.number = number
         self.name = f"client {number}"
+        self.by = ""
+        self.role = role
         self.outbox = Outbox()
         self.subscription: Subscription | None = None
         self.active_s = asyncio.get_running_loop().time()

@@ -28,6 +28,7 @@ class LeaseHolder:
     Attributes:
         client: its number; 0 is the daemon's input.
         name: its name in messages.
+        by: the person or program that it speaks for, "" for itself.
         since_s: time of acquisition.
         timeout_s: the lease lapses after so long without a request.
         seen_s: time of its last request.
@@ -38,6 +39,17 @@ class LeaseHolder:
     since_s: float
     timeout_s: float
     seen_s: float
+    by: str = ""
+
+    @property
+    def label(self) -> str:
+        """For messages."""
+        return client_label(self.name, self.by)
+
+
+def client_label(name: str, by: str) -> str:
+    """A client in messages: its name, and for whom it speaks."""
+    return f"client {name!r} by {by!r}" if by else f"client {name!r}"
 
 
 class Lease:
@@ -65,7 +77,13 @@ class Lease:
             self.holder.seen_s = now_s
 
     def acquire(
-        self, client: int, name: str, now_s: float, timeout_s: float = TIMEOUT_S, takeover: bool = False
+        self,
+        client: int,
+        name: str,
+        now_s: float,
+        timeout_s: float = TIMEOUT_S,
+        takeover: bool = False,
+        by: str = "",
     ) -> LeaseHolder | None:
         """Acquire the lease; returns the previous holder if it was another one.
 
@@ -77,10 +95,10 @@ class Lease:
             raise self._refusal(before, now_s)
         self.stopped_by = ""
         since_s = now_s if before is None or before.client != client else before.since_s
-        self.holder = LeaseHolder(client, name, since_s, timeout_s, now_s)
+        self.holder = LeaseHolder(client, name, since_s, timeout_s, now_s, by)
         return before if before is not None and before.client != client else None
 
-    def require(self, client: int, name: str, now_s: float) -> None:
+    def require(self, client: int, name: str, now_s: float, by: str = "") -> None:
         """Ensure that a client may move: it holds the lease, or acquires a free one.
 
         Raises:
@@ -89,7 +107,7 @@ class Lease:
         self.check_free(client, now_s, input_counts=True)
         self._go_on(client)
         if not self.held_by(client):
-            self.acquire(client, name, now_s)
+            self.acquire(client, name, now_s, by=by)
 
     def allow(self, client: int, now_s: float, after_stop: bool) -> None:
         """Ensure that a client may resume robots.
@@ -153,11 +171,13 @@ class Lease:
         holder = self.holder
         if holder is None:
             return {"holder": None, "stopped_by": self.stopped_by or None}
-        return {"holder": holder.name, "client": holder.client, "since_s": round(now_s - holder.since_s, 3)}
+        since_s = round(now_s - holder.since_s, 3)
+        found = {"holder": holder.name, "client": holder.client, "since_s": since_s}
+        return {**found, "by": holder.by} if holder.by else found
 
     @staticmethod
     def _refusal(holder: LeaseHolder, now_s: float) -> RemoteError:
-        name = "the daemon's own input" if holder.client == 0 else f"client {holder.name!r}"
+        name = "the daemon's own input" if holder.client == 0 else holder.label
         held_s = now_s - holder.since_s
         message = f"{name} has held the lease for {held_s:.1f} s; set takeover to acquire it all the same"
         return RemoteError(Code.LEASE_HELD, message)

@@ -18,6 +18,8 @@ from contid.trajectory.rows import RowReader
 LIVE_ROWS: Final = 8
 #: Credit of a timed trajectory.
 TIMED_ROWS: Final = 1024
+#: Rows of a timed trajectory in all: 250 s at 200 Hz.
+MAX_ROWS: Final = 50_000
 
 #: Sends a notice to the client of a move.
 Notify: TypeAlias = Callable[[Mapping[str, Any]], None]
@@ -31,6 +33,12 @@ class Credit:
         self._rate_hz = rate_hz
         self._rows: float = TIMED_ROWS if timed else LIVE_ROWS
         self._grown_s = now_s
+        self._spent = 0
+
+    @property
+    def granted(self) -> int:
+        """Rows that may be sent in all, those that came included: a client need not wait for responses."""
+        return MAX_ROWS if self._timed else self._spent + self.rows
 
     @property
     def rows(self) -> int:
@@ -48,6 +56,7 @@ class Credit:
             raise RemoteError(Code.NO_CREDIT, f"{rows} rows sent, {self.rows} allowed; wait for credit")
         if not self._timed:  # collected rows are processed at once
             self._rows -= rows
+            self._spent += rows
 
     def refilled(self, now_s: float) -> bool:
         """True when a waiting client may send again: at half the credit, not row by row."""

@@ -17,15 +17,13 @@ from contid.control.engine.messages import Begin, Goto, Hold, Message, Play, Res
 from contid.control.tick.supervisor import MOVING, Mode
 from contid.errors import BadInputError
 from contid.remote.protocol.wire import Code, Fields, RemoteError, is_number
-from contid.remote.server.move import Credit, Move, Notify, RowMove
+from contid.remote.server.move import MAX_ROWS, Credit, Move, Notify, RowMove
 from contid.remote.server.pending_orders import BULK_TIMEOUT_S, PendingOrders
 from contid.remote.server.preconditions import Preconditions, bad_target
 from contid.remote.server.telemetry_view import TelemetryView
 from contid.targets import Target
 from contid.trajectory.rows import RowReader
 
-#: Rows of a timed trajectory in all: 250 s at 200 Hz.
-MAX_ROWS: Final = 50_000
 #: Time for robots to stand still before a trajectory is played, and the period of that check.
 STANDSTILL_TIMEOUT_S: Final = 20.0
 POLL_S: Final = 0.02
@@ -97,7 +95,7 @@ class Moves:
         self._stream = move
         if not reader.timed:
             await self._pending.confirmed(self._pending.send([Begin(), Resume(reader.robots)]))
-        return {"move": move.number, "timed": reader.timed, "credits": credit.rows}
+        return {"move": move.number, "timed": reader.timed, **_credit(move)}
 
     def rows(self, client: int, number: int, rows: Sequence[Sequence[float]]) -> Fields:
         """Take rows of the stream; robots of a refused row hold."""
@@ -113,7 +111,7 @@ class Moves:
         else:
             for row in rows:
                 refused += self._follow(move, row)
-        return {"credits": move.credit.rows, "refused": refused}
+        return {**_credit(move), "refused": refused}
 
     def _follow(self, move: RowMove, row: Sequence[float]) -> list[str]:
         """Forward a row of a live stream; returns messages about what is refused."""
@@ -183,7 +181,7 @@ class Moves:
         if move is None or move.closed:
             return
         if move.credit.refilled(asyncio.get_running_loop().time()):
-            move.notify({"event": "credit", "move": move.number, "credits": move.credit.rows})
+            move.notify({"event": "credit", "move": move.number, **_credit(move)})
 
     # -- ends --------------------------------------------------------------------------------------------
 
@@ -237,6 +235,11 @@ class Moves:
     def _not_stopped(self, move: RowMove) -> None:
         if self._stream is not move:
             raise RemoteError(Code.STOPPED, "the robots were stopped meanwhile; nothing was played")
+
+
+def _credit(move: RowMove) -> Fields:
+    """Credit left, and rows granted in all."""
+    return {"credits": move.credit.rows, "granted": move.credit.granted}
 
 
 def _header(columns: Sequence[str] | Mapping[str, Any]) -> str:

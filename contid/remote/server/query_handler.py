@@ -10,6 +10,7 @@ from typing import Any, Final, Protocol, TypeAlias
 from contid import __version__
 from contid.control.daemon.interfaces import RunControl
 from contid.control.engine.events import LogWritten, RunEvent, RunStarted
+from contid.remote.protocol.peer_credentials import ClientRole
 from contid.remote.protocol.wire import PROTOCOL, Code, Fields, RemoteError, RequestFields
 from contid.remote.server.lease import Lease
 from contid.remote.server.telemetry_view import DEFAULT_FIELDS, FIELDS, TelemetryView
@@ -28,6 +29,8 @@ class Caller(Protocol):
 
     number: int
     name: str
+    by: str
+    role: ClientRole
 
     def notify(self, fields: Mapping[str, Any]) -> None:
         """Send a notice."""
@@ -92,15 +95,14 @@ class QueryHandler:
 
     async def _hello(self, caller: Caller, request: RequestFields) -> Fields:
         protocol = int(request.number("protocol", PROTOCOL, 0, 1e6))
-        # In messages on terminals: no escape sequences, no marks that turn the direction of writing.
-        name = request.text("name", caller.name)
-        caller.name = "".join(character if character.isprintable() else "?" for character in name)
+        caller.name = _printable(request.text("name", caller.name))
+        caller.by = _printable(request.text("by", caller.by))
         request.end()
         if protocol != PROTOCOL:
             older = "client" if protocol < PROTOCOL else "daemon"
             message = f"protocol {protocol} is not supported; this daemon has {PROTOCOL}: update the {older}"
             raise RemoteError(Code.PROTOCOL, message)
-        return {**self.hello(), "client": caller.number}
+        return {**self.hello(), "client": caller.number, "role": caller.role.value}
 
     async def _ping(self, caller: Caller, request: RequestFields) -> Fields:
         request.end()
@@ -150,3 +152,8 @@ class QueryHandler:
         request.end()
         caller.unsubscribe()
         return {}
+
+
+def _printable(text: str) -> str:
+    """For messages on terminals: no escape sequences, no marks that turn the direction of writing."""
+    return "".join(character if character.isprintable() else "?" for character in text)

@@ -12,19 +12,37 @@ import logging
 import time
 from collections import Counter
 from collections.abc import Callable, Mapping
-from typing import Any
+from typing import Any, Final
 
 from contid.control.daemon.interfaces import RunControl
 from contid.control.engine.events import OrderRefused, RunEvent, SourceEnded
 from contid.control.engine.messages import ClearFault, Estop, Grip, Hold, Message, Recover, Resume, Stop
 from contid.control.tick.supervisor import Mode
+from contid.remote.protocol.peer_credentials import ClientRole
 from contid.remote.protocol.wire import Code, Fields, RemoteError, RequestFields
-from contid.remote.server.lease import MAX_TIMEOUT_S, MIN_TIMEOUT_S, TIMEOUT_S, Lease, LeaseHolder
+from contid.remote.server.lease import (
+    MAX_TIMEOUT_S,
+    MIN_TIMEOUT_S,
+    TIMEOUT_S,
+    Lease,
+    LeaseHolder,
+    client_label,
+)
 from contid.remote.server.moves import Moves
 from contid.remote.server.pending_orders import CONFIRM_TIMEOUT_S, OrderResult, PendingOrders
 from contid.remote.server.query_handler import Caller, QueryHandler, Verb
 from contid.remote.server.telemetry_view import TelemetryView
 from contid.remote.server.trackers import Trackers
+
+#: What clients with the role `ClientRole.WATCH` may ask.
+WATCH_VERBS: Final = frozenset(
+    {"hello", "ping", "status", "describe", "subscribe", "unsubscribe", "hold", "stop", "estop"}
+)
+#: Orders that are logged when a client speaks for another.
+JOURNALLED: Final = frozenset(
+    {"hold", "stop", "estop", "acquire", "release", "resume", "recover", "clear_fault", "grip"}
+)
+JOURNAL_PERIOD_S: Final = 1.0
 
 log = logging.getLogger(__name__)
 
@@ -44,6 +62,7 @@ class RequestHandler:
         self._ended = False
         self._refusals: dict[str, str] = {}
         self._busy: Counter[int] = Counter()
+        self._logged_s: dict[tuple[int, str], float] = {}
         self.view = TelemetryView(control.loaded, control.rate_hz, control.refresh)
         self.pending = PendingOrders(control.send)
         self.moves = Moves(control, self.view, self.pending)
@@ -68,6 +87,11 @@ class RequestHandler:
         if not isinstance(verb, str) or verb not in self._verbs:
             message = f"unknown verb {str(verb)[:60]!r}; there are {', '.join(self._verbs)}"
             raise RemoteError(Code.UNKNOWN_VERB, message)
+        if caller.role is ClientRole.WATCH and (verb not in WATCH_VERBS or fields.get("end")):
+            message = "a member of the group of --watch-group may only read, and hold, stop and estop"
+            raise RemoteError(Code.FORBIDDEN, message)
+        if caller.by and verb in JOURNALLED:
+            self._journal(caller, verb)
         self._busy[caller.number] += 1
         try:
             self.lease.refresh(caller.number, time.monotonic())
@@ -78,6 +102,13 @@ class RequestHandler:
             self._busy[caller.number] -= 1
             if not self._busy[caller.number]:
                 del self._busy[caller.number]
+
+    def _journal(self, caller: Caller, verb: str) -> None:
+        """Log an order of a client that speaks for another; one that is repeated, once a second."""
+        now_s = time.monotonic()
+        if now_s > self._logged_s.get((caller.number, verb), 0.0) + JOURNAL_PERIOD_S:
+            self._logged_s[caller.number, verb] = now_s
+            log.info("%s: %s", client_label(caller.name, caller.by), verb)
 
     def notice(self, event: RunEvent) -> None:
         """Take in an event of the ring."""
@@ -110,6 +141,7 @@ class RequestHandler:
     def disconnected(self, client: int) -> None:
         """A client disconnected; if it held the lease, the robots hold."""
         self.trackers.disconnected(client)
+        self._logged_s = {key: value for key, value in self._logged_s.items() if key[0] != client}
         holder = self.lease.holder
         if holder is not None and holder.client == client:
             self.lease.holder = None
@@ -118,7 +150,7 @@ class RequestHandler:
     def _lapsed(self, holder: LeaseHolder, message: str) -> None:
         self._control.send(Hold())
         self.moves.abort_streams(message)
-        log.warning("client %r lost the lease (%s); holding", holder.name, message)
+        log.warning("%s lost the lease (%s); holding", holder.label, message)
         self._notify(holder.client, {"event": "lease-lost", "message": message})
 
     # -- stopping: every client may ------------------------------------------------------------------------
@@ -163,7 +195,7 @@ class RequestHandler:
     def _send_stop(self, caller: Caller, verb: str, order: Message) -> asyncio.Future[OrderResult]:
         """Send an order to stop at once; then the lease and the streams."""
         future = self.pending.send([order])
-        message = f"client {caller.name!r} ({verb})"
+        message = f"{client_label(caller.name, caller.by)} ({verb})"
         holder = self.lease.stop(caller.number, message)
         if holder is not None:
             self._notify(holder.client, {"event": "lease-lost", "message": f"{message} stopped the robots"})
@@ -176,9 +208,11 @@ class RequestHandler:
         timeout_s = request.number("timeout_s", TIMEOUT_S, MIN_TIMEOUT_S, MAX_TIMEOUT_S)
         takeover = request.flag("takeover")
         request.end()
-        before = self.lease.acquire(caller.number, caller.name, time.monotonic(), timeout_s, takeover)
+        before = self.lease.acquire(
+            caller.number, caller.name, time.monotonic(), timeout_s, takeover, caller.by
+        )
         if before is not None:
-            message = f"client {caller.name!r} took over"
+            message = f"{client_label(caller.name, caller.by)} took over"
             if before.client == 0:
                 self._control.detach_input()
             else:
@@ -247,7 +281,7 @@ class RequestHandler:
             message = "move takes a target (a point) or columns (a stream of rows), one of them"
             raise RemoteError(Code.BAD_REQUEST, message)
         held = self.lease.held_by(caller.number)
-        self.lease.require(caller.number, caller.name, time.monotonic())
+        self.lease.require(caller.number, caller.name, time.monotonic(), caller.by)
         try:
             if target is not None:
                 return await self.moves.point(caller.number, target, caller.notify)

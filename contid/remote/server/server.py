@@ -24,7 +24,7 @@ from contid.control.engine.events import (
 )
 from contid.control.tick.faults import Fault
 from contid.lines import MAX_LINE
-from contid.remote.protocol.peer_credentials import is_authorized, peer_of
+from contid.remote.protocol.peer_credentials import ClientRole, peer_of, role_of
 from contid.remote.protocol.socket_path import Endpoint
 from contid.remote.protocol.wire import MAX_CLIENTS, Fields, encode
 from contid.remote.server.acceptor import Acceptor
@@ -35,6 +35,8 @@ from contid.remote.server.telemetry_view import fault_fields
 #: Period of the checks of leases, credits and due frames, while a client needs them and otherwise.
 WATCH_S: Final = 0.005
 IDLE_S: Final = 0.02
+#: Period of the look for a record that is expected now.
+LOOK_S: Final = 5e-4
 #: Longest time for telemetry before requests get a turn.
 FRAMES_S: Final = 1e-3
 #: Time for connections to close when the daemon ends.
@@ -56,6 +58,7 @@ class SocketServer:
         self._numbers = 0
         self._frames: dict[tuple[Any, ...], bytes] = {}
         self._frames_tick = -1
+        self._expected_s = 0.0
         self._turns = asyncio.Lock()
         self._handler: RequestHandler
 
@@ -67,7 +70,7 @@ class SocketServer:
         try:
             while True:
                 busy = handler.streaming or any(c.subscription for c in self._connections.values())
-                await asyncio.sleep(WATCH_S if busy else IDLE_S)
+                await asyncio.sleep(self._pause_s(1.0 / control.rate_hz) if busy else IDLE_S)
                 handler.watch()
                 await self._send_frames(control)
         finally:
@@ -85,26 +88,26 @@ class SocketServer:
     def _accept(self, connected: socket.socket) -> None:
         """Serve a client that connected, in a task of its own."""
         try:
-            allowed = is_authorized(peer_of(connected), self._endpoint.group)
+            role = role_of(peer_of(connected), self._endpoint.group, self._endpoint.watch_group)
         except OSError:  # disconnected already
-            allowed = False
+            role = None
         connected.setblocking(False)
-        if not allowed:
+        if role is None:
             with suppress(OSError), connected:
                 connected.send(encode({"event": "bye", "message": "this daemon belongs to another user"}))
             return
-        task = asyncio.create_task(self._serve_client(connected))
+        task = asyncio.create_task(self._serve_client(connected, role))
         self._runs.add(task)
         task.add_done_callback(self._runs.discard)
 
-    async def _serve_client(self, connected: socket.socket) -> None:
+    async def _serve_client(self, connected: socket.socket, role: ClientRole) -> None:
         loop = asyncio.get_running_loop()
         reader = asyncio.StreamReader(limit=MAX_LINE)
         protocol = asyncio.StreamReaderProtocol(reader)
         transport, _ = await loop.connect_accepted_socket(lambda: protocol, connected)
         self._numbers += 1
         writer = asyncio.StreamWriter(transport, protocol, reader, loop)
-        connection = Connection(self._numbers, reader, writer, self._handler, self._turns)
+        connection = Connection(self._numbers, reader, writer, self._handler, self._turns, role)
         if len(self._connections) >= MAX_CLIENTS:
             self._displace()
         self._connections[connection.number] = connection
@@ -145,28 +148,33 @@ class SocketServer:
             if connection.subscription is not None and connection.subscription.events:
                 connection.outbox.put_frame(line)
 
+    def _pause_s(self, tick_s: float) -> float:
+        """Until the next look: a frame that is due with the next record goes out as soon as that is there."""
+        left_s = self._expected_s - time.monotonic()
+        subscribed = [c.subscription for c in self._connections.values() if c.subscription is not None]
+        due = any(each.due(self._expected_s, tick_s) for each in subscribed)
+        # A control process that stands still is not looked at more often for it.
+        return min(max(left_s, LOOK_S), WATCH_S) if due and left_s > -tick_s else WATCH_S
+
     async def _send_frames(self, control: RunControl) -> None:
         """Send the telemetry that is due; equal frames are encoded once, others between requests."""
+        tick_s = 1.0 / control.rate_hz
         now_s = turn_s = time.monotonic()
         due = [
             (connection, subscription)
             for connection in self._connections.values()
-            if (subscription := connection.subscription) is not None
-            and subscription.rate_hz
-            and now_s >= subscription.next_s
+            if (subscription := connection.subscription) is not None and subscription.due(now_s, tick_s)
         ]
         record = control.newest() if due else None
         if record is None:
             return
         if record.tick != self._frames_tick:
             self._frames, self._frames_tick = {}, record.tick
+            self._expected_s = record.deadline_s + tick_s + record.work_s
         for connection, subscription in due:
             if subscription.tick == record.tick:
                 continue
-            period_s = 1.0 / subscription.rate_hz
-            late_s = now_s - subscription.next_s
-            subscription.next_s = (subscription.next_s if late_s < period_s else now_s) + period_s
-            subscription.tick = record.tick
+            subscription.sent(now_s, record.tick)
             key = (subscription.robots, subscription.fields)
             if key not in self._frames:
                 fields = self._handler.view.telemetry(record, *key)
