@@ -1,5 +1,7 @@
 """Bounds of the distance between two bodies, and between a body and an obstacle, by branch and bound.
 
+The kernel ``clearance`` computes them; the functions here whose names begin with ``numpy_`` are its twins.
+
 A node is a range of samples of a body, bounded by its chord and an allowance (`contid.clearance.body`). Pairs
 of nodes whose lower bound exceeds the best upper bound are dropped, the others are halved down to single
 pieces. The result holds for the curves between the samples, not only for the samples.
@@ -15,6 +17,7 @@ import numpy as np
 
 from contid.clearance.body import Body, Indices
 from contid.clearance.obstacles import Obstacle
+from contid.kernels import load
 from contid.kinematics.array import Array
 
 #: The chord of a half is not exactly on that of the whole, even on a straight body [m].
@@ -48,6 +51,20 @@ def between_bodies(a: Body, b: Body, enough_m: float = math.inf) -> Distance:
         b: another body.
         enough_m: stop halving as soon as the distance is certainly at least this.
     """
+    kernel = load("clearance")
+    if kernel is None:
+        return numpy_between_bodies(a, b, enough_m)
+    radii = a.radius_m + b.radius_m
+    lower, upper, at, other_at = kernel.between(
+        a.points, a.spacing_m, b.points, b.spacing_m, enough_m + radii
+    )
+    return Distance(
+        lower - radii, upper - radii, a.start_m + at * a.spacing_m, b.start_m + other_at * b.spacing_m
+    )
+
+
+def numpy_between_bodies(a: Body, b: Body, enough_m: float = math.inf) -> Distance:
+    """Twin of `between_bodies`."""
     radii = a.radius_m + b.radius_m
     a0, a1 = np.array([0]), np.array([a.pieces])
     b0, b1 = np.array([0]), np.array([b.pieces])
@@ -83,6 +100,17 @@ def to_obstacle(body: Body, obstacle: Obstacle, enough_m: float = math.inf) -> D
         obstacle: a convex set.
         enough_m: stop halving as soon as the distance is certainly at least this.
     """
+    kernel = load("clearance")
+    if kernel is None:
+        return numpy_to_obstacle(body, obstacle, enough_m)
+    lower, upper, at, _ = kernel.to_obstacle(
+        body.points, body.spacing_m, obstacle.packed, enough_m + body.radius_m
+    )
+    return Distance(lower - body.radius_m, upper - body.radius_m, body.start_m + at * body.spacing_m)
+
+
+def numpy_to_obstacle(body: Body, obstacle: Obstacle, enough_m: float = math.inf) -> Distance:
+    """Twin of `to_obstacle`."""
     values = obstacle.signed_distance(body.points) - body.radius_m
     first, last = np.array([0]), np.array([body.pieces])
     best = float(values.min())

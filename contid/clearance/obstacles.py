@@ -3,22 +3,30 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Protocol
+from functools import cached_property
+from typing import Final, Protocol
 
 import numpy as np
 
 from contid.kinematics.array import Array
 
+_NONE: Final = np.zeros(9)
+
 
 class Obstacle(Protocol):
     """A convex set in the world."""
+
+    @property
+    def packed(self) -> Array:
+        """The same for the kernel ``clearance``: kind, point, vector, rotation, radius; shape ``(17,)``."""
+        ...
 
     def signed_distance(self, points: Array) -> Array:
         """Distance of points ``(n, 3)`` from the surface [m], negative inside, shape ``(n,)``."""
         ...
 
 
-@dataclass(frozen=True, eq=False, slots=True)
+@dataclass(frozen=True, eq=False)
 class Plane:
     """A half space: everything behind a plane.
 
@@ -34,8 +42,13 @@ class Plane:
         """See `Obstacle`."""
         return np.asarray((points - self.point) @ self.normal)
 
+    @cached_property
+    def packed(self) -> Array:
+        """See `Obstacle`."""
+        return np.concatenate([[0.0], self.point, self.normal, _NONE, [0.0]])
 
-@dataclass(frozen=True, eq=False, slots=True)
+
+@dataclass(frozen=True, eq=False)
 class Capsule:
     """A cylinder with round ends; a sphere when both ends are one point.
 
@@ -55,8 +68,13 @@ class Capsule:
         along = np.zeros(len(points)) if squared == 0.0 else np.clip(from_start @ axis / squared, 0.0, 1.0)
         return np.asarray(np.linalg.norm(from_start - along[:, None] * axis, axis=1) - self.radius_m)
 
+    @cached_property
+    def packed(self) -> Array:
+        """See `Obstacle`."""
+        return np.concatenate([[1.0], self.start, self.end - self.start, _NONE, [self.radius_m]])
 
-@dataclass(frozen=True, eq=False, slots=True)
+
+@dataclass(frozen=True, eq=False)
 class Box:
     """A box.
 
@@ -75,3 +93,8 @@ class Box:
         over = np.abs((points - self.center) @ self.rotation) - self.half
         outside = np.linalg.norm(np.maximum(over, 0.0), axis=1)
         return np.asarray(outside + np.minimum(over.max(axis=1), 0.0))
+
+    @cached_property
+    def packed(self) -> Array:
+        """See `Obstacle`."""
+        return np.concatenate([[2.0], self.center, self.half, self.rotation.ravel(), [0.0]])

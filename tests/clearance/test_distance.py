@@ -9,9 +9,16 @@ from scipy.spatial import cKDTree
 from scipy.spatial.transform import Rotation
 
 from contid.clearance.body import Body, sampled_body
-from contid.clearance.distance import between_bodies, segment_distance, to_obstacle
+from contid.clearance.distance import (
+    between_bodies,
+    numpy_between_bodies,
+    numpy_to_obstacle,
+    segment_distance,
+    to_obstacle,
+)
 from contid.clearance.obstacles import Box, Capsule, Plane
 from tests.clearance.arcs import random_chain
+from tests.clearance.dense import run
 
 CONFIGURATIONS = int(os.environ.get("CLEARANCE_CONFIGURATIONS", "1000"))
 #: What a body of an arc chain may add to the truth [m]: twice the allowance between its samples.
@@ -147,3 +154,39 @@ def test_a_curve_between_coarse_samples_is_not_missed():
     body = Body(ends, 0.1 * np.pi, 0.0)
     found = to_obstacle(body, Plane(np.array([0.0, -0.1, 0.0]), np.array([0.0, 1.0, 0.0])))
     assert found.lower_m <= 0.0
+
+
+def test_many_pairs_against_dense_sampling():
+    """The long form: python -m tests.clearance.dense 1000000."""
+    counts = run(2000, 1)
+    assert counts.penetrations > 100
+    assert counts.penetrations_accepted == counts.nearer_than_bound == 0
+    assert counts.falsely_refused <= 0.02 * counts.accepted
+
+
+def test_the_kernel_gives_the_distances_of_its_twin():
+    rng = np.random.default_rng(7)
+    for _ in range(300):
+        a, b = (sampled_body(random_chain(rng, 0.12).evenly, rng.uniform(0.002, 0.03)) for _ in range(2))
+        obstacle = random_obstacle(rng)
+        pairs = [
+            (between_bodies(a, b), numpy_between_bodies(a, b)),
+            (to_obstacle(a, obstacle), numpy_to_obstacle(a, obstacle)),
+        ]
+        for found, twin in pairs:
+            assert found.lower_m == pytest.approx(twin.lower_m, abs=1e-12)
+            assert found.upper_m == pytest.approx(twin.upper_m, abs=1e-12)
+            assert found.lower_m <= found.upper_m
+        for enough in (0.0, 1e-3, 0.05):
+            kept, twin = to_obstacle(a, obstacle, enough), numpy_to_obstacle(a, obstacle, enough)
+            assert (kept.lower_m >= enough) == (twin.lower_m >= enough)
+
+
+def test_points_that_are_not_numbers_are_refused_not_far_away():
+    line = np.stack([np.zeros(33), np.zeros(33), np.linspace(0, 0.1, 33)], axis=1)
+    broken = line.copy()
+    broken[7, 1] = np.nan
+    with pytest.raises(ValueError, match="finite"):
+        between_bodies(Body(line, 0.1 / 32, 0.01), Body(broken, 0.1 / 32, 0.01))
+    with pytest.raises(ValueError, match="finite"):
+        to_obstacle(Body(broken, 0.1 / 32, 0.01), Plane(np.zeros(3), np.array([0.0, 0.0, 1.0])))

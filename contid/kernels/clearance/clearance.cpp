@@ -1,0 +1,43 @@
+// contid.kernels._clearance: distances of bodies and obstacles for Python.
+#include "../python.hpp"
+#include "obstacle.hpp"
+
+#include <nanobind/ndarray.h>
+
+namespace nb = nanobind;
+
+namespace {
+
+using Points = nb::ndarray<const double, nb::ndim<2>, nb::c_contig, nb::device::cpu>;
+using Numbers = nb::ndarray<const double, nb::ndim<1>, nb::c_contig, nb::device::cpu>;
+
+contid::Curve curve(const Points& points, double spacing) {
+  if (points.shape(0) < 2 || points.shape(1) != 3) throw nb::value_error("points: an array (2 or more, 3)");
+  double sum = 0.0;  // a point that is not a number would be nowhere, thus far away
+  for (std::size_t k = 0; k < points.size(); ++k) sum += 0.0 * points.data()[k];
+  if (!(sum == 0.0)) throw nb::value_error("points: all of them must be finite");
+  return {points.data(), static_cast<int>(points.shape(0)) - 1, spacing};
+}
+
+nb::tuple result(const contid::Bounds& found) {
+  return nb::make_tuple(found.lower, found.upper, 0.5 * found.at, 0.5 * found.other_at);
+}
+
+nb::tuple between(Points a, double a_spacing, Points b, double b_spacing, double enough) {
+  return result(contid::between(curve(a, a_spacing), curve(b, b_spacing), enough));
+}
+
+nb::tuple to_obstacle(Points points, double spacing, Numbers obstacle, double enough) {
+  if (obstacle.shape(0) != 17) throw nb::value_error("obstacle: 17 numbers");
+  return result(contid::to_obstacle(curve(points, spacing), contid::Obstacle(obstacle.data()), enough));
+}
+
+}  // namespace
+
+NB_MODULE(KERNEL_MODULE, module) {
+  module.doc() = "Clearance: native twin of contid.clearance.distance.";
+  module.def("between", &between, nb::arg("a"), nb::arg("a_spacing"), nb::arg("b"), nb::arg("b_spacing"),
+             nb::arg("enough"));
+  module.def("to_obstacle", &to_obstacle, nb::arg("points"), nb::arg("spacing"), nb::arg("obstacle"),
+             nb::arg("enough"));
+}
