@@ -16,6 +16,7 @@ from contid.robot_file.base import AxisDescription, Quantity, StopPolicy
 from contid.robot_file.findings import allowed_names
 from contid.robot_file.positions import Document, KeyPath
 from contid.robot_file.robot import RobotDescription
+from contid.robot_file.unit_checks import check_units
 
 #: Prefixes of trajectory columns that are not names of robots.
 RESERVED_NAMES: Final = ("t_s", "mid", "load", "meas")
@@ -56,8 +57,7 @@ def check_robot(
         yield from _check_passive(document, at, robot)
         return
     yield from _check_plane(document, at, robot)
-    yield from _check_rates(document, at, robot)
-    yield from _check_rest(document, at, robot)
+    yield from check_units(document, at, robot)
     yield from _check_stops(document, at, robot, wired)
     for index, key in enumerate(robot.placeholder):
         if not _is_key(document, at, robot, key):
@@ -91,7 +91,7 @@ def _check_axes(
 
 def _check_passive(document: Document, at: KeyPath, robot: RobotDescription) -> Iterator[Located]:
     """Refuse keys that only a robot with actuators can use."""
-    for key in ("base", "rates", "stop", "rest_mm", "rest_bar", "feedback"):
+    for key in ("base", "rates", "stop", "rest_mm", "rest_bar", "extra_mm", "extra_bar", "feedback"):
         if key in robot.model_fields_set:
             message = f"{key} has no meaning here: {at[-1]!r} has no actuators of its own"
             yield document.at_key((*at, key), message)
@@ -165,41 +165,6 @@ def _check_plane(document: Document, at: KeyPath, robot: RobotDescription) -> It
                     "in which its targets are; allowed: 0 or 180, and any yaw_deg"
                 )
                 yield document.at_key((*at, "base", key), message)
-
-
-def _check_rates(document: Document, at: KeyPath, robot: RobotDescription) -> Iterator[Located]:
-    unit = robot.quantity.unit
-    for what, per in (("velocity", "s"), ("acceleration", "s2"), ("jerk", "s3")):
-        key = f"{what}_{unit}_{per}"
-        if getattr(robot.rates, key) is None:
-            yield document.at_key((*at, "rates"), f"key {key!r} is missing; this robot's axes are in {unit}")
-        other = f"{what}_{'bar' if unit == 'mm' else 'mm'}_{per}"
-        if getattr(robot.rates, other) is not None:
-            message = f"{other} has no meaning here: this robot's axes are in {unit}; write {key}"
-            yield document.at_key((*at, "rates", other), message)
-
-
-def _check_rest(document: Document, at: KeyPath, robot: RobotDescription) -> Iterator[Located]:
-    unit = robot.quantity.unit
-    other = "bar" if unit == "mm" else "mm"
-    if getattr(robot, f"rest_{other}") is not None:
-        message = f"rest_{other} has no meaning here: this robot's axes are in {unit}; write rest_{unit}"
-        yield document.at_key((*at, f"rest_{other}"), message)
-    written: tuple[float, ...] | None = getattr(robot, f"rest_{unit}")
-    if written is None:
-        return
-    here = (*at, f"rest_{unit}")
-    if len(written) != len(robot.axis_names):
-        names = ", ".join(robot.axis_names)
-        message = f"rest_{unit} has {len(written)} numbers; allowed: {len(robot.axis_names)}, for {names}"
-        yield document.at_value(here, message)
-        return
-    limits = zip(robot.axis_names, robot.rest, robot.lower, robot.upper, written, strict=True)
-    for index, (name, rest, low, high, value) in enumerate(limits):
-        if not low <= rest <= high:
-            low, high = (robot.quantity.from_si(end) for end in (low, high))
-            message = f"rest_{unit}: {value:g} for {name} is outside its limits {low:g} to {high:g} {unit}"
-            yield document.at_value((*here, index), message)
 
 
 def _check_stops(

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 from abc import abstractmethod
 from collections.abc import Mapping
 from typing import ClassVar
@@ -12,6 +11,7 @@ from pydantic import Field
 from contid.robot_file.base import (
     AxisDescription,
     BasePose,
+    Interval,
     Quantity,
     Rates,
     Stops,
@@ -32,6 +32,9 @@ class RobotDescription(Strict):
         stop: policy for every reason to stop.
         rest_mm: rest pose of a robot whose axes are lengths, in the order of its axes.
         rest_bar: the same for pressures.
+        extra_mm: ``[min, max]`` stroke of axes beyond the kinematics (wrist, gripper) by name, of a robot
+            whose axes are lengths; they follow the model's axes.
+        extra_bar: the same for pressures.
         feedback: closed loop on measured tip positions; off when left out.
         placeholder: dotted keys whose values are not measured yet, e.g. ``geometry.tip_length_mm``.
     """
@@ -47,6 +50,8 @@ class RobotDescription(Strict):
     stop: Stops = Stops()
     rest_mm: tuple[float, ...] | None = None
     rest_bar: tuple[float, ...] | None = None
+    extra_mm: dict[str, Interval] = Field(default_factory=dict)
+    extra_bar: dict[str, Interval] = Field(default_factory=dict)
     feedback: TipFeedback | None = None
     placeholder: tuple[str, ...] = ()
 
@@ -58,7 +63,11 @@ class RobotDescription(Strict):
     @property
     def extra_axis_names(self) -> tuple[str, ...]:
         """Axes beyond the kinematics (wrist, gripper), commanded by their own columns."""
-        return ()
+        return tuple(self._extra)
+
+    @property
+    def _extra(self) -> Mapping[str, tuple[float, float]]:
+        return self.extra_mm if self.quantity is Quantity.LENGTH else self.extra_bar
 
     @property
     def all_axis_names(self) -> tuple[str, ...]:
@@ -67,8 +76,9 @@ class RobotDescription(Strict):
 
     @property
     def extra_limits(self) -> Mapping[str, tuple[float, float]]:
-        """Limits of the extra axes [m or Pa]; a missing axis has none."""
-        return {}
+        """Limits of the extra axes [m or Pa]."""
+        to_si = self.quantity.to_si
+        return {name: (to_si(low), to_si(high)) for name, (low, high) in self._extra.items()}
 
     @property
     def kinematics(self) -> str:
@@ -104,7 +114,7 @@ class RobotDescription(Strict):
     def driven_limits(self) -> tuple[tuple[float, float], ...]:
         """Range [m or Pa] of every transmission's input, extra axes last: the limits through `coupling`."""
         lower, upper = self.lower, self.upper
-        extra = tuple(self.extra_limits.get(name, (-math.inf, math.inf)) for name in self.extra_axis_names)
+        extra = tuple(self.extra_limits[name] for name in self.extra_axis_names)
         if self.coupling is None:
             return (*zip(lower, upper, strict=True), *extra)
         ranges = []

@@ -2,14 +2,12 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
 from typing import Annotated, Literal
 
 from pydantic import Field, model_validator
 
-from contid.robot_file.base import Interval, NonNegative, Positive, Size, Strict
+from contid.robot_file.base import NonNegative, Positive, Size, Strict
 from contid.robot_file.sections import SectionRobot
-from contid.units import MM_PER_M
 
 _LAYOUTS = {"paper": (180.0, 60.0, -60.0), "ccw": (0.0, 120.0, 240.0)}
 
@@ -55,7 +53,7 @@ class TubeSolver(Strict):
 class TriTube(SectionRobot):
     """An arm of tubes in threes, lengths in, usually driven by pressure through tables; it grows along +z.
 
-    Axes: ``s1.l1``, ``s1.l2``, ``s1.l3``, ``s2.l1`` and so on: section, tube; then those of ``extra_mm``.
+    Axes: ``s1.l1``, ``s1.l2``, ``s1.l3``, ``s2.l1`` and so on: section, tube.
     Targets: a tip; from two sections on also its direction, or a mid-point beside it.
 
     Attributes:
@@ -63,13 +61,11 @@ class TriTube(SectionRobot):
         geometry: dimensions.
         limits: of the tubes; as many sections as ``length_mm`` has rows.
         solver: of the inverse kinematics.
-        extra_mm: ``[min, max]`` stroke of axes beyond the kinematics (wrist, gripper), by name.
     """
 
     model: Literal["tri_tube"]
     geometry: TriTubeGeometry
     solver: TubeSolver = TubeSolver()
-    extra_mm: dict[str, Interval] = Field(default_factory=dict)
 
     @model_validator(mode="after")
     def _consistent(self) -> TriTube:
@@ -92,16 +88,6 @@ class TriTube(SectionRobot):
     def accepts(self) -> frozenset[str]:
         """As for every arm of sections; ``ph`` takes no mid-point."""
         return super().accepts - {"mid"} if self.solver.method == "ph" else super().accepts
-
-    @property
-    def extra_axis_names(self) -> tuple[str, ...]:
-        """The axes of ``extra_mm``."""
-        return tuple(self.extra_mm)
-
-    @property
-    def extra_limits(self) -> Mapping[str, tuple[float, float]]:
-        """The strokes of ``extra_mm`` [m]."""
-        return {name: (low / MM_PER_M, high / MM_PER_M) for name, (low, high) in self.extra_mm.items()}
 
     @property
     def radius_m(self) -> tuple[float, ...]:
