@@ -58,7 +58,7 @@ def test_no_answer_size_ends_with_a_full_packet():
 @pytest.mark.parametrize("full_speed", [False, True])
 def test_a_configuration_above_512_bytes_arrives_in_packets_back_to_back(full_speed: bool):
     board = Sam3x(build_sketch(), full_speed=full_speed)
-    board.pio["B"].set_levels(1 << 14, 0)
+    board.jumper()
     board.run_ms(20)
     board.usb.open()
     options = {**REGULATOR, "calibration": [[i * 10, i * 0.3] for i in range(8)]}

@@ -36,7 +36,7 @@ def test_hello_has_the_chip_and_the_start(motors: Sam3x):
 
 def test_a_jumper_makes_it_a_pressure_board():
     board = Sam3x(build_sketch())
-    board.pio["B"].set_levels(1 << 14, 0)
+    board.jumper()
     board.run_ms(20)
     assert hello(board).role == 1
     assert board.tc[0].running is False

@@ -25,6 +25,7 @@ class Sam3x:
         self.elapsed_ms = 0.0
         self.backup = Plain()
         self._expired = False
+        self._jumper = False
         self._power(POWER_UP)
 
     def _power(self, cause: int) -> None:
@@ -55,11 +56,18 @@ class Sam3x:
         cpu.add(0x400E_1A10, 0x20, self.supply)
         cpu.add(0x400E_1A50, 0x10, self.watchdog)
         cpu.add(0x400E_1A90, 0x20, self.backup)
+        if self._jumper:
+            self.jumper()
         cpu.boot()
 
     def _expire(self) -> None:
         self._expired = True
         self.watchdog.due = NEVER
+
+    def jumper(self) -> None:
+        """The role jumper is fitted: a pressure board from the next start on."""
+        self._jumper = True
+        self.pio["B"].set_levels(1 << 14, 0)
 
     def run_ms(self, milliseconds: float) -> None:
         left = milliseconds * CLOCK_HZ / 1000

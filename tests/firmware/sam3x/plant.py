@@ -1,4 +1,4 @@
-"""Six geared motors on the pins of an emulated board: bridges and PWM in, encoder signals out."""
+"""What is wired to the pins of an emulated board: geared motors with encoders, or pressure regulators."""
 
 from __future__ import annotations
 
@@ -17,6 +17,10 @@ WIRING = (
 )  # fmt: skip
 #: First bit of the encoder in port D of channels 2 to 5; channels 0 and 1 count in TC0 and TC2.
 EDGE_BITS = {2: 0, 3: 2, 4: 6, 5: 9}
+#: PWM unit and bit of port C of each PWM line, and the ADC's channel of A0 to A5, by the datasheet.
+PWM_LINES = ((4, 21), (5, 22), (6, 23), (7, 24), (0, 2), (1, 4))
+ANALOG = (7, 6, 5, 4, 3, 2)
+ADC_MV = 3300.0
 _GRAY = (0, 1, 3, 2)
 
 
@@ -34,8 +38,10 @@ class Motors:
         board.cpu.timed.append(self)
 
     def duty(self, channel: int) -> float | None:
-        """Signed duty; 0 is brake, None is coast."""
+        """Signed duty; 0 is brake, None is coast, and lines that the board does not drive."""
         unit, letter, a, b = WIRING[channel]
+        if self._board.pio["C"].status[0x08] >> PWM_LINES[channel][1] & 1:
+            return None
         out = self._board.pio[letter].status[0x38]
         forward, backward = out >> a & 1, out >> b & 1
         if not forward and not backward:
@@ -62,3 +68,42 @@ class Motors:
         else:
             bit = EDGE_BITS[channel]
             self._board.pio["D"].set_levels(3 << bit, _GRAY[count & 3] << bit)
+
+
+class Regulators:
+    """Six regulators with a first order lag: the mean of a PWM pin in, a voltage at the ADC out.
+
+    ``full_bar`` at full duty, read back as ``full_mv``. A line that the PWM unit does not drive is at 0 V
+    (1 kOhm to GND). ``pressure_bar`` is what the chambers have.
+    """
+
+    def __init__(
+        self,
+        board: Sam3x,
+        step: int = STEP,
+        full_bar: float = 3.0,
+        full_mv: float = 3125.0,
+        tau_s: float = 0.03,
+    ) -> None:
+        self._board = board
+        self._step = step
+        self.full_bar, self.full_mv, self.tau_s = full_bar, full_mv, tau_s
+        self.pressure_bar = [0.0] * 6
+        self.due = board.cpu.cycles
+        board.cpu.timed.append(self)
+
+    def duty(self, channel: int) -> float:
+        unit, bit = PWM_LINES[channel]
+        if self._board.pio["C"].status[0x08] >> bit & 1 or not self._board.pwm.enabled >> unit & 1:
+            return 0.0
+        return self._board.pwm.channel(unit, 4) / self._board.pwm.channel(unit, 0x0C)
+
+    def fire(self) -> None:
+        self.due += self._step
+        share = 1 - math.exp(-self._step / CLOCK_HZ / self.tau_s)
+        for channel in range(6):
+            self.pressure_bar[channel] += (
+                self.duty(channel) * self.full_bar - self.pressure_bar[channel]
+            ) * share
+            millivolt = self.pressure_bar[channel] / self.full_bar * self.full_mv
+            self._board.adc.analog[ANALOG[channel]] = min(4095, int(millivolt / ADC_MV * 4095))

@@ -1,8 +1,9 @@
 """An emulated SAM3X8E with six motors behind a pty: ``python -m tests.firmware.sam3x.serve LINK [ELF]``.
 
-The native port of the board is the pty. Board time follows this computer's clock as far as it is fast enough
-(it is 5 to 10 times too slow); the last line printed gives both, and the shafts in counts. ``--cycles`` makes
-instructions longer, so that fewer are emulated per millisecond.
+``--pressure`` makes it a pressure board with six regulators. The native port of the board is the pty. Board
+time follows this computer's clock as far as it is fast enough (it is 5 to 10 times too slow); the last line
+printed gives both, and the shafts in counts or the pressures in bar. ``--cycles`` makes instructions longer,
+so that fewer are emulated per millisecond.
 """
 
 from __future__ import annotations
@@ -18,14 +19,16 @@ from pathlib import Path
 
 from tests.firmware.sam3x.board import Sam3x
 from tests.firmware.sam3x.build import build_sketch
-from tests.firmware.sam3x.plant import STEP, Motors
+from tests.firmware.sam3x.plant import STEP, Motors, Regulators
 
 CHUNK_MS = 0.5
 
 
-def serve(link: Path, elf: Path, cycles_per_instruction: float) -> None:
+def serve(link: Path, elf: Path, cycles_per_instruction: float, pressure: bool) -> None:
     """Run until SIGTERM."""
     board = Sam3x(elf, cycles_per_instruction)
+    if pressure:
+        board.jumper()
     board.run_ms(25)
     if elf == build_sketch():
         board.usb.open()
@@ -33,7 +36,7 @@ def serve(link: Path, elf: Path, cycles_per_instruction: float) -> None:
         board.usb.plug()
     board.run_ms(25)
     board.cpu.quantum = 512
-    plant = Motors(board, step=4 * STEP)
+    plant = Regulators(board, step=4 * STEP) if pressure else Motors(board, step=4 * STEP)
     master, slave = os.openpty()
     tty.setraw(slave)
     os.set_blocking(master, False)
@@ -42,12 +45,15 @@ def serve(link: Path, elf: Path, cycles_per_instruction: float) -> None:
     print("ready", flush=True)
     ends: list[int] = []
     signal.signal(signal.SIGTERM, lambda number, _: ends.append(number))
+    highest = [0.0] * 6
     start_s, start_ms, sent = time.monotonic(), board.elapsed_ms, len(board.usb.received)
     while not ends:
         with contextlib.suppress(BlockingIOError):
             if data := os.read(master, 4096):
                 board.usb.send(data)
         board.run_ms(CHUNK_MS)
+        if isinstance(plant, Regulators):
+            highest = [max(pair) for pair in zip(highest, plant.pressure_bar, strict=True)]
         if len(board.usb.received) > sent:
             sent += os.write(master, board.usb.received[sent:])
         ahead_s = (board.elapsed_ms - start_ms) / 1000 - (time.monotonic() - start_s)
@@ -59,7 +65,9 @@ def serve(link: Path, elf: Path, cycles_per_instruction: float) -> None:
         "board_ms": board.elapsed_ms - start_ms,
         "wall_ms": wall_ms,
         "resets": board.resets,
-        "shaft": plant.shaft,
+        "shaft": plant.shaft if isinstance(plant, Motors) else None,
+        "bar": plant.pressure_bar if isinstance(plant, Regulators) else None,
+        "highest_bar": highest,
     }
     print(json.dumps(figures), flush=True)
 
@@ -68,6 +76,7 @@ if __name__ == "__main__":
     parser = argparse.ArgumentParser()
     parser.add_argument("link", type=Path)
     parser.add_argument("elf", type=Path, nargs="?")
+    parser.add_argument("--pressure", action="store_true")
     parser.add_argument("--cycles", type=float, default=6.0)
     given = parser.parse_args()
-    serve(given.link, given.elf or build_sketch(), given.cycles)
+    serve(given.link, given.elf or build_sketch(), given.cycles, given.pressure)

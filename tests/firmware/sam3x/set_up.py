@@ -8,16 +8,13 @@ from contid_drivers.due import frames, messages
 from contid_drivers.due.codes import Type
 from tests.firmware.sam3x.board import Sam3x
 from tests.firmware.sam3x.cpu import CLOCK_HZ
+from tests.firmware.sam3x.plant import ANALOG, PWM_LINES
 
-#: Channel -> its PWM unit, and port and bit of its PWM pin, by the datasheet's peripheral multiplexing table.
-PWM = {0: (4, 21), 1: (5, 22), 2: (6, 23), 3: (7, 24), 4: (0, 2), 5: (1, 4)}
-#: The analogue channels of A0 to A5.
-ANALOGUE = (7, 6, 5, 4, 3, 2)
 PIOD, TC3, UOTGHS, UART = 14, 30, 40, 8
 
 
 def every_pwm_channel_runs_at_20_khz_on_its_own(motors: Sam3x) -> None:
-    for unit, bit in PWM.values():
+    for unit, bit in PWM_LINES:
         assert motors.pwm.enabled & 1 << unit
         assert motors.pwm.frequency_hz(unit) == pytest.approx(20_000)
         assert motors.pwm.channel(unit, 0x0C) == 4200
@@ -28,7 +25,7 @@ def every_pwm_channel_runs_at_20_khz_on_its_own(motors: Sam3x) -> None:
         assert port.read(0x08) & 1 << bit, "not driven before the channel is configured"
         assert not port.read(0x18) & 1 << bit
         assert port.read(0x70) & 1 << bit, "peripheral B"
-    assert sorted(unit for unit, _ in motors.pwm.modes) == sorted(unit for unit, _ in PWM.values())
+    assert sorted(unit for unit, _ in motors.pwm.modes) == sorted(unit for unit, _ in PWM_LINES)
     assert motors.pmc.clocks >> 36 & 1
 
 
@@ -67,7 +64,7 @@ def edge_inputs_are_debounced(motors: Sam3x) -> None:
 
 
 def the_adc_converts_the_six_inputs(motors: Sam3x) -> None:
-    assert motors.adc.enabled == sum(1 << channel for channel in ANALOGUE)
+    assert motors.adc.enabled == sum(1 << channel for channel in ANALOG)
 
 
 def priorities(motors: Sam3x) -> None:
