@@ -129,15 +129,17 @@ class Question:
             return
 
 
-class Token:
-    """Makes a key exist while this session lives."""
+class Declared:
+    """A token or a subscription; it lasts until its end, or that of the session."""
 
-    def __init__(self, declared: zenoh.LivelinessToken) -> None:
+    def __init__(self, declared: Any) -> None:
         self._declared = declared
 
     def end(self) -> None:
-        """Remove the key."""
-        self._declared.undeclare()  # type: ignore[no-untyped-call]
+        """End it; idempotent."""
+        if self._declared is not None:
+            declared, self._declared = self._declared, None
+            declared.undeclare()
 
 
 class NetSession:
@@ -187,9 +189,9 @@ class NetSession:
             express=True,
         )
 
-    def token(self, key: str) -> Token:
+    def token(self, key: str) -> Declared:
         """Make a key exist while this session lives."""
-        return Token(self._session.liveliness().declare_token(key))
+        return Declared(self._session.liveliness().declare_token(key))
 
     def watch_tokens(self, key: str, changed: Callable[[str, bool], object]) -> None:
         """Report tokens that exist, appear (True) and disappear (False)."""
@@ -216,13 +218,15 @@ class NetSession:
 
         self._session.liveliness().get(key, zenoh.handlers.Callback(report, done), timeout=timeout_s)
 
-    def subscribe(self, key: str, received: Callable[[str, bytes], object]) -> None:
+    def subscribe(self, key: str, received: Callable[[str, bytes], object]) -> Declared:
         """Receive what is published."""
 
         def report(sample: zenoh.Sample) -> None:
             received(str(sample.key_expr), sample.payload.to_bytes())
 
-        self._kept.append(self._session.declare_subscriber(key, report))
+        declared = Declared(self._session.declare_subscriber(key, report))
+        self._kept.append(declared)
+        return declared
 
     def serve(self, key: str, asked: Callable[[Question], object]) -> None:
         """Receive requests; each is answered by `Question.answer`."""

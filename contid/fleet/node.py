@@ -14,7 +14,7 @@ from contid.fleet.daemon_link import DaemonLink, refusal
 from contid.fleet.fleet_file import MachineFile
 from contid.fleet.gate import checked
 from contid.fleet.keys import Keys, Order, Origin
-from contid.fleet.net import NetSession, Question, Token
+from contid.fleet.net import Declared, NetSession, Question
 from contid.fleet.operator_link import OperatorLink
 from contid.fleet.rights import READS, STOPS
 from contid.remote.protocol.wire import Code, ConnectionLostError, Fields, RemoteError, encode
@@ -108,7 +108,7 @@ class Node:
         self._ended.clear()
         link = DaemonLink(self._path, self._publish, self._ended.set)
         await link.connect()
-        token: Token | None = None
+        token: Declared | None = None
         try:
             self._watch = link
             await link.result("hello", name="fleet")
@@ -205,6 +205,6 @@ class Node:
                 return None
             key = self._keys.notices(self.name, origin)
             self._links[origin] = OperatorLink(
-                self._path, origin, lambda line: self._net.put(key, line, urgent=True)
+                self._path, origin, lambda line, urgent: self._net.put(key, line, urgent)
             )
         return self._links[origin]

@@ -58,6 +58,7 @@ class FleetOperator:
         self.net = NetSession(NetSettings(connect=file.connect, tls=file.tls))
         self.origin = Origin(file.operator, self.net.name)
         self._tokens: dict[str, bool] = {}
+        self._leaving: list[tuple[str, Callable[[], None]]] = []
         self._token = self.net.token(self.keys.who(*self._who()))
         self.net.watch_tokens(self.keys.alive("*", "*"), self._note_token)
 
@@ -91,7 +92,7 @@ class FleetOperator:
             self.keys.do(node, *self._who(), verb),
             encode(fields)[:-1],
             timeout_s,
-            lambda _, payload: answers.put(_response(payload)),
+            lambda _, payload: answers.put(response_of(payload)),
             lambda: answers.put(None),
             wait=verb != "rows",
         )
@@ -149,11 +150,26 @@ class FleetOperator:
             name = self.keys.node(key)
             # The first confirmation counts: a repeated stop changes nothing more.
             if not found.get(name, {}).get("ok"):
-                found[name] = _response(payload)
+                found[name] = response_of(payload)
                 took_s = time.monotonic() - begin_s
         known = required if nodes else required | {*self.nodes()}
         doubled = tuple(sorted(name for name, count in self.nodes().items() if count > 1 and name in known))
         return Answers(found, tuple(sorted(known - found.keys())), doubled, self._unlinked(), took_s)
+
+    def key(self, node: str, verb: str) -> str:
+        """The key of a request of this session."""
+        return self.keys.do(node, *self._who(), verb)
+
+    def on_leave(self, node: str, left: Callable[[], None]) -> Callable[[], None]:
+        """Call ``left``, from any thread, when a node has no token any more; returns what ends that."""
+        entry = node, left
+        self._leaving.append(entry)
+
+        def forget() -> None:
+            if entry in self._leaving:
+                self._leaving.remove(entry)
+
+        return forget
 
     def _unlinked(self) -> int:
         return max(len(self._file.connect) - self.net.peers(), 0)
@@ -163,13 +179,19 @@ class FleetOperator:
 
     def _note_token(self, key: str, alive: bool) -> None:
         self._tokens[key] = alive
+        found = self.keys.alive_node(key)
+        if not alive and found is not None and not self.nodes().get(found[0]):
+            for node, left in tuple(self._leaving):
+                if node == found[0]:
+                    left()
 
 
 def _put(arrived: queue.SimpleQueue[tuple[str, bytes]]) -> Callable[[str, bytes], None]:
     return lambda key, payload: arrived.put((key, payload))
 
 
-def _response(payload: bytes) -> Fields:
+def response_of(payload: bytes) -> Fields:
+    """The response of an answer; a refusal when it is none."""
     try:
         return decode(payload)
     except RemoteError as error:

@@ -15,7 +15,7 @@ from typing import Final
 from contid.errors import ContidError
 from contid.fleet.daemon_link import DaemonLink, refusal
 from contid.fleet.keys import Origin
-from contid.fleet.rights import LEASED, STOPS
+from contid.fleet.rights import GREETING, LEASED, STOPS
 from contid.remote.client.client_protocol import RESPONSE_TIMEOUT_S, VERB_TIMEOUT_S
 from contid.remote.protocol.wire import PROTOCOL, Code, ConnectionLostError, Fields, RemoteError
 
@@ -36,13 +36,13 @@ class OperatorLink:
     Args:
         path: of the socket.
         origin: whose it is.
-        noticed: called with each line of the daemon that is no response.
+        noticed: called with each line of the daemon that is no response; False for telemetry.
 
     Attributes:
         used_s: time of the last request.
     """
 
-    def __init__(self, path: Path, origin: Origin, noticed: Callable[[bytes], None]) -> None:
+    def __init__(self, path: Path, origin: Origin, noticed: Callable[[bytes, bool], None]) -> None:
         self.used_s = time.monotonic()
         self._path = path
         self._origin = origin
@@ -87,6 +87,10 @@ class OperatorLink:
             if isinstance(asked_s, int | float) and asked_s > MAX_LEASE_S:
                 return refusal(Code.BAD_REQUEST, f"timeout_s: at most {MAX_LEASE_S:g} s by network")
             fields = {**fields, "timeout_s": asked_s}
+        if verb == GREETING:
+            if "by" in fields:
+                return refusal(Code.BAD_REQUEST, "by: it is the operator, and part of the key")
+            fields = {**fields, "by": self._origin.operator}
         if verb in LEASED:
             lease = (await link.result("status"))["lease"]
             if lease.get("client") != self._number:
@@ -122,7 +126,7 @@ class OperatorLink:
     def _take(self, line: bytes, fields: Fields | None) -> None:
         if fields is not None:
             self._rows.notice(fields)
-        self._noticed(line)
+        self._noticed(line, fields is not None)
 
 
 class _LiveRows:

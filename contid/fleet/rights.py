@@ -1,7 +1,6 @@
 """What an operator may ask by network: the rights of the fleet file over the verbs of the socket.
 
-Stops need no right. Verbs that are not listed are refused: `subscribe` (telemetry is published), `hello`, and
-the end of a daemon.
+Stops need no right, `hello` any. Verbs that are not listed are refused, and the end of a daemon is.
 """
 
 from __future__ import annotations
@@ -26,7 +25,7 @@ READS: Final = frozenset({"status", "describe"})
 #: The right that a verb needs.
 VERBS: Final = {
     **dict.fromkeys(READS, Right.WATCH),
-    "ping": Right.WATCH,
+    **dict.fromkeys(("ping", "subscribe", "unsubscribe"), Right.WATCH),
     "measure": Right.MEASURE,
     **dict.fromkeys(("acquire", "release", "move", "rows", "end", "grip"), Right.MOVE),
     **dict.fromkeys(("resume", "recover", "clear_fault"), Right.ARM),
@@ -34,6 +33,8 @@ VERBS: Final = {
 #: Verbs that need the lease: at the daemon some take a free one by themselves. An order that waited in a
 #: bridge that stood still must not do that.
 LEASED: Final = frozenset({"move", "grip", "resume", "recover", "clear_fault"})
+#: Begins a client: names it, and answers what the daemon is.
+GREETING: Final = "hello"
 #: Verbs of the lease itself.
 LEASE: Final = frozenset({"acquire", "release"})
 
@@ -42,6 +43,8 @@ def needed(verb: str) -> frozenset[Right] | None:
     """Rights of which one suffices; empty for a stop, None for a verb that no right allows."""
     if verb in STOPS:
         return frozenset()
+    if verb == GREETING:
+        return frozenset(Right)
     if verb in LEASE:
         return frozenset({Right.MOVE, Right.ARM})
     return frozenset({VERBS[verb]}) if verb in VERBS else None
@@ -49,5 +52,5 @@ def needed(verb: str) -> frozenset[Right] | None:
 
 def allowed_verbs(rights: frozenset[Right]) -> tuple[str, ...]:
     """Verbs that rights allow, stops included, sorted."""
-    verbs = {verb for verb in VERBS if (needed(verb) or frozenset()) & rights}
+    verbs = {verb for verb in (*VERBS, GREETING) if (needed(verb) or frozenset()) & rights}
     return tuple(sorted(verbs | STOPS))

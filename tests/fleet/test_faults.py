@@ -13,10 +13,9 @@ from contextlib import ExitStack
 import pytest
 
 from contid.client import Client
-from contid.fleet.fleet_client import FleetProcedures
+from contid.fleet.fleet_address import FleetAddress
 from contid.fleet.net import LINK_LEASE_S
 from contid.fleet.operator import FleetOperator
-from contid.remote.client.sync_client import completed
 from contid.remote.protocol.wire import decode, encode
 from tests.support.daemons import Running, armed_daemon, arrives, daemon, states
 from tests.support.fleets import BridgeProcess, bridge, mover
@@ -104,9 +103,7 @@ def test_without_the_bridge_the_robot_holds(
 def test_an_order_that_waited_in_a_stopped_bridge_moves_nothing(node: Running, served: BridgeProcess) -> None:
     answers: queue.SimpleQueue[bytes] = queue.SimpleQueue()
     with FleetOperator(served.operator()) as operator, node.client() as client:
-        moves = FleetProcedures(operator, "hand1")
-        completed(moves.connect())
-        completed(moves.acquire(0.5))
+        Client(FleetAddress(operator, "hand1")).acquire(0.5)
         served.process.send_signal(signal.SIGSTOP)
         key = operator.keys.do("hand1", "anna", operator.origin.session, "move")
         move = encode({"target": {"x_mm": -20.0, "y_mm": 80.0}})[:-1]
@@ -128,17 +125,16 @@ def test_of_live_rows_the_newest_wins(node: Running, served: BridgeProcess) -> N
         codes[decode(line).get("error", {}).get("code", "ok")] += 1
 
     with FleetOperator(served.operator()) as operator, node.client() as client:
-        moves = FleetProcedures(operator, "hand1")
-        completed(moves.connect())
-        completed(moves.acquire(5.0))
-        move = completed(moves.request("move", columns=["x_mm", "y_mm"]))["move"]
+        moves = Client(FleetAddress(operator, "hand1"))
+        moves.acquire(5.0)
+        move = moves.request("move", columns=["x_mm", "y_mm"])["move"]
         key = operator.keys.do("hand1", "anna", operator.origin.session, "rows")
         for number in range(count):
             # The last ones are equal: in such a flood the network drops a few.
             row = [20.0 * min(number / (count - 10), 1.0), 85.0]
             operator.net.ask(key, encode({"move": move, "rows": [row]})[:-1], 10.0, answered)
-        completed(moves.request("end", move=move))  # it does not overtake the last row
-        completed(moves.wait(move))
+        moves.request("end", move=move)  # it does not overtake the last row
+        moves.wait(move)
         assert codes.keys() == {"ok", "superseded"}
         assert codes["superseded"] > codes["ok"]
         arrives(client, "f0", (20.0, 85.0, 0.0))

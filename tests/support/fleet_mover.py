@@ -9,10 +9,10 @@ import time
 from collections.abc import Iterator
 from pathlib import Path
 
-from contid.fleet.fleet_client import FleetProcedures
+from contid.client import Client
+from contid.fleet.fleet_address import FleetAddress
 from contid.fleet.fleet_file import load_operator_file
 from contid.fleet.operator import FleetOperator
-from contid.remote.client.sync_client import completed
 
 PERIOD_S = 0.02
 
@@ -35,10 +35,9 @@ def main() -> None:
     signal.signal(signal.SIGUSR1, hang)
     path, node, lease_s = sys.argv[1:]
     with FleetOperator(load_operator_file(Path(path))) as operator:
-        client = FleetProcedures(operator, node)
-        completed(client.connect())
-        completed(client.acquire(float(lease_s)))
-        completed(client.stream(["x_mm", "y_mm"], rows()))
+        client = Client(FleetAddress(operator, node))
+        client.acquire(float(lease_s))
+        client.stream(["x_mm", "y_mm"], rows())
 
 
 if __name__ == "__main__":

@@ -163,30 +163,22 @@ def move(
     file: Path | None,
 ) -> None:
     """Send the robots of one NODE to a point, or along the rows of --trajectory, and hold there."""
-    from contid.fleet.fleet_client import FleetProcedures
+    from contid.client import Client
+    from contid.errors import ContidError
+    from contid.fleet.fleet_address import FleetAddress
     from contid.remote.client.move_arguments import columns_and_rows, point
-    from contid.remote.client.sync_client import completed
 
     if (trajectory is None) == (not message):
         raise click.UsageError("give a point (COLUMN=VALUE...) or --trajectory, one of them")
     target = point(message) if trajectory is None else {}
     columns, rows = ((), iter(())) if trajectory is None else columns_and_rows(trajectory)
-
-    async def carry_out(client: FleetProcedures) -> list[str]:
-        await client.connect()
-        await client.acquire(lease, takeover=takeover)
+    refused: list[str] = []
+    with _operator(file) as operator, Client(FleetAddress(operator, node), name="fleet move") as client:
+        client.acquire(lease, takeover=takeover)
         if trajectory is None:
-            await client.move(target)
-            refused: list[str] = []
+            client.move(target)
         else:
-            refused = await client.stream(columns, rows)
-        await client.close()
-        return refused
-
-    from contid.errors import ContidError
-
-    with _operator(file) as operator:
-        refused = completed(carry_out(FleetProcedures(operator, node)))
+            refused = client.stream(columns, rows)
     if refused:
         raise ContidError("refused: " + "; ".join(refused))
 

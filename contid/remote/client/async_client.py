@@ -10,8 +10,9 @@ from pathlib import Path
 from types import TracebackType
 from typing import Final, Self
 
-from contid.remote.client.client_protocol import CHUNK, Request
+from contid.remote.client.client_protocol import Request
 from contid.remote.client.procedures import Procedures
+from contid.remote.client.wires import AsyncQueuedWire, AsyncSocketWire
 from contid.remote.protocol.connect import connect_at_once
 from contid.remote.protocol.wire import ConnectionLostError, Fields, RemoteError
 
@@ -27,15 +28,18 @@ class AsyncClient(Procedures):
     """
 
     _lost: ConnectionLostError | RemoteError | None = None
-    _writer: asyncio.StreamWriter | None = None
+    _wire: AsyncSocketWire | AsyncQueuedWire | None = None
     _reading: asyncio.Task[None] | None = None
 
     async def _open(self, path: Path) -> None:
         self._waiting: dict[int, tuple[Request, asyncio.Future[Fields]]] = {}
         self._noticed = asyncio.Event()
-        connected = await self._connected(path)
-        reader, self._writer = await asyncio.open_unix_connection(sock=connected)
-        self._reading = asyncio.create_task(self._read(reader))
+        if self._address is not None:
+            self._wire = await AsyncQueuedWire.open(self._address)
+        else:
+            connected = await self._connected(path)
+            self._wire = AsyncSocketWire(*await asyncio.open_unix_connection(sock=connected))
+        self._reading = asyncio.create_task(self._read(self._wire))
 
     async def _connected(self, path: Path) -> socket.socket:
         """A connection; waits while the backlog is full (asyncio would take that for connected)."""
@@ -49,14 +53,12 @@ class AsyncClient(Procedures):
             await asyncio.sleep(CONNECT_PERIOD_S)
 
     async def _exchange(self, request: Request) -> Fields:
-        if self._lost is not None or self._writer is None:
+        if self._lost is not None or self._wire is None:
             raise self._lost or ConnectionLostError("not connected; use `async with`")
         future: asyncio.Future[Fields] = asyncio.get_running_loop().create_future()
         self._waiting[request.number] = request, future
         try:
-            self._writer.write(request.line)
-            with suppress(ConnectionError):
-                await self._writer.drain()
+            await self._wire.send(request)
             async with asyncio.timeout(request.timeout_s):
                 return await future
         except TimeoutError:
@@ -75,11 +77,11 @@ class AsyncClient(Procedures):
     async def _sleep(self, seconds: float) -> None:
         await asyncio.sleep(seconds)
 
-    async def _read(self, reader: asyncio.StreamReader) -> None:
+    async def _read(self, wire: AsyncSocketWire | AsyncQueuedWire) -> None:
         """Take in lines until the connection ends."""
         message = "the daemon closed the connection"
         try:
-            while chunk := await reader.read(CHUNK):
+            while chunk := await wire.receive():
                 if self._protocol.receive(chunk):
                     self._noticed.set()
                 for request, future in self._waiting.values():
@@ -110,10 +112,8 @@ class AsyncClient(Procedures):
         if self._reading is not None:
             self._reading.cancel()
             await asyncio.gather(self._reading, return_exceptions=True)
-        if self._writer is not None:
-            self._writer.close()
-            with suppress(OSError):
-                await self._writer.wait_closed()
+        if self._wire is not None:
+            await self._wire.close()
 
     async def __aenter__(self) -> Self:
         """Connect."""

@@ -38,12 +38,14 @@ class Request:
 
     Attributes:
         number: its ``id``, repeated in the response.
+        verb: what it asks.
         line: its bytes.
         timeout_s: how long to wait for the response.
         fields: without ``id`` and ``verb``.
     """
 
     number: int
+    verb: str
     line: bytes
     timeout_s: float
     fields: Mapping[str, Any]
@@ -79,7 +81,7 @@ class ClientProtocol:
         given = {key: value for key, value in fields.items() if value is not None}
         timeout_s = max(self.timeout_s, VERB_TIMEOUT_S.get(verb, 0.0))
         line = encode({"id": self._number, "verb": verb, **given})
-        request = self._open[self._number] = Request(self._number, line, timeout_s, given)
+        request = self._open[self._number] = Request(self._number, verb, line, timeout_s, given)
         return request
 
     def receive(self, chunk: bytes) -> bool:

@@ -17,6 +17,7 @@ from typing import Any, Final, Self, TypeAlias
 
 from contid.remote.client.client_protocol import RESPONSE_TIMEOUT_S, ClientProtocol, Request
 from contid.remote.client.servo import Controller, ServoReport, servo
+from contid.remote.client.wires import Address, address_of
 from contid.remote.protocol.socket_path import find
 from contid.remote.protocol.wire import PROTOCOL, ConnectionLostError, Fields, NoDaemonError, RemoteError
 
@@ -37,12 +38,12 @@ class Procedures(ABC):
     """A connection to a daemon.
 
     Args:
-        path: of the socket; None for the only running daemon.
+        path: of the socket, or an address (``fleet:FLEET/NODE``); None for the only running daemon.
         name: of this client in the daemon's messages.
         timeout_s: how long to wait for a response.
 
     Attributes:
-        path: of the socket, once connected.
+        path: of the socket, or the address, once connected.
         hello: the daemon's greeting: protocol, version, name, number of this client.
     """
 
@@ -51,11 +52,12 @@ class Procedures(ABC):
 
     def __init__(
         self,
-        path: str | Path | None = None,
+        path: str | Path | Address | None = None,
         *,
         name: str | None = None,
         timeout_s: float = RESPONSE_TIMEOUT_S,
     ) -> None:
+        self._address = address_of(path)
         self._given = None if path is None else str(path)
         self.name = name or f"{Path(sys.argv[0]).name or 'python'}[{os.getpid()}]"
         self._protocol = ClientProtocol(timeout_s)
@@ -90,7 +92,7 @@ class Procedures(ABC):
         Raises:
             NoDaemonError: no daemon there, or several and no path.
         """
-        self.path = find(self._given)
+        self.path = Path(self._address.name) if self._address is not None else find(self._given)
         try:
             await self._open(self.path)
             self.hello = await self.request("hello", protocol=PROTOCOL, name=self.name)

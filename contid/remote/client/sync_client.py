@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import functools
-import socket
 import time
 from collections.abc import Callable, Coroutine, Generator, Iterable, Sequence
 from contextlib import suppress
@@ -11,9 +10,9 @@ from pathlib import Path
 from types import TracebackType
 from typing import Any, Concatenate, Final, ParamSpec, Self, TypeVar
 
-from contid.remote.client.client_protocol import CHUNK, RESPONSE_TIMEOUT_S, Request
+from contid.remote.client.client_protocol import RESPONSE_TIMEOUT_S, Request
 from contid.remote.client.procedures import Procedures, Robots
-from contid.remote.protocol.connect import connect
+from contid.remote.client.wires import Address, QueuedWire, SocketWire
 from contid.remote.protocol.wire import ConnectionLostError, Fields
 
 P = ParamSpec("P")
@@ -24,19 +23,21 @@ CLOSE_REASON_TIMEOUT_S: Final = 0.5
 
 
 class BlockingProcedures(Procedures):
-    """The procedures over a blocking socket: no coroutine of this class ever suspends."""
+    """The procedures over a blocking wire: no coroutine of this class ever suspends."""
 
-    _socket: socket.socket | None = None
+    _wire: SocketWire | QueuedWire | None = None
 
     async def _open(self, path: Path) -> None:
-        self._socket = connect(path, self._protocol.timeout_s)
+        if self._address is not None:
+            self._wire = QueuedWire(self._address)
+        else:
+            self._wire = SocketWire(path, self._protocol.timeout_s)
 
     async def _exchange(self, request: Request) -> Fields:
         deadline_s = time.monotonic() + request.timeout_s
-        assert self._socket is not None
+        assert self._wire is not None
         try:
-            self._socket.settimeout(request.timeout_s)
-            self._socket.sendall(request.line)
+            self._wire.send(request)
         except OSError as error:
             self._read_close_reason()
             raise self._protocol.lost(f"the connection ended ({error.strerror or error})") from None
@@ -57,19 +58,18 @@ class BlockingProcedures(Procedures):
         time.sleep(seconds)
 
     async def _disconnect(self) -> None:
-        if self._socket is not None:
-            self._socket.close()
+        if self._wire is not None:
+            self._wire.close()
 
     def _read(self, timeout_s: float) -> bool:
         """Read once, waiting at most so long; True when a notice came."""
-        assert self._socket is not None
+        assert self._wire is not None
         try:
-            self._socket.settimeout(max(timeout_s, 0.001))
-            chunk = self._socket.recv(CHUNK)
-        except TimeoutError:
-            return False
+            chunk = self._wire.receive(timeout_s)
         except OSError as error:
             raise self._protocol.lost(f"the connection ended ({error.strerror or error})") from None
+        if chunk is None:
+            return False
         if not chunk:
             raise self._protocol.lost("the daemon closed the connection")
         return self._protocol.receive(chunk)
@@ -108,12 +108,12 @@ class Client:
     """A connection to a daemon. Not thread-safe: each thread needs its own.
 
     Args:
-        path: of the socket; None for the only running daemon.
+        path: of the socket, or an address (``fleet:FLEET/NODE``); None for the only running daemon.
         name: of this client in the daemon's messages.
         timeout_s: how long to wait for a response.
 
     Attributes:
-        path: of the socket.
+        path: of the socket, or the address.
         name: of this client.
         hello: the daemon's greeting: protocol, version, name, number of this client.
 
@@ -123,7 +123,7 @@ class Client:
 
     def __init__(
         self,
-        path: str | Path | None = None,
+        path: str | Path | Address | None = None,
         *,
         name: str | None = None,
         timeout_s: float = RESPONSE_TIMEOUT_S,

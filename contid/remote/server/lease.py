@@ -84,15 +84,19 @@ class Lease:
         timeout_s: float = TIMEOUT_S,
         takeover: bool = False,
         by: str = "",
+        unless_stopped: bool = False,
     ) -> LeaseHolder | None:
         """Acquire the lease; returns the previous holder if it was another one.
 
         Raises:
-            RemoteError: another client holds it and ``takeover`` is not set.
+            RemoteError: another client holds it and ``takeover`` is not set, or stopped the robots and
+                ``unless_stopped`` is set.
         """
         before = self.holder
         if before is not None and before.client != client and not takeover:
             raise self._refusal(before, now_s)
+        if unless_stopped:
+            self._go_on(client)
         self.stopped_by = ""
         since_s = now_s if before is None or before.client != client else before.since_s
         self.holder = LeaseHolder(client, name, since_s, timeout_s, now_s, by)

@@ -206,10 +206,10 @@ class RequestHandler:
 
     async def _acquire(self, caller: Caller, request: RequestFields) -> Fields:
         timeout_s = request.number("timeout_s", TIMEOUT_S, MIN_TIMEOUT_S, MAX_TIMEOUT_S)
-        takeover = request.flag("takeover")
+        takeover, unless_stopped = request.flag("takeover"), request.flag("unless_stopped")
         request.end()
         before = self.lease.acquire(
-            caller.number, caller.name, time.monotonic(), timeout_s, takeover, caller.by
+            caller.number, caller.name, time.monotonic(), timeout_s, takeover, caller.by, unless_stopped
         )
         if before is not None:
             message = f"{client_label(caller.name, caller.by)} took over"

@@ -1,0 +1,152 @@
+"""The network as a wire of a client: a request is a query, and its answer a line as from the socket.
+
+By network no order takes a free lease by itself. Here, in the program of the operator, the wire acquires it
+as the daemon would: not after a stop of another client.
+"""
+
+from __future__ import annotations
+
+import threading
+from collections.abc import Callable, Mapping
+from typing import Any, Final
+
+from contid.fleet.operator import FleetOperator, response_of
+from contid.fleet.operator_link import LEASE_S, NO_LEASE, SUPERSEDED
+from contid.fleet.rights import LEASED, STOPS
+from contid.remote.client.client_protocol import Request
+from contid.remote.protocol.wire import Fields, encode
+
+#: Longest wait for an answer; the bridge answers by itself when the daemon does not.
+ANSWER_TIMEOUT_S: Final = 5.0
+#: Only a move keeps the lease that it takes.
+KEEPING: Final = "move"
+
+
+class FleetWire:
+    """A client of one node (`contid.remote.client.wires.Wire`). Answers come in threads of Zenoh.
+
+    Args:
+        operator: the session.
+        node: name of the node.
+        deliver: gets lines, and b"" when the connection has ended.
+        lease_s: of the lease that an order takes when it is free; None for `LEASE_S`.
+        owns: `close` ends the session.
+    """
+
+    def __init__(
+        self,
+        operator: FleetOperator,
+        node: str,
+        deliver: Callable[[bytes], None],
+        lease_s: float | None = None,
+        owns: bool = False,
+    ) -> None:
+        self._operator = operator
+        self._node = node
+        self._deliver = deliver
+        self._lease_s = LEASE_S if lease_s is None else lease_s
+        self._owns = owns
+        self._client: int | None = None
+        self._ended = self._closed = False
+        self._lock = threading.Lock()
+        key = operator.keys.notices(node, operator.origin)
+        self._notices = operator.net.subscribe(key, lambda _, line: deliver(line + b"\n"))
+        self._leaving = operator.on_leave(node, lambda: self._end(f"{node}: its bridge or daemon is gone"))
+
+    def send(self, request: Request) -> None:
+        """See `contid.remote.client.wires.Wire.send`."""
+
+        def answered(response: Fields) -> None:
+            if response.get("error", {}).get("code") == NO_LEASE and request.verb in LEASED:
+                self._acquire(request, response)
+            else:
+                self._respond(request, response)
+
+        self._ask(request.verb, request.fields, request.timeout_s, answered)
+
+    def close(self) -> None:
+        """End the connection, without a release: if it held the lease, the robots hold."""
+        with self._lock:
+            if self._closed:
+                return
+            self._closed = self._ended = True
+        self._leaving()
+        if self._owns:
+            self._operator.close()
+        else:
+            self._notices.end()
+
+    def _acquire(self, request: Request, refusal: Fields) -> None:
+        """Take a free lease, and order again."""
+        after_stop = bool(request.fields.get("after_stop"))
+        fields = {"timeout_s": self._lease_s, "unless_stopped": not after_stop}
+
+        def ordered(response: Fields) -> None:
+            if request.verb != KEEPING or not response.get("ok"):
+                self._ask("release", {}, request.timeout_s, lambda _: self._respond(request, response))
+            else:
+                self._respond(request, response)
+
+        def acquired(response: Fields) -> None:
+            if response.get("ok"):
+                self._ask(request.verb, request.fields, request.timeout_s, ordered)
+            else:
+                self._respond(request, response)
+
+        self._ask("acquire", fields, request.timeout_s, acquired)
+
+    def _ask(
+        self, verb: str, fields: Mapping[str, Any], timeout_s: float, answered: Callable[[Fields], None]
+    ) -> None:
+        """Ask the node; exactly one answer is reported, or the connection ends."""
+        answers: list[None] = []
+
+        def take(_: str, payload: bytes) -> None:
+            if not answers:
+                answers.append(None)
+                response = response_of(payload)
+                if self._is_same(response.pop("client", None)):
+                    answered(response)
+
+        def done() -> None:
+            if answers or self._ended:
+                return
+            if verb == "rows":  # dropped where a link is full: a newer row follows
+                answered({"ok": False, "error": {"code": SUPERSEDED, "message": "lost on the way"}})
+            else:
+                self._end(
+                    f"{self._node}: no response to {verb} within {timeout_s:g} s (a machine with TLS answers "
+                    "nothing that its file does not allow this operator)"
+                )
+
+        timeout_s = max(min(timeout_s, ANSWER_TIMEOUT_S), timeout_s if verb == "end" else 0.0)
+        self._operator.net.ask(
+            self._operator.key(self._node, verb),
+            encode(fields)[:-1],
+            timeout_s,
+            take,
+            done,
+            urgent=verb in STOPS,
+            wait=verb != "rows",
+        )
+
+    def _is_same(self, number: int | None) -> bool:
+        """Another number is a new connection to the daemon, without this client's lease and moves."""
+        if number is None:
+            return True
+        if self._client is None:
+            self._client = number
+        if self._client != number:
+            self._end(f"{self._node}: its bridge or its daemon lost this session")
+        return self._client == number
+
+    def _respond(self, request: Request, response: Fields) -> None:
+        self._deliver(encode({"id": request.number, **response}))
+
+    def _end(self, message: str) -> None:
+        with self._lock:
+            if self._ended:
+                return
+            self._ended = True
+        self._deliver(encode({"event": "bye", "message": message}))
+        self._deliver(b"")

@@ -1,0 +1,169 @@
+"""What carries the lines of a client to a daemon: its Unix socket, or another way that has an address.
+
+An `Address` opens a `Wire` that takes requests and delivers lines, from any thread. Blocking and asyncio
+clients read both alike. The network of a fleet is one: ``fleet:FLEET/NODE``.
+"""
+
+from __future__ import annotations
+
+import asyncio
+import importlib
+import queue
+from collections.abc import Callable, Mapping
+from contextlib import suppress
+from pathlib import Path
+from typing import Any, Final, Protocol
+
+from contid.remote.client.client_protocol import CHUNK, Request
+from contid.remote.protocol.connect import connect
+
+#: Module with a function `address` by what an address begins with. By name: these lie in layers above.
+SCHEMES: Final[Mapping[str, str]] = {"fleet:": "contid.fleet.fleet_address"}
+
+
+class Wire(Protocol):
+    """A connection to a daemon."""
+
+    def send(self, request: Request) -> None:
+        """Send a request; its response is delivered as a line."""
+        ...
+
+    def close(self) -> None:
+        """End the connection; idempotent."""
+        ...
+
+
+class Address(Protocol):
+    """Where a daemon is, other than at a socket.
+
+    Attributes:
+        name: in messages.
+    """
+
+    name: str
+
+    def open(self, deliver: Callable[[bytes], None]) -> Wire:
+        """Connect; ``deliver`` gets lines from any thread, and b"" when the connection has ended.
+
+        Raises:
+            ContidError: nothing answers there.
+        """
+        ...
+
+
+def address_of(given: object) -> Address | None:
+    """The address of a text such as ``fleet:lab/hand1``, None for the path of a socket.
+
+    Raises:
+        ContidError: it begins like an address and is none.
+    """
+    if given is None or not isinstance(given, str | Path):
+        return given  # type: ignore[return-value]
+    text = str(given)
+    for begin, module in SCHEMES.items():
+        if text.startswith(begin):
+            found: Address = importlib.import_module(module).address(text)
+            return found
+    return None
+
+
+class SocketWire:
+    """The Unix socket of a daemon, blocking."""
+
+    def __init__(self, path: Path, timeout_s: float) -> None:
+        self._socket = connect(path, timeout_s)
+
+    def send(self, request: Request) -> None:
+        """See `Wire.send`; waits for room at most as long as for the response."""
+        self._socket.settimeout(request.timeout_s)
+        self._socket.sendall(request.line)
+
+    def receive(self, timeout_s: float) -> bytes | None:
+        """The next bytes, b"" after the end, None when none came in time."""
+        try:
+            self._socket.settimeout(max(timeout_s, 0.001))
+            return self._socket.recv(CHUNK)
+        except TimeoutError:
+            return None
+
+    def close(self) -> None:
+        """See `Wire.close`."""
+        self._socket.close()
+
+
+class QueuedWire:
+    """The wire of an address, blocking."""
+
+    def __init__(self, address: Address) -> None:
+        self._lines: queue.SimpleQueue[bytes] = queue.SimpleQueue()
+        self._wire = address.open(self._lines.put)
+
+    def send(self, request: Request) -> None:
+        """See `Wire.send`."""
+        self._wire.send(request)
+
+    def receive(self, timeout_s: float) -> bytes | None:
+        """See `SocketWire.receive`."""
+        try:
+            return self._lines.get(timeout=max(timeout_s, 0.001))
+        except queue.Empty:
+            return None
+
+    def close(self) -> None:
+        """See `Wire.close`."""
+        self._wire.close()
+
+
+class AsyncSocketWire:
+    """The Unix socket of a daemon, for asyncio."""
+
+    def __init__(self, reader: asyncio.StreamReader, writer: asyncio.StreamWriter) -> None:
+        self._reader, self._writer = reader, writer
+
+    async def send(self, request: Request) -> None:
+        """Send a request."""
+        self._writer.write(request.line)
+        with suppress(ConnectionError):
+            await self._writer.drain()
+
+    async def receive(self) -> bytes:
+        """The next bytes, b"" after the end."""
+        return await self._reader.read(CHUNK)
+
+    async def close(self) -> None:
+        """End the connection."""
+        self._writer.close()
+        with suppress(OSError):
+            await self._writer.wait_closed()
+
+
+class AsyncQueuedWire:
+    """The wire of an address, for asyncio. Use `open`."""
+
+    def __init__(self) -> None:
+        self._lines: asyncio.Queue[bytes] = asyncio.Queue()
+        self._wire: Any = None
+
+    @classmethod
+    async def open(cls, address: Address) -> AsyncQueuedWire:
+        """Connect, in a thread: it may take a second."""
+        loop, opened = asyncio.get_running_loop(), cls()
+
+        def deliver(line: bytes) -> None:
+            with suppress(RuntimeError):  # the loop has ended
+                loop.call_soon_threadsafe(opened._lines.put_nowait, line)
+
+        opened._wire = await asyncio.to_thread(address.open, deliver)
+        return opened
+
+    async def send(self, request: Request) -> None:
+        """Send a request, in a thread: it may wait for room."""
+        await asyncio.to_thread(self._wire.send, request)
+
+    async def receive(self) -> bytes:
+        """The next line, b"" after the end."""
+        return await self._lines.get()
+
+    async def close(self) -> None:
+        """End the connection."""
+        await asyncio.to_thread(self._wire.close)
