@@ -85,7 +85,7 @@ def serve(settings: PanelSettings, on_ready: Callable[[str], None]) -> None:
     """
     settings.check()
     with suppress(OSError):
-        os.nice(NICE)
+        os.setpriority(os.PRIO_PROCESS, 0, max(os.getpriority(os.PRIO_PROCESS, 0), NICE))
     listener = _listen(settings)
     port = int(listener.getsockname()[1])
     access = Access(_names(settings), secure=settings.certificate is not None)

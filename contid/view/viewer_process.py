@@ -80,7 +80,8 @@ def main() -> int:
     """Run the viewer's process."""
     # A terminal sends Ctrl-C to the whole process group; the daemon decides how the run ends.
     signal.signal(signal.SIGINT, signal.SIG_IGN)
-    os.nice(NICE)
+    # Not relative: the daemon that started it may run at a negative value.
+    os.setpriority(os.PRIO_PROCESS, 0, max(os.getpriority(os.PRIO_PROCESS, 0), NICE))
     # A tick on the same core preempts it at once; it draws with the time that nothing else needs.
     os.sched_setscheduler(0, os.SCHED_IDLE, os.sched_param(0))
     os.environ.setdefault("RUST_LOG", "off")  # Rerun logs an error when its window is closed

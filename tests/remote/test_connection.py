@@ -26,18 +26,68 @@ class FailingHandler:
     def hello(self) -> dict[str, Any]:
         return {"event": "hello"}
 
-    async def serve(self, caller: object, fields: object) -> dict[str, Any]:
+    async def serve(self, caller: object, fields: dict[str, Any]) -> dict[str, Any]:
         raise OSError(errno.ENOSPC, "No space left on device")
+
+
+class OrderHandler(FailingHandler):
+    """A handler that keeps what it gets, in order."""
+
+    def __init__(self) -> None:
+        self.got: list[str] = []
+
+    def estop_before_turn(self, caller: object, line: bytes) -> None:
+        self.got.append("estop before its turn")
+
+    def estop_all(self, caller: object) -> None:
+        self.got.append("estop at the end")
+
+    async def serve(self, caller: object, fields: dict[str, Any]) -> dict[str, Any]:
+        self.got.append(fields["verb"])
+        return {}
+
+
+@pytest.mark.parametrize("parts", [1, 5, 1000])
+def test_a_stop_is_obeyed_when_it_arrives_and_again_in_its_order(parts: int) -> None:
+    """Another client has the turn, and requests of the same client wait before the stop."""
+    lines = b'{"id":1,"verb":"status"}\n{"id":2,"verb":"resume"}\n{"id":3,"verb":"estop"}\n'
+
+    async def order() -> list[str]:
+        server, client = socket.socketpair()
+        client.setblocking(False)
+        handler, turns = OrderHandler(), asyncio.Lock()
+        connection = Connection(1, cast(RequestHandler, handler), turns)
+        loop = asyncio.get_running_loop()
+        await loop.connect_accepted_socket(lambda: connection.receiver, server)
+        run = asyncio.create_task(connection.run())
+        await turns.acquire()
+        size = -(-len(lines) // parts)
+        for begin in range(0, len(lines), size):
+            await loop.sock_sendall(client, lines[begin : begin + size])
+            await asyncio.sleep(0)
+        while not handler.got:
+            await asyncio.sleep(0)
+        before = list(handler.got)
+        turns.release()
+        while "estop" not in handler.got:
+            await asyncio.sleep(0)
+        client.close()
+        await run
+        assert before == ["estop before its turn"]
+        return handler.got
+
+    got = asyncio.run(asyncio.wait_for(order(), 10.0))
+    assert got == ["estop before its turn", "status", "resume", "estop"]
 
 
 def test_a_request_that_fails_with_any_error_is_answered(caplog: pytest.LogCaptureFixture) -> None:
     async def ask() -> list[dict[str, Any]]:
         server, client = socket.socketpair()
         client.setblocking(False)
-        reader, writer = await asyncio.open_unix_connection(sock=server)
-        connection = Connection(1, reader, writer, cast(RequestHandler, FailingHandler()), asyncio.Lock())
-        run = asyncio.create_task(connection.run())
+        connection = Connection(1, cast(RequestHandler, FailingHandler()), asyncio.Lock())
         loop = asyncio.get_running_loop()
+        await loop.connect_accepted_socket(lambda: connection.receiver, server)
+        run = asyncio.create_task(connection.run())
         received = b""
         for number in (1, 2):
             await loop.sock_sendall(client, b'{"id":%d,"verb":"end","move":1}\n' % number)

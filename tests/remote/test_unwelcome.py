@@ -64,8 +64,12 @@ def test_heavy_requests_of_many_clients_are_refused_and_block_no_stop() -> None:
                     connected.send(heavy)
         client.estop()
         assert running.off()
-        with pytest.raises(RemoteError, match="unknown column") as refused:
+        with pytest.raises(RemoteError, match="5000 columns; a move has at most 500"):
             client.request("move", columns=["x"] * 5000)
+        with pytest.raises(RemoteError, match="5000 columns"):
+            client.request("move", target={f"x{number}": "" for number in range(5000)})
+        with pytest.raises(RemoteError, match="unknown column") as refused:
+            client.request("move", columns=["x"] * 400)
         assert str(refused.value).count("\n") < 20
         begun = client.request("subscribe", robots=["f0"] * 2000, fields=["tip_mm"] * 2000)
         assert (begun["robots"], begun["fields"]) == (["f0"], ["tip_mm"])

@@ -23,6 +23,7 @@ from contid.control.daemon.interfaces import RunObserver
 from contid.control.daemon.notify import Notifier
 from contid.control.daemon.pending_input import PendingInput
 from contid.control.daemon.report_builder import ReportBuilder
+from contid.control.daemon.responsive import responsive
 from contid.control.daemon.row_stream import LiveRowReader, StreamFollower
 from contid.control.daemon.run_request import RunOptions, preflight_of, rate_of
 from contid.control.daemon.shutdown import Escalation, ShutdownSequence
@@ -200,8 +201,9 @@ class Daemon:
                 self._start_task(commands.serve(self))
             not_stopped = await self._read_pending()
             if not self._shutdown.requests:
-                self._begin(ring, layout, armed=self._options.armed and not_stopped)
-                await self._supervise(line)
+                with responsive():
+                    self._begin(ring, layout, armed=self._options.armed and not_stopped)
+                    await self._supervise(line)
         finally:
             # A further signal must not interrupt the clean-up: raised in a task it would print a traceback.
             for number in self._signals:

@@ -7,6 +7,7 @@ stream pauses. So a producer without a pace delays neither an order of a client 
 from __future__ import annotations
 
 import asyncio
+import io
 import logging
 import os
 import time
@@ -21,7 +22,7 @@ from contid.lines import MAX_LINE
 from contid.trajectory.rows import is_comment
 
 #: Time for rows that arrived together; a row of a finger takes 0.1 ms.
-BUDGET_S: Final = 2e-3
+BUDGET_S: Final = 1e-3
 #: Pause after a turn that used its time, or as long as the turn took: the event loop serves the others.
 PAUSE_S: Final = 5e-3
 
@@ -84,7 +85,7 @@ class StreamFollower:
         self._send = send
         self._now = now
         self._number = stream.number
-        self._skipped = 0
+        self._skipped = False
 
     async def follow(self) -> None:
         """Follow until the stream ends."""
@@ -113,15 +114,16 @@ class StreamFollower:
         """Follow the last row only."""
         first = self._number + 1
         self._number += len(lines)
-        rows = [index for index, line in enumerate(lines) if not is_comment(line)]
-        if not rows:
+        rows = (index for index in reversed(range(len(lines))) if not is_comment(lines[index]))
+        newest = next(rows, None)
+        if newest is None:
             return
-        if len(rows) > 1 and not self._skipped:
+        if not self._skipped and next(rows, None) is not None:
+            self._skipped = True
             log.warning(
                 f"{self._stream.name}:{first}:1: rows come faster than they can be checked; some are skipped"
             )
-        self._skipped += len(rows) - 1
-        self._row(lines[rows[-1]], first + rows[-1])
+        self._row(lines[newest], first + newest)
 
     def _row(self, line: str, number: int) -> None:
         row = self._reader.row(line, number)
@@ -148,7 +150,9 @@ async def _lines(descriptor: int) -> AsyncIterator[list[str]]:
             except BlockingIOError:
                 continue
             *complete, buffer = (buffer + chunk).split(b"\n")
-            lines = [line.decode("utf-8", errors="replace") + "\n" for line in complete]
+            # 64 kB may have ten thousand lines: divided in one call, at line feeds only.
+            text = b"\n".join((*complete, b""))
+            lines = io.StringIO(text.decode("utf-8", errors="replace"), newline="\n").readlines()
             if not chunk:
                 if buffer:
                     lines.append(buffer.decode("utf-8", errors="replace"))

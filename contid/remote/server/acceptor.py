@@ -11,10 +11,13 @@ import errno
 import os
 import socket
 from collections.abc import Callable
+from contextlib import suppress
 from typing import Final
 
-#: Clients accepted in one turn of the event loop: each costs half a millisecond, and requests wait for it.
+#: Clients accepted in one turn of the event loop: each costs a quarter of a millisecond, and requests wait
+#: for it. Those that left while they waited cost a tenth of that, so that a full queue shortens.
 PER_TURN: Final = 2
+LEFT_PER_TURN: Final = 20
 #: Pause before the next attempt while there is neither a descriptor nor a reserve.
 PAUSE_S: Final = 0.02
 _EXHAUSTED: Final = (errno.EMFILE, errno.ENFILE, errno.ENOBUFS, errno.ENOMEM)
@@ -55,7 +58,8 @@ class Acceptor:
 
     def _ready(self) -> None:
         """Accept the clients that wait."""
-        for _ in range(PER_TURN):
+        accepted = 0
+        for _ in range(LEFT_PER_TURN):
             self._refill()
             try:
                 connected = self._accept()
@@ -67,7 +71,13 @@ class Acceptor:
                 self._make_room()
                 self._pause()
                 return
+            if _left(connected):
+                connected.close()
+                continue
             self._serve(connected)
+            accepted += 1
+            if accepted == PER_TURN:
+                return
 
     def _accept(self) -> socket.socket:
         try:
@@ -98,3 +108,10 @@ class Acceptor:
     def _resume(self) -> None:
         self._paused = None
         self._loop.add_reader(self._listening, self._ready)
+
+
+def _left(connected: socket.socket) -> bool:
+    """True when a client has left without sending anything: no stop is lost with it."""
+    with suppress(OSError):  # nothing came yet
+        return not connected.recv(1, socket.MSG_PEEK | socket.MSG_DONTWAIT)
+    return False

@@ -3,7 +3,7 @@
 Requests start in their order; a long one does not delay the next, so a stop after a large trajectory is
 carried out at once. Of all clients together one request starts per turn of the event loop; orders to stop and
 other short requests of `PROMPT` wait for no turn. An emergency stop is recognised before its line is parsed
-(`contid.remote.protocol.estop_line`).
+(`contid.remote.protocol.estop_line`) and obeyed when it arrives (`contid.remote.server.line_receiver`).
 """
 
 from __future__ import annotations
@@ -11,7 +11,6 @@ from __future__ import annotations
 import asyncio
 import logging
 import os
-from collections import deque
 from collections.abc import Mapping, Sequence
 from contextlib import suppress
 from dataclasses import dataclass
@@ -21,6 +20,7 @@ from contid.lines import MAX_LINE
 from contid.remote.protocol.estop_line import ESTOP, is_estop
 from contid.remote.protocol.peer_credentials import ClientRole
 from contid.remote.protocol.wire import Code, Fields, RemoteError, decode, encode
+from contid.remote.server.line_receiver import LineReceiver
 from contid.remote.server.outbox import Outbox
 from contid.remote.server.request_handler import RequestHandler
 
@@ -79,15 +79,12 @@ class Connection:
         role: what it may do.
         outbox: lines to send.
         subscription: None without one.
-        active_s: when the client sent something, or connected.
-        active: it has sent something.
+        receiver: of its lines; the protocol of the transport.
     """
 
     def __init__(
         self,
         number: int,
-        reader: asyncio.StreamReader,
-        writer: asyncio.StreamWriter,
         handler: RequestHandler,
         turns: asyncio.Lock,
         role: ClientRole = ClientRole.ALL,
@@ -99,23 +96,18 @@ class Connection:
         self.role = role
         self.outbox = Outbox()
         self.subscription: Subscription | None = None
-        self.active_s = asyncio.get_running_loop().time()
-        self.active = False
-        self._reader = reader
-        self._writer = writer
+        self.receiver = LineReceiver(self._estop_arrived)
         self._handler = handler
         self._turns = turns
         self._pending = asyncio.Semaphore(MAX_PENDING)
         self._estops = asyncio.Semaphore(MAX_PENDING)
         self._requests: set[asyncio.Task[None]] = set()
         self._bad_requests = 0
-        self._lines: deque[bytes] = deque()
-        self._partial = b""
         self._closing = asyncio.Event()
 
     async def run(self) -> None:
-        """Serve the client until it leaves or is disconnected."""
-        self._writer.transport.set_write_buffer_limits(high=HIGH_WATER)
+        """Serve the client of the receiver's transport until it leaves or is disconnected."""
+        self._transport.set_write_buffer_limits(high=HIGH_WATER)
         self.notify(self._handler.queries.hello())
         tasks = [asyncio.create_task(part()) for part in (self._read, self._write, self._closing.wait)]
         try:
@@ -126,7 +118,7 @@ class Connection:
             await asyncio.gather(*tasks, *self._requests, return_exceptions=True)
             self._take_rest()
             self._obey_rest()
-            self._writer.transport.abort()
+            self._transport.abort()
 
     def disconnect(self, message: str) -> None:
         """End the connection with a notice ``bye`` if the buffer takes it; waits for nothing."""
@@ -151,41 +143,34 @@ class Connection:
 
     # -- inside ------------------------------------------------------------------------------------------
 
-    async def _read(self) -> None:
-        with suppress(ConnectionError, OSError):
-            while chunk := await self._reader.read(MAX_LINE):
-                self.active_s, self.active = asyncio.get_running_loop().time(), True
-                self._take(chunk)
-                while self._lines:
-                    await self._serve(self._lines.popleft())
-                if len(self._partial) > MAX_LINE:
-                    error = RemoteError(Code.BAD_REQUEST, f"a line has at most {MAX_LINE} bytes")
-                    self._refuse(None, error)
-                    await asyncio.sleep(0)  # lets the writer send the refusal
-                    return
+    @property
+    def _transport(self) -> asyncio.Transport:
+        assert self.receiver.transport is not None
+        return self.receiver.transport
 
-    def _take(self, chunk: bytes) -> None:
-        """Divide received bytes into lines."""
-        *lines, self._partial = (self._partial + chunk).split(b"\n")
-        self._lines.extend(lines)
+    def _estop_arrived(self, line: bytes) -> None:
+        """Obey an emergency stop before its turn; its request follows in its order and gets the response."""
+        self._handler.estop_before_turn(self, line)
+
+    async def _read(self) -> None:
+        while (line := await self.receiver.line()) is not None:
+            await self._serve(line)
+        if self.receiver.too_long:
+            self._refuse(None, RemoteError(Code.BAD_REQUEST, f"a line has at most {MAX_LINE} bytes"))
+            await asyncio.sleep(0)  # lets the writer send the refusal
 
     def _obey_rest(self) -> None:
         """Obey an emergency stop among what a client sent before it disconnected, or was disconnected."""
-        if any(map(is_estop, (*self._lines, self._partial))):
+        if any(map(is_estop, (*self.receiver.lines, self.receiver.partial))):
             self._handler.estop_all(self)
-        self._lines.clear()
-        self._partial = b""
+        self.receiver.clear()
 
     def _take_rest(self) -> None:
         """Read what the kernel still holds, before the transport closes the socket."""
-        descriptor = self._writer.get_extra_info("socket").fileno()
+        descriptor = self._transport.get_extra_info("socket").fileno()
         with suppress(OSError):
-            while (
-                descriptor >= 0
-                and len(self._partial) <= MAX_LINE
-                and (chunk := os.read(descriptor, MAX_LINE))
-            ):
-                self._take(chunk)
+            while descriptor >= 0 and not self.receiver.too_long and (chunk := os.read(descriptor, MAX_LINE)):
+                self.receiver.feed(chunk)
 
     async def _serve(self, line: bytes) -> None:
         """Start the request of a line, in its turn."""
@@ -238,16 +223,15 @@ class Connection:
         self.notify({"id": number, "ok": False, "error": error.as_fields()})
 
     def _write_line(self, line: bytes) -> None:
-        self._writer.write(line)
-        if self._writer.transport.is_closing():  # the peer does not read any more
+        self._transport.write(line)
+        if self._transport.is_closing():  # the peer does not read any more
             self._take_rest()
 
     async def _write(self) -> None:
-        with suppress(ConnectionError, TimeoutError):
-            while True:
+        with suppress(TimeoutError):
+            while not self.receiver.lost:
                 self._write_line(await self.outbox.get())
-                async with asyncio.timeout(STALL_S):
-                    await self._writer.drain()
+                await self.receiver.writable(STALL_S)
 
 
 def _verb(line: bytes) -> object:

@@ -24,6 +24,8 @@ from contid.remote.server.telemetry_view import TelemetryView
 from contid.targets import Target
 from contid.trajectory.rows import RowReader
 
+#: Columns of a move. A laboratory of sixteen fingers has 200; thousands would hold up the other clients.
+MAX_COLUMNS: Final = 500
 #: Time for robots to stand still before a trajectory is played, and the period of that check.
 STANDSTILL_TIMEOUT_S: Final = 20.0
 POLL_S: Final = 0.02
@@ -45,11 +47,12 @@ class Moves:
 
     async def point(self, client: int, target: Mapping[str, Any], notify: Notify) -> Fields:
         """Start a goto; returns when the control process has accepted it."""
-        for name, value in target.items():
-            if not is_number(value):
-                raise RemoteError(Code.BAD_TARGET, f"{name[:60]}: {str(value)[:40]!r} is not a number")
         try:
-            reader = RowReader(_header(target), "move", self._view.robots)
+            header = _header(target)
+            for name, value in target.items():
+                if not is_number(value):
+                    raise RemoteError(Code.BAD_TARGET, f"{name[:60]}: {str(value)[:40]!r} is not a number")
+            reader = RowReader(header, "move", self._view.robots)
             targets = reader.layout.targets(reader.row(tuple(target.values()), 1))
         except BadInputError as error:
             raise bad_target(error) from None
@@ -244,6 +247,8 @@ def _credit(move: RowMove) -> Fields:
 
 def _header(columns: Sequence[str] | Mapping[str, Any]) -> str:
     """Names of columns as the header of a CSV."""
+    if len(columns) > MAX_COLUMNS:
+        raise RemoteError(Code.BAD_TARGET, f"{len(columns)} columns; a move has at most {MAX_COLUMNS}")
     if any("," in name or "\n" in name or name.startswith(("{", "#")) for name in columns):
         raise RemoteError(Code.BAD_TARGET, "a column is one name, such as x_mm or left.x_mm")
     return ",".join(columns)

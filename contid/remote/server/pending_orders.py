@@ -15,8 +15,11 @@ from contid.control.engine.events import MarkReached, OrderRefused, RunEvent
 from contid.control.engine.messages import Mark, Message
 from contid.remote.protocol.wire import Code, RemoteError
 
-#: The control process confirms within a tick; the daemon polls every 20 ms.
 CONFIRM_TIMEOUT_S: Final = 3.0
+#: The control process confirms within a tick. After an order the ring is read in this period, at most `POLLS`
+#: times; then with the events of the run.
+POLL_S: Final = 2e-3
+POLLS: Final = 25
 #: A bulk order crosses the pipe in parts, interleaved with others.
 BULK_TIMEOUT_S: Final = 30.0
 
@@ -37,8 +40,12 @@ class OrderResult:
 class PendingOrders:
     """Orders that are not yet confirmed."""
 
-    def __init__(self, send: Callable[[Message], None]) -> None:
+    def __init__(self, send: Callable[[Message], None], refresh: Callable[[], None]) -> None:
+        """``send`` sends one order, ``refresh`` fetches events, which come to `notice`."""
         self._send = send
+        self._refresh = refresh
+        self._polls = 0
+        self._timer: asyncio.TimerHandle | None = None
         self._number = 0
         self._open: int | None = None
         self._waiting: dict[int, tuple[OrderResult, asyncio.Future[OrderResult]]] = {}
@@ -59,9 +66,20 @@ class PendingOrders:
         return self._expect(number)
 
     def _expect(self, number: int) -> asyncio.Future[OrderResult]:
-        future: asyncio.Future[OrderResult] = asyncio.get_running_loop().create_future()
+        loop = asyncio.get_running_loop()
+        future: asyncio.Future[OrderResult] = loop.create_future()
         self._waiting[number] = (OrderResult(), future)
+        self._polls = POLLS
+        if self._timer is None:
+            self._timer = loop.call_later(POLL_S, self._poll)
         return future
+
+    def _poll(self) -> None:
+        self._timer = None
+        self._polls -= 1
+        self._refresh()
+        if self._waiting and self._polls > 0:
+            self._timer = asyncio.get_running_loop().call_later(POLL_S, self._poll)
 
     async def confirmed(
         self, future: asyncio.Future[OrderResult], timeout_s: float = CONFIRM_TIMEOUT_S
@@ -93,6 +111,9 @@ class PendingOrders:
 
     def close(self) -> None:
         """Cancel what will not be confirmed any more."""
+        if self._timer is not None:
+            self._timer.cancel()
+            self._timer = None
         for _, future in self._waiting.values():
             future.cancel()
         self._waiting.clear()

@@ -18,8 +18,10 @@ from contid.control.daemon.interfaces import RunControl
 from contid.control.engine.events import OrderRefused, RunEvent, SourceEnded
 from contid.control.engine.messages import ClearFault, Estop, Grip, Hold, Message, Recover, Resume, Stop
 from contid.control.tick.supervisor import Mode
+from contid.remote.protocol.estop_line import ESTOP
 from contid.remote.protocol.peer_credentials import ClientRole
-from contid.remote.protocol.wire import Code, Fields, RemoteError, RequestFields
+from contid.remote.protocol.wire import Code, Fields, RemoteError, RequestFields, decode
+from contid.remote.server.frame_encoder import FrameEncoder
 from contid.remote.server.lease import (
     MAX_TIMEOUT_S,
     MIN_TIMEOUT_S,
@@ -64,7 +66,8 @@ class RequestHandler:
         self._busy: Counter[int] = Counter()
         self._logged_s: dict[tuple[int, str], float] = {}
         self.view = TelemetryView(control.loaded, control.rate_hz, control.refresh)
-        self.pending = PendingOrders(control.send)
+        self.frames = FrameEncoder(self.view.field)
+        self.pending = PendingOrders(control.send, control.refresh)
         self.moves = Moves(control, self.view, self.pending)
         self.trackers = Trackers(control, self.view)
         self.lease = Lease(time.monotonic(), control.input_active)
@@ -171,6 +174,17 @@ class RequestHandler:
     def estop_all(self, caller: Caller) -> None:
         """Stop all robots for a client that gets no response any more."""
         self._send_stop(caller, "estop", Estop())
+
+    def estop_before_turn(self, caller: Caller, line: bytes) -> None:
+        """Send the emergency stop of a line that has just arrived: of the robots it names, else of all."""
+        try:
+            fields = decode(line)
+            request = RequestFields(fields)
+            robots = self.view.named(request) if fields.get("verb") == ESTOP else None
+            request.end()
+        except RemoteError:
+            robots = None
+        self._send_stop(caller, "estop", Estop(robots))
 
     async def obey_malformed_estop(self, caller: Caller, error: RemoteError) -> RemoteError:
         """Stop all robots for an estop with a mistake; returns the refusal to send."""

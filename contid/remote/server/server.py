@@ -23,7 +23,6 @@ from contid.control.engine.events import (
     to_json,
 )
 from contid.control.tick.faults import Fault
-from contid.lines import MAX_LINE
 from contid.remote.protocol.peer_credentials import ClientRole, peer_of, role_of
 from contid.remote.protocol.socket_path import Endpoint
 from contid.remote.protocol.wire import MAX_CLIENTS, Fields, encode
@@ -56,8 +55,6 @@ class SocketServer:
         self._connections: dict[int, Connection] = {}
         self._runs: set[asyncio.Task[None]] = set()
         self._numbers = 0
-        self._frames: dict[tuple[Any, ...], bytes] = {}
-        self._frames_tick = -1
         self._expected_s = 0.0
         self._turns = asyncio.Lock()
         self._handler: RequestHandler
@@ -101,13 +98,10 @@ class SocketServer:
         task.add_done_callback(self._runs.discard)
 
     async def _serve_client(self, connected: socket.socket, role: ClientRole) -> None:
-        loop = asyncio.get_running_loop()
-        reader = asyncio.StreamReader(limit=MAX_LINE)
-        protocol = asyncio.StreamReaderProtocol(reader)
-        transport, _ = await loop.connect_accepted_socket(lambda: protocol, connected)
         self._numbers += 1
-        writer = asyncio.StreamWriter(transport, protocol, reader, loop)
-        connection = Connection(self._numbers, reader, writer, self._handler, self._turns, role)
+        connection = Connection(self._numbers, self._handler, self._turns, role)
+        loop = asyncio.get_running_loop()
+        await loop.connect_accepted_socket(lambda: connection.receiver, connected)
         if len(self._connections) >= MAX_CLIENTS:
             self._displace()
         self._connections[connection.number] = connection
@@ -124,7 +118,7 @@ class SocketServer:
         """
         others = [c for c in self._connections.values() if not self._handler.lease.held_by(c.number)]
         if others:
-            idle = min(others, key=lambda connection: (connection.active, connection.active_s))
+            idle = min(others, key=lambda other: (other.receiver.active, other.receiver.active_s))
             del self._connections[idle.number]
             idle.disconnect("another client needed the place; this one was idle longest")
 
@@ -157,7 +151,7 @@ class SocketServer:
         return min(max(left_s, LOOK_S), WATCH_S) if due and left_s > -tick_s else WATCH_S
 
     async def _send_frames(self, control: RunControl) -> None:
-        """Send the telemetry that is due; equal frames are encoded once, others between requests."""
+        """Send the telemetry that is due; requests get a turn in between."""
         tick_s = 1.0 / control.rate_hz
         now_s = turn_s = time.monotonic()
         due = [
@@ -168,18 +162,14 @@ class SocketServer:
         record = control.newest() if due else None
         if record is None:
             return
-        if record.tick != self._frames_tick:
-            self._frames, self._frames_tick = {}, record.tick
-            self._expected_s = record.deadline_s + tick_s + record.work_s
+        self._expected_s = record.deadline_s + tick_s + record.work_s
+        frames = self._handler.frames
         for connection, subscription in due:
             if subscription.tick == record.tick:
                 continue
             subscription.sent(now_s, record.tick)
-            key = (subscription.robots, subscription.fields)
-            if key not in self._frames:
-                fields = self._handler.view.telemetry(record, *key)
-                self._frames[key] = encode({"event": "telemetry", **fields})
-            connection.outbox.put_frame(self._with_drops(connection, self._frames[key]))
+            line = frames.line(record, subscription.robots, subscription.fields)
+            connection.outbox.put_frame(self._with_drops(connection, line))
             if time.monotonic() - turn_s > FRAMES_S:
                 await asyncio.sleep(0)
                 turn_s = time.monotonic()

@@ -184,13 +184,9 @@ class TelemetryView:
             "robots": {name: self._robot(name, record) for name in self.configs},
         }
 
-    def telemetry(self, record: TickRecord, robots: Sequence[str], fields: Sequence[str]) -> Fields:
-        """The chosen fields of the chosen robots at one tick."""
-        chosen = {
-            name: {field: self._field(self.configs[name], self._of(name, record), field) for field in fields}
-            for name in robots
-        }
-        return {"tick": record.tick, "t_s": record.deadline_s, "robots": chosen}
+    def field(self, record: TickRecord, robot: str, field: str) -> Any:
+        """One of `FIELDS` of a robot at one tick."""
+        return self._field(self.configs[robot], self._of(robot, record), field)
 
     def _field(self, config: RobotConfig, record: RobotRecord, field: str) -> Any:
         scale = config.quantity.per_si
