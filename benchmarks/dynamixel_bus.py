@@ -36,7 +36,7 @@ from typing import Any
 from contid.control.engine.clock import RealClock
 from contid.hal import AxisOnBus
 from contid_drivers.dynamixel.bus import DynamixelBus
-from contid_drivers.dynamixel.cyclic import INDIRECT, MOTION, CyclicLayout
+from contid_drivers.dynamixel.exchange.block import INDIRECT, MOTION, CyclicLayout
 from contid_drivers.dynamixel.options import DynamixelAxisOptions, DynamixelBusOptions
 
 

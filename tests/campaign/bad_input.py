@@ -39,7 +39,8 @@ from contid_drivers.due.frames import FrameReader, seal
 from contid_drivers.due.messages import read_answer
 from contid_drivers.due.messages import request as payload_of
 from contid_drivers.dynamixel import packets
-from contid_drivers.dynamixel.cyclic import INDIRECT, MOTION, PLAIN
+from contid_drivers.dynamixel.exchange.block import INDIRECT, MOTION, PLAIN
+from contid_drivers.dynamixel.exchange.fast_answer import FastAnswer
 from tests.campaign import siege
 from tests.campaign.shapes import SHAPES, file_of, joined, records
 
@@ -120,7 +121,7 @@ def dynamixel(data: bytes) -> None:
             if len(packet.parameters) in (layout.lean, layout.full):
                 layout.decode(packet.parameters, packet.error >= 0x80)
     assert len(left) <= KEPT
-    packets.fast_parts(data, (1, 2, 3), (4, 10, 4))
+    list(FastAnswer((1, 2, 3), 4).feed(data))
 
 
 def due(data: bytes) -> None:

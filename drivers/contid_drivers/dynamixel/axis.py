@@ -8,7 +8,7 @@ from dataclasses import dataclass, field
 from contid.errors import DeviceError
 from contid.hal import AxisOnBus, Rest, Sample
 from contid_drivers.dynamixel import registers as reg
-from contid_drivers.dynamixel.cyclic import ServoReading
+from contid_drivers.dynamixel.exchange.block import ServoReading
 from contid_drivers.dynamixel.models import BY_NAME, ServoModel
 from contid_drivers.dynamixel.options import DynamixelAxisOptions, DynamixelBusOptions, Tensioning
 from contid_drivers.dynamixel.plausibility import FollowingError, SlackTendon, jumped
@@ -30,6 +30,8 @@ class Axis:
         options: its keys in the robot file.
         travel: device range of the robot file [rad].
         operating_mode: value of register 11.
+        device: id on the bus.
+        current_a: unit of its current registers [A], None without them.
         firmware, return_delay_s: read at `open`.
         enabled: commands are sent.
         armed: Bus Watchdog written to it (counts of 20 ms), 0 while not armed.
@@ -51,6 +53,8 @@ class Axis:
     options: DynamixelAxisOptions
     travel: tuple[float, float] | None
     operating_mode: int
+    device: int
+    current_a: float | None
     firmware: int = 0
     return_delay_s: float = 0.0
     enabled: bool = False
@@ -88,18 +92,22 @@ class Axis:
             # In the current-based mode pushing against something is the purpose.
             limit_deg = math.inf if mode == "current_based_position" else FOLLOWING_ERROR_DEG
         following = FollowingError(math.radians(limit_deg), options.following_error_ms / 1e3)
-        number = reg.MODE_NUMBERS[mode]
-        return cls(axis.name, options, axis.travel, number, following=following, tendon=_tendon_of(options))
+        unit_ma = BY_NAME[options.model].ma_per_unit
+        return cls(
+            axis.name,
+            options,
+            axis.travel,
+            reg.MODE_NUMBERS[mode],
+            options.id,
+            None if unit_ma is None else unit_ma / 1e3,
+            following=following,
+            tendon=_tendon_of(options),
+        )
 
     @property
     def model(self) -> ServoModel:
         """Its model in the robot file."""
         return BY_NAME[self.options.model]
-
-    @property
-    def device(self) -> int:
-        """Id on the bus."""
-        return self.options.id
 
     def to_rad(self, ticks: int) -> float:
         """Angle [rad] of a position the servo reports."""
@@ -122,11 +130,6 @@ class Axis:
             self.reset, self.turn_known, self.pending_rest = True, False, Rest.HOLD
         self.latch(fault)
 
-    def command(self, angle: float) -> int:
-        """Store a command [rad]; returns its position count."""
-        self.goal = angle
-        return self.to_ticks(angle)
-
     def arm(self, watchdog: int) -> None:
         """Torque and watchdog are on, the goal is the present position."""
         self.armed, self.enabled, self.pending_rest, self.goal = watchdog, True, None, None
@@ -138,8 +141,8 @@ class Axis:
         self.misses += 1
         return self._sample(time_s, valid=False)
 
-    def take(self, reading: ServoReading, time_s: float) -> Sample:
-        """Store an answer and return its sample."""
+    def take(self, reading: ServoReading, time_s: float) -> None:
+        """Store an answer that arrived at ``time_s``, and detect faults."""
         if reading.voltage_low == 0 or reading.voltage == 0:
             # A servo that reset has lost its indirect mapping: nothing in this block is valid.
             self.latch_reset()
@@ -155,26 +158,34 @@ class Axis:
                     f"its position jumped by {off_deg:+.0f} deg in {1e3 * elapsed_s:.0f} ms; {_JUMP}"
                 )
         if self.reset:
-            return self._sample(time_s, valid=False)
+            return
         self.value = value
         if self.turn_known:
-            self.seen = self.value
+            self.seen = value
         self.time_s = time_s
         self.velocity = reading.velocity * reg.RAD_S_PER_UNIT
-        unit = self.model.ma_per_unit
-        self.effort = None if unit is None else reading.current * unit / 1e3
+        unit = self.current_a
+        self.effort = None if unit is None else reading.current * unit
         if reading.voltage is not None:
             self.voltage_v = reading.voltage / 10.0
         if reading.temperature is not None:
             self.temperature_c = float(reading.temperature)
-        self._detect_standstill(time_s)
-        self._detect_slack(time_s)
-        return self._sample(time_s, valid=True)
+        if self.enabled:
+            self._detect_standstill(time_s)
+            if self.tendon.winding:
+                self._detect_slack(time_s)
+
+    def sample(self, time_s: float) -> Sample:
+        """Its sample at the end of an exchange that it answered."""
+        return self._sample(time_s, valid=not self.reset)
 
     def _detect_standstill(self, time_s: float) -> None:
-        if not self.enabled or self.goal is None or self.value is None or self.velocity is None:
+        if self.goal is None or self.value is None or self.velocity is None:
             return
         error = self.goal - self.value
+        if abs(error) <= self.following.limit_rad:
+            self.following.clear()
+            return
         limit_ma = self.options.current_limit_ma or self.model.current_limit_ma
         load = None if self.effort is None or not limit_ma else abs(self.effort) * 1e3 / limit_ma
         if not self.following.exceeded(error, self.velocity, load, time_s):
@@ -186,7 +197,7 @@ class Axis:
         )
 
     def _detect_slack(self, time_s: float) -> None:
-        if not self.enabled or self.effort is None or self.velocity is None:
+        if self.effort is None or self.velocity is None:
             return
         if not self.tendon.exceeded(self.effort, self.velocity, time_s):
             return

@@ -7,7 +7,7 @@ import dataclasses
 import logging
 import math
 import time
-from collections.abc import Mapping, Sequence
+from collections.abc import Collection, Mapping, Sequence
 from typing import Final
 
 from contid.errors import DeviceError, DeviceLostError
@@ -16,19 +16,14 @@ from contid_drivers.dynamixel import arming, turns
 from contid_drivers.dynamixel import registers as reg
 from contid_drivers.dynamixel.axis import Axis
 from contid_drivers.dynamixel.client import NoAnswerError, ServoClient
-from contid_drivers.dynamixel.cyclic import (
-    PLAIN,
-    AnswerCounts,
-    Cyclic,
-    CyclicLayout,
-    ServoReading,
-    common_layout,
-)
+from contid_drivers.dynamixel.exchange.answers import AnswerCounts
+from contid_drivers.dynamixel.exchange.block import PLAIN, CyclicLayout, ServoReading, common_layout
+from contid_drivers.dynamixel.exchange.cyclic import Cyclic
+from contid_drivers.dynamixel.exchange.slack import Slack
 from contid_drivers.dynamixel.grip import CurrentShare
 from contid_drivers.dynamixel.mapping import map_block
 from contid_drivers.dynamixel.options import DynamixelBusOptions
 from contid_drivers.dynamixel.port import ServoPort
-from contid_drivers.dynamixel.slack import Slack
 from contid_drivers.serial_ports import UsbIdentity, find_port, identity_of
 
 log = logging.getLogger(__name__)
@@ -62,6 +57,8 @@ class DynamixelBus:
         self._cyclic: Cyclic | None = None
         self._lost: DeviceLostError | None = None
         self._counts = AnswerCounts()
+        self._indirect = False
+        self._readings: dict[int, ServoReading] = {}  # usable ones of the newest exchange
         self._count = 0  # exchanges
         self._clean = 0  # complete exchanges since the last miss
         self._late_logged = False
@@ -99,6 +96,7 @@ class DynamixelBus:
             port.close()
             raise
         self._port, self._client, self._lost = port, client, None
+        self._indirect = layout.indirect
         self._identity = identity_of(path) or self._identity
         if layout is PLAIN:
             log.warning("%s: no common indirect addresses; reading %d bytes per servo", self.name, PLAIN.full)
@@ -142,18 +140,19 @@ class DynamixelBus:
         goals = self._goals(commands)
         self._count += 1
         full = self._count % self.options.telemetry_every == 0 or self._count == 1
+        faults = [axis.fault for axis in self._states.values()]
+        self._readings.clear()
         try:
-            readings = cyclic.run(goals, full, before=self._grip.packet())
-            if len(readings) < len(self._by_id):
-                self._retry(cyclic, readings, full)
+            found = cyclic.run(goals, full, None, self._grip.packet(), self._answered)
+            if len(found) < len(self._by_id):
+                self._retry(cyclic, found.keys(), full)
             else:
                 self._count_complete(cyclic)
             now = self._clock.now()
             samples = {}
-            for name, axis in self._states.items():
-                reading = self._usable(axis, readings.get(axis.device))
-                before = axis.fault
-                samples[name] = axis.missed(now) if reading is None else axis.take(reading, now)
+            for (name, axis), before in zip(self._states.items(), faults, strict=True):
+                reading = self._readings.get(axis.device)
+                samples[name] = axis.missed(now) if reading is None else axis.sample(now)
                 if axis.fault != before:
                     samples[name] = self._find_cause(axis, reading, now, samples[name])
                 if axis.pending_rest is not None and reading is not None:
@@ -163,14 +162,15 @@ class DynamixelBus:
             raise self._mark_lost(error) from None
         return samples
 
-    def _usable(self, axis: Axis, reading: ServoReading | None) -> ServoReading | None:
-        """The reading, None when it may come from a servo that has reset itself.
+    def _answered(self, device: int, reading: ServoReading) -> None:
+        """Take a reading, unless it may come from a servo that has reset itself.
 
         Without mapped bytes only an armed watchdog excludes a reset.
         """
-        assert self._cyclic is not None
-        proven = not self._cyclic.layout.indirect or axis.armed
-        return reading if reading is None or proven or reading.voltage_low is not None else None
+        axis = self._by_id[device]
+        if axis.armed or reading.voltage_low is not None or not self._indirect:
+            axis.take(reading, self._clock.now())
+            self._readings[device] = reading
 
     def _note_missing(self, cyclic: Cyclic) -> None:
         """Read servos that missed several exchanges last, discard late answers, log the first late one."""
@@ -192,7 +192,7 @@ class DynamixelBus:
         """Commands of the enabled axes in ticks by id; one invalid command refuses all."""
         goals: dict[int, int] = {}
         for name, angle in commands.items():
-            (axis,) = self._named([name])
+            axis = self._states.get(name) or self._named([name])[0]
             if not math.isfinite(angle):
                 raise DeviceError(self.name, f"{name}: command {angle} is not finite")
             goal = axis.to_ticks(angle)
@@ -200,10 +200,11 @@ class DynamixelBus:
                 raise DeviceError(self.name, f"{name}: {angle:g} rad is beyond the 256 turns of a servo")
             # A servo that missed an exchange may have reset itself: its turn is checked first.
             if axis.enabled and not axis.misses:
-                goals[axis.device] = axis.command(angle)
+                axis.goal = angle
+                goals[axis.device] = goal
         return goals
 
-    def _retry(self, cyclic: Cyclic, readings: dict[int, ServoReading], full: bool) -> None:
+    def _retry(self, cyclic: Cyclic, found: Collection[int], full: bool) -> None:
         """Ask the servos that did not answer once more, in one read, within ``retry_ms``.
 
         A servo that was silent in the last exchange as well is skipped: it would cost the budget in every
@@ -214,7 +215,7 @@ class DynamixelBus:
         missing = [
             device
             for device, axis in self._by_id.items()
-            if device not in readings and (fast or not axis.misses or device in cyclic.returned)
+            if device not in found and (fast or not axis.misses or device in cyclic.returned)
         ]
         if not missing or not self.options.retry_ms:
             return
@@ -224,7 +225,7 @@ class DynamixelBus:
         if fast:
             log.debug("%s: fast read broke off; plain reads for %d exchanges", self.name, FAST_AGAIN)
             until += cyclic.timeout_s(full)
-        readings.update(cyclic.again(missing, full, until))
+        cyclic.again(missing, full, until, self._answered)
 
     def _count_complete(self, cyclic: Cyclic) -> None:
         if cyclic.fast or self.options.fast_read == "off":
@@ -239,7 +240,8 @@ class DynamixelBus:
             try:
                 axis.hardware_error = self._client.read(axis.device, reg.HARDWARE_ERROR)
                 axis.fault = ""
-                sample = axis.take(reading, now)
+                axis.take(reading, now)
+                sample = axis.sample(now)
             except NoAnswerError:
                 pass
         log.error("%s: %s", axis.name, axis.fault)

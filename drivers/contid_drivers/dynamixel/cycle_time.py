@@ -11,7 +11,7 @@ from collections.abc import Sequence
 from typing import Final
 
 from contid.hal import ExchangeTime
-from contid_drivers.dynamixel.cyclic import INDIRECT, PLAIN
+from contid_drivers.dynamixel.exchange.block import INDIRECT, PLAIN
 from contid_drivers.dynamixel.models import BY_NAME, LAST_FIRMWARE_AT_208, ServoModel
 from contid_drivers.dynamixel.options import DynamixelAxisOptions, DynamixelBusOptions
 from contid_drivers.dynamixel.packets import STATUS_OVERHEAD, sync_read, sync_write

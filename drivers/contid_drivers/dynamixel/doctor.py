@@ -14,11 +14,12 @@ from contid_drivers.dynamixel import arming, duplicates
 from contid_drivers.dynamixel import registers as reg
 from contid_drivers.dynamixel.axis import Axis
 from contid_drivers.dynamixel.client import NoAnswerError, ServoClient
-from contid_drivers.dynamixel.cyclic import PLAIN, Cyclic
+from contid_drivers.dynamixel.exchange.block import PLAIN
+from contid_drivers.dynamixel.exchange.cyclic import Cyclic
+from contid_drivers.dynamixel.exchange.slack import Slack
 from contid_drivers.dynamixel.models import model_name
 from contid_drivers.dynamixel.options import DynamixelBusOptions
 from contid_drivers.dynamixel.port import ServoPort
-from contid_drivers.dynamixel.slack import Slack
 from contid_drivers.serial_ports import find_port, holders
 
 HOT_C: Final = 60

@@ -12,7 +12,7 @@ from typing import Final
 from contid_drivers.dynamixel import registers as reg
 from contid_drivers.dynamixel.axis import Axis
 from contid_drivers.dynamixel.client import ServoClient, ServoRefusedError
-from contid_drivers.dynamixel.cyclic import INDIRECT_ORDER
+from contid_drivers.dynamixel.exchange.block import INDIRECT_ORDER
 
 log = logging.getLogger(__name__)
 

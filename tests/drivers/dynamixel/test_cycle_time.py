@@ -6,9 +6,9 @@ import pytest
 from dynamixel_sdk import Protocol2PacketHandler
 
 from contid_drivers.dynamixel import cycle_time
-from contid_drivers.dynamixel.cyclic import INDIRECT
 from contid_drivers.dynamixel.emulator import Servo
 from contid_drivers.dynamixel.emulator.replies import answers
+from contid_drivers.dynamixel.exchange.block import INDIRECT
 from contid_drivers.dynamixel.options import DynamixelAxisOptions, DynamixelBusOptions
 from contid_drivers.dynamixel.packets import sync_read, take
 

@@ -10,7 +10,7 @@ import pytest
 from pydantic import ValidationError
 
 from contid_drivers.dynamixel import registers as reg
-from contid_drivers.dynamixel.cyclic import INDIRECT_ORDER
+from contid_drivers.dynamixel.exchange.block import INDIRECT_ORDER
 from contid_drivers.dynamixel.models import BY_NAME, LAST_FIRMWARE_AT_208, MODELS, ServoModel, model_name
 from contid_drivers.dynamixel.options import DynamixelAxisOptions
 

@@ -17,8 +17,8 @@ import pytest
 from contid.errors import DeviceError
 from contid_drivers.dynamixel import registers as reg
 from contid_drivers.dynamixel.client import NoAnswerError, ServoClient
+from contid_drivers.dynamixel.exchange.slack import SLACK_MIN_S, WINDOW, Slack
 from contid_drivers.dynamixel.port import ServoPort
-from contid_drivers.dynamixel.slack import SLACK_MIN_S, WINDOW, Slack
 
 pytestmark = pytest.mark.realtime
 

@@ -22,7 +22,7 @@ TURNS = 5 * 4096
 @pytest.fixture(params=["indirect", "plain"])
 def moving(rig: Make, request: pytest.FixtureRequest) -> Any:
     """Two servos five turns up and on their way to the eighth, with torque at power-up configured."""
-    from contid_drivers.dynamixel.cyclic import INDIRECT, PLAIN
+    from contid_drivers.dynamixel.exchange.block import INDIRECT, PLAIN
 
     r = rig(2, watchdog_ms=500, retry_ms=0, fast_read="off")
     r.bus._layout = {"indirect": INDIRECT, "plain": PLAIN}[request.param]

@@ -35,9 +35,6 @@ from contid_drivers.dynamixel.packets import Instruction, Packet, build, read_pa
 
 #: The last part of a wait is spent spinning, because a sleep is late by about as much.
 SPIN_S: Final = 120e-6
-#: After its last answer the wire polls without sleeping for this time, because a cycle's next instruction
-#: follows at once and a real wire has no wake-up time.
-ALERT_S: Final = 150e-6
 #: Interval at which idle servos and their watchdogs are advanced.
 IDLE_S: Final = 0.01
 BITS_PER_BYTE: Final = 10
@@ -206,7 +203,7 @@ class DynamixelEmulator:
     # -- serving -------------------------------------------------------------------------------------------
 
     def _serve(self) -> None:
-        looked = alert_until = 0.0
+        looked = 0.0
         while not self._stop.is_set():
             with self._lock:
                 watched = [self._wake_r] if self._master < 0 else [self._master, self._wake_r]
@@ -215,8 +212,6 @@ class DynamixelEmulator:
             wait = IDLE_S if until is None else max(0.0, until - now - SPIN_S)
             if self.faults.second_host_hz:
                 wait = min(wait, max(0.0, self._second_host_at - now))
-            if now < alert_until:
-                wait = 0.0
             ready, _, _ = select.select(watched, [], [], min(wait, IDLE_S))
             with self._lock:
                 if self._wake_r in ready:
@@ -225,8 +220,7 @@ class DynamixelEmulator:
                     self._receive()
                 if self.faults.second_host_hz and self._master >= 0 and now >= self._second_host_at:
                     self._second_host()
-                if self._deliver() and self._paced:
-                    alert_until = time.monotonic() + ALERT_S
+                self._deliver()
                 if not self._due and time.monotonic() - looked >= IDLE_S:
                     self._idle()
                     looked = time.monotonic()
@@ -307,9 +301,8 @@ class DynamixelEmulator:
         if (packet := take(bytearray(wire))) is not None:
             self._answer(packet, now, rate, byte_s)
 
-    def _deliver(self) -> bool:
-        """Write the answers that are due; True when there was one."""
-        delivered = False
+    def _deliver(self) -> None:
+        """Write the answers that are due."""
         while self._due and self._master >= 0:
             at, _, wire = self._due[0]
             left = at - time.monotonic()
@@ -318,8 +311,6 @@ class DynamixelEmulator:
             while self._paced and time.monotonic() < at:
                 pass
             heapq.heappop(self._due)
-            delivered = True
             # Full buffer without a reader: a serial line would lose the bytes as well.
             with contextlib.suppress(BlockingIOError):
                 os.write(self._master, wire)
-        return delivered

@@ -1,0 +1,233 @@
+"""One exchange with every servo: goals out in a sync write, a block of registers back from each.
+
+Both packets leave in one write and the answers are awaited in select. One time-out, computed from the bytes
+on the wire, the return delays and the adapter's latency, serves all servos, so a silent one costs no data of
+the others. Silent ones are last in the order.
+
+An answer names neither its instruction nor its register. Once one is missing it may come late, so from then
+on every exchange reads a block of another length (`numbered_blocks`). An answer of another length belongs to
+an earlier exchange, is discarded and counted. Bytes keep their order in an adapter, so two complete exchanges
+in a row without old bytes prove that nothing is under way, and the usual block is read again.
+
+The blocks are in `block`; how answers are taken is in `answers`.
+"""
+
+from __future__ import annotations
+
+import struct
+import time
+from collections.abc import Collection, Mapping, Sequence
+from functools import cache
+from itertools import chain
+from typing import Final
+
+from contid_drivers.dynamixel import registers as reg
+from contid_drivers.dynamixel.exchange.answers import AnswerCounts, Receiver, ServoAnswers
+from contid_drivers.dynamixel.exchange.block import Block, CyclicLayout, ServoReading, numbered_blocks
+from contid_drivers.dynamixel.exchange.fast_answer import HEAD as FAST_HEAD
+from contid_drivers.dynamixel.exchange.fast_answer import PART_OVERHEAD
+from contid_drivers.dynamixel.exchange.slack import Slack
+from contid_drivers.dynamixel.packets import (
+    BROADCAST,
+    STATUS_OVERHEAD,
+    Instruction,
+    build,
+    read_parameters,
+    sync_read,
+    take,
+)
+from contid_drivers.dynamixel.port import ServoPort
+
+#: A length identifies its exchange for this time.
+REUSE_S: Final = 0.1
+#: Complete exchanges in a row after which nothing late is expected.
+ORDERLY: Final = 2
+_GOALS: Final = read_parameters(reg.GOAL_POSITION.address, reg.GOAL_POSITION.size)
+
+
+class Cyclic:
+    """The exchange of one bus."""
+
+    def __init__(
+        self,
+        port: ServoPort,
+        ids: Sequence[int],
+        layout: CyclicLayout,
+        fast: bool,
+        slack: Slack | None = None,
+        counts: AnswerCounts | None = None,
+    ) -> None:
+        self.port = port
+        self.ids = tuple(ids)
+        self.layout = layout
+        self.fast = fast
+        self.slack = slack or Slack(0.0)
+        self._answers = ServoAnswers(port, ids, counts or AnswerCounts())
+        #: Bytes arrived in the exchange before the newest one.
+        self.received_before = True
+        #: Silent servos that answered the newest exchange; only a numbered one proves it.
+        self.returned: frozenset[int] = frozenset()
+        self._silent: frozenset[int] = frozenset()
+        self._usual = {
+            full: Block(layout, layout.address, layout.full if full else layout.lean)
+            for full in (False, True)
+        }
+        self._numbered = dict.fromkeys(numbered_blocks(layout), 0.0)
+        self._orderly = ORDERLY
+        self._reads: dict[tuple[int, bool], bytes] = {}
+
+    @property
+    def counts(self) -> AnswerCounts:
+        """What went wrong on the wire."""
+        return self._answers.counts
+
+    @counts.setter
+    def counts(self, counts: AnswerCounts) -> None:
+        self._answers.counts = counts
+
+    @property
+    def received(self) -> bool:
+        """Bytes arrived in the newest exchange."""
+        return self._answers.received
+
+    def timeout_s(self, full: bool = True) -> float:
+        """Time-out of the answers from the end of the instruction [s]."""
+        return self._answers_s(self._usual[full].size, self.fast) + self.port.latency_s
+
+    def _block(self, full: bool) -> Block:
+        """The block of the next exchange."""
+        if self._orderly >= ORDERLY:
+            return self._usual[full]
+        now = time.monotonic()
+        free = (block for block, used in self._numbered.items() if now - used >= REUSE_S)
+        block = next(free, None) or min(self._numbered, key=self._numbered.__getitem__)
+        self._numbered[block] = now
+        return block
+
+    def _answers_s(self, size: int, fast: bool) -> float:
+        count = len(self.ids)
+        if fast:
+            bytes_ = FAST_HEAD + count * (size + PART_OVERHEAD)
+            return float(bytes_ * self.port.byte_s + self.port.return_delay_s)
+        return float(count * ((size + STATUS_OVERHEAD) * self.port.byte_s + self.port.return_delay_s))
+
+    @property
+    def disturbed(self) -> bool:
+        """Servos are silent, or an answer was late."""
+        return bool(self._silent or self.counts.late)
+
+    def put_last(self, silent: Collection[int]) -> None:
+        """Move silent ids to the end of the order: each one delays, or ends, the answers after it."""
+        if self._silent != (now := frozenset(silent)):
+            self._silent = now
+            self.ids = tuple(sorted(self.ids, key=now.__contains__))
+            self._reads.clear()
+
+    def _read(self, block: Block, fast: bool) -> bytes:
+        # Sizes differ between blocks, and are quicker to look up.
+        key = (block.size, fast)
+        if key not in self._reads:
+            self._reads[key] = sync_read(block.address, block.size, self.ids, fast)
+        return self._reads[key]
+
+    def run(
+        self,
+        goals: Mapping[int, int],
+        full: bool,
+        fast: bool | None = None,
+        before: bytes = b"",
+        each: Receiver | None = None,
+    ) -> dict[int, ServoReading]:
+        """Send ``before``, then goals [ticks by id], and read every servo.
+
+        Args:
+            goals: by id; servos without one are only read.
+            full: read the full block.
+            fast: read with a fast sync read; None as usual.
+            before: packets that get no answer.
+            each: gets every intact reading while the next ones are on the wire.
+
+        Returns:
+            Intact readings by id.
+
+        Raises:
+            DeviceLostError: the port failed.
+        """
+        fast = self.fast if fast is None else fast
+        block = self._block(full)
+        wire = before + (_goal_packet(goals) if goals else b"") + self._read(block, fast)
+        stale = self._discard()
+        sent = self.port.send(wire)
+        # What the instruction does not depend on follows it, to keep the pause before it short.
+        self.counts.exchanges += 1
+        self.counts.late += stale
+        late = self.counts.late
+        self.received_before = self.received
+        # After an exchange without a byte a further wait would only cost the time of the next ones.
+        slack_s = self.slack.seconds if self.received_before else 0.0
+        on_wire_s = self._answers_s(block.size, fast)
+        # The usual length proves nothing about a servo that was silent: it is asked again with a number.
+        unproven = self._silent if block is self._usual[full] else frozenset()
+        found: dict[int, ServoReading] = {}
+        returned: list[int] = []
+
+        def answered(device: int, reading: ServoReading) -> None:
+            if device in unproven:
+                returned.append(device)
+                return
+            found[device] = reading
+            if each is not None:
+                each(device, reading)
+
+        take_answers = self._answers.fast if fast else self._answers.plain
+        take_answers(self.ids, block, sent + on_wire_s + self.port.latency_s, slack_s, answered)
+        self.returned = frozenset(returned)
+        if returned:
+            self._silent -= self.returned
+            self._reads.clear()
+        complete = len(found) == len(self.ids)
+        if complete:
+            self.slack.record(time.monotonic() - sent - on_wire_s)
+        as_expected = complete or (found and self._silent.issuperset(set(self.ids) - found.keys()))
+        orderly = as_expected and not stale and late == self.counts.late
+        self._orderly = self._orderly + 1 if orderly else 0
+        return found
+
+    def _discard(self) -> int:
+        """Drop what arrived since the last exchange: late answers, copies, or traffic of another host.
+
+        Returns:
+            The number of late answers; at least 1 if anything was dropped.
+        """
+        stale = bytearray()
+        while data := self.port.receive(0.0):
+            stale += data
+        if not stale:
+            return 0
+        late = 0
+        while (packet := take(stream=stale, final=True)) is not None:
+            late += packet.instruction == Instruction.STATUS
+        return max(late, 1)
+
+    def again(self, devices: Sequence[int], full: bool, until: float, each: Receiver) -> None:
+        """Read some servos once more, if their answers can arrive before ``until`` [monotonic s]."""
+        block = self._block(full)
+        port = self.port
+        wire = sync_read(block.address, block.size, devices)
+        answers_s = len(devices) * ((block.size + STATUS_OVERHEAD) * port.byte_s + port.return_delay_s)
+        if time.monotonic() + len(wire) * port.byte_s + answers_s > until:
+            return
+        port.flush()
+        deadline = min(port.send(wire) + answers_s + port.latency_s, until)
+        self._answers.plain(devices, block, deadline, 0.0, each)
+
+
+@cache
+def _goals_of(count: int) -> struct.Struct:
+    return struct.Struct("<" + count * "Bi")
+
+
+def _goal_packet(goals: Mapping[int, int]) -> bytes:
+    """A sync write of Goal Position."""
+    values = _goals_of(len(goals)).pack(*chain.from_iterable(goals.items()))
+    return build(BROADCAST, Instruction.SYNC_WRITE, _GOALS + values)
