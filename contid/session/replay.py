@@ -229,7 +229,8 @@ def _apply(
     try:
         match event:
             case OrderGiven():
-                engine.obey(order_of(event) if trajectory is None else Play(trajectory), tick)
+                waits = bool(event.order.get("waits", False))
+                engine.obey(order_of(event) if trajectory is None else Play(trajectory, waits), tick)
             case BusAnswered():
                 recorded.answers[event.bus] = answer_of(event)
             case BusStalled():

@@ -174,8 +174,13 @@ class Engine:
                 selector.measured[robot] = Measurement(tip_in_world, now_s - age_s, direction)
             case msg.EndOfRows():
                 selector.end_of_rows()
-            case msg.Play(trajectory):
-                selector.play(trajectory, now_s)
+            case msg.Play(trajectory, waits):
+                selector.play(trajectory, now_s, waits)
+            case msg.Go():
+                if not selector.go():
+                    why = "not every robot waits at the first row; all hold"
+                    self._sink.event(OrderRefused(message=why))
+                    self._carry_out(msg.Hold(), tick_number, step)
             case msg.Begin():
                 selector.begin_rows(now_s)
             case msg.Mark(number):

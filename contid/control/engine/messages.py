@@ -102,9 +102,39 @@ class Measured:
 
 @dataclass(frozen=True, slots=True)
 class Play:
-    """Follow a timed trajectory from its first row; the run goes on after its last."""
+    """Follow a timed trajectory from its first row; the run goes on after its last.
+
+    Attributes:
+        trajectory: its rows.
+        waits: at the first row, until `Go`.
+    """
 
     trajectory: Trajectory
+    waits: bool = False
+
+
+@dataclass(frozen=True, slots=True)
+class Start:
+    """Let a trajectory that waits begin at a time; the control process makes it a `Go` at a tick.
+
+    Attributes:
+        at_s: time on CLOCK_MONOTONIC [s].
+    """
+
+    at_s: float
+
+
+@dataclass(frozen=True, slots=True)
+class Go:
+    """A trajectory that waits begins in this tick; refused, and the robots hold, unless all have arrived.
+
+    Attributes:
+        at_s: when it was to begin, on CLOCK_MONOTONIC [s].
+        began_s: when this tick started.
+    """
+
+    at_s: float
+    began_s: float
 
 
 @dataclass(frozen=True, slots=True)
@@ -144,6 +174,8 @@ Message: TypeAlias = (
     | Rows
     | Measured
     | Play
+    | Start
+    | Go
     | Begin
     | Mark
     | EndOfRows

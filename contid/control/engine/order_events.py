@@ -59,8 +59,11 @@ def _order(message: object) -> dict[str, Any] | None:
             return {"order": "end"}
         case msg.Begin():
             return {"order": "begin"}
-        case msg.Play(trajectory):
-            return {"order": "play", "rows": len(trajectory)}
+        case msg.Play(trajectory, waits):
+            fields = {"order": "play", "rows": len(trajectory)}
+            return {**fields, "waits": True} if waits else fields
+        case msg.Go(at_s, began_s):
+            return {"order": "go", "at_s": at_s, "began_s": began_s}
     return None
 
 
@@ -106,6 +109,8 @@ def order_of(event: OrderGiven) -> msg.Message:
             return msg.EndOfRows()
         case "begin":
             return msg.Begin()
+        case "go":
+            return msg.Go(float(order["at_s"]), float(order["began_s"]))
     raise ContidError(f"tick {event.tick}: the order {kind!r} cannot be repeated from a recording")
 
 

@@ -47,10 +47,12 @@ class Timed:
     Its clock starts when every robot that follows it has arrived at the first row (a robot in FAULT, or held
     by an order, is not waited for), and counts ticks: time ``start + n/rate``, so a row written at a tick is
     met exactly. Skipped ticks are not counted, so robots stay on the path. Starts and ends at speed are
-    eased (`ease`).
+    eased (`ease`). One that ``waits`` stays at its first row until `go`.
     """
 
-    def __init__(self, trajectory: Trajectory, rate_hz: float, configs: Sequence[RobotConfig]) -> None:
+    def __init__(
+        self, trajectory: Trajectory, rate_hz: float, configs: Sequence[RobotConfig], waits: bool = False
+    ) -> None:
         self._trajectory = trajectory
         self._rate_hz = rate_hz
         self._configs = tuple(configs)
@@ -63,6 +65,7 @@ class Timed:
         self._end_tail = ease_ticks(self._configs, trajectory, trajectory.end_s, ahead=False)
         self._lead = self._tail = 0
         self._paused = False
+        self._waits = waits
         self._ended_at: int | None = None
         self.time_s: float | None = trajectory.start_s
         self.finished = False
@@ -85,10 +88,18 @@ class Timed:
         if self._ended_at is not None:
             still = all(state.command == state.reference for state in followers)
             self.finished = still or tick - self._ended_at > SETTLE_S * self._rate_hz
-        elif self._origin is None and not self._paused and followers:
+        elif self._origin is None and not self._paused and not self._waits and followers:
             arrived = all(state.mode is Mode.RUN for state in followers)
             if arrived:
                 self._begin(tick)
+
+    def go(self, states: Mapping[str, RobotState]) -> bool:
+        """Begin in this tick; False when it does not wait, or a robot has not arrived at the first row."""
+        robots = [states[name] for name in self._robots]
+        if not self._waits or self._paused or not all(s.follow and s.mode is Mode.RUN for s in robots):
+            return False
+        self._waits = False
+        return True
 
     def pause(self, tick: int) -> None:
         """Stop the clock of the trajectory at the time reached."""

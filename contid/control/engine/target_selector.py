@@ -77,9 +77,15 @@ class TargetSelector:
         """No further row will come."""
         self._live().end()
 
-    def play(self, trajectory: Trajectory, now_s: float) -> None:
-        """Follow a trajectory instead."""
-        self._replace(Timed(trajectory, self._rate_hz, self._robots.configs), now_s)
+    def play(self, trajectory: Trajectory, now_s: float, waits: bool = False) -> None:
+        """Follow a trajectory instead; one that waits begins with `go`."""
+        self._replace(Timed(trajectory, self._rate_hz, self._robots.configs, waits), now_s)
+
+    def go(self) -> bool:
+        """Let a trajectory that waits begin in this step; False when it is not at its first row."""
+        robots, source = self._robots, self.source
+        states = {p.name: s for p, s in zip(robots.configs, robots.states, strict=True)}
+        return isinstance(source, Timed) and source.go(states)
 
     def begin_rows(self, now_s: float) -> None:
         """Follow a new live stream instead."""

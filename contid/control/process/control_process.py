@@ -19,13 +19,14 @@ from typing import Final
 from contid.control.engine.clock import RealClock
 from contid.control.engine.engine import Engine
 from contid.control.engine.events import BusReported, LogWritten, RobotReported, RunFailed, RunStarted
-from contid.control.engine.messages import Finish
+from contid.control.engine.messages import Finish, Start
 from contid.control.engine.ports import BusPort
 from contid.control.engine.report import robot_reports
 from contid.control.engine.wiring import build_robot_configs, chain_guards, open_buses
 from contid.control.process.log_queue import LogQueue, handle_logs
 from contid.control.process.pace import Pace
 from contid.control.process.pipe import Inbox
+from contid.control.process.planned_start import PlannedStart
 from contid.control.process.realtime import disable_gc, request_real_time, sleep_until, warm_up
 from contid.control.process.ring import RingWriter
 from contid.control.process.setup import RunSetup
@@ -100,14 +101,20 @@ class ControlProcess:
             engine.connect()
         pace = Pace(self._setup.rate_hz, self._clock.now(), self._ring)
         stop_by_s = math.inf
+        planned = PlannedStart(1.0 / self._setup.rate_hz)
         while not engine.finished:
             start_s = sleep_until(pace.deadline_s)
             timing = pace.begin(start_s, engine.preparing)
             for message in self._inbox.poll():
                 if isinstance(message, LogWritten):
                     self._ring.event(message)
+                elif isinstance(message, Start):
+                    planned.plan(message, timing.deadline_s, self._ring)
                 else:
+                    planned.cancel_for(message)
                     engine.obey(message, timing.tick)
+            if (go := planned.due(timing.deadline_s, start_s)) is not None:
+                engine.obey(go, timing.tick)
             if self._parent_watch.parent_gone and stop_by_s == math.inf:
                 stop_by_s = start_s + ORPHAN_STOP_S
                 engine.obey(Finish(None, "on_host_loss"), timing.tick)

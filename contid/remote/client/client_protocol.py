@@ -57,6 +57,7 @@ class ClientProtocol:
     Attributes:
         frames: telemetry and events, in their order.
         credits: rows that may be sent now, by number of the move.
+        started: tick and times of the start of trajectories that waited, by number of the move.
         close_reason: the daemon's reason to end the connection, "" before.
         requested_s: time of the last request; requests keep the lease.
         timeout_s: how long to wait for a response.
@@ -65,6 +66,7 @@ class ClientProtocol:
     def __init__(self, timeout_s: float = RESPONSE_TIMEOUT_S) -> None:
         self.frames: deque[Fields] = deque(maxlen=MAX_WAITING)
         self.credits: dict[int, int] = {}
+        self.started: dict[int, Fields] = {}
         self.close_reason = ""
         self.requested_s = 0.0
         self.timeout_s = timeout_s
@@ -168,5 +170,7 @@ class ClientProtocol:
                 self.credits.pop(int(fields["move"]), None)
             case "credit":
                 self.credits[int(fields["move"])] = int(fields["credits"])
+            case "started":
+                self.started[int(fields["move"])] = fields
             case "bye":
                 self.close_reason = str(fields["message"])

@@ -220,6 +220,41 @@ class Procedures(ABC):
         Returns:
             Messages about refused rows; their robots held until the next good row.
         """
+        move, refused = await self._send_all(columns, rows)
+        await self.request("end", move=move)
+        if wait:
+            await self.wait(move)
+        return refused
+
+    async def load(
+        self,
+        columns: Sequence[str],
+        rows: Iterable[Sequence[float]] | AsyncIterable[Sequence[float]],
+    ) -> int:
+        """Send a timed trajectory and have it checked; nothing moves before `start`.
+
+        Returns:
+            The number of the move.
+        """
+        move, _ = await self._send_all(columns, rows)
+        await self.request("end", move=move, hold_at_start=True)
+        return move
+
+    async def start(self, move: int, at_s: float | None = None) -> Fields:
+        """Go to the first row of a loaded trajectory and wait there; with a time, begin then.
+
+        Args:
+            move: the number that `load` returned.
+            at_s: time of the first row, by `time.monotonic` on the machine of the daemon, 0.2 to 60 s ahead.
+        """
+        return await self.request("start", move=move, at_s=at_s)
+
+    async def _send_all(
+        self,
+        columns: Sequence[str],
+        rows: Iterable[Sequence[float]] | AsyncIterable[Sequence[float]],
+    ) -> tuple[int, list[str]]:
+        """Begin a stream and send its rows; returns its number, and messages about refused rows."""
         begun = await self.request("move", columns=list(columns))
         move = int(begun["move"])
         batch_rows = min(int(begun["credits"]), BATCH_ROWS) if begun["timed"] else 1
@@ -232,10 +267,7 @@ class Procedures(ABC):
                 batch = []
         if batch:
             refused += await self._send_rows(move, batch)
-        await self.request("end", move=move)
-        if wait:
-            await self.wait(move)
-        return refused
+        return move, refused
 
     async def servo(self, rate_hz: float, controller: Controller) -> ServoReport:
         """Follow the set-points of a controller, called at a fixed rate with the newest telemetry.

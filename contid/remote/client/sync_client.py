@@ -148,6 +148,7 @@ class Client:
     acquire = _blocking(Procedures.acquire)
     release = _blocking(Procedures.release)
     move = _blocking(Procedures.move)
+    start = _blocking(Procedures.start)
     wait = _blocking(Procedures.wait)
     servo = _blocking(Procedures.servo)
     measure = _blocking(Procedures.measure)
@@ -158,6 +159,10 @@ class Client:
     ) -> list[str]:
         """Follow rows; see `Procedures.stream`."""
         return completed(self._procedures.stream(columns, rows, wait=wait))
+
+    def load(self, columns: Sequence[str], rows: Iterable[Sequence[float]]) -> int:
+        """Send and check a timed trajectory; see `Procedures.load`."""
+        return completed(self._procedures.load(columns, rows))
 
     def telemetry(
         self,

@@ -109,6 +109,7 @@ class RowMove(Move):
         timed_rows: of a timed trajectory, in the units of the columns.
         last: newest good target of every robot of a live stream.
         playing: the tick follows the timed trajectory.
+        waits: it does not begin before it is started.
     """
 
     reader: RowReader
@@ -117,3 +118,4 @@ class RowMove(Move):
     timed_rows: list[Sequence[float]] = field(default_factory=list)
     last: dict[str, Target] = field(default_factory=dict)
     playing: bool = False
+    waits: bool = False

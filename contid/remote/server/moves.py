@@ -7,13 +7,14 @@ trajectory is collected, checked as a whole like a file, and then played by the 
 from __future__ import annotations
 
 import asyncio
+import time
 from collections import deque
 from collections.abc import Mapping, Sequence
 from typing import Any, Final
 
 from contid.control.daemon.interfaces import RunControl
-from contid.control.engine.events import GotoEnded, RunEvent, SourceEnded
-from contid.control.engine.messages import Begin, Goto, Hold, Message, Play, Resume, Rows
+from contid.control.engine.events import GotoEnded, OrderGiven, RunEvent, SourceEnded
+from contid.control.engine.messages import Begin, Goto, Hold, Message, Play, Resume, Rows, Start
 from contid.control.tick.supervisor import MOVING, Mode
 from contid.errors import BadInputError
 from contid.remote.protocol.wire import Code, Fields, RemoteError, is_number
@@ -29,6 +30,9 @@ MAX_COLUMNS: Final = 500
 #: Time for robots to stand still before a trajectory is played, and the period of that check.
 STANDSTILL_TIMEOUT_S: Final = 20.0
 POLL_S: Final = 0.02
+#: How far ahead a start may lie.
+MIN_LEAD_S: Final = 0.2
+MAX_LEAD_S: Final = 60.0
 
 
 class Moves:
@@ -132,10 +136,15 @@ class Moves:
         self._control.send(Rows(targets))
         return [f"rows:{move.count}: {message}" for message in unreachable.values()]
 
-    async def end(self, client: int, number: int) -> Fields:
-        """End the rows: a live stream ends on its last one, a timed trajectory is checked and played."""
+    async def end(self, client: int, number: int, hold_at_start: bool = False) -> Fields:
+        """End the rows: a live stream ends on its last one, a timed trajectory is checked and played.
+
+        With ``hold_at_start`` a timed trajectory is checked, and nothing moves before `start`.
+        """
         move = self._open_stream(client, number)
-        move.closed = True
+        if hold_at_start and not move.reader.timed:
+            raise RemoteError(Code.BAD_TARGET, "a live stream has no start to hold at: rows need t_s")
+        move.closed, move.waits = True, hold_at_start
         if move.reader.timed:
             return await self._play(move)
         self._stream = None
@@ -155,13 +164,45 @@ class Moves:
         await self._pending.confirmed(self._pending.send([Hold()]))
         await self._standstill()
         self._not_stopped(move)
-        self._control.send_bulk(Play(trajectory))
+        self._control.send_bulk(Play(trajectory, move.waits))
         await self._pending.confirmed(self._pending.mark_bulk(self._control.send_bulk), BULK_TIMEOUT_S)
         self._not_stopped(move)
         move.playing = True
+        result: Fields = {"move": move.number, "duration_s": trajectory.end_s - trajectory.start_s}
+        if move.waits:
+            return result
         outcome = await self._pending.confirmed(self._pending.send([Resume(robots)]))
-        duration_s = trajectory.end_s - trajectory.start_s
-        return {"move": move.number, "tick": outcome.tick, "duration_s": duration_s}
+        return {**result, "tick": outcome.tick}
+
+    async def start(self, client: int, number: int, at_s: float | None) -> Fields:
+        """Go to the first row of a trajectory that waits; with a time, begin then."""
+        move = self._stream
+        if (
+            move is None
+            or (move.number, move.client) != (number, client)
+            or not (move.playing and move.waits)
+        ):
+            raise RemoteError(
+                Code.REFUSED, f"move {number} does not wait for a start; it ended or was stopped"
+            )
+        robots = move.reader.robots
+        if at_s is None:
+            self._preconditions.armed(robots)
+            outcome = await self._pending.confirmed(self._pending.send([Resume(robots)]))
+            return {"move": number, "tick": outcome.tick}
+        lead_s = at_s - time.monotonic()
+        if not MIN_LEAD_S <= lead_s <= MAX_LEAD_S:
+            message = f"at_s: {MIN_LEAD_S:g} to {MAX_LEAD_S:g} s ahead is expected, got {lead_s:.3f}"
+            raise RemoteError(Code.BAD_REQUEST, message)
+        record = self._control.newest()
+        if away := [name for name in robots if self._view.mode(name, record) is not Mode.RUN]:
+            raise RemoteError(
+                Code.REFUSED, f"{', '.join(away)}: not at the first row; start without at_s first"
+            )
+        outcome = await self._pending.confirmed(self._pending.send([Start(at_s)]))
+        if outcome.refused:
+            raise RemoteError(Code.REFUSED, "; ".join(outcome.refused.values()))
+        return {"move": number, "tick": outcome.tick, "at_s": at_s}
 
     async def _standstill(self) -> None:
         """Wait until nothing moves: the transfer of a long trajectory may cost more than a tick."""
@@ -222,6 +263,12 @@ class Moves:
             played, self._stream = self._stream, None
             self._control.send(Begin())
             played.end(True, "")
+        elif isinstance(event, OrderGiven) and event.order["order"] == "go" and self._stream is not None:
+            self._stream.waits = False
+            notice = {key: event.order[key] for key in ("at_s", "began_s")}
+            self._stream.notify(
+                {"event": "started", "move": self._stream.number, "tick": event.tick, **notice}
+            )
 
     # -- helpers -----------------------------------------------------------------------------------------
 

@@ -78,6 +78,7 @@ class RequestHandler:
             "acquire": self._acquire, "release": self._release, "resume": self._resume,
             "clear_fault": self._clear_fault, "recover": self._recover, "measure": self._measure,
             "move": self._move, "rows": self._rows, "end": self._end, "grip": self._grip,
+            "start": self._start,
         }  # fmt: skip
 
     async def serve(self, caller: Caller, fields: Mapping[str, Any]) -> Fields:
@@ -317,9 +318,14 @@ class RequestHandler:
         return self.moves.rows(caller.number, number, rows)
 
     async def _end(self, caller: Caller, request: RequestFields) -> Fields:
-        number = int(request.number("move", 0, 0, 1e15))
+        number, hold = int(request.number("move", 0, 0, 1e15)), request.flag("hold_at_start")
         request.end()
-        return await self.moves.end(caller.number, number)
+        return await self.moves.end(caller.number, number, hold)
+
+    async def _start(self, caller: Caller, request: RequestFields) -> Fields:
+        number, at_s = int(request.number("move", 0, 0, 1e15)), request.number("at_s", -1.0, -1.0, 1e12)
+        request.end()
+        return await self.moves.start(caller.number, number, None if at_s < 0.0 else at_s)
 
     async def _measure(self, caller: Caller, request: RequestFields) -> Fields:
         return self.trackers.measure(caller.number, caller.name, request)
