@@ -10,13 +10,14 @@ from pathlib import Path
 from typing import Final
 
 from contid.errors import ContidError
+from contid.fleet.clocks import clock_fields
 from contid.fleet.daemon_link import DaemonLink, refusal
 from contid.fleet.fleet_file import MachineFile
 from contid.fleet.gate import checked
 from contid.fleet.keys import Keys, Order, Origin
 from contid.fleet.net import Declared, NetSession, Question
 from contid.fleet.operator_link import OperatorLink
-from contid.fleet.rights import READS, STOPS
+from contid.fleet.rights import CLOCK, READS, STOPS
 from contid.remote.protocol.wire import Code, ConnectionLostError, Fields, RemoteError, encode
 
 log = logging.getLogger(__name__)
@@ -72,7 +73,7 @@ class Node:
         loop = asyncio.get_running_loop()
         self._net.serve(
             self._keys.do(self.name, "*", "*", "*"),
-            lambda question: loop.call_soon_threadsafe(self._start, question),
+            lambda question: self._asked(question, loop),
         )
         try:
             while True:
@@ -149,6 +150,18 @@ class Node:
 
     # -- requests ----------------------------------------------------------------------------------------
 
+    def _asked(self, question: Question, loop: asyncio.AbstractEventLoop) -> None:
+        """In the thread of the network: a clock is answered at once, anything else in the loop."""
+        if not question.key.endswith(f"/{CLOCK}"):
+            loop.call_soon_threadsafe(self._start, question)
+            return
+        try:
+            checked(self._keys, question.key, question.payload, self._machine.operators)
+            response: Fields = {"ok": True, "result": clock_fields()}
+        except RemoteError as error:
+            response = {"ok": False, "error": error.as_fields()}
+        question.answer(self._answer_key(question), encode(response)[:-1])
+
     def _start(self, question: Question) -> None:
         self._keep(asyncio.ensure_future(self._answer(question)))
 
@@ -164,11 +177,14 @@ class Node:
             response = {"ok": False, "error": error.as_fields()}
         except ConnectionLostError as error:
             response = refusal(Code.NO_ANSWER, str(error))
-        # The key of the answer names the node; other wildcards of the question are filled in.
+        question.answer(self._answer_key(question), encode(response)[:-1])
+
+    def _answer_key(self, question: Question) -> str:
+        """The key of the answer names the node; other wildcards of the question are filled in."""
         chunks = [chunk if "*" not in chunk else "any" for chunk in question.key.split("/")]
         if len(chunks) > 2:
             chunks[2] = self.name
-        question.answer("/".join(chunks), encode(response)[:-1])
+        return "/".join(chunks)
 
     async def _carry_out(self, order: Order, fields: Fields) -> Fields:
         verb, origin = order.verb, order.origin

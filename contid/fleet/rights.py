@@ -1,6 +1,7 @@
 """What an operator may ask by network: the rights of the fleet file over the verbs of the socket.
 
-Stops need no right, `hello` any. Verbs that are not listed are refused, and the end of a daemon is.
+Stops need no right, `hello` and `clock` any. Verbs that are not listed are refused, and so is the end of a
+daemon.
 """
 
 from __future__ import annotations
@@ -35,6 +36,8 @@ VERBS: Final = {
 LEASED: Final = frozenset({"move", "grip", "resume", "recover", "clear_fault"})
 #: Begins a client: names it, and answers what the daemon is.
 GREETING: Final = "hello"
+#: Answered by the bridge itself, in the thread of the network: the clocks of its machine.
+CLOCK: Final = "clock"
 #: Verbs of the lease itself.
 LEASE: Final = frozenset({"acquire", "release"})
 
@@ -43,7 +46,7 @@ def needed(verb: str) -> frozenset[Right] | None:
     """Rights of which one suffices; empty for a stop, None for a verb that no right allows."""
     if verb in STOPS:
         return frozenset()
-    if verb == GREETING:
+    if verb in (GREETING, CLOCK):
         return frozenset(Right)
     if verb in LEASE:
         return frozenset({Right.MOVE, Right.ARM})
@@ -52,5 +55,5 @@ def needed(verb: str) -> frozenset[Right] | None:
 
 def allowed_verbs(rights: frozenset[Right]) -> tuple[str, ...]:
     """Verbs that rights allow, stops included, sorted."""
-    verbs = {verb for verb in (*VERBS, GREETING) if (needed(verb) or frozenset()) & rights}
+    verbs = {verb for verb in (*VERBS, GREETING, CLOCK) if (needed(verb) or frozenset()) & rights}
     return tuple(sorted(verbs | STOPS))

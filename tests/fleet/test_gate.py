@@ -34,16 +34,17 @@ def code(*arguments: object, **keys: object) -> str:
 
 
 @pytest.mark.parametrize("operator", [*OPERATORS, "stranger"])
-@pytest.mark.parametrize("verb", sorted({*VERBS, *STOPS, "hello"}))
+@pytest.mark.parametrize("verb", sorted({*VERBS, *STOPS, "hello", "clock"}))
 def test_a_verb_passes_with_its_right_only(verb: str, operator: str) -> None:
     # The table of docs/fleet.md, written out.
     move = {"acquire", "release", "move", "rows", "end", "start", "grip"}
+    both = {"hello", "clock"}
     allowed = {
-        "anna": {*VERBS, "hello"},
-        "bob": {"hello", "status", "describe", "ping", "subscribe", "unsubscribe"},
-        "mo": {"hello", *move},
-        "al": {"hello", "acquire", "release", "resume", "recover", "clear_fault"},
-        "tr": {"hello", "measure"},
+        "anna": {*VERBS, *both},
+        "bob": {*both, "status", "describe", "ping", "subscribe", "unsubscribe"},
+        "mo": {*both, *move},
+        "al": {*both, "acquire", "release", "resume", "recover", "clear_fault"},
+        "tr": {*both, "measure"},
         "stranger": set(),
     }[operator] | {"hold", "stop", "estop"}
     if verb in allowed:

@@ -144,6 +144,9 @@ class Engine:
         """Carry out a message of the daemon; a refusal becomes an event."""
         selector = self._selector
         step = self._step + 1
+        if isinstance(message, msg.Go) and not selector.at_start:
+            self._sink.event(OrderRefused(message=msg.NOT_AT_START))
+            message = msg.Hold()
         if (order := order_event(message, tick_number)) is not None:
             self._sink.event(order)
         if not isinstance(message, msg.Goto):
@@ -177,10 +180,7 @@ class Engine:
             case msg.Play(trajectory, waits):
                 selector.play(trajectory, now_s, waits)
             case msg.Go():
-                if not selector.go():
-                    why = "not every robot waits at the first row; all hold"
-                    self._sink.event(OrderRefused(message=why))
-                    self._carry_out(msg.Hold(), tick_number, step)
+                selector.go()
             case msg.Begin():
                 selector.begin_rows(now_s)
             case msg.Mark(number):

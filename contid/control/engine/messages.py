@@ -6,7 +6,7 @@ import copyreg
 from collections.abc import Mapping
 from dataclasses import dataclass
 from types import MappingProxyType
-from typing import Any, TypeAlias
+from typing import Any, Final, TypeAlias
 
 from contid.robot_file.base import StopPolicy
 from contid.targets import Target, Vec3
@@ -124,9 +124,13 @@ class Start:
     at_s: float
 
 
+#: Why a `Go` is refused.
+NOT_AT_START: Final = "not every robot waits at the first row of a trajectory; nothing began, all hold"
+
+
 @dataclass(frozen=True, slots=True)
 class Go:
-    """A trajectory that waits begins in this tick; refused, and the robots hold, unless all have arrived.
+    """A trajectory that waits begins in this tick; if not all robots have arrived, all hold instead.
 
     Attributes:
         at_s: when it was to begin, on CLOCK_MONOTONIC [s].

@@ -47,7 +47,10 @@ class Timed:
     Its clock starts when every robot that follows it has arrived at the first row (a robot in FAULT, or held
     by an order, is not waited for), and counts ticks: time ``start + n/rate``, so a row written at a tick is
     met exactly. Skipped ticks are not counted, so robots stay on the path. Starts and ends at speed are
-    eased (`ease`). One that ``waits`` stays at its first row until `go`.
+    eased (`ease`).
+
+    Attributes:
+        waits: it stays at its first row.
     """
 
     def __init__(
@@ -65,7 +68,7 @@ class Timed:
         self._end_tail = ease_ticks(self._configs, trajectory, trajectory.end_s, ahead=False)
         self._lead = self._tail = 0
         self._paused = False
-        self._waits = waits
+        self.waits = waits
         self._ended_at: int | None = None
         self.time_s: float | None = trajectory.start_s
         self.finished = False
@@ -88,18 +91,15 @@ class Timed:
         if self._ended_at is not None:
             still = all(state.command == state.reference for state in followers)
             self.finished = still or tick - self._ended_at > SETTLE_S * self._rate_hz
-        elif self._origin is None and not self._paused and not self._waits and followers:
+        elif self._origin is None and not self._paused and not self.waits and followers:
             arrived = all(state.mode is Mode.RUN for state in followers)
             if arrived:
                 self._begin(tick)
 
-    def go(self, states: Mapping[str, RobotState]) -> bool:
-        """Begin in this tick; False when it does not wait, or a robot has not arrived at the first row."""
+    def at_start(self, states: Mapping[str, RobotState]) -> bool:
+        """True when it waits, and every robot has arrived at the first row."""
         robots = [states[name] for name in self._robots]
-        if not self._waits or self._paused or not all(s.follow and s.mode is Mode.RUN for s in robots):
-            return False
-        self._waits = False
-        return True
+        return self.waits and not self._paused and all(s.follow and s.mode is Mode.RUN for s in robots)
 
     def pause(self, tick: int) -> None:
         """Stop the clock of the trajectory at the time reached."""

@@ -81,11 +81,17 @@ class TargetSelector:
         """Follow a trajectory instead; one that waits begins with `go`."""
         self._replace(Timed(trajectory, self._rate_hz, self._robots.configs, waits), now_s)
 
-    def go(self) -> bool:
-        """Let a trajectory that waits begin in this step; False when it is not at its first row."""
+    @property
+    def at_start(self) -> bool:
+        """True when a trajectory waits, with every robot at its first row."""
         robots, source = self._robots, self.source
         states = {p.name: s for p, s in zip(robots.configs, robots.states, strict=True)}
-        return isinstance(source, Timed) and source.go(states)
+        return isinstance(source, Timed) and source.at_start(states)
+
+    def go(self) -> None:
+        """Let a trajectory that waits begin in this step."""
+        if isinstance(self.source, Timed):
+            self.source.waits = False
 
     def begin_rows(self, now_s: float) -> None:
         """Follow a new live stream instead."""

@@ -249,6 +249,20 @@ class Procedures(ABC):
         """
         return await self.request("start", move=move, at_s=at_s)
 
+    async def started(self, move: int) -> Fields:
+        """Wait until a trajectory that was started begins.
+
+        Returns:
+            ``tick``; ``at_s``, the time ordered; ``began_s``, when that tick started on the daemon's machine.
+
+        Raises:
+            RemoteError: it was stopped before.
+        """
+        while move not in self._protocol.started:
+            await self._listen()
+            self._protocol.check_open(move)
+        return self._protocol.started[move]
+
     async def _send_all(
         self,
         columns: Sequence[str],

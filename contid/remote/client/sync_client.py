@@ -149,6 +149,7 @@ class Client:
     release = _blocking(Procedures.release)
     move = _blocking(Procedures.move)
     start = _blocking(Procedures.start)
+    started = _blocking(Procedures.started)
     wait = _blocking(Procedures.wait)
     servo = _blocking(Procedures.servo)
     measure = _blocking(Procedures.measure)

@@ -13,8 +13,8 @@ from collections.abc import Mapping, Sequence
 from typing import Any, Final
 
 from contid.control.daemon.interfaces import RunControl
-from contid.control.engine.events import GotoEnded, OrderGiven, RunEvent, SourceEnded
-from contid.control.engine.messages import Begin, Goto, Hold, Message, Play, Resume, Rows, Start
+from contid.control.engine.events import GotoEnded, OrderGiven, OrderRefused, RunEvent, SourceEnded
+from contid.control.engine.messages import NOT_AT_START, Begin, Goto, Hold, Message, Play, Resume, Rows, Start
 from contid.control.tick.supervisor import MOVING, Mode
 from contid.errors import BadInputError
 from contid.remote.protocol.wire import Code, Fields, RemoteError, is_number
@@ -189,7 +189,7 @@ class Moves:
         if at_s is None:
             self._preconditions.armed(robots)
             outcome = await self._pending.confirmed(self._pending.send([Resume(robots)]))
-            return {"move": number, "tick": outcome.tick}
+            return {"move": number, "tick": outcome.tick, "robots": list(robots)}
         lead_s = at_s - time.monotonic()
         if not MIN_LEAD_S <= lead_s <= MAX_LEAD_S:
             message = f"at_s: {MIN_LEAD_S:g} to {MAX_LEAD_S:g} s ahead is expected, got {lead_s:.3f}"
@@ -263,6 +263,8 @@ class Moves:
             played, self._stream = self._stream, None
             self._control.send(Begin())
             played.end(True, "")
+        elif isinstance(event, OrderRefused) and event.message == NOT_AT_START and self._stream is not None:
+            self.abort(self._stream, event.message)
         elif isinstance(event, OrderGiven) and event.order["order"] == "go" and self._stream is not None:
             self._stream.waits = False
             notice = {key: event.order[key] for key in ("at_s", "began_s")}

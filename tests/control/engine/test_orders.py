@@ -9,10 +9,12 @@ from pathlib import Path
 import pytest
 
 from contid.control.engine.messages import (
+    NOT_AT_START,
     Begin,
     ClearFault,
     Estop,
     Finish,
+    Go,
     Goto,
     Hold,
     Mark,
@@ -77,6 +79,39 @@ def test_a_played_trajectory_and_a_stream_end_without_ending_the_run() -> None:
     assert collector.modes("f0")[-2:] == ["APPROACH", "RUN"]
     last = collector.records[-1].robots[0]
     assert last.tip_error_m == pytest.approx(0.0, abs=1e-6)
+
+
+def test_a_trajectory_that_waits_begins_in_the_tick_of_its_order() -> None:
+    loaded = load(1)
+    collector = Collector(loaded)
+    path = circle(loaded, period_s=0.5)
+    orders: dict[int, list[Message]] = {50: [Play(path, waits=True), Resume(("f0",))], 600: [Go(3.0, 3.001)]}
+    run_virtual(loaded, 200.0, None, sinks=[collector], orders=orders, ticks=1400)
+    times = {record.tick: record.source_s for record in collector.records}
+    assert {times[tick] for tick in range(60, 601)} == {path.start_s}
+    assert times[601] > path.start_s
+    assert [event["tick"] for event in events_of(collector, "order") if event["order"] == "go"] == [600]
+    assert [event["event"] for event in collector.events if event["event"] == "end"] == ["end"]
+
+
+@pytest.mark.parametrize(
+    "before",
+    [
+        [Resume(("f0",))],  # on its way there
+        [],  # it has not been sent there
+        [Resume(("f0",)), Hold(("f0",))],
+    ],
+)
+def test_what_is_not_at_the_first_row_does_not_begin_and_holds(before: list[Message]) -> None:
+    loaded = load(1)
+    collector = Collector(loaded)
+    path = circle(loaded, period_s=0.5)
+    orders: dict[int, list[Message]] = {50: [Play(path, waits=True), *before], 55: [Go(3.0, 3.001)]}
+    run_virtual(loaded, 200.0, None, sinks=[collector], orders=orders, ticks=500)
+    assert NOT_AT_START in [event["message"] for event in events_of(collector, "refused")]
+    assert [event["order"] for event in events_of(collector, "order")][-1] == "hold", "so it is replayed"
+    assert collector.modes("f0")[-1] == "HOLD"
+    assert {record.source_s for record in collector.records if record.tick > 60} == {path.start_s}
 
 
 @pytest.mark.parametrize("order", [Stop(), Estop()])

@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING, TextIO
 
 import click
 
+from contid.cli.commands.fleet.common_run import command as run
 from contid.cli.support.numbers import NumberRange
 from contid.cli.support.orders import json_option
 
@@ -181,6 +182,9 @@ def move(
             refused = client.stream(columns, rows)
     if refused:
         raise ContidError("refused: " + "; ".join(refused))
+
+
+command.add_command(run)
 
 
 @command.command("init")

@@ -1,0 +1,106 @@
+"""Offsets between the clocks of machines, by query: the shortest of some round trips, with a bound.
+
+    offset = node - (sent + received) / 2        |error| <= (received - sent) / 2
+
+for CLOCK_MONOTONIC of both machines, however unequal the two ways are. The bridge answers in the thread of
+the network. Rates are those of the hosts (chrony or PTP disciplines them), so an offset is measured shortly
+before it is used.
+"""
+
+from __future__ import annotations
+
+import queue
+import time
+from collections.abc import Iterable
+from dataclasses import dataclass
+from typing import Final
+
+from contid.fleet.net import FleetError
+from contid.fleet.operator import FleetOperator, response_of
+from contid.remote.protocol.wire import Fields
+
+#: Round trips of one measurement, and the longest wait for one of them.
+ROUND_TRIPS: Final = 20
+TRIP_TIMEOUT_S: Final = 1.0
+
+
+@dataclass(frozen=True, slots=True)
+class RoundTrip:
+    """A question for the time: sent and received by the own clock, answered by that of the node [s]."""
+
+    sent_s: float
+    node_s: float
+    received_s: float
+
+
+@dataclass(frozen=True, slots=True)
+class ClockOffset:
+    """The clock of a node against that of this machine.
+
+    Attributes:
+        offset_s: of the node's CLOCK_MONOTONIC from the own one.
+        bound_s: largest error.
+        wall_minus_monotonic_s: on the machine of the node.
+    """
+
+    offset_s: float
+    bound_s: float
+    wall_minus_monotonic_s: float = 0.0
+
+    def there(self, here_s: float) -> float:
+        """A time of this machine, by the clock of the node."""
+        return here_s + self.offset_s
+
+    def here(self, there_s: float) -> float:
+        """A time of the node, by the clock of this machine."""
+        return there_s - self.offset_s
+
+
+def clock_fields() -> Fields:
+    """The clocks of this machine, as a bridge answers them [ns]."""
+    return {"monotonic_ns": time.monotonic_ns(), "wall_ns": time.time_ns()}
+
+
+def offset_of(trips: Iterable[RoundTrip], wall_minus_monotonic_s: float = 0.0) -> ClockOffset:
+    """The offset by the shortest of the round trips, of which there is one at least."""
+    best = min(trips, key=lambda trip: trip.received_s - trip.sent_s)
+    middle_s = 0.5 * (best.sent_s + best.received_s)
+    bound_s = 0.5 * (best.received_s - best.sent_s)
+    return ClockOffset(best.node_s - middle_s, bound_s, wall_minus_monotonic_s)
+
+
+def measure_offset(operator: FleetOperator, node: str, count: int = ROUND_TRIPS) -> ClockOffset:
+    """Ask a node for its clock some times.
+
+    Raises:
+        FleetError: it does not answer, or not with its clock.
+    """
+    trips: list[RoundTrip] = []
+    wall_s = 0.0
+    for _ in range(count):
+        answers: queue.SimpleQueue[tuple[float, bytes] | None] = queue.SimpleQueue()
+        sent_s = time.monotonic()
+        operator.net.ask(
+            operator.key(node, "clock"),
+            b"",
+            TRIP_TIMEOUT_S,
+            lambda _, payload, answers=answers: answers.put((time.monotonic(), payload)),  # type: ignore[misc]
+            lambda answers=answers: answers.put(None),  # type: ignore[misc]
+            urgent=True,
+        )
+        try:
+            answer = answers.get(timeout=2.0 * TRIP_TIMEOUT_S)
+        except queue.Empty:
+            answer = None
+        if answer is None:
+            continue
+        received_s, payload = answer
+        response = response_of(payload)
+        if not response.get("ok"):
+            raise FleetError(f"{node}: clock: {response['error']['message']}")
+        clocks = response["result"]
+        trips.append(RoundTrip(sent_s, clocks["monotonic_ns"] * 1e-9, received_s))
+        wall_s = (clocks["wall_ns"] - clocks["monotonic_ns"]) * 1e-9
+    if not trips:
+        raise FleetError(f"{node}: no answer to the question for its clock")
+    return offset_of(trips, wall_s)
