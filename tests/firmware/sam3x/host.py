@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 
 from contid.hal import AxisOnBus
 from contid_drivers.due import frames, messages, wiring
@@ -40,7 +40,18 @@ class Host:
             AxisOnBus(f"m{i}", DueAxisOptions.model_validate({"channel": f"m{i}"}), (-10.0, 60.0))
             for i in range(motors)
         ]
-        options = DueBusOptions(port="x", role=Role.MOTOR, watchdog_ms=watchdog_ms)
+        self._configure(axes, DueBusOptions(port="x", role=Role.MOTOR, watchdog_ms=watchdog_ms))
+
+    def configure_regulators(self, watchdog_ms: int = 100) -> None:
+        """Six regulators as `plant.Regulators` has them."""
+        wired = {"calibration": [[0, 0], [100, 3]], "readback": [[0, 0], [3125, 3]], "ceiling_bar": 1.6}
+        axes = [
+            AxisOnBus(f"p{i}", DueAxisOptions.model_validate({"channel": f"p{i}", **wired}), None)
+            for i in range(6)
+        ]
+        self._configure(axes, DueBusOptions(port="x", role=Role.PRESSURE, watchdog_ms=watchdog_ms))
+
+    def _configure(self, axes: Sequence[AxisOnBus], options: DueBusOptions) -> None:
         blob = wiring.board_config("b", options, axes)
         self.crc = frames.crc16(blob)
         answer = self.ask(Type.CONFIGURE, wiring.config_body(blob), timeout_ms=60)
@@ -52,5 +63,13 @@ class Host:
         assert isinstance(answer, messages.Telemetry), answer
 
     def demand(self, goals: Mapping[int, int], timeout_ms: float = 30) -> None:
+        self.ask(Type.DEMAND, self._demand(goals), timeout_ms)
+
+    def send_demand(self, goals: Mapping[int, int]) -> None:
+        """Over the native port, without waiting for the answer."""
+        self.sequence = (self.sequence + 1) & 0xFF
+        self.board.usb.send(frames.seal(messages.request(Type.DEMAND, self.sequence, self._demand(goals))))
+
+    def _demand(self, goals: Mapping[int, int]) -> bytes:
         echo = self.telemetry.uptime_ms if self.telemetry else 0
-        self.ask(Type.DEMAND, messages.demand(self.crc, echo, goals), timeout_ms)
+        return messages.demand(self.crc, echo, goals)

@@ -66,6 +66,12 @@ class Usb:
         self._fill_out()
         self._wake()
 
+    def stall_control(self) -> None:
+        """A control transfer begins, and the link is lost: endpoint 0 never gets a free bank."""
+        self._load(0, bytes((0x80, 6, 0, 1, 0, 0, 18, 0)))
+        self.ends[0].flags = RXSTPI
+        self._line()
+
     def fire(self) -> None:
         self.due = NEVER
         if self._script is not None:

@@ -1,0 +1,27 @@
+"""The sketch's machine code stops its outputs in time, whatever fails.
+
+`test_flashed.py` does the same with the real core.
+"""
+
+from __future__ import annotations
+
+import pytest
+
+from tests.firmware.dead_man import Failure, check
+from tests.firmware.sam3x.build import build_sketch
+
+
+@pytest.mark.parametrize(
+    ("failure", "watchdog_ms", "pressure"),
+    [
+        (Failure.DEMANDS, 100, False),
+        (Failure.DEMANDS, 20, True),
+        (Failure.READING, 100, False),
+        (Failure.READING, 20, True),
+        (Failure.LOOP, 20, False),
+        (Failure.LOOP, 100, True),
+        (Failure.TICK, 100, False),
+    ],
+)
+def test_outputs_are_safe_in_time(failure: Failure, watchdog_ms: int, pressure: bool):
+    check(build_sketch(), failure, watchdog_ms, pressure)
