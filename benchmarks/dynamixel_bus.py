@@ -1,43 +1,55 @@
-"""Cycles of a Dynamixel bus: stock SDK, this driver and the wire limit, side by side from one run.
+"""Cycles of a Dynamixel bus: stock SDK, this driver and the wire, side by side from one run.
 
-    python benchmarks/dynamixel_bus.py [--seconds 2] [--servos 4] [--baud 1000000] [--fifo] [--json] [--late]
+    python benchmarks/dynamixel_bus.py [--seconds 2] [--servos 4 --baud 1000000] [--silent] [--normal]
 
 A cycle is a sync write of every goal and a (fast) sync read of every servo. The bus is emulated in a process
 of its own and paced at the baud rate; CPU is that of the driver's process over the wall time, of one core.
+The rows of a bus are measured in turns, so that each has its share of what else the machine does; the rate by
+the median cycle leaves that out. "Wire alone" sends the packets ready-made and only counts the bytes that
+return: what this emulation can carry.
+
 Rows with a block of 10 bytes read what the stock SDK reads (current, velocity, position); the blocks of 12
 and 15 bytes are what contid runs with: the watchdog read back and a proof that the mapping is intact in every
-exchange, temperature, torque and hardware error in every one (15) or every n-th (12). The last rows are the
-same with one servo silent.
+exchange, temperature, torque and hardware error in every one (15) or every n-th (12). With --silent one servo
+is silent in two more rows.
 
-With --late it counts instead, at 200 Hz through adapters that are 3 to 16 ms late, the samples that belong to
-another exchange than the one that returned them: the shafts stand elsewhere in every exchange.
+At the end stand the figures that contid has to reach. Among them are, at 200 Hz through adapters that are
+3 to 16 ms late, the samples that belong to another exchange than the one that returned them: the shafts stand
+elsewhere in every exchange.
 
-The emulated wire runs with real-time priority where that is permitted, because a wire is not preempted. With
---fifo so does contid, as its control process does; the stock SDK never, because it spins.
+The emulated wire runs with real-time priority where that is permitted, because a wire is not preempted; so
+does contid, as its control process does, unless --normal is given; the stock SDK never, because it spins.
 """
 
 from __future__ import annotations
 
 import argparse
 import json
+import logging
 import math
 import multiprocessing
 import os
 import statistics
 import sys
 import time
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
-from dataclasses import asdict, dataclass
+from dataclasses import dataclass, field
 from functools import partial
 from multiprocessing.connection import Connection
 from typing import Any
 
 from contid.control.engine.clock import RealClock
-from contid.hal import AxisOnBus
+from contid.errors import DeviceError
+from contid.hal import AxisOnBus, Rest
 from contid_drivers.dynamixel.bus import DynamixelBus
 from contid_drivers.dynamixel.exchange.block import INDIRECT, MOTION, CyclicLayout
 from contid_drivers.dynamixel.options import DynamixelAxisOptions, DynamixelBusOptions
+from contid_drivers.dynamixel.packets import sync_read, sync_write
+from contid_drivers.dynamixel.port import ServoPort
+
+#: Turns in which the time of a row is spent.
+ROUNDS = 4
 
 
 def real_time(on: bool) -> bool:
@@ -87,15 +99,55 @@ class Row:
     """One line of the table."""
 
     what: str
+    servos: int
     baud: int
     bytes_read: int
-    cycles_per_s: float
     wire_limit_per_s: float
-    cpu_percent: float
-    p50_ms: float
-    p99_ms: float
-    invalid: int
-    timeout_ms: float = 0.0
+    invalid: int = 0
+    wall_s: float = 0.0
+    cpu_s: float = 0.0
+    times_s: list[float] = field(default_factory=list, repr=False)
+
+    @property
+    def rate_per_s(self) -> float:
+        """Cycles per second of the whole time."""
+        return len(self.times_s) / self.wall_s
+
+    @property
+    def median_rate_per_s(self) -> float:
+        """Cycles per second if all were as long as the median one."""
+        return 1.0 / statistics.median(self.times_s)
+
+    @property
+    def cpu_percent(self) -> float:
+        """CPU of this process over the wall time."""
+        return 100.0 * self.cpu_s / self.wall_s
+
+    def part(self, rate_per_s: float) -> float:
+        """Per cent of the wire limit."""
+        return 100.0 * rate_per_s / self.wire_limit_per_s
+
+    def __str__(self) -> str:
+        p99_ms = 1e3 * sorted(self.times_s)[int(0.99 * len(self.times_s))]
+        return (
+            f"{self.what:30s} {self.servos:2d} servos {self.baud / 1e6:3g}M {self.bytes_read:2d} B"
+            f" {self.rate_per_s:5.0f}/s, {self.median_rate_per_s:5.0f}/s by the median,"
+            f" of {self.wire_limit_per_s:5.0f} ({self.part(self.rate_per_s):3.0f}, "
+            f"{self.part(self.median_rate_per_s):3.0f} %)  cpu {self.cpu_percent:5.1f} %"
+            f"  p50 {1e3 / self.median_rate_per_s:6.3f}  p99 {p99_ms:6.3f} ms  invalid {self.invalid}"
+        )
+
+    @property
+    def invalid_permille(self) -> float:
+        """Invalid samples per thousand."""
+        return 1e3 * self.invalid / (self.servos * len(self.times_s))
+
+    def summary(self) -> dict[str, object]:
+        """Its figures, for --json."""
+        names = ("what", "servos", "baud", "bytes_read", "wire_limit_per_s", "invalid")
+        figures = {name: getattr(self, name) for name in names}
+        rates = {name: getattr(self, name) for name in ("rate_per_s", "median_rate_per_s", "cpu_percent")}
+        return figures | rates
 
 
 def wire_limit(count: int, size: int, baud: int, fast: bool) -> float:
@@ -104,23 +156,18 @@ def wire_limit(count: int, size: int, baud: int, fast: bool) -> float:
     return baud / 10.0 / ((14 + 5 * count) + (14 + count) + answer)
 
 
-def measure(what: str, baud: int, size: int, limit: float, seconds: float, cycle: Callable[[], int]) -> Row:
+def measure(row: Row, seconds: float, cycle: Callable[[], int]) -> None:
     for _ in range(30):
         cycle()
-    times, invalid = [], 0
     cpu, start = time.process_time(), time.perf_counter()
     before = start
     while before - start < seconds:
-        invalid += cycle()
+        row.invalid += cycle()
         after = time.perf_counter()
-        times.append(after - before)
+        row.times_s.append(after - before)
         before = after
-    wall, used = before - start, time.process_time() - cpu
-    times.sort()
-    return Row(
-        what, baud, size, len(times) / wall, limit, 100.0 * used / wall,
-        1e3 * statistics.median(times), 1e3 * times[int(0.99 * len(times))], invalid,
-    )  # fmt: skip
+    row.wall_s += before - start
+    row.cpu_s += time.process_time() - cpu
 
 
 def goals() -> Iterator[float]:
@@ -130,78 +177,111 @@ def goals() -> Iterator[float]:
         yield math.pi + 0.2 * math.sin(time.monotonic() - start)
 
 
-def stock(port: str, count: int, baud: int, seconds: float, fast: bool) -> Row:
+@dataclass(frozen=True)
+class Case:
+    """A bus and a way to read it."""
+
+    port: str
+    count: int
+    baud: int
+    fast: bool
+    seconds: float
+
+    def row(self, what: str, size: int) -> Row:
+        """An empty row."""
+        name = what + (", fast read" if self.fast else "")
+        return Row(name, self.count, self.baud, size, wire_limit(self.count, size, self.baud, self.fast))
+
+
+def wire_alone(case: Case, row: Row) -> None:
+    """Packets ready-made, answers only counted."""
+    ids = range(1, case.count + 1)
+    port = ServoPort("wire", case.port, case.baud, 0.0)
+    port.open()
+    here = ((device, (2048).to_bytes(4, "little")) for device in ids)
+    wire = sync_write(116, 4, here) + sync_read(126, 10, list(ids), case.fast)
+    whole = 8 + case.count * 14 if case.fast else case.count * 21
+
+    def cycle() -> int:
+        left, deadline = whole, port.send(wire) + 0.03
+        while left > 0 and (data := port.receive(deadline)):
+            left -= len(data)
+        return case.count if left else 0
+
+    measure(row, case.seconds, cycle)
+    port.close()
+
+
+def stock(case: Case, row: Row) -> None:
     import dynamixel_sdk as sdk
 
-    handler, protocol = sdk.PortHandler(port), sdk.PacketHandler(2.0)
-    handler.setBaudRate(baud)
+    handler, protocol = sdk.PortHandler(case.port), sdk.PacketHandler(2.0)
+    handler.setBaudRate(case.baud)
     write: Any = sdk.GroupSyncWrite(handler, protocol, 116, 4)
     read: Any = sdk.GroupSyncRead(handler, protocol, 126, 10)
-    for device in range(1, count + 1):
+    for device in range(1, case.count + 1):
         read.addParam(device)
     goal = goals()
 
     def cycle() -> int:
         ticks = round(next(goal) / (2 * math.pi) * 4096)
         write.clearParam()
-        for device in range(1, count + 1):
+        for device in range(1, case.count + 1):
             write.addParam(device, list(ticks.to_bytes(4, "little")))
         write.txPacket()
-        result = read.fastSyncRead() if fast else read.txRxPacket()
-        for device in range(1, count + 1):
+        result = read.fastSyncRead() if case.fast else read.txRxPacket()
+        for device in range(1, case.count + 1):
             for address, size in ((126, 2), (128, 4), (132, 4)):
                 read.getData(device, address, size)
-        return 0 if result == 0 else count
+        return 0 if result == 0 else case.count
 
-    name = f"stock SDK{', fast read' if fast else ''}"
-    row = measure(name, baud, 10, wire_limit(count, 10, baud, fast), seconds, cycle)
+    measure(row, case.seconds, cycle)
     handler.closePort()
-    return row
+
+
+def enable(bus: DynamixelBus) -> None:
+    """Open and arm; on a busy machine the emulated wire may be stopped for too long, so three times."""
+    for left in (2, 1, 0):
+        try:
+            bus.open()
+            bus.enable(bus.axes)
+            return
+        except DeviceError:
+            bus.close()
+            if not left:
+                raise
 
 
 def driver(
-    port: str,
-    count: int,
-    baud: int,
-    seconds: float,
-    fast: bool,
-    layout: CyclicLayout,
-    every: int = 1,
-    note: str = "",
-    mute: Callable[[], None] | None = None,
-) -> Row:
+    case: Case, row: Row, layout: CyclicLayout, every: int = 1, mute: Callable[[], None] | None = None
+) -> None:
     """This driver; ``mute`` silences a servo once the bus is open and torque is on."""
     options = DynamixelBusOptions.model_validate({
-        "port": port, "baud": baud, "fast_read": "auto" if fast else "off", "telemetry_every": every,
+        "port": case.port, "baud": case.baud, "fast_read": "auto" if case.fast else "off",
+        "telemetry_every": every,
     })  # fmt: skip
-    axes = [AxisOnBus(f"r.a{i + 1}", DynamixelAxisOptions(id=i + 1)) for i in range(count)]
+    axes = [AxisOnBus(f"r.a{i + 1}", DynamixelAxisOptions(id=i + 1)) for i in range(case.count)]
     bus = DynamixelBus("servos", options, axes, RealClock(), layout)
-    bus.open()
     goal = goals()
-    size = layout.full if every == 1 else layout.lean
-    name = f"contid{', fast read' if fast else ''}{note}"
     try:
-        bus.enable(bus.axes)
+        enable(bus)
 
         def cycle() -> int:
-            angle = next(goal)
-            samples = bus.exchange(dict.fromkeys(bus.axes, angle))
-            if faults := [sample.fault for sample in samples.values() if sample.fault]:
-                raise SystemExit(
-                    f"{name}: {faults[0]}; its goals are no longer sent, so the row would flatter"
-                )
-            return sum(not sample.valid for sample in samples.values())
+            invalid = 0
+            for sample in bus.exchange(dict.fromkeys(bus.axes, next(goal))).values():
+                if sample.fault:
+                    raise SystemExit(
+                        f"{row.what}: {sample.fault}; its goals are no longer sent, so the row would flatter"
+                    )
+                invalid += not sample.valid
+            return invalid
 
         if mute is not None:
             mute()
-        row = measure(name, baud, size, wire_limit(count, size, baud, fast), seconds, cycle)
-        row.timeout_ms = 1e3 * bus._cyclic.timeout_s()  # type: ignore[union-attr]  # the bus is open
+        measure(row, case.seconds, cycle)
     finally:
-        from contid.hal import Rest
-
         bus.disable(bus.axes, Rest.RELAX)
         bus.close()
-    return row
 
 
 def late_samples(ms: float, count: int, fast: bool, exchanges: int = 190) -> tuple[int, int]:
@@ -231,60 +311,114 @@ def late_samples(ms: float, count: int, fast: bool, exchanges: int = 190) -> tup
     return valid, stale
 
 
-def show(row: Row) -> None:
-    part = 100 * row.cycles_per_s / row.wire_limit_per_s
-    print(
-        f"{row.what:34s} {row.baud / 1e6:3g}M {row.bytes_read:3d} B {row.cycles_per_s:7.0f}/s"
-        f", {1e3 / row.p50_ms:5.0f}/s by the median, of {row.wire_limit_per_s:5.0f} ({part:3.0f} %)"
-        f"  cpu {row.cpu_percent:5.1f} %"
-        f"  p50 {row.p50_ms:6.3f}  p99 {row.p99_ms:6.3f} ms  invalid {row.invalid}"
-    )
+def measured_bus(count: int, baud: int, kinds: Sequence[bool], given: argparse.Namespace) -> list[Row]:
+    """The rows of one bus, measured in turns; ``kinds`` are plain and fast reads."""
+    rows: list[Row] = []
+    seconds = given.seconds / ROUNDS
+    with emulated(count, baud) as (port, silent):
+        for fast in kinds:
+            case = Case(port, count, baud, fast, seconds)
+            runs: list[tuple[Row, Callable[[Row], None], bool]] = [
+                (case.row("wire alone", 10), partial(wire_alone, case), True),
+                (case.row("stock SDK", 10), partial(stock, case), False),
+                (case.row("contid", 10), partial(driver, case, layout=MOTION), True),
+                (case.row("contid", 12), partial(driver, case, layout=INDIRECT, every=25), True),
+                (case.row("contid", 15), partial(driver, case, layout=INDIRECT), True),
+            ]
+            for _ in range(ROUNDS):
+                for row, run, contid in runs:
+                    real_time(contid and not given.normal)
+                    run(row)
+            rows += [row for row, _, _ in runs]
+        for device, which in ((count, "last"), (1, "first")) if given.silent else ():
+            case = Case(port, count, baud, False, given.seconds)
+            row = case.row(f"contid, {which} servo silent", 15)
+            driver(case, row, INDIRECT, mute=partial(silent, device, True))
+            silent(device, False)
+            rows.append(row)
+    real_time(False)
+    return rows
+
+
+def bars(rows: Sequence[Row]) -> Iterator[tuple[str, float, float, bool]]:
+    """What has to be reached: name, figure, bar, and whether it is reached."""
+    by = {(row.what, row.servos, row.baud, row.bytes_read): row for row in rows}
+    for baud, bar in ((1000000, 93.0), (4000000, 86.0)):
+        for size in (10, 15):
+            if (row := by.get(("contid", 4, baud, size))) is None:
+                continue
+            name = f"4 servos, {baud // 1000000} Mbaud, {size} B"
+            for what, rate in (("rate", row.rate_per_s), ("rate by the median", row.median_rate_per_s)):
+                part = row.part(rate)
+                yield f"{name}: {what}, per cent of the wire limit", part, bar, round(part) >= bar
+            if baud == 1000000:
+                yield f"{name}: CPU of one core, per cent", row.cpu_percent, 12.0, row.cpu_percent <= 12.0
+    for row in rows:
+        sdk = by.get((row.what.replace("contid", "stock SDK"), row.servos, row.baud, 10))
+        if row.what.startswith("contid") and "silent" not in row.what and sdk is not None:
+            name = f"{row.what}, {row.servos} servos, {row.baud // 1000000} Mbaud, {row.bytes_read} B"
+            yield (
+                f"{name}: invalid samples, and those of the SDK",
+                row.invalid,
+                sdk.invalid,
+                (row.invalid <= sdk.invalid),
+            )
+    fast = by.get(("contid, fast read", 12, 4000000, 10))
+    sdk = by.get(("stock SDK, fast read", 12, 4000000, 10))
+    if fast is not None and sdk is not None:
+        for what, ours, theirs in (
+            ("rate", fast.rate_per_s, sdk.rate_per_s),
+            ("rate by the median", fast.median_rate_per_s, sdk.median_rate_per_s),
+        ):
+            yield f"12 servos, 4 Mbaud, fast read: {what}, and that of the SDK", ours, theirs, ours >= theirs
+
+
+def late_total() -> tuple[int, int]:
+    valid = stale = 0
+    for fast in (False, True):
+        for ms in (3, 4, 5, 7, 9, 12, 16):
+            good, wrong = late_samples(ms, 4, fast)
+            print(f"{ms:2d} ms late, {'fast' if fast else 'plain'} read: {good} of 760 valid, {wrong} wrong")
+            valid, stale = valid + good, stale + wrong
+    return valid, stale
 
 
 def main() -> None:
     parser = argparse.ArgumentParser()
-    parser.add_argument("--seconds", type=float, default=2.0)
-    parser.add_argument("--servos", type=int, default=4)
-    parser.add_argument("--baud", type=int, action="append")
-    parser.add_argument("--fifo", action="store_true")
+    parser.add_argument("--seconds", type=float, default=2.0, help="per row")
+    parser.add_argument("--servos", type=int, help="one bus, with --baud, instead of all that have a bar")
+    parser.add_argument("--baud", type=int, default=1000000)
+    parser.add_argument("--normal", action="store_true", help="contid without real-time priority")
+    parser.add_argument("--silent", action="store_true")
     parser.add_argument("--json", action="store_true")
-    parser.add_argument("--late", action="store_true")
+    parser.add_argument("--late", action="store_true", help="only the adapters that are late")
     given = parser.parse_args()
+    logging.getLogger("contid_drivers").setLevel(logging.ERROR)
     if given.late:
-        for fast in (False, True):
-            for ms in (3, 4, 5, 7, 9, 12, 16):
-                valid, stale = late_samples(ms, given.servos, fast)
-                read = "fast read" if fast else "plain read"
-                asked = 190 * given.servos
-                print(f"{ms:2d} ms late, {read}: {valid} of {asked} valid, {stale} of another exchange")
+        late_total()
         return
+    both = (False, True)
+    buses = [(4, 1000000, both), (4, 4000000, both), (12, 4000000, (True,))]
+    if given.servos is not None:
+        buses = [(given.servos, given.baud, both)]
+    if not given.normal and not real_time(True):
+        print("SCHED_FIFO is not permitted; contid runs without it", file=sys.stderr)
+    real_time(False)
     rows: list[Row] = []
-
-    def done(row: Row) -> None:
-        rows.append(row)
-        if given.json:
-            print(json.dumps(asdict(row)), flush=True)
-        else:
-            show(row)
-            sys.stdout.flush()
-
-    n, seconds = given.servos, given.seconds
-    for baud in given.baud or [1000000, 4000000]:
-        with emulated(n, baud) as (port, silent):
-            for fast in (False, True):
-                real_time(False)
-                done(stock(port, n, baud, seconds, fast))
-                if given.fifo and not real_time(True):
-                    print("SCHED_FIFO is not permitted", file=sys.stderr)
-                done(driver(port, n, baud, seconds, fast, MOTION))
-                done(driver(port, n, baud, seconds, fast, INDIRECT, every=25))
-                done(driver(port, n, baud, seconds, fast, INDIRECT))
-            for device, which in ((n, "last"), (1, "first")):
-                mute = partial(silent, device, True)
-                done(
-                    driver(port, n, baud, seconds, False, INDIRECT, note=f", {which} servo silent", mute=mute)
-                )
-                silent(device, False)
+    for count, baud, kinds in buses:
+        print(f"load average {os.getloadavg()[0]:.1f}", file=sys.stderr)
+        found = measured_bus(count, baud, kinds, given)
+        for row in found:
+            print(json.dumps(row.summary()) if given.json else row, flush=True)
+        rows += found
+    if given.json:
+        return
+    results = list(bars(rows))
+    if given.servos is None:
+        _, stale = late_total()
+        results.append(("late by 3 to 16 ms: samples of another exchange", stale, 0, stale == 0))
+    for name, figure, bar, reached in results:
+        print(f"{'reached' if reached else 'MISSED '} {name}: {figure:.4g}, {bar:.4g}")
 
 
 if __name__ == "__main__":

@@ -11,6 +11,7 @@ Source: e-manual, Protocol 2.0. The answer to a fast read is in `fast_answer`.
 from __future__ import annotations
 
 import struct
+from array import array
 from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass
 from enum import IntEnum
@@ -82,9 +83,9 @@ def _crc_table() -> tuple[int, ...]:
 
 
 _CRC: Final = _crc_table()
-#: CRC of two bytes by their value: half the steps of a table of bytes.
-_CRC_2: Final = tuple(
-    ((first << 8) & 0xFF00) ^ _CRC[(first >> 8) ^ byte] for first in _CRC for byte in range(256)
+#: CRC of two bytes by their value: half the steps of a table of bytes. An array stays in a processor's cache.
+_CRC_2: Final = array(
+    "H", (((first << 8) & 0xFF00) ^ _CRC[(first >> 8) ^ byte] for first in _CRC for byte in range(256))
 )
 
 

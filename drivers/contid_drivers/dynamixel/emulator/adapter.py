@@ -25,22 +25,26 @@ class Adapter:
     chunk: int = 0
     stalled_until: float = 0.0
 
-    def arrivals(self, at: float, wire: bytes, byte_s: float) -> list[tuple[float, bytes]]:
+    def arrivals(
+        self, at: float, wire: bytes, byte_s: float, ends: tuple[int, ...] = ()
+    ) -> list[tuple[float, bytes]]:
         """Pieces of an answer and their arrival times.
 
         Args:
             at: time of its last byte on the wire.
             wire: the answer.
             byte_s: time of one byte on the wire.
+            ends: of the parts that arrive by themselves; none for the whole answer at once.
         """
-        size = self.chunk or len(wire)
-        pieces = [wire[i : i + size] for i in range(0, len(wire), size)]
-        left = len(wire)
-        found = []
-        for piece in pieces:
-            left -= len(piece)
-            found.append((self._arrival(at - left * byte_s), piece))
-        return found
+        whole = len(wire)
+        if self.chunk:
+            ends = (*range(self.chunk, whole, self.chunk), whole)
+        ends = ends or (whole,)
+        starts = (0, *ends)
+        return [
+            (self._arrival(at - (whole - end) * byte_s), wire[start:end])
+            for start, end in zip(starts, ends, strict=False)
+        ]
 
     def _arrival(self, at: float) -> float:
         at += self.late_s

@@ -31,11 +31,15 @@ _READS: Final = (Instruction.PING, Instruction.READ)
 
 @dataclass(frozen=True, slots=True)
 class StatusReply:
-    """Bytes on the wire and the time of their last byte, after the end of the instruction [s]."""
+    """Bytes on the wire and the time of their last byte, after the end of the instruction [s].
+
+    ``ends`` are where parts of several servos end, in an answer that they send together.
+    """
 
     device: int
     wire: bytes
     at_s: float
+    ends: tuple[int, ...] = ()
 
 
 def answers(packet: Packet, servos: Sequence[Servo], byte_s: float) -> list[StatusReply]:
@@ -152,6 +156,7 @@ def _fast(
     length = 3 + sum(size + 4 for _, _, size in blocks) - 2
     wire = bytearray(HEADER + bytes((BROADCAST, length & 0xFF, length >> 8, Instruction.STATUS)))
     at_s = 0.0
+    ends: list[int] = []
     for i, (device, start, size) in enumerate(blocks):
         servo = next(iter(by_id.get(device, ())), None)
         if servo is None or servo.get(reg.FIRMWARE) < reg.FAST_READ_FIRMWARE:
@@ -162,7 +167,8 @@ def _fast(
             at_s = servo.return_delay_s
         wire += bytes((servo.alert, device)) + servo.read(start, size)
         wire += crc16(wire).to_bytes(2, "little")
-    return [StatusReply(BROADCAST, bytes(wire), at_s + len(wire) * byte_s)] if blocks else []
+        ends.append(len(wire))
+    return [StatusReply(BROADCAST, bytes(wire), at_s + len(wire) * byte_s, tuple(ends))] if blocks else []
 
 
 def _sync_write(p: bytes, servos: Sequence[Servo]) -> None:

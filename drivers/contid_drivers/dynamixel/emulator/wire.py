@@ -1,8 +1,8 @@
 """The wire of an emulated bus: a pseudo terminal that paces answers like a serial line.
 
 A pty transfers at once at any baud rate, so the time of every byte is computed here: an instruction ends
-after the time of its bytes, an answer is written when its last byte would have arrived. The rate is the one
-set by the host; servos with another rate receive nothing.
+after the time of its bytes, an answer is written when its last byte would have arrived, a fast one part by
+part. The rate is the one set by the host; servos with another rate receive nothing.
 """
 
 from __future__ import annotations
@@ -273,12 +273,12 @@ class DynamixelEmulator:
                 # A bit near the end, so that header, id and length stay intact.
                 wire = wire[:-3] + bytes((wire[-3] ^ 0x10,)) + wire[-2:]
             late = self.faults.delay_s.get(device, 0.0)
-            self._schedule(at + late, wire, byte_s)
+            self._schedule(at + late, wire, byte_s, answer.ends)
             if self.faults.spent("duplicate", device):
                 self._schedule(at + late + len(wire) * byte_s, wire, byte_s)
 
-    def _schedule(self, at: float, wire: bytes, byte_s: float) -> None:
-        for arrival, piece in self.faults.adapter.arrivals(at, wire, byte_s):
+    def _schedule(self, at: float, wire: bytes, byte_s: float, ends: tuple[int, ...] = ()) -> None:
+        for arrival, piece in self.faults.adapter.arrivals(at, wire, byte_s, ends):
             self._sent += 1
             heapq.heappush(self._due, (arrival, self._sent, piece))
 
