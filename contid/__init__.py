@@ -1,6 +1,6 @@
 """contid: a daemon that makes continuum robots move.
 
-    from contid import Client, Robot, Session, Sim
+    from contid import Client, ElasticRod, Robot, Session, Sim, Wrench
 
 Arrays are in the units of robot files (mm, bar, deg, N, s), or in SI with ``si=True``; see docs/library.md.
 """
@@ -11,14 +11,16 @@ from importlib import import_module
 
 __version__ = "0.1.0"
 
-__all__ = ["Client", "Robot", "Session", "Sim", "__version__"]
+__all__ = ["Client", "ElasticRod", "Robot", "Session", "Sim", "Wrench", "__version__"]
 
 #: Public names and their modules, imported at first use: ``import contid`` itself imports no library.
 _MODULES = {
     "Client": "contid.client",
+    "ElasticRod": "contid.api.rod",
     "Robot": "contid.api.robot",
     "Session": "contid.session.read",
     "Sim": "contid.api.simulated",
+    "Wrench": "contid.api.rod",
 }
 
 

@@ -12,6 +12,8 @@ from types import MappingProxyType
 from typing import Final, TypeAlias
 
 Vec3: TypeAlias = tuple[float, float, float]
+#: Force and moment at a point: fx, fy, fz [N], mx, my, mz [N·m].
+Wrench6: TypeAlias = tuple[float, float, float, float, float, float]
 #: Actuation of one robot in the order of its model's axes: lengths in m, pressures in Pa.
 Actuation: TypeAlias = tuple[float, ...]
 

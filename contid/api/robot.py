@@ -23,7 +23,7 @@ from contid.api.workspace import Workspace, planar_workspace, spatial_workspace
 from contid.kinematics.array import Array
 from contid.kinematics.batch import Targets, forward_many, inverse_many
 from contid.kinematics.frames import BaseFrame
-from contid.kinematics.model import Compliant, Model, build_model
+from contid.kinematics.model import Compliant, Model, UnderWrenches, build_model
 from contid.robot_file.findings import allowed_names
 from contid.robot_file.load import LoadedFile
 from contid.robot_file.robot import RobotDescription
@@ -35,6 +35,8 @@ if TYPE_CHECKING:
 
 #: Start of the search of a row: given, the rest pose (None), or the answer of the row before.
 Seed = ArrayLike | Literal["previous"] | None
+#: Columns of a wrench.
+WRENCH = ("fx_n", "fy_n", "fz_n", "mx", "my", "mz")
 
 
 class Robot:
@@ -164,6 +166,47 @@ class Robot:
             mid=units.from_si(placed.points_in_world(poses["mid_m"])),
             rotation=placed.columns_in_world(poses["rotation"]),
             stable=poses["stable"],
+        )
+
+    def fk_under(
+        self, actuation: ArrayLike, *, tip: ArrayLike | None = None, mid: ArrayLike | None = None
+    ) -> Records:
+        """Forward statics under wrenches on the tip and on the end of the first section.
+
+        Args:
+            actuation: columns `axes`.
+            tip: wrench on the tip, columns fx, fy, fz [N], mx, my, mz [N·mm; SI: N·m]; dead, world frame.
+            mid: the same on the end of the first section.
+
+        Returns:
+            As `fk`. Under a moment ``stable`` is whether the arm gets there without a jump as the loads
+            grow: a dead moment has no energy.
+
+        Raises:
+            ArgumentError: wrong shape, not finite, or a model that does not bend under wrenches.
+        """
+        rows, shape = self._actuations(actuation)
+        model = self._model
+        if not isinstance(model, UnderWrenches):
+            kind = self.description.model
+            raise ArgumentError(f"fk_under: model {kind} of {self.name} does not bend under wrenches")
+        wrenches = [self._wrenches(what, given, shape) for what, given in (("tip", tip), ("mid", mid))]
+        poses = [
+            model.forward_under(tuple(row), tuple(at), tuple(on))
+            for row, at, on in zip(rows.tolist(), *wrenches, strict=True)
+        ]
+        placed, units = self._placed, self.units
+
+        def column(values: list[Vec3] | list[tuple[float, ...]]) -> Array:
+            return np.reshape(values, (len(rows), -1))
+
+        return records(
+            shape,
+            tip=units.from_si(placed.points_in_world(column([pose.tip_m for pose in poses]))),
+            direction=placed.vectors_in_world(column([pose.direction for pose in poses])),
+            mid=units.from_si(placed.points_in_world(column([pose.mid_m for pose in poses]))),
+            rotation=placed.columns_in_world(column([pose.rotation for pose in poses]).reshape(-1, 3, 3)),
+            stable=np.array([pose.stable for pose in poses], dtype=bool),
         )
 
     def ik(
@@ -341,6 +384,14 @@ class Robot:
             return None
         self._accept("load")
         return self._placed.vectors_in_base(as_rows_like("load", load, ("fx_n", "fy_n", "fz_n"), shape))
+
+    def _wrenches(self, what: str, given: ArrayLike | None, shape: Shape) -> list[list[float]]:
+        """Wrenches in the base frame [N, N·m], one for each row."""
+        rows = as_rows_like(what, np.zeros(6) if given is None else given, WRENCH, shape)
+        force = self._placed.vectors_in_base(rows[:, :3])
+        moment = self._placed.vectors_in_base(rows[:, 3:] / self.units.scale())
+        pairs: list[list[float]] = np.hstack([force, moment]).tolist()
+        return pairs
 
     def _pairs(self, rows: Array, load: ArrayLike | None, shape: Shape) -> Iterator[tuple[Actuation, Vec3]]:
         """Actuation and load of every row, as a model takes them."""

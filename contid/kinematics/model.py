@@ -13,7 +13,7 @@ from typing import Final, Protocol, runtime_checkable
 from contid.kinematics.array import Array
 from contid.robot_file.model_plugins import load_plugin
 from contid.robot_file.robot import RobotDescription
-from contid.targets import ZERO3, Actuation, Pose, Solution, Target, Vec3
+from contid.targets import ZERO3, Actuation, Pose, Solution, Target, Vec3, Wrench6
 
 
 class Model(Protocol):
@@ -54,6 +54,15 @@ class Compliant(Protocol):
 
     def compliance(self, actuation: Actuation, load_n: Vec3 = ZERO3) -> Array:
         """Derivative of the tip position by a force on the tip, shape ``(3, 3)`` [m/N]."""
+        ...
+
+
+@runtime_checkable
+class UnderWrenches(Protocol):
+    """A model that bends under wrenches on its tip and on the end of its first section."""
+
+    def forward_under(self, actuation: Actuation, tip: Wrench6, mid: Wrench6) -> Pose:
+        """Pose under two wrenches in the base frame."""
         ...
 
 

@@ -77,5 +77,5 @@ def test_public_names_are_typed_and_complete() -> None:
         assert getattr(contid, name)
         assert name in dir(contid)
         assert re.search(rf"\b{name}\b(?: as {name}|: str)", stub)
-    with pytest.raises(AttributeError, match="public: Client, Robot, Session, Sim"):
+    with pytest.raises(AttributeError, match="public: Client, ElasticRod, Robot, Session, Sim"):
         contid.Robbot  # type: ignore[attr-defined]

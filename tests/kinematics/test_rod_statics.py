@@ -1,79 +1,115 @@
-"""Statics of a rod under gravity and wrenches at its middle and tip, against shapes computed by SoRoSim.
-
-Conventions of the data: tests/reference/rod-statics/README.md. The model grows along z: its axes (x, y, z)
-are the (y, z, x) of the data.
-"""
+"""Statics of rods under gravity and wrenches along them: against SoRoSim, Euler, and the twin."""
 
 from __future__ import annotations
 
 import math
-from pathlib import Path
-from typing import cast
 
 import numpy as np
 import pytest
 
-from contid.kinematics.cosserat.equilibrium import newton
+from contid import ElasticRod, Robot, Wrench
+from contid.kernels import PURE_PYTHON
+from contid.kinematics.cosserat.engine import NumpyEngine
 from contid.kinematics.cosserat.loads import Loads
-from contid.kinematics.cosserat.section import Inflated, Rod, Section
-
-DATA = Path(__file__).parents[1] / "reference" / "rod-statics"
-#: E [Pa], Poisson's ratio, density [kg/m^3], radius [m], length [m].
-RODS = {"spring_steel": (200e9, 0.33, 7870.0, 0.8e-3, 0.6), "tpu": (70e6, 0.4, 1200.0, 5e-3, 0.4)}
-TO_MODEL = [1, 2, 0]
-ELEMENTS = 8
-RAMP = (0.25, 0.5, 0.75, 1.0)
-
-
-class Half:
-    """Half of a passive round rod, in the place of a pneumatic section [mm, N]."""
-
-    link = 0.0
-
-    def __init__(self, name: str) -> None:
-        modulus, poisson, density, radius, length = RODS[name]
-        modulus_mpa, r = modulus * 1e-6, 1e3 * radius
-        area, inertia = math.pi * r**2, 0.25 * math.pi * r**4
-        shear = modulus_mpa / (2.0 * (1.0 + poisson))
-        self.length = 0.5e3 * length
-        self.mass_kg_mm = density * area * 1e-9
-        self._inflated = Inflated(
-            bend=1.0 / (modulus_mpa * inertia),
-            twist=1.0 / (shear * 2.0 * inertia),
-            shear=1.0 / (shear * area),
-            axial=1.0 / (modulus_mpa * area),
-            strain=0.0,
-            curvature=np.zeros(3),
-            strain_per_bar=0.0,
-            curvature_per_bar=np.zeros((3, 3)),
-            softening=0.0,
-        )
-
-    def inflated(self, pressures: np.ndarray) -> Inflated:
-        return self._inflated
-
-
-def shapes(name: str) -> np.ndarray:
-    """Shape (shapes, 6, 17): gravity, wrenches at middle and tip, seven stations in each half."""
-    rows = (DATA / f"{name}.csv").read_text().splitlines()[2:]
-    return np.array([[float(cell) for cell in row.split(",")[1:]] for row in rows]).reshape(-1, 6, 17)
+from contid.kinematics.cosserat.model import CosseratModel
+from contid.kinematics.model import build_model
+from contid.robot_file.shipped import load_named
+from tests.oracles.elastic_rods import ALLOWED, RODS, compared, rod, shapes
 
 
 @pytest.mark.parametrize("name", RODS)
-def test_middle_and_tip_are_those_of_sorosim(name: str) -> None:
-    half, length_mm = Half(name), 1e3 * RODS[name][4]
-    rod = Rod(cast("tuple[Section, ...]", (half, half)))
-    for shape in shapes(name):
-        moments, forces = 1e3 * shape[:3][TO_MODEL], shape[3:][TO_MODEL]
-        weight = half.mass_kg_mm * forces[:, 0]
-        full = Loads(
-            forces[:, 2], moments[:, 2], {0: forces[:, 1]}, {0: moments[:, 1]}, {0: weight, 1: weight}
+@pytest.mark.parametrize("pure", ["0", "1"], ids=["kernel", "numpy"])
+def test_shapes_are_those_of_sorosim(name: str, pure: str, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setenv(PURE_PYTHON, pure)
+    one = rod(name)
+    at, table = shapes(name)
+    for shape in table[: 12 if pure == "0" else 3]:
+        found = compared(one, at, shape)
+        assert found.distance <= ALLOWED
+        assert found.angle <= math.radians(0.3)
+
+
+def test_kernel_and_twin_agree_on_wrenches_on_a_pneumatic_arm() -> None:
+    (robot,) = load_named("stiffflop2").file.robots.values()
+    model = build_model(robot)
+    assert isinstance(model, CosseratModel)
+    twin = NumpyEngine(model.setup)
+    rng = np.random.default_rng(5)
+    stations = np.array([0.0, 17.0, model.setup.rod.sections[0].length, 47.5, 80.0, model.setup.rod.reach])
+    for _ in range(6):
+        loads = Loads(
+            rng.uniform(-0.03, 0.03, 3),
+            rng.uniform(-2.0, 2.0, 3),
+            {0: rng.uniform(-0.03, 0.03, 3)},
+            {0: rng.uniform(-2.0, 2.0, 3)},
+            {1: rng.uniform(-1e-4, 1e-4, 3)},
+            {0: rng.uniform(-1e-4, 1e-4, 3)},
         )
-        base = np.zeros(3)
-        for part in RAMP:
-            found = newton(rod, np.zeros(6), base, full.scaled(part), ELEMENTS)
-            assert found.converged
-            base = found.base_moment
-        middle, tip = (1e3 * forces[:, column] for column in (9, 16))
-        assert float(np.linalg.norm(found.sweep.ends[0] - middle)) <= 1e-3 * length_mm
-        assert float(np.linalg.norm(found.sweep.tip - tip)) <= 1e-3 * length_mm
+        pressures = rng.uniform(0.0, 1.2, 6).tolist()
+        frames, expected = np.empty((6, 12)), np.empty((6, 12))
+        done, moment, elements = model.engine.statics(pressures, loads, stations, frames)
+        assert (done, elements) == twin.statics(pressures, loads, stations, expected)[::2]
+        assert done == 1.0
+        np.testing.assert_allclose(frames, expected, atol=1e-9)
+        assert moment == pytest.approx(twin.statics(pressures, loads, stations, expected)[1], abs=1e-8)
+
+
+def test_a_force_on_the_tip_is_that_of_fk() -> None:
+    arm = Robot("stiffflop2")
+    rows = np.random.default_rng(2).uniform(0.0, 1.2, (5, 6))
+    plain = arm.fk(rows, load=[0.01, 0.0, 0.03])
+    under = arm.fk_under(rows, tip=[0.01, 0.0, 0.03, 0.0, 0.0, 0.0])
+    for field in ("tip", "mid", "direction", "rotation"):
+        np.testing.assert_allclose(under[field], plain[field], atol=1e-9)
+
+
+def test_a_couple_of_forces_is_a_moment() -> None:
+    # Two opposite forces at the ends of a short lever near the tip turn the rod like a moment there.
+    steel = ElasticRod(600, 0.8, modulus_pa=200e9, poisson=0.33)
+    push, lever = np.array([1.0, 0.0, 0.0]), 0.5
+    moment = steel.statics([600], loads=[Wrench(600 - 0.5 * lever, moment=[0.0, lever, 0.0])])
+    couple = steel.statics([600], loads=[Wrench(600 - lever, -push), Wrench(600, push)])
+    np.testing.assert_allclose(couple.points, moment.points, atol=1e-4)
+
+
+def test_a_strip_bent_by_a_moment_is_an_arc() -> None:
+    """Euler: a moment at the tip bends a rod to a circle; its radius is E I / M."""
+    radius, length, modulus = 1.0, 300.0, 70e9
+    stiffness = modulus * 1e-6 * math.pi / 4.0 * radius**4
+    moment = stiffness * math.pi / length  # half a circle
+    bent = ElasticRod(length, radius, modulus_pa=modulus, poisson=0.3).statics(
+        [length / 2, length], loads=[Wrench(length, moment=[0.0, moment, 0.0])]
+    )
+    bow = length / math.pi
+    np.testing.assert_allclose(bent.points, [[bow, 0.0, bow], [2 * bow, 0.0, 0.0]], atol=1e-2)
+    assert bent.carried == 1.0
+
+
+def test_a_column_carries_no_more_than_its_critical_load() -> None:
+    """Euler's column, clamped and free: pi^2 E I / 4 L^2."""
+    radius, length, modulus = 1.0, 500.0, 200e9
+    critical = math.pi**2 * modulus * 1e-6 * math.pi / 4.0 * radius**4 / (4.0 * length**2)
+    column = ElasticRod(length, radius, modulus_pa=modulus, poisson=0.3)
+    assert column.statics([length], loads=[Wrench(length, [0, 0, -0.98 * critical])]).carried == 1.0
+    assert column.statics(
+        [length], loads=[Wrench(length, [0, 0, -1.25 * critical])]
+    ).carried == pytest.approx(0.8, abs=0.01)
+
+
+@pytest.mark.parametrize(
+    ("call", "message"),
+    [
+        (lambda r: r.statics([700]), r"stations=\[700\]; expected: arc lengths that ascend from 0 to 600 mm"),
+        (lambda r: r.statics([2, 1]), "ascend"),
+        (lambda r: r.statics([1], loads=[Wrench(601)]), "wrench at 601; allowed: 0 to 600 mm"),
+        (lambda r: r.statics([1], loads=[Wrench(600, [1, 2])]), "force has shape"),
+        (lambda r: r.statics([1], loads=[Wrench(k) for k in range(1, 9)]), "8 points inside .* at most 7"),
+        (lambda r: ElasticRod(0, 1, modulus_pa=1e9, poisson=0.3), "length=0: a positive number"),
+        (lambda r: ElasticRod(1, 1, modulus_pa=1e9, poisson=0.6), "poisson=0.6; allowed"),
+        (lambda r: Robot("trirack2").fk_under([0] * 6), "does not bend under wrenches"),
+    ],
+)
+def test_mistakes_have_located_messages(call: object, message: str) -> None:
+    steel = ElasticRod(600, 0.8, modulus_pa=200e9, poisson=0.33)
+    with pytest.raises(ValueError, match=message):
+        call(steel)  # type: ignore[operator]

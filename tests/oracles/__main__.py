@@ -5,6 +5,7 @@ from __future__ import annotations
 import argparse
 import sys
 import time
+from pathlib import Path
 
 import numpy as np
 
@@ -12,6 +13,7 @@ from contid.kinematics.arc.section_model import SectionModel
 from contid.kinematics.model import build_model
 from contid.robot_file.shipped import load_named
 from tests.oracles.arcs import random_posture, tip_and_tangent
+from tests.oracles.elastic_rods import compare_all
 from tests.oracles.rods import FIXED_BAR, NEAR_REST, moves
 
 
@@ -61,7 +63,11 @@ def main() -> int:
     """Run every oracle; exit 1 when one of those that must hold does not."""
     parser = argparse.ArgumentParser(prog="python -m tests.oracles")
     parser.add_argument("--cases", type=int, default=1000)
-    cases = parser.parse_args().cases
+    parser.add_argument("--statics", type=Path, metavar="DIR", help="only rods: tables of SoRoSim in DIR")
+    given = parser.parse_args()
+    if given.statics is not None:
+        return 0 if compare_all(given.statics) else 1
+    cases = given.cases
     held = True
     for name in ("trirack2", "cbha"):
         for directed in (False, True):

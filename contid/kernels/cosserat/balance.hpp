@@ -5,7 +5,8 @@
 
 namespace contid {
 
-constexpr double kStatics = 1e-9;  // moment balance that counts as equilibrium [N*mm]
+constexpr double kStatics = 1e-9;    // moment balance that counts as equilibrium [N*mm]
+constexpr double kRounding = 1e-12;  // the same, as a part of the moment of all loads, where that is more
 constexpr int kNewtonSteps = 25;
 
 inline bool finite(Vec a) { return std::isfinite(a.x) && std::isfinite(a.y) && std::isfinite(a.z); }
@@ -81,8 +82,7 @@ void judge(const Rod<K>& rod, const double* pressures, Vec base_moment, Vec tip_
   state.mu = base_moment;
   clear(state.by);
   for (int i = 0; i < 3; ++i) state.by.dmu[i][i] = 1.0;
-  Vec N = tip_force;
-  for (int i = 0; i < K; ++i) N = N + share * own_weight(rod.sections[i]);
+  Vec N = base_force<K>(rod, tip_force, share);
   Mat before = identity(), mid_by_moment{};
   const bool light = massless<K>(rod, share);
   bool first = true, regular = true;
@@ -101,6 +101,10 @@ void judge(const Rod<K>& rod, const double* pressures, Vec base_moment, Vec tip_
       regular = inverse(turn, before) && regular;
     }
     if (i == 0) out.ends.mid = state.p, mid_by_moment = first_columns(state.by.shift);
+    if (rod.joints) {
+      joint<C>(state, share * section.end_force, share * section.end_moment);
+      N = N - share * section.end_force;
+    }
     if (section.link > 0.0) {
       const Vec lf = share * section.link_weight;
       link<C>(state, section.link, lf);
@@ -109,7 +113,7 @@ void judge(const Rod<K>& rod, const double* pressures, Vec base_moment, Vec tip_
   }
   out.ends.R = state.R;
   out.ends.p = state.p;
-  out.ends.moment = state.mu - cross(state.p, tip_force);
+  out.ends.moment = state.mu - cross(state.p, tip_force) - share * rod.tip_moment;
   add_cross<C>(tip_force, state.by.shift, state.by.dmu);
   out.regular = inverse(first_columns(state.by.dmu), out.moment_by_balance) && regular;
   if (!out.regular) {

@@ -17,9 +17,15 @@ constexpr double kFirstStep = 0.25, kLeastStep = 1e-3, kNoStep = 1e-6, kOnTheWay
 // Moment of all loads at full length: what corrections of the base moment are compared with [N*mm].
 template <int K> double load_scale(const Rod<K>& rod, Vec tip_force) {
   double force = norm(tip_force);
-  for (const Section& s : rod.sections) force += norm(own_weight(s));
-  return force * rod.reach;
+  double moment = norm(rod.tip_moment);
+  for (const Section& s : rod.sections) {
+    force += norm(own_weight(s)) + norm(s.end_force);
+    moment += norm(s.end_moment);
+  }
+  return force * rod.reach + moment;
 }
+
+inline double statics_tolerance(double scale) { return std::fmax(kStatics, kRounding * scale); }
 
 // Newton's method that ends where a step does not contract the balance. True for a stable equilibrium.
 template <int K>
@@ -29,7 +35,7 @@ bool settle(const Rod<K>& rod, const double* pressures, Vec& moment, Vec tip_for
   for (int i = 0; i < kCorrections; ++i) {
     judge<K>(rod, pressures, moment, tip_force, share, elements, out);
     const double error = norm(out.ends.moment);
-    if (error <= tolerance) return out.modes == 0;
+    if (error <= tolerance) return rod.moments || out.modes == 0;  // a dead moment has no energy
     if (!(error < kContraction * before) || !out.regular) return false;
     before = error;
     moment = moment - out.moment_by_balance * out.ends.moment;
@@ -61,7 +67,7 @@ double follow(const Rod<K>& rod, const Station& from, const Station& to, int ele
         done > 0.0 ? moment + ((goal - done) / (done - behind)) * (moment - before) : moment + cross(out.ends.p, rise);
     Vec corrected = predicted;
     Judged trial;
-    const double tolerance = goal < 1.0 ? kOnTheWay * scale : kStatics;
+    const double tolerance = goal < 1.0 ? kOnTheWay * scale : statics_tolerance(scale);
     if (settle<K>(rod, p, corrected, from.tip_force + rise, share, elements, tolerance, trial)) {
       before = moment, behind = done;
       moment = corrected, done = goal;
@@ -135,7 +141,7 @@ template <int K> bool on_branch(const Rod<K>& rod, const double* pressures, Vec 
 template <int K>
 void buckled(const Rod<K>& rod, const double* pressures, Vec tip_force, int elements, Vec& moment, Judged& out) {
   Sweep<K> unused;
-  moment = cross(out.ends.p, tip_force);
+  if (!rod.joints && !rod.moments) moment = cross(out.ends.p, tip_force);
   newton<K>(rod, pressures, moment, tip_force, 1.0, elements, unused);
   judge<K>(rod, pressures, moment, tip_force, 1.0, elements, out);
 }

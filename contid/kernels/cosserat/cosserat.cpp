@@ -9,6 +9,7 @@
 #include "../batch_python.hpp"
 #include "../python.hpp"
 #include "batch.hpp"
+#include "stations.hpp"
 
 namespace nb = nanobind;
 using namespace contid;
@@ -24,6 +25,16 @@ Vec vec(nb::handle sequence) {
 nb::tuple triple(Vec a) { return nb::make_tuple(a.x, a.y, a.z); }
 
 constexpr const char* kPressures = "expected three pressures per section";
+constexpr const char* kStations = "stations: an array (n,)";
+
+// What contid.kinematics.cosserat.loads.Loads has for a section; zero where it has nothing.
+Vec entry(nb::handle table, int section) {
+  const nb::object found = table.attr("get")(section);
+  return found.is_none() ? Vec{0, 0, 0} : vec(found);
+}
+
+using Stations = nb::ndarray<const double, nb::ndim<1>, nb::c_contig, nb::device::cpu>;
+using Frames = nb::ndarray<double, nb::ndim<2>, nb::c_contig, nb::device::cpu>;
 
 // One arm, its number of sections a value of the run.
 struct Arm {
@@ -31,6 +42,7 @@ struct Arm {
   virtual nb::tuple inverse(const Task& task, Vec force, nb::handle seed) const = 0;
   virtual nb::tuple forward(nb::handle pressures, Vec force) const = 0;
   virtual nb::object critical(nb::handle pressures, Vec force, double max_factor) const = 0;
+  virtual nb::tuple statics(nb::handle pressures, nb::handle loads, Stations stations, Frames out) const = 0;
   virtual void inverse_many(const TaskRows& tasks, Matrix seeds, Table out, int threads) const = 0;
   virtual void forward_many(Matrix pressures, const double* loads, Table out, int threads) const = 0;
 };
@@ -54,17 +66,14 @@ template <int K> struct ArmOf final : Arm {
       to.area = number("area");
       to.inertia = number("inertia");
       to.torsion = number("torsion");
+      to.shear_ratio = number("shear_ratio");
       to.pair_force = number("pair_force");
       to.modulus_up_to = number("modulus_up_to_bar");
       for (int k = 0; k < 5; ++k) to.modulus[k] = nb::cast<double>(from.attr("modulus_pa")[k]);
       for (int axis = 0; axis < 2; ++axis)
         for (int k = 0; k < 3; ++k) to.pair_moment[axis][k] = nb::cast<double>(from.attr("pair_moment")[axis][k]);
-      const auto load = [&](const nb::object& table) {
-        const nb::object found = table.attr("get")(i);
-        return found.is_none() ? Vec{0, 0, 0} : vec(found);
-      };
-      to.weight = load(weights);
-      to.link_weight = load(link_weights);
+      to.weight = entry(weights, i);
+      to.link_weight = entry(link_weights, i);
     }
     const nb::object box = setup.attr("limits");
     for (int i = 0; i < 3 * K; ++i) {
@@ -95,6 +104,33 @@ template <int K> struct ArmOf final : Arm {
     if (!stable) buckled<K>(rod, p, force, elements, moment, at);
     return nb::make_tuple(triple(at.ends.p), tuple_of(&at.ends.R.m[0][0], 9), triple(at.ends.mid), stable,
                           triple(moment), elements);
+  }
+
+  nb::tuple statics(nb::handle pressures, nb::handle loads, Stations stations, Frames out) const override {
+    if (out.shape(0) != stations.shape(0) || out.shape(1) != kFrame) throw nb::value_error(kStations);
+    double p[3 * K];
+    read(pressures, p, 3 * K, kPressures);
+    Rod<K> under = rod;
+    const Vec force = vec(loads.attr("tip_force"));
+    under.tip_moment = vec(loads.attr("tip_moment"));
+    under.moments = nb::cast<bool>(loads.attr("moments"));
+    const nb::object forces = loads.attr("joint_force"), moments = loads.attr("joint_moment");
+    const nb::object weights = loads.attr("weight"), link_weights = loads.attr("link_weight");
+    under.joints = nb::len(forces) + nb::len(moments) > 0;
+    for (int i = 0; i < K; ++i) {
+      Section& s = under.sections[i];
+      s.end_force = entry(forces, i);
+      s.end_moment = entry(moments, i);
+      s.weight = entry(weights, i);
+      s.link_weight = entry(link_weights, i);
+    }
+    Judged at;
+    Vec moment;
+    int elements;
+    const double done = fine_equilibrium<K>(under, p, force, settings, moment, at, elements);
+    if (done < 1.0) buckled<K>(under, p, force, elements, moment, at);
+    frames_at<K>(under, p, moment, force, elements, stations.data(), stations.shape(0), out.data());
+    return nb::make_tuple(done, triple(moment), elements);
   }
 
   nb::object critical(nb::handle pressures, Vec force, double max_factor) const override {
@@ -195,6 +231,12 @@ NB_MODULE(KERNEL_MODULE, m) {
           "forward",
           [](const Engine& e, nb::handle pressures, nb::handle force) { return e.arm->forward(pressures, vec(force)); },
           nb::arg("pressures"), nb::arg("force"))
+      .def(
+          "statics",
+          [](const Engine& e, nb::handle pressures, nb::handle loads, Stations stations, Frames out) {
+            return e.arm->statics(pressures, loads, stations, out);
+          },
+          nb::arg("pressures"), nb::arg("loads"), nb::arg("stations"), nb::arg("out"))
       .def(
           "critical",
           [](const Engine& e, nb::handle pressures, nb::handle force, double max_factor) {

@@ -29,9 +29,10 @@ double discretisation_error(const Rod<K>& rod, const double* pressures, Vec mome
 template <int K>
 double fine_equilibrium(const Rod<K>& rod, const double* pressures, Vec tip_force, const Settings& settings,
                         Vec& moment, Judged& out, int& elements) {
+  const double tolerance = statics_tolerance(load_scale<K>(rod, tip_force));
   double done = 0.0;
   for (elements = settings.elements;; elements *= 2) {
-    if (done < 1.0 || !settle<K>(rod, pressures, moment, tip_force, 1.0, elements, kStatics, out))
+    if (done < 1.0 || !settle<K>(rod, pressures, moment, tip_force, 1.0, elements, tolerance, out))
       done = equilibrium<K>(rod, pressures, tip_force, elements, moment, out);
     if (elements >= kMaxElements || !loaded<K>(rod, tip_force)) return done;
     if (done == 1.0 && discretisation_error<K>(rod, pressures, moment, out, tip_force, elements) <= settings.error)

@@ -98,10 +98,18 @@ template <int A, int C> inline void link(State<C>& state, double length, Vec f) 
   }
 }
 
-// Sections from base to tip with their own weight.
+// A dead wrench at the end of a section, N the force before it; statics.sweep.
+template <int A, int C> inline void joint(State<C>& state, Vec force, Vec moment) {
+  state.mu = state.mu - moment - cross(state.p, force);
+  if constexpr (A > 0) add_cross<A>(force, state.by.shift, state.by.dmu);
+}
+
+// Sections from base to tip with their own weight and the loads at their ends; the share of a sweep scales these.
 template <int K> struct Rod {
   Section sections[K];
   double reach;
+  Vec tip_moment = {0, 0, 0};
+  bool joints = false, moments = false;  // true with a force or a moment at the end of a section; with any moment
 };
 
 // Where a sweep ends: frame and position of the tip, end of the first section, moment residual.
@@ -122,8 +130,18 @@ template <int K, int Base = 3> struct Sweep {
 
 inline Vec own_weight(const Section& s) { return s.length * s.weight + s.link * s.link_weight; }
 
-// True without own weight.
+// Force at the base: everything the rod carries.
+template <int K> Vec base_force(const Rod<K>& rod, Vec tip_force, double share) {
+  Vec N = tip_force;
+  for (const Section& s : rod.sections) N = N + share * own_weight(s);
+  if (rod.joints)
+    for (const Section& s : rod.sections) N = N + share * s.end_force;
+  return N;
+}
+
+// True without own weight and forces at the ends of sections.
 template <int K> bool massless(const Rod<K>& rod, double share) {
+  if (rod.joints && share != 0.0) return false;
   double most = 0.0;
   for (const Section& s : rod.sections) {
     const Vec a = share * s.weight, b = share * s.link_weight;
@@ -152,6 +170,10 @@ inline void sections(const Rod<K>& rod, const double* pressures, double share, i
       for (int a = 0; a < 3; ++a)
         for (int j = 0; j < C; ++j) out.mid_shift[a][j] = state.by.shift[a][j];
   }
+  if (rod.joints) {
+    joint<A>(state, share * section.end_force, share * section.end_moment);
+    N = N - share * section.end_force;
+  }
   if (section.link > 0.0) {
     const Vec lf = share * section.link_weight;
     link<A>(state, section.link, lf);
@@ -173,10 +195,9 @@ inline void sweep(const Rod<K>& rod, const double* pressures, Vec base_moment, V
     clear(state.by);
     for (int i = 0; i < Base; ++i) state.by.dmu[i][i] = 1.0;
   }
-  Vec N = tip_force;
-  for (int i = 0; i < K; ++i) N = N + share * own_weight(rod.sections[i]);
-  sections<K, Tangents, 0, Base>(rod, pressures, share, elements, massless<K>(rod, share), N, out);
-  out.moment = state.mu - cross(state.p, tip_force);
+  sections<K, Tangents, 0, Base>(rod, pressures, share, elements, massless<K>(rod, share),
+                                 base_force<K>(rod, tip_force, share), out);
+  out.moment = state.mu - cross(state.p, tip_force) - share * rod.tip_moment;
   if constexpr (Tangents) {
     for (int a = 0; a < 3; ++a)
       for (int j = 0; j < C; ++j) out.residual[a][j] = state.by.dmu[a][j];

@@ -8,9 +8,10 @@ namespace contid {
 
 // Constants of one section; see section.py.
 struct Section {
-  double length, link, area, inertia, torsion, pair_force, modulus[5], modulus_up_to;
-  double pair_moment[2][3];  // about x and y, one column a pair
-  Vec weight, link_weight;   // per length
+  double length, link, area, inertia, torsion, shear_ratio, pair_force, modulus[5], modulus_up_to;
+  double pair_moment[2][3];                           // about x and y, one column a pair
+  Vec weight, link_weight;                            // per length
+  Vec end_force = {0, 0, 0}, end_moment = {0, 0, 0};  // dead, at the end of the section before its link
 };
 
 // A section at given pressures; see section.Inflated.
@@ -34,8 +35,8 @@ inline Inflated inflate(const Section& s, const double* p) {
   Inflated f;
   f.bend = 1.0 / (e * s.inertia);
   f.axial = 1.0 / (e * s.area);
-  f.twist = 3.0 / (e * s.torsion);
-  f.shear = 3.0 * f.axial;
+  f.twist = s.shear_ratio / (e * s.torsion);
+  f.shear = s.shear_ratio * f.axial;
   f.strain_per_bar = s.pair_force * f.axial;
   f.strain = f.strain_per_bar * sum;
   f.softening = -slope / (3.0 * e);

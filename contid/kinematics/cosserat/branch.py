@@ -16,7 +16,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from contid.kinematics.array import Array
-from contid.kinematics.cosserat.equilibrium import STATICS_TOLERANCE, Equilibrium, newton
+from contid.kinematics.cosserat.equilibrium import ROUNDING, STATICS_TOLERANCE, Equilibrium, newton
 from contid.kinematics.cosserat.loads import Loads
 from contid.kinematics.cosserat.section import Rod
 from contid.kinematics.cosserat.spatial import cross
@@ -74,6 +74,11 @@ def load_scale(rod: Rod, loads: Loads) -> float:
     return total
 
 
+def statics_tolerance(scale: float) -> float:
+    """Moment balance that counts as equilibrium [N·mm] for loads of that `load_scale`."""
+    return max(STATICS_TOLERANCE, ROUNDING * scale)
+
+
 def settle(
     rod: Rod, pressures: Array, start: Array, loads: Loads, elements: int, tolerance: float
 ) -> Equilibrium | None:
@@ -115,7 +120,7 @@ def follow(rod: Rod, start: Station, end: Station, base_moment: Array, elements:
         else:
             # A dead tip force has a moment about the base that follows from the tip.
             predicted = moment + goal * cross(at.tip, end.loads.tip_force - start.loads.tip_force)
-        tolerance = ON_THE_WAY * scale if goal < 1.0 else STATICS_TOLERANCE
+        tolerance = ON_THE_WAY * scale if goal < 1.0 else statics_tolerance(scale)
         trial = settle(rod, pressures, predicted, loads, elements, tolerance)
         if trial is not None:
             before, behind = moment, done
@@ -139,7 +144,9 @@ def equilibrium(rod: Rod, pressures: Array, loads: Loads, elements: int = 3) -> 
 
 def buckled(rod: Rod, pressures: Array, loads: Loads, end: Followed, elements: int) -> Equilibrium:
     """Some equilibrium under the full load, for an arm whose branch ends before, at ``end``."""
-    return newton(rod, pressures, cross(end.sweep.tip, loads.tip_force), loads, elements)
+    dead = loads.moments or loads.joint_force
+    start = end.base_moment if dead else cross(end.sweep.tip, loads.tip_force)
+    return newton(rod, pressures, start, loads, elements)
 
 
 def critical_factor(

@@ -5,8 +5,14 @@ from __future__ import annotations
 import numpy as np
 
 from contid.kinematics.array import Array
-from contid.kinematics.cosserat.branch import MAX_ELEMENTS, Followed, equilibrium, settle
-from contid.kinematics.cosserat.equilibrium import STATICS_TOLERANCE
+from contid.kinematics.cosserat.branch import (
+    MAX_ELEMENTS,
+    Followed,
+    equilibrium,
+    load_scale,
+    settle,
+    statics_tolerance,
+)
 from contid.kinematics.cosserat.loads import Loads
 from contid.kinematics.cosserat.section import Rod
 from contid.kinematics.cosserat.statics import Sweep, sweep
@@ -37,10 +43,11 @@ def fine_equilibrium(
 
     A branch that ends short of the full load is followed with more elements before that counts.
     """
+    tolerance = statics_tolerance(load_scale(rod, loads))
     found: Followed | None = None
     while True:
         if found is not None and found.done == 1.0:
-            finer = settle(rod, pressures, found.base_moment, loads, elements, STATICS_TOLERANCE)
+            finer = settle(rod, pressures, found.base_moment, loads, elements, tolerance)
             found = None if finer is None else Followed(finer.base_moment, finer.sweep, 1.0)
         else:
             found = None

@@ -18,6 +18,7 @@ from contid.kinematics.cosserat.discretisation import fine_equilibrium
 from contid.kinematics.cosserat.loads import Loads
 from contid.kinematics.cosserat.section import Rod
 from contid.kinematics.cosserat.settled import search_settled
+from contid.kinematics.cosserat.shape import frames_at
 from contid.kinematics.cosserat.solve import Limits, Problem
 from contid.kinematics.cosserat.task import Task
 from contid.targets import Vec3
@@ -29,6 +30,9 @@ InverseAnswer: TypeAlias = tuple[tuple[float, ...], float, bool, bool, bool, int
 ForwardAnswer: TypeAlias = tuple[
     tuple[float, ...], tuple[float, ...], tuple[float, ...], bool, tuple[float, ...], int
 ]
+
+#: Part of the loads that the rod takes on its branch (1.0: all), base moment, elements
+StaticsAnswer: TypeAlias = tuple[float, tuple[float, ...], int]
 
 #: The kernel is compiled for one to this many sections.
 KERNEL_SECTIONS = 8
@@ -59,6 +63,13 @@ class RodSolver(Protocol):
 
     def forward(self, pressures: Sequence[float], force: Vec3) -> ForwardAnswer:
         """Equilibrium of given pressures [bar] under a force on the tip [N]."""
+        ...
+
+    def statics(self, pressures: Sequence[float], loads: Loads, stations: Array, out: Array) -> StaticsAnswer:
+        """Equilibrium under any dead loads, in place of the own weight.
+
+        Position [mm] and rotation at ascending reference arc lengths [mm] are written to ``out``, (n, 12).
+        """
         ...
 
     def critical(self, pressures: Sequence[float], force: Vec3, max_factor: float) -> float | None:
@@ -111,6 +122,17 @@ class NumpyEngine:
             tuple(end.tip.tolist()), tuple(end.rotation.ravel().tolist()), tuple(end.ends[0].tolist()),
             stable, tuple(moment.tolist()), elements,
         )  # fmt: skip
+
+    def statics(self, pressures: Sequence[float], loads: Loads, stations: Array, out: Array) -> StaticsAnswer:
+        """See `RodSolver`."""
+        s = self.setup
+        p: Array = np.array(pressures)
+        found, elements = fine_equilibrium(s.rod, p, loads, s.elements, s.error)
+        moment = found.base_moment
+        if found.done < 1.0:
+            moment = buckled(s.rod, p, loads, found, elements).base_moment
+        out[:] = frames_at(s.rod, p, moment, loads, elements, stations)
+        return found.done, tuple(moment.tolist()), elements
 
     def critical(self, pressures: Sequence[float], force: Vec3, max_factor: float) -> float | None:
         """See `RodSolver`."""

@@ -16,6 +16,8 @@ from contid.kinematics.cosserat.statics import Sweep, sweep
 
 #: Moment balance at the tip that counts as equilibrium [N·mm].
 STATICS_TOLERANCE = 1e-9
+#: The same as a part of the moment of all loads, where that is more.
+ROUNDING = 1e-12
 NEWTON_STEPS = 25
 
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
 from typing import Final
 
 import numpy as np
@@ -16,7 +17,7 @@ from contid.kinematics.cosserat.shape import backbone
 from contid.kinematics.cosserat.solve import Limits
 from contid.kinematics.cosserat.statics import sweep
 from contid.robot_file.cosserat import Cosserat, Orientation, SectionGeometry
-from contid.targets import ZERO3, Actuation, Pose, Solution, Target, Vec3
+from contid.targets import ZERO3, Actuation, Pose, Solution, Target, Vec3, Wrench6
 from contid.units import BAR, LIMIT_TOLERANCE_PA, MM_PER_M, mm_to_m
 
 STANDARD_GRAVITY: Final = 9.81  # [m/s^2], the reference's
@@ -90,6 +91,34 @@ class CosseratModel:
             direction=(rotation[2], rotation[5], rotation[8]),
             mid_m=_metres(mid),
             stable=stable,
+        )
+
+    def forward_under(self, actuation: Actuation, tip: Wrench6, mid: Wrench6) -> Pose:
+        """Pose under wrenches on the tip and on the end of the first section, beside the own weight.
+
+        Each is (fx, fy, fz [N], mx, my, mz [N·m]), dead, in the base frame. With a moment ``stable`` is only
+        whether the pose is reached without a jump: a dead moment has no energy.
+        """
+        setup = self.setup
+        at, on_mid = np.array(tip), np.array(mid)
+        loads = Loads(
+            at[:3],
+            MM_PER_M * at[3:],
+            {0: on_mid[:3]} if on_mid[:3].any() else {},
+            {0: MM_PER_M * on_mid[3:]} if on_mid[3:].any() else {},
+            setup.weight.weight,
+            setup.weight.link_weight,
+        )
+        frames = np.empty((2, 12))
+        stations = np.array([setup.rod.sections[0].length, setup.rod.reach])
+        done, _, _ = self.engine.statics([p / BAR for p in actuation], loads, stations, frames)
+        end, rotation = frames[1, :3].tolist(), tuple(frames[1, 3:].tolist())
+        return Pose(
+            tip_m=_metres(end),
+            rotation=rotation,
+            direction=(rotation[2], rotation[5], rotation[8]),
+            mid_m=_metres(frames[0, :3].tolist()),
+            stable=done == 1.0,
         )
 
     def inverse(self, target: Target, seed: Actuation) -> Solution:
@@ -222,5 +251,5 @@ class CosseratModel:
         )
 
 
-def _metres(point: tuple[float, ...]) -> Vec3:
+def _metres(point: Sequence[float]) -> Vec3:
     return (point[0] / MM_PER_M, point[1] / MM_PER_M, point[2] / MM_PER_M)

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 
 import numpy as np
@@ -32,6 +32,7 @@ class Section:
         modulus_up_to_bar: x is clamped here; the fit is not valid beyond.
         bending_gain: scale of the pressure moment (1: section constants as derived; see docs/stiffflop.md).
         first_pair_rad: azimuth of the first chamber pair.
+        poisson: Poisson's ratio; G = E / 2 (1 + poisson).
     """
 
     length: float
@@ -45,6 +46,27 @@ class Section:
     modulus_up_to_bar: float = 1.9
     bending_gain: float = 1.0
     first_pair_rad: float = 0.0
+    poisson: float = 0.5
+
+    @classmethod
+    def solid(cls, length: float, radius: float, modulus_pa: float, poisson: float) -> Section:
+        """A solid round bar without chambers: dimensions [mm], Young's modulus [Pa]."""
+        inertia = 0.25 * math.pi * radius**4
+        return cls(
+            length=length,
+            link=0.0,
+            area=math.pi * radius**2,
+            inertia=inertia,
+            torsion=2.0 * inertia,
+            chamber_area=0.0,
+            arm=0.0,
+            modulus_pa=(0.0, 0.0, 0.0, 0.0, modulus_pa),
+            poisson=poisson,
+        )
+
+    def cut(self, length: float) -> Section:
+        """A piece of that length [mm]."""
+        return replace(self, length=length)
 
     @classmethod
     def from_radii(
@@ -102,6 +124,11 @@ class Section:
         return scale * np.stack([np.sin(psi), -np.cos(psi), np.zeros(3)])
 
     @property
+    def shear_ratio(self) -> float:
+        """E / G: 3 for incompressible silicone."""
+        return 2.0 * (1.0 + self.poisson)
+
+    @property
     def pair_force(self) -> float:
         """Force of a pair per bar [N/bar]."""
         return 2.0 * self.chamber_area * NEWTON_PER_BAR_MM2
@@ -113,8 +140,8 @@ class Section:
         axial = 1.0 / (modulus * self.area)
         return Inflated(
             bend=bend,
-            twist=3.0 / (modulus * self.torsion),
-            shear=3.0 * axial,
+            twist=self.shear_ratio / (modulus * self.torsion),
+            shear=self.shear_ratio * axial,
             axial=axial,
             strain=self.pair_force * float(pressures.sum()) * axial,
             curvature=bend * (self.pair_moment @ pressures),
@@ -129,8 +156,8 @@ class Inflated:
     """A section at given pressures: pressure only shifts the reference strains and sets the compliances.
 
     Attributes:
-        bend, twist: 1/(E I) and 3/(E J) (G = E/3) [1/(N·mm^2)].
-        shear, axial: 3/(E A) and 1/(E A) [1/N].
+        bend, twist: 1/(E I) and 1/(G J) [1/(N·mm^2)].
+        shear, axial: 1/(G A) and 1/(E A) [1/N].
         strain: reference elongation.
         curvature: reference curvature [1/mm], shape (3,).
         strain_per_bar: derivative of ``strain`` by each pressure at fixed modulus.

@@ -14,6 +14,49 @@ from contid.kinematics.cosserat.spatial import cross
 POINTS_PER_ELEMENT = 12
 
 
+def frames_at(
+    rod: Rod, pressures: Array, base_moment: Array, loads: Loads, elements: int, stations: Array
+) -> Array:
+    """Position [mm] and rotation, row by row, at ascending reference arc lengths [mm], shape (n, 12).
+
+    A station inside an element is reached by one step from its start. Specification of
+    ``contid/kernels/cosserat/stations.hpp``.
+    """
+    none = np.zeros((3, 0))
+    state = RodState(np.eye(3), np.zeros(3), np.array(base_moment, float), none, none, none)
+    N = loads.base_force(rod)
+    frames: list[Array] = []
+
+    def write(at: RodState) -> None:
+        frames.append(np.concatenate([at.p, at.R.ravel()]))
+
+    begin = 0.0
+    for i, section in enumerate(rod.sections):
+        inflated = section.inflated(pressures[3 * i : 3 * i + 3])
+        f = loads.weight.get(i, np.zeros(3))
+        h = section.length / elements
+        for k in range(elements):
+            while len(frames) < len(stations) and stations[len(frames)] < begin + (k + 1) * h:
+                part = stations[len(frames)] - (begin + k * h)
+                write(step(inflated, state, N, f, part, None, False))
+            state = step(inflated, state, N, f, h, None, False)
+            N = N - h * f
+        begin += section.length
+        force = loads.joint_force.get(i, np.zeros(3))
+        state.mu = state.mu - loads.joint_moment.get(i, np.zeros(3)) - cross(state.p, force)
+        N = N - force
+        if section.link > 0.0:
+            f = loads.link_weight.get(i, np.zeros(3))
+            while len(frames) < len(stations) and stations[len(frames)] < begin + section.link:
+                write(link(state, stations[len(frames)] - begin, f))
+            state = link(state, section.link, f)
+            N = N - section.link * f
+            begin += section.link
+    while len(frames) < len(stations):
+        write(state)
+    return np.array(frames).reshape(len(stations), 12)
+
+
 def backbone(rod: Rod, pressures: Array, base_moment: Array, loads: Loads, elements: int) -> Array:
     """Points from base to tip, shape (n, 3); the last one is exactly the tip of a sweep."""
     none = np.zeros((3, 0))
