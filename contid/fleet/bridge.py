@@ -18,6 +18,8 @@ from contid.errors import ContidError
 from contid.fleet.access_rules import access_rules
 from contid.fleet.fleet_file import MachineFile
 from contid.fleet.keys import Keys, Origin, is_node_name
+from contid.fleet.metrics_server import MetricsServer
+from contid.fleet.metrics_text import MetricsText, bridge_text, nodes_text
 from contid.fleet.net import FleetError, NetSession, NetSettings
 from contid.fleet.node import Node
 from contid.remote.protocol.socket_path import running
@@ -74,16 +76,19 @@ class FleetBridge:
         self._sessions = Sessions()
         self._tasks: set[asyncio.Task[None]] = set()
 
-    async def serve(self, ready: Callable[[], None]) -> None:
-        """Serve until SIGINT or SIGTERM.
+    async def serve(self, ready: Callable[[], None], metrics: tuple[str, int] | None = None) -> None:
+        """Serve until SIGINT or SIGTERM; ``metrics`` is where the page for Prometheus is served.
 
         Raises:
             FleetError: another bridge has one of the nodes already.
         """
+        page = MetricsServer(self.metrics)
         loop, end = asyncio.get_running_loop(), asyncio.Event()
         for number in (signal.SIGINT, signal.SIGTERM):
             loop.add_signal_handler(number, end.set)
         try:
+            if metrics is not None:
+                await page.start(*metrics)
             await self._refuse_rivals()
             self._net.watch_tokens(
                 self._keys.who("*", "*"), lambda *token: loop.call_soon_threadsafe(self._who, *token)
@@ -101,10 +106,20 @@ class FleetBridge:
                 except TimeoutError:
                     self._begin()
         finally:
+            page.close()
             for task in (*self._running.values(), *self._tasks):
                 task.cancel()
             await asyncio.gather(*self._running.values(), *self._tasks, return_exceptions=True)
             await asyncio.to_thread(self._net.close)
+
+    async def metrics(self) -> str:
+        """The page for Prometheus."""
+        nodes = dict(self._nodes)
+        found = await asyncio.gather(*(node.status() for node in nodes.values()))
+        metrics = MetricsText()
+        nodes_text(metrics, dict(zip(nodes, found, strict=True)))
+        bridge_text(metrics, nodes)
+        return metrics.text()
 
     def _sockets(self) -> dict[str, Path]:
         """Socket by name of the node."""
@@ -154,7 +169,7 @@ class FleetBridge:
             self._nodes[name].rival(bridge, alive)
 
 
-def serve(machine: MachineFile, ready: Callable[[], None]) -> None:
+def serve(machine: MachineFile, ready: Callable[[], None], metrics: tuple[str, int] | None = None) -> None:
     """Serve until SIGINT or SIGTERM; ``ready`` is called when operators can connect.
 
     Raises:
@@ -162,6 +177,6 @@ def serve(machine: MachineFile, ready: Callable[[], None]) -> None:
     """
     os.umask(0o077)  # Unix sockets of Zenoh are for this user
     try:
-        asyncio.run(FleetBridge(machine).serve(ready))
+        asyncio.run(FleetBridge(machine).serve(ready, metrics))
     except OSError as error:
         raise ContidError(f"the bridge: {error.strerror or error}") from error

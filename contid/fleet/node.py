@@ -4,7 +4,9 @@ from __future__ import annotations
 
 import asyncio
 import logging
+import re
 import time
+from collections import Counter
 from collections.abc import Awaitable, Callable
 from pathlib import Path
 from typing import Final
@@ -26,6 +28,10 @@ log = logging.getLogger(__name__)
 DUPLICATE: Final = "duplicate"
 #: Pause before a daemon that ended is looked for again.
 RETRY_S: Final = 1.0
+#: Longest wait for the daemon's own report.
+STATUS_TIMEOUT_S: Final = 0.5
+#: The end of a line of telemetry of a client that reads too slowly.
+DROPPED: Final = re.compile(rb'"dropped":(\d+)}$')
 #: Sessions with a connection of their own; stops of others use that of the bridge.
 MAX_SESSIONS: Final = 16
 #: A connection of a session without a token is closed after so long without a request.
@@ -45,6 +51,10 @@ class Node:
 
     Attributes:
         rivals: other bridges that have a node of this name; while there are any it only stops.
+        counts: requests by verb and result (``ok``, or the code of the refusal).
+        published: frames of telemetry.
+        dropped: frames that the daemon dropped, because this process did not read them in time.
+        round_trip_s: of the last question of `status` to the daemon.
     """
 
     def __init__(
@@ -58,6 +68,9 @@ class Node:
     ) -> None:
         self.name = name
         self.rivals: set[str] = set()
+        self.counts: Counter[tuple[str, str]] = Counter()
+        self.published = self.dropped = 0
+        self.round_trip_s: float | None = None
         self._path = path
         self._machine = machine
         self._net = net
@@ -102,6 +115,19 @@ class Node:
         for origin in tuple(self._links):
             self.session_ended(origin)
 
+    async def status(self) -> Fields | None:
+        """What the daemon reports of itself, None without an answer; refreshes no lease."""
+        watch, begin_s = self._watch, time.monotonic()
+        if watch is None:
+            return None
+        try:
+            async with asyncio.timeout(STATUS_TIMEOUT_S):
+                found = await watch.result("status")
+        except (ContidError, TimeoutError):
+            return None
+        self.round_trip_s = time.monotonic() - begin_s
+        return found
+
     # -- the daemon --------------------------------------------------------------------------------------
 
     async def _serve_daemon(self) -> None:
@@ -133,6 +159,9 @@ class Node:
 
     def _publish(self, line: bytes, fields: Fields | None) -> None:
         if fields is None:
+            self.published += 1
+            if (found := DROPPED.search(line)) is not None:
+                self.dropped = int(found[1])
             self._net.put(self._keys.telemetry(self.name), line)
         elif fields["event"] == "event":
             self._net.put(self._keys.event(self.name), line, urgent=True)
@@ -170,13 +199,17 @@ class Node:
         task.add_done_callback(self._tasks.discard)
 
     async def _answer(self, question: Question) -> None:
+        verb = "refused"  # not one that exists: labels of metrics are bounded
         try:
             order, fields = checked(self._keys, question.key, question.payload, self._machine.operators)
+            verb = order.verb
             response = await self._carry_out(order, fields)
         except RemoteError as error:
             response = {"ok": False, "error": error.as_fields()}
         except ConnectionLostError as error:
             response = refusal(Code.NO_ANSWER, str(error))
+        result = "ok" if response.get("ok") else str(response.get("error", {}).get("code", ""))
+        self.counts[verb, result] += 1
         question.answer(self._answer_key(question), encode(response)[:-1])
 
     def _answer_key(self, question: Question) -> str:

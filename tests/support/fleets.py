@@ -58,6 +58,7 @@ def bridge(
     nodes: Mapping[str, Path],
     env: Mapping[str, str] | None = None,
     endpoint: str | None = None,
+    arguments: Sequence[str] = (),
     **keys: object,
 ) -> Iterator[BridgeProcess]:
     """`contid fleet serve`, at a Unix socket if no endpoint is given, from its ready message on."""
@@ -65,7 +66,7 @@ def bridge(
     endpoint = endpoint or f"unixsock-stream/{folder}/net"
     path = machine_file(folder, endpoint, nodes, **keys)
     process = subprocess.Popen(
-        command("fleet", "serve", str(path)),
+        command("fleet", "serve", str(path), *arguments),
         stdin=subprocess.DEVNULL,
         stderr=subprocess.PIPE,
         text=True,

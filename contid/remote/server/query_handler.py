@@ -12,6 +12,7 @@ from contid.control.daemon.interfaces import RunControl
 from contid.control.engine.events import LogWritten, RunEvent, RunStarted
 from contid.remote.protocol.peer_credentials import ClientRole
 from contid.remote.protocol.wire import PROTOCOL, Code, Fields, RemoteError, RequestFields
+from contid.remote.server.lateness_histogram import LatenessHistogram
 from contid.remote.server.lease import Lease
 from contid.remote.server.telemetry_view import DEFAULT_FIELDS, FIELDS, TelemetryView
 from contid.remote.server.trackers import Trackers
@@ -63,8 +64,10 @@ class QueryHandler:
         lease: Lease,
         trackers: Trackers,
         clients: Callable[[], int],
+        lateness: LatenessHistogram,
     ) -> None:
         """Read from all of these; ``clients`` counts the connected clients."""
+        self._lateness = lateness
         self._control = control
         self._view = view
         self._lease = lease
@@ -128,6 +131,7 @@ class QueryHandler:
                 "p50": round(lateness[len(lateness) // 2] * 1e6, 1) if lateness else None,
                 "max": round(lateness[-1] * 1e6, 1) if lateness else None,
             },
+            "lateness_classes": self._lateness.as_fields(),
             **self._view.status(self._control.newest()),
         }
 

@@ -22,6 +22,7 @@ from contid.remote.protocol.estop_line import ESTOP
 from contid.remote.protocol.peer_credentials import ClientRole
 from contid.remote.protocol.wire import Code, Fields, RemoteError, RequestFields, decode
 from contid.remote.server.frame_encoder import FrameEncoder
+from contid.remote.server.lateness_histogram import LatenessHistogram
 from contid.remote.server.lease import (
     MAX_TIMEOUT_S,
     MIN_TIMEOUT_S,
@@ -45,6 +46,8 @@ JOURNALLED: Final = frozenset(
     {"hold", "stop", "estop", "acquire", "release", "resume", "recover", "clear_fault", "grip"}
 )
 JOURNAL_PERIOD_S: Final = 1.0
+#: Period in which late ticks are counted; the ring holds more.
+COUNT_PERIOD_S: Final = 0.5
 
 log = logging.getLogger(__name__)
 
@@ -65,13 +68,15 @@ class RequestHandler:
         self._refusals: dict[str, str] = {}
         self._busy: Counter[int] = Counter()
         self._logged_s: dict[tuple[int, str], float] = {}
+        self._counted_s = 0.0
         self.view = TelemetryView(control.loaded, control.rate_hz, control.refresh)
         self.frames = FrameEncoder(self.view.field)
         self.pending = PendingOrders(control.send, control.refresh)
         self.moves = Moves(control, self.view, self.pending)
         self.trackers = Trackers(control, self.view)
         self.lease = Lease(time.monotonic(), control.input_active)
-        self.queries = QueryHandler(control, self.view, self.lease, self.trackers, clients)
+        self._lateness = LatenessHistogram(control)
+        self.queries = QueryHandler(control, self.view, self.lease, self.trackers, clients, self._lateness)
         self._verbs: dict[str, Verb] = {
             **self.queries.verbs,
             "hold": self._hold, "stop": self._stop, "estop": self._estop,
@@ -133,6 +138,9 @@ class RequestHandler:
     def watch(self) -> None:
         """Grant credit, send measurements, expire the lease; called periodically."""
         now_s = time.monotonic()
+        if now_s > self._counted_s + COUNT_PERIOD_S:
+            self._counted_s = now_s
+            self._lateness.update()
         self.moves.refill()
         self.trackers.watch(now_s)
         holder = self.lease.holder

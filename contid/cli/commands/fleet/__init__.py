@@ -34,8 +34,9 @@ def command() -> None:
 
 @command.command("serve")
 @click.argument("machine", type=click.Path(path_type=Path))
+@click.option("--metrics", metavar="127.0.0.1:PORT", help="Serve a page /metrics for Prometheus there.")
 @click.option("-v", "--verbose", is_flag=True, help="Print debug messages.")
-def serve(machine: Path, verbose: bool) -> None:
+def serve(machine: Path, metrics: str | None, verbose: bool) -> None:
     """Offer the daemons of this machine to the network, as the file MACHINE allows, until Ctrl-C.
 
     The leases stay in the daemons: when the operator, the network or this process stands still, they lapse
@@ -45,7 +46,9 @@ def serve(machine: Path, verbose: bool) -> None:
 
     from contid.fleet.bridge import serve as serve_bridge
     from contid.fleet.fleet_file import load_machine_file
+    from contid.fleet.metrics_server import metrics_address
 
+    address = None if metrics is None else metrics_address(metrics)
     level = logging.DEBUG if verbose else logging.INFO
     logging.basicConfig(format="contid: fleet: %(message)s", level=level, stream=sys.stderr)
     file = load_machine_file(machine)
@@ -54,7 +57,7 @@ def serve(machine: Path, verbose: bool) -> None:
         where = ", ".join(file.endpoints())
         click.echo(f"contid: fleet: {file.fleet} is ready at {where}", err=True)
 
-    serve_bridge(file, ready)
+    serve_bridge(file, ready, address)
 
 
 def _operator(file: Path | None) -> FleetOperator:
