@@ -32,6 +32,7 @@ class WithExtraAxes:
         self.lower: Actuation = (*model.lower, *(low for low, _ in ends))
         self.upper: Actuation = (*model.upper, *(high for _, high in ends))
         self.dimension = model.dimension
+        self.taut = getattr(model, "taut", None)
 
     def forward(self, actuation: Actuation, load_n: Vec3 = ZERO3) -> Pose:
         """The model's own forward kinematics; extra axes do not move the tip."""

@@ -35,6 +35,7 @@ class Approach:
         start_velocity: [m/s or Pa/s].
         goal: position of every axis at rest.
         velocity_limit, acceleration_limit, jerk_limit: one for all axes, or one per axis.
+        straight: on a straight line from standstill, for axes with limits in common.
 
     Raises:
         MotionError: numbers that are not finite or limits that are not positive.
@@ -48,6 +49,7 @@ class Approach:
         velocity_limit: Limit,
         acceleration_limit: Limit,
         jerk_limit: Limit,
+        straight: bool = False,
     ) -> None:
         import ruckig
 
@@ -66,7 +68,8 @@ class Approach:
         problem.max_velocity = [1.0] * axes
         problem.max_acceleration = _scaled(limits[1], self._scale)
         problem.max_jerk = _scaled(limits[2], self._scale)
-        problem.synchronization = ruckig.Synchronization.Time
+        together = ruckig.Synchronization
+        problem.synchronization = together.Phase if straight else together.Time
         problem.target_velocity = [0.0] * axes
         problem.target_acceleration = [0.0] * axes
         problem.target_position = _scaled(self._goal, self._scale)

@@ -6,6 +6,8 @@ import math
 from collections.abc import Callable, Iterator
 from itertools import pairwise
 
+import numpy as np
+
 from contid.control.engine import messages as msg
 from contid.control.engine.events import FaultLatched, ModeChanged
 from contid.control.engine.tick_layout import ENABLED
@@ -13,12 +15,15 @@ from contid.control.engine.wiring import chain_guards
 from contid.control.tick.config import STALE_S, RobotConfig
 from contid.control.tick.faults import Fault
 from contid.control.tick.supervisor import Mode
+from contid.kinematics.tendon.model import TendonModel
 from contid_drivers.sim.options import FaultKind, SimAxisOptions
 from tests.campaign.script import RESUMED_S
 from tests.campaign.watch import Seen
 
 #: Rounding of float64 in lengths of metres and pressures of 1e5 Pa, with room for a few operations.
 ROUNDING = 1e-9
+#: The same of tensions: a tolerance of 1 nm times the stiffness of a tendon.
+TENSION_N = 1e-4
 
 _DRIVEN = (Mode.APPROACH, Mode.RUN, Mode.HOLD, Mode.STOPPING, Mode.FAULT)
 _WATCHED = (Mode.READY, Mode.ARMING, Mode.APPROACH, Mode.RUN, Mode.HOLD, Mode.STOPPING)
@@ -73,6 +78,24 @@ def rates(seen: Seen) -> Iterator[str]:
                     yield f"{config.name}: change of step {step - old} beyond {axis.change} at {place}"
                     return
             before, steps = place, now
+
+
+def taut(seen: Seen) -> Iterator[str]:
+    """Tensions of a tendon robot: none under the floor or over the largest, beyond what arming found."""
+    for robot, config in _robots(seen):
+        model = config.model
+        if not isinstance(model, TendonModel) or model.statics is None:
+            continue
+        before, low, high = -2, 0.0, 0.0
+        for place, command, _ in _commands(seen, robot):
+            tensions = model.statics.tensions(np.array(command))
+            if before != place - 1:  # armed where it stands: measured tensions are what they are
+                low = min(float(tensions.min()), model.statics.floor_n)
+                high = max(float(tensions.max()), model.statics.limit_n)
+            if tensions.min() < low - TENSION_N or tensions.max() > high + TENSION_N:
+                yield f"{config.name}: tensions {tensions.min():.6g}..{tensions.max():.6g} N at {place}"
+                return
+            before = place
 
 
 def no_jump(seen: Seen) -> Iterator[str]:
@@ -266,6 +289,7 @@ def unaffected(seen: Seen, reference: Seen) -> Iterator[str]:
 ALONE: dict[str, Callable[[Seen], Iterator[str]]] = {
     "position limits": position,
     "velocity and acceleration limits": rates,
+    "tensions of tendons": taut,
     "no jump on arming": no_jump,
     "fault within the stated ticks": detected,
     "faults latch and are reported": latched,

@@ -66,8 +66,8 @@ class AxisRecord(NamedTuple):
     ]
     limits: Annotated[
         float,
-        About("command", "bits: 1 position, 2 velocity, 4 acceleration, 8 refused", "limits/{axis}",
-              "integer", "limits"),
+        About("command", "bits: 1 position, 2 velocity, 4 acceleration, 8 refused, 16 tension",
+              "limits/{axis}", "integer", "limits"),
     ]  # fmt: skip
     value: Annotated[float, About("sample", "value the device reported", "{axis}/value_{device}")]
     time_s: Annotated[

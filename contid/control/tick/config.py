@@ -7,6 +7,7 @@ from dataclasses import dataclass
 from typing import Final, Protocol
 
 from contid.control.tick.limits import AxisLimits, axis_limits
+from contid.control.tick.taut import Taut
 from contid.kinematics.extra_axes import build_whole_model
 from contid.kinematics.frames import BaseFrame
 from contid.kinematics.model import Model
@@ -86,6 +87,7 @@ class RobotConfig:
         period_s: of the tick.
         feedback: closed loop on the tip, None when off.
         play: half width of the play of every axis [m or Pa], None without.
+        taut: bounds of the tensions of a tendon robot, None without.
     """
 
     name: str
@@ -108,6 +110,7 @@ class RobotConfig:
     period_s: float
     feedback: FeedbackConfig | None = None
     play: Actuation | None = None
+    taut: Taut | None = None
 
 
 def robot_config(
@@ -146,4 +149,5 @@ def robot_config(
         period_s=period_s,
         feedback=None if robot.feedback is None else FeedbackConfig.of(robot.feedback),
         play=None if robot.play is None else (*robot.play, *(0.0,) * len(robot.extra_axis_names)),
+        taut=getattr(model, "taut", None),
     )

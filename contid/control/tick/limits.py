@@ -28,12 +28,14 @@ POSITION: Final = 1
 VELOCITY: Final = 2
 ACCELERATION: Final = 4
 REFUSED: Final = 8  # the target was not a number; the axis brakes
+TENSION: Final = 16  # the tendons of the robot move together, so that tensions stay inside their bounds
 
 FLAG_NAMES: Final[dict[int, str]] = {
     POSITION: "position",
     VELOCITY: "velocity",
     ACCELERATION: "acceleration",
     REFUSED: "refused",
+    TENSION: "tension",
 }
 
 # A trajectory that runs exactly at a limit differs from it by rounding; this much is not "beyond".

@@ -17,7 +17,8 @@ from typing import Final
 
 from contid.control.tick.clearance_preflight import ClearancePreflight
 from contid.control.tick.config import RobotConfig
-from contid.control.tick.on_path import limit_on_path, tip_tolerance_m
+from contid.control.tick.next_command import next_command
+from contid.control.tick.on_path import tip_tolerance_m
 from contid.control.tick.soft_start import ease_ticks, fitted, played
 from contid.targets import Actuation, Solution, Target
 from contid.trajectory.timed import Trajectory
@@ -193,7 +194,7 @@ class _Follower:
         ]
         self._goal, self._pace = goal, pace
         if ticks == 1:
-            command, flags = limit_on_path(config, self._command, self._steps, goal, pace, in_base)
+            command, flags = next_command(config, self._command, self._steps, goal, pace, in_base)
             behind = [0.0] if command == goal else self._behind(command, goal, in_base)
         else:
             # The ticks between were not computed; amid a long interval only speed can be too much.

@@ -15,8 +15,7 @@ from typing import Final
 
 from contid.control.tick.config import RobotConfig
 from contid.control.tick.faults import Fault
-from contid.control.tick.limits import limit
-from contid.control.tick.on_path import limit_on_path
+from contid.control.tick.next_command import next_command
 from contid.control.tick.play import led, taken_up
 from contid.control.tick.state import Effect, RobotState
 from contid.control.tick.supervisor import Event, Mode
@@ -193,8 +192,9 @@ def _approach(
     if not all(map(math.isfinite, goal)):
         return fail(config, state, Fault.NOT_A_NUMBER, f"the model answered {goal}", now_s)
     motion = Approach(
-        state.command, speed(config, state), goal, config.velocity, config.acceleration, config.jerk
-    )
+        state.command, speed(config, state), goal, config.velocity, config.acceleration, config.jerk,
+        straight=config.taut is not None,
+    )  # fmt: skip
     return replace(state, motion=motion, motion_s=start_s)
 
 
@@ -246,10 +246,7 @@ def _limited(
     """The state with its next command, and the limits that bound; skipped ticks do not count."""
     last = state.command
     target_step = [new - old for new, old in zip(reference, state.reference, strict=True)]
-    if target_in_base is None:
-        command, flags = limit(config.limits, last, state.increments, reference, target_step)
-    else:
-        command, flags = limit_on_path(config, last, state.increments, reference, target_step, target_in_base)
+    command, flags = next_command(config, last, state.increments, reference, target_step, target_in_base)
     increments = tuple([new - old for new, old in zip(command, last, strict=True)])
     play = taken_up(config.play, state.play, increments, config.limits) if config.play else ()
     # Written out: `replace` costs three times as much, and this runs for every robot in every tick.

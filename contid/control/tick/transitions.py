@@ -111,8 +111,11 @@ def inwards(config: RobotConfig, state: RobotState, start_s: float) -> RobotStat
         min(max(value, each.lower), each.upper)
         for value, each in zip(state.command, config.limits, strict=True)
     )
-    rates = (config.velocity, config.acceleration, config.jerk)
-    motion = Approach(state.command, (0.0,) * len(goal), goal, *(rate * RECOVER_SHARE for rate in rates))
+    velocity, acceleration, jerk = (
+        rate * RECOVER_SHARE for rate in (config.velocity, config.acceleration, config.jerk)
+    )
+    still, straight = (0.0,) * len(goal), config.taut is not None
+    motion = Approach(state.command, still, goal, velocity, acceleration, jerk, straight=straight)
     return replace(state, motion=motion, motion_s=start_s, goto=Target(actuation=goal), follow=False)
 
 
@@ -146,6 +149,7 @@ def stop(config: RobotConfig, state: RobotState, policy: StopPolicy, now_s: floa
             config.velocity,
             config.acceleration,
             config.jerk,
+            straight=config.taut is not None,
         )
         return replace(after, policy=policy, motion=motion, motion_s=now_s - config.period_s)
     return braking(config, replace(after, policy=policy), now_s)

@@ -15,6 +15,7 @@ from contid.kinematics.array import Array
 from contid.kinematics.tendon.feasible import TendonFeasible, limits_of
 from contid.kinematics.tendon.geometry import TendonGeometry, TendonSection
 from contid.kinematics.tendon.sections import BendSections
+from contid.kinematics.tendon.taut import TautPulls
 from contid.kinematics.tendon.tension import TendonStatics
 from contid.robot_file.tendon import TendonRobot
 from contid.targets import ZERO3, Actuation, Pose, Solution, Target, Vec3
@@ -172,6 +173,11 @@ class TendonModel:
     def tensions(self, actuation: Actuation) -> Array | None:
         """Tensions ``(tendons,)`` [N] of pulls [m]; None where the robot file has no ``tension``."""
         return None if self.statics is None else self.statics.tensions(np.array(actuation))
+
+    @property
+    def taut(self) -> TautPulls | None:
+        """Pulls as bends and tightness, made anew; None where tensions are not bounded."""
+        return None if self.statics is None else TautPulls(self.statics, self.excess)
 
     def inverse(self, target: Target, seed: Actuation) -> Solution:
         """Pulls inside every limit of travel and tension for a tip, a tip and its direction, or a mid-point.

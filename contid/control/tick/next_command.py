@@ -1,0 +1,49 @@
+"""The next command of a robot under every limit: of its axes, of its path and of its tensions."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+from contid.control.tick.config import RobotConfig
+from contid.control.tick.limits import limit
+from contid.control.tick.on_path import limit_on_path
+from contid.control.tick.taut import limit_taut
+from contid.targets import Actuation, Target
+
+
+def next_command(
+    config: RobotConfig,
+    last: Actuation,
+    last_steps: Actuation,
+    reference: Actuation,
+    reference_steps: Sequence[float],
+    target_in_base: Target | None = None,
+) -> tuple[Actuation, tuple[int, ...]]:
+    """Next command of every axis, and per axis the limits that bound.
+
+    Args:
+        config: of the robot.
+        last: the last command.
+        last_steps: the last command minus the one before.
+        reference: where the axes are wanted.
+        reference_steps: how far it moved in this tick.
+        target_in_base: what the reference answers; None for a motion of the axes.
+    """
+    if target_in_base is None:
+        limited = limit(config.limits, last, last_steps, reference, reference_steps)
+    else:
+        limited = limit_on_path(config, last, last_steps, reference, reference_steps, target_in_base)
+    if config.taut is None:
+        return limited
+    command, flags = limited
+    own = len(command) - config.extra_axes
+    tendons, bound = limit_taut(
+        config.taut,
+        config.limits[:own],
+        last[:own],
+        last_steps[:own],
+        reference[:own],
+        reference_steps[:own],
+        (command[:own], flags[:own]),
+    )
+    return (*tendons, *command[own:]), (*bound, *flags[own:])
