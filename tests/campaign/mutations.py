@@ -13,7 +13,7 @@ import pytest
 
 from contid.control.engine.cycle import Timing
 from contid.control.engine.engine import Engine
-from contid.control.tick import on_path, transitions
+from contid.control.tick import next_command, on_path, transitions
 from contid.control.tick import robot_tick as loop
 from contid.control.tick.config import RobotConfig
 from contid.control.tick.limits import AxisLimits
@@ -33,11 +33,13 @@ class Mutation:
         breaks: name of the invariant that finds it.
         seed: of a campaign that meets it soon.
         apply: puts it in place.
+        machine: that meets it.
     """
 
     breaks: str
     seed: int
     apply: Callable[[pytest.MonkeyPatch], None]
+    machine: str = "hand"
 
 
 def _no_limiter(patch: pytest.MonkeyPatch) -> None:
@@ -48,7 +50,7 @@ def _no_limiter(patch: pytest.MonkeyPatch) -> None:
     ) -> tuple[tuple[float, ...], tuple[int, ...]]:
         return tuple(targets), (0,) * len(targets)
 
-    for module in (loop, on_path):
+    for module in (next_command, on_path):
         patch.setattr(module, "limit", unlimited)
 
 
@@ -61,8 +63,17 @@ def _gain(patch: pytest.MonkeyPatch) -> None:
         beyond = [1.3 * min(target, axis.upper) for axis, target in zip(limits, targets, strict=True)]
         return tuple(beyond), (0,) * len(targets)
 
-    for module in (loop, on_path):
+    for module in (next_command, on_path):
         patch.setattr(module, "limit", amplified)
+
+
+def _one_by_one(patch: pytest.MonkeyPatch) -> None:
+    """Each tendon goes to its answer by itself."""
+
+    def alone(*arguments: Any) -> Any:
+        return arguments[-1]
+
+    patch.setattr(next_command, "limit_taut", alone)
 
 
 def _no_tolerance(patch: pytest.MonkeyPatch) -> None:
@@ -126,6 +137,7 @@ def _shared_fate(patch: pytest.MonkeyPatch) -> None:
 MUTATIONS: dict[str, Mutation] = {
     "limiter replaced by a gain": Mutation("position limits", 1, _gain),
     "limiter removed": Mutation("velocity and acceleration limits", 2, _no_limiter),
+    "tendons one by one": Mutation("tensions of tendons", 6, _one_by_one, "tendon3"),
     "tolerance ignored": Mutation("fault within the stated ticks", 2, _no_tolerance),
     "watchdog disabled": Mutation("no power without a host", 6, _no_watchdog),
     "re-arm without goal := present": Mutation("no jump on arming", 2, _old_goal),

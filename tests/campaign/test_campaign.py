@@ -26,6 +26,6 @@ def test_no_fault_in_any_state_makes_anything_unsafe() -> None:
 @pytest.mark.parametrize("bug", MUTATIONS)
 def test_a_deliberate_bug_is_found(bug: str, monkeypatch: pytest.MonkeyPatch) -> None:
     MUTATIONS[bug].apply(monkeypatch)
-    fast = [machine for machine in machines() if machine.name == "hand"]
+    fast = [machine for machine in machines() if machine.name == MUTATIONS[bug].machine]
     tally = campaign(60, seed=MUTATIONS[bug].seed, on=fast, until=MUTATIONS[bug].breaks)
     assert tally.violations[MUTATIONS[bug].breaks], tally.table()

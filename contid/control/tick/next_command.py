@@ -25,7 +25,7 @@ def next_command(
         config: of the robot.
         last: the last command.
         last_steps: the last command minus the one before.
-        reference: where the axes are wanted.
+        reference: where the axes have to go.
         reference_steps: how far it moved in this tick.
         target_in_base: what the reference answers; None for a motion of the axes.
     """

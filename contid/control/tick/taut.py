@@ -85,10 +85,10 @@ def limit_taut(
     """
     command, flags = limited
     robot = _Robot(taut, limits, np.array(last), np.array(last_steps))
-    wanted = np.array(command)
-    if robot.keeps(wanted):
+    candidate = np.array(command)
+    if robot.keeps(candidate):
         return command, flags
-    tightened = robot.tightened(wanted)
+    tightened = robot.tightened(candidate)
     if tightened is not None:
         return tightened, tuple(flag | TENSION for flag in flags)
     if not all(map(math.isfinite, answer)):
@@ -134,11 +134,11 @@ class _Robot:
         self._may_step = np.maximum(stop.fastest, [each.step for each in self.limits])
         self._braked = self._moved * (1.0 - 1.0 / stop.ticks)
 
-    def keeps(self, wanted: Array) -> bool:
+    def keeps(self, candidate: Array) -> bool:
         """True for a command inside every limit from which the robot can stop inside them."""
-        if not np.all(self._excess(wanted) <= self._allowed):
+        if not np.all(self._excess(candidate) <= self._allowed):
             return False
-        there = self.taut.split(wanted)
+        there = self.taut.split(candidate)
         stop = self._stop(there, there - self._here)
         return bool(
             np.all(stop.varies <= self._may_vary)
@@ -146,9 +146,9 @@ class _Robot:
             and np.all(self._excess(stop.pulls) <= self._allowed)
         )
 
-    def tightened(self, wanted: Array) -> Actuation | None:
+    def tightened(self, candidate: Array) -> Actuation | None:
         """The command of the same bends with every tendon taut; None where the limits forbid it."""
-        taut = self.taut.tightened(wanted, np.minimum(self._tightness, 0.0))
+        taut = self.taut.tightened(candidate, np.minimum(self._tightness, 0.0))
         return tuple(taut.tolist()) if self._allows(taut) else None
 
     def toward(self, answer: Array, pace: Array) -> Actuation:
@@ -157,9 +157,9 @@ class _Robot:
         low, high, share = 0.0, 1.0, 1.0
         best = self.taut.join(self._here + stop)
         for _ in range(_ROUNDS):
-            wanted = self.taut.join(self._here + stop + share * (motion - stop))
-            if self._allows(wanted):
-                low, best = share, wanted
+            candidate = self.taut.join(self._here + stop + share * (motion - stop))
+            if self._allows(candidate):
+                low, best = share, candidate
             else:
                 high = share
             if low == high:
@@ -199,11 +199,11 @@ class _Robot:
         reach: Array = np.maximum(np.abs(begin), np.abs(end))
         return reach
 
-    def _allows(self, wanted: Array) -> bool:
-        step = wanted - self.at
+    def _allows(self, candidate: Array) -> bool:
+        step = candidate - self.at
         room = _ROUNDING * self._change
         inside = np.all(step >= self._low - room) and np.all(step <= self._high + room)
-        return bool(inside) and self.keeps(wanted)
+        return bool(inside) and self.keeps(candidate)
 
     def _excess(self, pulls: Array) -> Array:
         excess = self.taut.excess(tuple(pulls.tolist()))
