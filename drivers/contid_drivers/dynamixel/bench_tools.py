@@ -108,7 +108,8 @@ def _table(bus: SdkBus, device: int) -> dict[str, Register]:
     model = BY_NUMBER.get(number)
     if model is None:
         raise DeviceError(bus.name(device), f"{model_name(number)}: its registers are not known to contid")
-    return {each.name: each for each in reg.table_of(model.indirect_data(firmware), model.current_limit)}
+    table = reg.table_of(model.indirect_data(firmware), model.current_limit, model.gains)
+    return {each.name: each for each in table}
 
 
 def _named(bus: SdkBus, device: int, table: dict[str, Register], name: str) -> Register:

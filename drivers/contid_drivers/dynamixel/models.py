@@ -2,14 +2,15 @@
 
 All have Protocol 2.0, 4096 ticks per turn and the same registers up to address 146, except the current
 registers (38, 102, 126), which some lack: their register 126 is a load in 0.1 %, which is no current. The
-indirect data begin at 208 or 224 (`indirect_data`). Sources: the e-manual page of each model (`manual_url`),
+indirect data begin at 208 or 224 (`indirect_data`). The gains after a power-up or a change of operating mode
+differ as well. Sources: the e-manual page of each model (`manual_url`),
 and the register lists in ROBOTIS-GIT/dynamixel_hardware_interface, param/dxl_model.
 """
 
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Final, Literal, TypeAlias, get_args
+from typing import Final, Literal, NamedTuple, TypeAlias, get_args
 
 ModelName: TypeAlias = Literal[
     "xl330-m077", "xl330-m288",
@@ -24,6 +25,16 @@ ModelName: TypeAlias = Literal[
 LAST_FIRMWARE_AT_208: Final = 52
 
 
+class Gains(NamedTuple):
+    """Gains after a power-up, and after a change of operating mode (registers 76, 78, 80, 82, 84)."""
+
+    velocity_i: int
+    velocity_p: int
+    position_d: int
+    position_i: int
+    position_p: int
+
+
 @dataclass(frozen=True, slots=True)
 class ServoModel:
     """One model.
@@ -34,6 +45,7 @@ class ServoModel:
         current_limit: greatest Current Limit (register 38) [units]; 0 without.
         supply_v: recommended supply.
         supply_min_v, supply_max_v: limits of the supply.
+        gains: of a new servo.
     """
 
     name: ModelName
@@ -43,6 +55,7 @@ class ServoModel:
     supply_v: float
     supply_min_v: float
     supply_max_v: float
+    gains: Gains
 
     @property
     def manual_url(self) -> str:
@@ -76,9 +89,20 @@ class ServoModel:
 
 
 def _x(
-    name: ModelName, number: int, unit: float | None, limit: int, supply: tuple[float, float, float]
+    name: ModelName,
+    number: int,
+    unit: float | None,
+    limit: int,
+    supply: tuple[float, float, float],
+    position_p: int,
+    *,
+    velocity: tuple[int, int] = (1920, 100),
+    position_d: int = 0,
+    position_i: int = 0,
 ) -> ServoModel:
-    return ServoModel(name, number, unit, limit, *supply)
+    return ServoModel(
+        name, number, unit, limit, *supply, Gains(*velocity, position_d, position_i, position_p)
+    )
 
 
 _5V: Final = (5.0, 3.7, 7.0)
@@ -89,29 +113,29 @@ _12V: Final = (12.0, 9.5, 16.0)
 _24V: Final = (24.0, 11.0, 30.0)
 
 MODELS: Final[tuple[ServoModel, ...]] = (
-    _x("xl330-m077", 1190, 1.0, 1750, _5V),
-    _x("xl330-m288", 1200, 1.0, 1750, _5V),
-    _x("xc330-t181", 1210, 1.0, 910, _T330),
-    _x("xc330-t288", 1220, 1.0, 910, _T330),
-    _x("xc330-m181", 1230, 1.0, 2352, _5V),
-    _x("xc330-m288", 1240, 1.0, 2352, _5V),
-    _x("xl430-w250", 1060, None, 0, _L430),
-    _x("2xl430-w250", 1090, None, 0, _L430),
-    _x("xc430-w150", 1070, None, 0, _C430),
-    _x("xc430-w240", 1080, None, 0, _C430),
-    _x("2xc430-w250", 1160, None, 0, _C430),
-    _x("xm430-w350", 1020, 2.69, 1193, _12V),
-    _x("xm430-w210", 1030, 2.69, 1193, _12V),
-    _x("xm540-w270", 1120, 2.69, 2047, _12V),
-    _x("xm540-w150", 1130, 2.69, 2047, _12V),
-    _x("xh430-w350", 1000, 2.69, 648, _12V),
-    _x("xh430-w210", 1010, 2.69, 648, _12V),
-    _x("xh430-v350", 1040, 1.34, 689, _24V),
-    _x("xh430-v210", 1050, 1.34, 689, _24V),
-    _x("xh540-w270", 1100, 2.69, 2047, _12V),
-    _x("xh540-w150", 1110, 2.69, 2047, _12V),
-    _x("xh540-v270", 1140, 2.69, 1188, _24V),
-    _x("xh540-v150", 1150, 2.69, 1188, _24V),
+    _x("xl330-m077", 1190, 1.0, 1750, _5V, 400, velocity=(400, 40), position_i=400),
+    _x("xl330-m288", 1200, 1.0, 1750, _5V, 400, velocity=(1600, 180)),
+    _x("xc330-t181", 1210, 1.0, 910, _T330, 900, velocity=(1200, 40)),
+    _x("xc330-t288", 1220, 1.0, 910, _T330, 900, velocity=(1200, 40)),
+    _x("xc330-m181", 1230, 1.0, 2352, _5V, 1200, velocity=(1400, 100), position_d=500),
+    _x("xc330-m288", 1240, 1.0, 2352, _5V, 1100, velocity=(1600, 50), position_d=500),
+    _x("xl430-w250", 1060, None, 0, _L430, 640, velocity=(1000, 100), position_d=4000),
+    _x("2xl430-w250", 1090, None, 0, _L430, 640, velocity=(1800, 100), position_d=2000),
+    _x("xc430-w150", 1070, None, 0, _C430, 460),
+    _x("xc430-w240", 1080, None, 0, _C430, 700),
+    _x("2xc430-w250", 1160, None, 0, _C430, 700),
+    _x("xm430-w350", 1020, 2.69, 1193, _12V, 800),
+    _x("xm430-w210", 1030, 2.69, 1193, _12V, 800),
+    _x("xm540-w270", 1120, 2.69, 2047, _12V, 800),
+    _x("xm540-w150", 1130, 2.69, 2047, _12V, 800),
+    _x("xh430-w350", 1000, 2.69, 648, _12V, 900),
+    _x("xh430-w210", 1010, 2.69, 648, _12V, 900),
+    _x("xh430-v350", 1040, 1.34, 689, _24V, 800),
+    _x("xh430-v210", 1050, 1.34, 689, _24V, 800),
+    _x("xh540-w270", 1100, 2.69, 2047, _12V, 800),
+    _x("xh540-w150", 1110, 2.69, 2047, _12V, 800),
+    _x("xh540-v270", 1140, 2.69, 1188, _24V, 800),
+    _x("xh540-v150", 1150, 2.69, 1188, _24V, 800),
 )
 BY_NAME: Final[dict[str, ServoModel]] = {model.name: model for model in MODELS}
 BY_NUMBER: Final[dict[int, ServoModel]] = {model.number: model for model in MODELS}

@@ -7,6 +7,7 @@ Addresses below 64 are EEPROM, which survives power-off and is locked while torq
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from typing import Final
 
@@ -91,9 +92,12 @@ STATUS_RETURN_LEVEL = _rw("status return level", 68, 1, 2, 0, 2)
 REGISTERED = _ro("registered instruction", 69, 1, 0)
 HARDWARE_ERROR = _ro("hardware error status", 70, 1, 0)
 VELOCITY_I = _rw("velocity i gain", 76, 2, 1600, 0, 16383)
+VELOCITY_P = _rw("velocity p gain", 78, 2, 180, 0, 16383)
 POSITION_D = _rw("position d gain", 80, 2, 0, 0, 16383)
 POSITION_I = _rw("position i gain", 82, 2, 0, 0, 16383)
 POSITION_P = _rw("position p gain", 84, 2, 400, 0, 16383)
+#: Gains whose defaults differ between models, in the order of `models.Gains`.
+GAINS: Final = (VELOCITY_I, VELOCITY_P, POSITION_D, POSITION_I, POSITION_P)
 BUS_WATCHDOG = _rw("bus watchdog", 98, 1, 0, -1, 127, "20 ms")
 GOAL_PWM = _rw("goal pwm", 100, 2, 885, -885, 885, "0.113 %")
 GOAL_CURRENT = _rw("goal current", 102, 2, 1750, -1750, 1750, "mA")
@@ -135,8 +139,7 @@ TABLE: Final[tuple[Register, ...]] = (
     LED,
     STATUS_RETURN_LEVEL, REGISTERED, HARDWARE_ERROR,
     VELOCITY_I,
-    _rw("velocity p gain", 78, 2, 180, 0, 16383),
-    POSITION_D, POSITION_I, POSITION_P,
+    VELOCITY_P, POSITION_D, POSITION_I, POSITION_P,
     _rw("feedforward 2nd gain", 88, 2, 0, 0, 16383),
     _rw("feedforward 1st gain", 90, 2, 0, 0, 16383),
     BUS_WATCHDOG, GOAL_PWM, GOAL_CURRENT, GOAL_VELOCITY,
@@ -155,14 +158,20 @@ TABLE: Final[tuple[Register, ...]] = (
 )  # fmt: skip
 
 
-def table_of(indirect_data: int, current_limit: int) -> tuple[Register, ...]:
+def table_of(indirect_data: int, current_limit: int, gains: Sequence[int]) -> tuple[Register, ...]:
     """The control table of another model.
 
     Args:
         indirect_data: address of its first indirect data; 224 has 28 of them.
         current_limit: its greatest Current Limit [units]; 0 without current registers.
+        gains: defaults of `GAINS`.
     """
-    head = [register for register in TABLE if register.address < INDIRECT_ADDRESS]
+    defaults = dict(zip(GAINS, gains, strict=True))
+    head = [
+        replace(register, default=defaults[register]) if register in defaults else register
+        for register in TABLE
+        if register.address < INDIRECT_ADDRESS
+    ]
     if current_limit:
         resized = {CURRENT_LIMIT: (0, current_limit), GOAL_CURRENT: (-current_limit, current_limit)}
         head = [

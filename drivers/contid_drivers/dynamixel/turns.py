@@ -82,7 +82,7 @@ def store(client: ServoClient, axis: Axis, turns: int) -> None:
     axis.turns, axis.turn_known = turns, True
     if counts_turns(client, axis):
         try:
-            for register, value in _marks(turns):
+            for register, value in marks_of(turns):
                 client.write(axis.device, register, value)
         except ServoRefusedError as error:
             log.warning("%s; its turn is kept by this run only", error)
@@ -100,12 +100,13 @@ def adopt(client: ServoClient, axis: Axis, position: int) -> None:
     near = abs(turns) <= TURNS_MAX and abs(raw + turns * _TURN - axis.seen) <= SEEN_TOLERANCE_RAD
     if near:
         axis.turns = turns
-    for register, value in _marks(turns) if near else ((MARKER, MARKER.default),):
+    for register, value in marks_of(turns) if near else ((MARKER, MARKER.default),):
         data = register.encode(value)
         client.port.send(sync_write(register.address, register.size, [(axis.device, data)]))
 
 
-def _marks(turns: int) -> tuple[tuple[Register, int], ...]:
+def marks_of(turns: int) -> tuple[tuple[Register, int], ...]:
+    """The two registers that keep the turns, and their values; no model has such a gain by default."""
     return (MARKER, _CENTRE + turns), (reg.VELOCITY_I, _GAIN_CENTRE + turns)
 
 

@@ -10,11 +10,14 @@ import pytest
 from pydantic import ValidationError
 
 from contid_drivers.dynamixel import registers as reg
+from contid_drivers.dynamixel.emulator import Servo
 from contid_drivers.dynamixel.exchange.block import INDIRECT_ORDER
 from contid_drivers.dynamixel.models import BY_NAME, LAST_FIRMWARE_AT_208, MODELS, ServoModel, model_name
 from contid_drivers.dynamixel.options import DynamixelAxisOptions
+from contid_drivers.dynamixel.turns import TURNS_MAX, marks_of
 
 VENDOR: dict[str, Any] = json.loads(Path(__file__).with_name("vendor_registers.json").read_text())["models"]
+GAINS: dict[str, Any] = json.loads(Path(__file__).with_name("vendor_gains.json").read_text())["models"]
 #: Names that differ in the vendor's lists.
 ALIASES = {"secondary id": "secondary(shadow) id"}
 #: In the manual, but in no list of the vendor.
@@ -28,7 +31,7 @@ def test_every_register_is_where_the_vendor_has_it(model: ServoModel, firmware: 
     assert lists["number"] == model.number
     before = lists.get("registers_to_firmware_52", lists["registers"])
     vendor = before if firmware <= LAST_FIRMWARE_AT_208 else lists["registers"]
-    for register in reg.table_of(model.indirect_data(firmware), model.current_limit):
+    for register in reg.table_of(model.indirect_data(firmware), model.current_limit, model.gains):
         name = ALIASES.get(register.name, register.name)
         if name == "present current" and model.ma_per_unit is None:
             name = "present load"
@@ -37,6 +40,24 @@ def test_every_register_is_where_the_vendor_has_it(model: ServoModel, firmware: 
             continue
         assert vendor[name] == [register.address, register.size], name
     assert ("goal current" in vendor) is (model.ma_per_unit is not None)
+
+
+@pytest.mark.parametrize("model", MODELS, ids=lambda model: model.name)
+def test_gains_are_those_of_the_manual_after_power_up_and_after_a_mode_change(model: ServoModel) -> None:
+    """`vendor_gains.json` gives the commit of the manual's source for each model."""
+    manual = {name: value for name, value in GAINS[model.name].items() if name != "commit"}
+    servo = Servo(1, model=model.number)
+    gains = {name: servo.by_name[name] for name in manual}
+    assert {name: servo.get(register) for name, register in gains.items()} == manual
+    for register in gains.values():
+        servo.put(register, 77)
+    servo.write(reg.OPERATING_MODE.address, bytes((4,)))
+    assert {name: servo.get(register) for name, register in gains.items()} == manual
+
+
+def test_the_mark_of_the_turns_is_no_gain_of_a_model() -> None:
+    marks = {value for turns in range(-TURNS_MAX, TURNS_MAX + 1) for _, value in marks_of(turns)}
+    assert not marks & {model.gains.velocity_i for model in MODELS}
 
 
 def test_the_block_of_the_exchange_leaves_the_marker_of_the_turns_free() -> None:

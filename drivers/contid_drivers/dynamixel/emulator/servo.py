@@ -28,13 +28,6 @@ _EXTENDED_MODES: Final = (4, 5)
 _ONE_TURN_MODE: Final = 3
 #: Modes in which the emulated motor moves; in the others it stands still.
 _POSITION_MODES: Final = (3, 4, 5)
-_GAINS: Final = (
-    "velocity i gain",
-    "velocity p gain",
-    "position d gain",
-    "position i gain",
-    "position p gain",
-)
 _CLEAR_MULTI_TURN: Final = b"\x01\x44\x58\x4c\x22"
 
 
@@ -230,8 +223,8 @@ class Servo(ControlTable):
             self.put(reg.TORQUE_ENABLE, 1)
 
     def _reset_control(self) -> None:
-        for name in _GAINS:
-            self.put(self.by_name[name], self.by_name[name].default)
+        for gain in reg.GAINS:
+            self.put(gain, self.by_name[gain.name].default)
         for register in (reg.PROFILE_VELOCITY, reg.PROFILE_ACCELERATION, reg.GOAL_VELOCITY):
             self.put(register, 0)
         if self.model.ma_per_unit:

@@ -18,7 +18,7 @@ class ControlTable:
     def __init__(self, model: int, firmware: int) -> None:
         self.model = BY_NUMBER.get(model, BY_NUMBER[reg.MODEL_NUMBER.default])
         self.indirect_data = self.model.indirect_data(firmware)
-        self.table = reg.table_of(self.indirect_data, self.model.current_limit)
+        self.table = reg.table_of(self.indirect_data, self.model.current_limit, self.model.gains)
         self.by_address = {
             register.address + i: register for register in self.table for i in range(register.size)
         }
