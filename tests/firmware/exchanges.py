@@ -1,7 +1,8 @@
 """Exchanges of a moving board with six motors over one of its ports.
 
 ``python -m tests.firmware.exchanges [--number N] [ELF]`` prints, for both ports and 1.0 and 1.5 cycles per
-instruction, the exchanges lost of N (1000) at 100 Hz and the longest of them.
+instruction, the exchanges lost of N (1000) at 100 Hz and the longest of them; for the native port also of a
+board with three motors.
 """
 
 from __future__ import annotations
@@ -73,5 +74,6 @@ if __name__ == "__main__":
     given = parser.parse_args()
     for usb in (False, True):
         for cycles in (1.0, 1.5):
-            done = measure(given.elf or build_sketch(), cycles, given.number, usb=usb)
-            print("native" if usb else "programming", cycles, done, flush=True)
+            for motors in (6, 3) if usb else (6,):
+                done = measure(given.elf or build_sketch(), cycles, given.number, motors, usb)
+                print("native" if usb else "programming", cycles, motors, done, flush=True)

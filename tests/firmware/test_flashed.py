@@ -53,6 +53,12 @@ def test_six_motors_on_the_programming_port(cycles_per_instruction: float):
     assert (done.lost, done.overruns, done.resets, done.armed) == (0, 0, 0, True)
 
 
+def test_nine_motors_on_two_boards_take_less_than_a_millisecond():
+    boards = [measure(ELF, 1.5, 20, motors, usb=True) for motors in (6, 3)]
+    assert all((board.lost, board.resets, board.armed) == (0, 0, True) for board in boards)
+    assert sum(board.worst_ms for board in boards) < 1, "one board after the other"
+
+
 @pytest.mark.parametrize("pressure", [False, True], ids=["motors", "pressure"])
 @pytest.mark.parametrize("watchdog_ms", [20, 100])
 @pytest.mark.parametrize("failure", Failure)
