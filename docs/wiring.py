@@ -33,7 +33,7 @@ class Drawing(Svg):
 
 def motor_channel() -> Drawing:
     """One channel of a motor board, with supply and emergency stop."""
-    d = Drawing("Motor board, channel m0; the other channels alike, pins in the table", 900, 470)
+    d = Drawing("Motor board, channel m0; the other channels alike, pins in the table", 900, 486)
     d.box(
         16,
         60,
@@ -80,7 +80,8 @@ def motor_channel() -> Drawing:
     d.box(690, 240, 190, "Encoder (Hall, 2 tracks)", "supply 3.3 V and GND", "shielded, away from motor")
     d.wire((166, 262), (690, 262), label="A: 4.7 kOhm to 3.3 V, 100 Ohm in series")
     d.wire((166, 278), (690, 278))
-    d.note((172, 294), "B: the same. An encoder of 5 V: a 74LVC245 at 3.3 V between")
+    d.note((172, 294), "B: the same. An encoder of 5 V:")
+    d.note((172, 310), "a 74LVC245 at 3.3 V between")
     d.box(16, 350, 150, "Motor supply", "as the motor, 12 V", "limited for tests")
     d.box(230, 350, 140, "Fuse, slow", "1.5 x the rated", "current of all")
     d.box(460, 350, 170, "E-stop relay, guided", "make contact: supply", "break contact: feedback")
@@ -97,6 +98,10 @@ def motor_channel() -> Drawing:
     d.note(
         (230, 446),
         "The board stays on its USB supply: it keeps counting, and reports the fault of its bridges.",
+    )
+    d.note(
+        (230, 462),
+        "All GND meet at one point. STBY or nSLEEP of a bridge: to 3.3 V. Coil: through the button.",
     )
     return d
 
@@ -129,7 +134,7 @@ def pressure_channel() -> Drawing:
         "100 kOhm, 22 nF to GND",
     )
     d.wire((166, 102), (230, 102))
-    d.box(480, 60, 140, "Amplifier, gain 3", "LM358 at 24 V", "20 kOhm / 10 kOhm", "0 .. 9.9 V")
+    d.box(480, 60, 140, "Amplifier, gain 3", "LM358 at 24 V, 100 nF", "20 kOhm / 10 kOhm", "0 .. 9.9 V")
     d.wire((434, 102), (480, 102))
     d.box(
         700, 60, 180, "Pressure regulator", "command 0-10 V", "read-back out", "supply 24 V", "exhaust free"
@@ -154,6 +159,8 @@ def pressure_channel() -> Drawing:
     for x in (156, 340, 524, 708):
         d.wire((x, 320), (x + 34, 320))
     d.box(374, 380, 334, "24 V, fuse 2 A, E-stop relay", "cuts dump valve and regulators, not the board")
+    d.note((16, 398), "All GND meet at one point. Coil of the relay:")
+    d.note((16, 414), "through the button. The board: USB supply.")
     d.wire((450, 380), (450, 360))
     d.wire((708, 400), (860, 400), (860, 344))
     return d

@@ -18,7 +18,7 @@ from tests.firmware.dead_man import Failure, check
 from tests.firmware.exchanges import measure
 from tests.firmware.sam3x.board import UNIQUE_ID, Sam3x
 from tests.firmware.sam3x.host import Host
-from tests.firmware.sam3x.set_up import CHECKS, hello
+from tests.firmware.sam3x.set_up import CHECKS, SERIAL_NUMBER, hello, serial_number
 
 GIVEN = os.environ.get("CONTID_DUE_ELF")
 pytestmark = pytest.mark.skipif(GIVEN is None, reason="CONTID_DUE_ELF names no ELF file of the sketch")
@@ -40,6 +40,17 @@ def test_it_boots_once_and_answers_on_both_ports(motors: Sam3x):
     answer = hello(motors)
     assert answer.unique_id == UNIQUE_ID.hex()
     assert Host(motors, usb=True).ask(Type.HELLO) == dataclasses.replace(answer, uptime_ms=ANY)
+
+
+def test_its_serial_number_on_usb_is_of_the_chip():
+    board = Sam3x(ELF)
+    board.run_ms(25)
+    board.usb.plug()
+    board.run_ms(25)
+    answer = board.usb.ask_string(SERIAL_NUMBER)
+    board.run_ms(5)
+    text = serial_number(UNIQUE_ID).encode("utf-16-le")
+    assert answer == bytes((len(text) + 2, 3)) + text
 
 
 @pytest.mark.parametrize("register", CHECKS, ids=lambda one: one.__name__)

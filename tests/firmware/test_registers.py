@@ -12,7 +12,7 @@ import pytest
 from contid_drivers.due.cortex import read_elf
 from tests.firmware.sam3x.board import UNIQUE_ID, Sam3x
 from tests.firmware.sam3x.build import build_sketch
-from tests.firmware.sam3x.set_up import CHECKS, hello
+from tests.firmware.sam3x.set_up import CHECKS, hello, serial_number
 
 
 @pytest.fixture(scope="module")
@@ -32,6 +32,12 @@ def test_hello_has_the_chip_and_the_start(motors: Sam3x):
     answer = hello(motors)
     assert answer.unique_id == UNIQUE_ID.hex()
     assert (answer.boot, answer.boot_id, answer.cause.name) == (1, 0x5EED_0000, "POWER_UP")
+
+
+def test_the_usb_serial_number_is_of_the_chip(motors: Sam3x):
+    assert serial_number(b"a") == "AF63DC4C8601EC8C"  # the published test vector
+    symbol = read_elf(build_sketch()).symbols["usb_serial_number"]
+    assert motors.cpu.uc.mem_read(symbol, 17) == serial_number(UNIQUE_ID).encode() + b"\0"
 
 
 def test_a_jumper_makes_it_a_pressure_board():

@@ -198,6 +198,7 @@ void contid_setup() {
   contid::Identity identity = contid::Identity();
   identity.role = role;
   contid::read_identity(identity);
+  contid::number_usb(identity);  // the core has attached; a host waits 100 ms before it asks
   for (uint8_t i = 0; i < CHANNELS; ++i) identity.capabilities[i] = capabilities(i);
   identity.bridges = role == contid::Role::MOTOR ? contid::ALL_BRIDGES : 0;
   identity.adc_steps = ADC_STEPS;

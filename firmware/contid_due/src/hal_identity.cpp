@@ -4,6 +4,7 @@
 #include "hal_identity.h"
 
 #include <Arduino.h>
+#include <USB/PluggableUSB.h>
 
 #include <string.h>
 
@@ -54,7 +55,42 @@ ResetCause reset_cause() {
   return type <= 4 ? static_cast<ResetCause>(type) : ResetCause::POWER_UP;
 }
 
+// A USB module without interface or endpoint: the core takes the serial number of the device from its modules.
+// Without one the number is empty, and all boards have the same name on the computer.
+class UsbSerialNumber : public PluggableUSBModule {
+ public:
+  explicit UsbSerialNumber(uint64_t number) : PluggableUSBModule(0, 0, nullptr), number_(number) {}
+
+ protected:
+  bool setup(USBSetup&) override { return false; }
+  int getInterface(uint8_t*) override { return 0; }
+  int getDescriptor(USBSetup&) override { return 0; }
+  // The core's buffer has 20 bytes.
+  uint8_t getShortName(char* name) override {
+    for (uint8_t i = 0; i < SERIAL_DIGITS; ++i) {
+      name[i] = "0123456789ABCDEF"[static_cast<size_t>(number_ >> (60 - 4 * i)) & 15u];
+    }
+    return SERIAL_DIGITS;
+  }
+
+ private:
+  static const uint8_t SERIAL_DIGITS = 16;
+  const uint64_t number_;
+};
+
+// FNV-1a of 64 bits: the whole id does not fit the core's buffer.
+uint64_t digest(const uint8_t* data, size_t size) {
+  uint64_t value = 0xCBF29CE484222325u;
+  for (size_t i = 0; i < size; ++i) value = (value ^ data[i]) * 0x100000001B3u;
+  return value;
+}
+
 }  // namespace
+
+void number_usb(const Identity& identity) {
+  static UsbSerialNumber number(digest(identity.unique_id, sizeof(identity.unique_id)));
+  PluggableUSB().plug(&number);
+}
 
 void read_identity(Identity& identity) {
   uint32_t id[UNIQUE_ID_SIZE / 4];

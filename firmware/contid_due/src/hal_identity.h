@@ -10,6 +10,9 @@ namespace contid {
 // before any interrupt is enabled.
 void read_identity(Identity& identity);
 
+// Gives the board a serial number on USB, from its chip id: computers name the port by it.
+void number_usb(const Identity& identity);
+
 }  // namespace contid
 
 #endif

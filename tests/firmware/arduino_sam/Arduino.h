@@ -96,4 +96,6 @@ class Serial_ {
 };
 extern Serial_ SerialUSB;
 
+#include <stddef.h>
+
 #endif

@@ -2,6 +2,7 @@
 // It follows the core in what it leaves behind: every pin an input without pull-up, interrupts of all ports enabled
 // at priority 0 by the first attachInterrupt(), UOTGHS at priority 0, the watchdog set up before anything else.
 #include <Arduino.h>
+#include <USB/PluggableUSB.h>
 
 void setup();
 void loop();
@@ -112,6 +113,7 @@ void halt(void) {
   }
 }
 
+extern char usb_serial_number[];
 extern uint32_t stack_top, data_from, data_start, data_end, bss_start, bss_end;
 
 void Reset_Handler(void) {
@@ -121,6 +123,7 @@ void Reset_Handler(void) {
   watchdogSetup();
   NVIC_EnableIRQ(UOTGHS_IRQn);
   setup();
+  PluggableUSB().getShortName(usb_serial_number);
   while (true) loop();
 }
 
@@ -148,6 +151,14 @@ void* memcpy(void* to, const void* from, size_t size) {
 }
 
 }  // extern "C"
+
+// What the core would send as serial number of the device.
+extern "C" {
+char usb_serial_number[20];
+void __cxa_pure_virtual(void) { halt(); }
+}
+static PluggableUSB_ plugged;
+PluggableUSB_& PluggableUSB() { return plugged; }
 
 bool Serial_::dtr() { return true; }
 Serial_ SerialUSB;

@@ -23,7 +23,7 @@ def build_sketch() -> Path:
     """The ELF file of sketch, core stand-in and start-up."""
     sketch = firmware_dir() / "contid_due"
     sources = [STAND_IN / "core.cpp", *sorted((sketch / "src").rglob("*.cpp"))]
-    headers = [*sorted((sketch / "src").rglob("*.h")), *sorted(STAND_IN.glob("*.h")), STAND_IN / "flash.ld"]
+    headers = [*sorted((sketch / "src").rglob("*.h")), *sorted(STAND_IN.rglob("*.h")), STAND_IN / "flash.ld"]
     ino = sketch / "contid_due.ino"
     digest = hashlib.sha256(" ".join(_FLAGS).encode())
     for path in (*sources, *headers, ino):

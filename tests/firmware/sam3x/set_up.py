@@ -10,7 +10,17 @@ from tests.firmware.sam3x.board import Sam3x
 from tests.firmware.sam3x.cpu import CLOCK_HZ
 from tests.firmware.sam3x.plant import ANALOG, PWM_LINES
 
+#: Index of the serial number in the core's device descriptor.
+SERIAL_NUMBER = 3
 PIOD, TC3, UOTGHS, UART = 14, 30, 40, 8
+
+
+def serial_number(unique_id: bytes) -> str:
+    """FNV-1a with 64 bits (Fowler, Noll, Vo) of the chip's id, as hexadecimal digits."""
+    value = 0xCBF29CE484222325
+    for byte in unique_id:
+        value = (value ^ byte) * 0x100000001B3 % 2**64
+    return f"{value:016X}"
 
 
 def every_pwm_channel_runs_at_20_khz_on_its_own(motors: Sam3x) -> None:

@@ -58,6 +58,18 @@ class Usb:
             self.write(0x100 + 4 * number, setting)
         self.opened = True
 
+    def ask_string(self, number: int) -> bytearray:
+        """Ask for a string descriptor; it is in the result once the board has run."""
+        answer = bytearray()
+
+        def script() -> Steps:
+            yield from self._control(bytes((0x80, 6, number, 3, 9, 4, 255, 0)))
+            answer.extend(self._control_in)
+
+        self._script = script()
+        self._wake()
+        return answer
+
     def send(self, data: bytes) -> None:
         """Bytes to the board, in packets of the link's size."""
         size = 64 if self.full_speed else 512
