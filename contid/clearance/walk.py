@@ -4,20 +4,31 @@ No point of a body moves further between two configurations than its speed bound
 apart is therefore at least d - motion apart, and is not computed again before that falls below the margin.
 Between two computed configurations, d1 and d2 apart with a motion m between them, the distance is at least
 (d1 + d2 - m)/2; where that is not enough, the motion is halved, down to `RESOLUTION_M`.
+
+A robot in motion also needs room to stop: `Walk.stops` follows the stops of all robots from where they are.
 """
 
 from __future__ import annotations
 
-from typing import Final
+from collections.abc import Mapping
+from typing import Final, TypeAlias
 
 from contid.clearance.guard import ClearanceGuard, Configuration, Nearest, Shapes
 from contid.targets import Actuation, Vec3
+from contid.trajectory.straight_stop import StraightStop
 from contid.units import m_to_mm
 
 #: Between two configurations whose motion is less than twice this, the margin may be missed by it [m].
 RESOLUTION_M: Final = 5e-5
 #: Distances are computed up to the margin and this; a pair farther apart needs no exact value [m].
 LOOK_AHEAD_M: Final = 0.05
+
+
+#: Stops are halved at most so often in all; what then is not certainly far enough counts as too near.
+MAX_HALVINGS: Final = 32
+
+#: Names of a robot, and of another or an obstacle.
+Pair: TypeAlias = tuple[str, str]
 
 
 class Walk:
@@ -32,13 +43,10 @@ class Walk:
 
     def __init__(self, guard: ClearanceGuard, start: Configuration) -> None:
         self._guard = guard
-        self._now = dict(start)
-        shapes = Shapes(guard, self._now)
-        found = {pair: self._nearest(shapes, pair) for pair in guard.pairs}
-        #: Certain lower bound of the distance of each pair now, and what it must not fall below.
-        self._bounds = {pair: each.distance.lower_m for pair, each in found.items()}
-        self._floors = {pair: min(guard.margin_m, bound) for pair, bound in self._bounds.items()}
-        close = [each for each in found.values() if each.distance.lower_m < guard.margin_m]
+        #: The pair of the newest refusal.
+        self.refused: Pair = ("", "")
+        found = self.place(start)
+        close = [each for each in found if each.distance.lower_m < guard.margin_m]
         #: Why the beginning is too near, "" when it is not.
         self.start_message: str = self._message(close[0]) if close else ""
 
@@ -46,6 +54,22 @@ class Walk:
     def configuration(self) -> Configuration:
         """The configuration reached."""
         return self._now
+
+    def place(self, configuration: Configuration) -> list[Nearest]:
+        """Be at a configuration of every robot, whatever the distances there, which are returned."""
+        self._now = dict(configuration)
+        shapes = Shapes(self._guard, self._now)
+        found = {pair: self._nearest(shapes, pair) for pair in self._guard.pairs}
+        #: Certain lower bound of the distance of each pair now, and what it must not fall below.
+        self._bounds = {pair: each.distance.lower_m for pair, each in found.items()}
+        self._floors = {pair: min(self._guard.margin_m, bound) for pair, bound in self._bounds.items()}
+        return list(found.values())
+
+    def copy(self) -> Walk:
+        """A walk from the same configuration."""
+        other = object.__new__(Walk)
+        other.__dict__.update(self.__dict__ | {"_bounds": dict(self._bounds)})
+        return other
 
     def to(self, goal: Configuration) -> str:
         """Move on to a configuration; why that comes too near, "" when it does not.
@@ -66,12 +90,81 @@ class Walk:
                 continue
             found = self._between(pair, self._now, begin, after, end, moved)
             if found.distance.lower_m < self._floors[pair] - RESOLUTION_M:
+                self.refused = pair
                 return self._message(found)
             bounds[pair] = found.distance.lower_m
         self._now, self._bounds = after, bounds
         margin = self._guard.margin_m
         self._floors = {pair: min(margin, max(self._floors[pair], bounds[pair])) for pair in bounds}
         return ""
+
+    def stops(self, stops: Mapping[str, StraightStop], tolerance_m: float = 0.0) -> str:
+        """Why robots that stop now from their motion come too near, "" when they do not; nothing moves.
+
+        Args:
+            stops: of the robots in motion.
+            tolerance_m: by which a pair may be nearer than it must.
+        """
+        ways = {
+            name: sum(k * d for k, d in zip(self._guard.arms[name].speed, stop.distances, strict=True))
+            for name, stop in stops.items()
+        }
+        times: dict[float, Shapes] = {}
+        for pair in self._guard.pairs:
+            way = sum(ways.get(name, 0.0) for name in pair)
+            floor = self._floors[pair] - tolerance_m
+            if way == 0.0 or self._bounds[pair] - way >= floor:
+                continue
+            here = self._ahead(times, 0.0, stops).nearest(pair, floor + way)
+            self._bounds[pair] = max(self._bounds[pair], here.distance.lower_m)
+            if here.distance.lower_m - way >= floor:
+                continue
+            own = {name: stops[name] for name in pair if name in stops}
+            found = self._stopping(pair, own, times, stops, floor)
+            if found is not None:
+                self.refused = pair
+                return f"before it can stop, {self._message(found)}"
+        return ""
+
+    def _stopping(
+        self,
+        pair: Pair,
+        own: Mapping[str, StraightStop],
+        times: dict[float, Shapes],
+        stops: Mapping[str, StraightStop],
+        floor: float,
+    ) -> Nearest | None:
+        """Where a pair comes too near while it stops; None when it does not."""
+        enough = floor + LOOK_AHEAD_M
+        parts = [(0.0, max(stop.duration_s for stop in own.values()))]
+        halvings = 0
+        while parts:
+            begin_s, end_s = parts.pop()
+            begin = self._ahead(times, begin_s, stops).nearest(pair, enough)
+            end = self._ahead(times, end_s, stops).nearest(pair, enough)
+            if end.distance.lower_m < floor:
+                return end
+            moved = sum(
+                self._guard.arms[name].motion_m(stop.at(begin_s)[0], stop.at(end_s)[0])
+                for name, stop in own.items()
+            )
+            if moved <= 2.0 * RESOLUTION_M:
+                continue
+            if 0.5 * (begin.distance.lower_m + end.distance.lower_m - moved) >= floor - RESOLUTION_M:
+                continue
+            halvings += 1
+            if halvings > MAX_HALVINGS:
+                return end
+            middle_s = 0.5 * (begin_s + end_s)
+            parts += [(middle_s, end_s), (begin_s, middle_s)]
+        return None
+
+    def _ahead(self, times: dict[float, Shapes], time_s: float, stops: Mapping[str, StraightStop]) -> Shapes:
+        """The shapes a time after the stops began."""
+        if time_s not in times:
+            moved = {name: (stop.at(time_s)[0], self._now[name][1]) for name, stop in stops.items()}
+            times[time_s] = Shapes(self._guard, self._now | moved)
+        return times[time_s]
 
     def _between(
         self,

@@ -29,7 +29,7 @@ from contid.control.engine.messages import Play
 from contid.control.engine.order_events import answer_of, order_of
 from contid.control.engine.ports import BusJob, BusReply
 from contid.control.engine.tick_layout import AXIS, DEADLINE, LATENESS, SKIPPED, TICK, AxisRecord
-from contid.control.engine.wiring import build_robot_configs, chain_guards
+from contid.control.engine.wiring import build_robot_configs, chain_guards, clearance_guard
 from contid.errors import ContidError
 from contid.hal import Sample
 from contid.robot_file.load import LoadedFile
@@ -176,6 +176,7 @@ def replay(session: Session, loaded: LoadedFile, tolerance: float = 0.0) -> Repl
         on_end=OnEnd(session.option("on_end") or "stop"),
         attended=session.option("attended") == "true",
         guards=chain_guards(loaded),
+        clearance=clearance_guard(loaded),
     )
     comparison = Comparison(session.layout, session.device_units, tolerance)
     by_tick: dict[int, list[RunEvent]] = defaultdict(list)

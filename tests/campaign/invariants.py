@@ -8,14 +8,16 @@ from itertools import pairwise
 
 import numpy as np
 
+from contid.clearance.guard import Shapes
 from contid.control.engine import messages as msg
 from contid.control.engine.events import FaultLatched, ModeChanged
 from contid.control.engine.tick_layout import ENABLED
-from contid.control.engine.wiring import chain_guards
+from contid.control.engine.wiring import chain_guards, clearance_guard
 from contid.control.tick.config import STALE_S, RobotConfig
 from contid.control.tick.faults import Fault
 from contid.control.tick.supervisor import Mode
 from contid.kinematics.tendon.model import TendonModel
+from contid.targets import ZERO3
 from contid_drivers.sim.options import FaultKind, SimAxisOptions
 from tests.campaign.script import RESUMED_S
 from tests.campaign.watch import Seen
@@ -24,6 +26,8 @@ from tests.campaign.watch import Seen
 ROUNDING = 1e-9
 #: The same of tensions: a tolerance of 1 nm times the stiffness of a tendon.
 TENSION_N = 1e-4
+#: By which a pair may miss its margin: resolution of the check, and between samples of the bodies [m].
+NEARER_M = 1.5e-4
 
 _DRIVEN = (Mode.APPROACH, Mode.RUN, Mode.HOLD, Mode.STOPPING, Mode.FAULT)
 _WATCHED = (Mode.READY, Mode.ARMING, Mode.APPROACH, Mode.RUN, Mode.HOLD, Mode.STOPPING)
@@ -274,7 +278,9 @@ def unaffected(seen: Seen, reference: Seen) -> Iterator[str]:
     if late or case.coupled or seen is reference:
         return
     configs = {config.name: config for config in case.machine.configs}
-    bodies = [guard.arms for guard in chain_guards(case.machine.loaded)]
+    bodies: list[tuple[str, ...]] = [guard.arms for guard in chain_guards(case.machine.loaded)]
+    if case.machine.loaded.file.clearance is not None:  # one stops where the other is in its way
+        bodies.append(tuple(case.machine.loaded.file.clearance.bodies))
     for robot, config in _robots(seen):
         body = next((arms for arms in bodies if config.name in arms), (config.name,))
         if any(fault.touches(case.machine, configs[name]) for fault in case.faults for name in body):
@@ -284,6 +290,40 @@ def unaffected(seen: Seen, reference: Seen) -> Iterator[str]:
                 if a.device.hex() != b.device.hex():
                     yield f"{config.name}: {a.device} instead of {b.device} at {mine.tick}"
                     return
+
+
+def apart(seen: Seen) -> Iterator[str]:
+    """Bodies never come nearer than the file states; those that are nearer already come no nearer."""
+    guard = clearance_guard(seen.case.machine.loaded)
+    if guard is None:
+        return
+    floors = dict.fromkeys(guard.pairs, -math.inf)
+    before: dict[str, bool] = {}
+    for place, record in enumerate(seen.records):
+        at, driven = {}, {}
+        for robot, config in _robots(seen):
+            axes = record.robots[robot].axes
+            driven[config.name] = not all(math.isnan(axis.device) for axis in axes)
+            command = tuple(axis.command for axis in axes)
+            values = tuple(axis.value for axis in axes)
+            if driven[config.name]:
+                at[config.name] = (command, ZERO3)
+            elif all(map(math.isfinite, values)):
+                at[config.name] = (config.transmission.to_actuation(values), ZERO3)
+        shapes = Shapes(guard, at)
+        for pair in guard.pairs:
+            names = [name for name in pair if name in guard.arms]
+            if not all(name in at for name in names):
+                continue
+            found = shapes.nearest(pair, guard.margin_m).distance
+            # A robot without power may be moved by hand; it is followed only beyond noise.
+            if not all(driven[name] and before.get(name, False) for name in names):
+                floors[pair] = -math.inf
+            if found.upper_m < floors[pair] - NEARER_M:
+                yield f"{pair[0]} and {pair[1]} {found.upper_m * 1e3:.3f} mm apart at {place}"
+                return
+            floors[pair] = min(guard.margin_m, max(floors[pair], found.lower_m))
+        before = driven
 
 
 ALONE: dict[str, Callable[[Seen], Iterator[str]]] = {
@@ -297,5 +337,6 @@ ALONE: dict[str, Callable[[Seen], Iterator[str]]] = {
     "records and events complete": complete,
     "controllable, and ends": controllable,
     "no power without a host": watchdog,
+    "bodies never nearer than stated": apart,
 }
 UNAFFECTED = "other robots unaffected"

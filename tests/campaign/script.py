@@ -18,7 +18,7 @@ from contid.control.engine import messages as msg
 from contid.control.engine.wiring import build_robot_configs, driven_robots
 from contid.control.tick.config import RobotConfig
 from contid.robot_file.base import StopPolicy
-from contid.robot_file.load import LoadedFile, load_robot_file, with_mock
+from contid.robot_file.load import LoadedFile, load_robot_file, parse_robot_file, with_mock
 from contid.robot_file.shipped import configs_folder
 from contid.targets import Target
 from contid.trajectory.read import read_trajectory
@@ -49,18 +49,25 @@ class Machine:
 
 
 def machines() -> list[Machine]:
-    """Every shipped robot file with actuators, and the laboratory that joins three of them."""
+    """Every shipped robot file with actuators, the laboratory that joins three of them, and a close hand."""
     files = [
         load_robot_file(path)
         for path in sorted(configs_folder().glob("*.yaml"))
         if not path.stem.endswith(".emulated")
     ]
     out = []
-    for loaded in [*files, lab()]:
+    for loaded in [*files, lab(), close_hand()]:
         if driven_robots(loaded):
             rate = loaded.file.rate_hz
             out.append(Machine(loaded.file.name, with_mock(loaded), rate, build_robot_configs(loaded, rate)))
     return out
+
+
+def close_hand() -> LoadedFile:
+    """The hand with its fingers so near to each other that random targets cross them."""
+    text = (configs_folder() / "hand.yaml").read_text(encoding="utf-8")
+    moved = text.replace("name: hand", "name: close_hand").replace("base: {x_mm: 100,", "base: {x_mm: 50,")
+    return parse_robot_file(moved, "close_hand.yaml")
 
 
 @dataclass(frozen=True)

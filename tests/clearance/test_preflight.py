@@ -18,32 +18,8 @@ from contid.robot_file.load import parse_robot_file
 from contid.robot_file.shipped import load_named
 from contid.targets import ZERO3
 from contid.trajectory.read import read_trajectory
+from tests.clearance.finger_file import FINGER, WALL
 from tests.support.command import contid
-
-FINGER = """
-contid: 1
-name: post
-rate_hz: 100
-buses: {b: {driver: sim}}
-robots:
-  f:
-    model: rack_finger
-    geometry: {rack_spacing_mm: 13, tip_length_mm: 22, link: {length_mm: 6, width_mm: 13, gap_mm: 5}}
-    limits: {length_mm: [0, 100]}
-    rates: {velocity_mm_s: 60, acceleration_mm_s2: 1000, jerk_mm_s3: 20000}
-    rest_mm: [60, 60]
-    axes:
-      left: {bus: b, device: servo, mm_per_rev: 37.7}
-      right: {bus: b, device: servo, mm_per_rev: 37.7}
-clearance:
-  margin_mm: 1
-  bodies: {f: {radius_mm: 7}}
-  obstacles:
-    OBSTACLE
-"""
-#: Between the two sides of the finger: bending from one to the other sweeps over it.
-POST = "post: {capsule: {start_mm: [0, 100, -50], end_mm: [0, 100, 50], radius_mm: 5}}"
-WALL = "wall: {plane: {point_mm: [40, 0, 0], normal: [-1, 0, 0]}}"
 
 
 def finger(obstacle):
@@ -72,7 +48,7 @@ def test_the_shipped_hand_runs_its_circle_and_refuses_crossed_fingers():
     crossed = "t_s,left.x_mm,left.y_mm,right.x_mm,right.y_mm\n0,20,80,80,80\n2,65,70,35,70\n"
     refused = contid("check", "hand", "-", stdin=crossed)
     assert refused.returncode == 2
-    assert "stdin:3:1: on the way to this row, left at" in refused.stderr
+    assert "stdin:3:1: on the way to this row, before it can stop, left at" in refused.stderr
     assert "runs into right; clearance.margin_mm is 2" in refused.stderr
 
 
@@ -136,7 +112,7 @@ def test_a_move_of_the_simulated_hand_holds_at_a_refusal():
         state = sim.step(
             {"left.x_mm": 68.0, "left.y_mm": 70.0, "right.x_mm": 32.0, "right.y_mm": 70.0}, ticks=100
         )
-        assert "mm of right; clearance.margin_mm is 2" in state["left"].refused
+        assert "of right; clearance.margin_mm is 2" in state["left"].refused
         assert state["left"].mode == "HOLD"
 
 

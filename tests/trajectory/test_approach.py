@@ -86,3 +86,18 @@ def test_limits_that_are_none_are_refused(limits: tuple[float, float, float]) ->
 def test_numbers_that_are_none_are_refused() -> None:
     with pytest.raises(MotionError, match="no motion"):
         Approach((float("nan"),), (0.0,), (1.0,), 1.0, 1.0, 1.0)
+
+
+@pytest.mark.parametrize(
+    ("start", "goal"), [((0.06, 0.06), (0.0808, 0.065)), ((0.06, 0.06), (0.065, 0.0522))]
+)
+def test_a_way_that_just_reaches_the_acceleration_has_a_motion(
+    start: tuple[float, float], goal: tuple[float, float]
+) -> None:
+    """2 a^3 / j^2 = 5 mm: ruckig 0.19 raises "error in step 1" for such an axis beside another one."""
+    motion = Approach(start, (0.0, 0.0), goal, 0.06, 1.0, 20.0)
+    assert motion.at(motion.duration_s)[0] == goal
+    alone = [Approach((a,), (0.0,), (b,), 0.06, 1.0, 20.0) for a, b in zip(start, goal, strict=True)]
+    assert motion.duration_s == pytest.approx(max(each.duration_s for each in alone), rel=1e-4)
+    jerks = np.diff([motion.at(t)[1] for t in np.linspace(0, motion.duration_s, 2000)], n=2, axis=0)
+    assert np.abs(jerks).max() / (motion.duration_s / 1999) ** 2 <= 20.0 * 1.01

@@ -9,8 +9,10 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Mapping, Sequence
 
+from contid.clearance.guard import ClearanceGuard
 from contid.control.engine import messages as msg
 from contid.control.engine.chain_orders import ChainOrders
+from contid.control.engine.clearance_orders import ClearanceOrders
 from contid.control.engine.cycle import OnEnd, Sink, Timing
 from contid.control.engine.events import EffortLimited, GotoEnded, MarkReached, OrderRefused
 from contid.control.engine.exchange import Exchange
@@ -50,6 +52,7 @@ class Engine:
         on_end: OnEnd = OnEnd.STOP,
         attended: bool = False,
         guards: Sequence[ChainGuard] = (),
+        clearance: ClearanceGuard | None = None,
     ) -> None:
         """Prepare; accesses no device.
 
@@ -63,6 +66,7 @@ class Engine:
             on_end: reaction to the end of the source.
             attended: a client may give orders: the run does not end because every robot is in FAULT.
             guards: of the closed chains among the robots.
+            clearance: what keeps bodies apart, None without.
         """
         self.finished = False
         self._robots = Robots(configs, sink)
@@ -71,6 +75,7 @@ class Engine:
         self._selector = TargetSelector(
             self._robots, self._chains, rate_hz, sink, trajectory, on_end, attended
         )
+        self._clearance = ClearanceOrders(clearance, self._robots, self._exchange, sink)
         self._recorder = RecordPacker(self._robots.configs, sink, now)
         self._buses = tuple(ports)
         self._stalls = StallWatch(rate_hz)
@@ -232,15 +237,20 @@ class Engine:
         now_s = step / self._rate_hz
         source = selector.source
         self._chains.begin_gotos(now_s)
-        targets = self._chains.before_tick(selector.targets(step, now_s), now_s, selector.measured)
+        targets = self._clearance.before_tick(selector.targets(step, now_s))
+        targets = self._chains.before_tick(targets, now_s, selector.measured)
         commands: dict[str, dict[str, float]] = {name: {} for name in self._buses}
         bus_of = exchange.bus_of
-        outcomes: list[TickResult] = []
+        outcomes = [
+            self._computed(index, now_s, targets.get(config.name))
+            for index, config in enumerate(robots.configs)
+        ]
+        too_near = self._clearance.after_tick(outcomes, targets, now_s, selector)
         for index, config in enumerate(robots.configs):
-            outcome = self._tick(index, timing.tick, now_s, targets.get(config.name))
+            outcome = outcomes[index]
+            self._take(index, timing.tick, outcome, targets.get(config.name), index in too_near)
             for axis, value in zip(config.axes, outcome.device, strict=False):
                 commands[bus_of[axis]][axis] = value
-            outcomes.append(outcome)
         # The commands of this tick are fixed: a stop that begins now begins at the time of the next.
         next_s = (step + 1) / self._rate_hz
         exchange.run(commands, timing, next_s)
@@ -256,22 +266,28 @@ class Engine:
         if selector.finishing and not self.finished:
             self.finished = robots.resting and not exchange.busy
 
-    def _tick(self, index: int, number: int, now_s: float, target: Target | None) -> TickResult:
-        """The tick of one robot; queues its request to the devices and reports the end of a goto."""
+    def _computed(self, index: int, now_s: float, target: Target | None) -> TickResult:
+        """The tick of one robot."""
+        config, state = self._robots.configs[index], self._robots.states[index]
+        measured = self._selector.measured.get(config.name)
+        return tick(config, state, now_s, self._exchange.samples_of(config), target, measured)
+
+    def _take(
+        self, index: int, number: int, outcome: TickResult, target: Target | None, too_near: bool
+    ) -> None:
+        """Take over a tick; queues its request to the devices and reports the end of a goto."""
         robots = self._robots
         config, state, tally = robots.configs[index], robots.states[index], robots.tallies[index]
         going, recovered = state.goto, state.recovering
         if self._going[index] is not None and self._going[index] is not going:
             self._sink.event(GotoEnded(robot=config.name, arrived=False, tick=number))
-        measured = self._selector.measured.get(config.name)
-        outcome = tick(config, state, now_s, self._exchange.samples_of(config), target, measured)
         state = outcome.state
         if state.mode is Mode.FAULT and robots.reported[index] is not Mode.FAULT:
             state = self._stalls.explained(state)
         if state.pending is not Effect.NONE:
             state = self._exchange.ask(index, state)
         if going is not None and state.goto is None and not recovered:
-            arrived = state.mode is Mode.HOLD
+            arrived = state.mode is Mode.HOLD and not too_near
             self._sink.event(GotoEnded(robot=config.name, arrived=arrived, tick=number))
         self._going[index] = None if state.recovering else state.goto
         robots.states[index] = state
@@ -287,7 +303,6 @@ class Engine:
         for bits in outcome.limits:
             if bits:
                 tally.limited[bits] += 1
-        return outcome
 
 
 def _behind_m(config: RobotConfig, state: RobotState, target: Target | None) -> float:

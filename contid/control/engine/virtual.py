@@ -11,7 +11,7 @@ from contid.control.engine.events import RunEvent, TicksSkipped
 from contid.control.engine.messages import EndOfRows, Message, Rows
 from contid.control.engine.ports import BusPort
 from contid.control.engine.report import RunReport, robot_reports
-from contid.control.engine.wiring import build_robot_configs, chain_guards, open_buses
+from contid.control.engine.wiring import build_robot_configs, chain_guards, clearance_guard, open_buses
 from contid.robot_file.load import LoadedFile
 from contid.targets import Target
 from contid.trajectory.timed import Trajectory
@@ -64,7 +64,7 @@ class VirtualProcess:
         self.engine = Engine(
             build_robot_configs(loaded, rate_hz), self.ports, rate_hz, sink, self.clock.now,
             trajectory=trajectory, on_end=on_end, attended=attended,
-            guards=chain_guards(loaded),
+            guards=chain_guards(loaded), clearance=clearance_guard(loaded),
         )  # fmt: skip
         self.tick = self.skipped = self.cycles = 0
         self.longest_gap_ms = 0.0

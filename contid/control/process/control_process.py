@@ -22,7 +22,7 @@ from contid.control.engine.events import BusReported, LogWritten, RobotReported,
 from contid.control.engine.messages import Finish, Start
 from contid.control.engine.ports import BusPort
 from contid.control.engine.report import robot_reports
-from contid.control.engine.wiring import build_robot_configs, chain_guards, open_buses
+from contid.control.engine.wiring import build_robot_configs, chain_guards, clearance_guard, open_buses
 from contid.control.process.log_queue import LogQueue, handle_logs
 from contid.control.process.pace import Pace
 from contid.control.process.pipe import Inbox
@@ -89,7 +89,7 @@ class ControlProcess:
         self.engine = Engine(
             build_robot_configs(setup.loaded, setup.rate_hz), ports, setup.rate_hz, ring, self._clock.now,
             trajectory=setup.trajectory, on_end=setup.on_end, attended=setup.attended,
-            guards=chain_guards(setup.loaded),
+            guards=chain_guards(setup.loaded), clearance=clearance_guard(setup.loaded),
         )  # fmt: skip
 
     def run(self) -> None:

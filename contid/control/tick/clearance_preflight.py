@@ -9,7 +9,8 @@ from typing import Final
 from contid.clearance.guard import ClearanceGuard, Configuration
 from contid.clearance.walk import Walk
 from contid.control.tick.config import RobotConfig
-from contid.targets import ZERO3, Actuation
+from contid.control.tick.transitions import straight_stop
+from contid.targets import ZERO3, Actuation, Vec3
 from contid.trajectory.approach import Approach
 
 #: Interval between the configurations of an approach; the way between them is bounded [s].
@@ -49,8 +50,27 @@ class ClearancePreflight:
         steps = max(1, math.ceil(duration_s / INTERVAL_S))
         for k in range(1, steps + 1):
             at_s = duration_s * k / steps
-            message = self.walk.to({name: (m.at(at_s)[0], goals[name][1]) for name, m in motions.items()})
+            reached: dict[str, tuple[Actuation, Vec3]] = {}
+            moves: dict[str, Actuation] = {}
+            for name, motion in motions.items():
+                actuation, velocity = motion.at(at_s)
+                reached[name] = (actuation, goals[name][1])
+                moves[name] = tuple([each * self._configs[name].period_s for each in velocity])
+            message = self.to(reached, moves)
             if message:
                 self.walk = Walk(self._guard, start)
                 return message
         return ""
+
+    def to(self, reached: Configuration, steps: Mapping[str, Actuation]) -> str:
+        """Move on to a configuration, reached with steps per tick; why it or its stop is too near."""
+        message = self.walk.to(reached)
+        if message:
+            return message
+        return self.walk.stops(
+            {
+                name: straight_stop(config, self.walk.configuration[name][0], steps[name])
+                for name, config in self._configs.items()
+                if any(steps.get(name, ()))
+            }
+        )

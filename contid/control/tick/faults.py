@@ -30,6 +30,7 @@ class Fault(enum.IntEnum):
     TIP_OFF_TARGET = 203
     CHAIN_FORBIDS = 301
     CHAIN_BROKEN = 302
+    TOO_NEAR = 303
 
 
 @dataclass(frozen=True, slots=True)
@@ -122,6 +123,14 @@ PAGES: Final[dict[Fault, FaultPage]] = {
         "another arm of the same closed chain went to FAULT",
         "this robot stopped by its own stop.on_fault policy",
         "fix the fault reported by that arm; then clear-fault and resume, both of them",
+    ),
+    Fault.TOO_NEAR: FaultPage(
+        "the next command, or the stop that would follow it, brings a body nearer to another robot or to an "
+        "obstacle than clearance.margin_mm",
+        "it stopped with its jerk limit before that and holds, whatever its stop.on_fault policy; so did the "
+        "other robot if it moved",
+        "clear-fault, then `contid move` away; a checked trajectory ends here where tip feedback moves it, "
+        "or when it began elsewhere",
     ),
 }
 

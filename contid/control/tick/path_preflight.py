@@ -146,7 +146,7 @@ class PathPreflight:
                     refused[index] = replace(found, row=row, message=message)
             if self._clearance is not None and len(followers) not in refused:
                 reached = {f.name: (f.command, targets[f.name].load_n) for f in followers}
-                message = self._clearance.walk.to(reached)
+                message = self._clearance.to(reached, {f.name: f.steps for f in followers})
                 if message:
                     message = f"on the way to this row, {message}"
                     refused[len(followers)] = PathFinding(message, row=row)
@@ -176,6 +176,11 @@ class _Follower:
     def command(self) -> Actuation:
         """The actuation reached."""
         return self._command
+
+    @property
+    def steps(self) -> Actuation:
+        """Steps per tick with which it was reached."""
+        return self._steps
 
     def follow(self, target: Target, ticks: int) -> PathFinding | None:
         """Go to the target, ``ticks`` ticks after the one before; why that fails, None when it does not."""

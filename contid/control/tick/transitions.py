@@ -18,6 +18,7 @@ from contid.robot_file.base import StopPolicy
 from contid.targets import Actuation, Target
 from contid.trajectory.approach import Approach
 from contid.trajectory.standstill import stopping
+from contid.trajectory.straight_stop import StraightStop
 
 #: Share of an axis's travel beyond a limit that counts as outside; less is noise of a sensor or a zero.
 OUTSIDE_SHARE: Final = 0.02
@@ -187,6 +188,29 @@ def fail(config: RobotConfig, state: RobotState, fault: Fault, message: str, now
     if config.stops.on_fault is StopPolicy.HOLD and state.command:
         return braking(config, replace(after, pending=Effect.NONE), now_s)
     return replace(after, enabled=False, pending=_effect(config.stops.on_fault))
+
+
+def too_near(config: RobotConfig, state: RobotState, message: str, now_s: float) -> RobotState:
+    """Latch fault 303 and stop in the shortest way, whatever the policy: to relax would move the body."""
+    after = replace(
+        moved(config, state, Event.FAULT, now_s),
+        fault=Fault.TOO_NEAR, message=message, arm_requested=False, follow=False, goto=None,
+        policy=None, recovering=False, pending=Effect.NONE,
+    )  # fmt: skip
+    return braking_at_once(config, after, now_s)
+
+
+def straight_stop(config: RobotConfig, command: Actuation, increments: Actuation) -> StraightStop:
+    """The shortest stop from a command and the increment that led to it."""
+    changes = [each.change for each in config.limits]
+    ends = [(each.lower, each.upper) for each in config.limits]
+    return StraightStop(command, increments, changes, ends, config.period_s)
+
+
+def braking_at_once(config: RobotConfig, state: RobotState, now_s: float) -> RobotState:
+    """The state with the shortest stop from its present motion, in the mode it is in."""
+    motion = straight_stop(config, state.command, state.increments) if any(state.increments) else None
+    return replace(state, motion=motion, motion_s=now_s - config.period_s, reference=state.command)
 
 
 def ask_clear(config: RobotConfig, state: RobotState, now_s: float) -> RobotState:

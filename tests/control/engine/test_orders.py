@@ -132,7 +132,7 @@ def test_an_order_that_fails_inside_is_that_robots_fault_and_the_run_goes_on(
     from contid.control.tick import transitions
     from contid.trajectory.approach import MotionError
 
-    def none(*_: object) -> None:
+    def none(*_: object, **__: object) -> None:
         raise MotionError("no motion from here")
 
     loaded = load(2)

@@ -1,0 +1,67 @@
+"""The shortest stop that keeps its direction: every axis sheds the same share of its speed in every tick.
+
+The jerk-limited stop (`contid.trajectory.standstill`) is gentler and goes further: how far depends on the
+acceleration at its beginning. This one depends on the last step alone, and no motion within the limit of
+acceleration comes to rest earlier on the same line. So a motion that ends in front of something can always be
+stopped before it, and a stop that was begun can be begun again.
+
+From a step s per tick the next ones are s (1 - k/n), k = 1 ... n, with the least n that sheds no more per
+tick than the limit allows.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+
+from contid.targets import Actuation
+
+_ROUNDING = 1e-9
+
+
+class StraightStop:
+    """From a position and the step to it to standstill on a straight line.
+
+    Args:
+        position: of the axes [m or Pa].
+        step: position minus that of the tick before.
+        changes: greatest change of a step of each axis.
+        ends: least and greatest position of each axis; one that begins inside stays inside.
+        period_s: of the tick.
+    """
+
+    def __init__(
+        self,
+        position: Actuation,
+        step: Actuation,
+        changes: Sequence[float],
+        ends: Sequence[tuple[float, float]],
+        period_s: float,
+    ) -> None:
+        self._position = position
+        self._step = step
+        self._ends = [(min(low, at), max(high, at)) for at, (low, high) in zip(position, ends, strict=True)]
+        self._period_s = period_s
+        needed = max((abs(each) / most for each, most in zip(step, changes, strict=True)), default=0.0)
+        self._ticks = max(1, math.ceil(needed - _ROUNDING))
+
+    @property
+    def duration_s(self) -> float:
+        """Time until every axis rests."""
+        return (self._ticks - 1) * self._period_s
+
+    @property
+    def distances(self) -> Actuation:
+        """Way of each axis, none longer [m or Pa]."""
+        return tuple([0.5 * abs(step) * (self._ticks - 1) for step in self._step])
+
+    def at(self, time_s: float) -> tuple[Actuation, Actuation]:
+        """Position and velocity a time after the start; the start before it, rest at the end after."""
+        tick = min(max(time_s, 0.0), self.duration_s) / self._period_s
+        steps = tick - 0.5 * tick * (tick + 1.0) / self._ticks
+        reached = [
+            min(max(at + step * steps, low), high)
+            for at, step, (low, high) in zip(self._position, self._step, self._ends, strict=True)
+        ]
+        left = (1.0 - tick / self._ticks) / self._period_s if tick * self._period_s < self.duration_s else 0.0
+        return tuple(reached), tuple([step * left for step in self._step])
