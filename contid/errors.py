@@ -74,8 +74,11 @@ class DeviceLostError(DeviceError):
 #: Package, as it is imported -> the extra of ``pip install 'contid[EXTRA]'`` that has it.
 EXTRAS: Final = {
     "cryptography": "fleet",
+    "foxglove": "data",
+    "h5py": "data",
     "matplotlib": "plots",
     "pandas": "data",
+    "pyarrow": "data",
     "rerun": "view",
     "scipy": "fit",
     "shapely": "plots",

@@ -56,7 +56,7 @@ COMMANDS: Final[dict[str, tuple[str, str]]] = {
         "contid.cli.commands.replay",
         "run a recording through today's code and compare every command",
     ),
-    "session": ("contid.cli.commands.session", "a recording: summary, export to CSV or .rrd, repair"),
+    "session": ("contid.cli.commands.session", "a recording: summary, check, export, repair"),
     "view": ("contid.cli.commands.view", "show a recording: robots, axes, events"),
     "panel": ("contid.cli.commands.panel", "a page in the browser: STOP, state, jogging, trajectories"),
     "fleet": ("contid.cli.commands.fleet", "robots on several machines: one table, one stop"),

@@ -118,7 +118,7 @@ class Session:
 
     def __iter__(self) -> Iterator[dict[str, float]]:
         """Every tick, by the columns of `to_pandas`; what is absent is NaN."""
-        from contid.session.table import row_values
+        from contid.session.export.table import row_values
 
         return row_values(self)
 
@@ -128,7 +128,7 @@ class Session:
         Raises:
             MissingExtraError: pandas is not installed.
         """
-        from contid.session.table import data_frame
+        from contid.session.export.table import data_frame
 
         return data_frame(self)
 

@@ -27,7 +27,7 @@ from contid.errors import ContidError
 from contid.remote.protocol.wire import RequestFields, decode
 from contid.robot_file.load import load_robot_file, parse_robot_file, with_mock
 from contid.robot_file.shipped import configs_folder
-from contid.session.export import export_joined
+from contid.session.export.csv_files import export_joined
 from contid.session.info import summarize
 from contid.session.read import Session
 from contid.session.recording_observer import RecordingObserver

@@ -107,7 +107,7 @@ def test_the_studies_are_in_a_clone_only(hidden: Path) -> None:
 def test_every_extra_that_a_message_names_is_declared() -> None:
     project = tomllib.loads((ROOT / "pyproject.toml").read_text())["project"]
     extras = project["optional-dependencies"]
-    distributions = {"rerun": "rerun-sdk", "zenoh": "eclipse-zenoh"}
+    distributions = {"foxglove": "foxglove-sdk", "rerun": "rerun-sdk", "zenoh": "eclipse-zenoh"}
     for package, extra in EXTRAS.items():
         name = distributions.get(package, package)
         assert any(each.startswith(f"{name}>=") for each in extras[extra]), (package, extra)

@@ -9,7 +9,7 @@ from pathlib import Path
 
 import pytest
 
-from contid.cli.commands.session import MAX_VIOLATIONS
+from contid.cli.commands.session.summary import MAX_VIOLATIONS
 from contid.control.engine import messages as msg
 from contid.control.engine.cycle import OnEnd
 from contid.control.engine.events import FaultLatched, OrderGiven

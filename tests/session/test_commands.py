@@ -31,7 +31,7 @@ def test_info(recorded: Path) -> None:
 
 
 def test_export_to_tables(recorded: Path, tmp_path: Path) -> None:
-    assert len(_run("session", "export", recorded, "--csv", tmp_path / "out").splitlines()) == 6
+    assert len(_run("session", "export", recorded, "--csv", tmp_path / "out").splitlines()) == 7
     _run("session", "export", recorded, "--csv", tmp_path / "all.csv")
     table = (tmp_path / "all.csv").read_bytes()
     assert table.count(b"\n") == 1 + len(list(Session(recorded).ticks()))
@@ -69,14 +69,14 @@ def test_an_export_never_replaces_a_recording(recorded: Path, tmp_path: Path, op
 
 def test_no_incomplete_table_is_left(recorded: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     """A full disk while a table is written: the old table is unchanged."""
-    from contid.session import export
+    from contid.session.export import csv_files
 
     def full(*_: object) -> list[object]:
         raise OSError(errno.ENOSPC, os.strerror(errno.ENOSPC))
 
     table = tmp_path / "all.csv"
     table.write_text("before")
-    monkeypatch.setattr(export, "_row", full)
+    monkeypatch.setattr(csv_files, "_writer", full)
     for target in (table, tmp_path / "out"):
         with pytest.raises(ContidError, match="cannot write it: No space left"):
             _run("session", "export", recorded, "--csv", target)

@@ -18,8 +18,9 @@ from contid.control.engine.cycle import OnEnd
 from contid.control.process.setup import RunSetup
 from contid.errors import ContidError
 from contid.session.compact import compact
-from contid.session.export import export_channels, export_joined
-from contid.session.format.channels import CHANNELS, TICK_CHANNELS
+from contid.session.export.csv_files import export_channels, export_joined
+from contid.session.export.measured import MEASURED
+from contid.session.format.channels import CHANNELS, EVENT, TICK_CHANNELS
 from contid.session.format.metadata import describe
 from contid.session.info import summarize
 from contid.session.read import Session, SessionError
@@ -213,7 +214,7 @@ def test_tables_have_the_units_of_robot_files(recorded: Path, tmp_path: Path) ->
     session = Session(recorded)
     ticks = list(session.ticks())
     paths = export_channels(session, tmp_path / "out")
-    assert [path.stem for path in paths] == list(CHANNELS)
+    assert [path.stem for path in paths] == [*TICK_CHANNELS, MEASURED, EVENT]
     tables = {path.stem: _table(path) for path in paths}
     for row, record in zip(tables["command"], ticks, strict=True):
         command = record.robots[1].axes[0].command

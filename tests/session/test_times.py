@@ -11,7 +11,7 @@ import pytest
 
 from contid.control.engine.events import TicksSkipped
 from contid.control.engine.tick_layout import DEADLINE, SKIPPED, TICK
-from contid.session.export import export_channels, export_joined
+from contid.session.export.csv_files import export_channels, export_joined
 from contid.session.format.entries import Entry
 from contid.session.info import summarize
 from contid.session.read import Session

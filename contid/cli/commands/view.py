@@ -28,7 +28,7 @@ def command(recording: str, serve: bool, robot: str | None) -> None:
     if recording.endswith(".rrd"):
         _show_file(recording, target.kind is Kind.SERVE)
         return
-    from contid.cli.commands.session import file_to_draw
+    from contid.cli.commands.session.export import file_to_draw
     from contid.session.read import Session
     from contid.view.export import draw
 

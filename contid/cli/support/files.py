@@ -18,3 +18,7 @@ class NewFile(click.Path):
         if value in ("", "-"):
             self.fail(f"{value!r} names no file; give a name, standard output is not written to", param, ctx)
         return super().convert(value, param, ctx)
+
+
+#: A recording that is read.
+SESSION = click.argument("session_file", type=click.Path(exists=True, dir_okay=False))

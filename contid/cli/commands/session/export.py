@@ -1,0 +1,138 @@
+"""``contid session export|lerobot``: recordings in the formats of other programs."""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Callable
+from pathlib import Path
+from typing import TYPE_CHECKING, Any, TypeVar
+
+import click
+
+from contid.cli.support.files import SESSION, NewFile
+from contid.cli.support.progress import counting
+
+if TYPE_CHECKING:
+    from contid.robot_file.load import LoadedFile
+    from contid.session.read import Session
+
+
+Command = TypeVar("Command", bound=Callable[..., Any])
+
+
+def _output(name: str, what: str) -> Callable[[Command], Command]:
+    return click.option(f"--{name}", type=NewFile(dir_okay=name == "csv"), help=what)
+
+
+@click.command()
+@SESSION
+@_output("csv", "FILE.csv: one table; else a folder of channels.")
+@_output("parquet", "One table, typed.")
+@_output("hdf5", "A group per channel, and the events.")
+@_output("foxglove", "MCAP with bodies, frames and joint states for Foxglove's panels.")
+@_output("rrd", "A recording for the Rerun viewer.")
+@_output("yaml", "The robot file it was recorded with.")
+@click.option("--robot", help="Robot file for the shapes (.rrd, Foxglove) instead of the recorded one.")
+def export(session_file: str, robot: str | None, **outputs: str | None) -> None:
+    """Write SESSION_FILE in the formats of other programs.
+
+    Tables are in mm and bar: all channels, and axes and tip by forward kinematics of the measurements.
+    """
+    from contid.session.export import csv_files
+    from contid.session.output import refuse_recording
+    from contid.session.read import Session
+
+    paths = {name: Path(path) for name, path in outputs.items() if path is not None}
+    if not paths:
+        raise click.UsageError(
+            f"give an output: --csv FOLDER, --csv FILE.csv, or a file for --{', --'.join([*outputs][1:])}"
+        )
+    with counting("ticks read") as count:
+        session = Session(Path(session_file), count)
+        for path in paths.values():
+            refuse_recording(path)
+        written: list[Path] = []
+        for name, path in paths.items():
+            if name == "yaml":
+                csv_files.export_robot_file(session, path)
+            elif name == "csv":
+                export_csv = csv_files.export_joined if path.suffix == ".csv" else csv_files.export_channels
+                written += export_csv(session, path)
+                continue
+            elif name == "parquet":
+                from contid.session.export.parquet import export_parquet
+
+                export_parquet(session, path)
+            elif name == "hdf5":
+                from contid.session.export.hdf5 import export_hdf5
+
+                export_hdf5(session, path)
+            elif name == "rrd":
+                _export_rrd(session, robot, path)
+            elif name == "foxglove":
+                _export_foxglove(session, robot, path)
+            written.append(path)
+    click.echo("\n".join(map(str, written)))
+    _note_cut(session)
+
+
+@click.command()
+@click.argument("folder", type=NewFile(file_okay=False))
+@click.argument("session_files", nargs=-1, required=True, type=click.Path(exists=True, dir_okay=False))
+@click.option("--task", required=True, help="What the robots do, in a sentence; of all episodes.")
+@click.option(
+    "--fps", type=click.IntRange(1), help="Frames per second, a divisor of the rate; default: every tick."
+)
+def lerobot(folder: str, session_files: tuple[str, ...], task: str, fps: int | None) -> None:
+    """Write SESSION_FILES as a LeRobot dataset (v3.0) in FOLDER, an episode each.
+
+    observation.state are the measured axes, action the commanded ones, observation.tip the tips by forward
+    kinematics; in mm and bar.
+    """
+    from contid.session.export.lerobot import export_lerobot
+    from contid.session.read import Session
+
+    with counting("ticks read") as count:
+        sessions = [Session(Path(name), count) for name in session_files]
+        episodes = export_lerobot(sessions, Path(folder), task, fps)
+    for number, (session, episode) in enumerate(zip(sessions, episodes, strict=True)):
+        repeated = f", {episode.repeated} repeat the last answer of a device" if episode.repeated else ""
+        click.echo(f"episode {number}: {session.path}, {episode.frames} frames{repeated}")
+        _note_cut(session)
+
+
+def _note_cut(session: Session) -> None:
+    if session.cut:
+        click.echo(f"contid: {session.path}: {session.cut}; exported as far as it goes", err=True)
+
+
+def _export_rrd(session: Session, robot: str | None, path: Path) -> None:
+    loaded = file_to_draw(session, robot)
+    os.environ.setdefault("RUST_LOG", "off")  # contid reports errors itself
+    from contid.view.export import draw
+    from contid.view.view_target import Kind, ViewTarget
+
+    entries = ((entry.values, entry.event) for entry in session.entries())
+    draw(entries, loaded, session.layout, ViewTarget(Kind.FILE, path))
+
+
+def _export_foxglove(session: Session, robot: str | None, path: Path) -> None:
+    loaded = file_to_draw(session, robot)
+    from contid.session.output import replacing
+    from contid.view.foxglove_export import write_foxglove
+
+    with replacing(path) as file:
+        entries = ((entry.time_ns, entry.values, entry.event) for entry in session.entries())
+        write_foxglove(file, entries, loaded, session.layout)
+
+
+def file_to_draw(session: Session, robot: str | None) -> LoadedFile:
+    """The robot file for the shapes of a session: the recorded one, or another with the same axes."""
+    from contid.robot_file.shipped import load_named
+    from contid.session.differences import refuse_other_robots
+
+    if robot is None:
+        return session.robot_file()
+    loaded = load_named(robot)
+    refuse_other_robots(session, loaded)
+    return loaded

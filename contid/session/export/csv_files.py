@@ -1,0 +1,115 @@
+"""A session as CSV, one file per channel or one table of everything; and its robot file.
+
+Numbers keep the fewest digits that read back to the same value; what is absent is an empty cell. A joined
+table puts the channel in front of a column.
+"""
+
+from __future__ import annotations
+
+import csv
+import io
+import json
+from collections.abc import Callable, Iterator
+from contextlib import ExitStack, contextmanager
+from pathlib import Path
+from typing import Any, TextIO
+
+from contid.control.engine.events import to_json
+from contid.session.export.columns import TIMES
+from contid.session.export.measured import MEASURED
+from contid.session.export.table import TickTable, zero_time_ns
+from contid.session.format.channels import EVENT, TICK_CHANNELS
+from contid.session.format.entries import Entry
+from contid.session.output import replacing
+from contid.session.read import Session, SessionError
+
+
+@contextmanager
+def _file(path: Path) -> Iterator[TextIO]:
+    """A text file that is complete or not there: half a table looks like a short run."""
+    with replacing(path) as file:
+        text = io.TextIOWrapper(file, encoding="utf-8", newline="", write_through=True)
+        try:
+            yield text
+        finally:
+            text.detach()
+
+
+def export_channels(session: Session, folder: Path) -> list[Path]:
+    """Write one CSV per channel into a folder, created if absent; returns the files."""
+    try:
+        folder.mkdir(parents=True, exist_ok=True)
+    except OSError as error:
+        message = "it is a file; give a folder, or a table FILE.csv" if folder.is_file() else error.strerror
+        raise SessionError(f"{folder}: cannot write tables there: {message}") from error
+    table = TickTable(session)
+    groups = [each for each in (*TICK_CHANNELS, MEASURED) if each in table.channels]
+    paths = [folder / f"{group}.csv" for group in (*groups, EVENT)]
+    with ExitStack() as stack:
+        *ticks, events = [_writer(stack.enter_context(_file(path))) for path in paths]
+        places = [[p for p, of in enumerate(table.channels) if of in ("", group)] for group in groups]
+        for writer, group, chosen in zip(ticks, groups, places, strict=True):
+            writer.writerow([table.names[p].removeprefix(f"{group}.") for p in chosen])
+        events.writerow(["t_s", "unix_s", "event", "tick", "details"])
+        cells = _cells(table)
+        for block in table.blocks(_writing_events(session, events)):
+            for row in block.tolist():
+                written = cells(row)
+                for writer, chosen in zip(ticks, places, strict=True):
+                    writer.writerow([written[p] for p in chosen])
+    return paths
+
+
+def export_joined(session: Session, path: Path) -> list[Path]:
+    """Write all tick channels as one table, one row per tick; returns the file."""
+    table = TickTable(session)
+    with _file(path) as file:
+        writer = _writer(file)
+        writer.writerow(table.names)
+        cells = _cells(table)
+        for block in table.blocks():
+            writer.writerows(map(cells, block.tolist()))
+    return [path]
+
+
+def export_robot_file(session: Session, path: Path) -> None:
+    """Write the text of the robot file; an existing file is never replaced.
+
+    Raises:
+        ContidError: the file exists, or cannot be written.
+    """
+    if path.exists():
+        raise SessionError(f"{path}: file exists; robot files are never overwritten")
+    with _file(path) as file:
+        file.write(session.robot_text)
+
+
+def _writer(file: TextIO) -> Any:
+    return csv.writer(file, lineterminator="\n")
+
+
+def _cells(table: TickTable) -> Callable[[list[float]], list[str]]:
+    """What turns a row into cells."""
+    unix = TIMES.index("unix_s")
+
+    def cells(row: list[float]) -> list[str]:
+        written = [
+            "" if value != value else (str(int(value)) if whole else repr(value))
+            for value, whole in zip(row, table.whole, strict=True)
+        ]
+        written[unix] = f"{row[unix]:.6f}"
+        return written
+
+    return cells
+
+
+def _writing_events(session: Session, events: Any) -> Iterator[Entry]:
+    """The entries of a session; events are written when they pass."""
+    zero_ns = zero_time_ns(session)
+    for entry in session.entries():
+        if entry.event is not None:
+            rest = to_json(entry.event)
+            kind, tick = rest.pop("event"), rest.pop("tick", "")
+            t_s, unix_s = (entry.time_ns - zero_ns) / 1e9, f"{entry.time_ns // 1000 / 1e6:.6f}"
+            events.writerow([t_s, unix_s, kind, tick, json.dumps(rest)])
+        yield entry

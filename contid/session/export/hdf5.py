@@ -1,0 +1,61 @@
+"""A session as HDF5: a group per channel with a dataset per column, and the events as lines of JSON."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Iterator
+from pathlib import Path
+from typing import Any, Final
+
+import contid
+from contid.control.engine.events import to_json
+from contid.session.export.table import TickTable, zero_time_ns
+from contid.session.format.entries import Entry
+from contid.session.output import replacing
+from contid.session.read import Session
+
+#: Group of the times of the ticks.
+TIME: Final = "time"
+_CHUNK: Final = 4096
+
+
+def export_hdf5(session: Session, path: Path) -> None:
+    """Write all ticks and events; the attributes of the file have the text of the robot file and the rate.
+
+    Raises:
+        ContidError: the file cannot be written.
+    """
+    import h5py
+
+    table = TickTable(session)
+    with replacing(path) as binary, h5py.File(binary, "w") as file:
+        file.attrs["contid"] = contid.__version__
+        file.attrs["session"] = session.path.name
+        file.attrs["rate_hz"] = session.rate_hz
+        file.attrs["robot_file"] = session.robot_text
+        columns = [
+            _new(file, channel or TIME, name.removeprefix(f"{channel}."), "int64" if whole else "float64")
+            for name, whole, channel in zip(table.names, table.whole, table.channels, strict=True)
+        ]
+        events: list[tuple[float, str]] = []
+        for block in table.blocks(_keeping_events(session, events)):
+            for dataset, values in zip(columns, table.series(block).values(), strict=True):
+                dataset.resize((len(dataset) + len(values),))
+                dataset[-len(values) :] = values
+        file["event/t_s"] = [t_s for t_s, _ in events]
+        file.create_dataset("event/json", data=[text for _, text in events], dtype=h5py.string_dtype())
+
+
+def _new(file: Any, group: str, name: str, kind: str) -> Any:
+    return file.create_dataset(
+        f"{group}/{name}", (0,), kind, maxshape=(None,), chunks=(_CHUNK,), compression="gzip"
+    )
+
+
+def _keeping_events(session: Session, events: list[tuple[float, str]]) -> Iterator[Entry]:
+    """The entries of a session; events are kept when they pass."""
+    zero_ns = zero_time_ns(session)
+    for entry in session.entries():
+        if entry.event is not None:
+            events.append(((entry.time_ns - zero_ns) / 1e9, json.dumps(to_json(entry.event))))
+        yield entry

@@ -1,0 +1,82 @@
+"""What the robots did by their own devices: axes in the units of the file, and the tip by forward kinematics.
+
+A record has the angles and pressures of the devices; transmission and model of the recorded robot file make
+axes and tips of them, with the commanded load.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Final
+
+import numpy as np
+
+from contid.control.engine.tick_layout import RecordLayout
+from contid.control.engine.wiring import build_robot_configs
+from contid.control.tick.config import RobotConfig
+from contid.kinematics.array import Array
+from contid.session.read import Session, SessionError
+from contid.units import MM_PER_M
+
+#: Name of the group of columns, beside those of the channels.
+MEASURED: Final = "measured"
+_TIP: Final = ("x_mm", "y_mm", "z_mm")
+
+
+@dataclass(frozen=True)
+class MeasuredRobot:
+    """Measured axes and tip of one robot.
+
+    Attributes:
+        config: of the robot.
+        values: places of its devices' values in a record.
+        load: places of the commanded load.
+    """
+
+    config: RobotConfig
+    values: tuple[int, ...]
+    load: tuple[int, ...]
+
+    @property
+    def names(self) -> tuple[str, ...]:
+        """The columns, in the order of `row`."""
+        unit = self.config.quantity.unit
+        axes = (f"{axis}_{unit}" for axis in self.config.axis_names)
+        return tuple(f"{self.config.name}.{name}" for name in (*axes, *_TIP))
+
+    def row(self, record: Sequence[float]) -> tuple[float, ...]:
+        """Axes [mm or bar] and tip in the world [mm] of a record; NaN while a device has no value."""
+        config = self.config
+        actuation = config.transmission.to_actuation(tuple(record[place] for place in self.values))
+        axes = tuple(map(config.quantity.from_si, actuation))
+        if not all(map(math.isfinite, actuation)):
+            return (*axes, *(math.nan for _ in _TIP))
+        x, y, z = (record[place] for place in self.load)
+        load = (x, y, z) if math.isfinite(x + y + z) else (0.0, 0.0, 0.0)
+        pose = config.model.forward(actuation, config.frame.vector_in_base(load))
+        tip = config.frame.point_in_world(pose.tip_m)
+        return (*axes, *(MM_PER_M * value for value in tip))
+
+
+def measured_robots(session: Session) -> list[MeasuredRobot]:
+    """The robots of a session by its recorded robot file; none if this version of contid refuses the file."""
+    try:
+        configs = build_robot_configs(session.robot_file(), session.rate_hz)
+    except SessionError:
+        return []
+    return [_places(session.layout, config) for config in configs if config.name in session.robots]
+
+
+def _places(layout: RecordLayout, config: RobotConfig) -> MeasuredRobot:
+    index = [robot.name for robot in layout.robots].index(config.name)
+    values = tuple(layout.axis_place(index, axis, "value") for axis in range(len(config.axis_names)))
+    load = layout.robot_place(index, "load_n")
+    return MeasuredRobot(config, values, (load, load + 1, load + 2))
+
+
+def measured_block(robots: Sequence[MeasuredRobot], records: Sequence[Sequence[float]]) -> Array:
+    """The columns of all robots, a row per record."""
+    rows = [[value for robot in robots for value in robot.row(record)] for record in records]
+    return np.array(rows, dtype=np.float64).reshape(len(records), -1)

@@ -1,0 +1,125 @@
+"""The ticks of a session as one table in the units of robot files.
+
+Columns are the times, those of all channels with the channel in front (``command.left.left_mm``), then the
+measured axes and tips (``measured.left.x_mm``); what is absent is NaN.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterable, Iterator, Sequence
+from itertools import islice
+from typing import TYPE_CHECKING, Any, Final, cast
+
+import numpy as np
+
+from contid.control.engine.tick_layout import SKIPPED, TICK
+from contid.errors import MissingExtraError
+from contid.kinematics.array import Array
+from contid.session.export.columns import TIMES, Column, channel_columns
+from contid.session.export.measured import MEASURED, measured_block, measured_robots
+from contid.session.format.channels import TICK_CHANNELS
+from contid.session.format.entries import Entry
+
+if TYPE_CHECKING:
+    import pandas as pd
+
+    from contid.session.read import Session
+
+#: Ticks that are converted at once; a tick of a hand has 150 numbers.
+_BLOCK: Final = 4096
+
+
+class TickTable:
+    """All ticks of a session.
+
+    Attributes:
+        names: of the columns.
+        whole: for every column, whether its values are integers.
+        channels: the group of every column: a channel, ``measured``, or "" for a time.
+    """
+
+    def __init__(self, session: Session) -> None:
+        self._session = session
+        self._columns: list[Column] = []
+        self._robots = measured_robots(session)
+        names, whole, channels = [*TIMES], [True, False, False, False], [""] * len(TIMES)
+        for channel in TICK_CHANNELS:
+            for column in channel_columns(session, channel):
+                self._columns.append(column)
+                names.append(f"{channel}.{column.name}")
+                whole.append(column.scale is None)
+                channels.append(channel)
+        for name in (name for robot in self._robots for name in robot.names):
+            names.append(f"{MEASURED}.{name}")
+            whole.append(False)
+            channels.append(MEASURED)
+        self.names, self.whole, self.channels = tuple(names), tuple(whole), tuple(channels)
+
+    def blocks(self, entries: Iterable[Entry] | None = None) -> Iterator[Array]:
+        """Rows in their order, some thousand at once, shape ``(ticks, len(names))``.
+
+        Args:
+            entries: of the session, if something else reads them as well.
+        """
+        zero_ns = zero_time_ns(self._session)
+        entries = self._session.entries() if entries is None else entries
+        ticks = (entry for entry in entries if entry.values is not None)
+        while block := list(islice(ticks, _BLOCK)):
+            yield self._converted(block, zero_ns)
+
+    def _converted(self, block: Sequence[Entry], zero_ns: int) -> Array:
+        records = [entry.values for entry in block if entry.values is not None]
+        values = np.array(records)
+        out = np.empty((len(block), len(self.names)))
+        out[:, 0] = values[:, TICK]
+        out[:, 1] = np.array([entry.time_ns - zero_ns for entry in block]) / 1e9
+        out[:, 2] = (values[:, TICK] - values[:, SKIPPED]) / self._session.rate_hz
+        out[:, 3] = np.array([entry.time_ns // 1000 for entry in block]) / 1e6
+        for place, column in enumerate(self._columns, len(TIMES)):
+            out[:, place] = values[:, column.slot]
+            if column.scale is not None:
+                # Products and quotients, which arrays take as well.
+                out[:, place] = cast(Callable[[Array], Array], column.scale)(values[:, column.slot])
+        out[:, len(TIMES) + len(self._columns) :] = measured_block(self._robots, records)
+        return out
+
+    def series(self, block: Array) -> dict[str, Any]:
+        """A block as arrays by column, integers where its values are."""
+        return {
+            name: block[:, place].astype(np.int64) if whole else block[:, place]
+            for place, (name, whole) in enumerate(zip(self.names, self.whole, strict=True))
+        }
+
+
+def zero_time_ns(session: Session) -> int:
+    """The time of day of tick 0 [ns], where ``t_s`` begins."""
+    for entry in session.entries():
+        if entry.values is not None:
+            return entry.time_ns - round(entry.values[TICK] / session.rate_hz * 1e9)
+    return int(session.metadata["clock"]["wall_ns"])
+
+
+def row_values(session: Session) -> Iterator[dict[str, float]]:
+    """Every tick as values by column."""
+    table = TickTable(session)
+    for block in table.blocks():
+        for row in block.tolist():
+            yield dict(zip(table.names, row, strict=True))
+
+
+def data_frame(session: Session) -> pd.DataFrame:
+    """The whole table; its index is ``t_s``.
+
+    Raises:
+        MissingExtraError: pandas is not installed.
+    """
+    try:
+        import pandas as pd
+    except ImportError:
+        raise MissingExtraError("to_pandas", "pandas", "data") from None
+    table = TickTable(session)
+    blocks = list(table.blocks())
+    values = np.concatenate(blocks) if blocks else np.empty((0, len(table.names)))
+    frame = pd.DataFrame(table.series(values)).set_index("t_s")
+    frame.attrs |= {"session": str(session.path), "rate_hz": session.rate_hz}
+    return frame

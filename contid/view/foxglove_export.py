@@ -1,0 +1,206 @@
+"""A session as an MCAP file with the message types of Foxglove: its 3D panel shows the robots as they are.
+
+``/scene`` has bodies, targets and ropes in the frame ``world``, ``/tf`` the frames of base and tip of every
+robot, ``/joint_states`` the measured axes (``ROBOT/AXIS``, metres or pascal), ``/log`` the events.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterable, Sequence
+from typing import BinaryIO, Final
+
+import foxglove
+import numpy as np
+from foxglove import messages as fox
+from foxglove.channels import FrameTransformsChannel, JointStatesChannel, LogChannel, SceneUpdateChannel
+
+from contid.control.engine.events import RunEvent
+from contid.control.engine.tick_layout import RecordLayout, RobotRecord, TickRecord
+from contid.robot_file.load import LoadedFile
+from contid.targets import ZERO3, Actuation
+from contid.units import MM_PER_M
+from contid.view.event_line import event_line
+from contid.view.frames import FRAMES_HZ
+from contid.view.robot_scene import Array, RobotDrawing, RobotScene
+from contid.view.scene import Scene, build_scene
+
+WORLD: Final = "world"
+#: Thickness of a body, of its edges and of the commanded line, and the size of a target, as fractions of the
+#: robot's length.
+BODY, THIN, TARGET = 0.04, 0.008, 0.04
+#: Of the measured bodies, one per robot.
+COLOURS: Final = ((0.25, 0.61, 1.0), (1.0, 0.59, 0.2), (0.43, 0.8, 0.43), (0.8, 0.51, 1.0))
+COMMANDED: Final = (0.9, 0.9, 0.9)
+TARGETED: Final = (1.0, 0.27, 0.35)
+ROPE: Final = (0.84, 0.69, 0.49)
+Colour = tuple[float, float, float]
+#: Time of day [ns], and the values of a record or an event.
+TimedEntry = tuple[int, Sequence[float] | None, RunEvent | None]
+
+
+def write_foxglove(
+    file: BinaryIO, entries: Iterable[TimedEntry], loaded: LoadedFile, layout: RecordLayout
+) -> None:
+    """Write a whole run.
+
+    Args:
+        file: a new file, from its beginning.
+        entries: ticks and events in their order.
+        loaded: the robot file of the run.
+        layout: of the records.
+    """
+    context = foxglove.Context()
+    with foxglove.open_mcap(file, context=context):
+        writer = _Writer(context, build_scene(loaded, layout.rate_hz))
+        shown = -1
+        for time_ns, values, event in entries:
+            if event is not None:
+                writer.event(time_ns, event)
+            elif values is not None:
+                record = layout.decode(tuple(values))
+                writer.axes(time_ns, record)
+                frame = int(record.tick * FRAMES_HZ / layout.rate_hz)
+                if frame != shown:
+                    shown = frame
+                    writer.scene(time_ns, record)
+
+
+class _Writer:
+    """The channels of one file."""
+
+    def __init__(self, context: foxglove.Context, scene: Scene) -> None:
+        self._scene = scene
+        self._updates = SceneUpdateChannel("/scene", context=context)
+        self._transforms = FrameTransformsChannel("/tf", context=context)
+        self._joints = JointStatesChannel("/joint_states", context=context)
+        self._log = LogChannel("/log", context=context)
+
+    def event(self, time_ns: int, event: RunEvent) -> None:
+        """An event as a line of the log, unless it is for programs only."""
+        if (line := event_line(event)) is None:
+            return
+        level = {
+            "WARN": fox.LogLevel.Warning, "ERROR": fox.LogLevel.Error, "CRITICAL": fox.LogLevel.Fatal
+        }.get(line[0], fox.LogLevel.Info)  # fmt: skip
+        message = fox.Log(timestamp=_stamp(time_ns), level=level, message=line[1], name="contid")
+        self._log.log(message, log_time=time_ns)
+
+    def axes(self, time_ns: int, record: TickRecord) -> None:
+        """Measured axes of all robots; an axis without a value is left out."""
+        joints = [
+            fox.JointState(name=f"{robot.config.name}/{axis}", position=value)
+            for robot, each in zip(self._scene.robots, record.robots, strict=True)
+            for axis, value in zip(robot.config.axis_names, _measured(robot, each), strict=True)
+            if math.isfinite(value)
+        ]
+        self._joints.log(fox.JointStates(timestamp=_stamp(time_ns), joints=joints), log_time=time_ns)
+
+    def scene(self, time_ns: int, record: TickRecord) -> None:
+        """Bodies, targets, ropes and frames of one instant."""
+        stamp = _stamp(time_ns)
+        entities, frames, drawings = [], [], []
+        for number, (robot, each) in enumerate(zip(self._scene.robots, record.robots, strict=True)):
+            load = each.load_n if all(map(math.isfinite, each.load_n)) else ZERO3
+            measured = robot.drawing(_measured(robot, each), load)
+            commanded = robot.drawing(tuple(axis.command for axis in each.axes), load)
+            body = measured or commanded
+            drawings.append(body)
+            frames.append(_transform(stamp, robot.config.name, robot.base))
+            if body is not None:
+                frames.append(_transform(stamp, f"{robot.config.name}/tip", body.frames[-1]))
+            lines = _body(robot, body, COLOURS[number % len(COLOURS)])
+            if commanded is not None and measured is not None:
+                lines += [
+                    _line(part, COMMANDED, THIN * robot.length_mm) for part in _sections(robot, commanded)
+                ]
+            entities.append(
+                fox.SceneEntity(
+                    timestamp=stamp,
+                    frame_id=WORLD,
+                    id=robot.config.name,
+                    lines=lines,
+                    spheres=_target(robot, each),
+                )
+            )
+        for rope in self._scene.ropes:
+            line = rope.line(drawings)
+            lines = (
+                [] if line is None else [_line(line, ROPE, THIN * self._scene.robots[rope.arms[0]].length_mm)]
+            )
+            entities.append(fox.SceneEntity(timestamp=stamp, frame_id=WORLD, id=rope.guard.name, lines=lines))
+        self._updates.log(fox.SceneUpdate(entities=entities), log_time=time_ns)
+        self._transforms.log(fox.FrameTransforms(transforms=frames), log_time=time_ns)
+
+
+def _measured(robot: RobotScene, record: RobotRecord) -> Actuation:
+    """The measured actuation [m or Pa]; NaN where a device has no value."""
+    return robot.config.transmission.to_actuation(tuple(axis.value for axis in record.axes))
+
+
+def _sections(robot: RobotScene, drawing: RobotDrawing) -> list[Array]:
+    """Lines of the backbone without the edges of a planar body."""
+    return drawing.strips[:-2] if robot.outline is not None else drawing.strips
+
+
+def _body(robot: RobotScene, drawing: RobotDrawing | None, colour: Colour) -> list[fox.LinePrimitive]:
+    if drawing is None:
+        return []
+    sections = _sections(robot, drawing)
+    thin = [_line(edge, colour, THIN * robot.length_mm) for edge in drawing.strips[len(sections) :]]
+    return [*(_line(part, colour, BODY * robot.length_mm) for part in sections), *thin]
+
+
+def _target(robot: RobotScene, record: RobotRecord) -> list[fox.SpherePrimitive]:
+    if not all(map(math.isfinite, record.tip_m)):
+        return []
+    x, y, z = record.tip_m
+    edge = TARGET * robot.length_mm / MM_PER_M
+    pose = fox.Pose(position=fox.Vector3(x=x, y=y, z=z), orientation=fox.Quaternion(w=1.0))
+    return [fox.SpherePrimitive(pose=pose, size=fox.Vector3(x=edge, y=edge, z=edge), color=_ink(TARGETED))]
+
+
+def _line(points_mm: Array, colour: Colour, thickness_mm: float) -> fox.LinePrimitive:
+    return fox.LinePrimitive(
+        type=fox.LinePrimitiveLineType.LineStrip,
+        pose=fox.Pose(position=fox.Vector3(), orientation=fox.Quaternion(w=1.0)),
+        thickness=thickness_mm / MM_PER_M,
+        points=[fox.Point3(x=x, y=y, z=z) for x, y, z in (points_mm / MM_PER_M).tolist()],
+        color=_ink(colour),
+    )
+
+
+def _transform(stamp: fox.Timestamp, name: str, frame: Array) -> fox.FrameTransform:
+    """A frame of a drawing, (4, 3): its origin [mm] and axes as rows."""
+    x, y, z = (frame[0] / MM_PER_M).tolist()
+    w, i, j, k = quaternion(frame[1:].T)
+    return fox.FrameTransform(
+        timestamp=stamp,
+        parent_frame_id=WORLD,
+        child_frame_id=name,
+        translation=fox.Vector3(x=x, y=y, z=z),
+        rotation=fox.Quaternion(x=i, y=j, z=k, w=w),
+    )
+
+
+def quaternion(rotation: Array) -> tuple[float, float, float, float]:
+    """The unit quaternion (w, x, y, z) of a rotation matrix: Bar-Itzhack's eigenvector, good at any angle."""
+    (a, b, c), (d, e, f), (g, h, i) = rotation
+    matrix = np.array(
+        [
+            [a - e - i, 0.0, 0.0, 0.0],
+            [d + b, e - a - i, 0.0, 0.0],
+            [g + c, h + f, i - a - e, 0.0],
+            [h - f, c - g, d - b, a + e + i],
+        ]
+    )
+    x, y, z, w = np.linalg.eigh(matrix / 3.0)[1][:, -1].tolist()  # of the lower triangle
+    return w, x, y, z
+
+
+def _stamp(time_ns: int) -> fox.Timestamp:
+    return fox.Timestamp(sec=time_ns // 1_000_000_000, nsec=time_ns % 1_000_000_000)
+
+
+def _ink(colour: Colour) -> fox.Color:
+    return fox.Color(r=colour[0], g=colour[1], b=colour[2], a=1.0)
