@@ -16,17 +16,17 @@ from pathlib import Path
 import pytest
 
 from contid.client import Client
-from contid.control.process import host_checks
+from contid.control.process import host_checks, host_files
 from contid.remote.protocol import socket_path
 from tests.support.fingers import fingers
 from tests.support.systemd import need_systemd_analyze, verify_unit
 from tests.support.waiting import until
 
 ROOT = Path(__file__).parents[2]
-UNIT = ROOT / "service" / host_checks.UNIT
+UNIT = ROOT / "service" / host_files.UNIT
 #: Of 10, by systemd's weights.
 MAX_EXPOSURE = 1.5
-RULES = ROOT / "udev" / host_checks.RULES
+RULES = ROOT / "udev" / host_files.RULES
 
 
 @pytest.fixture
@@ -65,7 +65,7 @@ def test_udev_reads_the_rules() -> None:
 
 
 def test_the_shipped_files_satisfy_the_doctor(tmp_path: Path) -> None:
-    for folder, file in ((host_checks.UNIT_FOLDERS[0], UNIT), (host_checks.RULES_FOLDERS[0], RULES)):
+    for folder, file in ((host_files.UNIT_FOLDERS[0], UNIT), (host_files.RULES_FOLDERS[0], RULES)):
         where = tmp_path / folder.lstrip("/")
         where.mkdir(parents=True)
         shutil.copy(file, where)
@@ -82,11 +82,11 @@ def test_the_shipped_files_satisfy_the_doctor(tmp_path: Path) -> None:
 
 @pytest.mark.parametrize("group", ["own", "none", "absent"])
 def test_the_doctor_names_who_may_give_orders_to_the_service(group: str, tmp_path: Path) -> None:
-    where = tmp_path / host_checks.UNIT_FOLDERS[0].lstrip("/")
+    where = tmp_path / host_files.UNIT_FOLDERS[0].lstrip("/")
     where.mkdir(parents=True)
     names = {"own": grp.getgrgid(os.getegid()).gr_name, "none": "no-such-group", "absent": ""}
     option = f" --socket-group {names[group]}" if names[group] else ""
-    (where / host_checks.UNIT).write_text(UNIT.read_text().replace(" --socket-group contid", option))
+    (where / host_files.UNIT).write_text(UNIT.read_text().replace(" --socket-group contid", option))
     (finding,) = host_checks.clients(tmp_path)
     assert finding.ok == (group != "none")
     assert (names[group] or "the service's own user and root") in finding.message
@@ -136,9 +136,9 @@ def test_what_is_missing_comes_with_its_remedy(tmp_path: Path) -> None:
 
 
 def test_a_unit_that_arms_by_itself_is_wrong(tmp_path: Path) -> None:
-    where = tmp_path / host_checks.UNIT_FOLDERS[0].lstrip("/")
+    where = tmp_path / host_files.UNIT_FOLDERS[0].lstrip("/")
     where.mkdir(parents=True)
-    (where / host_checks.UNIT).write_text(UNIT.read_text().replace(" --disarmed", ""))
+    (where / host_files.UNIT).write_text(UNIT.read_text().replace(" --disarmed", ""))
     finding = host_checks.unit(tmp_path)
     assert not finding.ok
     assert "--disarmed" in finding.message

@@ -4,12 +4,15 @@ from __future__ import annotations
 
 import dataclasses
 import json
+import shlex
 import sys
 from collections.abc import Iterator
+from pathlib import Path
 
 import click
 
 from contid.cli.support.robot_names import robot_names
+from contid.errors import ContidError
 from contid.hal import Diagnoses, Finding
 from contid.robot_file.exchange_time import exchange_time, rate_finding
 from contid.robot_file.shipped import load_named
@@ -18,7 +21,10 @@ from contid.robot_file.shipped import load_named
 @click.command()
 @click.argument("robot_file", shell_complete=robot_names)
 @click.option("--json", "as_json", is_flag=True, help="One JSON object per finding.")
-def command(robot_file: str, as_json: bool) -> None:
+@click.option("--fix", is_flag=True, help="Install udev rules and real-time priority; asks before each file.")
+@click.option("--service", is_flag=True, help="With --fix: the unit as well.")
+@click.option("--yes", is_flag=True, help="With --fix: do not ask.")
+def command(robot_file: str, as_json: bool, fix: bool, service: bool, yes: bool) -> None:
     """Examine the host and the buses and devices of ROBOT_FILE; moves nothing; exit code 4 on an ERROR."""
     from contid.control.engine.wiring import wired_buses
     from contid.control.process.host_checks import examine
@@ -35,7 +41,11 @@ def command(robot_file: str, as_json: bool) -> None:
             else:
                 yield Finding(wiring.name, True, f"driver {wiring.driver!r} has no diagnosis")
 
+    if (service or yes) and not fix:
+        raise click.UsageError("--service and --yes go with --fix")
     loaded = load_named(robot_file)
+    if fix:
+        _fix(service, yes)
     buses = wired_buses(loaded)
     well = True
     for finding in findings():
@@ -43,6 +53,38 @@ def command(robot_file: str, as_json: bool) -> None:
         _print(finding, as_json)
     if not well:
         sys.exit(4)
+
+
+def _fix(service: bool, yes: bool) -> None:
+    """Install what the host lacks.
+
+    Raises:
+        ContidError: a file cannot be written.
+    """
+    from contid.control.process.host_files import may_install, missing_files
+
+    files = missing_files(service=service)
+    if not files:
+        click.echo("nothing to install: all files are there and of this version", err=True)
+        return
+    if not may_install():
+        paths = ", ".join(str(file.path) for file in files)
+        program = Path(sys.argv[0]).resolve()
+        raise ContidError(f"no right to write {paths}; with it: sudo {program} {shlex.join(sys.argv[1:])}")
+    if not (yes or sys.stdin.isatty()):
+        raise click.UsageError("--fix asks before each file, and stdin is no terminal; --yes installs all")
+    failed: list[str] = []
+    for file in files:
+        if not yes and not click.confirm(f"Write {file.path}, for {file.purpose}?", err=True):
+            continue
+        try:
+            file.install()
+        except ContidError as error:
+            failed.append(str(error))
+            continue
+        click.echo(f"wrote {file.path}" + (f"; next: {file.after}" if file.after else ""), err=True)
+    if failed:
+        raise ContidError("\n".join(failed))
 
 
 def _print(finding: Finding, as_json: bool) -> None:

@@ -6,18 +6,22 @@ import grp
 import os
 import resource
 import shutil
-from collections.abc import Sequence
 from pathlib import Path
 from typing import Final
 
+from contid.control.process.host_files import (
+    RULES,
+    RULES_FOLDERS,
+    UNIT,
+    UNIT_FOLDERS,
+    installed,
+    shipped_text,
+)
 from contid.control.process.realtime import PRIORITY
 from contid.control.process.ring import folder
 from contid.hal import Finding
 
-UNIT: Final = "contid@.service"
-RULES: Final = "99-contid.rules"
-UNIT_FOLDERS: Final = ("/etc/systemd/system", "/usr/local/lib/systemd/system", "/usr/lib/systemd/system")
-RULES_FOLDERS: Final = ("/etc/udev/rules.d", "/usr/local/lib/udev/rules.d", "/usr/lib/udev/rules.d")
+FIX: Final = "sudo $(command -v contid) doctor ROBOT.yaml --fix"
 #: A ring takes a few MB; below this the next one may not fit.
 ENOUGH_BYTES: Final = 64 << 20
 #: Required in the unit; without ``--disarmed`` robots could move when the service starts.
@@ -44,10 +48,7 @@ def real_time() -> Finding:
         message = (
             f"SCHED_FIFO is not permitted ({why}): under load ticks are late, devices may stop (fault 108)"
         )
-        remedy = (
-            f"@dialout - rtprio {PRIORITY} in /etc/security/limits.d/contid.conf, or LimitRTPRIO={PRIORITY}"
-        )
-        return Finding("real time", True, message, remedy, warning=True)
+        return Finding("real time", True, message, f"{FIX}; in a unit LimitRTPRIO={PRIORITY}", warning=True)
     os.sched_setscheduler(0, before, parameter)
     return Finding("real time", True, f"SCHED_FIFO at priority {PRIORITY} is permitted")
 
@@ -68,10 +69,10 @@ def shared_memory() -> Finding:
 
 def unit(root: Path) -> Finding:
     """Whether the service is installed and never arms on its own."""
-    path = _first(root, UNIT_FOLDERS, UNIT)
+    path = installed(root, UNIT_FOLDERS, UNIT)
     if path is None:
         message = f"{UNIT} is not installed; needed only for robots that run without a logged-in user"
-        return Finding("service", True, message, f"docs/service.md; copy service/{UNIT} to {UNIT_FOLDERS[0]}")
+        return Finding("service", True, message, "docs/service.md; contid doctor ROBOT.yaml --fix --service")
     text = _with_drop_ins(path)
     missing = [line for line in UNIT_REQUIRES if line not in text]
     if missing:
@@ -87,7 +88,7 @@ def unit(root: Path) -> Finding:
 
 def clients(root: Path) -> list[Finding]:
     """Who may command the service, and whether this user may; empty when it is not installed."""
-    path = _first(root, UNIT_FOLDERS, UNIT)
+    path = installed(root, UNIT_FOLDERS, UNIT)
     if path is None:
         return []
     command = _command(_with_drop_ins(path))
@@ -123,20 +124,12 @@ def _command(text: str) -> list[str]:
 
 def rules(root: Path) -> Finding:
     """Whether the udev rules are installed."""
-    path = _first(root, RULES_FOLDERS, RULES)
+    path = installed(root, RULES_FOLDERS, RULES)
     if path is None:
         message = (
             f"{RULES} is not installed: serial ports may need root, and FTDI adapters add 16 ms of latency"
         )
-        return Finding(
-            "udev rules", True, message, f"sudo cp udev/{RULES} {RULES_FOLDERS[0]}/; docs/service.md"
-        )
+        return Finding("udev rules", True, message, FIX)
+    if path.read_text(errors="replace") != shipped_text(RULES):
+        return Finding("udev rules", True, f"{path} is not that of this version", FIX, warning=True)
     return Finding("udev rules", True, f"{path}")
-
-
-def _first(root: Path, folders: Sequence[str], name: str) -> Path | None:
-    for each in folders:
-        path = root / each.lstrip("/") / name
-        if path.is_file():
-            return path
-    return None
