@@ -14,6 +14,7 @@ import time
 from collections.abc import Awaitable, Callable, Mapping
 from contextlib import AsyncExitStack, suppress
 from dataclasses import dataclass
+from pathlib import Path
 from typing import Any, Final
 
 from contid.client import AsyncClient
@@ -36,6 +37,10 @@ ATTEMPTS: Final = 5
 #: Longest way to the first row.
 APPROACH_TIMEOUT_S: Final = 120.0
 POLL_S: Final = 0.1
+#: Offsets are measured and noted so often.
+NOTE_PERIOD_S: Final = 10.0
+#: Names the boot from which the clock of this machine counts.
+BOOT: Final = Path("/proc/sys/kernel/random/boot_id")
 #: Pings in one lease.
 PINGS_PER_LEASE: Final = 4.0
 
@@ -69,11 +74,13 @@ class FleetRunReport:
     """A common run.
 
     Attributes:
+        experiment: its name in the recordings.
         nodes: by name.
         tick_s: the longest period of a tick among them.
         duration_s: of the trajectory.
     """
 
+    experiment: str
     nodes: Mapping[str, NodeStart]
     tick_s: float
     duration_s: float
@@ -100,6 +107,7 @@ class FleetRunReport:
         skew_s = self.skew_s
         return {
             "ok": self.complete,
+            "experiment": self.experiment,
             "skew_ms": None if skew_s is None else round(skew_s * 1e3, 3),
             "bound_ms": round(self.bound_s * 1e3, 3),
             "tick_ms": round(self.tick_s * 1e3, 3),
@@ -160,6 +168,7 @@ class _Conductor:
         self._lease_s = lease_s
         self._progress = progress
         self._moves: dict[str, int] = {}
+        self._experiment = f"{time.strftime('%Y%m%d-%H%M%S')}-{operator.origin.session[:4]}"
         self._moving = False
 
     async def run(self, takeover: bool, on_one: OnOne) -> FleetRunReport:
@@ -272,8 +281,38 @@ class _Conductor:
             async with asyncio.timeout(at_s - CONFIRMED_S - time.monotonic()):
                 return await self._clients[name].start(self._moves[name], offsets[name].there(at_s))
 
+        for name, offset in offsets.items():
+            await self._note(name, offset, "start")
         await self._each("start", order)
         return at_s
+
+    async def _note(self, name: str, offset: ClockOffset, message: str) -> None:
+        """Relate the clock of a node to that of this machine in its recording."""
+        now_s = time.monotonic()
+        with suppress(ContidError):
+            await self._clients[name].request(
+                "note",
+                experiment=self._experiment,
+                node=name,
+                conductor=BOOT.read_text().strip(),
+                at_s=offset.there(now_s),
+                offset_s=offset.offset_s,
+                bound_s=offset.bound_s,
+                wall_s=time.time() - now_s,
+                message=message,
+            )
+
+    async def _keep_notes(self) -> None:
+        """Measure and note the offsets again from time to time: clocks drift."""
+        while True:
+            await asyncio.sleep(NOTE_PERIOD_S)
+            await self._note_all("running")
+
+    async def _note_all(self, message: str) -> None:
+        for name in self._clients:
+            with suppress(ContidError):
+                offset = await asyncio.to_thread(measure_offset, self._operator, name)
+                await self._note(name, offset, message)
 
     async def _follow(
         self, at_s: float, offsets: Mapping[str, ClockOffset], tick_s: float, on_one: OnOne
@@ -294,11 +333,16 @@ class _Conductor:
                         *(self._hold(other) for other in self._clients if other not in errors)
                     )
 
-        await asyncio.gather(*(follow(name) for name in self._clients))
+        noting = asyncio.create_task(self._keep_notes())
+        try:
+            await asyncio.gather(*(follow(name) for name in self._clients))
+        finally:
+            noting.cancel()
+        await self._note_all("end")
         nodes = {}
         for name, offset in offsets.items():
             start = begun.get(name, {})
             late_s = offset.here(start["began_s"]) - at_s if "began_s" in start else None
             nodes[name] = NodeStart(start.get("tick"), late_s, offset.bound_s, errors.get(name, ""))
         rows = next(iter(self._parts.values())).rows
-        return FleetRunReport(nodes, tick_s, rows[-1][0] - rows[0][0])
+        return FleetRunReport(self._experiment, nodes, tick_s, rows[-1][0] - rows[0][0])

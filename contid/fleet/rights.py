@@ -28,7 +28,7 @@ VERBS: Final = {
     **dict.fromkeys(READS, Right.WATCH),
     **dict.fromkeys(("ping", "subscribe", "unsubscribe"), Right.WATCH),
     "measure": Right.MEASURE,
-    **dict.fromkeys(("acquire", "release", "move", "rows", "end", "start", "grip"), Right.MOVE),
+    **dict.fromkeys(("acquire", "release", "move", "rows", "end", "start", "note", "grip"), Right.MOVE),
     **dict.fromkeys(("resume", "recover", "clear_fault"), Right.ARM),
 }
 #: Verbs that need the lease: at the daemon some take a free one by themselves. An order that waited in a

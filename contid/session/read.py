@@ -70,6 +70,10 @@ class Session:
             raise SessionError(f"{path}: cannot read it: {error.strerror}") from error
         except DamagedRecordError as error:
             raise SessionError(f"{path}: its head is damaged: {error}") from error
+        if "merged" in self.metadata:
+            raise SessionError(
+                f"{path}: merged from several sessions, for looking at; give one of the originals"
+            )
         version = self.metadata.get("contid", {}).get("format")
         channels = set(self._topics.values()) & {*CHANNELS}
         if version is None or not (has_message or len(channels) == len(CHANNELS)):

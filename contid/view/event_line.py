@@ -17,7 +17,7 @@ _LOG_LEVELS: Final = {"warning": "WARN", "error": "ERROR", "critical": "CRITICAL
 #: Events for programs, too many for a log.
 _PROGRAMS: Final = (
     ev.BusAnswered, ev.LimitNamed, ev.MarkReached, ev.OrderGiven, ev.PaceReported, ev.RobotReported,
-    ev.TicksWaited,
+    ev.TicksWaited, ev.NoteWritten,
 )  # fmt: skip
 _SILENT: Final = frozenset(kind.KIND for kind in _PROGRAMS)
 

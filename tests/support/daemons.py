@@ -65,6 +65,7 @@ def daemon(
     options: str = "",
     stdin: str | None = None,
     change: Callable[[str], str] = str,
+    prefix: Sequence[str] = (),
     **keys: Any,
 ) -> Iterator[Running]:
     """`contid run` that answers on its socket; every robot holds. ``change`` edits the robot file."""
@@ -75,7 +76,7 @@ def daemon(
     robot.write_text(change(text))
     socket = folder / "s"
     process = subprocess.Popen(
-        [sys.executable, "-m", "contid", "run", str(robot), "--socket", str(socket), "--json", *arguments],
+        [*prefix, *command("run", str(robot), "--socket", str(socket), "--json", *arguments)],
         stdin=subprocess.DEVNULL if stdin is None else subprocess.PIPE,
         stdout=subprocess.PIPE,
         stderr=subprocess.PIPE,

@@ -59,6 +59,7 @@ def bridge(
     env: Mapping[str, str] | None = None,
     endpoint: str | None = None,
     arguments: Sequence[str] = (),
+    prefix: Sequence[str] = (),
     **keys: object,
 ) -> Iterator[BridgeProcess]:
     """`contid fleet serve`, at a Unix socket if no endpoint is given, from its ready message on."""
@@ -66,7 +67,7 @@ def bridge(
     endpoint = endpoint or f"unixsock-stream/{folder}/net"
     path = machine_file(folder, endpoint, nodes, **keys)
     process = subprocess.Popen(
-        command("fleet", "serve", str(path), *arguments),
+        [*prefix, *command("fleet", "serve", str(path), *arguments)],
         stdin=subprocess.DEVNULL,
         stderr=subprocess.PIPE,
         text=True,

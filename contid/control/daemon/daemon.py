@@ -29,7 +29,14 @@ from contid.control.daemon.run_request import RunOptions, preflight_of, rate_of
 from contid.control.daemon.shutdown import Escalation, ShutdownSequence
 from contid.control.engine.command_log import CommandLog
 from contid.control.engine.cycle import OnEnd
-from contid.control.engine.events import PaceReported, RunEvent, RunFailed, SourceEnded, StopBegan
+from contid.control.engine.events import (
+    NoteWritten,
+    PaceReported,
+    RunEvent,
+    RunFailed,
+    SourceEnded,
+    StopBegan,
+)
 from contid.control.engine.measured_tip import MeasuredTips
 from contid.control.engine.messages import Begin, EndOfRows, Estop, Finish, Hold, Message, Play
 from contid.control.engine.report import RunReport, outrun
@@ -113,6 +120,11 @@ class Daemon:
             return
         self._notify_observers(message)
         self._child.send_bulk(message)
+
+    def note(self, event: NoteWritten) -> None:
+        """See `RunControl.note`."""
+        if self._pending is None:
+            self._child.send(event)
 
     def _forward_logs(self) -> None:
         """Send log records to the control process, which writes them to the ring."""

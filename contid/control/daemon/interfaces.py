@@ -10,7 +10,7 @@ from collections.abc import Callable, Sequence
 from typing import Protocol
 
 from contid.control.engine.cycle import Sink
-from contid.control.engine.events import RunEvent
+from contid.control.engine.events import NoteWritten, RunEvent
 from contid.control.engine.messages import Message
 from contid.control.engine.tick_layout import TickRecord
 from contid.control.process.setup import RunSetup
@@ -49,6 +49,9 @@ class RunControl(Protocol):
 
     def send_bulk(self, message: Message) -> None:
         """Send a long order with its arrays in shared memory, so that later orders are not delayed."""
+
+    def note(self, event: NoteWritten) -> None:
+        """Write a note into the events of the run."""
 
     def newest(self) -> TickRecord | None:
         """The newest record."""

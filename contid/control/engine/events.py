@@ -256,6 +256,21 @@ class LogWritten(RunEvent):
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
+class NoteWritten(RunEvent):
+    """A client related the clock of this run to its own, for recordings that are laid over each other."""
+
+    KIND: ClassVar[str] = "note"
+    experiment: Annotated[str, "name of the experiment"]
+    node: Annotated[str, "name of this daemon in its fleet"]
+    conductor: Annotated[str, "boot of the client's machine, from which its clock counts"]
+    at_s: Annotated[float, "when the offset was measured, on the clock of deadline_s"]
+    offset_s: Annotated[float, "clock of deadline_s less that of the client"]
+    bound_s: Annotated[float, "largest error of the offset"]
+    wall_s: Annotated[float, "time of day less the clock of the client"]
+    message: _Message = ""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
 class RecorderFailed(RunEvent):
     """The control process ended without closing the ring."""
 

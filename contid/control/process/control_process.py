@@ -18,7 +18,14 @@ from typing import Final
 
 from contid.control.engine.clock import RealClock
 from contid.control.engine.engine import Engine
-from contid.control.engine.events import BusReported, LogWritten, RobotReported, RunFailed, RunStarted
+from contid.control.engine.events import (
+    BusReported,
+    LogWritten,
+    NoteWritten,
+    RobotReported,
+    RunFailed,
+    RunStarted,
+)
 from contid.control.engine.messages import Finish, Start
 from contid.control.engine.ports import BusPort
 from contid.control.engine.report import robot_reports
@@ -106,7 +113,7 @@ class ControlProcess:
             start_s = sleep_until(pace.deadline_s)
             timing = pace.begin(start_s, engine.preparing)
             for message in self._inbox.poll():
-                if isinstance(message, LogWritten):
+                if isinstance(message, LogWritten | NoteWritten):
                     self._ring.event(message)
                 elif isinstance(message, Start):
                     planned.plan(message, timing.deadline_s, self._ring)

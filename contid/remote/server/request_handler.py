@@ -15,7 +15,7 @@ from collections.abc import Callable, Mapping
 from typing import Any, Final
 
 from contid.control.daemon.interfaces import RunControl
-from contid.control.engine.events import OrderRefused, RunEvent, SourceEnded
+from contid.control.engine.events import NoteWritten, OrderRefused, RunEvent, SourceEnded
 from contid.control.engine.messages import ClearFault, Estop, Grip, Hold, Message, Recover, Resume, Stop
 from contid.control.tick.supervisor import Mode
 from contid.remote.protocol.estop_line import ESTOP
@@ -83,7 +83,7 @@ class RequestHandler:
             "acquire": self._acquire, "release": self._release, "resume": self._resume,
             "clear_fault": self._clear_fault, "recover": self._recover, "measure": self._measure,
             "move": self._move, "rows": self._rows, "end": self._end, "grip": self._grip,
-            "start": self._start,
+            "start": self._start, "note": self._note,
         }  # fmt: skip
 
     async def serve(self, caller: Caller, fields: Mapping[str, Any]) -> Fields:
@@ -334,6 +334,23 @@ class RequestHandler:
         number, at_s = int(request.number("move", 0, 0, 1e15)), request.number("at_s", -1.0, -1.0, 1e12)
         request.end()
         return await self.moves.start(caller.number, number, None if at_s < 0.0 else at_s)
+
+    async def _note(self, caller: Caller, request: RequestFields) -> Fields:
+        note = NoteWritten(
+            experiment=request.text("experiment", ""),
+            node=request.text("node", ""),
+            conductor=request.text("conductor", ""),
+            at_s=request.number("at_s", 0.0, -1e12, 1e12),
+            offset_s=request.number("offset_s", 0.0, -1e12, 1e12),
+            bound_s=request.number("bound_s", 0.0, 0.0, 1e12),
+            wall_s=request.number("wall_s", 0.0, -1e12, 1e12),
+            message=request.text("message", ""),
+        )
+        request.end()
+        if not self.lease.held_by(caller.number):
+            raise RemoteError(Code.REFUSED, "note: only the holder of the lease writes into the recording")
+        self._control.note(note)
+        return {}
 
     async def _measure(self, caller: Caller, request: RequestFields) -> Fields:
         return self.trackers.measure(caller.number, caller.name, request)

@@ -11,6 +11,7 @@ from typing import TYPE_CHECKING, TextIO
 import click
 
 from contid.cli.commands.fleet.common_run import command as run
+from contid.cli.commands.fleet.common_run import replay
 from contid.cli.support.numbers import NumberRange
 from contid.cli.support.orders import json_option
 
@@ -188,6 +189,7 @@ def move(
 
 
 command.add_command(run)
+command.add_command(replay)
 
 
 @command.command("init")

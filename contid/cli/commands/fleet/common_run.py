@@ -1,4 +1,4 @@
-"""``contid fleet run``: one trajectory for several nodes that begin at one time."""
+"""``contid fleet run|replay``: one trajectory for several nodes from one time on, and its recordings."""
 
 from __future__ import annotations
 
@@ -69,5 +69,52 @@ def command(
     if (skew_s := report.skew_s) is not None:
         tick_ms, bound_ms = report.tick_s * 1e3, report.bound_s * 1e3
         click.echo(f"skew {skew_s * 1e3:.2f} ms (+-{bound_ms:.2f} ms; a tick is {tick_ms:g} ms)")
+    click.echo(f"experiment {report.experiment}")
     if not report.complete:
         raise FleetError("not every node reached its end")
+
+
+@click.command("replay")
+@click.argument("folder", type=click.Path(path_type=Path, file_okay=False))
+@json_option
+def replay(folder: Path, as_json: bool) -> None:
+    """Replay every session (*.mcap) of FOLDER bit for bit, and print the skew of common starts.
+
+    Exit code 1 when a command differs.
+    """
+    from contid.fleet.fleet_replay import divergence_text, replay_folder
+
+    found = replay_folder(folder)
+    if as_json:
+        fields = {
+            "same": found.same,
+            "sessions": {
+                path.name: {
+                    "ticks": each.ticks,
+                    "divergence": None if each.divergence is None else divergence_text(each.divergence),
+                    "stopped": each.stopped or None,
+                }
+                for path, each in found.replayed.items()
+            },
+            "starts": {
+                name: {
+                    "skew_ms": round(each.skew_s * 1e3, 3),
+                    "bound_ms": round(each.bound_s * 1e3, 3),
+                    "late_ms": {node: round(late_s * 1e3, 3) for node, late_s in each.late_s.items()},
+                }
+                for name, each in found.starts.items()
+            },
+        }
+        click.echo(json.dumps(fields))
+        sys.exit(0 if found.same else 1)
+    for path, each in found.replayed.items():
+        what = (
+            "every command equal"
+            if each.divergence is None
+            else f"differs: {divergence_text(each.divergence)}"
+        )
+        click.echo(f"{path.name}: {each.ticks} ticks, {each.stopped or what}")
+    for name, start in found.starts.items():
+        late = ", ".join(f"{node} {late_s * 1e3:+.2f} ms" for node, late_s in start.late_s.items())
+        click.echo(f"{name}: {late}; skew {start.skew_s * 1e3:.2f} ms (+-{start.bound_s * 1e3:.2f} ms)")
+    sys.exit(0 if found.same else 1)

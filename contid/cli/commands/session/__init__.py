@@ -15,6 +15,7 @@ SESSIONS: Final[dict[str, tuple[str, str]]] = {
     "export": (f"{_EXPORT}:export", "as CSV, Parquet, HDF5, for Rerun or Foxglove, or its robot file"),
     "lerobot": (f"{_EXPORT}:lerobot", "recordings as a LeRobot dataset, an episode each"),
     "load": ("contid.cli.commands.session.load", "the force on the tip of a pneumatic arm"),
+    "merge": ("contid.cli.commands.session.merge:command", "sessions of a fleet run on one clock"),
     "repair": (f"{_SUMMARY}:repair", "a truncated recording"),
 }
 
