@@ -90,6 +90,7 @@ extern "C" int LLVMFuzzerTestOneInput(const uint8_t* data, size_t size) {
   contid::Identity identity = contid::Identity();
   identity.role = (data[0] & 1) == 0 ? contid::Role::MOTOR : contid::Role::PRESSURE;
   identity.pins = "fuzzed";
+  identity.adc_steps = 4095;
   for (uint8_t& capability : identity.capabilities) capability = 2;
   board.start(identity, nullptr, nullptr);
   line.start();

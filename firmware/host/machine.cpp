@@ -30,6 +30,12 @@ void Machine::boot(ResetCause cause, uint32_t uptime_ms) {
   identity.boot = boots_;
   identity.boot_id = boot_id_++;
   identity.cause = cause;
+  identity.adc_steps = parts_.adc_steps;
+  identity.adc_mv = parts_.adc_mv;
+  if (parts_.bridges >= 0) identity.bridges = static_cast<uint8_t>(parts_.bridges);
+  for (uint8_t& capability : identity.capabilities) {
+    if (parts_.capabilities >= 0) capability = static_cast<uint8_t>(parts_.capabilities);
+  }
   board_.start(identity, nullptr, nullptr, uptime_ms);
   link_.start();
   other_port_.start(PortId::PROGRAMMING);

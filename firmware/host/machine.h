@@ -12,12 +12,20 @@
 
 namespace contid {
 
+// What an emulated board has instead of a Due's parts.
+struct Parts {
+  uint16_t adc_steps = 4095, adc_mv = 3300;
+  int bridges = -1, capabilities = -1;  // as in hello; -1: as the emulator has them
+};
+
 class Machine {
  public:
   // `boot_id` is that of the first start; every further one gets the next.
   // `since_tick_us` is null in lockstep, where no time passes between ticks.
-  Machine(Role role, FILE* journal, uint32_t boot_id = FIRST_BOOT_ID, uint32_t (*since_tick_us)() = nullptr)
-      : role_(role), journal_(journal), since_tick_us_(since_tick_us), boot_id_(boot_id) {
+  Machine(Role role, FILE* journal, const Parts& parts = Parts(), uint32_t boot_id = FIRST_BOOT_ID,
+          uint32_t (*since_tick_us)() = nullptr)
+      : role_(role), journal_(journal), parts_(parts), since_tick_us_(since_tick_us), boot_id_(boot_id) {
+    plant.adc_steps = parts.adc_steps;
     boot(ResetCause::POWER_UP, 0);
   }
 
@@ -43,6 +51,7 @@ class Machine {
   void note();
   Role role_;
   FILE* journal_;
+  Parts parts_;
   Board board_;
   Link link_, other_port_;
   uint32_t (*since_tick_us_)();

@@ -1,9 +1,10 @@
 // contid_due_host: the sketch's core on this computer.
 //
-//   contid_due_host motor|pressure --pty LINK [--journal FILE] [--reset-on-open] [--world "set ..."]   in real time, on
-//   a pty contid_due_host motor|pressure --lockstep [--journal FILE]                     time moves by command
+//   contid_due_host motor|pressure --pty LINK [--reset-on-open]  in real time, on a pty
+//   contid_due_host motor|pressure --lockstep                    time moves by command
 //
-// Both take commands on stdin (firmware/host/README.md); the end of stdin ends the program.
+// Both take [--journal FILE] [--world "set ..."] [--adc STEPS MILLIVOLT] [--bridges BITS] [--capabilities BITS], and
+// commands on stdin (firmware/host/README.md); the end of stdin ends the program.
 
 #include <fcntl.h>
 #include <poll.h>
@@ -269,11 +270,18 @@ int main(int argc, char** argv) {
   std::string link, journal = "/dev/null";
   std::vector<std::string> world;  // commands that describe the plant before the board is powered
   bool lockstep = false, reset_on_open = false;
+  contid::Parts parts;
   for (int i = 2; i < argc; ++i) {
     const std::string item = argv[i];
     if (item == "--lockstep") lockstep = true;
     if (item == "--reset-on-open") reset_on_open = true;
     if (item == "--world" && i + 1 < argc) world.push_back(argv[++i]);
+    if (item == "--adc" && i + 2 < argc) {
+      parts.adc_steps = static_cast<uint16_t>(std::atoi(argv[++i]));
+      parts.adc_mv = static_cast<uint16_t>(std::atoi(argv[++i]));
+    }
+    if (item == "--bridges" && i + 1 < argc) parts.bridges = std::atoi(argv[++i]);
+    if (item == "--capabilities" && i + 1 < argc) parts.capabilities = std::atoi(argv[++i]);
     if (item == "--pty" && i + 1 < argc) link = argv[++i];
     if (item == "--journal" && i + 1 < argc) journal = argv[++i];
   }
@@ -281,7 +289,8 @@ int main(int argc, char** argv) {
   const bool pressure = argc > 1 && std::strcmp(argv[1], "pressure") == 0;
   if ((!motor && !pressure) || (!lockstep && link.empty())) {
     std::fprintf(stderr,
-                 "use: contid_due_host motor|pressure --lockstep | --pty LINK [--journal FILE] [--reset-on-open]\n");
+                 "use: contid_due_host motor|pressure --lockstep | --pty LINK [--reset-on-open]"
+                 " [--journal FILE] [--adc STEPS MILLIVOLT] [--bridges BITS] [--capabilities BITS]\n");
     return 2;
   }
   FILE* file = std::fopen(journal.c_str(), "a");
@@ -292,7 +301,7 @@ int main(int argc, char** argv) {
   int code = 0;
   {
     const uint32_t boot_id = lockstep ? contid::FIRST_BOOT_ID : static_cast<uint32_t>(std::random_device()());
-    static Machine machine(motor ? contid::Role::MOTOR : contid::Role::PRESSURE, file, boot_id,
+    static Machine machine(motor ? contid::Role::MOTOR : contid::Role::PRESSURE, file, parts, boot_id,
                            lockstep ? nullptr : since_tick_us);
     for (const std::string& line : world) {
       std::string out;

@@ -71,7 +71,7 @@ void Plant::read(bool motors) {
     if (motor[i].bridge) inputs.bridge_faults = static_cast<uint8_t>(inputs.bridge_faults | (1u << i));
     inputs.count[i] = motor[i].count();
     inputs.missed[i] = static_cast<uint32_t>(motor[i].missed);
-    inputs.analog[i] = motors ? motor[i].analog() : regulator[i].analog();
+    inputs.analog[i] = motors ? motor[i].analog(adc_steps) : regulator[i].analog(adc_steps);
   }
 }
 

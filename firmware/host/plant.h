@@ -54,9 +54,9 @@ struct MotorPlant {
   }
 
   int32_t count() const { return static_cast<int32_t>(std::floor(encoder)); }
-  int32_t analog() const {
-    const double raw = current_ma / full_scale_ma * 4095.0;
-    return static_cast<int32_t>(raw > 4095.0 ? 4095.0 : raw);
+  int32_t analog(double adc_steps) const {
+    const double raw = current_ma / full_scale_ma * adc_steps;
+    return static_cast<int32_t>(raw > adc_steps ? adc_steps : raw);
   }
   void lose_count() { encoder = 0.0; }
 };
@@ -85,10 +85,10 @@ struct RegulatorPlant {
     pressure += rise * dt;
   }
 
-  int32_t analog() const {
+  int32_t analog(double adc_steps) const {
     if (wire_broken) return 0;
     const double raw = raw_low + (pressure - low_pa) / (high_pa - low_pa) * (raw_high - raw_low);
-    return static_cast<int32_t>(raw < 0.0 ? 0.0 : (raw > 4095.0 ? 4095.0 : raw));
+    return static_cast<int32_t>(raw < 0.0 ? 0.0 : (raw > adc_steps ? adc_steps : raw));
   }
 };
 
@@ -97,6 +97,7 @@ struct Plant {
   RegulatorPlant regulator[CHANNELS];
   bool off = false;  // inputs are set by hand
   bool supply_low = false;
+  double adc_steps = 4095.0;
   Inputs inputs = Inputs();
 
   // Sets one parameter by name; false when there is none of that name.

@@ -18,6 +18,7 @@ from contid_drivers.due.emulator import plant_commands
 from contid_drivers.due.firmware import WARNINGS, build_host
 from contid_drivers.due.messages import Answer, Telemetry
 from contid_drivers.due.options import DueAxisOptions, DueBusOptions, Role
+from contid_drivers.due.wiring import DUE_ADC, Adc
 
 MM_PER_REV = 78.53981633974483  # the 25 mm pinion of part B5: 60.80992066 counts/mm
 REGULATOR: Mapping[str, Any] = {
@@ -31,11 +32,13 @@ REGULATOR: Mapping[str, Any] = {
 class VirtualBoard:
     """One board with its plant, in lockstep with the test."""
 
-    def __init__(self, role: str, journal: Path, program: Path) -> None:
+    def __init__(self, role: str, journal: Path, program: Path, adc: Adc = DUE_ADC) -> None:
         self.role = role
         self.journal_file = journal
+        self.adc = adc
+        scale = ["--adc", str(adc.steps), f"{adc.mv:.0f}"]
         self._process = subprocess.Popen(
-            [str(program), role, "--lockstep", "--journal", str(journal)],
+            [str(program), role, "--lockstep", "--journal", str(journal), *scale],
             stdin=subprocess.PIPE, stdout=subprocess.PIPE, text=True,
         )  # fmt: skip
         self._sequence = 0
@@ -94,10 +97,10 @@ class VirtualBoard:
                 )
             )
         for axis in on_bus:
-            for line in plant_commands(axis):
+            for line in plant_commands(axis, self.adc):
                 self.command(line)
         blob = wiring.board_config(
-            "board", DueBusOptions(port="x", role=Role(self.role), watchdog_ms=watchdog_ms), on_bus
+            "board", DueBusOptions(port="x", role=Role(self.role), watchdog_ms=watchdog_ms), on_bus, self.adc
         )
         self.crc = frames.crc16(blob)
         answer = self.ask(Type.CONFIGURE, wiring.config_body(blob))
@@ -142,12 +145,12 @@ def sanitized() -> Path:
 
 
 @pytest.fixture
-def board(tmp_path: Path, sanitized: Path) -> Iterator[Callable[[str], VirtualBoard]]:
-    """Makes boards: ``board("motor")``."""
+def board(tmp_path: Path, sanitized: Path) -> Iterator[Callable[..., VirtualBoard]]:
+    """Makes boards: ``board("motor")``, ``board("motor", adc)``."""
     with ExitStack() as stack:
 
-        def make(role: str) -> VirtualBoard:
-            made = VirtualBoard(role, tmp_path / f"{role}.journal", sanitized)
+        def make(role: str, adc: Adc = DUE_ADC) -> VirtualBoard:
+            made = VirtualBoard(role, tmp_path / f"{role}.journal", sanitized, adc)
             stack.callback(made.close)
             return made
 

@@ -19,6 +19,8 @@ CHANNEL_HOMED: Final = 0x10
 CHANNEL_LIMITED: Final = 0x20
 CHANNEL_SENSOR_OK: Final = 0x40
 CHANNEL_POSITION_LOST: Final = 0x80
+#: Bit of a channel's capabilities in hello.
+CURRENT_SENSE: Final = 4
 #: Flags of the board.
 BOARD_CONFIGURED: Final = 0x01
 BOARD_DEMAND_STALE: Final = 0x02

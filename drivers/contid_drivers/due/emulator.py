@@ -15,10 +15,9 @@ from contid.errors import DeviceError
 from contid.hal import AxisOnBus, DeviceKind
 from contid.units import BAR
 from contid_drivers.control_file import ControlFile
-from contid_drivers.due.codes import ADC_MV, ADC_STEPS
 from contid_drivers.due.firmware import build_host
 from contid_drivers.due.options import DueAxisOptions, DueBusOptions, SafeState
-from contid_drivers.due.wiring import axis_options
+from contid_drivers.due.wiring import DUE_ADC, Adc, axis_options
 
 #: Switches of one channel: ``{"fault": "leak", "channel": 2, "on": true}``.
 CHANNEL_FAULTS: Final = ("stall", "bridge", "encoder_stuck", "encoder_reversed", "leak", "wire")
@@ -55,22 +54,22 @@ def fault_command(entry: object) -> str:
     raise DeviceError("due emulator", f"no fault switch {name!r}; names: {names}")
 
 
-def plant_commands(axis: AxisOnBus) -> list[str]:
+def plant_commands(axis: AxisOnBus, adc: Adc = DUE_ADC) -> list[str]:
     """Commands that set the plant of one channel to the values of the robot file."""
     options = axis_options(axis)
     channel = options.number
-    numbers = _motor(axis, options) if options.kind is DeviceKind.MOTOR else _regulator(options)
+    numbers = _motor(axis, options, adc) if options.kind is DeviceKind.MOTOR else _regulator(options, adc)
     return [f"set {channel} {name} {value:.9g}" for name, value in numbers.items()]
 
 
-def _motor(axis: AxisOnBus, o: DueAxisOptions) -> dict[str, float]:
+def _motor(axis: AxisOnBus, o: DueAxisOptions, adc: Adc) -> dict[str, float]:
     per_deg = o.counts_per_rev / 360.0
     numbers = {
         "no_load": o.no_load_deg_s * per_deg,
         "tau": max(o.time_constant_ms, 1.0) / 1000.0,
         "friction": o.friction_percent / 100.0,
         "shaft": o.power_up_deg * per_deg,
-        "full_scale_ma": o.current_ma_per_v * ADC_MV / 1000.0,
+        "full_scale_ma": o.current_ma_per_v * adc.mv / 1000.0,
         "wired_coast": o.start is SafeState.COAST,
         "stall_ma": o.stall_current_ma * 1.5 or 1600.0,
     }
@@ -84,16 +83,16 @@ def _motor(axis: AxisOnBus, o: DueAxisOptions) -> dict[str, float]:
     return numbers
 
 
-def _regulator(o: DueAxisOptions) -> dict[str, float]:
+def _regulator(o: DueAxisOptions, adc: Adc) -> dict[str, float]:
     assert o.calibration is not None
     assert o.readback is not None
     (first_duty, first_bar), (last_duty, last_bar) = o.calibration[0], o.calibration[-1]
     (low_mv, low_bar), (high_mv, high_bar) = o.readback
     return {
         "full_pa": (last_bar - first_bar) / (last_duty - first_duty) * 100.0 * BAR,
-        "raw_low": low_mv / ADC_MV * ADC_STEPS,
+        "raw_low": low_mv / adc.mv * adc.steps,
         "low_pa": low_bar * BAR,
-        "raw_high": high_mv / ADC_MV * ADC_STEPS,
+        "raw_high": high_mv / adc.mv * adc.steps,
         "high_pa": high_bar * BAR,
     }
 
@@ -102,17 +101,24 @@ class DueEmulator:
     """One emulated board; a context manager."""
 
     def __init__(
-        self, options: DueBusOptions, axes: Sequence[AxisOnBus], journal: Path | None = None
+        self,
+        options: DueBusOptions,
+        axes: Sequence[AxisOnBus],
+        journal: Path | None = None,
+        adc: Adc = DUE_ADC,
+        parts: Sequence[str] = (),
     ) -> None:
+        """``adc`` and ``parts`` (arguments of firmware/host) make it another board than a Due."""
         self.port = Path(options.port)
         self._lock = threading.Lock()
         self._command = [str(build_host()), options.role.value, "--pty", options.port]
+        self._command += ["--adc", str(adc.steps), f"{adc.mv:.0f}", *parts]
         if journal is not None:
             self._command += ["--journal", str(journal)]
         if options.connection == "programming":
             self._command.append("--reset-on-open")
         for axis in axes:
-            for line in plant_commands(axis):
+            for line in plant_commands(axis, adc):
                 self._command += ["--world", line]
 
     def __enter__(self) -> Self:

@@ -8,15 +8,15 @@ from collections.abc import Sequence
 from typing import Final
 
 from contid.errors import DeviceError, DeviceLostError, DeviceNotFoundError
-from contid.hal import AxisOnBus
+from contid.hal import AxisOnBus, DeviceKind
 from contid_drivers.due import messages
 from contid_drivers.due.board_clock import BoardClock
-from contid_drivers.due.codes import PROTOCOL_VERSION, PortCode, Refusal, Type
+from contid_drivers.due.codes import CURRENT_SENSE, PROTOCOL_VERSION, BridgeCode, PortCode, Refusal, Type
 from contid_drivers.due.frames import crc16
 from contid_drivers.due.messages import Answer, Configured, Hello, Refused, Telemetry
 from contid_drivers.due.options import DueBusOptions
 from contid_drivers.due.port import DuePort
-from contid_drivers.due.wiring import axis_options, board_config, config_body
+from contid_drivers.due.wiring import Adc, axis_options, board_config, config_body
 from contid_drivers.serial_ports import find_port
 
 #: Interval of repeated hellos while a board starts.
@@ -92,8 +92,6 @@ class DueConnection:
     def __init__(self, name: str, options: DueBusOptions, axes: Sequence[AxisOnBus]) -> None:
         self._name = name
         self._options = options
-        self._blob = board_config(name, options, axes)
-        self.config_crc = crc16(self._blob)
         self._sequence = 0
         self._port = DuePort(name, find_port(name, options.port))
         self.clock = BoardClock()
@@ -105,6 +103,9 @@ class DueConnection:
             self._check_board()
             self._check_role()
             self._check_channels(axes)
+            adc = Adc(self.hello.adc_steps, self.hello.adc_mv)
+            self._blob = board_config(name, options, axes, adc)
+            self.config_crc = crc16(self._blob)
             self._configure()
         except BaseException:
             self.close()
@@ -145,6 +146,23 @@ class DueConnection:
                 f"expected channels of {', '.join(missing)}, "
                 f"found channels {', '.join(map(str, fitted)) or 'none'}",
                 "see the pin map in contid doctor",
+            )
+        for axis in axes:
+            self._check_parts(axis)
+
+    def _check_parts(self, axis: AxisOnBus) -> None:
+        o = axis_options(axis)
+        if o.kind is not DeviceKind.MOTOR:
+            return
+        name = f"{self._name}: {axis.name}"
+        if not self.hello.bridges >> BridgeCode[o.bridge.name] & 1:
+            bridges = ", ".join(one.name.lower() for one in BridgeCode if self.hello.bridges >> one & 1)
+            raise DeviceError(name, f"expected a board for {o.bridge} bridges, found one for {bridges}")
+        if o.stall_current_ma and not self.hello.capabilities[o.number] & CURRENT_SENSE:
+            raise DeviceError(
+                name,
+                f"expected a current sensor on {o.channel}, found none",
+                "see the pin map in contid doctor, or leave stall_current_ma out",
             )
 
     def _configure(self) -> None:

@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 import struct
 from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
 from typing import Final
 
 from contid.errors import DeviceError
@@ -62,8 +63,25 @@ def _duty(percent: float) -> int:
     return round(percent / 100.0 * DUTY_FULL)
 
 
-def _steps(millivolt: float) -> int:
-    return round(millivolt / ADC_MV * ADC_STEPS)
+@dataclass(frozen=True)
+class Adc:
+    """Full scale of a board's analogue inputs, from its hello."""
+
+    steps: int = ADC_STEPS
+    mv: float = ADC_MV
+
+    def of(self, millivolt: float) -> int:
+        """The reading of a voltage, in steps.
+
+        Raises:
+            OverflowError: the input does not reach that far.
+        """
+        if millivolt > self.mv:
+            raise OverflowError(f"{millivolt:g} mV at the pin, but the board's inputs end at {self.mv:g} mV")
+        return round(millivolt / self.mv * self.steps)
+
+
+DUE_ADC: Final = Adc()
 
 
 def _bounds(axis: AxisOnBus, scale: Scale) -> tuple[int, int]:
@@ -90,7 +108,7 @@ def _pack(fields: Mapping[str, str], values: Mapping[str, int]) -> bytes:
     return packed
 
 
-def _motor(axis: AxisOnBus, o: DueAxisOptions) -> bytes:
+def _motor(axis: AxisOnBus, o: DueAxisOptions, adc: Adc) -> bytes:
     per_deg = o.counts_per_rev / 360.0
     low, high = _bounds(axis, Scale(o))
     home = o.homing or EndStop(direction=1)
@@ -119,7 +137,7 @@ def _motor(axis: AxisOnBus, o: DueAxisOptions) -> bytes:
         "stall_duty": max(1, _duty(o.stall_percent)),
         "stall_ms": o.stall_ms,
         "stall_current_ma": round(o.stall_current_ma),
-        "full_scale_ma": min(0xFFFF, round(o.current_ma_per_v * ADC_MV / 1000.0)),
+        "full_scale_ma": min(0xFFFF, round(o.current_ma_per_v * adc.mv / 1000.0)),
         "follow": max(1, round(o.follow_deg * per_deg)),
         "power_up": round(o.power_up_deg * per_deg),
         "home_velocity": max(1, round(home.speed_deg_s * per_deg)),
@@ -131,7 +149,7 @@ def _motor(axis: AxisOnBus, o: DueAxisOptions) -> bytes:
     return _pack(MOTOR_FIELDS, values)
 
 
-def _regulator(o: DueAxisOptions) -> bytes:
+def _regulator(o: DueAxisOptions, adc: Adc) -> bytes:
     assert o.calibration is not None
     assert o.readback is not None
     assert o.ceiling_bar is not None
@@ -143,11 +161,11 @@ def _regulator(o: DueAxisOptions) -> bytes:
         "ceiling": round(o.ceiling_bar * BAR),
         "slew": round(o.slew_bar_s * BAR),
         "vent": round(o.vent_bar_s * BAR),
-        "raw_low": _steps(low_mv),
+        "raw_low": adc.of(low_mv),
         "low": round(low_bar * BAR),
-        "raw_high": _steps(high_mv),
+        "raw_high": adc.of(high_mv),
         "high": round(high_bar * BAR),
-        "wire_raw": _steps(o.wire_break_mv),
+        "wire_raw": adc.of(o.wire_break_mv),
         "leak": round(o.leak_bar * BAR),
         "leak_ms": o.leak_ms,
         "over": round(o.over_bar * BAR),
@@ -160,11 +178,11 @@ def _regulator(o: DueAxisOptions) -> bytes:
     return _pack(REGULATOR_FIELDS, values) + table
 
 
-def board_config(bus: str, options: DueBusOptions, axes: Sequence[AxisOnBus]) -> bytes:
+def board_config(bus: str, options: DueBusOptions, axes: Sequence[AxisOnBus], adc: Adc = DUE_ADC) -> bytes:
     """The configuration of one board, without its CRC.
 
     Raises:
-        DeviceError: an axis belongs to the other kind of board, or a value exceeds its field.
+        DeviceError: an axis belongs to the other kind of board, or a value exceeds its field or input.
     """
     kind = DeviceKind.MOTOR if options.role is Role.MOTOR else DeviceKind.REGULATOR
     blob = struct.pack("<BHB", RoleCode[options.role.name], options.watchdog_ms, len(axes))
@@ -177,7 +195,7 @@ def board_config(bus: str, options: DueBusOptions, axes: Sequence[AxisOnBus]) ->
                 f"use {'m0..m5' if options.role is Role.MOTOR else 'p0..p5'}, or put it on the other board",
             )
         try:
-            blob += _motor(axis, o) if kind is DeviceKind.MOTOR else _regulator(o)
+            blob += _motor(axis, o, adc) if kind is DeviceKind.MOTOR else _regulator(o, adc)
         except OverflowError as error:
             raise DeviceError(f"{bus}: {axis.name}", str(error)) from None
     return blob

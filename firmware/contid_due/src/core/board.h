@@ -22,7 +22,7 @@ struct Identity {
   uint8_t capabilities[CHANNELS];  // 0: the channel is not fitted
   const char* pins;                // the pin map as text
   uint8_t bridges;                 // kinds of H-bridge it can drive, one bit each
-  uint16_t adc_steps, adc_mv;      // full scale of an analogue input
+  uint16_t adc_steps, adc_mv;      // full scale of an analogue input; at most 32767 steps
 };
 
 struct Inputs {

@@ -86,11 +86,11 @@ void read_regulator(Reader& in, Checker& check, RegulatorConfig& r) {
   r.ceiling = check.within(in.i32(), PRESSURE_STEP, PRESSURE_LIMIT);
   r.slew = check.within(in.i32(), 1000, 10 * PRESSURE_LIMIT);
   r.vent = check.within(in.i32(), 1000, 10 * PRESSURE_LIMIT);
-  r.raw_low = check.within(in.u16(), 0, 4095);
+  r.raw_low = check.within(in.u16(), 0, r.adc_steps);
   r.low = check.within(in.i32(), -PRESSURE_LIMIT, PRESSURE_LIMIT);
-  r.raw_high = check.within(in.u16(), r.raw_low + 64, 4095);
+  r.raw_high = check.within(in.u16(), r.raw_low + 64, r.adc_steps);
   r.high = check.within(in.i32(), r.low + PRESSURE_STEP, PRESSURE_LIMIT);
-  r.wire_raw = check.within(in.u16(), 0, 4095);
+  r.wire_raw = check.within(in.u16(), 0, r.adc_steps);
   r.leak = check.within(in.i32(), 1, PRESSURE_LIMIT);
   r.leak_ms = check.within(in.u16(), 1, 10000);
   r.over = check.within(in.i32(), 1, PRESSURE_LIMIT);
@@ -130,7 +130,7 @@ bool same_in_reset(Safe safe, Safe start) {
 
 }  // namespace
 
-Verdict read_config(Reader& in, Role role, BoardConfig& out) {
+Verdict read_config(Reader& in, Role role, int32_t adc_steps, BoardConfig& out) {
   const uint8_t requested = in.u8();
   if (in.ok() && requested != static_cast<uint8_t>(role)) {
     return Verdict{Refusal::WRONG_ROLE, static_cast<uint16_t>(role)};
@@ -153,9 +153,11 @@ Verdict read_config(Reader& in, Role role, BoardConfig& out) {
     if (role == Role::MOTOR) {
       out.motor[channel].safe = static_cast<Safe>(safe);
       out.motor[channel].start = static_cast<Safe>(start);
+      out.motor[channel].adc_steps = adc_steps;
       read_motor(in, check, out.motor[channel]);
     } else {
       out.regulator[channel].safe = static_cast<Safe>(safe);
+      out.regulator[channel].adc_steps = adc_steps;
       read_regulator(in, check, out.regulator[channel]);
     }
   }

@@ -21,6 +21,7 @@ struct MotorConfig {
   int32_t stall_duty, stall_ms;
   int32_t stall_current_ma;  // 0: no sensor
   int32_t full_scale_ma;     // current at the top of the analogue input
+  int32_t adc_steps;         // the top of the analogue input
   int32_t follow;            // greatest following error [counts]
   int32_t power_up;          // position of the parked shaft [counts]
   int32_t home_velocity, home_duty, home_at, home_backoff, home_timeout_ms;
@@ -31,6 +32,7 @@ struct RegulatorConfig {
   int32_t ceiling, slew, vent;           // [Pa], [Pa/s], [Pa/s]
   int32_t raw_low, low, raw_high, high;  // read-back: two points, ADC steps and Pa
   int32_t wire_raw;                      // below: broken wire; 0: not monitored
+  int32_t adc_steps;                     // the top of the analogue input
   int32_t leak, leak_ms;                 // [Pa]
   int32_t over, over_ms;                 // [Pa]
   int32_t trim, trim_rate;               // outer loop: limit of its correction [Pa]; 1/s times 256
@@ -52,8 +54,8 @@ struct Verdict {
 
 inline Verdict accepted() { return Verdict{Refusal::NONE, 0}; }
 
-// Reads and checks a configuration for a board of this role.
-Verdict read_config(Reader& in, Role role, BoardConfig& out);
+// Reads and checks a configuration for a board of this role, whose analogue inputs have this many steps.
+Verdict read_config(Reader& in, Role role, int32_t adc_steps, BoardConfig& out);
 
 }  // namespace contid
 

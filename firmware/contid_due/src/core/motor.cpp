@@ -60,7 +60,7 @@ void Motor::sense(int32_t raw_count, int32_t raw_analog, uint32_t raw_missed) {
   const int64_t speed_q8 =
       static_cast<int64_t>(moved_) * (256 * static_cast<int32_t>(TICK_HZ) / static_cast<int32_t>(WINDOW));
   speed_q8_ += (speed_q8 - speed_q8_) / 4;
-  current_ = raw_analog * config_->full_scale_ma / 4095;
+  current_ = raw_analog * config_->full_scale_ma / config_->adc_steps;
 }
 
 int32_t Motor::velocity() const {

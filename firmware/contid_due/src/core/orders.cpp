@@ -33,7 +33,7 @@ Verdict Board::configure(Reader& in) {
   const uint16_t computed = in.crc_of_rest();
   if (crc != computed) return Verdict{Refusal::WRONG_CRC, computed};
   memset(static_cast<void*>(&staged_), 0, sizeof(staged_));
-  const Verdict verdict = read_config(in, identity_.role, staged_);
+  const Verdict verdict = read_config(in, identity_.role, identity_.adc_steps, staged_);
   if (verdict.refusal != Refusal::NONE) return verdict;
   // The same configuration again changes nothing, for a host that reconnects.
   if (config_.mask != 0 && crc == config_crc_) return accepted();

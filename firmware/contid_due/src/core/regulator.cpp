@@ -9,7 +9,7 @@ namespace {
 const int32_t WIRE_MS = 20;
 const int32_t OVER_MS = 20;
 const int32_t FALL_PARTS = 8;  // of `over`: the least fall in `over_ms` of a chamber that vents
-const int32_t ADC_TOP = 4090;  // readings from here on are saturated
+const int32_t SATURATED = 5;   // readings this close to the top of the input are saturated
 }  // namespace
 
 void Regulator::configure(const RegulatorConfig& config) {
@@ -54,8 +54,8 @@ void Regulator::sense(int32_t raw_analog) {
   past_[past_at_] = pressure_;
   past_at_ = (past_at_ + 1) % RATE_WINDOW;
   // No chamber is below the surroundings: such a reading is a wire off, or a transmitter without supply.
-  const bool broken =
-      (config_->wire_raw > 0 && raw_ < config_->wire_raw) || raw_ >= ADC_TOP || pressure_ < -config_->leak;
+  const bool broken = (config_->wire_raw > 0 && raw_ < config_->wire_raw) || raw_ >= config_->adc_steps - SATURATED ||
+                      pressure_ < -config_->leak;
   wire_ticks_ = broken ? (wire_ticks_ < WIRE_MS ? wire_ticks_ + 1 : WIRE_MS) : 0;
 }
 
