@@ -32,6 +32,8 @@ Rules (``tests/contract`` checks every bus against them):
 """
 
 from contid.hal.bus import (
+    SLACK_TENDON,
+    SNAPPED_TENDON,
     AxisOnBus,
     Bus,
     Clock,
@@ -69,6 +71,8 @@ from contid.hal.optional import (
 __all__ = [
     "BUILT_IN",
     "ENTRY_POINT_GROUP",
+    "SLACK_TENDON",
+    "SNAPPED_TENDON",
     "AxisOnBus",
     "Bus",
     "Clock",

@@ -5,7 +5,7 @@ from __future__ import annotations
 import enum
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Protocol, runtime_checkable
+from typing import TYPE_CHECKING, Final, Protocol, runtime_checkable
 
 if TYPE_CHECKING:
     from pydantic import BaseModel
@@ -40,6 +40,11 @@ class AxisOnBus:
     name: str
     options: BaseModel
     travel: tuple[float, float] | None = None
+
+
+#: Beginnings of `Sample.fault` that have a number of their own.
+SLACK_TENDON: Final = "slack tendon"
+SNAPPED_TENDON: Final = "snapped tendon"
 
 
 @dataclass(frozen=True, slots=True)

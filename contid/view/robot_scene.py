@@ -1,6 +1,7 @@
 """The geometry of one robot for drawings: lines, frames and limits in the world frame, in mm, for any model.
 
-It needs only the model protocol; planar fingers add the edges of their body and the outline of their reach.
+It needs only the model protocol; planar fingers add the edges of their body and the outline of their reach,
+tendon robots their tendons and discs.
 """
 
 from __future__ import annotations
@@ -16,11 +17,14 @@ from numpy.typing import NDArray
 
 from contid.control.tick.config import RobotConfig
 from contid.kinematics.rack.finger import RackFingerModel
+from contid.kinematics.tendon.model import TendonModel
 from contid.robot_file.cosserat import Cosserat
 from contid.robot_file.rack_finger import RackFinger
 from contid.robot_file.robot import RobotDescription
+from contid.robot_file.tendon import TendonRobot
 from contid.targets import ZERO3, Actuation, Vec3
 from contid.units import MM_PER_M
+from contid.view.tendon_lines import tendon_lines
 
 Array = NDArray[np.float64]
 #: Points of a backbone, and of each of the three curves around a finger's reach.
@@ -37,12 +41,15 @@ class RobotDrawing:
     """One robot at one actuation.
 
     Attributes:
-        strips: sections of the backbone from base to tip, then the edges of the body, each (n, 3) [mm].
+        strips: sections of the backbone from base to tip, then the edges of the body or the tendons and
+            discs around it, each (n, 3) [mm].
         frames: origin and three axes of length 1 as rows, (4, 3), of the mid-point (if any) and the tip.
+        sections: how many of the strips are of the backbone.
     """
 
     strips: list[Array]
     frames: list[Array]
+    sections: int
 
     @property
     def tip(self) -> Array:
@@ -81,6 +88,7 @@ class RobotScene:
             self.workspace = np.vstack([self._world(lines[0]), self.outline])
         else:
             self.workspace = self._world(_swayed(np.vstack(lines)))
+        self._tendons = TendonModel(robot) if isinstance(robot, TendonRobot) else None
         if isinstance(robot, Cosserat):
             x, y, z = config.frame.vector_in_world(robot.geometry.gravity_unit)
             self.up = (-x, -y, -z)
@@ -109,11 +117,17 @@ class RobotScene:
             sections = [line[: cut + 1], line[cut:]]
             turned = self._turned(_transported(sections[0]).ravel().tolist())
             frames.insert(0, np.vstack([self._world(line[cut : cut + 1]), turned]))
-        return RobotDrawing([self._world(part) for part in (*sections, *self._edges(line))], frames)
+        around = (
+            self._edges(line)
+            if self._tendons is None
+            else tendon_lines(self._tendons, np.array(actuation[: len(self._tendons.axis_names)]))
+        )
+        strips = [self._world(part) for part in (*sections, *around)]
+        return RobotDrawing(strips, frames, len(sections))
 
     def backbone_mm(self, drawing: RobotDrawing) -> float:
         """Length of the backbone [mm]."""
-        return sum(map(_length, drawing.strips[:-2] if self._spacing_m else drawing.strips))
+        return sum(map(_length, drawing.strips[: drawing.sections]))
 
     def _edges(self, line: Array) -> Sequence[Array]:
         """Left and right edge of a planar body."""

@@ -11,6 +11,8 @@ import enum
 from dataclasses import dataclass
 from typing import Final
 
+from contid.hal import SLACK_TENDON, SNAPPED_TENDON
+
 
 class Fault(enum.IntEnum):
     """Numbers of the faults; 0 is none."""
@@ -25,6 +27,8 @@ class Fault(enum.IntEnum):
     AXIS_STALE = 107
     LOOP_STALLED = 108
     OUTSIDE_LIMITS = 109
+    TENDON_SLACK = 110
+    TENDON_SNAPPED = 111
     NOT_A_NUMBER = 201
     INTERNAL = 202
     TIP_OFF_TARGET = 203
@@ -97,6 +101,17 @@ PAGES: Final[dict[Fault, FaultPage]] = {
         "nothing moved: this robot stays where it is by its stop.on_fault policy",
         "check zero and limits; then `contid recover` moves it inside slowly, and resume goes on",
     ),
+    Fault.TENDON_SLACK: FaultPage(
+        "the current of a spool stayed below homing.slack_ma for homing.slack_ms while it did not pay out",
+        _BY_POLICY,
+        "see whether the tendon left its spool or a disc, or the robot was pushed; clear-fault, then "
+        "`contid home` tensions it again; if a taut tendon carries less at rest, lower slack_ma",
+    ),
+    Fault.TENDON_SNAPPED: FaultPage(
+        "the current of a spool fell at once from much to less than homing.slack_ma and stayed there",
+        _BY_POLICY,
+        "replace the tendon or tie its knot again; clear-fault, then `contid home`",
+    ),
     Fault.NOT_A_NUMBER: FaultPage(
         "the model answered a target with something that is not a number",
         _BY_POLICY,
@@ -133,6 +148,14 @@ PAGES: Final[dict[Fault, FaultPage]] = {
         "or when it began elsewhere",
     ),
 }
+
+
+def of_device(text: str) -> Fault:
+    """The fault of what a device reports about itself."""
+    for beginning, fault in ((SLACK_TENDON, Fault.TENDON_SLACK), (SNAPPED_TENDON, Fault.TENDON_SNAPPED)):
+        if text.startswith(beginning):
+            return fault
+    return Fault.DEVICE_FAULT
 
 
 def describe(fault: Fault, message: str) -> str:

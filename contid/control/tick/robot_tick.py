@@ -14,7 +14,7 @@ from dataclasses import dataclass, replace
 from typing import Final
 
 from contid.control.tick.config import RobotConfig
-from contid.control.tick.faults import Fault
+from contid.control.tick.faults import Fault, of_device
 from contid.control.tick.next_command import next_command
 from contid.control.tick.play import led, taken_up
 from contid.control.tick.state import Effect, RobotState
@@ -112,7 +112,7 @@ def watched(config: RobotConfig, state: RobotState, samples: Sequence[Sample], n
         state = replace(state, misses=misses)
     for sample, axis, stale_s in zip(samples, config.axes, config.stale_s, strict=True):
         if sample.fault:
-            return fail(config, state, Fault.DEVICE_FAULT, f"{axis}: {sample.fault}", now_s)
+            return fail(config, state, of_device(sample.fault), f"{axis}: {sample.fault}", now_s)
         if sample.valid and sample.age_s > stale_s:
             message = f"{axis} repeats a measurement that is {sample.age_s:.3g} s old"
             return fail(config, state, Fault.AXIS_STALE, message, now_s)

@@ -170,6 +170,11 @@ class TendonModel:
         curve[-1] = self.forward(actuation).tip_m  # a tip offset may lead aside
         return curve
 
+    def bends(self, actuation: Actuation | Array) -> Array:
+        """Bends ``(2 sections,)`` [rad] of pulls [m]."""
+        bends: Array = self._by_pulls @ np.asarray(actuation) / self._lengths
+        return bends
+
     def tensions(self, actuation: Actuation) -> Array | None:
         """Tensions ``(tendons,)`` [N] of pulls [m]; None where the robot file has no ``tension``."""
         return None if self.statics is None else self.statics.tensions(np.array(actuation))

@@ -6,7 +6,7 @@ import math
 from dataclasses import dataclass, field
 
 from contid.errors import DeviceError
-from contid.hal import AxisOnBus, Rest, Sample
+from contid.hal import SLACK_TENDON, SNAPPED_TENDON, AxisOnBus, Rest, Sample
 from contid_drivers.dynamixel import registers as reg
 from contid_drivers.dynamixel.exchange.block import ServoReading
 from contid_drivers.dynamixel.models import BY_NAME, ServoModel
@@ -203,9 +203,9 @@ class Axis:
             return
         now_ma, least_ma = 1e3 * self.tendon.winding * self.effort, 1e3 * self.tendon.least_a
         state = (
-            f"snapped tendon: {1e3 * self.tendon.before_a:.0f} mA before,"
+            f"{SNAPPED_TENDON}: {1e3 * self.tendon.before_a:.0f} mA before,"
             if self.tendon.snapped
-            else "slack tendon:"
+            else f"{SLACK_TENDON}:"
         )
         self.latch(
             f"{state} {now_ma:.0f} mA for {1e3 * self.tendon.time_s:.0f} ms, "

@@ -9,6 +9,7 @@ from typing import Any
 import numpy as np
 import pytest
 
+from contid.control.tick.faults import Fault, of_device
 from contid.errors import DeviceError
 from contid.kinematics.tendon.geometry import TendonGeometry, even_section
 from contid.kinematics.tendon.tension import TendonStatics
@@ -136,6 +137,7 @@ def test_a_tendon_that_snaps_while_the_robot_runs_is_a_fault_of_its_axis(rig: Ma
     r.until(lambda: bool(r.tick()["r.a2"].fault))
     samples = r.tick()
     assert "snapped tendon: " in samples["r.a2"].fault
+    assert of_device(samples["r.a2"].fault) is Fault.TENDON_SNAPPED
     assert not samples["r.a1"].fault
     assert not samples["r.a3"].fault
 
@@ -151,7 +153,8 @@ def test_a_tendon_that_was_paid_out_too_far_is_slack(rig: Make) -> None:
         if r.tick()["r.a1"].fault:
             break
     r.until(lambda: bool(r.tick()["r.a1"].fault))
-    assert "tendon: " in r.tick()["r.a1"].fault
+    fault = of_device(r.tick()["r.a1"].fault)
+    assert fault in (Fault.TENDON_SLACK, Fault.TENDON_SNAPPED)
 
 
 @pytest.mark.realtime
