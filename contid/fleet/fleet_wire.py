@@ -11,10 +11,10 @@ from collections.abc import Callable, Mapping
 from typing import Any, Final
 
 from contid.fleet.operator import FleetOperator, response_of
-from contid.fleet.operator_link import LEASE_S, NO_LEASE, SUPERSEDED
+from contid.fleet.operator_link import LEASE_S, NO_LEASE
 from contid.fleet.rights import LEASED, STOPS
 from contid.remote.client.client_protocol import Request
-from contid.remote.protocol.wire import Fields, encode
+from contid.remote.protocol.wire import Code, Fields, encode
 
 #: Longest wait for an answer; the bridge answers by itself when the daemon does not.
 ANSWER_TIMEOUT_S: Final = 5.0
@@ -112,7 +112,7 @@ class FleetWire:
             if answers or self._ended:
                 return
             if verb == "rows":  # dropped where a link is full: a newer row follows
-                answered({"ok": False, "error": {"code": SUPERSEDED, "message": "lost on the way"}})
+                answered({"ok": False, "error": {"code": Code.SUPERSEDED, "message": "lost on the way"}})
             else:
                 self._end(
                     f"{self._node}: no response to {verb} within {timeout_s:g} s (a machine with TLS answers "

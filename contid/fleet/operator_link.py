@@ -19,8 +19,7 @@ from contid.fleet.rights import GREETING, LEASED, STOPS
 from contid.remote.client.client_protocol import RESPONSE_TIMEOUT_S, VERB_TIMEOUT_S
 from contid.remote.protocol.wire import PROTOCOL, Code, ConnectionLostError, Fields, RemoteError
 
-#: Codes of this bridge, beside those of the socket.
-SUPERSEDED: Final = "superseded"
+#: Code of this bridge, beside those of the socket.
 NO_LEASE: Final = "no-lease"
 #: Requests of a session under way. Of rows at most two are: one that is sent, and one that waits.
 MAX_UNDER_WAY: Final = 32
@@ -184,7 +183,7 @@ class _LiveRows:
             future = self._waiting[2]
             self._waiting = None
             if not future.done():
-                future.set_result(refusal(SUPERSEDED, message))
+                future.set_result(refusal(Code.SUPERSEDED, message))
 
     def _pump(self) -> None:
         if self._waiting is None or self._sending or self._link is None:

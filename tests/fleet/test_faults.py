@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 import queue
 import signal
 import subprocess
@@ -18,6 +19,7 @@ from contid.fleet.net import LINK_LEASE_S
 from contid.fleet.operator import FleetOperator
 from contid.remote.protocol.wire import decode, encode
 from tests.support.daemons import Running, armed_daemon, arrives, daemon, states
+from tests.support.fleet_faults import FAULTS, measure
 from tests.support.fleets import BridgeProcess, bridge, mover
 from tests.support.waiting import until
 
@@ -98,6 +100,24 @@ def test_without_the_bridge_the_robot_holds(
         if number == signal.SIGSTOP:
             served.process.send_signal(signal.SIGCONT)
         stays(client, 0.5)
+
+
+@pytest.mark.realtime
+@pytest.mark.parametrize(
+    ("name", "lease_s"),
+    [("link cut", 0.4), ("link cut", 2.0), ("link cut for 300 ms", 1.0)],
+    ids=["lease", "link", "short"],
+)
+def test_a_silent_link_holds_the_robot_and_a_short_one_does_not(
+    node: Running, name: str, lease_s: float
+) -> None:
+    fault = FAULTS[name]
+    held_s = measure(node, fault, lease_s, 0.1)
+    limit_s = fault.limit_s(lease_s)
+    if limit_s == math.inf:
+        assert held_s == math.inf
+    else:
+        assert 0.1 < held_s < limit_s + PROMISE_S + MARGIN_S
 
 
 def test_an_order_that_waited_in_a_stopped_bridge_moves_nothing(node: Running, served: BridgeProcess) -> None:

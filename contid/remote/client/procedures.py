@@ -19,7 +19,14 @@ from contid.remote.client.client_protocol import RESPONSE_TIMEOUT_S, ClientProto
 from contid.remote.client.servo import Controller, ServoReport, servo
 from contid.remote.client.wires import Address, address_of
 from contid.remote.protocol.socket_path import find
-from contid.remote.protocol.wire import PROTOCOL, ConnectionLostError, Fields, NoDaemonError, RemoteError
+from contid.remote.protocol.wire import (
+    PROTOCOL,
+    Code,
+    ConnectionLostError,
+    Fields,
+    NoDaemonError,
+    RemoteError,
+)
 
 #: One robot by name, several, or None for all.
 Robots: TypeAlias = str | tuple[str, ...] | list[str] | None
@@ -277,10 +284,10 @@ class Procedures(ABC):
         async for row in _each(rows):
             batch.append(list(row))
             if len(batch) >= batch_rows:
-                refused += await self._send_rows(move, batch)
+                refused += await self._send_rows(move, batch, bool(begun["timed"]))
                 batch = []
         if batch:
-            refused += await self._send_rows(move, batch)
+            refused += await self._send_rows(move, batch, bool(begun["timed"]))
         return move, refused
 
     async def servo(self, rate_hz: float, controller: Controller) -> ServoReport:
@@ -302,12 +309,17 @@ class Procedures(ABC):
         """
         return await servo(self, rate_hz, controller)
 
-    async def _send_rows(self, move: int, rows: list[list[float]]) -> list[str]:
+    async def _send_rows(self, move: int, rows: list[list[float]], timed: bool) -> list[str]:
         while self._protocol.credits.get(move, 0) < len(rows):
             await self._listen()
             if self._protocol.arrived(move):
                 break  # the daemon refuses further rows with the reason
-        refused: list[str] = (await self.request("rows", move=move, rows=rows))["refused"]
+        try:
+            refused: list[str] = (await self.request("rows", move=move, rows=rows))["refused"]
+        except RemoteError as error:
+            if timed or error.code != Code.SUPERSEDED:  # of live rows the newest counts
+                raise
+            return []
         return refused
 
     async def wait(self, move: int) -> None:

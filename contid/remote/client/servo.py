@@ -179,8 +179,11 @@ class _ServoLoop:
         begin_s = time.monotonic()
         try:
             refused = (await self._client.request("rows", move=self._move, rows=[values]))["refused"]
-        except RemoteError:
+        except RemoteError as error:
             self._check_stopped()
+            if error.code == Code.SUPERSEDED:  # lost on a network; the next one follows
+                self._skipped += 1
+                return ""
             self._move = 0
             raise
         took_s = time.monotonic() - begin_s
