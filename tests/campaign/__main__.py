@@ -15,6 +15,7 @@ def main() -> int:
     parser = argparse.ArgumentParser(prog="python -m tests.campaign", description="The fault campaign.")
     parser.add_argument("--cases", type=int, default=5000, help="in virtual time, on simulated devices")
     parser.add_argument("--ptys", type=int, help="instead this number in real time, on emulated devices")
+    parser.add_argument("--driver", default="", help="with --ptys: only its buses, such as dynamixel")
     parser.add_argument("--all", action="store_true", help="instead every campaign, for --minutes")
     parser.add_argument("--minutes", type=float, default=10.0)
     parser.add_argument("--seed", type=int, default=1)
@@ -30,7 +31,10 @@ def main() -> int:
             sys.stderr.write(f"\r\x1b[K{tally.cases}/{cases} cases, {violations} violations")
             sys.stderr.flush()
 
-    tally = (campaign if asked.ptys is None else ptys.campaign)(cases, asked.seed, progress)
+    if asked.ptys is None:
+        tally: Tally | WireTally = campaign(cases, asked.seed, progress)
+    else:
+        tally = ptys.campaign(cases, asked.seed, progress, asked.driver)
     if sys.stderr.isatty():
         sys.stderr.write("\r\x1b[K")
     print(tally.table())

@@ -19,7 +19,7 @@ import time
 from collections.abc import Callable, Sequence
 from contextlib import ExitStack, suppress
 from pathlib import Path
-from typing import Final
+from typing import Any, Final
 
 import psutil
 
@@ -61,6 +61,9 @@ PLACES: Final[dict[str, tuple[dict[str, float], dict[str, float]]]] = {
 #: not move until a person has parked it, which no order to the daemon does.
 LOSES_POSITION: Final = {"trirack_motors": frozenset({"reset", "brown_out", "freeze"})}
 
+#: What refuses a servo whose encoder stood still while its shaft turned: the position jumps afterwards.
+TURN_LOST: Final = "lost its turn count"
+
 #: Deliberate bugs: code that disables a protection in every process of the daemon.
 BUGS: Final[dict[str, str]] = {
     "estop skips the devices": (
@@ -80,8 +83,19 @@ BUGS: Final[dict[str, str]] = {
 class Run:
     """One daemon, its wires, and the cases it sees."""
 
-    def __init__(self, dice: random.Random, tally: Tally, number: int, bug: str = "") -> None:
-        """Prepare; ``bug`` is code of `BUGS`, run by every process of the daemon before anything else."""
+    def __init__(
+        self, dice: random.Random, tally: Tally, number: int, bug: str = "", driver: str = ""
+    ) -> None:
+        """Prepare.
+
+        Args:
+            dice: choose everything.
+            tally: counts.
+            number: of the daemon.
+            bug: code of `BUGS`, run by every process of the daemon before anything else.
+            driver: only its buses.
+        """
+        self._driver = driver
         self._dice, self._tally = dice, tally
         self._number = number
         self._bug = bug
@@ -123,7 +137,7 @@ class Run:
         # Short: the path of a socket has 107 bytes.
         with tempfile.TemporaryDirectory(prefix="contid-") as folder, ExitStack() as stack:
             self._folder = Path(folder)
-            self._path = robot_file(self._folder, RESTS)
+            self._path = robot_file(self._folder, RESTS, self._driver)
             self._wires = stack.enter_context(Wires(self._path))
             self._start(stack)
             try:
@@ -175,7 +189,8 @@ class Run:
     @property
     def _places(self) -> dict[str, tuple[dict[str, float], dict[str, float]]]:
         """Places of the robots that can be moved."""
-        return {robot: places for robot, places in PLACES.items() if robot not in self._lost}
+        there = self._wires.loaded.file.robots.keys() - self._lost
+        return {robot: places for robot, places in PLACES.items() if robot in there}
 
     # -- one case ------------------------------------------------------------------------------------------
 
@@ -222,6 +237,18 @@ class Run:
             return str(error)
         return ""
 
+    def _insist(self, order: Callable[[], Any]) -> Any:
+        """Give an order, again if a robot went to FAULT meanwhile; `judge` decides whether with a cause."""
+        try:
+            return order()
+        except RemoteError:
+            self._tally.check("controllable", self._back())
+        try:
+            return order()
+        except RemoteError as error:
+            self._tally.check("controllable", [str(error)])
+            return None
+
     def _bring(self, state: str) -> None:
         """Into a state; a robot or two may have another one, by chance."""
         client, dice = self._client, self._dice
@@ -229,7 +256,9 @@ class Run:
         self._place = 1 - self._place
         if state == "run":
             columns, rows = self._rows()
-            begun = client.request("move", columns=columns)
+            begun = self._insist(lambda: client.request("move", columns=columns))
+            if begun is None:
+                return
             client.request("rows", move=begun["move"], rows=rows)
             client.request("end", move=begun["move"])
             until(lambda: "RUN" in self._states() or "FAULT" in self._states(), "it runs")
@@ -240,7 +269,7 @@ class Run:
                 for robot, places in self._places.items()
                 for axis, value in places[self._place].items()
             }
-            client.move(target, wait=False)
+            self._insist(lambda: client.move(target, wait=False))
             time.sleep(dice.uniform(0.05, 0.3))
         if state == "stopping":
             client.stop()
@@ -294,14 +323,17 @@ class Run:
             if "FAULT" in self._states():
                 refusal = self._order("clear_fault") or refusal
             refusal = self._order("resume") or refusal
+            if TURN_LOST in refusal and self._injected[-1].switch.name == "freeze":
+                self._lost |= self._injected[-1].concerned
             states = self._state_of()
             back = {state for robot, state in states.items() if robot not in self._lost}
             latched = all(states[robot] == "FAULT" for robot in self._lost)
-            if back <= {"HOLD", "RUN"} and (not self._lost or (latched and "position lost" in refusal)):
+            lost = "position lost" in refusal or TURN_LOST in refusal
+            if back <= {"HOLD", "RUN"} and (not self._lost or (latched and lost)):
                 self._order("hold")
                 return []
             time.sleep(0.05)
-        return [f"{self._state_of()}: {refusal} after {self._injected[-1]}"]
+        return [f"{self._state_of()}: {refusal} after {self._injected[-1:]}"]
 
     # -- the end -------------------------------------------------------------------------------------------
 
@@ -359,14 +391,15 @@ def _alive(process: psutil.Process) -> bool:
 
 
 def campaign(
-    cases: int, seed: int, progress: Callable[[Tally], None] | None = None, per_daemon: int = PER_DAEMON
+    cases: int, seed: int, progress: Callable[[Tally], None] | None = None, driver: str = ""
 ) -> Tally:
-    """Run cases, several of them with each daemon."""
+    """Run cases, several of them with each daemon, on the buses of a driver or on all."""
     tally, begin_s = Tally(seed), time.monotonic()
     number = 0
     while tally.cases < cases:
         before = tally.cases
-        Run(random.Random(f"{seed}:{number}"), tally, number).play(min(per_daemon, cases - tally.cases))
+        run = Run(random.Random(f"{seed}:{number}"), tally, number, driver=driver)
+        run.play(min(PER_DAEMON, cases - tally.cases))
         number += 1
         tally.seconds = time.monotonic() - begin_s
         if progress is not None:

@@ -94,9 +94,15 @@ MOTOR_SWITCHES: Final = (
 REGULATOR_SWITCHES: Final = (*BOARD_SWITCHES, Switch("leak", True), Switch("wire", True))
 
 
-def robot_file(folder: Path, on_interrupt: Mapping[str, str] | None = None) -> Path:
-    """The laboratory's file, its ports in a folder."""
+def robot_file(folder: Path, on_interrupt: Mapping[str, str] | None = None, driver: str = "") -> Path:
+    """The laboratory's file, its ports in a folder; with a ``driver`` only its buses and their robots."""
     raw = yaml.safe_load(lab_text(RATE_HZ, ".emulated"))
+    raw["buses"] = {name: bus for name, bus in raw["buses"].items() if driver in ("", bus["driver"])}
+    raw["robots"] = {
+        name: robot
+        for name, robot in raw["robots"].items()
+        if all(axis["bus"] in raw["buses"] for axis in robot["axes"].values())
+    }
     for name, bus in raw["buses"].items():
         bus |= {"port": f"{folder}/{name}.tty", "tolerance_ticks": TOLERANCE_TICKS} | LONG_TIMEOUTS[
             bus["driver"]
@@ -118,7 +124,7 @@ class ServoEyes:
     low: float
     high: float
     wrong: list[str] = field(default_factory=list)
-    goals: list[tuple[float, bool]] = field(default_factory=list)
+    goals: list[tuple[float, bool, str]] = field(default_factory=list)
     torque_off_s: float = 0.0
 
     def __post_init__(self) -> None:
@@ -133,9 +139,11 @@ class ServoEyes:
 
     def _saw(self, register: reg.Register, was: bool) -> None:
         servo = self.servo
+        # What a host can see: a frozen encoder hides where the shaft is.
+        position = servo.position_ticks if servo.frozen is None else float(servo.read_position())
         if register is reg.TORQUE_ENABLE:
             if servo.torque and not was:
-                off = abs(servo.motion.goal - servo.position_ticks)
+                off = abs(servo.motion.goal - position)
                 if off > 2.0:
                     self.wrong.append(f"{self.axis}: torque on {off:.0f} ticks away from its goal")
             elif was and not servo.torque:
@@ -146,19 +154,20 @@ class ServoEyes:
                 self.wrong.append(f"{self.axis}: goal {goal} outside {self.low:.0f}..{self.high:.0f}")
             # To stay where it is brakes, and moves nothing: how a servo is armed again, or left holding. What
             # it read of itself to do so is some milliseconds old.
-            here = abs(goal - servo.position_ticks) <= 2.0 + OLD_S * abs(servo.motion.velocity)
-            self.goals.append((goal, here))
+            here = abs(goal - position) <= 2.0 + OLD_S * abs(servo.motion.velocity)
+            where = f"then at {servo.position_ticks:.0f}, {servo.motion.velocity:.0f} ticks/s"
+            self.goals.append((goal, here, where))
 
     def foreign(self, commands: Iterable[float]) -> list[str]:
         """Goals that are no command of the record (device values [rad]), or not in its order."""
         ticks = [value / reg.RAD_PER_TICK for value in commands if value == value]
         at = 0
-        for number, (goal, here) in enumerate(self.goals):
+        for number, (goal, here, where) in enumerate(self.goals):
             found = next((n for n in range(at, len(ticks)) if abs(ticks[n] - goal) <= 1.0), None)
             if found is not None and not (here and found > at + AHEAD_TICKS):
                 at = found
             elif not here:
-                return [f"{self.axis}: goal {goal:.0f}, number {number}, was not commanded"]
+                return [f"{self.axis}: goal {goal:.0f}, number {number}, was not commanded; {where}"]
         return []
 
     @property

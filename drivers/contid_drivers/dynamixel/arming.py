@@ -196,15 +196,18 @@ def hold_position(client: ServoClient, axis: Axis) -> None:
     device, present = axis.device, reg.PRESENT_POSITION
     # A silent servo costs the others on its bus one time-out at most.
     tries = 1 if axis.misses else TRIES
-    position = present.decode(client.read_block(device, present.address, present.size, tries))
     release = sync_write(reg.BUS_WATCHDOG.address, 1, [(device, b"\0")])
-    stay = sync_write(reg.GOAL_POSITION.address, 4, [(device, reg.GOAL_POSITION.encode(position))])
-    client.port.flush()
-    client.port.send(release + stay)
-    axis.armed = 0
-    if client.read(device, reg.GOAL_POSITION) != position:
-        client.write(device, reg.BUS_WATCHDOG, 0)
-        client.write(device, reg.GOAL_POSITION, position)
+    for _ in range(TRIES):
+        # Read again each time: a servo in motion has left a position that is a time-out old.
+        position = present.decode(client.read_block(device, present.address, present.size, tries))
+        stay = sync_write(reg.GOAL_POSITION.address, 4, [(device, reg.GOAL_POSITION.encode(position))])
+        client.port.flush()
+        client.port.send(release + stay)
+        axis.armed = 0
+        if client.read(device, reg.GOAL_POSITION) == position:
+            return
+    client.write(device, reg.BUS_WATCHDOG, 0)
+    client.write(device, reg.GOAL_POSITION, position)
 
 
 def rest(client: ServoClient, axis: Axis, position: int | None) -> None:

@@ -9,10 +9,13 @@ from contextlib import ExitStack
 
 import pytest
 
+from contid.control.engine.clock import RealClock
 from contid.errors import DeviceError
-from contid.hal import AxisOnBus
+from contid.hal import AxisOnBus, Rest
 from contid_drivers.dynamixel import bench_tools
 from contid_drivers.dynamixel import registers as reg
+from contid_drivers.dynamixel.bus import DynamixelBus
+from contid_drivers.dynamixel.commission import set_id
 from contid_drivers.dynamixel.emulator import DynamixelEmulator, Servo
 from contid_drivers.dynamixel.options import DynamixelAxisOptions, DynamixelBusOptions
 from contid_drivers.dynamixel.setup import setup
@@ -143,3 +146,21 @@ def test_setup_finds_a_servo_at_an_unusual_rate_beside_numbered_ones(emulated: S
 
     setup("servos", DynamixelBusOptions(port=bus.port), axes, ask, lambda line: None)
     assert [(servo.device, servo.baud) for servo in (first, second)] == [(1, BAUD), (2, BAUD)]
+
+
+def test_a_run_begins_at_once_after_a_servo_got_another_id_and_its_own_again(emulated: Start) -> None:
+    bus = emulated(Servo(1), Servo(2))
+    options = DynamixelBusOptions(port=bus.port, usb_latency_ms=200, slack_ms=200)
+    axes = [AxisOnBus(f"r.a{i}", DynamixelAxisOptions(id=i)) for i in (1, 2)]
+    for _ in range(5):
+        set_id(bus.port, BAUD, 1, 9)
+        set_id(bus.port, BAUD, 9, 1)
+        driver = DynamixelBus("servos", options, axes, RealClock())
+        driver.open()
+        driver.enable(driver.axes)
+        for _ in range(10):
+            samples = driver.exchange({})
+            assert [(sample.valid, sample.fault) for sample in samples.values()] == [(True, "")] * 2
+        assert driver.answer_counts()["late"] == 0
+        driver.disable(driver.axes, Rest.RELAX)
+        driver.close()
