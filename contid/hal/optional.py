@@ -85,6 +85,27 @@ class Restricts(Protocol):
         """The key of the bus and a message, for everything refused; ``axes`` are names and options."""
 
 
+@dataclass(frozen=True, slots=True)
+class DeviceRate:
+    """The fastest demands a device follows.
+
+    Attributes:
+        key: of the axis, that sets it.
+        value: rad/s or Pa/s.
+    """
+
+    key: str
+    value: float
+
+
+@runtime_checkable
+class LimitsRate(Protocol):
+    """Has devices that follow faster demands late, and do not report it: ``contid check``, ``contid run``."""
+
+    def device_rate(self, axis: BaseModel) -> DeviceRate:
+        """Limit of the device of an axis with these options."""
+
+
 @runtime_checkable
 class Diagnoses(Protocol):
     """Examines a bus and its host: ``contid doctor``."""

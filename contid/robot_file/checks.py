@@ -11,12 +11,12 @@ from typing import Final
 from pydantic import BaseModel
 
 from contid.errors import Located
-from contid.hal import DeviceKind
+from contid.hal import DeviceKind, DeviceRate
 from contid.robot_file.base import AxisDescription, Quantity, StopPolicy
 from contid.robot_file.findings import allowed_names
 from contid.robot_file.positions import Document, KeyPath
 from contid.robot_file.robot import RobotDescription
-from contid.robot_file.unit_checks import check_units
+from contid.robot_file.unit_checks import check_device_rates, check_units
 
 #: Prefixes of trajectory columns that are not names of robots.
 RESERVED_NAMES: Final = ("t_s", "mid", "load", "meas")
@@ -31,11 +31,13 @@ class WiredAxis:
         at: its place in the document.
         description: its common keys, None when invalid.
         kind: its actuator, None when its bus or driver is invalid.
+        rate: what its device follows, None when the driver has no such limit.
     """
 
     at: KeyPath
     description: AxisDescription | None
     kind: DeviceKind | None
+    rate: DeviceRate | None = None
 
 
 def check_name(document: Document, at: KeyPath) -> Iterator[Located]:
@@ -58,6 +60,12 @@ def check_robot(
         return
     yield from _check_plane(document, at, robot)
     yield from check_units(document, at, robot)
+    limited = {
+        name: (axis.description, axis.rate)
+        for name, axis in wired.items()
+        if axis.description is not None and axis.rate is not None
+    }
+    yield from check_device_rates(document, at, robot, limited)
     yield from _check_stops(document, at, robot, wired)
     for index, key in enumerate(robot.placeholder):
         if not _is_key(document, at, robot, key):

@@ -11,7 +11,7 @@ from typing import Any, Final, TypeVar, get_args
 from pydantic import BaseModel, ValidationError
 
 from contid.errors import MAX_FINDINGS, BadInputError, ContidError, Located, first_findings
-from contid.hal import Driver, Restricts, UnknownDriverError, driver_names, load_driver
+from contid.hal import Driver, LimitsRate, Restricts, UnknownDriverError, driver_names, load_driver
 from contid.robot_file.base import AxisDescription
 from contid.robot_file.chain import Chain, check_chain
 from contid.robot_file.checks import WiredAxis, check_name, check_robot
@@ -274,7 +274,8 @@ class _Loader:
             message = f"{address} on bus {bus!r} already belongs to {first}"
             self.findings.append(self.document.at_value((*at, address.partition(" ")[0]), message))
         self.axes[bus].append((owner, options))
-        return WiredAxis(at, common, driver.kind(options))
+        rate = driver.device_rate(options) if isinstance(driver, LimitsRate) and not self.recorded else None
+        return WiredAxis(at, common, driver.kind(options), rate)
 
 
 def _robot_file(data: Any) -> RobotFile:

@@ -2,13 +2,17 @@
 
 from __future__ import annotations
 
+import math
 import re
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from typing import Final
 
 from contid.errors import Located
+from contid.hal import DeviceRate
+from contid.robot_file.base import AxisDescription, Quantity
 from contid.robot_file.positions import Document, KeyPath
 from contid.robot_file.robot import RobotDescription
+from contid.units import BAR, DEG, MM_PER_M
 
 #: An extra axis is a column with its unit; a dot would be a group of columns.
 _NAME: Final = re.compile(r"[A-Za-z][A-Za-z0-9_]*")
@@ -41,6 +45,39 @@ def _check_rates(document: Document, at: KeyPath, robot: RobotDescription) -> It
         if getattr(robot.rates, other) is not None:
             message = f"{other} has no meaning here: this robot's axes are in {unit}; write {key}"
             yield document.at_key((*at, "rates", other), message)
+
+
+def check_device_rates(
+    document: Document,
+    at: KeyPath,
+    robot: RobotDescription,
+    limited: Mapping[str, tuple[AxisDescription, DeviceRate]],
+) -> Iterator[Located]:
+    """Check that no device is commanded faster than it follows, at the robot's maximum velocity.
+
+    ``limited`` has the axes whose devices have a limit. Axes with a table (``mm_to_bar``) are not checked.
+    """
+    key = f"velocity_{robot.quantity.unit}_s"
+    if getattr(robot.rates, key) is None:
+        return
+    shares = [sum(map(abs, row)) for row in robot.coupling or ()] or [1.0] * len(robot.axis_names)
+    for name, share in zip(robot.axis_names, shares, strict=True):
+        if name not in limited:
+            continue
+        axis, limit = limited[name]
+        rate = robot.velocity_limit * share
+        size, shown = BAR, "bar/s"
+        if robot.quantity is Quantity.LENGTH:
+            if axis.mm_per_rev is None:
+                continue
+            rate *= 2.0 * math.pi * MM_PER_M / axis.mm_per_rev
+            size, shown = DEG, "deg/s"
+        if rate > limit.value * (1.0 + 1e-9):
+            message = (
+                f"{limit.key} is {limit.value / size:.4g} {shown}, but rates.{key} "
+                f"{getattr(robot.rates, key):g} needs {rate / size:.4g}: the device would follow late"
+            )
+            yield document.at_value((*at, "axes", name, limit.key), message)
 
 
 def _check_rest(document: Document, at: KeyPath, robot: RobotDescription) -> Iterator[Located]:

@@ -7,7 +7,19 @@ from contextlib import AbstractContextManager
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from contid.hal import AxisOnBus, Bus, Clock, DeviceKind, Driver, Finding, FoundDevice, Homed, Report
+from contid.hal import (
+    AxisOnBus,
+    Bus,
+    Clock,
+    DeviceKind,
+    DeviceRate,
+    Driver,
+    Finding,
+    FoundDevice,
+    Homed,
+    Report,
+)
+from contid.units import BAR, DEG
 from contid_drivers.due.options import DueAxisOptions, DueBusOptions, SafeState
 
 if TYPE_CHECKING:
@@ -53,6 +65,13 @@ class DueDriver:
             "vent_bar_s": axis.vent_bar_s,
             "ceiling_bar": axis.ceiling_bar,
         }
+
+    def device_rate(self, axis: BaseModel) -> DeviceRate:
+        """See `contid.hal.LimitsRate`: the board's set-point is no faster."""
+        assert isinstance(axis, DueAxisOptions)
+        if axis.kind is DeviceKind.MOTOR:
+            return DeviceRate("velocity_deg_s", axis.velocity_deg_s * DEG)
+        return DeviceRate("slew_bar_s", axis.slew_bar_s * BAR)
 
     def refused(self, options: BaseModel, axes: Sequence[tuple[str, BaseModel]]) -> Iterator[tuple[str, str]]:
         """See `contid.hal.Restricts`: every open of the programming port resets the board and its counts."""

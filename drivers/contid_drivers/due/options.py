@@ -241,6 +241,11 @@ class DueAxisOptions(MotorOptions, RegulatorOptions):
         if self.safe not in allowed:
             raise ValueError(f"on_watchdog of channel {self.channel} must be one of {', '.join(allowed)}")
         if motor:
+            if self.velocity_deg_s > self.no_load_deg_s:
+                raise ValueError(
+                    f"velocity_deg_s {self.velocity_deg_s:g} exceeds no_load_deg_s {self.no_load_deg_s:g}, "
+                    "the speed of the motor at full duty"
+                )
             self._check_start()
         else:
             self._check_regulator()

@@ -19,6 +19,7 @@ from contid_drivers.due.wiring import Scale, board_config
 
 REGULATOR = {"calibration": [[0, 0], [100, 3]], "readback": [[600, 0], [3000, 3]], "ceiling_bar": 1.6}
 BAD = [
+    ({"channel": "m0", "no_load_deg_s": 452}, "velocity_deg_s 470 exceeds no_load_deg_s 452"),
     ({"channel": "m6"}, "channel"),
     ({"channel": "m0", "on_watchdog": "vent"}, "brake, coast, hold"),
     ({"channel": "p0", **REGULATOR, "on_watchdog": "coast"}, "vent, close"),

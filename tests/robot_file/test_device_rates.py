@@ -1,0 +1,50 @@
+"""A robot file whose rates are faster than its devices follow is refused, at the key of the device."""
+
+from __future__ import annotations
+
+import math
+from pathlib import Path
+
+import pytest
+
+from contid.errors import BadInputError
+from contid.robot_file.load import parse_robot_file
+
+
+def refusals(text: str) -> list[str]:
+    with pytest.raises(BadInputError) as refused:
+        parse_robot_file(text, "robot.yaml")
+    return str(refused.value).splitlines()
+
+
+def test_a_motor_slower_than_its_rack(configs: Path) -> None:
+    text = (configs / "trirack.emulated.yaml").read_text()
+    needed = 100 / (math.pi * 25) * 360
+    slow = text.replace("channel: m1,", f"channel: m1, velocity_deg_s: {needed - 0.1:.3f},")
+    (message,) = refusals(slow)
+    assert "velocity_deg_s is 458.3 deg/s, but rates.velocity_mm_s 100 needs 458.4" in message
+    line = next(i for i, each in enumerate(slow.splitlines(), start=1) if "channel: m1" in each)
+    assert message.startswith(f"robot.yaml:{line}:")
+    assert parse_robot_file(
+        text.replace("channel: m1,", f"channel: m1, velocity_deg_s: {needed + 0.1:.3f},"), ""
+    )
+
+
+def test_coupled_motors_turn_for_both_segments(configs: Path) -> None:
+    text = (configs / "trirack2.emulated.yaml").read_text()
+    slow = text.replace("bus: motors,", "bus: motors, velocity_deg_s: 300,")
+    messages = refusals(slow)
+    assert len(messages) == 3, "the second platform's"
+    assert all("velocity_mm_s 50 needs 458.4" in message for message in messages)
+
+
+def test_a_regulator_slower_than_the_pressure(configs: Path) -> None:
+    text = (configs / "stiffflop1.emulated.yaml").read_text()
+    (message,) = refusals(text.replace("channel: p2", "channel: p2\n        slew_bar_s: 1.5"))
+    assert "slew_bar_s is 1.5 bar/s, but rates.velocity_bar_s 2 needs 2" in message
+
+
+def test_a_recorded_file_is_read_as_it_was(configs: Path) -> None:
+    text = (configs / "trirack.emulated.yaml").read_text()
+    slow = text.replace("channel: m1,", "channel: m1, velocity_deg_s: 250,")
+    assert parse_robot_file(slow, "robot.yaml", recorded=True).buses
