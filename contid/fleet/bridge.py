@@ -10,12 +10,14 @@ import asyncio
 import logging
 import os
 import signal
+import time
 from collections.abc import Callable
 from pathlib import Path
 from typing import Final
 
 from contid.errors import ContidError
 from contid.fleet.access_rules import access_rules
+from contid.fleet.feed_watch import FeedWatch
 from contid.fleet.fleet_file import MachineFile
 from contid.fleet.keys import Keys, Origin, is_node_name
 from contid.fleet.metrics_server import MetricsServer
@@ -30,6 +32,8 @@ log = logging.getLogger(__name__)
 TOKEN_TIMEOUT_S: Final = 1.0
 #: Period of the search for further daemons, when the file names none.
 SEARCH_PERIOD_S: Final = 1.0
+#: Period of the look whether the feed of an operator has stopped.
+FEED_LOOK_S: Final = 0.01
 #: How long the start waits for tokens of nodes with the same names.
 RIVALS_TIMEOUT_S: Final = 0.5
 
@@ -74,6 +78,8 @@ class FleetBridge:
         self._nodes: dict[str, Node] = {}
         self._running: dict[str, asyncio.Task[None]] = {}
         self._sessions = Sessions()
+        feed = machine.hold_without_feed
+        self._feed = None if feed is None else FeedWatch(feed.operator, feed.after_s)
         self._tasks: set[asyncio.Task[None]] = set()
 
     async def serve(self, ready: Callable[[], None], metrics: tuple[str, int] | None = None) -> None:
@@ -97,6 +103,8 @@ class FleetBridge:
                 self._keys.alive("*", "*"), lambda *token: loop.call_soon_threadsafe(self._alive, *token)
             )
             self._begin()
+            if self._feed is not None:
+                self._tasks.add(asyncio.create_task(self._watch_feed(self._feed)))
             ready()
             while not end.is_set():
                 self._check()
@@ -132,9 +140,19 @@ class FleetBridge:
         for name, path in self._sockets().items():
             if name not in self._nodes:
                 present = self._sessions.present
-                node = Node(name, path, self._machine, self._net, self._keys, present)
+                node = Node(name, path, self._machine, self._net, self._keys, present, self._feed)
                 self._nodes[name] = node
                 self._running[name] = asyncio.create_task(node.run())
+
+    async def _watch_feed(self, watch: FeedWatch) -> None:
+        while True:
+            await asyncio.sleep(FEED_LOOK_S)
+            if watch.lapsed(time.monotonic()):
+                log.error("the feed of %s has stopped: every robot of this machine holds", watch.operator)
+                for node in self._nodes.values():
+                    task = asyncio.create_task(node.hold())
+                    self._tasks.add(task)
+                    task.add_done_callback(self._tasks.discard)
 
     def _check(self) -> None:
         """An error of one node must not go unnoticed."""

@@ -73,6 +73,13 @@ class Tls(Strict):
         check_validity(self.certificate)
 
 
+class FeedFile(Strict):
+    """The robots of a machine hold ``after_s`` after the last feed of an operator (`contid fleet feed`)."""
+
+    operator: Name
+    after_s: float = Field(default=0.5, ge=0.1, le=10.0)
+
+
 class FleetFile(Strict):
     """What both files have."""
 
@@ -102,6 +109,7 @@ class MachineFile(FleetFile):
         trust_local_users: without TLS names are not verified. True: every user that reaches the endpoint
             has the rights of the name it gives.
         telemetry_hz: rate of the published telemetry.
+        hold_without_feed: the operator whose feed keeps the robots moving, None without.
     """
 
     listen: list[Listen] = Field(default_factory=list, max_length=16)
@@ -109,6 +117,7 @@ class MachineFile(FleetFile):
     operators: dict[Name, list[Right]] = Field(default_factory=dict, max_length=256)
     trust_local_users: bool = False
     telemetry_hz: float = Field(default=20.0, ge=0.0, le=200.0)
+    hold_without_feed: FeedFile | None = None
 
     def endpoints(self) -> list[str]:
         """Every endpoint of the file."""
@@ -116,6 +125,9 @@ class MachineFile(FleetFile):
 
     @model_validator(mode="after")
     def _is_reachable(self) -> Self:
+        feed = self.hold_without_feed
+        if feed is not None and feed.operator not in self.operators:
+            raise ValueError(f"hold_without_feed: operator: {feed.operator!r} is no operator of this file")
         if not self.endpoints():
             raise ValueError("an endpoint is expected: listen: [tcp/127.0.0.1:7447], or connect: [...]")
         if len({protocol(each) == "tls" for each in self.endpoints()}) > 1:

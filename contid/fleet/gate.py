@@ -6,7 +6,7 @@ from collections.abc import Mapping, Sequence
 from typing import Final
 
 from contid.fleet.keys import Keys, Order, Origin
-from contid.fleet.rights import READS, STOPS, Right, needed
+from contid.fleet.rights import FEED, READS, STOPS, Right, needed
 from contid.lines import MAX_LINE
 from contid.remote.protocol.wire import Code, Fields, RemoteError, decode
 
@@ -41,7 +41,7 @@ def checked(
         raise RemoteError(
             WILDCARD, f"{key[:200]}: only the node may be a wildcard, and only to stop or to read"
         )
-    if order.node is None and order.verb not in STOPS | READS:
+    if order.node is None and order.verb not in STOPS | READS | {FEED}:
         raise RemoteError(WILDCARD, f"{order.verb}: a request to every node may only stop or read")
     rights = needed(order.verb)
     if rights is None:

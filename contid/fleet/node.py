@@ -8,18 +8,20 @@ import re
 import time
 from collections import Counter
 from collections.abc import Awaitable, Callable
+from contextlib import suppress
 from pathlib import Path
 from typing import Final
 
 from contid.errors import ContidError
 from contid.fleet.clocks import clock_fields
 from contid.fleet.daemon_link import DaemonLink, refusal
+from contid.fleet.feed_watch import FeedWatch
 from contid.fleet.fleet_file import MachineFile
-from contid.fleet.gate import checked
+from contid.fleet.gate import FORBIDDEN, checked
 from contid.fleet.keys import Keys, Order, Origin
 from contid.fleet.net import Declared, NetSession, Question
 from contid.fleet.operator_link import OperatorLink
-from contid.fleet.rights import CLOCK, READS, STOPS
+from contid.fleet.rights import CLOCK, FEED, READS, STOPS
 from contid.remote.protocol.wire import Code, ConnectionLostError, Fields, RemoteError, encode
 
 log = logging.getLogger(__name__)
@@ -30,6 +32,9 @@ DUPLICATE: Final = "duplicate"
 RETRY_S: Final = 1.0
 #: Longest wait for the daemon's own report.
 STATUS_TIMEOUT_S: Final = 0.5
+#: A hold without a feed is repeated so often, with this pause.
+HOLD_ATTEMPTS: Final = 50
+HOLD_PERIOD_S: Final = 0.1
 #: The end of a line of telemetry of a client that reads too slowly.
 DROPPED: Final = re.compile(rb'"dropped":(\d+)}$')
 #: Sessions with a connection of their own; stops of others use that of the bridge.
@@ -48,6 +53,7 @@ class Node:
         net: the session on the network.
         keys: of the fleet.
         present: waits for the token of a session, False when it does not come.
+        feed: that the machine needs, if it does.
 
     Attributes:
         rivals: other bridges that have a node of this name; while there are any it only stops.
@@ -65,6 +71,7 @@ class Node:
         net: NetSession,
         keys: Keys,
         present: Callable[[Origin, bool], Awaitable[bool]],
+        feed: FeedWatch | None = None,
     ) -> None:
         self.name = name
         self.rivals: set[str] = set()
@@ -76,6 +83,7 @@ class Node:
         self._net = net
         self._keys = keys
         self._present = present
+        self._feed = feed
         self._links: dict[Origin, OperatorLink] = {}
         self._watch: DaemonLink | None = None
         self._ended = asyncio.Event()
@@ -114,6 +122,17 @@ class Node:
         log.error("node %s: another bridge has this name too; both only stop until one is gone", self.name)
         for origin in tuple(self._links):
             self.session_ended(origin)
+
+    async def hold(self) -> None:
+        """Hold every robot, as a feed has stopped; repeated until the daemon confirms or has ended."""
+        for _ in range(HOLD_ATTEMPTS):
+            watch = self._watch
+            with suppress(ContidError, TimeoutError):
+                async with asyncio.timeout(STATUS_TIMEOUT_S):
+                    if watch is not None and (await watch.request("hold", {})).get("ok"):
+                        return
+            await asyncio.sleep(HOLD_PERIOD_S)
+        log.error("node %s: not held: its daemon does not answer", self.name)
 
     async def status(self) -> Fields | None:
         """What the daemon reports of itself, None without an answer; refreshes no lease."""
@@ -180,16 +199,30 @@ class Node:
     # -- requests ----------------------------------------------------------------------------------------
 
     def _asked(self, question: Question, loop: asyncio.AbstractEventLoop) -> None:
-        """In the thread of the network: a clock is answered at once, anything else in the loop."""
-        if not question.key.endswith(f"/{CLOCK}"):
+        """In the thread of the network: a clock and a feed are answered at once, the rest in the loop."""
+        if not question.key.endswith((f"/{CLOCK}", f"/{FEED}")):
             loop.call_soon_threadsafe(self._start, question)
             return
         try:
-            checked(self._keys, question.key, question.payload, self._machine.operators)
-            response: Fields = {"ok": True, "result": clock_fields()}
+            order, _ = checked(self._keys, question.key, question.payload, self._machine.operators)
+            result = clock_fields() if order.verb == CLOCK else self._fed(order.origin.operator)
+            response: Fields = {"ok": True, "result": result}
         except RemoteError as error:
             response = {"ok": False, "error": error.as_fields()}
         question.answer(self._answer_key(question), encode(response)[:-1])
+
+    def _fed(self, operator: str) -> Fields:
+        """Take a feed.
+
+        Raises:
+            RemoteError: it does not count here.
+        """
+        feed = self._feed
+        if feed is None:
+            raise RemoteError(Code.REFUSED, "its machine needs no feed")
+        if not feed.feed(operator, time.monotonic()):
+            raise RemoteError(FORBIDDEN, f"the feed of this machine is that of {feed.operator!r}")
+        return {"after_s": feed.after_s}
 
     def _start(self, question: Question) -> None:
         self._keep(asyncio.ensure_future(self._answer(question)))

@@ -1,7 +1,7 @@
 """What an operator may ask by network: the rights of the fleet file over the verbs of the socket.
 
-Stops need no right, `hello` and `clock` any. Verbs that are not listed are refused, and so is the end of a
-daemon.
+Stops need no right, `hello`, `clock` and `feed` any. Verbs that are not listed are refused, and so is the end
+of a daemon.
 """
 
 from __future__ import annotations
@@ -38,6 +38,10 @@ LEASED: Final = frozenset({"move", "grip", "resume", "recover", "clear_fault"})
 GREETING: Final = "hello"
 #: Answered by the bridge itself, in the thread of the network: the clocks of its machine.
 CLOCK: Final = "clock"
+#: Answered there as well: the operator whose feed a machine needs is present. It may go to every node.
+FEED: Final = "feed"
+#: Verbs for which any right suffices.
+UNRESTRICTED: Final = frozenset({GREETING, CLOCK, FEED})
 #: Verbs of the lease itself.
 LEASE: Final = frozenset({"acquire", "release"})
 
@@ -46,7 +50,7 @@ def needed(verb: str) -> frozenset[Right] | None:
     """Rights of which one suffices; empty for a stop, None for a verb that no right allows."""
     if verb in STOPS:
         return frozenset()
-    if verb in (GREETING, CLOCK):
+    if verb in UNRESTRICTED:
         return frozenset(Right)
     if verb in LEASE:
         return frozenset({Right.MOVE, Right.ARM})
@@ -55,5 +59,5 @@ def needed(verb: str) -> frozenset[Right] | None:
 
 def allowed_verbs(rights: frozenset[Right]) -> tuple[str, ...]:
     """Verbs that rights allow, stops included, sorted."""
-    verbs = {verb for verb in (*VERBS, GREETING, CLOCK) if (needed(verb) or frozenset()) & rights}
+    verbs = {verb for verb in (*VERBS, *UNRESTRICTED) if (needed(verb) or frozenset()) & rights}
     return tuple(sorted(verbs | STOPS))

@@ -34,11 +34,11 @@ def code(*arguments: object, **keys: object) -> str:
 
 
 @pytest.mark.parametrize("operator", [*OPERATORS, "stranger"])
-@pytest.mark.parametrize("verb", sorted({*VERBS, *STOPS, "hello", "clock"}))
+@pytest.mark.parametrize("verb", sorted({*VERBS, *STOPS, "hello", "clock", "feed"}))
 def test_a_verb_passes_with_its_right_only(verb: str, operator: str) -> None:
     # The table of docs/fleet.md, written out.
     move = {"acquire", "release", "move", "rows", "end", "start", "note", "grip"}
-    both = {"hello", "clock"}
+    both = {"hello", "clock", "feed"}
     allowed = {
         "anna": {*VERBS, *both},
         "bob": {*both, "status", "describe", "ping", "subscribe", "unsubscribe"},
@@ -66,7 +66,7 @@ def test_a_verb_in_the_payload_is_refused(verb: str) -> None:
 
 
 def test_only_stops_and_reads_go_to_every_node() -> None:
-    for verb in ("hold", "stop", "estop", "status", "describe"):
+    for verb in ("hold", "stop", "estop", "status", "describe", "feed"):
         ask(verb, node="*")
     for verb in {*VERBS} - {"status", "describe"}:
         assert code(verb, node="*") == "wildcard"

@@ -6,6 +6,7 @@ import json
 import sys
 import time
 from collections.abc import Callable
+from pathlib import Path
 from typing import TYPE_CHECKING, Any, Final
 
 import click
@@ -25,6 +26,11 @@ RETRY_S: Final = 0.02
 
 socket_option = click.option(
     "--socket", type=click.Path(), help="Socket of the daemon; default: the only one that runs."
+)
+file_option = click.option(
+    "--file",
+    type=click.Path(path_type=Path),
+    help="File of the operator; default: fleet.yaml here or in ~/.config/contid.",
 )
 json_option = click.option("--json", "as_json", is_flag=True, help="Print the response as JSON.")
 

@@ -12,17 +12,12 @@ import click
 
 from contid.cli.commands.fleet.common_run import command as run
 from contid.cli.commands.fleet.common_run import replay
+from contid.cli.commands.fleet.feed import command as feed
 from contid.cli.support.numbers import NumberRange
-from contid.cli.support.orders import json_option
+from contid.cli.support.orders import file_option, json_option
 
 if TYPE_CHECKING:
     from contid.fleet.operator import Answers, FleetOperator
-
-file_option = click.option(
-    "--file",
-    type=click.Path(path_type=Path),
-    help="File of the operator; default: fleet.yaml here or in ~/.config/contid.",
-)
 
 
 @click.group()
@@ -190,6 +185,7 @@ def move(
 
 command.add_command(run)
 command.add_command(replay)
+command.add_command(feed)
 
 
 @command.command("init")

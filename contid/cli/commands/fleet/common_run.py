@@ -9,7 +9,7 @@ from pathlib import Path
 import click
 
 from contid.cli.support.numbers import NumberRange
-from contid.cli.support.orders import json_option
+from contid.cli.support.orders import file_option, json_option
 
 
 @click.command("run")
@@ -23,11 +23,7 @@ from contid.cli.support.orders import json_option
 )
 @click.option("--takeover", is_flag=True, help="Take the leases from their holders; the robots hold.")
 @click.option("--lease", type=NumberRange(0.3, 5.0), default=1.0, show_default=True, help="Seconds.")
-@click.option(
-    "--file",
-    type=click.Path(path_type=Path),
-    help="File of the operator; default: fleet.yaml here or in ~/.config/contid.",
-)
+@file_option
 @json_option
 def command(
     trajectory: Path, on_one: str, takeover: bool, lease: float, file: Path | None, as_json: bool
