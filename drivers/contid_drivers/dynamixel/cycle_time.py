@@ -12,14 +12,13 @@ from typing import Final
 
 from contid.hal import ExchangeTime
 from contid_drivers.dynamixel.exchange.block import INDIRECT, PLAIN
+from contid_drivers.dynamixel.exchange.fast_answer import HEAD as FAST_HEAD
+from contid_drivers.dynamixel.exchange.fast_answer import PART_OVERHEAD
 from contid_drivers.dynamixel.models import BY_NAME, LAST_FIRMWARE_AT_208, ServoModel
 from contid_drivers.dynamixel.options import DynamixelAxisOptions, DynamixelBusOptions
 from contid_drivers.dynamixel.packets import STATUS_OVERHEAD, sync_read, sync_write
 
 BITS_PER_BYTE: Final = 10
-#: Bytes of a fast answer before the parts of the servos, and around the block of each.
-FAST_HEADER: Final = 8
-FAST_OVERHEAD: Final = 4
 GOAL_SIZE: Final = 4
 #: Firmware before and after the change of the indirect data of the small servos.
 _FIRMWARES: Final = (LAST_FIRMWARE_AT_208, LAST_FIRMWARE_AT_208 + 1)
@@ -29,7 +28,7 @@ def bytes_on_wire(ids: Sequence[int], size: int, fast: bool) -> int:
     """Bytes of one exchange with a block of ``size`` bytes per servo."""
     goals = len(sync_write(0, GOAL_SIZE, [(device, bytes(GOAL_SIZE)) for device in ids]))
     count = len(ids)
-    answers = FAST_HEADER + count * (size + FAST_OVERHEAD) if fast else count * (size + STATUS_OVERHEAD)
+    answers = FAST_HEAD + count * (size + PART_OVERHEAD) if fast else count * (size + STATUS_OVERHEAD)
     return goals + len(sync_read(0, size, ids)) + answers
 
 

@@ -2,9 +2,13 @@
 
 from __future__ import annotations
 
+import math
+from pathlib import Path
+
 import pytest
 from dynamixel_sdk import Protocol2PacketHandler
 
+from contid.robot_file.exchange_time import highest_rate_hz
 from contid_drivers.dynamixel import cycle_time
 from contid_drivers.dynamixel.emulator import Servo
 from contid_drivers.dynamixel.emulator.replies import answers
@@ -82,3 +86,20 @@ def test_models_with_indirect_data_at_two_addresses_may_need_the_plain_block() -
     assert wire_s("xm430-w350", "xl430-w250") == pytest.approx((lean, lean))
     assert wire_s("xl330-m288", "xm430-w350") == pytest.approx((lean, plain))
     assert wire_s("xh430-v350", "xm430-w350") == pytest.approx((plain, plain))
+
+
+def test_the_table_of_rates_in_the_docs_is_what_check_computes() -> None:
+    page = Path(__file__).parents[3] / "docs" / "dynamixel.md"
+    head, _, *rows = [
+        [cell.strip() for cell in line.strip("|").split("|")]
+        for line in page.read_text().split("## How fast")[1].split("\n\n| ")[1].split("\n\n")[0].splitlines()
+    ]
+    counts = [int(cell.split()[0]) for cell in head[1:]]
+    assert len(rows) == 6
+    for baud, *cells in rows:
+        options = DynamixelBusOptions(port="x", baud=int(baud.replace(" ", "")))  # type: ignore[arg-type]  # pydantic checks the rate
+        for count, cell in zip(counts, cells, strict=True):
+            axes = [DynamixelAxisOptions(id=i) for i in range(count)]
+            time = cycle_time.exchange_time(options, axes)
+            fast_hz = math.floor(1.0 / time.least_s)
+            assert cell == f"{highest_rate_hz(time):.0f}; {fast_hz}", (baud, count)

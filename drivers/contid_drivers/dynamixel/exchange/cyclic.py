@@ -219,7 +219,7 @@ class Cyclic:
             return
         port.flush()
         deadline = min(port.send(wire) + answers_s + port.latency_s, until)
-        self._answers.plain(devices, block, deadline, 0.0, each)
+        self._answers.plain(devices, block, deadline, until - deadline, each)
 
 
 @cache
