@@ -71,6 +71,7 @@ MODELS: Final[dict[str, str]] = {
     "cosserat": "contid.kinematics.cosserat.model:CosseratModel",
     "rack_finger": "contid.kinematics.rack.finger:RackFingerModel",
     "tendon": "contid.kinematics.tendon.model:TendonModel",
+    "tendon.rod": "contid.kinematics.tendon.loaded:LoadedTendonModel",
     "tri_rack": "contid.kinematics.arc.section_model:SectionModel",
     "tri_tube": "contid.kinematics.arc.section_model:SectionModel",
     "tri_tube.ph": "contid.kinematics.ph.model:PhModel",

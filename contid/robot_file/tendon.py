@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from typing import Annotated, ClassVar, Literal
 
 from pydantic import Field, model_validator
@@ -14,6 +15,9 @@ from contid.units import MM_PER_M
 #: The native kernel has scratch memory on the stack for this many sections.
 MAX_TENDON_SECTIONS = 8
 MAX_TENDONS = 8  # of a section
+
+_PerSection = Annotated[tuple[NonNegative, ...], Field(min_length=1, max_length=MAX_TENDON_SECTIONS)]
+_PerSectionPositive = Annotated[tuple[Positive, ...], Field(min_length=1, max_length=MAX_TENDON_SECTIONS)]
 
 
 class TendonSectionDescription(Strict):
@@ -112,6 +116,34 @@ class Tension(Strict):
         return self
 
 
+class TendonRodStatics(Strict):
+    """Statics of the backbone as a rod under tendons, weight and a force on the tip; needs ``tension``.
+
+    Left out, sections are arcs, which is exact without loads, and 1000 times faster.
+
+    Attributes:
+        weight_n_per_m: weight of the robot along its backbone: one number for all, or one per section.
+        gravity: its direction in the base frame.
+        torsion_n_mm2: torsional stiffness G J: one number for all, or one per section; left out, E I / 1.3,
+            a round rod of nitinol or steel.
+        stretch_n: stiffness E A of an extensible backbone, such as a spring: one number for all, or one per
+            section; left out, it is inextensible.
+        elements: of a section; the error falls with the square of their number.
+    """
+
+    weight_n_per_m: _PerSection = (0.0,)
+    gravity: tuple[float, float, float] = (0.0, 0.0, -1.0)
+    torsion_n_mm2: _PerSectionPositive | None = None
+    stretch_n: _PerSectionPositive | None = None
+    elements: Annotated[int, Field(ge=2, le=32)] = 6
+
+    @model_validator(mode="after")
+    def _check_gravity(self) -> TendonRodStatics:
+        if not 1e-6 < math.hypot(*self.gravity) < math.inf:
+            raise ValueError("gravity is a direction, such as [0, 0, -1]")
+        return self
+
+
 class TendonFriction(Strict):
     """Friction of the tendons; left out, there is none.
 
@@ -137,6 +169,7 @@ class TendonRobot(RobotDescription):
         limits: of pulls and bends.
         tension: of the tendons; bounds them and adds the stretch of tendons to the pulls.
         friction: of the tendons; off when left out.
+        rod: statics of the backbone under loads; off when left out.
     """
 
     quantity: ClassVar[Quantity] = Quantity.LENGTH
@@ -147,6 +180,7 @@ class TendonRobot(RobotDescription):
     limits: TendonRobotLimits
     tension: Tension | None = None
     friction: TendonFriction | None = None
+    rod: TendonRodStatics | None = None
 
     @model_validator(mode="after")
     def _consistent(self) -> TendonRobot:
@@ -155,6 +189,12 @@ class TendonRobot(RobotDescription):
         if self.tension is not None:
             rows.append(("tension.bending_n_mm2", self.tension.bending_n_mm2))
             rows.append(("tension.tendon_n_per_mm", self.tension.tendon_n_per_mm))
+        if self.rod is not None:
+            if self.tension is None:
+                raise ValueError("rod needs tension, which has the stiffness of the backbone and the tendons")
+            for key in ("weight_n_per_m", "torsion_n_mm2", "stretch_n"):
+                if (values := getattr(self.rod, key)) is not None:
+                    rows.append((f"rod.{key}", values))
         for what, values in rows:
             if len(values) not in (1, count):
                 raise ValueError(f"{what} has {len(values)} entries; allowed: 1 or {count}, one per section")
@@ -188,7 +228,14 @@ class TendonRobot(RobotDescription):
     def accepts(self) -> frozenset[str]:
         """A tip; from three sections on also a direction or a mid-point."""
         more = {"direction", "mid"} if self.sections > 2 else set()
+        if self.rod is not None:
+            more = more | {"load"}
         return frozenset({"tip", "actuation"} | more)
+
+    @property
+    def kinematics(self) -> str:
+        """``tendon``, or with loads ``tendon.rod``."""
+        return self.model if self.rod is None else "tendon.rod"
 
     @property
     def lower(self) -> Actuation:

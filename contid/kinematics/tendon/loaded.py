@@ -1,0 +1,208 @@
+"""The model of tendon robots under loads: the backbone as a rod, with weight and a force on the tip.
+
+Backwards, the target of the arcs (`TendonModel`) is shifted until the rod meets the real one, by the method
+of C. G. Broyden (Math. Comp. 19, 1965), which needs no derivative of the shift. Sections are tightened until
+the tensions of the rod are at or above the floor.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import replace
+from typing import Final
+
+import numpy as np
+
+from contid.kinematics.array import Array
+from contid.kinematics.tendon.geometry import TendonGeometry
+from contid.kinematics.tendon.model import TendonModel
+from contid.kinematics.tendon.rod import TendonEquilibrium, TendonRod
+from contid.kinematics.tendon.tension import TendonStatics
+from contid.robot_file.tendon import TendonRobot
+from contid.targets import ZERO3, Actuation, Pose, Solution, Target, Vec3
+from contid.units import MM_PER_M, m_to_mm
+
+#: G J of a round rod: E I / (1 + Poisson's ratio).
+_TORSION_SHARE: Final = 1.0 / 1.3
+_ROUNDS: Final = 40
+#: Residual to which answers are corrected, and one that still counts as met [m].
+_EXACT_M: Final = 1e-10
+_MET_M: Final = 1e-7
+#: Tension below the floor that is none [N].
+_TENSION_N: Final = 1e-6
+#: Length that a radian of direction counts as [m].
+_ELL_M: Final = 0.1
+_STEPS: Final = 5
+_PARTS: Final = 8
+
+
+class LoadedTendonModel(TendonModel):
+    """A tendon robot with ``rod`` in its file.
+
+    Attributes:
+        rod: the backbone.
+    """
+
+    def __init__(self, robot: TendonRobot) -> None:
+        super().__init__(robot)
+        assert self.statics is not None
+        self._floor: TendonStatics = self.statics
+        self.rod = rod_of(robot, self.geometry, self.statics)
+        self._section = np.repeat(
+            np.arange(self.geometry.count), [len(section.radius_m) for section in self.geometry.sections]
+        )
+
+    def equilibrium(
+        self, actuation: Actuation | Array, load_n: Vec3 = ZERO3, near: TendonEquilibrium | None = None
+    ) -> TendonEquilibrium:
+        """The rod for pulls [m] and a force on the tip [N] in the base frame.
+
+        Args:
+            actuation: pulls [m].
+            load_n: force on the tip [N].
+            near: an equilibrium to start from; arcs without.
+
+        Raises:
+            ArithmeticError: none was found, as for a load far beyond the robot.
+        """
+        pulls = np.asarray(actuation, dtype=np.float64)
+        start = self.rod.even(self.bends(pulls)) if near is None else near.strain
+        try:
+            return self.rod.solve(pulls, load_n, start)
+        except ArithmeticError:
+            for step in range(1, _STEPS):  # led there by a growing load
+                x, y, z = (step / _STEPS * f for f in load_n)
+                start = self.rod.solve(pulls, (x, y, z), start).strain
+            return self.rod.solve(pulls, load_n, start)
+
+    def forward(self, actuation: Actuation, load_n: Vec3 = ZERO3) -> Pose:
+        """Tip, orientation and end of the first section for pulls [m]."""
+        return _pose(self.equilibrium(actuation, load_n))
+
+    def jacobian(self, actuation: Actuation, load_n: Vec3 = ZERO3) -> Array:
+        """Derivative of the tip by the pulls, shape (3, tendons)."""
+        return self.equilibrium(actuation, load_n).jacobian
+
+    def compliance(self, actuation: Actuation, load_n: Vec3 = ZERO3) -> Array:
+        """Derivative of the tip by a force on it [m/N], shape (3, 3)."""
+        return self.equilibrium(actuation, load_n).compliance
+
+    def shape(self, actuation: Actuation, points: int, load_n: Vec3 = ZERO3) -> Array:
+        """Backbone and rigid pieces at equal arc length, base offset first, shape (points, 3) [m]."""
+        curve = self.rod.curve(self.equilibrium(actuation, load_n).strain, _PARTS)
+        along = np.concatenate(([0.0], np.cumsum(np.linalg.norm(np.diff(curve, axis=0), axis=1))))
+        at = np.linspace(0.0, along[-1], points)
+        return np.stack([np.interp(at, along, column) for column in curve.T], axis=1)
+
+    def tensions(self, actuation: Actuation) -> Array:
+        """Tensions ``(tendons,)`` [N] of pulls [m] without a force on the tip."""
+        return self.equilibrium(actuation).tensions_n
+
+    def inverse(self, target: Target, seed: Actuation) -> Solution:
+        """Pulls whose rod, under its weight and the target's load, meets the target; see the module."""
+        if target.actuation is not None or target.tip_m is None:
+            return super().inverse(target, seed)
+        goal = _rows(target.tip_m, target.direction, target.mid_m)
+        if not np.all(np.isfinite(goal)):
+            return super().inverse(target, seed)
+        # Unknown: the target of the arcs, and the tightness of each section as a stretch [m].
+        count, n_per_m = len(goal), np.array(self._floor.tendon_n_per_m)
+        unknown = np.concatenate((goal, np.zeros(self.geometry.count)))
+        slope = np.eye(len(unknown))
+        before: tuple[Array, Array] | None = None
+        best: tuple[float, Solution] | None = None
+        rod: TendonEquilibrium | None = None
+        for turn in range(1, _ROUNDS + 1):
+            arcs = super().inverse(_shifted(target, unknown[:count]), seed)
+            tight = unknown[count:][self._section] * self._floor.slack_free
+            pulls = np.clip(np.array(arcs.actuation) + tight, self.lower, self.upper)
+            rod = self.equilibrium(pulls, target.load_n, rod)
+            pose = _pose(rod)
+            error = goal - _rows(
+                pose.tip_m, pose.direction if target.direction is not None else None,
+                pose.mid_m if target.mid_m is not None else None,
+            )  # fmt: skip
+            size, lacks, over = float(np.linalg.norm(error)), self._lacks(rod), self._beyond(rod)
+            limits = tuple(dict.fromkeys(over + arcs.limited_by))
+            found = Solution(tuple(pulls.tolist()), size, False, limits, turn)
+            judged = size + float(np.maximum(lacks, 0.0).sum()) / float(n_per_m.min())
+            if best is None or judged < best[0]:
+                best = judged, found
+            met = size <= (_EXACT_M if turn < _ROUNDS // 2 else _MET_M)
+            if met and not np.any(lacks > _TENSION_N):
+                if over:
+                    break
+                return replace(found, converged=True)
+            binds = (lacks > 0.0) | (unknown[count:] > 0.0)
+            left = np.concatenate((error, np.where(binds, lacks / n_per_m.max(), 0.0)))
+            if before is not None:
+                moved, changed = unknown - before[0], before[1] - left
+                slope += np.outer(changed - slope @ moved, moved) / max(float(moved @ moved), 1e-300)
+            before = unknown.copy(), left
+            unknown = unknown + np.linalg.lstsq(slope, left, rcond=1e-6)[0]
+            unknown[count:] = np.maximum(unknown[count:], 0.0)
+        assert best is not None
+        found = best[1]
+        note = f"the nearest answer found within the limits leaves {m_to_mm(found.residual_m):.6g} mm"
+        return replace(found, note=note)
+
+    def _lacks(self, rod: TendonEquilibrium) -> Array:
+        """Tension that each section lacks to the floor [N]; negative where it has more."""
+        lacks = (self._floor.floor_n - rod.tensions_n) / self._floor.slack_free
+        return np.array([lacks[rows].max() for rows in self.geometry.tendon_slices])
+
+    def _beyond(self, rod: TendonEquilibrium) -> tuple[str, ...]:
+        """Tendons over the largest tension."""
+        over = rod.tensions_n > self._floor.limit_n + _TENSION_N
+        return tuple(f"{name}.tension" for name, yes in zip(self.axis_names, over, strict=True) if yes)
+
+
+def rod_of(robot: TendonRobot, geometry: TendonGeometry, statics: TendonStatics) -> TendonRod:
+    """The rod of a robot description."""
+    assert robot.rod is not None
+    assert robot.tension is not None
+    square = MM_PER_M * MM_PER_M
+    bending = [value / square for value in robot.per_section(robot.tension.bending_n_mm2)]
+    torsion = [_TORSION_SHARE * value for value in bending]
+    if robot.rod.torsion_n_mm2 is not None:
+        torsion = [value / square for value in robot.per_section(robot.rod.torsion_n_mm2)]
+    stretch = [math.inf] * geometry.count
+    if robot.rod.stretch_n is not None:
+        stretch = list(robot.per_section(robot.rod.stretch_n))
+    down = np.array(robot.rod.gravity) / math.hypot(*robot.rod.gravity)
+    weight = np.outer(robot.per_section(robot.rod.weight_n_per_m), down)
+    return TendonRod(
+        geometry, bending, torsion, stretch, statics.tendon_n_per_m, statics.rest_n.tolist(), weight,
+        elements=robot.rod.elements,
+    )  # fmt: skip
+
+
+def _pose(rod: TendonEquilibrium) -> Pose:
+    rotation = tuple(rod.rotation.ravel().tolist())
+    return Pose(_vec(rod.tip_m), rotation, _vec(rod.rotation[:, 2]), _vec(rod.ends_m[0]))
+
+
+def _vec(values: Array) -> Vec3:
+    x, y, z = values.tolist()
+    return x, y, z
+
+
+def _rows(tip: Vec3, direction: Vec3 | None, mid: Vec3 | None) -> Array:
+    """What a target asks for [m]."""
+    rows = [np.array(tip)]
+    if direction is not None:
+        rows.append(_ELL_M * np.array(direction) / math.hypot(*direction))
+    if mid is not None:
+        rows.append(np.array(mid))
+    return np.concatenate(rows)
+
+
+def _shifted(target: Target, rows_m: Array) -> Target:
+    """A target with other rows."""
+    rows = rows_m.reshape(-1, 3)
+    direction = mid = None
+    if target.direction is not None:
+        direction = _vec(rows[1] / np.linalg.norm(rows[1]))
+    if target.mid_m is not None:
+        mid = _vec(rows[-1])
+    return replace(target, tip_m=_vec(rows[0]), direction=direction, mid_m=mid, load_n=ZERO3)
