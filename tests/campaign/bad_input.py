@@ -24,6 +24,7 @@ from contid.control.engine.cycle import OnEnd
 from contid.control.engine.virtual import run_virtual
 from contid.control.process.setup import RunSetup
 from contid.errors import ContidError
+from contid.remote.protocol.estop_line import is_estop
 from contid.remote.protocol.wire import RequestFields, decode
 from contid.robot_file.load import load_robot_file, parse_robot_file, with_mock
 from contid.robot_file.shipped import configs_folder
@@ -42,6 +43,7 @@ from contid_drivers.dynamixel import packets
 from contid_drivers.dynamixel.exchange.block import INDIRECT, MOTION, PLAIN
 from contid_drivers.dynamixel.exchange.fast_answer import FastAnswer
 from tests.campaign import siege
+from tests.campaign.corpus import stored
 from tests.campaign.shapes import SHAPES, file_of, joined, records
 
 #: Address space of a campaign [bytes]; imports take a quarter of it.
@@ -103,6 +105,7 @@ def stream(data: bytes) -> None:
 def request(data: bytes) -> None:
     """Lines of the socket, as far as no daemon is needed; `tests.campaign.siege` has one."""
     for line in data.split(b"\n"):
+        is_estop(line)
         with suppress(ContidError):
             take = RequestFields(decode(line))
             take.number("timeout_s", 1.0, 0.1, 60.0)
@@ -159,7 +162,11 @@ SOCKET = "socket"
 
 @cache
 def corpus(name: str) -> tuple[bytes, ...]:
-    """Good inputs to begin with."""
+    """Good inputs to begin with, and the stored ones."""
+    return *_good(name), *stored(name)
+
+
+def _good(name: str) -> tuple[bytes, ...]:
     rows = b"t_s,left.x_mm,left.y_mm\n0,50,75\n0.5,51,75.5\n1,52,76\n"
     lines = b'{"t_s": 0, "left.x_mm": 50, "left.y_mm": 75}\n{"t_s": 1, "left.x_mm": 51, "left.y_mm": 75}\n'
     match name:

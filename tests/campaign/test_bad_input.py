@@ -11,6 +11,7 @@ from hypothesis import strategies as st
 
 from contid.errors import ContidError
 from tests.campaign import bad_input, siege
+from tests.campaign.corpus import stored
 
 ROUNDS = int(os.environ.get("CONTID_BAD_INPUTS", "60"))
 
@@ -19,6 +20,14 @@ ROUNDS = int(os.environ.get("CONTID_BAD_INPUTS", "60"))
 def test_mutated_input_is_answered(name: str) -> None:
     found = bad_input.campaign(name, ROUNDS, seed=7)
     assert not found, found[0][1]
+
+
+@pytest.mark.parametrize("name", bad_input.TARGETS)
+def test_stored_inputs_are_answered(name: str) -> None:
+    """Each takes a way through the parser that no other takes (`tests.campaign.corpus`)."""
+    inputs = stored(name)
+    assert inputs
+    assert {data: message for data in inputs if (message := bad_input.attempt(name, data))} == {}
 
 
 @pytest.mark.parametrize("name", ["stream", "request", "dynamixel", "due", "session"])

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import io
 import json
+import re
 import struct
 import tracemalloc
 import zipfile
@@ -178,6 +179,18 @@ def test_an_overrun_without_a_number_is_summarized(
 ) -> None:
     path = _with(growing, tmp_path, json.dumps({"event": "overrun", **missed}).encode())
     assert summarize(Session(path)).events["overrun"] == 1
+
+
+@pytest.mark.parametrize("deadline", ["NaN", "null", "1e99"])
+def test_a_tick_without_a_time_ends_the_session(growing: Path, tmp_path: Path, deadline: str) -> None:
+    """Found by the fuzzer: the summary ended with a ValueError."""
+    data = growing.read_bytes()
+    found = re.compile(rb'"tick":50,.*?"deadline_s":([^,}]+)').search(data)
+    assert found
+    path = tmp_path / "s.mcap"
+    path.write_bytes(data[: found.start(1)] + deadline.encode().ljust(len(found[1])) + data[found.end(1) :])
+    state = summarize(Session(path)).state
+    assert state.startswith("damaged inside after 50 ticks (a record without valid content: tick 50")
 
 
 def test_damage_inside_is_repaired_in_a_copy_only(growing: Path, recorded: Path, tmp_path: Path) -> None:

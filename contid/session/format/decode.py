@@ -12,9 +12,11 @@ from math import inf, nan
 from operator import itemgetter
 from typing import Any, Final, NamedTuple
 
-from contid.control.engine.tick_layout import RecordLayout
+from contid.control.engine.tick_layout import DEADLINE, SKIPPED, TICK, RecordLayout
 from contid.session.format.channels import INFINITE, TICK_CHANNELS, Field, fields
 
+#: More ticks, and more seconds, than any run has.
+MAX_COUNT: Final = 1 << 53
 _NO_VECTOR: Final = (nan, nan, nan)
 
 
@@ -77,7 +79,7 @@ class Decoder:
         """The record of the gathered messages.
 
         Raises:
-            ValueError: a message is missing, or a vector has not three numbers.
+            ValueError: a message is missing, a vector has not three numbers, or the tick has no time.
             struct.error, OverflowError: one is no number that a record can hold.
         """
         if len(gathered) != self._size:
@@ -86,6 +88,11 @@ class Decoder:
         if None in values:
             values = [nan if value is None else value for value in values]
         self._check(*values)  # cheaper than looking at each: only numbers can be packed
+        tick, skipped, deadline_s = values[TICK], values[SKIPPED], values[DEADLINE]
+        if not (
+            0.0 <= tick < MAX_COUNT and 0.0 <= skipped < MAX_COUNT and -MAX_COUNT < deadline_s < MAX_COUNT
+        ):
+            raise ValueError(f"tick {tick}, skipped {skipped}, deadline {deadline_s} s are no place in a run")
         return values
 
 

@@ -17,7 +17,7 @@ from typing import Any, BinaryIO, Final
 from contid.control.engine.events import RunEvent, from_json
 from contid.session.format import mcap_records as mcap
 from contid.session.format.channels import EVENT, RENAMED_EVENT_KEYS, TICK_CHANNELS
-from contid.session.format.decode import Decoder
+from contid.session.format.decode import MAX_COUNT, Decoder
 from contid.session.format.mcap_records import MESSAGE_INSIDE, DamagedRecordError, RecordStream
 
 #: `EndOfFile.cut` of a file that has no end yet.
@@ -26,8 +26,6 @@ GROWING: Final = "still being recorded"
 DAMAGED: Final = "damaged inside"
 #: Ticks between two calls of ``progress``.
 _PROGRESS_TICKS: Final = 1000
-#: More ticks than any run has.
-_MAX_TICKS: Final = 1 << 53
 #: Exceptions of a damaged message.
 _DAMAGE: Final = (
     *(ValueError, KeyError, TypeError, AttributeError, OverflowError, RecursionError),
@@ -135,7 +133,7 @@ def _event(data: bytes) -> RunEvent:
     if not isinstance(fields, dict) or not isinstance(fields.get("event"), str):
         raise ValueError("an event has no kind")
     tick = fields.get("tick", 0)
-    if not isinstance(tick, int) or isinstance(tick, bool) or not 0 <= tick < _MAX_TICKS:
+    if not isinstance(tick, int) or isinstance(tick, bool) or not 0 <= tick < MAX_COUNT:
         raise ValueError("an event has no tick")
     for old, new in RENAMED_EVENT_KEYS.items():
         if old in fields:
