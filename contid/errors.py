@@ -74,6 +74,7 @@ class DeviceLostError(DeviceError):
 #: Package, as it is imported -> the extra of ``pip install 'contid[EXTRA]'`` that has it.
 EXTRAS: Final = {
     "cryptography": "fleet",
+    "cv2": "track",
     "foxglove": "data",
     "h5py": "data",
     "matplotlib": "plots",

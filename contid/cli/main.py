@@ -59,6 +59,7 @@ COMMANDS: Final[dict[str, tuple[str, str]]] = {
     "session": ("contid.cli.commands.session", "a recording: summary, check, export, repair"),
     "view": ("contid.cli.commands.view", "show a recording: robots, axes, events"),
     "panel": ("contid.cli.commands.panel", "a page in the browser: STOP, state, jogging, trajectories"),
+    "track": ("contid.cli.commands.track", "measure a tip with a camera and tags"),
     "fleet": ("contid.cli.commands.fleet", "robots on several machines: one table, one stop"),
     "reach": ("contid.cli.commands.reach", "workspace of the tips: areas, volumes, overlaps, plots"),
     "bench": ("contid.cli.commands.bench", "the figures of the documentation, on this machine"),

@@ -86,6 +86,8 @@ def test_the_base_install_runs_robots(line: str, hidden: Path) -> None:
         (f"{CIRCLE} --fastest", "retime"),
         ("contid panel", "panel"),
         ("contid demo", "panel"),
+        ("contid track --camera tip.avi --print", "track"),
+        ("contid calibrate camera 0 --board 9x6 --square-mm 20 -o c.yaml", "track"),
     ],
 )
 def test_a_missing_extra_is_named(line: str, extra: str, hidden: Path) -> None:
@@ -107,7 +109,12 @@ def test_the_studies_are_in_a_clone_only(hidden: Path) -> None:
 def test_every_extra_that_a_message_names_is_declared() -> None:
     project = tomllib.loads((ROOT / "pyproject.toml").read_text())["project"]
     extras = project["optional-dependencies"]
-    distributions = {"foxglove": "foxglove-sdk", "rerun": "rerun-sdk", "zenoh": "eclipse-zenoh"}
+    distributions = {
+        "cv2": "opencv-python-headless",
+        "foxglove": "foxglove-sdk",
+        "rerun": "rerun-sdk",
+        "zenoh": "eclipse-zenoh",
+    }
     for package, extra in EXTRAS.items():
         name = distributions.get(package, package)
         assert any(each.startswith(f"{name}>=") for each in extras[extra]), (package, extra)

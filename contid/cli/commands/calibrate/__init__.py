@@ -8,6 +8,10 @@ from contid.cli.support.table import TableGroup
 
 #: Calibration -> (module that defines it as ``command``, one line for ``contid calibrate --help``).
 CALIBRATIONS: Final[dict[str, tuple[str, str]]] = {
+    "camera": (
+        "contid.cli.commands.calibrate.camera",
+        "the camera of `contid track`, from pictures of a chessboard",
+    ),
     "curvature": (
         "contid.cli.commands.calibrate.curvature",
         "a rack finger's curvature correction from photographed markers",

@@ -1,0 +1,1 @@
+"""A camera as a tracker of tips: calibration, tags, poses that are worth sending."""
