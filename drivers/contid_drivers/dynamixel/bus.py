@@ -30,6 +30,8 @@ log = logging.getLogger(__name__)
 
 #: Complete exchanges after a miss before fast reads are tried again.
 FAST_AGAIN: Final = 200
+#: Exchanges in a row that waited on, after which the adapter is the cause and not the host.
+STALLS_LOGGED: Final = 20
 
 
 class DynamixelBus:
@@ -62,6 +64,7 @@ class DynamixelBus:
         self._count = 0  # exchanges
         self._clean = 0  # complete exchanges since the last miss
         self._late_logged = False
+        self._stalls = 0  # in a row
 
     # -- port ----------------------------------------------------------------------------------------------
 
@@ -175,18 +178,27 @@ class DynamixelBus:
     def _note_missing(self, cyclic: Cyclic) -> None:
         """Read servos that missed several exchanges last, discard late answers, log the first late one."""
         assert self._client is not None
+        self._stalls = self._stalls + 1 if cyclic.stalled else 0
+        if self._stalls >= STALLS_LOGGED:
+            self._log_late(cyclic, "and every exchange waits for them")
         missing = [axis for axis in self._states.values() if axis.misses]
         if not missing and not cyclic.disturbed:
             return
         self._client.expect_late(axis.device for axis in missing)
         cyclic.put_last([axis.device for axis in missing if axis.misses > 1])
-        if cyclic.counts.late and not self._late_logged:
-            self._late_logged = True
-            log.warning(
-                "%s: answers come after their time-out of %.1f ms and are discarded; set the adapter's "
-                "latency timer to 1 ms or raise usb_latency_ms (`contid doctor`)",
-                self.name, 1e3 * cyclic.timeout_s(),
-            )  # fmt: skip
+        if cyclic.counts.late:
+            self._log_late(cyclic, "and are discarded")
+
+    def _log_late(self, cyclic: Cyclic, then: str) -> None:
+        """Log once that the adapter is late."""
+        if self._late_logged:
+            return
+        self._late_logged = True
+        log.warning(
+            "%s: answers come after their time-out of %.1f ms %s; set the adapter's "
+            "latency timer to 1 ms or raise usb_latency_ms (`contid doctor`)",
+            self.name, 1e3 * cyclic.timeout_s(), then,
+        )  # fmt: skip
 
     def _goals(self, commands: Mapping[str, float]) -> dict[int, int]:
         """Commands of the enabled axes in ticks by id; one invalid command refuses all."""

@@ -16,6 +16,7 @@ import pytest
 
 from contid.errors import DeviceError
 from contid_drivers.dynamixel import registers as reg
+from contid_drivers.dynamixel.bus import STALLS_LOGGED
 from contid_drivers.dynamixel.client import NoAnswerError, ServoClient
 from contid_drivers.dynamixel.exchange.slack import SLACK_MIN_S, WINDOW, Slack
 from contid_drivers.dynamixel.port import ServoPort
@@ -168,6 +169,19 @@ def test_a_stall_longer_than_the_time_out_costs_no_sample(rig: Make) -> None:
         r.emulator.set("hiccup", ms=50)
         assert all(sample.valid for sample in r.tick().values())
     assert r.bus._cyclic.counts.stalls >= stalls + 10
+
+
+def test_an_adapter_that_is_always_late_is_named_although_no_sample_is_lost(
+    rig: Make, caplog: pytest.LogCaptureFixture
+) -> None:
+    r = rig(2, usb_latency_ms=1.5, slack_ms=200, retry_ms=0)
+    r.bus.open()
+    r.emulator.set("late", ms=12)
+    for _ in range(STALLS_LOGGED + 5):
+        r.tick()
+    r.emulator.set("late", ms=0)
+    (found,) = [record.getMessage() for record in caplog.records if "latency timer" in record.getMessage()]
+    assert "after their time-out" in found
 
 
 def test_a_stall_of_a_scheduler_tick_is_waited_for_from_the_start() -> None:

@@ -60,8 +60,8 @@ class ServoAnswers:
         self.port = port
         self.counts = counts
         self._ids = frozenset(ids)
-        #: A byte arrived in the newest read.
-        self.received = True
+        #: A byte arrived in the newest read; nothing did before its time-out, so it waited on.
+        self.received, self.stalled = True, False
 
     def plain(
         self, devices: Collection[int], block: Block, deadline: float, slack_s: float, each: Receiver
@@ -78,7 +78,7 @@ class ServoAnswers:
         waiting = set(devices)
         heads, decode = _heads(tuple(devices), block.size), block.decode
         port, stream, unused = self.port, bytearray(), 0
-        self.received = False
+        self.received = self.stalled = False
         while waiting:
             data = port.receive(deadline)
             # Late answers to earlier exchanges do not end a stall.
@@ -117,7 +117,7 @@ class ServoAnswers:
     ) -> None:
         """Take the answer to a fast sync read, up to its first damaged part; arguments as in `plain`."""
         answer, decode = FastAnswer(devices, block.size), block.decode
-        self.received = False
+        self.received = self.stalled = False
         while answer.missing:
             data = self.port.receive(deadline)
             if not data and slack_s and not answer.started:
@@ -133,6 +133,7 @@ class ServoAnswers:
 
     def _stalled(self, deadline: float, slack_s: float) -> float:
         self.counts.stalls += 1
+        self.stalled = True
         return deadline + slack_s
 
     def _count_missing(self, missing: int, damaged: bool) -> None:

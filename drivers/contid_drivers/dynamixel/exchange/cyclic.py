@@ -90,6 +90,11 @@ class Cyclic:
         """Bytes arrived in the newest exchange."""
         return self._answers.received
 
+    @property
+    def stalled(self) -> bool:
+        """The newest exchange waited on, because nothing had arrived in time."""
+        return self._answers.stalled
+
     def timeout_s(self, full: bool = True) -> float:
         """Time-out of the answers from the end of the instruction [s]."""
         return self._answers_s(self._usual[full].size, self.fast) + self.port.latency_s
