@@ -7,8 +7,8 @@ an overwritten slot is detected and counted. A long event takes several slots. R
 their mapping stays valid after the file is unlinked.
 
 Layout of the file: 64 bytes of header (magic, sizes, closed flag, two sequence numbers), the JSON of the
-`RecordLayout`, tick slots, event slots. x86-64 keeps the order of stores; on ARM the interpreter's locking
-between two Python statements does.
+`RecordLayout`, tick slots, event slots. Every slot has a CRC-32 of its contents and number: processors other
+than x86-64 may show a reader the stamp before the contents, and such a slot is read again.
 """
 
 from __future__ import annotations
@@ -22,6 +22,7 @@ import secrets
 import struct
 import tempfile
 import time
+import zlib
 from collections.abc import Callable, Mapping
 from contextlib import ExitStack, suppress
 from dataclasses import dataclass
@@ -32,7 +33,7 @@ from contid.control.engine.events import EventTooLong, RunEvent, from_json, to_j
 from contid.control.engine.tick_layout import LATENESS, RecordLayout, TickRecord
 from contid.errors import ContidError
 
-MAGIC: Final = b"contidR4"
+MAGIC: Final = b"contidR5"
 HEAD: Final = struct.Struct("=8sQQQQQ")  # magic, bytes of JSON, tick slots, bytes per tick, event slots
 HEAD_BYTES: Final = 64
 #: Offsets of the two sequence numbers and of the closed flag.
@@ -52,8 +53,10 @@ BULK_FILES: Final = "contid-*.bulk"
 ATTACHED_FILES: Final = "contid-*.npz"
 U64: Final = struct.Struct("=Q")
 F64: Final = struct.Struct("=d")
-EVENT: Final = struct.Struct("=QIHH")  # stamp, bytes of this part, parts before it, parts after it
-STAMP: Final = U64.size
+STAMP: Final = struct.Struct("=QI")  # sequence number, CRC-32 of contents and number
+PART: Final = struct.Struct("=IHH")  # bytes of this part of an event, parts before it, parts after it
+#: Times that a slot is read before a wrong CRC counts.
+TRIES: Final = 4
 
 
 class RingError(ContidError):
@@ -86,7 +89,7 @@ def create(layout: RecordLayout, seconds: float = SECONDS) -> Path:
     """
     text = layout.to_json().encode()
     slots = max(int(seconds * layout.rate_hz), 256)
-    size = layout.packer().size + STAMP
+    size = layout.packer().size + STAMP.size
     total = _events_at(len(text), slots, size) + EVENT_SLOTS * EVENT_BYTES
     path = folder() / f"contid-{os.getpid()}-{secrets.token_hex(4)}.ring"
     try:
@@ -154,16 +157,14 @@ class RingWriter(_Mapped):
         """Publish one tick: all values of the layout in order."""
         number = self._ticks
         at = self._ticks_at + number % self.slots * self.size
-        U64.pack_into(self._map, at, 0)
-        self._packer.pack_into(self._map, at + STAMP, *values)
         self._ticks = number + 1
-        U64.pack_into(self._map, at, self._ticks)
+        self._fill(at, self._ticks, self._packer.pack(*values))
         U64.pack_into(self._map, TICKS_AT, self._ticks)
 
     def event(self, event: RunEvent) -> None:
         """Publish one event; beyond `EVENT_PARTS` slots its longest text is cut or ``too_long`` sent."""
         body = json.dumps(to_json(event)).encode()
-        room = EVENT_BYTES - EVENT.size
+        room = EVENT_BYTES - STAMP.size - PART.size
         if len(body) > room * EVENT_PARTS:
             body = _shortened(to_json(event), room * EVENT_PARTS)
         parts = [body[start : start + room] for start in range(0, len(body), room)]
@@ -173,15 +174,23 @@ class RingWriter(_Mapped):
     def _part(self, body: bytes, before: int, after: int) -> None:
         number = self._events
         at = self._events_at + number % self.event_slots * EVENT_BYTES
-        EVENT.pack_into(self._map, at, 0, len(body), before, after)
-        self._map[at + EVENT.size : at + EVENT.size + len(body)] = body
         self._events = number + 1
-        U64.pack_into(self._map, at, self._events)
+        self._fill(at, self._events, PART.pack(len(body), before, after) + body)
         U64.pack_into(self._map, EVENTS_AT, self._events)
+
+    def _fill(self, at: int, number: int, contents: bytes) -> None:
+        """Fill a slot; its stamp comes last."""
+        STAMP.pack_into(self._map, at, 0, _crc(number, contents))
+        self._map[at + STAMP.size : at + STAMP.size + len(contents)] = contents
+        U64.pack_into(self._map, at, number)
 
     def finish(self) -> None:
         """Mark the ring as complete."""
         U64.pack_into(self._map, CLOSED_AT, 1)
+
+
+def _crc(number: int, contents: bytes) -> int:
+    return zlib.crc32(contents, number & 0xFFFFFFFF)
 
 
 def _shortened(event: Mapping[str, Any], limit: int) -> bytes:
@@ -247,7 +256,7 @@ class RingReader(_Mapped):
         """The undecoded values of unread records, oldest first."""
         out: list[tuple[float, ...]] = []
         while len(out) < at_most and (raw := self._next(self._tick, TICKS_AT, self.slots, self._tick_slot)):
-            out.append(self._packer.unpack_from(raw, STAMP))
+            out.append(self._packer.unpack(raw))
         return out
 
     def newest(self) -> TickRecord | None:
@@ -256,16 +265,15 @@ class RingReader(_Mapped):
             number = self.written
             if number == 0:
                 return None
-            raw = self._tick_slot(number - 1)
-            if U64.unpack_from(raw)[0] == number == U64.unpack_from(self._tick_slot(number - 1))[0]:
-                return self.layout.decode(self._packer.unpack_from(raw, STAMP))
+            if raw := self._contents(number, self._tick_slot):
+                return self.layout.decode(self._packer.unpack(raw))
         return None
 
     def lateness(self, ticks: int) -> list[float]:
         """How late the newest ticks started [s], without moving the position."""
         written = self.written
         newest = range(max(written - min(ticks, self.slots - 1), 0), written)
-        at = STAMP + LATENESS * F64.size
+        at = STAMP.size + LATENESS * F64.size
         return [F64.unpack_from(self._tick_slot(number), at)[0] for number in newest]
 
     def events(self) -> list[RunEvent]:
@@ -273,13 +281,13 @@ class RingReader(_Mapped):
         out: list[RunEvent] = []
         missed = self._event.missed
         while raw := self._next(self._event, EVENTS_AT, self.event_slots, self._event_slot):
-            _, length, before, after = EVENT.unpack_from(raw)
+            _, before, after = PART.unpack_from(raw)
             if before == 0 or self._event.missed != missed:
                 self._parts.clear()
                 missed = self._event.missed
             if before != len(self._parts):
                 continue  # rest of an event whose first part was overwritten
-            self._parts.append(raw[EVENT.size : EVENT.size + length])
+            self._parts.append(raw[PART.size :])
             if after == 0:
                 out.append(from_json(json.loads(b"".join(self._parts))))
         return out
@@ -290,10 +298,23 @@ class RingReader(_Mapped):
 
     def _event_slot(self, number: int) -> bytes:
         at = self._events_at + number % self.event_slots * EVENT_BYTES
-        return self._map[at : at + EVENT_BYTES]
+        length = PART.unpack_from(self._map, at + STAMP.size)[0]
+        return self._map[at : at + min(STAMP.size + PART.size + length, EVENT_BYTES)]
+
+    def _contents(self, stamp: int, slot: Callable[[int], bytes]) -> bytes | None:
+        """The contents of the slot with a stamp; None when it was overwritten, or is not all visible yet."""
+        for _ in range(TRIES):
+            raw = slot(stamp - 1)
+            found, crc = STAMP.unpack_from(raw)
+            contents = raw[STAMP.size :]
+            if found != stamp:
+                return None
+            if crc == _crc(stamp, contents):
+                return contents
+        return None
 
     def _next(self, cursor: _Cursor, head_at: int, slots: int, slot: Callable[[int], bytes]) -> bytes | None:
-        """Copy the next slot; skip and count overwritten ones."""
+        """Copy the next slot; skip and count those that were overwritten or never became whole."""
         while True:
             head = int(U64.unpack_from(self._map, head_at)[0])
             if cursor.next >= head:
@@ -303,7 +324,11 @@ class RingReader(_Mapped):
                 cursor.missed += oldest - cursor.next
                 cursor.next = oldest
             number = cursor.next
-            raw = slot(number)
-            if U64.unpack_from(raw)[0] == U64.unpack_from(slot(number))[0] == number + 1:
+            if contents := self._contents(number + 1, slot):
                 cursor.next = number + 1
-                return raw
+                return contents
+            if number + 1 == head:
+                return None  # its contents may become visible
+            if int(U64.unpack_from(slot(number))[0]) == number + 1:
+                cursor.missed += 1
+                cursor.next = number + 1

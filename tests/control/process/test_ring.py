@@ -87,6 +87,41 @@ def test_readers_count_what_they_missed(path: Path) -> None:
         each.close()
 
 
+@pytest.mark.parametrize("at", [ring.STAMP.size, ring.STAMP.size + 8 * 40, -1])
+def test_a_slot_whose_stores_arrive_late_is_read_when_it_is_whole(path: Path, at: int) -> None:
+    """As on a processor that shows a reader the stamp before the contents: the test tears the slot."""
+    writer, reader = ring.RingWriter(path), ring.RingReader(path)
+    for tick in range(40):  # the second lap: what is torn has the bytes of another record
+        writer.write(values(tick))
+    assert len(reader.ticks()) == reader.written == 40
+    start = writer._ticks_at + 40 % writer.slots * writer.size
+    before = writer._map[start : start + writer.size]
+    writer.write(values(40))
+    place = start + at % writer.size
+    whole, writer._map[place] = writer._map[place], before[at % writer.size] ^ 0x55
+    assert reader.newest() is None
+    assert reader.ticks() == []
+    assert reader.missed_ticks == 0
+    writer._map[place] = whole
+    assert [record.tick for record in reader.ticks()] == [40]
+    writer.close()
+    reader.close()
+
+
+def test_a_slot_that_stays_torn_is_counted_and_passed(path: Path) -> None:
+    writer, reader = ring.RingWriter(path), ring.RingReader(path)
+    for tick in range(3):
+        writer.write(values(tick))
+        writer.event(ModeChanged(robot="one", mode="RUN", tick=tick))
+    for start, size in ((writer._ticks_at, writer.size), (writer._events_at, ring.EVENT_BYTES)):
+        writer._map[start + size + ring.STAMP.size + 20] ^= 0xFF
+    assert [record.tick for record in reader.ticks()] == [0, 2]
+    assert [event.tick for event in reader.events() if isinstance(event, ModeChanged)] == [0, 2]
+    assert (reader.missed_ticks, reader.missed_events) == (1, 1)
+    writer.close()
+    reader.close()
+
+
 def test_events_are_json(path: Path) -> None:
     writer, reader = ring.RingWriter(path), ring.RingReader(path)
     event = ModeChanged(robot="one", mode="RUN", tick=3)
