@@ -33,6 +33,7 @@ class LinkRobot:
     rest_rad: Array
     friction_m2: Array
     play_m: Array
+    sheaths: bool = False
 
     def discs(self, joints: Array) -> tuple[Array, Array]:
         """Positions ``(batch, discs, 3)`` and frames of all discs of joints ``(batch, links, 2)``."""
@@ -67,6 +68,8 @@ class LinkRobot:
                 start = position[:, LINKS] + frame[:, LINKS] @ joined
                 steps[:, LINKS] = path[:, LINKS + 1] - start
             straight = self.length_m[: 1 + i // 3].sum()
+            if self.sheaths and i >= 3:
+                steps, straight = steps[:, LINKS:], self.length_m[1]
             out[:, i] = straight - np.sqrt((steps**2).sum(axis=2)).sum(axis=1)
         return out
 

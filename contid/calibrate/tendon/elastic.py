@@ -51,6 +51,7 @@ class Elastic:
         rest_rad: rest bends, ``(2 sections,)``.
         friction_m2: F of each section.
         play_m: half width for the tendons of each section.
+        through: tendons run through the sections before their own; else sheaths carry them, without twists.
     """
 
     count: tuple[int, ...]
@@ -63,6 +64,7 @@ class Elastic:
     rest_rad: Array
     friction_m2: Array
     play_m: Array
+    through: bool = True
 
     @property
     def section(self) -> Array:
@@ -70,14 +72,15 @@ class Elastic:
         return np.repeat(np.arange(len(self.count)), self.count)
 
 
-def pull_matrix(count: Sequence[int], radius_m: Array, angle_rad: Array) -> Array:
+def pull_matrix(count: Sequence[int], radius_m: Array, angle_rad: Array, through: bool = True) -> Array:
     """G of tendons without twist, as the model of a robot has it: pulls [m] by bends [rad]."""
     ends = np.cumsum((0, *count))
     return TendonGeometry(
         tuple(
             TendonSection(1.0, tuple(radius_m[low:high]), tuple(angle_rad[low:high]))
             for low, high in pairwise(ends)
-        )
+        ),
+        through,
     ).pull_matrix
 
 
@@ -134,10 +137,10 @@ class _Rows:
         self.elastic = elastic
         sections, tendons = len(elastic.count), len(elastic.radius_m)
         self.h = elastic.hardening_per_m
-        self.G = pull_matrix(elastic.count, elastic.radius_m, elastic.angle_rad)
+        self.G = pull_matrix(elastic.count, elastic.radius_m, elastic.angle_rad, elastic.through)
         self.twisted = [
             np.repeat((elastic.section == j)[:, None] & (np.arange(sections) == k), 2, axis=1)
-            for j in range(sections)
+            for j in range(sections if elastic.through else 0)
             for k in range(j)
         ]
         for where, twist in zip(self.twisted, elastic.twist_rad, strict=True):

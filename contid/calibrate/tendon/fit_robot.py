@@ -44,13 +44,13 @@ def calibrate(
         keep_out: share of ``data`` that is predicted, without ``held_out``.
 
     Raises:
-        ContidError: too few rows, other tendons than the robot's, or a robot of another routing.
+        ContidError: too few rows, or other tendons than the robot's.
     """
     sections = robot.geometry.sections
-    if robot.geometry.routing != "through":
-        raise ContidError("routing: independent; calibrated are tendons that run through the sections")
+    through = robot.geometry.routing == "through"
     count = tuple(len(section.angles_deg) for section in sections)
-    geometry = find_geometry(data, count)
+    # In sheaths a tendon alone bends its own section only; its place among the others does not show.
+    geometry = find_geometry(data, count) if through else None
     if geometry is not None:
         data = data.in_order(geometry.columns)
         held_out = None if held_out is None else held_out.in_order(geometry.columns)
@@ -64,5 +64,5 @@ def calibrate(
     both = data if held_out is None else data.followed_by(held_out)
     radius_m = float(np.mean([each for section in sections for each in section.radius_m]))
     lengths = [section.length_mm / MM_PER_M for section in sections]
-    nominal = nominal_of(data, lengths, radius_m, angles, count)
+    nominal = nominal_of(data, lengths, radius_m, angles, count, through)
     return CalibratedTendons(geometry, both, tuple(run_stages(data, held_out, nominal)))

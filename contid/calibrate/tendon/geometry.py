@@ -113,10 +113,11 @@ def nominal_of(
     radius_m: float,
     angle_rad: Array,
     count: Sequence[int],
+    through: bool = True,
 ) -> Nominal:
     """The robot before the fit, standing along z so that the highest measured tip is the straight one's."""
     height = float(recording.tip_m[:, 2].max() - sum(length_m))
-    return Nominal(tuple(length_m), radius_m, angle_rad, tuple(count), (0.0, 0.0, height))
+    return Nominal(tuple(length_m), radius_m, angle_rad, tuple(count), (0.0, 0.0, height), through)
 
 
 def _alone(pull: Array, column: int) -> NDArray[np.bool_]:

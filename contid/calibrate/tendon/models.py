@@ -50,6 +50,7 @@ class Nominal(NamedTuple):
         angle_rad: of each tendon, from section 1 on.
         tendons: number of tendons of each section.
         base_m: start of section 1 in the frame of the recording.
+        through: tendons run through the sections before their own; else sheaths carry them.
     """
 
     length_m: tuple[float, ...]
@@ -57,6 +58,7 @@ class Nominal(NamedTuple):
     angle_rad: Array
     tendons: tuple[int, ...]
     base_m: tuple[float, float, float] = (0.0, 0.0, 0.0)
+    through: bool = True
 
     @property
     def tendon_names(self) -> tuple[str, ...]:
@@ -71,7 +73,8 @@ class Nominal(NamedTuple):
     @property
     def passing_names(self) -> tuple[str, ...]:
         """``s2/s1``, ``s3/s1``, ``s3/s2`` and so on: tendons of one section in another before it."""
-        return tuple(f"s{j + 1}/s{k + 1}" for j in range(len(self.tendons)) for k in range(j))
+        sections = len(self.tendons) if self.through else 0
+        return tuple(f"s{j + 1}/s{k + 1}" for j in range(sections) for k in range(j))
 
     @property
     def bend_names(self) -> tuple[str, ...]:
@@ -146,7 +149,7 @@ class LinearBends:
         nominal = self.nominal
         tendons = len(nominal.tendon_names)
         radii = np.full(tendons, nominal.radius_m)
-        matrix = np.linalg.pinv(pull_matrix(nominal.tendons, radii, nominal.angle_rad))
+        matrix = np.linalg.pinv(pull_matrix(nominal.tendons, radii, nominal.angle_rad, nominal.through))
         names = [f"{bend}/{tendon}" for bend in nominal.bend_names for tendon in nominal.tendon_names]
         groups = [group("gain_per_m", names, np.asarray(matrix.ravel()), 1.0 / nominal.radius_m)]
         groups += _mounting_groups(nominal, self.offsets)
@@ -236,6 +239,7 @@ class ElasticBends:
             values["rest_rad"],
             np.exp(values.get("log_friction", none)),
             np.exp(values.get("log_play", none)),
+            self.nominal.through,
         )
 
     def rows(self, vector: Array, pull_m: Array) -> Prediction:
