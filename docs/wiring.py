@@ -97,7 +97,7 @@ def motor_channel() -> Drawing:
     )
     d.note(
         (230, 446),
-        "The board stays on its USB supply: it keeps counting, and reports the fault of its bridges.",
+        "The board has a supply of its own: it keeps counting, and reports the fault of its bridges.",
     )
     d.note(
         (230, 462),
@@ -160,7 +160,7 @@ def pressure_channel() -> Drawing:
         d.wire((x, 320), (x + 34, 320))
     d.box(374, 380, 334, "24 V, fuse 2 A, E-stop relay", "cuts dump valve and regulators, not the board")
     d.note((16, 398), "All GND meet at one point. Coil of the relay:")
-    d.note((16, 414), "through the button. The board: USB supply.")
+    d.note((16, 414), "through the button. The board: own supply.")
     d.wire((450, 380), (450, 360))
     d.wire((708, 400), (860, 400), (860, 344))
     return d
