@@ -14,7 +14,7 @@ from tests.support.command import contid
 
 ARMS = [
     ("finger", None), ("hand", "right"), ("trirack", None), ("trirack2", None), ("cbha", None),
-    ("chain", "left"), ("stiffflop1", None), ("stiffflop2", None),
+    ("tendon3", None), ("chain", "left"), ("stiffflop1", None), ("stiffflop2", None),
 ]  # fmt: skip
 
 
