@@ -80,6 +80,7 @@ class DynamixelBus:
         try:
             client = ServoClient(self.name, port, {axis.device: name for name, axis in self._states.items()})
             states = tuple(self._states.values())
+            client.armed = self._armed
             arming.handshake(client, states, options)
             starts = [map_block(client, axis) for axis in states]
             layout = self._layout or common_layout(starts)
@@ -104,6 +105,9 @@ class DynamixelBus:
         if layout is PLAIN:
             log.warning("%s: no common indirect addresses; reading %d bytes per servo", self.name, PLAIN.full)
         self._cyclic.fast = self._probe_fast()
+
+    def _armed(self) -> list[int]:
+        return [axis.device for axis in self._states.values() if axis.armed]
 
     def _probe_fast(self) -> bool:
         if self.options.fast_read == "off":
@@ -140,6 +144,7 @@ class DynamixelBus:
     def exchange(self, commands: Mapping[str, float]) -> Mapping[str, Sample]:
         """See `contid.hal.Bus.exchange`."""
         cyclic = self._opened()
+        assert self._client is not None
         goals = self._goals(commands)
         self._count += 1
         full = self._count % self.options.telemetry_every == 0 or self._count == 1
@@ -151,6 +156,7 @@ class DynamixelBus:
                 self._retry(cyclic, found.keys(), full)
             else:
                 self._count_complete(cyclic)
+            self._client.fed_s = time.monotonic()
             now = self._clock.now()
             samples = {}
             for (name, axis), before in zip(self._states.items(), faults, strict=True):

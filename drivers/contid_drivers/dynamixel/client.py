@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import time
-from collections.abc import Iterable, Mapping
+from collections.abc import Callable, Iterable, Mapping
 from typing import Final
 
 from contid.errors import DeviceError
@@ -17,6 +17,7 @@ from contid_drivers.dynamixel.packets import (
     Packet,
     build,
     read_parameters,
+    sync_read,
 )
 from contid_drivers.dynamixel.port import ServoPort
 from contid_drivers.dynamixel.registers import Register
@@ -34,6 +35,11 @@ BARRIER_SIZES: Final = range(5, 12)
 _NEED_ORDER: Final = (Instruction.READ, Instruction.WRITE)
 #: A servo answers again within this time after a reboot.
 REBOOT_S: Final = 2.0
+#: Pause between pings to it.
+REBOOT_PAUSE_S: Final = 0.01
+#: Requests to one servo feed no other: after this time the others are read.
+FEED_S: Final = 0.02
+FEED_SIZE: Final = 3
 
 
 class NoAnswerError(DeviceError):
@@ -54,6 +60,9 @@ class ServoClient:
         #: Servos with a request whose answer has not come and may come late.
         self._unanswered: set[int] = set()
         self._barriers = 0
+        #: Servos whose Bus Watchdog is on, and when something last addressed all of them [monotonic s].
+        self.armed: Callable[[], Iterable[int]] = tuple
+        self.fed_s = 0.0
 
     def expect_late(self, devices: Iterable[int]) -> None:
         """Answers of these servos to other requests may still arrive."""
@@ -109,7 +118,7 @@ class ServoClient:
         until = time.monotonic() + REBOOT_S
         while time.monotonic() < until:
             # The answer to the reboot may arrive before the servo goes down.
-            time.sleep(0.05)
+            time.sleep(REBOOT_PAUSE_S)
             if self.ping(device, 1) is not None:
                 return
         raise NoAnswerError(self.name(device), f"no answer within {REBOOT_S:g} s after a reboot")
@@ -160,6 +169,8 @@ class ServoClient:
 
     def _once(self, device: int, instruction: Instruction, parameters: bytes, size: int) -> Packet | None:
         port = self.port
+        if time.monotonic() - self.fed_s > FEED_S:
+            self._feed(device)
         allowance_s = port.return_delay_s + max(port.latency_s, ACYCLIC_LATENCY_S)
         port.flush()
         sent = port.send(build(device, instruction, parameters))
@@ -169,3 +180,20 @@ class ServoClient:
             if len(answer.parameters) == size or (answer.error & ~ALERT and not answer.parameters):
                 return answer
         return None
+
+    def _feed(self, device: int) -> None:
+        """Read the other servos whose watchdog is on; ``device`` is addressed next."""
+        self.fed_s = time.monotonic()
+        others = [each for each in self.armed() if each != device]
+        if not others:
+            return
+        port = self.port
+        port.flush()
+        sent = port.send(sync_read(reg.BUS_WATCHDOG.address, FEED_SIZE, others))
+        answer_s = (FEED_SIZE + STATUS_OVERHEAD) * port.byte_s + port.return_delay_s
+        missing = set(others)
+        for answer in port.packets(sent + len(others) * answer_s + port.latency_s):
+            missing.discard(answer.device)
+            if not missing:
+                break
+        self._unanswered.update(missing)

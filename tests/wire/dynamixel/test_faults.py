@@ -14,7 +14,7 @@ from contid.errors import DeviceError, DeviceLostError, DeviceNotFoundError
 from contid.hal import Rest
 from contid_drivers import serial_ports
 from contid_drivers.dynamixel import registers as reg
-from contid_drivers.dynamixel.emulator import InjectedFault
+from contid_drivers.dynamixel.emulator import InjectedFault, servo
 from contid_drivers.dynamixel.emulator.faults import FaultSyntaxError
 from contid_drivers.dynamixel.packets import Instruction
 
@@ -296,3 +296,17 @@ def test_the_control_file_operates_the_same_switches(rig: Make, tmp_path: Path) 
 def test_wrong_fault_switches_are_refused(line: str) -> None:
     with pytest.raises(FaultSyntaxError):
         InjectedFault.parse(line)
+
+
+def test_the_reboot_of_a_servo_trips_no_watchdog_of_the_others(
+    rig: Make, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """It takes longer than they wait for an instruction."""
+    monkeypatch.setattr(servo, "BOOT_S", 1.2)
+    r = rig(3, watchdog_ms=500, usb_latency_ms=10)
+    r.bus.open()
+    r.bus.enable(r.bus.axes)
+    r.emulator.set("overload", 2)
+    r.until(lambda: "overload" in r.tick()["r.a2"].fault)
+    r.bus.clear_fault(["r.a2"])
+    assert [sample.fault for sample in r.tick().values()] == ["", "", ""]
