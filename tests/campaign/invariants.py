@@ -257,10 +257,10 @@ def controllable(seen: Seen) -> Iterator[str]:
         state = record.robots[robot]
         if before.robots[robot].mode == Mode.STOPPING:
             continue  # a stop that was ordered is not resumed; it ends in OFF
-        if state.fault == Fault.CHAIN_FORBIDS and any(
+        if state.fault in (Fault.CHAIN_FORBIDS, Fault.TOO_NEAR) and any(
             r.robots[robot].mode == Mode.ARMING for r in seen.records if resumed <= r.tick < finish
         ):
-            continue  # it did come back; a way that the rope forbids is forbidden again, until it is moved
+            continue  # it did come back; a way that rope or clearance forbid is forbidden again, until moved
         if state.mode not in (Mode.APPROACH, Mode.RUN, Mode.HOLD, Mode.STOPPING):
             yield f"{config.name}: {Mode(state.mode).name} (fault {state.fault}) after clear and resume"
 
