@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 from importlib.util import find_spec
 
 from contid.errors import EXTRAS, ContidError, MissingExtraError
@@ -15,6 +16,8 @@ def require_extra() -> None:
     """
     if find_spec("cv2") is None:
         raise MissingExtraError("a camera", "cv2", EXTRAS["cv2"])
+    # Its warnings would repeat in several lines what contid's errors state; read when it is imported.
+    os.environ.setdefault("OPENCV_LOG_LEVEL", "ERROR")
     import cv2
 
     if not hasattr(cv2, "aruco") or not hasattr(cv2.aruco, "ArucoDetector"):

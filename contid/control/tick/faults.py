@@ -142,7 +142,7 @@ PAGES: Final[dict[Fault, FaultPage]] = {
     Fault.TOO_NEAR: FaultPage(
         "the next command, or the stop that would follow it, brings a body nearer to another robot or to an "
         "obstacle than clearance.margin_mm",
-        "it stopped with its jerk limit before that and holds, whatever its stop.on_fault policy; so did the "
+        "it stopped before that in the shortest way and holds, whatever its stop.on_fault policy; so did the "
         "other robot if it moved",
         "clear-fault, then `contid move` away; a checked trajectory ends here where tip feedback moves it, "
         "or when it began elsewhere",
