@@ -18,8 +18,9 @@ def next_command(
     reference: Actuation,
     reference_steps: Sequence[float],
     target_in_base: Target | None = None,
-) -> tuple[Actuation, tuple[int, ...]]:
-    """Next command of every axis, and per axis the limits that bound.
+    straight: bool = False,
+) -> tuple[Actuation, tuple[int, ...], bool]:
+    """Next command of every axis, per axis the limits that bound, and ``straight``.
 
     Args:
         config: of the robot.
@@ -28,14 +29,17 @@ def next_command(
         reference: where the axes have to go.
         reference_steps: how far it moved in this tick.
         target_in_base: what the reference answers; None for a motion of the axes.
+        straight: the axes go on a straight line to the reference (`contid.control.tick.way`).
     """
     if target_in_base is None:
-        limited = limit(config.limits, last, last_steps, reference, reference_steps)
+        command, flags = limit(config.limits, last, last_steps, reference, reference_steps)
+        straight = False
     else:
-        limited = limit_on_path(config, last, last_steps, reference, reference_steps, target_in_base)
+        command, flags, straight = limit_on_path(
+            config, last, last_steps, reference, reference_steps, target_in_base, straight
+        )
     if config.taut is None:
-        return limited
-    command, flags = limited
+        return command, flags, straight
     own = len(command) - config.extra_axes
     tendons, bound = limit_taut(
         config.taut,
@@ -46,4 +50,4 @@ def next_command(
         reference_steps[:own],
         (command[:own], flags[:own]),
     )
-    return (*tendons, *command[own:]), (*bound, *flags[own:])
+    return (*tendons, *command[own:]), (*bound, *flags[own:]), False

@@ -199,7 +199,7 @@ class _Follower:
         ]
         self._goal, self._pace = goal, pace
         if ticks == 1:
-            command, flags = next_command(config, self._command, self._steps, goal, pace, in_base)
+            command, flags, _ = next_command(config, self._command, self._steps, goal, pace, in_base)
             behind = [0.0] if command == goal else self._behind(command, goal, in_base)
         else:
             # The ticks between were not computed; amid a long interval only speed can be too much.

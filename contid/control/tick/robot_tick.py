@@ -246,13 +246,15 @@ def _limited(
     """The state with its next command, and the limits that bound; skipped ticks do not count."""
     last = state.command
     target_step = [new - old for new, old in zip(reference, state.reference, strict=True)]
-    command, flags = next_command(config, last, state.increments, reference, target_step, target_in_base)
+    command, flags, straight = next_command(
+        config, last, state.increments, reference, target_step, target_in_base, state.straight
+    )
     increments = tuple([new - old for new, old in zip(command, last, strict=True)])
     play = taken_up(config.play, state.play, increments, config.limits) if config.play else ()
     # Written out: `replace` costs three times as much, and this runs for every robot in every tick.
     after = RobotState(
         state.mode, state.since_s, state.fault, state.message, state.enabled, state.arm_requested,
         state.follow, state.goto, command, increments, reference, state.motion, state.motion_s, state.policy,
-        state.misses, state.pending, state.correction, state.recovering, play,
+        state.misses, state.pending, state.correction, state.recovering, play, straight,
     )  # fmt: skip
     return after, flags if any(flags) else ()

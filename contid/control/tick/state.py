@@ -69,6 +69,7 @@ class RobotState:
         correction: of the closed loop on the tip.
         recovering: to move inside the limits slowly once armed, or on the way.
         play: what is added to commands to lead the play of the drives; empty without play.
+        straight: the axes go on a straight line to the answer (`contid.control.tick.way`).
     """
 
     mode: Mode = Mode.OFF
@@ -90,3 +91,4 @@ class RobotState:
     correction: Correction = NO_CORRECTION
     recovering: bool = False
     play: Actuation = ()
+    straight: bool = False

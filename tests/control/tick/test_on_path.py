@@ -10,7 +10,7 @@ import pytest
 
 from contid.control.engine.wiring import build_robot_configs
 from contid.control.tick.config import RobotConfig
-from contid.control.tick.limits import allowed_steps, limit, limit_axis
+from contid.control.tick.limits import allowed_steps, limit_axis
 from contid.control.tick.on_path import limit_on_path, tip_tolerance_m
 from contid.robot_file.load import with_mock
 from contid.robot_file.shipped import load_named
@@ -46,7 +46,7 @@ def test_axes_travel_to_the_preferred_solution_with_the_tip_at_rest(name: str) -
         assert target.tip_m is not None
         commands, bound = [command], 0
         for _ in range(2000):
-            after, flags = limit_on_path(config, command, steps, answer, before, target)
+            after, flags, _ = limit_on_path(config, command, steps, answer, before, target)
             assert math.dist(config.model.forward(after).tip_m, target.tip_m) <= tip_tolerance_m(
                 config.quantity
             )
@@ -62,17 +62,6 @@ def test_axes_travel_to_the_preferred_solution_with_the_tip_at_rest(name: str) -
         moves = np.diff(path, axis=0)
         assert np.abs(moves).max() <= config.limits[0].step * SLACK
         assert np.abs(np.diff(moves, axis=0)).max() <= config.limits[0].change * SLACK
-
-
-def test_a_jump_of_the_tip_is_the_affair_of_each_axis() -> None:
-    config = config_of("trirack2")
-    low, high = np.array(config.model.lower), np.array(config.model.upper)
-    start = tuple((low + 0.4 * (high - low)).tolist())
-    answer = tuple((low + 0.6 * (high - low)).tolist())
-    target = Target(tip_m=config.model.forward(answer).tip_m)
-    still = (0.0,) * len(start)
-    given = start, still, answer, still
-    assert limit_on_path(config, *given, target) == limit(config.limits, *given)
 
 
 @pytest.mark.parametrize("target", [-1e9, 1e9])

@@ -1,0 +1,88 @@
+"""What a target asks for as a function of the axes: rows for the tip, its direction and a mid-point."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Sequence
+from typing import Final, TypeAlias
+
+import numpy as np
+
+from contid.control.tick.chord import Displacement
+from contid.control.tick.config import RobotConfig
+from contid.control.tick.limits import AxisLimits
+from contid.kinematics.array import Array
+from contid.targets import Actuation, Pose, Target, Vec3
+
+#: Length that a radian of direction counts as [m].
+_ELL_M: Final = 0.1
+#: Axis moves of the finite differences, as a share of the travel.
+_SHARE: Final = 1e-6
+
+#: From the model's own axes to the rows of a target [m].
+Task: TypeAlias = Callable[[Array], Array]
+
+
+def task_of(config: RobotConfig, target: Target, extra: Actuation) -> Task:
+    """The rows of a target that a pose must meet [m], as a function of the model's own axes."""
+
+    def rows(pose: Pose) -> tuple[Vec3, ...]:
+        asked = [pose.tip_m]
+        if target.direction is not None:
+            x, y, z = pose.direction
+            asked.append((_ELL_M * x, _ELL_M * y, _ELL_M * z))
+        if target.mid_m is not None:
+            asked.append(pose.mid_m)
+        return tuple(asked)
+
+    forward = config.model.forward
+    return lambda own: np.array(rows(forward((*own.tolist(), *extra), target.load_n))).ravel()
+
+
+def jacobian_of(task: Task, at: Array, limits: Sequence[AxisLimits], middle: Array) -> Array:
+    """Forward differences of the task, towards the middle of each travel; shape ``(rows, axes)``."""
+    here = task(at)
+    columns = []
+    for k in range(len(at)):
+        moved = at.copy()
+        moved[k] += math.copysign(_SHARE * (limits[k].upper - limits[k].lower), middle[k] - at[k])
+        columns.append((task(moved) - here) / (moved[k] - at[k]))
+    return np.stack(columns, axis=1)
+
+
+def displacement_of(task: Task, last: Array, directed: bool) -> Displacement:
+    """Rows of the target from those of the last command; a direction as the vector of its turn."""
+    begin = task(last)
+
+    def of(step: Array) -> Array:
+        change: Array = task(last + step) - begin
+        if directed:
+            change[3:6] = _ELL_M * _turn(begin[3:6] / _ELL_M, change[3:6] / _ELL_M)
+        return change
+
+    return of
+
+
+def _turn(direction: Array, change: Array) -> Array:
+    """Tangent of the great circle from a direction to a changed one, as long as the angle [rad]."""
+    across = change - direction * float(direction @ change)
+    sine = float(np.linalg.norm(across))
+    angle = math.atan2(sine, 1.0 + float(direction @ change))
+    return across * (angle / sine if sine > 0.0 else 1.0)
+
+
+def turned(begin: Vec3, end: Vec3, share: float) -> Vec3:
+    """A direction of the great circle between two directions."""
+    start = np.array(begin)
+    turn = share * _turn(start, np.array(end) - start)
+    angle = float(np.linalg.norm(turn))
+    if not angle > 0.0:
+        return begin
+    x, y, z = (math.cos(angle) * start + math.sin(angle) / angle * turn).tolist()
+    return x, y, z
+
+
+def between(begin: Vec3, end: Vec3, share: float) -> Vec3:
+    """A point of the straight line between two points."""
+    x, y, z = (a + share * (b - a) for a, b in zip(begin, end, strict=True))
+    return x, y, z

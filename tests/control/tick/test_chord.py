@@ -1,0 +1,169 @@
+"""Jumps of a target: the tip goes along the chord, all axes keep their limits and those of the model."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+
+import numpy as np
+import pytest
+from scipy.optimize import lsq_linear
+
+from contid.control.tick.chord import _least_squares
+from contid.control.tick.config import RobotConfig
+from contid.control.tick.on_path import limit_on_path
+from contid.kinematics.array import Array
+from contid.targets import Actuation, Target, Vec3
+from tests.control.tick.test_on_path import SLACK, config_of
+
+#: The tip may leave the chord by this [m]; for rods the statics are computed to 5e-5 m.
+OFF_M = {"finger": 1e-6, "cbha": 1e-6, "trirack": 1e-6, "trirack2": 1e-6, "stiffflop2": 5e-5}
+MOST_TICKS = 3000
+
+
+@dataclass(frozen=True)
+class Jump:
+    """Commands of a robot after a jump of its target."""
+
+    commands: Array
+    tips_m: Array
+    straight: bool
+    arrived: bool
+
+    def off_chord_m(self, target_m: Vec3) -> float:
+        """Greatest distance of a tip from the chord between the first one and the target."""
+        begin, away = self.tips_m[0], np.array(target_m) - self.tips_m[0]
+        share = np.clip((self.tips_m - begin) @ away / (away @ away), 0.0, 1.0)
+        return float(np.linalg.norm(self.tips_m - begin - share[:, None] * away, axis=1).max())
+
+
+def jump(config: RobotConfig, start: Actuation, target: Target, steps: Actuation = ()) -> Jump:
+    """Follow a target from ``start``, with ``steps`` of the tick before; all limits are checked."""
+    model, own = config.model, len(start) - config.extra_axes
+    commands, command, reference = [start], start, start
+    steps = steps or (0.0,) * len(start)
+    before, straight, ever = np.array(steps), False, False
+    for _ in range(MOST_TICKS):
+        answer = model.inverse(target, command).actuation
+        paces = [new - old for new, old in zip(answer, reference, strict=True)]
+        after, _, straight = limit_on_path(config, command, steps, answer, paces, target, straight)
+        ever |= straight
+        steps = tuple(new - old for new, old in zip(after, command, strict=True))
+        command, reference = after, answer
+        commands.append(command)
+        if command == answer and not any(steps[:own]):
+            break
+    path = np.array(commands)
+    moves = np.vstack([before, np.diff(path, axis=0)])
+    for axis, each in enumerate(config.limits[:own]):
+        assert np.abs(moves[:, axis]).max() <= each.step * SLACK
+        assert np.abs(np.diff(moves[:, axis])).max() <= each.change * SLACK
+        assert path[:, axis].min() >= each.lower - 1e-12 * abs(each.lower)
+        assert path[:, axis].max() <= each.upper * SLACK
+    tips = np.array([model.forward(tuple(row.tolist())).tip_m for row in path])
+    assert target.tip_m is not None
+    return Jump(path, tips, ever, math.dist(tips[-1], target.tip_m) <= 5e-5)
+
+
+def postures(
+    config: RobotConfig, rng: np.random.Generator, low: float, high: float, spread: float = 0.05
+) -> tuple[Actuation, Vec3]:
+    """A settled start and the tip of another posture, with every axis between shares of its travel."""
+    model = config.model
+    least, travel = np.array(model.lower), np.array(model.upper) - np.array(model.lower)
+    travel[len(travel) - config.extra_axes :] = 0.0
+    least[len(travel) - config.extra_axes :] = 0.0
+    ends = []
+    for _ in range(2):
+        middle = rng.uniform(low, high)
+        share = np.clip(middle + rng.uniform(-spread, spread, len(least)), 0.02, 0.98)
+        requested = tuple((least + share * travel).tolist())
+        own = requested[: len(requested) - config.extra_axes]
+        ends.append(model.inverse(Target(actuation=own), requested).actuation)
+    start = model.inverse(Target(tip_m=model.forward(ends[0]).tip_m), ends[0]).actuation
+    return start, model.forward(ends[1]).tip_m
+
+
+@pytest.mark.parametrize("name", OFF_M)
+def test_the_tip_stays_on_the_chord_of_a_jump(name: str) -> None:
+    config, rng = config_of(name), np.random.default_rng(16)
+    for _ in range(4 if name == "stiffflop2" else 6):
+        start, tip_m = postures(config, rng, 0.3, 0.7)
+        found = jump(config, start, Target(tip_m=tip_m))
+        assert found.arrived
+        assert not found.straight
+        assert found.off_chord_m(tip_m) <= OFF_M[name]
+
+
+def test_a_direction_turns_with_the_tip() -> None:
+    config, rng = config_of("trirack2"), np.random.default_rng(5)
+    for _ in range(4):
+        start, tip_m = postures(config, rng, 0.4, 0.6)
+        pose = config.model.forward(start)
+        x, y, z = pose.direction
+        size = math.hypot(x + 0.1, y, z)
+        direction = ((x + 0.1) / size, y / size, z / size)
+        target = Target(tip_m=tip_m, direction=direction)
+        if not config.model.inverse(target, start).converged:
+            continue
+        found = jump(config, start, target)
+        assert found.arrived
+        reached = config.model.forward(tuple(found.commands[-1].tolist())).direction
+        assert math.dist(reached, direction) < 1e-6
+        if not found.straight:
+            assert found.off_chord_m(tip_m) <= 1e-6
+
+
+@pytest.mark.parametrize("name", ["finger", "trirack", "trirack2"])
+def test_where_the_chord_leaves_the_reach_the_limits_of_the_model_hold(name: str) -> None:
+    """Whole range, bend radius included; the arm arrives, on the axes' own line if need be."""
+    config, rng = config_of(name), np.random.default_rng(7)
+    strayed = 0
+    for _ in range(3 if name == "trirack2" else 6):
+        start, tip_m = postures(config, rng, 0.05, 0.95, 0.3)
+        found = jump(config, start, Target(tip_m=tip_m))
+        assert found.arrived
+        strayed += found.straight
+        for row in found.commands[::7]:
+            command = tuple(row.tolist())
+            kept = config.model.inverse(Target(actuation=command), command)
+            assert np.abs(np.subtract(kept.actuation, command)).max() <= 1e-5, kept
+    assert strayed or name == "trirack2"
+
+
+def test_an_arm_that_moves_turns_to_the_new_chord() -> None:
+    """A jump aside in mid-motion: limits hold, and it arrives."""
+    config, rng = config_of("cbha"), np.random.default_rng(2)
+    for _ in range(5):
+        start, first_m = postures(config, rng, 0.3, 0.7)
+        on_way = jump(config, start, Target(tip_m=first_m)).commands
+        k = len(on_way) // 3
+        steps = tuple((on_way[k] - on_way[k - 1]).tolist())
+        _, second_m = postures(config, rng, 0.3, 0.7)
+        found = jump(config, tuple(on_way[k].tolist()), Target(tip_m=second_m), steps)
+        assert found.arrived
+
+
+def test_a_robot_outside_its_limits_goes_inwards() -> None:
+    config = config_of("finger")
+    middle = tuple(0.5 * (each.lower + each.upper) for each in config.limits)
+    start = tuple(each.upper + 0.01 * (each.upper - each.lower) for each in config.limits)
+    target = Target(tip_m=config.model.forward(middle).tip_m)
+    still = (0.0,) * len(start)
+    answer = config.model.inverse(target, start).actuation
+    after, _, _ = limit_on_path(config, start, still, answer, still, target)
+    assert all(new < old for new, old in zip(after, start, strict=True))
+
+
+def test_bounded_least_squares_are_those_of_scipy() -> None:
+    rng = np.random.default_rng(1)
+    for _ in range(200):
+        rows, columns = rng.integers(3, 9), rng.integers(1, 7)
+        matrix = np.vstack([rng.normal(size=(rows, columns)), 1e-3 * np.eye(int(columns))])
+        right = 3.0 * rng.normal(size=len(matrix))
+        low = rng.uniform(-1.0, 0.3, columns)
+        high = low + rng.uniform(0.01, 1.0, columns)
+        ours, _ = _least_squares(matrix, right, low, high, None)
+        theirs = lsq_linear(matrix, right, (low, high), method="bvls", tol=1e-14).x
+        assert np.all((low <= ours) & (ours <= high))
+        assert np.linalg.norm(matrix @ ours - right) <= np.linalg.norm(matrix @ theirs - right) + 1e-9
