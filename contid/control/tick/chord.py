@@ -5,7 +5,7 @@ chord to it, its direction on the great circle, a mid-point on its own chord, al
 steps that the limits allow in this tick the one is taken that leaves the line least, and of these the one
 that goes as far as all axes can still brake.
 
-    minimise  |across (J d + r)|^2 + w^2 (along (J d + r) - wanted)^2    with every d allowed in this tick
+    minimise  |across (J d + r)|^2 + w^2 (along (J d + r) - pace)^2    with every d allowed in this tick
 
 r is what the linear model of the line misses. The line begins at the last command in every tick: an arm that
 moves across it brakes that motion as fast as its axes can, and the line turns with it, so that the tip leaves
@@ -41,7 +41,7 @@ _ROUNDS: Final = 3
 _EXACT: Final = 1e-9
 
 
-class Line:
+class StraightLine:
     """A straight line from the last command to a goal, which may drift.
 
     Args:
@@ -94,7 +94,7 @@ class Line:
             ]
         )
         ends = low / scale, high / scale
-        wanted = 0.0 if halt else self.share * self._length
+        pace = 0.0 if halt else self.share * self._length
         error = np.zeros(len(drift))
         step = np.zeros(count)
         held: NDArray[np.int64] | None = None
@@ -104,7 +104,7 @@ class Line:
             right = np.concatenate(
                 [
                     asked - along * progress,
-                    [_PROGRESS * (wanted + progress)],
+                    [_PROGRESS * (pace + progress)],
                     _PREFERENCE * self._size * preferred / scale,
                 ]
             )

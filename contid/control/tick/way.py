@@ -14,7 +14,7 @@ from typing import Final
 
 import numpy as np
 
-from contid.control.tick.chord import Line
+from contid.control.tick.chord import StraightLine
 from contid.control.tick.config import RobotConfig
 from contid.control.tick.limits import AxisLimits, brake_step
 from contid.control.tick.redundant import Redundant
@@ -55,7 +55,7 @@ class Way:
         limits = config.limits[: len(last)]
         # A target that goes further in a tick than an axis can is not followed at its pace: it has jumped.
         self._jumped = any(abs(pace) > each.step for pace, each in zip(answer_steps, limits, strict=True))
-        self._line: Line | None = None
+        self._line: StraightLine | None = None
         self._task = None if target.tip_m is None else task_of(config, target, extra)
         if self._task is not None:
             self._J = jacobian_of(self._task, self._last, config.limits, middle)
@@ -64,7 +64,7 @@ class Way:
             drift = goal - displaced(self._answer - self._last - self._paces)
             needed = np.abs(np.linalg.pinv(self._J) @ drift)
             self._jumped = any(size > each.step for size, each in zip(needed, limits, strict=True))
-            self._line = Line(
+            self._line = StraightLine(
                 limits, self._J, displaced, goal, np.zeros(len(goal)) if self._jumped else drift
             )
 
@@ -103,7 +103,7 @@ class Way:
                 return self._last + _braked(limits, last_steps), False
         scale, gap = np.array([each.step for each in limits]), self._answer - self._last
         drift = np.zeros(len(gap)) if self._jumped else self._paces
-        line = Line(limits, np.diag(1.0 / scale), lambda d: d / scale, gap / scale, drift / scale)
+        line = StraightLine(limits, np.diag(1.0 / scale), lambda d: d / scale, gap / scale, drift / scale)
         step, _, _ = line.step(low, high, gap)
         if not self._can_stop(limits, step):
             step = _braked(limits, last_steps)

@@ -14,7 +14,7 @@ from contid.control.tick.config import RobotConfig
 from contid.control.tick.on_path import limit_on_path
 from contid.kinematics.array import Array
 from contid.targets import Actuation, Target, Vec3
-from tests.control.tick.test_on_path import SLACK, config_of
+from tests.support.robot_configs import SLACK, config_of
 
 #: The tip may leave the chord by this [m]; for rods the statics are computed to 5e-5 m.
 OFF_M = {"finger": 1e-6, "cbha": 1e-6, "trirack": 1e-6, "trirack2": 1e-6, "stiffflop2": 5e-5}

@@ -8,21 +8,11 @@ from itertools import pairwise
 import numpy as np
 import pytest
 
-from contid.control.engine.wiring import build_robot_configs
 from contid.control.tick.config import RobotConfig
 from contid.control.tick.limits import allowed_steps, limit_axis
 from contid.control.tick.on_path import limit_on_path, tip_tolerance_m
-from contid.robot_file.load import with_mock
-from contid.robot_file.shipped import load_named
 from contid.targets import Actuation, Target
-
-RATE = 100.0
-SLACK = 1.0 + 1e-6
-
-
-def config_of(name: str) -> RobotConfig:
-    (config,) = build_robot_configs(with_mock(load_named(name)), RATE)
-    return config
+from tests.support.robot_configs import SLACK, config_of
 
 
 def elsewhere(config: RobotConfig, rng: np.random.Generator) -> tuple[Actuation, Actuation, Target]:
