@@ -80,7 +80,9 @@ def test_a_row_for_forty_robots_is_recorded_completely_and_replays(tmp_path: Pat
         for event in Session(path).events()
         if isinstance(event, OrderGiven) and event.order["order"] == "rows"
     ]
-    assert [len(event["targets"]) for event in rows_seen] == [40] * 3
+    # Rows that are read together make one order, of the newest.
+    assert 1 <= len(rows_seen) <= 3
+    assert {len(event["targets"]) for event in rows_seen} == {40}
     replayed = contid("replay", str(path))
     assert replayed.returncode == 0, replayed.stdout
 
