@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from abc import abstractmethod
 from collections.abc import Mapping
 from typing import ClassVar
@@ -76,7 +77,7 @@ class RobotDescription(Strict):
 
     @property
     def extra_limits(self) -> Mapping[str, tuple[float, float]]:
-        """Limits of the extra axes [m or Pa]."""
+        """Limits of the extra axes [m or Pa]; a missing axis has none."""
         to_si = self.quantity.to_si
         return {name: (to_si(low), to_si(high)) for name, (low, high) in self._extra.items()}
 
@@ -114,7 +115,7 @@ class RobotDescription(Strict):
     def driven_limits(self) -> tuple[tuple[float, float], ...]:
         """Range [m or Pa] of every transmission's input, extra axes last: the limits through `coupling`."""
         lower, upper = self.lower, self.upper
-        extra = tuple(self.extra_limits[name] for name in self.extra_axis_names)
+        extra = tuple(self.extra_limits.get(name, (-math.inf, math.inf)) for name in self.extra_axis_names)
         if self.coupling is None:
             return (*zip(lower, upper, strict=True), *extra)
         ranges = []
