@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from typing import Protocol
+from typing import Final, Protocol
 
 import numpy as np
 
@@ -117,6 +117,10 @@ def build_bend_solver(feasible: TendonFeasible) -> BendSolver:
     return solver
 
 
+#: The limit of a target that no bend of the robot meets: sections keep their length.
+_LENGTH: Final = "length"
+
+
 class TendonModel:
     """Forward and inverse kinematics of a tendon robot; `TendonStatics` has the tensions."""
 
@@ -206,6 +210,8 @@ class TendonModel:
         )
         pulls = self._pulls(np.array(bends) / self._lengths)
         limits = tuple(dict.fromkeys(self._names[k] for k in binding)) if binding else ()
+        if not converged and not limits:
+            limits = (_LENGTH,)
         if converged:
             return Solution(pulls, residual_m, True, limits, iterations)
         note = f"the nearest answer found within the limits leaves {m_to_mm(residual_m):.6g} mm"

@@ -176,3 +176,16 @@ def test_wrong_robot_files_are_refused_where_they_are_wrong(configs, old, new, l
     assert message in report
     line = int(report.split("tendon3.yaml:")[1].split(":")[0])
     assert line_has in broken.splitlines()[line - 1]
+
+
+def test_a_target_that_the_length_keeps_out_of_reach_names_it() -> None:
+    """Beyond the straight robot no limit of pulls, tensions or bends binds."""
+    model, rng = shipped("tendon3"), np.random.default_rng(3)
+    straight = (0.0,) * len(model.axis_names)
+    for _ in range(100):
+        side = rng.normal(size=3)
+        tip = rng.uniform(0.35, 0.5) * side / np.linalg.norm(side) * [1.0, 1.0, np.sign(side[2])]
+        missed = model.inverse(Target(tip_m=vec(tip)), straight)
+        assert not missed.converged
+        assert missed.limited_by
+    assert model.inverse(Target(tip_m=(0.0, 0.0, 0.4)), straight).limited_by == ("length",)
