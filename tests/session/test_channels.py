@@ -12,10 +12,10 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from jsonschema import Draft202012Validator
 
-from contid.control.engine.tick_layout import AXIS, HEAD, ROBOT, RecordLayout, RobotLayout
+from contid.control.engine.tick_layout import AXIS, DEADLINE, HEAD, ROBOT, RecordLayout, RobotLayout
 from contid.control.tick.supervisor import Mode
 from contid.session.format.channels import INFINITE, TICK_CHANNELS, fields, schema
-from contid.session.format.decode import Decoder
+from contid.session.format.decode import MAX_COUNT, Decoder
 from contid.session.format.encode import Encoder
 
 LAYOUT = RecordLayout(
@@ -50,6 +50,8 @@ def _record(numbers: list[float], counts: list[int], vectors: list[bool]) -> tup
             values[slot] = values[slot] if there and math.isfinite(values[slot]) else float(there) * math.e
         if not there:
             values[slots[0]] = values[slots[1]] = values[slots[2]] = math.nan
+    if not abs(values[DEADLINE]) < MAX_COUNT:  # a tick has a time
+        values[DEADLINE] = 0.0
     return tuple(PACKED.unpack(PACKED.pack(*values)))
 
 
