@@ -73,7 +73,42 @@ class Quantity(enum.StrEnum):
         return "mm" if self is Quantity.LENGTH else "bar"
 
 
-class BasePose(Strict):
+class Placement(Strict):
+    """Pose of a frame in another one: rotation Rz(yaw) Ry(pitch) Rx(roll), then translation.
+
+    Attributes:
+        x_mm, y_mm, z_mm: its origin.
+        roll_deg: first rotation, about x of the other frame.
+        pitch_deg: second rotation, about its y.
+        yaw_deg: third rotation, about its z.
+    """
+
+    x_mm: float = 0.0
+    y_mm: float = 0.0
+    z_mm: float = 0.0
+    roll_deg: float = 0.0
+    pitch_deg: float = 0.0
+    yaw_deg: float = 0.0
+
+    @property
+    def position_m(self) -> tuple[float, float, float]:
+        """Its origin [m]."""
+        return (self.x_mm / MM_PER_M, self.y_mm / MM_PER_M, self.z_mm / MM_PER_M)
+
+    @property
+    def rotation(self) -> tuple[float, ...]:
+        """Row-major 3x3 matrix from this frame to the other."""
+        cr, sr = _cos_sin_deg(self.roll_deg)
+        cp, sp = _cos_sin_deg(self.pitch_deg)
+        cy, sy = _cos_sin_deg(self.yaw_deg)
+        return (
+            cy * cp, cy * sp * sr - sy * cr, cy * sp * cr + sy * sr,
+            sy * cp, sy * sp * sr + cy * cr, sy * sp * cr - cy * sr,
+            -sp, cp * sr, cp * cr,
+        )  # fmt: skip
+
+
+class BasePose(Placement):
     """Pose of a robot's base frame in the world frame: rotation Rz(yaw) Ry(pitch) Rx(roll), then translation.
 
     Attributes:
@@ -84,31 +119,14 @@ class BasePose(Strict):
         mirror_x: mirror the robot in its own x first: the right finger of a hand.
     """
 
-    x_mm: float = 0.0
-    y_mm: float = 0.0
-    z_mm: float = 0.0
-    roll_deg: float = 0.0
-    pitch_deg: float = 0.0
-    yaw_deg: float = 0.0
     mirror_x: bool = False
-
-    @property
-    def position_m(self) -> tuple[float, float, float]:
-        """Origin of the base frame in the world [m]."""
-        return (self.x_mm / MM_PER_M, self.y_mm / MM_PER_M, self.z_mm / MM_PER_M)
 
     @property
     def rotation(self) -> tuple[float, ...]:
         """Row-major 3x3 matrix from base to world, including the mirror (then its determinant is -1)."""
-        cr, sr = _cos_sin_deg(self.roll_deg)
-        cp, sp = _cos_sin_deg(self.pitch_deg)
-        cy, sy = _cos_sin_deg(self.yaw_deg)
+        xx, xy, xz, yx, yy, yz, zx, zy, zz = super().rotation
         flip = -1.0 if self.mirror_x else 1.0
-        return (
-            flip * cy * cp, cy * sp * sr - sy * cr, cy * sp * cr + sy * sr,
-            flip * sy * cp, sy * sp * sr + cy * cr, sy * sp * cr - cy * sr,
-            flip * -sp, cp * sr, cp * cr,
-        )  # fmt: skip
+        return (flip * xx, xy, xz, flip * yx, yy, yz, flip * zx, zy, zz)
 
 
 def _cos_sin_deg(angle_deg: float) -> tuple[float, float]:

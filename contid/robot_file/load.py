@@ -10,7 +10,7 @@ from typing import Any, Final, TypeVar, get_args
 
 from pydantic import BaseModel, ValidationError
 
-from contid.errors import MAX_FINDINGS, BadInputError, ContidError, Located, first_findings
+from contid.errors import MAX_FINDINGS, BadInputError, Located, first_findings
 from contid.hal import Driver, LimitsRate, Restricts, UnknownDriverError, driver_names, load_driver
 from contid.robot_file.base import AxisDescription
 from contid.robot_file.chain import Chain, check_chain
@@ -20,7 +20,7 @@ from contid.robot_file.document import AnyRobot, BusDescription, RobotFile
 from contid.robot_file.exchange_time import rate_too_high
 from contid.robot_file.findings import allowed_names, explain, shown
 from contid.robot_file.model_plugins import ModelPluginError, load_plugin, plugin_names
-from contid.robot_file.positions import Data, Document, KeyPath, read_document
+from contid.robot_file.positions import Data, Document, KeyPath, read_document, read_text
 from contid.robot_file.recovery import recovered
 from contid.robot_file.renamed import with_renamed_keys
 from contid.robot_file.robot import RobotDescription
@@ -74,18 +74,7 @@ def load_robot_file(path: str | Path) -> LoadedFile:
         ContidError: the file cannot be read.
     """
     path = Path(path)
-    try:
-        raw = path.read_bytes()
-    except OSError as error:
-        raise ContidError(f"{path}: cannot read it: {error.strerror}") from error
-    try:
-        text = raw.decode("utf-8").replace("\r\n", "\n").replace("\r", "\n")
-    except UnicodeDecodeError as error:
-        line = raw.count(b"\n", 0, error.start) + 1
-        column = error.start - raw.rfind(b"\n", 0, error.start)
-        message = f"byte 0x{raw[error.start]:02x} is not UTF-8 text; save the file as UTF-8"
-        raise BadInputError([Located(str(path), line, column, message)]) from error
-    return parse_robot_file(text, str(path))
+    return parse_robot_file(read_text(path), str(path))
 
 
 def parse_robot_file(text: str, name: str, recorded: bool = False) -> LoadedFile:

@@ -12,11 +12,12 @@ import unicodedata
 from collections.abc import Iterator
 from dataclasses import dataclass, field
 from itertools import islice
+from pathlib import Path
 from typing import Final, TypeAlias
 
 import yaml
 
-from contid.errors import BadInputError, Located, first_findings
+from contid.errors import BadInputError, ContidError, Located, first_findings
 
 #: KeyPath in a document: keys of mappings and indices of sequences from the root.
 KeyPath: TypeAlias = tuple[str | int, ...]
@@ -84,6 +85,26 @@ class Document:
             if not path:
                 return Located(self.file, 1, 1, message)
             path, tables = path[:-1], (self.keys, self.values)
+
+
+def read_text(path: Path) -> str:
+    """The text of a file, with lines that end in a line feed.
+
+    Raises:
+        BadInputError: not UTF-8, with the place.
+        ContidError: the file cannot be read.
+    """
+    try:
+        raw = path.read_bytes()
+    except OSError as error:
+        raise ContidError(f"{path}: cannot read it: {error.strerror}") from error
+    try:
+        return raw.decode("utf-8").replace("\r\n", "\n").replace("\r", "\n")
+    except UnicodeDecodeError as error:
+        line = raw.count(b"\n", 0, error.start) + 1
+        column = error.start - raw.rfind(b"\n", 0, error.start)
+        message = f"byte 0x{raw[error.start]:02x} is not UTF-8 text; save the file as UTF-8"
+        raise BadInputError([Located(str(path), line, column, message)]) from error
 
 
 def read_document(text: str, file: str) -> Document:

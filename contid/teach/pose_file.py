@@ -19,10 +19,10 @@ from typing import Annotated, Final, Literal, Self
 
 from pydantic import Field, ValidationError, model_validator
 
-from contid.errors import BadInputError, ContidError, Located, first_findings
+from contid.errors import BadInputError, ContidError, first_findings
 from contid.robot_file.base import Strict
 from contid.robot_file.findings import allowed_names, explain
-from contid.robot_file.positions import Document, KeyPath, read_document
+from contid.robot_file.positions import Document, KeyPath, read_document, read_text
 
 #: An hour; a longer time was probably written in milliseconds.
 Seconds = Annotated[float, Field(ge=0.0, le=3600.0)]
@@ -131,13 +131,7 @@ def read_pose_file(path: Path) -> PoseFile:
         BadInputError: with every finding, ``file:line:column: what; allowed``.
         ContidError: the file cannot be read.
     """
-    try:
-        text = path.read_text(encoding="utf-8")
-    except OSError as error:
-        raise ContidError(f"{path}: cannot be read: {error.strerror}") from error
-    except UnicodeDecodeError as error:
-        raise BadInputError([Located(str(path), 1, 1, "is not UTF-8 text; save it as UTF-8")]) from error
-    return parse_pose_file(text, path)
+    return parse_pose_file(read_text(path), path)
 
 
 def parse_pose_file(text: str, path: Path) -> PoseFile:

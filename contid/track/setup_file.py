@@ -23,11 +23,11 @@ from typing import Annotated, Literal, TypeVar
 import numpy as np
 from pydantic import Field, ValidationError, model_validator
 
-from contid.errors import BadInputError, ContidError, Located, first_findings
+from contid.errors import BadInputError, first_findings
 from contid.kinematics.array import Array
-from contid.robot_file.base import BasePose, Positive, Strict
+from contid.robot_file.base import Placement, Positive, Strict
 from contid.robot_file.findings import allowed_names, explain
-from contid.robot_file.positions import read_document
+from contid.robot_file.positions import read_document, read_text
 from contid.track.camera import Camera
 from contid.units import MM_PER_M
 
@@ -37,34 +37,22 @@ MAX_ID = 586
 CORNERS = np.array([[-0.5, 0.5, 0.0], [0.5, 0.5, 0.0], [0.5, -0.5, 0.0], [-0.5, -0.5, 0.0]])
 
 
-class TagPlace(Strict):
-    """A printed tag and its pose.
+class TagPlace(Placement):
+    """A printed tag and the pose of its centre, rotated as the base of a robot is.
 
     Attributes:
         id: number of the tag in the family 36h11.
         size_mm: side of its black square.
-        x_mm, y_mm, z_mm: its centre.
-        roll_deg, pitch_deg, yaw_deg: its rotation, as of the base of a robot.
     """
 
     id: Annotated[int, Field(ge=0, le=MAX_ID)]
     size_mm: Annotated[float, Field(ge=1.0, le=1e4)]
-    x_mm: float = 0.0
-    y_mm: float = 0.0
-    z_mm: float = 0.0
-    roll_deg: float = 0.0
-    pitch_deg: float = 0.0
-    yaw_deg: float = 0.0
 
     @property
     def corners_m(self) -> Array:
         """Its corners in the frame that the pose is in, shape ``(4, 3)``."""
-        pose = BasePose(
-            x_mm=self.x_mm, y_mm=self.y_mm, z_mm=self.z_mm,
-            roll_deg=self.roll_deg, pitch_deg=self.pitch_deg, yaw_deg=self.yaw_deg,
-        )  # fmt: skip
         corners = CORNERS * (self.size_mm / MM_PER_M)
-        return np.asarray(corners @ np.array(pose.rotation).reshape(3, 3).T + np.array(pose.position_m))
+        return np.asarray(corners @ np.array(self.rotation).reshape(3, 3).T + np.array(self.position_m))
 
 
 class Gate(Strict):
@@ -157,13 +145,7 @@ _Kind = TypeVar("_Kind", bound=Strict)
 
 
 def _read(path: Path, kind: type[_Kind]) -> _Kind:
-    try:
-        text = path.read_text(encoding="utf-8")
-    except OSError as error:
-        raise ContidError(f"{path}: cannot be read: {error.strerror}") from error
-    except UnicodeDecodeError as error:
-        raise BadInputError([Located(str(path), 1, 1, "is not UTF-8 text; save it as UTF-8")]) from error
-    document = read_document(text, str(path))
+    document = read_document(read_text(path), str(path))
     if not isinstance(document.data, dict):
         raise BadInputError([document.at_value((), f"is a mapping; {allowed_names(kind.model_fields)}")])
     try:
