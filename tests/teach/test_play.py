@@ -64,7 +64,7 @@ def test_poses_are_moved_to_and_sequences_played() -> None:
             (("move", "--pose", "unreachable"), "out of reach"),
             (("play", "fingers.poses.yaml", "unreachable"), "fingers.poses.yaml:7:3: pose 'unreachable': "),
             (("move", "x_mm=1", "--pose", "far"), "one of them"),
-            (("play", "none.yaml"), "none.yaml: cannot be read: No such file"),
+            (("play", "none.yaml"), "none.yaml: cannot read it: No such file"),
         ):
             done = contid(running, *arguments)
             assert done.returncode == 2, done.stdout

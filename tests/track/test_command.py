@@ -64,7 +64,7 @@ def test_a_video_becomes_rows_near_the_truth_and_an_overlay(folder):
     [
         ("id: 10", "id: 11", "twice: 11"),
         ("size_mm: 22.0", "size_m: 22.0", "unknown key 'size_m'"),
-        ("camera: camera.yaml", "camera: cam.yaml", "cam.yaml: cannot be read: No such file"),
+        ("camera: camera.yaml", "camera: cam.yaml", "cam.yaml: cannot read it: No such file"),
         ("contid_track: 1", "contid_track: 2", "contid_track"),
         ("id: 0", "id: 587", "id"),
     ],
