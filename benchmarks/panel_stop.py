@@ -18,7 +18,6 @@ import sys
 import tempfile
 import threading
 import time
-from bisect import bisect_left
 from collections import deque
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import AbstractContextManager, ExitStack, contextmanager, suppress
@@ -28,9 +27,9 @@ from typing import Final, TypeAlias
 from websockets.typing import Origin, Subprotocol
 
 from benchmarks.stop_latency import cheap, subscribes
+from benchmarks.stop_times import cells, obeyed_after
 from contid.client import Client
 from contid.control.engine.tick_layout import DEADLINE
-from contid.control.tick.supervisor import Mode
 from contid.errors import ContidError
 from contid.session.read import Session
 
@@ -160,19 +159,13 @@ def measure(name: str, count: int, way: Way | None, crowded: bool) -> str:
         session = Session(Path(folder, "r.mcap"))
         records = [entry.values for entry in session.entries() if entry.values is not None]
         during = [values for values in records if began_s <= values[DEADLINE] <= ended_s]
-        off = [
-            values[DEADLINE]
-            for values in during
-            if all(robot.mode == Mode.OFF for robot in session.layout.decode(tuple(values)).robots)
-        ]
-        obeyed = sorted(off[min(bisect_left(off, at_s), len(off) - 1)] - at_s for at_s in sent)
+        obeyed = obeyed_after(during, session.layout, sent)
         late = sorted(values[LATENESS] for values in during)
-        cells = [f"{obeyed[int(share * (count - 1))] * 1e3:.1f}" for share in (0.5, 0.99, 1.0)]
-        cells += [f"{late[int(share * (len(late) - 1))] * 1e6:.0f}" for share in (0.999, 1.0)]
+        row = [*cells(obeyed, (0.5, 0.99, 1.0), 1e3, 1), *cells(late, (0.999, 1.0), 1e6, 0)]
         skipped = (
             round((during[-1][DEADLINE] - during[0][DEADLINE]) * session.layout.rate_hz) + 1 - len(during)
         )
-        return f"| {name} | {' | '.join(cells)} | {skipped} of {len(during)} |"
+        return f"| {name} | {' | '.join(row)} | {skipped} of {len(during)} |"
 
 
 def main() -> None:

@@ -20,15 +20,13 @@ import subprocess
 import sys
 import tempfile
 import time
-from bisect import bisect_left
 from collections.abc import Callable, Sequence
 from contextlib import suppress
 from pathlib import Path
 from typing import Final
 
+from benchmarks.stop_times import cells, obeyed_after
 from contid.client import Client
-from contid.control.engine.tick_layout import DEADLINE
-from contid.control.tick.supervisor import Mode
 from contid.errors import ContidError
 from contid.session.read import Session
 
@@ -152,16 +150,11 @@ def measure(name: str, count: int, flooded: bool) -> str:
             with suppress(ProcessLookupError):
                 os.killpg(process.pid, signal.SIGKILL)
         session = Session(record)
-        off = [
-            values[DEADLINE]
-            for values in (entry.values for entry in session.entries())
-            if values is not None and session.layout.decode(tuple(values)).robots[0].mode == Mode.OFF
-        ]
-        obeyed = sorted(off[min(bisect_left(off, at_s), len(off) - 1)] - at_s for at_s, _ in sent)
+        records = (entry.values for entry in session.entries() if entry.values is not None)
+        obeyed = obeyed_after(records, session.layout, (at_s for at_s, _ in sent))
         answered = sorted(done_s - at_s for at_s, done_s in sent)
-        cells = [f"{values[int(share * (count - 1))] * 1e3:.1f}" for values in (obeyed, answered)
-                 for share in (0.5, 0.99, 1.0)]  # fmt: skip
-        return f"| {name} | {'flooded' if flooded else 'none'} | {' | '.join(cells)} |"
+        row = [cell for values in (obeyed, answered) for cell in cells(values, (0.5, 0.99, 1.0), 1e3, 1)]
+        return f"| {name} | {'flooded' if flooded else 'none'} | {' | '.join(row)} |"
 
 
 def main() -> None:
