@@ -188,7 +188,10 @@ class _Robot:
         for size, change in zip(self._reach(self._here, gap).tolist(), self._change.tolist(), strict=True):
             if size > 0.0:
                 share = min(share, brake_step(size, _USUAL * change) / size)
-        motion: Array = along + share * gap
+        # The stop from it goes on for (n - 1) / 2 steps, which must not lead beyond the answer: tightness is
+        # least there.
+        ticks = self._stop(self._here, along + share * gap).ticks
+        motion: Array = along + min(share, 2.0 / (ticks + 1.0)) * gap
         return motion
 
     def _reach(self, at: Array, step: Array) -> Array:

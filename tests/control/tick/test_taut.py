@@ -202,3 +202,19 @@ def test_a_robot_that_is_armed_slack_gets_taut_without_a_jump(configs: Path) -> 
     assert lows[-1] >= model.statics.floor_n - ROUNDING_N
     assert out.solution is not None
     assert state.command == out.solution.actuation
+
+
+@pytest.mark.parametrize("skipped", [1, 7])
+def test_a_moving_target_is_caught_up_with_soon(configs: Path, skipped: int) -> None:
+    """After ticks that a live target went on without the robot; tensions bind on the way."""
+    run = Run.of(config_of(configs, "tendon3"))
+
+    def target(tick: int) -> Target:
+        turn = 0.0125 * tick  # 50 mm/s on a circle of 40 mm
+        return Target(tip_m=(0.04 * np.cos(turn), 0.04 * np.sin(turn), 0.28))
+
+    for number in range(400):
+        run.step(target(number))
+    errors_m = [run.step(target(400 + skipped + number)).tip_error_m for number in range(40)]
+    assert max(errors_m[4 * skipped :]) < 2e-4
+    assert max(errors_m[2 * skipped + 10 :]) < 1e-6
