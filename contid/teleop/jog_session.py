@@ -43,6 +43,10 @@ class StopPressedError(ContidError):
 class JogSession:
     """Jogs one robot.
 
+    Attributes:
+        rate_hz: of set-points, unless the tick is slower.
+        robot: the robot.
+
     Args:
         client: of the daemon.
         name: of the robot; None for the only one.
@@ -57,6 +61,8 @@ class JogSession:
         ContidError: an unknown robot, or none named of several.
     """
 
+    rate_hz = RATE_HZ
+
     def __init__(
         self,
         client: Client,
@@ -69,12 +75,14 @@ class JogSession:
         speed: float | None = None,
         axes: bool = False,
     ) -> None:
-        known = columns_of(client.describe())
+        describe = client.describe()
+        known = columns_of(describe)
         if name is None and len(known) > 1:
             raise ContidError(f"there are several robots; name one: {', '.join(known)}")
         if name is not None and name not in known:
             raise ContidError(f"no robot {name!r}; {allowed_names(known, name)}")
         self.robot: DescribedRobot = known[name] if name is not None else next(iter(known.values()))
+        self._rate_hz = min(self.rate_hz, float(describe["rate_hz"]))
         self._client = client
         self._keyboard = keyboard
         self._log = log
@@ -108,20 +116,26 @@ class JogSession:
 
     def _idle(self) -> Mapping[str, Any] | None:
         """Read keys until one moves; the newest telemetry, None at the end."""
-        for frame in self._client.telemetry(RATE_HZ, robots=self.robot.robot):
+        for frame in self._client.telemetry(min(RATE_HZ, self._rate_hz), robots=self.robot.robot):
             state = frame["robots"][self.robot.robot]
             self._display(state, None)
-            keys = self._keyboard.keys()
-            if keys is None:
-                self._ended = True
-            self._waiting += keys or []
+            self._read()
             while self._waiting:
                 if self._direction(self._waiting[0]) is not None:
                     return frame
                 self._other(self._waiting.pop(0), None)
             if self._ended:
                 return None
+            if self.engaged(None):
+                return frame
         return None
+
+    def _read(self) -> None:
+        """Take in what was pressed since the last call."""
+        keys = self._keyboard.keys()
+        if keys is None:
+            self._ended = True
+        self._waiting += keys or []
 
     def _other(self, key: str, jogger: Jogger | None) -> None:
         """A key that does not move."""
@@ -188,22 +202,24 @@ class JogSession:
             self._waiting.clear()
             raise RemoteError(Code.NOT_ARMED, f"{self.robot.robot} is {state['state']} and was never armed")
         controller = JogController(self, self._jogger(list(start)))
-        self._client.servo(RATE_HZ, controller)
+        self._client.servo(self._rate_hz, controller)
+
+    def engaged(self, jogger: Jogger | None) -> bool:
+        """The operator moves the robot now; None: while no stream goes on."""
+        return jogger is not None and jogger.moving(time.monotonic())
 
     def step(self, jogger: Jogger, state: ServoState) -> bool:
         """One period of a stream: keys, then the line of state; False ends the stream."""
         now_s = time.monotonic()
         columns = self.columns
-        keys = self._keyboard.keys()
-        if keys is None:
-            self._ended = True
-        for key in [*self._waiting, *(keys or ())]:
+        self._read()
+        waiting, self._waiting = self._waiting, []
+        for key in waiting:
             found = self._direction(key) if self.columns == columns else None
             if found is not None:
                 jogger.press(*found, now_s)
             else:
                 self._other(key, jogger)
-        self._waiting.clear()
         self._display(state.robots[self.robot.robot], jogger)
         return not self._ended and self.columns == columns
 
@@ -219,8 +235,13 @@ class JogSession:
         fault = f" fault {state['fault']}" if state["fault"] else ""
         self._show(
             f"{self.robot.robot} {state['state']}{fault} | {space}{which}: {speed:.3g} {unit}/s, step "
-            f"{speed * self._hold_s:.3g} {unit} | tip {tip} mm | axes {axes} {self.robot.unit}"
+            f"{speed * self._hold_s:.3g} {unit}{self.note} | tip {tip} mm | axes {axes} {self.robot.unit}"
         )
+
+    @property
+    def note(self) -> str:
+        """Part of the line of state."""
+        return ""
 
     def refused(self, message: str) -> None:
         """Report a refused set-point."""
@@ -245,7 +266,7 @@ class JogController:
             self._jogger.accept()
         goes_on = self._session.step(self._jogger, state)
         now_s = time.monotonic()
-        if self._jogger.moving(now_s):
+        if self._session.engaged(self._jogger):
             self._pressed_s = now_s
         if not goes_on or now_s - self._pressed_s > IDLE_S:
             return None
