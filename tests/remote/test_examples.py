@@ -29,7 +29,7 @@ def test_the_notebook_runs_cell_by_cell(monkeypatch: pytest.MonkeyPatch) -> None
     notebook = json.loads((EXAMPLES / "remote.ipynb").read_text(encoding="utf-8"))
     cells = ["".join(cell["source"]) for cell in notebook["cells"] if cell["cell_type"] == "code"]
     with daemon() as running:
-        monkeypatch.setattr("contid.remote.client.procedures.find", lambda path: running.socket)
+        monkeypatch.setattr("contid.remote.client.orders.find", lambda path: running.socket)
         with running.client() as client:
             armed(client)
         names: dict[str, Any] = {}

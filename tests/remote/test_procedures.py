@@ -75,7 +75,7 @@ def test_asynchronous_rows_are_refused_by_a_blocking_client() -> None:
 
 
 def test_the_blocking_client_has_every_procedure_with_its_parameters() -> None:
-    public = {name for name in vars(Procedures) if not name.startswith("_")} - {"connect"}
+    public = {name for name in dir(Procedures) if not name.startswith("_")} - {"connect"}
     assert public <= vars(Client).keys()
     for name in public:
         blocking = inspect.signature(getattr(Client, name)).parameters

@@ -11,7 +11,8 @@ from types import TracebackType
 from typing import Any, Concatenate, Final, ParamSpec, Self, TypeVar
 
 from contid.remote.client.client_protocol import RESPONSE_TIMEOUT_S, Request
-from contid.remote.client.procedures import Procedures, Robots
+from contid.remote.client.orders import Robots
+from contid.remote.client.procedures import Procedures
 from contid.remote.client.wires import Address, QueuedWire, SocketWire
 from contid.remote.protocol.wire import ConnectionLostError, Fields
 
