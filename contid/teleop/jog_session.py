@@ -262,7 +262,7 @@ class JogController:
         if state.refused:
             self._jogger.refuse()
             self._session.refused(state.refused)
-        else:
+        elif state.step > 0:  # before that none was sent
             self._jogger.accept()
         goes_on = self._session.step(self._jogger, state)
         now_s = time.monotonic()

@@ -12,6 +12,8 @@ from typing import Final
 
 #: Factor of one change of the speed.
 SPEED_FACTOR: Final = 1.5
+#: While no reference was taken yet, it goes so far from the start, as time at the greatest speed [s].
+LEAD_S: Final = 0.1
 
 
 class Jogger:
@@ -42,6 +44,8 @@ class Jogger:
     ) -> None:
         self.reference = [float(value) for value in start]
         self._accepted = list(self.reference)
+        self._taken = False
+        self._lead = LEAD_S * max_speed
         self._minimum, self._maximum = minimum, maximum
         self.speed = min(speed, max_speed)
         self._max_speed = max_speed
@@ -85,9 +89,18 @@ class Jogger:
     def accept(self) -> None:
         """The daemon took the reference."""
         self._accepted = list(self.reference)
+        self._taken = True
 
     def refuse(self) -> None:
-        """The daemon refused the reference: back to the last one it took."""
+        """The daemon refused the reference: back to the last one it took.
+
+        Braking can end beyond a limit that several axes share. From there the reference has to come back
+        before the first one is taken, so until then it stays, near the start.
+        """
+        if not self._taken:
+            pairs = zip(self.reference, self._accepted, strict=True)
+            self.reference = [min(max(value, at - self._lead), at + self._lead) for value, at in pairs]
+            return
         self.reference = list(self._accepted)
         self.release()
 

@@ -141,3 +141,26 @@ def test_an_unplugged_device_holds_within_one_tick() -> None:
         for _ in range(50):
             finger.tick()
         assert list(finger.state.command) == stood
+
+
+def test_a_robot_that_braked_beyond_a_shared_limit_comes_back() -> None:
+    """Of the finger: its curvature limits both axes together."""
+    with Sim("finger") as sim, recorded() as (recording, device):
+        finger = Operated(sim, Gamepad(device, read_mapping(default_mapping("gamepad"), device.has)), "axes")
+        squeeze(recording)
+        finger.tick()
+        finger.tick()
+        recording.axis(ABS_X, -32768)
+        while not finger.refused:
+            finger.tick()
+        recording.button(BTN_TL, 0)
+        for _ in range(100):
+            finger.tick()
+        stood = finger.state.command[0]
+        squeeze(recording)
+        finger.tick()
+        finger.tick()
+        recording.axis(ABS_X, 32767)
+        for _ in range(100):
+            finger.tick()
+        assert finger.state.command[0] > stood + 5.0
