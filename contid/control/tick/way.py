@@ -100,13 +100,13 @@ class Way:
                 if not (at_end.any() and across > _ACROSS) and self._can_stop(limits, step):
                     return self._last + step, False
             if moving:
-                return self._last + _braked(limits, last_steps), False
+                return self._last + _braked(limits, last_steps, low, high), False
         scale, gap = np.array([each.step for each in limits]), self._answer - self._last
         drift = np.zeros(len(gap)) if self._jumped else self._paces
         line = StraightLine(limits, np.diag(1.0 / scale), lambda d: d / scale, gap / scale, drift / scale)
         step, _, _ = line.step(low, high, gap)
         if not self._can_stop(limits, step):
-            step = _braked(limits, last_steps)
+            step = _braked(limits, last_steps, low, high)
             if not np.any(last_steps):
                 return None, False
         return self._last + step, True
@@ -172,10 +172,10 @@ def _stands(limits: Sequence[AxisLimits], steps: Array) -> bool:
     return all(abs(d) <= _REST * each.change for d, each in zip(steps.tolist(), limits, strict=True))
 
 
-def _braked(limits: Sequence[AxisLimits], last_steps: Array) -> Array:
-    """Steps of axes that stop together as fast as they can."""
+def _braked(limits: Sequence[AxisLimits], last_steps: Array, low: Array, high: Array) -> Array:
+    """Steps of axes that stop together as fast as they can, an axis near its end by itself."""
     most = max(abs(d) / each.change for d, each in zip(last_steps.tolist(), limits, strict=True))
-    step: Array = last_steps * (max(0.0, 1.0 - 1.0 / most) if most > 0.0 else 0.0)
+    step: Array = np.clip(last_steps * (max(0.0, 1.0 - 1.0 / most) if most > 0.0 else 0.0), low, high)
     return step
 
 

@@ -167,3 +167,18 @@ def test_bounded_least_squares_are_those_of_scipy() -> None:
         theirs = lsq_linear(matrix, right, (low, high), method="bvls", tol=1e-14).x
         assert np.all((low <= ours) & (ours <= high))
         assert np.linalg.norm(matrix @ ours - right) <= np.linalg.norm(matrix @ theirs - right) + 1e-9
+
+
+def test_an_axis_near_its_end_brakes_by_itself() -> None:
+    """Two racks of a finger, which may go on by their own limits and then have to stop for another target."""
+    config = config_of("finger")
+    left, right = config.limits
+    steps = (3.6 * left.change, -4.4 * right.change)
+    command = (left.upper - 4.5 * left.change, 0.5 * (right.lower + right.upper))  # room for 2.6 + 1.6 + 0.6
+    for _ in range(6):
+        target = Target(actuation=(0.9 * left.upper, command[1]))
+        assert target.actuation is not None
+        after, _, _ = limit_on_path(config, command, steps, target.actuation, (0.0, 0.0), target)
+        steps = (after[0] - command[0], after[1] - command[1])
+        command = after
+        assert command[0] <= left.upper
