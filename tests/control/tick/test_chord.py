@@ -174,7 +174,10 @@ def test_an_axis_near_its_end_brakes_by_itself() -> None:
     config = config_of("finger")
     left, right = config.limits
     steps = (3.6 * left.change, -4.4 * right.change)
-    command = (left.upper - 4.5 * left.change, 0.5 * (right.lower + right.upper))  # room for 2.6 + 1.6 + 0.6
+    command: Actuation = (
+        left.upper - 4.5 * left.change,
+        0.5 * (right.lower + right.upper),
+    )  # room for 2.6 + 1.6 + 0.6
     for _ in range(6):
         target = Target(actuation=(0.9 * left.upper, command[1]))
         assert target.actuation is not None
