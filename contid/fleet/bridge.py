@@ -22,7 +22,7 @@ from contid.fleet.fleet_file import MachineFile
 from contid.fleet.keys import Keys, Origin, is_node_name
 from contid.fleet.metrics_server import MetricsServer
 from contid.fleet.metrics_text import MetricsText, bridge_text, nodes_text
-from contid.fleet.net import FleetError, NetSession, NetSettings
+from contid.fleet.net import FleetError, NetSession, NetSettings, in_loop
 from contid.fleet.node import Node
 from contid.remote.protocol.socket_path import running
 
@@ -96,12 +96,8 @@ class FleetBridge:
             if metrics is not None:
                 await page.start(*metrics)
             await self._refuse_rivals()
-            self._net.watch_tokens(
-                self._keys.who("*", "*"), lambda *token: loop.call_soon_threadsafe(self._who, *token)
-            )
-            self._net.watch_tokens(
-                self._keys.alive("*", "*"), lambda *token: loop.call_soon_threadsafe(self._alive, *token)
-            )
+            self._net.watch_tokens(self._keys.who("*", "*"), in_loop(loop, self._who))
+            self._net.watch_tokens(self._keys.alive("*", "*"), in_loop(loop, self._alive))
             self._begin()
             if self._feed is not None:
                 self._tasks.add(asyncio.create_task(self._watch_feed(self._feed)))

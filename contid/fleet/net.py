@@ -5,10 +5,12 @@ The only module that imports zenoh. Its callbacks run in threads of Zenoh.
 
 from __future__ import annotations
 
+import asyncio
 import json
 import os
 import secrets
 from collections.abc import Callable, Mapping, Sequence
+from contextlib import suppress
 from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, Any, Final
 
@@ -31,6 +33,16 @@ DROP_AFTER_S: Final = 0.001
 CLOSE_AFTER_S: Final = 0.2
 #: Bytes of one message.
 MAX_MESSAGE: Final = 1 << 20
+
+
+def in_loop(loop: asyncio.AbstractEventLoop, handler: Callable[..., object]) -> Callable[..., None]:
+    """A handler for Zenoh's threads that runs in a loop; nothing is done once the loop has ended."""
+
+    def call(*arguments: object) -> None:
+        with suppress(RuntimeError):  # the loop is closed
+            loop.call_soon_threadsafe(handler, *arguments)
+
+    return call
 
 
 class FleetError(ContidError):

@@ -19,7 +19,7 @@ from contid.fleet.feed_watch import FeedWatch
 from contid.fleet.fleet_file import MachineFile
 from contid.fleet.gate import FORBIDDEN, checked
 from contid.fleet.keys import Keys, Order, Origin
-from contid.fleet.net import Declared, NetSession, Question
+from contid.fleet.net import Declared, NetSession, Question, in_loop
 from contid.fleet.operator_link import OperatorLink
 from contid.fleet.rights import CLOCK, FEED, READS, STOPS
 from contid.remote.protocol.wire import Code, ConnectionLostError, Fields, RemoteError, encode
@@ -201,7 +201,7 @@ class Node:
     def _asked(self, question: Question, loop: asyncio.AbstractEventLoop) -> None:
         """In the thread of the network: a clock and a feed are answered at once, the rest in the loop."""
         if not question.key.endswith((f"/{CLOCK}", f"/{FEED}")):
-            loop.call_soon_threadsafe(self._start, question)
+            in_loop(loop, self._start)(question)
             return
         try:
             order, _ = checked(self._keys, question.key, question.payload, self._machine.operators)

@@ -63,7 +63,7 @@ def limit_on_path(
     limits = config.limits[:own]
     steps = [allowed_steps(each, *at) for each, *at in zip(limits, last, last_steps, strict=False)]
     low, high = (np.array(side) for side in zip(*steps, strict=True))
-    way = Way(config, last[:own], answer[:own], answer_steps[:own], target_in_base, command[own:])
+    way = Way(config, last[:own], answer[:own], answer_steps[:own], target_in_base, command[own:], low, high)
     exact_m = _EXACT * _TOLERANCE_M[config.quantity]
     held = way.held(limits, low, high, np.array(command[:own]), exact_m)
     if held is None and config.taut is None and within(config, last[:own], command[own:]):

@@ -71,6 +71,12 @@ def _turn(direction: Array, change: Array) -> Array:
     return across * (angle / sine if sine > 0.0 else 1.0)
 
 
+def shifted(point: Vec3, begin: Vec3, end: Vec3) -> Vec3:
+    """A point moved as from ``begin`` to ``end``."""
+    x, y, z = (p + e - b for p, b, e in zip(point, begin, end, strict=True))
+    return x, y, z
+
+
 def turned(begin: Vec3, end: Vec3, share: float) -> Vec3:
     """A direction of the great circle between two directions."""
     start = np.array(begin)

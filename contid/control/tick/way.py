@@ -18,7 +18,7 @@ from contid.control.tick.chord import StraightLine
 from contid.control.tick.config import RobotConfig
 from contid.control.tick.limits import AxisLimits, brake_step
 from contid.control.tick.redundant import Redundant
-from contid.control.tick.tip_task import between, displacement_of, jacobian_of, task_of, turned
+from contid.control.tick.tip_task import between, displacement_of, jacobian_of, shifted, task_of, turned
 from contid.kinematics.array import Array
 from contid.targets import Actuation, Solution, Target
 
@@ -26,6 +26,8 @@ from contid.targets import Actuation, Solution, Target
 _ACROSS: Final = 1e-3
 #: Steps that are none, as a share of the greatest change of a step.
 _REST: Final = 1e-2
+#: Square of a length that is none [m2].
+_TINY_M2: Final = 1e-24
 #: Differences of axes that are rounding, as a share of a step.
 _NONE: Final = 1e-6
 
@@ -41,6 +43,8 @@ class Way:
         answer_steps: Sequence[float],
         target: Target,
         extra: Actuation,
+        low: Array,
+        high: Array,
     ) -> None:
         self._config = config
         self._target = target
@@ -55,18 +59,23 @@ class Way:
         limits = config.limits[: len(last)]
         # A target that goes further in a tick than an axis can is not followed at its pace: it has jumped.
         self._jumped = any(abs(pace) > each.step for pace, each in zip(answer_steps, limits, strict=True))
+        self._before = self._answer  # the answer that goes along with the line, a tick ago
         self._line: StraightLine | None = None
+        self._chase: StraightLine | None = None
         self._task = None if target.tip_m is None else task_of(config, target, extra)
         if self._task is not None:
             self._J = jacobian_of(self._task, self._last, config.limits, middle)
             displaced = displacement_of(self._task, self._last, target.direction is not None)
             goal = displaced(self._answer - self._last)
             drift = goal - displaced(self._answer - self._last - self._paces)
-            needed = np.abs(np.linalg.pinv(self._J) @ drift)
-            self._jumped = any(size > each.step for size, each in zip(needed, limits, strict=True))
-            self._line = StraightLine(
-                limits, self._J, displaced, goal, np.zeros(len(goal)) if self._jumped else drift
-            )
+            needed = np.linalg.pinv(self._J) @ drift
+            self._jumped = any(abs(size) > each.step for size, each in zip(needed, limits, strict=True))
+            drift = np.zeros(len(goal)) if self._jumped else drift
+            self._line = StraightLine(limits, self._J, displaced, goal, drift)
+            part = 0.0 if self._jumped else _part(needed, low, high)
+            # Towards a target that goes on, axes at rest go along with it as soon as they can.
+            self._before = self._answer - part * self._paces
+            self._chase = StraightLine(limits, self._J, displaced, goal, part * drift)
 
     def held(
         self, limits: Sequence[AxisLimits], low: Array, high: Array, clipped: Array, exact_m: float
@@ -84,12 +93,12 @@ class Way:
 
         None where the line of the axes is blocked.
         """
-        if self._line is not None and not (straight and not self._jumped):
+        if self._chase is not None and not (straight and not self._jumped):
             moving = any(abs(d) > each.change for d, each in zip(last_steps.tolist(), limits, strict=True))
             preferred = self._preferred(limits)
             free = _unbounded(limits, last_steps)
             for halt in (False, True):
-                step, share, across = self._line.step(low, high, preferred, halt)
+                step, share, across = self._chase.step(low, high, preferred, halt)
                 at_end = ((step <= low) & (low > free[0])) | ((step >= high) & (high < free[1]))
                 if not moving and _stands(limits, step):
                     continue
@@ -102,7 +111,7 @@ class Way:
             if moving:
                 return self._last + _braked(limits, last_steps, low, high), False
         scale, gap = np.array([each.step for each in limits]), self._answer - self._last
-        drift = np.zeros(len(gap)) if self._jumped else self._paces
+        drift = (0.0 if self._jumped else _part(self._paces, low, high)) * self._paces
         line = StraightLine(limits, np.diag(1.0 / scale), lambda d: d / scale, gap / scale, drift / scale)
         step, _, _ = line.step(low, high, gap)
         if not self._can_stop(limits, step):
@@ -113,9 +122,9 @@ class Way:
 
     def _preferred(self, limits: Sequence[AxisLimits]) -> Array:
         """The step towards the answer to the next point of the line."""
-        if not self._redundant or self._line is None:
+        if not self._redundant or self._chase is None:
             return np.zeros(len(self._last))
-        gap = np.array(self._solved(self._line.share).actuation[: len(self._last)]) - self._last
+        gap = np.array(self._solved(self._chase.share).actuation[: len(self._last)]) - self._last
         part = 1.0
         for each, size in zip(limits, np.abs(gap).tolist(), strict=True):
             if size > _NONE * each.change:
@@ -134,16 +143,25 @@ class Way:
         return step if self._can_stop(limits, step) else None
 
     def _solved(self, share: float) -> Solution:
-        """Answer of the model to a point of the line."""
+        """Answer of the model to a point of the line, which has moved along with the target."""
         config, target = self._config, self._target
         own = (*self._last.tolist(), *self._extra)
-        begin = config.model.forward(own, target.load_n)
-        end = config.model.forward((*self._answer.tolist(), *self._extra), target.load_n)
+        begin, before, end = (
+            config.model.forward((*axes.tolist(), *self._extra), target.load_n)
+            for axes in (self._last, self._before, self._answer)
+        )
+        away, drift = np.subtract(end.tip_m, begin.tip_m), np.subtract(end.tip_m, before.tip_m)
+        # A direction has turned with the target by as much of its way as the tip has gone.
+        along = float(np.clip(away @ drift / max(float(away @ away), _TINY_M2), 0.0, 1.0))
         point = replace(
             target,
-            tip_m=between(begin.tip_m, end.tip_m, share),
-            direction=None if target.direction is None else turned(begin.direction, end.direction, share),
-            mid_m=None if target.mid_m is None else between(begin.mid_m, end.mid_m, share),
+            tip_m=between(shifted(begin.tip_m, before.tip_m, end.tip_m), end.tip_m, share),
+            direction=None
+            if target.direction is None
+            else turned(begin.direction, end.direction, along + (1.0 - along) * share),
+            mid_m=None
+            if target.mid_m is None
+            else between(shifted(begin.mid_m, before.mid_m, end.mid_m), end.mid_m, share),
             extra={},
         )
         return config.model.inverse(point, own)
@@ -177,6 +195,16 @@ def _braked(limits: Sequence[AxisLimits], last_steps: Array, low: Array, high: A
     most = max(abs(d) / each.change for d, each in zip(last_steps.tolist(), limits, strict=True))
     step: Array = np.clip(last_steps * (max(0.0, 1.0 - 1.0 / most) if most > 0.0 else 0.0), low, high)
     return step
+
+
+def _part(paces: Array, low: Array, high: Array) -> float:
+    """The greatest part of the axes' paces that they may take in this tick: one at rest has to speed up."""
+    part = 1.0
+    for pace, least, greatest in zip(paces.tolist(), low.tolist(), high.tolist(), strict=True):
+        if pace:
+            room = max(greatest, 0.0) if pace > 0.0 else min(least, 0.0)
+            part = min(part, room / pace)
+    return part
 
 
 def _unbounded(limits: Sequence[AxisLimits], last_steps: Array) -> tuple[Array, Array]:

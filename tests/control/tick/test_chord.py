@@ -185,3 +185,29 @@ def test_an_axis_near_its_end_brakes_by_itself() -> None:
         steps = (after[0] - command[0], after[1] - command[1])
         command = after
         assert command[0] <= left.upper
+
+
+@pytest.mark.parametrize("name", ["finger", "trirack", "cbha", "stiffflop2"])
+def test_a_robot_at_rest_catches_up_with_a_target_that_goes_on(name: str) -> None:
+    """The target begins a part of its way ahead and needs the speed of several ticks' acceleration."""
+    config = config_of(name)
+    model, rng = config.model, np.random.default_rng(6)
+    start, end_m = postures(config, rng, 0.4, 0.6)
+    begin_m = np.array(model.forward(start).tip_m)
+    way_m = np.array(end_m) - begin_m
+    command, steps, straight = start, (0.0,) * len(start), False
+    reference: Actuation | None = None
+    off_m = []
+    for count in range(400):
+        x, y, z = (begin_m + min(0.3 + 0.002 * count, 1.0) * way_m).tolist()
+        target = Target(tip_m=(x, y, z))
+        answer = model.inverse(target, command).actuation
+        paces = [new - old for new, old in zip(answer, reference or answer, strict=True)]
+        after, _, straight = limit_on_path(config, command, steps, answer, paces, target, straight)
+        steps = tuple(new - old for new, old in zip(after, command, strict=True))
+        command, reference = after, answer
+        off_m.append(math.dist(model.forward(command).tip_m, (x, y, z)))
+    caught = next(count for count, off in enumerate(off_m) if off < 1e-4)
+    assert caught < 250
+    assert max(off_m[:caught]) < 1.2 * off_m[0]
+    assert max(off_m[caught + 20 : 350]) < 1e-4  # then the target stops at once
