@@ -37,10 +37,11 @@ def command(
     import asyncio
 
     from contid.fleet.common_trajectory import read_common_trajectory
-    from contid.fleet.conductor import OnOne, conduct
+    from contid.fleet.conductor import conduct
     from contid.fleet.fleet_file import load_operator_file
     from contid.fleet.net import FleetError
     from contid.fleet.operator import FleetOperator
+    from contid.fleet.run_report import OnOne
 
     parts = read_common_trajectory(trajectory)
     with FleetOperator(load_operator_file(file)) as operator:
