@@ -10,6 +10,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import replace
+from functools import cached_property
 from typing import Final
 
 import numpy as np
@@ -20,7 +21,7 @@ from contid.control.tick.limits import AxisLimits, brake_step
 from contid.control.tick.redundant import Redundant
 from contid.control.tick.tip_task import between, displacement_of, jacobian_of, shifted, task_of, turned
 from contid.kinematics.array import Array
-from contid.targets import Actuation, Solution, Target
+from contid.targets import Actuation, Pose, Solution, Target
 
 #: Share of a step across the line, where an axis is at its end, that leaves the line.
 _ACROSS: Final = 1e-3
@@ -75,7 +76,9 @@ class Way:
             part = 0.0 if self._jumped else _part(needed, low, high)
             # Towards a target that goes on, axes at rest go along with it as soon as they can.
             self._before = self._answer - part * self._paces
-            self._chase = StraightLine(limits, self._J, displaced, goal, part * drift)
+            self._chase = self._line
+            if part < 1.0:
+                self._chase = StraightLine(limits, self._J, displaced, goal, part * drift)
 
     def held(
         self, limits: Sequence[AxisLimits], low: Array, high: Array, clipped: Array, exact_m: float
@@ -142,14 +145,19 @@ class Way:
         step = np.clip(step, low, high)
         return step if self._can_stop(limits, step) else None
 
-    def _solved(self, share: float) -> Solution:
-        """Answer of the model to a point of the line, which has moved along with the target."""
-        config, target = self._config, self._target
-        own = (*self._last.tolist(), *self._extra)
+    @cached_property
+    def _ends(self) -> tuple[Pose, Pose, Pose]:
+        """Poses at the last command, at the answer a tick ago and at the answer."""
         begin, before, end = (
-            config.model.forward((*axes.tolist(), *self._extra), target.load_n)
+            self._config.model.forward((*axes.tolist(), *self._extra), self._target.load_n)
             for axes in (self._last, self._before, self._answer)
         )
+        return begin, before, end
+
+    def _solved(self, share: float) -> Solution:
+        """Answer of the model to a point of the line, which has moved along with the target."""
+        target = self._target
+        begin, before, end = self._ends
         away, drift = np.subtract(end.tip_m, begin.tip_m), np.subtract(end.tip_m, before.tip_m)
         # A direction has turned with the target by as much of its way as the tip has gone.
         along = float(np.clip(away @ drift / max(float(away @ away), _TINY_M2), 0.0, 1.0))
@@ -164,7 +172,7 @@ class Way:
             else between(shifted(begin.mid_m, before.mid_m, end.mid_m), end.mid_m, share),
             extra={},
         )
-        return config.model.inverse(point, own)
+        return self._config.model.inverse(point, (*self._last.tolist(), *self._extra))
 
     def _can_stop(self, limits: Sequence[AxisLimits], step: Array) -> bool:
         """True when the axes, after a step, can stop together before the limits of the model."""
