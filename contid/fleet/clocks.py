@@ -69,6 +69,23 @@ def offset_of(trips: Iterable[RoundTrip], wall_minus_monotonic_s: float = 0.0) -
     return ClockOffset(best.node_s - middle_s, bound_s, wall_minus_monotonic_s)
 
 
+def _answer(operator: FleetOperator, node: str) -> tuple[float, bytes] | None:
+    """When the answer of a node's clock came, and its payload; None if it does not come."""
+    answers: queue.SimpleQueue[tuple[float, bytes] | None] = queue.SimpleQueue()
+    operator.net.ask(
+        operator.key(node, "clock"),
+        b"",
+        TRIP_TIMEOUT_S,
+        lambda _, payload: answers.put((time.monotonic(), payload)),
+        lambda: answers.put(None),
+        urgent=True,
+    )
+    try:
+        return answers.get(timeout=2.0 * TRIP_TIMEOUT_S)
+    except queue.Empty:
+        return None
+
+
 def measure_offset(operator: FleetOperator, node: str, count: int = ROUND_TRIPS) -> ClockOffset:
     """Ask a node for its clock some times.
 
@@ -78,20 +95,8 @@ def measure_offset(operator: FleetOperator, node: str, count: int = ROUND_TRIPS)
     trips: list[RoundTrip] = []
     wall_s = 0.0
     for _ in range(count):
-        answers: queue.SimpleQueue[tuple[float, bytes] | None] = queue.SimpleQueue()
         sent_s = time.monotonic()
-        operator.net.ask(
-            operator.key(node, "clock"),
-            b"",
-            TRIP_TIMEOUT_S,
-            lambda _, payload, answers=answers: answers.put((time.monotonic(), payload)),  # type: ignore[misc]
-            lambda answers=answers: answers.put(None),  # type: ignore[misc]
-            urgent=True,
-        )
-        try:
-            answer = answers.get(timeout=2.0 * TRIP_TIMEOUT_S)
-        except queue.Empty:
-            answer = None
+        answer = _answer(operator, node)
         if answer is None:
             continue
         received_s, payload = answer
