@@ -136,7 +136,7 @@ class Question:
 
         try:
             self._query.reply(key, payload, express=True)
-            self._query.drop()  # type: ignore[no-untyped-call]
+            self._query.drop()  # type: ignore[no-untyped-call]  # zenoh's stubs give it no type
         except zenoh.ZError:  # the session that asked is gone
             return
 
@@ -184,7 +184,7 @@ class NetSession:
 
     def close(self) -> None:
         """End the session: its tokens are gone."""
-        self._session.close()  # type: ignore[no-untyped-call]
+        self._session.close()  # type: ignore[no-untyped-call]  # zenoh's stubs give it no type
 
     def peers(self) -> int:
         """Number of sessions this one is linked with."""

@@ -28,6 +28,7 @@ MESSAGE_BURST: Final = 240.0
 class PanelHttp(H11Protocol):
     """HTTP of the panel: connections beyond the bound, and those that send no request, are closed."""
 
+    # uvicorn declares the type that every loop gives it, narrower than asyncio's own.
     def connection_made(self, transport: asyncio.Transport) -> None:  # type: ignore[override]
         """Take a connection, or close it."""
         super().connection_made(transport)
