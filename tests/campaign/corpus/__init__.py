@@ -9,6 +9,7 @@ from __future__ import annotations
 import hashlib
 import sys
 from collections.abc import Callable, Iterable
+from functools import partial
 from pathlib import Path
 from types import FrameType
 from typing import Any, TypeAlias
@@ -57,10 +58,10 @@ def keep(name: str, good: Iterable[bytes], found: Iterable[bytes], run: Callable
     """Store the shortest of the found inputs that take new steps; returns their number."""
     seen: set[Step] = set()
     for data in (*good, *stored(name)):
-        seen |= steps(lambda data=data: run(data))  # type: ignore[misc]
+        seen |= steps(partial(run, data))
     count = 0
     for data in sorted({data for data in found if len(data) <= MAX_KEPT}, key=lambda data: (len(data), data)):
-        taken = steps(lambda data=data: run(data))  # type: ignore[misc]
+        taken = steps(partial(run, data))
         if not taken <= seen and len(stored(name)) < MAX_FILES:
             seen |= taken
             count += 1
