@@ -112,7 +112,8 @@ class _Writer:
             lines = _body(robot, body, COLOURS[number % len(COLOURS)])
             if commanded is not None and measured is not None:
                 lines += [
-                    _line(part, COMMANDED, THIN * robot.length_mm) for part in _sections(robot, commanded)
+                    _line(part, COMMANDED, THIN * robot.length_mm)
+                    for part in commanded.strips[: commanded.sections]
                 ]
             entities.append(
                 fox.SceneEntity(
@@ -138,17 +139,13 @@ def _measured(robot: RobotScene, record: RobotRecord) -> Actuation:
     return robot.config.transmission.to_actuation(tuple(axis.value for axis in record.axes))
 
 
-def _sections(robot: RobotScene, drawing: RobotDrawing) -> list[Array]:
-    """Lines of the backbone without the edges of a planar body."""
-    return drawing.strips[:-2] if robot.outline is not None else drawing.strips
-
-
 def _body(robot: RobotScene, drawing: RobotDrawing | None, colour: Colour) -> list[fox.LinePrimitive]:
     if drawing is None:
         return []
-    sections = _sections(robot, drawing)
-    thin = [_line(edge, colour, THIN * robot.length_mm) for edge in drawing.strips[len(sections) :]]
-    return [*(_line(part, colour, BODY * robot.length_mm) for part in sections), *thin]
+    return [
+        _line(part, colour, (BODY if number < drawing.sections else THIN) * robot.length_mm)
+        for number, part in enumerate(drawing.strips)
+    ]
 
 
 def _target(robot: RobotScene, record: RobotRecord) -> list[fox.SpherePrimitive]:
@@ -173,7 +170,8 @@ def _line(points_mm: Array, colour: Colour, thickness_mm: float) -> fox.LinePrim
 def _transform(stamp: fox.Timestamp, name: str, frame: Array) -> fox.FrameTransform:
     """A frame of a drawing, (4, 3): its origin [mm] and axes as rows."""
     x, y, z = (frame[0] / MM_PER_M).tolist()
-    w, i, j, k = quaternion(frame[1:].T)
+    # A mirrored robot has a left-handed frame, which no rotation gives: its z points the other way here.
+    w, i, j, k = quaternion(np.column_stack([frame[1], frame[2], np.cross(frame[1], frame[2])]))
     return fox.FrameTransform(
         timestamp=stamp,
         parent_frame_id=WORLD,

@@ -118,11 +118,16 @@ def test_foxglove_messages_have_the_robot_where_it_is(exported: Path, table: pd.
     assert {*frames} == {"left", "left/tip", "right", "right/tip"}
     tip = frames["left/tip"].translation
     assert (1e3 * tip.x, 1e3 * tip.y) == pytest.approx(TIP_MM, abs=0.1)
-    # The y axis of the tip frame is the tangent of the finger.
-    pose = Robot("hand")["left"].fk(table[RACKS].to_numpy()[-1:])
-    q = frames["left/tip"].rotation
-    along = (2 * (q.x * q.y - q.z * q.w), 1 - 2 * (q.x**2 + q.z**2))
-    assert along == pytest.approx(pose.direction[0, :2], abs=2e-3)
+    # The y axis of the tip frame is the tangent of the finger; the right one is mirrored.
+    for name, side in (("left", 1.0), ("right", -1.0)):
+        racks = table[[f"measured.{name}.left_mm", f"measured.{name}.right_mm"]].to_numpy()[-1:]
+        q = frames[f"{name}/tip"].rotation
+        along = (2 * (q.x * q.y - q.z * q.w), 1 - 2 * (q.x**2 + q.z**2))
+        across = (1 - 2 * (q.y**2 + q.z**2), 2 * (q.x * q.y + q.z * q.w))
+        u, v = Robot("hand")[name].fk(racks).direction[0, :2]
+        assert along == pytest.approx((u, v), abs=2e-3)
+        assert across == pytest.approx((side * v, -side * u), abs=2e-3)
+        assert q.x**2 + q.y**2 + q.z**2 + q.w**2 == pytest.approx(1.0)
     bodies = {entity.id: entity for entity in last["/scene"].entities}
     assert bodies["left"].lines[0].points[-1].x == pytest.approx(tip.x, abs=1e-6)
     assert 1e3 * bodies["left"].spheres[0].pose.position.x == pytest.approx(TIP_MM[0])
