@@ -14,15 +14,16 @@ import foxglove
 import numpy as np
 from foxglove import messages as fox
 from foxglove.channels import FrameTransformsChannel, JointStatesChannel, LogChannel, SceneUpdateChannel
+from scipy.spatial.transform import Rotation
 
 from contid.control.engine.events import RunEvent
 from contid.control.engine.tick_layout import RecordLayout, RobotRecord, TickRecord
 from contid.robot_file.load import LoadedFile
-from contid.targets import ZERO3, Actuation
+from contid.targets import Actuation
 from contid.units import MM_PER_M
 from contid.view.event_line import event_line
 from contid.view.frames import FRAMES_HZ
-from contid.view.robot_scene import Array, RobotDrawing, RobotScene
+from contid.view.robot_scene import Array, RobotDrawing, RobotScene, load_or_zero
 from contid.view.scene import Scene, build_scene
 
 WORLD: Final = "world"
@@ -101,7 +102,7 @@ class _Writer:
         stamp = _stamp(time_ns)
         entities, frames, drawings = [], [], []
         for number, (robot, each) in enumerate(zip(self._scene.robots, record.robots, strict=True)):
-            load = each.load_n if all(map(math.isfinite, each.load_n)) else ZERO3
+            load = load_or_zero(each.load_n)
             measured = robot.drawing(_measured(robot, each), load)
             commanded = robot.drawing(tuple(axis.command for axis in each.axes), load)
             body = measured or commanded
@@ -170,8 +171,7 @@ def _line(points_mm: Array, colour: Colour, thickness_mm: float) -> fox.LinePrim
 def _transform(stamp: fox.Timestamp, name: str, frame: Array) -> fox.FrameTransform:
     """A frame of a drawing, (4, 3): its origin [mm] and axes as rows."""
     x, y, z = (frame[0] / MM_PER_M).tolist()
-    # A mirrored robot has a left-handed frame, which no rotation gives: its z points the other way here.
-    w, i, j, k = quaternion(np.column_stack([frame[1], frame[2], np.cross(frame[1], frame[2])]))
+    i, j, k, w = quaternion(frame)
     return fox.FrameTransform(
         timestamp=stamp,
         parent_frame_id=WORLD,
@@ -181,19 +181,14 @@ def _transform(stamp: fox.Timestamp, name: str, frame: Array) -> fox.FrameTransf
     )
 
 
-def quaternion(rotation: Array) -> tuple[float, float, float, float]:
-    """The unit quaternion (w, x, y, z) of a rotation matrix: Bar-Itzhack's eigenvector, good at any angle."""
-    (a, b, c), (d, e, f), (g, h, i) = rotation
-    matrix = np.array(
-        [
-            [a - e - i, 0.0, 0.0, 0.0],
-            [d + b, e - a - i, 0.0, 0.0],
-            [g + c, h + f, i - a - e, 0.0],
-            [h - f, c - g, d - b, a + e + i],
-        ]
-    )
-    x, y, z, w = np.linalg.eigh(matrix / 3.0)[1][:, -1].tolist()  # of the lower triangle
-    return w, x, y, z
+def quaternion(frame: Array) -> tuple[float, float, float, float]:
+    """The unit quaternion (x, y, z, w) of a frame of a drawing, (4, 3).
+
+    A mirrored robot has a left-handed frame, which no rotation gives: its z points the other way here.
+    """
+    x, y = frame[1], frame[2]
+    i, j, k, w = Rotation.from_matrix(np.column_stack([x, y, np.cross(x, y)])).as_quat().tolist()
+    return i, j, k, w
 
 
 def _stamp(time_ns: int) -> fox.Timestamp:

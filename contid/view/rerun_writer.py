@@ -15,13 +15,12 @@ import rerun as rr
 from contid.control.engine.events import RunEvent
 from contid.control.engine.tick_layout import RobotRecord
 from contid.control.tick.config import RobotConfig
-from contid.targets import Vec3
 from contid.units import MM_PER_M
 from contid.view import paths
 from contid.view.event_line import event_line
 from contid.view.frames import Frame
 from contid.view.measured_shape import measured_shape
-from contid.view.robot_scene import ARROW, Array, RobotDrawing, RobotScene
+from contid.view.robot_scene import ARROW, Array, RobotDrawing, RobotScene, load_or_zero
 from contid.view.scene import Scene
 
 Colour = tuple[int, int, int]
@@ -152,7 +151,7 @@ class RerunWriter:
         commands, samples = _commands(records), _samples(config, records)
         if not robot.planar:
             self._range(index, robot, ticks, commands)
-        loads = [_load(record.load_n) for record in records]
+        loads = [load_or_zero(record.load_n) for record in records]
         commanded = [robot.drawing(tuple(q), load) for q, load in zip(commands.tolist(), loads, strict=True)]
         measured = [robot.drawing(tuple(q), load) for q, load in zip(samples.tolist(), loads, strict=True)]
         self._body(robot, "backbone", ticks, commanded, _sections(index), 2.5)
@@ -313,11 +312,6 @@ def _measured_tip_error_m(config: RobotConfig, record: RobotRecord, sample: Arra
     """Distance of the target from the tip that the model computes from a sample; NaN without a target."""
     if not (np.isfinite(sample).all() and math.isfinite(record.tip_error_m)):
         return math.nan
-    load = config.frame.vector_in_base(_load(record.load_n))
+    load = config.frame.vector_in_base(load_or_zero(record.load_n))
     pose = config.model.forward(tuple(sample.tolist()), load)
     return math.dist(config.frame.point_in_world(pose.tip_m), record.tip_m)
-
-
-def _load(load_n: Vec3) -> Vec3:
-    """The load of a record, zero if it has none."""
-    return load_n if all(map(math.isfinite, load_n)) else (0.0, 0.0, 0.0)

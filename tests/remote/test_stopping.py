@@ -8,6 +8,7 @@ import signal
 import subprocess
 import time
 from contextlib import suppress
+from typing import Any
 
 import pytest
 
@@ -47,6 +48,20 @@ def test_torque_is_off_at_once_in_every_state(way: str, when: str) -> None:
         else:
             running.process.wait(30)
         assert running.off()
+
+
+def test_a_response_has_the_states_after_the_tick_that_obeyed() -> None:
+    """A slow bus: the record of that tick is written 20 ms after the order was taken."""
+    slow: dict[str, Any] = {
+        "options": "latency_ms: 20",
+        "change": lambda text: text.replace("rate_hz: 200", "rate_hz: 40"),
+    }
+    with daemon(**slow) as running, running.client() as client:
+        armed(client)
+        for _ in range(5):
+            assert client.estop()["robots"] == {"f0": "OFF"}
+            assert states(client) == {"OFF"}
+            client.resume()
 
 
 def test_a_malformed_estop_stops_all_robots() -> None:

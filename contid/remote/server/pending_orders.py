@@ -7,6 +7,7 @@ between the two marks belong to them. So a response states what the control proc
 from __future__ import annotations
 
 import asyncio
+import time
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
 from typing import Final
@@ -20,6 +21,8 @@ CONFIRM_TIMEOUT_S: Final = 3.0
 #: times; then with the events of the run.
 POLL_S: Final = 2e-3
 POLLS: Final = 25
+#: So long a result waits for the record of its tick. Only a control process that has just died writes none.
+RECORD_TIMEOUT_S: Final = 1.0
 #: A bulk order crosses the pipe in parts, interleaved with others.
 BULK_TIMEOUT_S: Final = 30.0
 
@@ -40,10 +43,19 @@ class OrderResult:
 class PendingOrders:
     """Orders that are not yet confirmed."""
 
-    def __init__(self, send: Callable[[Message], None], refresh: Callable[[], None]) -> None:
-        """``send`` sends one order, ``refresh`` fetches events, which come to `notice`."""
+    def __init__(
+        self,
+        send: Callable[[Message], None],
+        refresh: Callable[[], None],
+        newest_tick: Callable[[], int | None],
+    ) -> None:
+        """``send`` sends one order, ``refresh`` fetches events, which come to `notice`.
+
+        ``newest_tick`` returns the number of the newest record, None before the first.
+        """
         self._send = send
         self._refresh = refresh
+        self._newest_tick = newest_tick
         self._polls = 0
         self._timer: asyncio.TimerHandle | None = None
         self._number = 0
@@ -84,17 +96,25 @@ class PendingOrders:
     async def confirmed(
         self, future: asyncio.Future[OrderResult], timeout_s: float = CONFIRM_TIMEOUT_S
     ) -> OrderResult:
-        """Wait for the result of orders.
+        """Wait for the result of orders, and for the record of the tick that obeyed them.
 
         Raises:
             RemoteError: no confirmation in time; the orders were sent all the same.
         """
         try:
             async with asyncio.timeout(timeout_s):
-                return await future
+                result = await future
         except TimeoutError:
             message = f"sent, but the control process has not confirmed it within {timeout_s:g} s"
             raise RemoteError(Code.NO_ANSWER, message) from None
+        deadline_s = time.monotonic() + RECORD_TIMEOUT_S
+        while not self._recorded(result.tick) and time.monotonic() < deadline_s:
+            await asyncio.sleep(POLL_S)
+        return result
+
+    def _recorded(self, tick: int) -> bool:
+        newest = self._newest_tick()
+        return newest is not None and newest >= tick
 
     def notice(self, event: RunEvent) -> None:
         """Take in an event of the ring."""

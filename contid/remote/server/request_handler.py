@@ -71,7 +71,7 @@ class RequestHandler:
         self._counted_s = 0.0
         self.view = TelemetryView(control.loaded, control.rate_hz, control.refresh)
         self.frames = FrameEncoder(self.view.field)
-        self.pending = PendingOrders(control.send, control.refresh)
+        self.pending = PendingOrders(control.send, control.refresh, self._newest_tick)
         self.moves = Moves(control, self.view, self.pending)
         self.trackers = Trackers(control, self.view)
         self.lease = Lease(time.monotonic(), control.input_active)
@@ -371,6 +371,10 @@ class RequestHandler:
             faults = self.view.faults(self._control.newest(), robots)
             raise RemoteError(Code.REFUSED, "; ".join(outcome.refused.values()), faults)
         return {**result, "refused": dict(outcome.refused)}
+
+    def _newest_tick(self) -> int | None:
+        record = self._control.newest()
+        return None if record is None else record.tick
 
     def _states(self, robots: tuple[str, ...] | None) -> Fields:
         record = self._control.newest()
