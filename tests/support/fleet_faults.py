@@ -7,7 +7,7 @@ import random
 import signal
 import socket
 import time
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Mapping
 from contextlib import ExitStack, contextmanager
 from dataclasses import dataclass
 from typing import Final
@@ -73,19 +73,20 @@ def leases(fault: FleetFault, chosen: random.Random) -> float:
 
 
 @contextmanager
-def linked(node: Running) -> Iterator[tuple[BridgeProcess, Relay]]:
+def linked(nodes: Mapping[str, Running]) -> Iterator[tuple[BridgeProcess, Relay]]:
     """A bridge at a TCP port, and a relay before it, to which operators connect."""
     with socket.create_server(("127.0.0.1", 0)) as probe:
         port = probe.getsockname()[1]
+    sockets = {name: node.socket for name, node in nodes.items()}
     with (
-        bridge({"hand1": node.socket}, endpoint=f"tcp/127.0.0.1:{port}") as served,
+        bridge(sockets, endpoint=f"tcp/127.0.0.1:{port}") as served,
         Relay(port) as relay,
     ):
         yield BridgeProcess(served.process, served.folder, f"tcp/127.0.0.1:{relay.port}"), relay
 
 
 def measure(node: Running, fault: FleetFault, lease_s: float, delay_s: float) -> float:
-    """Seconds from a fault to the first tick in HOLD; infinite when the robot does not hold.
+    """Seconds from a fault to the first tick in HOLD, with a bridge and a relay of its own.
 
     Args:
         node: its daemon, armed.
@@ -96,9 +97,37 @@ def measure(node: Running, fault: FleetFault, lease_s: float, delay_s: float) ->
     Raises:
         AssertionError: it moves again after the hold.
     """
+    with linked({"hand1": node}) as (served, relay):
+        return strike(node, "hand1", served, relay, fault, lease_s, delay_s)
+
+
+def strike(
+    node: Running,
+    name: str,
+    served: BridgeProcess,
+    relay: Relay,
+    fault: FleetFault,
+    lease_s: float,
+    delay_s: float,
+) -> float:
+    """Seconds from a fault to the first tick in HOLD; infinite when the robot does not hold.
+
+    The robot is armed again at the end. A bridge that was killed stays dead.
+
+    Args:
+        node: its daemon, armed.
+        name: of the node.
+        served: its bridge, by the relay.
+        relay: between operator and bridge.
+        fault: what happens.
+        lease_s: of the program that moves it.
+        delay_s: from the first rows to the fault.
+
+    Raises:
+        AssertionError: it moves again after the hold.
+    """
     with ExitStack() as stack:
-        served, relay = stack.enter_context(linked(node))
-        moving = stack.enter_context(mover(served, "hand1", lease_s))
+        moving = stack.enter_context(mover(served, name, lease_s))
         client = stack.enter_context(node.client())
         frames = client.telemetry(200.0, fields=["state", "command"])
         time.sleep(delay_s)
@@ -155,5 +184,6 @@ def stays(client: Client) -> None:
 
 def _resume(node: Running) -> None:
     with node.client() as client:
+        until(lambda: client.status()["lease"]["holder"] is None, "the lease is free")
         client.resume(after_stop=True)
         until(lambda: states(client) <= {"HOLD", *MOVING}, "it is armed")

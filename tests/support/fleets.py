@@ -105,6 +105,10 @@ def fleet(**keys: Any) -> Iterator[Fleet]:
         yield Fleet(daemons, stack.enter_context(bridge(sockets, **keys)))
 
 
+class NotBegunError(AssertionError):
+    """A program that should move a robot did not begin: its lease lapsed first, on a busy machine."""
+
+
 @contextmanager
 def mover(bridge: BridgeProcess, node: str, lease_s: float) -> Iterator[subprocess.Popen[str]]:
     """A program of anna that moves a node with live rows; it has begun."""
@@ -117,7 +121,8 @@ def mover(bridge: BridgeProcess, node: str, lease_s: float) -> Iterator[subproce
     )
     assert process.stdout is not None
     try:
-        assert process.stdout.readline() == "moving\n"
+        if process.stdout.readline() != "moving\n":
+            raise NotBegunError(f"no motion of {node} with a lease of {lease_s:g} s")
         yield process
     finally:
         process.kill()
