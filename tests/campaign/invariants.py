@@ -11,7 +11,7 @@ import numpy as np
 from contid.clearance.guard import Shapes
 from contid.control.engine import messages as msg
 from contid.control.engine.events import FaultLatched, ModeChanged
-from contid.control.engine.tick_layout import ENABLED
+from contid.control.engine.tick_layout import ENABLED, TickRecord
 from contid.control.engine.wiring import chain_guards, clearance_guard
 from contid.control.tick.config import STALE_S, RobotConfig
 from contid.control.tick.faults import Fault
@@ -257,12 +257,23 @@ def controllable(seen: Seen) -> Iterator[str]:
         state = record.robots[robot]
         if before.robots[robot].mode == Mode.STOPPING:
             continue  # a stop that was ordered is not resumed; it ends in OFF
-        if state.fault in (Fault.CHAIN_FORBIDS, Fault.TOO_NEAR) and any(
+        if _forbidden(seen, record, robot) and any(
             r.robots[robot].mode == Mode.ARMING for r in seen.records if resumed <= r.tick < finish
         ):
             continue  # it did come back; a way that rope or clearance forbid is forbidden again, until moved
         if state.mode not in (Mode.APPROACH, Mode.RUN, Mode.HOLD, Mode.STOPPING):
             yield f"{config.name}: {Mode(state.mode).name} (fault {state.fault}) after clear and resume"
+
+
+def _forbidden(seen: Seen, record: TickRecord, robot: int) -> bool:
+    """In FAULT for its way, or for the way of another arm of its rope."""
+    fault = record.robots[robot].fault
+    if fault != Fault.CHAIN_BROKEN:
+        return fault in (Fault.CHAIN_FORBIDS, Fault.TOO_NEAR)
+    name = seen.case.machine.configs[robot].name
+    chain = next(guard.arms for guard in chain_guards(seen.case.machine.loaded) if name in guard.arms)
+    others = [state for at, state in enumerate(record.robots) if seen.case.machine.configs[at].name in chain]
+    return any(state.fault == Fault.CHAIN_FORBIDS for state in others)
 
 
 def watchdog(seen: Seen) -> Iterator[str]:

@@ -29,7 +29,7 @@ from contid.remote.protocol.socket_path import is_listening
 from contid.session.read import Session
 from tests.campaign.exits import limit_s
 from tests.campaign.wired_checks import STATES, Injected, Tally, judge
-from tests.campaign.wires import RATE_HZ, Switch, Wires, robot_file
+from tests.campaign.wires import RATE_HZ, TOLERANCE_TICKS, Switch, Wires, robot_file
 from tests.support.waiting import until
 
 ORDERS: Final = ("", "", "", "estop", "stop", "hold", "resume", "clear_fault")
@@ -41,6 +41,8 @@ RELAX_S: Final = 0.25
 EMPTY_S: Final = 2.5
 #: Until every robot is back after everything was healed.
 BACK_S: Final = 15.0
+#: Until a fault that a healed device reports is latched.
+NOTICED_TICKS: Final = TOLERANCE_TICKS + 2
 #: Stops that move, so that there is a state STOPPING.
 RESTS: Final = dict.fromkeys(("hand_left", "hand_right", "trirack_arm", "cbha_cbha"), "rest")
 #: Two places of every axis [mm], by robot; the way between them takes most of a second.
@@ -81,7 +83,11 @@ BUGS: Final[dict[str, str]] = {
 
 
 class Run:
-    """One daemon, its wires, and the cases it sees."""
+    """One daemon, its wires, and the cases it sees.
+
+    Attributes:
+        lost: robots that lost their position; they stay in FAULT.
+    """
 
     def __init__(
         self, dice: random.Random, tally: Tally, number: int, bug: str = "", driver: str = ""
@@ -101,7 +107,7 @@ class Run:
         self._bug = bug
         self._injected: list[Injected] = []
         self._place = 0
-        self._lost: frozenset[str] = frozenset()
+        self.lost: frozenset[str] = frozenset()
 
     def play(self, cases: int) -> None:
         """Several cases, then the end in a random state."""
@@ -128,6 +134,22 @@ class Run:
 
         self._session(body)
 
+    def throw(self, state: str, bus: str, switch: str, axis: str) -> dict[str, str]:
+        """One case that is not drawn; states some ticks later."""
+        later: dict[str, str] = {}
+
+        def body() -> None:
+            self._bring(state)
+            chosen = next(each for each in self._wires.switches(bus) if each.name == switch)
+            names = [each.name for each in self._wires.buses[bus].axes]
+            self._throw(state, bus, chosen, names.index(axis))
+            time.sleep(2.0 * NOTICED_TICKS / RATE_HZ)
+            later.update(self._state_of())
+            self._end("hold", twice=False)
+
+        self._session(body)
+        return later
+
     def interrupt_twice(self, state: str) -> None:
         """Ctrl-C twice in a state, without any fault."""
         self._session(lambda: self._end(state, twice=True))
@@ -135,19 +157,20 @@ class Run:
     def _session(self, body: Callable[[], None]) -> None:
         """Start, do what is asked, and judge."""
         # Short: the path of a socket has 107 bytes.
-        with tempfile.TemporaryDirectory(prefix="contid-") as folder, ExitStack() as stack:
+        with tempfile.TemporaryDirectory(prefix="contid-") as folder:
             self._folder = Path(folder)
             self._path = robot_file(self._folder, RESTS, self._driver)
-            self._wires = stack.enter_context(Wires(self._path))
-            self._start(stack)
-            try:
-                body()
-            except ConnectionLostError as error:
-                with suppress(subprocess.TimeoutExpired):
-                    self._process.wait(5.0)
-                stderr = self._stderr.read_text(errors="replace")
-                last = self._injected[-1] if self._injected else None
-                self._tally.check("controllable", [f"{error}: {stderr[-2000:]} after {last}"])
+            self._wires = Wires(self._path)
+            with self._wires, ExitStack() as stack:
+                self._start(stack)
+                try:
+                    body()
+                except ConnectionLostError as error:
+                    with suppress(subprocess.TimeoutExpired):
+                        self._process.wait(5.0)
+                    stderr = self._stderr.read_text(errors="replace")
+                    last = self._injected[-1] if self._injected else None
+                    self._tally.check("controllable", [f"{error}: {stderr[-2000:]} after {last}"])
             judge(self._tally, self._wires, self._folder / "s.mcap", self._injected)
         self._tally.daemons += 1
 
@@ -167,7 +190,7 @@ class Run:
         stack.callback(self._kill)
         until(lambda: is_listening(socket) or self._process.poll() is not None, "the daemon listens")
         assert self._process.poll() is None, self._stderr.read_text()
-        self._client = stack.enter_context(Client(socket, name="campaign"))
+        self._client = stack.enter_context(Client(socket, name="campaign", timeout_s=60.0))
         self._client.acquire(60.0)
         until(lambda: self._states() == {"HOLD"}, "armed")
 
@@ -189,21 +212,26 @@ class Run:
     @property
     def _places(self) -> dict[str, tuple[dict[str, float], dict[str, float]]]:
         """Places of the robots that can be moved."""
-        there = self._wires.loaded.file.robots.keys() - self._lost
+        there = self._wires.loaded.file.robots.keys() - self.lost
         return {robot: places for robot, places in PLACES.items() if robot in there}
 
     # -- one case ------------------------------------------------------------------------------------------
 
     def _case(self) -> bool:
         """False when not every robot could be had back: the daemon ends."""
-        dice, tally = self._dice, self._tally
-        state = STATES[(self._number * PER_DAEMON + tally.cases) % len(STATES)]
+        dice = self._dice
+        state = STATES[(self._number * PER_DAEMON + self._tally.cases) % len(STATES)]
         self._bring(state)
         time.sleep(dice.uniform(0.0, 0.15))
         bus = dice.choice(sorted(self._wires.buses))
         switch = dice.choice(self._wires.switches(bus))
+        axis = dice.randrange(len(self._wires.buses[bus].axes))
+        return self._throw(state, bus, switch, axis)
+
+    def _throw(self, state: str, bus: str, switch: Switch, axis: int) -> bool:
+        """One switch on, perhaps an order, every switch off; False when not every robot could be had back."""
+        dice, tally = self._dice, self._tally
         axes = [axis.name for axis in self._wires.buses[bus].axes]
-        axis = dice.randrange(len(axes))
         robots = frozenset(name.split(".")[0] for name in axes)
         concerned = frozenset({axes[axis].split(".")[0]}) if switch.on_axis else robots
         injected = Injected(bus, switch, state, robots, concerned, time.monotonic())
@@ -222,12 +250,18 @@ class Run:
         time.sleep(dice.uniform(0.4, 0.6))
         injected.until_s = time.monotonic()
         if switch.name in LOSES_POSITION.get(bus, ()):
-            self._lost = robots
+            self.lost = robots
         self._wires.heal()
+        # What a healed switch leaves behind, as a position that jumps, is of this case and not of the next.
+        noticed = self._tick() + NOTICED_TICKS
+        until(lambda: self._tick() > noticed, "the daemon has seen the healed devices")
         back = self._back()
         injected.latest_s = time.monotonic()
         tally.check("controllable", back)
-        return not back and not self._lost
+        return not back and not self.lost
+
+    def _tick(self) -> int:
+        return int(self._client.status()["tick"])
 
     def _order(self, order: str) -> str:
         """Give an order; its refusal, which the state of a robot may be the reason for."""
@@ -324,12 +358,12 @@ class Run:
                 refusal = self._order("clear_fault") or refusal
             refusal = self._order("resume") or refusal
             if TURN_LOST in refusal and self._injected[-1].switch.name == "freeze":
-                self._lost |= self._injected[-1].concerned
+                self.lost |= self._injected[-1].concerned
             states = self._state_of()
-            back = {state for robot, state in states.items() if robot not in self._lost}
-            latched = all(states[robot] == "FAULT" for robot in self._lost)
+            back = {state for robot, state in states.items() if robot not in self.lost}
+            latched = all(states[robot] == "FAULT" for robot in self.lost)
             lost = "position lost" in refusal or TURN_LOST in refusal
-            if back <= {"HOLD", "RUN"} and (not self._lost or (latched and lost)):
+            if back <= {"HOLD", "RUN"} and (not self.lost or (latched and lost)):
                 self._order("hold")
                 return []
             time.sleep(0.05)

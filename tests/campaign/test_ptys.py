@@ -39,6 +39,16 @@ def test_a_second_ctrl_c_does_the_same(state: str) -> None:
     assert not sum(tally.violations.values()), "\n".join(tally.message)
 
 
+@pytest.mark.parametrize("seed", [1, 4])
+def test_what_a_healed_encoder_leaves_behind_is_of_its_own_case(seed: int) -> None:
+    """The shaft went on while the encoder stood still: the position jumps, and its turn is refused."""
+    tally = Tally(seed)
+    run = Run(random.Random(seed), tally, 0, driver="dynamixel")
+    states = run.throw("run", "hand_servos", "freeze", "hand_right.right")
+    assert not sum(tally.violations.values()), "\n".join(tally.message)
+    assert {robot for robot, state in states.items() if state == "FAULT"} == run.lost
+
+
 @pytest.mark.parametrize("bug", BUGS)
 def test_a_deliberate_bug_is_found_at_the_devices(bug: str) -> None:
     tally = Tally(seed=1)

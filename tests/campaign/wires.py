@@ -222,13 +222,19 @@ class Wires:
 
     def __enter__(self) -> Self:
         before = os.sched_getscheduler(0), os.sched_getparam(0)
+        self._stack.callback(os.sched_setscheduler, 0, *before)
         with suppress(OSError):  # threads and processes inherit it
             os.sched_setscheduler(0, os.SCHED_FIFO, os.sched_param(PRIORITY))
         try:
             for name, bus in self.buses.items():
                 self._start(name, bus)
-        finally:
-            os.sched_setscheduler(0, *before)
+        except BaseException:
+            self._stack.close()
+            raise
+        with suppress(OSError):
+            # This thread shares its interpreter with the emulators: preempted, it would keep them waiting.
+            alone = os.SCHED_FIFO | os.SCHED_RESET_ON_FORK
+            os.sched_setscheduler(0, alone, os.sched_param(PRIORITY - 1))
         watcher = threading.Thread(target=self._watch, name="eyes on boards")
         watcher.start()
         self._stack.callback(watcher.join)
