@@ -134,6 +134,7 @@ MODELS: Final[tuple[ServoModel, ...]] = (
     _x("xh430-v210", 1050, 1.34, 689, _24V, 800),
     _x("xh540-w270", 1100, 2.69, 2047, _12V, 800),
     _x("xh540-w150", 1110, 2.69, 2047, _12V, 800),
+    # Older pages of the manual limit these two to 2047; the vendor corrected both (stall current 2.4 A).
     _x("xh540-v270", 1140, 2.69, 1188, _24V, 800),
     _x("xh540-v150", 1150, 2.69, 1188, _24V, 800),
 )

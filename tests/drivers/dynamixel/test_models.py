@@ -55,6 +55,12 @@ def test_gains_are_those_of_the_manual_after_power_up_and_after_a_mode_change(mo
     assert {name: servo.get(register) for name, register in gains.items()} == manual
 
 
+@pytest.mark.parametrize("name", ["xh540-v150", "xh540-v270"])
+def test_current_limits_are_those_of_the_corrected_pages(name: str) -> None:
+    """ROBOTIS-GIT/emanual, docs/en at 0bfde4c6 and docs/kr at 036d44f4; pages before them have 2047."""
+    assert BY_NAME[name].current_limit == 1188
+
+
 def test_the_mark_of_the_turns_is_no_gain_of_a_model() -> None:
     marks = {value for turns in range(-TURNS_MAX, TURNS_MAX + 1) for _, value in marks_of(turns)}
     assert not marks & {model.gains.velocity_i for model in MODELS}
