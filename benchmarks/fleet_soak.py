@@ -7,8 +7,8 @@ that of hand3 and hand4 is killed too, and then started anew. `contid fleet stat
 Each round a program moves one robot by network, and one fault of the table strikes after a random time.
 Printed: rounds, violations of the promise (min(lease, lease of the link) + 50 ms, and that what waited moves
 nothing), memory and descriptors of daemons, control processes, bridge and table over time, a verdict. Beside
-a violation stands how late a bare loop of 5 ms was meanwhile. ``--round-robin PRIORITY`` schedules daemons
-and bridges before other programs (SCHED_RR), for a machine that others keep busy. Exit code 1 when the
+a violation stands how late a bare loop of 5 ms was meanwhile. ``--round-robin PRIORITY`` schedules what is
+measured before other programs (SCHED_RR), for a machine that others keep busy. Exit code 1 when the
 promise was broken, a process was lost, or memory or descriptors grow.
 """
 
@@ -23,7 +23,7 @@ import sys
 import threading
 import time
 from collections.abc import Collection, Iterator, Mapping
-from contextlib import ExitStack, contextmanager
+from contextlib import ExitStack, contextmanager, suppress
 from pathlib import Path
 from statistics import median
 from typing import Final
@@ -142,10 +142,12 @@ def _slower(robot_file: str) -> str:
     return robot_file.replace("rate_hz: 200", "rate_hz: 100")
 
 
-def _before_others(process: subprocess.Popen[str], priority: int) -> None:
-    """Schedule every thread of a process with SCHED_RR; 0 leaves them."""
-    for thread in Path(f"/proc/{process.pid}/task").iterdir() if priority else ():
-        os.sched_setscheduler(int(thread.name), os.SCHED_RR, os.sched_param(priority))
+def _before_others(pid: int, priority: int) -> None:
+    """Schedule every thread of a process with SCHED_RR, and not what it starts later; 0 leaves them."""
+    for thread in Path(f"/proc/{pid}/task").iterdir() if priority else ():
+        with suppress(ProcessLookupError):
+            policy = os.SCHED_RR | os.SCHED_RESET_ON_FORK
+            os.sched_setscheduler(int(thread.name), policy, os.sched_param(priority))
 
 
 def _family(name: str, node: Running) -> dict[str, psutil.Process]:
@@ -176,7 +178,7 @@ class KilledBridge:
 
     def _start(self) -> tuple[BridgeProcess, Relay]:
         served, relay = self._stack.enter_context(linked(self._nodes))
-        _before_others(served.process, self._priority)
+        _before_others(served.process.pid, self._priority)
         return served, relay
 
 
@@ -201,10 +203,10 @@ def soak(
             Drain(node.process)
             with node.client() as client:
                 armed(client)
-            _before_others(node.process, priority)
+            _before_others(node.process.pid, priority)
         served, relay = stack.enter_context(linked({name: nodes[name] for name in LASTING}))
         Drain(served.process)
-        _before_others(served.process, priority)
+        _before_others(served.process.pid, priority)
         dying = KilledBridge({name: nodes[name] for name in KILLED}, priority)
         stack.callback(dying.close)
         table = stack.enter_context(_table(served))
@@ -213,6 +215,13 @@ def soak(
         members = {key: each for name, node in nodes.items() for key, each in _family(name, node).items()}
         members |= {"bridge": psutil.Process(served.process.pid), "table": psutil.Process(table.pid)}
         watched = Watched(members)
+
+        def begun(moving: subprocess.Popen[str]) -> None:
+            # Again also where it was done before: threads that were started since then.
+            own = (moving.pid, os.getpid(), bare.process.pid, served.process.pid, dying.now[0].process.pid)
+            for pid in (*own, *(node.process.pid for node in nodes.values())):
+                _before_others(pid, priority)
+
         excess: dict[str, list[float]] = {name: [] for name in FAULTS}
         violations: list[str] = []
         rounds = not_begun = 0
@@ -226,7 +235,7 @@ def soak(
             through = (served, relay) if name in LASTING else dying.now
             what = f"round {rounds}: {name}, {fault.name}, lease {lease_s:.1f} s"
             try:
-                held_s = strike(nodes[name], name, *through, fault, lease_s, delay_s)
+                held_s = strike(nodes[name], name, *through, fault, lease_s, delay_s, begun)
             except NotBegunError:
                 not_begun += 1
             except AssertionError as error:

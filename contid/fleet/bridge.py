@@ -13,10 +13,11 @@ import signal
 import time
 from collections.abc import Callable
 from pathlib import Path
-from typing import Final
+from typing import Any, Final
 
 from contid.errors import ContidError
 from contid.fleet.access_rules import access_rules
+from contid.fleet.certificates import MACHINE
 from contid.fleet.feed_watch import FeedWatch
 from contid.fleet.fleet_file import MachineFile
 from contid.fleet.keys import Keys, Origin, is_node_name
@@ -36,6 +37,8 @@ SEARCH_PERIOD_S: Final = 1.0
 FEED_LOOK_S: Final = 0.01
 #: How long the start waits for tokens of nodes with the same names.
 RIVALS_TIMEOUT_S: Final = 0.5
+#: One attempt to link with a router.
+ROUTER_TIMEOUT_S: Final = 1.0
 
 
 class Sessions:
@@ -63,6 +66,44 @@ class Sessions:
         return True
 
 
+def rules_of(machine: MachineFile) -> dict[str, Any]:
+    """The access rules of a bridge."""
+    router = None if machine.router is None else MACHINE + machine.router
+    return access_rules(machine.fleet, machine.operators, router)
+
+
+def network(machine: MachineFile) -> NetSettings:
+    """How a machine is linked: operators connect to it, or it connects to a router."""
+    access = None if machine.tls is None else rules_of(machine)
+    if not machine.connect:
+        return NetSettings(machine.listen, tls=machine.tls, access=access)
+    return NetSettings(
+        connect=machine.connect,
+        tls=machine.tls,
+        connect_timeout_s=ROUTER_TIMEOUT_S,
+        access=access,
+        mode="client",
+    )
+
+
+def _linked(machine: MachineFile) -> FleetBridge:
+    """A bridge once its router is there.
+
+    Raises:
+        FleetError: it has none, and cannot listen.
+    """
+    waiting = False
+    while True:
+        try:
+            return FleetBridge(machine)
+        except FleetError as error:
+            if not machine.connect:
+                raise
+            if not waiting:
+                log.warning("waiting for the router: %s", error)
+            waiting = True
+
+
 class FleetBridge:
     """All nodes of a machine in one session.
 
@@ -73,8 +114,7 @@ class FleetBridge:
     def __init__(self, machine: MachineFile) -> None:
         self._machine = machine
         self._keys = Keys(machine.fleet)
-        access = access_rules(machine.fleet, machine.operators) if machine.tls is not None else None
-        self._net = NetSession(NetSettings(machine.listen, machine.connect, machine.tls, access=access))
+        self._net = NetSession(network(machine))
         self._nodes: dict[str, Node] = {}
         self._running: dict[str, asyncio.Task[None]] = {}
         self._sessions = Sessions()
@@ -190,7 +230,8 @@ def serve(machine: MachineFile, ready: Callable[[], None], metrics: tuple[str, i
         ContidError: it cannot start, or an error of a node.
     """
     os.umask(0o077)  # Unix sockets of Zenoh are for this user
+    bridge = _linked(machine)
     try:
-        asyncio.run(FleetBridge(machine).serve(ready, metrics))
+        asyncio.run(bridge.serve(ready, metrics))
     except OSError as error:
         raise ContidError(f"the bridge: {error.strerror or error}") from error

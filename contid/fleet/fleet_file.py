@@ -1,8 +1,9 @@
-"""The two YAML files of a fleet: that of a machine (`contid fleet serve`) and that of an operator."""
+"""The YAML files of a machine of a fleet (`contid fleet serve`) and of an operator."""
 
 from __future__ import annotations
 
 import json
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Annotated, Final, Self, TypeVar
 
@@ -98,12 +99,32 @@ class FleetFile(Strict):
         return self
 
 
+def check_names(
+    endpoints: Sequence[str], operators: Mapping[str, Sequence[Right]], trust_local_users: bool
+) -> None:
+    """Refuse rights beyond `watch` where names of operators are not verified.
+
+    Raises:
+        ValueError: with the remedy.
+    """
+    if len({protocol(each) == "tls" for each in endpoints}) > 1:
+        raise ValueError("TLS and other endpoints are not mixed: names would be verified on some only")
+    plain = [each for each in endpoints if protocol(each) != "tls"]
+    more = [name for name, rights in operators.items() if {*rights} - {Right.WATCH}]
+    if plain and more and not trust_local_users:
+        raise ValueError(
+            f"{plain[0]} has no TLS, so names of operators are not verified; {more[0]!r} may only have "
+            "`watch`. With trust_local_users: true every user who reaches the endpoint has these rights"
+        )
+
+
 class MachineFile(FleetFile):
     """What `contid fleet serve` offers.
 
     Attributes:
         listen: endpoints for operators.
-        connect: endpoints of a router to connect to.
+        connect: endpoints of a router (`contid fleet route`); the machine then listens nowhere.
+        router: name of the router's certificate; with TLS no other may pass orders on.
         nodes: socket by name of the node; empty for every daemon that `contid status` finds.
         operators: rights by name of the operator.
         trust_local_users: without TLS names are not verified. True: every user that reaches the endpoint
@@ -113,6 +134,7 @@ class MachineFile(FleetFile):
     """
 
     listen: list[Listen] = Field(default_factory=list, max_length=16)
+    router: Name | None = None
     nodes: dict[NodeName, Path] = Field(default_factory=dict, max_length=64)
     operators: dict[Name, list[Right]] = Field(default_factory=dict, max_length=256)
     trust_local_users: bool = False
@@ -130,15 +152,13 @@ class MachineFile(FleetFile):
             raise ValueError(f"hold_without_feed: operator: {feed.operator!r} is no operator of this file")
         if not self.endpoints():
             raise ValueError("an endpoint is expected: listen: [tcp/127.0.0.1:7447], or connect: [...]")
-        if len({protocol(each) == "tls" for each in self.endpoints()}) > 1:
-            raise ValueError("TLS and other endpoints are not mixed: names would be verified on some only")
-        plain = [each for each in self.endpoints() if protocol(each) != "tls"]
-        more = [name for name, rights in self.operators.items() if {*rights} - {Right.WATCH}]
-        if plain and more and not self.trust_local_users:
+        if self.listen and self.connect:
             raise ValueError(
-                f"{plain[0]} has no TLS, so names of operators are not verified; {more[0]!r} may only have "
-                "`watch`. With trust_local_users: true every user who reaches the endpoint has these rights"
+                "listen: is for operators, connect: for a router that they are linked with; give one of them"
             )
+        if self.connect and self.tls is not None and self.router is None:
+            raise ValueError("connect: needs router: NAME, that of the certificate of the router")
+        check_names(self.endpoints(), self.operators, self.trust_local_users)
         return self
 
 
@@ -166,7 +186,7 @@ def load_machine_file(path: Path) -> MachineFile:
     Raises:
         ContidError: with every mistake and its place.
     """
-    return _load(path, MachineFile)
+    return load_file(path, MachineFile)
 
 
 def load_operator_file(path: Path | None) -> OperatorFile:
@@ -181,10 +201,15 @@ def load_operator_file(path: Path | None) -> OperatorFile:
             listed = " or ".join(map(str, OPERATOR_FILES))
             raise ContidError(f"no file of an operator: {listed}; give --file FILE (docs/fleet.md)")
         path = found[0]
-    return _load(path, OperatorFile)
+    return load_file(path, OperatorFile)
 
 
-def _load(path: Path, kind: type[_File]) -> _File:
+def load_file(path: Path, kind: type[_File]) -> _File:
+    """Read one of the files of a fleet.
+
+    Raises:
+        ContidError: with every mistake and its place.
+    """
     try:
         text = path.read_text(encoding="utf-8")
     except (OSError, UnicodeDecodeError) as error:

@@ -12,7 +12,7 @@ import secrets
 from collections.abc import Callable, Mapping, Sequence
 from contextlib import suppress
 from dataclasses import dataclass, field
-from typing import TYPE_CHECKING, Any, Final
+from typing import TYPE_CHECKING, Any, Final, Literal
 
 from contid.errors import ContidError
 from contid.fleet.endpoints import PROTOCOLS, protocol
@@ -60,6 +60,8 @@ class NetSettings:
         tls: files of TLS, None without.
         connect_timeout_s: longest wait of the constructor for endpoints that do not answer; it goes on later.
         access: the access rules of Zenoh (`access_control`), None without.
+        mode: ``client`` has links to a router only, and ``router`` passes messages on between its links. The
+            constructor of a client waits for the router.
     """
 
     listen: Sequence[str] = ()
@@ -67,6 +69,7 @@ class NetSettings:
     tls: Tls | None = None
     connect_timeout_s: float = 0.0
     access: Mapping[str, Any] | None = None
+    mode: Literal["peer", "client", "router"] = "peer"
 
 
 def configuration(settings: NetSettings) -> dict[str, Any]:
@@ -103,7 +106,7 @@ def configuration(settings: NetSettings) -> dict[str, Any]:
         "period_increase_factor": 2,
     }
     whole: dict[str, Any] = {
-        "mode": "peer",
+        "mode": settings.mode,
         "listen": {"endpoints": list(settings.listen), "exit_on_failure": True},
         "connect": {
             "endpoints": list(settings.connect),

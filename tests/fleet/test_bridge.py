@@ -184,16 +184,6 @@ def test_another_program_of_an_operator_does_not_keep_its_lease(lab: Fleet) -> N
             until(held, "the lease of the stopped program lapsed")
 
 
-def test_a_second_bridge_with_the_same_name_is_refused(lab: Fleet, tmp_path: Path) -> None:
-    socket = lab.daemons["hand2"].socket
-    path = machine_file(
-        tmp_path, f"unixsock-stream/{tmp_path}/n", {"hand1": socket}, connect=[lab.bridge.endpoint]
-    )
-    done = contid("fleet", "serve", str(path))
-    assert done.returncode == 4
-    assert "'hand1' is in fleet 'lab' already" in done.stderr
-
-
 def test_two_nodes_of_one_name_only_stop() -> None:
     """The bridges do not reach each other; the operator reaches both."""
     with ExitStack() as stack:

@@ -5,10 +5,13 @@ from __future__ import annotations
 import configparser
 from pathlib import Path
 
+import pytest
+
 from tests.support.systemd import verify_unit
 
 SERVICE = Path(__file__).parents[2] / "service"
 UNIT = SERVICE / "contid-fleet@.service"
+ROUTER = SERVICE / "contid-fleet-router@.service"
 
 
 def section(path: Path) -> configparser.SectionProxy:
@@ -19,8 +22,19 @@ def section(path: Path) -> configparser.SectionProxy:
     return parser["Service"]
 
 
-def test_systemd_reads_it(tmp_path: Path) -> None:
-    verify_unit(UNIT, "lab", tmp_path)
+@pytest.mark.parametrize("unit", [UNIT, ROUTER], ids=["bridge", "router"])
+def test_systemd_reads_it(unit: Path, tmp_path: Path) -> None:
+    verify_unit(unit, "lab", tmp_path)
+
+
+def test_a_router_reaches_no_daemon() -> None:
+    router, bridge = section(ROUTER), section(UNIT)
+    assert router["ExecStart"].split()[1:3] == ["fleet", "route"]
+    assert "SupplementaryGroups" not in router
+    assert router["RuntimeDirectory"] != bridge["RuntimeDirectory"]
+    own = {"execstart", "supplementarygroups", "runtimedirectory", "workingdirectory", "nice"}
+    confined = {key: value for key, value in bridge.items() if key.lower() not in own}
+    assert {key: router[key] for key in confined} == confined
 
 
 def test_network_and_devices_are_apart() -> None:

@@ -6,6 +6,7 @@ import math
 import random
 import signal
 import socket
+import subprocess
 import time
 from collections.abc import Callable, Iterator, Mapping
 from contextlib import ExitStack, contextmanager
@@ -109,6 +110,7 @@ def strike(
     fault: FleetFault,
     lease_s: float,
     delay_s: float,
+    begun: Callable[[subprocess.Popen[str]], None] = lambda process: None,
 ) -> float:
     """Seconds from a fault to the first tick in HOLD; infinite when the robot does not hold.
 
@@ -122,6 +124,7 @@ def strike(
         fault: what happens.
         lease_s: of the program that moves it.
         delay_s: from the first rows to the fault.
+        begun: called before that with the program that moves it.
 
     Raises:
         AssertionError: it moves again after the hold.
@@ -130,6 +133,7 @@ def strike(
         moving = stack.enter_context(mover(served, name, lease_s))
         client = stack.enter_context(node.client())
         frames = client.telemetry(200.0, fields=["state", "command"])
+        begun(moving)
         time.sleep(delay_s)
         begin_s = time.monotonic()
         match fault.name:

@@ -66,8 +66,47 @@ def bridge(
     folder = Path(tempfile.mkdtemp(prefix="contid-"))
     endpoint = endpoint or f"unixsock-stream/{folder}/net"
     path = machine_file(folder, endpoint, nodes, **keys)
+    with _ready(folder, endpoint, [*prefix, *command("fleet", "serve", str(path), *arguments)], env) as begun:
+        yield begun
+
+
+@contextmanager
+def router(
+    machines: Mapping[str, Sequence[str]],
+    endpoint: str | None = None,
+    prefix: Sequence[str] = (),
+    **keys: Any,
+) -> Iterator[BridgeProcess]:
+    """`contid fleet route`, at a Unix socket if no endpoint is given, from its ready message on."""
+    folder = Path(tempfile.mkdtemp(prefix="contid-"))
+    endpoint = endpoint or f"unixsock-stream/{folder}/net"
+    path = router_file(folder, endpoint, machines, **keys)
+    with _ready(folder, endpoint, [*prefix, *command("fleet", "route", str(path))]) as begun:
+        yield begun
+
+
+def router_file(folder: Path, endpoint: str, machines: Mapping[str, Sequence[str]], **keys: Any) -> Path:
+    """The file of a router through which anna may do everything and bob may watch."""
+    path = folder / "router.yaml"
+    contents: dict[str, Any] = {
+        "fleet": "lab",
+        "listen": [endpoint],
+        "trust_local_users": True,
+        "machines": {name: [*nodes] for name, nodes in machines.items()},
+        "operators": {"anna": [*RIGHTS], "bob": ["watch"]},
+        **keys,
+    }
+    path.write_text(yaml.safe_dump({key: value for key, value in contents.items() if value is not None}))
+    return path
+
+
+@contextmanager
+def _ready(
+    folder: Path, endpoint: str, arguments: Sequence[str], env: Mapping[str, str] | None = None
+) -> Iterator[BridgeProcess]:
+    """A bridge or a router from its ready message on; its folder goes with it."""
     process = subprocess.Popen(
-        [*prefix, *command("fleet", "serve", str(path), *arguments)],
+        arguments,
         stdin=subprocess.DEVNULL,
         stderr=subprocess.PIPE,
         text=True,

@@ -13,6 +13,7 @@ import click
 from contid.cli.commands.fleet.common_run import command as run
 from contid.cli.commands.fleet.common_run import replay
 from contid.cli.commands.fleet.feed import command as feed
+from contid.cli.commands.fleet.routing import acl, route
 from contid.cli.support.numbers import NumberRange
 from contid.cli.support.orders import file_option, json_option
 
@@ -183,6 +184,8 @@ def move(
         raise ContidError("refused: " + "; ".join(refused))
 
 
+command.add_command(route)
+command.add_command(acl)
 command.add_command(run)
 command.add_command(replay)
 command.add_command(feed)
@@ -220,14 +223,3 @@ def cert(name: str, ca: Path, hosts: tuple[str, ...], days: float, out: Path) ->
     path = make_certificate(out, ca, name, hosts, days)
     kind = "machine" if hosts else "operator"
     click.echo(f"{path} and {path.with_suffix('.key')}: {kind} {name}, {days:g} days")
-
-
-@command.command("acl")
-@click.argument("machine", type=click.Path(path_type=Path))
-def acl(machine: Path) -> None:
-    """Print the access rules of Zenoh that `fleet serve` uses for the file MACHINE, as JSON."""
-    from contid.fleet.access_rules import access_rules
-    from contid.fleet.fleet_file import load_machine_file
-
-    file = load_machine_file(machine)
-    click.echo(json.dumps({"access_control": access_rules(file.fleet, file.operators)}, indent=2))

@@ -1,0 +1,50 @@
+"""``contid fleet route`` and ``contid fleet acl``: the router of a fleet, and the access rules of Zenoh."""
+
+from __future__ import annotations
+
+import json
+import sys
+from pathlib import Path
+
+import click
+
+
+@click.command("route")
+@click.argument("router", type=click.Path(path_type=Path))
+@click.option("-v", "--verbose", is_flag=True, help="Print debug messages.")
+def route(router: Path, verbose: bool) -> None:
+    """Link operators and machines, as the file ROUTER allows, until Ctrl-C.
+
+    Machines and operators connect to it, so that machines listen nowhere. Each operator asks in its own name
+    only, and each machine answers for its own nodes only.
+    """
+    import logging
+
+    from contid.fleet.router import load_router_file
+    from contid.fleet.router import route as pass_on
+
+    level = logging.DEBUG if verbose else logging.INFO
+    logging.basicConfig(format="contid: fleet: %(message)s", level=level, stream=sys.stderr)
+    file = load_router_file(router)
+
+    def ready() -> None:
+        where = ", ".join(file.endpoints())
+        click.echo(f"contid: fleet: the router of {file.fleet} is ready at {where}", err=True)
+
+    pass_on(file, ready)
+
+
+@click.command("acl")
+@click.argument("file", type=click.Path(path_type=Path))
+@click.option("--router", is_flag=True, help="FILE is that of a router.")
+def acl(file: Path, router: bool) -> None:
+    """Print the access rules of Zenoh that `fleet serve` (or `fleet route`) uses for FILE, as JSON."""
+    from contid.fleet.bridge import rules_of as rules_of_machine
+    from contid.fleet.fleet_file import load_machine_file
+    from contid.fleet.router import load_router_file, rules_of
+
+    if router:
+        rules = rules_of(load_router_file(file))
+    else:
+        rules = rules_of_machine(load_machine_file(file))
+    click.echo(json.dumps({"access_control": rules}, indent=2))

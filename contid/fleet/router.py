@@ -1,0 +1,99 @@
+"""The router of a fleet, `contid fleet route`: operators and machines link with it, not with each other.
+
+It passes on messages that the access rules allow, and has no part in the protocol: a lease, a stop and a
+token go through it as they are. When it dies or falls silent, bridges lose the tokens of operators.
+"""
+
+from __future__ import annotations
+
+import logging
+import os
+import signal
+import threading
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any, Self
+
+from pydantic import Field, model_validator
+
+from contid.fleet.access_rules import router_rules
+from contid.fleet.certificates import MACHINE
+from contid.fleet.fleet_file import FleetFile, Listen, Name, NodeName, check_names, load_file
+from contid.fleet.keys import Keys
+from contid.fleet.net import NetSession, NetSettings
+from contid.fleet.rights import Right
+
+log = logging.getLogger(__name__)
+
+
+class RouterFile(FleetFile):
+    """What `contid fleet route` passes on.
+
+    Attributes:
+        listen: endpoints for operators and machines.
+        machines: names of the nodes by name of the machine's certificate.
+        operators: rights by name of the operator; those of a machine's own file apply as well.
+        trust_local_users: as in the file of a machine.
+    """
+
+    listen: list[Listen] = Field(min_length=1, max_length=16)
+    machines: dict[Name, list[NodeName]] = Field(min_length=1, max_length=256)
+    operators: dict[Name, list[Right]] = Field(default_factory=dict, max_length=256)
+    trust_local_users: bool = False
+
+    def endpoints(self) -> list[str]:
+        """Every endpoint of the file."""
+        return self.listen
+
+    @model_validator(mode="after")
+    def _is_whole(self) -> Self:
+        if self.connect:
+            raise ValueError("connect: a router listens only; machines and operators connect to it")
+        owners: dict[str, str] = {}
+        for machine, nodes in self.machines.items():
+            for node in nodes:
+                if owners.setdefault(node, machine) != machine:
+                    raise ValueError(f"machines: node {node!r} is at {owners[node]!r} and at {machine!r}")
+        check_names(self.endpoints(), self.operators, self.trust_local_users)
+        return self
+
+
+def load_router_file(path: Path) -> RouterFile:
+    """Read the file of a router.
+
+    Raises:
+        ContidError: with every mistake and its place.
+    """
+    return load_file(path, RouterFile)
+
+
+def rules_of(file: RouterFile) -> dict[str, Any]:
+    """The access rules of a router: machines are named by the common names of their certificates."""
+    machines = {f"{MACHINE}{name}": nodes for name, nodes in file.machines.items()}
+    return router_rules(file.fleet, file.operators, machines)
+
+
+def route(file: RouterFile, ready: Callable[[], None]) -> None:
+    """Route until SIGINT or SIGTERM; ``ready`` is called when machines and operators can connect.
+
+    Raises:
+        FleetError: an endpoint cannot be listened on.
+    """
+    os.umask(0o077)  # Unix sockets of Zenoh are for this user
+    end = threading.Event()
+    for number in (signal.SIGINT, signal.SIGTERM):
+        signal.signal(number, lambda *_: end.set())
+    access = rules_of(file) if file.tls is not None else None
+    net = NetSession(NetSettings(file.listen, tls=file.tls, access=access, mode="router"))
+    try:
+        keys = Keys(file.fleet)
+        net.watch_tokens(keys.alive("*", "*"), lambda key, alive: _note(keys, key, alive))
+        ready()
+        end.wait()
+    finally:
+        net.close()
+
+
+def _note(keys: Keys, key: str, alive: bool) -> None:
+    node, bridge = keys.alive_node(key) or ("", "")
+    log.info("node %s %s (bridge %s)", node, "is there" if alive else "is gone", bridge)
