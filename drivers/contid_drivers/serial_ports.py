@@ -28,6 +28,8 @@ ARDUINO_VENDORS: Final = (0x2341, 0x2A03)
 #: USB products of an Arduino Due: its programming port, which a reset follows, and its native port.
 DUE_PROGRAMMING: Final = 0x003D
 DUE_NATIVE: Final = 0x003E
+#: USB vendor and product of a Teensy with a serial port.
+TEENSY: Final = (0x16C0, 0x0483)
 
 
 @dataclass(frozen=True, slots=True)
@@ -40,13 +42,23 @@ class UsbPort:
 
     @property
     def arduino(self) -> bool:
-        """Whether it belongs to an Arduino board."""
-        return self.vid in ARDUINO_VENDORS
+        """Whether it belongs to an Arduino board, or a Teensy."""
+        return self.vid in ARDUINO_VENDORS or self.teensy
+
+    @property
+    def teensy(self) -> bool:
+        """Whether it belongs to a Teensy."""
+        return (self.vid, self.pid) == TEENSY
 
     @property
     def due(self) -> bool:
         """Whether it is one of the two ports of an Arduino Due."""
-        return self.arduino and self.pid in (DUE_PROGRAMMING, DUE_NATIVE)
+        return self.vid in ARDUINO_VENDORS and self.pid in (DUE_PROGRAMMING, DUE_NATIVE)
+
+    @property
+    def native(self) -> bool:
+        """Whether it is the native port of a board that the sketch runs on; opening it resets nothing."""
+        return self.teensy or (self.due and self.pid == DUE_NATIVE)
 
 
 def usb_ports() -> list[UsbPort]:

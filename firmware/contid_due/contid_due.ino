@@ -1,7 +1,7 @@
-// contid on an Arduino Due: geared motors with encoders, or pressure regulators. The portable core is in src/core,
-// the hardware layer in src/hal_due.cpp, the pin map in src/pins.h. Flash it unchanged; the jumper in pins.h
-// selects the role, pressure board or motor board.
-#include "src/hal_due.h"
+// contid on an Arduino Due or a Teensy 4.1: geared motors with encoders, or pressure regulators. The portable core is
+// in src/core, hardware layers and pin maps are in src/due and src/teensy41. Flash it unchanged; the role jumper
+// selects pressure board or motor board.
+#include "src/hal.h"
 
 void setup() { contid_setup(); }
 

@@ -8,7 +8,7 @@ from contid_drivers.due.firmware import firmware_dir
 from docs.svg import IMAGES
 from docs.wiring import DRAWINGS
 
-PINS = (firmware_dir() / "contid_due" / "src" / "pins.h").read_text(encoding="utf-8")
+PINS = (firmware_dir() / "contid_due" / "src" / "due" / "pins.h").read_text(encoding="utf-8")
 
 
 def test_pins_of_channel_0() -> None:

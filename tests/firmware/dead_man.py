@@ -65,7 +65,7 @@ def start(elf: Path, watchdog_ms: int, pressure: bool) -> tuple[Sam3x, Host, Cal
     board.run_ms(25)
     if not board.usb.opened:  # the stand-in core does not enumerate
         board.usb.open()
-    host = Host(board, usb=True)
+    host = Host(board.ask_usb)
     if pressure:
         regulators = Regulators(board)
         host.configure_regulators(watchdog_ms)
@@ -94,7 +94,7 @@ def measure(elf: Path, failure: Failure, watchdog_ms: int = 100, pressure: bool 
     cycles, passed = board.cpu.cycles, 0.0
     if failure is Failure.READING:
         board.usb.reads = False
-        host.send_demand(goals)  # valid: it echoes the last answer read
+        board.usb.send(host.demand_frame(goals))  # valid: it echoes the last answer read
     else:
         host.demand(goals)
     failed_ms = (board.cpu.cycles - cycles) * 1000 / CLOCK_HZ
@@ -114,7 +114,7 @@ def measure(elf: Path, failure: Failure, watchdog_ms: int = 100, pressure: bool 
         assert passed < 2 * watchdog_ms, "it did not stop"
         if failure is Failure.READING and passed - sent_ms >= PERIOD_MS:
             sent_ms = passed
-            host.send_demand(goals)
+            board.usb.send(host.demand_frame(goals))
     return Stop(failed_ms, failed_ms + passed, board.resets)
 
 

@@ -47,7 +47,7 @@ def measure(
         if not board.usb.opened:  # the stand-in core does not enumerate
             board.usb.open()
     plant = Motors(board)
-    host = Host(board, usb)
+    host = Host(board.ask_usb if usb else board.ask_uart)
     host.configure(motors)
     host.arm(motors)
     start_ms = board.elapsed_ms

@@ -18,11 +18,11 @@ from contid_drivers.due.cortex import (
     ARDUINO_RAM,
     FLASH_BYTES,
     RAM_BYTES,
-    build_m3,
+    build_core,
     read_elf,
 )
 from contid_drivers.due.options import DueAxisOptions, DueBusOptions, Role
-from tests.firmware.cortex_m3 import M3Board
+from tests.firmware.cortex_m import CoreBoard
 
 CLOCK_HZ = 84_000_000
 BUDGET = 0.35
@@ -55,7 +55,7 @@ class Load:
 
 def measure() -> Load:
     """Six armed motors on streamed demands at 10 cm/s; the longest of 300 ticks, and of 64 edges."""
-    board = M3Board(read_elf(build_m3()))
+    board = CoreBoard(read_elf(build_core()))
     board.start("motor")
     axes = [
         AxisOnBus(f"m{i}", DueAxisOptions.model_validate({"channel": f"m{i}"}), (-10.0, 60.0))
@@ -103,7 +103,7 @@ def shaft(now_ms: int) -> int:
 
 def report() -> str:
     load = measure()
-    image = read_elf(build_m3())
+    image = read_elf(build_core())
     share = load.tick_share + load.edge_share
     return (
         f"control tick, {MOTORS} motors: {load.tick} instructions at most, {load.tick_mean:.0f} on average "
@@ -124,7 +124,7 @@ def test_six_motors_fit_the_budget():
 
 
 def test_flash_and_ram_are_bounded():
-    image = read_elf(build_m3())
+    image = read_elf(build_core())
     assert 4_000 < image.flash < 48 * 1024
     assert 1_000 < image.ram < 16 * 1024
 

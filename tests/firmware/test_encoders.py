@@ -12,20 +12,25 @@ from tests.firmware.sam3x.plant import EDGE_BITS, Motors
 
 
 @pytest.fixture
-def host() -> Host:
-    board = Sam3x(build_sketch())
-    board.run_ms(20)
-    board.usb.open()
-    return Host(board, usb=True)
+def board() -> Sam3x:
+    made = Sam3x(build_sketch())
+    made.run_ms(20)
+    made.usb.open()
+    return made
 
 
-def test_both_kinds_of_decoder_count_in_the_same_direction(host: Host):
-    plant = Motors(host.board)
+@pytest.fixture
+def host(board: Sam3x) -> Host:
+    return Host(board.ask_usb)
+
+
+def test_both_kinds_of_decoder_count_in_the_same_direction(board: Sam3x, host: Host):
+    plant = Motors(board)
     host.configure()
     host.arm()
     for i in range(30):
         host.demand(dict.fromkeys(range(6), 20 * i))
-        host.board.run_ms(10)
+        board.run_ms(10)
     host.demand({})
     assert host.telemetry is not None
     for channel, report in host.telemetry.channels.items():
@@ -35,10 +40,9 @@ def test_both_kinds_of_decoder_count_in_the_same_direction(host: Host):
 
 
 @pytest.mark.parametrize("channel", [0, 1, 2, 5])
-def test_missed_edges_put_the_motor_into_its_safe_state(host: Host, channel: int):
+def test_missed_edges_put_the_motor_into_its_safe_state(board: Sam3x, host: Host, channel: int):
     host.configure()
     host.arm()
-    board = host.board
     for _ in range(8):
         if channel < 2:
             board.tc[2 * channel].quadrature_error = True
@@ -55,9 +59,9 @@ def test_missed_edges_put_the_motor_into_its_safe_state(host: Host, channel: int
     assert set(others.values()) == {BoardState.ARMED}
 
 
-def test_channels_outside_the_configuration_do_not_interrupt(host: Host):
+def test_channels_outside_the_configuration_do_not_interrupt(board: Sam3x, host: Host):
     host.configure(motors=3)
-    host.board.run_ms(1)
-    enabled = host.board.pio["D"].read(0x48)
+    board.run_ms(1)
+    enabled = board.pio["D"].read(0x48)
     assert enabled & 0b11 == 0b11, "channel 2"
     assert enabled >> 2 == 0, "channels 3 to 5"

@@ -39,7 +39,7 @@ def test_it_boots_once_and_answers_on_both_ports(motors: Sam3x):
     assert motors.usb.opened, "the core enumerated"
     answer = hello(motors)
     assert answer.unique_id == UNIQUE_ID.hex()
-    assert Host(motors, usb=True).ask(Type.HELLO) == dataclasses.replace(answer, uptime_ms=ANY)
+    assert Host(motors.ask_usb).ask(Type.HELLO) == dataclasses.replace(answer, uptime_ms=ANY)
 
 
 def test_its_serial_number_on_usb_is_of_the_chip():

@@ -53,7 +53,7 @@ def test_packets_fit_the_link_and_end_the_transfer(full_speed: bool):
 
 def test_no_answer_size_ends_with_a_full_packet():
     board = opened(full_speed=True)
-    host = Host(board, usb=True)
+    host = Host(board.ask_usb)
     for motors in range(1, 7):
         host.configure(motors)
         host.demand({})

@@ -108,7 +108,7 @@ def test_the_chip_stamps_telemetry_and_watches_its_supply() -> None:
     board = Sam3x(build_sketch())
     board.run_ms(20)
     board.usb.open()
-    host = Host(board, usb=True)
+    host = Host(board.ask_usb)
     host.configure(2)
     times = []
     for k in range(12):

@@ -1,16 +1,17 @@
-"""The shared vectors of the protocol: Python's codec, the core on this computer, the core on a Cortex-M3."""
+"""The shared vectors: Python's codec, the core on this computer, the core on Cortex-M3 and M7."""
 
 from __future__ import annotations
 
 import subprocess
 
 import pytest
+from unicorn import arm_const
 
 from contid_drivers.due import frames, messages
 from contid_drivers.due.codes import Refusal, Type
-from contid_drivers.due.cortex import build_m3, read_elf
+from contid_drivers.due.cortex import build_core, read_elf
 from contid_drivers.due.firmware import WARNINGS, build_host, firmware_dir
-from tests.firmware.cortex_m3 import M3Board
+from tests.firmware.cortex_m import CoreBoard
 
 SANITIZE = [*WARNINGS, "-fsanitize=address,undefined", "-fno-sanitize-recover=all", "-g"]
 
@@ -58,8 +59,12 @@ def test_core_on_this_computer():
     assert done.returncode == 0, done.stdout + done.stderr
 
 
-def test_core_on_cortex_m3():
-    board = M3Board(read_elf(build_m3()))
+@pytest.mark.parametrize(
+    ("processor", "model"),
+    [("cortex_m3", arm_const.UC_CPU_ARM_CORTEX_M3), ("cortex_m7", arm_const.UC_CPU_ARM_CORTEX_M7)],
+)
+def test_core_on_the_processors_of_the_boards(processor: str, model: int):
+    board = CoreBoard(read_elf(build_core(processor)), model)
     answer: bytes | None = None
     checked = 0
     for number, (item, *rest) in enumerate(lines(), 1):

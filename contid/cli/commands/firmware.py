@@ -36,7 +36,7 @@ def build() -> None:
     click.echo(f"sources: {sources.firmware_dir()}")
     click.echo(f"emulator: {sources.build_host()}")
     try:
-        image = cortex.read_elf(cortex.build_m3())
+        image = cortex.read_elf(cortex.build_core())
     except DeviceError as error:
         click.echo(f"Cortex-M3: not built: {error}", err=True)
         return

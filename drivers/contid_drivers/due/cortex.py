@@ -1,4 +1,4 @@
-"""The firmware core built for Cortex-M3 by the clang in PyPI's ``ziglang``, and the ELF file read back.
+"""The firmware core built for a Cortex-M by the clang in PyPI's ``ziglang``, and the ELF file read back.
 
 Sizes are estimates: the Arduino IDE compiles with gcc 4.8 and adds its own core (21 KB flash, 2.6 KB RAM).
 """
@@ -28,7 +28,7 @@ FLASH_START: Final = 0x0008_0000
 RAM_START: Final = 0x2007_0000
 
 _FLAGS: Final = (
-    "-target", "thumb-freestanding-eabi", "-mcpu=cortex_m3", SKETCH_STANDARD, "-Os", "-g",
+    "-target", "thumb-freestanding-eabi", SKETCH_STANDARD, "-Os", "-g",
     "-ffunction-sections", "-fdata-sections", "-fno-exceptions", "-fno-rtti", "-fno-builtin",
     "-fno-sanitize=undefined", "-fno-threadsafe-statics", "-Wall", "-Wextra", "-Werror", "-Wconversion",
     "-Wl,--gc-sections",
@@ -45,31 +45,37 @@ class Image:
     ram: int
 
 
-def build_m3() -> Path:
-    """The ELF file of the core for Cortex-M3, built anew when its sources changed.
+def build_core(processor: str = "cortex_m3") -> Path:
+    """The ELF file of the core for a processor, built anew when its sources changed.
+
+    Args:
+        processor: ``cortex_m3``, of the Due, or ``cortex_m7``, of the Teensy 4.1.
 
     Raises:
         DeviceError: ``ziglang`` is not installed, or the build fails.
     """
     if find_spec("ziglang") is None:
-        raise DeviceError("firmware", "the Cortex-M3 build needs the package ziglang", "pip install ziglang")
+        raise DeviceError(
+            "firmware", "the build for Cortex-M needs the package ziglang", "pip install ziglang"
+        )
     m3 = firmware_dir() / "m3"
     sources = [m3 / "entry.cpp", *core_sources()]
-    digest = hashlib.sha256(" ".join(_FLAGS).encode())
+    flags = (*_FLAGS, f"-mcpu={processor}")
+    digest = hashlib.sha256(" ".join(flags).encode())
     for path in (*sources, *sorted(sources[1].parent.glob("*.h")), *sorted(m3.iterdir())):
         digest.update(path.name.encode() + b"\0" + path.read_bytes())
-    program = cache_dir() / f"m3-{digest.hexdigest()[:16]}.elf"
+    program = cache_dir() / f"{processor}-{digest.hexdigest()[:16]}.elf"
     if program.is_file():
         return program
     program.parent.mkdir(parents=True, exist_ok=True)
     fresh = program.with_name(f"{program.name}.{os.getpid()}")
     command = [
-        *(sys.executable, "-m", "ziglang", "c++", *_FLAGS, "-I", str(m3), f"-Wl,-T,{m3 / 'due.ld'}"),
+        *(sys.executable, "-m", "ziglang", "c++", *flags, "-I", str(m3), f"-Wl,-T,{m3 / 'due.ld'}"),
         *("-o", str(fresh), *map(str, sources)),
     ]
     done = subprocess.run(command, capture_output=True, text=True, check=False)
     if done.returncode != 0:
-        raise DeviceError("firmware", f"the Cortex-M3 build fails:\n{done.stderr.strip()}")
+        raise DeviceError("firmware", f"the build for {processor} fails:\n{done.stderr.strip()}")
     fresh.replace(program)
     return program
 

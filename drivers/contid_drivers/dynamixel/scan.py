@@ -51,7 +51,7 @@ def likely_ports(report: Report) -> list[str]:
     ports = usb_ports()
     for port in ports:
         if port.arduino:
-            report(f"{port.path}: an Arduino board; not opened at servo rates")
+            report(f"{port.path}: an Arduino or Teensy board; not opened at servo rates")
     return [port.path for port in ports if not port.arduino]
 
 

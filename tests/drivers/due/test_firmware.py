@@ -61,6 +61,6 @@ def test_another_source_is_another_build(tmp_path: Path, monkeypatch: pytest.Mon
     before = build_id()
     monkeypatch.setenv("CONTID_FIRMWARE", str(copied))
     assert build_id() == before
-    with (copied / "contid_due" / "src" / "pins.h").open("a") as file:
+    with (copied / "contid_due" / "src" / "due" / "pins.h").open("a") as file:
         file.write("// another wiring\n")
     assert build_id() != before

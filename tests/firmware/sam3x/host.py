@@ -2,21 +2,20 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 
 from contid.hal import AxisOnBus
 from contid_drivers.due import frames, messages, wiring
 from contid_drivers.due.codes import Type
 from contid_drivers.due.options import DueAxisOptions, DueBusOptions, Role
-from tests.firmware.sam3x.board import Sam3x
 
 
 class Host:
     """``lost`` counts requests without a valid answer."""
 
-    def __init__(self, board: Sam3x, usb: bool = False) -> None:
-        self.board = board
-        self._ask = board.ask_usb if usb else board.ask_uart
+    def __init__(self, ask: Callable[[bytes, float], bytes]) -> None:
+        """``ask`` sends a request and returns the answer: `ask_usb` or `ask_uart` of a board."""
+        self._ask = ask
         self.lost = 0
         self.sequence = 0
         self.crc = 0
@@ -65,10 +64,10 @@ class Host:
     def demand(self, goals: Mapping[int, int], timeout_ms: float = 30) -> None:
         self.ask(Type.DEMAND, self._demand(goals), timeout_ms)
 
-    def send_demand(self, goals: Mapping[int, int]) -> None:
-        """Over the native port, without waiting for the answer."""
+    def demand_frame(self, goals: Mapping[int, int]) -> bytes:
+        """A demand for a caller that does not wait for the answer."""
         self.sequence = (self.sequence + 1) & 0xFF
-        self.board.usb.send(frames.seal(messages.request(Type.DEMAND, self.sequence, self._demand(goals))))
+        return frames.seal(messages.request(Type.DEMAND, self.sequence, self._demand(goals)))
 
     def _demand(self, goals: Mapping[int, int]) -> bytes:
         echo = self.telemetry.uptime_ms if self.telemetry else 0

@@ -71,6 +71,16 @@ def test_a_scan_finds_native_boards_and_resets_none(
     assert shown.stderr.count("not opened at servo rates") == (2 if named else 3)
 
 
+def test_a_teensy_is_found_by_its_hello(
+    boards: dict[str, DueEmulator], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    port = UsbEntry(str(boards["native"].port.resolve()), 0x16C0, 0x0483)
+    monkeypatch.setattr("serial.tools.list_ports.comports", lambda: [port])
+    shown = CliRunner().invoke(scan_command, [], catch_exceptions=False)
+    assert "Teensy, motor board  firmware 1.2.0" in shown.stdout
+    assert shown.stderr.count("not opened at servo rates") == 1
+
+
 def test_servo_ports_are_those_of_no_arduino(
     boards: dict[str, DueEmulator], monkeypatch: pytest.MonkeyPatch
 ) -> None:

@@ -1,4 +1,4 @@
-"""A Cortex-M3 that runs the firmware's core instruction by instruction (unicorn), and counts them."""
+"""A Cortex-M that runs the firmware's core instruction by instruction (unicorn), and counts them."""
 
 from __future__ import annotations
 
@@ -14,12 +14,12 @@ RETURN_TO = FLASH_START + FLASH_BYTES - 0x100
 STACK_TOP = RAM_START + RAM_BYTES
 
 
-class CortexM3:
-    def __init__(self, image: Image) -> None:
+class CortexM:
+    def __init__(self, image: Image, model: int) -> None:
         self.image = image
         self.instructions = 0
         self._machine = unicorn.Uc(unicorn.UC_ARCH_ARM, unicorn.UC_MODE_THUMB | unicorn.UC_MODE_MCLASS)
-        self._machine.ctl_set_cpu_model(arm_const.UC_CPU_ARM_CORTEX_M3)
+        self._machine.ctl_set_cpu_model(model)
         self._machine.mem_map(FLASH_START, FLASH_BYTES)
         self._machine.mem_map(RAM_START, RAM_BYTES)
         for address, data in image.segments:
@@ -55,11 +55,11 @@ class CortexM3:
         self._machine.mem_write(address, struct.pack("<i", value))
 
 
-class M3Board:
+class CoreBoard:
     """The core on that processor, with the calls the vectors need."""
 
-    def __init__(self, image: Image) -> None:
-        self.cpu = CortexM3(image)
+    def __init__(self, image: Image, model: int = arm_const.UC_CPU_ARM_CORTEX_M3) -> None:
+        self.cpu = CortexM(image, model)
 
     def start(self, role: str) -> None:
         self.cpu.call("m3_start", 0 if role == "motor" else 1)

@@ -2,7 +2,7 @@
 #ifndef CONTID_HAL_PORTS_H
 #define CONTID_HAL_PORTS_H
 
-#include "core/link.h"
+#include "../core/link.h"
 
 namespace contid {
 

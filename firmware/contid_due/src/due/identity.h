@@ -2,7 +2,7 @@
 #ifndef CONTID_HAL_IDENTITY_H
 #define CONTID_HAL_IDENTITY_H
 
-#include "core/board.h"
+#include "../core/board.h"
 
 namespace contid {
 

@@ -6,49 +6,17 @@
 // state only: its accept() can release a bank that it has not read, when packets follow each other closely.
 #ifdef ARDUINO_ARCH_SAM
 
-#include "hal_ports.h"
+#include "ports.h"
 
 #include <Arduino.h>
+
+#include "../port.h"
 
 namespace contid {
 
 namespace {
 
 const uint32_t BAUD = 250000;  // exact on both chips of the programming port
-const uint32_t WRITE_TIMEOUT_MS = 50;
-
-// An answer waits here until its port takes it. A port that takes nothing loses the answer; it never stops loop().
-struct Port {
-  Link link;
-  const uint8_t* waiting;
-  size_t left, sent;
-  uint32_t since_ms;
-  bool torn;  // a part of an answer went out, and the rest never will
-
-  void start() {
-    link.start(PortId::NATIVE);
-    left = 0;
-    sent = 0;
-    torn = false;
-  }
-  void take(uint8_t byte, Board& board) {
-    left = link.take(byte, board);
-    waiting = link.reply();
-    sent = 0;
-    since_ms = board.uptime_ms();
-  }
-  void took(size_t size) {
-    waiting += size;
-    left -= size;
-    sent += size;
-  }
-  void give_up_in_time(Board& board) {
-    if (left == 0 || board.uptime_ms() - since_ms < WRITE_TIMEOUT_MS) return;
-    left = 0;
-    torn = sent > 0;
-    board.count_dropped_answer();
-  }
-};
 
 // ---- native port ----
 

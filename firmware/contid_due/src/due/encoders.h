@@ -4,7 +4,7 @@
 
 #include <stdint.h>
 
-#include "core/protocol.h"
+#include "../core/protocol.h"
 
 namespace contid {
 

@@ -6,11 +6,11 @@
 // 10 000 at the slow clock's lower limit of 20 kHz).
 #ifdef ARDUINO_ARCH_SAM
 
-#include "hal_encoders.h"
+#include "encoders.h"
 
 #include <Arduino.h>
 
-#include "core/quadrature.h"
+#include "../core/quadrature.h"
 #include "pins.h"
 
 namespace contid {

@@ -1,7 +1,7 @@
 // Identity: start counter (GPBR), random number of the start (TRNG), chip id (flash controller), cause of the reset.
 #ifdef ARDUINO_ARCH_SAM
 
-#include "hal_identity.h"
+#include "identity.h"
 
 #include <Arduino.h>
 #include <USB/PluggableUSB.h>

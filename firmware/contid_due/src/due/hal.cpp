@@ -1,5 +1,5 @@
 // Hardware layer of the Arduino Due: outputs, the control tick, start and watchdog. Encoders, ports and identity have
-// files of their own (hal_*.cpp); register accesses and Arduino calls are in these files only.
+// files of their own in this folder; register accesses and Arduino calls are in the folders of boards only.
 //
 // Registers are written directly where the core's library (libsam) asserts or has side effects: its
 // PWMC_ConfigureClocks() asserts for a clock of MCK, its PWMC_ConfigureChannel() overwrites the mode of channel 0.
@@ -8,16 +8,16 @@
 // transfers (UOTGHS). Nothing else interrupts but SysTick (15).
 #ifdef ARDUINO_ARCH_SAM
 
-#include "hal_due.h"
+#include "../hal.h"
 
 #include <Arduino.h>
 
-#include "core/board.h"
-#include "core/bridge.h"
-#include "hal_encoders.h"
-#include "hal_identity.h"
-#include "hal_ports.h"
+#include "../core/board.h"
+#include "../core/bridge.h"
+#include "encoders.h"
+#include "identity.h"
 #include "pins.h"
+#include "ports.h"
 
 namespace {
 
