@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from typing import Any, Final
 
 import yaml
@@ -12,15 +13,16 @@ from contid.robot_file.shipped import find_robot_file
 MEMBERS: Final = ("hand", "trirack", "cbha")
 
 
-def lab_text(rate_hz: float = 200.0, kind: str = "") -> str:
+def lab_text(rate_hz: float = 200.0, kind: str = "", members: Sequence[str] = MEMBERS) -> str:
     """The robot files of the members as one; every bus and robot gets its file's name in front.
 
     Args:
         rate_hz: of the laboratory.
         kind: ``.emulated`` for the members' files with emulated wires.
+        members: their robot files.
     """
     lab: dict[str, Any] = {"contid": 1, "name": "lab", "rate_hz": rate_hz, "buses": {}, "robots": {}}
-    for member in MEMBERS:
+    for member in members:
         loaded = load_robot_file(find_robot_file(member + kind))
         raw = yaml.safe_load(loaded.text)
         for name, bus in raw["buses"].items():

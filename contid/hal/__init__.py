@@ -43,6 +43,7 @@ from contid.hal.bus import (
     LimitsEffort,
     Rest,
     Sample,
+    SpooledTendon,
 )
 from contid.hal.driver import (
     BUILT_IN,
@@ -100,6 +101,7 @@ __all__ = [
     "Restricts",
     "Sample",
     "Scans",
+    "SpooledTendon",
     "UnknownDriverError",
     "driver_names",
     "load_driver",

@@ -28,6 +28,21 @@ class DeviceKind(enum.StrEnum):
 
 
 @dataclass(frozen=True, slots=True)
+class SpooledTendon:
+    """A tendon on the spool of an axis, and the backbone it bends together with the others; for emulators.
+
+    Attributes:
+        stiffness_nm: torque of the tendon per angle wound in [N m/rad].
+        bends: angle wound in per bend of the backbone, with the sign of the device's rotation [rad/rad].
+        bending_nm: stiffness of each of these bends [N m/rad].
+    """
+
+    stiffness_nm: float
+    bends: tuple[float, ...]
+    bending_nm: tuple[float, ...]
+
+
+@dataclass(frozen=True, slots=True)
 class AxisOnBus:
     """One axis as passed to its driver.
 
@@ -35,11 +50,13 @@ class AxisOnBus:
         name: unique in the robot file, ``ROBOT.AXIS``.
         options: the driver's own validated options of this axis (id, channel, ...).
         travel: min and max device value [rad or Pa] allowed by the robot file, or None.
+        tendon: what its device winds up; None for other robots.
     """
 
     name: str
     options: BaseModel
     travel: tuple[float, float] | None = None
+    tendon: SpooledTendon | None = None
 
 
 #: Beginnings of `Sample.fault` that have a number of their own.

@@ -23,6 +23,7 @@ from typing import Any, Final
 
 import psutil
 
+from benchmarks.lab import MEMBERS
 from contid.client import Client, ConnectionLostError, RemoteError
 from contid.control.engine.events import OrderGiven, StopBegan
 from contid.remote.protocol.socket_path import is_listening
@@ -44,8 +45,10 @@ BACK_S: Final = 15.0
 #: Until a fault that a healed device reports is latched.
 NOTICED_TICKS: Final = TOLERANCE_TICKS + 2
 #: Stops that move, so that there is a state STOPPING.
-RESTS: Final = dict.fromkeys(("hand_left", "hand_right", "trirack_arm", "cbha_cbha"), "rest")
-#: Two places of every axis [mm], by robot; the way between them takes most of a second.
+RESTS: Final = dict.fromkeys(("hand_left", "hand_right", "trirack_arm", "cbha_cbha", "tendon3_arm"), "rest")
+#: Members of the laboratories; the daemons take turns.
+LABS: Final = (MEMBERS, ("hand", "tendon3"))
+#: Two places of every axis or tip [mm], by robot; the way between them takes most of a second.
 PLACES: Final[dict[str, tuple[dict[str, float], dict[str, float]]]] = {
     **{
         robot: ({"left": 30.0, "right": 30.0}, {"left": 60.0, "right": 60.0})
@@ -56,6 +59,7 @@ PLACES: Final[dict[str, tuple[dict[str, float], dict[str, float]]]] = {
         {f"s1.l{n}": 100.0 + rise for n in (1, 2, 3)} | {f"s2.l{n}": 90.0 + rise for n in (1, 2, 3)}
         for rise in (5.0, 35.0)
     ),  # type: ignore[dict-item]
+    "tendon3_arm": ({"x": 70.0, "y": 10.0, "z": 270.0}, {"x": 10.0, "y": 70.0, "z": 270.0}),
 }
 
 
@@ -159,7 +163,7 @@ class Run:
         # Short: the path of a socket has 107 bytes.
         with tempfile.TemporaryDirectory(prefix="contid-") as folder:
             self._folder = Path(folder)
-            self._path = robot_file(self._folder, RESTS, self._driver)
+            self._path = robot_file(self._folder, RESTS, self._driver, LABS[self._number % len(LABS)])
             self._wires = Wires(self._path)
             with self._wires, ExitStack() as stack:
                 self._start(stack)
@@ -308,10 +312,15 @@ class Run:
         if state == "stopping":
             client.stop()
         elif state == "fault":
-            emulator = next(iter(self._wires.benches.values())).emulator
             eyes = dice.choice(self._wires.servos)
             robot = frozenset({eyes.axis.split(".")[0]})
-            by_hand = Injected("hand_servos", Switch("trip", True), state, robot, robot, time.monotonic())
+            bus = next(
+                name
+                for name in self._wires.benches
+                if eyes.axis in {axis.name for axis in self._wires.buses[name].axes}
+            )
+            emulator = self._wires.benches[bus].emulator
+            by_hand = Injected(bus, Switch("trip", True), state, robot, robot, time.monotonic())
             by_hand.latest_s = math.inf
             self._injected.append(by_hand)
             emulator.set("trip", eyes.servo.device)

@@ -22,6 +22,14 @@ def test_no_fault_on_wires_makes_anything_unsafe() -> None:
     assert not sum(tally.violations.values()), "\n".join(tally.message)
 
 
+def test_no_fault_on_the_wires_of_a_tendon_robot_makes_anything_unsafe() -> None:
+    tally = Tally(seed=1)
+    Run(random.Random(1), tally, 1).play(2)
+    print(tally.table())
+    assert tally.cases == 2
+    assert not sum(tally.violations.values()), "\n".join(tally.message)
+
+
 def test_estop_relaxes_servos_and_motors_and_empties_chambers_in_every_state() -> None:
     tally = Tally(seed=1)
     Run(random.Random(1), tally, 0).stop_everywhere(STATES)

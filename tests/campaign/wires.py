@@ -1,7 +1,8 @@
 """The laboratory on wires: emulated servos, the Due's firmware on ptys, fault switches, eyes on the devices.
 
-Hand (Dynamixel), tri-rack (Due, motors) and CBHA (two Due boards, pressures) in one robot file. What the
-devices received and did is checked on their side of the wire, not on the driver's.
+Hand (Dynamixel), tri-rack (Due, motors) and CBHA (two Due boards, pressures) in one robot file, or hand and
+tendon robot (nine servos). What the devices received and did is checked on their side of the wire, not on
+the driver's.
 """
 
 from __future__ import annotations
@@ -20,7 +21,7 @@ from typing import Any, Final, Self
 
 import yaml
 
-from benchmarks.lab import lab_text
+from benchmarks.lab import MEMBERS, lab_text
 from contid.control.engine.wiring import WiredBus, wired_buses
 from contid.hal import DeviceKind
 from contid.robot_file.load import LoadedFile, load_robot_file
@@ -94,9 +95,14 @@ MOTOR_SWITCHES: Final = (
 REGULATOR_SWITCHES: Final = (*BOARD_SWITCHES, Switch("leak", True), Switch("wire", True))
 
 
-def robot_file(folder: Path, on_interrupt: Mapping[str, str] | None = None, driver: str = "") -> Path:
+def robot_file(
+    folder: Path,
+    on_interrupt: Mapping[str, str] | None = None,
+    driver: str = "",
+    members: Sequence[str] = MEMBERS,
+) -> Path:
     """The laboratory's file, its ports in a folder; with a ``driver`` only its buses and their robots."""
-    raw = yaml.safe_load(lab_text(RATE_HZ, ".emulated"))
+    raw = yaml.safe_load(lab_text(RATE_HZ, ".emulated", members))
     raw["buses"] = {name: bus for name, bus in raw["buses"].items() if driver in ("", bus["driver"])}
     raw["robots"] = {
         name: robot

@@ -12,11 +12,13 @@ from contid.control.tick.config import RobotConfig, robot_config
 from contid.control.tick.preflight import Preflight, Unreachable
 from contid.control.tick.transmission import RobotTransmission
 from contid.errors import ContidError
-from contid.hal import AxisOnBus, Bus, Clock, Driver, load_driver
+from contid.hal import AxisOnBus, Bus, Clock, Driver, SpooledTendon, load_driver
 from contid.kinematics.rope.chain import ChainGuard
+from contid.kinematics.tendon.spools import spooled_tendons
 from contid.robot_file.chain import Chain
 from contid.robot_file.load import BusWiring, LoadedFile
 from contid.robot_file.robot import RobotDescription
+from contid.robot_file.tendon import TendonRobot
 
 _Capability = TypeVar("_Capability")
 
@@ -49,12 +51,19 @@ class WiredBus:
 def wired_buses(loaded: LoadedFile) -> list[WiredBus]:
     """Every bus that carries an axis, in file order."""
     travel: dict[str, tuple[float, float]] = {}
+    tendons: dict[str, SpooledTendon] = {}
     for name, robot in driven_robots(loaded).items():
-        ranges = RobotTransmission(robot).travel()
+        transmission = RobotTransmission(robot)
+        ranges = transmission.travel()
         travel |= {f"{name}.{axis}": ends for axis, ends in zip(robot.all_axis_names, ranges, strict=True)}
+        if isinstance(robot, TendonRobot):
+            found = spooled_tendons(robot, transmission.to_device)
+            tendons |= {f"{name}.{axis}": each for axis, each in zip(robot.axis_names, found, strict=False)}
     buses = []
     for wiring in filter(lambda each: each.axes, loaded.buses.values()):
-        axes = tuple(AxisOnBus(axis, options, travel.get(axis)) for axis, options in wiring.axes)
+        axes = tuple(
+            AxisOnBus(axis, options, travel.get(axis), tendons.get(axis)) for axis, options in wiring.axes
+        )
         buses.append(WiredBus(wiring, load_driver(wiring.driver), axes))
     return buses
 

@@ -12,6 +12,7 @@ from __future__ import annotations
 import math
 import time
 from collections.abc import Sequence
+from dataclasses import dataclass
 from typing import Final
 
 from contid.errors import DeviceError
@@ -27,6 +28,9 @@ STILL_S: Final = 0.3
 #: Share of the current from which on a tendon carries it.
 CARRIED: Final = 0.8
 POLL_S: Final = 0.005
+#: Servos are looked at one after the other, each by an answer of a slow adapter: time of their watchdogs per
+#: servo. The current is limited meanwhile.
+LOOK_MS: Final = 60
 #: Way back between the two windings, its time, and the share of the speed of the second.
 BACK_DEG: Final = 6.0
 BACK_S: Final = 0.4
@@ -47,7 +51,8 @@ def tension(
         starts[axis.device] = arming.prepare_search(client, axis, homing.speed_deg_s, homing.current_ma)
     for axis in axes:
         arming.arm(client, axis)
-    arming.start_watchdogs(client, list(axes), options.watchdog_ms // reg.WATCHDOG_MS_PER_UNIT)
+    watchdog_ms = min(max(options.watchdog_ms, LOOK_MS * len(axes)), 127 * reg.WATCHDOG_MS_PER_UNIT)
+    arming.start_watchdogs(client, list(axes), watchdog_ms // reg.WATCHDOG_MS_PER_UNIT)
     report(f"{', '.join(axis.name for axis in axes)}: winding in")
     _wind(client, axes, starts, 1.0)
     first = _until_taut(client, axes, starts)
@@ -66,6 +71,22 @@ def tension(
         how = f"tension with {homing.current_ma} mA after {wound_deg:.0f} deg"
         homed.append(Homed(axis.name, position * reg.RAD_PER_TICK, homing.at_mm, how))
     return homed
+
+
+@dataclass(frozen=True, slots=True)
+class _Memory:
+    """Registers of a servo from its hardware error to its position, by one answer."""
+
+    bytes_: bytes
+
+    @classmethod
+    def read(cls, client: ServoClient, device: int) -> _Memory:
+        first, last = reg.HARDWARE_ERROR.address, reg.PRESENT_POSITION
+        return cls(client.read_block(device, first, last.address + last.size - first))
+
+    def __getitem__(self, register: reg.Register) -> int:
+        begin = register.address - reg.HARDWARE_ERROR.address
+        return register.decode(self.bytes_[begin : begin + register.size])
 
 
 def _homing(axis: Axis) -> Tensioning:
@@ -102,12 +123,13 @@ def _until_taut(client: ServoClient, axes: Sequence[Axis], starts: dict[int, int
         slack = []
         for axis in axes:
             device, name, homing = axis.device, client.name(axis.device), _homing(axis)
-            if bits := client.read(device, reg.HARDWARE_ERROR):
+            state = _Memory.read(client, device)
+            if bits := state[reg.HARDWARE_ERROR]:
                 raise DeviceError(name, f"hardware error while homing: {reg.describe_hardware_error(bits)}")
-            if client.read(device, reg.BUS_WATCHDOG) != axis.armed:
+            if state[reg.BUS_WATCHDOG] != axis.armed:
                 raise DeviceError(name, "its watchdog tripped or it reset itself while homing", "home again")
-            position = client.read(device, reg.PRESENT_POSITION)
-            current = abs(client.read(device, reg.PRESENT_CURRENT)) * (axis.model.ma_per_unit or 0.0)
+            position = state[reg.PRESENT_POSITION]
+            current = abs(state[reg.PRESENT_CURRENT]) * (axis.model.ma_per_unit or 0.0)
             carried = current >= CARRIED * homing.current_ma
             wound_deg = homing.direction * (position - starts[device]) * 360.0 / reg.TICKS_PER_REV
             if not carried and wound_deg > homing.slack_deg:

@@ -8,7 +8,9 @@ from pathlib import Path
 from types import TracebackType
 from typing import Final
 
-from contid.hal import AxisOnBus
+import numpy as np
+
+from contid.hal import AxisOnBus, SpooledTendon
 from contid_drivers.dynamixel import registers as reg
 from contid_drivers.dynamixel.emulator.servo import Servo
 from contid_drivers.dynamixel.emulator.tendons import TendonPlant
@@ -18,6 +20,10 @@ from contid_drivers.dynamixel.options import DynamixelAxisOptions, DynamixelBusO
 
 #: Stiffness of an emulated tendon on its own, soft because a backbone yields when its tendons are pulled.
 MA_PER_TICK: Final = 0.2
+#: Current per torque of an XL330-M288: 1.47 A at its stall torque, 0.52 N m.
+MA_PER_NM: Final = 1470.0 / 0.52
+#: Rotation by which a tendon is slack at power-up.
+SLACK_RAD: Final = math.radians(20.0)
 #: Distance of the mechanical stops beyond the travel of the robot file.
 BEYOND_TRAVEL_RAD: Final = math.radians(10.0)
 
@@ -35,6 +41,12 @@ def servo_of(axis: AxisOnBus, baud: int) -> Servo:
         start = 0.5 * (max(low, 0.0) + min(high, math.tau))
     if isinstance(options.homing, SingleTurn):
         start = math.radians(options.homing.pose_deg)
+    if isinstance(options.homing, Tensioning):
+        # Slack; tendons are taut at 0, also where a homing wrote a zero of the turn the count began in.
+        start = -options.homing.direction * SLACK_RAD
+        if math.isfinite(low):
+            turn = math.tau * round(0.5 * (low + high) / math.tau)
+            low, high = low - turn, high - turn
     stops = (low - BEYOND_TRAVEL_RAD) / reg.RAD_PER_TICK, (high + BEYOND_TRAVEL_RAD) / reg.RAD_PER_TICK
     return Servo(
         options.id,
@@ -45,17 +57,35 @@ def servo_of(axis: AxisOnBus, baud: int) -> Servo:
     )
 
 
-def tendons_of(servos: Sequence[Servo], axes: Sequence[AxisOnBus]) -> TendonPlant | None:
-    """Tendons on the spools of axes whose homing tensions them, each on its own, taut in the servo's zero."""
-    found = [
-        (servo, axis.options.homing.direction)
-        for servo, axis in zip(servos, axes, strict=True)
-        if isinstance(axis.options, DynamixelAxisOptions) and isinstance(axis.options.homing, Tensioning)
-    ]
-    if not found:
-        return None
-    spools, winding = zip(*found, strict=True)
-    return TendonPlant(spools, winding, (0.0,) * len(spools), (MA_PER_TICK,) * len(spools))
+def tendons_of(servos: Sequence[Servo], axes: Sequence[AxisOnBus]) -> tuple[TendonPlant, ...]:
+    """Tendons on the spools of axes whose homing tensions them, taut in the servo's zero: a plant per robot.
+
+    Without stiffness in the robot file, or on other buses too, tendons are on their own.
+    """
+    robots: dict[str, list[tuple[Servo, int, SpooledTendon | None]]] = {}
+    for servo, axis in zip(servos, axes, strict=True):
+        options = axis.options
+        if isinstance(options, DynamixelAxisOptions) and isinstance(options.homing, Tensioning):
+            robot = axis.name.partition(".")[0]
+            robots.setdefault(robot, []).append((servo, options.homing.direction, axis.tendon))
+    return tuple(_plant(found) for found in robots.values())
+
+
+def _plant(found: Sequence[tuple[Servo, int, SpooledTendon | None]]) -> TendonPlant:
+    """The plant of one robot; in its tube until the switch ``tube`` takes it out."""
+    spools, winding = [servo for servo, _, _ in found], [sense for _, sense, _ in found]
+    tendons = [tendon for _, _, tendon in found if tendon is not None]
+    none = (0.0,) * len(spools)
+    if len(tendons) < len(spools):
+        return TendonPlant(spools, winding, none, (MA_PER_TICK,) * len(spools))
+    stiffness = [each.stiffness_nm * MA_PER_NM * reg.RAD_PER_TICK for each in tendons]
+    wound = np.array([each.bends for each in tendons]) * np.array(winding)[:, None] / reg.RAD_PER_TICK
+    bending = [value * MA_PER_NM / reg.RAD_PER_TICK for value in tendons[0].bending_nm]
+    if np.linalg.matrix_rank(wound) < len(bending):  # only some of the robot's tendons
+        return TendonPlant(spools, winding, none, stiffness)
+    plant = TendonPlant(spools, winding, none, stiffness, wound, bending)
+    plant.held = True
+    return plant
 
 
 class Bench:
@@ -68,7 +98,7 @@ class Bench:
         self._control = control
         servos = [servo_of(axis, options.baud) for axis in axes]
         self.emulator = DynamixelEmulator(servos, options.port, control)
-        self.tendons = tendons_of(servos, axes)
+        self.emulator.tendons = tendons_of(servos, axes)
 
     def __enter__(self) -> Sequence[str]:
         """Start; returns a description of the bus."""

@@ -20,6 +20,8 @@ Each switch is an `InjectedFault`; as JSON it is one line appended to the contro
     {"fault": "jam", "id": 3, "on": true}       its shaft is blocked; the current rises to its limit
     {"fault": "freeze", "id": 3, "on": true}    its encoder reports the same position for ever
     {"fault": "push", "id": 3, "degrees": 30, "ms": 500}  a hand turns its shaft; under torque it resists
+    {"fault": "snap", "id": 3}                  its tendon breaks; with "on": false it is tied again
+    {"fault": "tube", "on": false}              a tendon robot is taken out of the tube that holds it straight
     {"fault": "unplug"}                         the port disappears
     {"fault": "replug", "port": "servos2.pty"}  and returns, under another name if one is given
 
@@ -55,6 +57,8 @@ _KEYS: Final[dict[str, tuple[str, ...]]] = {
     "jam": ("id", "on"),
     "freeze": ("id", "on"),
     "push": ("id", "degrees", "ms"),
+    "snap": ("id", "on"),
+    "tube": ("on",),
     "unplug": (),
     "replug": ("port",),
 }
@@ -70,6 +74,7 @@ _NEED_ID: Final = {
     "jam",
     "freeze",
     "push",
+    "snap",
 }
 
 

@@ -14,8 +14,8 @@ from numpy.typing import NDArray
 
 from contid_drivers.dynamixel.emulator.servo import Servo
 
-# Sets of taut tendons tried for one balance.
-_SETS = 30
+# Steps of one balance; each has another set of taut tendons.
+_STEPS = 30
 
 
 class TendonPlant:
@@ -43,29 +43,70 @@ class TendonPlant:
         self._winding = np.array(winding, dtype=float)
         self._taut = np.array(taut_ticks, dtype=float)
         self._stiffness = np.array(ma_per_tick, dtype=float)
+        self._whole = self._stiffness.copy()
+        #: A tube holds the robot straight.
+        self.held = False
         self._matrix = np.zeros((len(servos), 0)) if pull_matrix is None else np.asarray(pull_matrix)
-        self._bending = np.diag(np.array(bending, dtype=float))
+        self._bending = np.array(bending, dtype=float)
+        self._bends = np.zeros(self._matrix.shape[1])
+        self._last = np.zeros(len(self._servos), dtype=bool)  # which tendons were taut
+        self._solved: dict[bytes, NDArray[np.float64]] = {}
         for number, servo in enumerate(self._servos):
             servo.motion.load = lambda number=number: self.load_ma(number)
 
-    def snap(self, number: int) -> None:
-        """Tendon ``number`` breaks."""
-        self._stiffness[number] = 0.0
+    @property
+    def devices(self) -> tuple[int, ...]:
+        """Ids of the servos."""
+        return tuple(servo.device for servo in self._servos)
+
+    def snap(self, number: int, on: bool = True) -> None:
+        """Tendon ``number`` breaks, or is tied again."""
+        self._stiffness[number] = 0.0 if on else self._whole[number]
+        self._solved.clear()
 
     def tensions_ma(self) -> NDArray[np.float64]:
         """Tension of every tendon, 0 where it is slack [mA]."""
         position = np.array([servo.motion.position for servo in self._servos])
         wound = self._winding * (position - self._taut)
-        taut = (wound > 0.0) & (self._stiffness > 0.0)
-        stretch = wound
-        for _ in range(_SETS if self._matrix.shape[1] else 0):
-            weighted = self._matrix.T * np.where(taut, self._stiffness, 0.0)
-            bends = np.linalg.solve(weighted @ self._matrix + self._bending, weighted @ wound)
+        if self.held or not self._matrix.shape[1]:
+            return np.asarray(self._stiffness * np.maximum(wound, 0.0), dtype=np.float64)
+        # Mostly the same tendons are taut as before.
+        bends = self._by_wound(self._last) @ wound
+        stretch = wound - self._matrix @ bends
+        if not np.array_equal(self._last, (stretch > 0.0) & (self._stiffness > 0.0)):
+            bends = self._balanced(wound, self._bends)
             stretch = wound - self._matrix @ bends
-            if np.array_equal(taut, now := (stretch > 0.0) & (self._stiffness > 0.0)):
-                break
-            taut = now
+            self._last = (stretch > 0.0) & (self._stiffness > 0.0)
+        self._bends = bends
         return np.asarray(self._stiffness * np.maximum(stretch, 0.0), dtype=np.float64)
+
+    def _balanced(self, wound: NDArray[np.float64], bends: NDArray[np.float64]) -> NDArray[np.float64]:
+        """Bends of least energy by Newton's method from some bends; each step has a set of taut tendons."""
+        for _ in range(_STEPS):
+            stretch = wound - self._matrix @ bends
+            taut = (stretch > 0.0) & (self._stiffness > 0.0)
+            step = self._by_wound(taut) @ wound - bends
+            share, energy = 1.0, self._energy(wound, bends)
+            while self._energy(wound, bends + share * step) > energy and share > 1e-6:
+                share *= 0.5
+            bends = bends + share * step
+            now = (wound - self._matrix @ bends > 0.0) & (self._stiffness > 0.0)
+            if share == 1.0 and np.array_equal(taut, now):
+                break
+        return bends
+
+    def _energy(self, wound: NDArray[np.float64], bends: NDArray[np.float64]) -> float:
+        stretch = np.maximum(wound - self._matrix @ bends, 0.0)
+        return float(self._stiffness @ stretch**2 + self._bending @ bends**2)
+
+    def _by_wound(self, taut: NDArray[np.bool_]) -> NDArray[np.float64]:
+        """Bends by what is wound, for a set of taut tendons."""
+        key = taut.tobytes()
+        if key not in self._solved:
+            weighted = self._matrix.T * np.where(taut, self._stiffness, 0.0)
+            stiffness = weighted @ self._matrix + np.diag(self._bending)
+            self._solved[key] = np.asarray(np.linalg.solve(stiffness, weighted), dtype=np.float64)
+        return self._solved[key]
 
     def load_ma(self, number: int) -> float:
         """Current with which tendon ``number`` turns its servo back; its sign is that of the rotation."""

@@ -31,6 +31,7 @@ from contid_drivers.dynamixel.emulator.faults import (
 )
 from contid_drivers.dynamixel.emulator.replies import addresses, answers
 from contid_drivers.dynamixel.emulator.servo import Servo
+from contid_drivers.dynamixel.emulator.tendons import TendonPlant
 from contid_drivers.dynamixel.packets import Instruction, Packet, build, read_parameters, take
 
 #: The last part of a wait is spent spinning, because a sleep is late by about as much.
@@ -59,6 +60,8 @@ class DynamixelEmulator:
         paced: bool = True,
     ) -> None:
         self.servos = tuple(servos)
+        #: Tendons on the spools of servos, one plant per robot.
+        self.tendons: tuple[TendonPlant, ...] = ()
         self.faults = FaultSwitches()
 
         self._link = Path(port).expanduser() if port is not None else None
@@ -138,6 +141,8 @@ class DynamixelEmulator:
         elif fault.kind == "replug":
             self._unplug()
             self._plug(Path(fault.port).expanduser() if fault.port is not None else self._link)
+        elif fault.kind in ("snap", "tube"):
+            self._set_tendons(fault)
         now = time.monotonic()
         for servo in self.servos:
             if fault.device is not None and servo.device != fault.device:
@@ -155,6 +160,13 @@ class DynamixelEmulator:
                 servo.push(math.radians(fault.degrees) / reg.RAD_PER_TICK, fault.ms / 1e3)
             elif fault.kind == "freeze":
                 servo.frozen = servo.read_position() if fault.on else None
+
+    def _set_tendons(self, fault: InjectedFault) -> None:
+        for plant in self.tendons:
+            if fault.kind == "tube":
+                plant.held = fault.on
+            elif fault.device in plant.devices:
+                plant.snap(plant.devices.index(fault.device), fault.on)
 
     # -- port ----------------------------------------------------------------------------------------------
 
