@@ -31,6 +31,7 @@ from typing import Final
 import psutil
 
 from benchmarks.flat import Look, look, slope_of
+from contid.errors import ContidError
 from tests.support.daemons import Running, armed, command, daemon
 from tests.support.fleet_faults import FAULTS, FleetFault, leases, linked, strike
 from tests.support.fleets import BridgeProcess, NotBegunError
@@ -238,6 +239,8 @@ def soak(
                 held_s = strike(nodes[name], name, *through, fault, lease_s, delay_s, begun)
             except NotBegunError:
                 not_begun += 1
+            except ContidError as error:  # the daemon closed the connection
+                violations.append(f"{what}: {error}; exit code of the daemon: {nodes[name].process.poll()}")
             except AssertionError as error:
                 violations.append(f"{what}: {error}")
             else:

@@ -9,7 +9,6 @@ from __future__ import annotations
 import logging
 import os
 import signal
-import threading
 from collections.abc import Callable
 from pathlib import Path
 from typing import Any, Self
@@ -80,16 +79,16 @@ def route(file: RouterFile, ready: Callable[[], None]) -> None:
         FleetError: an endpoint cannot be listened on.
     """
     os.umask(0o077)  # Unix sockets of Zenoh are for this user
-    end = threading.Event()
-    for number in (signal.SIGINT, signal.SIGTERM):
-        signal.signal(number, lambda *_: end.set())
+    # Blocked before Zenoh starts its threads: one of them could take the signal, and this one would sleep on.
+    ends = {signal.SIGINT, signal.SIGTERM}
+    signal.pthread_sigmask(signal.SIG_BLOCK, ends)
     access = rules_of(file) if file.tls is not None else None
     net = NetSession(NetSettings(file.listen, tls=file.tls, access=access, mode="router"))
     try:
         keys = Keys(file.fleet)
         net.watch_tokens(keys.alive("*", "*"), lambda key, alive: _note(keys, key, alive))
         ready()
-        end.wait()
+        signal.sigwait(ends)
     finally:
         net.close()
 
