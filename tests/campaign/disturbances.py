@@ -1,7 +1,7 @@
 """Kills, suspensions, starvation and shifted clocks of whole daemons on emulated wires, from a seed.
 
-``python -m tests.campaign.disturbances [--rounds N] [--seed N]`` prints a table. A case starts a daemon on
-the laboratory (servos, motors and chambers on Due boards) or on the chain (two arms and a rope, four boards),
+``python -m tests.campaign.disturbances [--rounds N] [--seed N] [--kind KIND]`` prints a table. A case starts
+a daemon on the laboratory (servos, motors and chambers on Due boards) or on the chain (two arms and a rope),
 moves its robots, disturbs it at a random instant, and looks at the devices from their side of the wire:
 
 | disturbance | must |
@@ -9,6 +9,7 @@ moves its robots, disturbs it at a random instant, and looks at the devices from
 | SIGKILL of one process | motors off, chambers empty, servos still; without a recorder the run goes on |
 | SIGSTOP, later SIGCONT, of all processes | as above while it lasts; every robot comes back by orders |
 | all processes behind busy ones, without rights | no output outside its range; every robot comes back |
+| all processes in a cgroup with 2 to 30 % of a core | as above |
 | a clock of another epoch (time namespace) | as without it |
 
 After each: no process and no ring left (a ring of a killed run is gone after the next start), and
@@ -42,6 +43,7 @@ from contid.remote.protocol.socket_path import is_listening
 from contid.robot_file.shipped import configs_folder
 from contid.session.check import check_session
 from contid.session.read import Session
+from tests.campaign import cpu_quota
 from tests.campaign.wires import LONG_TIMEOUTS, TOLERANCE_TICKS, Wires, robot_file
 from tests.support.waiting import until
 
@@ -228,10 +230,7 @@ def suspend(case: Case, dice: random.Random, longest_s: float) -> str:
 def starve(case: Case, dice: random.Random) -> str:
     """No real-time rights, the lowest share of the processors, and busy processes before it."""
     case.move()
-    for each in case.family():
-        for thread in each.threads():
-            with suppress(ProcessLookupError):
-                os.sched_setscheduler(thread.id, os.SCHED_IDLE, os.sched_param(0))
+    _without_rights(case, os.SCHED_IDLE)
     busy = [subprocess.Popen([sys.executable, "-c", "while True: pass"]) for _ in range(BUSY)]
     try:
         time.sleep(BUSY_S)
@@ -241,6 +240,24 @@ def starve(case: Case, dice: random.Random) -> str:
             loop.wait()
     case.back("load ended")
     return "starve"
+
+
+def throttle(case: Case, dice: random.Random) -> str:
+    """No real-time rights, and a share of a core that the kernel takes away for most of each 0.1 s."""
+    case.move()
+    _without_rights(case, os.SCHED_OTHER)
+    share = math.exp(dice.uniform(math.log(0.02), math.log(0.3)))
+    with cpu_quota.quota([each.pid for each in case.family()], share):
+        time.sleep(dice.uniform(0.5, 2.0 * BUSY_S))
+    case.back(f"no longer limited to {share:.0%} of a core")
+    return "quota"
+
+
+def _without_rights(case: Case, policy: int) -> None:
+    for each in case.family():
+        for thread in each.threads():
+            with suppress(ProcessLookupError):
+                os.sched_setscheduler(thread.id, policy, os.sched_param(0))
 
 
 def shifted(case: Case, dice: random.Random) -> str:
@@ -263,11 +280,16 @@ def started(plant: str, dice: random.Random, epoch_s: int = 0) -> Iterator[Case]
         yield case
 
 
-def time_namespaces() -> bool:
-    """Whether this user may start a program with another monotonic clock."""
-    with suppress(OSError):
-        return subprocess.run(["unshare", "-T", "true"], capture_output=True).returncode == 0
-    return False
+def obstacle(kind: str) -> str:
+    """Why a kind of case cannot be tried by this user; empty if it can."""
+    if kind == "quota":
+        return cpu_quota.obstacle()
+    if kind == "epoch":
+        with suppress(OSError):
+            if subprocess.run(["unshare", "-T", "true"], capture_output=True).returncode == 0:
+                return ""
+        return "this user may not make time namespaces (unshare -T)"
+    return ""
 
 
 def one(plant: str, kind: str, dice: random.Random, longest_s: float = 12.0) -> list[str]:
@@ -278,6 +300,8 @@ def one(plant: str, kind: str, dice: random.Random, longest_s: float = 12.0) -> 
             suspend(case, dice, longest_s)
         elif kind == "starve":
             starve(case, dice)
+        elif kind == "quota":
+            throttle(case, dice)
         elif kind == "epoch":
             shifted(case, dice)
         else:
@@ -291,7 +315,7 @@ def one(plant: str, kind: str, dice: random.Random, longest_s: float = 12.0) -> 
     return found
 
 
-KINDS: Final = (*(f"kill {victim}" for victim in VICTIMS), "suspend", "starve", "epoch")
+KINDS: Final = (*(f"kill {victim}" for victim in VICTIMS), "suspend", "starve", "quota", "epoch")
 
 
 def main() -> int:
@@ -300,13 +324,16 @@ def main() -> int:
     )
     parser.add_argument("--rounds", type=int, default=3)
     parser.add_argument("--seed", type=int, default=1)
+    parser.add_argument("--kind", action="append", choices=KINDS, help="only these; may be repeated")
     asked = parser.parse_args()
     dice, cases, wrong = random.Random(asked.seed), Counter[str](), Counter[str]()
     messages: list[str] = []
+    kinds = asked.kind or KINDS
+    hindered = {kind: why for kind in kinds if (why := obstacle(kind))}
     for _ in range(asked.rounds):
         for plant in PLANTS:
-            for kind in KINDS:
-                if kind == "epoch" and not time_namespaces():
+            for kind in kinds:
+                if kind in hindered:
                     continue
                 found = one(plant, kind, dice)
                 cases[f"{plant}: {kind}"] += 1
@@ -315,8 +342,8 @@ def main() -> int:
     print(f"{'case':<32}{'cases':>8}{'violations':>12}")
     for name, count in cases.items():
         print(f"{name:<32}{count:>8}{wrong[name]:>12}")
-    if not time_namespaces():
-        print("epoch: not tried; this user may not make time namespaces")
+    for kind, why in hindered.items():
+        print(f"{kind}: not tried; {why}")
     print(*messages, sep="\n", end="\n" if messages else "")
     return 1 if messages else 0
 

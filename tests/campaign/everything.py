@@ -72,7 +72,7 @@ def parts() -> list[Part]:
         Part("faults of emulated devices", "-m tests.campaign --ptys 10 --seed {seed}", 10),
         Part("SIGTERM in every state", "-m tests.campaign.exits --rounds 1 --seed {seed}", 16),
         Part("stops beside floods", "-m tests.campaign.stops --rounds 50 --seed {seed}", 50),
-        Part("kills, suspensions, starvation", "-m tests.campaign.disturbances --rounds 1 --seed {seed}", 12),
+        Part("kills, suspensions, starvation", "-m tests.campaign.disturbances --rounds 1 --seed {seed}", 14),
         Part("core of the firmware", "firmware/fuzz.py 1000000 {seed}", 1_000_000),
         *inputs,
     ]

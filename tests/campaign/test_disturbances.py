@@ -7,16 +7,16 @@ import random
 
 import pytest
 
-from tests.campaign.disturbances import KINDS, PLANTS, one, time_namespaces
+from tests.campaign.disturbances import KINDS, PLANTS, obstacle, one
 
 ALL = [(plant, kind) for plant in PLANTS for kind in KINDS]
-SHORT = [("lab", "kill control process"), ("chain", "suspend"), ("chain", "epoch")]
+SHORT = [("lab", "kill control process"), ("chain", "suspend"), ("chain", "epoch"), ("lab", "quota")]
 
 
 # Against real time: watchdogs of devices expire while a machine stands still.
 @pytest.mark.realtime
 @pytest.mark.parametrize(("plant", "kind"), ALL if os.environ.get("CONTID_CAMPAIGN") else SHORT)
 def test_nothing_is_unsafe_or_left_behind(plant: str, kind: str) -> None:
-    if kind == "epoch" and not time_namespaces():
-        pytest.skip("this user may not make time namespaces (unshare -T)")
+    if why := obstacle(kind):
+        pytest.skip(why)
     assert one(plant, kind, random.Random(18), longest_s=2.0) == []

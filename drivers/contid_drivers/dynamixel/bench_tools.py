@@ -78,6 +78,8 @@ def write(path: str, baud: int, device: int, name: str, value: int) -> int:
             raise DeviceError(where, f"{register.name} is not written here", why)
         if register is reg.TORQUE_ENABLE and value:
             raise DeviceError(where, "torque on would start an old goal", "use `contid run`")
+        if register is reg.STATUS_RETURN_LEVEL and value != register.default:
+            raise DeviceError(where, "below 2 it does not answer reads or writes", "leave it at 2")
         if not register.writable:
             raise DeviceError(where, f"{register.name} is read-only")
         low = 0 if register is reg.BUS_WATCHDOG else register.low

@@ -11,7 +11,7 @@ from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from typing import Any, Final
 
-from dynamixel_sdk import COMM_SUCCESS, PacketHandler, PortHandler
+from dynamixel_sdk import COMM_RX_CORRUPT, COMM_RX_TIMEOUT, COMM_SUCCESS, PacketHandler, PortHandler
 
 from contid.errors import DeviceError
 from contid_drivers.dynamixel import duplicates
@@ -26,6 +26,7 @@ from contid_drivers.serial_ports import find_port
 KEEP_ID_AND_BAUD: Final = 2
 LATENCY_S: Final = 0.02
 READ_WAIT_S: Final = 0.005
+RESTORE_LEVEL: Final = "`contid servo reboot` sets it to 2, as does `contid run`"
 
 
 class SdkBus:
@@ -100,7 +101,18 @@ class SdkBus:
                 if error & ~ALERT:
                     raise DeviceError(self.name(device), self._sdk.getRxPacketError(error & ~ALERT))
                 return tuple(data)
-        raise DeviceError(self.name(device), self._sdk.getTxRxResult(result), "check power and cable")
+        raise DeviceError(self.name(device), *self._why(device, result))
+
+    def _why(self, device: int, result: int) -> tuple[str, str]:
+        """Cause and remedy of a request without a proper answer."""
+        if result == COMM_RX_CORRUPT:
+            return f"broken answers: {duplicates.CAUSE}", duplicates.REMEDY
+        if result != COMM_RX_TIMEOUT:
+            return self._sdk.getTxRxResult(result), "check power and cable"
+        if self.answers(device):
+            level = f"its Status Return Level ({reg.STATUS_RETURN_LEVEL.address}) is below 2"
+            return f"answers a ping, but not this: {level}", RESTORE_LEVEL
+        return f"no answer at {self._port.baudrate} baud", "check its id, power and cable: `contid scan`"
 
 
 @contextmanager

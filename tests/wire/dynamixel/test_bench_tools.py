@@ -15,7 +15,7 @@ from contid.hal import AxisOnBus, Rest
 from contid_drivers.dynamixel import bench_tools
 from contid_drivers.dynamixel import registers as reg
 from contid_drivers.dynamixel.bus import DynamixelBus
-from contid_drivers.dynamixel.commission import set_id
+from contid_drivers.dynamixel.commission import reboot, set_id
 from contid_drivers.dynamixel.emulator import DynamixelEmulator, Servo
 from contid_drivers.dynamixel.options import DynamixelAxisOptions, DynamixelBusOptions
 from contid_drivers.dynamixel.setup import setup
@@ -61,6 +61,7 @@ def test_a_register_is_written_within_its_range_and_torque_lock(emulated: Start)
         ("goal_position", 1, "moves the servo"),
         ("torque_enable", 1, "old goal"),
         ("id", 2, "set-id"),
+        ("status_return_level", 0, "does not answer"),
     ):
         with pytest.raises(DeviceError, match=message):
             bench_tools.write(bus.port, BAUD, 1, name, value)
@@ -68,6 +69,25 @@ def test_a_register_is_written_within_its_range_and_torque_lock(emulated: Start)
     with pytest.raises(DeviceError, match="torque is on and locks drive mode"):
         bench_tools.write(bus.port, BAUD, 1, "drive_mode", 1)
     assert bench_tools.write(bus.port, BAUD, 1, "torque_enable", 0) == 0
+
+
+def test_a_request_without_an_answer_names_the_cause(emulated: Start) -> None:
+    bus = emulated(Servo(1))
+    with pytest.raises(DeviceError, match="servo 7: no answer at 1000000 baud"):
+        bench_tools.blink(bus.port, BAUD, 7, 1)
+    bus.set("corrupt", 1, count=50)
+    with pytest.raises(DeviceError, match="broken answers: two servos have this id, or the cable is bad"):
+        bench_tools.blink(bus.port, BAUD, 1, 1)
+    bus.set("corrupt", 1, count=0)
+    for level in (0, 1):
+        bus.servo(1).put(reg.STATUS_RETURN_LEVEL, level)
+        with pytest.raises(
+            DeviceError, match=r"answers a ping, .* Status Return Level \(68\) is below 2"
+        ) as told:
+            bench_tools.blink(bus.port, BAUD, 1, 1)
+        assert "contid servo reboot" in told.value.remedy
+    reboot(bus.port, BAUD, 1)
+    bench_tools.blink(bus.port, BAUD, 1, 1)
 
 
 def test_nothing_is_written_to_two_servos_of_one_id(emulated: Start) -> None:
