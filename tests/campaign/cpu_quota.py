@@ -57,6 +57,6 @@ def quota(processes: Iterable[int], share: float) -> Iterator[None]:
             (folder / "cgroup.procs").write_text(str(process))
         yield
     finally:
-        for process in (folder / "cgroup.procs").read_text().split() if folder.exists() else ():
-            (parent / "cgroup.procs").write_text(process)
+        for left in (folder / "cgroup.procs").read_text().split():
+            (parent / "cgroup.procs").write_text(left)
         folder.rmdir()

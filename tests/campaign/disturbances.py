@@ -19,6 +19,7 @@ After each: no process and no ring left (a ring of a killed run is gone after th
 from __future__ import annotations
 
 import argparse
+import itertools
 import math
 import os
 import random
@@ -318,6 +319,14 @@ def one(plant: str, kind: str, dice: random.Random, longest_s: float = 12.0) -> 
 KINDS: Final = (*(f"kill {victim}" for victim in VICTIMS), "suspend", "starve", "quota", "epoch")
 
 
+def _tried(plant: str, kind: str, dice: random.Random) -> list[str]:
+    """One case; what it violated, also that it got nowhere."""
+    try:
+        return one(plant, kind, dice)
+    except (AssertionError, ContidError, OSError) as error:
+        return [f"{plant}: {kind}: {error!r}"]
+
+
 def main() -> int:
     parser = argparse.ArgumentParser(
         prog="python -m tests.campaign.disturbances", description="Disturbed runs."
@@ -326,19 +335,17 @@ def main() -> int:
     parser.add_argument("--seed", type=int, default=1)
     parser.add_argument("--kind", action="append", choices=KINDS, help="only these; may be repeated")
     asked = parser.parse_args()
-    dice, cases, wrong = random.Random(asked.seed), Counter[str](), Counter[str]()
+    cases, wrong = Counter[str](), Counter[str]()
     messages: list[str] = []
     kinds = asked.kind or KINDS
     hindered = {kind: why for kind in kinds if (why := obstacle(kind))}
-    for _ in range(asked.rounds):
-        for plant in PLANTS:
-            for kind in kinds:
-                if kind in hindered:
-                    continue
-                found = one(plant, kind, dice)
+    with suppress(KeyboardInterrupt):
+        for number in range(asked.rounds):
+            for plant, kind in itertools.product(PLANTS, [each for each in kinds if each not in hindered]):
+                found = _tried(plant, kind, random.Random(f"{asked.seed}:{number}:{plant}:{kind}"))
                 cases[f"{plant}: {kind}"] += 1
                 wrong[f"{plant}: {kind}"] += bool(found)
-                messages += found
+                messages += [f"round {number}: {each}" for each in found]
     print(f"{'case':<32}{'cases':>8}{'violations':>12}")
     for name, count in cases.items():
         print(f"{name:<32}{count:>8}{wrong[name]:>12}")

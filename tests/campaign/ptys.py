@@ -40,6 +40,8 @@ PER_DAEMON: Final = 6
 RELAX_S: Final = 0.25
 #: Until every chamber is empty: 1.5 bar at the vent rate of the file, and the regulator's lag.
 EMPTY_S: Final = 2.5
+#: Until a daemon that competes for processors with everything else is up.
+START_S: Final = 120.0
 #: Until every robot is back after everything was healed.
 BACK_S: Final = 15.0
 #: Until a fault that a healed device reports is latched.
@@ -192,11 +194,11 @@ class Run:
                 env={**os.environ, "PYTHONPATH": os.pathsep.join(filter(None, paths))},
             )  # fmt: skip
         stack.callback(self._kill)
-        until(lambda: is_listening(socket) or self._process.poll() is not None, "the daemon listens")
+        until(lambda: is_listening(socket) or self._process.poll() is not None, "it listens", START_S)
         assert self._process.poll() is None, self._stderr.read_text()
         self._client = stack.enter_context(Client(socket, name="campaign", timeout_s=60.0))
         self._client.acquire(60.0)
-        until(lambda: self._states() == {"HOLD"}, "armed")
+        until(lambda: self._states() == {"HOLD"}, "armed", START_S)
 
     def _kill(self) -> None:
         with suppress(psutil.NoSuchProcess):

@@ -6,9 +6,9 @@ import time
 from collections.abc import Callable
 
 
-def until(condition: Callable[[], object], what: str) -> None:
+def until(condition: Callable[[], object], what: str, seconds: float = 30.0) -> None:
     """Wait for something that will happen; only a hang fails."""
-    deadline_s = time.monotonic() + 30.0
+    deadline_s = time.monotonic() + seconds
     while not condition():
         assert time.monotonic() < deadline_s, f"never: {what}"
         time.sleep(0.01)
