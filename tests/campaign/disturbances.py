@@ -44,8 +44,8 @@ from contid.remote.protocol.socket_path import is_listening
 from contid.robot_file.shipped import configs_folder
 from contid.session.check import check_session
 from contid.session.read import Session
-from tests.campaign import cpu_quota
 from tests.campaign.wires import LONG_TIMEOUTS, TOLERANCE_TICKS, Wires, robot_file
+from tests.support import cpu_quota
 from tests.support.waiting import until
 
 #: Watchdogs of 0.4 s, the wire, and the plants: motors are off, chambers are empty.

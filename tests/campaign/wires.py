@@ -234,17 +234,17 @@ class Wires:
         try:
             for name, bus in self.buses.items():
                 self._start(name, bus)
+            watcher = threading.Thread(target=self._watch, name="eyes on boards")
+            watcher.start()
+            self._stack.callback(watcher.join)
+            self._stack.callback(self._ended.set)
         except BaseException:
             self._stack.close()
             raise
         with suppress(OSError):
-            # This thread shares its interpreter with the emulators: preempted, it would keep them waiting.
+            # Every thread shares its interpreter with the emulators: preempted, it would keep them waiting.
             alone = os.SCHED_FIFO | os.SCHED_RESET_ON_FORK
             os.sched_setscheduler(0, alone, os.sched_param(PRIORITY - 1))
-        watcher = threading.Thread(target=self._watch, name="eyes on boards")
-        watcher.start()
-        self._stack.callback(watcher.join)
-        self._stack.callback(self._ended.set)
         return self
 
     def __exit__(self, kind: type[BaseException] | None, error: object, trace: TracebackType | None) -> None:

@@ -83,9 +83,9 @@ def test_a_request_without_an_answer_names_the_cause(emulated: Start) -> None:
         bus.servo(1).put(reg.STATUS_RETURN_LEVEL, level)
         with pytest.raises(
             DeviceError, match=r"answers a ping, .* Status Return Level \(68\) is below 2"
-        ) as told:
+        ) as raised:
             bench_tools.blink(bus.port, BAUD, 1, 1)
-        assert "contid servo reboot" in told.value.remedy
+        assert "contid servo reboot" in raised.value.remedy
     reboot(bus.port, BAUD, 1)
     bench_tools.blink(bus.port, BAUD, 1, 1)
 
