@@ -25,6 +25,7 @@ from contid.panel.hub import Hub
 from contid.panel.limits import MAX_PAGES, MAX_UPLOAD, UPLOAD_TIMEOUT_S
 from contid.panel.page import Page
 from contid.panel.page_client import PageClient
+from contid.panel.poses import Poses
 
 STATIC: Final = Path(__file__).parent / "static"
 
@@ -41,6 +42,7 @@ class PanelApp:
         self.hub = Hub(socket)
         self._read_only = read_only
         self._checks = Checks(self.hub)
+        self._poses = Poses(self.hub)
         self._stopper = PageClient(socket, "panel stop")
         self._pages = 0
         self._uploading = asyncio.Lock()
@@ -56,12 +58,13 @@ class PanelApp:
 
     @contextlib.asynccontextmanager
     async def _lifespan(self, app: Starlette) -> AsyncIterator[None]:
-        reading = asyncio.create_task(self.hub.run())
+        reading = [asyncio.create_task(each) for each in (self.hub.run(), self._poses.watch())]
         try:
             yield
         finally:
-            reading.cancel()
-            await asyncio.gather(reading, return_exceptions=True)
+            for task in reading:
+                task.cancel()
+            await asyncio.gather(*reading, return_exceptions=True)
             await self._stopper.abandon()
 
     async def _index(self, request: Request) -> Response:
@@ -111,6 +114,6 @@ class PanelApp:
             return
         self._pages += 1
         try:
-            await Page(self.hub, self._checks, self._read_only).serve(websocket)
+            await Page(self.hub, self._checks, self._poses, self._read_only).serve(websocket)
         finally:
             self._pages -= 1

@@ -38,12 +38,14 @@ class Hub:
         path: of the daemon's socket.
         geometry: of its robots; None without a daemon, or when its robot file cannot be read.
         newest: robots of the newest frame, by name.
+        described: what the daemon describes; None without a daemon.
     """
 
     def __init__(self, path: Path) -> None:
         self.path = path
         self.geometry: PanelGeometry | None = None
         self.newest: Mapping[str, Fields] = {}
+        self.described: Fields | None = None
         self._mailboxes: set[Mailbox] = set()
         self._watched = asyncio.Event()
         self._lasting: dict[str, str] = {}
@@ -76,7 +78,13 @@ class Hub:
                 found[config.name] = tuple(value / config.quantity.per_si for value in command)
         return found
 
-    def _send(self, kind: str, lasting: bool = False, **fields: Any) -> None:
+    @property
+    def watched(self) -> bool:
+        """A page is open."""
+        return self._watched.is_set()
+
+    def send(self, kind: str, lasting: bool = False, **fields: Any) -> None:
+        """Send a message to every page; a lasting one also to those that open later."""
         text = encode_message({"kind": kind, **fields})
         if lasting:
             self._lasting[kind] = text
@@ -115,14 +123,15 @@ class Hub:
         except ContidError as error:
             self.geometry, problem = None, str(error)
             log.warning("panel: the robots are not drawn: %s", problem)
-        self._send("describe", lasting=True, describe=describe, drawing=drawing, problem=problem)
-        self._send("daemon", lasting=True, connected=True, message="")
+        self.described = describe
+        self.send("describe", lasting=True, describe=describe, drawing=drawing, problem=problem)
+        self.send("daemon", lasting=True, connected=True, message="")
 
     def _lost(self, message: str) -> None:
-        self.newest = {}
+        self.newest, self.described = {}, None
         text = encode_message({"kind": "daemon", "connected": False, "message": message})
         if self._lasting.get("daemon") != text:
-            self._send("daemon", lasting=True, connected=False, message=message)
+            self.send("daemon", lasting=True, connected=False, message=message)
 
     async def _read_telemetry(self, client: AsyncClient) -> None:
         frames = client.telemetry(RATE_HZ, fields=FIELDS, events=True)
@@ -130,7 +139,7 @@ class Hub:
             if not self._mailboxes:
                 break
             if frame["event"] == "event":
-                self._send("event", event={key: value for key, value in frame.items() if key != "event"})
+                self.send("event", event={key: value for key, value in frame.items() if key != "event"})
             else:
                 self._frame(frame)
         with suppress(*_LOST):
@@ -149,7 +158,7 @@ class Hub:
     async def _read_status(self, client: AsyncClient) -> None:
         while True:
             status = await client.status()
-            self._send("status", status=status)
+            self.send("status", status=status)
             await asyncio.sleep(STATUS_PERIOD_S)
 
 

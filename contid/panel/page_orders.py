@@ -9,6 +9,7 @@ from typing import Final, TypeAlias
 from contid.client import AsyncClient
 from contid.panel.checks import Checks
 from contid.panel.page_client import LEASE_TIMEOUT_S, PageClient
+from contid.panel.poses import Poses
 from contid.remote.protocol.wire import Code, ConnectionLostError, Fields, RemoteError, RequestFields
 
 #: Orders of a read-only page: every client may stop.
@@ -27,16 +28,17 @@ class PageOrders:
         orders: by verb.
     """
 
-    def __init__(self, client: PageClient, checks: Checks) -> None:
+    def __init__(self, client: PageClient, checks: Checks, poses: Poses) -> None:
         self._client = client
         self._checks = checks
+        self._poses = poses
         self._move: tuple[int, tuple[str, ...]] | None = None
         self._jogging = asyncio.Lock()
         self.orders: dict[str, Order] = {
             "estop": self._estop, "stop": self._stop, "hold": self._hold, "resume": self._resume,
             "clear_fault": self._clear_fault, "recover": self._recover, "acquire": self._acquire,
             "release": self._release, "goto": self._goto, "jog": self._jog, "jog_end": self._jog_end,
-            "play": self._play, "beat": self._beat,
+            "play": self._play, "pose": self._pose, "save_pose": self._save_pose, "beat": self._beat,
         }  # fmt: skip
 
     async def _estop(self, request: RequestFields) -> Fields:
@@ -149,6 +151,28 @@ class PageOrders:
             return {"refused": refused}
 
         return await self._moving(play)
+
+    async def _pose(self, request: RequestFields) -> Fields:
+        """Go to a named pose."""
+        target = self._poses.target(request.text("name", ""))
+        request.end()
+
+        async def goto(client: AsyncClient) -> Fields:
+            await _require_lease(client)
+            return {"move": await client.move(target, wait=False), "target": dict(target)}
+
+        return await self._moving(goto)
+
+    async def _save_pose(self, request: RequestFields) -> Fields:
+        """Save where robots are under a name."""
+        name, replace = request.text("name", ""), request.flag("replace")
+        robots = _robots(request)
+
+        async def save(client: AsyncClient) -> Fields:
+            await _require_lease(client)
+            return await self._poses.save(name, robots, replace)
+
+        return await self._client.request(save)
 
     async def _moving(self, send: Callable[[AsyncClient], Awaitable[Fields]]) -> Fields:
         """A request that moves; a stream does not survive its connection."""

@@ -15,14 +15,13 @@ from contid.errors import ContidError
 from contid.robot_file.edit import replace_whole
 from contid.teach.pose_file import read_pose_file
 from contid.teach.pose_store import check_pose_name, provenance, save_pose
+from contid.teach.present_pose import present_pose
 from contid.teach.recording import RecordedLimits, taught_motion, trajectory_csv
 from contid.teleop.described_robot import DescribedRobot
 
 HELP: Final = "s save pose, r record / end recording, q quit"
 #: Half an hour at 50 Hz.
 MAX_SAMPLES: Final = 90_000
-#: Beyond a limit by less than this share of the travel is noise of an encoder.
-NOISE_SHARE: Final = 1e-3
 
 
 class Teacher:
@@ -120,9 +119,10 @@ class Teacher:
 
     def _save(self, name: str) -> None:
         assert self._asked is not None
-        values = self._within_limits(self._asked[1])
+        target, messages = present_pose(self._robots, self._asked[1])
+        for message in messages:
+            self._report(message)
         saved = provenance(self._robot_file, "contid teach")
-        target = dict(zip(self._columns, values, strict=True))
         try:
             replaced = save_pose(self._file, name, target, saved, self._robot_file.name)
         except ContidError as error:
@@ -130,16 +130,6 @@ class Teacher:
             return
         shown = ", ".join(f"{column} {value:.2f}" for column, value in target.items())
         self._report(f"{'replaced' if replaced else 'saved'} {name}: {shown}")
-
-    def _within_limits(self, values: list[float]) -> list[float]:
-        minimum = [low for robot in self._robots for low in robot.minimum]
-        maximum = [high for robot in self._robots for high in robot.maximum]
-        inside = []
-        for column, value, low, high in zip(self._columns, values, minimum, maximum, strict=True):
-            inside.append(min(max(value, low), high))
-            if abs(inside[-1] - value) > NOISE_SHARE * (high - low):
-                self._report(f"{column} {value:.2f} is outside its limits; saved as {inside[-1]:g}")
-        return inside
 
     def end_recording(self) -> None:
         """Smooth the recorded motion and write it beside the pose file."""

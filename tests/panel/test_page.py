@@ -326,6 +326,34 @@ def test_a_trajectory_is_shown_before_it_is_played(it: OpenPage, running: Runnin
     until(lambda: abs(_tip_mm(running)[0] - 40.0) < 0.5, "the trajectory has ended")
 
 
+def test_poses_are_saved_and_gone_to(it: OpenPage, running: Running) -> None:
+    poses = it.page.locator("#poses")
+    assert "None in fingers.poses.yaml yet." in poses.inner_text()
+    assert poses.get_by_role("button", name="Save pose").is_disabled()
+    start = _tip_mm(running)
+    it.take_control()
+    it.page.get_by_label("Name of the pose").fill("start")
+    it.page.wait_for_selector("#poses [type=submit]:enabled")
+    poses.get_by_role("button", name="Save pose").click()
+    it.page.wait_for_selector("#poses li")
+    assert "contid panel" in (running.folder / "fingers.poses.yaml").read_text()
+    with running.client(name="script") as script:
+        script.acquire(30.0, takeover=True)
+        script.move({"f0.x_mm": start[0] - 8.0, "f0.y_mm": start[1]})
+        it.page.wait_for_selector("#lease[data-mine=false]")
+        assert poses.get_by_role("button", name="Go to start").is_disabled()
+        script.release()
+    it.take_control()
+    poses.get_by_role("button", name="Go to start").click()
+    until(lambda: _tip_mm(running) == pytest.approx(start, abs=0.3), "it is where it was saved")
+    # The same name again asks first.
+    it.page.get_by_label("Name of the pose").fill("start")
+    it.page.keyboard.press("Enter")
+    it.page.wait_for_selector("#confirm[open]")
+    assert "start" in it.text("#confirm")
+    it.page.keyboard.press("Escape")
+
+
 def test_a_page_of_another_site_reaches_nothing(
     browser: Browser, served: PanelProcess, running: Running
 ) -> None:

@@ -224,7 +224,18 @@ def test_a_read_only_panel_gives_no_order(running: Running) -> None:
         async with page(served) as it:
             await it.until(lambda page: page.state() == "HOLD")
             assert it.newest["hello"]["read_only"]
-            for verb in ("acquire", "resume", "hold", "clear_fault", "goto", "jog", "play", "release"):
+            for verb in (
+                "acquire",
+                "resume",
+                "hold",
+                "clear_fault",
+                "goto",
+                "jog",
+                "play",
+                "pose",
+                "save_pose",
+                "release",
+            ):
                 reply = await it.order(verb)
                 assert reply["error"]["code"] == "refused", verb
 

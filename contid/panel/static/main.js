@@ -4,6 +4,7 @@ import { byId, setHidden, setText, toast } from "./dom.js";
 import { Jog } from "./jog.js";
 import { Link } from "./link.js";
 import { Plots } from "./plots.js";
+import { PosesCard } from "./poses.js";
 import { RobotCard, showCards } from "./robots.js";
 import { Events, LeaseControl, Machine, TrajectoryCard } from "./side.js";
 import { installStop } from "./stop.js";
@@ -33,6 +34,7 @@ const handlers = {
     showCards([...cards.values()]);
     view.describe(drawing, problem);
     plots.describe(describe.robots);
+    poses.describe(describe.robots);
     select(cards.keys().next().value);
   },
   frame: (message) => {
@@ -50,8 +52,10 @@ const handlers = {
     for (const [name, robot] of Object.entries(status.robots)) cards.get(name)?.status(robot, status.lease);
     lease.show(status.lease, page.readOnly);
     trajectory.update();
+    poses.update();
     machine.show(status);
   },
+  poses: (message) => poses.show(message),
   event: (message) => events.add(message.event),
 };
 
@@ -64,6 +68,7 @@ const lease = new LeaseControl(link);
 const machine = new Machine();
 const events = new Events();
 const plots = new Plots();
+const poses = new PosesCard(link);
 const view = new View(link, jog);
 const trajectory = new TrajectoryCard(link, (paths) => view.preview(paths));
 installStop(link);
@@ -77,6 +82,7 @@ function lost() {
   for (const card of cards.values()) card.lost();
   view.lost();
   trajectory.update();
+  poses.update();
 }
 
 function showLink(reason) {
