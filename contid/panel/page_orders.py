@@ -38,7 +38,8 @@ class PageOrders:
             "estop": self._estop, "stop": self._stop, "hold": self._hold, "resume": self._resume,
             "clear_fault": self._clear_fault, "recover": self._recover, "acquire": self._acquire,
             "release": self._release, "goto": self._goto, "jog": self._jog, "jog_end": self._jog_end,
-            "play": self._play, "pose": self._pose, "save_pose": self._save_pose, "beat": self._beat,
+            "play": self._play, "pose": self._pose, "save_pose": self._save_pose, "record": self._record,
+            "beat": self._beat,
         }  # fmt: skip
 
     async def _estop(self, request: RequestFields) -> Fields:
@@ -173,6 +174,12 @@ class PageOrders:
             return await self._poses.save(name, robots, replace)
 
         return await self._client.request(save)
+
+    async def _record(self, request: RequestFields) -> Fields:
+        """Begin or end a recording; the daemon chooses its file."""
+        end = request.flag("end")
+        request.end()
+        return await self._client.request(lambda client: client.record(end=end))
 
     async def _moving(self, send: Callable[[AsyncClient], Awaitable[Fields]]) -> Fields:
         """A request that moves; a stream does not survive its connection."""

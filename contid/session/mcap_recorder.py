@@ -5,8 +5,9 @@ stdin. Its stdout has lines for the daemon: ``ready`` or an error, later further
 a period after the next deadline, computed from the newest record, with the pidfd of the ring's writer (the
 control process) in the same ``select``: one wake-up per tick, no polling, no work for the control process.
 
-It ends when the ring is finished or the ring's writer has ended, with or without the daemon: drains the ring,
-adds the footer, compacts. It ignores SIGTERM and SIGINT, which service managers send to the whole group.
+It ends when the ring is finished or the ring's writer has ended, with or without the daemon, or when the
+daemon ends a recording that began during the run: drains the ring, adds the footer, compacts. It ignores
+SIGTERM and SIGINT, which service managers send to the whole group.
 """
 
 from __future__ import annotations
@@ -28,7 +29,7 @@ from contid.control.engine.tick_layout import DEADLINE
 from contid.control.process.ring import RingReader
 from contid.errors import ContidError
 from contid.session.compact import compact
-from contid.session.format.header import NPZ, Attached, RecorderJob
+from contid.session.format.header import END, NPZ, Attached, RecorderJob
 from contid.session.write import SessionWriter
 
 READY: Final = "ready"
@@ -53,7 +54,8 @@ class McapRecorder:
             raise
         self._period_s = 1.0 / job.header.layout.rate_hz
         self._next_s = 0.0
-        self._taken = 0
+        self._taken = self._reader.skip() if job.during_run else 0
+        self._ended = False
         #: Ticks and events missed so far.
         self._missed = (0, 0)
         self._inbox = -1
@@ -64,7 +66,7 @@ class McapRecorder:
             self._pidfd = -1
 
     def run(self) -> None:
-        """Record until the ring is finished or the control process, its writer, has ended.
+        """Record until the ring is finished, the control process, its writer, has ended, or an order ends it.
 
         Raises:
             ContidError: the file cannot be written.
@@ -75,10 +77,10 @@ class McapRecorder:
             finished = self._reader.finished
             while self._drain():
                 pass
-            if finished or writer_ended:
+            if finished or writer_ended or self._ended:
                 break
             writer_ended = self._sleep()
-        if not finished:
+        if not finished and not self._ended:
             self._writer.event(RecorderFailed(message="the control process ended unexpectedly"))
         self._writer.finish()
 
@@ -130,6 +132,9 @@ class McapRecorder:
             return
         *lines, self._lines = (self._lines + chunk).split(b"\n")
         for line in lines:
+            if line + b"\n" == END:
+                self._ended = True
+                continue
             attached = Attached(**json.loads(line))
             path = Path(attached.path)
             with suppress(OSError):

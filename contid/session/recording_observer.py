@@ -19,8 +19,14 @@ from contid.control.process.ring import ATTACHED_FILES, folder
 from contid.control.process.setup import RunSetup
 from contid.errors import ContidError
 from contid.session.compact import compact
-from contid.session.format.header import NPZ, Attached, RecorderJob
-from contid.session.format.metadata import TRAJECTORY, describe, encode_trajectory, trajectory_metadata
+from contid.session.format.header import END, NPZ, Attached, RecorderJob
+from contid.session.format.metadata import (
+    DURING_RUN,
+    TRAJECTORY,
+    describe,
+    encode_trajectory,
+    trajectory_metadata,
+)
 from contid.session.mcap_recorder import READY
 from contid.session.write import SessionSink, SessionWriter
 
@@ -31,16 +37,20 @@ COMPACTION_TIMEOUT_S: Final = 120.0
 class RecordingObserver:
     """Records one run; a `contid.control.daemon.interfaces.RunObserver`."""
 
-    def __init__(self, path: Path, options: Mapping[str, str], host: str | None = None) -> None:
+    def __init__(
+        self, path: Path, options: Mapping[str, str], host: str | None = None, during_run: bool = False
+    ) -> None:
         """Prepare.
 
         Args:
             path: of the session; must not exist.
             options: of the run, for the metadata.
             host: instead of this machine's name.
+            during_run: it begins with the tick after `attach`, not with the first one of the run.
         """
         self.path = path
-        self._options = dict(options)
+        self._during_run = during_run
+        self._options = dict(options) | ({DURING_RUN: "true"} if during_run else {})
         self._host = host
         self._process: subprocess.Popen[bytes] | None = None
         self._writer: SessionWriter | None = None
@@ -67,7 +77,8 @@ class RecordingObserver:
         assert process.stdout is not None
         header = describe(setup, self._options, virtual=False, host=self._host)
         try:
-            pickle.dump(RecorderJob(self.path.absolute(), setup.ring, pid, header), process.stdin)
+            job = RecorderJob(self.path.absolute(), setup.ring, pid, header, self._during_run)
+            pickle.dump(job, process.stdin)
             process.stdin.flush()
             answer = process.stdout.readline().decode().strip()
         except BrokenPipeError:
@@ -128,6 +139,18 @@ class RecordingObserver:
             self._process.stdin.flush()
         except BrokenPipeError:
             Path(attached.path).unlink(missing_ok=True)
+
+    @property
+    def running(self) -> bool:
+        """The recorder's process has not ended."""
+        return self._process is not None and self._process.poll() is None
+
+    def end(self) -> None:
+        """End the recording before the run ends; the recorder completes the file by itself."""
+        if self._process is not None and self._process.stdin is not None:
+            with suppress(BrokenPipeError):
+                self._process.stdin.write(END)
+                self._process.stdin.flush()
 
     def detach(self) -> Sequence[str]:
         """Wait until the session is complete; returns errors."""

@@ -35,7 +35,8 @@ from contid.hal import Sample
 from contid.robot_file.load import LoadedFile
 from contid.session.compare import Comparison, Divergence
 from contid.session.differences import refuse_other_robots
-from contid.session.read import Session
+from contid.session.format.metadata import DURING_RUN
+from contid.session.read import Session, SessionError
 from contid.trajectory.timed import Trajectory
 
 #: Events that a replay needs besides the records.
@@ -159,6 +160,9 @@ def replay(session: Session, loaded: LoadedFile, tolerance: float = 0.0) -> Repl
     Raises:
         ContidError: the robot file has other robots or axes, or the trajectory does not fit it.
     """
+    if session.option(DURING_RUN) == "true":
+        message = "begins during a run: a replay needs the first tick, as `contid run --record` has it"
+        raise SessionError(f"{session.path}: {message}")
     refuse_other_robots(session, loaded)
     recorded, sink = RecordedTick(), _Sink()
     ports = {

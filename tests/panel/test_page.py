@@ -10,6 +10,7 @@ import subprocess
 import sys
 import time
 from collections.abc import Iterator
+from pathlib import Path
 
 import numpy as np
 import psutil
@@ -21,6 +22,7 @@ pytest.importorskip("playwright.sync_api", reason="pip install 'contid[test]'")
 from playwright.sync_api import Browser
 
 from tests.support.browser import OpenPage, chromium, opened
+from tests.support.command import contid_in
 from tests.support.daemons import Running, armed_daemon, command, daemon, states
 from tests.support.panels import PanelProcess, panel
 from tests.support.waiting import until
@@ -352,6 +354,23 @@ def test_poses_are_saved_and_gone_to(it: OpenPage, running: Running) -> None:
     it.page.wait_for_selector("#confirm[open]")
     assert "start" in it.text("#confirm")
     it.page.keyboard.press("Escape")
+
+
+def test_a_recording_is_begun_and_ended(browser: Browser) -> None:
+    with armed_daemon(1) as running, panel(running) as served, opened(browser, served) as it:
+        card = it.page.locator("#recording")
+        it.page.wait_for_selector("#recording button:enabled")
+        assert "Nothing is recorded." in card.inner_text()
+        card.get_by_role("button", name="Record").click()
+        it.page.wait_for_selector("#recording li.live")
+        with running.client() as client:
+            (listed,) = client.status()["recordings"]
+        assert listed["by"].startswith("panel page")
+        assert Path(listed["file"]).name in card.inner_text()
+        card.get_by_role("button", name="End recording").click()
+        it.page.wait_for_selector("#recording li", state="detached")
+        done = contid_in(running.folder, "session", "info", listed["file"])
+        assert "clean" in done.stdout, done.stdout + done.stderr
 
 
 def test_a_page_of_another_site_reaches_nothing(

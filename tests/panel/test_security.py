@@ -234,6 +234,7 @@ def test_a_read_only_panel_gives_no_order(running: Running) -> None:
                 "play",
                 "pose",
                 "save_pose",
+                "record",
                 "release",
             ):
                 reply = await it.order(verb)

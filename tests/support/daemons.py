@@ -76,7 +76,12 @@ def daemon(
     robot.write_text(change(text))
     socket = folder / "s"
     process = subprocess.Popen(
-        [*prefix, *command("run", str(robot), "--socket", str(socket), "--json", *arguments)],
+        [
+            *prefix,
+            *command(
+                "run", str(robot), "--socket", str(socket), "--recordings", str(folder), "--json", *arguments
+            ),
+        ],
         stdin=subprocess.DEVNULL if stdin is None else subprocess.PIPE,
         stdout=subprocess.PIPE,
         stderr=subprocess.PIPE,

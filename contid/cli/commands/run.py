@@ -58,6 +58,12 @@ if TYPE_CHECKING:
     help="Record everything into a session (MCAP); `contid replay` runs it again.",
 )
 @click.option(
+    "--recordings",
+    type=click.Path(exists=True, file_okay=False),
+    default=".",
+    help="Folder of the recordings that clients begin, such as the panel. Default: the present one.",
+)
+@click.option(
     "--view",
     metavar="spawn|serve|FILE.rrd",
     help="Show the robots: in a window, in a browser on this machine, or in a file for `contid view`.",
@@ -95,6 +101,7 @@ def command(
     disarmed: bool,
     log: str | None,
     record: str | None,
+    recordings: str,
     view: str | None,
     panel: bool,
     panel_open: bool,
@@ -131,11 +138,11 @@ def command(
 
     observers: list[RunObserver] = []
     recording = None
+    options = {"mock": str(mock or virtual), "unreachable": unreachable, "input": trajectory or "stdin"}
     if record is not None:
         from contid.session.recording_observer import RecordingObserver
 
-        options = {"mock": mock or virtual, "unreachable": unreachable, "input": trajectory or "stdin"}
-        recording = RecordingObserver(Path(record), {name: str(value) for name, value in options.items()})
+        recording = RecordingObserver(Path(record), options)
         observers.append(recording)
     if view_target is not None:
         from contid.view.observer import ViewerObserver
@@ -145,10 +152,13 @@ def command(
     if not virtual:
         from contid.remote.protocol.socket_path import Endpoint, default_path
         from contid.remote.server.server import SocketServer
+        from contid.session.recordings import Recordings
 
         path = default_path(robot_file) if socket is None else Path(socket)
         endpoint = Endpoint(path, default=socket is None, group=socket_group, watch_group=watch_group)
-        commands.append(SocketServer(endpoint))
+        ordered = Recordings(Path(recordings).absolute(), options, recording)
+        observers.append(ordered)
+        commands.append(SocketServer(endpoint, ordered))
     request = RunRequest(
         robot_file=robot_file,
         mock=mock or virtual,

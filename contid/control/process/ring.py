@@ -244,6 +244,12 @@ class RingReader(_Mapped):
         """Records written so far."""
         return int(U64.unpack_from(self._map, TICKS_AT)[0])
 
+    def skip(self) -> int:
+        """Go on with the next record and the next event; returns the number of records left out."""
+        self._event = _Cursor(int(U64.unpack_from(self._map, EVENTS_AT)[0]))
+        self._tick = _Cursor(self.written)
+        return self._tick.next
+
     def rewind(self) -> None:
         """Go back to the oldest record in the ring."""
         self._tick = _Cursor(max(self.written - self.slots + 1, 0))

@@ -13,17 +13,20 @@ from contid.control.tick.config import RobotConfig
 from contid.control.tick.faults import Fault
 from contid.control.tick.state import Effect, OrderRefusedError, RobotState
 from contid.control.tick.supervisor import REST_OF, Event, Mode, allowed, move
+from contid.control.tick.way import within
 from contid.hal import Sample
 from contid.robot_file.base import StopPolicy
 from contid.targets import Actuation, Target
 from contid.trajectory.approach import Approach
-from contid.trajectory.standstill import stopping
+from contid.trajectory.standstill import JerkLimitedStop, stopping
 from contid.trajectory.straight_stop import StraightStop
 
 #: Share of an axis's travel beyond a limit that counts as outside; less is noise of a sensor or a zero.
 OUTSIDE_SHARE: Final = 0.02
 #: Share of velocity, acceleration and jerk of the motion inside.
 RECOVER_SHARE: Final = 0.1
+#: Shares of the time of a stop at which it is compared with the limits of the model.
+_LOOKED_AT: Final = (0.25, 0.5, 0.75, 1.0)
 
 
 def moved(config: RobotConfig, state: RobotState, event: Event, now_s: float) -> RobotState:
@@ -249,12 +252,28 @@ def speed(config: RobotConfig, state: RobotState) -> Actuation:
 
 
 def braking(config: RobotConfig, state: RobotState, now_s: float) -> RobotState:
-    """The state with a jerk-limited stop from its present motion; none is needed at standstill."""
+    """The state with a jerk-limited stop from its present motion; none is needed at standstill.
+
+    Live targets are followed so that the shortest stop ends inside the limits of the model, such as a bend
+    radius. Where the jerk-limited stop, which is longer, goes beyond them, it is the shortest one.
+    """
     if not any(state.increments):
         return replace(state, motion=None, reference=state.command)
     rest = (0.0,) * len(state.command)
     motion = stopping(state.command, speed(config, state), rest, config.acceleration, config.jerk)
+    if _leaves(config, state.command, motion):
+        return braking_at_once(config, state, now_s)
     return replace(state, motion=motion, motion_s=now_s - config.period_s)
+
+
+def _leaves(config: RobotConfig, command: Actuation, motion: JerkLimitedStop) -> bool:
+    """True when a stop goes from inside the limits of the model beyond them."""
+    if config.taut is not None:  # its limiter keeps the tensions
+        return False
+    own = len(command) - config.extra_axes
+    ways = [motion.at(share * motion.duration_s)[0] for share in _LOOKED_AT]
+    inside = [within(config, at[:own], at[own:]) for at in (command, *ways)]
+    return inside[0] and not all(inside)
 
 
 def _effect(policy: StopPolicy) -> Effect:

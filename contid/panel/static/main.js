@@ -5,6 +5,7 @@ import { Jog } from "./jog.js";
 import { Link } from "./link.js";
 import { Plots } from "./plots.js";
 import { PosesCard } from "./poses.js";
+import { RecordingCard } from "./recording.js";
 import { RobotCard, showCards } from "./robots.js";
 import { Events, LeaseControl, Machine, TrajectoryCard } from "./side.js";
 import { installStop } from "./stop.js";
@@ -53,6 +54,7 @@ const handlers = {
     lease.show(status.lease, page.readOnly);
     trajectory.update();
     poses.update();
+    recording.show(status.recordings ?? []);
     machine.show(status);
   },
   poses: (message) => poses.show(message),
@@ -69,6 +71,7 @@ const machine = new Machine();
 const events = new Events();
 const plots = new Plots();
 const poses = new PosesCard(link);
+const recording = new RecordingCard(link);
 const view = new View(link, jog);
 const trajectory = new TrajectoryCard(link, (paths) => view.preview(paths));
 installStop(link);
@@ -83,6 +86,7 @@ function lost() {
   view.lost();
   trajectory.update();
   poses.update();
+  recording.lost();
 }
 
 function showLink(reason) {

@@ -53,8 +53,7 @@ export class Machine {
         h("td", { className: `tier ${bus.tier}` }, bus.tier), h("td", { className: "number" }, `${shown(bus.age_ms, 1)} ms`),
         h("td", {}, bus.silent.length ? `silent: ${bus.silent.join(", ")}` : "")));
     this.buses.replaceChildren(...rows);
-    const recording = status.recording ? `recording ${status.recording} · ` : "";
-    setText(this.facts, `${recording}${status.rate_hz} Hz${status.realtime ? "" : ", not real time"} · late ${shown(status.lateness_us.max, 0)} µs · ` +
+    setText(this.facts, `${status.rate_hz} Hz${status.realtime ? "" : ", not real time"} · late ${shown(status.lateness_us.max, 0)} µs · ` +
       `skipped ${status.skipped ?? 0} · ${status.clients} clients${status.waiting ? ` · waiting: ${status.waiting}` : ""}`);
   }
 }

@@ -177,6 +177,10 @@ class Orders(ABC):
         """Release the lease; a point in progress is still reached. True when this client held it."""
         return bool((await self.request("release"))["released"])
 
+    async def record(self, *, end: bool = False) -> Fields:
+        """Begin a recording, or end it; the daemon chooses the file, which the result names."""
+        return await self.request("record", end=end)
+
 
 def names_of(robots: Robots) -> list[str] | None:
     """Names as a list; None for all."""

@@ -148,6 +148,7 @@ class Client:
     resume = _blocking(Procedures.resume)
     acquire = _blocking(Procedures.acquire)
     release = _blocking(Procedures.release)
+    record = _blocking(Procedures.record)
     move = _blocking(Procedures.move)
     start = _blocking(Procedures.start)
     started = _blocking(Procedures.started)

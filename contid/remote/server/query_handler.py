@@ -14,6 +14,7 @@ from contid.remote.protocol.peer_credentials import ClientRole
 from contid.remote.protocol.wire import PROTOCOL, Code, Fields, RemoteError, RequestFields
 from contid.remote.server.lateness_histogram import LatenessHistogram
 from contid.remote.server.lease import Lease
+from contid.remote.server.recordings import Recordings
 from contid.remote.server.telemetry_view import DEFAULT_FIELDS, FIELDS, TelemetryView
 from contid.remote.server.trackers import Trackers
 
@@ -55,6 +56,7 @@ class QueryHandler:
 
     Attributes:
         verbs: by name.
+        recordings: of the run, if it keeps any.
     """
 
     def __init__(
@@ -73,6 +75,7 @@ class QueryHandler:
         self._lease = lease
         self._trackers = trackers
         self._clients = clients
+        self.recordings: Recordings | None = None
         self._began_s = time.monotonic()
         self._realtime: bool | None = None
         self._warnings: deque[Fields] = deque(maxlen=WARNINGS)
@@ -126,6 +129,7 @@ class QueryHandler:
             "waiting": self._control.waiting or None,
             "warnings": list(self._warnings),
             "lease": self._lease.as_fields(now_s),
+            "recordings": [] if self.recordings is None else self.recordings.as_fields(),
             "trackers": self._trackers.as_fields(now_s),
             "lateness_us": {
                 "p50": round(lateness[len(lateness) // 2] * 1e6, 1) if lateness else None,

@@ -18,6 +18,7 @@ from contid.control.daemon.interfaces import RunControl
 from contid.control.engine.events import NoteWritten, OrderRefused, RunEvent, SourceEnded
 from contid.control.engine.messages import ClearFault, Estop, Grip, Hold, Message, Recover, Resume, Stop
 from contid.control.tick.supervisor import Mode
+from contid.errors import ContidError
 from contid.remote.protocol.estop_line import ESTOP
 from contid.remote.protocol.peer_credentials import ClientRole
 from contid.remote.protocol.wire import Code, Fields, RemoteError, RequestFields, decode
@@ -34,6 +35,7 @@ from contid.remote.server.lease import (
 from contid.remote.server.moves import Moves
 from contid.remote.server.pending_orders import CONFIRM_TIMEOUT_S, OrderResult, PendingOrders
 from contid.remote.server.query_handler import Caller, QueryHandler, Verb
+from contid.remote.server.recordings import Recordings
 from contid.remote.server.telemetry_view import TelemetryView
 from contid.remote.server.trackers import Trackers
 
@@ -60,8 +62,10 @@ class RequestHandler:
         control: RunControl,
         notify: Callable[[int, Mapping[str, Any]], None],
         clients: Callable[[], int],
+        recordings: Recordings | None = None,
     ) -> None:
         """Serve a run; ``notify`` sends a notice to a client by number, ``clients`` counts the clients."""
+        self._recordings = recordings
         self._control = control
         self._notify = notify
         self._ended = False
@@ -77,13 +81,14 @@ class RequestHandler:
         self.lease = Lease(time.monotonic(), control.input_active)
         self._lateness = LatenessHistogram(control)
         self.queries = QueryHandler(control, self.view, self.lease, self.trackers, clients, self._lateness)
+        self.queries.recordings = recordings
         self._verbs: dict[str, Verb] = {
             **self.queries.verbs,
             "hold": self._hold, "stop": self._stop, "estop": self._estop,
             "acquire": self._acquire, "release": self._release, "resume": self._resume,
             "clear_fault": self._clear_fault, "recover": self._recover, "measure": self._measure,
             "move": self._move, "rows": self._rows, "end": self._end, "grip": self._grip,
-            "start": self._start, "note": self._note,
+            "start": self._start, "note": self._note, "record": self._record,
         }  # fmt: skip
 
     async def serve(self, caller: Caller, fields: Mapping[str, Any]) -> Fields:
@@ -141,6 +146,8 @@ class RequestHandler:
         if now_s > self._counted_s + COUNT_PERIOD_S:
             self._counted_s = now_s
             self._lateness.update()
+            if self._recordings is not None:
+                self._recordings.watch()
         self.moves.refill()
         self.trackers.watch(now_s)
         holder = self.lease.holder
@@ -351,6 +358,19 @@ class RequestHandler:
             raise RemoteError(Code.REFUSED, "note: only the holder of the lease writes into the recording")
         self._control.note(note)
         return {}
+
+    async def _record(self, caller: Caller, request: RequestFields) -> Fields:
+        """Begin or end a recording; like a measurement it moves nothing and needs no lease."""
+        ends = request.flag("end")
+        request.end()
+        if self._recordings is None:
+            raise RemoteError(Code.REFUSED, "record: this run keeps no recordings")
+        by = client_label(caller.name, caller.by)
+        try:
+            path, done = await (self._recordings.end(by) if ends else self._recordings.begin(by))
+        except ContidError as error:
+            raise RemoteError(Code.REFUSED, f"record: {error}") from None
+        return {"file": str(path.absolute()), "done": done}
 
     async def _measure(self, caller: Caller, request: RequestFields) -> Fields:
         return self.trackers.measure(caller.number, caller.name, request)

@@ -28,6 +28,7 @@ from contid.remote.protocol.socket_path import Endpoint
 from contid.remote.protocol.wire import MAX_CLIENTS, Fields, encode
 from contid.remote.server.acceptor import Acceptor
 from contid.remote.server.connection import Connection
+from contid.remote.server.recordings import Recordings
 from contid.remote.server.request_handler import RequestHandler
 from contid.remote.server.telemetry_view import fault_fields
 
@@ -50,8 +51,9 @@ EVENTS: Final = (
 class SocketServer:
     """Commands from a Unix socket (`contid.control.daemon.interfaces.CommandSource`)."""
 
-    def __init__(self, endpoint: Endpoint) -> None:
+    def __init__(self, endpoint: Endpoint, recordings: Recordings | None = None) -> None:
         self._endpoint = endpoint
+        self._recordings = recordings
         self._connections: dict[int, Connection] = {}
         self._runs: set[asyncio.Task[None]] = set()
         self._numbers = 0
@@ -61,7 +63,9 @@ class SocketServer:
 
     async def serve(self, control: RunControl) -> None:
         """Serve until cancelled."""
-        handler = self._handler = RequestHandler(control, self._notify, lambda: len(self._connections))
+        handler = self._handler = RequestHandler(
+            control, self._notify, lambda: len(self._connections), self._recordings
+        )
         control.listen(self._event)
         acceptor = Acceptor(self._endpoint.socket, self._accept, self._displace)
         try:

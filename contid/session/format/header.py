@@ -11,6 +11,8 @@ from typing import Final
 from contid.control.engine.tick_layout import RecordLayout
 
 NPZ: Final = "application/x-npz"
+#: A line from the daemon to the recorder: the recording ends here, the run does not.
+END: Final = b'{"end": true}\n'
 
 
 @dataclass(frozen=True, slots=True)
@@ -66,9 +68,11 @@ class RecorderJob:
         ring: path of the ring.
         pid: of the ring's writer.
         header: of the session.
+        during_run: from the next tick on, not from the first one of the run.
     """
 
     path: Path
     ring: Path
     pid: int
     header: Header
+    during_run: bool = False

@@ -37,6 +37,8 @@ from contid.trajectory.timed import Interpolation, Trajectory
 #: Increased when older readers would misread a file.
 FORMAT: Final = "1"
 TRAJECTORY: Final = "trajectory"
+#: Option of a session whose first tick is not that of the run.
+DURING_RUN: Final = "during_run"
 _ROWS: Final = "rows.npy"
 #: More bytes than the head of an array in NumPy's file format.
 _NPY_HEAD: Final = 10_000

@@ -1,0 +1,42 @@
+// Recordings: begin one, end it, and what is being recorded. The daemon chooses the file.
+
+import { byId, h, setHidden, setText, shown, toast } from "./dom.js";
+
+const base = (path) => path.split("/").at(-1);
+
+export class RecordingCard {
+  constructor(link) {
+    this.link = link;
+    this.current = null;
+    this.list = h("ul", { className: "recordings" });
+    this.none = h("p", { className: "facts" }, "Nothing is recorded.");
+    this.button = h("button", { type: "button", disabled: true, onclick: () => this.press() }, "Record");
+    byId("recording").append(h("h2", {}, "Recording"), this.none, this.list, h("div", { className: "row" }, this.button));
+  }
+
+  show(recordings) {
+    this.current = recordings.find((each) => !each.whole_run && each.state !== "ending") ?? null;
+    setText(this.button, this.current ? "End recording" : "Record");
+    this.button.disabled = false;
+    setHidden(this.none, recordings.length > 0);
+    this.list.replaceChildren(...recordings.map((each) => {
+      const what = each.state !== "recording" ? `is ${each.state}` : `${shown(each.seconds, 0)} s${each.whole_run ? ", the whole run" : `, begun by ${each.by}`}`;
+      return h("li", { className: each.state === "recording" ? "live" : "", title: each.file }, h("b", {}, base(each.file)), ` ${what}`);
+    }));
+  }
+
+  lost() {
+    this.button.disabled = true;
+  }
+
+  async press() {
+    const end = this.current !== null;
+    this.button.disabled = true; // until the next status
+    try {
+      const { file, done } = await this.link.order("record", { end });
+      toast(!end ? `Recording ${base(file)}.` : done ? `${base(file)} is complete.` : `${base(file)} has ended and is being compacted.`);
+    } catch (error) {
+      toast(error.message, "error");
+    }
+  }
+}
