@@ -1,7 +1,7 @@
 """The STOP button and one live plot of the panel in NiceGUI, for `benchmarks.panel_frameworks`.
 
-``python -m benchmarks.nicegui_panel SOCKET [--policy]``; prints its URL. ``--policy``: behind the guard of the panel,
-which checks the host and adds its content security policy.
+``python -m benchmarks.nicegui_panel SOCKET [--policy]``; prints its URL. ``--policy``: with the content
+security policy of the panel.
 """
 
 from __future__ import annotations
@@ -42,7 +42,10 @@ class NiceguiPanel:
             async for frame in client.telemetry(RATE_HZ, fields=("state", "command", "measured")):
                 robot = next(iter(frame["robots"].values()))
                 self._state = str(robot["state"])
-                self._samples = [*self._samples[-WINDOW:], (frame["t_s"], robot["command"][0], robot["measured"][0])]
+                self._samples = [
+                    *self._samples[-WINDOW:],
+                    (frame["t_s"], robot["command"][0], robot["measured"][0]),
+                ]
 
     async def stop(self) -> None:
         """The handler of the button."""
@@ -56,7 +59,10 @@ class NiceguiPanel:
         ui.button("STOP", color="red").props("id=stop").on("pointerdown", self.stop)
         state = ui.label().props("id=state")
         series = [{"type": "line", "showSymbol": False, "data": []} for _ in range(2)]
-        axes: dict[str, Any] = {"xAxis": {"type": "value", "scale": True}, "yAxis": {"type": "value", "scale": True}}
+        axes: dict[str, Any] = {
+            "xAxis": {"type": "value", "scale": True},
+            "yAxis": {"type": "value", "scale": True},
+        }
         plot = ui.echart({**axes, "animation": False, "series": series})
 
         def draw() -> None:

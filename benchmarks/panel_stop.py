@@ -1,11 +1,12 @@
 """How long a press of STOP in the browser takes until a tick obeys it, and what the panel costs the ticks.
 
 ``python -m benchmarks.panel_stop [--presses 100]``. A daemon of `contid run hand --mock`, recorded; a panel
-with one page in headless Chromium that draws without a graphics card. A press is timed from before playwright
-sends the mouse event to Chromium (its own way is included) to the deadline of the first tick whose state is
-OFF. Between presses a client of its own resumes. Rows: a client without a panel; a program that speaks to the
-panel's socket as the page does; the page; the last two again beside two clients that flood requests and as
-many telemetry subscribers at 200 Hz as the daemon takes.
+with one page in headless Chromium that draws without a graphics card. A press is timed to the deadline of the
+first tick whose state is OFF. Between presses a client of its own resumes. Rows: a client without a panel; a
+program that speaks to the panel's socket as the page does; the page; the last two again beside two clients
+that flood requests and 64 telemetry subscribers at 200 Hz. The page has three rows, by where its time begins:
+before playwright, a process of its own, is asked to move the mouse; when Chromium has the press (its time
+stamp, as of a real mouse); when the script of the page has it.
 """
 
 from __future__ import annotations
@@ -36,7 +37,34 @@ from contid.session.read import Session
 #: Index of the lateness in the values of a record.
 LATENESS: Final = 3
 CHROMIUM: Final = ("--no-sandbox", "--use-gl=angle", "--use-angle=swiftshader", "--enable-unsafe-swiftshader")
-Press: TypeAlias = Callable[[], None]
+#: Remembers when Chromium and the script had each press, by the time of day [ms].
+WATCH: Final = """() => {
+    window.pressed = [];
+    document.getElementById('stop').addEventListener('pointerdown', (event) => {
+        const zero = performance.timeOrigin;
+        window.pressed.push([zero + event.timeStamp, zero + performance.now()]);
+    }, { capture: true });
+}"""
+#: Questions for the clock of the page, of which the fastest counts.
+CLOCK_QUESTIONS: Final = 30
+
+
+class Press:
+    """One way to press STOP; a call presses it.
+
+    Attributes:
+        stages: name to times of all presses by `time.monotonic` [s], for stages after the call.
+    """
+
+    def __init__(self, press: Callable[[], object]) -> None:
+        self._press = press
+        self.stages: Callable[[], dict[str, list[float]]] = dict
+
+    def __call__(self) -> None:
+        """Press."""
+        self._press()
+
+
 Way: TypeAlias = Callable[[Path], AbstractContextManager[Press]]
 CROWD: Final[Sequence[Callable[[str], None]]] = (cheap, cheap, subscribes)
 
@@ -78,7 +106,7 @@ def served(path: Path) -> Iterator[str]:
 
 
 @contextmanager
-def program(path: Path) -> Iterator[Callable[[], None]]:
+def program(path: Path) -> Iterator[Press]:
     """A program on the panel's WebSocket; a call sends what a press of STOP sends."""
     from websockets.sync.client import connect
 
@@ -89,33 +117,59 @@ def program(path: Path) -> Iterator[Callable[[], None]]:
         with connect(address, origin=Origin(origin), subprotocols=protocols, proxy=None) as page:
             reader = threading.Thread(target=deque, args=(page, 0), daemon=True)
             reader.start()
-            yield lambda: page.send('{"id":1,"verb":"estop"}')
+            yield Press(lambda: page.send('{"id":1,"verb":"estop"}'))
 
 
 @contextmanager
-def button(path: Path) -> Iterator[Callable[[], None]]:
-    """The STOP of a page in a browser; a call presses it."""
+def button(path: Path) -> Iterator[Press]:
+    """The STOP of the panel's page in a browser."""
+    with served(path) as url, pressed(url, ".robot[data-state=HOLD]") as press:
+        yield press
+
+
+def executable() -> str:
+    """The browser."""
+    return os.environ.get("CONTID_CHROMIUM", "/usr/bin/chromium")
+
+
+@contextmanager
+def pressed(url: str, ready: str) -> Iterator[Press]:
+    """The button with the id `stop` of a page, once ``ready`` is there."""
     from playwright.sync_api import sync_playwright
 
-    with served(path) as url, sync_playwright() as playwright:
-        executable = os.environ.get("CONTID_CHROMIUM", "/usr/bin/chromium")
-        browser = playwright.chromium.launch(executable_path=executable, args=list(CHROMIUM))
+    with sync_playwright() as playwright:
+        browser = playwright.chromium.launch(executable_path=executable(), args=list(CHROMIUM))
         page = browser.new_page(viewport={"width": 1280, "height": 860})
         page.goto(url)
-        page.wait_for_selector(".robot[data-state=HOLD]")
+        page.wait_for_selector(ready, timeout=90_000)
+        page.evaluate(WATCH)
         box = page.locator("#stop").bounding_box()
         assert box is not None
         page.mouse.move(box["x"] + 20.0, box["y"] + 20.0)
 
-        def press() -> None:
+        def down_and_up() -> None:
             page.mouse.down()
             page.mouse.up()
 
+        def stages() -> dict[str, list[float]]:
+            questions = []
+            for _ in range(CLOCK_QUESTIONS):
+                asked_s = time.monotonic()
+                at_ms = page.evaluate("() => performance.timeOrigin + performance.now()")
+                answered_s = time.monotonic()
+                questions.append((answered_s - asked_s, at_ms / 1e3 - 0.5 * (asked_s + answered_s)))
+            behind_s = min(questions)[1]
+            times = page.evaluate("() => window.pressed")
+            names = "from Chromium's event", "from the script"
+            return {name: [each[k] / 1e3 - behind_s for each in times] for k, name in enumerate(names)}
+
+        press = Press(down_and_up)
+        press.stages = stages
         yield press
         browser.close()
 
 
-def presses(path: Path, count: int, press: Callable[[], None] | None) -> list[float]:
+def presses(path: Path, count: int, press: Press | None) -> list[float]:
     """When each stop began [s]; without a button a client stops."""
     out: list[float] = []
     while len(out) < count:
@@ -134,8 +188,8 @@ def presses(path: Path, count: int, press: Callable[[], None] | None) -> list[fl
     return out
 
 
-def measure(name: str, count: int, way: Way | None, crowded: bool) -> str:
-    """One row of the table."""
+def measure(name: str, count: int, way: Way | None, crowded: bool) -> list[str]:
+    """Rows of the table."""
     with tempfile.TemporaryDirectory(prefix="contid-") as folder, ExitStack() as stack:
         path = stack.enter_context(daemon(Path(folder)))
         press = stack.enter_context(way(path)) if way is not None else None
@@ -152,20 +206,25 @@ def measure(name: str, count: int, way: Way | None, crowded: bool) -> str:
         try:
             sent = presses(path, count, press)
         finally:
+            ended_s = time.monotonic()
             for each in crowd:
                 each.kill()
-        ended_s = time.monotonic()
+        stages = {"": sent} | (press.stages() if press is not None else {})
         stack.close()
         session = Session(Path(folder, "r.mcap"))
         records = [entry.values for entry in session.entries() if entry.values is not None]
         during = [values for values in records if began_s <= values[DEADLINE] <= ended_s]
-        obeyed = obeyed_after(during, session.layout, sent)
         late = sorted(values[LATENESS] for values in during)
-        row = [*cells(obeyed, (0.5, 0.99, 1.0), 1e3, 1), *cells(late, (0.999, 1.0), 1e6, 0)]
         skipped = (
             round((during[-1][DEADLINE] - during[0][DEADLINE]) * session.layout.rate_hz) + 1 - len(during)
         )
-        return f"| {name} | {' | '.join(row)} | {skipped} of {len(during)} |"
+        ticks = " | ".join([*cells(late, (0.999, 1.0), 1e6, 0), f"{skipped} of {len(during)}"])
+        rows = []
+        for stage, began in stages.items():
+            obeyed = cells(obeyed_after(during, session.layout, began), (0.5, 0.99, 1.0), 1e3, 1)
+            what = f"{name}, {stage}" if stage else name
+            rows.append(f"| {what} | {' | '.join(obeyed)} | {ticks if not stage else ' |  | '} |")
+        return rows
 
 
 def main() -> None:
@@ -183,7 +242,7 @@ def main() -> None:
         ("program, flooded", program, True), ("page, flooded", button, True),
     )  # fmt: skip
     for name, way, crowded in rows:
-        print(measure(name, count, way, crowded), flush=True)
+        print("\n".join(measure(name, count, way, crowded)), flush=True)
 
 
 if __name__ == "__main__":

@@ -30,7 +30,7 @@ from contid.client import Client
 from contid.errors import ContidError
 from contid.session.read import Session
 
-SUBSCRIBERS: Final = 56
+SUBSCRIBERS: Final = 64
 HEAVY: Final = json.dumps({"id": 1, "verb": "move", "columns": [f"x_m{n}" for n in range(5500)]}).encode()
 CHEAP: Final = b'{"id":1,"verb":"status"}\n' * 200
 FIELDS: Final = ("state", "tip_mm", "error_mm", "command", "measured", "limits", "age_ms")

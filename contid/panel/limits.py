@@ -8,7 +8,7 @@ from typing import Final
 
 from uvicorn.protocols.http.h11_impl import H11Protocol
 
-#: Pages at a time; each is a client of the daemon, which takes 64.
+#: Pages at a time; each is a client of the daemon, which takes 96.
 MAX_PAGES: Final = 12
 #: Connections at a time. A browser opens six per page for the static files.
 MAX_CONNECTIONS: Final = 96

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import time
 from collections.abc import Callable, Mapping
+from dataclasses import dataclass
 from typing import Any, Final
 
 from contid.client import Client, Code, RemoteError, ServoState
@@ -40,6 +41,38 @@ class StopPressedError(ContidError):
     """The operator pressed the key that stops."""
 
 
+@dataclass(frozen=True, slots=True)
+class Console:
+    """The terminal of an operator.
+
+    Attributes:
+        keyboard: where keys come from.
+        log: called with a line that stays.
+        show: called with the line of the present state.
+    """
+
+    keyboard: Keyboard
+    log: Callable[[str], None]
+    show: Callable[[str], None]
+
+
+@dataclass(frozen=True, slots=True)
+class JogOptions:
+    """How a robot is jogged.
+
+    Attributes:
+        robot: its name; None for the only one.
+        hold_s: how long one key press, or one set-point of a stick, moves.
+        speed: first speed of the tip [mm/s]; None: see `TIP_MM_S`.
+        axes: begin in axis space.
+    """
+
+    robot: str | None = None
+    hold_s: float = 0.15
+    speed: float | None = None
+    axes: bool = False
+
+
 class JogSession:
     """Jogs one robot.
 
@@ -49,13 +82,8 @@ class JogSession:
 
     Args:
         client: of the daemon.
-        name: of the robot; None for the only one.
-        keyboard: where keys come from.
-        log: called with a line that stays.
-        show: called with the line of the present state.
-        hold_s: how long one key press moves.
-        speed: first speed of the tip [mm/s]; None: see `TIP_MM_S`.
-        axes: begin in axis space.
+        console: of the operator.
+        options: robot, hold time, speed, space.
 
     Raises:
         ContidError: an unknown robot, or none named of several.
@@ -63,18 +91,8 @@ class JogSession:
 
     rate_hz = RATE_HZ
 
-    def __init__(
-        self,
-        client: Client,
-        name: str | None,
-        keyboard: Keyboard,
-        log: Callable[[str], None],
-        show: Callable[[str], None],
-        *,
-        hold_s: float,
-        speed: float | None = None,
-        axes: bool = False,
-    ) -> None:
+    def __init__(self, client: Client, console: Console, options: JogOptions) -> None:
+        name = options.robot
         describe = client.describe()
         known = columns_of(describe)
         if name is None and len(known) > 1:
@@ -84,12 +102,12 @@ class JogSession:
         self.robot: DescribedRobot = known[name] if name is not None else next(iter(known.values()))
         self._rate_hz = min(self.rate_hz, float(describe["rate_hz"]))
         self._client = client
-        self._keyboard = keyboard
-        self._log = log
-        self._show = show
-        self._hold_s = hold_s
-        self._axes = axes or not self.robot.tip
-        self._speeds = {False: speed or TIP_MM_S, True: AXIS_SHARE * self.robot.rates[0]}
+        self._keyboard = console.keyboard
+        self._log = console.log
+        self._show = console.show
+        self._hold_s = options.hold_s
+        self._axes = options.axes or not self.robot.tip
+        self._speeds = {False: options.speed or TIP_MM_S, True: AXIS_SHARE * self.robot.rates[0]}
         self._axis = 0
         self._shown_s = 0.0
         self._waiting: list[str] = []

@@ -50,7 +50,7 @@ async def test_stop_needs_no_lease_and_no_grammar(served: PanelProcess, running:
         async with page(served) as it:
             await it.connection.send(text)
             await _states(it, "OFF")
-    assert running.off()
+    until(running.off, "the devices are without torque")
 
 
 def test_stop_by_request_for_a_page_whose_socket_is_lost(served: PanelProcess, running: Running) -> None:

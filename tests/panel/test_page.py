@@ -70,7 +70,7 @@ def test_stop_by_click_without_the_lease(it: OpenPage, running: Running) -> None
         it.page.locator("#stop").click()
         it.state("f0", "OFF")
         it.state("f1", "OFF")
-    assert running.off()
+    until(running.off, "the devices are without torque")
 
 
 @pytest.mark.parametrize("focus", ["body", "#stop", ".robot input", ".robot .orders button:nth-child(2)"])
@@ -80,7 +80,7 @@ def test_stop_by_the_space_bar_wherever_the_focus_is(it: OpenPage, running: Runn
     it.page.keyboard.press("Space")
     it.state("f0", "OFF")
     it.page.wait_for_timeout(500)  # a button under the focus must not be pressed by the same key
-    assert running.off()
+    until(running.off, "the devices are without torque")
     with running.client() as client:
         assert states(client) == {"OFF"}
 
@@ -89,7 +89,7 @@ def test_stop_when_the_socket_of_the_page_is_lost(it: OpenPage, running: Running
     it.page.evaluate("() => { const { WebSocket: W } = window; W.prototype.send = () => {}; }")
     it.page.locator("#stop").click()
     it.state("f0", "OFF")
-    assert running.off()
+    until(running.off, "the devices are without torque")
 
 
 def test_a_stop_that_nothing_confirms_is_reported(it: OpenPage, served: PanelProcess) -> None:
@@ -185,7 +185,7 @@ def test_a_fault_is_explained_and_cleared(browser: Browser) -> None:
             it.page.get_by_role("button", name="Clear fault").click()
             it.page.wait_for_timeout(500)
         it.state("f0", "READY")
-        assert it.page.locator(".fault").is_hidden()
+        it.page.wait_for_selector(".fault", state="hidden")
         it.page.get_by_role("button", name="Resume").click()
         it.state("f0", "HOLD")
 
@@ -197,7 +197,7 @@ def test_another_client_takes_the_lease(it: OpenPage, running: Running) -> None:
         other.acquire(30.0, takeover=True)
         it.page.wait_for_selector("#lease[data-mine=false]")
         assert hostile in it.text("#lease")
-        assert it.page.locator(it.slider("f0", "x")).is_disabled()
+        it.page.wait_for_selector(it.slider("f0", "x") + ":disabled")
         it.page.get_by_role("button", name="Take over").click()
         assert hostile in it.text("#confirm")
         it.page.locator("#confirm [value=yes]").click()
@@ -207,8 +207,7 @@ def test_another_client_takes_the_lease(it: OpenPage, running: Running) -> None:
 def test_resume_after_a_stop_of_another_client_asks_first(it: OpenPage, running: Running) -> None:
     with running.client(name="operator") as other:
         other.stop()
-        it.state("f0", "OFF") if "OFF" in states(other) else it.state("f0", "HOLD")
-        it.page.wait_for_timeout(600)
+        it.page.wait_for_selector(".robot[data-robot=f0][data-stopped-by*=operator]")
         it.page.locator(".robot[data-robot=f0]").get_by_role("button", name="Resume").click()
         assert "operator" in it.text("#confirm")
         it.page.keyboard.press("Escape")

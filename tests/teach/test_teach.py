@@ -157,7 +157,7 @@ def test_poses_of_an_armed_robot_are_saved_and_mistakes_named() -> None:
         done = contid_in(running.folder, "teach", "f0", *socket)
         assert done.returncode == 130
         assert states(client) == {"HOLD"}
-        client.acquire()
+        client.acquire(60.0)
         done = contid_in(running.folder, "teach", "f0", "--yes", *socket)
         assert done.returncode == 2
         assert "has held the lease" in done.stderr

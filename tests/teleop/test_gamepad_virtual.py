@@ -4,17 +4,21 @@ from __future__ import annotations
 
 import os
 import random
+from collections.abc import Iterator
+from contextlib import contextmanager
 
 import pytest
 
 from contid import Sim
 from contid.errors import DeviceLostError
+from contid.targets import Target
 from contid.teleop.gamepad.mapping import default_mapping, read_mapping
 from contid.teleop.gamepad.pad import Gamepad
 from contid.teleop.gamepad.session import apply
 from contid.teleop.jogger import Jogger
 from tests.support import pads
 from tests.support.pads import ABS_X, ABS_Y, BTN_TL, Recording, recorded
+from tests.support.robot_configs import config_of
 
 #: CONTID_JOG_INPUTS=100000 is the long form; the tip gets a quarter of it.
 INPUTS = int(os.environ.get("CONTID_JOG_INPUTS", "4000"))
@@ -75,12 +79,22 @@ class Operated:
         return state
 
 
-def squeeze(recording: Recording) -> None:
+@contextmanager
+def operated(space: str) -> Iterator[tuple[Operated, Recording]]:
+    """A finger and the events of the gamepad that moves it."""
+    with Sim("finger") as sim, recorded() as (recording, device):
+        pad = Gamepad(device, read_mapping(default_mapping("gamepad"), device.has))
+        yield Operated(sim, pad, space), recording
+
+
+def squeeze(recording: Recording, finger: Operated, ticks: int = 2) -> None:
     """Centre the sticks, then press the dead-man button."""
     for code in (ABS_X, ABS_Y, pads.ABS_RX, pads.ABS_RY):
         recording.axis(code, 0)
     recording.button(BTN_TL, 0)
     recording.button(BTN_TL, 1)
+    for _ in range(ticks):
+        finger.tick()
 
 
 @pytest.mark.parametrize("space", ["axes", "tip"])
@@ -88,11 +102,9 @@ def test_random_inputs_stay_within_the_limits_and_nothing_moves_after_the_releas
     chooser = random.Random(21)
     wished = INPUTS if space == "axes" else INPUTS // 4  # targets out of reach take milliseconds each
     inputs = releases = motions_after_release = motions = 0
-    with Sim("finger") as sim, recorded() as (recording, device):
-        pad = Gamepad(device, read_mapping(default_mapping("gamepad"), device.has))
-        finger = Operated(sim, pad, space)
+    with operated(space) as (finger, recording):
         while inputs < wished:
-            squeeze(recording)
+            squeeze(recording, finger, ticks=0)
             pressed = True
             for _ in range(chooser.randint(1, 200)):
                 inputs += 1
@@ -122,11 +134,8 @@ def test_random_inputs_stay_within_the_limits_and_nothing_moves_after_the_releas
 
 
 def test_an_unplugged_device_holds_within_one_tick() -> None:
-    with Sim("finger") as sim, recorded() as (recording, device):
-        finger = Operated(sim, Gamepad(device, read_mapping(default_mapping("gamepad"), device.has)), "axes")
-        squeeze(recording)
-        finger.tick()
-        finger.tick()
+    with operated("axes") as (finger, recording):
+        squeeze(recording, finger)
         recording.axis(ABS_X, 32767)
         for _ in range(100):
             finger.tick()
@@ -143,13 +152,11 @@ def test_an_unplugged_device_holds_within_one_tick() -> None:
         assert list(finger.state.command) == stood
 
 
-def test_a_robot_that_braked_beyond_a_shared_limit_comes_back() -> None:
+def test_a_robot_that_is_let_go_at_a_shared_limit_is_inside_and_comes_back() -> None:
     """Of the finger: its curvature limits both axes together."""
-    with Sim("finger") as sim, recorded() as (recording, device):
-        finger = Operated(sim, Gamepad(device, read_mapping(default_mapping("gamepad"), device.has)), "axes")
-        squeeze(recording)
-        finger.tick()
-        finger.tick()
+    model = config_of("finger").model
+    with operated("axes") as (finger, recording):
+        squeeze(recording, finger)
         recording.axis(ABS_X, -32768)
         while not finger.refused:
             finger.tick()
@@ -157,9 +164,10 @@ def test_a_robot_that_braked_beyond_a_shared_limit_comes_back() -> None:
         for _ in range(100):
             finger.tick()
         stood = finger.state.command[0]
-        squeeze(recording)
-        finger.tick()
-        finger.tick()
+        command_m = tuple(finger.state.command / 1e3)
+        kept_m = model.inverse(Target(actuation=command_m), command_m).actuation
+        assert kept_m == pytest.approx(command_m, abs=1e-8)
+        squeeze(recording, finger)
         recording.axis(ABS_X, 32767)
         for _ in range(100):
             finger.tick()

@@ -9,10 +9,10 @@ import { RecordingCard } from "./recording.js";
 import { RobotCard, showCards } from "./robots.js";
 import { Events, LeaseControl, Machine, TrajectoryCard } from "./side.js";
 import { installStop } from "./stop.js";
-import { View } from "./view.js";
+import { SLOW_MS, View } from "./view.js";
 
 const STALE_MS = 1500;
-const page = { client: 0, readOnly: false, daemon: false, lastFrame: 0, lease: {} };
+const page = { client: 0, readOnly: false, daemon: false, lastFrame: 0, shownAt: 0, states: "", status: null };
 let cards = new Map();
 
 const handlers = {
@@ -40,22 +40,24 @@ const handlers = {
   },
   frame: (message) => {
     page.lastFrame = performance.now();
+    plots.add(message.t_s, message.robots);
+    // Without a graphics card everything that changes is drawn together and seldom: STOP waits for what is being drawn.
+    const states = Object.values(message.robots).map((robot) => robot.state).join();
+    if (view.slow && states === page.states && page.lastFrame - page.shownAt < SLOW_MS) return;
+    page.states = states;
+    page.shownAt = page.lastFrame;
     for (const [name, robot] of Object.entries(message.robots)) cards.get(name)?.frame(robot);
     view.frame(message);
-    plots.add(message.t_s, message.robots);
+    plots.show(message.t_s);
+    showStatus();
   },
   status: (message) => {
     const { status } = message;
-    page.lease = status.lease;
     const mine = page.client !== 0 && status.lease.client === page.client;
     if (link.mine && !mine && document.visibilityState === "visible") toast("Control was lost; the robots hold.", "error");
     link.mine = mine;
-    for (const [name, robot] of Object.entries(status.robots)) cards.get(name)?.status(robot, status.lease);
-    lease.show(status.lease, page.readOnly);
-    trajectory.update();
-    poses.update();
-    recording.show(status.recordings ?? []);
-    machine.show(status);
+    page.status = status;
+    if (!view.slow || performance.now() - page.shownAt > 2 * SLOW_MS) showStatus();
   },
   poses: (message) => poses.show(message),
   event: (message) => events.add(message.event),
@@ -76,12 +78,26 @@ const view = new View(link, jog);
 const trajectory = new TrajectoryCard(link, (paths) => view.preview(paths));
 installStop(link);
 
+function showStatus() {
+  const { status } = page;
+  page.status = null;
+  if (status === null) return;
+  for (const [name, robot] of Object.entries(status.robots)) cards.get(name)?.status(robot, status.lease);
+  lease.show(status.lease, page.readOnly);
+  trajectory.update();
+  poses.update();
+  recording.show(status.recordings ?? []);
+  machine.show(status);
+}
+
 function select(name) {
   plots.select(name);
   for (const card of cards.values()) card.element.classList.toggle("selected", card.name === name);
 }
 
 function lost() {
+  page.status = null;
+  page.states = "";
   for (const card of cards.values()) card.lost();
   view.lost();
   trajectory.update();

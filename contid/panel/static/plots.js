@@ -92,12 +92,11 @@ export class Plots {
         while (list.length > data.t.length) list.shift();
       }
     }
-    if (performance.now() - this.drawnAt > PERIOD_MS) this.draw(t_s);
   }
 
-  draw(now_s) {
+  show(now_s) {
     const data = this.data.get(this.robot);
-    if (data === undefined || document.visibilityState !== "visible") return;
+    if (data === undefined || performance.now() - this.drawnAt < PERIOD_MS || document.visibilityState !== "visible") return;
     this.drawnAt = performance.now();
     const t = data.t.map((each) => each - now_s);
     const window = { min: -WINDOW_S, max: 0 };

@@ -142,7 +142,9 @@ export class RobotCard {
   /** The newest status: the fault in full. */
   status(robot, lease) {
     this.stoppedBy = lease.stopped_by ?? null;
-    const fault = robot.fault;
+    this.element.dataset.stoppedBy = this.stoppedBy ?? "";
+    // A status is older than the newest frame: a fault that was cleared meanwhile is not shown again.
+    const fault = this.element.dataset.state === "FAULT" ? robot.fault : null;
     setHidden(this.fault, !fault);
     setHidden(this.recover, fault?.number !== 109);
     if (!fault) return;

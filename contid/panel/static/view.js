@@ -4,10 +4,11 @@ import { byId, setText } from "./dom.js";
 import { Camera, Renderer, add, dot, sub } from "./gl.js";
 import { Mesh, smooth } from "./shapes.js";
 
-const TRAIL = 120; // frames, 6 s
+const TRAIL_MS = 6000;
+const FRAME_MS = 50;
 const GRAB_PX = 26;
 const MARGIN_PX = 14;
-const SLOW_MS = 250; // between images without a graphics card
+export const SLOW_MS = 250; // between images without a graphics card
 const BODY = [[0.23, 0.51, 0.96, 1], [0.96, 0.62, 0.04, 1], [0.06, 0.72, 0.51, 1], [0.93, 0.28, 0.6, 1]];
 const DARK = [0.2, 0.23, 0.28, 1];
 const ROPE = [0.62, 0.45, 0.28, 1];
@@ -37,6 +38,11 @@ export class View {
     new ResizeObserver(() => this.redraw()).observe(this.canvas);
     this.dark = matchMedia("(prefers-color-scheme: dark)");
     this.dark.addEventListener("change", () => this.redraw());
+  }
+
+  /** Drawing costs much here: there is no graphics card. */
+  get slow() {
+    return this.renderer === undefined || this.renderer.slow;
   }
 
   describe(drawing, problem) {
@@ -93,7 +99,7 @@ export class View {
       if (robot !== this.dragged) robot.target = data.target_mm ? point(data.target_mm) : robot.tip;
       if (robot.tip && (!robot.trail.length || Math.hypot(...sub(robot.tip, robot.trail.at(-1))) > this.size * 0.0008)) robot.trail.push(robot.tip);
       else if (robot.trail.length) robot.still = (robot.still ?? 0) + 1;
-      if (robot.trail.length > TRAIL || robot.still > 2) {
+      if (robot.trail.length > TRAIL_MS / (this.slow ? SLOW_MS : FRAME_MS) || robot.still > 2) {
         robot.trail.shift();
         robot.still = 0;
       }
@@ -109,7 +115,7 @@ export class View {
     for (const line of ropes) mesh.tube(line, this.size * 0.004, 8);
     this.ropeShape = ropes;
     this.ropes = this.renderer.mesh(...mesh.arrays, this.ropes ?? null);
-    this.redraw();
+    this.redraw(true);
   }
 
   /** Where the robots are is unknown: they stay as they were seen last, grey. */
@@ -147,14 +153,15 @@ export class View {
     this.redraw();
   }
 
-  redraw() {
+  /** Draw soon; `paced`: by a frame, which has its own pace without a graphics card. */
+  redraw(paced = false) {
     if (!this.drawing || this.asked) return;
     this.asked = true;
     const draw = () => requestAnimationFrame(() => {
       this.asked = false;
       this.draw();
     });
-    if (this.renderer.slow) setTimeout(draw, SLOW_MS);
+    if (this.slow && !paced) setTimeout(draw, SLOW_MS);
     else draw();
   }
 

@@ -17,7 +17,7 @@ from contid.errors import ContidError
 #: Incremented when an old client would misunderstand a new server, or a new client an old server.
 PROTOCOL: Final = 2
 #: Clients at a time; one more displaces the one that was idle longest.
-MAX_CLIENTS: Final = 64
+MAX_CLIENTS: Final = 96
 
 Fields: TypeAlias = dict[str, Any]
 

@@ -365,7 +365,7 @@ class RequestHandler:
         request.end()
         if self._recordings is None:
             raise RemoteError(Code.REFUSED, "record: this run keeps no recordings")
-        by = client_label(caller.name, caller.by)
+        by = caller.by or caller.name
         try:
             path, done = await (self._recordings.end(by) if ends else self._recordings.begin(by))
         except ContidError as error:

@@ -3,16 +3,16 @@
 from __future__ import annotations
 
 import time
-from collections.abc import Callable, Mapping
+from collections.abc import Mapping
+from dataclasses import replace
 from typing import Any, Final
 
 from contid.client import Client, ServoState
 from contid.errors import ContidError
 from contid.teleop.gamepad.mapping import BoundInput
 from contid.teleop.gamepad.pad import ESTOP, Gamepad
-from contid.teleop.jog_session import JogSession, StopPressedError
+from contid.teleop.jog_session import Console, JogOptions, JogSession, StopPressedError
 from contid.teleop.jogger import Jogger
-from contid.teleop.keys import Keyboard
 
 #: Orders of the mapping that a key has too.
 _KEYS: Final = {"resume": "e", "space": "\t", "faster": "+", "slower": "-"}
@@ -37,14 +37,9 @@ class GamepadSession(JogSession):
 
     Args:
         client: of the daemon.
-        name: of the robot; None for the only one.
-        keyboard: where keys come from.
-        log: called with a line that stays.
-        show: called with the line of the present state.
+        console: of the operator.
+        options: as those of `JogSession`; a mapping without the tip begins in axis space.
         pad: the gamepad.
-        hold_s: a set-point moves at most so long without a next one.
-        speed: first speed of the tip [mm/s]; None: 10.
-        axes: begin in axis space.
 
     Raises:
         ContidError: an unknown robot, or none named of several.
@@ -53,21 +48,8 @@ class GamepadSession(JogSession):
     #: A release is seen within a tick of most robots.
     rate_hz = 200.0
 
-    def __init__(
-        self,
-        client: Client,
-        name: str | None,
-        keyboard: Keyboard,
-        log: Callable[[str], None],
-        show: Callable[[str], None],
-        *,
-        pad: Gamepad,
-        hold_s: float,
-        speed: float | None = None,
-        axes: bool = False,
-    ) -> None:
-        no_tip = not any(pad.mapping.tip)
-        super().__init__(client, name, keyboard, log, show, hold_s=hold_s, speed=speed, axes=axes or no_tip)
+    def __init__(self, client: Client, console: Console, options: JogOptions, pad: Gamepad) -> None:
+        super().__init__(client, console, replace(options, axes=options.axes or not any(pad.mapping.tip)))
         self._pad = pad
         self._held = self._estops = False
         self._refused_s = float("-inf")

@@ -54,18 +54,17 @@ def command(
     With --gamepad the sticks move while the dead-man button is held (left shoulder); B is an estop.
     """
     from contid.client import Client
-    from contid.teleop.jog_session import HELP, JogSession
+    from contid.teleop.jog_session import HELP, Console, JogOptions, JogSession
     from contid.teleop.keys import Keyboard
     from contid.teleop.status_line import StatusLine
 
     line = StatusLine(sys.stdout)
+    options = JogOptions(robot, hold_ms / 1e3, speed, axes)
     if gamepad is None:
         if mapping is not None:
             raise click.BadParameter("maps a gamepad; give --gamepad too", param_hint="--mapping")
         with Client(socket, name="contid jog") as client, line, Keyboard() as keyboard:
-            session = JogSession(
-                client, robot, keyboard, line.log, line.show, hold_s=hold_ms / 1e3, speed=speed, axes=axes
-            )
+            session = JogSession(client, Console(keyboard, line.log, line.show), options)
             line.log(HELP)
             session.run(takeover)
         return
@@ -77,9 +76,6 @@ def command(
     with choose_device(gamepad) as device:
         pad = Gamepad(device, read_mapping(mapping or default_mapping(device.has.kind), device.has))
         with Client(socket, name="contid jog") as client, line, Keyboard() as keyboard:
-            session = GamepadSession(
-                client, robot, keyboard, line.log, line.show,
-                pad=pad, hold_s=hold_ms / 1e3, speed=speed, axes=axes,
-            )  # fmt: skip
+            session = GamepadSession(client, Console(keyboard, line.log, line.show), options, pad)
             line.log(f"{device.has.name} ({device.path}): {pad.mapping.help}")
             session.run(takeover)
