@@ -54,7 +54,7 @@ def _complete(client: Client, path: Path) -> Path:
 
 def test_two_recordings_of_one_run(running: Running, tmp_path: Path) -> None:
     paths = []
-    with running.client(name="person") as client:
+    with running.client(name="person", timeout_s=60.0) as client:
         for target in (FAR, HERE):
             path = _begun(client)
             assert path.parent == tmp_path
@@ -85,7 +85,10 @@ def test_two_recordings_of_one_run(running: Running, tmp_path: Path) -> None:
 
 
 def test_what_cannot_be_recorded_is_refused(running: Running, tmp_path: Path) -> None:
-    with running.client(name="first") as first, running.client(name="second") as second:
+    with (
+        running.client(name="first", timeout_s=60.0) as first,
+        running.client(name="second", timeout_s=60.0) as second,
+    ):
         with pytest.raises(RemoteError, match="there is no recording"):
             first.record(end=True)
         path = _begun(first)
@@ -98,18 +101,18 @@ def test_what_cannot_be_recorded_is_refused(running: Running, tmp_path: Path) ->
 
 
 def test_a_recording_outlives_its_client_and_ends_with_the_run(running: Running, tmp_path: Path) -> None:
-    with running.client() as client:
+    with running.client(timeout_s=60.0) as client:
         path = _begun(client)
-    with running.client() as client:
+    with running.client(timeout_s=60.0) as client:
         assert [each["file"] for each in _listed(client)] == [str(path)]
     running.end()
     ticks = [tick["tick"] for tick in _messages(path, "tick")]
     assert ticks == list(range(ticks[0], ticks[-1] + 1))
-    assert any(event["event"] == "robot-report" for event in _messages(path, "event"))
+    assert any(event["event"] == "robot" for event in _messages(path, "event"))
 
 
 def test_a_recorder_that_fails_is_reported_and_the_run_goes_on(running: Running) -> None:
-    with running.client() as client:
+    with running.client(timeout_s=60.0) as client:
         _begun(client)
         children = psutil.Process(running.process.pid).children()
         (recorder,) = [each for each in children if "contid.session.mcap_recorder" in each.cmdline()]
@@ -129,7 +132,7 @@ def test_a_recorder_that_fails_is_reported_and_the_run_goes_on(running: Running)
 def test_the_recording_of_the_whole_run_is_listed_and_stays(tmp_path: Path) -> None:
     whole = tmp_path / "whole.mcap"
     with daemon(1, "--recordings", str(tmp_path), "--record", str(whole)) as running:
-        with running.client() as client:
+        with running.client(timeout_s=60.0) as client:
             armed(client)
             assert [(each["file"], each["whole_run"]) for each in _listed(client)] == [(str(whole), True)]
             with pytest.raises(RemoteError, match="no recording that was begun by an order"):
