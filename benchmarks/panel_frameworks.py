@@ -1,4 +1,4 @@
-"""The panel beside NiceGUI: what a page loads and says, how long STOP takes, and what keeps other sites out.
+"""The panel beside NiceGUI: what a page loads, how long STOP takes, and what keeps other sites out.
 
 ``python -m benchmarks.panel_frameworks [--presses 60]``. Both pages have a STOP button and live plots of the
 same daemon, `contid run hand --mock`, one after the other, in headless Chromium.

@@ -25,7 +25,7 @@ from contid.panel.hub import Hub
 from contid.panel.limits import MAX_PAGES, MAX_UPLOAD, UPLOAD_TIMEOUT_S
 from contid.panel.page import Page
 from contid.panel.page_client import PageClient
-from contid.panel.poses import Poses
+from contid.panel.poses import PanelPoses
 
 STATIC: Final = Path(__file__).parent / "static"
 
@@ -42,7 +42,7 @@ class PanelApp:
         self.hub = Hub(socket)
         self._read_only = read_only
         self._checks = Checks(self.hub)
-        self._poses = Poses(self.hub)
+        self._poses = PanelPoses(self.hub)
         self._stopper = PageClient(socket, "panel stop")
         self._pages = 0
         self._uploading = asyncio.Lock()

@@ -19,7 +19,7 @@ from contid.panel.limits import MAX_MESSAGE, MessageRate
 from contid.panel.mailbox import Mailbox
 from contid.panel.page_client import LEASE_TIMEOUT_S, PageClient
 from contid.panel.page_orders import READ_ONLY, PageOrders
-from contid.panel.poses import Poses
+from contid.panel.poses import PanelPoses
 from contid.remote.protocol.estop_line import is_estop
 from contid.remote.protocol.wire import Code, RemoteError, RequestFields, decode
 
@@ -40,7 +40,7 @@ class Page:
 
     _numbers = itertools.count(1)
 
-    def __init__(self, hub: Hub, checks: Checks, poses: Poses, read_only: bool) -> None:
+    def __init__(self, hub: Hub, checks: Checks, poses: PanelPoses, read_only: bool) -> None:
         self._hub = hub
         self._read_only = read_only
         self._mailbox = Mailbox()

@@ -9,7 +9,7 @@ from typing import Final, TypeAlias
 from contid.client import AsyncClient
 from contid.panel.checks import Checks
 from contid.panel.page_client import LEASE_TIMEOUT_S, PageClient
-from contid.panel.poses import Poses
+from contid.panel.poses import PanelPoses
 from contid.remote.protocol.wire import Code, ConnectionLostError, Fields, RemoteError, RequestFields
 
 #: Orders of a read-only page: every client may stop.
@@ -28,7 +28,7 @@ class PageOrders:
         orders: by verb.
     """
 
-    def __init__(self, client: PageClient, checks: Checks, poses: Poses) -> None:
+    def __init__(self, client: PageClient, checks: Checks, poses: PanelPoses) -> None:
         self._client = client
         self._checks = checks
         self._poses = poses

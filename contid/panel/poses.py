@@ -42,7 +42,7 @@ class ShownPoses:
     message: Fields = field(default_factory=dict)
 
 
-class Poses:
+class PanelPoses:
     """The pose file of the robots that the panel shows."""
 
     def __init__(self, hub: Hub) -> None:

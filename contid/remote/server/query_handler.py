@@ -14,7 +14,7 @@ from contid.remote.protocol.peer_credentials import ClientRole
 from contid.remote.protocol.wire import PROTOCOL, Code, Fields, RemoteError, RequestFields
 from contid.remote.server.lateness_histogram import LatenessHistogram
 from contid.remote.server.lease import Lease
-from contid.remote.server.recordings import Recordings
+from contid.remote.server.recordings import RunRecordings
 from contid.remote.server.telemetry_view import DEFAULT_FIELDS, FIELDS, TelemetryView
 from contid.remote.server.trackers import Trackers
 
@@ -75,7 +75,7 @@ class QueryHandler:
         self._lease = lease
         self._trackers = trackers
         self._clients = clients
-        self.recordings: Recordings | None = None
+        self.recordings: RunRecordings | None = None
         self._began_s = time.monotonic()
         self._realtime: bool | None = None
         self._warnings: deque[Fields] = deque(maxlen=WARNINGS)

@@ -6,7 +6,7 @@ from pathlib import Path
 from typing import Any, Protocol
 
 
-class Recordings(Protocol):
+class RunRecordings(Protocol):
     """Recordings that clients begin and end; they name no path."""
 
     async def begin(self, by: str) -> tuple[Path, bool]:

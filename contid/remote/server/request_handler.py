@@ -35,7 +35,7 @@ from contid.remote.server.lease import (
 from contid.remote.server.moves import Moves
 from contid.remote.server.pending_orders import CONFIRM_TIMEOUT_S, OrderResult, PendingOrders
 from contid.remote.server.query_handler import Caller, QueryHandler, Verb
-from contid.remote.server.recordings import Recordings
+from contid.remote.server.recordings import RunRecordings
 from contid.remote.server.telemetry_view import TelemetryView
 from contid.remote.server.trackers import Trackers
 
@@ -62,7 +62,7 @@ class RequestHandler:
         control: RunControl,
         notify: Callable[[int, Mapping[str, Any]], None],
         clients: Callable[[], int],
-        recordings: Recordings | None = None,
+        recordings: RunRecordings | None = None,
     ) -> None:
         """Serve a run; ``notify`` sends a notice to a client by number, ``clients`` counts the clients."""
         self._recordings = recordings

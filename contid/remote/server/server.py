@@ -28,7 +28,7 @@ from contid.remote.protocol.socket_path import Endpoint
 from contid.remote.protocol.wire import MAX_CLIENTS, Fields, encode
 from contid.remote.server.acceptor import Acceptor
 from contid.remote.server.connection import Connection
-from contid.remote.server.recordings import Recordings
+from contid.remote.server.recordings import RunRecordings
 from contid.remote.server.request_handler import RequestHandler
 from contid.remote.server.telemetry_view import fault_fields
 
@@ -51,7 +51,7 @@ EVENTS: Final = (
 class SocketServer:
     """Commands from a Unix socket (`contid.control.daemon.interfaces.CommandSource`)."""
 
-    def __init__(self, endpoint: Endpoint, recordings: Recordings | None = None) -> None:
+    def __init__(self, endpoint: Endpoint, recordings: RunRecordings | None = None) -> None:
         self._endpoint = endpoint
         self._recordings = recordings
         self._connections: dict[int, Connection] = {}

@@ -14,7 +14,7 @@ from contid.control.tick.config import RobotConfig
 from contid.control.tick.on_path import limit_on_path
 from contid.kinematics.array import Array
 from contid.targets import Actuation, Target, Vec3
-from tests.support.robot_configs import SLACK, config_of
+from tests.support.robot_configs import SLACK, config_of, postures
 
 #: The tip may leave the chord by this [m]; for rods the statics are computed to 5e-5 m.
 OFF_M = {"finger": 1e-6, "cbha": 1e-6, "trirack": 1e-6, "trirack2": 1e-6, "stiffflop2": 5e-5}
@@ -63,25 +63,6 @@ def jump(config: RobotConfig, start: Actuation, target: Target, steps: Actuation
     tips = np.array([model.forward(tuple(row.tolist())).tip_m for row in path])
     assert target.tip_m is not None
     return Jump(path, tips, ever, math.dist(tips[-1], target.tip_m) <= 5e-5)
-
-
-def postures(
-    config: RobotConfig, rng: np.random.Generator, low: float, high: float, spread: float = 0.05
-) -> tuple[Actuation, Vec3]:
-    """A settled start and the tip of another posture, with every axis between shares of its travel."""
-    model = config.model
-    least, travel = np.array(model.lower), np.array(model.upper) - np.array(model.lower)
-    travel[len(travel) - config.extra_axes :] = 0.0
-    least[len(travel) - config.extra_axes :] = 0.0
-    ends = []
-    for _ in range(2):
-        middle = rng.uniform(low, high)
-        share = np.clip(middle + rng.uniform(-spread, spread, len(least)), 0.02, 0.98)
-        requested = tuple((least + share * travel).tolist())
-        own = requested[: len(requested) - config.extra_axes]
-        ends.append(model.inverse(Target(actuation=own), requested).actuation)
-    start = model.inverse(Target(tip_m=model.forward(ends[0]).tip_m), ends[0]).actuation
-    return start, model.forward(ends[1]).tip_m
 
 
 @pytest.mark.parametrize("name", OFF_M)

@@ -13,8 +13,7 @@ from contid.control.tick.state import RobotState
 from contid.control.tick.supervisor import Mode
 from contid.control.tick.transitions import hold
 from contid.targets import Actuation, Target
-from tests.control.tick.test_chord import postures
-from tests.support.robot_configs import SLACK, config_of
+from tests.support.robot_configs import SLACK, config_of, postures
 
 
 def _beyond(config: RobotConfig, command: Actuation) -> float:
