@@ -53,7 +53,7 @@ def test_a_verb_passes_with_its_right_only(verb: str, operator: str) -> None:
         assert code(verb, operator) == "forbidden"
 
 
-@pytest.mark.parametrize("verb", ["shutdown", "interrupt"])
+@pytest.mark.parametrize("verb", ["shutdown", "interrupt", "record"])
 def test_verbs_that_no_right_allows(verb: str) -> None:
     assert needed(verb) is None
     assert code(verb) == "unknown-verb"
