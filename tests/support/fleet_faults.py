@@ -11,7 +11,7 @@ import time
 from collections.abc import Callable, Iterator, Mapping
 from contextlib import ExitStack, contextmanager
 from dataclasses import dataclass
-from typing import Final
+from typing import Final, Protocol
 
 from contid.client import Client
 from contid.fleet.net import LINK_LEASE_S
@@ -66,6 +66,22 @@ FAULTS: Final = {
 }
 
 
+#: The same with a router between program and bridge: `strike` needs it.
+ROUTER_FAULTS: Final = {
+    each.name: each for each in (FleetFault("router killed", _at_once), FleetFault("router stopped", _link))
+}
+
+
+class Cuttable(Protocol):
+    """A link that can fall silent: a relay, or the cable of a machine."""
+
+    def cut(self) -> None:
+        """Pass nothing on from now; connections stay."""
+
+    def restore(self) -> None:
+        """Pass on again."""
+
+
 def leases(fault: FleetFault, chosen: random.Random) -> float:
     """A lease: one that lapses first, or not; a short cut is outlasted."""
     return (
@@ -106,11 +122,12 @@ def strike(
     node: Running,
     name: str,
     served: BridgeProcess,
-    relay: Relay,
+    link: Cuttable,
     fault: FleetFault,
     lease_s: float,
     delay_s: float,
     begun: Callable[[subprocess.Popen[str]], None] = lambda process: None,
+    router: BridgeProcess | None = None,
 ) -> float:
     """Seconds from a fault to the first tick in HOLD; infinite when the robot does not hold.
 
@@ -119,18 +136,19 @@ def strike(
     Args:
         node: its daemon, armed.
         name: of the node.
-        served: its bridge, by the relay.
-        relay: between operator and bridge.
+        served: its bridge, as operators reach it.
+        link: between operator and bridge.
         fault: what happens.
         lease_s: of the program that moves it.
         delay_s: from the first rows to the fault.
         begun: called before that with the program that moves it.
+        router: that operators connect to instead.
 
     Raises:
         AssertionError: it moves again after the hold.
     """
     with ExitStack() as stack:
-        moving = stack.enter_context(mover(served, name, lease_s))
+        moving = stack.enter_context(mover(router or served, name, lease_s))
         client = stack.enter_context(node.client())
         frames = client.telemetry(200.0, fields=["state", "command"])
         begun(moving)
@@ -147,32 +165,31 @@ def strike(
                 served.process.kill()
             case "bridge stopped":
                 served.process.send_signal(signal.SIGSTOP)
+            case "router killed" if router is not None:
+                router.process.kill()
+            case "router stopped" if router is not None:
+                router.process.send_signal(signal.SIGSTOP)
             case _:
-                relay.cut()
+                link.cut()
         short = fault.limit_s(lease_s) == math.inf
         end_s = begin_s + (AFTER_S + SHORT_CUT_S if short else fault.limit_s(lease_s) + 10.0)
         held_s = math.inf
         for frame in frames:
             if short and time.monotonic() > begin_s + SHORT_CUT_S:
-                relay.restore()
+                link.restore()
             if frame["t_s"] > begin_s and frame["robots"]["f0"]["state"] == "HOLD":
                 held_s = frame["t_s"] - begin_s
                 break
             if frame["t_s"] > end_s:
                 break
         frames.close()
-        _let_go(moving.send_signal, served, relay)
+        for process in (moving, served.process, *([] if router is None else [router.process])):
+            process.send_signal(signal.SIGCONT)  # what waited must move nothing
+        link.restore()
         if held_s < math.inf:
             stays(client)
     _resume(node)
     return held_s
-
-
-def _let_go(send: Callable[[int], None], served: BridgeProcess, relay: Relay) -> None:
-    """What stood still goes on: what waited must move nothing."""
-    send(signal.SIGCONT)
-    served.process.send_signal(signal.SIGCONT)
-    relay.restore()
 
 
 def stays(client: Client) -> None:

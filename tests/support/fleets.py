@@ -7,7 +7,7 @@ import subprocess
 import tempfile
 from collections.abc import Iterator, Mapping, Sequence
 from contextlib import ExitStack, contextmanager
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
@@ -21,16 +21,23 @@ RIGHTS = ("watch", "move", "arm", "measure")
 
 @dataclass
 class BridgeProcess:
-    """`contid fleet serve`, its files, and its messages."""
+    """`contid fleet serve`, its files, and its messages.
+
+    Attributes:
+        keys: further keys of the files of operators.
+        prefix: of the commands of operators.
+    """
 
     process: subprocess.Popen[str]
     folder: Path
     endpoint: str
+    keys: Mapping[str, Any] = field(default_factory=dict)
+    prefix: Sequence[str] = ()
 
     def operator_file(self, name: str = "anna", expected: Sequence[str] = (), **keys: Any) -> Path:
         path = self.folder / f"{name}.yaml"
         contents = {"fleet": "lab", "connect": [self.endpoint], "operator": name, "expected": [*expected]}
-        contents |= keys
+        contents |= {**self.keys, **keys}
         path.write_text(yaml.safe_dump(contents))
         return path
 
@@ -151,8 +158,9 @@ class NotBegunError(AssertionError):
 @contextmanager
 def mover(bridge: BridgeProcess, node: str, lease_s: float) -> Iterator[subprocess.Popen[str]]:
     """A program of anna that moves a node with live rows; it has begun."""
+    program = [*bridge.prefix, *command()[:1], "-m", "tests.support.fleet_mover"]
     process = subprocess.Popen(
-        [*command()[:1], "-m", "tests.support.fleet_mover", str(bridge.operator_file()), node, str(lease_s)],
+        [*program, str(bridge.operator_file()), node, str(lease_s)],
         stdin=subprocess.DEVNULL,
         stdout=subprocess.PIPE,
         stderr=subprocess.DEVNULL,  # it ends with a traceback when the robots hold
