@@ -20,7 +20,7 @@ from tests.support.namespaces import Machine, machines
 
 #: The promise is min(lease, lease of the link) + 50 ms; the rest is for a machine that does other work too.
 MARGIN_S = 1.25
-#: A lease is renewed, and a link heard of, up to a quarter of a second before a fault.
+#: A lease was renewed, and a sign of life sent, up to a quarter of a second before a fault.
 EARLY_S = 0.35
 OPERATORS = {"anna": ["watch", "move", "arm"]}
 
