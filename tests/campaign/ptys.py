@@ -198,7 +198,12 @@ class Run:
         assert self._process.poll() is None, self._stderr.read_text()
         self._client = stack.enter_context(Client(socket, name="campaign", timeout_s=60.0))
         self._client.acquire(60.0)
-        until(lambda: self._states() == {"HOLD"}, "armed", START_S)
+        try:
+            until(lambda: self._states() == {"HOLD"}, "armed", START_S)
+        except ConnectionLostError as error:
+            with suppress(subprocess.TimeoutExpired):
+                self._process.wait(5.0)
+            raise AssertionError(f"not armed: {error}: {self._stderr.read_text()}") from error
 
     def _kill(self) -> None:
         with suppress(psutil.NoSuchProcess):

@@ -15,6 +15,7 @@ from contid.control.engine.events import FaultLatched, OrderGiven
 from contid.control.engine.tick_layout import ENABLED, TickRecord
 from contid.control.engine.wiring import build_robot_configs
 from contid.control.tick.supervisor import Mode
+from contid.session.check import check_session
 from contid.session.read import Session
 from tests.campaign import invariants
 from tests.campaign.wires import RATE_HZ, Switch, Wires
@@ -27,7 +28,7 @@ INVARIANTS: Final = (
     "goals at the servos", "outputs of the boards", "position limits", "velocity and acceleration limits",
     "no jump on arming", "estop within the tick", "fault within the stated ticks",
     "other robots unaffected", "estop at the devices",
-    "session complete", "controllable", "exit within 2 s", "nothing left behind",
+    "session complete", "session check", "controllable", "exit within 2 s", "nothing left behind",
 )  # fmt: skip
 
 
@@ -112,6 +113,7 @@ def judge(tally: Tally, wires: Wires, recorded: Path, thrown: Sequence[Injected]
     tally.check("velocity and acceleration limits", list(invariants.rates(seen)))
     tally.check("session complete", [*([] if session.clean else [session.cut]), *invariants.complete(seen)])
     tally.check("no jump on arming", list(_no_jump(configs, records)))
+    tally.check("session check", list(map(str, check_session(session))))
     by_tick = {record.tick: record.deadline_s for record in records}
     faults = [(by_tick.get(e.tick, 0.0), e.robot, e.message) for e in events if isinstance(e, FaultLatched)]
     tally.check("other robots unaffected", list(_unaffected(faults, thrown)))
