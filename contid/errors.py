@@ -81,6 +81,7 @@ EXTRAS: Final = {
     "pandas": "data",
     "pyarrow": "data",
     "rerun": "view",
+    "rosbags": "ros",
     "scipy": "fit",
     "shapely": "plots",
     "starlette": "panel",

@@ -189,12 +189,17 @@ class NetSession:
         """End the session: its tokens are gone."""
         self._session.close()  # type: ignore[no-untyped-call]  # zenoh's stubs give it no type
 
+    @property
+    def identifier(self) -> str:
+        """By which Zenoh itself identifies the session (ZID)."""
+        return str(self._session.zid())
+
     def peers(self) -> int:
         """Number of sessions this one is linked with."""
         info = self._session.info
         return len(info.peers_zid()) + len(info.routers_zid())
 
-    def put(self, key: str, payload: bytes, urgent: bool = False) -> None:
+    def put(self, key: str, payload: bytes, urgent: bool = False, attachment: bytes | None = None) -> None:
         """Publish; dropped when a receiver does not read."""
         self._session.put(
             key,
@@ -202,6 +207,7 @@ class NetSession:
             congestion_control=self._zenoh.CongestionControl.DROP,
             priority=self._zenoh.Priority.DATA_HIGH if urgent else self._zenoh.Priority.DATA,
             express=True,
+            attachment=attachment,
         )
 
     def token(self, key: str) -> Declared:

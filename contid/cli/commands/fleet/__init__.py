@@ -13,6 +13,7 @@ import click
 from contid.cli.commands.fleet.common_run import command as run
 from contid.cli.commands.fleet.common_run import replay
 from contid.cli.commands.fleet.feed import command as feed
+from contid.cli.commands.fleet.ros import command as ros
 from contid.cli.commands.fleet.routing import acl, route
 from contid.cli.support.numbers import NumberRange
 from contid.cli.support.orders import file_option, json_option
@@ -186,6 +187,7 @@ def move(
 
 command.add_command(route)
 command.add_command(acl)
+command.add_command(ros)
 command.add_command(run)
 command.add_command(replay)
 command.add_command(feed)
