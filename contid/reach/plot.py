@@ -2,10 +2,12 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterable, Sequence
 from pathlib import Path
-from typing import Any
+from typing import Any, Final
 
 import numpy as np
+from numpy.typing import NDArray
 from shapely.geometry.base import BaseGeometry
 
 from contid.reach.planar import overlapping
@@ -15,6 +17,10 @@ from contid.units import MM_PER_M
 # Colour-blind safe (Okabe and Ito).
 _COLOURS = ("#0072B2", "#D55E00", "#CC79A7", "#E69F00", "#56B4E9")
 _OVERLAP = "#009E73"
+#: Empty cells around a silhouette.
+_MARGIN = 2
+CM3_PER_LITRE: Final = 1000.0
+Array = NDArray[np.float64]
 
 
 def save_plot(report: ReachReport, path: Path, title: str) -> None:
@@ -27,6 +33,7 @@ def save_plot(report: ReachReport, path: Path, title: str) -> None:
         _draw_regions(figure.subplots(), report)
     else:
         _draw_volumes(figure.subplots(1, 2), report)
+    figure.legend(loc="outside lower center", ncols=3, fontsize="small")
     figure.savefig(path, dpi=110)
 
 
@@ -37,7 +44,6 @@ def _draw_regions(axes: Any, report: ReachReport) -> None:
     for pair, region in overlapping(report.regions).items():
         _fill(axes, region, _OVERLAP, 0.8, f"both: {report.overlaps[pair]:.2f} cm²")
     _label(axes, "x", "y")
-    axes.legend(loc="upper right", fontsize="small")
 
 
 def _label(axes: Any, across: str, up: str) -> None:
@@ -57,14 +63,40 @@ def _fill(axes: Any, region: BaseGeometry, colour: str, alpha: float, label: str
 
 
 def _draw_volumes(panes: Any, report: ReachReport) -> None:
+    """Contours of the volumes seen along y and along z."""
     for pane, (across, up) in zip(panes, ((0, 2), (0, 1)), strict=True):
         for colour, (name, volume) in zip(_COLOURS, report.volumes.items(), strict=False):
-            edge_mm = volume.edge_m * MM_PER_M
-            flat = sorted({(voxel[across], voxel[up]) for voxel in volume.voxels})
-            if not flat:
+            if not volume.voxels:
                 continue
-            x, y = (np.array(flat, dtype=float) * edge_mm).T
-            label = f"{name}: {report.volumes_cm3[name]:.4g} cm³"
-            pane.bar(x, edge_mm, edge_mm, y - edge_mm / 2, color=colour, alpha=0.45, label=label, linewidth=0)
+            edge_mm = volume.edge_m * MM_PER_M
+            x, y, inside = silhouette(volume.voxels, across, up)
+            pane.contourf(x * edge_mm, y * edge_mm, inside, levels=[0.5, 2.0], colors=[colour], alpha=0.45)
+            pane.contour(x * edge_mm, y * edge_mm, inside, levels=[0.5], colors=[colour], linewidths=1.2)
+            label = f"{name}: {volume_text(report.volumes_cm3[name])}"
+            if pane is panes[0]:
+                pane.fill([], [], color=colour, alpha=0.45, label=label)
         _label(pane, "xyz"[across], "xyz"[up])
-    panes[0].legend(loc="lower center", fontsize="small")
+
+
+def silhouette(voxels: Iterable[Sequence[int]], across: int, up: int) -> tuple[Array, Array, Array]:
+    """Voxels seen along one axis: coordinates of a grid, and 0 to 1 at its points, smoothed at the edges.
+
+    Args:
+        voxels: numbers of the voxels along x, y and z.
+        across: axis to the right.
+        up: axis upwards.
+    """
+    flat = np.array(sorted({(voxel[across], voxel[up]) for voxel in voxels}))
+    low = flat.min(axis=0) - _MARGIN
+    grid = np.zeros(flat.max(axis=0) + _MARGIN + 1 - low)
+    grid[tuple((flat - low).T)] = 1.0
+    # A mean over nine cells moves no straight edge, and makes lines of the steps of slanted ones.
+    smooth = np.mean([np.roll(grid, (i, j), (0, 1)) for i in (-1, 0, 1) for j in (-1, 0, 1)], axis=0)
+    return np.arange(grid.shape[0]) + low[0], np.arange(grid.shape[1]) + low[1], smooth.T
+
+
+def volume_text(volume_cm3: float) -> str:
+    """A volume in litres from one litre on, else in cm³."""
+    if volume_cm3 >= CM3_PER_LITRE:
+        return f"{volume_cm3 / CM3_PER_LITRE:.3g} litres"
+    return f"{volume_cm3:.3g} cm³"
