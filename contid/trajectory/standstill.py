@@ -17,6 +17,7 @@ from collections.abc import Sequence
 
 from contid.targets import Actuation
 from contid.trajectory.approach import Limit, MotionError, per_axis
+from contid.trajectory.pieces import Knot, advanced, state_at
 
 
 class JerkLimitedStop:
@@ -45,7 +46,7 @@ class JerkLimitedStop:
             return self._end
         if time_s <= 0.0:
             return self._start
-        states = [_state(knots, time_s) for knots in self._knots]
+        states = [state_at(knots, time_s) for knots in self._knots]
         return tuple([position for position, _ in states]), tuple([velocity for _, velocity in states])
 
 
@@ -81,10 +82,6 @@ def stopping(
     return JerkLimitedStop(stops, tuple(map(float, position)), tuple(map(float, velocity)))
 
 
-#: Start time of a part of constant jerk; position, velocity, acceleration and jerk there.
-_Knot = tuple[float, float, float, float, float]
-
-
 class _StoppingAxis:
     """The stops of one axis, mirrored so that its acceleration is not negative.
 
@@ -108,7 +105,7 @@ class _StoppingAxis:
             self._peak = -min(limit, math.sqrt(-jerk * self._added))
         self.shortest_s = self._back_s + sum(self._parts(self._peak))
 
-    def knots(self, position: float, together_s: float) -> list[_Knot]:
+    def knots(self, position: float, together_s: float) -> list[Knot]:
         """The parts of a stop of this duration, the last one at rest."""
         plateau = self._plateau(together_s - self._back_s)
         up_s, hold_s, down_s = self._parts(plateau)
@@ -122,7 +119,7 @@ class _StoppingAxis:
         for lasts_s, slope in parts:
             begin = (*out[-1][:4], self._sign * slope)
             out[-1] = begin
-            out.append((begin[0] + lasts_s, *_advanced(begin, lasts_s), 0.0))
+            out.append((begin[0] + lasts_s, *advanced(begin, lasts_s), 0.0))
         return out
 
     def _plateau(self, lasts_s: float) -> float:
@@ -158,20 +155,3 @@ def _small_root(half: float, product: float) -> float:
     if half <= double:
         return double
     return product / (half + math.sqrt((half - double) * (half + double)))
-
-
-def _state(knots: Sequence[_Knot], time_s: float) -> tuple[float, float]:
-    for knot in reversed(knots):
-        if time_s >= knot[0]:
-            break
-    return _advanced(knot, time_s - knot[0])[:2] if knot is not knots[-1] else (knot[1], 0.0)
-
-
-def _advanced(knot: _Knot, by_s: float) -> tuple[float, float, float]:
-    """Position, velocity and acceleration ``by_s`` into a part of constant jerk."""
-    _, position, velocity, acceleration, jerk = knot
-    return (
-        position + by_s * (velocity + by_s * (acceleration / 2.0 + by_s * jerk / 6.0)),
-        velocity + by_s * (acceleration + by_s * jerk / 2.0),
-        acceleration + by_s * jerk,
-    )

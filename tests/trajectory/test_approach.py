@@ -1,16 +1,30 @@
-"""Approach: limits are kept, everything arrives, from any state."""
+"""Approach: limits are kept, everything arrives, from any state; with ruckig and without it."""
 
 from __future__ import annotations
 
+import sys
+from collections.abc import Iterator
+
 import numpy as np
 import pytest
-from hypothesis import given, settings
+from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
-from contid.trajectory.approach import Approach, MotionError
+from contid.trajectory.approach import Approach, MotionError, optimal
 
 VELOCITY, ACCELERATION, JERK = 0.1, 1.0, 20.0
 lengths = st.integers(0, 200_000).map(lambda micrometres: micrometres / 1e6)
+
+
+@pytest.fixture(autouse=True, params=["ruckig", "without ruckig"])
+def solver(request: pytest.FixtureRequest, monkeypatch: pytest.MonkeyPatch) -> Iterator[str]:
+    """Every test of this file twice: as installed, and with the package hidden."""
+    if request.param != "ruckig":
+        monkeypatch.setitem(sys.modules, "ruckig", None)
+    optimal.cache_clear()
+    assert optimal() == (request.param == "ruckig")
+    yield request.param
+    optimal.cache_clear()
 
 
 def derivatives(motion: Approach, rate: float = 2000.0) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
@@ -20,7 +34,7 @@ def derivatives(motion: Approach, rate: float = 2000.0) -> tuple[np.ndarray, np.
     return positions, velocities, np.diff(velocities, axis=0) * rate
 
 
-@settings(max_examples=60, deadline=None)
+@settings(max_examples=60, deadline=None, suppress_health_check=[HealthCheck.function_scoped_fixture])
 @given(start=st.tuples(lengths, lengths, lengths), goal=st.tuples(lengths, lengths, lengths))
 def test_an_approach_starts_and_ends_at_rest_within_its_limits(
     start: tuple[float, ...], goal: tuple[float, ...]

@@ -1,0 +1,26 @@
+"""Motions of one axis as pieces of constant jerk."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+#: Start time of a piece; position, velocity, acceleration and jerk there.
+Knot = tuple[float, float, float, float, float]
+
+
+def state_at(knots: Sequence[Knot], time_s: float) -> tuple[float, float]:
+    """Position and velocity; the last knot is at rest."""
+    for knot in reversed(knots):
+        if time_s >= knot[0]:
+            break
+    return advanced(knot, time_s - knot[0])[:2] if knot is not knots[-1] else (knot[1], 0.0)
+
+
+def advanced(knot: Knot, by_s: float) -> tuple[float, float, float]:
+    """Position, velocity and acceleration ``by_s`` into a piece."""
+    _, position, velocity, acceleration, jerk = knot
+    return (
+        position + by_s * (velocity + by_s * (acceleration / 2.0 + by_s * jerk / 6.0)),
+        velocity + by_s * (acceleration + by_s * jerk / 2.0),
+        acceleration + by_s * jerk,
+    )
