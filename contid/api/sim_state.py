@@ -78,7 +78,7 @@ class StateReader:
         return SimState(record.tick, record.tick / self._layout.rate_hz, robots)
 
     def _robot(self, config: RobotConfig, record: RobotRecord, refused: str) -> SimRobot:
-        units, quantity = self._units, config.quantity
+        units = self._units
         measured = config.transmission.to_actuation(tuple(axis.value for axis in record.axes))
         tip = (math.nan, math.nan, math.nan)
         if all(map(math.isfinite, measured)):
@@ -88,10 +88,15 @@ class StateReader:
         return SimRobot(
             mode=Mode(record.mode).name,
             fault=int(record.fault),
-            command=units.from_si(np.array([axis.command for axis in record.axes]), quantity),
-            measured=units.from_si(np.array(measured), quantity),
+            command=self._edge(config, [axis.command for axis in record.axes]),
+            measured=self._edge(config, measured),
             tip=units.from_si(np.array(tip[: config.model.dimension])),
             residual=float(units.from_si(np.array(record.residual_m))),
             converged=bool(record.flags & HAS_TARGET and record.flags & CONVERGED),
             refused=refused,
         )
+
+    def _edge(self, config: RobotConfig, values: Sequence[float]) -> Array:
+        """Values of all axes, each in its unit."""
+        pairs = zip(values, config.quantities, strict=True)
+        return np.array([float(self._units.from_si(np.array(value), each)) for value, each in pairs])

@@ -9,7 +9,7 @@ from dataclasses import dataclass
 
 from contid.kinematics.array import Array
 from contid.robot_file.base import Quantity
-from contid.units import BAR, MM_PER_M
+from contid.units import MM_PER_M
 
 
 @dataclass(frozen=True, slots=True)
@@ -26,7 +26,7 @@ class Units:
         """``mm``, ``m``, ``bar`` or ``Pa``: unit of the axes of a robot."""
         if not self.si:
             return quantity.unit
-        return "m" if quantity is Quantity.LENGTH else "Pa"
+        return {Quantity.LENGTH: "m", Quantity.PRESSURE: "Pa", Quantity.ANGLE: "rad"}[quantity]
 
     @property
     def length(self) -> str:
@@ -48,8 +48,8 @@ class Units:
 
 def _to_si(values: Array, quantity: Quantity) -> Array:
     # The operations of `Quantity.to_si`, so that an array has the bits of a file with the same numbers.
-    return values / MM_PER_M if quantity is Quantity.LENGTH else values * BAR
+    return values / MM_PER_M if quantity is Quantity.LENGTH else values * quantity.edge_si[1]
 
 
 def _from_si(values: Array, quantity: Quantity) -> Array:
-    return values * MM_PER_M if quantity is Quantity.LENGTH else values / BAR
+    return values * MM_PER_M if quantity is Quantity.LENGTH else values / quantity.edge_si[1]

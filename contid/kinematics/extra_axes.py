@@ -1,4 +1,4 @@
-"""A model with axes beyond its kinematics: wrist, gripper or any other axis with a stroke.
+"""A model with axes beyond its kinematics: wrist, gripper or any other axis with a stroke or an angle.
 
 They follow the model's own axes in every actuation and take the value of their column, clamped to their
 limits; a target that does not name one leaves it where it is.

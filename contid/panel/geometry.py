@@ -63,11 +63,15 @@ class PanelGeometry:
         found: Fields = {}
         for robot in self.scene.robots:
             config = robot.config
-            scale, unit = config.quantity.per_si, config.quantity.unit
-            ranges = zip(config.axis_names, config.model.lower, config.model.upper, strict=True)
+            ranges = zip(
+                config.axis_names, config.model.lower, config.model.upper, config.quantities, strict=True
+            )
             found[config.name] = {
-                axis: {f"min_{unit}": minimum * scale, f"max_{unit}": maximum * scale}
-                for axis, minimum, maximum in ranges
+                axis: {
+                    f"min_{each.unit}": minimum * each.per_si,
+                    f"max_{each.unit}": maximum * each.per_si,
+                }
+                for axis, minimum, maximum, each in ranges
             }
         return found
 
@@ -136,7 +140,8 @@ class PanelGeometry:
     def _drawing(self, robot: RobotScene, measured: Sequence[float] | None) -> RobotDrawing | None:
         if measured is None:
             return None
-        actuation = tuple(value / robot.config.quantity.per_si for value in measured)
+        quantities = robot.config.quantities
+        actuation = tuple(value / each.per_si for value, each in zip(measured, quantities, strict=True))
         before = self._drawn.get(robot.config.name)
         if before is not None and before[0] == actuation:
             return before[1]

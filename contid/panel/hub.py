@@ -75,7 +75,8 @@ class Hub:
             config = robot.config
             command = self.newest.get(config.name, {}).get("command")
             if command is not None and None not in command:
-                found[config.name] = tuple(value / config.quantity.per_si for value in command)
+                pairs = zip(command, config.quantities, strict=True)
+                found[config.name] = tuple(value / quantity.per_si for value, quantity in pairs)
         return found
 
     @property

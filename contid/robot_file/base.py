@@ -11,7 +11,7 @@ from typing import Annotated, Literal, TypeAlias
 
 from pydantic import AfterValidator, BaseModel, ConfigDict, Field
 
-from contid.units import BAR, MM_PER_M
+from contid.units import BAR, DEG, MM_PER_M
 
 
 class Strict(BaseModel):
@@ -49,28 +49,36 @@ LengthInterval: TypeAlias = Annotated[Interval, AfterValidator(_not_negative)]
 
 
 class Quantity(enum.StrEnum):
-    """Quantity of a robot's axes: lengths [m] or pressures [Pa]."""
+    """Quantity of an axis: length [m], pressure [Pa], or the angle of an extra axis [rad]."""
 
     LENGTH = "length"
     PRESSURE = "pressure"
+    ANGLE = "angle"
 
     @property
     def per_si(self) -> float:
-        """Edge units per SI unit: 1000 mm per m, 1e-5 bar per Pa."""
-        return MM_PER_M if self is Quantity.LENGTH else 1.0 / BAR
+        """Edge units per SI unit: 1000 mm per m, 1e-5 bar per Pa, 57.3 degrees per rad."""
+        return {Quantity.LENGTH: MM_PER_M, Quantity.PRESSURE: 1.0 / BAR, Quantity.ANGLE: 1.0 / DEG}[self]
 
     def to_si(self, value: float) -> float:
-        """A number of a file or row, in mm or bar, as m or Pa."""
-        return value / MM_PER_M if self is Quantity.LENGTH else value * BAR
+        """A number of a file or row, in mm, bar or degrees, as m, Pa or rad."""
+        return value / MM_PER_M if self is Quantity.LENGTH else value * self.edge_si[1]
 
     def from_si(self, value: float) -> float:
-        """M or Pa as mm or bar, correctly rounded: `to_si` gives back every limit of a file exactly."""
-        return value * MM_PER_M if self is Quantity.LENGTH else value / BAR
+        """M, Pa or rad as mm, bar or degrees, correctly rounded."""
+        return value * MM_PER_M if self is Quantity.LENGTH else value / self.edge_si[1]
+
+    @property
+    def edge_si(self) -> tuple[float, float]:
+        """``si = value / first * second`` with one of them 1, so that the conversion rounds once."""
+        return {Quantity.LENGTH: (MM_PER_M, 1.0), Quantity.PRESSURE: (1.0, BAR), Quantity.ANGLE: (1.0, DEG)}[
+            self
+        ]
 
     @property
     def unit(self) -> str:
         """Suffix of keys and columns in this quantity."""
-        return "mm" if self is Quantity.LENGTH else "bar"
+        return {Quantity.LENGTH: "mm", Quantity.PRESSURE: "bar", Quantity.ANGLE: "deg"}[self]
 
 
 class Placement(Strict):
@@ -172,6 +180,7 @@ class Rates(Strict):
     Attributes:
         velocity_mm_s, acceleration_mm_s2, jerk_mm_s3: needed by robots whose axes are lengths.
         velocity_bar_s, acceleration_bar_s2, jerk_bar_s3: needed by robots whose axes are pressures.
+        velocity_deg_s, acceleration_deg_s2, jerk_deg_s3: needed beside them for axes of ``extra_deg``.
     """
 
     velocity_mm_s: Rate | None = None
@@ -180,6 +189,9 @@ class Rates(Strict):
     velocity_bar_s: Rate | None = None
     acceleration_bar_s2: Rate | None = None
     jerk_bar_s3: Rate | None = None
+    velocity_deg_s: Rate | None = None
+    acceleration_deg_s2: Rate | None = None
+    jerk_deg_s3: Rate | None = None
 
 
 class TipFeedback(Strict):

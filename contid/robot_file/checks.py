@@ -87,19 +87,30 @@ def _check_axes(
     if at[-1] in fronts:
         yield document.at_key(at, f"name {at[-1]!r} is also the beginning of an axis name; choose another")
     driven = dict(zip(robot.all_axis_names, robot.driven_limits, strict=True))
+    quantities = dict(zip(robot.all_axis_names, robot.quantities, strict=True))
     for name, axis in wired.items():
         if name not in needed:
             what = "a passive robot has no axes" if robot.passive else allowed_names(needed, name)
             yield document.at_key(axis.at, f"this robot has no axis {name!r}; {what}")
         elif axis.description is not None and axis.kind is not None:
             yield from _check_transmission(
-                document, axis.at, axis.description, axis.kind, robot.quantity, driven.get(name)
+                document, axis.at, axis.description, axis.kind, quantities[name], driven.get(name)
             )
 
 
 def _check_passive(document: Document, at: KeyPath, robot: RobotDescription) -> Iterator[Located]:
     """Refuse keys that only a robot with actuators can use."""
-    for key in ("base", "rates", "stop", "rest_mm", "rest_bar", "extra_mm", "extra_bar", "feedback"):
+    for key in (
+        "base",
+        "rates",
+        "stop",
+        "rest_mm",
+        "rest_bar",
+        "extra_mm",
+        "extra_bar",
+        "extra_deg",
+        "feedback",
+    ):
         if key in robot.model_fields_set:
             message = f"{key} has no meaning here: {at[-1]!r} has no actuators of its own"
             yield document.at_key((*at, key), message)
@@ -118,7 +129,12 @@ def _check_transmission(
     fitting = None
     if quantity is Quantity.LENGTH:
         fitting = "mm_to_bar" if regulator else "mm_per_rev"
-    elif not regulator:
+    elif quantity is Quantity.ANGLE and regulator:
+        yield document.at_key(
+            at, f"axis {at[-1]!r} is an angle, but a {kind} has no angle; use a servo or a motor"
+        )
+        return
+    elif quantity is Quantity.PRESSURE and not regulator:
         yield document.at_key(
             at, f"axis {at[-1]!r} is a pressure, but a {kind} has no pressure; use a regulator"
         )
@@ -129,8 +145,10 @@ def _check_transmission(
             message = f"{key} is missing: it maps the length of axis {at[-1]!r} to its {kind}"
             yield document.at_key(at, message)
         elif given and key != fitting:
-            need = f"write {fitting}" if fitting else "its pressure needs no transmission"
-            yield document.at_key((*at, key), f"{key} has no meaning for a {quantity} on a {kind}; {need}")
+            need = f"write {fitting}" if fitting else f"its {quantity} needs no transmission"
+            article = "an" if quantity is Quantity.ANGLE else "a"
+            message = f"{key} has no meaning for {article} {quantity} on a {kind}; {need}"
+            yield document.at_key((*at, key), message)
     if regulator:
         for key in axis.model_fields_set & {"zero_deg", "direction"}:
             yield document.at_key((*at, key), f"{key} has no meaning on a {kind}")

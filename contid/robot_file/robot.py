@@ -36,6 +36,8 @@ class RobotDescription(Strict):
         extra_mm: ``[min, max]`` stroke of axes beyond the kinematics (wrist, gripper) by name, of a robot
             whose axes are lengths; they follow the model's axes.
         extra_bar: the same for pressures.
+        extra_deg: ``[min, max]`` angle of axes beyond the kinematics that are servos or motors without
+            pinion, of any robot; they follow the others, with ``velocity_deg_s`` and so on in ``rates``.
         feedback: closed loop on measured tip positions; off when left out.
         placeholder: dotted keys whose values are not measured yet, e.g. ``geometry.tip_length_mm``.
     """
@@ -53,18 +55,33 @@ class RobotDescription(Strict):
     rest_bar: tuple[float, ...] | None = None
     extra_mm: dict[str, Interval] = Field(default_factory=dict)
     extra_bar: dict[str, Interval] = Field(default_factory=dict)
+    extra_deg: dict[str, Interval] = Field(default_factory=dict)
     feedback: TipFeedback | None = None
     placeholder: tuple[str, ...] = ()
 
     @property
     @abstractmethod
     def axis_names(self) -> tuple[str, ...]:
-        """Names of the model's axes in its order; trajectory columns add ``_mm`` or ``_bar``."""
+        """Names of the model's axes in its order; trajectory columns add the unit."""
 
     @property
     def extra_axis_names(self) -> tuple[str, ...]:
         """Axes beyond the kinematics (wrist, gripper), commanded by their own columns."""
-        return tuple(self._extra)
+        return (*self._extra, *self.extra_deg)
+
+    @property
+    def quantities(self) -> tuple[Quantity, ...]:
+        """What every axis is, in the order of `all_axis_names`."""
+        own = len(self.axis_names) + len(self._extra)
+        return (self.quantity,) * own + (Quantity.ANGLE,) * len(self.extra_deg)
+
+    @property
+    def columns(self) -> tuple[str, ...]:
+        """Columns of all axes with their units, without the name of the robot."""
+        return tuple(
+            f"{axis}_{quantity.unit}"
+            for axis, quantity in zip(self.all_axis_names, self.quantities, strict=True)
+        )
 
     @property
     def _extra(self) -> Mapping[str, tuple[float, float]]:
@@ -77,9 +94,12 @@ class RobotDescription(Strict):
 
     @property
     def extra_limits(self) -> Mapping[str, tuple[float, float]]:
-        """Limits of the extra axes [m or Pa]; a missing axis has none."""
-        to_si = self.quantity.to_si
-        return {name: (to_si(low), to_si(high)) for name, (low, high) in self._extra.items()}
+        """Limits of the extra axes [m, Pa or rad]; a missing axis has none."""
+        return {
+            name: (quantity.to_si(low), quantity.to_si(high))
+            for quantity, extra in ((self.quantity, self._extra), (Quantity.ANGLE, self.extra_deg))
+            for name, (low, high) in extra.items()
+        }
 
     @property
     def kinematics(self) -> str:
@@ -156,8 +176,18 @@ class RobotDescription(Strict):
         """Maximum jerk of an axis [m/s^3 or Pa/s^3]."""
         return self._rate("jerk", "_s3")
 
-    def _rate(self, what: str, per: str) -> float:
-        value: float | None = getattr(self.rates, f"{what}_{self.quantity.unit}{per}")
+    @property
+    def rate_limits(self) -> tuple[tuple[float, ...], tuple[float, ...], tuple[float, ...]]:
+        """Maximum velocity, acceleration and jerk of every axis, extra ones too [per s, s^2, s^3]."""
+        kinds = (("velocity", "_s"), ("acceleration", "_s2"), ("jerk", "_s3"))
+        velocity, acceleration, jerk = (
+            tuple(self._rate(what, per, quantity) for quantity in self.quantities) for what, per in kinds
+        )
+        return velocity, acceleration, jerk
+
+    def _rate(self, what: str, per: str, quantity: Quantity | None = None) -> float:
+        quantity = quantity or self.quantity
+        value: float | None = getattr(self.rates, f"{what}_{quantity.unit}{per}")
         if value is None:
-            raise ValueError(f"rates.{what}_{self.quantity.unit}{per} is missing")
-        return self.quantity.to_si(value)
+            raise ValueError(f"rates.{what}_{quantity.unit}{per} is missing")
+        return quantity.to_si(value)

@@ -16,6 +16,7 @@ class AxisReport(TypedDict):
     """One axis: its limits in the unit of its robot, its bus and its address."""
 
     name: str
+    unit: str
     min: float | None
     max: float | None
     bus: str
@@ -100,7 +101,11 @@ def _robot(loaded: LoadedFile, name: str, robot: RobotDescription) -> RobotRepor
         axis: (from_si(low), from_si(high))
         for axis, low, high in zip(robot.axis_names, robot.lower, robot.upper, strict=True)
     }
-    limits |= {axis: (from_si(low), from_si(high)) for axis, (low, high) in robot.extra_limits.items()}
+    units = dict(zip(robot.all_axis_names, robot.quantities, strict=True))
+    limits |= {
+        axis: (units[axis].from_si(low), units[axis].from_si(high))
+        for axis, (low, high) in robot.extra_limits.items()
+    }
     axes: list[AxisReport] = []
     for axis, description in robot.axes.items():
         bus = loaded.buses[description.bus]
@@ -110,6 +115,7 @@ def _robot(loaded: LoadedFile, name: str, robot: RobotDescription) -> RobotRepor
         axes.append(
             {
                 "name": axis,
+                "unit": units[axis].unit if axis in units else robot.quantity.unit,
                 "min": _rounded(lowest),
                 "max": _rounded(highest),
                 "bus": bus.name,

@@ -45,6 +45,13 @@ def _check_rates(document: Document, at: KeyPath, robot: RobotDescription) -> It
         if getattr(robot.rates, other) is not None:
             message = f"{other} has no meaning here: this robot's axes are in {unit}; write {key}"
             yield document.at_key((*at, "rates", other), message)
+        angle = f"{what}_deg_{per}"
+        if robot.extra_deg and getattr(robot.rates, angle) is None:
+            names = ", ".join(robot.extra_deg)
+            yield document.at_key((*at, "rates"), f"key {angle!r} is missing; {names} of extra_deg needs it")
+        elif not robot.extra_deg and getattr(robot.rates, angle) is not None:
+            message = f"{angle} has no meaning here: this robot has no extra_deg"
+            yield document.at_key((*at, "rates", angle), message)
 
 
 def check_device_rates(
@@ -100,9 +107,13 @@ def _check_rest(document: Document, at: KeyPath, robot: RobotDescription) -> Ite
 
 
 def _check_extra(document: Document, at: KeyPath, robot: RobotDescription) -> Iterator[Located]:
-    key = f"extra_{robot.quantity.unit}"
-    for name in robot.extra_axis_names:
-        if name in robot.axis_names:
+    linear = f"extra_{robot.quantity.unit}"
+    others = getattr(robot, linear)
+    keyed = [*((linear, name) for name in others), *(("extra_deg", name) for name in robot.extra_deg)]
+    for key, name in keyed:
+        if key == "extra_deg" and name in others:
+            message = f"extra_deg: {name!r} is in {linear} too; an axis has one unit"
+        elif name in robot.axis_names:
             message = f"{key}: {name!r} is an axis of the model; choose another name"
         elif not _NAME.fullmatch(name):
             message = f"{key}: name {name!r}: allowed are letters, digits and _, beginning with a letter"

@@ -103,7 +103,8 @@ class _RobotCheck:
         self.name = config.name
         self._config = config
         h = config.period_s
-        self._most = (config.velocity * h, config.acceleration * h * h, config.jerk * h**3)
+        powers = zip((config.velocity, config.acceleration, config.jerk), (h, h * h, h**3), strict=True)
+        self._most = tuple([tuple([rate * power for rate in rates]) for rates, power in powers])
         self._travel = [axis.upper - axis.lower for axis in config.limits]
         self._room = [_ROUNDING * max(abs(axis.lower), abs(axis.upper)) for axis in config.limits]
         self.forget()
@@ -159,9 +160,10 @@ class _RobotCheck:
             if any(map(math.isnan, last)):
                 last = command
         steps = [new - old for new, old in zip(command, last, strict=True)]
-        most_step, most_change, most_jerk = self._most
+        most_steps, most_changes, most_jerks = self._most
         for k, (axis, limits) in enumerate(zip(self._config.axes, self._config.limits, strict=True)):
             room, value, old = self._room[k], command[k], last[k]
+            most_step, most_change = most_steps[k], most_changes[k]
             if not min(limits.lower, old) - room <= value <= max(limits.upper, old) + room:
                 yield "position", f"{axis} at {value:.9g}, limits {limits.lower:.9g} to {limits.upper:.9g}"
             if abs(steps[k]) > most_step * (1.0 + _ROUNDING) + room:
@@ -176,6 +178,7 @@ class _RobotCheck:
         if len(self._planned) == 4:
             for k, (a, b, c, d) in enumerate(zip(*self._planned, strict=True)):
                 third = d - 3.0 * c + 3.0 * b - a
+                most_jerk = most_jerks[k]
                 if abs(third) > most_jerk * (1.0 + _JERK_ROUNDING) + 8.0 * self._room[k]:
                     yield "jerk", f"{self._config.axes[k]} {third / most_jerk:.6g} times its limit"
         self._steps = steps
@@ -186,6 +189,8 @@ class _RobotCheck:
             yield "arming", "the first command has no measurement before it"
             return
         present = self._config.transmission.to_actuation(values)
-        for axis, new, old, travel in zip(self._config.axes, command, present, self._travel, strict=True):
-            if abs(new - old) > ARMING_SHARE * travel + self._most[0]:
+        for axis, new, old, travel, step in zip(
+            self._config.axes, command, present, self._travel, self._most[0], strict=True
+        ):
+            if abs(new - old) > ARMING_SHARE * travel + step:
                 yield "arming", f"{axis} begins at {new:.6g}, measured {old:.6g}"

@@ -18,8 +18,9 @@ from contid.control.engine.tick_layout import AXIS, ROBOT, SOURCE_TIME, TICK, Re
 from contid.control.tick.faults import Fault
 from contid.control.tick.supervisor import Mode
 from contid.session.format.channels import SI
+from contid.units import DEG
 
-_PER_SI: Final = {"mm": 1e3, "bar": 1e-5}
+_PER_SI: Final = {"m": 1e3, "pa": 1e-5, "rad": 1.0 / DEG}
 _UNITS: Final = {"_m": "m", "_n": "n"}
 
 
@@ -102,7 +103,7 @@ class Comparison:
             return False
         difference = abs(old - new)
         self.largest = max(self.largest, difference)
-        per_si = _PER_SI[self._layout.robots[value.robot].quantity]
+        per_si = _PER_SI[value.unit]
         return difference * per_si <= self._tolerance
 
     def _divergence(self, value: _Value, old: float, new: float, recorded: Sequence[float]) -> Divergence:
@@ -149,7 +150,7 @@ def _compared(layout: RecordLayout, device_units: Mapping[str, str], exact: bool
                 out.append(_Value(place + number, index, "", what, _UNITS.get(value.name[-2:], "")))
         for value in of_axis:
             for number, axis in enumerate(robot.axes):
-                units = {"unit": SI[robot.quantity], "device": device_units[f"{robot.name}.{axis}"]}
+                units = {"unit": SI[robot.units[number]], "device": device_units[f"{robot.name}.{axis}"]}
                 unit = next((unit for key, unit in units.items() if f"_{{{key}}}" in value.about.path), "")
                 place = layout.axis_place(index, number, value.name)
                 out.append(_Value(place, index, axis, value.about.compared, unit))

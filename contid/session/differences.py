@@ -104,4 +104,4 @@ def _binding(key: str, robots: set[str]) -> bool:
     robot, _, part = rest.partition(".")
     if robot not in robots:
         return True
-    return part.split(".")[0] in ("model", "limits", "rates", "extra_mm", "axes")
+    return part.split(".")[0] in ("model", "limits", "rates", "extra_mm", "extra_bar", "extra_deg", "axes")

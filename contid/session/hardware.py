@@ -39,7 +39,7 @@ def recorded_commands(session: Session, loaded: LoadedFile) -> Trajectory:
     slots = []
     for index, robot in enumerate(session.layout.robots):
         for number, axis in enumerate(robot.axes):
-            names.append(f"{robot.name}.{axis}_{robot.quantity}")
+            names.append(f"{robot.name}.{axis}_{robot.units[number]}")
             slots.append(session.layout.axis_place(index, number, "command"))
     rows, first = array("d"), -1
     for entry in session.entries():

@@ -10,8 +10,9 @@ from contid.session.differences import Difference
 from contid.session.format.metadata import versions
 from contid.session.read import Session
 from contid.session.replay import Replayed
+from contid.units import DEG
 
-_SHOWN: dict[str, tuple[str, float]] = {"m": ("mm", 1e3), "pa": ("bar", 1e-5)}
+_SHOWN: dict[str, tuple[str, float]] = {"m": ("mm", 1e3), "pa": ("bar", 1e-5), "rad": ("deg", 1.0 / DEG)}
 
 
 def changed_versions(session: Session) -> list[str]:

@@ -14,7 +14,7 @@ from contid.remote.client.move_arguments import columns_and_rows
 from contid.robot_file.positions import KeyPath
 from contid.teach.check_targets import check_targets
 from contid.teach.pose_file import PoseFile, SequenceStep
-from contid.teleop.described_robot import columns_of
+from contid.teleop.described_robot import columns_of, unit_of
 
 #: Period of requests that keep the lease during a wait; it lapses after two seconds.
 PING_PERIOD_S: Final = 0.25
@@ -130,7 +130,7 @@ class Player:
         present = dict(target)
         for name, columns in columns_of(self._describe).items():
             status = robots[name]
-            commands = [axis[f"command_{columns.unit}"] for axis in status["axes"].values()]
+            commands = [axis[f"command_{unit_of(axis)}"] for axis in status["axes"].values()]
             values = [*zip(columns.axes, commands, strict=True)]
             values += [*zip(columns.tip, status["tip_mm"] or (), strict=False)]
             for column, value in values:

@@ -137,7 +137,7 @@ class Teacher:
         limits = RecordedLimits(
             np.array([low for robot in self._robots for low in robot.minimum]),
             np.array([high for robot in self._robots for high in robot.maximum]),
-            np.array([rates for robot in self._robots for rates in [robot.rates] * len(robot.axes)]).T,
+            np.array([rates for robot in self._robots for rates in robot.axis_rates]).T,
         )
         times_s = np.array([time for time, _ in samples])
         positions = np.array([values for _, values in samples]).reshape(len(samples), len(self._columns))

@@ -16,8 +16,10 @@ class DescribedRobot:
         axes: columns of its axes, in their order.
         minimum, maximum: limits of the axes, in their units.
         tip: columns of its tip.
-        unit: of its axes: mm or bar.
-        rates: greatest velocity, acceleration and jerk of its axes [unit/s, unit/s^2, unit/s^3].
+        unit: of its model's axes: mm or bar.
+        units: of every axis; extra ones may be in degrees.
+        rates: greatest velocity, acceleration and jerk of its model's axes [unit/s, unit/s^2, unit/s^3].
+        axis_rates: the same of every axis.
         estop: what `estop` does with it: relax, vent or another policy.
     """
 
@@ -27,7 +29,9 @@ class DescribedRobot:
     maximum: tuple[float, ...]
     tip: tuple[str, ...]
     unit: str
+    units: tuple[str, ...]
     rates: tuple[float, float, float]
+    axis_rates: tuple[tuple[float, float, float], ...]
     estop: str
 
 
@@ -39,18 +43,26 @@ def columns_of(describe: Mapping[str, Any]) -> dict[str, DescribedRobot]:
         prefix = f"{name}." if len(robots) > 1 else ""
         unit = robot["unit"]
         limits = robot["axes"]
+        units = tuple(unit_of(limit) for limit in limits.values())
+        rates = {
+            each: (robot[f"velocity_{each}_s"], robot[f"acceleration_{each}_s2"], robot[f"jerk_{each}_s3"])
+            for each in dict.fromkeys((unit, *units))
+        }
         found[name] = DescribedRobot(
             robot=name,
-            axes=tuple(f"{prefix}{axis}_{unit}" for axis in limits),
-            minimum=tuple(limit[f"min_{unit}"] for limit in limits.values()),
-            maximum=tuple(limit[f"max_{unit}"] for limit in limits.values()),
+            axes=tuple(f"{prefix}{axis}_{each}" for axis, each in zip(limits, units, strict=True)),
+            minimum=tuple(limit[f"min_{unit_of(limit)}"] for limit in limits.values()),
+            maximum=tuple(limit[f"max_{unit_of(limit)}"] for limit in limits.values()),
             tip=tuple(f"{prefix}{axis}_mm" for axis in "xyz" if f"{axis}_mm" in robot["columns"]),
             unit=unit,
-            rates=(
-                robot[f"velocity_{unit}_s"],
-                robot[f"acceleration_{unit}_s2"],
-                robot[f"jerk_{unit}_s3"],
-            ),
+            units=units,
+            rates=rates[unit],
+            axis_rates=tuple(rates[each] for each in units),
             estop=robot["stop"]["estop"],
         )
     return found
+
+
+def unit_of(axis: Mapping[str, Any]) -> str:
+    """The unit of an axis as ``describe`` or ``status`` has it, by its key ``min_UNIT``."""
+    return next(key.removeprefix("min_") for key in axis if key.startswith("min_"))

@@ -211,7 +211,13 @@ class JogSession:
         limits = (self.robot.minimum, self.robot.maximum) if self._axes else (None, None)
         speed = self._speeds[self._axes]
         fastest = self.robot.rates[0] if self._axes or self.robot.unit == "mm" else MAX_TIP_MM_S
-        return Jogger(start, *limits, speed=speed, max_speed=fastest, hold_s=self._hold_s)
+        scales = self._scales if self._axes else None
+        return Jogger(start, *limits, speed=speed, max_speed=fastest, hold_s=self._hold_s, scales=scales)
+
+    @property
+    def _scales(self) -> list[float]:
+        """Speed of every axis as a multiple of that of the model's axes: a wrist turns in degrees."""
+        return [rates[0] / self.robot.rates[0] for rates in self.robot.axis_rates]
 
     def _move(self, frame: Mapping[str, Any]) -> None:
         state = frame["robots"][self.robot.robot]
@@ -246,7 +252,8 @@ class JogSession:
             return
         self._shown_s = time.monotonic()
         speed = self._speeds[self._axes]
-        space, unit = ("axes", self.robot.unit) if self._axes else ("tip", "mm")
+        space, unit = ("axes", self.robot.units[self._axis]) if self._axes else ("tip", "mm")
+        speed *= self._scales[self._axis] if self._axes else 1.0
         which = f" {self.robot.axes[self._axis]}" if self._axes else ""
         tip = " ".join(f"{value:.1f}" for value in state["tip_mm"] or ())
         axes = " ".join(f"{value:.2f}" for value in state["measured"] or ())

@@ -25,6 +25,7 @@ class Jogger:
         speed: of the reference [unit/s].
         max_speed: greatest speed that can be chosen.
         hold_s: how long one press moves.
+        scales: speed of each column as a multiple of ``speed``, for columns in other units; 1 by default.
 
     Attributes:
         reference: the present set-point.
@@ -41,11 +42,13 @@ class Jogger:
         speed: float,
         max_speed: float,
         hold_s: float,
+        scales: Sequence[float] | None = None,
     ) -> None:
         self.reference = [float(value) for value in start]
         self._accepted = list(self.reference)
         self._taken = False
-        self._lead = LEAD_S * max_speed
+        self._scales = list(scales or (1.0 for _ in self.reference))
+        self._leads = [LEAD_S * max_speed * scale for scale in self._scales]
         self._minimum, self._maximum = minimum, maximum
         self.speed = min(speed, max_speed)
         self._max_speed = max_speed
@@ -80,7 +83,7 @@ class Jogger:
         for index, rate in enumerate(self._rates):
             moved_s = min(now_s, self._until_s[index]) - before_s
             if moved_s > 0.0:
-                self.reference[index] += rate * self.speed * moved_s
+                self.reference[index] += rate * self.speed * self._scales[index] * moved_s
                 if self._minimum is not None and self._maximum is not None:
                     low, high = self._minimum[index], self._maximum[index]
                     self.reference[index] = min(max(self.reference[index], low), high)
@@ -98,8 +101,8 @@ class Jogger:
         before the first one is taken, so until then it stays, near the start.
         """
         if not self._taken:
-            pairs = zip(self.reference, self._accepted, strict=True)
-            self.reference = [min(max(value, at - self._lead), at + self._lead) for value, at in pairs]
+            each = zip(self.reference, self._accepted, self._leads, strict=True)
+            self.reference = [min(max(value, at - lead), at + lead) for value, at, lead in each]
             return
         self.reference = list(self._accepted)
         self.release()

@@ -13,7 +13,6 @@ from dataclasses import dataclass
 from typing import Final
 
 from contid.errors import BadInputError, Located
-from contid.robot_file.base import Quantity
 from contid.robot_file.robot import RobotDescription
 from contid.targets import ZERO3, Target, Vec3
 
@@ -56,13 +55,13 @@ def vocabulary(robot: RobotDescription) -> dict[str, Meaning]:
         known.update({f"a{axis}": Meaning("direction", place) for place, axis in enumerate(axes)})
     if "load" in robot.accepts:
         known.update({f"load.f{axis}_n": Meaning("load", place) for place, axis in enumerate(axes)})
-    unit = robot.quantity.unit
-    scale = {"divisor": 1e3} if robot.quantity is Quantity.LENGTH else {"factor": 1e5}
-    if "actuation" in robot.accepts:
-        for place, axis in enumerate(robot.axis_names):
-            known[f"{axis}_{unit}"] = Meaning("actuation", place, **scale)
-    for place, axis in enumerate(robot.extra_axis_names):
-        known[f"{axis}_{unit}"] = Meaning("extra", place, **scale)
+    own = len(robot.axis_names)
+    for place, (column, quantity) in enumerate(zip(robot.columns, robot.quantities, strict=True)):
+        divisor, factor = quantity.edge_si
+        if place >= own:
+            known[column] = Meaning("extra", place - own, factor, divisor)
+        elif "actuation" in robot.accepts:
+            known[column] = Meaning("actuation", place, factor, divisor)
     return known
 
 

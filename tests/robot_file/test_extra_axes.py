@@ -1,4 +1,4 @@
-"""Axes beyond the kinematics: any robot may have them, in the unit of its own axes."""
+"""Axes beyond the kinematics: any robot may have them, in the unit of its own axes or in degrees."""
 
 from __future__ import annotations
 
@@ -8,6 +8,7 @@ import subprocess
 from pathlib import Path
 from typing import Any
 
+import numpy as np
 import pytest
 import yaml
 
@@ -21,6 +22,9 @@ ROBOTS: dict[str, tuple[dict[str, Any], dict[str, Any]]] = {
     "tendon3": ({"extra_mm": {"grip": [0, 30]}}, {"id": 40}),
     "stiffflop1": ({"extra_bar": {"grip": [0, 1]}}, {"channel": "p3"}),
 }
+#: In degrees, with a bus of servos where the robot has none.
+SERVOS = {"driver": "dynamixel", "port": "/dev/none", "baud": 1000000, "tolerance_ticks": 10}
+TURNS = {"velocity_deg_s": 180, "acceleration_deg_s2": 3000, "jerk_deg_s3": 60000}
 
 
 def with_extra(configs: Path, folder: Path, name: str, **change: object) -> Path:
@@ -93,3 +97,121 @@ def test_a_chain_has_none(tmp_path: Path, configs: Path) -> None:
     (tmp_path / "chain.yaml").write_text(yaml.safe_dump(document))
     done = contid_in(tmp_path, "check", "chain.yaml")
     assert "extra_mm has no meaning here: 'rope' has no actuators of its own" in done.stdout + done.stderr
+
+
+def with_wrist(configs: Path, folder: Path, name: str, **change: object) -> Path:
+    """A copy of a shipped file whose robot turns a wrist in degrees."""
+    document = yaml.safe_load((configs / f"{name}.yaml").read_text())
+    (robot,) = document["robots"].values()
+    document["buses"]["wrists"] = SERVOS
+    robot["axes"]["wrist"] = {"bus": "wrists", "id": 77, "zero_deg": 30, "direction": -1}
+    robot["rates"] |= TURNS
+    robot |= {"extra_deg": {"wrist": [-90, 45]}, **change}
+    path = folder / f"{name}.yaml"
+    path.write_text(yaml.safe_dump(document))
+    return path
+
+
+@pytest.mark.parametrize("name", ["finger", "trirack", "tendon3", "stiffflop1"])
+def test_a_wrist_turns_in_degrees_beside_any_model(name: str, tmp_path: Path, configs: Path) -> None:
+    """From the column to the device, exports and a replay; oracle: the angle of the servo."""
+    ((name_of, robot),) = load_robot_file(with_wrist(configs, tmp_path, name)).file.robots.items()
+    assert robot.columns[-1] == "wrist_deg"
+    rest = [quantity.from_si(each) for quantity, each in zip(robot.quantities, robot.rest, strict=False)]
+
+    def run(end: float, *more: str) -> subprocess.CompletedProcess[str]:
+        rows = [(0.0, *rest, -80.0), (3.0, *rest, end)]
+        text = "\n".join([",".join(["t_s", *robot.columns]), *(",".join(map(repr, row)) for row in rows)])
+        return contid_in(tmp_path, "run", f"{name}.yaml", "--virtual", *more, stdin=text)
+
+    done = run(40.0, "--log", "log.csv", "--record", "s.mcap")
+    assert done.returncode == 0, done.stderr
+    with (tmp_path / "log.csv").open() as file:
+        rows = [row for row in csv.DictReader(file) if row[f"{name_of}.wrist.command"]]
+    commands = np.array([float(row[f"{name_of}.wrist.command"]) for row in rows])
+    assert np.degrees(commands[-1]) == pytest.approx(40.0, abs=1e-2)
+    most = np.radians(180.0) / robot_rate(tmp_path / f"{name}.yaml")
+    assert np.abs(np.diff(commands)).max() <= most * (1.0 + 1e-9)
+
+    exported = contid_in(tmp_path, "session", "export", "s.mcap", "--csv", "csv")
+    assert exported.returncode == 0, exported.stderr
+    with (tmp_path / "csv" / "command.csv").open() as file:
+        last = list(csv.DictReader(file))[-1]
+    assert float(last[f"{name_of}.wrist_deg"]) == pytest.approx(40.0, abs=1e-2)
+    # The servo turns the other way, from 30 degrees.
+    device = float(last[f"{name_of}.device.wrist_rad"])
+    assert np.degrees(device) == pytest.approx(30.0 - 40.0, abs=1e-2)
+    replayed = contid_in(tmp_path, "replay", "s.mcap")
+    assert replayed.returncode == 0, replayed.stdout + replayed.stderr
+
+    refused = run(60.0)
+    assert refused.returncode == 2
+    assert "wrist.max" in refused.stderr
+    fast = contid_in(
+        tmp_path, "run", f"{name}.yaml", "--virtual",
+        stdin="\n".join(
+            [",".join(["t_s", *robot.columns])]
+            + [",".join(map(repr, (k / 10, *rest, -80.0 + 40.0 * k))) for k in range(4)]
+        ),
+    )  # fmt: skip
+    assert fast.returncode == 2
+    assert "deg/s, limit 180" in fast.stderr
+
+
+def robot_rate(path: Path) -> float:
+    return float(yaml.safe_load(path.read_text())["rate_hz"])
+
+
+@pytest.mark.parametrize(
+    ("change", "message"),
+    [
+        ({"extra_mm": {"wrist": [0, 1]}}, "extra_deg: 'wrist' is in extra_mm too"),
+        ({"extra_deg": {"left": [0, 1]}}, "extra_deg: 'left' is an axis of the model"),
+        ({"extra_deg": {"x": [0, 1]}}, "'x' is a coordinate of the tip"),
+        ({"extra_deg": {"a.b": [0, 1]}}, "allowed are letters, digits and _"),
+        ({"rates": {"velocity_mm_s": 60, "acceleration_mm_s2": 1000, "jerk_mm_s3": 20000}},
+         "key 'velocity_deg_s' is missing; wrist of extra_deg needs it"),
+        ({"extra_deg": {}}, "velocity_deg_s has no meaning here: this robot has no extra_deg"),
+    ],
+)  # fmt: skip
+def test_a_wrong_angle_is_refused_where_it_stands(
+    change: dict[str, object], message: str, tmp_path: Path, configs: Path
+) -> None:
+    path = with_wrist(configs, tmp_path, "finger", **change)
+    done = contid_in(tmp_path, "check", path.name)
+    assert done.returncode != 0
+    assert re.search(rf"finger.yaml:(\d+):\d+: .*{re.escape(message)}", done.stdout + done.stderr), (
+        done.stderr
+    )
+
+
+def test_a_wrist_has_no_pinion_and_no_regulator(tmp_path: Path, configs: Path) -> None:
+    path = with_wrist(configs, tmp_path, "finger")
+    text = path.read_text().replace("zero_deg: 30", "mm_per_rev: 30")
+    path.write_text(text)
+    done = contid_in(tmp_path, "check", path.name)
+    assert "mm_per_rev has no meaning for an angle on a servo" in done.stdout + done.stderr
+    document = yaml.safe_load(with_wrist(configs, tmp_path, "stiffflop1").read_text())
+    (robot,) = document["robots"].values()
+    first = next(iter(robot["axes"].values()))
+    robot["axes"]["wrist"] = {**first, "channel": "p3"}
+    (tmp_path / "stiffflop1.yaml").write_text(yaml.safe_dump(document))
+    done = contid_in(tmp_path, "check", "stiffflop1.yaml")
+    assert "axis 'wrist' is an angle, but a regulator has no angle" in done.stdout + done.stderr
+
+
+def test_the_example_of_the_finger_works_as_it_stands(tmp_path: Path, configs: Path) -> None:
+    """The commented lines at the end of the file, without their #, added to the robot."""
+    text = (configs / "finger.yaml").read_text()
+    head, _, example = text.partition("# A wrist and a gripper")
+    lines = [line.removeprefix("# ") for line in example.splitlines()[1:] if line.startswith("#   ")]
+    added = yaml.safe_load("\n".join(lines))
+    document = yaml.safe_load(head)
+    robot = document["robots"]["finger"]
+    robot["extra_deg"] = added["extra_deg"]
+    robot["rates"] |= added["rates"]
+    robot["axes"] |= added["axes"]
+    (tmp_path / "finger.yaml").write_text(yaml.safe_dump(document))
+    done = contid_in(tmp_path, "check", "finger.yaml")
+    assert done.returncode == 0, done.stderr
+    assert re.search(r"gripper\W+0\W+70\W+deg", done.stdout), done.stdout

@@ -53,7 +53,9 @@ def command(robot_file: str, rows: str | None, bare: bool, as_json: bool) -> Non
                     limits = f", limited by {' '.join(found.limited_by)}" if found.limited_by else ""
                     raise ValueError(f"{name}: out of reach by {m_to_mm(found.residual_m):.6g} mm{limits}")
                 cells |= {
-                    f"{here}{axis}_{quantity.unit}": quantity.from_si(v) for axis, v in target.extra.items()
+                    f"{here}{axis}_{each.unit}": each.from_si(target.extra[axis])
+                    for axis, each in zip(robots[name].all_axis_names, robots[name].quantities, strict=True)
+                    if axis in target.extra
                 }
                 if "load" in robots[name].accepts:
                     cells |= {

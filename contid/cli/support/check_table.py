@@ -85,10 +85,10 @@ def _chain(chain: ChainReport) -> Iterator[str]:
 
 
 def _axes(robot: RobotReport) -> Table:
-    table = Table("axis", f"from ({robot['unit']})", f"to ({robot['unit']})", "bus", "device", "address")
+    table = Table("axis", "from", "to", "unit", "bus", "device", "address")
     for axis in robot["axes"]:
         limits = ("" if end is None else f"{end:g}" for end in (axis["min"], axis["max"]))
-        table.add_row(axis["name"], *limits, axis["bus"], axis["device"], axis["address"])
+        table.add_row(axis["name"], *limits, axis["unit"], axis["bus"], axis["device"], axis["address"])
     return table
 
 

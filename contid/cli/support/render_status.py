@@ -87,14 +87,15 @@ def _robot(name: str, robot: Fields) -> list[Any]:
 
 
 def _axes(robot: Fields) -> Table:
-    unit = robot["unit"]
     table = Table(box=None, pad_edge=False, padding=(0, 2, 0, 0))
     table.add_column("axis")
     table.add_column("")
-    for heading in (f"measured {unit}", f"command {unit}"):
+    for heading in ("measured", "command"):
         table.add_column(heading, justify="right")
+    table.add_column("")
     table.add_column("notes")
     for name, axis in robot["axes"].items():
+        unit = next(key.removeprefix("min_") for key in axis if key.startswith("min_"))
         measured, low, high = axis[f"measured_{unit}"], axis[f"min_{unit}"], axis[f"max_{unit}"]
         notes = [] if axis["valid"] else ["silent"]
         notes += axis["limits"]
@@ -105,6 +106,7 @@ def _axes(robot: Fields) -> Table:
             bar(measured, low, high),
             _shown(measured, ".3f"),
             _shown(axis[f"command_{unit}"], ".3f"),
+            unit,
             ", ".join(notes),
         )
     return table

@@ -56,7 +56,8 @@ class InverseRows:
             unit = robot.quantity.unit
             names += [f"{here}{axis}_{unit}" for axis in robot.axis_names]
             if self._bare:
-                names += [f"{here}{axis}_{unit}" for axis, _ in columns.extra]
+                units = dict(zip(robot.all_axis_names, robot.quantities, strict=True))
+                names += [f"{here}{axis}_{units[axis].unit}" for axis, _ in columns.extra]
                 names += [f"{here}load.f{axis}_n" for axis in "xyz" if "load" in robot.accepts]
             else:
                 names += [

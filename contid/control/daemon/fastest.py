@@ -76,7 +76,7 @@ def fastest(loaded: LoadedFile, trajectory: Trajectory, rate_hz: float) -> Faste
     times = _points(trajectory)
     axes = _solved(configs, trajectory, times)
     most = [
-        np.array([value for config in configs for value in [getattr(config, name)] * len(config.limits)])
+        np.array([value for config in configs for value in getattr(config, name)])
         for name in ("velocity", "acceleration", "jerk")
     ]
     steps_s = np.max(np.abs(np.diff(axes, axis=0)) / most[0], axis=1)

@@ -206,12 +206,26 @@ SOURCE_TIME: Final = HEAD.place("source_s")
 
 @dataclass(frozen=True, slots=True)
 class RobotLayout:
-    """A robot as a reader of records needs it: name, model, unit suffix of its actuation, axes."""
+    """A robot as a reader of records needs it: name, model, unit suffix of its actuation, axes.
+
+    Attributes:
+        name: in the robot file.
+        model: of its kinematics.
+        quantity: unit suffix of the model's axes.
+        axes: names of all axes.
+        angles: how many of them, the last ones, are in degrees.
+    """
 
     name: str
     model: str
     quantity: str
     axes: tuple[str, ...]
+    angles: int = 0
+
+    @property
+    def units(self) -> tuple[str, ...]:
+        """Unit suffix of every axis."""
+        return (self.quantity,) * (len(self.axes) - self.angles) + ("deg",) * self.angles
 
 
 @dataclass(frozen=True, slots=True)

@@ -145,7 +145,7 @@ def build_preflight(loaded: LoadedFile, rate_hz: float, unreachable: Unreachable
 def record_layout(loaded: LoadedFile, rate_hz: float) -> RecordLayout:
     """The layout of a record of these robots."""
     robots = tuple(
-        RobotLayout(name, robot.model, robot.quantity.unit, robot.all_axis_names)
+        RobotLayout(name, robot.model, robot.quantity.unit, robot.all_axis_names, len(robot.extra_deg))
         for name, robot in driven_robots(loaded).items()
     )
     return RecordLayout(loaded.file.name, rate_hz, robots)

@@ -71,7 +71,8 @@ class RobotConfig:
     Attributes:
         name: in the robot file.
         kind: its model's name.
-        quantity: lengths or pressures.
+        quantity: of the model's axes: lengths or pressures.
+        quantities: of every axis; extra ones may be angles.
         model: kinematics in the base frame; its axes include the extra ones.
         frame: the base frame in the world.
         limits: per axis, per tick.
@@ -81,7 +82,7 @@ class RobotConfig:
         axes: names on the buses, in the same order.
         rest: the rest pose.
         stops: policy per reason.
-        velocity, acceleration, jerk: greatest rates of an axis [1/s, 1/s^2, 1/s^3].
+        velocity, acceleration, jerk: greatest rates of every axis [1/s, 1/s^2, 1/s^3].
         tolerance: exchanges in a row each axis may miss.
         stale_s: age at which the data of each axis count as stale [s].
         period_s: of the tick.
@@ -93,6 +94,7 @@ class RobotConfig:
     name: str
     kind: str
     quantity: Quantity
+    quantities: tuple[Quantity, ...]
     model: Model
     frame: BaseFrame
     limits: tuple[AxisLimits, ...]
@@ -102,9 +104,9 @@ class RobotConfig:
     axes: tuple[str, ...]
     rest: Actuation
     stops: StopConfig
-    velocity: float
-    acceleration: float
-    jerk: float
+    velocity: tuple[float, ...]
+    acceleration: tuple[float, ...]
+    jerk: tuple[float, ...]
     tolerance: tuple[int, ...]
     stale_s: tuple[float, ...]
     period_s: float
@@ -125,15 +127,15 @@ def robot_config(
     names = robot.all_axis_names
     tolerance = tuple(tolerance_of_bus[robot.axes[axis].bus] for axis in names)
     period_s = 1.0 / rate_hz
+    velocity, acceleration, jerk = robot.rate_limits
     return RobotConfig(
         name=name,
         kind=robot.model,
         quantity=robot.quantity,
+        quantities=robot.quantities,
         model=model,
         frame=BaseFrame.of(robot.base),
-        limits=axis_limits(
-            model.lower, model.upper, robot.velocity_limit, robot.acceleration_limit, period_s
-        ),
+        limits=axis_limits(model.lower, model.upper, velocity, acceleration, period_s),
         transmission=transmission,
         axis_names=names,
         extra_axes=len(robot.extra_axis_names),
@@ -141,9 +143,9 @@ def robot_config(
         # Extra axes rest at their least value: without pressure, open.
         rest=(*robot.rest, *model.lower[len(robot.axis_names) :]),
         stops=StopConfig.of(robot.stop),
-        velocity=robot.velocity_limit,
-        acceleration=robot.acceleration_limit,
-        jerk=robot.jerk_limit,
+        velocity=velocity,
+        acceleration=acceleration,
+        jerk=jerk,
         tolerance=tolerance,
         stale_s=tuple(max(ticks * period_s, STALE_S) for ticks in tolerance),
         period_s=period_s,

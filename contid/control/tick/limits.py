@@ -23,6 +23,8 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Final
 
+from contid.trajectory.approach import Limit, per_axis
+
 # Which limit bound, as bits of one number per axis.
 POSITION: Final = 1
 VELOCITY: Final = 2
@@ -60,11 +62,17 @@ class AxisLimits:
 
 
 def axis_limits(
-    lower: Sequence[float], upper: Sequence[float], velocity: float, acceleration: float, period_s: float
+    lower: Sequence[float],
+    upper: Sequence[float],
+    velocity: Limit,
+    acceleration: Limit,
+    period_s: float,
 ) -> tuple[AxisLimits, ...]:
-    """Limits of every axis of a robot from its ranges [m or Pa], rates [1/s, 1/s^2] and the period [s]."""
-    step, change = velocity * period_s, acceleration * period_s * period_s
-    return tuple(AxisLimits(low, high, step, change) for low, high in zip(lower, upper, strict=True))
+    """Limits of every axis from ranges [m, Pa or rad], rates (common or per axis) and the period [s]."""
+    count = len(lower)
+    steps = [each * period_s for each in per_axis(velocity, count)]
+    changes = [each * period_s * period_s for each in per_axis(acceleration, count)]
+    return tuple(AxisLimits(*each) for each in zip(lower, upper, steps, changes, strict=True))
 
 
 def brake_step(room: float, change: float) -> float:

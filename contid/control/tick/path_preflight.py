@@ -237,14 +237,15 @@ class _Follower:
         """
         config = self._config
         step, change = self._peaks[axis]
-        unit, per_si = config.quantity.unit, config.quantity.per_si
+        unit, per_si = config.quantities[axis].unit, config.quantities[axis].per_si
+        velocity_limit, acceleration_limit = config.velocity[axis], config.acceleration[axis]
         speed, acceleration = step / config.period_s, change / config.period_s**2
-        by_speed, by_acceleration = speed / config.velocity, math.sqrt(acceleration / config.acceleration)
+        by_speed, by_acceleration = speed / velocity_limit, math.sqrt(acceleration / acceleration_limit)
         needs = [
-            (by_speed, f"{speed * per_si:.4g} {unit}/s, limit {config.velocity * per_si:.4g}"),
+            (by_speed, f"{speed * per_si:.4g} {unit}/s, limit {velocity_limit * per_si:.4g}"),
             (
                 by_acceleration,
-                f"{acceleration * per_si:.4g} {unit}/s2, limit {config.acceleration * per_si:.4g}",
+                f"{acceleration * per_si:.4g} {unit}/s2, limit {acceleration_limit * per_si:.4g}",
             ),
         ]
         slowdown = max(1.0, by_speed, by_acceleration)

@@ -58,12 +58,13 @@ def ease_ticks(configs: Sequence[RobotConfig], trajectory: Trajectory, time_s: f
             continue
         start = config.model.inverse(config.frame.target_in_base(here[config.name]), config.rest).actuation
         after = config.model.inverse(config.frame.target_in_base(beside[config.name]), start).actuation
-        step = max(abs(b - a) for a, b in zip(start, after, strict=True))
-        if not step > config.limits[0].change * _SHARE:
-            continue
-        speed = step / period_s
-        # Peak acceleration of the easing is 1.5 v/T, its peak jerk 6 v/T^2.
-        by_acceleration = 1.5 * speed / (_SHARE * config.acceleration)
-        by_jerk = math.sqrt(6.0 * speed / (_SHARE * config.jerk))
-        ticks = max(ticks, math.ceil(max(by_acceleration, by_jerk) / period_s))
+        for axis, limits in enumerate(config.limits):
+            step = abs(after[axis] - start[axis])
+            if not step > limits.change * _SHARE:
+                continue
+            speed = step / period_s
+            # Peak acceleration of the easing is 1.5 v/T, its peak jerk 6 v/T^2.
+            by_acceleration = 1.5 * speed / (_SHARE * config.acceleration[axis])
+            by_jerk = math.sqrt(6.0 * speed / (_SHARE * config.jerk[axis]))
+            ticks = max(ticks, math.ceil(max(by_acceleration, by_jerk) / period_s))
     return ticks + ticks % 2

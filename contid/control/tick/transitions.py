@@ -116,7 +116,8 @@ def inwards(config: RobotConfig, state: RobotState, start_s: float) -> RobotStat
         for value, each in zip(state.command, config.limits, strict=True)
     )
     velocity, acceleration, jerk = (
-        rate * RECOVER_SHARE for rate in (config.velocity, config.acceleration, config.jerk)
+        tuple([rate * RECOVER_SHARE for rate in rates])
+        for rates in (config.velocity, config.acceleration, config.jerk)
     )
     still, straight = (0.0,) * len(goal), config.taut is not None
     motion = Approach(state.command, still, goal, velocity, acceleration, jerk, straight=straight)
@@ -126,8 +127,10 @@ def inwards(config: RobotConfig, state: RobotState, start_s: float) -> RobotStat
 def outside(config: RobotConfig, actuation: Actuation) -> str:
     """The axes that are outside their limits by more than `OUTSIDE_SHARE` of their travel; "" for none."""
     found = []
-    per_si, unit = config.quantity.per_si, config.quantity.unit
-    for axis, value, each in zip(config.axes, actuation, config.limits, strict=True):
+    for axis, value, each, quantity in zip(
+        config.axes, actuation, config.limits, config.quantities, strict=True
+    ):
+        per_si, unit = quantity.per_si, quantity.unit
         inside = min(max(value, each.lower), each.upper)
         if abs(value - inside) > OUTSIDE_SHARE * (each.upper - each.lower):
             found.append(

@@ -46,7 +46,8 @@ export class Plots {
     if (!this.data.has(this.robot)) return;
     const robot = this.robots[this.robot];
     this.title.textContent = `${this.robot}: axes [${robot.unit}] (dashed: command), tip off its target [mm]`;
-    const span = 0.04 * Math.max(...Object.values(robot.axes).map((axis) => axis[`max_${robot.unit}`] - axis[`min_${robot.unit}`]));
+    const ends = (axis, end) => axis[Object.keys(axis).find((key) => key.startsWith(end))];
+    const span = 0.04 * Math.max(...Object.values(robot.axes).map((axis) => ends(axis, "max_") - ends(axis, "min_")));
     const series = [];
     Object.keys(robot.axes).forEach((axis, i) => {
       const color = COLORS[i % COLORS.length];

@@ -78,9 +78,11 @@ export class RobotCard {
     this.jog = jog;
     this.tipColumns = drawing?.tip_columns ?? [];
     this.axisColumns = drawing?.axis_columns ?? [];
-    const unit = description.unit;
     const axes = Object.entries(description.axes);
-    this.axes = axes.map(([axis, limit], i) => new Slider(axis, limit[`min_${unit}`], limit[`max_${unit}`], unit, () => this.jogAxes(), () => jog.end(), COLORS[i % COLORS.length]));
+    this.axes = axes.map(([axis, limit], i) => {
+      const unit = Object.keys(limit).find((key) => key.startsWith("min_")).slice(4); // a wrist may be in degrees
+      return new Slider(axis, limit[`min_${unit}`], limit[`max_${unit}`], unit, () => this.jogAxes(), () => jog.end(), COLORS[i % COLORS.length]);
+    });
     const [low, high] = drawing?.bounds ?? [[], []];
     this.tip = this.tipColumns.map((column, i) => new Slider("xyz"[i], Math.floor(low[i]), Math.ceil(high[i]), "mm", () => this.jogTip(), () => jog.end()));
     this.state = h("span", { className: "state" });

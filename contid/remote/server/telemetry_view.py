@@ -141,19 +141,31 @@ class TelemetryView:
         """What does not change: robots, axes, limits, columns."""
         robots: Fields = {}
         for name, config in self.configs.items():
-            scale, unit = config.quantity.per_si, config.quantity.unit
-            limits = zip(config.axis_names, config.model.lower, config.model.upper, strict=True)
+            unit = config.quantity.unit
+            limits = zip(
+                config.axis_names, config.model.lower, config.model.upper, config.quantities, strict=True
+            )
+            rates = {
+                "velocity": (config.velocity, "s"),
+                "acceleration": (config.acceleration, "s2"),
+                "jerk": (config.jerk, "s3"),
+            }
             robots[name] = {
                 "model": config.kind,
                 "unit": unit,
                 "columns": list(vocabulary(self.robots[name])),
-                f"velocity_{unit}_s": config.velocity * scale,
-                f"acceleration_{unit}_s2": config.acceleration * scale,
-                f"jerk_{unit}_s3": config.jerk * scale,
+                **{
+                    f"{what}_{quantity.unit}_{per}": limit * quantity.per_si
+                    for what, (of_axes, per) in rates.items()
+                    for quantity, limit in dict(zip(config.quantities, of_axes, strict=True)).items()
+                },
                 "stop": {key: getattr(config.stops, key).value for key in config.stops.__slots__},
                 "axes": {
-                    axis: {f"min_{unit}": minimum * scale, f"max_{unit}": maximum * scale}
-                    for axis, minimum, maximum in limits
+                    axis: {
+                        f"min_{each.unit}": minimum * each.per_si,
+                        f"max_{each.unit}": maximum * each.per_si,
+                    }
+                    for axis, minimum, maximum, each in limits
                 },
             }
         return {"name": self._loaded.file.name, "file": str(self._loaded.path.absolute()), "robots": robots}
@@ -189,7 +201,7 @@ class TelemetryView:
         return self._field(self.configs[robot], self._of(robot, record), field)
 
     def _field(self, config: RobotConfig, record: RobotRecord, field: str) -> Any:
-        scale = config.quantity.per_si
+        scales = [each.per_si for each in config.quantities]
         match field:
             case "state":
                 return Mode(record.mode).name
@@ -202,10 +214,14 @@ class TelemetryView:
             case "error_mm":
                 return _number(m_to_mm(record.tip_error_m))
             case "command":
-                return [_number(axis.command * scale) for axis in record.axes]
+                return [
+                    _number(axis.command * scale) for axis, scale in zip(record.axes, scales, strict=True)
+                ]
             case "measured":
                 measured = _measured(config, record)
-                return None if measured is None else [value * scale for value in measured]
+                if measured is None:
+                    return None
+                return [value * scale for value, scale in zip(measured, scales, strict=True)]
             case "limits":
                 return [_limits(int(axis.limits)) for axis in record.axes]
             case "measured_tip_mm":
@@ -219,10 +235,10 @@ class TelemetryView:
 
     def _robot(self, name: str, newest: TickRecord) -> Fields:
         config, record = self.configs[name], self._of(name, newest)
-        scale, unit = config.quantity.per_si, config.quantity.unit
         measured = _measured(config, record)
         axes = {}
         for number, (axis, sample) in enumerate(zip(config.axis_names, record.axes, strict=True)):
+            scale, unit = config.quantities[number].per_si, config.quantities[number].unit
             axes[axis] = {
                 f"measured_{unit}": None if measured is None else measured[number] * scale,
                 f"command_{unit}": _number(sample.command * scale),
@@ -237,7 +253,7 @@ class TelemetryView:
             "enabled": bool(record.flags & ENABLED),
             "fault": self._fault(name, record),
             **{key: self._field(config, record, key) for key in ("tip_mm", "target_mm", "error_mm")},
-            "unit": unit,
+            "unit": config.quantity.unit,
             "axes": axes,
         }
 

@@ -13,6 +13,7 @@ from typing import Final
 
 from contid.session.format.channels import Field, fields
 from contid.session.read import Session
+from contid.units import DEG
 
 _VECTORS: Final = {
     "tip_m": ("x_mm", "y_mm", "z_mm"),
@@ -56,6 +57,9 @@ def _columns(each: Field) -> Iterator[Column]:
         for name, slot in zip(_VECTORS[key], each.slots, strict=True):
             yield Column(front + name, slot, scale)
         return
+    if key.endswith("_rad") and len(each.path) == 3:  # an axis; values of devices stay in rad
+        yield Column(front + key.removesuffix("_rad") + "_deg", each.slots[0], _to_deg)
+        return
     for end, new, scale in _UNITS:
         if key.endswith(end):
             yield Column(front + key.removesuffix(end) + new, each.slots[0], scale)
@@ -70,6 +74,10 @@ def _same(value: float) -> float:
 
 def _to_mm(value: float) -> float:
     return value * 1e3
+
+
+def _to_deg(value: float) -> float:
+    return value / DEG
 
 
 def _to_bar(value: float) -> float:

@@ -42,15 +42,15 @@ class MeasuredRobot:
     @property
     def names(self) -> tuple[str, ...]:
         """The columns, in the order of `row`."""
-        unit = self.config.quantity.unit
-        axes = (f"{axis}_{unit}" for axis in self.config.axis_names)
+        pairs = zip(self.config.axis_names, self.config.quantities, strict=True)
+        axes = (f"{axis}_{quantity.unit}" for axis, quantity in pairs)
         return tuple(f"{self.config.name}.{name}" for name in (*axes, *_TIP))
 
     def row(self, record: Sequence[float]) -> tuple[float, ...]:
-        """Axes [mm or bar] and tip in the world [mm] of a record; NaN while a device has no value."""
+        """Axes and tip in the world, in the units of `names`; NaN while a device has no value."""
         config = self.config
         actuation = config.transmission.to_actuation(tuple(record[place] for place in self.values))
-        axes = tuple(map(config.quantity.from_si, actuation))
+        axes = tuple([each.from_si(value) for each, value in zip(config.quantities, actuation, strict=True)])
         if not all(map(math.isfinite, actuation)):
             return (*axes, *(math.nan for _ in _TIP))
         x, y, z = (record[place] for place in self.load)

@@ -27,7 +27,7 @@ INFINITE: Final = "infinite"
 #: Keys of events in revisions 0 to 2 -> their names from revision 3 on.
 RENAMED_EVENT_KEYS: Final = {"words": "message", "told": "report"}
 #: Unit in a robot file -> unit of SI.
-SI: Final = {"mm": "m", "bar": "pa"}
+SI: Final = {"mm": "m", "bar": "pa", "deg": "rad"}
 
 
 @dataclass(frozen=True, slots=True)
@@ -80,7 +80,7 @@ def fields(layout: RecordLayout, device_units: Mapping[str, str], channel: str) 
                     path = value.about.path
                     if ("/" in path) == nested:
                         place = layout.axis_place(index, number, value.name)
-                        path = path.format(axis=key_of(axis), unit=SI[robot.quantity], device=device)
+                        path = path.format(axis=key_of(axis), unit=SI[robot.units[number]], device=device)
                         yield _field(value, place, front, path)
 
 

@@ -61,7 +61,7 @@ def test_an_ease_takes_half_of_the_acceleration_and_of_the_jerk() -> None:
 
     def gentle(ticks: int) -> bool:
         time_s = ticks * config.period_s
-        return 3.0 * speed / time_s <= config.acceleration and 12.0 * speed / time_s**2 <= config.jerk
+        return 3.0 * speed / time_s <= config.acceleration[0] and 12.0 * speed / time_s**2 <= config.jerk[0]
 
     lead = ease_ticks(configs, fast, 0.0, ahead=True)
     assert gentle(lead)

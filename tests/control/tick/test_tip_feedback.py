@@ -155,8 +155,8 @@ def test_without_the_tracker_it_falls_back_to_the_open_loop_within_a_second_and_
     rig.close()
     assert commands[-1] == pytest.approx(open_loop, abs=1e-12)
     steps = np.abs(np.diff(np.array(commands), axis=0))
-    assert steps.max() <= rig.config.velocity / RATE_HZ
-    assert np.abs(np.diff(steps, axis=0)).max() <= rig.config.acceleration / RATE_HZ**2 * (1 + 1e-9)
+    assert steps.max() <= rig.config.velocity[0] / RATE_HZ
+    assert np.abs(np.diff(steps, axis=0)).max() <= rig.config.acceleration[0] / RATE_HZ**2 * (1 + 1e-9)
 
 
 @pytest.mark.parametrize("tracking", [True, False])
