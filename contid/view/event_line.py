@@ -29,6 +29,8 @@ def event_line(event: ev.RunEvent) -> tuple[str, str] | None:
     if kind in _SILENT:
         return None
     level = _LOG_LEVELS.get(event.level) if isinstance(event, ev.LogWritten) else _LEVELS.get(kind)
+    if isinstance(event, ev.ModeChanged):
+        return "INFO", f"{event.robot}: {event.mode}"
     robot, text = fields.pop("robot", None), fields.pop("message", None)
     if text is None:
         rounded = {

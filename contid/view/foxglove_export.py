@@ -21,21 +21,20 @@ from contid.control.engine.tick_layout import RecordLayout, RobotRecord, TickRec
 from contid.robot_file.load import LoadedFile
 from contid.targets import Actuation
 from contid.units import MM_PER_M
+from contid.view.body import SolidBody
+from contid.view.colours import PLATE, of_robot
 from contid.view.event_line import event_line
 from contid.view.frames import FRAMES_HZ
 from contid.view.robot_scene import Array, RobotDrawing, RobotScene, load_or_zero
 from contid.view.scene import Scene, build_scene
 
 WORLD: Final = "world"
-#: Thickness of a body, of its edges and of the commanded line, and the size of a target, as fractions of the
-#: robot's length.
-BODY, THIN, TARGET = 0.04, 0.008, 0.04
-#: Of the measured bodies, one per robot.
-COLOURS: Final = ((0.25, 0.61, 1.0), (1.0, 0.59, 0.2), (0.43, 0.8, 0.43), (0.8, 0.51, 1.0))
+#: Thickness of tendons and of the commanded line, and the size of a target, as fractions of the length.
+THIN, TARGET = 0.008, 0.04
 COMMANDED: Final = (0.9, 0.9, 0.9)
 TARGETED: Final = (1.0, 0.27, 0.35)
 ROPE: Final = (0.84, 0.69, 0.49)
-Colour = tuple[float, float, float]
+Colour = tuple[float, ...]
 #: Time of day [ns], and the values of a record or an event.
 TimedEntry = tuple[int, Sequence[float] | None, RunEvent | None]
 
@@ -103,14 +102,14 @@ class _Writer:
         entities, frames, drawings = [], [], []
         for number, (robot, each) in enumerate(zip(self._scene.robots, record.robots, strict=True)):
             load = load_or_zero(each.load_n)
-            measured = robot.drawing(_measured(robot, each), load)
-            commanded = robot.drawing(tuple(axis.command for axis in each.axes), load)
-            body = measured or commanded
+            sampled, command = _measured(robot, each), tuple(axis.command for axis in each.axes)
+            measured, commanded = robot.drawing(sampled, load), robot.drawing(command, load)
+            body, present = (measured, sampled) if measured is not None else (commanded, command)
             drawings.append(body)
             frames.append(_transform(stamp, robot.config.name, robot.base))
             if body is not None:
                 frames.append(_transform(stamp, f"{robot.config.name}/tip", body.frames[-1]))
-            lines = _body(robot, body, COLOURS[number % len(COLOURS)])
+            lines = _outside(robot, body)
             if commanded is not None and measured is not None:
                 lines += [
                     _line(part, COMMANDED, THIN * robot.length_mm)
@@ -122,6 +121,7 @@ class _Writer:
                     frame_id=WORLD,
                     id=robot.config.name,
                     lines=lines,
+                    cylinders=_body(self._scene.bodies[number], body, present, number),
                     spheres=_target(robot, each),
                 )
             )
@@ -140,13 +140,33 @@ def _measured(robot: RobotScene, record: RobotRecord) -> Actuation:
     return robot.config.transmission.to_actuation(tuple(axis.value for axis in record.axes))
 
 
-def _body(robot: RobotScene, drawing: RobotDrawing | None, colour: Colour) -> list[fox.LinePrimitive]:
+def _outside(robot: RobotScene, drawing: RobotDrawing | None) -> list[fox.LinePrimitive]:
+    """Tendons; the edges of a finger are in its body."""
+    if drawing is None or robot.planar:
+        return []
+    return [_line(part, COMMANDED, THIN * robot.length_mm) for part in drawing.strips[drawing.sections :]]
+
+
+def _body(
+    body: SolidBody, drawing: RobotDrawing | None, actuation: Actuation, number: int
+) -> list[fox.CylinderPrimitive]:
+    """The solid body, as in the viewer."""
     if drawing is None:
         return []
-    return [
-        _line(part, colour, (BODY if number < drawing.sections else THIN) * robot.length_mm)
-        for number, part in enumerate(drawing.strips)
-    ]
+    placed = body.place([drawing], [actuation])
+    inks = [_ink(tuple(part / 255 for part in colour)) for colour in (*of_robot(number), PLATE)]
+    centres = (placed.centres[0] / MM_PER_M).tolist()
+    lengths, radii = (placed.lengths[0] / MM_PER_M).tolist(), (body.radii / MM_PER_M).tolist()
+    found = []
+    for (x, y, z), (i, j, k, w), length, radius, shade in zip(
+        centres, placed.quaternions[0].tolist(), lengths, radii, body.shades.tolist(), strict=True
+    ):
+        pose = fox.Pose(position=fox.Vector3(x=x, y=y, z=z), orientation=fox.Quaternion(x=i, y=j, z=k, w=w))
+        size = fox.Vector3(x=2.0 * radius, y=2.0 * radius, z=length)
+        found.append(
+            fox.CylinderPrimitive(pose=pose, size=size, bottom_scale=1.0, top_scale=1.0, color=inks[shade])
+        )
+    return found
 
 
 def _target(robot: RobotScene, record: RobotRecord) -> list[fox.SpherePrimitive]:

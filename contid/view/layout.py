@@ -7,7 +7,7 @@ compare them with a recording.
 from __future__ import annotations
 
 import math
-from collections.abc import Iterable
+from collections.abc import Iterable, Sequence
 from typing import Any, Final
 
 import numpy as np
@@ -15,6 +15,7 @@ import rerun as rr
 import rerun.blueprint as rrb
 
 from contid.view import paths
+from contid.view.rerun_bars import LEFT, RIGHT, ROW, WIDTH, BarRows, bar_rows
 from contid.view.robot_scene import Array, RobotScene
 from contid.view.scene import Scene
 
@@ -25,10 +26,13 @@ WINDOW_S: Final = 20.0
 VIEW_FROM: Final = (0.8, -1.0, 0.35)
 #: Width and height that the camera sees at a distance of 1, less a margin.
 FIELD_OF_VIEW: Final = np.array([1.35, 0.97])
+BACKGROUND: Final = rrb.Background(color=(22, 24, 27))
 #: More plots than this are put on tabs.
 MAX_STACKED: Final = 2
-#: More curves than this have no legend, which would cover them; the pointer shows their names.
-MAX_LEGEND: Final = 3
+#: A legend would cover curves; the bars have the names of the axes in the same colours.
+NO_LEGEND: Final = rrb.PlotLegend(visible=False)
+#: More axes than this have a tab per robot.
+MAX_BARS: Final = 18
 
 
 def build_layout(scene: Scene, live: bool, finished: bool) -> rrb.Blueprint:
@@ -47,25 +51,34 @@ def build_layout(scene: Scene, live: bool, finished: bool) -> rrb.Blueprint:
     ]
     actuation = [_actuation(robot, ranges) for robot in scene.robots]
     plots: list[Any] = actuation if len(actuation) <= MAX_STACKED else [rrb.Tabs(*actuation)]
-    bars = [_bars(robot) for robot in scene.robots if not robot.planar]
     error = rrb.TimeSeriesView(
-        name="tip off its target [mm]",
+        name="tip off target [mm], measured grey",
         contents=_contents(errors),
-        plot_legend=rrb.PlotLegend(corner="RightBottom"),
+        plot_legend=NO_LEGEND,
         time_ranges=ranges,
     )
     timing = rrb.TimeSeriesView(
-        name="lateness and work of the ticks [us]", contents=_contents([paths.TIMING]), time_ranges=ranges
+        name="lateness, work [us]",
+        contents=_contents([paths.TIMING]),
+        plot_legend=NO_LEGEND,
+        time_ranges=ranges,
     )
     events = rrb.TextLogView(
         name="events",
         contents=_contents([paths.EVENTS]),
-        columns=rrb.TextLogColumns(text_log_columns=["LogLevel", "Body"]),
+        columns=rrb.TextLogColumns(
+            text_log_columns=["LogLevel", "Body"],
+            # Their width cannot be set: the time is in the text.
+            timeline_columns=[
+                rrb.encodings.TimelineColumn(line, visible=False) for line in (paths.TIME, paths.TICK)
+            ],
+        ),
     )
+    banner = rrb.TextDocumentView(name="state", contents=_contents([paths.BANNER]), titlebar=False)
     return rrb.Blueprint(
         rrb.Horizontal(
-            rrb.Vertical(_space(scene), events, row_shares=[4, 1]),
-            rrb.Vertical(*plots, rrb.Tabs(timing, error, active_tab=0 if live else 1), *bars),
+            rrb.Vertical(banner, _space(scene), events, row_shares=[0.4, 4, 1.2]),
+            rrb.Vertical(*plots, rrb.Tabs(timing, error, active_tab=0 if live else 1), _bars(scene)),
             column_shares=[3, 2],
         ),
         rrb.TimePanel(
@@ -100,28 +113,49 @@ def _actuation(robot: RobotScene, ranges: Any) -> rrb.TimeSeriesView | rrb.Tabs:
         names = config.axis_names[axes]
         what = ", ".join(names) if group else f"{config.quantity}s"
         view = rrb.TimeSeriesView(
-            name=f"{config.name}: {what} [{config.quantity.unit}]",
+            name=f"{config.name}: {what} [{config.quantities[axes.start].unit}]",
             contents=_contents(paths.plot(config.name, group + curve) for curve in ("command", "measured")),
-            plot_legend=rrb.PlotLegend(visible=len(names) <= MAX_LEGEND),
+            plot_legend=NO_LEGEND,
             time_ranges=ranges,
         )
         views.append(view)
     return views[0] if len(views) == 1 else rrb.Tabs(*views, active_tab=0)
 
 
-def _bars(robot: RobotScene) -> rrb.BarChartView:
-    name = robot.config.name
-    return rrb.BarChartView(
-        name=f"{name}: range in use [%], axis by axis",
-        contents=_contents([paths.plot(name, "range")]),
-        plot_legend=rrb.PlotLegend(visible=False),
+def _bars(scene: Scene) -> rrb.Spatial2DView | rrb.Tabs:
+    """Bars of all robots in one view, or on a tab per robot."""
+    rows = bar_rows(scene.robots)
+    if sum(each.count for each in rows) <= MAX_BARS:
+        return _bar_view("axes in their ranges", rows)
+    return rrb.Tabs(*(_bar_view(f"{each.robot.config.name}: axes", [each]) for each in rows), active_tab=0)
+
+
+def _bar_view(name: str, rows: Sequence[BarRows]) -> rrb.Spatial2DView:
+    parts = ("range_tracks", "range", "range_names")
+    entities = [paths.plot(each.robot.config.name, part) for each in rows for part in parts]
+    top, bottom = rows[0].first * ROW, (rows[-1].first + rows[-1].count) * ROW
+    return rrb.Spatial2DView(
+        name=name,
+        contents=_contents(entities),
+        background=BACKGROUND,
+        visual_bounds=rrb.VisualBounds2D(x_range=[-LEFT, WIDTH + RIGHT], y_range=[top, bottom]),
     )
 
 
 def _space(scene: Scene) -> rrb.Spatial3DView:
     entities, trails = [paths.FLOOR], {}
     for robot in scene.robots:
-        parts = ["base", "backbone", "measured", "tracked", "tracked_tip", "frames", "target", "trail"]
+        parts = [
+            "base",
+            "body",
+            "backbone",
+            "measured",
+            "tracked",
+            "tracked_tip",
+            "frames",
+            "target",
+            "trail",
+        ]
         parts += ["reach"] if robot.outline is not None else []
         entities += [paths.body(robot.config.name, part) for part in parts]
         behind = rrb.VisibleTimeRanges([_last(TRAIL_S)])
@@ -133,7 +167,7 @@ def _space(scene: Scene) -> rrb.Spatial3DView:
         origin="/",
         contents=_contents(entities),
         overrides=trails,
-        background=rrb.Background(color=(22, 24, 27)),
+        background=BACKGROUND,
         line_grid=rrb.LineGrid3D(visible=False),  # it is infinite: its far lines merge into a surface
         eye_controls=rrb.EyeControls3D(
             kind=rrb.Eye3DKind.Orbital, position=position, look_target=look_target, eye_up=up

@@ -5,6 +5,7 @@ from __future__ import annotations
 from typing import Final
 
 EVENTS: Final = "events"
+BANNER: Final = "banner"
 FLOOR: Final = "floor"
 TIMING: Final = "plots/timing"
 TIMES: Final = ("worst lateness", "longest work")
@@ -15,10 +16,10 @@ TICK: Final = "tick"
 
 
 def body(robot: str, part: str) -> str:
-    """In space: backbone, measured, tracked, tracked_tip, frames, base, target, trail, reach, rope."""
+    """In space: body, backbone, measured, tracked, tracked_tip, frames, base, target, trail, reach, rope."""
     return f"robots/{robot}/{part}"
 
 
 def plot(robot: str, what: str) -> str:
-    """Curves or bars: command, measured, tip_error, tip_error_measured, range."""
+    """Curves or bars: command, measured, tip_error, tip_error_measured, range, range_names, range_tracks."""
     return f"plots/{robot}/{what}"

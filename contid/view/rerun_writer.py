@@ -17,36 +17,32 @@ from contid.control.engine.tick_layout import RobotRecord
 from contid.control.tick.config import RobotConfig
 from contid.units import MM_PER_M
 from contid.view import paths
+from contid.view.banner import Banner
+from contid.view.colours import (
+    AXES,
+    CURVES,
+    EDGES,
+    FLOOR,
+    MEASURED,
+    REACH,
+    ROPE,
+    TARGET,
+    TRACKED,
+    TRAIL,
+    Colour,
+    of_axis,
+    of_robot,
+)
 from contid.view.event_line import event_line
 from contid.view.frames import Frame
 from contid.view.measured_shape import measured_shape
+from contid.view.rerun_bars import RerunBars, bar_rows
+from contid.view.rerun_bodies import RerunBody
+from contid.view.rerun_stream import RerunStream
 from contid.view.robot_scene import ARROW, Array, RobotDrawing, RobotScene, load_or_zero
 from contid.view.scene import Scene
 
-Colour = tuple[int, int, int]
 US_PER_S: Final = 1e6
-#: One pair per robot: first section, second section.
-SECTIONS: Final[tuple[tuple[Colour, Colour], ...]] = (
-    ((64, 156, 255), (134, 205, 255)),
-    ((255, 150, 50), (255, 200, 120)),
-    ((110, 205, 110), (175, 235, 165)),
-    ((205, 130, 255), (230, 190, 255)),
-)
-#: One per axis.
-CURVES: Final[tuple[Colour, ...]] = (
-    (64, 156, 255), (255, 120, 90), (110, 205, 110), (205, 130, 255), (240, 200, 60), (70, 210, 210),
-    (255, 150, 200), (150, 150, 255), (190, 160, 120),
-)  # fmt: skip
-MEASURED: Final[Colour] = (190, 190, 190)
-TRACKED: Final[Colour] = (70, 225, 200)
-EDGES: Final[Colour] = (120, 130, 140)
-TARGET: Final[Colour] = (255, 70, 90)
-TRAIL: Final[Colour] = (255, 214, 64)
-REACH: Final[Colour] = (75, 85, 95)
-FLOOR: Final[Colour] = (48, 52, 57)
-ROPE: Final[Colour] = (215, 175, 125)
-AXES: Final[tuple[Colour, ...]] = ((230, 70, 70), (80, 200, 90), (80, 120, 255))
-
 #: A line with its colour and its radius on the screen.
 Strip = tuple[Array, Colour, float]
 _NO_POINT: Final = np.full((1, 3), np.nan)
@@ -56,9 +52,15 @@ class RerunWriter:
     """Writes one recording of the robots of one file."""
 
     def __init__(self, recording: rr.RecordingStream, scene: Scene, rate_hz: float) -> None:
-        self._recording = recording
+        self._stream = stream = RerunStream(recording, rate_hz)
         self._scene = scene
-        self._rate_hz = rate_hz
+        several = len(scene.robots) > 1
+        self._bodies = [
+            RerunBody(stream, robot.config.name, body, of_robot(index))
+            for index, (robot, body) in enumerate(zip(scene.robots, scene.bodies, strict=True))
+        ]
+        self._bars = [RerunBars(stream, rows, several) for rows in bar_rows(scene.robots)]
+        self._banner = Banner([robot.config.name for robot in scene.robots])
         self._tick = 0
         # Entities whose last row shows something. The layout shows these entities of every robot; initially
         # True makes them exist even if their first row is empty.
@@ -68,35 +70,35 @@ class RerunWriter:
                 paths.body(robot.config.name, part): True for part in ("tracked", "tracked_tip")
             }
         self._log_static()
+        self._show_banner(0)
 
     def _log_static(self) -> None:
         """Write what never changes: base frames, outlines, names and colours of the curves."""
         floor = rr.LineStrips3D(self._scene.floor(), colors=[FLOOR], radii=rr.Radius.ui_points(0.5))
-        self._static(paths.FLOOR, floor)
+        self._stream.static(paths.FLOOR, floor)
         for index, robot in enumerate(self._scene.robots):
             name = robot.config.name
             origins, vectors = _arrows([robot.base], 2 * ARROW * robot.length_mm)
-            self._static(paths.body(name, "base"), rr.Arrows3D(origins=origins, vectors=vectors, colors=AXES))
+            self._stream.static(
+                paths.body(name, "base"), rr.Arrows3D(origins=origins, vectors=vectors, colors=AXES)
+            )
             if robot.outline is not None:
                 outline = rr.LineStrips3D([robot.outline], colors=[REACH], radii=rr.Radius.ui_points(1.0))
-                self._static(paths.body(name, "reach"), outline)
+                self._stream.static(paths.body(name, "reach"), outline)
             for group, axes in robot.groups.items():
                 names = robot.config.axis_names[axes]
                 count = len(names)
-                inks = [CURVES[k % len(CURVES)] for k in range(count)]
+                inks = [of_axis(axes.start + k) for k in range(count)]
                 curves = rr.SeriesLines(names=names, colors=inks, widths=[2.0] * count)
-                self._static(paths.plot(name, f"{group}command"), curves)
+                self._stream.static(paths.plot(name, f"{group}command"), curves)
                 names = tuple(f"{axis} measured" for axis in names)
                 curves = rr.SeriesLines(names=names, colors=[MEASURED] * count, widths=[0.75] * count)
-                self._static(paths.plot(name, f"{group}measured"), curves)
-            errors = rr.SeriesLines(names=f"{name} commanded", colors=_sections(index)[0])
-            self._static(paths.plot(name, "tip_error"), errors)
+                self._stream.static(paths.plot(name, f"{group}measured"), curves)
+            errors = rr.SeriesLines(names=f"{name} commanded", colors=of_robot(index)[0])
+            self._stream.static(paths.plot(name, "tip_error"), errors)
             errors = rr.SeriesLines(names=f"{name} measured", colors=MEASURED, widths=0.75)
-            self._static(paths.plot(name, "tip_error_measured"), errors)
-        self._static(paths.TIMING, rr.SeriesLines(names=paths.TIMES, colors=CURVES[:2]))
-
-    def _static(self, entity: str, what: Any) -> None:
-        self._recording.log(entity, what, static=True)
+            self._stream.static(paths.plot(name, "tip_error_measured"), errors)
+        self._stream.static(paths.TIMING, rr.SeriesLines(names=paths.TIMES, colors=CURVES[:2]))
 
     def write(self, frames: Sequence[Frame]) -> None:
         """Add frames, oldest first."""
@@ -120,9 +122,16 @@ class RerunWriter:
 
     def event(self, event: RunEvent) -> None:
         """Add an event of the ring, unless it is for programs only."""
+        tick = int(getattr(event, "tick", self._tick))
         if (line := event_line(event)) is not None:
-            columns = rr.TextLog.columns(level=[line[0]], text=[line[1]])
-            self._send(paths.EVENTS, [int(getattr(event, "tick", self._tick))], columns)
+            text = f"{tick / self._stream.rate_hz:.3f} s   {line[1]}"
+            self._stream.send(paths.EVENTS, [tick], rr.TextLog.columns(level=[line[0]], text=[text]))
+        if self._banner.changed(event):
+            self._show_banner(tick)
+
+    def _show_banner(self, tick: int) -> None:
+        columns = rr.TextDocument.columns(text=[self._banner.text()], media_type=["text/markdown"])
+        self._stream.send(paths.BANNER, [tick], columns)
 
     def _curves(self, robot: RobotScene, ticks: Sequence[int], records: Sequence[RobotRecord]) -> None:
         """Lengths or pressures and the distance of the tip from its target, commanded and measured."""
@@ -130,7 +139,7 @@ class RerunWriter:
         commands, samples = _commands(records), _samples(config, records)
         for what, rows in (("command", commands), ("measured", samples)):
             for group, axes in robot.groups.items():
-                values = rows[:, axes] * config.quantity.per_si
+                values = rows[:, axes] * [each.per_si for each in config.quantities[axes]]
                 self._scalars(paths.plot(config.name, group + what), ticks, values)
         errors = [[record.tip_error_m * MM_PER_M] for record in records]
         self._scalars(paths.plot(config.name, "tip_error"), ticks, errors)
@@ -149,14 +158,19 @@ class RerunWriter:
         """
         config = robot.config
         commands, samples = _commands(records), _samples(config, records)
-        if not robot.planar:
-            self._range(index, robot, ticks, commands)
+        self._bars[index].write(ticks, commands)
         loads = [load_or_zero(record.load_n) for record in records]
         commanded = [robot.drawing(tuple(q), load) for q, load in zip(commands.tolist(), loads, strict=True)]
         measured = [robot.drawing(tuple(q), load) for q, load in zip(samples.tolist(), loads, strict=True)]
-        self._body(robot, "backbone", ticks, commanded, _sections(index), 2.5)
+        self._body(robot, "backbone", ticks, commanded, of_robot(index), 2.5)
         self._body(robot, "measured", ticks, measured, (MEASURED, MEASURED), 1.0)
         drawings = [a or b for a, b in zip(commanded, measured, strict=True)]
+        present = [
+            tuple(q) if a is not None else tuple(p)
+            for a, q, p in zip(measured, samples.tolist(), commands.tolist(), strict=True)
+        ]
+        bodies = [a or b for a, b in zip(measured, commanded, strict=True)]
+        self._bodies[index].write(ticks, bodies, present)
         self._frames(robot, ticks, drawings)
         targets = [np.array([record.tip_m]) * MM_PER_M for record in records]
         self._points(paths.body(config.name, "target"), ticks, targets, TARGET, 7.0)
@@ -190,12 +204,14 @@ class RerunWriter:
         colours: tuple[Colour, Colour],
         radius: float,
     ) -> None:
-        """A robot in every frame: sections in its colours, edges thin; nothing where it is unknown."""
-        edges = 2 if robot.outline is not None else 0
+        """A robot in every frame: sections in its colours, tendons thin; nothing where it is unknown.
+
+        The edges of a finger are not drawn: its racks are there.
+        """
         strips: list[list[Strip]] = []
         for drawing in drawings:
-            lines = [] if drawing is None else drawing.strips
-            sections = len(lines) - edges
+            sections = 0 if drawing is None else drawing.sections
+            lines = [] if drawing is None else drawing.strips[: sections if robot.planar else None]
             strips.append(
                 [
                     (line, colours[k % 2], radius) if k < sections else (line, EDGES, 0.5 * radius)
@@ -219,7 +235,7 @@ class RerunWriter:
             colors=[ink for _, ink, _ in shown],
             radii=rr.Radius.ui_points([radius for _, _, radius in shown]) if shown else [],
         ).partition([len(strips[k]) for k in keep])
-        self._send(entity, [ticks[k] for k in keep], columns)
+        self._stream.send(entity, [ticks[k] for k in keep], columns)
 
     def _frames(
         self, robot: RobotScene, ticks: Sequence[int], drawings: Sequence[RobotDrawing | None]
@@ -234,7 +250,7 @@ class RerunWriter:
         columns = rr.Arrows3D.columns(
             origins=origins, vectors=vectors, colors=[*AXES] * len(frames)
         ).partition([3 * count] * len(shown))
-        self._send(paths.body(robot.config.name, "frames"), [tick for tick, _ in shown], columns)
+        self._stream.send(paths.body(robot.config.name, "frames"), [tick for tick, _ in shown], columns)
 
     def _points(
         self, entity: str, ticks: Sequence[int], points: Sequence[Array], ink: Colour, size: float
@@ -250,26 +266,16 @@ class RerunWriter:
             colors=[ink] * len(shown),
             radii=rr.Radius.ui_points([size] * len(shown)) if shown else [],
         ).partition([int(finite[k]) for k in keep])
-        self._send(entity, [ticks[k] for k in keep], columns)
-
-    def _range(self, index: int, robot: RobotScene, ticks: Sequence[int], commands: Array) -> None:
-        """The position of every axis in its range [%], as bars."""
-        lower, upper = np.array(robot.config.model.lower), np.array(robot.config.model.upper)
-        used = 100.0 * (commands - lower) / (upper - lower)
-        finite = np.isfinite(used).all(axis=1)
-        abscissa = np.arange(len(lower)) + 0.5  # centres the bars at 1, 2, 3
-        entity = paths.plot(robot.config.name, "range")
-        for tick, row in zip(np.array(ticks)[finite].tolist(), used[finite], strict=True):
-            self._recording.set_time(paths.TICK, sequence=tick)
-            self._recording.set_time(paths.TIME, duration=tick / self._rate_hz)
-            self._recording.log(entity, rr.BarChart(row, abscissa=abscissa, color=_sections(index)[0]))
+        self._stream.send(entity, [ticks[k] for k in keep], columns)
 
     def _scalars(self, entity: str, ticks: Sequence[int], values: Any) -> None:
         """Rows of equally many curves; rows with an unknown value are left out."""
         rows = np.asarray(values, dtype=np.float64)
         finite = np.isfinite(rows).all(axis=1)
         if finite.any():
-            self._send(entity, np.array(ticks)[finite].tolist(), rr.Scalars.columns(scalars=rows[finite]))
+            self._stream.send(
+                entity, np.array(ticks)[finite].tolist(), rr.Scalars.columns(scalars=rows[finite])
+            )
 
     def _changes(self, entity: str, visible: Sequence[bool]) -> list[int]:
         """Indices of the frames to write: those that show something, and the first that does not."""
@@ -279,16 +285,6 @@ class RerunWriter:
                 keep.append(k)
             self._visible[entity] = is_visible
         return keep
-
-    def _send(self, entity: str, ticks: Sequence[int], columns: Any) -> None:
-        seconds = np.array(ticks) / self._rate_hz
-        times = [rr.TimeColumn(paths.TICK, sequence=ticks), rr.TimeColumn(paths.TIME, duration=seconds)]
-        self._recording.send_columns(entity, indexes=times, columns=columns)
-
-
-def _sections(index: int) -> tuple[Colour, Colour]:
-    """Colours of the sections of a robot."""
-    return SECTIONS[index % len(SECTIONS)]
 
 
 def _arrows(frames: Sequence[Array], length_mm: float) -> tuple[Array, Array]:

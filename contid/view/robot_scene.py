@@ -75,7 +75,12 @@ class RobotScene:
         self._rotation = np.array(config.frame.rotation).reshape(3, 3)
         self._origin = np.array(config.frame.origin_in_world)
         own, count = len(config.axis_names) - len(robot.extra_axis_names), len(config.axis_names)
-        self.groups = {"": slice(0, own)} | ({"extra_": slice(own, count)} if own < count else {})
+        turning = count - len(robot.extra_deg)
+        self.groups = {"": slice(0, own)}
+        if own < turning:
+            self.groups["extra_"] = slice(own, turning)
+        if turning < count:
+            self.groups["angle_"] = slice(turning, count)
         self._spacing_m = 0.0
         self.outline: Array | None = None
         self.up: Vec3 = (0.0, 0.0, 1.0)

@@ -13,6 +13,7 @@ from contid.control.engine.wiring import build_robot_configs, chain_guards
 from contid.kinematics.rope.chain import ChainGuard, Tip
 from contid.robot_file.load import LoadedFile
 from contid.units import MM_PER_M
+from contid.view.body import SolidBody
 from contid.view.robot_scene import Array, RobotDrawing, RobotScene
 
 #: Points of a rope.
@@ -53,11 +54,13 @@ class Scene:
 
     Attributes:
         robots: the driven robots, in the order of the records.
+        bodies: of the same robots.
         ropes: of the closed chains.
         cell_mm: distance between the lines of the floor.
     """
 
     robots: Sequence[RobotScene]
+    bodies: Sequence[SolidBody]
     ropes: Sequence[RopeDrawing]
     cell_mm: float
 
@@ -83,10 +86,11 @@ def build_scene(loaded: LoadedFile, rate_hz: float) -> Scene:
     """All robots and ropes of a file."""
     configs = build_robot_configs(loaded, rate_hz)
     robots = [RobotScene(config, loaded.file.robots[config.name]) for config in configs]
+    bodies = [SolidBody(robot, loaded.file.robots[robot.config.name]) for robot in robots]
     index = {config.name: number for number, config in enumerate(configs)}
     ropes = [
         RopeDrawing(guard, (index[guard.arms[0]], index[guard.arms[1]])) for guard in chain_guards(loaded)
     ]
     size_mm = float(np.ptp(np.vstack([robot.workspace for robot in robots]), axis=0).max())
     cell_mm = next((cell for cell in CELLS_MM if cell * MAX_CELLS >= size_mm), math.ceil(size_mm / MAX_CELLS))
-    return Scene(robots, ropes, cell_mm)
+    return Scene(robots, bodies, ropes, cell_mm)

@@ -127,7 +127,15 @@ def test_foxglove_messages_have_the_robot_where_it_is(exported: Path, table: pd.
         along = Rotation.from_quat([q.x, q.y, q.z, q.w]).as_matrix()[:, 1]
         assert along[:2] == pytest.approx(Robot("hand")[name].fk(racks).direction[0, :2], abs=2e-3)
     bodies = {entity.id: entity for entity in last["/scene"].entities}
-    assert bodies["left"].lines[0].points[-1].x == pytest.approx(tip.x, abs=1e-6)
+    assert len(bodies["left"].cylinders) > 30
+    ends = []
+    for part in bodies["left"].cylinders:
+        middle, q = part.pose.position, part.pose.orientation
+        along = Rotation.from_quat([q.x, q.y, q.z, q.w]).apply([0.0, 0.0, 0.5 * part.size.z])
+        ends.append([middle.x + along[0], middle.y + along[1], middle.z + along[2]])
+    # The tip body ends at the tip.
+    assert np.linalg.norm(np.array(ends) - [tip.x, tip.y, tip.z], axis=1).min() < 1e-6
+    assert bodies["left"].lines[-1].points[-1].x == pytest.approx(tip.x, abs=2e-3)
     assert 1e3 * bodies["left"].spheres[0].pose.position.x == pytest.approx(TIP_MM[0])
 
 

@@ -1,0 +1,139 @@
+"""Places the parts of a body along drawn backbones: cylinders in the world, many instants at once."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Final
+
+import numpy as np
+from numpy.typing import NDArray
+
+from contid.robot_file.cosserat import Cosserat
+from contid.robot_file.robot import RobotDescription
+from contid.targets import Actuation
+from contid.view.body_plan import body_plan, section_shares
+from contid.view.robot_scene import RobotDrawing, RobotScene
+
+Array = NDArray[np.float64]
+_TINY: Final = 1e-12
+
+
+@dataclass(frozen=True, slots=True)
+class Cylinders:
+    """The body at several instants, ``n`` instants of ``m`` cylinders; world frame.
+
+    Attributes:
+        centres: (n, m, 3) [mm].
+        quaternions: (n, m, 4), x y z w; they turn +z to the axis of the cylinder.
+        lengths: (n, m) [mm].
+    """
+
+    centres: Array
+    quaternions: Array
+    lengths: Array
+
+
+class SolidBody:
+    """The body of one robot.
+
+    Attributes:
+        radii: (m,) [mm].
+        shades: (m,), see `contid.view.body_plan.BodyPart`.
+    """
+
+    def __init__(self, scene: RobotScene, robot: RobotDescription) -> None:
+        self._robot = robot
+        parts = body_plan(robot, scene.length_mm)
+        self.radii = np.array([part.radius_mm for part in parts])
+        self.shades = np.array([part.shade for part in parts])
+        self._stations = np.array([[part.begin, part.end] for part in parts])
+        self._offsets = np.array([[part.from_mm, part.to_mm] for part in parts])
+        base = scene.base
+        self._across, self._along = (base[1], base[2]) if scene.planar else (base[1], base[3])
+
+    def __len__(self) -> int:
+        return len(self.radii)
+
+    def place(self, drawings: Sequence[RobotDrawing], actuations: Sequence[Actuation]) -> Cylinders:
+        """The cylinders of drawings, each with the actuation [m or Pa] it was drawn for."""
+        lines = np.stack([_backbone(drawing) for drawing in drawings])
+        x, y, z = transported(lines, self._across, self._along)
+        shares = np.stack([self._shares(*each) for each in zip(drawings, actuations, strict=True)])
+        section = np.minimum(self._stations.astype(int), shares.shape[1] - 2)
+        within = self._stations - section
+        at = shares[:, section] + within * (shares[:, section + 1] - shares[:, section])
+        place = np.clip(at, 0.0, 1.0) * (lines.shape[1] - 1)
+        ends = _interpolated(lines, place)
+        for axes, offset in zip((x, y, z), np.moveaxis(self._offsets, 2, 0), strict=True):
+            ends = ends + _interpolated(axes, place) * offset[None, :, :, None]
+        return between(ends[:, :, 0], ends[:, :, 1])
+
+    def _shares(self, drawing: RobotDrawing, actuation: Actuation) -> Array:
+        shares = np.array(section_shares(self._robot, actuation))
+        if isinstance(self._robot, Cosserat) and drawing.sections == len(shares) - 1 == 2:
+            # Its sections stretch; the drawing is cut at the end of the first one.
+            first = len(drawing.strips[0])
+            shares[1] = (first - 1) / (first + len(drawing.strips[1]) - 2)
+        return shares
+
+
+def transported(lines: Array, across: Array, along: Array) -> tuple[Array, Array, Array]:
+    """Frames along lines by parallel transport, without twist.
+
+    The minimal rotation from one tangent to the next takes ``x`` along; ``y = z x x``.
+
+    Args:
+        lines: (n, points, 3).
+        across: x axis at the beginning of every line.
+        along: tangent there.
+
+    Returns:
+        Axes x, y and tangents z, each (n, points, 3).
+    """
+    z = np.gradient(lines, axis=1)
+    z /= np.maximum(np.linalg.norm(z, axis=2, keepdims=True), _TINY)
+    x = np.empty_like(z)
+    before, last = np.broadcast_to(along, z[:, 0].shape), np.broadcast_to(across, z[:, 0].shape)
+    for k in range(z.shape[1]):
+        last = _turned(last, before, z[:, k])
+        x[:, k], before = last, z[:, k]
+    return x, np.cross(z, x), z
+
+
+def between(begin: Array, end: Array) -> Cylinders:
+    """Cylinders from points to points, each (n, m, 3) [mm]."""
+    axis = end - begin
+    lengths = np.linalg.norm(axis, axis=2)
+    i, j, k = np.moveaxis(axis / np.maximum(lengths, _TINY)[..., None], 2, 0)
+    # Half of the turn from +z: (0, 0, 1) x axis and 1 + cosine, normalised; -z is a half turn about x.
+    w = 1.0 + k
+    opposite = w < 1e-9
+    quaternions = np.stack(
+        [np.where(opposite, 1.0, -j), np.where(opposite, 0.0, i), np.zeros_like(i), w], axis=2
+    )
+    quaternions /= np.linalg.norm(quaternions, axis=2, keepdims=True)
+    return Cylinders(0.5 * (begin + end), quaternions, lengths)
+
+
+def _backbone(drawing: RobotDrawing) -> Array:
+    first, *more = drawing.strips[: drawing.sections]
+    return np.concatenate([first, *(strip[1:] for strip in more)])
+
+
+def _turned(vectors: Array, before: Array, after: Array) -> Array:
+    """Vectors rotated as the tangents are, with the least rotation, each (n, 3)."""
+    w = np.cross(before, after)
+    c = np.sum(before * after, axis=1, keepdims=True)
+    dot = np.sum(w * vectors, axis=1, keepdims=True)
+    turned = vectors * c + np.cross(w, vectors) + w * dot / np.maximum(1.0 + c, _TINY)
+    turned -= after * np.sum(turned * after, axis=1, keepdims=True)
+    return np.asarray(turned / np.maximum(np.linalg.norm(turned, axis=1, keepdims=True), _TINY))
+
+
+def _interpolated(values: Array, place: Array) -> Array:
+    """Values (n, points, 3) at fractional numbers of points (n, m, 2): (n, m, 2, 3)."""
+    low = np.minimum(place.astype(int), values.shape[1] - 2)
+    share = (place - low)[..., None]
+    rows = np.arange(len(values))[:, None, None]
+    return np.asarray(values[rows, low] * (1.0 - share) + values[rows, low + 1] * share)
