@@ -17,9 +17,11 @@ import uvicorn
 from fastapi import FastAPI
 from nicegui import app as lifecycle
 from nicegui import ui
+from starlette.datastructures import MutableHeaders
+from starlette.types import ASGIApp, Message, Receive, Scope, Send
 
 from contid.client import AsyncClient
-from contid.panel.guard import HEADERS
+from contid.panel.guard import POLICY
 from contid.panel.server import NICE
 
 RATE_HZ: Final = 20.0
@@ -74,25 +76,32 @@ class NiceguiPanel:
         ui.timer(1.0 / DRAWN_HZ, draw)
 
 
+def with_policy(app: ASGIApp) -> ASGIApp:
+    """An application whose pages have the content security policy of the panel."""
+
+    async def served(scope: Scope, receive: Receive, send: Send) -> None:
+        async def send_with_policy(message: Message) -> None:
+            if message["type"] == "http.response.start":
+                MutableHeaders(scope=message)["Content-Security-Policy"] = POLICY
+            await send(message)
+
+        await app(scope, receive, send_with_policy)
+
+    return served
+
+
 def main() -> None:
     """Serve until SIGTERM."""
     os.setpriority(os.PRIO_PROCESS, 0, NICE)
     panel = NiceguiPanel(Path(sys.argv[1]))
     api = FastAPI()
-    if "--policy" in sys.argv:
-
-        @api.middleware("http")
-        async def policy(request: Any, call_next: Any) -> Any:
-            response = await call_next(request)
-            response.headers["Content-Security-Policy"] = HEADERS["Content-Security-Policy"]
-            return response
-
     ui.run_with(api, root=panel.build, show_welcome_message=False)
     lifecycle.on_startup(lambda: asyncio.create_task(panel.read()))
     listener = socket.socket()
     listener.bind(("127.0.0.1", 0))
     print(f"http://127.0.0.1:{listener.getsockname()[1]}/", flush=True)
-    config = uvicorn.Config(api, log_level="warning", ws="websockets-sansio", lifespan="on")
+    served = with_policy(api) if "--policy" in sys.argv else api
+    config = uvicorn.Config(served, log_level="warning", ws="websockets-sansio", lifespan="on")
     asyncio.run(uvicorn.Server(config).serve(sockets=[listener]))
 
 

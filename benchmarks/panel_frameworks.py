@@ -1,9 +1,10 @@
 """The panel beside NiceGUI: what a page loads, how long STOP takes, and what keeps other sites out.
 
 ``python -m benchmarks.panel_frameworks [--presses 60]``. Both pages have a STOP button and live plots of the
-same daemon, `contid run hand --mock`, one after the other, in headless Chromium.
-NiceGUI's page is `benchmarks.nicegui_panel`: a button and one plot; the panel is whole. Lines of code are not
-empty and no comments; those of the panel are of what STOP and plots need: server, connection, button, plots.
+same daemon, `contid run hand --mock`, one after the other, in headless Chromium. ``--presses 0`` leaves STOP
+out. NiceGUI's page is `benchmarks.nicegui_panel`: a button and one plot; the panel is whole. Lines of code
+are not empty and no comments; those of the panel are of what STOP and plots need: server, connection, button,
+plots.
 """
 
 from __future__ import annotations
@@ -25,7 +26,7 @@ import psutil
 
 import contid.panel
 from benchmarks import nicegui_panel
-from benchmarks.panel_stop import CHROMIUM, daemon, executable, pressed, presses, served
+from benchmarks.panel_stop import CHROMIUM, TIMEOUT_MS, daemon, executable, pressed, presses, served
 from benchmarks.stop_times import cells, obeyed_after
 from contid.control.engine.tick_layout import DEADLINE
 from contid.session.read import Session
@@ -60,35 +61,34 @@ def code_lines(paths: Sequence[Path]) -> int:
     return sum(bool(line) and not re.match(r"#|//|\*|/\*", line) for line in lines)
 
 
-def loaded(url: str, ready: str) -> dict[str, Any]:
+def looked_at(url: str, ready: str) -> dict[str, Any]:
     """What a page loads and receives, what its browser computes, and what its policy refuses."""
     from playwright.sync_api import sync_playwright
 
-    found = {"requests": 0, "bytes": 0, "frames": 0, "frame_bytes": 0}
+    found = {"frames": 0, "frame_bytes": 0}
+    responses: list[Any] = []
     errors: list[str] = []
     with sync_playwright() as playwright:
         browser = playwright.chromium.launch(executable_path=executable(), args=list(CHROMIUM))
         page = browser.new_page(viewport={"width": 1280, "height": 860})
+        page.set_default_timeout(TIMEOUT_MS)
         page.on("console", lambda it: errors.append(it.text) if it.type == "error" else None)
         page.on("pageerror", lambda error: errors.append(str(error)))
-
-        def finished(request: Any) -> None:
-            found["requests"] += 1
-            found["bytes"] += request.sizes()["responseBodySize"]
 
         def received(data: str | bytes) -> None:
             found["frames"] += 1
             found["frame_bytes"] += len(data)
 
-        page.on("requestfinished", finished)
+        page.on("response", lambda it: responses.append(it))
         page.on("websocket", lambda it: it.on("framereceived", received))
         page.goto(url)
         try:
-            page.wait_for_selector(ready, timeout=60_000)
+            page.wait_for_selector(ready)
             shown = True
         except Exception:
             shown = False
         page.wait_for_timeout(2000)
+        loaded = [len(each.body()) for each in [*responses] if each.ok]
         before, cpu = dict(found), processor_s()
         began_s = time.monotonic()
         page.wait_for_timeout(1e3 * LOOK_S)
@@ -96,8 +96,8 @@ def loaded(url: str, ready: str) -> dict[str, Any]:
         used = (processor_s() - cpu) / lasted_s
         result = {
             "shown": shown,
-            "requests": before["requests"],
-            "loaded_kB": round(before["bytes"] / 1e3),
+            "requests": len(loaded),
+            "loaded_kB": round(sum(loaded) / 1e3),
             "kB_per_s": round((found["frame_bytes"] - before["frame_bytes"]) / lasted_s / 1e3, 1),
             "messages_per_s": round((found["frames"] - before["frames"]) / lasted_s, 1),
             "browser_cores": round(used, 2),
@@ -172,12 +172,13 @@ def main() -> None:
     for name, (way, ready) in pages.items():
         with tempfile.TemporaryDirectory(prefix="contid-") as folder, daemon(Path(folder)) as path:
             with way(path) as url:
-                print(f"{name}: {json.dumps(loaded(url, ready))}", flush=True)
+                print(f"{name}: {json.dumps(looked_at(url, ready))}", flush=True)
                 print(f"{name}: {json.dumps(strangers(url))}", flush=True)
             if way is niceguis:
                 with niceguis(path, "--policy") as url:
-                    print(f"{name} with the panel's policy: {json.dumps(loaded(url, ready))}", flush=True)
-        print(f"{name}: STOP, p50/p99: {latency(way, ready, count)}", flush=True)
+                    print(f"{name} with the panel's policy: {json.dumps(looked_at(url, ready))}", flush=True)
+        if count:
+            print(f"{name}: STOP, p50/p99: {latency(way, ready, count)}", flush=True)
     print(f"panel: {code_lines([FOLDER / name for name in NEEDED])} lines")
     print(f"NiceGUI: {code_lines([Path(nicegui_panel.__file__)])} lines")
 

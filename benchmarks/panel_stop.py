@@ -37,6 +37,8 @@ from contid.session.read import Session
 #: Index of the lateness in the values of a record.
 LATENESS: Final = 3
 CHROMIUM: Final = ("--no-sandbox", "--use-gl=angle", "--use-angle=swiftshader", "--enable-unsafe-swiftshader")
+#: A loaded machine opens a page slowly; only a hang fails.
+TIMEOUT_MS: Final = 300_000.0
 #: Remembers when Chromium and the script had each press, by the time of day [ms].
 WATCH: Final = """() => {
     window.pressed = [];
@@ -140,8 +142,9 @@ def pressed(url: str, ready: str) -> Iterator[Press]:
     with sync_playwright() as playwright:
         browser = playwright.chromium.launch(executable_path=executable(), args=list(CHROMIUM))
         page = browser.new_page(viewport={"width": 1280, "height": 860})
+        page.set_default_timeout(TIMEOUT_MS)
         page.goto(url)
-        page.wait_for_selector(ready, timeout=90_000)
+        page.wait_for_selector(ready)
         page.evaluate(WATCH)
         box = page.locator("#stop").bounding_box()
         assert box is not None

@@ -35,9 +35,13 @@ export class Link {
     const scheme = location.protocol === "https:" ? "wss:" : "ws:";
     const socket = new WebSocket(`${scheme}//${location.host}/socket`, ["contid.panel", `contid.token.${token || "none"}`]);
     this.socket = socket;
-    socket.onopen = () => this.set(true, "");
+    let opened = false;
+    socket.onopen = () => {
+      opened = true;
+      this.set(true, "");
+    };
     socket.onmessage = (event) => this.take(JSON.parse(event.data));
-    socket.onclose = (event) => this.closed(event);
+    socket.onclose = (event) => this.closed(event, opened);
   }
 
   set(open, reason) {
@@ -55,10 +59,10 @@ export class Link {
     this.received(message);
   }
 
-  async closed(event) {
+  async closed(event, opened) {
     for (const waiting of this.waiting.values()) waiting.reject(new Refusal({ code: "lost", message: "the connection to the panel ended" }));
     this.waiting.clear();
-    this.set(false, event.reason || (await reason()));
+    this.set(false, event.reason || (opened ? "it ended, and is made again" : await reason()));
     setTimeout(() => this.connect(), RETRY_MS);
   }
 
