@@ -3,7 +3,7 @@
     python docs/panel_pictures.py [ROBOT ...]
 
 Each robot is run by contid itself on simulated devices, with a trajectory of many laps; a headless Chromium
-opens its panel and takes the picture when every robot follows its target.
+opens its panel and takes the image when every robot follows its target.
 """
 
 from __future__ import annotations
