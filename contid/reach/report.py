@@ -122,3 +122,9 @@ def spatial_report(
         overlaps={pair: value * 1e6 for pair, value in shared(volumes).items()},
         volumes=volumes,
     )
+
+
+def with_unit(volume_m3: float, uncertainty_m3: float) -> str:
+    """A volume with its uncertainty, in litres from one litre on, else in cm3."""
+    per_m3, unit, digits = (1e3, "litres", 1) if volume_m3 >= 1e-3 else (1e6, "cm3", 0)
+    return f"{volume_m3 * per_m3:.{digits}f} +- {uncertainty_m3 * per_m3:.{digits}f} {unit}"

@@ -12,7 +12,7 @@ from matplotlib.figure import Figure
 from PIL import Image
 
 from contid.reach.plot import save_plot, silhouette, volume_text
-from contid.reach.report import ReachReport
+from contid.reach.report import ReachReport, with_unit
 from contid.reach.spatial import Volume
 
 
@@ -68,3 +68,8 @@ def test_the_legend_is_beside_the_plot(tmp_path: Path) -> None:
     gaps = np.flatnonzero(np.diff(rows) > 20)
     assert len(gaps) >= 1  # between the panes and the legend
     assert rows[-1] > 0.9 * len(pixels)
+
+
+def test_a_volume_is_printed_with_its_uncertainty() -> None:
+    assert with_unit(0.2649, 0.032) == "264.9 +- 32.0 litres"
+    assert with_unit(81.4e-6, 6e-6) == "81 +- 6 cm3"

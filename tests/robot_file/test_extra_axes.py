@@ -12,7 +12,10 @@ import numpy as np
 import pytest
 import yaml
 
+from contid.remote.server.telemetry_view import TelemetryView
 from contid.robot_file.load import load_robot_file
+from contid.teleop.described_robot import columns_of
+from contid.teleop.jogger import Jogger
 from tests.support.command import contid_in
 
 #: Robot file -> the extra axis as it is written, and what its device has beyond that of the first axis.
@@ -215,3 +218,25 @@ def test_the_example_of_the_finger_works_as_it_stands(tmp_path: Path, configs: P
     done = contid_in(tmp_path, "check", "finger.yaml")
     assert done.returncode == 0, done.stderr
     assert re.search(r"gripper\W+0\W+70\W+deg", done.stdout), done.stdout
+
+
+def test_clients_get_every_axis_in_its_unit(tmp_path: Path, configs: Path) -> None:
+    """What ``describe`` has, as jogging, teaching and the panel read it."""
+    loaded = load_robot_file(with_wrist(configs, tmp_path, "finger"))
+    described = TelemetryView(loaded, 200.0, lambda: None).describe()
+    robot = columns_of(described)["finger"]
+    assert robot.axes == ("left_mm", "right_mm", "wrist_deg")
+    assert robot.units == ("mm", "mm", "deg")
+    assert np.allclose(robot.minimum, [0.0, 0.0, -90.0])
+    assert np.allclose(robot.maximum, [100.0, 100.0, 45.0])
+    assert np.allclose(robot.axis_rates, [(60, 1000, 20000), (60, 1000, 20000), (180, 3000, 60000)])
+    assert described["robots"]["finger"]["columns"][-1] == "wrist_deg"
+
+
+def test_a_jogged_wrist_turns_at_its_own_rate() -> None:
+    """A press moves a column by speed times its scale."""
+    ends = ([0.0, -90.0], [100.0, 45.0])
+    jogger = Jogger([60.0, 10.0], *ends, speed=15.0, max_speed=60.0, hold_s=0.2, scales=[1.0, 3.0])
+    jogger.press(0, 1.0, 0.0)
+    jogger.press(1, -1.0, 0.0)
+    assert jogger.advance(0.2) == pytest.approx([60.0 + 15.0 * 0.2, 10.0 - 45.0 * 0.2])

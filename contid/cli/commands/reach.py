@@ -61,7 +61,7 @@ def command(robot_file: str, plot: Path | None, voxel_mm: float | None, across: 
 
 
 def _print(report: object) -> None:
-    from contid.reach.report import PAPER_OVERLAP_CM2, PAPER_TWO_LINK_CM2, ReachReport
+    from contid.reach.report import PAPER_OVERLAP_CM2, PAPER_TWO_LINK_CM2, ReachReport, with_unit
 
     assert isinstance(report, ReachReport)
     for name, area in report.areas_cm2.items():
@@ -69,7 +69,7 @@ def _print(report: object) -> None:
     for name, volume in report.volumes.items():
         low, high = ([f"{value * 1e3:.0f}" for value in corner] for corner in volume.bounds_m())
         click.echo(
-            f"{name}: {volume.volume_m3 * 1e6:.4g} +- {volume.uncertainty_m3 * 1e6:.2g} cm3 "
+            f"{name}: {with_unit(volume.volume_m3, volume.uncertainty_m3)} "
             f"({len(volume.voxels)} voxels of {volume.edge_m * 1e3:.3g} mm), "
             f"from ({', '.join(low)}) to ({', '.join(high)}) mm"
         )
