@@ -13,7 +13,7 @@ from contid_drivers.dynamixel import duplicates, turns
 from contid_drivers.dynamixel import registers as reg
 from contid_drivers.dynamixel.axis import Axis
 from contid_drivers.dynamixel.client import TRIES, NoAnswerError, ServoClient, ServoRefusedError
-from contid_drivers.dynamixel.grip import goal_current, limit_ma
+from contid_drivers.dynamixel.grip import goal_current, limit_ma, read_own_limit
 from contid_drivers.dynamixel.mapping import map_block
 from contid_drivers.dynamixel.models import model_name
 from contid_drivers.dynamixel.options import DynamixelBusOptions
@@ -32,12 +32,12 @@ def handshake(client: ServoClient, axes: Sequence[Axis], options: DynamixelBusOp
     Raises:
         DeviceNotFoundError: a servo is missing or another model; lists expected and found.
     """
-    lines = []
+    lines, twice = [], False
     for axis in axes:
         model = client.ping(axis.device)
         found = "nothing" if model is None else model_name(model)
         if duplicates.count_answers(client.port, axis.device, duplicates.QUICK_READS).duplicated:
-            found = f"broken answers: {duplicates.CAUSE}"
+            found, twice = f"broken answers: {duplicates.CAUSE}", True
         if found != axis.options.model:
             lines.append(f"id {axis.device} ({axis.name}): expected {axis.options.model}, found {found}")
     if lines:
@@ -48,7 +48,7 @@ def handshake(client: ServoClient, axes: Sequence[Axis], options: DynamixelBusOp
         raise DeviceNotFoundError(
             client.bus,
             f"at {options.baud} baud: " + "; ".join(lines) + f"; on the bus: {present or 'none'}",
-            "check power, ids and baud rate with `contid scan`",
+            duplicates.REMEDY if twice else "check power, ids and baud rate with `contid scan`",
         )
     for axis in axes:
         _make_it_answer(client, axis)
@@ -92,9 +92,7 @@ def settings(axis: Axis, options: DynamixelBusOptions) -> list[tuple[Register, i
 
 
 def _goal_current(axis: Axis) -> int | None:
-    """Goal Current; the servo's own value without a limit in the robot file and without a grip."""
-    if axis.options.goal_current_ma is None and axis.effort_share == 1.0:
-        return None
+    """Goal Current: an earlier grip, or a search for a stop, may have left another one in the servo."""
     return goal_current(axis) if limit_ma(axis) else _units(axis, axis.options.goal_current_ma)
 
 
@@ -110,6 +108,7 @@ def configure(client: ServoClient, axis: Axis, options: DynamixelBusOptions) -> 
     """
     device = axis.device
     torque = client.read(device, reg.TORQUE_ENABLE)
+    read_own_limit(client, axis)
     for register, value in settings(axis, options):
         try:
             found = client.read(device, register)

@@ -47,6 +47,7 @@ class Axis:
         tendon: on its spool, if its homing tensions one.
         value, time_s: last valid position [rad] and its time.
         effort_share: share of its current limit, see `grip`.
+        own_limit_ma: its Current Limit (38), read before it is armed in current-based position mode.
     """
 
     name: str
@@ -74,6 +75,7 @@ class Axis:
     temperature_c: float | None = None
     hardware_error: int = 0
     effort_share: float = 1.0
+    own_limit_ma: float | None = None
     goal: float | None = None
     following: FollowingError = field(default_factory=lambda: FollowingError(math.inf, 0.0))
     tendon: SlackTendon = field(default_factory=lambda: SlackTendon(0, 0.0, 0.0))

@@ -17,6 +17,7 @@ from contid_drivers.dynamixel.client import NoAnswerError, ServoClient
 from contid_drivers.dynamixel.exchange.block import PLAIN
 from contid_drivers.dynamixel.exchange.cyclic import Cyclic
 from contid_drivers.dynamixel.exchange.slack import Slack
+from contid_drivers.dynamixel.grip import read_own_limit
 from contid_drivers.dynamixel.models import model_name
 from contid_drivers.dynamixel.options import DynamixelBusOptions
 from contid_drivers.dynamixel.port import ServoPort
@@ -153,6 +154,7 @@ def _examine_servo(
 def _settings(client: ServoClient, axis: Axis, options: DynamixelBusOptions) -> Finding:
     """Settings that differ from the robot file: arming writes them, unless torque locks the EEPROM."""
     subject = f"id {axis.device} settings"
+    read_own_limit(client, axis)
     required = [*arming.settings(axis, options), (reg.STATUS_RETURN_LEVEL, reg.STATUS_RETURN_LEVEL.default)]
     found = [(register, client.read(axis.device, register), value) for register, value in required]
     different = [each for each in found if each[1] != each[2]]

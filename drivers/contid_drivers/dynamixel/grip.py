@@ -11,6 +11,7 @@ from typing import Final
 
 from contid_drivers.dynamixel import registers as reg
 from contid_drivers.dynamixel.axis import Axis
+from contid_drivers.dynamixel.client import ServoClient
 from contid_drivers.dynamixel.packets import sync_write
 
 #: Exchanges after a change that carry the currents.
@@ -21,12 +22,17 @@ CURRENT_BASED: Final = reg.MODE_NUMBERS["current_based_position"]
 
 
 def limit_ma(axis: Axis) -> float:
-    """Greatest current of an axis by the robot file [mA]; 0 when its mode limits none."""
+    """Greatest current of an axis [mA], by the robot file or its own limit; 0 when its mode limits none."""
     if axis.operating_mode != CURRENT_BASED:
         return 0.0
-    options, model_ma = axis.options, axis.model.current_limit_ma
-    whole_ma = options.goal_current_ma or options.current_limit_ma or model_ma
-    return min(whole_ma, options.current_limit_ma or model_ma)
+    limit = axis.options.current_limit_ma or axis.own_limit_ma or axis.model.current_limit_ma
+    return min(axis.options.goal_current_ma or limit, limit)
+
+
+def read_own_limit(client: ServoClient, axis: Axis) -> None:
+    """Read the Current Limit that the servo has; a Goal Current above it is refused."""
+    if axis.operating_mode == CURRENT_BASED and axis.current_a is not None:
+        axis.own_limit_ma = 1e3 * axis.current_a * client.read(axis.device, reg.CURRENT_LIMIT)
 
 
 def goal_current(axis: Axis) -> int:

@@ -85,7 +85,7 @@ class ServoModel:
         """
         if self.ma_per_unit is None:
             raise ValueError(f"{self.name} has no current registers")
-        return int(current_ma / self.ma_per_unit)
+        return int(current_ma / self.ma_per_unit + _ROUNDING)
 
 
 def _x(
@@ -105,6 +105,8 @@ def _x(
     )
 
 
+#: Of a whole number of units [units], so that a current made from one becomes the same one.
+_ROUNDING: Final = 1e-6
 _5V: Final = (5.0, 3.7, 7.0)
 _T330: Final = (12.0, 5.5, 14.0)
 _L430: Final = (11.1, 6.0, 14.0)

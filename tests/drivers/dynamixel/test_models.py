@@ -55,6 +55,14 @@ def test_gains_are_those_of_the_manual_after_power_up_and_after_a_mode_change(mo
     assert {name: servo.get(register) for name, register in gains.items()} == manual
 
 
+@pytest.mark.parametrize("model", [model for model in MODELS if model.ma_per_unit], ids=lambda m: m.name)
+def test_a_whole_number_of_units_survives_the_way_through_milliamperes(model: ServoModel) -> None:
+    assert model.ma_per_unit is not None
+    for units in range(model.current_limit + 1):
+        assert model.to_units(1e3 * (model.ma_per_unit / 1e3) * units) == units
+    assert model.to_units(0.999 * model.ma_per_unit) == 0
+
+
 @pytest.mark.parametrize("name", ["xh540-v150", "xh540-v270"])
 def test_current_limits_are_those_of_the_corrected_pages(name: str) -> None:
     """ROBOTIS-GIT/emanual, docs/en at 0bfde4c6 and docs/kr at 036d44f4; pages before them have 2047."""

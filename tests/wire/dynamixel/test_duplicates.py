@@ -54,5 +54,6 @@ def test_opening_a_bus_names_the_two_servos(rig: Callable[..., Any]) -> None:
     for servo in made:
         servo.put(reg.RETURN_DELAY, 0)
     r = rig(1, made=made)
-    with pytest.raises(DeviceNotFoundError, match=r"id 1 \(r.a1\): .*two servos have this id"):
+    with pytest.raises(DeviceNotFoundError, match=r"id 1 \(r.a1\): .*two servos have this id") as raised:
         r.bus.open()
+    assert "one servo at a time" in raised.value.remedy

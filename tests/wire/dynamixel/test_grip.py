@@ -92,6 +92,32 @@ def test_arming_again_keeps_the_share(rig: Callable[..., Any]) -> None:
     assert r.emulator.servo(1).get(reg.GOAL_CURRENT) == 300
 
 
+@pytest.mark.parametrize(
+    ("left_ma", "own_ma", "axis", "expected_ma"),
+    [
+        (180, 1750, {}, 1750),  # the grip of an earlier run
+        (180, 1750, {"current_limit_ma": 600}, 600),
+        (1750, 1750, {"current_limit_ma": 600}, 600),
+        (500, 500, {}, 500),  # its owner's limit, below that of the model
+    ],
+)
+def test_arming_sets_the_current_that_the_file_means(
+    rig: Callable[..., Any], left_ma: int, own_ma: int, axis: dict[str, Any], expected_ma: int
+) -> None:
+    r = rig(1, axis={"mode": "current_based_position", **axis})
+    servo = r.emulator.servo(1)
+    servo.put(reg.OPERATING_MODE, 5)
+    servo.put(reg.CURRENT_LIMIT, own_ma)
+    servo.put(reg.GOAL_CURRENT, left_ma)
+    r.bus.open()
+    r.bus.enable(r.bus.axes)
+    assert servo.get(reg.GOAL_CURRENT) == expected_ma
+    # A share of more than the servo's own limit would be refused, without an answer.
+    r.bus.limit_effort({"r.a1": 0.5})
+    r.tick(times=2)
+    assert servo.get(reg.GOAL_CURRENT) == expected_ma // 2
+
+
 def test_axes_in_another_mode_have_no_limit(rig: Callable[..., Any]) -> None:
     r = rig(1)
     r.bus.open()
