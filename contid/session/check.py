@@ -174,7 +174,8 @@ class _RobotCheck:
         limited = any(axis.limits > 0.0 for axis in now.axes)
         if now.mode == Mode.RUN or now.mode != before.mode or disturbed or limited:
             self._planned.clear()
-        self._planned.append(command)
+        if not limited:  # a limited command is beside the plan, and the next ones lead back to it
+            self._planned.append(command)
         if len(self._planned) == 4:
             for k, (a, b, c, d) in enumerate(zip(*self._planned, strict=True)):
                 third = d - 3.0 * c + 3.0 * b - a

@@ -16,7 +16,7 @@ from contid.control.engine.events import FaultLatched, OrderGiven
 from contid.control.engine.tick_layout import SKIPPED, TICK
 from contid.control.process.setup import RunSetup
 from contid.control.tick.supervisor import Mode
-from contid.robot_file.load import parse_robot_file
+from contid.robot_file.load import load_robot_file, parse_robot_file, with_mock
 from contid.session.check import check_session
 from contid.session.format.entries import Entry
 from contid.session.read import Session
@@ -194,3 +194,14 @@ def test_the_command_lists_violations_and_ends_with_1(run: Path, tmp_path: Path)
     lines = done.stdout.splitlines()
     assert len(lines) == MAX_VIOLATIONS + 1
     assert all("f0: velocity: f0." in line for line in lines[:-1])
+
+
+def test_a_motion_that_the_tensions_limit_breaks_no_rule(configs: Path, tmp_path: Path) -> None:
+    """Tensions hold it up now and then; the way back to the plan is limited, but not in jerk."""
+    loaded = with_mock(load_robot_file(configs / "tendon3.yaml"))
+    tips = (0.0014, 0.0188, 0.301), (0.0149, -0.0039, 0.3111)
+    orders: dict[int, list[msg.Message]] = {
+        30 + 120 * n: [msg.Goto("arm", Target(tip_m=tip))] for n, tip in enumerate(tips)
+    }
+    path = record_virtual(tmp_path / "run.mcap", loaded, None, orders, ticks=250, rate_hz=100.0)
+    assert list(check_session(Session(path))) == []
