@@ -64,6 +64,7 @@ class Tally:
     faults: Counter[tuple[str, str]] = field(default_factory=Counter)
     times: dict[str, list[float]] = field(default_factory=dict)
     message: list[str] = field(default_factory=list)
+    failed_starts: list[str] = field(default_factory=list)
 
     def check(self, name: str, found: list[str]) -> None:
         assert name in INVARIANTS
@@ -78,6 +79,11 @@ class Tally:
         lines = [
             f"{self.cases} cases on {self.daemons} daemons in real time, seed {self.seed}, "
             f"{self.seconds:.0f} s",
+            *(
+                ["", f"starts that failed: {len(self.failed_starts)}", *self.failed_starts]
+                if self.failed_starts
+                else []
+            ),
             "",
             f"{'invariant':<36}{'checks':>8}{'violations':>12}",
             *(f"{name:<36}{self.checks[name]:>8}{self.violations[name]:>12}" for name in INVARIANTS),
