@@ -1,9 +1,9 @@
 """Inverse kinematics of tendon robots: ``python benchmarks/tendon_ik.py [POSES]``.
 
-Random reachable poses of three sections (tip and direction, any bends inside every limit), each solved from
-the straight robot, with the tensions of every answer; beside it trirack2 in the same run, poses drawn alike,
-because only ratios hold on other machines. Each pose is timed three times, the shortest counts: the
-machine is shared.
+Random reachable poses of three sections (tip and direction, then tip and whole frame; any bends inside every
+limit), each solved from the straight robot, with the tensions of every answer; beside it trirack2 in the same
+run, poses drawn alike, because only ratios hold on other machines. Each pose is timed three times, the
+shortest counts: the machine is shared.
 """
 
 from __future__ import annotations
@@ -25,12 +25,14 @@ TIMES: Final = 3
 
 
 def solved(
-    model: TendonModel | SectionModel, poses: Sequence[Pose], seed: Actuation
+    model: TendonModel | SectionModel, poses: Sequence[Pose], seed: Actuation, frames: bool = False
 ) -> tuple[list[Solution], np.ndarray]:
-    """Answers for tips with directions, and the time of each [us]."""
+    """Answers for tips with directions or whole frames, and the time of each [us]."""
     answers, times_us = [], np.empty(len(poses))
     for k, pose in enumerate(poses):
         target = Target(tip_m=pose.tip_m, direction=pose.direction)
+        if frames:
+            target = Target(tip_m=pose.tip_m, rotation=pose.rotation)
         best = float("inf")
         for _ in range(TIMES):
             start = time.perf_counter()
@@ -52,12 +54,14 @@ def tendon_robot(name: str, count: int) -> np.ndarray:
     bends = [feasible.pulled(rng.uniform(feasible.low, feasible.high)) / lengths for _ in range(count)]
     poses = [model.forward(tuple(model.statics.pulls(each).tolist())) for each in bends]
     answers, times_us = solved(model, poses, robot.rest)
+    framed, framed_us = solved(model, poses, robot.rest, frames=True)
     slack = over = 0
-    for answer in answers:
+    for answer in (*answers, *framed):
         tensions = model.statics.tensions(np.array(answer.actuation))
         slack += bool(tensions.min() < model.statics.floor_n - 1e-6)
         over += bool(tensions.max() > model.statics.limit_n + 1e-6)
     report(name, answers, times_us)
+    report(f"{name}, whole frame", framed, framed_us)
     print(f"  slack commands: {slack}; commands over the largest tension: {over}")
     return times_us
 

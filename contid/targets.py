@@ -28,6 +28,7 @@ class Target:
     Attributes:
         tip_m: tip position [m].
         direction: unit tangent at the tip, or None for a target of position only.
+        rotation: frame of the tip, row by row, instead of a direction; None without.
         mid_m: position of the mid-point (end of the first section) [m], or None.
         actuation: the model's own axes in its own order [m or Pa].
         load_n: known force on the tip [N], in the same frame as ``tip_m``.
@@ -44,6 +45,7 @@ class Target:
     extra: Mapping[str, float] = field(default_factory=lambda: _NO_EXTRA)
     measured_tip_m: Vec3 | None = None
     measured_direction: Vec3 | None = None
+    rotation: tuple[float, ...] | None = None
 
 
 @dataclass(frozen=True, slots=True)

@@ -13,6 +13,8 @@ from contid.kinematics.array import Array
 
 #: Largest number, as in trajectories: squares of larger ones overflow in the models.
 MAX_NUMBER: Final = 1e10
+#: What a rotation matrix may be off, in products of its columns.
+ROTATION_ERROR: Final = 1e-6
 
 #: Shape of the rows of a call: () for one row, (N,) for N, or more dimensions.
 Shape: TypeAlias = tuple[int, ...]
@@ -77,6 +79,29 @@ def as_directions(what: str, values: ArrayLike, columns: Sequence[str], shape: S
     scaled = rows / largest
     unit: Array = scaled / np.linalg.norm(scaled, axis=1, keepdims=True)
     return unit
+
+
+def as_rotations(what: str, values: ArrayLike, shape: Shape) -> Array:
+    """Frames, shape ``(rows, 3, 3)``: one for all rows, or as many as there are.
+
+    Raises:
+        ArgumentError: another shape, not finite, or columns that are not orthonormal.
+    """
+    try:
+        given = np.asarray(values, dtype=np.float64)
+    except (TypeError, ValueError) as error:
+        raise ArgumentError(f"{what}: an array of numbers is needed ({error})") from None
+    if given.shape[-2:] != (3, 3) or given.shape[:-2] not in (shape, ()):
+        raise ArgumentError(
+            f"{what} has shape {given.shape}; allowed: {(*shape, 3, 3)}, or (3, 3) for all rows"
+        )
+    count = int(np.prod(shape, dtype=int))
+    turns = np.broadcast_to(given.reshape(-1, 3, 3), (count, 3, 3))
+    off = np.abs(turns @ np.swapaxes(turns, 1, 2) - np.eye(3)).max(axis=(1, 2), initial=0.0)
+    bad = ~(off <= ROTATION_ERROR)
+    if bad.any():
+        raise ArgumentError(f"{what}: row {int(np.argmax(bad))} is no rotation matrix: columns of length 1")
+    return np.ascontiguousarray(turns)
 
 
 def as_values(what: str, values: ArrayLike, shape: Shape) -> Array:

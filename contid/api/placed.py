@@ -47,6 +47,12 @@ class PlacedRows:
         turned: Array = matrix @ matrices
         return turned
 
+    def columns_in_base(self, matrices: Array) -> Array:
+        """Matrices ``(..., 3, n)`` whose columns are vectors of the world, in the base frame."""
+        matrix = np.array(self._r).reshape(3, 3)
+        turned: Array = matrix.T @ matrices
+        return turned
+
     def tensors_in_world(self, tensors: Array) -> Array:
         """Tensors ``(..., 3, 3)`` of the base frame, such as compliances, in the world: ``R T R^T``."""
         matrix = np.array(self._r).reshape(3, 3)

@@ -13,7 +13,15 @@ from typing import TYPE_CHECKING, Literal, Self
 import numpy as np
 from numpy.typing import ArrayLike
 
-from contid.api.arguments import ArgumentError, Shape, as_directions, as_rows, as_rows_like, as_values
+from contid.api.arguments import (
+    ArgumentError,
+    Shape,
+    as_directions,
+    as_rotations,
+    as_rows,
+    as_rows_like,
+    as_values,
+)
 from contid.api.limits import AxisRanges, LimitBits
 from contid.api.placed import PlacedRows
 from contid.api.plot import draw_backbones, draw_points, new_axes
@@ -214,6 +222,7 @@ class Robot:
         tips: ArrayLike,
         *,
         direction: ArrayLike | None = None,
+        rotation: ArrayLike | None = None,
         mid: ArrayLike | None = None,
         load: ArrayLike | None = None,
         seed: Seed = None,
@@ -223,6 +232,8 @@ class Robot:
         Args:
             tips: columns x, y and, for spatial robots, z.
             direction: of the body at its tip; its length does not matter. One row is for all tips.
+            rotation: frame of the tip instead of a direction, as `fk` gives it: matrices ``(..., 3, 3)``.
+                With the tip it fixes six numbers; for spatial arms with that many axes or bends.
             mid: position of the end of the first section.
             load: known force on the tip [N], columns x, y, z.
             seed: where the search begins, columns `axes`; None: the rest pose, for every row by itself;
@@ -242,6 +253,7 @@ class Robot:
             None if direction is None else self._directions(direction, shape),
             None if mid is None else self._mids(mid, shape),
             self._loads(load, shape),
+            None if rotation is None else self._rotations(rotation, direction is None and mid is None, shape),
         )
         follow = isinstance(seed, str)
         if follow and seed != "previous":
@@ -405,6 +417,16 @@ class Robot:
         self._accept("direction")
         columns = ("ax", "ay", "az")[: self.dimension]
         return self._placed.vectors_in_base(as_directions("direction", direction, columns, shape))
+
+    def _rotations(self, rotation: ArrayLike, alone: bool, shape: Shape) -> Array:
+        """Frames of the tip in the base frame, shape ``(rows, 3, 3)``."""
+        self._accept("rotation")
+        if not alone:
+            raise ArgumentError("rotation: goes with a tip only; leave out direction and mid")
+        turns = self._placed.columns_in_base(as_rotations("rotation", rotation, shape))
+        if len(turns) and np.linalg.det(turns).min() < 0.0:
+            raise ArgumentError("rotation: not the hand of this robot's frame (see `mirror` in its file)")
+        return turns
 
     def _mids(self, mid: ArrayLike, shape: Shape) -> Array:
         self._accept("mid")

@@ -48,8 +48,8 @@ class SectionRobot(RobotDescription):
 
     @property
     def accepts(self) -> frozenset[str]:
-        """A tip; from two sections on also a direction or a mid-point."""
-        more = {"direction", "mid"} if self.sections > 1 else set()
+        """A tip; from two sections on also a direction, its whole frame or a mid-point."""
+        more = {"direction", "rotation", "mid"} if self.sections > 1 else set()
         return frozenset({"tip", "actuation"} | more)
 
     @property

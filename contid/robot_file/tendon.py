@@ -161,7 +161,7 @@ class TendonRobot(RobotDescription):
     """A tendon robot of one to eight sections; it grows along +z.
 
     Axes: ``s1.t1``, ``s1.t2`` and so on: section, tendon; their values are pulls from the straight robot.
-    Targets: a tip; from three sections on also its direction, or a mid-point beside it.
+    Targets: a tip; from three sections on also its direction, its whole frame, or a mid-point beside it.
 
     Attributes:
         model: ``tendon``.
@@ -226,10 +226,12 @@ class TendonRobot(RobotDescription):
 
     @property
     def accepts(self) -> frozenset[str]:
-        """A tip; from three sections on also a direction or a mid-point."""
+        """A tip; from three sections on also a direction, its whole frame or a mid-point."""
         more = {"direction", "mid"} if self.sections > 2 else set()
         if self.rod is not None:
             more = more | {"load"}
+        elif self.sections > 2:
+            more = more | {"rotation"}
         return frozenset({"tip", "actuation"} | more)
 
     @property

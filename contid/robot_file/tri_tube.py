@@ -86,8 +86,8 @@ class TriTube(SectionRobot):
 
     @property
     def accepts(self) -> frozenset[str]:
-        """As for every arm of sections; ``ph`` takes no mid-point."""
-        return super().accepts - {"mid"} if self.solver.method == "ph" else super().accepts
+        """As for every arm of sections; ``ph`` takes no mid-point and no frame."""
+        return super().accepts - {"mid", "rotation"} if self.solver.method == "ph" else super().accepts
 
     @property
     def radius_m(self) -> tuple[float, ...]:

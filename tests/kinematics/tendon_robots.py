@@ -45,6 +45,14 @@ def random_bends(model: TendonModel, count: int, seed: int) -> np.ndarray:
     )
 
 
+def frame_of(model: TendonModel, bends: np.ndarray) -> np.ndarray:
+    """Frame of the tip: rotations of scipy in series."""
+    turned = Rotation.identity()
+    for u, v in bends.reshape(-1, 2):
+        turned = turned * Rotation.from_rotvec([-v, u, 0.0])
+    return np.asarray(turned.as_matrix())
+
+
 def vec(values: np.ndarray) -> tuple[float, float, float]:
     x, y, z = values.tolist()
     return x, y, z

@@ -29,9 +29,10 @@ void make(SectionSolver* self, nb::handle radius, nb::handle to_arc, nb::handle 
   new (self) SectionSolver(f, contid::tuning_of(tuning));
 }
 
-nb::tuple solve(const SectionSolver& self, nb::handle tip, nb::handle direction, nb::handle mid, nb::handle seed) {
+nb::tuple solve(const SectionSolver& self, nb::handle tip, nb::handle direction, nb::handle mid, nb::handle seed,
+                nb::handle rotation) {
   const auto bits = [](const contid::LimitSet& binding) { return binding.to_ullong(); };
-  return contid::solve_row(self, tip, direction, mid, seed, bits);
+  return contid::solve_row(self, tip, direction, mid, seed, rotation, bits);
 }
 
 // Solve a path, each point from the previous answer: for benchmarks of the kernel alone.
@@ -86,7 +87,8 @@ NB_MODULE(KERNEL_MODULE, module) {
       .def("forward", &contid::forward_row, nb::arg("lengths"))
       .def("differentiate", &contid::differentiate_row, nb::arg("lengths"), nb::arg("tip"), nb::arg("spin"),
            nb::arg("mid"))
-      .def("solve", &solve, nb::arg("tip"), nb::arg("direction").none(), nb::arg("mid").none(), nb::arg("seed"))
+      .def("solve", &solve, nb::arg("tip"), nb::arg("direction").none(), nb::arg("mid").none(), nb::arg("seed"),
+           nb::arg("rotation") = nb::none())
       .def("forward_many", &forward_many, nb::arg("actuations"), nb::arg("out"), nb::arg("threads"))
       .def("inverse_many", &inverse_many, nb::arg("tip"), nb::arg("direction").none(), nb::arg("mid").none(),
            nb::arg("seeds"), nb::arg("chained"), nb::arg("out"), nb::arg("threads"))

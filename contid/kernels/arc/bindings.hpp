@@ -56,14 +56,17 @@ inline nanobind::tuple forward_row(const SectionSolver& self, nanobind::handle v
 // `binding`: the limits that bind, from their bits to what Python gets.
 template <class Binding>
 nanobind::tuple solve_row(const SectionSolver& self, nanobind::handle tip, nanobind::handle direction,
-                          nanobind::handle mid, nanobind::handle seed, const Binding& binding) {
-  double p[3], t[3], m[3], x[kMaxLengths];
+                          nanobind::handle mid, nanobind::handle seed, nanobind::handle rotation,
+                          const Binding& binding) {
+  double p[3], t[3], m[3], r[9], x[kMaxLengths];
   read(tip, p, 3, "tip: three numbers");
   if (!direction.is_none()) read(direction, t, 3, "direction: three numbers");
   if (!mid.is_none()) read(mid, m, 3, "mid: three numbers");
+  if (!rotation.is_none()) read(rotation, r, 9, "rotation: nine numbers, row by row");
   read(seed, x, self.size(), "seed: " CONTID_VARIABLES);
   Answer answer;
-  self.solve({p, direction.is_none() ? nullptr : t, mid.is_none() ? nullptr : m}, x, answer);
+  self.solve({p, direction.is_none() ? nullptr : t, mid.is_none() ? nullptr : m, rotation.is_none() ? nullptr : r}, x,
+             answer);
   return nanobind::make_tuple(tuple_of(answer.lengths, self.size()), answer.residual, answer.converged,
                               binding(answer.binding), answer.iterations, answer.starts);
 }

@@ -103,6 +103,8 @@ class SectionSolver {
     double arcs[6];
     if (kColumns == 2) {  // the length of a section is given: no arc leads anywhere
       return false;
+    } else if (goal.rotation) {
+      return false;
     } else if (s.count == 1 && !goal.direction && !goal.mid) {
       if (!through(goal.tip, s.rigid[0], arcs)) return false;
     } else if (s.count == 2 && !goal.direction && goal.mid) {
@@ -190,6 +192,11 @@ class SectionSolver {
         const double tangent[3] = {f.rotation[2], f.rotation[5], f.rotation[8]};
         distance[k] += tuning().ell * tuning().ell * squared_distance(tangent, goal.direction);
       }
+      if (goal.rotation)
+        for (int i = 0; i < 9; ++i) {
+          const double off = tuning().ell * (f.rotation[i] - goal.rotation[i]);
+          distance[k] += 0.5 * off * off;
+        }
       if (goal.mid) distance[k] += squared_distance(f.mid, goal.mid);
       order[k] = k;
     }

@@ -20,11 +20,35 @@ struct Tuning {
 
 struct Goal {
   const double* tip;
-  const double* direction;  // may be null
-  const double* mid;        // may be null
+  const double* direction;           // may be null
+  const double* mid;                 // may be null
+  const double* rotation = nullptr;  // of the tip frame, row-major; instead of a direction
 };
 
-// e and J: tip, ell times the direction, mid-point.
+// phi with exp(phi) = target at^T; the angle is at most pi.
+inline void turn_left(const double* target, const double* at, double* phi) {
+  double r[9];  // target at^T
+  for (int i = 0; i < 3; ++i)
+    for (int j = 0; j < 3; ++j)
+      r[3 * i + j] = target[3 * i] * at[3 * j] + target[3 * i + 1] * at[3 * j + 1] + target[3 * i + 2] * at[3 * j + 2];
+  const double v[3] = {0.5 * (r[7] - r[5]), 0.5 * (r[2] - r[6]), 0.5 * (r[3] - r[1])};  // sin times the axis
+  const double s = std::sqrt(v[0] * v[0] + v[1] * v[1] + v[2] * v[2]), c = 0.5 * (r[0] + r[4] + r[8] - 1.0);
+  if (s > 1e-6) {
+    const double scale = std::atan2(s, c) / s;
+    for (int k = 0; k < 3; ++k) phi[k] = scale * v[k];
+  } else if (c > 0.0) {
+    std::memcpy(phi, v, sizeof v);
+  } else {  // half a turn: R + 1 = 2 axis axis^T
+    int k = r[4] > r[0] ? 1 : 0;
+    if (r[8] > r[4 * k]) k = 2;
+    const double size = std::sqrt(std::max(0.5 * (r[4 * k] + 1.0), 1e-300));
+    for (int i = 0; i < 3; ++i)
+      phi[i] = 3.14159265358979323846 * (i == k ? size : 0.25 * (r[3 * i + k] + r[3 * k + i]) / size);
+  }
+}
+
+// e and J: tip, ell times the direction or the rotation vector left, mid-point. The gradient of |phi|^2/2 is exact with
+// J = spin, because the derivative of exp maps phi to itself.
 struct Task {
   double e[kMaxRows];
   double J[kMaxRows][kMaxLengths];
@@ -47,6 +71,14 @@ struct Task {
         e[3 + k] = ell * (goal.direction[k] - t[k]);
         const int a = (k + 1) % 3, b = (k + 2) % 3;
         for (int j = 0; j < n; ++j) J[3 + k][j] = ell * (at.spin[a][j] * t[b] - at.spin[b][j] * t[a]);
+      }
+      rows += 3;
+    }
+    if (goal.rotation) {
+      turn_left(goal.rotation, at.frames.rotation, e + rows);
+      for (int k = 0; k < 3; ++k) {
+        e[rows + k] *= ell;
+        for (int j = 0; j < n; ++j) J[rows + k][j] = ell * at.spin[k][j];
       }
       rows += 3;
     }

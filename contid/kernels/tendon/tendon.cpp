@@ -39,14 +39,15 @@ void make(SectionSolver* self, nb::handle backbone, nb::handle rigid, nb::handle
   new (self) SectionSolver(f, contid::tuning_of(tuning));
 }
 
-nb::tuple solve(const SectionSolver& self, nb::handle tip, nb::handle direction, nb::handle mid, nb::handle seed) {
+nb::tuple solve(const SectionSolver& self, nb::handle tip, nb::handle direction, nb::handle mid, nb::handle seed,
+                nb::handle rotation) {
   const auto numbers = [&](const contid::LimitSet& binding) {
     nb::list out;
     for (int k = 0; k < self.feasible().limits(); ++k)
       if (binding[k]) out.append(k);
     return nb::tuple(out);
   };
-  return contid::solve_row(self, tip, direction, mid, seed, numbers);
+  return contid::solve_row(self, tip, direction, mid, seed, rotation, numbers);
 }
 
 }  // namespace
@@ -59,5 +60,6 @@ NB_MODULE(KERNEL_MODULE, module) {
       .def("forward", &contid::forward_row, nb::arg("bends"))
       .def("differentiate", &contid::differentiate_row, nb::arg("bends"), nb::arg("tip"), nb::arg("spin"),
            nb::arg("mid"))
-      .def("solve", &solve, nb::arg("tip"), nb::arg("direction").none(), nb::arg("mid").none(), nb::arg("seed"));
+      .def("solve", &solve, nb::arg("tip"), nb::arg("direction").none(), nb::arg("mid").none(), nb::arg("seed"),
+           nb::arg("rotation") = nb::none());
 }

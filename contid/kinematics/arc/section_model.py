@@ -32,7 +32,14 @@ class Solver(Protocol):
         """Jacobians of tip, orientation and mid-point, into arrays ``(3, 3 n)`` the caller made."""
         ...
 
-    def solve(self, tip: Vec3, direction: Vec3 | None, mid: Vec3 | None, seed: Actuation) -> SectionSolution:
+    def solve(
+        self,
+        tip: Vec3,
+        direction: Vec3 | None,
+        mid: Vec3 | None,
+        seed: Actuation,
+        rotation: tuple[float, ...] | None = None,
+    ) -> SectionSolution:
         """Lengths, residual [m], converged, bits of the binding limits, iterations, starts."""
         ...
 
@@ -102,7 +109,7 @@ class SectionModel:
         return backbone(self.sections, actuation, points)
 
     def inverse(self, target: Target, seed: Actuation) -> Solution:
-        """Lengths inside every limit for a tip, a tip and its direction, or a mid-point and a tip.
+        """Lengths inside every limit for a tip, or with its direction, its frame or a mid-point.
 
         A redundant arm gets the answer closest to the middle of its ranges. A direction enters the residual
         times `Tuning.ell_m`, a fifth of the arm.
@@ -112,7 +119,7 @@ class SectionModel:
         if target.tip_m is None:
             raise ValueError("an arm of sections takes a tip position or lengths")
         lengths, residual_m, converged, binding, iterations, _ = self.solver.solve(
-            target.tip_m, target.direction, target.mid_m, seed
+            target.tip_m, target.direction, target.mid_m, seed, target.rotation
         )
         if converged and not binding:
             return Solution(lengths, residual_m, True, (), iterations)

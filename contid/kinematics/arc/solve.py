@@ -79,13 +79,18 @@ class SectionSolver:
         tip[...], spin[...], mid[...] = at.tip, at.spin, at.mid
 
     def solve(
-        self, tip: Vec3, direction: Vec3 | None, mid: Vec3 | None, seed: Sequence[float]
+        self,
+        tip: Vec3,
+        direction: Vec3 | None,
+        mid: Vec3 | None,
+        seed: Sequence[float],
+        rotation: tuple[float, ...] | None = None,
     ) -> SectionSolution:
-        """The best bounded lengths for a tip [m] and maybe its unit tangent or the mid-point [m].
+        """The best bounded lengths for a tip [m] and maybe its unit tangent, its frame or the mid-point [m].
 
         Continuous from ``seed`` where the target allows it.
         """
-        goal = Goal(tip, direction, mid)
+        goal = Goal(tip, direction, mid, rotation)
         exact = self._closed_form(goal)
         if exact is not None:
             lengths = np.clip(exact, self.feasible.low, self.feasible.high)
@@ -130,6 +135,8 @@ class SectionSolver:
         """Lengths from the closed forms, if they exist and are inside every limit."""
         if not isinstance(self.sections, Sections):  # sections of fixed length have no closed form
             return None
+        if goal.rotation is not None:
+            return None
         arcs: Sequence[tuple[float, float, float]] | None = None
         rigid = self.sections.rigid_m
         if self.sections.count == 1 and goal.direction is None and goal.mid is None:
@@ -151,6 +158,9 @@ class SectionSolver:
         distance = ((frames.tip - goal.tip) ** 2).sum(axis=-1)
         if goal.direction is not None:
             distance += self.tuning.ell_m**2 * ((frames.rotation[:, :, 2] - goal.direction) ** 2).sum(axis=-1)
+        if goal.rotation is not None:
+            off = frames.rotation - np.reshape(goal.rotation, (3, 3))
+            distance += 0.5 * self.tuning.ell_m**2 * (off**2).sum(axis=(1, 2))
         if goal.mid is not None:
             distance += ((frames.mid - goal.mid) ** 2).sum(axis=-1)
         order = np.argsort(distance, kind="stable")

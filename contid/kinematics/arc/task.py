@@ -1,11 +1,12 @@
 """Goal of a chain of sections, its error rows [m] and derivatives, and the numbers of its solver.
 
-The rows are the tip error, the mid-point error, and ``ell (t_target - t)`` for a direction. Specification of
-``section_task.hpp``.
+The rows are the tip error, the mid-point error, and ``ell (t_target - t)`` for a direction, or ``ell phi``
+with ``exp(phi) R = R_target`` for a rotation. Specification of ``section_task.hpp``.
 """
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass
 from typing import NamedTuple
 
@@ -65,11 +66,28 @@ def tuning_for(feasible: Feasible) -> Tuning:
 
 
 class Goal(NamedTuple):
-    """Tip, and optionally its unit tangent or the mid-point, in the base frame [m]."""
+    """Tip, and optionally unit tangent, frame (row by row) or mid-point, in the base frame [m]."""
 
     tip: Vec3
     direction: Vec3 | None = None
     mid: Vec3 | None = None
+    rotation: tuple[float, ...] | None = None
+
+
+def turn_left(target: Array, at: Array) -> Array:
+    """Rotation vector phi [rad] with ``exp(phi) at = target``, at most half a turn."""
+    r = target @ at.T
+    v = 0.5 * np.array([r[2, 1] - r[1, 2], r[0, 2] - r[2, 0], r[1, 0] - r[0, 1]])
+    s, c = math.sqrt(float(v @ v)), 0.5 * (float(np.trace(r)) - 1.0)
+    if s > 1e-6:
+        return np.asarray(math.atan2(s, c) / s * v)
+    if c > 0.0:
+        return v
+    k = int(np.argmax(np.diag(r)))  # half a turn: R + 1 = 2 axis axis^T
+    size = math.sqrt(max(0.5 * (float(r[k, k]) + 1.0), 1e-300))
+    axis = 0.25 * (r[:, k] + r[k]) / size
+    axis[k] = size
+    return np.asarray(math.pi * axis)
 
 
 def task(sections: ArcChain, ell_m: float, lengths: Array, goal: Goal) -> tuple[Array, Array]:
@@ -80,6 +98,9 @@ def task(sections: ArcChain, ell_m: float, lengths: Array, goal: Goal) -> tuple[
         tangent = at.frames.rotation[:, 2]
         errors.append(ell_m * (np.array(goal.direction) - tangent))
         rows.append(ell_m * np.cross(at.spin, tangent[:, None], axis=0))
+    if goal.rotation is not None:
+        errors.append(ell_m * turn_left(np.reshape(goal.rotation, (3, 3)), at.frames.rotation))
+        rows.append(ell_m * at.spin)  # the gradient of |phi|^2/2 is exact: phi is an eigenvector of d exp
     if goal.mid is not None:
         errors.append(np.array(goal.mid) - at.frames.mid)
         rows.append(at.mid)

@@ -49,6 +49,7 @@ def target_of(targets: Targets, row: int) -> Target:
         direction=None if targets.direction is None else _vec3(targets.direction[row]),
         mid_m=None if targets.mid_m is None else _vec3(targets.mid_m[row]),
         load_n=ZERO3 if targets.load_n is None else _vec3(targets.load_n[row]),
+        rotation=None if targets.rotation is None else tuple(targets.rotation[row].ravel().tolist()),
     )
 
 

@@ -48,12 +48,14 @@ class Targets:
         direction: unit tangents there, same shape, or None.
         mid_m: positions of the mid-point [m], same shape, or None.
         load_n: known forces on the tip [N], same shape, or None for none.
+        rotation: frames of the tip instead of directions, shape ``(rows, 3, 3)``, or None.
     """
 
     tip_m: Array
     direction: Array | None = None
     mid_m: Array | None = None
     load_n: Array | None = None
+    rotation: Array | None = None
 
     @classmethod
     def of(

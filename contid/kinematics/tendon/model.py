@@ -34,7 +34,12 @@ class BendSolver(Protocol):
         ...
 
     def solve(
-        self, tip: Vec3, direction: Vec3 | None, mid: Vec3 | None, seed: tuple[float, ...]
+        self,
+        tip: Vec3,
+        direction: Vec3 | None,
+        mid: Vec3 | None,
+        seed: tuple[float, ...],
+        rotation: tuple[float, ...] | None = None,
     ) -> tuple[tuple[float, ...], float, bool, tuple[int, ...], int, int]:
         """Bends, residual [m], converged, numbers of the binding limits, iterations, starts."""
         ...
@@ -49,10 +54,17 @@ class _Twin:
         self.differentiate = self._solver.differentiate
 
     def solve(
-        self, tip: Vec3, direction: Vec3 | None, mid: Vec3 | None, seed: tuple[float, ...]
+        self,
+        tip: Vec3,
+        direction: Vec3 | None,
+        mid: Vec3 | None,
+        seed: tuple[float, ...],
+        rotation: tuple[float, ...] | None = None,
     ) -> tuple[tuple[float, ...], float, bool, tuple[int, ...], int, int]:
         """See `BendSolver`."""
-        bends, residual_m, converged, bits, iterations, starts = self._solver.solve(tip, direction, mid, seed)
+        bends, residual_m, converged, bits, iterations, starts = self._solver.solve(
+            tip, direction, mid, seed, rotation
+        )
         binding = tuple(k for k in range(bits.bit_length()) if bits >> k & 1)
         return bends, residual_m, converged, binding, iterations, starts
 
@@ -122,7 +134,10 @@ _LENGTH: Final = "length"
 
 
 class TendonModel:
-    """Forward and inverse kinematics of a tendon robot; `TendonStatics` has the tensions."""
+    """Forward and inverse kinematics of a tendon robot; `TendonStatics` has the tensions.
+
+    A target's ``rotation`` is its tip frame: six numbers with the tip, for three sections or more.
+    """
 
     dimension = 3
 
@@ -189,7 +204,7 @@ class TendonModel:
         return None if self.statics is None else TautPulls(self.statics, self.excess)
 
     def inverse(self, target: Target, seed: Actuation) -> Solution:
-        """Pulls inside every limit of travel and tension for a tip, a tip and its direction, or a mid-point.
+        """Pulls inside every limit of travel and tension for a tip with its direction, frame or mid-point.
 
         Of the bends that meet a target the ones nearest to the straight robot; of the pulls for these bends
         the ones whose least tension in every section is the floor. A direction enters the residual times a
@@ -206,7 +221,7 @@ class TendonModel:
             mid = None if mid is None else (mid[0], mid[1], mid[2] - lift)
         start = tuple((self._by_pulls @ seed).tolist())
         bends, residual_m, converged, binding, iterations, _ = self.solver.solve(
-            tip, target.direction, mid, start
+            tip, target.direction, mid, start, target.rotation
         )
         pulls = self._pulls(np.array(bends) / self._lengths)
         limits = tuple(dict.fromkeys(self._names[k] for k in binding)) if binding else ()
