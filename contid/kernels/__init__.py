@@ -16,7 +16,9 @@ __all__ = ["PURE_PYTHON", "in_use", "load"]
 LOG = logging.getLogger(__name__)
 
 #: The kernels of a complete build; some are compiled a second time for AVX2.
-KERNELS: Final = ("arc", "arc1", "arc2", "clearance", "cosserat", "finger", "ph_curve", "tendon", "tendon3")
+KERNELS: Final = (
+    "arc", "arc1", "arc2", "clearance", "cosserat", "finger", "ph_curve", "tendon", "tendon3", "tendon_rod",
+)  # fmt: skip
 
 #: Set to anything but 0 to disable the compiled kernels.
 PURE_PYTHON: Final = "CONTID_PURE_PYTHON"

@@ -1,8 +1,8 @@
 """The model of tendon robots under loads: the backbone as a rod, with weight and a force on the tip.
 
 Backwards, the target of the arcs (`TendonModel`) is shifted until the rod meets the real one, by the method
-of C. G. Broyden (Math. Comp. 19, 1965), which needs no derivative of the shift. Sections are tightened until
-the tensions of the rod are at or above the floor.
+of C. G. Broyden (Math. Comp. 19, 1965), which needs no derivative of the shift; it begins with that of the
+seed, else with none. Sections are tightened until the tensions of the rod are at or above the floor.
 """
 
 from __future__ import annotations
@@ -17,6 +17,7 @@ from contid.kinematics.array import Array
 from contid.kinematics.tendon.geometry import TendonGeometry
 from contid.kinematics.tendon.model import TendonModel
 from contid.kinematics.tendon.rod import TendonEquilibrium, TendonRod
+from contid.kinematics.tendon.taut import TautPulls
 from contid.kinematics.tendon.tension import TendonStatics
 from contid.robot_file.tendon import TendonRobot
 from contid.targets import ZERO3, Actuation, Pose, Solution, Target, Vec3
@@ -25,8 +26,10 @@ from contid.units import MM_PER_M, m_to_mm
 #: G J of a round rod: E I / (1 + Poisson's ratio).
 _TORSION_SHARE: Final = 1.0 / 1.3
 _ROUNDS: Final = 40
+#: Of them, from the seed, as in a tick.
+_TRACKED: Final = 8
 #: Residual to which answers are corrected, and one that still counts as met [m].
-_EXACT_M: Final = 1e-10
+_EXACT_M: Final = 1e-8
 _MET_M: Final = 1e-7
 #: Tension below the floor that is none [N].
 _TENSION_N: Final = 1e-6
@@ -48,12 +51,21 @@ class LoadedTendonModel(TendonModel):
         assert self.statics is not None
         self._floor: TendonStatics = self.statics
         self.rod = rod_of(robot, self.geometry, self.statics)
+        self._taut = TautPulls(self.statics, self.excess)
+        # Of the first tendon of each section; the tendons of one are alike.
+        self._n_per_m = np.array(
+            [self.statics.tendon_n_per_m[rows.start] for rows in self.geometry.tendon_slices]
+        )
         self._section = np.repeat(
             np.arange(self.geometry.count), [len(section.radius_m) for section in self.geometry.sections]
         )
 
     def equilibrium(
-        self, actuation: Actuation | Array, load_n: Vec3 = ZERO3, near: TendonEquilibrium | None = None
+        self,
+        actuation: Actuation | Array,
+        load_n: Vec3 = ZERO3,
+        near: TendonEquilibrium | None = None,
+        derivatives: bool = True,
     ) -> TendonEquilibrium:
         """The rod for pulls [m] and a force on the tip [N] in the base frame.
 
@@ -61,6 +73,7 @@ class LoadedTendonModel(TendonModel):
             actuation: pulls [m].
             load_n: force on the tip [N].
             near: an equilibrium to start from; arcs without.
+            derivatives: as for `TendonRod.solve`.
 
         Raises:
             ArithmeticError: none was found, as for a load far beyond the robot.
@@ -68,7 +81,7 @@ class LoadedTendonModel(TendonModel):
         pulls = np.asarray(actuation, dtype=np.float64)
         start = self.rod.even(self.bends(pulls)) if near is None else near.strain
         try:
-            return self.rod.solve(pulls, load_n, start)
+            return self.rod.solve(pulls, load_n, start, derivatives=derivatives)
         except ArithmeticError:
             for step in range(1, _STEPS):  # led there by a growing load
                 x, y, z = (step / _STEPS * f for f in load_n)
@@ -77,7 +90,7 @@ class LoadedTendonModel(TendonModel):
 
     def forward(self, actuation: Actuation, load_n: Vec3 = ZERO3) -> Pose:
         """Tip, orientation and end of the first section for pulls [m]."""
-        return _pose(self.equilibrium(actuation, load_n))
+        return _pose(self.equilibrium(actuation, load_n, derivatives=False))
 
     def jacobian(self, actuation: Actuation, load_n: Vec3 = ZERO3) -> Array:
         """Derivative of the tip by the pulls, shape (3, tendons)."""
@@ -89,14 +102,14 @@ class LoadedTendonModel(TendonModel):
 
     def shape(self, actuation: Actuation, points: int, load_n: Vec3 = ZERO3) -> Array:
         """Backbone and rigid pieces at equal arc length, base offset first, shape (points, 3) [m]."""
-        curve = self.rod.curve(self.equilibrium(actuation, load_n).strain, _PARTS)
+        curve = self.rod.curve(self.equilibrium(actuation, load_n, derivatives=False).strain, _PARTS)
         along = np.concatenate(([0.0], np.cumsum(np.linalg.norm(np.diff(curve, axis=0), axis=1))))
         at = np.linspace(0.0, along[-1], points)
         return np.stack([np.interp(at, along, column) for column in curve.T], axis=1)
 
     def tensions(self, actuation: Actuation) -> Array:
         """Tensions ``(tendons,)`` [N] of pulls [m] without a force on the tip."""
-        return self.equilibrium(actuation).tensions_n
+        return self.equilibrium(actuation, derivatives=False).tensions_n
 
     def inverse(self, target: Target, seed: Actuation) -> Solution:
         """Pulls whose rod, under its weight and the target's load, meets the target; see the module."""
@@ -105,34 +118,60 @@ class LoadedTendonModel(TendonModel):
         goal = _rows(target.tip_m, target.direction, target.mid_m)
         if not np.all(np.isfinite(goal)):
             return super().inverse(target, seed)
-        # Unknown: the target of the arcs, and the tightness of each section as a stretch [m].
+        unknown, rod = self._begin(goal, target, seed)
+        tracked, off = self._search(goal, target, seed, unknown, rod, _TRACKED)
+        if tracked.converged:
+            return tracked
+        cold = np.concatenate((goal, np.zeros(self.geometry.count)))
+        found, left = self._search(goal, target, seed, cold, None, _ROUNDS)
+        if not found.converged and off < left:
+            found = tracked
+        if found.converged:
+            return found
+        note = f"the nearest answer found within the limits leaves {m_to_mm(found.residual_m):.6g} mm"
+        return replace(found, note=note)
+
+    def _search(
+        self,
+        goal: Array,
+        target: Target,
+        seed: Actuation,
+        unknown: Array,
+        rod: TendonEquilibrium | None,
+        rounds: int,
+    ) -> tuple[Solution, float]:
+        """The best answer in some rounds, and how far it is off [m], tensions below the floor included.
+
+        Args:
+            goal: what the target asks for [m].
+            target: with its load.
+            seed: of the arcs.
+            unknown: the target of the arcs, and the tightness of each section as a stretch [m].
+            rod: an equilibrium to start from.
+            rounds: at most.
+        """
         count, n_per_m = len(goal), np.array(self._floor.tendon_n_per_m)
-        unknown = np.concatenate((goal, np.zeros(self.geometry.count)))
         slope = np.eye(len(unknown))
         before: tuple[Array, Array] | None = None
         best: tuple[float, Solution] | None = None
-        rod: TendonEquilibrium | None = None
-        for turn in range(1, _ROUNDS + 1):
+        for turn in range(1, rounds + 1):
             arcs = super().inverse(_shifted(target, unknown[:count]), seed)
             tight = unknown[count:][self._section] * self._floor.slack_free
             pulls = np.clip(np.array(arcs.actuation) + tight, self.lower, self.upper)
-            rod = self.equilibrium(pulls, target.load_n, rod)
+            rod = self.equilibrium(pulls, target.load_n, rod, derivatives=False)
             pose = _pose(rod)
-            error = goal - _rows(
-                pose.tip_m, pose.direction if target.direction is not None else None,
-                pose.mid_m if target.mid_m is not None else None,
-            )  # fmt: skip
+            error = goal - self._asked(pose, target)
             size, lacks, over = float(np.linalg.norm(error)), self._lacks(rod), self._beyond(rod)
             limits = tuple(dict.fromkeys(over + arcs.limited_by))
             found = Solution(tuple(pulls.tolist()), size, False, limits, turn)
             judged = size + float(np.maximum(lacks, 0.0).sum()) / float(n_per_m.min())
             if best is None or judged < best[0]:
                 best = judged, found
-            met = size <= (_EXACT_M if turn < _ROUNDS // 2 else _MET_M)
+            met = size <= (_EXACT_M if 2 * turn < rounds else _MET_M)
             if met and not np.any(lacks > _TENSION_N):
                 if over:
                     break
-                return replace(found, converged=True)
+                return replace(found, converged=True), judged
             binds = (lacks > 0.0) | (unknown[count:] > 0.0)
             left = np.concatenate((error, np.where(binds, lacks / n_per_m.max(), 0.0)))
             if before is not None:
@@ -142,9 +181,29 @@ class LoadedTendonModel(TendonModel):
             unknown = unknown + np.linalg.lstsq(slope, left, rcond=1e-6)[0]
             unknown[count:] = np.maximum(unknown[count:], 0.0)
         assert best is not None
-        found = best[1]
-        note = f"the nearest answer found within the limits leaves {m_to_mm(found.residual_m):.6g} mm"
-        return replace(found, note=note)
+        return best[1], best[0]
+
+    def _begin(self, goal: Array, target: Target, seed: Actuation) -> tuple[Array, TendonEquilibrium | None]:
+        """Unknowns to begin with: how arcs and rod differ in the seed, and its tightness; the rod there."""
+        none = np.zeros(self.geometry.count)
+        try:
+            rod = self.equilibrium(seed, target.load_n, derivatives=False)
+        except ArithmeticError:
+            return np.concatenate((goal, none)), None
+        arcs = super().forward(seed)
+        shift = self._asked(arcs, target) - self._asked(_pose(rod), target)
+        if not float(np.linalg.norm(shift)) < sum(self.feasible.sections.backbone_m):  # a seed out of bounds
+            return np.concatenate((goal, none)), rod
+        stretch = self._taut.tightness(np.asarray(seed)) / self._n_per_m
+        return np.concatenate((goal + shift, np.maximum(stretch, 0.0))), rod
+
+    @staticmethod
+    def _asked(pose: Pose, target: Target) -> Array:
+        """What a pose has of the kinds that a target asks for [m]."""
+        return _rows(
+            pose.tip_m, pose.direction if target.direction is not None else None,
+            pose.mid_m if target.mid_m is not None else None,
+        )  # fmt: skip
 
     def _lacks(self, rod: TendonEquilibrium) -> Array:
         """Tension that each section lacks to the floor [N]; negative where it has more."""

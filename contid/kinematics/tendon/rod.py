@@ -11,6 +11,8 @@ exactly, for tendons parallel to the backbone. Equilibrium is where the virtual 
     tau at the spool = rest + k (pull - shortening),     never below 0,
     tau in element e = tau at the spool * exp(-+ mu bend up to e)        (capstan; - while pulled in).
 
+The kernel ``contid/kernels/tendon/rod.hpp`` solves it; `twin` is its specification.
+
 For more and more elements that is the tendon-actuated Cosserat rod without shear of D. C. Rucker and R. J.
 Webster III, "Statics and Dynamics of Continuum Robots With General Tendon Routing and External Loading", IEEE
 Trans. Robotics 27(6), 2011. The error falls with the square of their number.
@@ -20,11 +22,13 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, field
-from typing import Final
+from types import SimpleNamespace
+from typing import Final, Protocol
 
 import numpy as np
 from numpy.typing import NDArray
 
+from contid.kernels import load
 from contid.kinematics.array import Array
 from contid.kinematics.tendon.geometry import TendonGeometry
 from contid.kinematics.tendon.rod_chain import ElementChain, chain_of, local_twists
@@ -65,6 +69,17 @@ class TendonEquilibrium:
     left_nm: float
 
 
+class RodKernel(Protocol):
+    """Interface of the native rod; arrays of the caller are filled."""
+
+    def solve(
+        self, pulls: Array, force: Vec3, start: Array, slides: Array, strain: Array, points: Array,
+        rotation: Array, tensions: Array, tip: Array, jacobian: Array, compliance: Array, derivatives: bool,
+    ) -> float:  # fmt: skip
+        """Moment left over [N m], below 0 when no equilibrium was found."""
+        ...
+
+
 @dataclass(frozen=True, eq=False)
 class TendonRod:
     """Rod of a tendon robot.
@@ -93,6 +108,7 @@ class TendonRod:
     _stiffness: Array = field(init=False)
     _h: Array = field(init=False)
     _arms: Array = field(init=False)
+    _kernel: RodKernel | None = field(init=False)
 
     def __post_init__(self) -> None:
         m, sections = self.elements, self.geometry.sections
@@ -110,6 +126,8 @@ class TendonRod:
             arms[first : (j + 1) * m, rows] = sections[j].arms
         for name, value in (("_stiffness", stiffness), ("_h", h), ("_arms", arms)):
             object.__setattr__(self, name, value)
+        kernel = load("tendon_rod")
+        object.__setattr__(self, "_kernel", None if kernel is None else kernel.Rod(self._setup()))
 
     @property
     def _rigid(self) -> Array:
@@ -147,6 +165,7 @@ class TendonRod:
         tip_force_n: Vec3 = ZERO3,
         start: Array | None = None,
         sliding: Array | None = None,
+        derivatives: bool = True,
     ) -> TendonEquilibrium:
         """Equilibrium for pulls ``(tendons,)`` [m].
 
@@ -155,10 +174,36 @@ class TendonRod:
             tip_force_n: force on the tip, in the base frame.
             start: strain to start from ``(elements, 4)``; the straight rod without.
             sliding: of each tendon for the capstan: 1 pulled in, -1 paid out, 0 none.
+            derivatives: False leaves ``jacobian`` and ``compliance`` at NaN, which is faster.
 
         Raises:
             ArithmeticError: no equilibrium was found.
         """
+        if self._kernel is None:
+            return self.twin(pulls, tip_force_n, start, sliding)
+        count, tendons = len(self._h), self.geometry.tendons
+        strain, points, tensions = np.empty((count, 4)), np.empty((count + 1, 3)), np.empty(tendons)
+        rotation, tip = np.empty((3, 3)), np.empty(3)
+        jacobian, compliance = np.full((3, tendons), np.nan), np.full((3, 3), np.nan)
+        left = self._kernel.solve(
+            np.ascontiguousarray(pulls, dtype=np.float64), tip_force_n,
+            np.zeros((count, 4)) if start is None else np.ascontiguousarray(start),
+            np.zeros(tendons) if sliding is None else np.asarray(sliding, dtype=np.float64),
+            strain, points, rotation, tensions, tip, jacobian, compliance, derivatives,
+        )  # fmt: skip
+        if left < 0.0:
+            raise ArithmeticError("no equilibrium of the rod found")
+        ends = points[self.elements :: self.elements]
+        return TendonEquilibrium(points, tip, rotation, ends, tensions, strain, jacobian, compliance, left)
+
+    def twin(
+        self,
+        pulls: Array,
+        tip_force_n: Vec3 = ZERO3,
+        start: Array | None = None,
+        sliding: Array | None = None,
+    ) -> TendonEquilibrium:
+        """`solve` in NumPy."""
         count = len(self._h)
         x = np.zeros((count, 4)) if start is None else np.array(start)
         free = np.arange(4) < (4 if self.stretches else 3)
@@ -186,6 +231,16 @@ class TendonRod:
         if size <= 1e4 * _EXACT * scale:
             return self._shape(x, state, free, size)
         raise ArithmeticError(f"no equilibrium of the rod found: {size:.3g} N m are left over")
+
+    def _setup(self) -> SimpleNamespace:
+        """The rod for its kernel."""
+        return SimpleNamespace(
+            lengths=self._h, stiffness=self._stiffness, arms=self._arms, rigid=self._rigid,
+            tendon=np.array(self.tendon_n_per_m), rest=np.array(self.rest_n, dtype=np.float64),
+            weight=self._h[:, None] * np.repeat(self.weight_n_per_m, self.elements, axis=0),
+            offset=np.array(self.geometry.tip_offset_m), base_m=self.geometry.base_offset_m,
+            per_section=self.elements, stretches=self.stretches, capstan=self.capstan,
+        )  # fmt: skip
 
     def _balance(self, x: Array, pulls: Array, force: Array, slides: Array) -> _Balance:
         """Virtual work of a strain ``(elements, 4)`` and its derivative."""

@@ -12,7 +12,7 @@ from contid.errors import BadInputError
 from contid.kinematics.model import build_model
 from contid.kinematics.tendon.loaded import LoadedTendonModel
 from contid.robot_file.load import parse_robot_file
-from contid.targets import Target
+from contid.targets import Actuation, Target
 
 
 def loaded(configs: Path, rod: str, remove: str = "") -> LoadedTendonModel:
@@ -43,6 +43,25 @@ def test_answers_meet_their_targets_and_keep_every_tendon_taut(configs: Path, ro
         assert there.tensions_n.max() <= model.statics.limit_n + 1e-5
         if direction is not None:
             assert there.rotation[:, 2] == pytest.approx(direction, abs=1e-6)
+
+
+def test_a_path_under_weight_is_followed_from_answer_to_answer(configs: Path) -> None:
+    """As the tick asks: each target from the answer before; the twin of the rod judges."""
+    model, load_n = loaded(configs, "{weight_n_per_m: [0.8], elements: 4}"), (0.02, 0.0, -0.05)
+    assert model.statics is not None
+    seed: Actuation = (0.0,) * 9
+    for k in range(0, 120, 2):  # some of these need a second start
+        angle = 0.01 * k
+        target = Target(tip_m=(0.05 * math.cos(angle), 0.05 * math.sin(angle), 0.27), load_n=load_n)
+        answer = model.inverse(target, seed)
+        assert answer.converged, (k, answer.note)
+        seed = answer.actuation
+        assert model.inverse(target, seed).actuation == pytest.approx(seed, abs=1e-7)
+        if k % 20 == 0:
+            start = model.rod.even(model.bends(seed))
+            rod = model.rod.twin(np.array(seed), load_n, start)
+            assert rod.tip_m == pytest.approx(target.tip_m, abs=1e-6)
+            assert rod.tensions_n.min() >= model.statics.floor_n - 1e-5
 
 
 def test_weight_pulls_a_bent_robot_down_and_its_shape_ends_at_its_tip(configs: Path) -> None:
