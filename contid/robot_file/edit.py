@@ -15,7 +15,7 @@ from typing import Any, TypeAlias
 
 from contid.errors import ContidError
 
-Value: TypeAlias = float | int | str | bool | list[float] | list[str]
+Value: TypeAlias = float | int | str | bool | list[float] | list[str] | dict[str, float | list[float]]
 
 
 class EditError(ContidError):

@@ -157,6 +157,26 @@ class TendonFriction(Strict):
     ]
 
 
+class TendonResidual(Strict):
+    """What the model leaves of measured tips, written by ``contid calibrate tendon``; needs ``tension``.
+
+    Features are the bends of the sections, x and y of each, then the stretches of the tendons; terms are the
+    features, the products of bends u0 u0, u0 u1, .. and 1. Outside the range of the data it fades to nothing.
+
+    Attributes:
+        low_rad_mm, high_rad_mm: range of the features in the data.
+        gain_x_mm, gain_y_mm, gain_z_mm: of the terms, for the three coordinates of the tip in the base frame.
+        bound_mm: no correction is longer.
+    """
+
+    low_rad_mm: tuple[float, ...]
+    high_rad_mm: tuple[float, ...]
+    gain_x_mm: tuple[float, ...]
+    gain_y_mm: tuple[float, ...]
+    gain_z_mm: tuple[float, ...]
+    bound_mm: NonNegative
+
+
 class TendonRobot(RobotDescription):
     """A tendon robot of one to eight sections; it grows along +z.
 
@@ -170,6 +190,7 @@ class TendonRobot(RobotDescription):
         tension: of the tendons; bounds them and adds the stretch of tendons to the pulls.
         friction: of the tendons; off when left out.
         rod: statics of the backbone under loads; off when left out.
+        residual: correction of the tip from a calibration; off when left out.
     """
 
     quantity: ClassVar[Quantity] = Quantity.LENGTH
@@ -181,6 +202,7 @@ class TendonRobot(RobotDescription):
     tension: Tension | None = None
     friction: TendonFriction | None = None
     rod: TendonRodStatics | None = None
+    residual: TendonResidual | None = None
 
     @model_validator(mode="after")
     def _consistent(self) -> TendonRobot:
@@ -198,6 +220,8 @@ class TendonRobot(RobotDescription):
         for what, values in rows:
             if len(values) not in (1, count):
                 raise ValueError(f"{what} has {len(values)} entries; allowed: 1 or {count}, one per section")
+        if self.residual is not None:
+            self._check_residual(self.residual)
         play = () if self.friction is None else self.friction.play_mm
         if play and len(play) not in (1, count, len(self.axis_names)):
             raise ValueError(
@@ -209,6 +233,26 @@ class TendonRobot(RobotDescription):
                     f"limits.pull_mm [{low:g}, {high:g}] has no room on both sides of 0, the straight robot"
                 )
         return self
+
+    def _check_residual(self, residual: TendonResidual) -> None:
+        if self.tension is None:
+            raise ValueError("residual needs tension, from which bends and stretches follow")
+        if self.rod is not None:
+            raise ValueError("residual corrects the model of arcs; leave out rod or residual")
+        bends = 2 * self.sections
+        features = bends + len(self.axis_names)
+        terms = features + bends * (bends + 1) // 2 + 1
+        for key, count in (
+            ("low_rad_mm", features), ("high_rad_mm", features),
+            ("gain_x_mm", terms), ("gain_y_mm", terms), ("gain_z_mm", terms),
+        ):  # fmt: skip
+            if len(getattr(residual, key)) != count:
+                raise ValueError(
+                    f"residual.{key} has {len(getattr(residual, key))} numbers; allowed: {count}"
+                )
+        for low, high in zip(residual.low_rad_mm, residual.high_rad_mm, strict=True):
+            if low > high:
+                raise ValueError(f"residual: the range {low:g} to {high:g} is empty")
 
     @property
     def sections(self) -> int:

@@ -13,6 +13,7 @@ import numpy as np
 from contid.calibrate.tendon.accuracy import Accuracy
 from contid.calibrate.tendon.geometry import FoundGeometry
 from contid.calibrate.tendon.stages import Stage
+from contid.kinematics.array import Array
 from contid.robot_file.edit import Change
 from contid.robot_file.tendon import TendonRobot
 from contid.units import MM_PER_M
@@ -85,6 +86,39 @@ def millimetres(found: Accuracy | None) -> dict[str, object] | None:
     }
 
 
+def residual_of(stage: Stage) -> dict[str, float | list[float]] | None:
+    """The correction of a stage as the robot file has it; None where none was accepted.
+
+    The fit counts the stretch of a tendon from the state in which it is slack, the file from its pretension.
+    """
+    residual = stage.residual
+    if residual is None or not math.isfinite(residual.penalty):
+        return None
+    bends, count = residual.bends, len(residual.low)
+    slack_mm = MM_PER_M * stage.fit.model.parameters.split(stage.fit.vector)["offset_m"]
+    unit = np.ones(len(residual.scale))
+    unit[bends:count] = 1.0 / MM_PER_M  # stretches in mm
+    per_term = residual.gain[:-1] * (unit / residual.scale)[:, None]
+    constant = residual.gain[-1] - (residual.centre / residual.scale) @ residual.gain[:-1]
+    constant = constant + slack_mm @ per_term[bends:count]
+    gain = MM_PER_M * np.vstack((per_term, constant))
+    ends = []
+    for each in (residual.low, residual.high):
+        ends.append(np.concatenate((each[:bends], MM_PER_M * each[bends:] - slack_mm)))
+    return {
+        "low_rad_mm": _rounded(ends[0]),
+        "high_rad_mm": _rounded(ends[1]),
+        "gain_x_mm": _rounded(gain[:, 0]),
+        "gain_y_mm": _rounded(gain[:, 1]),
+        "gain_z_mm": _rounded(gain[:, 2]),
+        "bound_mm": float(f"{MM_PER_M * residual.bound_m:.6g}"),
+    }
+
+
+def _rounded(values: Array) -> list[float]:
+    return [float(f"{value:.9g}") for value in values.tolist()]
+
+
 def changes(
     stage: Stage, robot: TendonRobot, servos: Sequence[str], geometry: FoundGeometry | None, note: str
 ) -> list[Change]:
@@ -92,7 +126,8 @@ def changes(
 
     Lengths, radii and azimuths of the sections; the bending stiffness, from the stiffness of the tendons
     that the file states, because a recording without forces gives only their quotient; play where the file
-    has ``friction``; and the servo of each tendon where geometry was found and both have numbers.
+    has ``friction``; the residual where one was accepted; and the servo of each tendon where geometry was
+    found and both have numbers.
     """
     of: dict[str, list[FittedNumber]] = {}
     for number in numbers(stage):
@@ -126,6 +161,8 @@ def changes(
     if robot.friction is not None:
         plays = [round(each.value, 4) for each in of["play_mm"]]
         out.append(Change("friction.play_mm", plays, note))
+    if robot.tension is not None and robot.rod is None and (found := residual_of(stage)) is not None:
+        out.append(Change("residual", found, note))
     if geometry is not None:
         ids = [_SERVO_ID.fullmatch(servo) for servo in servos]
         extra = [robot.axes[name].model_extra or {} for name in robot.axis_names]

@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import math
+from copy import copy
+from dataclasses import replace
 from typing import Final, Protocol
 
 import numpy as np
@@ -14,6 +16,7 @@ from contid.kinematics.arc.task import Tuning
 from contid.kinematics.array import Array
 from contid.kinematics.tendon.feasible import TendonFeasible, limits_of
 from contid.kinematics.tendon.geometry import TendonGeometry, TendonSection
+from contid.kinematics.tendon.residual import TipCorrection
 from contid.kinematics.tendon.sections import BendSections
 from contid.kinematics.tendon.taut import TautPulls
 from contid.kinematics.tendon.tension import TendonStatics
@@ -133,6 +136,12 @@ def build_bend_solver(feasible: TendonFeasible) -> BendSolver:
 _LENGTH: Final = "length"
 
 
+#: Rounds of the fixed point of a corrected tip, its accuracy, and the error of a target that is met [m].
+_ROUNDS: Final = 40
+_SETTLED_M: Final = 1e-10
+_MET_M: Final = 1e-6
+
+
 class TendonModel:
     """Forward and inverse kinematics of a tendon robot; `TendonStatics` has the tensions.
 
@@ -159,11 +168,16 @@ class TendonModel:
         #: Variables of the solver [m] by pulls [m].
         self._by_pulls: Array = self._lengths[:, None] * by_pulls
         self._names = self.feasible.names
+        self._correction: TipCorrection | None = None
+        if robot.residual is not None and self.statics is not None:
+            self._correction = TipCorrection.of(robot.residual, self.statics)
 
     def forward(self, actuation: Actuation, load_n: Vec3 = ZERO3) -> Pose:
         """Tip, orientation and end of the first section for pulls [m]; a load does not bend this model."""
         tip, rotation, mid = self.solver.forward(tuple((self._by_pulls @ actuation).tolist()))
         lift = self._base_m
+        if self._correction is not None:
+            tip = _moved(tip, self._correction.at(np.asarray(actuation)))
         return Pose(
             (tip[0], tip[1], tip[2] + lift),
             rotation,
@@ -176,6 +190,8 @@ class TendonModel:
         tip, spin, mid = np.empty((3, 3, len(self._lengths)))
         self.solver.differentiate(tuple((self._by_pulls @ actuation).tolist()), tip, spin, mid)
         jacobian: Array = tip @ self._by_pulls
+        if self._correction is not None:
+            jacobian = jacobian + self._correction.slope(np.asarray(actuation))
         return jacobian
 
     def shape(self, actuation: Actuation, points: int, load_n: Vec3 = ZERO3) -> Array:
@@ -215,6 +231,8 @@ class TendonModel:
         if target.tip_m is None:
             raise ValueError("a tendon robot takes a tip position or pulls")
         lift = self._base_m
+        if self._correction is not None:
+            return self._corrected(target, seed, self._correction)
         tip, mid = target.tip_m, target.mid_m
         if lift:
             tip = (tip[0], tip[1], tip[2] - lift)
@@ -231,6 +249,32 @@ class TendonModel:
             return Solution(pulls, residual_m, True, limits, iterations)
         note = f"the nearest answer found within the limits leaves {m_to_mm(residual_m):.6g} mm"
         return Solution(pulls, residual_m, False, limits, iterations, note)
+
+    def _corrected(self, target: Target, seed: Actuation, correction: TipCorrection) -> Solution:
+        """The answer whose correction moves the tip onto the target: a fixed point, begun at the seed."""
+        assert target.tip_m is not None
+        plain = copy(self)
+        plain._correction = None
+        shift = correction.at(np.asarray(seed))
+        if not np.all(np.isfinite(shift)):
+            shift = np.zeros(3)
+        found, left, iterations = plain.inverse(target, seed), np.inf, 0
+        for _ in range(_ROUNDS):
+            found = plain.inverse(replace(target, tip_m=_moved(target.tip_m, -shift)), seed)
+            iterations += found.iterations
+            there = correction.at(np.asarray(found.actuation))
+            left = float(np.linalg.norm(there - shift))
+            if left <= _SETTLED_M or not np.isfinite(left):
+                break
+            shift, seed = there, found.actuation
+        residual_m = found.residual_m + left
+        if found.converged and residual_m <= _MET_M:
+            return replace(found, residual_m=residual_m, iterations=iterations)
+        note = f"the nearest answer found within the limits leaves {m_to_mm(residual_m):.6g} mm"
+        limits = found.limited_by or (_LENGTH,)
+        return replace(
+            found, residual_m=residual_m, converged=False, limited_by=limits, iterations=iterations, note=note
+        )
 
     def _pulls(self, bends: Array) -> Actuation:
         """Pulls of bends [rad], within the travel to the last bit."""
@@ -271,3 +315,8 @@ class TendonModel:
         off_m = float(np.abs(np.array(pulls) - finite).max())
         note = f"pulls moved by up to {m_to_mm(off_m):.6g} mm to keep every tendon taut and inside the limits"
         return Solution(pulls, residual_m, False, limits, 0, note)
+
+
+def _moved(tip: Vec3, by: Array) -> Vec3:
+    x, y, z = by.tolist()
+    return tip[0] + x, tip[1] + y, tip[2] + z
