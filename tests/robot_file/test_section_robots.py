@@ -31,7 +31,7 @@ def test_axes_are_named_by_section_and_tube(cbha):
     assert robot.lower == (0.1,) * 3 + (0.09,) * 3
     assert robot.radius_m == (0.04, 0.032)
     assert robot.coupling is None
-    assert {"tip", "direction", "mid", "actuation"} == robot.accepts
+    assert {"tip", "direction", "rotation", "mid", "actuation"} == robot.accepts
 
 
 def test_layouts_of_tubes(cbha):
