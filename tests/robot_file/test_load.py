@@ -63,7 +63,7 @@ MISTAKES = [
     ("rest_mm: [60, 60]", "rest_mm: [60]", "[60]", "1 numbers; allowed: 2"),
     ("jerk_mm_s3: 20000", "jerk_mm_s3: true", "true", "allowed is a number"),
     ("      jerk_mm_s3: 20000\n", "", "rates:", "'jerk_mm_s3' is missing"),
-    ("      jerk_mm_s3: 20000\n", "      jerk_bar_s3: 2\n", "rates:", "'jerk_mm_s3' is missing"),
+    ("      jerk_mm_s3: 20000\n", "      jerk_bar_s3: 2\n", "rates:\n", "'jerk_mm_s3' is missing"),
     ("right: {bus: servos, id: 2,", "right: {bus: servos, id: 1,", "1, mm", "belongs to finger.left"),
     ("right: {bus: servos, id: 2,", "right: {bus: servo, id: 2,", "servo,", "did you mean 'servos'?"),
     ("right: {bus: servos, id: 2,", "right: {bus: servos, id: 300,", "300", "at most 252"),
