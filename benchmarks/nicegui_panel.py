@@ -58,8 +58,8 @@ class NiceguiPanel:
     def build(self) -> None:
         """The page."""
         # pointerdown, as the panel has it: a click is complete only when the button comes up again.
-        ui.button("STOP", color="red").props("id=stop").on("pointerdown", self.stop)
-        state = ui.label().props("id=state")
+        ui.button("STOP", color="red").props("data-stop").on("pointerdown", self.stop)
+        state = ui.label("unknown").props("data-state")
         series = [{"type": "line", "showSymbol": False, "data": []} for _ in range(2)]
         axes: dict[str, Any] = {
             "xAxis": {"type": "value", "scale": True},

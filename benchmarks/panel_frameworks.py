@@ -52,7 +52,7 @@ def niceguis(path: Path, *flags: str) -> Iterator[str]:
         yield process.stdout.readline().strip()
     finally:
         process.terminate()
-        process.wait(20.0)
+        process.wait(120.0)
 
 
 def code_lines(paths: Sequence[Path]) -> int:
@@ -120,10 +120,10 @@ def processor_s() -> float:
     return sum(each.user + each.system for each in times)
 
 
-def latency(way: Callable[[Path], Any], ready: str, count: int) -> str:
+def latency(way: Callable[[Path], Any], ready: str, stop: str, count: int) -> str:
     """From a press to the tick that obeys [ms]: p50, p99, from Chromium's event."""
     with tempfile.TemporaryDirectory(prefix="contid-") as folder:
-        with daemon(Path(folder)) as path, way(path) as url, pressed(url, ready) as press:
+        with daemon(Path(folder)) as path, way(path) as url, pressed(url, ready, stop) as press:
             time.sleep(2.0)
             began_s = time.monotonic()
             sent = presses(path, count, press)
@@ -167,11 +167,11 @@ def main() -> None:
     )
     parser.add_argument("--presses", type=int, default=60)
     count = parser.parse_args().presses
-    pages: dict[str, tuple[Callable[[Path], Any], str]] = {
-        "panel": (served, ".robot[data-state=HOLD]"),
-        "NiceGUI": (niceguis, "#state:has-text('HOLD')"),
+    pages: dict[str, tuple[Callable[[Path], Any], str, str]] = {
+        "panel": (served, ".robot[data-state=HOLD]", "#stop"),
+        "NiceGUI": (niceguis, "[data-state]:has-text('HOLD')", "[data-stop]"),
     }
-    for name, (way, ready) in pages.items():
+    for name, (way, ready, stop) in pages.items():
         with tempfile.TemporaryDirectory(prefix="contid-") as folder, daemon(Path(folder)) as path:
             with way(path) as url:
                 print(f"{name}: {json.dumps(looked_at(url, ready))}", flush=True)
@@ -180,7 +180,7 @@ def main() -> None:
                 with niceguis(path, "--policy") as url:
                     print(f"{name} with the panel's policy: {json.dumps(looked_at(url, ready))}", flush=True)
         if count:
-            print(f"{name}: STOP, p50/p99: {latency(way, ready, count)}", flush=True)
+            print(f"{name}: STOP, p50/p99: {latency(way, ready, stop, count)}", flush=True)
     print(f"panel: {code_lines([FOLDER / name for name in NEEDED])} lines")
     print(f"NiceGUI: {code_lines([Path(nicegui_panel.__file__)])} lines")
 

@@ -40,9 +40,9 @@ CHROMIUM: Final = ("--no-sandbox", "--use-gl=angle", "--use-angle=swiftshader", 
 #: A loaded machine opens a page slowly; only a hang fails.
 TIMEOUT_MS: Final = 300_000.0
 #: Remembers when Chromium and the script had each press, by the time of day [ms].
-WATCH: Final = """() => {
+WATCH: Final = """(button) => {
     window.pressed = [];
-    document.getElementById('stop').addEventListener('pointerdown', (event) => {
+    document.querySelector(button).addEventListener('pointerdown', (event) => {
         const zero = performance.timeOrigin;
         window.pressed.push([zero + event.timeStamp, zero + performance.now()]);
     }, { capture: true });
@@ -89,7 +89,7 @@ def daemon(folder: Path) -> Iterator[Path]:
         yield path
     finally:
         process.terminate()
-        process.wait(20.0)
+        process.wait(120.0)
 
 
 @contextmanager
@@ -104,7 +104,7 @@ def served(path: Path) -> Iterator[str]:
         yield panel.stdout.readline().strip()
     finally:
         panel.terminate()
-        panel.wait(20.0)
+        panel.wait(120.0)
 
 
 @contextmanager
@@ -135,8 +135,8 @@ def executable() -> str:
 
 
 @contextmanager
-def pressed(url: str, ready: str) -> Iterator[Press]:
-    """The button with the id `stop` of a page, once ``ready`` is there."""
+def pressed(url: str, ready: str, stop: str = "#stop") -> Iterator[Press]:
+    """The button ``stop`` of a page, once ``ready`` is there; both are selectors."""
     from playwright.sync_api import sync_playwright
 
     with sync_playwright() as playwright:
@@ -145,8 +145,8 @@ def pressed(url: str, ready: str) -> Iterator[Press]:
         page.set_default_timeout(TIMEOUT_MS)
         page.goto(url)
         page.wait_for_selector(ready)
-        page.evaluate(WATCH)
-        box = page.locator("#stop").bounding_box()
+        page.evaluate(WATCH, stop)
+        box = page.locator(stop).bounding_box()
         assert box is not None
         page.mouse.move(box["x"] + 20.0, box["y"] + 20.0)
 
