@@ -2,11 +2,15 @@
 
 By network no order takes a free lease by itself. Here, in the program of the operator, the wire acquires it
 as the daemon would: not after a stop of another client.
+
+Set-points of `servo` are pipelined: some are under way at a time, so that their rate is not bound by the
+round trip. The bridge spends the credit of the daemon, and of those that arrive together the newest counts.
 """
 
 from __future__ import annotations
 
 import threading
+from collections import deque
 from collections.abc import Callable, Mapping
 from typing import Any, Final
 
@@ -14,10 +18,14 @@ from contid.fleet.operator import FleetOperator, response_of
 from contid.fleet.operator_link import LEASE_S, NO_LEASE
 from contid.fleet.rights import LEASED, STOPS
 from contid.remote.client.client_protocol import Request
-from contid.remote.protocol.wire import Code, Fields, encode
+from contid.remote.protocol.wire import Code, Fields, decode, encode
 
 #: Longest wait for an answer; the bridge answers by itself when the daemon does not.
 ANSWER_TIMEOUT_S: Final = 5.0
+#: Set-points that are not yet answered; a further one waits for an answer.
+MAX_UNANSWERED: Final = 16
+#: How the notice of a move that ended begins.
+MOVE_ENDED: Final = b'{"event":"move"'
 #: Only a move keeps the lease that it takes.
 KEEPING: Final = "move"
 
@@ -49,12 +57,23 @@ class FleetWire:
         self._client: int | None = None
         self._ended = self._closed = False
         self._lock = threading.Lock()
+        self._stream: _Pipeline | None = None
+        self._ended_moves: set[int] = set()
         key = operator.keys.notices(node, operator.origin)
-        self._notices = operator.net.subscribe(key, lambda _, line: deliver(line + b"\n"))
+        self._notices = operator.net.subscribe(key, lambda _, line: self._notice(line))
         self._leaving = operator.on_leave(node, lambda: self._end(f"{node}: its bridge or daemon is gone"))
 
     def send(self, request: Request) -> None:
         """See `contid.remote.client.wires.Wire.send`."""
+        move = request.fields.get("move") or 0
+        if request.newest and move not in self._ended_moves:
+            if self._stream is None or self._stream.move != move:
+                self._stream = _Pipeline(move, self._ask, self._respond)
+            self._stream.follow(request)
+            return
+        if request.verb == "end" and self._stream is not None and self._stream.move == move:
+            self._stream.end(request)
+            return
 
         def answered(response: Fields) -> None:
             if response.get("error", {}).get("code") == NO_LEASE and request.verb in LEASED:
@@ -140,6 +159,11 @@ class FleetWire:
             self._end(f"{self._node}: its bridge or its daemon lost this session")
         return self._client == number
 
+    def _notice(self, line: bytes) -> None:
+        if line.startswith(MOVE_ENDED):  # further rows are refused with the reason
+            self._ended_moves.add(int(decode(line)["move"]))
+        self._deliver(line + b"\n")
+
     def _respond(self, request: Request, response: Fields) -> None:
         self._deliver(encode({"id": request.number, **response}))
 
@@ -150,3 +174,79 @@ class FleetWire:
             self._ended = True
         self._deliver(encode({"event": "bye", "message": message}))
         self._deliver(b"")
+
+
+class _Pipeline:
+    """The set-points of one stream; requests come from one thread, answers from those of Zenoh.
+
+    A row is responded to at once while less than `MAX_UNANSWERED` are under way. A refusal in its answer
+    comes with the response to a later row, or to the end of the stream.
+
+    Args:
+        move: number of the stream.
+        ask: sends a request.
+        respond: gives the client the response to one.
+    """
+
+    def __init__(
+        self,
+        move: int,
+        ask: Callable[[str, Mapping[str, Any], float, Callable[[Fields], None]], None],
+        respond: Callable[[Request, Fields], None],
+    ) -> None:
+        self.move = move
+        self._ask = ask
+        self._respond = respond
+        self._lock = threading.Lock()
+        self._unanswered = 0
+        self._refused: deque[list[str]] = deque()
+        self._error: Fields | None = None
+        self._waiting: Request | None = None
+
+    def follow(self, request: Request) -> None:
+        """Send a row."""
+        with self._lock:
+            self._unanswered += 1
+        self._ask("rows", request.fields, request.timeout_s, self._answered)
+        self._settle(request)
+
+    def end(self, request: Request) -> None:
+        """Send the end of the stream, once every row is answered."""
+        self._settle(request)
+
+    def _answered(self, response: Fields) -> None:
+        with self._lock:
+            self._unanswered -= 1
+            if response.get("ok"):
+                if refused := response["result"].get("refused"):
+                    self._refused.append(refused)
+            elif response["error"]["code"] != Code.SUPERSEDED:
+                self._error = self._error or response
+            waiting, self._waiting = self._waiting, None
+        if waiting is not None:
+            self._settle(waiting)
+
+    def _settle(self, request: Request) -> None:
+        """Respond to a row, or send the end, if it need not wait for an answer."""
+        ends = request.verb == "end"
+        with self._lock:
+            if self._error is None and self._unanswered >= (1 if ends else MAX_UNANSWERED):
+                self._waiting = request
+                return
+            error, self._error = self._error, None
+            refused = self._refused.popleft() if self._refused and not ends else []
+            if ends:
+                refused = [message for each in self._refused for message in each]
+        if error is not None:
+            self._respond(request, error)
+        elif not ends:
+            self._respond(request, {"ok": True, "result": {"refused": refused}})
+        else:
+            self._ask(
+                "end", request.fields, request.timeout_s, lambda found: self._ended(request, found, refused)
+            )
+
+    def _ended(self, request: Request, response: Fields, refused: list[str]) -> None:
+        if response.get("ok"):
+            response = {**response, "result": {**response["result"], "refused": refused}}
+        self._respond(request, response)

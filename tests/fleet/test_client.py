@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import os
+import socket
 import subprocess
 import sys
 from collections.abc import Iterator
@@ -16,9 +17,11 @@ from contid.errors import ContidError
 from contid.fleet.fleet_address import FleetAddress, OperatorAddress
 from contid.fleet.net import FleetError
 from contid.fleet.operator import FleetOperator
+from contid.remote.client.servo import ServoState
 from contid.remote.client.wires import address_of
 from tests.support.daemons import FAR, HERE, arrives, daemon, states
 from tests.support.fleets import BridgeProcess, Fleet, bridge
+from tests.support.relay import Relay
 from tests.support.waiting import until
 
 pytestmark = pytest.mark.realtime
@@ -154,3 +157,61 @@ def test_addresses_and_paths() -> None:
 def test_a_node_that_is_not_there(lab: Fleet) -> None:
     with pytest.raises(FleetError, match="no node 'hand7'"), client(lab, "hand7"):
         pass
+
+
+#: Of the link in one direction; a round trip is twice as long.
+DELAY_S = 0.025
+
+
+@contextmanager
+def far_away(lab: Fleet) -> Iterator[tuple[Client, Client]]:
+    """A client over a link with latency, and a local one."""
+    with socket.create_server(("127.0.0.1", 0)) as probe:
+        port = probe.getsockname()[1]
+    node = lab.daemons["hand1"]
+    with (
+        bridge({"hand1": node.socket}, endpoint=f"tcp/127.0.0.1:{port}") as served,
+        Relay(port, DELAY_S) as relay,
+        client(BridgeProcess(served.process, served.folder, f"tcp/127.0.0.1:{relay.port}")) as robot,
+        node.client() as local,
+    ):
+        local.resume(after_stop=True)
+        yield robot, local
+
+
+def test_a_long_round_trip_does_not_bound_the_rate_of_set_points(lab: Fleet) -> None:
+    """One at a time there would be 21 in a second."""
+    seconds = 1.5
+
+    def controller(state: ServoState) -> dict[str, float] | None:
+        return {"x_mm": 30.0 + 5.0 * state.time_s, "y_mm": 85.0} if state.time_s < seconds else None
+
+    with far_away(lab) as (robot, local):
+        robot.acquire(5.0)
+        report = robot.servo(100, controller)
+        assert report.steps > 2.0 * seconds / (2.0 * DELAY_S)
+        assert report.refused == 0
+        arrives(local, "f0", (30.0 + 5.0 * seconds, 85.0, 0.0))
+
+
+def test_set_points_under_way_end_with_a_stop_and_report_refusals(lab: Fleet) -> None:
+    with far_away(lab) as (robot, local):
+        robot.acquire(5.0)
+
+        def out_of_reach(state: ServoState) -> dict[str, float] | None:
+            far = 10 <= state.step < 40  # of those that arrive together only the newest is followed
+            return {"x_mm": 3000.0 if far else 30.0, "y_mm": 85.0} if state.step < 60 else None
+
+        report = robot.servo(100, out_of_reach)
+        assert report.refused >= 1
+        assert "f0" in report.messages[0]
+
+        def stopped(state: ServoState) -> dict[str, float]:
+            if state.step == 20:
+                local.hold()
+            return {"x_mm": 30.0, "y_mm": 85.0}
+
+        with pytest.raises(RemoteError) as error:
+            robot.servo(100, stopped)
+        assert error.value.code in ("stopped", "refused", "no-lease", "lease-held")
+        assert states(local) == {"HOLD"}

@@ -2,8 +2,10 @@
 
 from __future__ import annotations
 
+import queue
 import socket
 import threading
+import time
 from contextlib import suppress
 from types import TracebackType
 from typing import Self
@@ -12,10 +14,16 @@ CHUNK = 1 << 16
 
 
 class Relay:
-    """From a port of this machine to another; `cut` makes it silent, `restore` passes on what waited."""
+    """From a port of this machine to another; `cut` makes it silent, `restore` passes on what waited.
 
-    def __init__(self, port: int) -> None:
+    Args:
+        port: to which it connects.
+        delay_s: of every byte, in both directions.
+    """
+
+    def __init__(self, port: int, delay_s: float = 0.0) -> None:
         self._target = port
+        self._delay_s = delay_s
         self._listening = socket.create_server(("127.0.0.1", 0))
         self.port: int = self._listening.getsockname()[1]
         self._open = threading.Event()
@@ -57,15 +65,29 @@ class Relay:
                 return
             self._sockets += (near, far)
             for pair in ((near, far), (far, near)):
-                thread = threading.Thread(target=self._pass_on, args=pair)
-                self._threads.append(thread)
-                thread.start()
+                waiting: queue.SimpleQueue[tuple[float, bytes]] = queue.SimpleQueue()
+                for part in (
+                    threading.Thread(target=self._take, args=(pair[0], waiting)),
+                    threading.Thread(target=self._pass_on, args=(waiting, pair[1])),
+                ):
+                    self._threads.append(part)
+                    part.start()
 
-    def _pass_on(self, source: socket.socket, target: socket.socket) -> None:
+    def _take(self, source: socket.socket, waiting: queue.SimpleQueue[tuple[float, bytes]]) -> None:
         try:
             while data := source.recv(CHUNK):
+                waiting.put((time.monotonic() + self._delay_s, data))
+        except OSError:
+            pass
+        finally:
+            waiting.put((0.0, b""))
+
+    def _pass_on(self, waiting: queue.SimpleQueue[tuple[float, bytes]], target: socket.socket) -> None:
+        try:
+            while (due := waiting.get())[1]:
+                time.sleep(max(due[0] - time.monotonic(), 0.0))
                 self._open.wait()
-                target.sendall(data)
+                target.sendall(due[1])
         except OSError:
             pass
         finally:

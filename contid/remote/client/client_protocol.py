@@ -42,6 +42,7 @@ class Request:
         line: its bytes.
         timeout_s: how long to wait for the response.
         fields: without ``id`` and ``verb``.
+        newest: a row of which only the newest counts; a wire with latency may respond before the daemon.
     """
 
     number: int
@@ -49,6 +50,7 @@ class Request:
     line: bytes
     timeout_s: float
     fields: Mapping[str, Any]
+    newest: bool = False
 
 
 class ClientProtocol:
@@ -76,14 +78,14 @@ class ClientProtocol:
         self._ended: dict[int, Fields] = {}
         self._partial = b""
 
-    def request(self, verb: str, fields: Mapping[str, Any]) -> Request:
+    def request(self, verb: str, fields: Mapping[str, Any], newest: bool = False) -> Request:
         """The next request; fields that are None are left out."""
         self._number += 1
         self.requested_s = time.monotonic()
         given = {key: value for key, value in fields.items() if value is not None}
         timeout_s = max(self.timeout_s, VERB_TIMEOUT_S.get(verb, 0.0))
         line = encode({"id": self._number, "verb": verb, **given})
-        request = self._open[self._number] = Request(self._number, verb, line, timeout_s, given)
+        request = self._open[self._number] = Request(self._number, verb, line, timeout_s, given, newest)
         return request
 
     def receive(self, chunk: bytes) -> bool:

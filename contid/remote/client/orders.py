@@ -110,7 +110,9 @@ class Orders(ABC):
             RemoteError: the daemon refused.
             ConnectionLostError: the connection ended.
         """
-        request = self._protocol.request(verb, fields)
+        return await self._carry_out(self._protocol.request(verb, fields))
+
+    async def _carry_out(self, request: Request) -> Fields:
         try:
             return await self._exchange(request)
         finally:

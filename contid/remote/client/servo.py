@@ -9,7 +9,7 @@ from __future__ import annotations
 import inspect
 import math
 import time
-from collections.abc import Awaitable, Callable, Mapping
+from collections.abc import Awaitable, Callable, Mapping, Sequence
 from contextlib import suppress
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any, Final, TypeAlias
@@ -61,7 +61,8 @@ class ServoReport:
         skipped: periods without a set-point, because the controller or the daemon was late.
         refused: set-points that were refused.
         messages: about the first of them.
-        round_trip_ms: mean time from sending a set-point to its acceptance.
+        round_trip_ms: mean time from sending a set-point to its acceptance; over a network, where
+            some set-points are under way at a time, to the sending of the next one.
         max_round_trip_ms: the longest.
     """
 
@@ -125,7 +126,8 @@ class _ServoLoop:
             period += 1 + max(late, 0)
             await self._wait_until(begin_s + period * self._period_s)
         if self._move:
-            await self._client.request("end", move=self._move)
+            # Over a network the refusals of the last rows come with the response to the end.
+            self._note_refused((await self._client.request("end", move=self._move)).get("refused", ()))
             move, self._move = self._move, 0
             await self._client.wait(move)
         mean_s = self._total_s / max(self._steps, 1)
@@ -178,7 +180,9 @@ class _ServoLoop:
                 return ""
         begin_s = time.monotonic()
         try:
-            refused = (await self._client.request("rows", move=self._move, rows=[values]))["refused"]
+            fields = {"move": self._move, "rows": [values]}
+            request = self._protocol.request("rows", fields, newest=True)
+            refused = (await self._client._carry_out(request))["refused"]
         except RemoteError as error:
             self._check_stopped()
             if error.code == Code.SUPERSEDED:  # lost on a network; the next one follows
@@ -189,10 +193,12 @@ class _ServoLoop:
         took_s = time.monotonic() - begin_s
         self._steps, self._total_s = self._steps + 1, self._total_s + took_s
         self._longest_s = max(self._longest_s, took_s)
-        if refused:
-            self._refused += 1
-            self._messages += refused[: MAX_REFUSED - len(self._messages)]
+        self._note_refused(refused)
         return "; ".join(refused)
+
+    def _note_refused(self, refused: Sequence[str]) -> None:
+        self._refused += bool(refused)
+        self._messages += refused[: MAX_REFUSED - len(self._messages)]
 
     def _check_stopped(self) -> None:
         """Raise the reason when the stream was ended by a stop, a fault or another client."""
