@@ -53,7 +53,7 @@ def cold_starts(name: str, count: int) -> None:
                 tuple(at.tip.tolist()), direction, mid, tuple(seed.tolist())
             )
             spent.append(time.perf_counter_ns() - begin)
-            excess = float(feasible.excess(np.array(found)).max())
+            excess = float(np.max(feasible.excess(np.array(found))))
             met += residual <= 1e-6 and excess <= 1e-12
             worst, outside = max(worst, residual), max(outside, excess)
             steps.append(iterations)

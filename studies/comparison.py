@@ -196,7 +196,7 @@ def compare(
             tips = np.stack([path.tips_m for path in paths])
             found = method.along(tips, np.stack([path.lengths_m[0] for path in paths]))
             each = 1e3 * np.linalg.norm(forward(_SECTIONS, found).tip - tips, axis=-1).max(axis=-1)
-            median, highest = float(np.median(each)), float(each.max())
+            median, highest = float(np.median(each)), float(np.max(each))
             beyond = np.maximum(np.array(singh.LOWER_M) - found, found - np.array(singh.UPPER_M))
             outside = 1e3 * max(0.0, float(beyond.max()))
         rows.append(

@@ -68,7 +68,7 @@ def cold_starts(mode: str, grams: float, targets: int, seed: int = 7) -> Cold:
     us = np.array(times) * 1e6
     return Cold(
         mode, grams, targets, failures, checked, wrong,
-        float(np.median(us)), float(np.percentile(us, 99)), float(us.max()),
+        float(np.median(us)), float(np.percentile(us, 99)), float(np.max(us)),
     )  # fmt: skip
 
 

@@ -175,11 +175,12 @@ def experiment(run: Run, plants: Sequence[Plant]) -> ExperimentRow:
     tip = np.concatenate(tips)
     return ExperimentRow(
         run.experiment, run.name, run.paper,
-        tip_median=float(np.median(tip)), tip_max=float(tip.max()), tip_rmse=float(np.sqrt(np.mean(tip**2))),
+        tip_median=float(np.median(tip)), tip_max=float(np.max(tip)),
+        tip_rmse=float(np.sqrt(np.mean(tip**2))),
         mid_median=float(np.median(mids)) if mids else None, mid_max=float(np.max(mids)) if mids else None,
         angle_rmse=float(np.sqrt(np.mean(np.square(angles)))) if angles else None,
         angle_max=float(np.max(angles)) if angles else None,
-        model_max=float(residuals.max()), unmet=unmet,
+        model_max=float(np.max(residuals)), unmet=unmet,
     )  # fmt: skip
 
 

@@ -107,7 +107,7 @@ def measure(run: Run, paper_points: int, laps: int = 5) -> Speed:
     paper, slow = solved
     return Speed(
         run.name, run.grams, len(tips), float(np.median(counted)), float(np.percentile(counted, 99)),
-        float(np.percentile(counted.min(axis=0), 99)), float(counted.max()), unmet,
+        float(np.percentile(counted.min(axis=0), 99)), float(np.max(counted)), unmet,
         float(np.median(paper)) * 1e6, len(paper), met[0], float(np.median(slow)) * 1e6, met[1],
     )  # fmt: skip
 

@@ -85,7 +85,7 @@ def sampled_body(curve: Callable[[int], Array], radius_m: float) -> Body:
         length = max(fine, (4.0 * fine - coarse) / 3.0)
         body = Body(points, length / pieces * (1.0 + _LENGTH_ROUNDING), radius_m)
         steps = np.arange(pieces)
-        if pieces >= MAX_PIECES or body.allowance(steps, steps + 1).max() <= ALLOWANCE_M:
+        if pieces >= MAX_PIECES or np.max(body.allowance(steps, steps + 1)) <= ALLOWANCE_M:
             return body
         pieces *= 2
 

@@ -75,8 +75,8 @@ def numpy_between_bodies(a: Body, b: Body, enough_m: float = math.inf) -> Distan
         slack = a.allowance(a0, a1) + b.allowance(b0, b1)
         lower = centre - slack
         # The curve passes within the allowance of every point of its chord.
-        best = min(best, float((centre + slack).min()))
-        nearest = int(lower.argmin())
+        best = min(best, float(np.min(centre + slack)))
+        nearest = int(np.argmin(lower))
         least = float(lower[nearest])
         leaves = (a1 - a0 == 1) & (b1 - b0 == 1)
         if least >= enough_m or leaves.all():
@@ -113,7 +113,7 @@ def numpy_to_obstacle(body: Body, obstacle: Obstacle, enough_m: float = math.inf
     """Twin of `to_obstacle`."""
     values = obstacle.signed_distance(body.points) - body.radius_m
     first, last = np.array([0]), np.array([body.pieces])
-    best = float(values.min())
+    best = float(np.min(values))
     while True:
         # The distance changes at most as fast as the arc length.
         lower = 0.5 * (values[first] + values[last] - (last - first) * body.spacing_m)
@@ -128,7 +128,7 @@ def numpy_to_obstacle(body: Body, obstacle: Obstacle, enough_m: float = math.inf
         chord_min, rounding = _least_on_chords(body.points[first], body.points[last], obstacle)
         slack = body.allowance(first, last)
         lower = np.maximum(lower[keep], chord_min - body.radius_m - slack - rounding)
-        best = min(best, float((chord_min - body.radius_m + slack).min()))
+        best = min(best, float(np.min(chord_min - body.radius_m + slack)))
         least = float(lower.min())
     nearest = int(lower.argmin())
     at_m = body.start_m + 0.5 * float(first[nearest] + last[nearest]) * body.spacing_m

@@ -172,7 +172,7 @@ def body_speed(model: Model, own_axes: int) -> tuple[float, ...]:
             moved = at.copy()
             moved[axis] += _STEP * (high - low)[axis]
             there = model.shape((*moved.tolist(), *rest), _POINTS)
-            motion = float(np.linalg.norm(there - here, axis=1).max())
+            motion = float(np.max(np.linalg.norm(there - here, axis=1)))
             greatest[axis] = max(greatest[axis], motion / (_STEP * float((high - low)[axis])))
     return (*(SPEED_FACTOR * greatest).tolist(), *(0.0 for _ in rest))
 

@@ -107,7 +107,7 @@ def reachable_volume(
     """
     actuations, tips = sample_tips(model, frame, samples)
     if edge_m is None:
-        edge_m = float(np.ptp(tips, axis=0).max()) / across
+        edge_m = float(np.max(np.ptp(tips, axis=0))) / across
     seeds: dict[Voxel, Actuation] = {}
     for actuation, tip in zip(actuations, tips, strict=True):
         seeds.setdefault(_voxel(tip, edge_m), actuation)

@@ -87,4 +87,4 @@ def _corners(image: Array, columns: int, rows: int) -> Array | None:
 
 
 def _far(a: Array, b: Array) -> float:
-    return float(np.linalg.norm(a - b, axis=1).max())
+    return float(np.max(np.linalg.norm(a - b, axis=1)))

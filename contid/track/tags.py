@@ -93,11 +93,11 @@ class TagDetector:
         """The ideal corners from the edges; None where a side is too short or not seen."""
         along = np.roll(corners, -1, axis=0) - corners
         sides = np.linalg.norm(along, axis=1)
-        if float(sides.min()) < MIN_SIDE_PX:
+        if float(np.min(sides)) < MIN_SIDE_PX:
             return None
         normals = np.stack([-along[:, 1], along[:, 0]], axis=1) / sides[:, None]
         share = np.linspace(_FROM, _TO, _POINTS)
-        across = np.linspace(-1.0, 1.0, _STEPS) * float(np.clip(_ACROSS * sides.min(), *_ACROSS_PX))
+        across = np.linspace(-1.0, 1.0, _STEPS) * float(np.clip(_ACROSS * np.min(sides), *_ACROSS_PX))
         base = corners[:, None] + share[None, :, None] * along[:, None]
         sampled = base[:, :, None] + across[None, None, :, None] * normals[:, None, None]
         grey = cv2.remap(

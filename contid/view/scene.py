@@ -91,6 +91,6 @@ def build_scene(loaded: LoadedFile, rate_hz: float) -> Scene:
     ropes = [
         RopeDrawing(guard, (index[guard.arms[0]], index[guard.arms[1]])) for guard in chain_guards(loaded)
     ]
-    size_mm = float(np.ptp(np.vstack([robot.workspace for robot in robots]), axis=0).max())
+    size_mm = float(np.max(np.ptp(np.vstack([robot.workspace for robot in robots]), axis=0)))
     cell_mm = next((cell for cell in CELLS_MM if cell * MAX_CELLS >= size_mm), math.ceil(size_mm / MAX_CELLS))
     return Scene(robots, bodies, ropes, cell_mm)

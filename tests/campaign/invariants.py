@@ -94,10 +94,10 @@ def taut(seen: Seen) -> Iterator[str]:
         for place, command, _ in _commands(seen, robot):
             tensions = model.statics.tensions(np.array(command))
             if before != place - 1:  # armed where it stands: measured tensions are what they are
-                low = min(float(tensions.min()), model.statics.floor_n)
-                high = max(float(tensions.max()), model.statics.limit_n)
-            if tensions.min() < low - TENSION_N or tensions.max() > high + TENSION_N:
-                yield f"{config.name}: tensions {tensions.min():.6g}..{tensions.max():.6g} N at {place}"
+                low = min(float(np.min(tensions)), model.statics.floor_n)
+                high = max(float(np.max(tensions)), model.statics.limit_n)
+            if np.min(tensions) < low - TENSION_N or np.max(tensions) > high + TENSION_N:
+                yield f"{config.name}: tensions {np.min(tensions):.6g}..{np.max(tensions):.6g} N at {place}"
                 return
             before = place
 

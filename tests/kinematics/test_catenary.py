@@ -93,11 +93,11 @@ def test_every_rope_has_its_ends_its_length_and_the_equation_of_the_catenary(
     s = np.linspace(0.0, length, 401)
     points = found.points(401)
     steps = np.linalg.norm(np.diff(points, axis=0), axis=1)
-    assert steps.max() <= s[1] * (1.0 + 1e-9) + 1e-11
+    assert np.max(steps) <= s[1] * (1.0 + 1e-9) + 1e-11
     # Vertical pull minus horizontal pull grows with the weight passed: slope is linear in arc length.
     slopes = [d[2] / math.hypot(d[0], d[1]) for d in map(found.direction_at, (0.0, length / 2, length))]
     assert slopes[1] == pytest.approx((slopes[0] + slopes[2]) / 2, abs=1e-6 * (abs(slopes[0]) + 1.0))
-    assert found.lowest[2] <= points[:, 2].min() + 1e-9 * length
+    assert found.lowest[2] <= np.min(points[:, 2]) + 1e-9 * length
 
 
 def test_turning_the_rope_round_gives_the_same_rope() -> None:

@@ -170,7 +170,7 @@ def test_backbone_ends_at_the_tip() -> None:
     line = backbone(rod, p, found.base_moment, loads, 3)
     assert np.abs(line[-1] - found.sweep.tip).max() < 1e-12
     assert np.abs(line[0]).max() == 0.0
-    assert np.linalg.norm(np.diff(line, axis=0), axis=1).max() < 5.5
+    assert np.max(np.linalg.norm(np.diff(line, axis=0), axis=1)) < 5.5
 
 
 def test_single_section_is_the_first_of_two() -> None:

@@ -78,7 +78,11 @@ def test_no_neighbour_with_the_same_tip_is_nearer_to_home():
             start = found + rng.normal(size=len(found)) * spread
             best = minimize(distance, start, constraints=constraints, method="SLSQP", options={"ftol": 1e-14})
             off = np.linalg.norm(tip_and_tangent(feasible, best.x)[0] - tip)
-            if np.linalg.norm(best.x - found) < 0.02 and off < 1e-7 and feasible.excess(best.x).max() < 1e-7:
+            if (
+                np.linalg.norm(best.x - found) < 0.02
+                and off < 1e-7
+                and np.max(feasible.excess(best.x)) < 1e-7
+            ):
                 assert distance(found) <= best.fun + 1e-6
 
 

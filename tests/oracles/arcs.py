@@ -61,5 +61,5 @@ def random_posture(feasible: Feasible, rng: np.random.Generator, most_rad: float
             for low, high in zip(feasible.lower, feasible.upper, strict=True)
         ]
         lengths = lengths_of(feasible, arcs)
-        if feasible.excess(lengths).max() < 0.0:
+        if np.max(feasible.excess(lengths)) < 0.0:
             return lengths

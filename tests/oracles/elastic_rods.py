@@ -60,7 +60,7 @@ def compared(steel_or_tpu: ElasticRod, at: Array, shape: Array) -> Compared:
         found = steel_or_tpu.statics(at * length, loads=loads, gravity=forces[:, 0])
         spent = min(spent, (time.perf_counter_ns() - begin) / 1e3)
     assert found.carried == 1.0
-    distance = np.linalg.norm(found.points - forces[:, 3:].T, axis=1).max() / length
+    distance = np.max(np.linalg.norm(found.points - forces[:, 3:].T, axis=1)) / length
     # Along x the tangent of Rx(a) Ry(b) Rz(c) is its first column.
     a, b, c = shape[:3, 3:]
     tangent = np.stack(

@@ -54,7 +54,7 @@ def test_damped_least_squares(golden, solver):
 
 def test_feedback_cures_the_drift_and_a_smaller_damping_does_not():
     def worst(lengths):
-        return np.linalg.norm(forward(SECTIONS, lengths).tip - PATH.tips_m, axis=-1).max() * 1e3
+        return np.max(np.linalg.norm(forward(SECTIONS, lengths).tip - PATH.tips_m, axis=-1)) * 1e3
 
     start = PATH.lengths_m[0]
     printed = {k: worst(singh.dls_as_printed(SECTIONS, PATH.tips_m, start, k)) for k in (0.5, 0.1, 0.01)}
@@ -115,7 +115,7 @@ def test_hughes_dynamics_outside_the_workspace():
     assert corrected.error_m * 1e3 == pytest.approx(304.138, abs=1e-3)
     printed = hughes.settle(feasible, target, start, hughes.Variant.PRINTED)
     assert not printed.settled
-    assert printed.lengths_m.max() > 0.690  # 40 mm outside the limits
+    assert np.max(printed.lengths_m) > 0.690  # 40 mm outside the limits
     assert printed.error_m * 1e3 == pytest.approx(113.3, abs=0.3)
 
 
@@ -150,7 +150,7 @@ def test_a_small_network_is_trained_saved_and_loaded(tmp_path):
     assert set(reported) == {"forward network", "inverse network"}
     error = np.linalg.norm(forward(SECTIONS, network.lengths(PATH.tips_m)).tip - PATH.tips_m, axis=-1)
     assert error.mean() < 8e-3
-    assert network.lengths(np.array((1.0, 1.0, 1.0))).max() <= 0.150
+    assert np.max(network.lengths(np.array((1.0, 1.0, 1.0)))) <= 0.150
     path = tmp_path / "net.npz"
     network.save(path)
     back = InverseNetwork.load(path)

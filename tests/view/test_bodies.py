@@ -44,7 +44,7 @@ def test_a_body_ends_at_the_tip_and_begins_at_the_base(name: str) -> None:
     middles = cylinders.centres[0]
     ends = np.concatenate([middles - half * axes, middles + half * axes, middles])
     for place in (drawing.tip, robot.base[0]):
-        assert np.linalg.norm(ends - place, axis=1).min() < 1e-6
+        assert np.min(np.linalg.norm(ends - place, axis=1)) < 1e-6
     # No part is farther from the backbone than the outermost dimension of the robot.
     line = np.vstack(drawing.strips[: drawing.sections])
     off = np.linalg.norm(cylinders.centres[0][:, None] - line, axis=2).min(axis=1)

@@ -115,7 +115,7 @@ def _sandwich(cached: _Cached, z: Array, runs: Array) -> tuple[Array, int]:
     bread = np.linalg.inv(flat.T @ flat + np.eye(size))
     by_row = np.einsum("rap,ra->rp", cached.by, cached.error)
     _, place = np.unique(runs, return_inverse=True)
-    patterns = int(place.max()) + 1
+    patterns = int(np.max(place)) + 1
     scores = np.zeros((patterns, size))
     np.add.at(scores, place, by_row)
     meat = scores.T @ scores * (patterns / max(patterns - 1, 1)) + np.eye(size)

@@ -116,7 +116,7 @@ def nominal_of(
     through: bool = True,
 ) -> Nominal:
     """The robot before the fit, standing along z so that the highest measured tip is the straight one's."""
-    height = float(recording.tip_m[:, 2].max() - sum(length_m))
+    height = float(np.max(recording.tip_m[:, 2]) - sum(length_m))
     return Nominal(tuple(length_m), radius_m, angle_rad, tuple(count), (0.0, 0.0, height), through)
 
 
@@ -148,7 +148,7 @@ def _assign(gains: Array, angles: Array, count: Sequence[int]) -> tuple[NDArray[
 def _deviation(section: NDArray[np.intp], gains: Array, angles: Array) -> float:
     """Squares of the deviations inside the sections."""
     total = 0.0
-    for each in range(int(section.max()) + 1):
+    for each in range(int(np.max(section)) + 1):
         own = np.log(gains[section == each])
         total += float(((own - own.mean()) ** 2).sum()) / _GAIN_SPREAD**2
         n = len(own)

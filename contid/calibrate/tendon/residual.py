@@ -87,7 +87,7 @@ def fit_residual(features: Array, missing_m: Array, runs: Array, bends: int) -> 
         runs: number of the pattern of each row; folds are blocks of consecutive patterns.
         bends: how many features are bends. One pattern alone gives no correction.
     """
-    fold = np.minimum((runs - runs.min()) * FOLDS // (np.ptp(runs) + 1.0), FOLDS - 1)
+    fold = np.minimum((runs - np.min(runs)) * FOLDS // (np.ptp(runs) + 1.0), FOLDS - 1)
     if len(np.unique(fold)) < 2:  # nothing can be kept out
         return _solve(features, missing_m, bends, np.inf)
     scores = []

@@ -157,10 +157,10 @@ def _parametrised(
             times = np.arange(ticks + 1) * period_s
             at = np.clip(CubicSpline(clock, smooth)(times), 0.0, along[-1])
             needs = _needs(np.asarray(path(at)), most, period_s)
-            if max(each.max() for each in needs.values()) <= 1.0:
+            if max(np.max(each) for each in needs.values()) <= 1.0:
                 needs = _needs(exact(at), most, period_s)
-            worst = max(needs, key=lambda name: float(needs[name].max()))
-            if needs[worst].max() <= 1.0:
+            worst = max(needs, key=lambda name: float(np.max(needs[name])))
+            if np.max(needs[worst]) <= 1.0:
                 found.append((ticks, _Timing(at, worst)))
                 break
             slower = _spread(np.max(list(needs.values()), axis=0), spread)
@@ -206,8 +206,8 @@ def _needs(axes: Array, most: Sequence[Array], period_s: float) -> dict[str, Arr
         spans = np.pad(share, (order, order))
         windows = np.lib.stride_tricks.sliding_window_view(spans, order + 1).max(axis=1)
         out[name] = windows[3 : 3 + len(axes)]
-        out[name][0] = max(out[name][0], windows[:3].max())
-        out[name][-1] = max(out[name][-1], windows[3 + len(axes) :].max())
+        out[name][0] = max(out[name][0], np.max(windows[:3]))
+        out[name][-1] = max(out[name][-1], np.max(windows[3 + len(axes) :]))
     return out
 
 

@@ -223,7 +223,7 @@ class _Robot:
         ticks = 1
         for _ in range(_TRIES):
             left = np.maximum(self._change - varies, _LEAST * self._change)
-            needed = max(1, math.ceil(float((reach / left).max()) - _ROUNDING))
+            needed = max(1, math.ceil(float(np.max(reach / left)) - _ROUNDING))
             if needed <= ticks:
                 break
             ticks = needed

@@ -29,16 +29,16 @@ def box_step(H: Array, g: Array, low: Array, high: Array) -> Array:
             up, down = free & (move > 0.0), free & (move < 0.0)
             room[up] = (high[up] - step[up]) / move[up]
             room[down] = (low[down] - step[down]) / move[down]
-            fraction = min(1.0, float(room.min()))
+            fraction = min(1.0, float(np.min(room)))
             step = step + fraction * move
             if fraction < 1.0:
-                blocking = int(room.argmin())
+                blocking = int(np.argmin(room))
                 step[blocking] = high[blocking] if move[blocking] > 0.0 else low[blocking]
                 held[blocking] = True
                 continue
         pull = g + H @ step
         wrong = np.where(held, np.where(step <= low, -pull, pull), -np.inf)
-        worst = int(wrong.argmax())
+        worst = int(np.argmax(wrong))
         if wrong[worst] <= 1e-12 * (1.0 + float(np.abs(g).max())):
             break
         held[worst] = False

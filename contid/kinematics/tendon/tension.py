@@ -34,7 +34,7 @@ def balanced(arms: Array) -> Array | None:
     n = across @ np.ones(len(arms))
     for _ in range(_ROUNDS):
         mean = float(n.mean())
-        if mean > 1e-9 and float(n.min()) >= 1e-3 * mean:
+        if mean > 1e-9 and float(np.min(n)) >= 1e-3 * mean:
             return np.asarray(n / mean, dtype=np.float64)
         n = across @ np.maximum(n, 0.05)
     return None

@@ -70,8 +70,8 @@ class Run:
         K = np.diag(np.repeat(model.statics.bending_nm, 2))
         bends = np.linalg.solve(G.T @ k @ G + K, G.T @ k @ command)
         tensions = model.statics.rest_n + k @ (command - G @ bends)
-        assert tensions.min() >= model.statics.floor_n - ROUNDING_N, self.ticks
-        assert tensions.max() <= model.statics.limit_n + ROUNDING_N, self.ticks
+        assert np.min(tensions) >= model.statics.floor_n - ROUNDING_N, self.ticks
+        assert np.max(tensions) <= model.statics.limit_n + ROUNDING_N, self.ticks
         angles = np.hypot(bends[0::2], bends[1::2])
         assert np.all(angles <= np.array(model.feasible.bend_max_rad) + 1e-6)
         steps = command - np.array(self.state.command)
@@ -190,14 +190,14 @@ def test_a_robot_that_is_armed_slack_gets_taut_without_a_jump(configs: Path) -> 
         mode=Mode.RUN, enabled=True, arm_requested=True, follow=True, command=here, reference=here,
         increments=still, misses=(0,) * 9,
     )  # fmt: skip
-    lows = [float(model.statics.tensions(begin).min())]
+    lows = [float(np.min(model.statics.tensions(begin)))]
     assert lows[0] < 0.0
     target = Target(tip_m=(0.02, 0.03, 0.29))
     for k in range(200):
         values = config.transmission.to_device(state.command)
         out = tick(config, state, 0.01 * k, tuple(Sample(v, 0.01 * k, True, 0.0) for v in values), target)
         state = out.state
-        lows.append(float(model.statics.tensions(np.array(state.command)).min()))
+        lows.append(float(np.min(model.statics.tensions(np.array(state.command)))))
     assert min(lows) == lows[0]
     assert lows[-1] >= model.statics.floor_n - ROUNDING_N
     assert out.solution is not None

@@ -43,8 +43,8 @@ def test_random_reachable_targets_are_met_with_taut_tendons(name, mode):
             assert math.dist(found[2], mid) <= 1e-6
         tensions = model.tensions(solution.actuation)
         assert tensions is not None
-        assert tensions.min() >= model.statics.floor_n - 1e-7
-        assert tensions.max() <= model.statics.limit_n + 1e-7
+        assert np.min(tensions) >= model.statics.floor_n - 1e-7
+        assert np.max(tensions) <= model.statics.limit_n + 1e-7
         assert np.all(np.array(solution.actuation) >= model.lower)
         assert np.all(np.array(solution.actuation) <= model.upper)
         again = model.inverse(target, solution.actuation)
@@ -104,7 +104,7 @@ def test_a_slack_tendon_is_refused_and_named():
     tensions = model.tensions(refused.actuation)
     assert tensions is not None
     assert model.statics is not None
-    assert tensions.min() >= model.statics.floor_n - 1e-9
+    assert np.min(tensions) >= model.statics.floor_n - 1e-9
     kept = model.inverse(Target(actuation=refused.actuation), (0.0,) * 9)
     assert kept.converged
     assert kept.actuation == refused.actuation
@@ -127,8 +127,8 @@ def test_out_of_reach_the_answer_stays_taut():
         assert model.statics is not None
         tensions = model.tensions(solution.actuation)
         assert tensions is not None
-        assert tensions.min() >= model.statics.floor_n - 1e-7
-        assert tensions.max() <= model.statics.limit_n + 1e-7
+        assert np.min(tensions) >= model.statics.floor_n - 1e-7
+        assert np.max(tensions) <= model.statics.limit_n + 1e-7
 
 
 @pytest.mark.parametrize("count", [1, 2, 8])
