@@ -22,7 +22,9 @@ from tests.support.command import environment
 from tests.support.waiting import until
 
 PATIENT = "usb_latency_ms: 15\n    watchdog_ms: 400"
-HOMING = ", homing: {method: tension, direction: 1, current_ma: 80, slack_ma: 12}}"
+HOMING = ", homing: {method: tension, direction: 1, current_ma: 80}}"
+#: Of the tendon that snaps: the backbone springs back, so that others carry nothing either.
+WATCHED = HOMING.replace("80}", "80, slack_ma: 12}")
 
 
 def arm(folder: Path, configs: Path) -> Path:
@@ -30,6 +32,7 @@ def arm(folder: Path, configs: Path) -> Path:
     text = (configs / "tendon3.emulated.yaml").read_text().split("    placeholder:")[0]
     text = text.replace("./tendon3.tty", str(folder / "tendon3.tty")).replace("rate_hz: 100", "rate_hz: 50")
     text = text.replace("tolerance_ticks: 5 ", f"tolerance_ticks: 20\n    {PATIENT} ")
+    text = re.sub(r"(s1.t3: .*mm_per_rev: [0-9.]+)}", rf"\1{WATCHED}", text)
     (folder / "arm.yaml").write_text(re.sub(r"(mm_per_rev: [0-9.]+)}", rf"\1{HOMING}", text))
     return folder / "arm.yaml"
 
@@ -114,9 +117,7 @@ def test_a_tendon_snaps_while_the_robot_runs(tmp_path: Path, configs: Path) -> N
             file_.write('{"fault": "snap", "id": 3}\n')
         out = done(running)
         assert running.returncode == 3, out
-        # The backbone springs back, so that other tendons carry nothing either.
-        assert "fault 111 tendon-snapped: arm.s1." in out, out
-        assert "arm.s1.t3: snapped tendon: " in out, out
+        assert "fault 111 tendon-snapped: arm.s1.t3: snapped tendon: " in out, out
     finally:
         for process in started:
             process.terminate()
@@ -124,4 +125,6 @@ def test_a_tendon_snaps_while_the_robot_runs(tmp_path: Path, configs: Path) -> N
     assert not (tmp_path / "faults.jsonl.errors").exists()
     replayed = contid(tmp_path, "replay", "s.mcap")
     assert "every command is the same, bit for bit" in done(replayed)
-    assert Session(tmp_path / "s.mcap").clean
+    session = Session(tmp_path / "s.mcap")
+    assert len(list(session.ticks())) > 50
+    assert session.clean, session.cut
