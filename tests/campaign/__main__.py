@@ -1,4 +1,7 @@
-"""``python -m tests.campaign [--all --minutes N | --cases N | --ptys N]``: exit 1 on a violation."""
+"""``python -m tests.campaign [--all --minutes N | --cases N | --ptys N]``: exit 1 on a violation.
+
+Ctrl-C prints the counts so far.
+"""
 
 from __future__ import annotations
 
@@ -25,20 +28,30 @@ def main() -> int:
         return 1 if everything(asked.minutes, asked.seed) else 0
     cases = asked.cases if asked.ptys is None else asked.ptys
 
+    newest: list[Tally | WireTally] = []
+
     def progress(tally: Tally | WireTally) -> None:
+        newest[:] = [tally]
         if sys.stderr.isatty():
             violations = sum(tally.violations.values())
             sys.stderr.write(f"\r\x1b[K{tally.cases}/{cases} cases, {violations} violations")
             sys.stderr.flush()
 
-    if asked.ptys is None:
-        tally: Tally | WireTally = campaign(cases, asked.seed, progress)
-    else:
-        tally = ptys.campaign(cases, asked.seed, progress, asked.driver)
+    try:
+        if asked.ptys is None:
+            tally: Tally | WireTally = campaign(cases, asked.seed, progress)
+        else:
+            tally = ptys.campaign(cases, asked.seed, progress, asked.driver)
+    except KeyboardInterrupt:
+        if not newest:
+            raise
+        tally = newest[0]
     if sys.stderr.isatty():
         sys.stderr.write("\r\x1b[K")
     print(tally.table())
-    return 1 if sum(tally.violations.values()) else 0
+    if sum(tally.violations.values()):
+        return 1
+    return 0 if tally.cases >= cases else 130
 
 
 if __name__ == "__main__":

@@ -206,7 +206,7 @@ class Run:
         self._client.acquire(60.0)
         try:
             until(lambda: self._states() == {"HOLD"}, "armed", START_S)
-        except ConnectionLostError as error:
+        except (ConnectionLostError, AssertionError) as error:
             with suppress(subprocess.TimeoutExpired):
                 self._process.wait(5.0)
             raise NotStartedError(f"not armed: {error}: {self._stderr.read_text()}") from error
