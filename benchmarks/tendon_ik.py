@@ -58,8 +58,8 @@ def tendon_robot(name: str, count: int) -> np.ndarray:
     slack = over = 0
     for answer in (*answers, *framed):
         tensions = model.statics.tensions(np.array(answer.actuation))
-        slack += bool(tensions.min() < model.statics.floor_n - 1e-6)
-        over += bool(tensions.max() > model.statics.limit_n + 1e-6)
+        slack += bool(np.min(tensions) < model.statics.floor_n - 1e-6)
+        over += bool(np.max(tensions) > model.statics.limit_n + 1e-6)
     report(name, answers, times_us)
     report(f"{name}, whole frame", framed, framed_us)
     print(f"  slack commands: {slack}; commands over the largest tension: {over}")

@@ -83,7 +83,7 @@ class QiuSolver:
                 break
             square = J.T @ J
             if damped:
-                square = square + float(np.diag(square).max()) * np.eye(6)
+                square = square + float(np.max(np.diag(square))) * np.eye(6)
             try:
                 x = self._wrapped(x + np.linalg.solve(square, J.T @ e))
             except np.linalg.LinAlgError:
@@ -231,7 +231,7 @@ def main() -> None:
         start = time.perf_counter()
         found, error = qiu.solve(end, frame)
         took = time.perf_counter() - start
-        inside = bool(feasible.excess(found).max() <= 1e-9)
+        inside = bool(np.max(feasible.excess(found)) <= 1e-9)
         rows[theirs].append((error <= 1e-6, inside and error <= 1e-6, took))
         for name, model in ((ours, twin), ("contid", kernel)):
             target = Target(tip_m=pose.tip_m, rotation=pose.rotation)

@@ -138,7 +138,7 @@ class SectionModel:
             return Solution(requested, 0.0, True)
         lengths = self.feasible.pulled(requested)
         actuation = tuple(float(value) for value in lengths)
-        if float(self.feasible.excess(np.array(requested)).max()) <= LIMIT_TOLERANCE_M:
+        if float(np.max(self.feasible.excess(np.array(requested)))) <= LIMIT_TOLERANCE_M:
             return Solution(actuation, 0.0, True)
         residual_m = math.dist(vec3(np.array(self.forward(actuation).tip_m)), self.forward(requested).tip_m)
         off_m = float(np.abs(lengths - np.array(requested)).max())

@@ -147,7 +147,7 @@ class SectionSolver:
         if arcs is None:
             return None
         lengths = self.sections.lengths(np.array(arcs))
-        return lengths if float(self.feasible.excess(lengths).max()) <= 1e-12 else None
+        return lengths if float(np.max(self.feasible.excess(lengths))) <= 1e-12 else None
 
     def _starts(self, goal: Goal) -> Iterator[Array]:
         """Starts for a target the seed did not reach, most promising first."""

@@ -208,7 +208,7 @@ class LoadedTendonModel(TendonModel):
     def _lacks(self, rod: TendonEquilibrium) -> Array:
         """Tension that each section lacks to the floor [N]; negative where it has more."""
         lacks = (self._floor.floor_n - rod.tensions_n) / self._floor.slack_free
-        return np.array([lacks[rows].max() for rows in self.geometry.tendon_slices])
+        return np.array([np.max(lacks[rows]) for rows in self.geometry.tendon_slices])
 
     def _beyond(self, rod: TendonEquilibrium) -> tuple[str, ...]:
         """Tendons over the largest tension."""

@@ -209,7 +209,7 @@ class TendonRod:
         free = np.arange(4) < (4 if self.stretches else 3)
         free = np.tile(free, count)
         force = np.array(tip_force_n)
-        scale = float(self._stiffness[:, 0].max())
+        scale = float(np.max(self._stiffness[:, 0]))
         slides = np.zeros(self.geometry.tendons) if sliding is None else np.asarray(sliding)
         state = self._balance(x, pulls, force, slides)
         for _ in range(_STEPS):
