@@ -37,7 +37,7 @@ FLAGS: Final = ("--no-sandbox", "--use-gl=angle", "--use-angle=swiftshader", "--
 #: The page has data, and a robot moves.
 LIVE: Final = "body:has(#link[data-state=live]) .robot[data-state=RUN]"
 #: Trail and plots have something to show then.
-MOVING_S: Final = 14.0
+MOVING_S: Final = 8.0
 TIMEOUT_MS: Final = 300_000
 COLORS: Final = 128
 
