@@ -172,6 +172,39 @@ class LimitsEffort(Protocol):
         """Limit axes to a share (0 to 1) of their greatest effort, from the next exchange on."""
 
 
+@dataclass(frozen=True, slots=True)
+class TipMeasured:
+    """A tip that a tracker measured.
+
+    Attributes:
+        robot: its name.
+        tip_in_world_m: position [m].
+        time_s: when it was captured, on the clock of the bus.
+    """
+
+    robot: str
+    tip_in_world_m: tuple[float, float, float]
+    time_s: float
+
+
+@runtime_checkable
+class MeasuresTips(Protocol):
+    """A bus with a tracker of the tips of its robots; they arrive as those of any tracker."""
+
+    def measured_tips(self) -> Sequence[TipMeasured]:
+        """What arrived since the last call, in the order of time; callable from any thread."""
+        ...
+
+
+@runtime_checkable
+class SimulatesBodies(Protocol):
+    """A simulated bus that computes where the tips of its robots are."""
+
+    def carry(self, robot: str, description: BaseModel) -> None:
+        """Simulate the body of a robot whose axes it carries; called before `Bus.open`."""
+        ...
+
+
 @runtime_checkable
 class CountsAnswers(Protocol):
     """A bus that counts what went wrong on its wire; the report of a run prints the counts."""

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Mapping, Sequence
 
+from contid.control.engine.bus_trackers import BusTrackers
 from contid.control.engine.clock import VirtualClock
 from contid.control.engine.cycle import OnEnd, Sink, Timing
 from contid.control.engine.engine import Engine
@@ -66,6 +67,7 @@ class VirtualProcess:
             trajectory=trajectory, on_end=on_end, attended=attended,
             guards=chain_guards(loaded), clearance=clearance_guard(loaded),
         )  # fmt: skip
+        self._trackers = BusTrackers(self.buses.values())
         self.tick = self.skipped = self.cycles = 0
         self.longest_gap_ms = 0.0
         self._rate_hz = rate_hz
@@ -90,6 +92,8 @@ class VirtualProcess:
     def turn(self) -> None:
         """One cycle, after the orders that arrived before it were given to the engine."""
         number, deadline_s = self.tick, self.tick / self._rate_hz
+        for measured in self._trackers.arrived(deadline_s):
+            self.engine.obey(measured, number)
         self.engine.cycle(Timing(number, self.skipped, deadline_s, self.clock.now() - deadline_s))
         self.tick, self.cycles = number + 1, self.cycles + 1
 

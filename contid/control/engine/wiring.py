@@ -12,10 +12,11 @@ from contid.control.tick.config import RobotConfig, robot_config
 from contid.control.tick.preflight import Preflight, Unreachable
 from contid.control.tick.transmission import RobotTransmission
 from contid.errors import ContidError
-from contid.hal import AxisOnBus, Bus, Clock, Driver, SpooledTendon, load_driver
+from contid.hal import AxisOnBus, Bus, Clock, Driver, SimulatesBodies, SpooledTendon, load_driver
 from contid.kinematics.rope.chain import ChainGuard
 from contid.kinematics.tendon.spools import spooled_tendons
 from contid.robot_file.chain import Chain
+from contid.robot_file.cosserat import Cosserat
 from contid.robot_file.load import BusWiring, LoadedFile
 from contid.robot_file.robot import RobotDescription
 from contid.robot_file.tendon import TendonRobot
@@ -87,10 +88,32 @@ def open_buses(loaded: LoadedFile, clock: Clock) -> Mapping[str, Bus]:
 
 def build_buses(loaded: LoadedFile, clock: Clock) -> dict[str, Bus]:
     """Every bus that carries an axis; accesses no device."""
-    return {
+    buses = {
         bus.wiring.name: bus.driver.open_bus(bus.wiring.name, bus.wiring.options, bus.axes, clock)
         for bus in wired_buses(loaded)
     }
+    for name, robot in driven_robots(loaded).items():
+        if isinstance(robot, Cosserat) and robot.sim is not None:
+            _carry(loaded, buses, name, robot)
+    return buses
+
+
+def _carry(loaded: LoadedFile, buses: Mapping[str, Bus], name: str, robot: Cosserat) -> None:
+    """Give a simulated bus the body of an arm; real devices have their own.
+
+    Raises:
+        ContidError: its axes are on more than one bus.
+    """
+    carriers = {robot.axes[axis].bus for axis in robot.axis_names}
+    simulated = [buses[each] for each in carriers if isinstance(buses[each], SimulatesBodies)]
+    if simulated and len(carriers) > 1:
+        listed = ", ".join(sorted(carriers))
+        raise ContidError(
+            f"{loaded.path}: robots.{name}.sim: its axes are on {listed}; they must be on one bus"
+        )
+    for bus in simulated:
+        assert isinstance(bus, SimulatesBodies)
+        bus.carry(name, robot)
 
 
 def build_robot_configs(loaded: LoadedFile, rate_hz: float) -> tuple[RobotConfig, ...]:

@@ -16,6 +16,7 @@ from pathlib import Path
 from types import FrameType
 from typing import Final
 
+from contid.control.engine.bus_trackers import BusTrackers
 from contid.control.engine.clock import RealClock
 from contid.control.engine.engine import Engine
 from contid.control.engine.events import (
@@ -93,6 +94,7 @@ class ControlProcess:
         self._ring = ring
         self._setup = setup
         self._logs = logs
+        self._trackers = BusTrackers(port.bus for port in ports.values())
         self.engine = Engine(
             build_robot_configs(setup.loaded, setup.rate_hz), ports, setup.rate_hz, ring, self._clock.now,
             trajectory=setup.trajectory, on_end=setup.on_end, attended=setup.attended,
@@ -120,6 +122,8 @@ class ControlProcess:
                 else:
                     planned.cancel_for(message)
                     engine.obey(message, timing.tick)
+            for measured in self._trackers.arrived(timing.deadline_s):
+                engine.obey(measured, timing.tick)
             if (go := planned.due(timing.deadline_s, start_s)) is not None:
                 engine.obey(go, timing.tick)
             if self._parent_watch.parent_gone and stop_by_s == math.inf:

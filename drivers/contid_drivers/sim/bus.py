@@ -10,13 +10,19 @@ from __future__ import annotations
 import math
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
+from typing import TYPE_CHECKING
 
 from contid.errors import ContidError, DeviceError, DeviceLostError, DeviceNotFoundError
-from contid.hal import AxisOnBus, Clock, DeviceKind, Rest, Sample
+from contid.hal import AxisOnBus, Clock, DeviceKind, Rest, Sample, TipMeasured
+from contid.robot_file.cosserat import Cosserat
+from contid_drivers.sim.arm.tracker import TrackedArm
 from contid_drivers.sim.devices import SimDevice
 from contid_drivers.sim.faults import Switches
 from contid_drivers.sim.journal import Journal
 from contid_drivers.sim.options import FaultKind, ScheduledFault, SimAxisOptions, SimBusOptions
+
+if TYPE_CHECKING:
+    from pydantic import BaseModel
 
 
 class SimBus:
@@ -35,6 +41,7 @@ class SimBus:
         self._lost = ""
         self._enabled: set[str] = set()
         self._samples: dict[str, Sample] = {}
+        self.arms: list[TrackedArm] = []
         now = clock.now()
         self.devices = {axis.name: _device(name, options, axis, now) for axis in axes}
         for fault in options.faults:
@@ -61,6 +68,8 @@ class SimBus:
                 self.name, f"expected {', '.join(self.axes)}; no answer from {', '.join(missing)}"
             )
         self._open, self._lost = True, ""
+        for arm in self.arms:
+            arm.opened(now)
         self._samples = {axis: Sample(None, now, False, 0.0) for axis in self.axes}
         self._note("open", now)
 
@@ -136,6 +145,18 @@ class SimBus:
             self._note("close", now)
         self._lost = ""
 
+    # -- bodies ------------------------------------------------------------------------------------------
+
+    def carry(self, robot: str, description: BaseModel) -> None:
+        """See `contid.hal.SimulatesBodies`."""
+        assert isinstance(description, Cosserat)
+        self.arms.append(TrackedArm(robot, description))
+
+    def measured_tips(self) -> Sequence[TipMeasured]:
+        """See `contid.hal.MeasuresTips`."""
+        now = self._clock.now()
+        return [tip for arm in self.arms for tip in arm.arrived(now)]
+
     # -- faults ------------------------------------------------------------------------------------------
 
     def inject(
@@ -208,6 +229,16 @@ class SimBus:
         return now
 
     def _advance_devices(self, to_s: float) -> None:
+        """Advance every device and arm to ``to_s``; trackers capture at their own instants."""
+        for arm in self.arms:
+            while (capture_s := arm.next_capture_s()) <= to_s:
+                self._advance_to(capture_s)
+                arm.capture([self.devices[axis].motion.value for axis in arm.axes], capture_s)
+        self._advance_to(to_s)
+        for arm in self.arms:
+            arm.follow([self.devices[axis].motion.value for axis in arm.axes])
+
+    def _advance_to(self, to_s: float) -> None:
         """Advance every device to ``to_s``; watchdogs trip at their own instants."""
         while True:
             armed = [(d.fed_at_s + self._watchdog_s, axis) for axis, d in self.devices.items() if d.on]

@@ -1,0 +1,130 @@
+"""A simulated pneumatic arm: regulators with errors, hysteresis, a payload, a wall, and its tip at rest."""
+
+from __future__ import annotations
+
+import math
+import random
+from typing import Final
+
+from contid.robot_file.cosserat import Cosserat
+from contid.units import BAR, MM_PER_M
+from contid_drivers.sim.arm.statics import ArmSolver, Numbers, arm_solver
+
+STANDARD_GRAVITY: Final = 9.80665
+#: Steps to a new equilibrium that one step does not find.
+_PARTS: Final = 16
+
+
+class SimulatedBody:
+    """The tip of one arm over the pressures of its regulators.
+
+    The arm is at rest at every instant, on the equilibrium that follows from the last one.
+
+    Attributes:
+        push_n: force of the wall on the tip [N].
+        lost: the last equilibrium was not found, and the tip stays where it was.
+    """
+
+    def __init__(self, robot: Cosserat) -> None:
+        assert robot.sim is not None
+        self._sim = robot.sim
+        self._solver: ArmSolver = arm_solver(robot)
+        self._gravity = robot.geometry.gravity_unit
+        base = robot.base
+        self._origin, self._rotation = base.position_m, base.rotation
+        rng = random.Random(f"{robot.sim.errors.seed}:regulators")
+        most = robot.sim.errors.regulator_bar
+        self._offset = [rng.uniform(-most, most) for _ in robot.axis_names]
+        self._half = 0.5 * robot.sim.errors.hysteresis_bar
+        self._acting: list[float] = []
+        self._normal, self._wall_mm = (0.0, 0.0, 0.0), 0.0
+        if robot.sim.wall is not None:
+            self._normal, self._wall_mm = self._wall_in_base()
+        self._unknowns: Numbers = (0.0, 0.0, 0.0, 0.0)
+        self._reached: tuple[tuple[float, ...], tuple[float, float, float]] | None = None
+        self._tip_mm: Numbers = ()
+        self.push_n = 0.0
+        self.lost = False
+
+    def follow(self, regulators_pa: list[float]) -> None:
+        """The regulators reached pressures [Pa]; the chambers follow as far as the play lets them."""
+        pressures = [p / BAR for p in regulators_pa]
+        if not self._acting:
+            self._acting = pressures
+        self._acting = [
+            min(max(held, p - self._half), p + self._half)
+            for held, p in zip(self._acting, pressures, strict=True)
+        ]
+
+    def payload_n(self, t_s: float) -> tuple[float, float, float]:
+        """Force of the payload on the tip in the base frame [N], a time after the bus was opened."""
+        sim = self._sim
+        on = sim.payload_at_s <= t_s and (sim.payload_until_s is None or t_s < sim.payload_until_s)
+        weight = sim.payload_g * 1e-3 * STANDARD_GRAVITY if on else 0.0
+        x, y, z = self._gravity
+        return (weight * x, weight * y, weight * z)
+
+    def tip_in_world_m(self, t_s: float) -> tuple[float, float, float]:
+        """Where the tip is at rest [m], a time after the bus was opened."""
+        pressures = tuple(max(0.0, p + off) for p, off in zip(self._acting, self._offset, strict=True))
+        payload = self.payload_n(t_s)
+        found = self._equilibrium(pressures, payload)
+        self.lost = found is None
+        if found is not None:
+            self._tip_mm, self._unknowns = found
+            self._reached = (pressures, payload)
+        self.push_n = self._unknowns[3]
+        return self._in_world(self._tip_mm)
+
+    def _equilibrium(
+        self, pressures: tuple[float, ...], payload: tuple[float, float, float]
+    ) -> tuple[Numbers, Numbers] | None:
+        """Tip [mm] and unknowns, led from the last equilibrium, at first from the arm without pressure."""
+        begin = self._reached or ((0.0,) * len(pressures), (0.0, 0.0, 0.0))
+        guess = self._unknowns
+        for parts in (1, _PARTS) if self._reached else (_PARTS,):
+            guess = self._unknowns
+            for part in range(1, parts + 1):
+                share = part / parts
+                p = [a + share * (b - a) for a, b in zip(begin[0], pressures, strict=True)]
+                f = [a + share * (b - a) for a, b in zip(begin[1], payload, strict=True)]
+                tip, guess, met = self._held_or_free(p, f, guess)
+                if not met:
+                    break
+                if part == parts:
+                    return tip, guess
+        return None
+
+    def _held_or_free(
+        self, pressures: list[float], force: list[float], guess: Numbers
+    ) -> tuple[Numbers, Numbers, bool]:
+        """The equilibrium with the tip off the wall, or on it with a push away from it."""
+        none = (0.0, 0.0, 0.0)
+        if self._sim.wall is None:
+            return self._solver.solve(pressures, force, guess, False, none, 0.0)
+        on_wall = guess[3] > 0.0
+        for held in (on_wall, not on_wall):
+            found = self._solver.solve(pressures, force, guess, held, self._normal, self._wall_mm)
+            tip, unknowns, met = found
+            gap = sum(n * x for n, x in zip(self._normal, tip, strict=True)) - self._wall_mm
+            if met and (unknowns[3] >= 0.0 if held else gap >= 0.0):
+                return found
+        return found
+
+    def _wall_in_base(self) -> tuple[tuple[float, float, float], float]:
+        """Normal in the base frame and offset along it [mm]."""
+        wall = self._sim.wall
+        assert wall is not None
+        length = math.hypot(*wall.normal)
+        turn, origin = self._rotation, [MM_PER_M * v for v in self._origin]
+        unit = [v / length for v in wall.normal]
+        x, y, z = (sum(turn[3 * i + j] * unit[i] for i in range(3)) for j in range(3))
+        offset = sum(n * (p - o) for n, p, o in zip(unit, wall.point_mm, origin, strict=True))
+        return (x, y, z), offset
+
+    def _in_world(self, tip_mm: Numbers) -> tuple[float, float, float]:
+        x, y, z = (
+            self._origin[i] + sum(self._rotation[3 * i + j] * tip_mm[j] for j in range(3)) / MM_PER_M
+            for i in range(3)
+        )
+        return x, y, z

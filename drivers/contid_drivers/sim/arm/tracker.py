@@ -1,0 +1,71 @@
+"""The tracker of a simulated tip: captures at its own rate, with noise, and reports after its latency."""
+
+from __future__ import annotations
+
+import random
+from collections import deque
+
+from contid.hal import TipMeasured
+from contid.robot_file.cosserat import Cosserat
+from contid.units import MM_PER_M
+from contid_drivers.sim.arm.body import SimulatedBody
+
+
+class TrackedArm:
+    """One simulated arm and its tracker.
+
+    Args:
+        robot: its name.
+        description: with a ``sim``.
+    """
+
+    def __init__(self, robot: str, description: Cosserat) -> None:
+        assert description.sim is not None
+        self._robot = robot
+        self._tracker = description.sim.tracker
+        self._noise = random.Random(f"{self._tracker.seed}:{robot}")
+        self._captures = 0
+        self._underway: deque[TipMeasured] = deque()
+        self._axes = [f"{robot}.{axis}" for axis in description.axis_names]
+        self._opened_s: float | None = None
+        self.body = SimulatedBody(description)
+
+    @property
+    def axes(self) -> list[str]:
+        """Names of its axes on the bus."""
+        return self._axes
+
+    def opened(self, now_s: float) -> None:
+        """The bus was opened; times in the robot file count from the first one."""
+        if self._opened_s is None:
+            self._opened_s = now_s
+
+    def next_capture_s(self) -> float:
+        """When the tracker captures next; never before the bus was opened."""
+        if self._opened_s is None:
+            return float("inf")
+        return self._opened_s + self._captures / self._tracker.rate_hz
+
+    def capture(self, regulators_pa: list[float], now_s: float) -> None:
+        """Measure the tip, which is due at ``now_s``."""
+        assert self._opened_s is not None
+        t_s = now_s - self._opened_s
+        self._captures += 1
+        self.body.follow(regulators_pa)
+        if any(begin <= t_s < end for begin, end in self._tracker.hidden_s):
+            return
+        sigma = self._tracker.noise_mm / MM_PER_M
+        x, y, z = (v + self._noise.gauss(0.0, sigma) for v in self.body.tip_in_world_m(t_s))
+        self._underway.append(TipMeasured(self._robot, (x, y, z), now_s))
+
+    def follow(self, regulators_pa: list[float]) -> None:
+        """Pressures between two captures: the play of the chambers depends on all of them."""
+        self.body.follow(regulators_pa)
+
+    def arrived(self, now_s: float) -> list[TipMeasured]:
+        """Measurements whose latency is over."""
+        out = []
+        latency_s = self._tracker.latency_ms / 1e3
+        while self._underway and self._underway[0].time_s + latency_s <= now_s:
+            out.append(self._underway.popleft())
+        return out

@@ -1,0 +1,217 @@
+"""The simulated pneumatic arm: statics against other formulations, wall, payload, errors, tracker."""
+
+import subprocess
+import sys
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from contid import kernels
+from contid.control.engine.clock import VirtualClock
+from contid.control.engine.wiring import open_buses
+from contid.errors import BadInputError
+from contid.hal import MeasuresTips
+from contid.kinematics.cosserat.model import CosseratModel
+from contid.robot_file.load import parse_robot_file, with_mock
+from contid.robot_file.shipped import load_named
+from contid_drivers.sim.arm.body import SimulatedBody
+from contid_drivers.sim.arm.statics import STEPS, LiteralArm, arm_solver, section_numbers
+from studies.shi import forward
+from tests.oracles.rod_shooting import shoot
+
+ANYWHERE = (False, (0.0, 0.0, 0.0), 0.0)
+FORCES = ((0.0, 0.0, 0.0), (0.005, -0.01, 0.05), (0.0, 0.0, 0.098))
+SIM = "    sim:\n{keys}\n    stop: {{on_end"
+
+
+def text_with(keys: str) -> str:
+    """Stiffflop2 with a ``sim`` of these lines."""
+    text = load_named("stiffflop2").text
+    indented = "\n".join("      " + line for line in keys.splitlines())
+    assert "\n    stop: {on_end" in text
+    return text.replace("    stop: {on_end", SIM.format(keys=indented), 1)
+
+
+def arm_with(keys: str = "payload_g: 0"):
+    return parse_robot_file(text_with(keys), "arm.yaml").file.robots["arm"]
+
+
+def pressures(count=6, seed=3):
+    return np.random.default_rng(seed).uniform(0.1, 1.0, (count, 6))
+
+
+@pytest.mark.parametrize("force", FORCES)
+def test_without_errors_the_tip_is_that_of_the_model(force):
+    robot = arm_with()
+    model, solver = CosseratModel(robot), arm_solver(robot)
+    for p in pressures():
+        tip, _, _, stable, moment, _ = model.engine.forward(p.tolist(), force)
+        found, unknowns, met = solver.solve(p.tolist(), force, (*moment, 0.0), *ANYWHERE)
+        assert stable
+        assert met
+        assert found == pytest.approx(tip, abs=5e-3)  # [mm]; the model's own discretisation
+        # Its base moment leaves no moment at the tip in yet another formulation (quaternions, DOP853).
+        again, left = shoot(model.setup.rod, p, np.array(force), np.array(unknowns[:3]))
+        assert found == pytest.approx(again.tolist(), abs=1e-4)
+        assert np.abs(left).max() < 1e-3
+
+
+def test_compiled_arm_twin_and_the_study_of_the_paper_agree():
+    robot = arm_with("errors: {modulus_percent: [4, -3], moment_percent: -2}")
+    assert robot.sim.errors.modulus_percent == (4.0, -3.0)
+    rows = [section_numbers(s, 1.04 if i == 0 else 0.97, 0.98) for i, s in enumerate(robot.geometry.sections)]
+    twin, solver = LiteralArm(rows, STEPS), arm_solver(robot)
+    nominal = CosseratModel(robot).setup.rod
+    from studies.shi_experiments import Plant, arm
+
+    rod = Plant().rod((0, 1))
+    assert arm((0, 1)) == nominal
+    force = np.array([0.0, 0.0, 0.05])
+    p = pressures(2)
+    study = forward(rod, p, force, STEPS)
+    for row, tip in zip(p, study.tip, strict=True):
+        found, unknowns, met = twin.solve(row.tolist(), force.tolist(), (0.0,) * 4, *ANYWHERE)
+        assert met
+        assert found == pytest.approx(tip.tolist(), abs=1e-6)
+        if kernels.load("plant") is not None:
+            compiled = solver.solve(row.tolist(), force.tolist(), (0.0,) * 4, *ANYWHERE)
+            assert compiled[2]
+            assert compiled[0] == pytest.approx(found, abs=1e-8)
+            assert compiled[1] == pytest.approx(unknowns, abs=1e-8)
+
+
+def test_a_wall_stops_the_tip_and_pushes_only_away():
+    # The free tip of these pressures would be beyond the wall; then they fall, and it leaves it.
+    wall = "payload_g: 3\nwall: {point_mm: [12, 0, 0], normal: [-2, 0, 0]}"
+    body, free = SimulatedBody(arm_with(wall)), SimulatedBody(arm_with("payload_g: 3"))
+    pushes = []
+    for share in np.linspace(0.0, 1.0, 15).tolist() + np.linspace(1.0, 0.0, 15).tolist():
+        p = [1e5 * share * v for v in (0.5, 0.1, 0.1, 0.6, 0.1, 0.1)]
+        p = p if free_is_positive(p) else [p[1], p[0], p[0], p[4], p[3], p[3]]
+        for each in (body, free):
+            each.follow(p)
+        x, y, z = body.tip_in_world_m(1.0)
+        x_free = free.tip_in_world_m(1.0)[0]
+        pushes.append(body.push_n)
+        assert not body.lost
+        assert x <= 0.012 + 1e-9
+        if body.push_n > 0.0:
+            assert x == pytest.approx(0.012, abs=1e-9)
+            assert x_free > 0.012
+            # Held against the model with the push as a load.
+            load = (-body.push_n, 0.0, 3e-3 * 9.80665)
+            assert CosseratModel(arm_with()).forward(tuple(p), load).tip_m == pytest.approx(
+                (x, y, z), abs=5e-6
+            )
+        else:
+            assert x == pytest.approx(x_free, abs=1e-9)
+    assert max(pushes) > 5e-3
+    assert pushes[0] == pushes[-1] == 0.0
+
+
+def free_is_positive(p):
+    """Whether these pressures bend the arm to +x."""
+    return CosseratModel(arm_with()).forward(tuple(p)).tip_m[0] >= 0.0
+
+
+def test_play_and_offsets_act_on_the_pressures():
+    sharp = SimulatedBody(arm_with())
+    loose = SimulatedBody(arm_with("errors: {hysteresis_bar: 0.03}"))
+    off = SimulatedBody(arm_with("errors: {regulator_bar: 0.03, seed: 4}"))
+    tips = {}
+    for name, levels in (("up", (0.0, 0.5)), ("down", (0.0, 0.8, 0.5))):
+        for body in (sharp, loose, off):
+            for level in levels:
+                body.follow([1e5 * level, 0.0, 0.0, 0.0, 0.0, 0.0])
+            tips[name, body] = np.array(body.tip_in_world_m(0.0))
+    assert tips["up", sharp] == pytest.approx(tips["down", sharp], abs=1e-9)
+    low, high = (
+        CosseratModel(arm_with()).forward((1e5 * level, *(0.0,) * 5)).tip_m for level in (0.485, 0.515)
+    )
+    assert tips["up", loose] == pytest.approx(low, abs=5e-6)
+    assert tips["down", loose] == pytest.approx(high, abs=5e-6)
+    assert np.linalg.norm(tips["up", off] - tips["up", sharp]) > 1e-4
+
+
+def tracked(keys, seconds, rate_hz=500.0):
+    """Measurements of a bus at rest, by arrival [s]."""
+    clock = VirtualClock(100.0)
+    bus = open_buses(with_mock(parse_robot_file(text_with(keys), "arm.yaml")), clock)["regulators"]
+    assert isinstance(bus, MeasuresTips)
+    out = []
+    for tick in range(round(seconds * rate_hz)):
+        clock.set(100.0 + tick / rate_hz)
+        bus.exchange({})
+        out += [(clock.now(), tip) for tip in bus.measured_tips()]
+    bus.close()
+    return out
+
+
+def test_the_tracker_has_its_rate_latency_noise_and_hidden_intervals():
+    keys = "payload_g: 10\npayload_at_s: 5\npayload_until_s: 8"
+    found = tracked(keys + "\ntracker: {hidden_s: [[2, 3]], latency_ms: 25, noise_mm: 0.3}", 10.0)
+    assert len(found) == pytest.approx(450, abs=2)
+    assert all(at - tip.time_s == pytest.approx(0.026, abs=0.0021) for at, tip in found)
+    captures = np.array([tip.time_s for _, tip in found]) - 100.0
+    assert not ((captures > 1.99) & (captures < 2.99)).any()
+    assert np.diff(captures).min() == pytest.approx(0.02, abs=1e-9)
+    tips = np.array([tip.tip_in_world_m for _, tip in found])
+    loaded = (captures >= 5.0) & (captures < 8.0)
+    for chosen, force in ((loaded, 0.0980665), (~loaded, 0.0)):
+        truth = CosseratModel(arm_with()).forward((0.0,) * 6, (0.0, 0.0, force)).tip_m
+        assert tips[chosen].mean(axis=0) == pytest.approx(truth, abs=1e-4)
+        assert tips[chosen].std(axis=0) == pytest.approx([3e-4] * 3, rel=0.25)
+    assert [tip for _, tip in tracked(keys, 1.0)] == [tip for _, tip in tracked(keys, 1.0)]
+
+
+@pytest.mark.parametrize(
+    ("keys", "message"),
+    [
+        ("payload_g: -1", "payload_g"),
+        ("payload_kg: 1", "payload_kg"),
+        ("payload_at_s: 5\npayload_until_s: 4", "payload_until_s 4 is not after payload_at_s 5"),
+        ("wall: {point_mm: [0, 0, 0], normal: [0, 0, 0]}", "normal"),
+        ("errors: {modulus_percent: [1, 2, 3]}", "3 numbers for 2 sections"),
+        ("tracker: {rate_hz: 0}", "rate_hz"),
+        ("tracker: {hidden_s: [[3, 2]]}", "hidden_s"),
+    ],
+)
+def test_mistakes_are_located(keys, message):
+    with pytest.raises(BadInputError, match=message) as caught:
+        parse_robot_file(text_with(keys), "arm.yaml")
+    assert "arm.yaml:" in str(caught.value)
+
+
+def test_a_run_records_the_payload_and_replays(tmp_path: Path):
+    (tmp_path / "arm.yaml").write_text(
+        text_with("payload_g: 5\npayload_at_s: 1.5\nerrors: {regulator_bar: 0.03}")
+    )
+    (tmp_path / "rest.csv").write_text(
+        "t_s,"
+        + ",".join(f"s{i}.p{k}_bar" for i in (1, 2) for k in (1, 2, 3))
+        + "\n0,.5,.1,.1,.6,.1,.1\n2,.5,.1,.1,.6,.1,.1\n"
+    )
+    contid = [sys.executable, "-m", "contid"]
+    run = [
+        *contid,
+        "run",
+        "arm.yaml",
+        "--virtual",
+        "--rate",
+        "100",
+        "--trajectory",
+        "rest.csv",
+        "--record",
+        "a.mcap",
+    ]
+    for command in (run, [*contid, "replay", "a.mcap"]):
+        done = subprocess.run(command, cwd=tmp_path, capture_output=True, text=True, timeout=200)
+        assert done.returncode == 0, done.stderr
+    from contid import Session
+
+    rows = list(Session(tmp_path / "a.mcap"))
+    tips = np.array([[row[f"sample.arm.meas.{axis}_mm"] for axis in "xyz"] for row in rows])
+    t = np.array([row["t_s"] for row in rows])
+    before, after = (np.nanmean(tips[(t > a) & (t < a + 0.3)], axis=0) for a in (1.2, 1.6))
+    assert np.linalg.norm(after - before) > 5.0  # the weight pulls the bent arm straight [mm]
