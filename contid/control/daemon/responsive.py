@@ -3,8 +3,9 @@
 A collection visits every container that it may free: with the imported modules among them it held the loop
 for 40 to 60 ms, which a stop waited for. Frozen, they are not visited.
 
-Where the kernel groups processes by session (sched(7), autogroup), a nice value acts within the session only,
-so that the group's value is set too.
+Where the kernel groups processes by session (sched(7), autogroup), a nice value acts within the session only.
+In a session of its own (a service, `setsid`) the daemon sets the group's value too; in a terminal it would
+raise the shell and whatever else runs there.
 """
 
 from __future__ import annotations
@@ -30,8 +31,9 @@ def responsive() -> Iterator[None]:
     """
     gc.collect()
     gc.freeze()
-    nice, group = os.getpriority(os.PRIO_PROCESS, 0), _group_nice()
-    _set(min(nice, NICE), min(group, NICE))
+    nice = os.getpriority(os.PRIO_PROCESS, 0)
+    group = _group_nice() if os.getsid(0) == os.getpid() else None
+    _set(min(nice, NICE), None if group is None else min(group, NICE))
     try:
         yield
     finally:
@@ -47,10 +49,10 @@ def _group_nice() -> int:
         return 0
 
 
-def _set(nice: int, group: int) -> None:
-    """Set both, where permitted (CAP_SYS_NICE, LimitNICE)."""
+def _set(nice: int, group: int | None) -> None:
+    """Set both, where permitted (CAP_SYS_NICE, LimitNICE); None leaves the group alone."""
     with suppress(OSError):
         os.setpriority(os.PRIO_PROCESS, 0, nice)
     with suppress(OSError):
-        if _group_nice() != group:
+        if group is not None and _group_nice() != group:
             _AUTOGROUP.write_text(str(group))

@@ -36,19 +36,24 @@ print(json.dumps(found))
 """
 
 
-@pytest.fixture(scope="module")
-def found() -> dict[str, list[object]]:
+def look(own_session: bool) -> dict[str, list[object]]:
+    command = [sys.executable, "-c", RUN]
     done = subprocess.run(
-        [sys.executable, "-c", RUN],
+        command if own_session else ["setsid", "sh", "-c", 'true; "$@"; true', "sh", *command],
         env=environment(),
         stdin=subprocess.DEVNULL,
         capture_output=True,
         text=True,
         timeout=60,
-        start_new_session=True,
+        start_new_session=own_session,
     )
     assert done.returncode == 0, done.stderr
     return dict(json.loads(done.stdout.splitlines()[-1]))
+
+
+@pytest.fixture(scope="module")
+def found() -> dict[str, list[object]]:
+    return look(own_session=True)
 
 
 def test_a_garbage_collection_visits_little_while_robots_move(found: dict[str, list[int]]) -> None:
@@ -56,9 +61,22 @@ def test_a_garbage_collection_visits_little_while_robots_move(found: dict[str, l
     assert found["inside"][0] < 10_000 < found["before"][0]
 
 
-def test_a_daemon_goes_before_the_programs_that_flood_it(found: dict[str, list[object]]) -> None:
+@pytest.fixture(scope="module")
+def may_raise() -> None:
     probe = "import os; os.setpriority(os.PRIO_PROCESS, 0, -10)"
     if subprocess.run([sys.executable, "-c", probe], capture_output=True).returncode:
         pytest.skip("negative nice values need CAP_SYS_NICE or LimitNICE")
+
+
+@pytest.mark.usefixtures("may_raise")
+def test_a_daemon_goes_before_the_programs_that_flood_it(found: dict[str, list[object]]) -> None:
     assert found["inside"][1:] == [-10, "-10"]
     assert found["after"][1:] == found["before"][1:]
+
+
+@pytest.mark.usefixtures("may_raise")
+def test_the_session_of_a_terminal_keeps_its_priority() -> None:
+    """The session is that of a shell; other programs run in it."""
+    found = look(own_session=False)
+    assert found["inside"][1] == -10
+    assert found["inside"][2] == found["before"][2] == found["after"][2]
