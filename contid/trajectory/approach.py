@@ -1,8 +1,9 @@
 """Jerk-limited motion in actuator space, to the first row of a trajectory or to a rest pose.
 
 Time-optimal third-order profiles, synchronised so that every axis arrives at once. Values are scaled by the
-velocity limit, so that lengths [m] and pressures [Pa] suit the solver's absolute tolerances. Without ruckig,
-which has no wheel for some machines, `contid.trajectory.cruise` takes its place.
+velocity limit, so that lengths [m] and pressures [Pa] suit the solver's absolute tolerances. A straight line
+takes as long, and keeps convex limits such as a bend radius. Without ruckig, which has no wheel for some
+machines, `contid.trajectory.cruise` takes its place.
 
 Source: L. Berscheid, T. Kroeger, "Jerk-limited Real-time Trajectory Generation with Arbitrary Target
 States", RSS 2021 (the ruckig library).

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import copy
 import enum
 from array import array
 from bisect import bisect_right
@@ -31,12 +32,14 @@ class Trajectory:
         rows: SI values in the order of the columns, shape ``(n, columns)``.
         lines: line of every row in the file.
         interpolation: cubic or linear.
+        within_reach: a check found every target within reach.
     """
 
     layout: ColumnLayout
     rows: Floats
     lines: Sequence[int]
     interpolation: Interpolation = Interpolation.CUBIC
+    within_reach: bool = field(default=False, init=False)
     _times: array[float] = field(init=False, repr=False)
     _coefficients: Floats = field(init=False, repr=False)
 
@@ -112,6 +115,12 @@ class Trajectory:
         rows[:, self.layout.time] = times[0] + factor * (times - times[0])
         rows.setflags(write=False)
         return Trajectory(self.layout, rows, self.lines, self.interpolation)
+
+    def accepted(self) -> Trajectory:
+        """The same, with every target found within reach."""
+        same = copy.copy(self)
+        object.__setattr__(same, "within_reach", True)
+        return same
 
     def targets_of_row(self, index: int) -> Mapping[str, Target]:
         """Targets of row ``index``."""

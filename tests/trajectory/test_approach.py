@@ -56,6 +56,20 @@ def test_an_approach_starts_and_ends_at_rest_within_its_limits(
     assert np.allclose(almost, goal, atol=1e-9)
 
 
+@settings(max_examples=60, deadline=None)
+@given(start=st.tuples(lengths, lengths, lengths), goal=st.tuples(lengths, lengths, lengths))
+def test_a_straight_approach_is_a_straight_line_and_takes_as_long(
+    start: tuple[float, ...], goal: tuple[float, ...]
+) -> None:
+    motion = Approach(start, (0.0,) * 3, goal, VELOCITY, ACCELERATION, JERK, straight=True)
+    own = Approach(start, (0.0,) * 3, goal, VELOCITY, ACCELERATION, JERK)
+    assert motion.duration_s == pytest.approx(own.duration_s, rel=2e-5)
+    way = np.subtract(goal, start)
+    for share in (0.1, 0.3, 0.5, 0.7, 0.9):
+        gone = np.subtract(motion.at(share * motion.duration_s)[0], start)
+        assert np.abs(np.cross(gone, way)).max() <= 1e-10 * max(1e-3, float(np.linalg.norm(way)))
+
+
 def test_an_approach_may_begin_in_motion() -> None:
     motion = Approach((0.05,), (0.08,), (0.05,), VELOCITY, ACCELERATION, JERK)
     assert motion.at(0.0)[1] == (0.08,)

@@ -133,7 +133,7 @@ def _checked(
         show(done, total)
 
     try:
-        preflight.trajectory(source, request.trajectory or "stdin", progress)
+        return preflight.trajectory(source, request.trajectory or "stdin", progress)
     except TooFastError as error:
         if not request.stretch:
             raise with_remedy(error) from error
@@ -141,8 +141,7 @@ def _checked(
         if request.log_level <= logging.INFO:
             before_s, now_s = (each.end_s - each.start_s for each in (source, slower))
             print_message(f"too fast: stretched {factor:.4g} times, from {before_s:.4g} s to {now_s:.4g} s")
-        return slower
-    return source
+        return slower.accepted()
 
 
 def open_input(request: RunRequest, loaded: LoadedFile) -> PendingInput | None:

@@ -20,7 +20,7 @@ from contid.control.engine.order_events import order_event
 from contid.control.engine.pack_record import CycleSnapshot, RecordPacker
 from contid.control.engine.ports import BusPort
 from contid.control.engine.robots import Order, Robots, stopping
-from contid.control.engine.sources import Source
+from contid.control.engine.sources import Source, Timed
 from contid.control.engine.stall_watch import StallWatch
 from contid.control.engine.target_selector import TargetSelector
 from contid.control.tick import transitions
@@ -300,6 +300,9 @@ class Engine:
                 tally.on_path(off_m, state.command != state.reference, timed, state.since_s)
             else:  # the nearest point, which may jump
                 tally.off_path(_behind_m(config, state, target))
+                # A correction by measured tips may lead out of the reach that was checked.
+                if isinstance(source, Timed) and source.within_reach and config.feedback is None:
+                    tally.missed(outcome.solution.residual_m)
         for bits in outcome.limits:
             if bits:
                 tally.limited[bits] += 1

@@ -145,6 +145,11 @@ def outrun(robots: Mapping[str, Mapping[str, Any]]) -> list[str]:
 
 def _off_target(tally: RobotTally, allowed_m: float) -> str:
     limits = ", ".join(tally.as_dict()["ticks_limited"])
+    if tally.missed_m == tally.off_target_m:
+        return (
+            f"a target that was within reach when it was checked was out of reach by "
+            f"{m_to_mm(tally.missed_m):.3g} mm"
+        )
     return (
         f"the commanded tip was up to {m_to_mm(tally.off_target_m):.3g} mm off its targets, "
         f"the tolerance is {m_to_mm(allowed_m):g} mm" + (f"; limits that bound: {limits}" if limits else "")

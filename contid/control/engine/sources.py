@@ -51,6 +51,7 @@ class Timed:
 
     Attributes:
         waits: it stays at its first row.
+        within_reach: its targets were found within reach.
     """
 
     def __init__(
@@ -69,6 +70,7 @@ class Timed:
         self._lead = self._tail = 0
         self._paused = False
         self.waits = waits
+        self.within_reach = trajectory.within_reach
         self._ended_at: int | None = None
         self.time_s: float | None = trajectory.start_s
         self.finished = False

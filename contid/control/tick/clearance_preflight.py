@@ -45,7 +45,7 @@ class ClearancePreflight:
         for name, (goal, _) in goals.items():
             config, here = self._configs[name], start[name][0]
             rates = config.velocity, config.acceleration, config.jerk
-            motions[name] = Approach(here, (0.0,) * len(here), goal, *rates)
+            motions[name] = Approach(here, (0.0,) * len(here), goal, *rates, straight=config.straight)
         duration_s = max((motion.duration_s for motion in motions.values()), default=0.0)
         steps = max(1, math.ceil(duration_s / INTERVAL_S))
         for k in range(1, steps + 1):

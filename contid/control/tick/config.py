@@ -89,6 +89,7 @@ class RobotConfig:
         feedback: closed loop on the tip, None when off.
         play: half width of the play of every axis [m or Pa], None without.
         taut: bounds of the tensions of a tendon robot, None without.
+        straight: approaches are straight lines of the axes, which keep limits that several axes share.
     """
 
     name: str
@@ -113,6 +114,7 @@ class RobotConfig:
     feedback: FeedbackConfig | None = None
     play: Actuation | None = None
     taut: Taut | None = None
+    straight: bool = False
 
 
 def robot_config(
@@ -152,4 +154,5 @@ def robot_config(
         feedback=None if robot.feedback is None else FeedbackConfig.of(robot.feedback),
         play=None if robot.play is None else (*robot.play, *(0.0,) * len(robot.extra_axis_names)),
         taut=getattr(model, "taut", None),
+        straight=getattr(model, "taut", None) is not None or getattr(model, "straight_approach", False),
     )

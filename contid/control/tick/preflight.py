@@ -69,7 +69,8 @@ class Preflight:
         clearance: ClearanceGuard | None = None,
     ) -> None:
         self._configs = {config.name: config for config in configs}
-        self._seeds = {config.name: config.rest for config in configs} | dict(seeds or {})
+        self._start = {config.name: config.rest for config in configs} | dict(seeds or {})
+        self._seeds = dict(self._start)
         self._guards = guards
         self._clearance = None if clearance is None else ClearancePreflight(clearance, configs, self._seeds)
         self._refuses = unreachable is Unreachable.REFUSE
@@ -157,8 +158,8 @@ class Preflight:
 
     def trajectory(
         self, trajectory: Trajectory, name: str, progress: Callable[[int, int], None] | None = None
-    ) -> None:
-        """Check every row, then the curve between them.
+    ) -> Trajectory:
+        """Check every row, then the curve between them; the trajectory, marked when all is within reach.
 
         Raises:
             TooFastError: every row is within reach, but the rates of a robot do not allow the curve.
@@ -185,7 +186,7 @@ class Preflight:
                 findings[-1] = replace(findings[-1], message=hint)
             raise BadInputError(findings)
         if not self._refuses:
-            return
+            return trajectory
         report = None if progress is None else lambda row: progress(row, total)
         for found in self._path(trajectory, before, self._clearance).findings(trajectory, report):
             refused.add(found)
@@ -195,14 +196,14 @@ class Preflight:
             raise (
                 TooFastError(refused.findings(), slowdown) if too_fast else BadInputError(refused.findings())
             )
+        return trajectory.accepted()
 
     def follows(self, trajectory: Trajectory) -> bool:
         """True when the rates of the robots allow the curve, whose rows were checked before.
 
         It returns at the first place that they do not allow.
         """
-        seeds = {name: config.rest for name, config in self._configs.items()}
-        return next(self._path(trajectory, seeds).findings(trajectory), None) is None
+        return next(self._path(trajectory, self._start).findings(trajectory), None) is None
 
     def _path(
         self,

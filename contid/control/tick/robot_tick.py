@@ -27,6 +27,8 @@ from contid.trajectory.approach import Approach
 
 #: Longest wait for a first valid sample of every axis.
 FIRST_SAMPLE_TIMEOUT_S: Final = 2.0
+#: Answers of the model that differ by less are the same, as a share of the travel of an axis.
+SAME_SHARE: Final = 1e-4
 
 _WATCHED: Final = frozenset(Mode) - {Mode.OFF, Mode.CONNECTING, Mode.FAULT}
 _DRIVEN: Final = frozenset({Mode.APPROACH, Mode.RUN, Mode.HOLD, Mode.STOPPING, Mode.FAULT})
@@ -152,27 +154,34 @@ def _arming(
             return fail(config, state, Fault.OUTSIDE_LIMITS, far, now_s)
         if target is None or not state.follow:
             return moved(config, state, Event.HOLD, now_s)
-        return _approach(
-            config,
-            moved(config, state, Event.ARMED, now_s),
-            target,
-            now_s,
-            now_s,
-            _first_seed(config, target, present),
-        )
+        return _first_approach(config, moved(config, state, Event.ARMED, now_s), target, now_s)
     return state
 
 
-def _first_seed(config: RobotConfig, target: Target, present: Actuation) -> Actuation:
-    """Where the solve of a first target starts: at rest, like that of the preflight.
+def _first_approach(config: RobotConfig, state: RobotState, target: Target, now_s: float) -> RobotState:
+    """Begin the motion from where the axes stand to a first target.
 
-    Where a target has several solutions, the one that was checked is approached, wherever the axes stand. A
-    loaded rod has to be led to its answer from the present equilibrium.
+    It is solved from rest, like that of the preflight: where a target has several solutions, the one that was
+    checked is approached, wherever the axes stand. A loaded rod has to be led to it through its equilibria;
+    from where the present ones lead elsewhere it goes to rest first.
     """
-    if any(target.load_n):
-        return present
+    present = state.command
     own = len(present) - config.extra_axes
-    return (*config.rest[:own], *present[own:])
+    rest = (*config.rest[:own], *present[own:])
+    if any(target.load_n) and _led_elsewhere(config, state, target, rest):
+        to_rest = Target(actuation=config.rest[:own])
+        return _approach(config, replace(state, goto=to_rest), to_rest, now_s, now_s)
+    return _approach(config, state, target, now_s, now_s, rest)
+
+
+def _led_elsewhere(config: RobotConfig, state: RobotState, target: Target, rest: Actuation) -> bool:
+    """True when the answers to a target from the last command and from rest differ."""
+    in_base = corrected(state.correction, config.frame.target_in_base(target))
+    here, checked = (config.model.inverse(in_base, seed).actuation for seed in (state.command, rest))
+    return any(
+        abs(a - b) > SAME_SHARE * (each.upper - each.lower)
+        for a, b, each in zip(here, checked, config.limits, strict=True)
+    )
 
 
 def _approach(
@@ -193,7 +202,7 @@ def _approach(
         return fail(config, state, Fault.NOT_A_NUMBER, f"the model answered {goal}", now_s)
     motion = Approach(
         state.command, speed(config, state), goal, config.velocity, config.acceleration, config.jerk,
-        straight=config.taut is not None,
+        straight=config.straight,
     )  # fmt: skip
     return replace(state, motion=motion, motion_s=start_s)
 

@@ -62,6 +62,7 @@ class RobotTally:
         off_m: greatest distance of the commanded tip from its target beyond the residual [m]; ticks in which
             a robot catches up at the limit of its rates do not count.
         last_off_m: the same in the newest tick, catching up or not.
+        missed_m: greatest residual of a target that was within reach when it was checked [m].
         joined_s: when the robot began to follow; it has caught up once no limit binds.
         limited: ticks per limit that bound any axis.
     """
@@ -73,6 +74,7 @@ class RobotTally:
     unreachable: int = 0
     off_m: float = 0.0
     last_off_m: float = 0.0
+    missed_m: float = 0.0
     joined_s: float = -math.inf
     caught_up: bool = False
     far: bool = False
@@ -82,9 +84,11 @@ class RobotTally:
     def off_target_m(self) -> float:
         """Distance of the tip from its targets beyond their residual [m].
 
-        After a target out of reach only the last tick counts: near its limits a robot brakes and lags.
+        After a target out of reach only the last tick counts: near its limits a robot brakes and lags. One
+        that was within reach when it was checked counts by its residual.
         """
-        return self.last_off_m if self.far else max(self.off_m, self.last_off_m)
+        off_m = self.last_off_m if self.far else max(self.off_m, self.last_off_m)
+        return max(off_m, self.missed_m)
 
     def on_path(self, off_m: float, limited: bool, timed: bool, joined_s: float) -> None:
         """Compare the commanded tip of a tick with its target.
@@ -109,6 +113,10 @@ class RobotTally:
             behind_m: distance of the commanded tip from the nearest point that the model answered [m].
         """
         self.caught_up, self.last_off_m, self.far = False, behind_m, True
+
+    def missed(self, residual_m: float) -> None:
+        """A target is out of reach that was not when it was checked."""
+        self.missed_m = max(self.missed_m, residual_m)
 
     def add(self, tip_error_m: float, converged: bool, residual_m: float = 0.0) -> None:
         """Count one tick in RUN."""

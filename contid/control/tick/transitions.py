@@ -119,8 +119,8 @@ def inwards(config: RobotConfig, state: RobotState, start_s: float) -> RobotStat
         tuple([rate * RECOVER_SHARE for rate in rates])
         for rates in (config.velocity, config.acceleration, config.jerk)
     )
-    still, straight = (0.0,) * len(goal), config.taut is not None
-    motion = Approach(state.command, still, goal, velocity, acceleration, jerk, straight=straight)
+    still = (0.0,) * len(goal)
+    motion = Approach(state.command, still, goal, velocity, acceleration, jerk, straight=config.straight)
     return replace(state, motion=motion, motion_s=start_s, goto=Target(actuation=goal), follow=False)
 
 
@@ -156,7 +156,7 @@ def stop(config: RobotConfig, state: RobotState, policy: StopPolicy, now_s: floa
             config.velocity,
             config.acceleration,
             config.jerk,
-            straight=config.taut is not None,
+            straight=config.straight,
         )
         return replace(after, policy=policy, motion=motion, motion_s=now_s - config.period_s)
     return braking(config, replace(after, policy=policy), now_s)

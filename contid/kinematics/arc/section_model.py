@@ -92,6 +92,9 @@ class SectionModel:
         self.sections = self.feasible.sections
         self.solver = build_solver(self.feasible)
         self.limit_names = self.feasible.names
+        #: Limits that several axes share are convex: a straight line between two places inside stays inside.
+        budget = self.sections.count > 1 and self.feasible.rack_m < math.inf
+        self.straight_approach = budget or self.feasible.curvature_max < math.inf
 
     def forward(self, actuation: Actuation, load_n: Vec3 = ZERO3) -> Pose:
         """Tip, orientation and mid-point for lengths [m]; a load does not bend the arc in this model."""

@@ -73,6 +73,8 @@ class CosseratModel:
     """Statics of one arm: tip, mid-point and tip, or tip and direction, under a known force on the tip."""
 
     dimension = 3
+    #: Which equilibrium a loaded arm gets to depends on the way; the searched one is a straight line.
+    straight_approach = True
 
     def __init__(self, robot: Cosserat) -> None:
         self.axis_names = robot.axis_names

@@ -15,6 +15,7 @@ from typing import Any, Final
 from contid.control.daemon.interfaces import RunControl
 from contid.control.engine.events import GotoEnded, OrderGiven, OrderRefused, RunEvent, SourceEnded
 from contid.control.engine.messages import NOT_AT_START, Begin, Goto, Hold, Message, Play, Resume, Rows, Start
+from contid.control.engine.tick_layout import TickRecord
 from contid.control.tick.supervisor import MOVING, Mode
 from contid.errors import BadInputError
 from contid.remote.protocol.wire import Code, Fields, RemoteError, is_number
@@ -162,7 +163,10 @@ class Moves:
         trajectory = await asyncio.to_thread(check, move.reader, move.timed_rows, record)
         robots = tuple(trajectory.targets_of_row(0))
         await self._pending.confirmed(self._pending.send([Hold()]))
-        await self._standstill()
+        stands = await self._standstill()
+        if self._commands(stands) != self._commands(record):
+            # They moved while it was checked: which answers a robot reaches depends on where it stands.
+            trajectory = await asyncio.to_thread(check, move.reader, move.timed_rows, stands)
         self._not_stopped(move)
         self._control.send_bulk(Play(trajectory, move.waits))
         await self._pending.confirmed(self._pending.mark_bulk(self._control.send_bulk), BULK_TIMEOUT_S)
@@ -204,15 +208,28 @@ class Moves:
             raise RemoteError(Code.REFUSED, "; ".join(outcome.refused.values()))
         return {"move": number, "tick": outcome.tick, "at_s": at_s}
 
-    async def _standstill(self) -> None:
-        """Wait until nothing moves: the transfer of a long trajectory may cost more than a tick."""
+    async def _standstill(self) -> TickRecord:
+        """Wait until nothing moves: the transfer of a long trajectory may cost more than a tick.
+
+        A robot that brakes in HOLD moves: of two records the commands must be equal.
+        """
+        before: TickRecord | None = None
         for _ in range(int(STANDSTILL_TIMEOUT_S / POLL_S)):
             record = self._control.newest()
             if record is not None and not any(Mode(robot.mode) in MOVING for robot in record.robots):
-                return
+                if before is None or record.tick > before.tick:
+                    if before is not None and self._commands(record) == self._commands(before):
+                        return record
+                    before = record
+            else:
+                before = None
             await asyncio.sleep(POLL_S)
         message = f"the robots did not stand still within {STANDSTILL_TIMEOUT_S:g} s"
         raise RemoteError(Code.REFUSED, message)
+
+    def _commands(self, record: TickRecord | None) -> list[tuple[float, ...] | None]:
+        """The last command of every robot in a record."""
+        return [self._view.command(name, record) for name in self._view.configs]
 
     @property
     def open(self) -> bool:

@@ -63,7 +63,7 @@ class Preconditions:
         try:
             trajectory = trajectory_of_rows(reader, rows)
             if self._refuses:
-                self._preflight(record).trajectory(trajectory, "rows")
+                trajectory = self._preflight(record).trajectory(trajectory, "rows")
         except BadInputError as error:
             raise bad_target(error) from None
         return trajectory

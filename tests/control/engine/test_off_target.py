@@ -8,9 +8,10 @@ from dataclasses import replace
 import pytest
 
 from contid.control.engine.virtual import run_virtual
-from contid.control.engine.wiring import driven_robots
+from contid.control.engine.wiring import build_robot_configs, driven_robots
 from contid.control.tick.faults import Fault
 from contid.control.tick.on_path import tip_tolerance_m
+from contid.control.tick.preflight import Preflight, Unreachable
 from contid.control.tick.statistics import RobotTally
 from contid.kinematics.rack.finger import RackFingerModel
 from contid.robot_file.base import Quantity
@@ -89,3 +90,26 @@ def test_a_nearest_point_that_is_not_reached_ends_the_run_with_a_fault() -> None
         assert report.exit_code == exit_code
         assert report.robots["f0"]["ticks_unreachable"]
         assert report.robots["f0"]["fault"] == (Fault.TIP_OFF_TARGET if exit_code else Fault.NONE)
+
+
+def test_a_target_that_was_within_reach_when_it_was_checked_and_is_not_in_the_run() -> None:
+    """The nearest point is reached, which is enough only for a trajectory that was not refused anything."""
+    loaded = load(1)
+    rows = "t_s,x_mm,y_mm\n0,50,75\n0.5,50,75\n0.7,50,395\n3,50,75\n"
+    trajectory = read_trajectory(io.StringIO(rows), "far.csv", driven_robots(loaded))
+    assert run_virtual(loaded, RATE, trajectory).exit_code == 0
+    report = run_virtual(loaded, RATE, trajectory.accepted())
+    assert report.exit_code == 3
+    assert "within reach when it was checked" in report.robots["f0"]["message"]
+    assert report.robots["f0"]["fault"] == Fault.TIP_OFF_TARGET
+
+
+def test_what_the_check_accepts_is_marked_and_a_slower_copy_is_not() -> None:
+    loaded = load(1)
+    (config,) = build_robot_configs(loaded, RATE)
+    accepted = Preflight([config]).trajectory(circle(loaded), "circle.csv")
+    assert accepted.within_reach
+    assert not accepted.stretched(2.0).within_reach
+    assert (
+        not Preflight([config], unreachable=Unreachable.NEAREST).trajectory(circle(loaded), "").within_reach
+    )

@@ -1,0 +1,18 @@
+"""Short form of `tests.oracles.runs`: random paths, from wherever the devices stand when they are armed."""
+
+from __future__ import annotations
+
+import pytest
+
+from contid import kernels
+from tests.oracles.runs import ROBOTS, random_run
+
+CASES = 3
+
+
+@pytest.mark.skipif(kernels.load("cosserat") is None, reason="minutes without compiled kernels")
+@pytest.mark.parametrize("name", ROBOTS)
+def test_no_run_ends_without_a_fault_and_with_a_wrong_tip(name: str) -> None:
+    found = [random_run(name, seed) for seed in range(CASES)]
+    assert [each for each in found if each.kind == "wrong"] == []
+    assert any(each.kind == "followed" for each in found)
