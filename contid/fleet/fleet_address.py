@@ -17,6 +17,8 @@ SCHEME: Final = "fleet:"
 #: How long a node may take to appear after this session was opened.
 APPEAR_TIMEOUT_S: Final = 1.0
 POLL_S: Final = 0.01
+#: How long endpoints have to be connected, and connected sessions to list their tokens.
+SETTLE_S: Final = 1.5
 
 
 class FleetAddress:
@@ -90,16 +92,23 @@ def address(text: str) -> OperatorAddress:
 
 
 def await_node(operator: FleetOperator, node: str) -> None:
-    """Wait until a node has a token.
+    """Wait until a node has a token, and every endpoint is connected or has had its time.
+
+    A second node of the name may be behind the slower endpoint.
 
     Raises:
         FleetError: it does not appear, or there are two.
     """
     deadline_s = time.monotonic() + APPEAR_TIMEOUT_S
-    while not (count := operator.nodes().get(node, 0)):
-        if time.monotonic() > deadline_s:
-            there = ", ".join(sorted(operator.nodes())) or "none"
-            raise FleetError(f"no node {node!r} in this fleet; there are: {there}")
+    while node not in operator.nodes() and time.monotonic() < deadline_s:
         time.sleep(POLL_S)
+    settled_s = time.monotonic() + SETTLE_S
+    while operator.unlinked() and time.monotonic() < settled_s:
+        time.sleep(POLL_S)
+    # Answered by every linked session; tokens that were reported so far may be those of the fastest.
+    count = len({*operator.net.tokens(operator.keys.alive(node, "*"), SETTLE_S)})
+    if not count:
+        there = ", ".join(sorted(operator.nodes())) or "none"
+        raise FleetError(f"no node {node!r} in this fleet; there are: {there}")
     if count > 1:
         raise FleetError(f"{count} nodes have the name {node!r}: give one of them another name")

@@ -126,7 +126,7 @@ class FleetOperator:
         surveyed, surveying = threading.Event(), False
         while (now_s := time.monotonic()) < begin_s + timeout_s:
             known = required if nodes else required | {*self.nodes()}
-            unlinked = self._unlinked()
+            unlinked = self.unlinked()
             confirmed = {name for name, response in found.items() if response.get("ok")}
             if known and known <= confirmed and (nodes or surveyed.is_set()):
                 break
@@ -154,7 +154,7 @@ class FleetOperator:
                 took_s = time.monotonic() - begin_s
         known = required if nodes else required | {*self.nodes()}
         doubled = tuple(sorted(name for name, count in self.nodes().items() if count > 1 and name in known))
-        return Answers(found, tuple(sorted(known - found.keys())), doubled, self._unlinked(), took_s)
+        return Answers(found, tuple(sorted(known - found.keys())), doubled, self.unlinked(), took_s)
 
     def key(self, node: str, verb: str) -> str:
         """The key of a request of this session."""
@@ -171,7 +171,8 @@ class FleetOperator:
 
         return forget
 
-    def _unlinked(self) -> int:
+    def unlinked(self) -> int:
+        """Number of endpoints without a link."""
         return max(len(self._file.connect) - self.net.peers(), 0)
 
     def _who(self) -> tuple[str, str]:

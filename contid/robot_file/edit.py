@@ -71,7 +71,7 @@ def edited(text: str, changes: Sequence[Change]) -> str:
             raise EditError(f"{change.key}: {'.'.join(parents)} is not a mapping")
         old = node.get(last)
         if isinstance(change.value, list) and isinstance(old, list):
-            old[:] = change.value  # keeps the list on its line, if it was written on one
+            _replace(node, last, change.value)
         else:
             node[last] = change.value
         if change.comment:
@@ -79,6 +79,41 @@ def edited(text: str, changes: Sequence[Change]) -> str:
     out = StringIO()
     yaml.dump(document, out)
     return out.getvalue()
+
+
+def _replace(node: Any, key: str, new: list[Any]) -> None:
+    """Give a list other elements; it stays on its line, if it was written on one.
+
+    The comments of elements that stay stay. What follows the last element is kept in the same token.
+    """
+    from ruamel.yaml.error import CommentMark
+    from ruamel.yaml.tokens import CommentToken
+
+    listed = node[key]
+    before = [(value, listed.ca.items.get(i)) for i, value in enumerate(listed)]
+    ending = before[-1][1] if before else None
+    _, _, following = ending[0].value.partition("\n") if ending and ending[0] else ("", "", "")
+    if ending and following and (not new or new[-1] != before[-1][0]):
+        ending[0].value = ending[0].value.partition("\n")[0] + "\n"
+        token = CommentToken("\n" + following, CommentMark(0), None)
+    else:
+        token = None
+    listed[:] = new
+    listed.ca.items.clear()
+    for i, value in enumerate(new):
+        kept = next((tokens for old, tokens in before if old == value and tokens), None)
+        if kept is not None:
+            listed.ca.items[i] = kept
+    if token is None:
+        return
+    if not new:
+        listed.fa.set_flow_style()
+    items, at, place = (listed.ca.items, len(new) - 1, 0) if new else (node.ca.items, key, 2)
+    found = items.setdefault(at, [None] * (2 if new else 4))
+    if found[place] is None:
+        found[place] = token
+    else:
+        found[place].value = found[place].value.partition("\n")[0] + token.value
 
 
 def _path(document: Any, key: str) -> list[str]:

@@ -152,3 +152,25 @@ def test_a_shipped_robot_file_is_valid_after_an_edit(configs: Path, tmp_path: Pa
     assert load_robot_file(path).file.robots["left"].axes["right"].zero_deg == 12.5
     before, after = (configs / "hand.yaml").read_text().splitlines(), path.read_text().splitlines()
     assert len([line for line in after if line not in before]) == 1
+
+
+LISTED = """\
+a:
+  placeholder:
+    - one  # first
+    - two
+    - three  # third
+
+# After all.
+b: 1
+"""
+
+
+@pytest.mark.parametrize(
+    "new", [["one", "two"], ["two", "three"], ["three"], ["one"], [], ["one", "two", "three"]]
+)
+def test_a_shorter_list_keeps_its_comments_and_what_follows(new: list[str]) -> None:
+    text = edited(LISTED, [Change("a.placeholder", new)])
+    assert yaml.safe_load(text) == {"a": {"placeholder": new}, "b": 1}
+    assert text.endswith("\n\n# After all.\nb: 1\n")
+    assert ("# first" in text, "# third" in text) == ("one" in new, "three" in new)

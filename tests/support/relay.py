@@ -60,9 +60,13 @@ class Relay:
         while True:
             try:
                 near, _ = self._listening.accept()
-                far = socket.create_connection(("127.0.0.1", self._target))
             except OSError:
                 return
+            try:
+                far = socket.create_connection(("127.0.0.1", self._target))
+            except OSError:  # nothing listens behind it now
+                near.close()
+                continue
             self._sockets += (near, far)
             for pair in ((near, far), (far, near)):
                 waiting: queue.SimpleQueue[tuple[float, bytes]] = queue.SimpleQueue()
