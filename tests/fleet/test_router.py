@@ -208,7 +208,7 @@ def test_without_the_router_the_robot_holds(number: signal.Signals, lease_s: flo
         client = stack.enter_context(node.client())
         armed(client)
         stack.enter_context(mover(hub, "hand1", lease_s))
-        assert states(client) == {"RUN"}
+        until(lambda: states(client) == {"RUN"}, "it follows")
         begin_s = time.monotonic()
         hub.process.send_signal(number)
         until(lambda: states(client) == {"HOLD"}, "the robot holds")
