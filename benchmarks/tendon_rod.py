@@ -11,6 +11,7 @@ import os
 import sys
 import time
 from collections.abc import Callable, Sequence
+from functools import partial
 from pathlib import Path
 from typing import Final
 
@@ -60,9 +61,8 @@ def measured(pure: bool, count: int) -> tuple[Sequence[float], Sequence[float]]:
         if not answer.converged or answer.residual_m > 1e-6:
             raise RuntimeError(f"target {k}: {answer.note}")
         if k:  # the first one comes from the straight robot
-            before = seed
-            answers.append(shortest_us(lambda: model.inverse(target, before)))  # noqa: B023  # called here
-            solves.append(shortest_us(lambda: model.equilibrium(answer.actuation, LOAD_N)))  # noqa: B023
+            answers.append(shortest_us(partial(model.inverse, target, seed)))
+            solves.append(shortest_us(partial(model.equilibrium, answer.actuation, LOAD_N)))
         seed = answer.actuation
     return solves, answers
 

@@ -6,13 +6,14 @@ import json
 import os
 import re
 import signal
-import socket
 import subprocess
 import sys
 from collections.abc import Iterator
 from pathlib import Path
 
 import pytest
+
+from tests.support.ports import free_port
 
 ROOT = Path(__file__).parent.parent.parent
 WINCH = ROOT / "examples" / "winch"
@@ -21,8 +22,7 @@ WINCH = ROOT / "examples" / "winch"
 @pytest.fixture
 def folder(tmp_path: Path) -> Path:
     """A folder with the robot file, at a port that is free, and what ``pip install`` leaves of a driver."""
-    with socket.create_server(("127.0.0.1", 0)) as free:
-        port = free.getsockname()[1]
+    port = free_port()
     text = (WINCH / "arm.yaml").read_text()
     assert "127.0.0.1:7070" in text
     (tmp_path / "arm.yaml").write_text(text.replace("127.0.0.1:7070", f"127.0.0.1:{port}"))

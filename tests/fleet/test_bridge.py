@@ -5,7 +5,6 @@ from __future__ import annotations
 import json
 import os
 import queue
-import socket
 import subprocess
 from contextlib import ExitStack
 from functools import partial
@@ -20,6 +19,7 @@ from contid.fleet.operator import FleetOperator
 from tests.support.command import contid
 from tests.support.daemons import arrives, daemon, states
 from tests.support.fleets import Fleet, bridge, machine_file, mover
+from tests.support.ports import free_port
 from tests.support.relay import Relay
 from tests.support.waiting import until
 
@@ -196,8 +196,7 @@ def test_two_nodes_of_one_name_only_stop(delay_s: float) -> None:
     with ExitStack() as stack:
         one, two = (stack.enter_context(daemon()) for _ in range(2))
         first = stack.enter_context(bridge({"hand1": one.socket}))
-        with socket.create_server(("127.0.0.1", 0)) as reserved:
-            port = reserved.getsockname()[1]
+        port = free_port()
         stack.enter_context(bridge({"hand1": two.socket}, endpoint=f"tcp/127.0.0.1:{port}"))
         relay = stack.enter_context(Relay(port, delay_s))
         slower = f"tcp/127.0.0.1:{relay.port}"

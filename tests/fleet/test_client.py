@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import os
-import socket
 import subprocess
 import sys
 from collections.abc import Iterator
@@ -21,6 +20,7 @@ from contid.remote.client.servo import ServoState
 from contid.remote.client.wires import address_of
 from tests.support.daemons import FAR, HERE, arrives, daemon, states
 from tests.support.fleets import BridgeProcess, Fleet, bridge
+from tests.support.ports import free_port
 from tests.support.relay import Relay
 from tests.support.waiting import until
 
@@ -166,8 +166,7 @@ DELAY_S = 0.025
 @contextmanager
 def far_away(lab: Fleet) -> Iterator[tuple[Client, Client]]:
     """A client over a link with latency, and a local one."""
-    with socket.create_server(("127.0.0.1", 0)) as probe:
-        port = probe.getsockname()[1]
+    port = free_port()
     node = lab.daemons["hand1"]
     with (
         bridge({"hand1": node.socket}, endpoint=f"tcp/127.0.0.1:{port}") as served,

@@ -23,6 +23,7 @@ from contid.fleet.operator import FleetOperator
 from tests.support.command import contid
 from tests.support.daemons import armed, daemon
 from tests.support.fleets import bridge, machine_file
+from tests.support.ports import free_port
 from tests.support.waiting import until
 
 #: https://prometheus.io/docs/instrumenting/exposition_formats/: a sample, its labels and its value.
@@ -32,12 +33,6 @@ SAMPLE = re.compile(
     r" (?P<value>[-+]?(\d+(\.\d+)?(e[-+]?\d+)?|Inf)|NaN)"
 )
 COMMENT = re.compile(r"# (HELP [a-z_]+ .+|TYPE [a-z_]+ (counter|gauge|histogram))")
-
-
-def free_port() -> int:
-    with socket.socket() as probe:
-        probe.bind(("127.0.0.1", 0))
-        return int(probe.getsockname()[1])
 
 
 def parsed(text: str) -> dict[str, dict[frozenset[tuple[str, str]], float]]:

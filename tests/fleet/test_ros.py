@@ -8,7 +8,6 @@ hand after https://www.omg.org/spec/DDSI-RTPS/2.5/PDF (plain CDR, little endian)
 from __future__ import annotations
 
 import json
-import socket
 import struct
 import subprocess
 import time
@@ -26,6 +25,7 @@ from contid.robot_file.base import Quantity
 from tests.support.command import contid
 from tests.support.daemons import armed, arrives, command, daemon
 from tests.support.fleets import bridge
+from tests.support.ports import free_port
 from tests.support.waiting import until
 
 pytest.importorskip("rosbags", reason="needs the extra contid[ros]")
@@ -174,12 +174,6 @@ def test_transforms_and_faults() -> None:
     assert (one.level, one.name, one.message) == (0, "hand1: f0", "RUN")
     assert (two.level, two.name, two.message) == (2, "hand1: arm-1", "FAULT, fault 110")
     assert {each.key: each.value for each in two.values} == {"state": "FAULT", "fault": "110"}
-
-
-def free_port() -> int:
-    with socket.socket() as probe:
-        probe.bind(("127.0.0.1", 0))
-        return int(probe.getsockname()[1])
 
 
 def test_a_reader_finds_and_receives_a_real_robot() -> None:

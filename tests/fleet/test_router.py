@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import queue
 import signal
-import socket
 import subprocess
 import tempfile
 import time
@@ -28,17 +27,12 @@ from contid.fleet.stops import stop_fleet
 from tests.support.command import contid
 from tests.support.daemons import Running, armed, command, daemon, states
 from tests.support.fleets import BridgeProcess, bridge, machine_file, mover, router, router_file
+from tests.support.ports import free_port
 from tests.support.waiting import until
 
 RIGHTS = {"anna": ["watch", "move", "arm"], "bob": ["watch"]}
 #: The promise is min(lease, lease of the link) + 50 ms; the rest is for a machine that does other work too.
 MARGIN_S = 1.25
-
-
-def free_port() -> int:
-    with socket.socket() as probe:
-        probe.bind(("127.0.0.1", 0))
-        return int(probe.getsockname()[1])
 
 
 @dataclass
@@ -154,16 +148,21 @@ def test_a_machine_is_only_its_own_nodes(star: Star, certificate: str) -> None:
             net.close()
 
 
+def nothing_answers(net: NetSession) -> None:
+    """Ask in the name of an operator that is not this session's."""
+    keys, answers = Keys("lab"), queue.SimpleQueue[bytes]()
+    net.token(keys.who("anna", "s"))
+    for verb in ("status", "hold", "acquire"):
+        net.ask(keys.do("hand1", "anna", "s", verb), b"", 0.5, lambda _, line: answers.put(line))
+    time.sleep(1.0)
+    assert answers.empty()
+
+
 def test_a_machine_asks_nothing(star: Star) -> None:
-    answers: queue.SimpleQueue[bytes] = queue.SimpleQueue()
     settings = NetSettings(connect=[star.router.endpoint], tls=star.operator("bob", "pc2").tls, mode="client")
-    net, keys = NetSession(settings), Keys("lab")
+    net = NetSession(settings)
     try:
-        net.token(keys.who("anna", "s"))
-        for verb in ("status", "hold", "acquire"):
-            net.ask(keys.do("hand1", "anna", "s", verb), b"", 0.5, lambda _, line: answers.put(line))
-        time.sleep(1.0)
-        assert answers.empty()
+        nothing_answers(net)
     finally:
         net.close()
 
@@ -183,12 +182,7 @@ def test_a_bridge_takes_orders_from_its_router_only(star: Star) -> None:
         keys: dict[str, Any] = {"operators": RIGHTS, "trust_local_users": None}
         with bridge({"hand1": star.node.socket}, endpoint=endpoint, **keys, **behind) as served:
             assert served.process.poll() is None
-            lab, answers = Keys("lab"), queue.SimpleQueue[bytes]()
-            net.token(lab.who("anna", "s"))
-            for verb in ("status", "hold", "acquire"):
-                net.ask(lab.do("hand1", "anna", "s", verb), b"", 0.5, lambda _, line: answers.put(line))
-            time.sleep(1.0)
-            assert answers.empty()
+            nothing_answers(net)
     finally:
         net.close()
 

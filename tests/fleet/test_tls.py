@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import json
 import shutil
-import socket
 import stat
 import subprocess
 import time
@@ -24,16 +23,11 @@ from contid.fleet.stops import stop_fleet
 from tests.support.command import contid
 from tests.support.daemons import daemon
 from tests.support.fleets import BridgeProcess, bridge, machine_file
+from tests.support.ports import free_port
 from tests.support.waiting import until
 
 #: A link of a valid certificate is there after some milliseconds.
 NO_LINK_S = 1.5
-
-
-def free_port() -> int:
-    with socket.socket() as probe:
-        probe.bind(("127.0.0.1", 0))
-        return int(probe.getsockname()[1])
 
 
 def tls(folder: Path, name: str, ca: Path | None = None) -> dict[str, str]:

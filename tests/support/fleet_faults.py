@@ -5,7 +5,6 @@ from __future__ import annotations
 import math
 import random
 import signal
-import socket
 import subprocess
 import time
 from collections.abc import Callable, Iterator, Mapping
@@ -17,6 +16,7 @@ from contid.client import Client
 from contid.fleet.net import LINK_LEASE_S
 from tests.support.daemons import Running, states
 from tests.support.fleets import BridgeProcess, bridge, mover
+from tests.support.ports import free_port
 from tests.support.relay import Relay
 from tests.support.waiting import until
 
@@ -92,8 +92,7 @@ def leases(fault: FleetFault, chosen: random.Random) -> float:
 @contextmanager
 def linked(nodes: Mapping[str, Running]) -> Iterator[tuple[BridgeProcess, Relay]]:
     """A bridge at a TCP port, and a relay before it, to which operators connect."""
-    with socket.create_server(("127.0.0.1", 0)) as probe:
-        port = probe.getsockname()[1]
+    port = free_port()
     sockets = {name: node.socket for name, node in nodes.items()}
     with (
         bridge(sockets, endpoint=f"tcp/127.0.0.1:{port}") as served,

@@ -26,14 +26,18 @@ def motion_of(axes: list[tuple[float, float, float, tuple[float, float]]]) -> Cr
     return CruiseMotion([CruiseAxis(start, u, goal, 1.0, *pair) for start, u, goal, pair in axes])
 
 
+def approach_of(axes: list[tuple[float, float, float, tuple[float, float]]]) -> Approach:
+    start, velocity, goal, pairs = zip(*axes, strict=True)
+    accelerations, jerks = zip(*pairs, strict=True)
+    return Approach(start, velocity, goal, 1.0, accelerations, jerks)
+
+
 @settings(max_examples=150, deadline=None)
 @given(axes=axes_at_rest)
 def test_from_standstill_it_takes_as_long_as_ruckig(
     axes: list[tuple[float, float, float, tuple[float, float]]],
 ) -> None:
-    start, velocity, goal, pairs = zip(*axes, strict=True)
-    accelerations, jerks = zip(*pairs, strict=True)
-    best = Approach(start, velocity, goal, 1.0, accelerations, jerks)
+    best = approach_of(axes)
     assert motion_of(axes).duration == pytest.approx(best.duration_s, rel=1e-5, abs=1e-9)
 
 
@@ -67,9 +71,7 @@ def test_from_any_velocity_it_ends_at_the_goal_within_the_limits(
 def test_a_motion_that_begins_in_motion_is_not_faster_than_the_optimum(
     axes: list[tuple[float, float, float, tuple[float, float]]],
 ) -> None:
-    start, velocity, goal, pairs = zip(*axes, strict=True)
-    accelerations, jerks = zip(*pairs, strict=True)
-    best = Approach(start, velocity, goal, 1.0, accelerations, jerks)
+    best = approach_of(axes)
     assert motion_of(axes).duration >= best.duration_s * (1.0 - 1e-5) - 1e-9
 
 

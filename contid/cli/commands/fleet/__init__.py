@@ -14,7 +14,7 @@ from contid.cli.commands.fleet.common_run import command as run
 from contid.cli.commands.fleet.common_run import replay
 from contid.cli.commands.fleet.feed import command as feed
 from contid.cli.commands.fleet.ros import command as ros
-from contid.cli.commands.fleet.routing import acl, route
+from contid.cli.commands.fleet.routing import acl, log_to_stderr, route
 from contid.cli.support.numbers import NumberRange
 from contid.cli.support.orders import file_option, json_option
 
@@ -40,15 +40,12 @@ def serve(machine: Path, metrics: str | None, verbose: bool) -> None:
     The leases stay in the daemons: when the operator, the network or this process stands still, they lapse
     and the robots hold.
     """
-    import logging
-
     from contid.fleet.bridge import serve as serve_bridge
     from contid.fleet.fleet_file import load_machine_file
     from contid.fleet.metrics_server import metrics_address
 
     address = None if metrics is None else metrics_address(metrics)
-    level = logging.DEBUG if verbose else logging.INFO
-    logging.basicConfig(format="contid: fleet: %(message)s", level=level, stream=sys.stderr)
+    log_to_stderr(verbose)
     file = load_machine_file(machine)
 
     def ready() -> None:

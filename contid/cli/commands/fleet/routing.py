@@ -9,6 +9,14 @@ from pathlib import Path
 import click
 
 
+def log_to_stderr(verbose: bool) -> None:
+    """Print the log of a program of the fleet; debug messages with ``verbose``."""
+    import logging
+
+    level = logging.DEBUG if verbose else logging.INFO
+    logging.basicConfig(format="contid: fleet: %(message)s", level=level, stream=sys.stderr)
+
+
 @click.command("route")
 @click.argument("router", type=click.Path(path_type=Path))
 @click.option("-v", "--verbose", is_flag=True, help="Print debug messages.")
@@ -18,13 +26,10 @@ def route(router: Path, verbose: bool) -> None:
     Machines and operators connect to it, so that machines listen nowhere. Each operator asks in its own name
     only, and each machine answers for its own nodes only.
     """
-    import logging
-
     from contid.fleet.router import load_router_file
     from contid.fleet.router import route as pass_on
 
-    level = logging.DEBUG if verbose else logging.INFO
-    logging.basicConfig(format="contid: fleet: %(message)s", level=level, stream=sys.stderr)
+    log_to_stderr(verbose)
     file = load_router_file(router)
 
     def ready() -> None:
