@@ -6,6 +6,7 @@ world frame of the trajectory into it. Vectors are tuples of three floats (plana
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 from types import MappingProxyType
@@ -19,6 +20,11 @@ Actuation: TypeAlias = tuple[float, ...]
 
 ZERO3: Final[Vec3] = (0.0, 0.0, 0.0)
 _NO_EXTRA: Final[Mapping[str, float]] = MappingProxyType({})
+
+
+def load_or_zero(load_n: Vec3) -> Vec3:
+    """The load of a record, zero if it has none."""
+    return load_n if all(map(math.isfinite, load_n)) else ZERO3
 
 
 @dataclass(frozen=True, slots=True)

@@ -19,13 +19,13 @@ from scipy.spatial.transform import Rotation
 from contid.control.engine.events import RunEvent
 from contid.control.engine.tick_layout import RecordLayout, RobotRecord, TickRecord
 from contid.robot_file.load import LoadedFile
-from contid.targets import Actuation
+from contid.targets import Actuation, load_or_zero
 from contid.units import MM_PER_M
 from contid.view.body import SolidBody
 from contid.view.colours import PLATE, of_robot
 from contid.view.event_line import event_line
 from contid.view.frames import FRAMES_HZ
-from contid.view.robot_scene import Array, RobotDrawing, RobotScene, load_or_zero
+from contid.view.robot_scene import Array, RobotDrawing, RobotScene
 from contid.view.scene import Scene, build_scene
 
 WORLD: Final = "world"

@@ -15,6 +15,7 @@ import rerun as rr
 from contid.control.engine.events import RunEvent
 from contid.control.engine.tick_layout import RobotRecord
 from contid.control.tick.config import RobotConfig
+from contid.targets import load_or_zero
 from contid.units import MM_PER_M
 from contid.view import paths
 from contid.view.banner import Banner
@@ -39,7 +40,7 @@ from contid.view.measured_shape import measured_shape
 from contid.view.rerun_bars import RerunBars, bar_rows
 from contid.view.rerun_bodies import RerunBody
 from contid.view.rerun_stream import RerunStream
-from contid.view.robot_scene import ARROW, Array, RobotDrawing, RobotScene, load_or_zero
+from contid.view.robot_scene import ARROW, Array, RobotDrawing, RobotScene
 from contid.view.scene import Scene
 
 US_PER_S: Final = 1e6

@@ -158,11 +158,6 @@ class RobotScene:
         return world
 
 
-def load_or_zero(load_n: Vec3) -> Vec3:
-    """The load of a record, zero if it has none."""
-    return load_n if all(map(math.isfinite, load_n)) else ZERO3
-
-
 def _tangents(line: Array) -> Array:
     """Unit tangents at the points of a line, (n, 3)."""
     along = np.gradient(line, axis=0)

@@ -15,7 +15,7 @@ from typing import Any, Final
 from contid.control.engine.tick_layout import TICK, RecordLayout, RobotRecord, TickRecord
 from contid.control.tick.config import RobotConfig
 from contid.control.tick.supervisor import Mode
-from contid.targets import ZERO3
+from contid.targets import load_or_zero
 from contid.units import m_to_mm
 
 #: Records per second that are evaluated.
@@ -76,7 +76,7 @@ def measured_tip_error_m(config: RobotConfig, robot: RobotRecord) -> float:
     values = tuple([axis.value for axis in robot.axes])
     if not (all(map(math.isfinite, values)) and all(map(math.isfinite, robot.tip_m))):
         return math.nan
-    load = robot.load_n if all(map(math.isfinite, robot.load_n)) else ZERO3
+    load = load_or_zero(robot.load_n)
     actuation = config.transmission.to_actuation(values)
     pose = config.model.forward(actuation, config.frame.vector_in_base(load))
     return math.dist(config.frame.point_in_world(pose.tip_m), robot.tip_m)
