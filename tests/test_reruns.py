@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import os
+import re
 import subprocess
 import sys
 from pathlib import Path
@@ -10,6 +11,8 @@ from pathlib import Path
 import pytest
 
 ROOT = Path(__file__).parent.parent
+#: Helpers that start daemons, which keep to the clock of this machine.
+DAEMONS = re.compile(r"^from tests\.support\.(daemons|fleets|panels) import", re.MULTILINE)
 HOOKS = "from tests.conftest import pytest_collection_modifyitems, pytest_sessionfinish\n"
 UNSTEADY = """
 import pytest
@@ -56,3 +59,10 @@ def test_reruns(mark: str, rate: str | None, code: int, workers: tuple[str, ...]
         check=False,
     )
     assert done.returncode == code, done.stdout + done.stderr
+
+
+def test_tests_of_daemons_are_realtime() -> None:
+    """One test that a standing machine fails and that is not tried again refuses a whole run of CI."""
+    files = [path for path in sorted((ROOT / "tests").rglob("test_*.py")) if DAEMONS.search(path.read_text())]
+    assert files
+    assert [str(path) for path in files if "pytest.mark.realtime" not in path.read_text()] == []

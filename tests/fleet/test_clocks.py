@@ -13,6 +13,8 @@ from contid.fleet.operator import FleetOperator
 from tests.support.fleets import Fleet
 from tests.support.waiting import until
 
+pytestmark = pytest.mark.realtime
+
 delays = st.floats(0.0, 0.5)
 
 

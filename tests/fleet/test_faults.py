@@ -23,6 +23,8 @@ from tests.support.fleet_faults import FAULTS, measure
 from tests.support.fleets import BridgeProcess, bridge, mover
 from tests.support.waiting import until
 
+pytestmark = pytest.mark.realtime
+
 #: The promise is min(lease, lease of the link) + 50 ms; the rest is for a machine that does other work too.
 PROMISE_S = 0.05
 MARGIN_S = 1.2
@@ -59,7 +61,6 @@ def stays(client: Client, seconds: float) -> None:
     }
 
 
-@pytest.mark.realtime
 @pytest.mark.parametrize(
     ("number", "lease_s", "limit_s"),
     [
@@ -85,7 +86,6 @@ def test_without_the_operator_the_robot_holds(
             assert moving.wait(timeout=20) != 0  # its stream has ended, and it is not begun anew
 
 
-@pytest.mark.realtime
 @pytest.mark.parametrize(
     ("number", "limit_s"), [(signal.SIGKILL, 0.0), (signal.SIGSTOP, 0.5)], ids=["killed", "stopped"]
 )
@@ -102,7 +102,6 @@ def test_without_the_bridge_the_robot_holds(
         stays(client, 0.5)
 
 
-@pytest.mark.realtime
 @pytest.mark.parametrize(
     ("name", "lease_s"),
     [("link cut", 0.4), ("link cut", 2.0), ("link cut for 300 ms", 1.0)],

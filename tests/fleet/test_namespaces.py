@@ -18,6 +18,8 @@ from tests.support.fleet_faults import FAULTS, ROUTER_FAULTS, FleetFault, strike
 from tests.support.fleets import BridgeProcess, bridge, router
 from tests.support.namespaces import Machine, machines
 
+pytestmark = pytest.mark.realtime
+
 #: The promise is min(lease, lease of the link) + 50 ms; the rest is for a machine that does other work too.
 MARGIN_S = 1.25
 #: A lease was renewed, and a sign of life sent, up to a quarter of a second before a fault.
@@ -71,7 +73,6 @@ def bounded(held_s: float, fault: FleetFault, lease_s: float) -> None:
         assert limit_s - EARLY_S < held_s < limit_s + MARGIN_S
 
 
-@pytest.mark.realtime
 @pytest.mark.parametrize(
     ("name", "lease_s"),
     [
@@ -94,7 +95,6 @@ def test_between_machines_a_robot_holds_in_time(lab: Lab, name: str, lease_s: fl
     bounded(held_s, fault, lease_s)
 
 
-@pytest.mark.realtime
 @pytest.mark.parametrize(
     ("name", "lease_s", "cut"),
     [

@@ -28,6 +28,8 @@ from tests.support.fleets import bridge
 from tests.support.ports import free_port
 from tests.support.waiting import until
 
+pytestmark = pytest.mark.realtime
+
 pytest.importorskip("rosbags", reason="needs the extra contid[ros]")
 
 STRING = "RIHS01_df668c740482bbd48fb39d76a70dfd4bd59db1288021743503259e948f6b1a18"

@@ -30,6 +30,8 @@ from tests.support.fleets import BridgeProcess, bridge, machine_file, mover, rou
 from tests.support.ports import free_port
 from tests.support.waiting import until
 
+pytestmark = pytest.mark.realtime
+
 RIGHTS = {"anna": ["watch", "move", "arm"], "bob": ["watch"]}
 #: The promise is min(lease, lease of the link) + 50 ms; the rest is for a machine that does other work too.
 MARGIN_S = 1.25
@@ -187,7 +189,6 @@ def test_a_bridge_takes_orders_from_its_router_only(star: Star) -> None:
         net.close()
 
 
-@pytest.mark.realtime
 @pytest.mark.parametrize(
     ("number", "lease_s", "limit_s"),
     [(signal.SIGKILL, 5.0, 0.0), (signal.SIGSTOP, 0.5, 0.5), (signal.SIGSTOP, 5.0, LINK_LEASE_S)],

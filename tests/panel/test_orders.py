@@ -12,6 +12,8 @@ from tests.support.daemons import FAR, HERE, Running, armed_daemon, command, sta
 from tests.support.panels import PanelClient, PanelProcess, page, panel
 from tests.support.waiting import until
 
+pytestmark = pytest.mark.realtime
+
 
 @pytest.fixture
 def running() -> Iterator[Running]:

@@ -15,6 +15,8 @@ from tests.support.command import contid_in
 from tests.support.daemons import HERE, Running, armed_daemon
 from tests.support.panels import PanelClient, PanelProcess, page, panel
 
+pytestmark = pytest.mark.realtime
+
 #: By hand: two that suit the robots, one outside a limit, one of another robot.
 POSES = """\
 contid_poses: 1  # kept

@@ -24,6 +24,8 @@ from tests.support.daemons import Running, armed_daemon, command
 from tests.support.panels import PanelProcess, page, panel
 from tests.support.waiting import until
 
+pytestmark = pytest.mark.realtime
+
 
 @contextmanager
 def _demonstration(folder: Path, *arguments: str) -> Iterator[tuple[subprocess.Popen[str], PanelProcess]]:

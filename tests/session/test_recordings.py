@@ -18,6 +18,8 @@ from tests.support.command import contid_in
 from tests.support.daemons import FAR, HERE, Running, armed, daemon
 from tests.support.waiting import until
 
+pytestmark = pytest.mark.realtime
+
 
 @pytest.fixture
 def running(tmp_path: Path) -> Iterator[Running]:

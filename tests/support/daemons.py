@@ -26,6 +26,9 @@ from tests.support.waiting import until
 #: Two points that a finger reaches.
 HERE = {"x_mm": 50.0, "y_mm": 75.0}
 FAR = {"x_mm": 30.0, "y_mm": 85.0}
+#: A machine of CI can stand still for longer than the watchdogs of a real robot allow; a test of stalls
+#: gives its own.
+WATCHDOG = "watchdog_ms: 2000"
 
 
 @dataclass
@@ -72,7 +75,9 @@ def daemon(
     # Short: the path of a socket has 107 bytes.
     folder = Path(tempfile.mkdtemp(prefix="contid-"))
     robot = folder / "fingers.yaml"
-    text = fingers(count, options=f"journal_file: {folder / 'journal.jsonl'}\n{options}", **keys)
+    watchdog = "" if "watchdog_ms" in options else WATCHDOG
+    journal = f"journal_file: {folder / 'journal.jsonl'}"
+    text = fingers(count, options="\n".join([journal, watchdog, options]), **keys)
     robot.write_text(change(text))
     socket = folder / "s"
     process = subprocess.Popen(
