@@ -7,6 +7,7 @@ from __future__ import annotations
 
 import argparse
 import sys
+from pathlib import Path
 
 from tests.campaign import ptys
 from tests.campaign.campaign import Tally, campaign
@@ -19,6 +20,7 @@ def main() -> int:
     parser.add_argument("--cases", type=int, default=5000, help="in virtual time, on simulated devices")
     parser.add_argument("--ptys", type=int, help="instead this number in real time, on emulated devices")
     parser.add_argument("--driver", default="", help="with --ptys: only its buses, such as dynamixel")
+    parser.add_argument("--keep", type=Path, help="with --ptys: folder for sessions that broke an invariant")
     parser.add_argument("--all", action="store_true", help="instead every campaign, for --minutes")
     parser.add_argument("--minutes", type=float, default=10.0)
     parser.add_argument("--seed", type=int, default=1)
@@ -41,7 +43,7 @@ def main() -> int:
         if asked.ptys is None:
             tally: Tally | WireTally = campaign(cases, asked.seed, progress)
         else:
-            tally = ptys.campaign(cases, asked.seed, progress, asked.driver)
+            tally = ptys.campaign(cases, asked.seed, progress, asked.driver, asked.keep)
     except KeyboardInterrupt:
         if not newest:
             raise

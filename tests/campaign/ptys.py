@@ -447,10 +447,17 @@ def _alive(process: psutil.Process) -> bool:
 
 
 def campaign(
-    cases: int, seed: int, progress: Callable[[Tally], None] | None = None, driver: str = ""
+    cases: int,
+    seed: int,
+    progress: Callable[[Tally], None] | None = None,
+    driver: str = "",
+    keep: Path | None = None,
 ) -> Tally:
-    """Run cases, several of them with each daemon, on the buses of a driver or on all."""
-    tally, begin_s = Tally(seed), time.monotonic()
+    """Run cases, several of them with each daemon, on the buses of a driver or on all.
+
+    Sessions that broke an invariant are copied to the folder ``keep``.
+    """
+    tally, begin_s = Tally(seed, keep=keep), time.monotonic()
     number = 0
     while tally.cases < cases:
         before = tally.cases

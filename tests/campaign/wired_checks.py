@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+import shutil
 from collections import Counter
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, field
@@ -65,6 +66,7 @@ class Tally:
     times: dict[str, list[float]] = field(default_factory=dict)
     message: list[str] = field(default_factory=list)
     failed_starts: list[str] = field(default_factory=list)
+    keep: Path | None = None
 
     def check(self, name: str, found: list[str]) -> None:
         assert name in INVARIANTS
@@ -101,7 +103,15 @@ class Tally:
 
 
 def judge(tally: Tally, wires: Wires, recorded: Path, thrown: Sequence[Injected]) -> None:
-    """The recorded session, and what the devices saw, against the invariants."""
+    """The recorded session and what the devices saw against the invariants; what broke one is kept."""
+    before = sum(tally.violations.values())
+    _judge(tally, wires, recorded, thrown)
+    if tally.keep is not None and sum(tally.violations.values()) > before:
+        tally.keep.mkdir(parents=True, exist_ok=True)
+        shutil.copy(recorded, tally.keep / f"{tally.seed}-{tally.daemons}.mcap")
+
+
+def _judge(tally: Tally, wires: Wires, recorded: Path, thrown: Sequence[Injected]) -> None:
     tally.check("outputs of the boards", [message for eyes in wires.channels for message in eyes.wrong])
     session = Session(recorded)
     records, events = list(session.ticks()), list(session.events())
