@@ -1,9 +1,11 @@
 """Random pairs of arms against dense sampling, many at a time.
 
-python -m tests.clearance.dense CONFIGURATIONS [SEED]
+python -m tests.clearance.dense CONFIGURATIONS [--seed N] [--minutes M]
 """
 
-import sys
+import argparse
+import math
+import time
 from dataclasses import dataclass
 from functools import partial
 
@@ -30,15 +32,19 @@ class Counts:
     penetrations_accepted: int = 0
     nearer_than_bound: int = 0
     falsely_refused: int = 0
+    section_pairs: int = 0
+    distance_s: float = 0.0
 
     def __str__(self):
         clear = self.accepted + self.falsely_refused
+        each_us = 1e6 * self.distance_s / max(self.section_pairs, 1)
         return (
             f"{self.configurations} configurations, {self.penetrations} penetrations, "
             f"{self.accepted} accepted at {MARGIN_M * 1e3:g} mm: "
             f"{self.penetrations_accepted} penetrations accepted, "
             f"{self.nearer_than_bound} nearer than the bound, {self.falsely_refused} falsely refused "
-            f"({100 * self.falsely_refused / max(clear, 1):.3f} % of the clear ones)"
+            f"({100 * self.falsely_refused / max(clear, 1):.3f} % of the clear ones); "
+            f"{each_us:.2f} us of processor time per pair of sections"
         )
 
 
@@ -46,8 +52,8 @@ class Chains:
     """Chains of one to three arcs, all at once; each arc is tangent to the one before."""
 
     def __init__(self, rng, count, spread_m=0.12):
-        arcs = rng.integers(1, 4, count)
-        self.lengths = rng.uniform(0.02, 0.2, (count, 3)) * (np.arange(3) < arcs[:, None])
+        self.arcs = rng.integers(1, 4, count)
+        self.lengths = rng.uniform(0.02, 0.2, (count, 3)) * (np.arange(3) < self.arcs[:, None])
         angles = rng.uniform(-3.5, 3.5, (count, 3)) * (rng.random((count, 3)) > 0.1)  # some are straight
         planes = rng.uniform(0.0, np.pi, (count, 3))
         self.curvatures = angles / np.maximum(self.lengths, 0.02)
@@ -110,10 +116,11 @@ def _exact(chains, index, start, spacing):
     return np.sqrt(minimize(squared, start, bounds=bounds, method="L-BFGS-B").fun / 1e4)
 
 
-def run(configurations, seed):
-    """Counts of random configurations."""
+def run(configurations, seed, minutes=math.inf):
+    """Counts of random configurations, of as many as there is time for."""
     rng, counts = np.random.default_rng(seed), Counts()
-    while counts.configurations < configurations:
+    end_s = time.monotonic() + 60.0 * minutes
+    while counts.configurations < configurations and time.monotonic() < end_s:
         chains = Chains(rng, _BATCH), Chains(rng, _BATCH)
         radii = rng.uniform(0.002, 0.03, (_BATCH, 2))
         fine = [each.evenly(FINE + 1) for each in chains]
@@ -123,7 +130,10 @@ def run(configurations, seed):
                 sampled_body(partial(_every, points[index]), radius)
                 for points, radius in zip(fine, radii[index], strict=True)
             )
+            begin_s = time.process_time()
             lower = between_bodies(a, b).lower_m
+            counts.distance_s += time.process_time() - begin_s
+            counts.section_pairs += int(chains[0].arcs[index] * chains[1].arcs[index])
             apart, nearest = cKDTree(dense[1][index]).query(dense[0][index])
             best = int(apart.argmin())
             distance = float(apart[best]) - radii[index].sum()
@@ -141,4 +151,9 @@ def run(configurations, seed):
 
 
 if __name__ == "__main__":
-    print(run(int(sys.argv[1]), int(sys.argv[2]) if len(sys.argv) > 2 else 0))
+    parser = argparse.ArgumentParser(description=__doc__)
+    parser.add_argument("configurations", type=int)
+    parser.add_argument("--seed", type=int, default=0)
+    parser.add_argument("--minutes", type=float, default=math.inf, help="end after so long")
+    chosen = parser.parse_args()
+    print(run(chosen.configurations, chosen.seed, chosen.minutes))

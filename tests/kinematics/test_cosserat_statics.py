@@ -14,7 +14,7 @@ from contid.kinematics.cosserat.branch import equilibrium
 from contid.kinematics.cosserat.equilibrium import newton
 from contid.kinematics.cosserat.loads import Loads
 from contid.kinematics.cosserat.section import Rod, Section
-from contid.kinematics.cosserat.shape import backbone
+from contid.kinematics.cosserat.shape import frames_at, stations
 from contid.kinematics.cosserat.spatial import exponential
 from contid.kinematics.cosserat.statics import sweep
 from tests.kinematics.cosserat_cases import GOLDEN, hanging, loads_of, one, rod_of, section, two
@@ -167,7 +167,7 @@ def test_screw_motions_compose(angle: float) -> None:
 def test_backbone_ends_at_the_tip() -> None:
     rod, p, loads = two(tip_link=3.0), np.array([0.3, 0.9, 0.1, 0.6, 0.0, 0.7]), _general()
     found = equilibrium(rod, p, loads)
-    line = backbone(rod, p, found.base_moment, loads, 3)
+    line = frames_at(rod, p, found.base_moment, loads, 3, stations(rod, 3))[:, :3]
     assert np.abs(line[-1] - found.sweep.tip).max() < 1e-12
     assert np.abs(line[0]).max() == 0.0
     assert np.max(np.linalg.norm(np.diff(line, axis=0), axis=1)) < 5.5

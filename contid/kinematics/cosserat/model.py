@@ -13,7 +13,7 @@ from contid.kinematics.cosserat.compliance import tip_compliance
 from contid.kinematics.cosserat.engine import NumpyEngine, RodSetup, build_engine
 from contid.kinematics.cosserat.loads import Loads
 from contid.kinematics.cosserat.section import Rod, Section
-from contid.kinematics.cosserat.shape import backbone
+from contid.kinematics.cosserat.shape import stations
 from contid.kinematics.cosserat.solve import Limits
 from contid.kinematics.cosserat.statics import sweep
 from contid.robot_file.cosserat import Cosserat, Orientation, SectionGeometry
@@ -83,6 +83,8 @@ class CosseratModel:
         self.setup = build_setup(robot)
         self.engine = build_engine(self.setup)
         self._spec = NumpyEngine(self.setup)
+        #: Reference arc lengths of the backbone [mm].
+        self._stations = stations(self.setup.rod, self.setup.elements)
 
     def forward(self, actuation: Actuation, load_n: Vec3 = ZERO3) -> Pose:
         """Pose on the branch that grows from the unloaded shape; ``stable`` is False once it has buckled."""
@@ -194,12 +196,12 @@ class CosseratModel:
 
     def shape(self, actuation: Actuation, points: int, load_n: Vec3 = ZERO3) -> Array:
         """Backbone from base to tip at equal arc length of the deformed arm, shape (points, 3) [m]."""
-        p = np.array(actuation) / BAR
-        *_, base_moment, elements = self.engine.forward(p.tolist(), load_n)
-        line = backbone(self.setup.rod, p, np.array(base_moment), self._spec.loads(load_n), elements)
+        frames = np.empty((len(self._stations), 12))
+        self.engine.statics([p / BAR for p in actuation], self._spec.loads(load_n), self._stations, frames)
+        line = frames[:, :3]
         lengths = np.concatenate([[0.0], np.cumsum(np.linalg.norm(np.diff(line, axis=0), axis=1))])
-        stations = np.linspace(0.0, lengths[-1], points)
-        return np.stack([np.interp(stations, lengths, line[:, i]) for i in range(3)], axis=1) / MM_PER_M
+        evenly = np.linspace(0.0, lengths[-1], points)
+        return np.stack([np.interp(evenly, lengths, line[:, i]) for i in range(3)], axis=1) / MM_PER_M
 
     def critical_load_n(self, actuation: Actuation, load_n: Vec3, max_factor: float = 1.0) -> float | None:
         """Magnitude of the tip force along ``load_n`` at which the arm buckles at these pressures [N].

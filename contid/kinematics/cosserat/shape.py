@@ -1,4 +1,4 @@
-"""The backbone of a rod in equilibrium as a fine polyline."""
+"""Frames along a rod in equilibrium, and the arc lengths that make a fine polyline of it."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ from contid.kinematics.cosserat.loads import Loads
 from contid.kinematics.cosserat.section import Rod
 from contid.kinematics.cosserat.spatial import cross
 
-#: Points per element, each by one step from its start.
+#: Points of a polyline per element.
 POINTS_PER_ELEMENT = 12
 
 
@@ -57,28 +57,13 @@ def frames_at(
     return np.array(frames).reshape(len(stations), 12)
 
 
-def backbone(rod: Rod, pressures: Array, base_moment: Array, loads: Loads, elements: int) -> Array:
-    """Points from base to tip, shape (n, 3); the last one is exactly the tip of a sweep."""
-    none = np.zeros((3, 0))
-    state = RodState(np.eye(3), np.zeros(3), np.array(base_moment, float), none, none, none)
-    N = loads.base_force(rod)
-    points = [state.p]
-    for i, section in enumerate(rod.sections):
-        inflated = section.inflated(pressures[3 * i : 3 * i + 3])
-        f = loads.weight.get(i, np.zeros(3))
-        h = section.length / elements
-        for _ in range(elements):
-            start = state
-            for part in range(1, POINTS_PER_ELEMENT + 1):
-                state = step(inflated, start, N, f, h * part / POINTS_PER_ELEMENT, None, False)
-                points.append(state.p)
-            N = N - h * f
-        force = loads.joint_force.get(i, np.zeros(3))
-        state.mu = state.mu - loads.joint_moment.get(i, np.zeros(3)) - cross(state.p, force)
-        N = N - force
+def stations(rod: Rod, elements: int) -> Array:
+    """Reference arc lengths [mm] of a fine polyline: equal parts of every element, and the ends of links."""
+    found, begin = [np.zeros(1)], 0.0
+    for section in rod.sections:
+        parts = elements * POINTS_PER_ELEMENT
+        found.append(begin + section.length * np.arange(1, parts + 1) / parts)
+        begin += section.length + section.link
         if section.link > 0.0:
-            f = loads.link_weight.get(i, np.zeros(3))
-            state = link(state, section.link, f)
-            N = N - section.link * f
-            points.append(state.p)
-    return np.array(points)
+            found.append(np.array([begin]))
+    return np.concatenate(found)
