@@ -33,6 +33,7 @@ class WithExtraAxes:
         self.upper: Actuation = (*model.upper, *(high for _, high in ends))
         self.dimension = model.dimension
         self.taut = getattr(model, "taut", None)
+        self.capstan = getattr(model, "capstan", None)
         self.straight_approach: bool = getattr(model, "straight_approach", False)
 
     def forward(self, actuation: Actuation, load_n: Vec3 = ZERO3) -> Pose:

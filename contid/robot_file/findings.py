@@ -49,6 +49,8 @@ def explain(
     # A union reports the same place once per alternative; one finding is enough.
     found: dict[Located, None] = {}
     for detail in error.errors(include_url=False):
+        if detail["type"] == "too_short" and detail["ctx"]["actual_length"] < len(detail["input"]):
+            continue  # pydantic leaves out items that it refuses, each with a finding of its own
         found[explainer.one(detail)] = None
         if len(found) > MAX_FINDINGS:
             break
@@ -91,6 +93,7 @@ class _Explainer:
             message = f"{name}: {shown(written)} is not possible; {allowed_names(values, str(written))}"
         elif kind == "value_error":
             message = f"{name}: {context.get('error', detail['msg'])}"
+            path = _key_in_message(self.document, path, str(context.get("error", "")))
         else:
             message = f"{name}: {_allowed_value(kind, context, detail['msg'])}, not {shown(written)}"
         return self.document.at_value(path, message)
@@ -106,6 +109,16 @@ def _name(path: KeyPath) -> str:
         case (*_, str(key), int(row), int(item)):
             return f"{key}: row {row + 1}, item {item + 1}"
     return "the file"
+
+
+def _key_in_message(document: Document, path: KeyPath, message: str) -> KeyPath:
+    """Path of the written key below ``path`` that a message begins with, such as ``limits.pull_mm has``."""
+    for key in message.partition(" ")[0].rstrip(":").split("."):
+        step = int(key) if key.isdecimal() else key
+        if not step_into(document.get(path), step):
+            break
+        path = (*path, step)
+    return path
 
 
 def _allowed_value(kind: str, context: dict[str, Any], message: str) -> str:

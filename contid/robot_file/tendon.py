@@ -150,11 +150,16 @@ class TendonFriction(Strict):
     Attributes:
         play_mm: half width of the play between a spool and its disc, by which pulls lead in the direction of
             motion: one number for all tendons, one per section, or one per tendon.
+        capstan: coefficient of friction of tendons in the bends, by which pulls lead the loss of tension: one
+            number for all sections, or one per section; needs ``tension``.
     """
 
     play_mm: Annotated[
         tuple[NonNegative, ...], Field(min_length=1, max_length=MAX_TENDON_SECTIONS * MAX_TENDONS)
-    ]
+    ] = (0.0,)
+    capstan: Annotated[
+        tuple[Annotated[float, Field(ge=0, le=1)], ...], Field(min_length=1, max_length=MAX_TENDON_SECTIONS)
+    ] = (0.0,)
 
 
 class TendonResidual(Strict):
@@ -217,6 +222,9 @@ class TendonRobot(RobotDescription):
             for key in ("weight_n_per_m", "torsion_n_mm2", "stretch_n"):
                 if (values := getattr(self.rod, key)) is not None:
                     rows.append((f"rod.{key}", values))
+        if self.friction is not None:
+            rows.append(("friction.capstan", self.friction.capstan))
+            self._check_capstan(self.friction)
         for what, values in rows:
             if len(values) not in (1, count):
                 raise ValueError(f"{what} has {len(values)} entries; allowed: 1 or {count}, one per section")
@@ -233,6 +241,12 @@ class TendonRobot(RobotDescription):
                     f"limits.pull_mm [{low:g}, {high:g}] has no room on both sides of 0, the straight robot"
                 )
         return self
+
+    def _check_capstan(self, friction: TendonFriction) -> None:
+        if any(friction.capstan) and self.tension is None:
+            raise ValueError("friction.capstan needs tension, which has the stiffness of the tendons")
+        if any(friction.capstan) and self.rod is not None:
+            raise ValueError("friction.capstan leads the model of arcs; leave out rod or capstan")
 
     def _check_residual(self, residual: TendonResidual) -> None:
         if self.tension is None:
@@ -305,6 +319,13 @@ class TendonRobot(RobotDescription):
             return None
         play = tuple(r / MM_PER_M for r in self.friction.play_mm)
         return play if len(play) == len(self.axis_names) else self._per_tendon(play)
+
+    @property
+    def capstan(self) -> tuple[float, ...] | None:
+        """``friction.capstan`` per section; None where it is off."""
+        if self.friction is None or not any(self.friction.capstan):
+            return None
+        return self.per_section(self.friction.capstan)
 
     @property
     def tip_offset_m(self) -> Vec3:

@@ -7,6 +7,7 @@ from dataclasses import dataclass
 from typing import Final, Protocol
 
 from contid.control.tick.limits import AxisLimits, axis_limits
+from contid.control.tick.play import Capstan
 from contid.control.tick.taut import Taut
 from contid.kinematics.extra_axes import build_whole_model
 from contid.kinematics.frames import BaseFrame
@@ -88,6 +89,7 @@ class RobotConfig:
         period_s: of the tick.
         feedback: closed loop on the tip, None when off.
         play: half width of the play of every axis [m or Pa], None without.
+        capstan: lead of the friction of tendons in the bends, None without.
         taut: bounds of the tensions of a tendon robot, None without.
         straight: approaches are straight lines of the axes, which keep limits that several axes share.
     """
@@ -113,6 +115,7 @@ class RobotConfig:
     period_s: float
     feedback: FeedbackConfig | None = None
     play: Actuation | None = None
+    capstan: Capstan | None = None
     taut: Taut | None = None
     straight: bool = False
 
@@ -153,6 +156,7 @@ def robot_config(
         period_s=period_s,
         feedback=None if robot.feedback is None else FeedbackConfig.of(robot.feedback),
         play=None if robot.play is None else (*robot.play, *(0.0,) * len(robot.extra_axis_names)),
+        capstan=getattr(model, "capstan", None),
         taut=getattr(model, "taut", None),
         straight=getattr(model, "taut", None) is not None or getattr(model, "straight_approach", False),
     )

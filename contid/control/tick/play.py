@@ -1,17 +1,99 @@
-"""Play of the drives, such as tendons in their sheaths: commands lead it, so that what was asked for arrives.
+"""Play and friction of drives, such as tendons: commands lead them, so that what was asked for arrives.
 
-An axis with the half width r of play delivers ``command + offset -+ r`` while it moves up or down. The offset
+Play: an axis with the half width r delivers ``command + offset -+ r`` while it moves up or down. The offset
 that is added to commands goes to +r or -r with the last direction of motion and stays at rest, the inverse of
-the play operator (`contid.kinematics.tendon.friction`). A turn of direction takes up the play at most at the
-velocity limit of the axis, on top of its motion. Offsets are part of the robot's state, as replay needs.
+the play operator (`contid.kinematics.tendon.friction`). Friction in the bends of a tendon robot: the lead of
+`contid.kinematics.tendon.capstan`, for which the sense of sliding of every tendon is kept.
+
+A turn of direction takes up either at most at the velocity limit of an axis, on top of its motion. Leads are
+part of the robot's state, as replay needs.
 """
 
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Final, Protocol
 
 from contid.control.tick.limits import AxisLimits
+from contid.kinematics.array import Array
 from contid.targets import Actuation
+
+
+class Capstan(Protocol):
+    """Interface of `contid.kinematics.tendon.capstan.CapstanLead`."""
+
+    def slides(self, before: Actuation, pulls: Actuation, steps: Actuation) -> Actuation:
+        """Sense of sliding of every tendon in every section after a step."""
+        ...
+
+    def lead(self, pulls: Actuation, slides: Actuation) -> Array:
+        """What is added to the pulls [m]."""
+        ...
+
+
+@dataclass(frozen=True, slots=True)
+class Lead:
+    """What is added to the commands of a robot.
+
+    Attributes:
+        added: to every axis [m or Pa]; empty: nothing.
+        play: the part that leads play.
+        friction: the part that leads friction in the bends, of the tendons.
+        slides: sense of sliding of the tendons in the sections.
+    """
+
+    added: Actuation = ()
+    play: Actuation = ()
+    friction: Actuation = ()
+    slides: Actuation = ()
+
+
+NO_LEAD: Final = Lead()
+
+
+def next_lead(
+    play: Actuation | None,
+    capstan: Capstan | None,
+    before: Lead,
+    command: Actuation,
+    increments: Actuation,
+    limits: Sequence[AxisLimits],
+) -> Lead:
+    """The lead after a tick.
+
+    Args:
+        play: half width of every axis; None without.
+        capstan: of the robot; None without.
+        before: of the tick before.
+        command: of this tick, and ``increments`` of it.
+        increments: of the commands in this tick.
+        limits: of the axes; their step bounds the change of each part.
+    """
+    offsets = taken_up(play, before.play, increments, limits) if play is not None else ()
+    friction, slides = before.friction, before.slides
+    if capstan is not None and (any(increments) or friction):
+        slides = capstan.slides(slides, command, increments)
+        goal = capstan.lead(command, slides).tolist()
+        friction = together(friction or (0.0,) * len(goal), goal, limits)
+    added = offsets or (0.0,) * len(command)
+    if friction:
+        added = (*[a + b for a, b in zip(added, friction, strict=False)], *added[len(friction) :])
+    return Lead(added, offsets, friction, slides)
+
+
+def together(before: Sequence[float], goal: Sequence[float], limits: Sequence[AxisLimits]) -> Actuation:
+    """On a straight line from leads to other ones, as far as the step of every axis allows.
+
+    Tendons that keep a backbone in balance have to change together.
+    """
+    share = 1.0
+    for old, new, axis in zip(before, goal, limits, strict=False):
+        if abs(new - old) > axis.step:
+            share = min(share, axis.step / abs(new - old))
+    if share == 1.0:
+        return tuple(goal)
+    return tuple([old + share * (new - old) for old, new in zip(before, goal, strict=True)])
 
 
 def taken_up(
@@ -36,6 +118,6 @@ def taken_up(
     return tuple(after)
 
 
-def led(command: Actuation, offsets: Actuation) -> Actuation:
-    """What the transmission gets for a command; the command itself without play."""
-    return tuple([a + b for a, b in zip(command, offsets, strict=True)]) if offsets else command
+def led(command: Actuation, added: Actuation) -> Actuation:
+    """What the transmission gets for a command; the command itself without a lead."""
+    return tuple([a + b for a, b in zip(command, added, strict=True)]) if added else command

@@ -16,7 +16,7 @@ from typing import Final
 from contid.control.tick.config import RobotConfig
 from contid.control.tick.faults import Fault, of_device
 from contid.control.tick.next_command import next_command
-from contid.control.tick.play import led, taken_up
+from contid.control.tick.play import NO_LEAD, led, next_lead
 from contid.control.tick.state import Effect, RobotState
 from contid.control.tick.supervisor import Event, Mode
 from contid.control.tick.tip_feedback import Measurement, corrected, kept, observed
@@ -79,7 +79,14 @@ def tick(
             if config.feedback is not None:
                 load_n = config.frame.vector_in_base(target.load_n)
                 learnt = observed(
-                    config, config.feedback, state.correction, now_s, samples, measurement, load_n, state.play
+                    config,
+                    config.feedback,
+                    state.correction,
+                    now_s,
+                    samples,
+                    measurement,
+                    load_n,
+                    state.lead.added,
                 )
                 state = replace(state, correction=learnt)
             return _follow(config, state, now_s, target)
@@ -142,7 +149,7 @@ def _arming(
             return fail(config, state, Fault.NO_SAMPLE, message, now_s)
     if state.mode is Mode.READY and state.arm_requested:
         # Old commands are dropped: an interrupted arming must not return to them.
-        cleared = replace(state, command=(), increments=(), reference=(), motion=None, play=())
+        cleared = replace(state, command=(), increments=(), reference=(), motion=None, lead=NO_LEAD)
         return replace(moved(config, cleared, Event.ARM, now_s), pending=Effect.ENABLE, enabled=False)
     if state.mode is Mode.ARMING and state.enabled and sampled:
         present = config.transmission.to_actuation(tuple(sample.value or 0.0 for sample in samples))
@@ -219,7 +226,7 @@ def _follow(config: RobotConfig, state: RobotState, now_s: float, target: Target
     target_tip = in_base.tip_m
     if target_tip is None:
         target_tip = config.model.forward(in_base.actuation or after.command, in_base.load_n).tip_m
-    device = config.transmission.to_device(led(after.command, after.play))
+    device = config.transmission.to_device(led(after.command, after.lead.added))
     return TickResult(after, device, solution, math.dist(tip, target_tip), flags)
 
 
@@ -232,7 +239,7 @@ def _move(config: RobotConfig, state: RobotState, now_s: float) -> TickResult:
         reference = state.motion.at(since_s)[0]
         over = since_s >= state.motion.duration_s
     after, flags = _limited(config, state, reference)
-    device = config.transmission.to_device(led(after.command, after.play))
+    device = config.transmission.to_device(led(after.command, after.lead.added))
     # The limiter may lag behind (a motion that ends outside a limit): wait for standstill.
     if over and not any(after.increments):
         after = replace(after, motion=None, reference=after.command)
@@ -259,11 +266,13 @@ def _limited(
         config, last, state.increments, reference, target_step, target_in_base, state.straight
     )
     increments = tuple([new - old for new, old in zip(command, last, strict=True)])
-    play = taken_up(config.play, state.play, increments, config.limits) if config.play else ()
+    lead = state.lead
+    if config.play is not None or config.capstan is not None:
+        lead = next_lead(config.play, config.capstan, lead, command, increments, config.limits)
     # Written out: `replace` costs three times as much, and this runs for every robot in every tick.
     after = RobotState(
         state.mode, state.since_s, state.fault, state.message, state.enabled, state.arm_requested,
         state.follow, state.goto, command, increments, reference, state.motion, state.motion_s, state.policy,
-        state.misses, state.pending, state.correction, state.recovering, play, straight,
+        state.misses, state.pending, state.correction, state.recovering, lead, straight,
     )  # fmt: skip
     return after, flags if any(flags) else ()

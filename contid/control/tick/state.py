@@ -7,6 +7,7 @@ from dataclasses import dataclass
 from typing import Final, Protocol
 
 from contid.control.tick.faults import Fault
+from contid.control.tick.play import NO_LEAD, Lead
 from contid.control.tick.supervisor import Mode
 from contid.control.tick.tip_feedback import Correction
 from contid.errors import ContidError
@@ -68,7 +69,7 @@ class RobotState:
         pending: next request to the devices.
         correction: of the closed loop on the tip.
         recovering: to move inside the limits slowly once armed, or on the way.
-        play: what is added to commands to lead the play of the drives; empty without play.
+        lead: what is added to commands to lead play and friction of the drives; none at rest.
         straight: the axes go on a straight line to the answer (`contid.control.tick.way`).
     """
 
@@ -90,5 +91,5 @@ class RobotState:
     pending: Effect = Effect.NONE
     correction: Correction = NO_CORRECTION
     recovering: bool = False
-    play: Actuation = ()
+    lead: Lead = NO_LEAD
     straight: bool = False

@@ -14,6 +14,7 @@ from contid.kinematics.arc.sections import backbone
 from contid.kinematics.arc.solve import SectionSolver
 from contid.kinematics.arc.task import Tuning
 from contid.kinematics.array import Array
+from contid.kinematics.tendon.capstan import CapstanLead
 from contid.kinematics.tendon.feasible import TendonFeasible, limits_of
 from contid.kinematics.tendon.geometry import TendonGeometry, TendonSection
 from contid.kinematics.tendon.residual import TipCorrection
@@ -168,6 +169,10 @@ class TendonModel:
         #: Variables of the solver [m] by pulls [m].
         self._by_pulls: Array = self._lengths[:, None] * by_pulls
         self._names = self.feasible.names
+        #: Lead of the friction in the bends; None without.
+        self.capstan: CapstanLead | None = None
+        if robot.capstan is not None and self.statics is not None:
+            self.capstan = CapstanLead(self.statics, robot.capstan)
         self._correction: TipCorrection | None = None
         if robot.residual is not None and self.statics is not None:
             self._correction = TipCorrection.of(robot.residual, self.statics)

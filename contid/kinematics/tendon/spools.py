@@ -30,7 +30,9 @@ def spooled_tendons(
     here, there = np.array(to_device(none)), np.array(to_device(unit))
     rad_per_m = (there - here)[: geometry.tendons]
     bends = geometry.pull_matrix * rad_per_m[:, None]
+    bending = tuple(np.repeat(statics.bending_nm, 2).tolist())
+    play = robot.play or (0.0,) * geometry.tendons
     return tuple(
-        SpooledTendon(k / gain**2, tuple(row.tolist()), tuple(np.repeat(statics.bending_nm, 2).tolist()))
-        for k, gain, row in zip(statics.tendon_n_per_m, rad_per_m.tolist(), bends, strict=True)
+        SpooledTendon(k / gain**2, tuple(row.tolist()), bending, r * abs(gain), robot.capstan or ())
+        for k, gain, row, r in zip(statics.tendon_n_per_m, rad_per_m.tolist(), bends, play, strict=True)
     )

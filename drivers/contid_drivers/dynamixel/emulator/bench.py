@@ -13,6 +13,7 @@ import numpy as np
 from contid.hal import AxisOnBus, SpooledTendon
 from contid_drivers.dynamixel import registers as reg
 from contid_drivers.dynamixel.emulator.servo import Servo
+from contid_drivers.dynamixel.emulator.tendon_friction import FrictionPlant
 from contid_drivers.dynamixel.emulator.tendons import TendonPlant
 from contid_drivers.dynamixel.emulator.wire import DynamixelEmulator
 from contid_drivers.dynamixel.models import BY_NAME
@@ -83,7 +84,13 @@ def _plant(found: Sequence[tuple[Servo, int, SpooledTendon | None]]) -> TendonPl
     bending = [value * MA_PER_NM / reg.RAD_PER_TICK for value in tendons[0].bending_nm]
     if np.linalg.matrix_rank(wound) < len(bending):  # only some of the robot's tendons
         return TendonPlant(spools, winding, none, stiffness)
-    plant = TendonPlant(spools, winding, none, stiffness, wound, bending)
+    plant: TendonPlant
+    play = [each.play_rad / reg.RAD_PER_TICK for each in tendons]
+    if any(play) or tendons[0].capstan:
+        capstan = tendons[0].capstan or (0.0,) * (len(bending) // 2)
+        plant = FrictionPlant(spools, winding, none, stiffness, wound, bending, play, capstan)
+    else:
+        plant = TendonPlant(spools, winding, none, stiffness, wound, bending)
     plant.held = True
     return plant
 
