@@ -8,7 +8,9 @@ import random
 import pytest
 
 from contid import Sim
+from contid.targets import Target
 from contid.teleop.jogger import Jogger
+from tests.support.robot_configs import config_of
 
 #: 10^5 inputs take minutes; CONTID_JOG_INPUTS=100000 is the long form.
 INPUTS = int(os.environ.get("CONTID_JOG_INPUTS", "4000"))
@@ -17,11 +19,13 @@ RATE_HZ = 200.0
 VELOCITY, ACCELERATION = 60.0, 1000.0
 SETTLE_S = VELOCITY / ACCELERATION + ACCELERATION / 20000.0 + 0.2
 TOLERANCE = 1e-6
+#: Beyond a limit that both racks share: rounding [m].
+SHARED_M = 1e-8
 
 
 @pytest.mark.parametrize("space", ["axes", "tip"])
 def test_random_keys_stay_within_the_limits_and_nothing_moves_after_the_release(space: str) -> None:
-    chooser = random.Random(7)
+    chooser, model = random.Random(7), config_of("finger").model
     with Sim("finger") as sim:
         state = sim.step({"left_mm": 60.0, "right_mm": 60.0}, ticks=100)["finger"]
         axes = space == "axes"
@@ -46,6 +50,8 @@ def test_random_keys_stay_within_the_limits_and_nothing_moves_after_the_release(
             for value, last in zip(command, before, strict=True):
                 assert -TOLERANCE <= value <= 100.0 + TOLERANCE
                 assert abs(value - last) * RATE_HZ <= VELOCITY * (1.0 + TOLERANCE)
+            kept_m = model.inverse(Target(actuation=(at_m := tuple(state.command / 1e3))), at_m).actuation
+            assert kept_m == pytest.approx(at_m, abs=SHARED_M)
             moved, before = [abs(a - b) for a, b in zip(command, before, strict=True)], command
             return moved
 

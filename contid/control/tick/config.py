@@ -8,6 +8,7 @@ from typing import Final, Protocol
 
 from contid.control.tick.limits import AxisLimits, axis_limits
 from contid.control.tick.play import Capstan
+from contid.control.tick.shared_limits import SharedLimits
 from contid.control.tick.taut import Taut
 from contid.kinematics.extra_axes import build_whole_model
 from contid.kinematics.frames import BaseFrame
@@ -92,6 +93,7 @@ class RobotConfig:
         capstan: lead of the friction of tendons in the bends, None without.
         taut: bounds of the tensions of a tendon robot, None without.
         straight: approaches are straight lines of the axes, which keep limits that several axes share.
+        shared: limits that the model's own axes share, None without.
     """
 
     name: str
@@ -118,6 +120,7 @@ class RobotConfig:
     capstan: Capstan | None = None
     taut: Taut | None = None
     straight: bool = False
+    shared: SharedLimits | None = None
 
 
 def robot_config(
@@ -159,4 +162,5 @@ def robot_config(
         capstan=getattr(model, "capstan", None),
         taut=getattr(model, "taut", None),
         straight=getattr(model, "taut", None) is not None or getattr(model, "straight_approach", False),
+        shared=getattr(model, "shared", None),
     )

@@ -129,9 +129,13 @@ def allowed_steps(limits: AxisLimits, last: float, last_step: float) -> tuple[fl
 def _can_stop(limits: AxisLimits, step: float, position: float) -> bool:
     """True when an axis that arrives at ``position`` with ``step`` can brake before its limit."""
     room = limits.upper - position if step > 0.0 else position - limits.lower
-    size = abs(step)
-    n = int(size / limits.change)
-    return n * size - 0.5 * limits.change * n * (n + 1) <= room + limits.change * 1e-9
+    return stops_within(room, abs(step), limits.change)
+
+
+def stops_within(room: float, step: float, change: float) -> bool:
+    """True when what has made a step, and sheds ``change`` per tick, stops within ``room``."""
+    n = int(step / change)
+    return n * step - 0.5 * change * n * (n + 1) <= room + change * 1e-9
 
 
 def _limited(

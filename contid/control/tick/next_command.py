@@ -7,6 +7,7 @@ from collections.abc import Sequence
 from contid.control.tick.config import RobotConfig
 from contid.control.tick.limits import limit
 from contid.control.tick.on_path import limit_on_path
+from contid.control.tick.shared_limits import limit_shared
 from contid.control.tick.taut import limit_taut
 from contid.targets import Actuation, Target
 
@@ -38,9 +39,14 @@ def next_command(
         command, flags, straight = limit_on_path(
             config, last, last_steps, reference, reference_steps, target_in_base, straight
         )
+    own = len(command) - config.extra_axes
+    if config.shared is not None:
+        kept, bound = limit_shared(
+            config.shared, config.limits[:own], last[:own], last_steps[:own], (command[:own], flags[:own])
+        )
+        return (*kept, *command[own:]), (*bound, *flags[own:]), straight
     if config.taut is None:
         return command, flags, straight
-    own = len(command) - config.extra_axes
     tendons, bound = limit_taut(
         config.taut,
         config.limits[:own],

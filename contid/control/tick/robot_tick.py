@@ -20,7 +20,16 @@ from contid.control.tick.play import NO_LEAD, led, next_lead
 from contid.control.tick.state import Effect, RobotState
 from contid.control.tick.supervisor import Event, Mode
 from contid.control.tick.tip_feedback import Measurement, corrected, kept, observed
-from contid.control.tick.transitions import fail, inwards, moved, outside, speed, stay, stopped
+from contid.control.tick.transitions import (
+    braking_at_once,
+    fail,
+    inwards,
+    moved,
+    outside,
+    speed,
+    stay,
+    stopped,
+)
 from contid.hal import Sample
 from contid.targets import Actuation, Solution, Target
 from contid.trajectory.approach import Approach
@@ -238,6 +247,11 @@ def _move(config: RobotConfig, state: RobotState, now_s: float) -> TickResult:
         since_s = now_s - state.motion_s
         reference = state.motion.at(since_s)[0]
         over = since_s >= state.motion.duration_s
+        behind = since_s > state.motion.duration_s + 1.5 * config.period_s and any(state.increments)
+        if behind and config.shared is not None and not isinstance(state.motion, Approach):
+            # A limit that axes share kept it from the end of its stop: it stops where it is.
+            state = braking_at_once(config, state, now_s)
+            reference = state.motion.at(config.period_s)[0] if state.motion is not None else reference
     after, flags = _limited(config, state, reference)
     device = config.transmission.to_device(led(after.command, after.lead.added))
     # The limiter may lag behind (a motion that ends outside a limit): wait for standstill.

@@ -257,8 +257,8 @@ def speed(config: RobotConfig, state: RobotState) -> Actuation:
 def braking(config: RobotConfig, state: RobotState, now_s: float) -> RobotState:
     """The state with a jerk-limited stop from its present motion; none is needed at standstill.
 
-    Live targets are followed so that the shortest stop ends inside the limits of the model, such as a bend
-    radius. Where the jerk-limited stop, which is longer, goes beyond them, it is the shortest one.
+    Live targets are followed so that the axes can stop inside the limits of the model, such as a bend radius.
+    Where the jerk-limited stop, which is longer, goes beyond them, it is the shortest one.
     """
     if not any(state.increments):
         return replace(state, motion=None, reference=state.command)

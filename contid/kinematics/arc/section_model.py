@@ -10,6 +10,7 @@ import numpy as np
 from contid.kernels import load
 from contid.kinematics.arc.feasible import Feasible
 from contid.kinematics.arc.sections import Sections, backbone
+from contid.kinematics.arc.shared_lengths import SharedLengths
 from contid.kinematics.arc.solve import SectionSolution, SectionSolver, vec3
 from contid.kinematics.arc.task import Tuning, tuning_for
 from contid.kinematics.array import Array
@@ -95,6 +96,7 @@ class SectionModel:
         #: Limits that several axes share are convex: a straight line between two places inside stays inside.
         budget = self.sections.count > 1 and self.feasible.rack_m < math.inf
         self.straight_approach = budget or self.feasible.curvature_max < math.inf
+        self.shared = SharedLengths(self.feasible) if self.straight_approach else None
 
     def forward(self, actuation: Actuation, load_n: Vec3 = ZERO3) -> Pose:
         """Tip, orientation and mid-point for lengths [m]; a load does not bend the arc in this model."""

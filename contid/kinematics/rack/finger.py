@@ -59,6 +59,7 @@ class RackFingerModel:
             arc_length_min_m=robot.limits.arc_length_min_mm / MM_PER_M,
             curvature_gain=self.curvature_gain,
         )
+        self.shared = self.envelope
 
     def curvature_gain(self, arc_length_m: float) -> float:
         """Actual over commanded curvature, ``1 + a S + b``, S clamped to its identified range (Eq. 5, 10)."""
