@@ -19,12 +19,35 @@ Wrench6: TypeAlias = tuple[float, float, float, float, float, float]
 Actuation: TypeAlias = tuple[float, ...]
 
 ZERO3: Final[Vec3] = (0.0, 0.0, 0.0)
+#: Sine of an angle below which two vectors count as parallel.
+_PARALLEL: Final = 1e-6
 _NO_EXTRA: Final[Mapping[str, float]] = MappingProxyType({})
 
 
 def load_or_zero(load_n: Vec3) -> Vec3:
     """The load of a record, zero if it has none."""
     return load_n if all(map(math.isfinite, load_n)) else ZERO3
+
+
+def unit_vector(vector: Vec3) -> Vec3 | None:
+    """The vector with length 1; None for the zero vector."""
+    length = math.hypot(*vector)
+    return (vector[0] / length, vector[1] / length, vector[2] / length) if length > 0.0 else None
+
+
+def frame_of_axes(z: Vec3, x: Vec3) -> tuple[float, ...] | None:
+    """Right-handed frame, row by row, with an axis z and the part of x across it; None for parallel ones."""
+    along, beside = unit_vector(z), unit_vector(x)
+    if along is None or beside is None:
+        return None
+    inner = along[0] * beside[0] + along[1] * beside[1] + along[2] * beside[2]
+    across = (beside[0] - inner * along[0], beside[1] - inner * along[1], beside[2] - inner * along[2])
+    if math.hypot(*across) < _PARALLEL:
+        return None
+    size = math.hypot(*across)
+    a, b, c = across[0] / size, across[1] / size, across[2] / size
+    e, f, g = along
+    return (a, f * c - g * b, e, b, g * a - e * c, f, c, e * b - f * a, g)
 
 
 @dataclass(frozen=True, slots=True)

@@ -6,7 +6,6 @@ A column is ``ROBOT.QUANTITY``; the robot's name may be left out when only one r
 from __future__ import annotations
 
 import difflib
-import math
 from collections.abc import Iterable, Mapping, Sequence
 from contextlib import suppress
 from dataclasses import dataclass
@@ -14,14 +13,14 @@ from typing import Final
 
 from contid.errors import BadInputError, Located
 from contid.robot_file.robot import RobotDescription
-from contid.targets import ZERO3, Target, Vec3
+from contid.targets import ZERO3, Target, Vec3, frame_of_axes, unit_vector
 
 TIME: Final = "t_s"
 _AXES: Final = ("x", "y", "z")
 #: A header with more mistakes is another file; the search for the nearest name takes a millisecond each.
 MAX_FINDINGS: Final = 20
 #: Quantities that command motion; the others are inputs (loads, measurements).
-MOVING: Final = frozenset({"tip", "direction", "mid", "actuation", "extra"})
+MOVING: Final = frozenset({"tip", "direction", "x_axis", "mid", "actuation", "extra"})
 
 
 @dataclass(frozen=True, slots=True)
@@ -53,6 +52,8 @@ def vocabulary(robot: RobotDescription) -> dict[str, Meaning]:
         )
     if "direction" in robot.accepts:
         known.update({f"a{axis}": Meaning("direction", place) for place, axis in enumerate(axes)})
+    if "rotation" in robot.accepts:
+        known.update({f"b{axis}": Meaning("x_axis", place) for place, axis in enumerate(axes)})
     if "load" in robot.accepts:
         known.update({f"load.f{axis}_n": Meaning("load", place) for place, axis in enumerate(axes)})
     own = len(robot.axis_names)
@@ -75,7 +76,17 @@ def column_groups(prefix: str, robot: RobotDescription) -> dict[str, list[str]]:
     found: dict[str, list[str]] = {}
     for name, meaning in vocabulary(robot).items():
         found.setdefault(meaning.group, []).append(f"{prefix}{name}")
-    order = ("tip", "direction", "mid", "load", "actuation", "extra", "measured", "measured_direction")
+    order = (
+        "tip",
+        "direction",
+        "x_axis",
+        "mid",
+        "load",
+        "actuation",
+        "extra",
+        "measured",
+        "measured_direction",
+    )
     return {kind: found[kind] for kind in order if kind in found}
 
 
@@ -86,6 +97,7 @@ class RobotColumns:
     robot: str
     tip: tuple[int, ...] = ()
     direction: tuple[int, ...] = ()
+    x_axis: tuple[int, ...] = ()
     mid: tuple[int, ...] = ()
     actuation: tuple[int, ...] = ()
     load: tuple[int, ...] = ()
@@ -96,13 +108,21 @@ class RobotColumns:
     @property
     def moving(self) -> tuple[int, ...]:
         """Indices of the quantities that command motion."""
-        return (*self.tip, *self.direction, *self.mid, *self.actuation, *(index for _, index in self.extra))
+        tip = (*self.tip, *self.direction, *self.x_axis, *self.mid)
+        return (*tip, *self.actuation, *(index for _, index in self.extra))
 
     def target(self, row: Sequence[float]) -> Target:
-        """The target of this robot in a row of SI values; its direction becomes a unit vector."""
+        """The target of this robot in a row of SI values; its direction becomes a unit vector.
+
+        With an x axis the target has the frame instead; the part of that axis across the direction counts.
+        """
+        turn = self.rotation(row) if self.x_axis else None
         return Target(
             tip_m=_vector(row, self.tip) if self.tip else None,
-            direction=unit_vector(_vector(row, self.direction)) if self.direction else None,
+            direction=(
+                unit_vector(_vector(row, self.direction)) if self.direction and turn is None else None
+            ),
+            rotation=turn,
             mid_m=_vector(row, self.mid) if self.mid else None,
             actuation=tuple([row[index] for index in self.actuation]) if self.actuation else None,
             load_n=_vector(row, self.load) if self.load else ZERO3,
@@ -112,6 +132,10 @@ class RobotColumns:
                 unit_vector(_vector(row, self.measured_direction)) if self.measured_direction else None
             ),
         )
+
+    def rotation(self, row: Sequence[float]) -> tuple[float, ...] | None:
+        """The tip's frame in a row that has its x axis; None where that is parallel to the direction."""
+        return frame_of_axes(_vector(row, self.direction), _vector(row, self.x_axis))
 
 
 @dataclass(frozen=True, slots=True)
@@ -247,8 +271,12 @@ def _gaps(
         yield f"robot {robot!r} has tip and actuation columns; allowed is one of them"
     elif not groups & {"tip", "actuation"}:
         yield f"robot {robot!r} has columns, but neither its tip nor its actuation"
-    elif "actuation" in groups and groups & {"direction", "mid"}:
+    elif "actuation" in groups and groups & {"direction", "x_axis", "mid"}:
         yield f"robot {robot!r} has actuation columns; a direction or mid-point goes with a tip only"
+    if "x_axis" in groups and "direction" not in groups:
+        yield f"robot {robot!r} has the x axis of its tip (bx, ...), but no direction (ax, ay, az)"
+    if {"x_axis", "mid"} <= groups:
+        yield f"robot {robot!r} has the x axis of its tip and a mid-point; allowed is one of them"
     if "measured_direction" in groups and "measured" not in groups:
         yield f"robot {robot!r} has a measured direction, but no measured tip (meas.x_mm, ...)"
 
@@ -269,9 +297,3 @@ def _vector(row: Sequence[float], indices: tuple[int, ...]) -> Vec3:
     """Three components from two or three columns; planar robots leave z at 0."""
     z = row[indices[2]] if len(indices) == 3 else 0.0
     return (row[indices[0]], row[indices[1]], z)
-
-
-def unit_vector(vector: Vec3) -> Vec3 | None:
-    """The vector with length 1; None for the zero vector."""
-    length = math.hypot(*vector)
-    return (vector[0] / length, vector[1] / length, vector[2] / length) if length > 0.0 else None

@@ -125,18 +125,22 @@ def _time_fault(time_s: float, last_time: float) -> str:
 
 
 def _check_directions(reader: RowReader, rows: Floats, lines: array[int], name: str) -> None:
-    """Normalise directions in place; refuse neighbours more than 150 degrees apart."""
+    """Normalise directions in place, and x axes across them; refuse turns by more than 150 degrees."""
     findings = []
     for columns in reader.layout.robots:
         if not columns.direction:
             continue
-        index = list(columns.direction)
-        rows[:, index] /= np.linalg.norm(rows[:, index], axis=1)[:, None]
-        cosine = np.einsum("ij,ij->i", rows[1:, index], rows[:-1, index])
-        for row in np.flatnonzero(cosine < _MIN_COSINE)[:MAX_FINDINGS]:
-            what = (
-                f"the direction of {columns.robot!r} turns by more than 150 degrees since line {lines[row]}"
-            )
-            findings.append(Located(name, lines[row + 1], 1, f"{what}; add rows between them"))
+        along, beside = list(columns.direction), list(columns.x_axis)
+        rows[:, along] /= np.linalg.norm(rows[:, along], axis=1)[:, None]
+        if beside:
+            inner = np.einsum("ij,ij->i", rows[:, along], rows[:, beside])
+            rows[:, beside] -= inner[:, None] * rows[:, along]
+            rows[:, beside] /= np.linalg.norm(rows[:, beside], axis=1)[:, None]
+        for index, called in ((along, "direction"), (beside, "x axis")):
+            cosine = np.einsum("ij,ij->i", rows[1:, index], rows[:-1, index])
+            for row in np.flatnonzero(cosine < _MIN_COSINE)[:MAX_FINDINGS] if index else ():
+                turns = "turns by more than 150 degrees since line"
+                what = f"the {called} of {columns.robot!r} {turns} {lines[row]}"
+                findings.append(Located(name, lines[row + 1], 1, f"{what}; add rows between them"))
     if findings:
         raise BadInputError(findings)

@@ -112,6 +112,10 @@ class RowReader:
                 index = columns.direction[0]
                 message = f"the direction at {layout.names[index]!r} is the zero vector; it needs a length"
                 raise BadInputError([Located(self.name, number, self.column(given, index), message)])
+            if columns.x_axis and columns.rotation(row) is None:
+                index = columns.x_axis[0]
+                message = f"the x axis at {layout.names[index]!r} is zero or parallel to the tip's direction"
+                raise BadInputError([Located(self.name, number, self.column(given, index), message)])
         return row
 
     def column(self, given: str | Sequence[float], index: int) -> int:

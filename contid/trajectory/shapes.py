@@ -77,6 +77,7 @@ class ShapePath:
         ratio: second semi-axis of the ellipse by its first.
         angle_deg: rotation of the shape about its centre.
         lean_deg: tilt of the direction outward from +z, in the radial plane of the point; None without one.
+        roll_deg: turn of the tip's frame about that direction; None without a frame.
         period_s: time of one lap.
         laps: number of laps.
         rate_hz: rows per second.
@@ -91,6 +92,7 @@ class ShapePath:
     ratio: float = 2.0 / 3.0
     angle_deg: float = 0.0
     lean_deg: float | None = None
+    roll_deg: float | None = None
     period_s: float = 4.0
     laps: float = 1.0
     rate_hz: float = 50.0
@@ -103,6 +105,8 @@ class ShapePath:
         check_row_count(self.period_s, self.laps, self.rate_hz)
         if self.lean_deg is not None and not self.shape.can_lean:
             raise ContidError(f"a {self.shape} passes its centre, where outward is undefined; it cannot lean")
+        if self.roll_deg is not None and self.lean_deg is None:
+            raise ContidError("a roll is about the tip's direction; give its lean too, 0 for +z")
 
     def times(self) -> Iterator[float]:
         """Times of the rows [s]: tick by rate, the last at or after the end of the laps."""
@@ -125,6 +129,18 @@ class ShapePath:
         lean = math.radians(self.lean_deg)
         azimuth = math.atan2(y, x) + math.radians(self.angle_deg)
         return (math.sin(lean) * math.cos(azimuth), math.sin(lean) * math.sin(azimuth), math.cos(lean))
+
+    def x_axis(self, time_s: float) -> Vec3:
+        """The tip's x axis ``R Rz(roll) e_x``, R as of `direction`; arms without torsion have roll 0."""
+        assert self.lean_deg is not None
+        assert self.roll_deg is not None
+        x, y, _ = self._local(self._tau(time_s))
+        lean, roll = math.radians(self.lean_deg), math.radians(self.roll_deg)
+        azimuth = math.atan2(y, x) + math.radians(self.angle_deg)
+        along, across = math.cos(roll - azimuth), math.sin(roll - azimuth)
+        cos, sin = math.cos(azimuth), math.sin(azimuth)
+        flat = along * math.cos(lean)
+        return (cos * flat - sin * across, sin * flat + cos * across, -along * math.sin(lean))
 
     def _tau(self, time_s: float) -> float:
         return min(time_s / self.period_s, self.laps)

@@ -57,10 +57,11 @@ def write_path(
     """Write a path as CSV for every robot; the mid-point follows its own path or is fixed.
 
     Raises:
-        ContidError: a robot takes no direction or no mid-point.
+        ContidError: a robot takes no direction, frame or mid-point.
     """
     for each in robots:
         kinds = ("direction",) * (path.lean_deg is not None) + ("mid",) * (mid is not None)
+        kinds += ("rotation",) * (path.roll_deg is not None)
         for kind in kinds:
             if each.accepts is not None and kind not in each.accepts:
                 robot = each.prefix.rstrip(".") or "this robot"
@@ -70,6 +71,8 @@ def write_path(
         columns += [f"{each.prefix}{axis}_mm" for axis in "xyz"[: each.dimension]]
         if path.lean_deg is not None:
             columns += [f"{each.prefix}a{axis}" for axis in "xyz"]
+        if path.roll_deg is not None:
+            columns += [f"{each.prefix}b{axis}" for axis in "xyz"]
         if mid is not None:
             columns += [f"{each.prefix}mid.{axis}_mm" for axis in "xyz"]
 
@@ -77,10 +80,11 @@ def write_path(
         for time_s in path.times():
             point = path.point_mm(time_s)
             direction = path.direction(time_s) if path.lean_deg is not None else ()
+            beside = path.x_axis(time_s) if path.roll_deg is not None else ()
             middle = mid.point_mm(time_s) if isinstance(mid, ShapePath) else mid or ()
             row = [time_s]
             for each in robots:
-                row += [*point[: each.dimension], *direction, *middle]
+                row += [*point[: each.dimension], *direction, *beside, *middle]
             yield row
 
     write_rows(stream, columns, rows())

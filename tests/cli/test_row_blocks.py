@@ -46,6 +46,16 @@ CASES = {
         ("cbha",),
         table("t_s,x_mm,y_mm,z_mm,ax,ay,az", [0, -50, -50, 200, -1, -1, 0.2], [9, 50, 50, 260, 1, 1, 1], 20),
     ),
+    "frames": (
+        ik.command,
+        ("trirack2",),
+        table(
+            "x_mm,y_mm,z_mm,ax,ay,az,bx,by,bz",
+            [-20, -20, 230, -1, -1, 3, 1, -1, -1],
+            [20, 20, 260, 1, 1, 4, 2, 1, 1],
+            20,
+        ),
+    ),
     "two fingers": (
         ik.command,
         ("hand",),
@@ -70,6 +80,11 @@ CASES = {
         fk.command,
         ("cbha", "--pose"),
         table("s1.l1_mm,s1.l2_mm,s1.l3_mm,s2.l1_mm,s2.l2_mm,s2.l3_mm", [100] * 6, [140] * 6, 60),
+    ),
+    "fk with frames": (
+        fk.command,
+        ("trirack2", "--frame"),
+        table("s1.l1_mm,s1.l2_mm,s1.l3_mm,s2.l1_mm,s2.l2_mm,s2.l3_mm", [100] * 6, [140] * 6, 20),
     ),
     "fk of a hand": (
         fk.command,

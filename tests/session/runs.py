@@ -77,15 +77,17 @@ def loaded_arm(path: Path) -> Path:
 
 
 def bent_cbha(path: Path) -> Path:
-    """Two sections, wrist and gripper; targets: mid-point and tip, then the length of every tube."""
+    """Two sections, wrist and gripper; targets: mid-point and tip, frame of the tip, length of every tube."""
     loaded = _simulated("cbha")
     (config,) = build_robot_configs(loaded, RATE_HZ)
     pose = _around(config, 1)
     tip, _ = _in_world(config, pose)
     mid = config.frame.point_in_world(pose.mid_m)
+    turn = np.reshape(config.frame.rotation, (3, 3)) @ np.reshape(pose.rotation, (3, 3))
     rest = config.rest[: len(config.axes) - config.extra_axes]
     orders: Orders = {
         5: [msg.Rows({config.name: Target(tip_m=tip, mid_m=mid, extra={"wrist": 0.01})})],
+        30: [msg.Rows({config.name: Target(tip_m=tip, rotation=tuple(turn.ravel().tolist()))})],
         40: [msg.Rows({config.name: Target(actuation=rest, extra={"gripper": 0.005})})],
         60: [msg.EndOfRows()],
     }

@@ -39,6 +39,7 @@ SHAPES = ("line", "circle", "ellipse", "square", "box", "spiral", "corners", "tr
 )
 @click.option("--angle", type=NUMBER, default=0.0, help="Rotation about the centre [deg].")
 @click.option("--lean", type=NUMBER, help="Tilt of the tip's direction outward from +z [deg]: ax,ay,az.")
+@click.option("--roll", type=NUMBER, help="With --lean: turn of the tip's frame about it [deg]: bx,by,bz.")
 @click.option("--mid", "mid_text", help="Mid-point: x,y,z, or SHAPE:SIZE:HEIGHT about the same centre [mm].")
 @click.option("--period", type=POSITIVE, default=4.0, show_default=True, help="Time of one lap [s].")
 @click.option("--laps", type=POSITIVE, default=1.0, show_default=True, help="How many laps.")
@@ -65,6 +66,7 @@ def command(
     ratio: float,
     angle: float,
     lean: float | None,
+    roll: float | None,
     mid_text: str | None,
     period: float,
     laps: float,
@@ -82,12 +84,12 @@ def command(
     if fastest and (robot_file is None or shape in (GOLDEN, SWING)):
         raise click.UsageError("--fastest takes a shape with --for ROBOT_FILE, whose limits it needs")
     if shape == GOLDEN:
-        if any(value is not None for value in (radius, size, height, dz, lean, mid_text)):
+        if any(value is not None for value in (radius, size, height, dz, lean, roll, mid_text)):
             raise click.UsageError(f"{GOLDEN} has a fixed place and size; it takes --period, --laps, --rate")
         _golden(period, laps, rate, robot_file, robots)
         return
     if shape == SWING:
-        if any(value is not None for value in (radius, dz, lean, mid_text, robots)):
+        if any(value is not None for value in (radius, dz, lean, roll, mid_text, robots)):
             raise click.UsageError("swing takes --for, --size, --ratio, --height, --period, --laps, --rate")
         if robot_file is None:
             raise click.UsageError("swing needs --for ROBOT.yaml with a chain in it")
@@ -103,6 +105,8 @@ def command(
         raise click.UsageError(f"a {shape} has no radius; give --size")
     if len(center) == 3 and height is not None:
         raise click.UsageError("--center x,y,z and --height both give z; use one of them")
+    if roll is not None and (lean is None or mid_text is not None):
+        raise click.UsageError("--roll goes with --lean (0 for +z) and without --mid")
     height = center[2] if len(center) == 3 else height
     names = [name.strip() for name in robots.split(",")] if robots else []
     if robot_file is not None:
@@ -117,7 +121,12 @@ def command(
         raise click.UsageError("a spatial path needs --height (z in the world, mm)")
 
     def with_shape(
-        shape: Shape, size_mm: float, height_mm: float, dz_mm: float, lean: float | None
+        shape: Shape,
+        size_mm: float,
+        height_mm: float,
+        dz_mm: float,
+        lean: float | None,
+        roll: float | None = None,
     ) -> ShapePath:
         return ShapePath(
             shape,
@@ -129,6 +138,7 @@ def command(
             ratio=ratio,
             angle_deg=angle,
             lean_deg=lean,
+            roll_deg=roll,
             period_s=period,
             laps=laps,
             rate_hz=rate,
@@ -136,7 +146,7 @@ def command(
 
     rise = dz if dz is not None else 10.0 if kind is Shape.BOX and height is not None else 0.0
     size_mm = size if size is not None else 2.0 * (radius or 0.0)
-    path = with_shape(kind, size_mm, height or 0.0, rise, lean)
+    path = with_shape(kind, size_mm, height or 0.0, rise, lean, roll)
     mid = _mid(mid_text, with_shape) if mid_text is not None else None
     if not fastest or robot_file is None:
         write_path(sys.stdout, path, targets, mid)

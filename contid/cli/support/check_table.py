@@ -12,6 +12,7 @@ from contid.robot_file.summary import ChainReport, FileReport, RobotReport
 
 #: Names of the kinds of target.
 _KINDS: Final = {
+    "x_axis": "x axis of the tip",
     "mid": "mid-point",
     "actuation": "or actuation",
     "extra": "further axes",

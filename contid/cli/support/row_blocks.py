@@ -83,6 +83,8 @@ def numbers(layout: ColumnLayout, lines: Sequence[str]) -> Array | None:
     for robot in layout.robots:
         if robot.direction and not rows[:, robot.direction].any(axis=1).all():
             return None
+        if robot.x_axis and any(robot.rotation(row) is None for row in rows.tolist()):
+            return None
     return rows
 
 

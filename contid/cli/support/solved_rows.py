@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import lru_cache
 
 import numpy as np
@@ -17,7 +17,7 @@ from contid.kinematics.model import Model
 from contid.robot_file.base import Quantity
 from contid.robot_file.load import LoadedFile
 from contid.robot_file.robot import RobotDescription
-from contid.targets import Actuation
+from contid.targets import Actuation, Target
 from contid.trajectory.columns import ColumnLayout, RobotColumns
 from contid.units import BAR, MM_PER_M
 
@@ -107,8 +107,10 @@ class ForwardRows:
         robots: Mapping[str, RobotDescription],
         models: Mapping[str, Model],
         pose: bool,
+        frame: bool = False,
     ) -> None:
-        self._loaded, self._robots, self._models, self._pose = loaded, robots, models, pose
+        self._loaded, self._robots, self._models = loaded, robots, models
+        self._pose, self._frame = pose, frame
         self._frames = {name: BaseFrame.of(robot.base) for name, robot in robots.items()}
 
     def header(self, layout: ColumnLayout) -> tuple[str, ...] | None:
@@ -121,6 +123,7 @@ class ForwardRows:
             names += [f"{here}{axis}_mm" for axis in axes]
             direction, mid = self._more(columns)
             names += [f"{here}a{axis}" for axis in axes if direction]
+            names += [f"{here}b{axis}" for axis in axes if self._frame]
             names += [f"{here}mid.{axis}_mm" for axis in axes if mid]
         return tuple(names)
 
@@ -145,6 +148,8 @@ class ForwardRows:
             values = [points_in_world(frame, poses["tip_m"])[:, :count] * MM_PER_M]
             if direction:
                 values.append(_turned(frame, poses["direction"])[:, :count])
+            if self._frame:
+                values.append(_turned(frame, poses["rotation"][:, :, 0]))
             if mid:
                 values.append(points_in_world(frame, poses["mid_m"])[:, :count] * MM_PER_M)
             parts.append(joined(np.column_stack(values)))
@@ -156,7 +161,7 @@ class ForwardRows:
     def _more(self, columns: RobotColumns) -> tuple[bool, bool]:
         """Whether the direction and the mid-point are printed."""
         accepts = self._robots[columns.robot].accepts
-        return self._pose or "direction" in accepts, self._pose and "mid" in accepts
+        return self._pose or self._frame or "direction" in accepts, self._pose and "mid" in accepts
 
 
 def targets_in_base(frame: BaseFrame, columns: RobotColumns, rows: Array) -> Targets:
@@ -171,7 +176,16 @@ def targets_in_base(frame: BaseFrame, columns: RobotColumns, rows: Array) -> Tar
         direction = vectors_in_base(frame, unit_vectors(vectors(rows, columns.direction)))
     if columns.load:
         load = vectors_in_base(frame, vectors(rows, columns.load))
-    return Targets.of(tips, direction, mids, load)
+    targets = Targets.of(tips, direction, mids, load)
+    if not columns.x_axis:
+        return targets
+    frames = np.empty((len(rows), 3, 3))
+    for k, row in enumerate(rows.tolist()):
+        turn = columns.rotation(row)
+        assert turn is not None  # the reader refuses such rows
+        in_base = frame.target_in_base(Target(rotation=turn)).rotation
+        frames[k] = np.reshape(in_base or turn, (3, 3))
+    return replace(targets, direction=None, rotation=frames)
 
 
 def vectors_in_base(frame: BaseFrame, given: Array) -> Array:

@@ -138,6 +138,7 @@ def _target(target: Target | None) -> dict[str, Any] | None:
     fields = {
         "tip_m": target.tip_m,
         "direction": target.direction,
+        "rotation": target.rotation,
         "mid_m": target.mid_m,
         "actuation": target.actuation,
         "load_n": target.load_n if target.load_n != ZERO3 else None,

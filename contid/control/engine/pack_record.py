@@ -41,8 +41,8 @@ _MODE, _FAULT, _FLAGS, _LIMITED_BY, _ITERATIONS, _RESIDUAL, _TIP_ERROR, _MEASURE
     ROBOT.place,
     ("mode", "fault", "flags", "limited_by", "iterations", "residual_m", "tip_error_m", "measured_age_s"),
 )
-_TIP, _DIRECTION, _MID, _LOAD, _MEASURED_TIP, _MEASURED_DIRECTION = map(
-    ROBOT.vector, ("tip_m", "direction", "mid_m", "load_n", "measured_tip_m", "measured_direction")
+_TIP, _DIRECTION, _X_AXIS, _MID, _LOAD, _MEASURED_TIP, _MEASURED_DIRECTION = map(
+    ROBOT.vector, ("tip_m", "direction", "x_axis", "mid_m", "load_n", "measured_tip_m", "measured_direction")
 )
 _TARGET, _SOLUTION, _COMMAND, _DEVICE, _LIMITS, _VALUE, _TIME, _VALID, _AGE = map(
     AXIS.place,
@@ -131,6 +131,8 @@ class RecordPacker:
                 row[_TIP] = target.tip_m
             if target.direction:
                 row[_DIRECTION] = target.direction
+            if target.rotation:
+                row[_X_AXIS], row[_DIRECTION] = target.rotation[0::3], target.rotation[2::3]
             if target.mid_m:
                 row[_MID] = target.mid_m
             row[_LOAD] = target.load_n

@@ -114,6 +114,9 @@ class RobotRecord(NamedTuple):
     ]
     measured_direction: Annotated[Vec3, About("sample", "unit tangent it measured there, world frame")]
     measured_age_s: Annotated[float, About("sample", "time since that capture")]
+    x_axis: Annotated[
+        Vec3, About("target", "x axis of the tip's frame in the world frame", compared="target x axis")
+    ]
     axes: tuple[AxisRecord, ...]
 
 

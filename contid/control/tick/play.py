@@ -11,6 +11,7 @@ part of the robot's state, as replay needs.
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Final, Protocol
@@ -50,6 +51,8 @@ class Lead:
 
 
 NO_LEAD: Final = Lead()
+#: A step that is rounding, as a share of the greatest: answers to a target that stands differ by 1e-18 m.
+_STILL: Final = 1e-9
 
 
 def next_lead(
@@ -72,7 +75,7 @@ def next_lead(
     """
     offsets = taken_up(play, before.play, increments, limits) if play is not None else ()
     friction, slides = before.friction, before.slides
-    if capstan is not None and (any(increments) or friction):
+    if capstan is not None and (friction or any(increments)):
         slides = capstan.slides(slides, command, increments)
         goal = capstan.lead(command, slides).tolist()
         friction = together(friction or (0.0,) * len(goal), goal, limits)
@@ -113,7 +116,8 @@ def taken_up(
     before = offsets or (0.0,) * len(half_width)
     after = []
     for r, offset, increment, axis in zip(half_width, before, increments, limits, strict=True):
-        goal = r if increment > 0.0 else -r if increment < 0.0 else offset
+        still = abs(increment) <= _STILL * axis.step
+        goal = offset if still else math.copysign(r, increment)
         after.append(min(max(goal, offset - axis.step), offset + axis.step))
     return tuple(after)
 

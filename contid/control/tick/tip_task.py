@@ -19,18 +19,27 @@ _ELL_M: Final = 0.1
 #: Axis moves of the finite differences, as a share of the travel.
 _SHARE: Final = 1e-6
 
+#: Angle from which the axis of a rotation is taken from its symmetric part [rad].
+_HALF_TURN: Final = 3.1
+
 #: From the model's own axes to the rows of a target [m].
 Task: TypeAlias = Callable[[Array], Array]
 
 
 def task_of(config: RobotConfig, target: Target, extra: Actuation) -> Task:
-    """The rows of a target that a pose must meet [m], as a function of the model's own axes."""
+    """The rows of a target that a pose must meet [m], as a function of the model's own axes.
+
+    Those of a frame are the turn from it.
+    """
+    goal = None if target.rotation is None else np.reshape(target.rotation, (3, 3))
 
     def rows(pose: Pose) -> tuple[Vec3, ...]:
         asked = [pose.tip_m]
         if target.direction is not None:
             x, y, z = pose.direction
             asked.append((_ELL_M * x, _ELL_M * y, _ELL_M * z))
+        if goal is not None:
+            asked.append(turn_of(goal.T @ np.reshape(pose.rotation, (3, 3)), _ELL_M))
         if target.mid_m is not None:
             asked.append(pose.mid_m)
         return tuple(asked)
@@ -85,6 +94,22 @@ def turned(begin: Vec3, end: Vec3, share: float) -> Vec3:
     if not angle > 0.0:
         return begin
     x, y, z = (math.cos(angle) * start + math.sin(angle) / angle * turn).tolist()
+    return x, y, z
+
+
+def turn_of(rotation: Array, size: float = 1.0) -> Vec3:
+    """Axis of a rotation ``(3, 3)``, as long as its angle [rad] times ``size``."""
+    r = rotation
+    across = 0.5 * np.array([r[2, 1] - r[1, 2], r[0, 2] - r[2, 0], r[1, 0] - r[0, 1]])
+    sine = float(np.linalg.norm(across))
+    angle = math.atan2(sine, 0.5 * (float(np.trace(r)) - 1.0))
+    if angle > _HALF_TURN:  # the antisymmetric part vanishes; the symmetric one has the axis
+        columns = 0.5 * (r + r.T) - math.cos(angle) * np.eye(3)
+        axis = columns[:, int(np.argmax(np.diag(columns)))]
+        axis = axis / np.linalg.norm(axis)
+        across = axis if float(axis @ across) >= 0.0 else -axis
+        sine = 1.0
+    x, y, z = (across * (size * (angle / sine if sine > 0.0 else 1.0))).tolist()
     return x, y, z
 
 

@@ -55,7 +55,8 @@ class Way:
         self._paces = np.array(answer_steps)
         middle = 0.5 * (np.array(config.model.lower[: len(last)]) + np.array(config.model.upper[: len(last)]))
         freedoms = len(last) - config.model.dimension
-        freedoms -= 2 * (target.direction is not None) + 3 * (target.mid_m is not None)
+        freedoms -= 2 * (target.direction is not None) + 3 * (target.rotation is not None)
+        freedoms -= 3 * (target.mid_m is not None)
         self._redundant = freedoms > 0
         limits = config.limits[: len(last)]
         # A target that goes further in a tick than an axis can is not followed at its pace: it has jumped.
@@ -77,7 +78,10 @@ class Way:
             # Towards a target that goes on, axes at rest go along with it as soon as they can.
             self._before = self._answer - part * self._paces
             self._chase = self._line
-            if part < 1.0:
+            if target.rotation is not None:
+                # Few frames between two are in reach, and the roll of an arm may take all of its travel.
+                self._chase = None
+            elif part < 1.0:
                 self._chase = StraightLine(limits, self._J, displaced, goal, part * drift)
 
     def held(

@@ -20,8 +20,7 @@ from contid.control.engine.messages import Measured
 from contid.control.tick.config import RobotConfig
 from contid.remote.protocol.wire import Code, Fields, RemoteError, RequestFields, is_number
 from contid.remote.server.telemetry_view import TelemetryView
-from contid.targets import Vec3
-from contid.trajectory.columns import unit_vector
+from contid.targets import Vec3, unit_vector
 from contid.units import MM_PER_M
 
 #: After so long without a measurement another client may track the robot.

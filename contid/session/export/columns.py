@@ -18,6 +18,7 @@ from contid.units import DEG
 _VECTORS: Final = {
     "tip_m": ("x_mm", "y_mm", "z_mm"),
     "direction": ("ax", "ay", "az"),
+    "x_axis": ("bx", "by", "bz"),
     "mid_m": ("mid.x_mm", "mid.y_mm", "mid.z_mm"),
     "measured_tip_m": ("meas.x_mm", "meas.y_mm", "meas.z_mm"),
     "measured_direction": ("meas.ax", "meas.ay", "meas.az"),

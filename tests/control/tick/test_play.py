@@ -83,6 +83,26 @@ def test_at_rest_the_offset_stays_and_a_turn_is_bounded_by_the_velocity():
     assert offsets == (0.25, -0.25)
 
 
+def test_a_target_that_stands_does_not_turn_the_lead(configs):
+    """Answers to one target differ by rounding from tick to tick; the devices stand still all the same."""
+    config = config_of(configs, "    friction: {play_mm: [0.3], capstan: [0.1]}\n")
+    target = path(config, 0.7)
+    here = config.model.inverse(target, config.rest).actuation
+    state = RobotState(
+        mode=Mode.RUN, enabled=True, arm_requested=True, follow=True, command=config.rest,
+        reference=config.rest, increments=(0.0,) * 9, misses=(0,) * 9,
+    )  # fmt: skip
+    samples = tuple(Sample(value, 0.0, True, 0.0) for value in config.transmission.to_device(here))
+    devices = []
+    for k in range(300):
+        out = tick(config, state, 0.01 * k, samples, target)
+        state = out.state
+        devices.append(out.device)
+    stood = np.array(devices[200:])
+    assert np.abs(stood - stood[0]).max() < 1e-9
+    assert np.abs(state.lead.play) == pytest.approx([0.3e-3] * 9)
+
+
 def test_a_wrong_number_of_plays_is_refused(configs):
     with pytest.raises(BadInputError, match=r"friction\.play_mm has 2 numbers; allowed: 1, 3 or 9"):
         config_of(configs, "    friction: {play_mm: [0.1, 0.2]}\n")
