@@ -67,7 +67,10 @@ def test_the_fit_is_written_back_with_its_origin(thinned: Path, tmp_path: Path) 
     text = robot_file.read_text(encoding="utf-8")
     robot = load_robot_file(robot_file).file.robots["arm"]
     assert isinstance(robot, TendonRobot)
-    assert text.count("calibrated 20") == 5
+    assert text.count("calibrated 20") == 6
+    assert robot.capstan is not None
+    assert robot.capstan[0] == pytest.approx(found["capstan"]["value"], abs=1e-4)
+    assert found["capstan"]["low"] < robot.capstan[0] < found["capstan"]["high"]
     assert robot.friction is not None
     assert len(robot.friction.play_mm) == 3
     assert robot.friction.play_mm[0] < 0.2
@@ -147,3 +150,20 @@ def test_a_file_that_is_no_text_is_refused_without_a_traceback(kind: str, robot:
     result = CliRunner().invoke(command, [kind, str(image), "--for", robot])
     assert isinstance(result.exception, ContidError)
     assert "scan.csv: not a table in UTF-8 text" in str(result.exception)
+
+
+def test_friction_is_added_to_a_file_without_it_where_it_predicts_better(
+    thinned: Path, tmp_path: Path
+) -> None:
+    robot_file = tmp_path / "arm.yaml"
+    robot_file.write_text(CONFIG.read_text(encoding="utf-8"), encoding="utf-8")
+    result = CliRunner().invoke(command, ["tendon", str(thinned), "--write", str(robot_file)])
+    assert result.exit_code == 0, result.output
+    better = "friction does not predict" not in result.output
+    robot = load_robot_file(robot_file).file.robots["arm"]
+    assert isinstance(robot, TendonRobot)
+    assert (robot.friction is not None) is better
+    assert "capstan coefficient of the friction" in result.output
+    if better:
+        assert robot.capstan is not None
+        assert "capstan" in robot_file.read_text(encoding="utf-8").split("friction:")[1].split("rates:")[0]

@@ -26,6 +26,7 @@ from itertools import pairwise
 from typing import Final, NamedTuple
 
 import numpy as np
+from numpy.typing import NDArray
 
 from contid.kinematics.array import Array
 from contid.kinematics.tendon.friction import play
@@ -70,6 +71,24 @@ class Elastic:
     def section(self) -> Array:
         """Number of the section of each tendon."""
         return np.repeat(np.arange(len(self.count)), self.count)
+
+    @property
+    def pull_matrix(self) -> Array:
+        """G, twists included: pulls [m] by bends [rad]."""
+        matrix = pull_matrix(self.count, self.radius_m, self.angle_rad, self.through)
+        for where, twist in zip(self.twisted, self.twist_rad, strict=True):
+            matrix = np.where(where, math.cos(twist) * matrix + math.sin(twist) * _quarter(matrix), matrix)
+        return matrix
+
+    @property
+    def twisted(self) -> list[NDArray[np.bool_]]:
+        """Elements of G that each twist turns."""
+        sections = len(self.count)
+        return [
+            np.repeat((self.section == j)[:, None] & (np.arange(sections) == k), 2, axis=1)
+            for j in range(sections if self.through else 0)
+            for k in range(j)
+        ]
 
 
 def pull_matrix(count: Sequence[int], radius_m: Array, angle_rad: Array, through: bool = True) -> Array:
@@ -137,14 +156,7 @@ class _Rows:
         self.elastic = elastic
         sections, tendons = len(elastic.count), len(elastic.radius_m)
         self.h = elastic.hardening_per_m
-        self.G = pull_matrix(elastic.count, elastic.radius_m, elastic.angle_rad, elastic.through)
-        self.twisted = [
-            np.repeat((elastic.section == j)[:, None] & (np.arange(sections) == k), 2, axis=1)
-            for j in range(sections if elastic.through else 0)
-            for k in range(j)
-        ]
-        for where, twist in zip(self.twisted, elastic.twist_rad, strict=True):
-            self.G = np.where(where, math.cos(twist) * self.G + math.sin(twist) * _quarter(self.G), self.G)
+        self.G, self.twisted = elastic.pull_matrix, elastic.twisted
         self.K = np.repeat(elastic.stiffness_m2, 2)
         self.r = elastic.play_m[elastic.section]
         self.by_radius = self.G / elastic.radius_m[:, None]

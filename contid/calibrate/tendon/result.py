@@ -11,8 +11,9 @@ from typing import Final
 import numpy as np
 
 from contid.calibrate.tendon.accuracy import Accuracy
+from contid.calibrate.tendon.capstan import capstan_coefficient
 from contid.calibrate.tendon.geometry import FoundGeometry
-from contid.calibrate.tendon.stages import Stage
+from contid.calibrate.tendon.stages import FRICTION_STAGE, Stage
 from contid.kinematics.array import Array
 from contid.robot_file.edit import Change
 from contid.robot_file.tendon import TendonRobot
@@ -119,15 +120,49 @@ def _rounded(values: Array) -> list[float]:
     return [float(f"{value:.9g}") for value in values.tolist()]
 
 
+def friction_predicts(stages: Sequence[Stage]) -> bool:
+    """True where the stage with friction predicts the rows kept out better than the one without.
+
+    Without such rows the rows of the fit decide.
+    """
+    with_it = next(k for k, stage in enumerate(stages) if stage.name == FRICTION_STAGE)
+    after, before = stages[with_it], stages[with_it - 1]
+    if after.held_out is None or before.held_out is None:
+        return after.train.rmse_m < before.train.rmse_m
+    return after.held_out.rmse_m < before.held_out.rmse_m
+
+
+def friction_changes(stage: Stage, robot: TendonRobot, pull_m: Array, note: str, add: bool) -> list[Change]:
+    """Play and capstan coefficient, where ``add`` or where the file has ``friction``.
+
+    Args:
+        stage: with friction.
+        robot: of the file; the coefficient goes with arcs and ``tension`` only.
+        pull_m: rows of the fit.
+        note: origin.
+        add: also into a file that has none.
+    """
+    if robot.friction is None and not add:
+        return []
+    plays = [round(each.value, 4) for each in numbers(stage) if each.name == "play_mm"]
+    found: dict[str, list[float]] = {"play_mm": plays}
+    coefficient = capstan_coefficient(stage.fit, pull_m)
+    if coefficient is not None and robot.tension is not None and robot.rod is None:
+        found["capstan"] = [min(1.0, round(coefficient.value, 4))]
+        note = f"{note}, capstan {coefficient.low:.2g} to {coefficient.high:.2g} (95 %)"
+    if robot.friction is None:
+        return [Change("friction", dict(found), note)]
+    return [Change(f"friction.{key}", value, note) for key, value in found.items()]
+
+
 def changes(
     stage: Stage, robot: TendonRobot, servos: Sequence[str], geometry: FoundGeometry | None, note: str
 ) -> list[Change]:
     """Changes of the robot file that a fit gives.
 
     Lengths, radii and azimuths of the sections; the bending stiffness, from the stiffness of the tendons
-    that the file states, because a recording without forces gives only their quotient; play where the file
-    has ``friction``; the residual where one was accepted; and the servo of each tendon where geometry was
-    found and both have numbers.
+    that the file states, because a recording without forces gives only their quotient; the residual where
+    one was accepted; and the servo of each tendon where geometry was found and both have numbers.
     """
     of: dict[str, list[FittedNumber]] = {}
     for number in numbers(stage):
@@ -158,9 +193,6 @@ def changes(
             for ratio, each, length in zip(of["stiffness_mm2"], stretch, of["length_mm"], strict=True)
         ]
         out.append(Change("tension.bending_n_mm2", bending, f"{note}, by tendon_n_per_mm"))
-    if robot.friction is not None:
-        plays = [round(each.value, 4) for each in of["play_mm"]]
-        out.append(Change("friction.play_mm", plays, note))
     if robot.tension is not None and robot.rod is None and (found := residual_of(stage)) is not None:
         out.append(Change("residual", found, note))
     if geometry is not None:

@@ -20,12 +20,13 @@ from contid.calibrate.tendon.recording import TendonRecording
 from contid.calibrate.tendon.residual import Residual, fit_residual
 from contid.kinematics.array import Array
 
+FRICTION_STAGE: Final = "+ friction, play"
 STAGES: Final[tuple[tuple[str, Callable[[Nominal], RecordingModel]], ...]] = (
     ("constant curvature", LinearBends),
     ("+ offsets", lambda nominal: LinearBends(nominal, offsets=True)),
     ("+ play", lambda nominal: LinearBends(nominal, offsets=True, with_play=True)),
     ("statics", lambda nominal: ElasticBends(nominal, friction=False)),
-    ("+ friction, play", ElasticBends),
+    (FRICTION_STAGE, ElasticBends),
 )
 RESIDUAL_STAGE: Final = "+ residual"
 

@@ -36,7 +36,7 @@ def command(request: Calibration, held_out: TextIO | None, keep_out: float) -> N
     the order of the axes. Each stage is judged by the rows kept out.
     """
     from contid.calibrate.tendon.fit_robot import calibrate
-    from contid.calibrate.tendon.result import changes
+    from contid.calibrate.tendon.result import changes, friction_changes, friction_predicts
     from contid.robot_file.tendon import TendonRobot
 
     name, robot = request.find(TendonRobot, "tendon robot")
@@ -51,7 +51,10 @@ def command(request: Calibration, held_out: TextIO | None, keep_out: float) -> N
         from contid.calibrate.tendon.plot import plot_stages
 
         plot_stages(request.plot, found.stages, found.both)
-    edits = changes(found.stages[-1], robot, found.both.servos, found.geometry, request.note)
+    last, add = found.stages[-1], friction_predicts(found.stages)
+    edits = changes(last, robot, found.both.servos, found.geometry, request.note)
+    fitted = found.both.pull_m[: last.train.rows]
+    edits += friction_changes(last, robot, fitted, request.note, add)
     request.write_back(name, edits, measured=("geometry.sections",))
 
 
@@ -68,6 +71,7 @@ def _read(data: TextIO, source: str, robot: str) -> TendonRecording:
 def _numbers(
     geometry: FoundGeometry | None, both: TendonRecording, stages: tuple[Stage, ...]
 ) -> dict[str, object]:
+    from contid.calibrate.tendon.capstan import capstan_coefficient
     from contid.calibrate.tendon.result import millimetres, numbers
 
     last = stages[-1]
@@ -76,7 +80,9 @@ def _numbers(
         value = {"value": each.value, "low": each.low, "high": each.high}
         parameters.setdefault(each.name, {})[each.label] = value
     penalty = last.residual.penalty if last.residual is not None else float("inf")
+    mu = capstan_coefficient(last.fit, both.pull_m[: last.train.rows])
     return {
+        "capstan": None if mu is None else {"value": mu.value, "low": mu.low, "high": mu.high},
         "servos": list(both.servos),
         "geometry_margin": None if geometry is None else geometry.margin,
         "confidence": 0.95,
@@ -104,6 +110,7 @@ def _print(geometry: FoundGeometry | None, both: TendonRecording, stages: tuple[
     last = stages[-1]
     if last.residual is not None and last.residual.penalty == float("inf"):
         click.echo("  no residual predicts patterns kept out better than none; it stays off")
+    _print_friction(both, stages)
     if geometry is None:
         click.echo("no tendon is pulled alone: columns are taken in the order of the axes")
     else:
@@ -115,6 +122,19 @@ def _print(geometry: FoundGeometry | None, both: TendonRecording, stages: tuple[
         if each.name in _PRINTED:
             interval = f"{each.low:.4g} to {each.high:.4g} (95 %)"
             click.echo(f"  {each.name:14s} {each.label:8s} {each.value:10.4g}   {interval}")
+
+
+def _print_friction(both: TendonRecording, stages: tuple[Stage, ...]) -> None:
+    from contid.calibrate.tendon.capstan import capstan_coefficient
+    from contid.calibrate.tendon.result import friction_predicts
+
+    last = stages[-1]
+    found = capstan_coefficient(last.fit, both.pull_m[: last.train.rows])
+    if found is not None:
+        interval = f"{found.low:.2g} to {found.high:.2g} (95 %)"
+        click.echo(f"  capstan coefficient of the friction {found.value:.3g}   {interval}")
+    if not friction_predicts(stages):
+        click.echo("  friction does not predict better; it is written only where the file has it")
 
 
 def _axes(stages: tuple[Stage, ...]) -> tuple[str, ...]:
