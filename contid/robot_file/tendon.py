@@ -251,8 +251,6 @@ class TendonRobot(RobotDescription):
     def _check_residual(self, residual: TendonResidual) -> None:
         if self.tension is None:
             raise ValueError("residual needs tension, from which bends and stretches follow")
-        if self.rod is not None:
-            raise ValueError("residual corrects the model of arcs; leave out rod or residual")
         bends = 2 * self.sections
         features = bends + len(self.axis_names)
         terms = features + bends * (bends + 1) // 2 + 1

@@ -49,6 +49,8 @@ class LoadedTendonModel(TendonModel):
     def __init__(self, robot: TendonRobot) -> None:
         super().__init__(robot)
         assert self.statics is not None
+        # The correction of the tip is that of the rod; the arcs that begin the search have none.
+        self._rod_correction, self._correction = self._correction, None
         self._floor: TendonStatics = self.statics
         self.rod = rod_of(robot, self.geometry, self.statics)
         self._taut = TautPulls(self.statics, self.excess)
@@ -90,11 +92,14 @@ class LoadedTendonModel(TendonModel):
 
     def forward(self, actuation: Actuation, load_n: Vec3 = ZERO3) -> Pose:
         """Tip, orientation and end of the first section for pulls [m]."""
-        return _pose(self.equilibrium(actuation, load_n, derivatives=False))
+        return self._posed(self.equilibrium(actuation, load_n, derivatives=False), actuation)
 
     def jacobian(self, actuation: Actuation, load_n: Vec3 = ZERO3) -> Array:
         """Derivative of the tip by the pulls, shape (3, tendons)."""
-        return self.equilibrium(actuation, load_n).jacobian
+        jacobian = self.equilibrium(actuation, load_n).jacobian
+        if self._rod_correction is None:
+            return jacobian
+        return jacobian + self._rod_correction.slope(np.asarray(actuation))
 
     def compliance(self, actuation: Actuation, load_n: Vec3 = ZERO3) -> Array:
         """Derivative of the tip by a force on it [m/N], shape (3, 3)."""
@@ -105,7 +110,10 @@ class LoadedTendonModel(TendonModel):
         curve = self.rod.curve(self.equilibrium(actuation, load_n, derivatives=False).strain, _PARTS)
         along = np.concatenate(([0.0], np.cumsum(np.linalg.norm(np.diff(curve, axis=0), axis=1))))
         at = np.linspace(0.0, along[-1], points)
-        return np.stack([np.interp(at, along, column) for column in curve.T], axis=1)
+        shape = np.stack([np.interp(at, along, column) for column in curve.T], axis=1)
+        if self._rod_correction is not None:
+            shape[-1] += self._rod_correction.at(np.asarray(actuation))
+        return shape
 
     def tensions(self, actuation: Actuation) -> Array:
         """Tensions ``(tendons,)`` [N] of pulls [m] without a force on the tip."""
@@ -159,7 +167,7 @@ class LoadedTendonModel(TendonModel):
             tight = unknown[count:][self._section] * self._floor.slack_free
             pulls = np.clip(np.array(arcs.actuation) + tight, self.lower, self.upper)
             rod = self.equilibrium(pulls, target.load_n, rod, derivatives=False)
-            pose = _pose(rod)
+            pose = self._posed(rod, pulls)
             error = goal - self._asked(pose, target)
             size, lacks, over = float(np.linalg.norm(error)), self._lacks(rod), self._beyond(rod)
             limits = tuple(dict.fromkeys(over + arcs.limited_by))
@@ -191,7 +199,7 @@ class LoadedTendonModel(TendonModel):
         except ArithmeticError:
             return np.concatenate((goal, none)), None
         arcs = super().forward(seed)
-        shift = self._asked(arcs, target) - self._asked(_pose(rod), target)
+        shift = self._asked(arcs, target) - self._asked(self._posed(rod, seed), target)
         if not float(np.linalg.norm(shift)) < sum(self.feasible.sections.backbone_m):  # a seed out of bounds
             return np.concatenate((goal, none)), rod
         stretch = self._taut.tightness(np.asarray(seed)) / self._n_per_m
@@ -204,6 +212,13 @@ class LoadedTendonModel(TendonModel):
             pose.tip_m, pose.direction if target.direction is not None else None,
             pose.mid_m if target.mid_m is not None else None,
         )  # fmt: skip
+
+    def _posed(self, rod: TendonEquilibrium, pulls: Actuation | Array) -> Pose:
+        """Pose of the rod for pulls [m], its tip corrected."""
+        pose = _pose(rod)
+        if self._rod_correction is None:
+            return pose
+        return replace(pose, tip_m=_vec(rod.tip_m + self._rod_correction.at(np.asarray(pulls))))
 
     def _lacks(self, rod: TendonEquilibrium) -> Array:
         """Tension that each section lacks to the floor [N]; negative where it has more."""

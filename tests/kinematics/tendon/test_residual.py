@@ -11,6 +11,7 @@ import yaml
 
 from contid.calibrate.tendon.residual import Residual, fit_residual
 from contid.errors import BadInputError
+from contid.kinematics.tendon.loaded import LoadedTendonModel
 from contid.kinematics.tendon.model import TendonModel
 from contid.kinematics.tendon.residual import TipCorrection
 from contid.robot_file.edit import Change, edited
@@ -161,3 +162,46 @@ def test_wrong_corrections_are_refused(configs: Path, change: dict[str, Any], me
     with pytest.raises(BadInputError) as caught:
         parse_robot_file(text_of(configs, described() | change), "t.yaml")
     assert message in str(caught.value)
+
+
+def rod_of(configs: Path, residual: dict[str, Any] | None) -> LoadedTendonModel:
+    raw = yaml.safe_load((configs / "tendon3.yaml").read_text())
+    raw["robots"]["arm"]["rod"] = {"weight_n_per_m": [0.8], "elements": 4}
+    if residual is not None:
+        raw["robots"]["arm"]["residual"] = residual
+    text = yaml.safe_dump(raw, sort_keys=False, default_flow_style=None)
+    (robot,) = parse_robot_file(text, "t.yaml").file.robots.values()
+    assert isinstance(robot, TendonRobot)
+    return LoadedTendonModel(robot)
+
+
+def test_a_rod_s_tip_is_corrected_and_met_under_its_load(configs: Path) -> None:
+    """The plain rod and the correction by itself are the oracle; answers keep every tendon taut."""
+    model, plain = rod_of(configs, described(size_mm=0.3)), rod_of(configs, None)
+    arcs = model_of(configs, described(size_mm=0.3))
+    load_n = (0.02, -0.01, 0.0)
+    for pulls in taut_pulls(0.4, 6, seed=8):
+        here = tuple(pulls.tolist())
+        pose = model.forward(here, load_n)
+        moved = np.subtract(pose.tip_m, plain.forward(here, load_n).tip_m)
+        by_arcs = np.subtract(arcs.forward(here).tip_m, shipped().forward(here).tip_m)
+        np.testing.assert_allclose(moved, by_arcs, atol=1e-12)
+        assert np.linalg.norm(moved) > 1e-5
+        answer = model.inverse(Target(tip_m=pose.tip_m, direction=pose.direction, load_n=load_n), (0.0,) * 9)
+        assert answer.converged
+        assert np.abs(np.subtract(model.forward(answer.actuation, load_n).tip_m, pose.tip_m)).max() < 1e-7
+        assert model.statics is not None
+        tensions = model.equilibrium(answer.actuation, load_n).tensions_n
+        assert np.min(tensions) >= model.statics.floor_n - 1e-5
+        np.testing.assert_allclose(model.shape(here, 12, load_n)[-1], pose.tip_m, atol=1e-9)
+
+
+def test_the_jacobian_of_a_corrected_rod_is_exact(configs: Path) -> None:
+    model = rod_of(configs, described(size_mm=0.3))
+    (pulls,) = taut_pulls(0.4, 1, seed=9)
+    jacobian = model.jacobian(tuple(pulls.tolist()))
+    for k in range(9):
+        step = np.zeros(9)
+        step[k] = 1e-6
+        ends = [np.array(model.forward(tuple((pulls + side * step).tolist())).tip_m) for side in (1.0, -1.0)]
+        np.testing.assert_allclose(jacobian[:, k], (ends[0] - ends[1]) / 2e-6, atol=1e-5)
