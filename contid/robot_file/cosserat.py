@@ -10,6 +10,7 @@ from pydantic import Field, model_validator
 
 from contid.robot_file.base import Interval, NonNegative, Positive, Quantity, Size, Strict
 from contid.robot_file.clearance import PlaneDescription
+from contid.robot_file.pneumatic.sense import ModelErrors, Sense
 from contid.robot_file.robot import RobotDescription
 from contid.targets import Actuation
 from contid.units import BAR
@@ -226,6 +227,7 @@ class Cosserat(RobotDescription):
         geometry: sections and the direction of gravity.
         limits: of the pressures.
         solver: of the inverse kinematics.
+        sense: the force on the tip from a tracker; off when left out.
         sim: payload, wall, errors and tracker of the simulated arm, for ``--mock`` and ``driver: sim``.
     """
 
@@ -236,6 +238,7 @@ class Cosserat(RobotDescription):
     geometry: CosseratGeometry
     limits: CosseratLimits
     solver: CosseratSolver = CosseratSolver()
+    sense: Sense | None = None
     sim: SimulatedArm | None = None
 
     @property
@@ -263,6 +266,8 @@ class Cosserat(RobotDescription):
     @model_validator(mode="after")
     def _limits_fit(self) -> Cosserat:
         low = self.limits.pressure_bar[0]
+        if self.sense is not None:
+            self._check_calibration(self.sense.load.calibration)
         if self.sim is not None and len(self.sim.errors.modulus_percent) > len(self.geometry.sections):
             raise ValueError(
                 f"sim.errors.modulus_percent: {len(self.sim.errors.modulus_percent)} numbers for "
@@ -276,3 +281,16 @@ class Cosserat(RobotDescription):
             if top <= low:
                 raise ValueError(f"limits.max_bar: {name} must be above {low:g} bar")
         return self
+
+    def _check_calibration(self, found: ModelErrors) -> None:
+        sections = len(self.geometry.sections)
+        axes, width = 3 * sections, 11 * sections
+        for key, count in (
+            ("offset_bar", axes), ("gain", axes), ("loop_bar", axes), ("modulus", sections),
+            ("moment", sections), ("covariance_factor", width),
+        ):  # fmt: skip
+            if len(getattr(found, key)) != count:
+                got = len(getattr(found, key))
+                raise ValueError(f"sense.load.calibration.{key}: {count} entries are needed, got {got}")
+        if any(len(row) > width for row in found.covariance_factor):
+            raise ValueError(f"sense.load.calibration.covariance_factor: rows have at most {width} numbers")

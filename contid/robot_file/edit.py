@@ -7,7 +7,7 @@ from __future__ import annotations
 
 import os
 import tempfile
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from io import StringIO
 from pathlib import Path
@@ -15,7 +15,7 @@ from typing import Any, TypeAlias
 
 from contid.errors import ContidError
 
-Value: TypeAlias = float | int | str | bool | list[float] | list[str] | dict[str, float | list[float]]
+Value: TypeAlias = float | int | str | bool | list[float] | list[str] | Mapping[str, Any]
 
 
 class EditError(ContidError):
@@ -73,12 +73,29 @@ def edited(text: str, changes: Sequence[Change]) -> str:
         if isinstance(change.value, list) and isinstance(old, list):
             _replace(node, last, change.value)
         else:
-            node[last] = change.value
+            node[last] = _on_one_line(change.value)
         if change.comment:
             _comment(document, node, parents, last, change.comment)
     out = StringIO()
     yaml.dump(document, out)
     return out.getvalue()
+
+
+def _on_one_line(value: Any) -> Any:
+    """The value with lists of numbers inside a mapping in flow style: they are long."""
+    from ruamel.yaml.comments import CommentedSeq
+
+    def written(each: Any) -> Any:
+        if isinstance(each, Mapping):
+            return {key: written(inner) for key, inner in each.items()}
+        if not isinstance(each, list):
+            return each
+        listed = CommentedSeq(map(written, each))
+        if not any(isinstance(inner, list) for inner in each):
+            listed.fa.set_flow_style()
+        return listed
+
+    return written(value) if isinstance(value, Mapping) else value
 
 
 def _replace(node: Any, key: str, new: list[Any]) -> None:

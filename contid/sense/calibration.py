@@ -23,7 +23,7 @@ import numpy as np
 
 from contid.errors import ContidError
 from contid.kinematics.array import Array
-from contid.kinematics.cosserat.model import CosseratModel
+from contid.kinematics.cosserat.scaled import scaled_rod
 from contid.kinematics.model import Compliant, Model
 from contid.robot_file.cosserat import Cosserat
 from contid.targets import ZERO3, Actuation, Vec3
@@ -67,17 +67,7 @@ def rod_family(robot: Cosserat) -> Family:
     count = len(robot.geometry.sections)
 
     def build(parameters: Array) -> CompliantModel:
-        sections = tuple(
-            section.model_copy(
-                update={
-                    "modulus_pa": tuple((1.0 + float(parameters[i])) * b for b in section.modulus_pa),
-                    "bending_gain": (1.0 + float(parameters[count + i])) * section.bending_gain,
-                }
-            )
-            for i, section in enumerate(robot.geometry.sections)
-        )
-        geometry = robot.geometry.model_copy(update={"sections": sections})
-        return CosseratModel(robot.model_copy(update={"geometry": geometry}))
+        return scaled_rod(robot, parameters[:count].tolist(), parameters[count:].tolist())
 
     names = [f"s{i + 1}.{what}" for what in ("modulus", "moment") for i in range(count)]
     return Family(build, (0.1,) * (2 * count), tuple(names))

@@ -31,12 +31,14 @@ class RestInterval:
         times_s: of the measurements, shape ``(n,)`` [s].
         actuation: commanded [m or Pa].
         side: of the hysteresis of every axis.
+        reported: by the devices, averaged [m or Pa]; NaN where they report nothing.
         tips: measured, in the base frame, shape ``(n, 3)`` [m].
     """
 
     times_s: Array
     actuation: Actuation
     side: Actuation
+    reported: Actuation
     tips: Array
 
 
@@ -54,12 +56,14 @@ def rests(
     unit = robot.quantity.unit
     columns = [f"command.{name}.{axis.replace('.', '_')}_{unit}" for axis in robot.axis_names]
     measured = [f"sample.{name}.meas.{axis}_mm" for axis in "xyz"]
+    reported = [f"sample.{name}.{axis.replace('.', '_')}.value_{unit}" for axis in robot.axis_names]
     frame, play = BaseFrame.of(robot.base), HysteresisSides(model)
     now: Actuation = ()
     side: Actuation = ()
     since_s = last_s = -math.inf
     times: list[float] = []
     tips: list[Vec3] = []
+    reports: list[list[float]] = []
     for row in rows:
         t_s = row["t_s"]
         command = tuple(robot.quantity.to_si(row[column]) for column in columns)
@@ -67,8 +71,10 @@ def rests(
             continue
         if command != now:
             if len(tips) >= MIN_TIPS:
-                yield RestInterval(np.array(times), now, side, np.array(tips))
-            now, side, since_s, times, tips = command, play.to(command), t_s, [], []
+                yield RestInterval(np.array(times), now, side, _average(reports), np.array(tips))
+            now, side, since_s, times, tips, reports = command, play.to(command), t_s, [], [], []
+        if t_s >= since_s + SETTLE_S:
+            reports.append([robot.quantity.to_si(row.get(column, math.nan)) for column in reported])
         x, y, z = (row[column] / MM_PER_M for column in measured)
         at_s = t_s - row[f"sample.{name}.meas.age_s"]
         # A measurement stays in the records until the next one.
@@ -78,4 +84,9 @@ def rests(
                 times.append(at_s)
                 tips.append(frame.point_in_base((x, y, z)))
     if len(tips) >= MIN_TIPS:
-        yield RestInterval(np.array(times), now, side, np.array(tips))
+        yield RestInterval(np.array(times), now, side, _average(reports), np.array(tips))
+
+
+def _average(reports: list[list[float]]) -> Actuation:
+    mean: list[float] = np.mean(reports, axis=0).tolist()
+    return tuple(mean)

@@ -59,8 +59,17 @@ def rod_of(loaded: LoadedFile, name: str | None) -> tuple[str, Cosserat]:
     raise CalibrationError(f"{loaded.path}: {problem}; allowed: {allowed}")
 
 
-def session_calibration(session: Session, name: str, robot: Cosserat, noise_m: float) -> LoadCalibration:
+def session_calibration(
+    session: Session, name: str, robot: Cosserat, noise_m: float, reported: bool = False
+) -> LoadCalibration:
     """Calibrate from a session in which the arm rested without load at many pressures.
+
+    Args:
+        session: with measured tips.
+        name: of the arm.
+        robot: its description.
+        noise_m: standard deviation of one measured tip [m].
+        reported: of what the regulators reported, as the tick has it, instead of the commands.
 
     Raises:
         CalibrationError: too few rests with measured tips.
@@ -71,7 +80,7 @@ def session_calibration(session: Session, name: str, robot: Cosserat, noise_m: f
     noise = noise_m / float(np.sqrt(min(len(each.tips) for each in found)))
     return calibrate_without_load(
         rod_family(robot),
-        np.array([each.actuation for each in found]),
+        np.array([each.reported if reported else each.actuation for each in found]),
         np.array([each.side for each in found]),
         np.array([each.tips.mean(axis=0) for each in found]),
         noise,

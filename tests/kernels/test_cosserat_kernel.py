@@ -206,3 +206,46 @@ def test_wide_registers_give_the_same_bits() -> None:
             assert engines[0].inverse(tip, None, None, force, seed) == engines[1].inverse(
                 tip, None, None, force, seed
             )
+
+
+@settings(max_examples=25, deadline=None)
+@given(st.integers(1, 2), st.booleans(), PRESSURES, FORCES)
+def test_near(sections: int, weighs: bool, pressures: list[float], force: tuple[float, float, float]) -> None:
+    """From a guess that is off: twins, and derivatives against differences of whole solutions."""
+    numpy, kernel = both(setup(sections, weighs, 3.0, elements=8))
+    p = pressures[: 3 * sections]
+    tip, _, _, stable, moment, _ = kernel.forward(p, force)
+    if not stable:
+        return
+    guess = [value + 1e-3 for value in moment]
+    a, b = numpy.near(p, force, guess), kernel.near(p, force, guess)
+    assert (a is None) == (b is None)
+    if a is None or b is None:
+        return
+    assert np.abs(np.array(a[0]) - b[0]).max() < 1e-8
+    assert np.abs(np.array(b[0]) - tip).max() < 1e-7
+    assert np.abs(np.array(a[1]) - b[1]).max() < 1e-8
+    by_force, by_pressure = np.array(b[2]).reshape(3, 3), np.array(b[3]).reshape(3, -1)
+    scale = np.abs(by_force).max()
+    # Two formulations of the derivative, which differ by the error of the discretisation.
+    assert np.abs(np.array(a[2]) - b[2]).max() < 2e-3 * scale
+    assert np.abs(by_force - by_force.T).max() < 2e-3 * scale
+    assert np.abs(np.array(a[3]) - b[3]).max() < 1e-6 * max(1.0, np.abs(by_pressure).max())
+    step = 1e-5 / max(1.0, 1e-3 * scale)
+    for axis in range(3):
+        ends = []
+        for sign in (1.0, -1.0):
+            moved = list(force)
+            moved[axis] += sign * step
+            near = kernel.near(p, (moved[0], moved[1], moved[2]), b[1])
+            if near is None:
+                return
+            ends.append(np.array(near[0]))
+        assert np.abs((ends[0] - ends[1]) / (2.0 * step) - by_force[:, axis]).max() < 2e-3 * scale
+
+
+def test_near_a_guess_too_far_away_there_is_none() -> None:
+    numpy, kernel = both(setup(2))
+    p = [0.3, 0.5, 0.1, 0.2, 0.6, 0.4]
+    for engine in (numpy, kernel):
+        assert engine.near(p, (0.0, 0.0, 0.05), (1e4, -1e4, 1e4)) is None

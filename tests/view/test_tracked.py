@@ -34,7 +34,9 @@ def config_of(configs: Path, name: str) -> RobotConfig:
 
 def tracked(tip: Vec3, direction: Vec3 = NAN3) -> RobotRecord:
     nothing = math.nan
-    return RobotRecord(0, 0, 0, 0, 0, NAN3, NAN3, NAN3, NAN3, nothing, nothing, tip, direction, 0.0, NAN3, ())
+    return RobotRecord(
+        0, 0, 0, 0, 0, NAN3, NAN3, NAN3, NAN3, nothing, nothing, tip, direction, 0.0, NAN3, NAN3, NAN3, ()
+    )
 
 
 @pytest.mark.parametrize("name", ROBOTS)

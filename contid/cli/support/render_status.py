@@ -78,6 +78,10 @@ def _robot(name: str, robot: Fields) -> list[Any]:
         text.append("  tip (" + ", ".join(f"{value:.2f}" for value in robot["tip_mm"]) + ") mm")
     if robot["error_mm"] is not None:
         text.append(f"  error {robot['error_mm']:.3f} mm")
+    if "estimated_load_n" in robot:
+        force = ", ".join(f"{1e3 * value:.1f}" for value in robot["estimated_load_n"])
+        half = ", ".join(f"{1.96e3 * value:.1f}" for value in robot["estimated_sigma_n"])
+        text.append(f"  load ({force}) ± ({half}) mN")
     parts: list[Any] = [text]
     fault = robot["fault"]
     if fault is not None:

@@ -16,6 +16,7 @@ from contid.control.engine.clearance_orders import ClearanceOrders
 from contid.control.engine.cycle import OnEnd, Sink, Timing
 from contid.control.engine.events import EffortLimited, GotoEnded, MarkReached, OrderRefused
 from contid.control.engine.exchange import Exchange
+from contid.control.engine.load_watch import LoadWatch
 from contid.control.engine.order_events import order_event
 from contid.control.engine.pack_record import CycleSnapshot, RecordPacker
 from contid.control.engine.ports import BusPort
@@ -76,6 +77,7 @@ class Engine:
             self._robots, self._chains, rate_hz, sink, trajectory, on_end, attended
         )
         self._clearance = ClearanceOrders(clearance, self._robots, self._exchange, sink)
+        self._loads = LoadWatch(self._robots, self._exchange)
         self._recorder = RecordPacker(self._robots.configs, sink, now)
         self._buses = tuple(ports)
         self._stalls = StallWatch(rate_hz)
@@ -239,6 +241,7 @@ class Engine:
         self._chains.begin_gotos(now_s)
         targets = self._clearance.before_tick(selector.targets(step, now_s))
         targets = self._chains.before_tick(targets, now_s, selector.measured)
+        self._loads.tick(now_s, selector.measured)
         commands: dict[str, dict[str, float]] = {name: {} for name in self._buses}
         bus_of = exchange.bus_of
         outcomes = [
@@ -260,7 +263,15 @@ class Engine:
         source_s = None if source is None else source.time_s
         self._recorder.record(
             CycleSnapshot(
-                timing, now_s, source_s, targets, outcomes, robots.states, exchange.samples, selector.measured
+                timing,
+                now_s,
+                source_s,
+                targets,
+                outcomes,
+                robots.states,
+                exchange.samples,
+                selector.measured,
+                self._loads.in_world,
             )
         )
         if selector.finishing and not self.finished:

@@ -30,7 +30,7 @@ from contid.control.tick.robot_tick import TickResult
 from contid.control.tick.state import RobotState
 from contid.control.tick.tip_feedback import Measurement
 from contid.hal import Sample
-from contid.targets import Target
+from contid.targets import Target, Vec3
 
 _NAN = math.nan
 #: A measurement older than this is not recorded.
@@ -44,6 +44,7 @@ _MODE, _FAULT, _FLAGS, _LIMITED_BY, _ITERATIONS, _RESIDUAL, _TIP_ERROR, _MEASURE
 _TIP, _DIRECTION, _X_AXIS, _MID, _LOAD, _MEASURED_TIP, _MEASURED_DIRECTION = map(
     ROBOT.vector, ("tip_m", "direction", "x_axis", "mid_m", "load_n", "measured_tip_m", "measured_direction")
 )
+_ESTIMATED, _SIGMA = map(ROBOT.vector, ("estimated_load_n", "estimated_sigma_n"))
 _TARGET, _SOLUTION, _COMMAND, _DEVICE, _LIMITS, _VALUE, _TIME, _VALID, _AGE = map(
     AXIS.place,
     ("target", "solution", "command", "device", "limits", "value", "time_s", "valid", "age_s"),
@@ -68,6 +69,7 @@ class CycleSnapshot:
         states: of every robot, after the exchange.
         samples: newest by axis.
         measured: newest measured tip by robot.
+        loads: forces on tips and their standard deviations by robot, in the world frame [N].
     """
 
     timing: Timing
@@ -78,6 +80,7 @@ class CycleSnapshot:
     states: Sequence[RobotState]
     samples: Mapping[str, Sample]
     measured: Mapping[str, Measurement]
+    loads: Mapping[str, tuple[Vec3, Vec3]]
 
 
 class RecordPacker:
@@ -107,6 +110,8 @@ class RecordPacker:
                 row[_MEASURED_TIP], row[_MEASURED_AGE] = measured.tip_in_world, age_s
                 if measured.direction_in_world:
                     row[_MEASURED_DIRECTION] = measured.direction_in_world
+            if (load := cycle.loads.get(config.name)) is not None:
+                row[_ESTIMATED], row[_SIGMA] = load
             values += row
             _add_axes(values, config, outcome, state, target, cycle.samples)
         values[WORK] = self._now() - timing.deadline_s - timing.lateness_s

@@ -117,6 +117,11 @@ class RobotRecord(NamedTuple):
     x_axis: Annotated[
         Vec3, About("target", "x axis of the tip's frame in the world frame", compared="target x axis")
     ]
+    estimated_load_n: Annotated[
+        Vec3,
+        About("sample", "force on the tip by its measurements, world frame", compared="estimated load"),
+    ]
+    estimated_sigma_n: Annotated[Vec3, About("sample", "standard deviation of its components, world frame")]
     axes: tuple[AxisRecord, ...]
 
 

@@ -14,6 +14,7 @@ from contid.kinematics.extra_axes import build_whole_model
 from contid.kinematics.frames import BaseFrame
 from contid.kinematics.model import Model
 from contid.robot_file.base import Quantity, StopPolicy, Stops, TipFeedback
+from contid.robot_file.cosserat import Cosserat
 from contid.robot_file.robot import RobotDescription
 from contid.targets import Actuation
 
@@ -92,6 +93,7 @@ class RobotConfig:
         play: half width of the play of every axis [m or Pa], None without.
         capstan: lead of the friction of tendons in the bends, None without.
         taut: bounds of the tensions of a tendon robot, None without.
+        sensing: description of an arm that senses the force on its tip, None without.
         straight: approaches are straight lines of the axes, which keep limits that several axes share.
         shared: limits that the model's own axes share, None without.
     """
@@ -119,6 +121,7 @@ class RobotConfig:
     play: Actuation | None = None
     capstan: Capstan | None = None
     taut: Taut | None = None
+    sensing: Cosserat | None = None
     straight: bool = False
     shared: SharedLimits | None = None
 
@@ -161,6 +164,7 @@ def robot_config(
         play=None if robot.play is None else (*robot.play, *(0.0,) * len(robot.extra_axis_names)),
         capstan=getattr(model, "capstan", None),
         taut=getattr(model, "taut", None),
+        sensing=robot if isinstance(robot, Cosserat) and robot.sense is not None else None,
         straight=getattr(model, "taut", None) is not None or getattr(model, "straight_approach", False),
         shared=getattr(model, "shared", None),
     )

@@ -38,11 +38,12 @@ template <int A, bool Add, int C> inline void times(const Mat& a, const double (
 }
 
 // Rates of the columns at one stage; element._tangent_rates. The first `Base` columns (3 or none) belong to the
-// base moment, `Own` is the first of this section's pressures, -1 for none. Without distributed load dmu is constant,
-// for a massless rod the identity.
-template <int A, int Base, int Own, int C>
-[[gnu::always_inline]] inline void column_rates(const Inflated& s, const Mat& R, const Columns<C>& at, Vec u, Vec v,
-                                                Vec N, Vec M, Vec f, bool weighs, bool massless, Columns<C>& rate) {
+// base moment, `Own` is the first of this section's pressures and `Force` of a force on the tip (at position p), -1 for
+// none. Without distributed load dmu is constant, for a massless rod the identity.
+template <int A, int Base, int Own, int Force, int C>
+[[gnu::always_inline]] inline void column_rates(const Inflated& s, const Mat& R, Vec p, const Columns<C>& at, Vec u,
+                                                Vec v, Vec N, Vec M, Vec f, bool weighs, bool massless,
+                                                Columns<C>& rate) {
   const Vec e = column(R, 2), V = R * v;
   // R diag(bend, bend, twist) R^T and the same for the shift, as matrices: every column is then 3x3 products.
   Mat bend, give;
@@ -70,6 +71,14 @@ template <int A, int Base, int Own, int C>
     for (int i = 0; i < 3; ++i)
       for (int j = 0; j < A; ++j) rate.dmu[i][j] = 0.0;
     add_cross<A>(f, at.shift, rate.dmu);
+  }
+  if constexpr (Force >= 0) {
+    const Mat lever_of_tip = times_hat(bend, p);
+    for (int i = 0; i < 3; ++i)
+      for (int j = 0; j < 3; ++j) {
+        rate.turn[i][Force + j] -= lever_of_tip.m[i][j];
+        rate.shift[i][Force + j] += give.m[i][j];
+      }
   }
   if constexpr (Own >= 0) {
     const Vec soft_turn = s.softening * (R * u), soft_shift = s.strain_per_bar * e + s.softening * (V - e);

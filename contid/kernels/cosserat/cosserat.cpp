@@ -9,6 +9,7 @@
 #include "../batch_python.hpp"
 #include "../python.hpp"
 #include "batch.hpp"
+#include "near.hpp"
 #include "stations.hpp"
 
 namespace nb = nanobind;
@@ -41,6 +42,7 @@ struct Arm {
   virtual ~Arm() = default;
   virtual nb::tuple inverse(const Task& task, Vec force, nb::handle seed) const = 0;
   virtual nb::tuple forward(nb::handle pressures, Vec force) const = 0;
+  virtual nb::object near(nb::handle pressures, Vec force, Vec guess) const = 0;
   virtual nb::object critical(nb::handle pressures, Vec force, double max_factor) const = 0;
   virtual nb::tuple statics(nb::handle pressures, nb::handle loads, Stations stations, Frames out) const = 0;
   virtual void inverse_many(const TaskRows& tasks, Matrix seeds, Table out, int threads) const = 0;
@@ -104,6 +106,15 @@ template <int K> struct ArmOf final : Arm {
     if (!stable) buckled<K>(rod, p, force, elements, moment, at);
     return nb::make_tuple(triple(at.ends.p), tuple_of(&at.ends.R.m[0][0], 9), triple(at.ends.mid), stable,
                           triple(moment), elements);
+  }
+
+  nb::object near(nb::handle pressures, Vec force, Vec guess) const override {
+    double p[3 * K];
+    read(pressures, p, 3 * K, kPressures);
+    Near<K> found;
+    if (!contid::near<K>(rod, p, force, guess, settings.elements, found)) return nb::none();
+    return nb::make_tuple(triple(found.tip), triple(found.moment), tuple_of(&found.by_force.m[0][0], 9),
+                          tuple_of(found.by_pressure, 9 * K));
   }
 
   nb::tuple statics(nb::handle pressures, nb::handle loads, Stations stations, Frames out) const override {
@@ -231,6 +242,12 @@ NB_MODULE(KERNEL_MODULE, m) {
           "forward",
           [](const Engine& e, nb::handle pressures, nb::handle force) { return e.arm->forward(pressures, vec(force)); },
           nb::arg("pressures"), nb::arg("force"))
+      .def(
+          "near",
+          [](const Engine& e, nb::handle pressures, nb::handle force, nb::handle guess) {
+            return e.arm->near(pressures, vec(force), vec(guess));
+          },
+          nb::arg("pressures"), nb::arg("force"), nb::arg("guess"))
       .def(
           "statics",
           [](const Engine& e, nb::handle pressures, nb::handle loads, Stations stations, Frames out) {

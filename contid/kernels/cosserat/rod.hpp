@@ -17,7 +17,7 @@ template <int C> struct State {
 };
 
 // One element of reference length h; element.step. N is the force at its start; A = 0: no columns.
-template <int A, int Base, int Own, int C>
+template <int A, int Base, int Own, int Force = -1, int C>
 inline void step(const Inflated& s, State<C>& state, Vec N, Vec f, bool massless, double h) {
   const bool weighs = dot(f, f) > 0.0;
   constexpr bool Tangents = A > 0;
@@ -50,7 +50,8 @@ inline void step(const Inflated& s, State<C>& state, Vec N, Vec f, bool massless
     u[i] = {s.curvature_x + s.bend * m.x, s.curvature_y + s.bend * m.y, s.twist * m.z};
     v[i] = {s.shear * n.x, s.shear * n.y, 1.0 + s.strain + s.axial * n.z};
     if (weighs) rate_mu[i] = cross(f, p);
-    if constexpr (Tangents) column_rates<A, Base, Own>(s, R, at, u[i], v[i], force, M, f, weighs, massless, rate[i]);
+    if constexpr (Tangents)
+      column_rates<A, Base, Own, Force>(s, R, p, at, u[i], v[i], force, M, f, weighs, massless, rate[i]);
   }
   const double k = h / 12.0;
   Mat turn;

@@ -16,6 +16,7 @@ from contid.kinematics.array import Array
 from contid.kinematics.cosserat.branch import buckled, critical_factor
 from contid.kinematics.cosserat.discretisation import fine_equilibrium
 from contid.kinematics.cosserat.loads import Loads
+from contid.kinematics.cosserat.near import near_equilibrium
 from contid.kinematics.cosserat.section import Rod
 from contid.kinematics.cosserat.settled import search_settled
 from contid.kinematics.cosserat.shape import frames_at
@@ -30,6 +31,9 @@ InverseAnswer: TypeAlias = tuple[tuple[float, ...], float, bool, bool, bool, int
 ForwardAnswer: TypeAlias = tuple[
     tuple[float, ...], tuple[float, ...], tuple[float, ...], bool, tuple[float, ...], int
 ]
+
+#: tip, base moment, tip by the force on it [mm/N], tip by pressures [mm/bar]; matrices row-major
+NearAnswer: TypeAlias = tuple[tuple[float, ...], tuple[float, ...], tuple[float, ...], tuple[float, ...]]
 
 #: Part of the loads that the rod takes on its branch (1.0: all), base moment, elements
 StaticsAnswer: TypeAlias = tuple[float, tuple[float, ...], int]
@@ -63,6 +67,10 @@ class RodSolver(Protocol):
 
     def forward(self, pressures: Sequence[float], force: Vec3) -> ForwardAnswer:
         """Equilibrium of given pressures [bar] under a force on the tip [N]."""
+        ...
+
+    def near(self, pressures: Sequence[float], force: Vec3, guess: Sequence[float]) -> NearAnswer | None:
+        """The stable equilibrium near a base moment [N·mm], in bounded time; None when there is none."""
         ...
 
     def statics(self, pressures: Sequence[float], loads: Loads, stations: Array, out: Array) -> StaticsAnswer:
@@ -121,6 +129,17 @@ class NumpyEngine:
         return (
             tuple(end.tip.tolist()), tuple(end.rotation.ravel().tolist()), tuple(end.ends[0].tolist()),
             stable, tuple(moment.tolist()), elements,
+        )  # fmt: skip
+
+    def near(self, pressures: Sequence[float], force: Vec3, guess: Sequence[float]) -> NearAnswer | None:
+        """See `RodSolver`."""
+        s = self.setup
+        found = near_equilibrium(s.rod, np.array(pressures), self.loads(force), np.array(guess), s.elements)
+        if found is None:
+            return None
+        return (
+            tuple(found.tip.tolist()), tuple(found.base_moment.tolist()),
+            tuple(found.by_force.ravel().tolist()), tuple(found.by_pressure.ravel().tolist()),
         )  # fmt: skip
 
     def statics(self, pressures: Sequence[float], loads: Loads, stations: Array, out: Array) -> StaticsAnswer:

@@ -29,6 +29,7 @@ from contid.units import m_to_mm
 FIELDS: Final = (
     "state", "fault", "tip_mm", "target_mm", "error_mm", "command", "measured", "limits", "age_ms", "effort",
     "temperature_c", "voltage_v", "measured_tip_mm", "measured_direction",
+    "estimated_load_n", "estimated_sigma_n",
 )  # fmt: skip
 DEFAULT_FIELDS: Final = ("state", "fault", "tip_mm", "command", "measured")
 _PER_AXIS: Final = ("effort", "temperature_c", "voltage_v")
@@ -228,6 +229,9 @@ class TelemetryView:
                 return _mm(record.measured_tip_m)
             case "measured_direction":
                 return _all_finite(record.measured_direction)
+            case "estimated_load_n" | "estimated_sigma_n":
+                load = _all_finite(getattr(record, field))
+                return None if load is None else list(load)
             case "age_ms":
                 return [_ms(axis.age_s) for axis in record.axes]
         assert field in _PER_AXIS
@@ -253,6 +257,11 @@ class TelemetryView:
             "enabled": bool(record.flags & ENABLED),
             "fault": self._fault(name, record),
             **{key: self._field(config, record, key) for key in ("tip_mm", "target_mm", "error_mm")},
+            **{
+                key: load
+                for key in ("estimated_load_n", "estimated_sigma_n")
+                if (load := self._field(config, record, key)) is not None
+            },
             "unit": config.quantity.unit,
             "axes": axes,
         }

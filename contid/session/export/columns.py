@@ -22,6 +22,8 @@ _VECTORS: Final = {
     "mid_m": ("mid.x_mm", "mid.y_mm", "mid.z_mm"),
     "measured_tip_m": ("meas.x_mm", "meas.y_mm", "meas.z_mm"),
     "measured_direction": ("meas.ax", "meas.ay", "meas.az"),
+    "estimated_load_n": ("est.fx_n", "est.fy_n", "est.fz_n"),
+    "estimated_sigma_n": ("est.sigma_x_n", "est.sigma_y_n", "est.sigma_z_n"),
     "load_n": ("load.fx_n", "load.fy_n", "load.fz_n"),
 }
 #: First columns of every table of ticks.

@@ -16,6 +16,10 @@ CALIBRATIONS: Final[dict[str, tuple[str, str]]] = {
         "contid.cli.commands.calibrate.curvature",
         "a rack finger's curvature correction from photographed markers",
     ),
+    "load": (
+        "contid.cli.commands.calibrate.load",
+        "a pneumatic arm's error without load, so that it is not taken for a load",
+    ),
     "modulus": (
         "contid.cli.commands.calibrate.modulus",
         "a pneumatic section's modulus from elongation, its bending gain from angles",

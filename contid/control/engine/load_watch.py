@@ -1,0 +1,69 @@
+"""The observers of all robots that sense the force on their tips, and their estimates in the world frame."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+
+import numpy as np
+
+from contid.control.engine.exchange import Exchange
+from contid.control.engine.robots import Robots
+from contid.control.tick.config import RobotConfig
+from contid.control.tick.load_sensing.identified_arm import Numbers
+from contid.control.tick.load_sensing.load_observer import LoadFound, LoadObserver, in_bar
+from contid.control.tick.tip_feedback import Measurement
+from contid.targets import Vec3
+
+#: An estimate without newer measurements is not shown any longer.
+SHOWN_S = 1.0
+
+
+class LoadWatch:
+    """Estimates by robot.
+
+    Attributes:
+        observers: by the index of their robot.
+        in_world: force and standard deviation of its components by name [N].
+    """
+
+    def __init__(self, robots: Robots, exchange: Exchange) -> None:
+        self._robots = robots
+        self._exchange = exchange
+        self.observers = {
+            index: LoadObserver(config.sensing, config.period_s)
+            for index, config in enumerate(robots.configs)
+            if config.sensing is not None
+        }
+        self.in_world: dict[str, tuple[Vec3, Vec3]] = {}
+        self._shown: dict[int, LoadFound] = {}
+
+    def tick(self, now_s: float, measured: Mapping[str, Measurement]) -> None:
+        """One tick of every observer, before the ticks of the robots."""
+        for index, observer in self.observers.items():
+            config, state = self._robots.configs[index], self._robots.states[index]
+            own = len(config.axes) - config.extra_axes
+            commands = in_bar(state.command[:own])
+            observer.tick(now_s, self._reported(config), commands, measured.get(config.name))
+            found = observer.found
+            if found is None or now_s - found.time_s > SHOWN_S:
+                self.in_world.pop(config.name, None)
+                self._shown.pop(index, None)
+            elif self._shown.get(index) is not found:
+                self._shown[index] = found
+                self.in_world[config.name] = _in_world(config, found)
+
+    def _reported(self, config: RobotConfig) -> Numbers | None:
+        samples = self._exchange.samples_of(config)
+        own = len(config.axes) - config.extra_axes
+        values = [sample.value if sample.valid else None for sample in samples]
+        if not values or None in values:
+            return None
+        actuation = config.transmission.to_actuation(tuple([value or 0.0 for value in values]))
+        return in_bar(actuation[:own])
+
+
+def _in_world(config: RobotConfig, found: LoadFound) -> tuple[Vec3, Vec3]:
+    rotation = np.array(config.frame.rotation).reshape(3, 3)
+    spread = rotation @ np.array(found.covariance).reshape(3, 3) @ rotation.T
+    x, y, z = np.sqrt(np.diag(spread)).tolist()
+    return config.frame.vector_in_world(found.force_in_base), (x, y, z)

@@ -1,0 +1,111 @@
+"""An arm with the identified error of its model: the tip under pressures and a force, and how sure it is.
+
+Pressures in bar, lengths in mm, forces in N, moments in N·mm, as the kernel has them.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import replace
+from typing import Final, TypeAlias
+
+import numpy as np
+
+from contid.kinematics.array import Array
+from contid.kinematics.cosserat.engine import NearAnswer, RodSolver, build_engine
+from contid.kinematics.cosserat.scaled import scaled_rod
+from contid.robot_file.cosserat import Cosserat
+from contid.targets import ZERO3, Vec3
+from contid.units import BAR
+
+#: Steps per section, never doubled: the tip must not jump where they would be.
+ELEMENTS: Final = 6
+_NEVER_MM: Final = 1e9
+#: Of the differences by scales.
+SCALE_STEP: Final = 1e-3
+#: Half the loop of the play that decides the side of the hysteresis, as a part of the range of an axis.
+HALF_LOOP: Final = 0.01
+
+Numbers: TypeAlias = tuple[float, ...]
+
+
+class IdentifiedArm:
+    """The model of a robot file with what ``sense.load.calibration`` adds.
+
+    Attributes:
+        half_loop: half the play of every axis [bar].
+    """
+
+    def __init__(self, robot: Cosserat) -> None:
+        assert robot.sense is not None
+        self._found = found = robot.sense.load.calibration
+        sections = len(robot.geometry.sections)
+        self._engines: list[RodSolver] = []
+        scales = np.array([*found.modulus, *found.moment])
+        for row in (scales, *(scales + SCALE_STEP * np.eye(2 * sections))):
+            setup = scaled_rod(robot, row[:sections].tolist(), row[sections:].tolist()).setup
+            self._engines.append(build_engine(replace(setup, elements=ELEMENTS, error=_NEVER_MM)))
+        lower, upper = np.array(robot.lower) / BAR, np.array(robot.upper) / BAR
+        self._middle: list[float] = (0.5 * (lower + upper)).tolist()
+        self.half_loop: list[float] = (HALF_LOOP * (upper - lower)).tolist()
+        width = len(found.covariance_factor)
+        self._factor = np.zeros((width, width))
+        for i, row_of_factor in enumerate(found.covariance_factor):
+            self._factor[i, : len(row_of_factor)] = row_of_factor
+
+    @property
+    def scales(self) -> int:
+        """Number of scales of moduli and moments."""
+        return len(self._engines) - 1
+
+    def corrected(self, pressures: Sequence[float], sides: Sequence[float]) -> Numbers:
+        """The pressures for which the model meets the arm [bar]."""
+        found = self._found
+        return tuple(
+            [
+                p + offset + gain * (p - middle) + loop * side
+                for p, side, middle, offset, gain, loop in zip(
+                    pressures, sides, self._middle, found.offset_bar, found.gain, found.loop_bar, strict=True
+                )
+            ]
+        )
+
+    def near(
+        self, corrected: Sequence[float], force_n: Vec3, guess: Sequence[float], scale: int = -1
+    ) -> NearAnswer | None:
+        """The equilibrium near a base moment, with one scale raised by `SCALE_STEP` when given."""
+        return self._engines[scale + 1].near(corrected, force_n, guess)
+
+    def base_moment(self, corrected: Sequence[float], force_n: Vec3 = ZERO3) -> Numbers | None:
+        """The base moment on the branch from the unloaded arm; None where it is unstable."""
+        _, _, _, stable, moment, _ = self._engines[0].forward(corrected, force_n)
+        return moment if stable else None
+
+    def covariance_mm2(
+        self, pressures: Sequence[float], sides: Sequence[float], by_pressure: Array, by_scale: Array
+    ) -> Array:
+        """Covariance of the tip by what the calibration left open, shape ``(3, 3)``.
+
+        Args:
+            pressures: measured [bar].
+            sides: of their hysteresis.
+            by_pressure: derivative of the tip [mm/bar], shape ``(3, k)``.
+            by_scale: derivative of the tip by the scales [mm], shape ``(3, m)``.
+        """
+        found = self._found
+        away = np.array(pressures) - self._middle
+        columns = np.hstack([by_pressure, by_pressure * away, by_pressure * np.array(sides), by_scale])
+        open_ = columns @ self._factor
+        spread: Array = open_ @ open_.T + found.axis_sigma_bar**2 * by_pressure @ by_pressure.T
+        return spread + found.tip_sigma_mm**2 * np.eye(3)
+
+    def sides_mm2(self, unknown: Sequence[float], by_pressure: Array) -> Array:
+        """Covariance of the tip by unknown sides of the hysteresis, evenly spread from -1 to 1.
+
+        Args:
+            unknown: 1 for an axis with an unknown side, 0 for the others.
+            by_pressure: derivative of the tip [mm/bar], shape ``(3, k)``.
+        """
+        columns = by_pressure * (np.array(unknown) * np.array(self._found.loop_bar))
+        spread: Array = columns @ columns.T / 3.0
+        return spread

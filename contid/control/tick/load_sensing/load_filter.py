@@ -1,0 +1,177 @@
+"""The force on a tip from one measurement after the other: least squares on an average, with its uncertainty.
+
+    minimise  (rbar - h(F + d) + h(F))^T (noise^2/n + M)^-1 (...) + |F + d|^2 / expected^2
+
+h is the tip of the model, rbar the average of ``measured tip - h(F)`` over the last n measurements, M the
+covariance of the model. A step d is proposed by Levenberg-Marquardt and taken only when the cost falls at the
+tip that the model really has there; rbar is then reduced by what the tip moved. M does not shrink with n:
+measurements average the tracker, not the model.
+
+A force that changes suddenly leaves a gate: the mean of the newest w differences is compared with its
+covariance, for several w. The average then begins anew with these, so that the estimate follows at once.
+
+Units: mm and N.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+from typing import Final
+
+import numpy as np
+
+from contid.kinematics.array import Array
+
+#: Squared distance of the gate; the normal distribution exceeds it once in 1e9 tests of three components.
+GATE: Final = 44.0
+#: Numbers of newest measurements whose mean is compared.
+WIDTHS: Final = np.array([1, 2, 3, 5, 8])
+#: Measurements before the gate is used.
+_ARMED: Final = 15
+#: A shorter step is at the rounding of the numbers [N].
+_ROUNDED_N: Final = 1e-6
+_DAMPED: Final = 0.1
+
+
+@dataclass(frozen=True, slots=True)
+class Jump:
+    """A force that changed suddenly.
+
+    Attributes:
+        change_n: by how much, as far as the few newest measurements show, in the base frame.
+        squared_distance: of their mean from what was expected, in standard deviations.
+    """
+
+    change_n: tuple[float, float, float]
+    squared_distance: float
+
+
+class LoadFilter:
+    """The running estimate.
+
+    Args:
+        noise_mm: standard deviation of a measurement, per component.
+        window_s: time constant of the average.
+        expected_n: standard deviation of a component of the force before any measurement.
+
+    Attributes:
+        force: in the base frame [N].
+        covariance: of it, shape ``(3, 3)`` [N^2].
+        count: measurements in the average.
+    """
+
+    def __init__(self, noise_mm: float, window_s: float, expected_n: float) -> None:
+        self._noise: Array = noise_mm**2 * np.eye(3)
+        self._window_s = window_s
+        self._prior: Array = np.eye(3) / expected_n**2
+        self.force: Array = np.zeros(3)
+        self.covariance: Array = expected_n**2 * np.eye(3)
+        self.count = 0
+        self._missed: Array = np.zeros(3)
+        self._newest: Array = np.zeros((0, 3))
+        self._since_s = 0.0
+        self._last_s = -math.inf
+        self._weight: Array = self._prior
+        self._compliance: Array = np.zeros((3, 3))
+        self._information: Array = self._prior
+        self._damping = 0.0
+        self._tried: Array = self.force
+
+    @property
+    def settled(self) -> bool:
+        """True when the average is as long as its time constant."""
+        return self._since_s >= self._window_s
+
+    def restart(self, force: Array) -> None:
+        """Begin anew from a force."""
+        self.force = force
+        self._begin(np.zeros((0, 3)))
+
+    def _begin(self, newest: Array) -> None:
+        self.count, self._since_s = len(newest), 0.0
+        self._missed = newest.mean(axis=0) if len(newest) else np.zeros(3)
+        self._newest = newest
+
+    def add(self, t_s: float, missed: Array, compliance: Array, model: Array) -> Jump | None:
+        """Take a measurement; a `Jump` when the force changed suddenly.
+
+        Args:
+            t_s: when it was captured; later than the one before.
+            missed: measured tip minus that of the model under `force` [mm].
+            compliance: tip by force there [mm/N], shape ``(3, 3)``.
+            model: covariance of the tip of the model [mm^2].
+        """
+        step_s = min(t_s - self._last_s, self._window_s)
+        least = -math.expm1(-step_s / self._window_s)
+        self._last_s = t_s
+        newest = np.vstack([missed, self._newest[: int(WIDTHS[-1]) - 1]])
+        jump = None
+        if self.count >= _ARMED and (found := self._jump(newest, compliance, model)) is not None:
+            jump, width = found
+            self._begin(newest[:width])
+        else:
+            self.count += 1
+            self._since_s += step_s if self.count > 1 else 0.0
+            self._missed = self._missed + max(1.0 / self.count, least) * (missed - self._missed)
+            self._newest = newest
+        # An exponential average of gain g has the variance of 2/g - 1 equal ones.
+        average = self._noise / min(self.count, 2.0 / max(1.0 / self.count, least) - 1.0)
+        self._weight = _inverse(average + model)
+        self._linearise(compliance)
+        return jump
+
+    def _linearise(self, compliance: Array) -> None:
+        self._compliance = compliance
+        self._information = compliance.T @ self._weight @ compliance + self._prior
+        self.covariance = _inverse(self._information)
+
+    def proposed(self) -> Array | None:
+        """The force to be tried next [N]; None at the least cost."""
+        downhill = self._compliance.T @ self._weight @ self._missed - self._prior @ self.force
+        damped = self._information + self._damping * np.diag(np.diag(self._information))
+        step = np.linalg.solve(damped, downhill)
+        if float(np.abs(step).max()) < _ROUNDED_N:
+            return None
+        self._tried = self.force + step
+        return self._tried
+
+    def judge(self, moved: Array | None, compliance: Array) -> bool:
+        """Take the proposed force when the cost falls there; True when it was taken.
+
+        Args:
+            moved: tip of the model there minus that under `force` [mm]; None where it has none.
+            compliance: tip by force there [mm/N].
+        """
+        if moved is not None:
+            missed = self._missed - moved
+            if self._cost(self._tried, missed) < self._cost(self.force, self._missed):
+                self.force, self._missed = self._tried, missed
+                self._newest = self._newest - moved
+                self._damping *= 0.2
+                self._linearise(compliance)
+                return True
+        self._damping = max(4.0 * self._damping, _DAMPED)
+        return False
+
+    def _cost(self, force: Array, missed: Array) -> float:
+        return float(missed @ self._weight @ missed + force @ self._prior @ force)
+
+    def _jump(self, newest: Array, compliance: Array, model: Array) -> tuple[Jump, int] | None:
+        """A jump and the number of measurements that show it best."""
+        widths = WIDTHS[len(newest) >= WIDTHS]
+        means = np.cumsum(newest, axis=0)[widths - 1] / widths[:, None]
+        known = model + compliance @ self.covariance @ compliance.T
+        spreads = known + self._noise / widths[:, None, None]
+        distances = (means * np.linalg.solve(spreads, means[:, :, None])[:, :, 0]).sum(axis=1)
+        worst = int(distances.argmax())
+        if distances[worst] <= GATE:
+            return None
+        weight = _inverse(self._noise + known)
+        inverse = _inverse(compliance.T @ weight @ compliance + self._prior)
+        x, y, z = (inverse @ compliance.T @ weight @ means[worst]).tolist()
+        return Jump((x, y, z), float(distances[worst])), int(widths[worst])
+
+
+def _inverse(matrix: Array) -> Array:
+    return np.asarray(np.linalg.inv(matrix), dtype=np.float64)

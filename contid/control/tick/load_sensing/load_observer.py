@@ -1,0 +1,239 @@
+"""Estimates the force on the tip of one arm, a bounded piece of work in every tick.
+
+A measurement is compared with the model at the pressures that the regulators reported around its capture.
+The kernel is called once per tick, or a few times when ticks are slow; a few ticks later the measurement is
+in the estimate. The covariance of the model is renewed between measurements. A pure function of what it is
+given: a replay finds the same.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Generator, Sequence
+from dataclasses import dataclass
+from typing import Final, TypeAlias
+
+import numpy as np
+
+from contid.control.tick.load_sensing.identified_arm import SCALE_STEP, IdentifiedArm, Numbers
+from contid.control.tick.load_sensing.load_filter import Jump, LoadFilter
+from contid.control.tick.load_sensing.pressure_trace import PressurePose, PressureTrace
+from contid.control.tick.tip_feedback import Measurement
+from contid.kinematics.array import Array
+from contid.kinematics.cosserat.engine import NearAnswer
+from contid.kinematics.frames import BaseFrame
+from contid.robot_file.cosserat import Cosserat
+from contid.robot_file.pneumatic.sense import LoadSensing
+from contid.targets import Vec3
+from contid.units import MM_PER_M
+
+STANDARD_GRAVITY: Final = 9.80665
+#: Steps of the force per measurement.
+TRIALS: Final = 4
+#: Calls of the kernel per second of ticks; slower ticks make more calls each.
+CALLS_HZ: Final = 400.0
+#: Covariance of the model: renewed after a change of a pressure [bar] or of the force [N].
+_MOVED_BAR: Final = 0.01
+_MOVED_N: Final = 0.002
+
+_NONE: Final = np.zeros((3, 3))
+_Work: TypeAlias = Generator[None, None, None]
+
+
+@dataclass(frozen=True, slots=True)
+class LoadFound:
+    """The force on a tip.
+
+    Attributes:
+        time_s: capture of the newest measurement in it, in the time of the tick.
+        force_in_base: [N].
+        covariance: of it, row-major [N^2].
+        settled: the average is as long as its time constant.
+    """
+
+    time_s: float
+    force_in_base: Vec3
+    covariance: tuple[float, ...]
+    settled: bool
+
+
+class LoadObserver:
+    """The estimate of one arm.
+
+    Args:
+        robot: its description, with a ``sense``.
+        period_s: of the tick.
+    """
+
+    def __init__(self, robot: Cosserat, period_s: float) -> None:
+        assert robot.sense is not None
+        _rehearse(_Estimation(robot, robot.sense.load, period_s), len(robot.axis_names))
+        self._estimation = _Estimation(robot, robot.sense.load, period_s)
+        # The estimation must not hold its own generator: such a ring outlives the process's clean-up.
+        self._work = self._estimation.forever()
+        self._calls = max(1, math.ceil(CALLS_HZ * period_s))
+
+    @property
+    def found(self) -> LoadFound | None:
+        """Newest estimate, None before the first."""
+        return self._estimation.found
+
+    @property
+    def jumps(self) -> list[tuple[float, Jump]]:
+        """Sudden changes since the caller emptied it, with the time of capture [s]."""
+        return self._estimation.jumps
+
+    def tick(
+        self,
+        now_s: float,
+        reported_bar: Numbers | None,
+        commands_bar: Numbers | None,
+        measurement: Measurement | None,
+    ) -> None:
+        """Do the work of one tick.
+
+        Args:
+            now_s: its time.
+            reported_bar: newest pressures of the regulators, None where one is invalid.
+            commands_bar: of the tick before, None without.
+            measurement: newest measured tip there is.
+        """
+        self._estimation.trace.tick(now_s, reported_bar, commands_bar)
+        self._estimation.newest = measurement
+        for _ in range(self._calls):
+            next(self._work)
+
+
+class _Estimation:
+    """The work between two measurements; it makes one call of the kernel between two yields."""
+
+    def __init__(self, robot: Cosserat, sensing: LoadSensing, period_s: float) -> None:
+        self._arm = IdentifiedArm(robot)
+        self._frame = BaseFrame.of(robot.base)
+        self._filter = LoadFilter(
+            sensing.noise_mm, sensing.window_s, sensing.expected_g * 1e-3 * STANDARD_GRAVITY
+        )
+        self.trace = PressureTrace(self._arm.half_loop, period_s)
+        self.newest: Measurement | None = None
+        self._used_s = -math.inf
+        self._moment: Numbers = (0.0, 0.0, 0.0)
+        self._model: Array | None = None
+        self._model_at: tuple[Numbers, Array] = ((), np.zeros(3))
+        self.found: LoadFound | None = None
+        self.jumps: list[tuple[float, Jump]] = []
+
+    def forever(self) -> _Work:
+        """Every measurement when it arrives, the covariance of the model between them."""
+        while True:
+            measurement = self.newest
+            if measurement is None or measurement.time_s <= self._used_s:
+                yield
+                continue
+            self._used_s = measurement.time_s
+            pose = self.trace.at(measurement.time_s)
+            if pose is None:
+                yield
+                continue
+            if self._model is None:
+                yield from self._renew(pose)
+            if self._model is not None:
+                yield from self._take(measurement, pose)
+                if self._changed(pose):
+                    yield from self._renew(pose)
+
+    def _take(self, measurement: Measurement, pose: PressurePose) -> _Work:
+        """Bring a measurement into the estimate."""
+        corrected = self._arm.corrected(pose.pressures, pose.sides)
+        here = self._arm.near(corrected, _vector(self._filter.force), self._moment)
+        if here is None:
+            yield
+            here = self._again(corrected)
+            if here is None:
+                self._filter.restart(0.5 * self._filter.force)  # back to where the arm is stable
+                yield
+                return
+        by_pressure = np.array(here[3]).reshape(3, -1)
+        late = by_pressure @ np.array(pose.late)
+        assert self._model is not None
+        model = self._model + np.outer(late, late) + self._arm.sides_mm2(pose.side_open, by_pressure)
+        tip, self._moment = np.array(here[0]), here[1]
+        seen = MM_PER_M * np.array(self._frame.point_in_base(measurement.tip_in_world))
+        jump = self._filter.add(measurement.time_s, seen - tip, _matrix(here[2]), model)
+        if jump is not None:
+            self.jumps.append((measurement.time_s, jump))
+        for _ in range(TRIALS):
+            tried = self._filter.proposed()
+            if tried is None:
+                break
+            yield
+            # A force on the tip has a moment about the base that follows from the tip.
+            predicted = np.array(self._moment) + np.cross(tip, tried - self._filter.force)
+            there = self._arm.near(corrected, _vector(tried), predicted.tolist())
+            if there is None:
+                self._filter.judge(None, _NONE)
+            elif self._filter.judge(np.array(there[0]) - tip, _matrix(there[2])):
+                tip, self._moment = np.array(there[0]), there[1]
+        spread = tuple(self._filter.covariance.ravel().tolist())
+        force = _vector(self._filter.force)
+        self.found = LoadFound(measurement.time_s, force, spread, self._filter.settled)
+        yield
+
+    def _again(self, corrected: Numbers) -> NearAnswer | None:
+        """The equilibrium under the force of the estimate, led from the unloaded arm."""
+        force = _vector(self._filter.force)
+        moment = self._arm.base_moment(corrected, force)
+        return None if moment is None else self._arm.near(corrected, force, moment)
+
+    def _changed(self, pose: PressurePose) -> bool:
+        pressures, force = self._model_at
+        moved_bar = max(abs(a - b) for a, b in zip(pressures, pose.pressures, strict=True))
+        return moved_bar > _MOVED_BAR or float(np.abs(force - self._filter.force).max()) > _MOVED_N
+
+    def _renew(self, pose: PressurePose) -> _Work:
+        """The covariance of the model at a pose; it stays as it was where the arm is unstable."""
+        arm, force = self._arm, self._filter.force
+        corrected, load = arm.corrected(pose.pressures, pose.sides), _vector(force)
+        here = arm.near(corrected, load, self._moment)
+        yield
+        if here is None:
+            here = self._again(corrected)
+            yield
+        if here is None:
+            self._filter.restart(0.5 * force)
+            return
+        columns = []
+        for scale in range(arm.scales):
+            moved = arm.near(corrected, load, here[1], scale)
+            yield
+            if moved is None:
+                return
+            columns.append((np.array(moved[0]) - np.array(here[0])) / SCALE_STEP)
+        by_pressure = np.array(here[3]).reshape(3, -1)
+        self._moment = here[1]
+        self._model = arm.covariance_mm2(pose.pressures, pose.sides, by_pressure, np.array(columns).T)
+        self._model_at = (pose.pressures, force)
+
+
+def _rehearse(estimation: _Estimation, axes: int) -> None:
+    """Make every call once: the first ones take milliseconds."""
+    still, work = (0.5,) * axes, estimation.forever()
+    for number in range(20):
+        estimation.trace.tick(0.1 * number, still, still)
+        estimation.newest = Measurement((0.01 * (number % 2), 0.0, 0.09), 0.1 * number)
+        next(work)
+
+
+def _vector(array: Array) -> Vec3:
+    x, y, z = array.tolist()
+    return x, y, z
+
+
+def _matrix(row_major: Numbers) -> Array:
+    return np.array(row_major).reshape(3, 3)
+
+
+def in_bar(values: Sequence[float | None]) -> Numbers | None:
+    """Pressures [Pa] in bar, None where one is missing."""
+    if not values or None in values:
+        return None
+    return tuple([(value or 0.0) * 1e-5 for value in values])

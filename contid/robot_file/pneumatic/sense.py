@@ -1,0 +1,65 @@
+"""The ``sense`` of a pneumatic arm: the force on its tip from a tracker, and the error of its model."""
+
+from __future__ import annotations
+
+from typing import Annotated
+
+from pydantic import Field
+
+from contid.robot_file.base import NonNegative, Positive, Strict
+
+_Numbers = tuple[float, ...]
+
+
+class ModelErrors(Strict):
+    """Error of the model without load; written by `contid calibrate load`.
+
+    A model with these errors has the measured tips without load: pressures ``p + offset + gain (p - middle) +
+    loop side``, where side is -1 to 1 with the last motion of the axis, and other moduli and moments.
+
+    Attributes:
+        offset_bar: of every axis.
+        gain: of every axis.
+        loop_bar: half the hysteresis loop of every axis.
+        modulus: of every section, by which part its modulus is greater than ``geometry`` has it.
+        moment: of every section, by which part its pressure moment is greater.
+        axis_sigma_bar: standard deviation of what remains at an axis.
+        tip_sigma_mm: standard deviation of what remains at the tip beside it.
+        covariance_factor: rows of a lower triangle L; L times its transpose is the covariance of all numbers
+            above in this order, in bar.
+    """
+
+    offset_bar: _Numbers
+    gain: _Numbers
+    loop_bar: _Numbers
+    modulus: _Numbers
+    moment: _Numbers
+    axis_sigma_bar: NonNegative
+    tip_sigma_mm: NonNegative
+    covariance_factor: tuple[_Numbers, ...]
+
+
+class LoadSensing(Strict):
+    """Estimates the force on the tip in every tick, from measured tips.
+
+    Attributes:
+        noise_mm: standard deviation of a measured tip, per component.
+        window_s: time constant of the average over measurements.
+        expected_g: standard deviation of a component of the load before any measurement.
+        calibration: the error of the model without load.
+    """
+
+    noise_mm: Positive = 0.3
+    window_s: Annotated[float, Field(ge=0.05, le=10)] = 0.4
+    expected_g: Annotated[float, Field(ge=0.1, le=1000)] = 20.0
+    calibration: ModelErrors
+
+
+class Sense(Strict):
+    """What an arm senses.
+
+    Attributes:
+        load: the force on its tip.
+    """
+
+    load: LoadSensing

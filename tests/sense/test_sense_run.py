@@ -1,0 +1,103 @@
+"""From a session without load to the payload in the next run, with the commands of a user."""
+
+import json
+import math
+import subprocess
+import sys
+
+import numpy as np
+import pytest
+
+from contid import Session, kernels
+from contid.errors import BadInputError
+from contid.robot_file.cosserat import Cosserat
+from contid.robot_file.load import load_robot_file, parse_robot_file
+from contid.robot_file.shipped import load_named
+
+pytestmark = pytest.mark.skipif(kernels.load("cosserat") is None, reason="NumPy takes minutes")
+
+SIM = """    sim:
+      payload_g: {grams}
+      payload_at_s: 3
+      errors: {{modulus_percent: [4, -3], moment_percent: -2, regulator_bar: 0.03, hysteresis_bar: 0.03}}
+"""
+
+
+def contid(folder, *arguments, code=0):
+    command = [sys.executable, "-m", "contid", *arguments]
+    done = subprocess.run(command, cwd=folder, capture_output=True, text=True, timeout=300)
+    assert done.returncode == code, done.stderr
+    return done
+
+
+def rests(path, poses, last_s=0.0):
+    """A path that rests at pressures for 1 s each, at the last one longer."""
+    axes = [f"s{i}.p{j}_bar" for i in (1, 2) for j in (1, 2, 3)]
+    lines, t = [",".join(["t_s", *axes])], 0.0
+    for number, bar in enumerate(poses):
+        end = t + 1.0 + (last_s if number == len(poses) - 1 else 0.0)
+        for at in (t, t + 1e-3, end - 1e-3, end):
+            lines.append(f"{at:.3f}," + ",".join(f"{value:.4f}" for value in bar))
+        t = end + 1.2
+    path.write_text("\n".join(lines) + "\n")
+
+
+@pytest.fixture(scope="module")
+def folder(tmp_path_factory):
+    """A folder with an arm, calibrated in a session without load."""
+    folder, rng = tmp_path_factory.mktemp("arm"), np.random.default_rng(4)
+    text = load_named("stiffflop2").text.replace("rate_hz: 500", "rate_hz: 200", 1)
+    assert "\n    stop: {on_end" in text
+    with_sim = text.replace("    stop: {on_end", SIM.format(grams=0) + "    stop: {on_end", 1)
+    (folder / "arm.yaml").write_text(with_sim)
+    rests(folder / "one.csv", np.random.default_rng(5).uniform(0.05, 1.2, (1, 6)), last_s=5.0)
+    rests(folder / "many.csv", rng.uniform(0.05, 1.2, (24, 6)))
+    contid(folder, "run", "arm.yaml", "--virtual", "--trajectory", "many.csv", "--record", "empty.mcap")
+    done = contid(folder, "calibrate", "load", "empty.mcap", "--write", "arm.yaml")
+    assert "24 rests without load" in done.stdout
+    assert "written to arm.yaml" in done.stderr
+    return folder
+
+
+def test_the_payload_is_in_the_next_session(folder):
+    text = (folder / "arm.yaml").read_text()
+    (folder / "loaded.yaml").write_text(text.replace("payload_g: 0", "payload_g: 7", 1))
+    contid(folder, "run", "loaded.yaml", "--virtual", "--trajectory", "one.csv", "--record", "loaded.mcap")
+    rows = list(Session(folder / "loaded.mcap"))
+    at = {round(row["t_s"], 3): row for row in rows}
+    for t_s, grams in ((2.9, 0.0), (4.1, 7.0), (5.5, 7.0)):
+        row = at[t_s]
+        for axis, truth_g in zip("xyz", (0.0, 0.0, grams), strict=True):
+            found, sigma = (row[f"sample.arm.est.{name}"] for name in (f"f{axis}_n", f"sigma_{axis}_n"))
+            assert found == pytest.approx(truth_g * 9.80665e-3, abs=4.0 * sigma)
+            assert 0.0 < sigma < 0.01
+    assert math.isnan(rows[0]["sample.arm.est.fz_n"])
+    done = contid(folder, "replay", "loaded.mcap")
+    assert "bit for bit" in done.stdout + done.stderr
+
+
+def test_a_second_calibration_replaces_the_first(folder):
+    contid(folder, "calibrate", "load", "empty.mcap", "--write", "arm.yaml", "--noise-mm", "0.4")
+    arm = load_robot_file(folder / "arm.yaml").file.robots["arm"]
+    assert isinstance(arm, Cosserat)
+    assert arm.sense is not None
+    assert len(arm.sense.load.calibration.covariance_factor) == 22
+
+
+def test_a_session_without_measured_tips_is_refused(folder):
+    plain = folder / "plain.yaml"
+    plain.write_text(load_named("stiffflop2").text)
+    contid(folder, "run", "plain.yaml", "--virtual", "--trajectory", "one.csv", "--record", "plain.mcap")
+    done = contid(folder, "calibrate", "load", "plain.mcap", code=2)
+    assert "arm never rests with measured tips" in done.stderr
+    assert json.dumps(done.stdout) == '""'
+
+
+def test_a_calibration_of_another_arm_is_refused(folder):
+    text = (folder / "arm.yaml").read_text()
+    begin = text.index("modulus: [", text.index("sense:"))
+    broken = text[:begin] + "modulus: [0.01]" + text[text.index("]", begin) + 1 :]
+    with pytest.raises(
+        BadInputError, match=r"arm.yaml:\d+.*calibration.modulus: 2 entries are needed, got 1"
+    ):
+        parse_robot_file(broken, "arm.yaml")
