@@ -3,10 +3,11 @@
 from __future__ import annotations
 
 import subprocess
-import sys
 from pathlib import Path
 from types import TracebackType
 from typing import Final, Self
+
+from contid.child_module import module_command
 
 #: How long the end of a run waits for the panel's end.
 EXIT_TIMEOUT_S: Final = 5.0
@@ -17,7 +18,7 @@ class PanelSubprocess:
 
     def __init__(self, socket: Path, opens: bool) -> None:
         """Start it for the daemon that listens, or will listen, on a socket; ``opens`` a browser."""
-        command = [sys.executable, "-m", "contid", "panel", "--socket", str(socket), "--wait"]
+        command = module_command("contid", "panel", "--socket", str(socket), "--wait")
         self._process = subprocess.Popen(
             command + ["--open"] * opens,
             stdin=subprocess.PIPE,

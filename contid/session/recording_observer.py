@@ -5,13 +5,13 @@ from __future__ import annotations
 import os
 import pickle
 import subprocess
-import sys
 import tempfile
 from collections.abc import Mapping, Sequence
 from contextlib import suppress
 from pathlib import Path
 from typing import Final
 
+from contid.child_module import module_command
 from contid.control.daemon.spawn import ENVIRONMENT
 from contid.control.engine.cycle import Sink
 from contid.control.engine.messages import Message, Play
@@ -67,7 +67,7 @@ class RecordingObserver:
         """
         # In a session of its own: signals to the daemon's process group do not reach it.
         self._process = process = subprocess.Popen(
-            [sys.executable, "-m", "contid.session.mcap_recorder"],
+            module_command("contid.session.mcap_recorder"),
             stdin=subprocess.PIPE,
             stdout=subprocess.PIPE,
             start_new_session=True,

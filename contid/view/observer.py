@@ -5,11 +5,11 @@ from __future__ import annotations
 import os
 import pickle
 import subprocess
-import sys
 from collections.abc import Sequence
 from contextlib import suppress
 from typing import Final
 
+from contid.child_module import module_command
 from contid.control.daemon.spawn import ENVIRONMENT
 from contid.control.engine.cycle import Sink
 from contid.control.engine.events import RunEvent
@@ -40,7 +40,7 @@ class ViewerObserver:
     def attach(self, setup: RunSetup, pid: int) -> None:
         """Start the viewer's process without waiting: the ring keeps what it misses while it imports."""
         self._process = process = subprocess.Popen(
-            [sys.executable, "-m", "contid.view.viewer_process"],
+            module_command("contid.view.viewer_process"),
             stdin=subprocess.PIPE,
             start_new_session=True,
             env={**os.environ, **ENVIRONMENT},

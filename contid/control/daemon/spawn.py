@@ -4,9 +4,10 @@ from __future__ import annotations
 
 import os
 import subprocess
-import sys
 from dataclasses import dataclass
 from typing import Final
+
+from contid.child_module import module_command
 
 #: Threads of a linear-algebra library would disturb the tick; pydantic's search for plug-ins costs 50 ms.
 ENVIRONMENT: Final = {
@@ -28,7 +29,7 @@ def spawn() -> Spawned:
     """Start ``python -m contid.control.process``."""
     os.environ.setdefault("PYDANTIC_DISABLE_PLUGINS", ENVIRONMENT["PYDANTIC_DISABLE_PLUGINS"])
     inside, pipe = os.pipe()
-    command = [sys.executable, "-m", "contid.control.process", str(inside), str(os.getpid())]
+    command = module_command("contid.control.process", str(inside), str(os.getpid()))
     try:
         # A session of its own: Ctrl-C and a closed terminal reach the daemon only.
         process = subprocess.Popen(

@@ -70,7 +70,7 @@ def build_core(processor: str = "cortex_m3") -> Path:
     program.parent.mkdir(parents=True, exist_ok=True)
     fresh = program.with_name(f"{program.name}.{os.getpid()}")
     command = [
-        *(sys.executable, "-m", "ziglang", "c++", *flags, "-I", str(m3), f"-Wl,-T,{m3 / 'due.ld'}"),
+        *(sys.executable, "-P", "-m", "ziglang", "c++", *flags, "-I", str(m3), f"-Wl,-T,{m3 / 'due.ld'}"),
         *("-o", str(fresh), *map(str, sources)),
     ]
     done = subprocess.run(command, capture_output=True, text=True, check=False)
