@@ -34,7 +34,7 @@ VALUES = HEAD.size + 2 * ROBOT.size + 3 * AXIS.size
 def values(tick: int) -> list[float]:
     out: list[float] = [tick, 0, tick * 0.01, 1e-5, 2e-4, math.pi]
     for robot, axes in enumerate((2, 1)):
-        out += [5, 0, 7, 1 << 40, robot, *(k + 0.25 for k in range(21))]
+        out += [5, 0, 7, 1 << 40, robot, *(k + 0.25 for k in range(ROBOT.size - 5))]
         for axis in range(axes):
             out += [axis + 0.1 * k for k in range(AXIS.size)]
     return out
