@@ -13,6 +13,7 @@ and the bends are where the moments of all pieces balance the backbone, found st
 from __future__ import annotations
 
 import math
+import time
 from collections.abc import Sequence
 from typing import Final
 
@@ -31,6 +32,9 @@ BRISTLE: Final = 0.3
 _STEP: Final = 20.0
 _SAME: Final = 0.1
 _ITERATIONS: Final = 40
+#: The load on a shaft is solved anew after this time: servos step one after the other, thousands of times
+#: a second.
+_EVERY_S: Final = 0.01
 _SMALL: Final = 1e-7
 
 
@@ -66,6 +70,7 @@ class FrictionPlant(TendonPlant):
         self._at: Floats | None = None
         self._arrived = np.zeros(tendons)
         self._tensions = np.zeros(tendons)
+        self._solved_s = -math.inf
 
     @property
     def bends(self) -> Floats:
@@ -93,6 +98,16 @@ class FrictionPlant(TendonPlant):
                 self._solve(self._arrived)
             self._at = wound
         return self._tensions
+
+    def load_ma(self, number: int) -> float:
+        """See `TendonPlant`; from the last balance while that is young."""
+        if self.held:
+            return super().load_ma(number)
+        now_s = time.monotonic()
+        if self._at is None or now_s - self._solved_s > _EVERY_S:
+            self._solved_s = now_s
+            self.tensions_ma()
+        return float(-self._winding[number] * self._tensions[number])
 
     def snap(self, number: int, on: bool = True) -> None:
         """Tendon ``number`` breaks, or is tied again."""
