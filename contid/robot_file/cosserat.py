@@ -228,6 +228,8 @@ class Cosserat(RobotDescription):
         limits: of the pressures.
         solver: of the inverse kinematics.
         sense: the force on the tip from a tracker; off when left out.
+        load: ``estimated``: the solver gets the force that ``sense.load`` finds, in place of the one that
+            targets state; ``known``: what targets state.
         sim: payload, wall, errors and tracker of the simulated arm, for ``--mock`` and ``driver: sim``.
     """
 
@@ -239,6 +241,7 @@ class Cosserat(RobotDescription):
     limits: CosseratLimits
     solver: CosseratSolver = CosseratSolver()
     sense: Sense | None = None
+    load: Literal["known", "estimated"] = "known"
     sim: SimulatedArm | None = None
 
     @property
@@ -266,6 +269,8 @@ class Cosserat(RobotDescription):
     @model_validator(mode="after")
     def _limits_fit(self) -> Cosserat:
         low = self.limits.pressure_bar[0]
+        if self.load == "estimated" and self.sense is None:
+            raise ValueError("load: estimated needs sense.load; `contid calibrate load` writes it")
         if self.sense is not None:
             self._check_calibration(self.sense.load.calibration)
         if self.sim is not None and len(self.sim.errors.modulus_percent) > len(self.geometry.sections):

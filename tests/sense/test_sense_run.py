@@ -22,6 +22,12 @@ SIM = """    sim:
       errors: {{modulus_percent: [4, -3], moment_percent: -2, regulator_bar: 0.03, hysteresis_bar: 0.03}}
 """
 
+TIP = """    sim:
+      payload_g: {grams}
+      errors: {{modulus_percent: [4, -3], moment_percent: -2, regulator_bar: 0.03, hysteresis_bar: 0.03}}
+      tracker: {{hidden_s: [[8, 20]]}}
+"""
+
 
 def contid(folder, *arguments, code=0):
     command = [sys.executable, "-m", "contid", *arguments]
@@ -101,3 +107,49 @@ def test_a_calibration_of_another_arm_is_refused(folder):
         BadInputError, match=r"arm.yaml:\d+.*calibration.modulus: 2 entries are needed, got 1"
     ):
         parse_robot_file(broken, "arm.yaml")
+
+
+def tips(path):
+    """A tip that the arm reaches with and without 7 g, for 12 s."""
+    lines = ["t_s,x_mm,y_mm,z_mm"]
+    lines += [f"{t:g},-14,10,91" for t in (0.0, 1e-3, 11.999, 12.0)]
+    path.write_text("\n".join(lines) + "\n")
+
+
+def test_the_estimated_load_is_compensated_without_a_step(folder):
+    tips(folder / "tip.csv")
+    sensing = (folder / "arm.yaml").read_text()
+    old = SIM.format(grams=0)
+    assert old in sensing
+    means, loads = {}, {}
+    for name, grams, key in (("empty", 0, "known"), ("bent", 7, "known"), ("fed", 7, "estimated")):
+        text = sensing.replace(old, TIP.format(grams=grams) + f"    load: {key}\n", 1)
+        (folder / "tip.yaml").write_text(text)
+        session = folder / f"tip_{name}.mcap"
+        contid(folder, "run", "tip.yaml", "--virtual", "--trajectory", "tip.csv", "--record", str(session))
+        rows = [row for row in Session(session) if row["t_s"] <= 12.0]
+        measured = {
+            row["t_s"] - row["sample.arm.meas.age_s"]: [row[f"sample.arm.meas.{axis}_mm"] for axis in "xyz"]
+            for row in rows
+            if 6.0 <= row["t_s"] <= 8.0
+        }
+        means[name] = np.mean(list(measured.values()), axis=0)
+        loads[name] = np.nan_to_num([row["target.arm.load.fz_n"] for row in rows])
+    bent, left = (np.linalg.norm(means[name] - means["empty"]) for name in ("bent", "fed"))
+    assert bent > 3.0
+    assert left <= 0.15 * bent
+    assert not loads["bent"].any()
+    # 200 Hz: brought in by the filter, taken out once the tracker is hidden.
+    fz = loads["fed"]
+    assert fz.max() == pytest.approx(7.0 * 9.80665e-3, rel=0.25)
+    assert np.abs(np.diff(fz)).max() < 0.05 * fz.max()
+    assert fz[-1] == 0.0
+    done = contid(folder, "replay", "tip_fed.mcap")
+    assert "bit for bit" in done.stdout + done.stderr
+
+
+def test_an_estimated_load_needs_its_sensing():
+    text = load_named("stiffflop2").text
+    text = text.replace("    stop: {on_end", "    load: estimated\n    stop: {on_end", 1)
+    with pytest.raises(BadInputError, match=r"load: estimated needs sense\.load"):
+        parse_robot_file(text, "arm.yaml")

@@ -195,6 +195,7 @@ class Engine:
             case msg.Goto(robot, target) if chains.concerns(robot):
                 chains.goto(robot, target)
             case msg.Goto(robot, target):
+                target = self._loads.loaded_goto(robot, target)
                 robots.order((robot,), lambda p, s, t: transitions.goto(p, s, target, t), now_s)
             case msg.Hold(who):
                 selector.pause(who, step)
@@ -242,6 +243,7 @@ class Engine:
         targets = self._clearance.before_tick(selector.targets(step, now_s))
         targets = self._chains.before_tick(targets, now_s, selector.measured)
         self._loads.tick(now_s, selector.measured)
+        targets = self._loads.loaded(targets, now_s)
         commands: dict[str, dict[str, float]] = {name: {} for name in self._buses}
         bus_of = exchange.bus_of
         outcomes = [
@@ -312,7 +314,7 @@ class Engine:
             else:  # the nearest point, which may jump
                 tally.off_path(_behind_m(config, state, target))
                 # A correction by measured tips may lead out of the reach that was checked.
-                if isinstance(source, Timed) and source.within_reach and config.feedback is None:
+                if isinstance(source, Timed) and source.within_reach and not config.departs:
                     tally.missed(outcome.solution.residual_m)
         for bits in outcome.limits:
             if bits:

@@ -10,9 +10,10 @@ from contid.control.engine.exchange import Exchange
 from contid.control.engine.robots import Robots
 from contid.control.tick.config import RobotConfig
 from contid.control.tick.load_sensing.identified_arm import Numbers
+from contid.control.tick.load_sensing.load_feed import FedLoad, fed, loaded
 from contid.control.tick.load_sensing.load_observer import LoadFound, LoadObserver, in_bar
 from contid.control.tick.tip_feedback import Measurement
-from contid.targets import Vec3
+from contid.targets import ZERO3, Target, Vec3
 
 #: An estimate without newer measurements is not shown any longer.
 SHOWN_S = 1.0
@@ -35,6 +36,12 @@ class LoadWatch:
             if config.sensing is not None
         }
         self.in_world: dict[str, tuple[Vec3, Vec3]] = {}
+        self._fed = {
+            config.name: FedLoad()
+            for config in robots.configs
+            if config.sensing is not None and config.sensing.load == "estimated"
+        }
+        self._counts: dict[str, tuple[float, Vec3]] = {}
         self._shown: dict[int, LoadFound] = {}
 
     def tick(self, now_s: float, measured: Mapping[str, Measurement]) -> None:
@@ -51,6 +58,29 @@ class LoadWatch:
             elif self._shown.get(index) is not found:
                 self._shown[index] = found
                 self.in_world[config.name] = _in_world(config, found)
+                if found.margin:
+                    self._counts[config.name] = (found.time_s, self.in_world[config.name][0])
+
+    def loaded(self, targets: Mapping[str, Target | None], now_s: float) -> Mapping[str, Target | None]:
+        """The targets of this tick, with the estimated load where the solver is to have it."""
+        if not self._fed:
+            return targets
+        out = dict(targets)
+        for index, config in enumerate(self._robots.configs):
+            if (before := self._fed.get(config.name)) is None:
+                continue
+            target = targets.get(config.name) or self._robots.states[index].goto
+            known_n = ZERO3 if target is None else target.load_n
+            after = fed(before, now_s, config.period_s, self._counts.get(config.name), known_n)
+            self._fed[config.name] = after
+            if (given := out.get(config.name)) is not None:
+                out[config.name] = loaded(after, given)
+        return out
+
+    def loaded_goto(self, robot: str, target: Target) -> Target:
+        """A single target with the load of this moment."""
+        fed_load = self._fed.get(robot)
+        return target if fed_load is None else loaded(fed_load, target)
 
     def _reported(self, config: RobotConfig) -> Numbers | None:
         samples = self._exchange.samples_of(config)

@@ -125,6 +125,12 @@ class RobotConfig:
     straight: bool = False
     shared: SharedLimits | None = None
 
+    @property
+    def departs(self) -> bool:
+        """True when measurements move the targets, also out of the reach that was checked."""
+        estimated = self.sensing is not None and self.sensing.load == "estimated"
+        return self.feedback is not None or estimated
+
 
 def robot_config(
     name: str,

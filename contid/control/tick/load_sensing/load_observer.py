@@ -30,6 +30,8 @@ from contid.units import MM_PER_M
 STANDARD_GRAVITY: Final = 9.80665
 #: Steps of the force per measurement.
 TRIALS: Final = 4
+#: The arm must be stable under this many times a force that the solver gets; reached in these steps.
+MARGIN: Final = (1.25, 1.5)
 #: Calls of the kernel per second of ticks; slower ticks make more calls each.
 CALLS_HZ: Final = 400.0
 #: Covariance of the model: renewed after a change of a pressure [bar] or of the force [N].
@@ -49,12 +51,14 @@ class LoadFound:
         force_in_base: [N].
         covariance: of it, row-major [N^2].
         settled: the average is as long as its time constant.
+        margin: the arm is stable under 1.5 times this force; False where that was not looked for.
     """
 
     time_s: float
     force_in_base: Vec3
     covariance: tuple[float, ...]
     settled: bool
+    margin: bool
 
 
 class LoadObserver:
@@ -119,6 +123,7 @@ class _Estimation:
         self._moment: Numbers = (0.0, 0.0, 0.0)
         self._model: Array | None = None
         self._model_at: tuple[Numbers, Array] = ((), np.zeros(3))
+        self._checks_margin = robot.load == "estimated"
         self.found: LoadFound | None = None
         self.jumps: list[tuple[float, Jump]] = []
 
@@ -174,8 +179,20 @@ class _Estimation:
             elif self._filter.judge(np.array(there[0]) - tip, _matrix(there[2])):
                 tip, self._moment = np.array(there[0]), there[1]
         spread = tuple(self._filter.covariance.ravel().tolist())
+        reached, moment = tip, self._moment
         force = _vector(self._filter.force)
-        self.found = LoadFound(measurement.time_s, force, spread, self._filter.settled)
+        margin = self._checks_margin
+        for last, part in zip((1.0, *MARGIN), MARGIN, strict=False):
+            if not margin:
+                break
+            yield
+            more = (part - last) * self._filter.force
+            predicted = np.array(moment) + np.cross(reached, more)
+            there = self._arm.near(corrected, _vector(part * self._filter.force), predicted.tolist())
+            margin = there is not None
+            if there is not None:
+                reached, moment = np.array(there[0]), there[1]
+        self.found = LoadFound(measurement.time_s, force, spread, self._filter.settled, margin)
         yield
 
     def _again(self, corrected: Numbers) -> NearAnswer | None:
