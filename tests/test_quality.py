@@ -12,6 +12,7 @@ import pytest
 ROOT = Path(__file__).parent.parent
 
 
+@pytest.mark.timeout(900)  # mypy without its cache, on a busy machine
 @pytest.mark.parametrize(
     "command",
     [
