@@ -101,9 +101,7 @@ class ClearanceGuard:
     def __init__(self, file: RobotFile, clearance: Clearance) -> None:
         self.margin_m: float = clearance.margin_mm / MM_PER_M
         self.arms: dict[str, Arm] = {name: _arm(file, clearance, name) for name in clearance.bodies}
-        self.obstacles: dict[str, Obstacle] = {
-            name: _obstacle(each) for name, each in clearance.obstacles.items()
-        }
+        self.obstacles: dict[str, Obstacle] = obstacles_of(clearance)
         ignored = {frozenset(pair) for pair in clearance.ignore}
         every = [*itertools.combinations(self.arms, 2), *itertools.product(self.arms, self.obstacles)]
         self.pairs: tuple[tuple[str, str], ...] = tuple(p for p in every if frozenset(p) not in ignored)
@@ -175,6 +173,11 @@ def body_speed(model: Model, own_axes: int) -> tuple[float, ...]:
             motion = float(np.max(np.linalg.norm(there - here, axis=1)))
             greatest[axis] = max(greatest[axis], motion / (_STEP * float((high - low)[axis])))
     return (*(SPEED_FACTOR * greatest).tolist(), *(0.0 for _ in rest))
+
+
+def obstacles_of(clearance: Clearance) -> dict[str, Obstacle]:
+    """The obstacles of a file in the world, by name."""
+    return {name: _obstacle(each) for name, each in clearance.obstacles.items()}
 
 
 def _obstacle(description: ObstacleDescription) -> Obstacle:

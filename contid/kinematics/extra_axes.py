@@ -35,6 +35,7 @@ class WithExtraAxes:
         self.taut = getattr(model, "taut", None)
         self.capstan = getattr(model, "capstan", None)
         self.shared = getattr(model, "shared", None)
+        self.avoid = getattr(model, "avoid", None)
         self.straight_approach: bool = getattr(model, "straight_approach", False)
 
     def forward(self, actuation: Actuation, load_n: Vec3 = ZERO3) -> Pose:

@@ -7,6 +7,7 @@ from dataclasses import dataclass
 from typing import TypeVar
 
 from contid.clearance.guard import ClearanceGuard
+from contid.clearance.lead import lead_around
 from contid.control.engine.tick_layout import RecordLayout, RobotLayout
 from contid.control.tick.config import RobotConfig, robot_config
 from contid.control.tick.preflight import Preflight, Unreachable
@@ -117,12 +118,17 @@ def _carry(loaded: LoadedFile, buses: Mapping[str, Bus], name: str, robot: Cosse
 
 
 def build_robot_configs(loaded: LoadedFile, rate_hz: float) -> tuple[RobotConfig, ...]:
-    """One configuration per driven robot, in file order."""
+    """One configuration per driven robot, in file order; redundant ones keep away from obstacles."""
     tolerance = {bus.name: bus.tolerance_ticks for bus in loaded.buses.values()}
-    return tuple(
+    configs = tuple(
         robot_config(name, robot, RobotTransmission(robot), rate_hz, tolerance)
         for name, robot in driven_robots(loaded).items()
     )
+    clearance = loaded.file.clearance
+    if clearance is not None and clearance.obstacles:
+        for config in configs:
+            lead_around(config.model, config.frame, config.name, clearance)
+    return configs
 
 
 def chain_guards(loaded: LoadedFile) -> list[ChainGuard]:

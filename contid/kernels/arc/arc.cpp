@@ -85,6 +85,8 @@ NB_MODULE(KERNEL_MODULE, module) {
            nb::arg("lower"), nb::arg("upper"), nb::arg("home"), nb::arg("rack"), nb::arg("curvature_max"),
            nb::arg("tuning"))
       .def("forward", &contid::forward_row, nb::arg("lengths"))
+      .def("avoid", &contid::avoid_rows, nb::arg("obstacles"), nb::arg("radius"), nb::arg("margin"), nb::arg("from_"),
+           nb::arg("zone"), nb::arg("force"))
       .def("differentiate", &contid::differentiate_row, nb::arg("lengths"), nb::arg("tip"), nb::arg("spin"),
            nb::arg("mid"))
       .def("solve", &solve, nb::arg("tip"), nb::arg("direction").none(), nb::arg("mid").none(), nb::arg("seed"),

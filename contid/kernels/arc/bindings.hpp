@@ -45,6 +45,19 @@ inline Tuning tuning_of(nanobind::handle tuning) {
           number("tracking"),     number("still_m"),      number("still_error_m")};
 }
 
+// Obstacles as rows of the kernel clearance in the base frame; see Avoid.
+inline void avoid_rows(SectionSolver& self, nanobind::handle obstacles, double radius, double margin, double from,
+                       double zone, double force) {
+  Avoid around;
+  for (const nanobind::handle row : obstacles) {
+    double packed[17];
+    read(row, packed, 17, "obstacles: seventeen numbers each");
+    around.obstacles.emplace_back(packed);
+  }
+  around.radius = radius, around.margin = margin, around.from = from, around.zone = zone, around.force = force;
+  self.avoid(around);
+}
+
 inline nanobind::tuple forward_row(const SectionSolver& self, nanobind::handle variables) {
   double x[kMaxLengths];
   read(variables, x, self.size(), CONTID_VARIABLES);

@@ -21,13 +21,13 @@ class Descent {
     return task.error;
   }
 
-  // One start, in place; returns the error left [m] and adds the steps to `iterations`.
-  double run(double* lengths, const Goal& goal, int& iterations) const {
+  // One start, in place; returns the error left [m] and adds the steps to `iterations`. `avoid` may be null.
+  double run(double* lengths, const Goal& goal, int& iterations, const Avoid* avoid = nullptr) const {
     double error = approach(lengths, goal, tuning.near * tuning.ell, iterations);
-    if (error < tuning.near * tuning.ell && home(lengths, goal, error, iterations)) return error;
+    if (error < tuning.near * tuning.ell && home(lengths, goal, error, iterations, avoid)) return error;
     error = approach(lengths, goal, tuning.tolerance, iterations);
     if (error > tuning.tolerance) error = settle(feasible, tuning, lengths, goal, iterations);
-    if (error <= tuning.tolerance) home(lengths, goal, error, iterations);
+    if (error <= tuning.tolerance) home(lengths, goal, error, iterations, avoid);
     return error;
   }
 
@@ -39,11 +39,11 @@ class Descent {
   }
 
   // The settled lengths, in place, if the target is met there; else nothing changes.
-  bool home(double* lengths, const Goal& goal, double& error, int& iterations) const {
+  bool home(double* lengths, const Goal& goal, double& error, int& iterations, const Avoid* avoid) const {
     if (tuning.home_steps == 0) return error <= tuning.tolerance;
     double settled[kMaxLengths];
     std::memcpy(settled, lengths, feasible.size() * sizeof(double));
-    const double left = homing_.run(feasible, settled, goal, iterations);
+    const double left = homing_.run(feasible, settled, goal, iterations, avoid);
     if (!(left <= tuning.tolerance)) return false;
     std::memcpy(lengths, settled, feasible.size() * sizeof(double));
     error = left;

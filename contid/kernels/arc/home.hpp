@@ -2,6 +2,7 @@
 // Twin and specification: contid/kinematics/arc/home.py: same decisions, same order.
 #pragma once
 
+#include "avoid.hpp"
 #include "newton.hpp"
 
 namespace contid {
@@ -14,7 +15,9 @@ class Homing {
   }
 
   // From lengths near the target, in place; returns the error left [m], above the tolerance when it is not met.
-  double run(const Feasible& feasible, double* lengths, const Goal& goal, int& iterations) const {
+  // `avoid`: obstacles whose potential is added to the distance from home; may be null.
+  double run(const Feasible& feasible, double* lengths, const Goal& goal, int& iterations,
+             const Avoid* avoid = nullptr) const {
     const int n = feasible.size();
     const Tuning& t = tuning_;
     Task tasks[2];
@@ -23,14 +26,18 @@ class Homing {
     double metric[kMaxLengths * kMaxLengths], last_step = kInfinity, stiffness = 0.0;
     bool curved = false;  // the metric has the curvature of task and cones
     bool fresh = false;   // at these lengths
-    for (int k = 0; k < t.home_steps; ++k) {
+    const int most = avoid ? 2 * t.home_steps : t.home_steps;
+    for (int k = 0; k < most; ++k) {
       ++iterations;
       const Task& task = tasks[now];
       Task& next = tasks[1 - now];
       double e[kMaxRows], z[kMaxLengths], d[kMaxLengths], y[kMaxRows], trial[kMaxLengths];
       task_error(task, goal, feasible.sections, e);
-      double slope[kMaxLengths];
+      double slope[kMaxLengths], near_factor[kMaxLengths * kMaxLengths];
+      const double* whiten = home_factor_;
       home_slope(feasible, lengths, slope);
+      const double push = avoid ? add_push(feasible, *avoid, lengths, slope, near_factor) : 0.0;
+      if (push > 0.0 && factor(near_factor, n, kMaxLengths)) whiten = near_factor;
       for (int i = 0; i < n; ++i) z[i] = slope[i];
       for (int a = 0; curved && a < task.rows; ++a)
         for (int i = 0; i < n; ++i) z[i] += stiffness * task.J[a][i] * e[a];
@@ -38,7 +45,7 @@ class Homing {
       if (curved)
         equation_step(TangentLimits(feasible, lengths), task, e, z, lengths, metric, d, y, cones);
       else
-        equation_step(feasible, task, e, z, lengths, home_factor_, d, y, cones);
+        equation_step(feasible, task, e, z, lengths, whiten, d, y, cones);
       // The step that the linear model predicts must close most of the error: else the target is not met here.
       double left = 0.0;
       for (int a = 0; a < task.rows; ++a) {
@@ -52,22 +59,23 @@ class Homing {
       if (k == 0 && step <= t.still && task.error <= t.still_error) return task.error;
       next.evaluate(feasible.sections, t.ell, trial, goal);
       const double penalty = kPenalty * std::sqrt(dot(y, y, task.rows));
-      const double merit = distance(feasible, lengths) + penalty * task.error;
+      const double merit = distance(feasible, lengths) + push + penalty * task.error;
       const double gain = dot(slope, d, n) + penalty * (task.error - left);
       const auto lower = [&](double share) {
-        return distance(feasible, trial) + penalty * next.error <= merit - kDecrease * share * gain;
+        const double there = avoid ? avoid->potential(feasible.sections, trial, nullptr, nullptr) : 0.0;
+        return distance(feasible, trial) + there + penalty * next.error <= merit - kDecrease * share * gain;
       };
       if (step > kNoise && !lower(1.0)) {
         // The curvature of the task, not the direction, can be what spoils a full step: meet the target again.
         double back[kMaxLengths], unused[kMaxRows], corrected[kMaxLengths];
         const double still[kMaxLengths] = {};
-        damped_step(feasible, next.J, next.e, next.rows, t.weight, still, trial, home_factor_, back, unused);
+        damped_step(feasible, next.J, next.e, next.rows, t.weight, still, trial, whiten, back, unused);
         moved(feasible, trial, back, corrected);
         std::memcpy(trial, corrected, n * sizeof(double));
         next.evaluate(feasible.sections, t.ell, trial, goal);
         bool accepted = lower(1.0);
         if (!accepted && !fresh && solvable) {
-          stiffness = curvature(feasible, lengths, goal, task, y, cones, slope, metric);
+          stiffness = curvature(feasible, lengths, goal, task, y, cones, slope, avoid, metric);
           curved = fresh = true;
           continue;
         }
@@ -98,7 +106,8 @@ class Homing {
       if (!solvable) curved = false;
       if (fresh) {
         home_slope(feasible, lengths, slope);
-        stiffness = curvature(feasible, lengths, goal, tasks[now], y, cones, slope, metric);
+        if (avoid) add_push(feasible, *avoid, lengths, slope, near_factor);
+        stiffness = curvature(feasible, lengths, goal, tasks[now], y, cones, slope, avoid, metric);
         curved = true;
       }
       last_step = step;
@@ -132,6 +141,16 @@ class Homing {
     double away[kMaxLengths];
     for (int i = 0; i < n; ++i) away[i] = feasible.home[i] - lengths[i];
     for (int i = 0; i < n; ++i) z[i] = dot(feasible.metric + i * kMaxLengths, away, n);
+  }
+
+  // slope -= gradient of the potential of obstacles, which is returned; `metric`: of home with its part.
+  static double add_push(const Feasible& feasible, const Avoid& avoid, const double* lengths, double* slope,
+                         double* metric) {
+    double push[kMaxLengths];
+    std::memcpy(metric, feasible.metric, sizeof feasible.metric);
+    const double value = avoid.potential(feasible.sections, lengths, push, metric);
+    for (int i = 0; i < feasible.size(); ++i) slope[i] -= push[i];
+    return value;
   }
 
   // The error rows; of the direction's only what is across the tangent: no length changes the rest.
@@ -230,23 +249,28 @@ class Homing {
     }
   }
 
+  // M stands for the metric of home, and the second derivative of the potential of obstacles is added to it.
   // The lower factor of M - sum_a y_a d2 task_a/dl2 + sum_s cones_s d2 cone_s/dl2, and the weight of J^T J that makes
   // it positive definite without changing steps that keep the task. Where that is not enough, limits that bind and a
   // multiple of M help.
   double curvature(const Feasible& feasible, const double* lengths, const Goal& goal, const Task& task, const double* y,
-                   const double* cones, const double* slope, double* metric) const {
+                   const double* cones, const double* slope, const Avoid* avoid, double* metric) const {
     constexpr double kForward = 1e-6;  // [m]; J^T y needs few digits
     const int n = feasible.size();
     double rows[kMaxLengths][kMaxLengths], at[kMaxLengths], H[kMaxLengths * kMaxLengths];
     std::memcpy(at, lengths, n * sizeof(double));
+    double push[kMaxLengths], moved_push[kMaxLengths];
+    const bool pushed = avoid && avoid->potential(feasible.sections, lengths, push, nullptr) > 0.0;
     for (int k = 0; k < n; ++k) {
       Task there;
       at[k] = lengths[k] + kForward;
       there.evaluate(feasible.sections, tuning_.ell, at, goal);
+      if (pushed) avoid->potential(feasible.sections, at, moved_push, nullptr);
       at[k] = lengths[k];
       for (int i = 0; i < n; ++i) {
         double change = 0.0;
         for (int a = 0; a < task.rows; ++a) change += (there.J[a][i] - task.J[a][i]) * y[a];
+        if (pushed) change -= moved_push[i] - push[i];
         rows[k][i] = feasible.metric[k * kMaxLengths + i] - change / kForward;
       }
     }

@@ -42,11 +42,18 @@ class SectionSolver {
   const Feasible& feasible() const { return descent_.feasible; }
   int size() const { return feasible().size(); }
 
+  // Obstacles that redundant axes keep away from; none switches that off.
+  void avoid(const Avoid& around) { avoid_ = around; }
+
   // The closed form where there is one, then the seed, then starts for what the seed does not meet.
   void solve(const Goal& goal, const double* seed, Answer& out) const {
     const int n = size();
     out.iterations = 0;
     out.starts = 0;
+    if (!avoid_.obstacles.empty() && redundant(goal)) {
+      if (solve_around(goal, seed, out)) return finish(out);
+      out.iterations = 0;
+    }
     if (closed_form(goal, out.lengths)) {
       feasible().clip(out.lengths);
       out.residual = descent_.error(out.lengths, goal);
@@ -86,7 +93,46 @@ class SectionSolver {
     Search(const Goal& goal, SearchLimits limits) : goal(goal), limits(limits) {}
   };
 
+  // True when a task leaves axes free. A direction holds two.
+  bool redundant(const Goal& goal) const {
+    return size() > 3 + (goal.direction ? 2 : 0) + (goal.rotation ? 3 : 0) + (goal.mid ? 3 : 0);
+  }
+
+  // An answer that keeps the margin, from the seed or, unless that follows a bounded optimum, from the library. Without
+  // one the answer from the seed that meets the target, as far off as it can be; false when there is none.
+  bool solve_around(const Goal& goal, const double* seed, Answer& out) const {
+    const int n = size();
+    double begun[kMaxLengths];
+    std::memcpy(begun, seed, n * sizeof(double));
+    feasible().pull(begun);
+    if (!(descent_.error(begun, goal) < kMaxError)) return false;
+    std::memcpy(out.lengths, begun, sizeof begun);
+    out.residual = descent_.run(out.lengths, goal, out.iterations, &avoid_);
+    out.starts = 1;
+    const bool met = out.residual <= tuning().tolerance;
+    if (met && avoid_.clear(feasible().sections, out.lengths)) return true;
+    if (met && limits(goal, begun, out.lengths).starts == tuning().agreeing) return true;
+    int order[kLibrary];
+    library_order(goal, order);
+    for (int k = 0; k < kAround && out.iterations < kAroundSteps; ++k) {
+      double start[kMaxLengths];
+      std::memcpy(start, library_[order[std::min(k * (k + 7) / 8, kLibrary - 1)]], sizeof start);
+      const double left = descent_.run(start, goal, out.iterations, &avoid_);
+      ++out.starts;
+      if (left <= tuning().tolerance && avoid_.clear(feasible().sections, start)) {
+        std::memcpy(out.lengths, start, sizeof start);
+        out.residual = left;
+        return true;
+      }
+    }
+    return met;
+  }
+
+  static constexpr int kAround = 32;        // starts of the library
+  static constexpr int kAroundSteps = 300;  // steps after which no other start is tried
+
   Descent descent_;
+  Avoid avoid_;
   double library_[kLibrary][kMaxLengths];
   Frames frames_[kLibrary];
 
@@ -182,9 +228,17 @@ class SectionSolver {
 
   // Postures of the library whose task is nearest to the goal, then with growing strides.
   void try_library(Search& search, Answer& out) const {
-    const Goal& goal = search.goal;
-    double distance[kLibrary];
     int order[kLibrary];
+    library_order(search.goal, order);
+    for (int k = 0; k < tuning().starts; ++k) {
+      double start[kMaxLengths];
+      std::memcpy(start, library_[order[std::min(k * (k + 7) / 8, kLibrary - 1)]], sizeof start);
+      if (try_start(start, search, out)) return;
+    }
+  }
+
+  void library_order(const Goal& goal, int* order) const {
+    double distance[kLibrary];
     for (int k = 0; k < kLibrary; ++k) {
       const Frames& f = frames_[k];
       distance[k] = squared_distance(f.tip, goal.tip);
@@ -201,11 +255,6 @@ class SectionSolver {
       order[k] = k;
     }
     nearest_first(distance, order, kLibrary);
-    for (int k = 0; k < tuning().starts; ++k) {
-      double start[kMaxLengths];
-      std::memcpy(start, library_[order[std::min(k * (k + 7) / 8, kLibrary - 1)]], sizeof start);
-      if (try_start(start, search, out)) return;
-    }
   }
 
   static void nearest_first(const double* distance, int* order, int count) {

@@ -38,6 +38,37 @@ struct Obstacle {
     return std::sqrt(outside) + std::min(most, 0.0);
   }
 
+  // Gradient of the distance: a unit vector, 0 where there is none.
+  void outwards(const double* p, double* out) const {
+    const double r[3] = {p[0] - point[0], p[1] - point[1], p[2] - point[2]};
+    if (kind == kPlane) {
+      std::copy(vector, vector + 3, out);
+      return;
+    }
+    if (kind == kCapsule) {
+      const double squared = dot(vector, vector), along = squared == 0.0 ? 0.0 : clamped(dot(r, vector) / squared);
+      for (int i = 0; i < 3; ++i) out[i] = r[i] - along * vector[i];
+    } else {
+      double local[3], over[3];
+      for (int i = 0; i < 3; ++i) {
+        local[i] = r[0] * rotation[i] + r[1] * rotation[3 + i] + r[2] * rotation[6 + i];
+        over[i] = std::fabs(local[i]) - vector[i];
+      }
+      const double most = std::max(over[0], std::max(over[1], over[2]));
+      bool face = false;  // inside, only the nearest face counts
+      for (int i = 0; i < 3; ++i) {
+        const bool mine = !face && over[i] == most;
+        over[i] = most > 0.0 ? std::max(over[i], 0.0) : mine ? 1.0 : 0.0;
+        face = face || mine;
+        if (local[i] < 0.0) over[i] = -over[i];
+      }
+      for (int i = 0; i < 3; ++i)
+        out[i] = rotation[3 * i] * over[0] + rotation[3 * i + 1] * over[1] + rotation[3 * i + 2] * over[2];
+    }
+    const double size = std::sqrt(dot(out, out));
+    for (int i = 0; i < 3; ++i) out[i] = size > 0.0 ? out[i] / size : 0.0;
+  }
+
   // Least distance on a chord and the error of it; convex along it, so golden section finds it.
   double least(const double* start, const double* end, double& error) const {
     constexpr double golden = 0.61803398874989484820;

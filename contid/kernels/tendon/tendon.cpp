@@ -58,6 +58,8 @@ NB_MODULE(KERNEL_MODULE, module) {
       .def("__init__", &make, nb::arg("backbone"), nb::arg("rigid"), nb::arg("offset"), nb::arg("bend_max"),
            nb::arg("normals"), nb::arg("offsets"), nb::arg("tuning"))
       .def("forward", &contid::forward_row, nb::arg("bends"))
+      .def("avoid", &contid::avoid_rows, nb::arg("obstacles"), nb::arg("radius"), nb::arg("margin"), nb::arg("from_"),
+           nb::arg("zone"), nb::arg("force"))
       .def("differentiate", &contid::differentiate_row, nb::arg("bends"), nb::arg("tip"), nb::arg("spin"),
            nb::arg("mid"))
       .def("solve", &solve, nb::arg("tip"), nb::arg("direction").none(), nb::arg("mid").none(), nb::arg("seed"),

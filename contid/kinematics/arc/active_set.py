@@ -40,9 +40,11 @@ def damped_step(
     z: Array,
     at: Array,
     feasible: BoundedChain,
-    metric: Array | None = None,
+    factor: Array | None = None,
 ) -> tuple[Array, Array]:
-    """Minimise ``|J d - e|^2 + weight (d^T W d - 2 z^T d)`` within the limits; W defaults to the identity.
+    """Minimise ``|J d - e|^2 + weight (d^T W d - 2 z^T d)`` within the limits.
+
+    ``factor`` is the lower Cholesky factor of W; without, W is the identity.
 
     Shapes ``(m, N)``, ``(m,)``, scalar, ``(N,)``, ``(N,)``, ``(N, N)``. Without active limits
     ``d = W^-1 (z + J^T y)`` with ``(J W^-1 J^T + weight) y = e - J W^-1 z``: the factor has the size of the
@@ -51,7 +53,8 @@ def damped_step(
     Returns:
         The step, and the multipliers y of the task.
     """
-    factor = cholesky(np.eye(len(at)) if metric is None else metric)
+    if factor is None:
+        factor = np.eye(len(at))
     K, zeta = solve(factor, J.T).T, solve(factor, z)
     y = solve(K @ K.T + weight * np.eye(len(e)), e - K @ zeta)
     d = solve(factor.T, zeta + K.T @ y)

@@ -17,6 +17,7 @@ from typing import Final
 import numpy as np
 
 from contid.kinematics.arc.active_set import bounded_step, cholesky, damped_step
+from contid.kinematics.arc.avoid import Avoid
 from contid.kinematics.arc.feasible import BINDING_M, BoundedChain
 from contid.kinematics.arc.home import Homing
 from contid.kinematics.arc.task import Goal, Tuning, task
@@ -42,12 +43,12 @@ class Descent:
         """Norm of the task error [m]."""
         return float(np.linalg.norm(self._task(lengths, goal)[0]))
 
-    def run(self, lengths: Array, goal: Goal) -> tuple[Array, float, int]:
+    def run(self, lengths: Array, goal: Goal, avoid: Avoid | None = None) -> tuple[Array, float, int]:
         """One start: lengths [m], shape ``(3 n,)``, error [m] and steps taken."""
         t = self.tuning
         lengths, error, steps = self._approach(lengths, goal, t.near * t.ell_m)
         if error < t.near * t.ell_m:
-            settled, left, more = self._home(lengths, goal, error)
+            settled, left, more = self._home(lengths, goal, error, avoid)
             steps += more
             if left <= t.tolerance_m:
                 return settled, left, steps
@@ -57,17 +58,19 @@ class Descent:
             lengths, error, more = self._settle(lengths, goal)
             steps += more
         if error <= t.tolerance_m:
-            settled, left, more = self._home(lengths, goal, error)
+            settled, left, more = self._home(lengths, goal, error, avoid)
             steps += more
             if left <= t.tolerance_m:
                 return settled, left, steps
         return lengths, error, steps
 
-    def _home(self, lengths: Array, goal: Goal, error: float) -> tuple[Array, float, int]:
+    def _home(
+        self, lengths: Array, goal: Goal, error: float, avoid: Avoid | None
+    ) -> tuple[Array, float, int]:
         """The settled lengths, the error left [m] and steps taken."""
         if self.tuning.home_steps == 0:
             return lengths, error, 0
-        return self._homing.run(lengths, goal)
+        return self._homing.run(lengths, goal, avoid)
 
     def _task(self, lengths: Array, goal: Goal) -> tuple[Array, Array]:
         return task(self.sections, self.tuning.ell_m, lengths, goal)

@@ -1,8 +1,11 @@
 """Of all lengths that meet a target the ones nearest to home, by sequential quadratic programming.
 
-    minimise  1/2 (l - home)^T M (l - home)   subject to   task(l) = target,  l feasible
+    minimise  1/2 (l - home)^T M (l - home) + potential(l)   subject to   task(l) = target,  l feasible
 
-A step minimises a quadratic model with the linearised task as an equation. Its metric is M at first; where
+The potential is that of obstacles (`contid.kinematics.arc.avoid`), 0 where none are given.
+
+A step minimises a quadratic model with the linearised task as an equation. Its metric is M at first (with the
+stiffness of the potential); where
 steps stop shrinking it becomes the second derivative of the Lagrangian, with the curvature of task and bend
 cones, and the cones become their tangent planes. Steps must lower the merit ``distance + penalty |e|``
 (Nocedal and Wright, Numerical Optimization, 2nd edition, chapter 18), so homing ends at a minimum, and an
@@ -16,7 +19,9 @@ from typing import Final, NamedTuple
 import numpy as np
 
 from contid.kinematics.arc.active_set import bounded_step, cholesky, damped_step, solve
+from contid.kinematics.arc.avoid import Avoid
 from contid.kinematics.arc.feasible import BINDING_M, BoundedChain, TangentLimits
+from contid.kinematics.arc.objective import Objective
 from contid.kinematics.arc.task import Goal, Tuning, task
 from contid.kinematics.array import Array
 
@@ -69,15 +74,17 @@ class Homing:
     def __init__(self, feasible: BoundedChain, tuning: Tuning) -> None:
         self.feasible = feasible
         self.tuning = tuning
-        self._home_factor = cholesky(feasible.metric)
+        self._plain = self._objective = Objective(feasible)
 
-    def run(self, lengths: Array, goal: Goal) -> tuple[Array, float, int]:
+    def run(self, lengths: Array, goal: Goal, avoid: Avoid | None = None) -> tuple[Array, float, int]:
         """Lengths [m], error [m] (above the tolerance when the target is not met) and steps taken."""
         t = self.tuning
+        self._objective = self._plain if avoid is None else Objective(self.feasible, avoid)
         here = self._at(lengths, goal)
         curved: _Curved | None = None
         fresh, last_step = False, float("inf")  # fresh: the metric has the curvature at these lengths
-        for k in range(1, t.home_steps + 1):
+        most = t.home_steps if avoid is None else 2 * t.home_steps
+        for k in range(1, most + 1):
             model = self._step(here, goal, curved)
             # The step that the linear model predicts must close most of the error: else it is not met here.
             if here.error > t.tolerance_m and model.left > _HOPELESS * here.error:
@@ -89,7 +96,7 @@ class Homing:
             solvable = model.left <= _EXACT_M or model.left <= 0.1 * here.error
             there = self._at(trial, goal)
             if _largest(trial - here.lengths) > _NOISE_M and not self._lower(here, model, there, 1.0):
-                corrected = self._corrected(there, goal)
+                corrected = self._corrected(here, there, goal)
                 if self._lower(here, model, corrected, 1.0):
                     there = corrected
                 elif not fresh and solvable:
@@ -109,36 +116,32 @@ class Homing:
             # Multipliers of a task that the limits keep from being met have no meaning.
             fresh = solvable and step > t.contraction * last_step
             if fresh:
-                curved = self._curvature(here, goal, model._replace(slope=self._slope(here.lengths)))
+                curved = self._curvature(
+                    here, goal, model._replace(slope=self._objective.slope(here.lengths))
+                )
             elif not solvable:
                 curved = None
             last_step = step
-        return here.lengths, here.error, t.home_steps
+        return here.lengths, here.error, most
 
     def _at(self, lengths: Array, goal: Goal) -> _Point:
         e, J = task(self.feasible.sections, self.tuning.ell_m, lengths, goal)
         return _Point(lengths, e, J, float(np.linalg.norm(e)))
 
-    def _slope(self, lengths: Array) -> Array:
-        slope: Array = self.feasible.metric @ (self.feasible.home - lengths)
-        return slope
-
-    def _distance(self, lengths: Array) -> float:
-        return 0.5 * float((self.feasible.home - lengths) @ self._slope(lengths))
-
     def _lower(self, here: _Point, model: _Step, there: _Point, share: float) -> bool:
         """Whether ``there`` lowers the merit enough for this share of the step of the model."""
         penalty = _PENALTY * float(np.linalg.norm(model.y))
         gain = float(model.slope @ model.d) + penalty * (here.error - model.left)
-        merit = self._distance(here.lengths) + penalty * here.error
-        return self._distance(there.lengths) + penalty * there.error <= merit - _DECREASE * share * gain
+        merit = self._objective.value(here.lengths) + penalty * here.error
+        return (
+            self._objective.value(there.lengths) + penalty * there.error <= merit - _DECREASE * share * gain
+        )
 
-    def _corrected(self, at: _Point, goal: Goal) -> _Point:
+    def _corrected(self, here: _Point, at: _Point, goal: Goal) -> _Point:
         """The target met again after a full step, which the curvature of the task can spoil."""
         still = np.zeros(len(at.lengths))
-        back, _ = damped_step(
-            at.J, at.e, self.tuning.weight, still, at.lengths, self.feasible, self.feasible.metric
-        )
+        factor = self._objective.factor(here.lengths)
+        back, _ = damped_step(at.J, at.e, self.tuning.weight, still, at.lengths, self.feasible, factor)
         return self._at(self.feasible.pulled(at.lengths + back), goal)
 
     def _shortened(self, here: _Point, goal: Goal, model: _Step) -> _Point | None:
@@ -166,9 +169,9 @@ class Homing:
         if goal.direction is not None:  # only what is across the tangent: no length changes the rest
             tangent = np.array(goal.direction) - e[3:6] / self.tuning.ell_m
             e[3:6] -= float(e[3:6] @ tangent) * tangent
-        slope = self._slope(here.lengths)
+        slope = self._objective.slope(here.lengths)
         z = slope if curved is None else slope + curved.stiffness * (J.T @ e)
-        factor = self._home_factor if curved is None else curved.factor
+        factor = self._objective.factor(here.lengths) if curved is None else curved.factor
         limits = self.feasible if curved is None else TangentLimits(self.feasible, here.lengths)
         K, base = solve(factor, J.T).T, solve(factor, z)
         gram = K @ K.T + weight * np.eye(len(e))
@@ -188,17 +191,18 @@ class Homing:
         return _Step(d, y, cones, slope, float(np.linalg.norm(e - J @ d)))
 
     def _curvature(self, at: _Point, goal: Goal, model: _Step) -> _Curved:
-        """Factor of ``M - sum_a y_a d2 task_a/dl2 + sum_s cones_s d2 cone_s/dl2``.
+        """Factor of ``M + d2 potential/dl2 - sum_a y_a d2 task_a/dl2 + sum_s cones_s d2 cone_s/dl2``.
 
         Where it is not positive definite, ``J^T J`` is added first, which changes no step that keeps the
         task; then the limits that bind, and a multiple of M.
         """
         feasible, size = self.feasible, len(at.lengths)
-        base, H = at.J.T @ model.y, feasible.metric.copy()
+        base, push, H = at.J.T @ model.y, self._objective.push(at.lengths), feasible.metric.copy()
         for k in range(size):
             moved = at.lengths.copy()
             moved[k] += _FORWARD_M
             H[k] -= (self._at(moved, goal).J.T @ model.y - base) / _FORWARD_M
+            H[k] += (self._objective.push(moved) - push) / _FORWARD_M
         H = 0.5 * (H + H.T)
         for s, weight in enumerate(model.cones):
             if weight > 0.0:

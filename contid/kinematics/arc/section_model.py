@@ -3,11 +3,13 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
 from typing import Final, Protocol
 
 import numpy as np
 
 from contid.kernels import load
+from contid.kinematics.arc.avoid import FORCE, ZONE
 from contid.kinematics.arc.feasible import Feasible
 from contid.kinematics.arc.sections import Sections, backbone
 from contid.kinematics.arc.shared_lengths import SharedLengths
@@ -42,6 +44,18 @@ class Solver(Protocol):
         rotation: tuple[float, ...] | None = None,
     ) -> SectionSolution:
         """Lengths, residual [m], converged, bits of the binding limits, iterations, starts."""
+        ...
+
+    def avoid(
+        self,
+        obstacles: Sequence[Sequence[float]],
+        radius: float,
+        margin: float,
+        from_: float,
+        zone: float,
+        force: float,
+    ) -> None:
+        """Keep redundant axes away from obstacles, all in m; see `contid.kinematics.arc.avoid.Avoid`."""
         ...
 
 
@@ -91,12 +105,27 @@ class SectionModel:
         self.upper = robot.upper
         self.feasible = feasible_of(robot)
         self.sections = self.feasible.sections
-        self.solver = build_solver(self.feasible)
+        self.tuning = tuning_for(self.feasible)
+        self.solver = build_solver(self.feasible, self.tuning)
         self.limit_names = self.feasible.names
         #: Limits that several axes share are convex: a straight line between two places inside stays inside.
         budget = self.sections.count > 1 and self.feasible.rack_m < math.inf
         self.straight_approach = budget or self.feasible.curvature_max < math.inf
         self.shared = SharedLengths(self.feasible) if self.straight_approach else None
+
+    def avoid(
+        self, obstacles: Sequence[Sequence[float]], radius_m: float, margin_m: float, from_m: float
+    ) -> None:
+        """Lead redundant axes around obstacles, of which the body keeps a margin where that can be.
+
+        Args:
+            obstacles: rows of `contid.clearance.obstacles.Obstacle.packed` in the base frame.
+            radius_m: of the body [m].
+            margin_m: least distance of surfaces [m].
+            from_m: arc length where the body begins [m].
+        """
+        ell_m = self.tuning.ell_m
+        self.solver.avoid(obstacles, radius_m, margin_m, from_m, ZONE * ell_m, FORCE * ell_m)
 
     def forward(self, actuation: Actuation, load_n: Vec3 = ZERO3) -> Pose:
         """Tip, orientation and mid-point for lengths [m]; a load does not bend the arc in this model."""

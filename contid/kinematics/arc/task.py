@@ -28,7 +28,7 @@ class Tuning:
         home_tolerance_m: step at which the redundancy counts as settled [m].
         weight: w, least damping, and bound of the multipliers where the task is singular.
         near: homing starts below ``near * ell_m`` of error.
-        home_steps: maximum number of homing steps.
+        home_steps: maximum number of homing steps; twice as many near obstacles.
         contraction: where homing steps shrink less than by this factor, their metric gets the curvature.
         slow: a damped step that leaves more than this share of the error ends the approach.
         iterations: maximum number of damped steps per start.

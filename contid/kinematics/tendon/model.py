@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
 from copy import copy
 from dataclasses import replace
 from typing import Final, Protocol
@@ -10,6 +11,7 @@ from typing import Final, Protocol
 import numpy as np
 
 from contid.kernels import load
+from contid.kinematics.arc.avoid import FORCE, ZONE
 from contid.kinematics.arc.sections import backbone
 from contid.kinematics.arc.solve import SectionSolver
 from contid.kinematics.arc.task import Tuning
@@ -48,6 +50,18 @@ class BendSolver(Protocol):
         """Bends, residual [m], converged, numbers of the binding limits, iterations, starts."""
         ...
 
+    def avoid(
+        self,
+        obstacles: Sequence[Sequence[float]],
+        radius: float,
+        margin: float,
+        from_: float,
+        zone: float,
+        force: float,
+    ) -> None:
+        """Keep redundant bends away from obstacles; see `contid.kinematics.arc.avoid.Avoid`."""
+        ...
+
 
 class _Twin:
     """The NumPy solver of arcs with the native kernel's results."""
@@ -56,6 +70,7 @@ class _Twin:
         self._solver = SectionSolver(feasible, tuning)
         self.forward = self._solver.forward
         self.differentiate = self._solver.differentiate
+        self.avoid = self._solver.avoid
 
     def solve(
         self,
@@ -115,9 +130,7 @@ def build_bend_solver(feasible: TendonFeasible) -> BendSolver:
     """The native solver where it is built and not switched off, its NumPy twin otherwise."""
     sections = feasible.sections
     # Where a limit of tension binds next to the edge of the reach, homing ends up to 3e-6 m from its minimum.
-    tuning = Tuning(
-        ell_m=0.2 * (sum(sections.backbone_m) + sum(sections.rigid_m)), still_m=1e-5, still_error_m=1e-8
-    )
+    tuning = Tuning(ell_m=_ell_m(feasible), still_m=1e-5, still_error_m=1e-8)
     kernel = load("tendon3" if sections.count == 3 else "tendon")  # a build of its own for three
     if kernel is None:
         return _Twin(feasible, tuning)
@@ -131,6 +144,10 @@ def build_bend_solver(feasible: TendonFeasible) -> BendSolver:
         tuning,
     )
     return solver
+
+
+def _ell_m(feasible: TendonFeasible) -> float:
+    return 0.2 * (sum(feasible.sections.backbone_m) + sum(feasible.sections.rigid_m))
 
 
 #: The limit of a target that no bend of the robot meets: sections keep their length.
@@ -176,6 +193,14 @@ class TendonModel:
         self._correction: TipCorrection | None = None
         if robot.residual is not None and self.statics is not None:
             self._correction = TipCorrection.of(robot.residual, self.statics)
+
+    def avoid(
+        self, obstacles: Sequence[Sequence[float]], radius_m: float, margin_m: float, from_m: float
+    ) -> None:
+        """Lead redundant bends around obstacles: see `SectionModel.avoid`."""
+        rows = [(*row[:3], row[3] - self._base_m, *row[4:]) for row in obstacles]
+        ell_m, begin_m = _ell_m(self.feasible), max(from_m - self._base_m, 0.0)
+        self.solver.avoid(rows, radius_m, margin_m, begin_m, ZONE * ell_m, FORCE * ell_m)
 
     def forward(self, actuation: Actuation, load_n: Vec3 = ZERO3) -> Pose:
         """Tip, orientation and end of the first section for pulls [m]; a load does not bend this model."""
