@@ -24,6 +24,15 @@ from tests.support.fingers import circle, fingers
 CONFIGS: Final = Path(__file__).parents[2] / "configs"
 RATE_HZ: Final = 100.0
 Orders = dict[int, list[msg.Message]]
+#: One section whose model has no error, and a tracker.
+_ROWS: Final = ", ".join(["[0.0]"] * 11)
+SENSE: Final = f"""    sim: {{payload_g: 2}}
+    sense:
+      load:
+        calibration:
+          {{offset_bar: [0, 0, 0], gain: [0, 0, 0], loop_bar: [0, 0, 0], modulus: [0], moment: [0],
+           axis_sigma_bar: 0.001, tip_sigma_mm: 0.1, covariance_factor: [{_ROWS}]}}
+"""
 
 
 def record_virtual(
@@ -62,8 +71,8 @@ def tracked_hand(path: Path) -> Path:
 
 
 def loaded_arm(path: Path) -> Path:
-    """A pneumatic arm with a weight at its tip; targets: tip, tip and direction, pressures."""
-    loaded = _simulated("stiffflop1")
+    """An arm senses the weight at its tip; targets: tip, tip and direction, pressures."""
+    loaded = _simulated("stiffflop1", SENSE)
     (config,) = build_robot_configs(loaded, RATE_HZ)
     tip, direction = _in_world(config, _around(config, 1))
     load = (0.0, 0.0, 0.02)
@@ -114,8 +123,10 @@ RUNS: Final[dict[str, Callable[[Path], Path]]] = {
 }
 
 
-def _simulated(name: str) -> LoadedFile:
+def _simulated(name: str, more: str = "") -> LoadedFile:
+    """A shipped robot, with more lines in its first robot."""
     text = (CONFIGS / f"{name}.yaml").read_text(encoding="utf-8")
+    text = text.replace("    stop: {on_end", f"{more}    stop: {{on_end", 1)
     return with_mock(parse_robot_file(text, f"{name}.yaml"))  # its name: committed files have no paths
 
 
