@@ -12,6 +12,7 @@ from typing import Final
 import pytest
 from playwright.sync_api import Browser, BrowserContext, Error, Page, Playwright, sync_playwright
 
+from tests.support.daemons import Running
 from tests.support.panels import PanelProcess
 
 NAMES: Final = ("chromium", "chromium-browser", "google-chrome", "google-chrome-stable")
@@ -98,3 +99,10 @@ def opened(browser: Browser, served: PanelProcess, **keys: object) -> Iterator[O
         assert not unexpected
     finally:
         context.close()
+
+
+def tip_mm(running: Running, robot: str = "f0") -> list[float]:
+    """The tip of a robot, as its daemon reports it."""
+    with running.client() as client:
+        found: list[float] = client.status()["robots"][robot]["tip_mm"]
+    return found

@@ -1,0 +1,45 @@
+"""A browser, two fingers, their panel and its open page, for the tests of the page."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from typing import TYPE_CHECKING
+
+import pytest
+
+from tests.support.daemons import Running, armed_daemon
+from tests.support.panels import PanelProcess, panel
+
+if TYPE_CHECKING:  # the other tests of the panel need no playwright
+    from playwright.sync_api import Browser
+
+    from tests.support.browser import OpenPage
+
+
+@pytest.fixture(scope="module")
+def browser() -> Iterator[Browser]:
+    from tests.support.browser import chromium
+
+    with chromium() as started:
+        yield started
+
+
+@pytest.fixture
+def running() -> Iterator[Running]:
+    with armed_daemon(2) as started:
+        yield started
+
+
+@pytest.fixture
+def served(running: Running) -> Iterator[PanelProcess]:
+    with panel(running) as started:
+        yield started
+
+
+@pytest.fixture
+def it(browser: Browser, served: PanelProcess) -> Iterator[OpenPage]:
+    from tests.support.browser import opened
+
+    with opened(browser, served) as page:
+        page.state("f0", "HOLD")
+        yield page

@@ -1,0 +1,159 @@
+"""The page in a real browser: jogging, dragging, trajectories, poses, recordings."""
+
+from __future__ import annotations
+
+import io
+import math
+from pathlib import Path
+
+import numpy as np
+import pytest
+from matplotlib.image import imread
+
+pytest.importorskip("playwright.sync_api", reason="pip install 'contid[test]'")
+
+from playwright.sync_api import Browser
+
+from tests.support.browser import OpenPage, opened, tip_mm
+from tests.support.command import contid_in
+from tests.support.daemons import Running, armed_daemon, states
+from tests.support.panels import panel
+from tests.support.waiting import until
+
+#: Leases lapse in real time, and the browser shares the cores.
+pytestmark = pytest.mark.realtime
+
+
+@pytest.mark.parametrize("name", ["x", "y", "left", "right"])
+def test_jog_along_every_axis(it: OpenPage, running: Running, name: str) -> None:
+    slider = it.page.locator(it.slider("f0", name))
+    assert slider.is_disabled()
+    it.take_control()
+    it.page.wait_for_selector(it.slider("f0", name) + ":enabled")
+    before, others = it.value("f0", name), tip_mm(running, "f1")
+    slider.focus()
+    for _ in range(20):
+        it.page.keyboard.press("ArrowLeft")
+    until(lambda: it.value("f0", name) < before - 1.9, f"{name} has moved")
+    it.state("f0", "HOLD")
+    assert tip_mm(running, "f1") == pytest.approx(others, abs=0.1)
+
+
+def test_a_jog_out_of_reach_is_refused_with_a_message(it: OpenPage, running: Running) -> None:
+    it.take_control()
+    slider = it.page.locator(it.slider("f0", "y"))
+    box = slider.bounding_box()
+    assert box is not None
+    middle = box["y"] + box["height"] / 2
+    it.page.mouse.move(box["x"] + box["width"] * 0.7, middle)
+    it.page.mouse.down()
+    it.page.mouse.move(box["x"] + box["width"] - 1, middle, steps=4)
+    x_slider = it.page.locator(it.slider("f0", "x"))
+    it.page.mouse.up()
+    box = x_slider.bounding_box()
+    assert box is not None
+    it.page.mouse.move(box["x"] + 2, box["y"] + box["height"] / 2)
+    it.page.mouse.down()
+    it.page.wait_for_function("() => document.querySelector('.refused').textContent.includes('out of reach')")
+    it.page.mouse.up()
+    it.state("f0", "HOLD")
+
+
+def test_drag_of_the_target_in_the_view(it: OpenPage, running: Running) -> None:
+    it.take_control()
+    canvas = it.page.locator("#view").bounding_box()
+    assert canvas is not None
+    before = tip_mm(running)
+    cursor = "() => document.getElementById('view').style.cursor"
+    # Look for the target as a person does: where the pointer becomes a hand.
+    grid = [(0.03 * i, 0.05 * k) for k in range(4, 17) for i in range(3, 30)]
+    for across, down in grid:
+        it.page.mouse.move(canvas["x"] + across * canvas["width"], canvas["y"] + down * canvas["height"])
+        if it.page.evaluate(cursor) == "grab":
+            break
+    else:
+        pytest.fail("no target under the pointer")
+    it.page.mouse.down()
+    it.page.mouse.move(
+        canvas["x"] + across * canvas["width"] + 25, canvas["y"] + down * canvas["height"] + 20, steps=8
+    )
+    it.page.wait_for_timeout(300)
+    it.page.mouse.up()
+    robot = "f0" if math.dist(tip_mm(running), before) > 1.0 else "f1"
+    it.state(robot, "HOLD")
+    with running.client() as client:
+        assert states(client) == {"HOLD"}
+    if robot == "f1":
+        assert tip_mm(running) == pytest.approx(before, abs=0.1)
+
+
+def test_the_robots_are_drawn(it: OpenPage) -> None:
+    """The first robot is blue, the second orange; in a fault both would be red, without torque grey."""
+    assert it.page.locator("#view-note").is_hidden()
+    shot = io.BytesIO(it.page.locator("#view").screenshot())
+    red, green, blue = np.moveaxis(imread(shot, format="png")[..., :3], -1, 0)
+    assert np.count_nonzero((blue > red + 0.35) & (blue > 0.6)) > 500
+    assert np.count_nonzero((red > blue + 0.35) & (green > blue + 0.2)) > 500
+
+
+def test_a_trajectory_is_shown_before_it_is_played(it: OpenPage, running: Running) -> None:
+    def upload(name: str, text: str) -> None:
+        it.page.set_input_files(
+            "#trajectory input", {"name": name, "mimeType": "text/csv", "buffer": text.encode()}
+        )
+
+    upload("bad.csv", "t_s,f0.x_mm,f0.y_mm\n0,50,75\n1,9000,75\n")
+    it.page.wait_for_selector("#trajectory .bad")
+    assert "bad.csv:3" in it.text("#trajectory")
+    assert it.page.locator("#trajectory button").is_disabled()
+    upload("line.csv", "t_s,f0.x_mm,f0.y_mm\n0,50,75\n0.5,45,75\n1,40,75\n")
+    it.page.wait_for_selector("#trajectory .good")
+    assert it.page.locator("#trajectory button").is_disabled()
+    it.take_control()
+    it.page.locator("#trajectory button:enabled").click()
+    until(lambda: abs(tip_mm(running)[0] - 40.0) < 0.5, "the trajectory has ended")
+
+
+def test_poses_are_saved_and_gone_to(it: OpenPage, running: Running) -> None:
+    poses = it.page.locator("#poses")
+    assert "None in fingers.poses.yaml yet." in poses.inner_text()
+    assert poses.get_by_role("button", name="Save pose").is_disabled()
+    start = tip_mm(running)
+    it.take_control()
+    it.page.get_by_label("Name of the pose").fill("start")
+    it.page.wait_for_selector("#poses [type=submit]:enabled")
+    poses.get_by_role("button", name="Save pose").click()
+    it.page.wait_for_selector("#poses li")
+    assert "contid panel" in (running.folder / "fingers.poses.yaml").read_text()
+    with running.client(name="script") as script:
+        script.acquire(30.0, takeover=True)
+        script.move({"f0.x_mm": start[0] - 8.0, "f0.y_mm": start[1]})
+        it.page.wait_for_selector("#lease[data-mine=false]")
+        assert poses.get_by_role("button", name="Go to start").is_disabled()
+        script.release()
+    it.take_control()
+    poses.get_by_role("button", name="Go to start").click()
+    until(lambda: tip_mm(running) == pytest.approx(start, abs=0.3), "it is where it was saved")
+    # The same name again asks first.
+    it.page.get_by_label("Name of the pose").fill("start")
+    it.page.keyboard.press("Enter")
+    it.page.wait_for_selector("#confirm[open]")
+    assert "start" in it.text("#confirm")
+    it.page.keyboard.press("Escape")
+
+
+def test_a_recording_is_begun_and_ended(browser: Browser) -> None:
+    with armed_daemon(1) as running, panel(running) as served, opened(browser, served) as it:
+        card = it.page.locator("#recording")
+        it.page.wait_for_selector("#recording button:enabled")
+        assert "Nothing is recorded." in card.inner_text()
+        card.get_by_role("button", name="Record").click()
+        it.page.wait_for_selector("#recording li.live")
+        with running.client() as client:
+            (listed,) = client.status()["recordings"]
+        assert listed["by"].startswith("panel page")
+        assert Path(listed["file"]).name in card.inner_text()
+        card.get_by_role("button", name="End recording").click()
+        it.page.wait_for_selector("#recording li", state="detached")
+        done = contid_in(running.folder, "session", "info", listed["file"])
+        assert "clean" in done.stdout, done.stdout + done.stderr

@@ -1,0 +1,111 @@
+"""The page in a real browser: STOP, faults, and a daemon that ends."""
+
+from __future__ import annotations
+
+import subprocess
+import time
+
+import pytest
+
+pytest.importorskip("playwright.sync_api", reason="pip install 'contid[test]'")
+
+from playwright.sync_api import Browser
+
+from tests.support.browser import OpenPage, opened
+from tests.support.daemons import Running, command, daemon, states
+from tests.support.panels import PanelProcess, panel
+from tests.support.waiting import until
+
+#: Leases lapse in real time, and the browser shares the cores.
+pytestmark = pytest.mark.realtime
+
+SILENT = "faults:\n  - {at_s: 2.0, for_s: 1.0, kind: silent, axis: f0.left}\n"
+
+
+def test_stop_by_click_without_the_lease(it: OpenPage, running: Running) -> None:
+    with running.client(name="other") as other:
+        other.acquire(30.0)
+        it.page.locator("#stop").click()
+        it.state("f0", "OFF")
+        it.state("f1", "OFF")
+    until(running.off, "the devices are without torque")
+
+
+@pytest.mark.parametrize("focus", ["body", "#stop", ".robot input", ".robot .orders button:nth-child(2)"])
+def test_stop_by_the_space_bar_wherever_the_focus_is(it: OpenPage, running: Running, focus: str) -> None:
+    it.take_control()
+    it.page.locator(focus).first.focus()
+    it.page.keyboard.press("Space")
+    it.state("f0", "OFF")
+    it.page.wait_for_timeout(500)  # a button under the focus must not be pressed by the same key
+    until(running.off, "the devices are without torque")
+    with running.client() as client:
+        assert states(client) == {"OFF"}
+
+
+def test_stop_when_the_socket_of_the_page_is_lost(it: OpenPage, running: Running) -> None:
+    it.page.evaluate("() => { const { WebSocket: W } = window; W.prototype.send = () => {}; }")
+    it.page.locator("#stop").click()
+    it.state("f0", "OFF")
+    until(running.off, "the devices are without torque")
+
+
+def test_a_stop_that_nothing_confirms_is_reported(it: OpenPage, served: PanelProcess) -> None:
+    served.process.kill()
+    it.page.locator("#stop").click()
+    it.page.wait_for_selector("#alarm:not([hidden])")
+    assert "emergency switch" in it.text("#alarm")
+    it.page.wait_for_selector("#link[data-state=lost]")
+    it.problems.clear()  # the failed requests
+
+
+def test_a_fault_is_explained_and_cleared(browser: Browser) -> None:
+    with daemon(options=SILENT) as running, panel(running) as served, opened(browser, served) as it:
+        it.state("f0", "FAULT")
+        it.page.wait_for_selector(".fault:not([hidden])")
+        text = it.text(".fault")
+        for part in ("Fault 102", "f0.left did not answer", "Cause", "Remedy", "docs/faults/102.md"):
+            assert part in text
+        deadline_s = time.monotonic() + 30.0
+        while it.page.locator(".robot[data-state=FAULT]").count() and time.monotonic() < deadline_s:
+            it.page.get_by_role("button", name="Clear fault").click()
+            it.page.wait_for_timeout(500)
+        it.state("f0", "READY")
+        it.page.wait_for_selector(".fault", state="hidden")
+        it.page.get_by_role("button", name="Resume").click()
+        it.state("f0", "HOLD")
+
+
+def test_resume_after_a_stop_of_another_client_asks_first(it: OpenPage, running: Running) -> None:
+    with running.client(name="operator") as other:
+        other.stop()
+        it.page.wait_for_selector(".robot[data-robot=f0][data-stopped-by*=operator]")
+        it.page.locator(".robot[data-robot=f0]").get_by_role("button", name="Resume").click()
+        assert "operator" in it.text("#confirm")
+        it.page.keyboard.press("Escape")
+
+
+def test_the_daemon_is_killed_and_restarted(it: OpenPage, running: Running) -> None:
+    it.take_control()
+    running.process.kill()
+    running.process.wait()
+    it.page.wait_for_selector("#link[data-state=waiting]")
+    it.state("f0", "LOST")
+    assert "never resumed" in it.text("#view-note")
+    again = subprocess.Popen(
+        command("run", str(running.folder / "fingers.yaml"), "--socket", str(running.socket), "--disarmed"),
+        stdin=subprocess.DEVNULL,
+        stdout=subprocess.DEVNULL,
+        stderr=subprocess.DEVNULL,
+    )
+    try:
+        it.state("f0", "READY")
+        it.page.wait_for_selector("#lease[data-mine=false]")
+        it.page.wait_for_timeout(1000)
+        with running.client() as client:
+            assert states(client) == {"READY"}
+        it.page.locator("#stop").click()
+        it.state("f0", "OFF")
+    finally:
+        again.terminate()
+        again.wait()
