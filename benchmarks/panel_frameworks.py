@@ -16,7 +16,7 @@ import subprocess
 import sys
 import tempfile
 import time
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
 from pathlib import Path
 from typing import Any, Final
@@ -26,10 +26,8 @@ import psutil
 
 import contid.panel
 from benchmarks import nicegui_panel
-from benchmarks.panel_stop import CHROMIUM, TIMEOUT_MS, daemon, executable, pressed, presses, served
-from benchmarks.stop_times import cells, obeyed_after
-from contid.control.engine.tick_layout import DEADLINE
-from contid.session.read import Session
+from benchmarks.panel_presses import CHROMIUM, TIMEOUT_MS, Pages, button, daemon, executable, measured, served
+from benchmarks.stop_times import cells
 
 FOLDER: Final = Path(contid.panel.__file__).parent
 #: What a STOP button and plots need of the panel.
@@ -120,22 +118,13 @@ def processor_s() -> float:
     return sum(each.user + each.system for each in times)
 
 
-def latency(way: Callable[[Path], Any], ready: str, stop: str, count: int) -> str:
-    """From a press to the tick that obeys [ms]: p50, p99, from Chromium's event."""
-    with tempfile.TemporaryDirectory(prefix="contid-") as folder:
-        with daemon(Path(folder)) as path, way(path) as url, pressed(url, ready, stop) as press:
-            time.sleep(2.0)
-            began_s = time.monotonic()
-            sent = presses(path, count, press)
-            ended_s = time.monotonic()
-            stages = {"from playwright": sent} | press.stages()
-        session = Session(Path(folder, "r.mcap"))
-        records = [entry.values for entry in session.entries() if entry.values is not None]
-        during = [values for values in records if began_s <= values[DEADLINE] <= ended_s]
-        texts = [
-            f"{name} {'/'.join(cells(obeyed_after(during, session.layout, began), (0.5, 0.99), 1e3, 1))} ms"
-            for name, began in stages.items()
-        ]
+def latency(pages: Pages, ready: str, stop: str, count: int) -> str:
+    """From a press to the tick that obeys [ms]: p50/p99 by where the time begins."""
+    stops = measured(button(pages, ready, stop), count)
+    texts = [
+        f"{name or 'from playwright'} {'/'.join(cells(obeyed_s, (0.5, 0.99), 1e3, 1))} ms"
+        for name, obeyed_s in stops.obeyed_s.items()
+    ]
     return "; ".join(texts)
 
 
@@ -167,7 +156,7 @@ def main() -> None:
     )
     parser.add_argument("--presses", type=int, default=60)
     count = parser.parse_args().presses
-    pages: dict[str, tuple[Callable[[Path], Any], str, str]] = {
+    pages: dict[str, tuple[Pages, str, str]] = {
         "panel": (served, ".robot[data-state=HOLD]", "#stop"),
         "NiceGUI": (niceguis, "[data-state]:has-text('HOLD')", "[data-stop]"),
     }

@@ -39,7 +39,8 @@ LIVE: Final = "body:has(#link[data-state=live]) .robot[data-state=RUN]"
 #: Trail and plots have something to show then.
 MOVING_S: Final = 8.0
 TIMEOUT_MS: Final = 300_000
-COLORS: Final = 128
+#: Colors of a palette by frequency, and further ones for thin curves, which it would mix.
+FREQUENT, RARE = 192, 64
 
 
 def contid(*arguments: str, **keys: Any) -> subprocess.Popen[str]:
@@ -47,6 +48,14 @@ def contid(*arguments: str, **keys: Any) -> subprocess.Popen[str]:
     return subprocess.Popen(
         [sys.executable, "-m", "contid", *arguments], text=True, stdin=subprocess.DEVNULL, **keys
     )
+
+
+def reduced(image: Image.Image) -> Image.Image:
+    """An image with 256 colors."""
+    frequent, rare = image.quantize(FREQUENT), image.quantize(RARE, Image.Quantize.MAXCOVERAGE)
+    palette = Image.new("P", (1, 1))
+    palette.putpalette(frequent.getpalette()[: 3 * FREQUENT] + rare.getpalette()[: 3 * RARE])
+    return image.quantize(palette=palette, dither=Image.Dither.NONE)
 
 
 def pictures(browser: Any, robot: str, folder: Path) -> None:
@@ -77,7 +86,7 @@ def pictures(browser: Any, robot: str, folder: Path) -> None:
                     image = Image.open(io.BytesIO(taken)).convert("RGB")
             context.close()
             target = IMAGES / f"panel-{robot}{name}.png"
-            image.quantize(COLORS, dither=Image.Dither.NONE).save(target, optimize=True)
+            reduced(image).save(target, optimize=True)
             sys.stdout.write(f"{target}: {target.stat().st_size / 1e3:.0f} kB\n")
     finally:
         for process in filter(None, (served, running)):

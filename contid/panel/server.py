@@ -1,26 +1,26 @@
-"""The panel's process: one uvicorn server, at a lower priority than the processes that move the robots."""
+"""The panel's process: one uvicorn server, below the processes that move robots, above their clients."""
 
 from __future__ import annotations
 
 import asyncio
-import os
 import socket
 import ssl
 from collections.abc import Callable
-from contextlib import suppress
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Final
 
 import uvicorn
 
+from contid.control.daemon.responsive import responsive
 from contid.errors import ContidError
 from contid.panel.access import LOOPBACK_NAMES, Access, is_loopback
 from contid.panel.app import PanelApp
 from contid.panel.limits import MAX_HEADER, MAX_MESSAGE, PanelHttp
 
-#: Below the daemon and the control process; not lower, because STOP passes through here.
-NICE: Final = 5
+#: Nice value where it is permitted: STOP passes through here, and at 5 it waited for clients that flood the
+#: daemon, up to 100 ms. The daemon is at -10, the control process in real time.
+NICE: Final = -5
 #: Tried first, so that a bookmark of the tunnel stays right; another free port when it is taken.
 DEFAULT_PORT: Final = 8421
 #: Seconds between pings of the WebSocket: a page whose network is gone is closed.
@@ -84,8 +84,6 @@ def serve(settings: PanelSettings, on_ready: Callable[[str], None]) -> None:
         PanelError: the settings are refused, or the port is taken.
     """
     settings.check()
-    with suppress(OSError):
-        os.setpriority(os.PRIO_PROCESS, 0, max(os.getpriority(os.PRIO_PROCESS, 0), NICE))
     listener = _listen(settings)
     port = int(listener.getsockname()[1])
     access = Access(_names(settings), secure=settings.certificate is not None)
@@ -117,11 +115,9 @@ def serve(settings: PanelSettings, on_ready: Callable[[str], None]) -> None:
     scheme = "https" if access.secure else "http"
     name = settings.names[0] if settings.names else settings.host
     name = f"[{name}]" if ":" in name else name
-    asyncio.run(
-        _serve(
-            uvicorn.Server(config), listener, lambda: on_ready(f"{scheme}://{name}:{port}/#{access.token}")
-        )
-    )
+    url = f"{scheme}://{name}:{port}/#{access.token}"
+    with responsive(NICE, with_group=False):
+        asyncio.run(_serve(uvicorn.Server(config), listener, lambda: on_ready(url)))
 
 
 async def _serve(server: uvicorn.Server, listener: socket.socket, on_ready: Callable[[], None]) -> None:

@@ -1,4 +1,4 @@
-"""Keeps the daemon's event loop prompt: short garbage collections, and a priority above its clients'.
+"""Keeps an event loop that stops pass through prompt: short garbage collections, a priority above clients.
 
 A collection visits every container that it may free: with the imported modules among them it held the loop
 for 40 to 60 ms, which a stop waited for. Frozen, they are not visited.
@@ -23,21 +23,25 @@ _AUTOGROUP: Final = Path("/proc/self/autogroup")
 
 
 @contextmanager
-def responsive() -> Iterator[None]:
-    """Hold what was imported out of garbage collections; run at `NICE` where that is permitted.
+def responsive(nice: int = NICE, with_group: bool = True) -> Iterator[None]:
+    """Hold what was imported out of garbage collections; run at a nice value where that is permitted.
 
     Enter it before the first robot moves: it collects once. Processes that start inside inherit the
     nice value.
+
+    Args:
+        nice: of this process; a lower one stays.
+        with_group: in a session of its own the group gets it too.
     """
     gc.collect()
     gc.freeze()
-    nice = os.getpriority(os.PRIO_PROCESS, 0)
-    group = _group_nice() if os.getsid(0) == os.getpid() else None
-    _set(min(nice, NICE), None if group is None else min(group, NICE))
+    before = os.getpriority(os.PRIO_PROCESS, 0)
+    group = _group_nice() if with_group and os.getsid(0) == os.getpid() else None
+    _set(min(before, nice), None if group is None else min(group, nice))
     try:
         yield
     finally:
-        _set(nice, group)
+        _set(before, group)
         gc.unfreeze()
 
 

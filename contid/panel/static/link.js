@@ -84,8 +84,8 @@ export class Link {
 
   /** Stop all robots on every way there is: the socket, and a request if that one does not answer. */
   async stop() {
-    const ways = [request("/api/estop", { method: "POST", keepalive: true })];
-    if (this.open) ways.unshift(this.order("estop"));
+    const ways = this.open ? [this.order("estop")] : []; // first: to begin a request takes a millisecond
+    ways.push(request("/api/estop", { method: "POST", keepalive: true }));
     return Promise.any(ways);
   }
 

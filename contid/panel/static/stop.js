@@ -8,10 +8,11 @@ export function installStop(link) {
   const button = byId("stop");
   const alarm = byId("alarm");
   const stop = async () => {
-    button.classList.add("pressed");
-    setTimeout(() => button.classList.remove("pressed"), 600);
     try {
-      const result = await link.stop();
+      const stopping = link.stop(); // before anything is drawn
+      button.classList.add("pressed");
+      setTimeout(() => button.classList.remove("pressed"), 600);
+      const result = await stopping;
       setHidden(alarm, true);
       const silent = Object.keys(result.silent ?? {});
       if (silent.length) {
