@@ -21,12 +21,15 @@ class Descent {
     return task.error;
   }
 
-  // One start, in place; returns the error left [m] and adds the steps to `iterations`. `avoid` may be null.
-  double run(double* lengths, const Goal& goal, int& iterations, const Avoid* avoid = nullptr) const {
+  // One start, in place; returns the error left [m] and adds the steps to `iterations`. `avoid` may be null;
+  // `settling`: Newton steps where the target is not met, instead of those of the tuning.
+  double run(double* lengths, const Goal& goal, int& iterations, const Avoid* avoid = nullptr,
+             int settling = -1) const {
     double error = approach(lengths, goal, tuning.near * tuning.ell, iterations);
     if (error < tuning.near * tuning.ell && home(lengths, goal, error, iterations, avoid)) return error;
     error = approach(lengths, goal, tuning.tolerance, iterations);
-    if (error > tuning.tolerance) error = settle(feasible, tuning, lengths, goal, iterations);
+    const int most = settling < 0 ? tuning.settling : settling;
+    if (error > tuning.tolerance) error = settle(feasible, tuning, lengths, goal, iterations, most);
     if (error <= tuning.tolerance) home(lengths, goal, error, iterations, avoid);
     return error;
   }

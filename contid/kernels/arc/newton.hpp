@@ -59,14 +59,14 @@ inline bool shifted_factor(const double* H, int n, double& shift, double* whiten
 }
 
 // H d = -gradient, shifted and within the limits, until the steps vanish; returns the error left [m].
-inline double settle(const Feasible& feasible, const Tuning& tuning, double* lengths, const Goal& goal,
-                     int& iterations) {
+inline double settle(const Feasible& feasible, const Tuning& tuning, double* lengths, const Goal& goal, int& iterations,
+                     int most) {
   const int n = feasible.size();
   Task tasks[2];
   int now = 0;
   tasks[0].evaluate(feasible.sections, tuning.ell, lengths, goal);
   double shift = 0.0, H[kMaxLengths * kMaxLengths], whiten[kMaxLengths * kMaxLengths];
-  for (int iteration = 0; iteration < tuning.settling; ++iteration) {
+  for (int iteration = 0; iteration < most; ++iteration) {
     ++iterations;
     const Task& task = tasks[now];
     double push[kMaxLengths];

@@ -11,6 +11,8 @@
 namespace contid {
 
 constexpr int kLibrary = 256;
+// A start of a whole frame that fails is left after as many Newton steps: most frames are met from the next one.
+constexpr int kBrief = 10;
 constexpr double kMaxError = 1e6;  // larger than the error of any arm [m]; its square does not overflow
 
 struct Answer {
@@ -69,13 +71,15 @@ class SectionSolver {
       out.residual = away;
       return finish(out);
     }
-    out.residual = descent_.run(trial, goal, out.iterations);
+    out.residual = descent_.run(trial, goal, out.iterations, nullptr, settling(goal));
     out.starts = 1;
     std::memcpy(out.lengths, trial, sizeof trial);
     if (out.residual > tuning().tolerance) {
       Search search(goal, limits(goal, begun, trial));
       const bool biarcs = kColumns == 3 && feasible().sections.count == 2 && goal.direction && !goal.mid;
       if (!biarcs || !try_biarcs(search, out)) try_library(search, out);
+      if (goal.rotation && out.residual > tuning().tolerance)
+        out.residual = descent_.run(out.lengths, goal, out.iterations);
     }
     finish(out);
   }
@@ -138,6 +142,11 @@ class SectionSolver {
 
   const Tuning& tuning() const { return descent_.tuning; }
 
+  // Newton steps of a start.
+  int settling(const Goal& goal) const {
+    return goal.rotation ? std::min(kBrief, tuning().settling) : tuning().settling;
+  }
+
   void finish(Answer& out) const {
     out.converged = out.residual <= tuning().tolerance;
     out.binding = feasible().binding(out.lengths);
@@ -177,7 +186,7 @@ class SectionSolver {
 
   // One more start; true when the search can end: the target is met, or enough starts agree.
   bool try_start(double* start, Search& search, Answer& out) const {
-    const double left = descent_.run(start, search.goal, out.iterations);
+    const double left = descent_.run(start, search.goal, out.iterations, nullptr, settling(search.goal));
     ++out.starts;
     // A clear gain only, so that rounding cannot make the answer jump between equal minima.
     if (left <= tuning().tolerance || left < 0.999 * out.residual) {

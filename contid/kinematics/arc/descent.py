@@ -43,8 +43,17 @@ class Descent:
         """Norm of the task error [m]."""
         return float(np.linalg.norm(self._task(lengths, goal)[0]))
 
-    def run(self, lengths: Array, goal: Goal, avoid: Avoid | None = None) -> tuple[Array, float, int]:
-        """One start: lengths [m], shape ``(3 n,)``, error [m] and steps taken."""
+    def run(
+        self, lengths: Array, goal: Goal, avoid: Avoid | None = None, settling: int | None = None
+    ) -> tuple[Array, float, int]:
+        """One start: lengths [m], shape ``(3 n,)``, error [m] and steps taken.
+
+        Args:
+            lengths: to start from [m].
+            goal: of the task.
+            avoid: obstacles.
+            settling: Newton steps where it is not met, instead of those of the tuning.
+        """
         t = self.tuning
         lengths, error, steps = self._approach(lengths, goal, t.near * t.ell_m)
         if error < t.near * t.ell_m:
@@ -55,7 +64,7 @@ class Descent:
         lengths, error, more = self._approach(lengths, goal, t.tolerance_m)
         steps += more
         if error > t.tolerance_m:
-            lengths, error, more = self._settle(lengths, goal)
+            lengths, error, more = self._settle(lengths, goal, t.settling if settling is None else settling)
             steps += more
         if error <= t.tolerance_m:
             settled, left, more = self._home(lengths, goal, error, avoid)
@@ -103,7 +112,7 @@ class Descent:
                 break
         return lengths, error, iteration
 
-    def _settle(self, lengths: Array, goal: Goal) -> tuple[Array, float, int]:
+    def _settle(self, lengths: Array, goal: Goal, most: int) -> tuple[Array, float, int]:
         """Newton's method on ``|e|^2/2`` for a target that is not met, to the minimum on the limits.
 
         With a large residual the curvature left out by J^T J matters: Gauss-Newton would converge linearly.
@@ -111,7 +120,7 @@ class Descent:
         e, J = self._task(lengths, goal)
         error = float(np.linalg.norm(e))
         shift = 0.0
-        for iteration in range(1, self.tuning.settling + 1):
+        for iteration in range(1, most + 1):
             push = J.T @ e
             H = self._hessian(lengths, goal)
             factor, shift = _shifted_factor(self._stiffened(H, lengths, push), shift)
@@ -129,7 +138,7 @@ class Descent:
             if error <= self.tuning.tolerance_m or step < 1e-9:
                 return lengths, error, iteration
             shift = 0.25 * shift if shift > _MIN_SHIFT else 0.0
-        return lengths, error, self.tuning.settling
+        return lengths, error, most
 
     def _hessian(self, lengths: Array, goal: Goal) -> Array:
         """Second derivatives of ``|e|^2/2``, from central differences of its gradient ``-J^T e``."""

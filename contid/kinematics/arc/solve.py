@@ -31,6 +31,8 @@ _AROUND: Final = 32
 _AROUND_STEPS: Final = 300
 # Larger than the error of any arm [m]; its square does not overflow.
 MAX_ERROR_M: Final = 1e6
+#: A start of a whole frame that fails is left after as many Newton steps: most are met from the next one.
+BRIEF: Final = 10
 
 
 class SectionSolution(NamedTuple):
@@ -123,7 +125,8 @@ class SectionSolver:
         away = self._descent.error(start, goal)
         if not away < MAX_ERROR_M:  # NaN included
             return self._answer(start, away, 0, 0)
-        best, error, iterations = self._descent.run(start, goal)
+        settling = self.tuning.settling if rotation is None else min(BRIEF, self.tuning.settling)
+        best, error, iterations = self._descent.run(start, goal, settling=settling)
         tried = agreeing = 1
         beyond = math.dist(goal.tip, (0.0, 0.0, 0.0)) > self.feasible.longest_m
         tracked = self._tracked(start, best)
@@ -132,7 +135,7 @@ class SectionSolver:
         most = self.tuning.agreeing if tracked else 2 * LIBRARY
         if error > self.tuning.tolerance_m:
             for start in self._starts(goal):
-                lengths, left, steps = self._descent.run(start, goal)
+                lengths, left, steps = self._descent.run(start, goal, settling=settling)
                 iterations += steps
                 tried += 1
                 # Only a gain above 0.1 %, so that rounding cannot make the answer jump between equal minima.
@@ -142,6 +145,9 @@ class SectionSolver:
                     agreeing += 1
                 if error <= self.tuning.tolerance_m or agreeing >= enough or tried >= most:
                     break
+            if rotation is not None and error > self.tuning.tolerance_m:
+                best, error, steps = self._descent.run(best, goal)
+                iterations += steps
         return self._answer(best, error, iterations, tried)
 
     def _redundant(self, goal: Goal) -> bool:
