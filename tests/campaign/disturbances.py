@@ -56,7 +56,7 @@ MOST_FAILED_STARTS: Final = 5
 UNDRIVEN_S: Final = 4.0
 BACK_S: Final = 30.0
 LEAVE_S: Final = 30.0
-#: Of a servo's shaft [ticks/s].
+#: Of a shaft [ticks/s or counts/s].
 STILL: Final = 1.0
 VICTIMS: Final = {
     "daemon": "contid run",
@@ -95,6 +95,7 @@ class Case:
 
     def __init__(self, folder: Path, wires: Wires, dice: random.Random, epoch_s: int = 0) -> None:
         self.violations: list[str] = []
+        self._stopped = False
         self._folder, self._wires, self._dice = folder, wires, dice
         self._socket, self._session = folder / "s", folder / f"{dice.getrandbits(40)}.mcap"
         command = [sys.executable, "-m", "contid", "run", str(wires.path), "--socket", str(self._socket)]
@@ -150,6 +151,7 @@ class Case:
                 client.resume(after_stop=True)
             if order in ("hold", "stop"):
                 getattr(client, order)()
+            self._stopped = order == "stop"
         time.sleep(self._dice.uniform(0.0, 0.1))
 
     def undriven(self, what: str) -> None:
@@ -162,9 +164,15 @@ class Case:
             time.sleep(0.01)
 
     def _driven(self) -> list[str]:
-        """Motors under power, chambers under pressure, servos that move: their watchdog keeps the torque."""
-        moving = {eyes.axis for eyes in self._wires.servos if abs(eyes.servo.motion.velocity) > STILL}
-        holding = {eyes.axis for eyes in self._wires.servos} - moving
+        """Motors under power, chambers under pressure, servos that move: their watchdog keeps the torque.
+
+        Motors that were stopped by the policy ``hold`` hold without the daemon; they must not move.
+        """
+        holding = {eyes.axis for eyes in self._wires.servos if abs(eyes.servo.motion.velocity) <= STILL}
+        if self._stopped:
+            holding |= {
+                eyes.axis for eyes in self._wires.channels if eyes.motor and abs(eyes.speed_now) <= STILL
+            }
         return [name for name in self._wires.driven() if name not in holding]
 
     def back(self, what: str) -> None:

@@ -196,6 +196,7 @@ class ChannelEyes:
     powered: bool = False
     off_s: float = 0.0
     value: float = 0.0
+    speed_now: float = 0.0  # [counts/s]
     seen: deque[tuple[float, float]] = field(default_factory=lambda: deque(maxlen=500))
 
     def look(self) -> None:
@@ -206,6 +207,7 @@ class ChannelEyes:
         self.powered = now
         self.value = shaft if self.motor else pressure
         self.seen.append((now_s, self.value))
+        self.speed_now = speed
         if not self.low <= self.value <= self.high:
             self.wrong.append(f"{self.axis}: at {self.value:.0f}, allowed {self.low:.0f}..{self.high:.0f}")
         if self.motor and abs(speed) > self.speed:
