@@ -66,11 +66,14 @@ def spirals(minutes):
     phases = np.array([0.0, 2.0, 4.0, 1.0, 3.0, 5.0]) * math.pi / 3.0
     run.move(0.6 + 0.1 * np.sin(phases))
     run.observer.jumps.clear()
+    jumps = []
     for k in range(round(60.0 * minutes * RATE_HZ)):
+        jumps += run.observer.jumps
+        run.observer.jumps.clear()
         t = k / RATE_HZ
         radius = 0.1 + 0.3 * 0.5 * (1.0 - math.cos(2.0 * math.pi * t / 40.0))
         run.tick(0.6 + radius * np.sin(2.0 * math.pi * t / 4.0 + phases))
-    changes = np.array([np.linalg.norm(jump.change_n) / GRAM_N for _, jump in run.observer.jumps])
+    changes = np.array([np.linalg.norm(jump.change_n) / GRAM_N for _, jump in jumps])
     print(f"spirals of 4 s a turn for {minutes:g} simulated minutes: {len(changes)} jumps of the estimate, "
           f"{int((changes > 1.0).sum())} by more than 1 g")  # fmt: skip
 

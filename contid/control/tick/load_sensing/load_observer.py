@@ -9,6 +9,7 @@ given: a replay finds the same.
 from __future__ import annotations
 
 import math
+from collections import deque
 from collections.abc import Generator, Sequence
 from dataclasses import dataclass
 from typing import Final, TypeAlias
@@ -32,6 +33,8 @@ STANDARD_GRAVITY: Final = 9.80665
 TRIALS: Final = 4
 #: The arm must be stable under this many times a force that the solver gets; reached in these steps.
 MARGIN: Final = (1.25, 1.5)
+#: Sudden changes that are kept.
+MOST_JUMPS: Final = 64
 #: Calls of the kernel per second of ticks; slower ticks make more calls each.
 CALLS_HZ: Final = 400.0
 #: Covariance of the model: renewed after a change of a pressure [bar] or of the force [N].
@@ -83,8 +86,8 @@ class LoadObserver:
         return self._estimation.found
 
     @property
-    def jumps(self) -> list[tuple[float, Jump]]:
-        """Sudden changes since the caller emptied it, with the time of capture [s]."""
+    def jumps(self) -> deque[tuple[float, Jump]]:
+        """The newest sudden changes since the caller emptied it, with the time of capture [s]."""
         return self._estimation.jumps
 
     def tick(
@@ -125,7 +128,7 @@ class _Estimation:
         self._model_at: tuple[Numbers, Array] = ((), np.zeros(3))
         self._checks_margin = robot.load == "estimated"
         self.found: LoadFound | None = None
-        self.jumps: list[tuple[float, Jump]] = []
+        self.jumps: deque[tuple[float, Jump]] = deque(maxlen=MOST_JUMPS)
 
     def forever(self) -> _Work:
         """Every measurement when it arrives, the covariance of the model between them."""
