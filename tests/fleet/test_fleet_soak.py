@@ -1,4 +1,4 @@
-"""Seconds of the soak of a fleet; `python -m benchmarks.fleet_soak` is an hour of it."""
+"""Seconds of the soak of a fleet; `python -m benchmarks.fleet.soak` is an hour of it."""
 
 from __future__ import annotations
 
@@ -6,7 +6,7 @@ import os
 
 import pytest
 
-from benchmarks import fleet_soak
+from benchmarks.fleet import soak
 from tests.support.fleet_faults import FAULTS
 
 MINUTES = float(os.environ.get("CONTID_FLEET_SOAK_MINUTES", "0.1"))
@@ -17,7 +17,7 @@ HOLDING = ("client killed", "bridge killed", "link cut")
 
 @pytest.mark.realtime
 def test_some_of_it(capfd: pytest.CaptureFixture[str]) -> None:
-    code = fleet_soak.soak(MINUTES, promise_s=PROMISE_S, faults=HOLDING)
+    code = soak.soak(MINUTES, promise_s=PROMISE_S, faults=HOLDING)
     printed = capfd.readouterr().out
     assert code == 0, printed
     assert "0 violations; grows: nothing" in printed
@@ -26,8 +26,8 @@ def test_some_of_it(capfd: pytest.CaptureFixture[str]) -> None:
 def test_the_promise_has_two_sides() -> None:
     never, at_once = FAULTS["link cut for 300 ms"], FAULTS["client killed"]
     infinite = float("inf")
-    assert fleet_soak.kept(never, 1.0, infinite, 0.05)
-    assert not fleet_soak.kept(never, 1.0, 0.4, 0.05)
-    assert fleet_soak.kept(at_once, 1.0, 0.02, 0.05)
-    assert not fleet_soak.kept(at_once, 1.0, 0.2, 0.05)
-    assert not fleet_soak.kept(at_once, 1.0, infinite, 0.05)
+    assert soak.kept(never, 1.0, infinite, 0.05)
+    assert not soak.kept(never, 1.0, 0.4, 0.05)
+    assert soak.kept(at_once, 1.0, 0.02, 0.05)
+    assert not soak.kept(at_once, 1.0, 0.2, 0.05)
+    assert not soak.kept(at_once, 1.0, infinite, 0.05)

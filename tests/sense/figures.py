@@ -15,6 +15,7 @@ import time
 import numpy as np
 
 from contid.control.engine.virtual import VirtualProcess
+from contid.control.tick.load_sensing.load_filter import Jump
 from contid.robot_file.clearance import PlaneDescription
 from contid.robot_file.cosserat import SimulatedArm
 from contid.robot_file.load import with_mock
@@ -66,7 +67,7 @@ def spirals(minutes):
     phases = np.array([0.0, 2.0, 4.0, 1.0, 3.0, 5.0]) * math.pi / 3.0
     run.move(0.6 + 0.1 * np.sin(phases))
     run.observer.jumps.clear()
-    jumps = []
+    jumps: list[tuple[float, Jump]] = []
     for k in range(round(60.0 * minutes * RATE_HZ)):
         jumps += run.observer.jumps
         run.observer.jumps.clear()

@@ -1,6 +1,6 @@
-"""The STOP button and one live plot of the panel in NiceGUI, for `benchmarks.panel_frameworks`.
+"""The STOP button and one live plot of the panel in NiceGUI, for `benchmarks.panel.frameworks`.
 
-``python -m benchmarks.nicegui_panel SOCKET [--policy]``; prints its URL. ``--policy``: with the content
+``python -m benchmarks.panel.nicegui_page SOCKET [--policy]``; prints its URL. ``--policy``: with the content
 security policy of the panel.
 """
 

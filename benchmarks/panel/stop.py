@@ -1,6 +1,6 @@
 """How long a press of STOP in the browser takes until a tick obeys it, and what the panel costs the ticks.
 
-``python -m benchmarks.panel_stop [--presses 100]``. A daemon of `contid run hand --mock`, recorded; a panel
+``python -m benchmarks.panel.stop [--presses 100]``. A daemon of `contid run hand --mock`, recorded; a panel
 with one page in headless Chromium that draws without a graphics card. A press is timed to the deadline of the
 first tick whose state is OFF. Between presses a client of its own resumes. Rows: a client without a panel; a
 program that speaks to the panel's socket as the page does; the page; the last two again beside two clients
@@ -22,7 +22,7 @@ from typing import Final
 
 from websockets.typing import Origin, Subprotocol
 
-from benchmarks.panel_presses import Press, Way, button, measured, served
+from benchmarks.panel.presses import Press, Way, button, measured, served
 from benchmarks.stop_latency import cheap, subscribes
 from benchmarks.stop_times import cells
 

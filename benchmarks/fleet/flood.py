@@ -1,6 +1,6 @@
 """Whether a bridge that is flooded can delay a tick: one daemon at 200 Hz, with and without.
 
-    python -m benchmarks.fleet_flood [--rounds 4] [--seconds 6]
+    python -m benchmarks.fleet.flood [--rounds 4] [--seconds 6]
 
 In turn, round after round: no bridge; a bridge with a watcher; a bridge that two operators flood with
 requests and rows of no move. Lateness of ticks is that which the daemon counts itself, beside a bare loop

@@ -1,6 +1,6 @@
 """The fault table of a fleet at random: what dies or stands still, and whether the robot holds in time.
 
-    python -m benchmarks.fleet_faults --repetitions 100 --seed 1 [--first 0]
+    python -m benchmarks.fleet.faults --repetitions 100 --seed 1 [--first 0]
 
 Each repetition has a bridge, a relay and a program that moves a robot of its own: one fault of the table,
 with a random lease, after a random time. The promise is min(lease, lease of the link) + 50 ms, and that what

@@ -1,6 +1,6 @@
 """Many nodes on one bridge: latency of telemetry, processor time, and stops.
 
-    python -m benchmarks.fleet_scale [--seconds 10]
+    python -m benchmarks.fleet.scale [--seconds 10]
 
 The bridge is the real one, in a process of its own, and so is the watcher. The nodes are sockets with the
 protocol of a daemon, all in one process: 32 daemons need more processors than most machines have. They send

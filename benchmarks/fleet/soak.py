@@ -1,6 +1,6 @@
 """Soak of a fleet: four daemons and two bridges for an hour, with random faults of the table.
 
-    python -m benchmarks.fleet_soak [--minutes 60] [--seed 1]
+    python -m benchmarks.fleet.soak [--minutes 60] [--seed 1]
 
 hand1 and hand2 share a bridge that lives through the whole run (it is stopped, and its links are cut);
 that of hand3 and hand4 is killed too, and then started anew. `contid fleet status --watch` runs all the time.

@@ -1,10 +1,10 @@
 """The panel beside NiceGUI: what a page loads, how long STOP takes, and what keeps other sites out.
 
-``python -m benchmarks.panel_frameworks [--presses 60]``. Both pages have a STOP button and live plots of the
+``python -m benchmarks.panel.frameworks [--presses 60]``. Both pages have a STOP button and live plots of the
 same daemon, `contid run hand --mock`, one after the other, in headless Chromium. ``--presses 0`` leaves STOP
-out. NiceGUI's page is `benchmarks.nicegui_panel`: a button and one plot; the panel is whole. Lines of code
-are not empty and no comments; those of the panel are of what STOP and plots need: server, connection, button,
-plots.
+out. NiceGUI's page is `benchmarks.panel.nicegui_page`: a button and one plot; the panel is whole. Lines of
+code are not empty and no comments; those of the panel are of what STOP and plots need: server, connection,
+button, plots.
 """
 
 from __future__ import annotations
@@ -25,8 +25,8 @@ import httpx
 import psutil
 
 import contid.panel
-from benchmarks import nicegui_panel
-from benchmarks.panel_presses import CHROMIUM, TIMEOUT_MS, Pages, button, daemon, executable, measured, served
+from benchmarks.panel import nicegui_page
+from benchmarks.panel.presses import CHROMIUM, TIMEOUT_MS, Pages, button, daemon, executable, measured, served
 from benchmarks.stop_times import cells
 
 FOLDER: Final = Path(contid.panel.__file__).parent
@@ -42,7 +42,7 @@ LOOK_S: Final = 10.0
 def niceguis(path: Path, *flags: str) -> Iterator[str]:
     """A NiceGUI page of a daemon; its URL."""
     process = subprocess.Popen(
-        [sys.executable, "-m", "benchmarks.nicegui_panel", str(path), *flags],
+        [sys.executable, "-m", "benchmarks.panel.nicegui_page", str(path), *flags],
         stdout=subprocess.PIPE, stderr=subprocess.DEVNULL, text=True,
     )  # fmt: skip
     assert process.stdout is not None
@@ -171,7 +171,7 @@ def main() -> None:
         if count:
             print(f"{name}: STOP, p50/p99: {latency(way, ready, stop, count)}", flush=True)
     print(f"panel: {code_lines([FOLDER / name for name in NEEDED])} lines")
-    print(f"NiceGUI: {code_lines([Path(nicegui_panel.__file__)])} lines")
+    print(f"NiceGUI: {code_lines([Path(nicegui_page.__file__)])} lines")
 
 
 if __name__ == "__main__":
