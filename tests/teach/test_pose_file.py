@@ -50,7 +50,7 @@ def test_a_good_file_is_read() -> None:
         ),
         ("wait_s: 0.5", "wait_ms: 5", "p.yaml:7:29: unknown key 'wait_ms'; allowed: pose, time_s"),
         ("loop: 3, ", "", "p.yaml:8:5: sequence: item 2: loop and steps belong together"),
-        ("{wait_s: 1}", "{time_s: 1, wait_s: 1}", "p.yaml:8:38: steps: item 2: time_s belongs to a pose"),
+        ("{wait_s: 1}", "{time_s: 1, wait_s: 1}", "p.yaml:8:47: steps: item 2: time_s belongs to a pose"),
         (
             "{wait_s: 1}",
             "{pose: open, loop: 1, steps: []}",

@@ -161,7 +161,7 @@ def test_one_to_eight_sections(configs, count):
         ),
         ("[[-45, 45]]", "[[5, 45]]", "", "both sides of 0"),
         ("bend_max_deg: [120]", "bend_max_deg: [120, 90]", "", "1 or 3, one per section"),
-        ("max_n: 25", "max_n: 1.5", "floor_n", "twice floor_n"),
+        ("max_n: 25", "max_n: 1.5", "max_n", "twice floor_n"),
         ("routing: through", "routing: trough", "routing", "independent"),
         ("floor_n: 1.0", "floor_n: 0", "floor_n", "greater than 0"),
     ],
