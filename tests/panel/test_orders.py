@@ -4,27 +4,14 @@ from __future__ import annotations
 
 import asyncio
 import subprocess
-from collections.abc import Iterator
 
 import pytest
 
-from tests.support.daemons import FAR, HERE, Running, armed_daemon, command, states
+from tests.support.daemons import FAR, HERE, Running, command, states
 from tests.support.panels import PanelClient, PanelProcess, page, panel
 from tests.support.waiting import until
 
 pytestmark = pytest.mark.realtime
-
-
-@pytest.fixture
-def running() -> Iterator[Running]:
-    with armed_daemon(2) as started:
-        yield started
-
-
-@pytest.fixture
-def served(running: Running) -> Iterator[PanelProcess]:
-    with panel(running) as started:
-        yield started
 
 
 def _target(point: dict[str, float]) -> dict[str, float]:

@@ -13,7 +13,7 @@ import yaml
 
 from tests.support.command import contid_in
 from tests.support.daemons import HERE, Running, armed_daemon
-from tests.support.panels import PanelClient, PanelProcess, page, panel
+from tests.support.panels import PanelClient, PanelProcess, page
 
 pytestmark = pytest.mark.realtime
 
@@ -32,12 +32,6 @@ poses:
 def running() -> Iterator[Running]:
     with armed_daemon(2) as started:
         (started.folder / "fingers.poses.yaml").write_text(POSES)
-        yield started
-
-
-@pytest.fixture
-def served(running: Running) -> Iterator[PanelProcess]:
-    with panel(running) as started:
         yield started
 
 

@@ -29,12 +29,6 @@ def running() -> Iterator[Running]:
         yield started
 
 
-@pytest.fixture
-def served(running: Running) -> Iterator[PanelProcess]:
-    with panel(running) as started:
-        yield started
-
-
 @pytest.fixture(autouse=True)
 def _nothing_moves(running: Running) -> Iterator[None]:
     """Whatever a test of this module sends, the robot holds where it is."""

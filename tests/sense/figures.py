@@ -34,13 +34,8 @@ def static_loads(arms):
         run = Run(calibrated(body, rng), body, rng)
         run.move(rng.uniform(0.05, 1.2, 6))
         for _ in range(LOADS):
-            body.force = (0.0, 0.0, 0.0)
-            run.move(rng.uniform(0.05, 1.2, 6))
-            run.rest(1.0)
-            force, sigma = run.found()
-            shares.append(force / sigma)
-            load = np.array([*rng.uniform(-2.0, 2.0, 2), rng.uniform(0.0, 10.0)]) * GRAM_N
-            body.force = tuple(load.tolist())
+            share, load = run.put_on()
+            shares.append(share)
             near = []
             for _ in range(round(RATE_HZ)):
                 run.tick(run.bar)

@@ -89,6 +89,16 @@ class Run:
             s = k / count
             self.tick(start + (goal - start) * (3.0 * s * s - 2.0 * s**3))
 
+    def put_on(self):
+        """Rest unloaded, then put on a load: the estimate before it over its deviations, and the load."""
+        self.body.force = (0.0, 0.0, 0.0)
+        self.move(self.rng.uniform(0.05, 1.2, 6))
+        self.rest(1.0)
+        force, sigma = self.found()
+        load = np.array([*self.rng.uniform(-2.0, 2.0, 2), self.rng.uniform(0.0, 10.0)]) * GRAM_N
+        self.body.force = tuple(load.tolist())
+        return force / sigma, load
+
     def found(self):
         found = self.observer.found
         assert found is not None

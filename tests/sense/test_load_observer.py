@@ -22,13 +22,8 @@ def weighed():
     errors, shares = [], []
     run.move(rng.uniform(0.05, 1.2, 6))
     for _ in range(LOADS):
-        body.force = (0.0, 0.0, 0.0)
-        run.move(rng.uniform(0.05, 1.2, 6))
-        run.rest(1.0)
-        force, sigma = run.found()
-        shares.append(force / sigma)
-        load = np.array([*rng.uniform(-2.0, 2.0, 2), rng.uniform(0.0, 10.0)]) * GRAM_N
-        body.force = tuple(load.tolist())
+        share, load = run.put_on()
+        shares.append(share)
         run.rest(1.0)
         force, sigma = run.found()
         errors.append((force - load) / GRAM_N)
@@ -43,7 +38,7 @@ def test_a_load_is_weighed_within_a_second(weighed):
 
 
 def test_the_intervals_hold_what_they_state(weighed):
-    # Of 144 components of one arm; benchmarks/load_sensing.py has more.
+    # Of 144 components of one arm; `python -m tests.sense.figures` has more.
     assert 0.88 <= (np.abs(weighed[2]) <= 1.96).mean() <= 1.0
 
 
