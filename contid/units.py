@@ -7,6 +7,8 @@ from typing import Final
 
 BAR: Final = 1e5
 DEG: Final = math.pi / 180.0
+#: Of the third general conference on weights and measures, 1901 [m/s^2].
+STANDARD_GRAVITY: Final = 9.80665
 
 # Metres from millimetres by division: 70 / 1000 is the nearest double to 0.07, 70 * 1e-3 is not.
 MM_PER_M: Final = 1e3

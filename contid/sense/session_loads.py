@@ -15,8 +15,7 @@ from contid.sense.calibration import CalibrationError, LoadCalibration, calibrat
 from contid.sense.estimator import NORMAL_95, LoadEstimator
 from contid.sense.rests import rests
 from contid.session.read import Session
-
-GRAVITY_M_S2 = 9.80665
+from contid.units import STANDARD_GRAVITY
 
 
 @dataclass(frozen=True, slots=True)
@@ -108,8 +107,8 @@ def session_loads(
             float(each.times_s[-1]),
             frame.vector_in_world(found.force_n),
             (half[0], half[1], half[2]),
-            along / GRAVITY_M_S2 * 1e3,
-            interval / GRAVITY_M_S2 * 1e3,
+            along / STANDARD_GRAVITY * 1e3,
+            interval / STANDARD_GRAVITY * 1e3,
             found.converged,
             found.measurements,
         )

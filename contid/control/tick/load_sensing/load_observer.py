@@ -26,9 +26,8 @@ from contid.kinematics.frames import BaseFrame
 from contid.robot_file.cosserat import Cosserat
 from contid.robot_file.pneumatic.sense import LoadSensing
 from contid.targets import Vec3
-from contid.units import MM_PER_M
+from contid.units import MM_PER_M, STANDARD_GRAVITY
 
-STANDARD_GRAVITY: Final = 9.80665
 #: Steps of the force per measurement.
 TRIALS: Final = 4
 #: The arm must be stable under this many times a force that the solver gets; reached in these steps.
