@@ -8,7 +8,8 @@ their mapping stays valid after the file is unlinked.
 
 Layout of the file: 64 bytes of header (magic, sizes, closed flag, two sequence numbers), the JSON of the
 `RecordLayout`, tick slots, event slots. Every slot has a CRC-32 of its contents and number: processors other
-than x86-64 may show a reader the stamp before the contents, and such a slot is read again.
+than x86-64 may show a reader the stamp before the contents, and such a slot is read again. The sequence
+numbers are stored in one piece: `struct` clears the bytes before it packs, and a reader would see zero.
 """
 
 from __future__ import annotations
@@ -36,8 +37,8 @@ from contid.errors import ContidError
 MAGIC: Final = b"contidR5"
 HEAD: Final = struct.Struct("=8sQQQQQ")  # magic, bytes of JSON, tick slots, bytes per tick, event slots
 HEAD_BYTES: Final = 64
-#: Offsets of the two sequence numbers and of the closed flag.
-TICKS_AT, EVENTS_AT, CLOSED_AT = 48, 56, 40
+#: Places of the closed flag and of the two sequence numbers, in integers of 8 bytes.
+CLOSED, TICKS, EVENTS = 5, 6, 7
 #: Size of an event slot, and number of them.
 EVENT_BYTES: Final = 2048
 EVENT_SLOTS: Final = 1024
@@ -135,12 +136,14 @@ class _Mapped:
                 raise RingError(f"{path}: not a ring of this version of contid")
             self.layout = RecordLayout.from_json(self._map[HEAD_BYTES : HEAD_BYTES + text_bytes].decode())
             undo.pop_all()
+        self._numbers = memoryview(self._map)[:HEAD_BYTES].cast("Q")
         self._ticks_at = _slots_at(text_bytes)
         self._events_at = _events_at(text_bytes, self.slots, self.size)
         self._packer = self.layout.packer()
 
     def close(self) -> None:
         """Unmap and close; idempotent."""
+        self._numbers.release()
         self._map.close()
         self._file.close()
 
@@ -159,7 +162,7 @@ class RingWriter(_Mapped):
         at = self._ticks_at + number % self.slots * self.size
         self._ticks = number + 1
         self._fill(at, self._ticks, self._packer.pack(*values))
-        U64.pack_into(self._map, TICKS_AT, self._ticks)
+        self._numbers[TICKS] = self._ticks
 
     def event(self, event: RunEvent) -> None:
         """Publish one event; beyond `EVENT_PARTS` slots its longest text is cut or ``too_long`` sent."""
@@ -176,7 +179,7 @@ class RingWriter(_Mapped):
         at = self._events_at + number % self.event_slots * EVENT_BYTES
         self._events = number + 1
         self._fill(at, self._events, PART.pack(len(body), before, after) + body)
-        U64.pack_into(self._map, EVENTS_AT, self._events)
+        self._numbers[EVENTS] = self._events
 
     def _fill(self, at: int, number: int, contents: bytes) -> None:
         """Fill a slot; its stamp comes last."""
@@ -186,7 +189,7 @@ class RingWriter(_Mapped):
 
     def finish(self) -> None:
         """Mark the ring as complete."""
-        U64.pack_into(self._map, CLOSED_AT, 1)
+        self._numbers[CLOSED] = 1
 
 
 def _crc(number: int, contents: bytes) -> int:
@@ -237,16 +240,16 @@ class RingReader(_Mapped):
     @property
     def finished(self) -> bool:
         """True when the writer has finished; its records can still be read."""
-        return bool(U64.unpack_from(self._map, CLOSED_AT)[0])
+        return bool(self._numbers[CLOSED])
 
     @property
     def written(self) -> int:
         """Records written so far."""
-        return int(U64.unpack_from(self._map, TICKS_AT)[0])
+        return self._numbers[TICKS]
 
     def skip(self) -> int:
         """Go on with the next record and the next event; returns the number of records left out."""
-        self._event = _Cursor(int(U64.unpack_from(self._map, EVENTS_AT)[0]))
+        self._event = _Cursor(self._numbers[EVENTS])
         self._tick = _Cursor(self.written)
         return self._tick.next
 
@@ -261,7 +264,7 @@ class RingReader(_Mapped):
     def raw_ticks(self, at_most: int = 1 << 30) -> list[tuple[float, ...]]:
         """The undecoded values of unread records, oldest first."""
         out: list[tuple[float, ...]] = []
-        while len(out) < at_most and (raw := self._next(self._tick, TICKS_AT, self.slots, self._tick_slot)):
+        while len(out) < at_most and (raw := self._next(self._tick, TICKS, self.slots, self._tick_slot)):
             out.append(self._packer.unpack(raw))
         return out
 
@@ -286,7 +289,7 @@ class RingReader(_Mapped):
         """Unread events, oldest first; an event with overwritten parts is dropped."""
         out: list[RunEvent] = []
         missed = self._event.missed
-        while raw := self._next(self._event, EVENTS_AT, self.event_slots, self._event_slot):
+        while raw := self._next(self._event, EVENTS, self.event_slots, self._event_slot):
             _, before, after = PART.unpack_from(raw)
             if before == 0 or self._event.missed != missed:
                 self._parts.clear()
@@ -319,10 +322,10 @@ class RingReader(_Mapped):
                 return contents
         return None
 
-    def _next(self, cursor: _Cursor, head_at: int, slots: int, slot: Callable[[int], bytes]) -> bytes | None:
+    def _next(self, cursor: _Cursor, head_place: int, slots: int, slot: Callable[[int], bytes]) -> bytes | None:
         """Copy the next slot; skip and count those that were overwritten or never became whole."""
         while True:
-            head = int(U64.unpack_from(self._map, head_at)[0])
+            head = self._numbers[head_place]
             if cursor.next >= head:
                 return None
             oldest = head - slots + 1  # the slot after the newest may be being written

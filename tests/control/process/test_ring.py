@@ -7,6 +7,8 @@ import os
 import random
 import resource
 import stat
+import subprocess
+import sys
 from collections.abc import Iterator
 from dataclasses import replace
 from pathlib import Path
@@ -69,6 +71,32 @@ def test_a_record_comes_back_exactly(path: Path) -> None:
     assert reader.layout == LAYOUT
     assert reader.ticks() == []
     writer.close()
+    reader.close()
+
+
+WRITER = """
+import sys
+from pathlib import Path
+from contid.control.process import ring
+from tests.control.process.test_ring import values
+writer, contents = ring.RingWriter(Path(sys.argv[1])), values(3)
+for _ in range(1_000_000):
+    writer.write(contents)
+writer.finish()
+"""
+
+
+def test_the_number_of_records_never_falls_while_another_process_writes(path: Path) -> None:
+    reader = ring.RingReader(path)
+    with subprocess.Popen([sys.executable, "-c", WRITER, str(path)]) as process:
+        last = 0
+        while not reader.finished and process.poll() is None:
+            for _ in range(1000):
+                written = reader.written
+                assert written >= last, f"{written} after {last}"
+                last = written
+    assert process.returncode == 0
+    assert reader.written == 1_000_000
     reader.close()
 
 
