@@ -296,7 +296,7 @@ class Engine:
             self._sink.event(GotoEnded(robot=config.name, arrived=False, tick=number))
         state = outcome.state
         if state.mode is Mode.FAULT and robots.reported[index] is not Mode.FAULT:
-            state = self._stalls.explained(state)
+            state = self._stalls.explained(state, config.watchdog_s)
         if state.pending is not Effect.NONE:
             state = self._exchange.ask(index, state)
         if going is not None and state.goto is None and not recovered:

@@ -1,7 +1,7 @@
 """Detects stalls of the loop: a device that then reports an expired watchdog is not faulty itself.
 
-The time between the starts of two ticks is compared with the period; a replay has the same times. Pure
-computation on given times.
+The time between the starts of two ticks is compared with the period and with the watchdog of the devices; a
+replay has the same times. Pure computation on given times.
 """
 
 from __future__ import annotations
@@ -42,9 +42,17 @@ class StallWatch:
             self._gap_s = 0.0
         self._started_s = start_s
 
-    def explained(self, state: RobotState) -> RobotState:
-        """The state with the fault of the loop, when a device tripped because the loop stood still."""
-        if not self._gap_s or state.fault is not Fault.DEVICE_FAULT or WATCHDOG not in state.message.lower():
+    def explained(self, state: RobotState, watchdog_s: float) -> RobotState:
+        """The state with the fault of the loop, when a device tripped because the loop stood still.
+
+        Args:
+            state: of the robot.
+            watchdog_s: shortest watchdog of its devices [s], 0 when not known.
+        """
+        # In the tick before the gap the device may have had its instruction up to a period earlier.
+        if not self._gap_s or self._gap_s < watchdog_s - self._period_s:
+            return state
+        if state.fault is not Fault.DEVICE_FAULT or WATCHDOG not in state.message.lower():
             return state
         message = f"the loop stood still for {self._gap_s * 1e3:.0f} ms: {state.message}"
         return replace(state, fault=Fault.LOOP_STALLED, message=message)

@@ -21,6 +21,7 @@ from contid.robot_file.cosserat import Cosserat
 from contid.robot_file.load import BusWiring, LoadedFile
 from contid.robot_file.robot import RobotDescription
 from contid.robot_file.tendon import TendonRobot
+from contid.robot_file.watchdog import watchdog_s
 
 _Capability = TypeVar("_Capability")
 
@@ -120,8 +121,9 @@ def _carry(loaded: LoadedFile, buses: Mapping[str, Bus], name: str, robot: Cosse
 def build_robot_configs(loaded: LoadedFile, rate_hz: float) -> tuple[RobotConfig, ...]:
     """One configuration per driven robot, in file order; redundant ones keep away from obstacles."""
     tolerance = {bus.name: bus.tolerance_ticks for bus in loaded.buses.values()}
+    watchdogs_s = {bus.name: watchdog_s(bus) for bus in loaded.buses.values()}
     configs = tuple(
-        robot_config(name, robot, RobotTransmission(robot), rate_hz, tolerance)
+        robot_config(name, robot, RobotTransmission(robot), rate_hz, tolerance, watchdogs_s)
         for name, robot in driven_robots(loaded).items()
     )
     clearance = loaded.file.clearance

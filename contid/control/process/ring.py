@@ -322,7 +322,9 @@ class RingReader(_Mapped):
                 return contents
         return None
 
-    def _next(self, cursor: _Cursor, head_place: int, slots: int, slot: Callable[[int], bytes]) -> bytes | None:
+    def _next(
+        self, cursor: _Cursor, head_place: int, slots: int, slot: Callable[[int], bytes]
+    ) -> bytes | None:
         """Copy the next slot; skip and count those that were overwritten or never became whole."""
         while True:
             head = self._numbers[head_place]

@@ -88,6 +88,7 @@ class RobotConfig:
         velocity, acceleration, jerk: greatest rates of every axis [1/s, 1/s^2, 1/s^3].
         tolerance: exchanges in a row each axis may miss.
         stale_s: age at which the data of each axis count as stale [s].
+        watchdog_s: shortest time after which a device of the robot stops by itself [s], 0 when not known.
         period_s: of the tick.
         feedback: closed loop on the tip, None when off.
         play: half width of the play of every axis [m or Pa], None without.
@@ -116,6 +117,7 @@ class RobotConfig:
     jerk: tuple[float, ...]
     tolerance: tuple[int, ...]
     stale_s: tuple[float, ...]
+    watchdog_s: float
     period_s: float
     feedback: FeedbackConfig | None = None
     play: Actuation | None = None
@@ -138,6 +140,7 @@ def robot_config(
     transmission: Transmission,
     rate_hz: float,
     tolerance_of_bus: Mapping[str, int],
+    watchdog_s_of_bus: Mapping[str, float],
 ) -> RobotConfig:
     """Configuration of one robot of a file at a rate [Hz]."""
     model = build_whole_model(robot)
@@ -165,6 +168,7 @@ def robot_config(
         jerk=jerk,
         tolerance=tolerance,
         stale_s=tuple(max(ticks * period_s, STALE_S) for ticks in tolerance),
+        watchdog_s=min(watchdog_s_of_bus[robot.axes[axis].bus] for axis in names),
         period_s=period_s,
         feedback=None if robot.feedback is None else FeedbackConfig.of(robot.feedback),
         play=None if robot.play is None else (*robot.play, *(0.0,) * len(robot.extra_axis_names)),

@@ -148,7 +148,7 @@ class _Robot:
 
     def tightened(self, candidate: Array) -> Actuation | None:
         """The command of the same bends with every tendon taut; None where the limits forbid it."""
-        taut = self.taut.tightened(candidate, np.minimum(self._tightness, 0.0))
+        taut = self._taut(candidate)
         return tuple(taut.tolist()) if self._allows(taut) else None
 
     def toward(self, answer: Array, pace: Array) -> Actuation:
@@ -165,14 +165,17 @@ class _Robot:
             if low == high:
                 break
             share = 0.5 * (low + high)
-        best = self.taut.tightened(best, np.minimum(self._tightness, 0.0))
-        if float(np.abs(best - self.at).max()) < _STILL_M:
-            best = self.at
+        best = self._taut(best)
         after = [
             min(max(value, min(each.lower, old)), max(each.upper, old))
             for value, old, each in zip(best.tolist(), self.at.tolist(), self.limits, strict=True)
         ]
         return tuple(after)
+
+    def _taut(self, pulls: Array) -> Array:
+        """Pulls of the same bends with every tendon taut; the last command where they differ by rounding."""
+        taut = self.taut.tightened(pulls, np.minimum(self._tightness, 0.0))
+        return self.at if float(np.abs(taut - self.at).max()) < _STILL_M else taut
 
     def _motion(self, answer: Array, pace: Array) -> Array:
         """Step of the coordinates to the answer: its own pace, and what all axes can brake from."""

@@ -18,7 +18,7 @@ def fault(starts_s: list[float], fault: Fault = Fault.DEVICE_FAULT, message: str
     watch = StallWatch(200.0)
     for number, start_s in enumerate(starts_s):
         watch.begin(Timing(number, 0, start_s, 0.0, start_s + 0.004))
-    return watch.explained(RobotState(mode=Mode.FAULT, fault=fault, message=message))
+    return watch.explained(RobotState(mode=Mode.FAULT, fault=fault, message=message), 0.2)
 
 
 def test_a_trip_after_a_gap_is_the_loops() -> None:
@@ -34,10 +34,11 @@ def test_a_trip_after_a_gap_is_the_loops() -> None:
     [
         ([0.0, 0.005, 0.010, 0.015], Fault.DEVICE_FAULT, TRIP),
         ([0.0, 1.0, *(1.0 + 0.005 * tick for tick in range(1, 300))], Fault.DEVICE_FAULT, TRIP),
+        ([0.0, 0.024, 0.029], Fault.DEVICE_FAULT, TRIP),
         ([0.0, 1.0], Fault.DEVICE_FAULT, "f0.left: overload"),
         ([0.0, 1.0], Fault.AXIS_SILENT, "f0.left did not answer; its watchdog stops it"),
     ],
-    ids=["no gap", "long ago", "another cause", "another fault"],
+    ids=["no gap", "long ago", "gap shorter than the watchdog", "another cause", "another fault"],
 )
 def test_other_faults_stay(starts_s: list[float], which: Fault, message: str) -> None:
     state = fault(starts_s, which, message)

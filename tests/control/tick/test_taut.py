@@ -17,6 +17,7 @@ from contid.control.tick.supervisor import Mode
 from contid.control.tick.transitions import goto, hold
 from contid.hal import Sample
 from contid.kinematics.tendon.model import TendonModel
+from contid.robot_file.base import StopPolicy
 from contid.robot_file.load import parse_robot_file
 from contid.targets import Target
 
@@ -218,3 +219,21 @@ def test_a_moving_target_is_caught_up_with_soon(configs: Path, skipped: int) -> 
     errors_m = [run.step(target(400 + skipped + number)).tip_error_m for number in range(40)]
     assert max(errors_m[4 * skipped :]) < 2e-4
     assert max(errors_m[2 * skipped + 10 :]) < 1e-6
+
+
+def test_a_robot_held_beside_a_slack_reference_stands_still(configs: Path) -> None:
+    # Found by random gotos and stops: two commands that differ by rounding followed each other for ever, so
+    # the stop never ended and no trajectory began.
+    run = Run.of(config_of(configs, "tendon3"), Mode.STOPPING)
+    bends = (0.007365582690924001, 0.0027344300736111674, -0.008922025003141654)
+    end = (0.003008506099624875, -0.007008497083381695, 0.004912016926947929)
+    command = (*bends, -0.003653010679102271, 0.0036217335080086246, 0.0010884248462476422, *end)
+    reference = (*bends, -0.0036589337164751215, 0.003615810470635774, 0.0010825018088747916, *end)
+    step = (0.0, 0.0, 0.0, *(-8.673617379884035e-19,) * 3, 0.0, 0.0, 0.0)
+    run.state = replace(
+        run.state, command=command, reference=reference, increments=step, policy=StopPolicy.HOLD
+    )
+    for _ in range(10):
+        run.step(None)
+    assert run.state.mode is Mode.OFF
+    assert not any(run.state.increments)
