@@ -248,7 +248,8 @@ def _move(config: RobotConfig, state: RobotState, now_s: float) -> TickResult:
         reference = state.motion.at(since_s)[0]
         over = since_s >= state.motion.duration_s
         behind = since_s > state.motion.duration_s + 1.5 * config.period_s and any(state.increments)
-        if behind and config.shared is not None and not isinstance(state.motion, Approach):
+        together = config.shared is not None or config.taut is not None
+        if behind and together and not isinstance(state.motion, Approach):
             # A limit that axes share kept it from the end of its stop: it stops where it is.
             state = braking_at_once(config, state, now_s)
             reference = state.motion.at(config.period_s)[0] if state.motion is not None else reference

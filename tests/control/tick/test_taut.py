@@ -20,6 +20,7 @@ from contid.kinematics.tendon.model import TendonModel
 from contid.robot_file.base import StopPolicy
 from contid.robot_file.load import parse_robot_file
 from contid.targets import Target
+from contid.trajectory.standstill import stopping
 
 ROUNDING_N = 1e-4  # 5 nm of pull at 20 N/mm
 
@@ -237,3 +238,24 @@ def test_a_robot_held_beside_a_slack_reference_stands_still(configs: Path) -> No
         run.step(None)
     assert run.state.mode is Mode.OFF
     assert not any(run.state.increments)
+
+
+def test_a_stop_whose_end_is_out_of_bounds_ends_before_it(configs: Path) -> None:
+    # Found in the same way: at the bound of a tension the third section went on towards it, 0.07 um/s.
+    config = config_of(configs, "tendon3")
+    run = Run.of(config, Mode.STOPPING)
+    ways = (0.0015797098174934418, -0.0010215909816136204, -0.0003179313960526109)
+    ways += (0.0004354948768548928, -0.0009258160350606792, 0.0009348958401172657)
+    command = (*ways, 0.00015579329389312323, -0.0009462800985371388, 0.0008044305387067606)
+    end = (*ways, -0.00011804630818783407, -0.001006409679159443, 0.0007443009580876692)
+    step = (*(0.0,) * 6, -7.331410581976148e-10, 3.584462352585957e-10, 3.5844621736925986e-10)
+    still = (0.0,) * len(end)
+    motion = stopping(end, still, still, config.acceleration, config.jerk)
+    run.state = replace(
+        run.state, command=command, reference=end, increments=step, policy=StopPolicy.HOLD,
+        motion=motion, motion_s=-1.0,
+    )  # fmt: skip
+    for _ in range(10):
+        run.step(None)
+    assert run.state.mode is Mode.OFF
+    assert run.state.command == pytest.approx(command, abs=1e-8)
