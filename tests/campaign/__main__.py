@@ -9,10 +9,10 @@ import argparse
 import sys
 from pathlib import Path
 
-from tests.campaign import ptys
 from tests.campaign.campaign import Tally, campaign
 from tests.campaign.everything import everything
-from tests.campaign.wired_checks import Tally as WireTally
+from tests.campaign.wired.cases import campaign as wired_campaign
+from tests.campaign.wired.checks import Tally as WireTally
 
 
 def main() -> int:
@@ -43,7 +43,7 @@ def main() -> int:
         if asked.ptys is None:
             tally: Tally | WireTally = campaign(cases, asked.seed, progress)
         else:
-            tally = ptys.campaign(cases, asked.seed, progress, asked.driver, asked.keep)
+            tally = wired_campaign(cases, asked.seed, progress, asked.driver, asked.keep)
     except KeyboardInterrupt:
         if not newest:
             raise

@@ -44,7 +44,8 @@ from contid.remote.protocol.socket_path import is_listening
 from contid.robot_file.shipped import configs_folder
 from contid.session.check import check_session
 from contid.session.read import Session
-from tests.campaign.wires import LONG_TIMEOUTS, TOLERANCE_TICKS, Wires, robot_file
+from tests.campaign.wired.lab_file import LONG_TIMEOUTS, TOLERANCE_TICKS, robot_file
+from tests.campaign.wired.wires import Wires
 from tests.support import cpu_quota
 from tests.support.waiting import until
 
@@ -168,10 +169,10 @@ class Case:
 
         Motors that were stopped by the policy ``hold`` hold without the daemon; they must not move.
         """
-        holding = {eyes.axis for eyes in self._wires.servos if abs(eyes.servo.motion.velocity) <= STILL}
+        holding = {probe.axis for probe in self._wires.servos if abs(probe.servo.motion.velocity) <= STILL}
         if self._stopped:
             holding |= {
-                eyes.axis for eyes in self._wires.channels if eyes.motor and abs(eyes.speed_now) <= STILL
+                probe.axis for probe in self._wires.channels if probe.motor and abs(probe.speed_now) <= STILL
             }
         return [name for name in self._wires.driven() if name not in holding]
 
@@ -208,8 +209,8 @@ class Case:
         self.violations += [f"{what}: {stderr[-1500:]}"] if "Traceback" in stderr else []
 
     def _wrong(self) -> list[str]:
-        boards = [message for eyes in self._wires.channels for message in eyes.wrong]
-        return boards + [message for eyes in self._wires.servos for message in eyes.wrong]
+        boards = [message for probe in self._wires.channels for message in probe.wrong]
+        return boards + [message for probe in self._wires.servos for message in probe.wrong]
 
     def clean(self) -> None:
         """Kill what is left, whatever happened."""

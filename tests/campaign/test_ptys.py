@@ -7,8 +7,9 @@ import random
 
 import pytest
 
-from tests.campaign.ptys import BUGS, Run, campaign
-from tests.campaign.wired_checks import STATES, Tally
+from tests.campaign.wired.bugs import BUGS
+from tests.campaign.wired.cases import Run, campaign
+from tests.campaign.wired.checks import STATES, Tally
 
 CASES = int(os.environ.get("CONTID_CAMPAIGN_PTYS", "4"))
 # Against real time: a machine that stands still for a tenth of a second looks like a dead bus.

@@ -19,7 +19,9 @@ from contid.control.tick.supervisor import Mode
 from contid.session.check import check_session
 from contid.session.read import Session
 from tests.campaign import invariants
-from tests.campaign.wires import RATE_HZ, Switch, Wires
+from tests.campaign.wired.lab_file import RATE_HZ
+from tests.campaign.wired.switches import Switch
+from tests.campaign.wired.wires import Wires
 
 STATES: Final = ("approach", "run", "hold", "stopping", "fault", "arming")
 #: Robots whose devices are regulators.
@@ -48,7 +50,7 @@ class Injected:
     latest_s: float = 0.0
 
 
-#: Exchange of a servo bus with a silent servo: `wires.LONG_TIMEOUTS` and its bytes.
+#: Exchange of a servo bus with a silent servo: `lab_file.LONG_TIMEOUTS` and its bytes.
 TIMEOUT_S: Final = 0.018
 
 
@@ -112,7 +114,7 @@ def judge(tally: Tally, wires: Wires, recorded: Path, thrown: Sequence[Injected]
 
 
 def _judge(tally: Tally, wires: Wires, recorded: Path, thrown: Sequence[Injected]) -> None:
-    tally.check("outputs of the boards", [message for eyes in wires.channels for message in eyes.wrong])
+    tally.check("outputs of the boards", [message for probe in wires.channels for message in probe.wrong])
     session = Session(recorded)
     records, events = list(session.ticks()), list(session.events())
     configs = build_robot_configs(wires.loaded, RATE_HZ)
