@@ -35,6 +35,7 @@ class OrderHandler(FailingHandler):
 
     def __init__(self) -> None:
         self.got: list[str] = []
+        self.stops = self
 
     def estop_before_turn(self, caller: object, line: bytes) -> None:
         self.got.append("estop before its turn")

@@ -150,7 +150,7 @@ class Connection:
 
     def _estop_arrived(self, line: bytes) -> None:
         """Obey an emergency stop before its turn; its request follows in its order and gets the response."""
-        self._handler.estop_before_turn(self, line)
+        self._handler.stops.estop_before_turn(self, line)
 
     async def _read(self) -> None:
         while (line := await self.receiver.line()) is not None:
@@ -162,7 +162,7 @@ class Connection:
     def _obey_rest(self) -> None:
         """Obey an emergency stop among what a client sent before it disconnected, or was disconnected."""
         if any(map(is_estop, (*self.receiver.lines, self.receiver.partial))):
-            self._handler.estop_all(self)
+            self._handler.stops.estop_all(self)
         self.receiver.clear()
 
     def _take_rest(self) -> None:
@@ -205,7 +205,7 @@ class Connection:
                     raise RemoteError(Code.BAD_REQUEST, f"the verb is {ESTOP!r}, written once")
             except RemoteError as error:
                 raise (
-                    await self._handler.obey_malformed_estop(self, error) if is_estop(line) else error
+                    await self._handler.stops.obey_malformed_estop(self, error) if is_estop(line) else error
                 ) from None
             self.notify({"id": number, "ok": True, "result": await self._handler.serve(self, fields)})
         except RemoteError as error:
