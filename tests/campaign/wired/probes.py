@@ -48,7 +48,7 @@ class ServoProbe:
     def _saw(self, register: reg.Register, was: bool) -> None:
         servo = self.servo
         # What a host can see: a frozen encoder hides where the shaft is.
-        position = servo.position_ticks if servo.frozen is None else float(servo.read_position())
+        position = servo.seen_ticks
         if register is reg.TORQUE_ENABLE:
             if servo.torque and not was:
                 off = abs(servo.motion.goal - position)

@@ -83,6 +83,11 @@ class Servo(ControlTable):
         return self.motion.position
 
     @property
+    def seen_ticks(self) -> float:
+        """Position of the shaft, over all turns, as its encoder has it: a frozen one stays behind."""
+        return self.motion.position if self.frozen is None else self.frozen - self._count_offset()
+
+    @property
     def answers(self) -> bool:
         """False while it boots."""
         return self.now >= self.booted_at
