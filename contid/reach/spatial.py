@@ -1,4 +1,4 @@
-"""Reach of arms in space: the voxels whose centres the inverse kinematics reaches.
+"""Reach of a tip: the voxels, or squares of a plane, whose centres the inverse kinematics reaches.
 
 Random actuations alone cover the rim of the reachable set poorly. Here they only seed a flood fill over the
 voxels of a world-aligned grid; the model's inverse decides whether a centre is reachable. The volume is the
@@ -9,7 +9,7 @@ a fixed seed: the same file gives the same numbers.
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from itertools import combinations
 from typing import Final
 
@@ -41,12 +41,14 @@ class Volume:
         edge_m: edge of a voxel [m].
         rim: number of voxels with a neighbour that is not reachable.
         tested: number of inverse solutions computed.
+        answers: actuation with which the tip is at the centre, by voxel.
     """
 
     voxels: frozenset[Voxel]
     edge_m: float
     rim: int
     tested: int
+    answers: Mapping[Voxel, Actuation] = field(default_factory=dict)
 
     @property
     def volume_m3(self) -> float:
@@ -94,6 +96,7 @@ def reachable_volume(
     across: int = 24,
     samples: int = 400,
     progress: Progress | None = None,
+    planar: bool = False,
 ) -> Volume:
     """Flood fill the voxels that the inverse reaches.
 
@@ -104,7 +107,9 @@ def reachable_volume(
         across: see ``edge_m``.
         samples: random actuations that seed the fill.
         progress: called with the number of voxels tested so far.
+        planar: fill the squares of the plane z = 0.
     """
+    neighbours = _NEIGHBOURS[:4] if planar else _NEIGHBOURS
     actuations, tips = sample_tips(model, frame, samples)
     if edge_m is None:
         edge_m = float(np.max(np.ptp(tips, axis=0))) / across
@@ -112,6 +117,7 @@ def reachable_volume(
     for actuation, tip in zip(actuations, tips, strict=True):
         seeds.setdefault(_voxel(tip, edge_m), actuation)
     reachable: dict[Voxel, bool] = {}
+    answers: dict[Voxel, Actuation] = {}
     # A front at a time: its voxels are independent of each other.
     front = dict(sorted(seeds.items()))
     while front:
@@ -123,14 +129,15 @@ def reachable_volume(
         following: dict[Voxel, Actuation] = {}
         for voxel, actuation in zip(front, found["actuation"].tolist(), strict=True):
             if reachable[voxel]:
-                for step in _NEIGHBOURS:
+                answers[voxel] = tuple(actuation)
+                for step in neighbours:
                     neighbour = _next(voxel, step)
                     if neighbour not in reachable:
                         following.setdefault(neighbour, tuple(actuation))
         front = following
     inside = frozenset(voxel for voxel, yes in reachable.items() if yes)
-    rim = sum(any(_next(voxel, step) not in inside for step in _NEIGHBOURS) for voxel in inside)
-    return Volume(inside, edge_m, rim, len(reachable))
+    rim = sum(any(_next(voxel, step) not in inside for step in neighbours) for voxel in inside)
+    return Volume(inside, edge_m, rim, len(reachable), answers)
 
 
 def shared(volumes: Mapping[str, Volume]) -> dict[tuple[str, str], float]:

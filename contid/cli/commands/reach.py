@@ -3,13 +3,18 @@
 from __future__ import annotations
 
 import json
+from collections.abc import Mapping
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 import click
 
 from contid.cli.support.figure import FIGURE
 from contid.cli.support.numbers import POSITIVE
 from contid.cli.support.robot_names import robot_names
+
+if TYPE_CHECKING:
+    from contid.robot_file.robot import RobotDescription
 
 
 @click.command()
@@ -23,11 +28,33 @@ from contid.cli.support.robot_names import robot_names
     show_default=True,
     help="Voxels along the widest side when --voxel-mm is not given.",
 )
+@click.option(
+    "--quality",
+    type=click.Choice(["compliance", "accuracy", "dexterity"]),
+    help="Map how good the places are instead of how many there are.",
+)
+@click.option(
+    "--axis-sigma",
+    type=POSITIVE,
+    help="Standard deviation of an axis [mm or bar], for --quality accuracy.",
+)
 @click.option("--json", "as_json", is_flag=True, help="The numbers as one JSON object.")
-def command(robot_file: str, plot: Path | None, voxel_mm: float | None, across: int, as_json: bool) -> None:
+def command(
+    robot_file: str,
+    plot: Path | None,
+    voxel_mm: float | None,
+    across: int,
+    quality: str | None,
+    axis_sigma: float | None,
+    as_json: bool,
+) -> None:
     """Workspace of the tips of ROBOT_FILE: areas of planar robots (exact), volumes of spatial ones.
 
     For a hand of two rack fingers it also prints the comparison of Morita et al., section IV-B.
+
+    With --quality it maps a measure of the places instead: compliance (how far the tip gives way to a
+    newton), accuracy (standard deviation of the tip in its worst direction), or dexterity (1 where the tip
+    moves alike in all directions, 0 where it cannot move in one).
     """
     from contid.cli.support.progress import counting
     from contid.control.engine.wiring import driven_robots
@@ -38,6 +65,11 @@ def command(robot_file: str, plot: Path | None, voxel_mm: float | None, across: 
 
     loaded = load_named(robot_file)
     robots = driven_robots(loaded)
+    if axis_sigma is not None and quality != "accuracy":
+        raise click.UsageError("--axis-sigma is for --quality accuracy.")
+    if quality is not None:
+        _quality(loaded.file.name, robots, quality, axis_sigma, voxel_mm, across, as_json, plot)
+        return
     fingers = {name: robot for name, robot in robots.items() if isinstance(robot, RackFinger)}
     arms = {name: robot for name, robot in robots.items() if name not in fingers}
     flat = [name for name, robot in arms.items() if robot.dimension == 2]
@@ -58,6 +90,43 @@ def command(robot_file: str, plot: Path | None, voxel_mm: float | None, across: 
             path = plot if number == 0 else plot.with_stem(f"{plot.stem}-{number + 1}")
             save_plot(report, path, f"{loaded.file.name}: reach of the tips")
             click.echo(f"drawn: {path}", err=True)
+
+
+def _quality(
+    file: str,
+    robots: Mapping[str, RobotDescription],
+    quality: str,
+    axis_sigma: float | None,
+    voxel_mm: float | None,
+    across: int,
+    as_json: bool,
+    plot: Path | None,
+) -> None:
+    """Print the map of a measure for every robot, and draw it."""
+    from contid.cli.support.progress import counting
+    from contid.reach.quality import Measure, quality_map
+    from contid.reach.quality_report import to_json, to_text
+    from contid.units import MM_PER_M
+
+    measure, maps = Measure(quality), {}
+    with counting("places tested") as progress:
+        for name, robot in robots.items():
+            maps[name] = quality_map(
+                name, robot, measure,
+                axis_sigma=None if axis_sigma is None else robot.quantity.to_si(axis_sigma),
+                edge_m=None if voxel_mm is None else voxel_mm / MM_PER_M,
+                across=across, progress=progress,
+            )  # fmt: skip
+    if as_json:
+        click.echo(json.dumps({"file": file, **to_json(maps)}))
+    else:
+        for line in to_text(maps):
+            click.echo(line)
+    if plot is not None:
+        from contid.reach.quality_plot import save_quality_plot
+
+        save_quality_plot(maps, plot, f"{file}: {quality}")
+        click.echo(f"drawn: {plot}", err=True)
 
 
 def _print(report: object) -> None:
