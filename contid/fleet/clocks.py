@@ -56,6 +56,31 @@ class ClockOffset:
         return there_s - self.offset_s
 
 
+@dataclass(frozen=True, slots=True)
+class NotedOffset:
+    """The offset that the conductor of a run measured of a node and noted in its recording.
+
+    Attributes:
+        operator: who conducted.
+        conductor: names the boot from which its clock counts.
+        offset_s: of the node's CLOCK_MONOTONIC from that of the conductor.
+        bound_s: largest error.
+        noted_s: when, by the clock of this machine.
+    """
+
+    operator: str
+    conductor: str
+    offset_s: float
+    bound_s: float
+    noted_s: float
+
+    @classmethod
+    def of(cls, operator: str, note: Fields) -> NotedOffset:
+        """The offset in the fields of a `note` that the daemon took, in which it and its bound are given."""
+        offset_s, bound_s = float(note["offset_s"]), float(note["bound_s"])
+        return cls(operator, str(note.get("conductor", "")), offset_s, bound_s, time.monotonic())
+
+
 def clock_fields() -> Fields:
     """The clocks of this machine, as a bridge answers them [ns]."""
     return {"monotonic_ns": time.monotonic_ns(), "wall_ns": time.time_ns()}

@@ -4,7 +4,8 @@ By network no order takes a free lease by itself. Here, in the program of the op
 as the daemon would: not after a stop of another client.
 
 Set-points of `servo` are pipelined: some are under way at a time, so that their rate is not bound by the
-round trip. The bridge spends the credit of the daemon, and of those that arrive together the newest counts.
+round trip; one that a full link drops is superseded by the next. Rows of `stream` are pipelined by the
+client, as far as they are granted, and none is dropped.
 """
 
 from __future__ import annotations
@@ -12,6 +13,7 @@ from __future__ import annotations
 import threading
 from collections import deque
 from collections.abc import Callable, Mapping
+from functools import partial
 from typing import Any, Final
 
 from contid.fleet.operator import FleetOperator, response_of
@@ -115,9 +117,17 @@ class FleetWire:
         self._ask("acquire", fields, request.timeout_s, acquired)
 
     def _ask(
-        self, verb: str, fields: Mapping[str, Any], timeout_s: float, answered: Callable[[Fields], None]
+        self,
+        verb: str,
+        fields: Mapping[str, Any],
+        timeout_s: float,
+        answered: Callable[[Fields], None],
+        newest: bool = False,
     ) -> None:
-        """Ask the node; exactly one answer is reported, or the connection ends."""
+        """Ask the node; exactly one answer is reported, or the connection ends.
+
+        Of ``newest`` requests the next one takes the place of one that is lost.
+        """
         answers: list[None] = []
 
         def take(_: str, payload: bytes) -> None:
@@ -130,7 +140,7 @@ class FleetWire:
         def done() -> None:
             if answers or self._ended:
                 return
-            if verb == "rows":  # dropped where a link is full: a newer row follows
+            if newest:  # dropped where a link is full
                 answered({"ok": False, "error": {"code": Code.SUPERSEDED, "message": "lost on the way"}})
             else:
                 self._end(
@@ -146,7 +156,7 @@ class FleetWire:
             take,
             done,
             urgent=verb in STOPS,
-            wait=verb != "rows",
+            wait=not newest,
         )
 
     def _is_same(self, number: int | None) -> bool:
@@ -191,7 +201,7 @@ class _Pipeline:
     def __init__(
         self,
         move: int,
-        ask: Callable[[str, Mapping[str, Any], float, Callable[[Fields], None]], None],
+        ask: Callable[[str, Mapping[str, Any], float, Callable[[Fields], None], bool], None],
         respond: Callable[[Request, Fields], None],
     ) -> None:
         self.move = move
@@ -207,7 +217,7 @@ class _Pipeline:
         """Send a row."""
         with self._lock:
             self._unanswered += 1
-        self._ask("rows", request.fields, request.timeout_s, self._answered)
+        self._ask("rows", request.fields, request.timeout_s, self._answered, True)
         self._settle(request)
 
     def end(self, request: Request) -> None:
@@ -242,11 +252,10 @@ class _Pipeline:
         elif not ends:
             self._respond(request, {"ok": True, "result": {"refused": refused}})
         else:
-            self._ask(
-                "end", request.fields, request.timeout_s, lambda found: self._ended(request, found, refused)
-            )
+            ended = partial(self._ended, request, refused)
+            self._ask("end", request.fields, request.timeout_s, ended, False)
 
-    def _ended(self, request: Request, response: Fields, refused: list[str]) -> None:
+    def _ended(self, request: Request, refused: list[str], response: Fields) -> None:
         if response.get("ok"):
             response = {**response, "result": {**response["result"], "refused": refused}}
         self._respond(request, response)

@@ -6,12 +6,14 @@ https://prometheus.io/docs/instrumenting/exposition_formats/
 from __future__ import annotations
 
 import math
+import time
 from collections import Counter
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from itertools import accumulate
 from typing import Any, Final, Protocol, TypeAlias
 
 from contid.control.tick.supervisor import Mode
+from contid.fleet.clocks import NotedOffset
 from contid.remote.protocol.wire import Fields
 
 CONTENT_TYPE: Final = "text/plain; version=0.0.4; charset=utf-8"
@@ -103,6 +105,7 @@ class BridgeCounts(Protocol):
     published: int
     dropped: int
     round_trip_s: float | None
+    noted: NotedOffset | None
 
 
 def bridge_text(metrics: MetricsText, nodes: Mapping[str, BridgeCounts]) -> None:
@@ -130,6 +133,28 @@ def bridge_text(metrics: MetricsText, nodes: Mapping[str, BridgeCounts]) -> None
             for name, node in nodes.items()
             if node.round_trip_s is not None
         ],
+    )  # fmt: skip
+    noted = {name: node.noted for name, node in nodes.items() if node.noted is not None}
+
+    def clock(value: Callable[[NotedOffset], float]) -> list[Sample]:
+        return [
+            ("", {"node": name, "operator": each.operator, "conductor": each.conductor}, value(each))
+            for name, each in noted.items()
+        ]
+
+    metrics.family(
+        "contid_fleet_clock_offset_seconds", "gauge",
+        "CLOCK_MONOTONIC of the node less that of the conductor of its last run, as noted in the recording.",
+        clock(lambda each: each.offset_s),
+    )  # fmt: skip
+    metrics.family(
+        "contid_fleet_clock_bound_seconds", "gauge", "Largest error of that offset.",
+        clock(lambda each: each.bound_s),
+    )  # fmt: skip
+    now_s = time.monotonic()
+    metrics.family(
+        "contid_fleet_clock_age_seconds", "gauge", "Time since that offset was noted.",
+        clock(lambda each: now_s - each.noted_s),
     )  # fmt: skip
 
 

@@ -13,7 +13,7 @@ from pathlib import Path
 from typing import Final
 
 from contid.errors import ContidError
-from contid.fleet.clocks import clock_fields
+from contid.fleet.clocks import NotedOffset, clock_fields
 from contid.fleet.daemon_link import DaemonLink, refusal
 from contid.fleet.feed_watch import FeedWatch
 from contid.fleet.fleet_file import MachineFile
@@ -21,7 +21,7 @@ from contid.fleet.gate import FORBIDDEN, checked
 from contid.fleet.keys import Keys, Order, Origin
 from contid.fleet.net import Declared, NetSession, Question, in_loop
 from contid.fleet.operator_link import OperatorLink
-from contid.fleet.rights import CLOCK, FEED, READS, STOPS
+from contid.fleet.rights import CLOCK, FEED, NOTE, READS, STOPS
 from contid.remote.protocol.wire import Code, ConnectionLostError, Fields, RemoteError, encode
 
 log = logging.getLogger(__name__)
@@ -61,6 +61,7 @@ class Node:
         published: frames of telemetry.
         dropped: frames that the daemon dropped, because this process did not read them in time.
         round_trip_s: of the last question of `status` to the daemon.
+        noted: newest offset of its clock that the conductor of a run noted.
     """
 
     def __init__(
@@ -78,6 +79,7 @@ class Node:
         self.counts: Counter[tuple[str, str]] = Counter()
         self.published = self.dropped = 0
         self.round_trip_s: float | None = None
+        self.noted: NotedOffset | None = None
         self._path = path
         self._machine = machine
         self._net = net
@@ -237,6 +239,8 @@ class Node:
             order, fields = checked(self._keys, question.key, question.payload, self._machine.operators)
             verb = order.verb
             response = await self._carry_out(order, fields)
+            if verb == NOTE and response.get("ok") and {"offset_s", "bound_s"} <= fields.keys():
+                self.noted = NotedOffset.of(order.origin.operator, fields)
         except RemoteError as error:
             response = {"ok": False, "error": error.as_fields()}
         except ConnectionLostError as error:

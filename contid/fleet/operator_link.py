@@ -129,37 +129,38 @@ class OperatorLink:
 
 
 class _LiveRows:
-    """Credit of live streams, and the one row that waits for it."""
+    """Rows of live streams: those that are granted go on at once, and of the others the newest waits."""
 
     def __init__(self) -> None:
-        self._credits: dict[int, int] = {}
+        self._granted: dict[int, int] = {}
+        self._sent: dict[int, int] = {}
         self._waiting: tuple[int, Fields, asyncio.Future[Fields]] | None = None
         self._newest: asyncio.Future[Fields] | None = None
-        self._sending = False
         self._link: DaemonLink | None = None
         self._tasks: set[asyncio.Task[None]] = set()
 
     def is_live(self, fields: Fields) -> bool:
         """True for one row of a live stream; anything else goes to the daemon as it is."""
         rows, move = fields.get("rows"), fields.get("move")
-        return isinstance(move, int) and move in self._credits and isinstance(rows, list) and len(rows) == 1
+        return isinstance(move, int) and move in self._granted and isinstance(rows, list) and len(rows) == 1
 
     def begun(self, result: Fields) -> None:
         """Note the response to a `move`."""
-        if result.get("credits") and not result.get("timed"):
-            self._credits[int(result["move"])] = int(result["credits"])
+        if result.get("granted") and not result.get("timed"):
+            move = int(result["move"])
+            self._granted[move], self._sent[move] = int(result["granted"]), 0
 
     def notice(self, fields: Fields) -> None:
         """Note credit, and streams that ended."""
         move = fields.get("move")
-        if fields["event"] == "credit" and move in self._credits:
-            self._credits[move] = int(fields["credits"])
-        elif fields["event"] == "move" and move in self._credits:
-            del self._credits[move]
+        if fields["event"] == "credit" and move in self._granted:
+            self._granted[move] = max(self._granted[move], int(fields["granted"]))
+        elif fields["event"] == "move" and move in self._granted:
+            del self._granted[move]
         self._pump()
 
     async def follow(self, link: DaemonLink, fields: Fields) -> Fields:
-        """Send a row when there is credit; the row that waited before is answered `superseded`."""
+        """Send a row when it is granted; the row that waited before is answered `superseded`."""
         self._link = link
         self._supersede("a newer row came before this one was sent")
         future: asyncio.Future[Fields] = asyncio.get_running_loop().create_future()
@@ -175,7 +176,7 @@ class _LiveRows:
 
     def clear(self, message: str) -> None:
         """Forget every stream."""
-        self._credits.clear()
+        self._granted.clear()
         self._supersede(message)
 
     def _supersede(self, message: str) -> None:
@@ -186,13 +187,14 @@ class _LiveRows:
                 future.set_result(refusal(Code.SUPERSEDED, message))
 
     def _pump(self) -> None:
-        if self._waiting is None or self._sending or self._link is None:
+        if self._waiting is None or self._link is None:
             return
         move, fields, future = self._waiting
         # A stream that ended: the daemon refuses the row with its reason.
-        if self._credits.get(move, 1) < 1:
+        if move in self._granted and self._sent[move] >= self._granted[move]:
             return
-        self._waiting, self._sending = None, True
+        self._waiting = None
+        self._sent[move] = self._sent.get(move, 0) + 1
         task = asyncio.create_task(self._send(self._link, move, fields, future))
         self._tasks.add(task)
         task.add_done_callback(self._tasks.discard)
@@ -202,14 +204,14 @@ class _LiveRows:
     ) -> None:
         try:
             response = await link.request("rows", fields)
-            spent = response.get("error", {}).get("code") == Code.NO_CREDIT
-            left = 0 if spent else response.get("result", {}).get("credits")
-            if move in self._credits and left is not None:
-                self._credits[move] = int(left)
+            if response.get("error", {}).get("code") == Code.NO_CREDIT:  # not spent: wait for a notice
+                self._sent[move] -= 1
+                if move in self._granted:
+                    self._granted[move] = min(self._granted[move], self._sent[move])
+            elif move in self._granted and response.get("ok"):
+                self._granted[move] = max(self._granted[move], int(response["result"]["granted"]))
         except ConnectionLostError as error:
             response = refusal(Code.NO_ANSWER, str(error))
-        finally:
-            self._sending = False
         if not future.done():
             future.set_result(response)
         self._pump()

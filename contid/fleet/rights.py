@@ -23,12 +23,14 @@ class Right(enum.StrEnum):
 STOPS: Final = frozenset({"hold", "stop", "estop"})
 #: Requests that change nothing; also to every node.
 READS: Final = frozenset({"status", "describe"})
+#: The conductor of a run relates the clock of a node to its own.
+NOTE: Final = "note"
 #: The right that a verb needs.
 VERBS: Final = {
     **dict.fromkeys(READS, Right.WATCH),
     **dict.fromkeys(("ping", "subscribe", "unsubscribe"), Right.WATCH),
     "measure": Right.MEASURE,
-    **dict.fromkeys(("acquire", "release", "move", "rows", "end", "start", "note", "grip"), Right.MOVE),
+    **dict.fromkeys(("acquire", "release", "move", "rows", "end", "start", NOTE, "grip"), Right.MOVE),
     **dict.fromkeys(("resume", "recover", "clear_fault"), Right.ARM),
 }
 #: Verbs that need the lease: at the daemon some take a free one by themselves. An order that waited in a

@@ -5,6 +5,7 @@ from __future__ import annotations
 import os
 import subprocess
 import sys
+import time
 from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
@@ -68,8 +69,8 @@ async def test_the_asyncio_client_does_the_same(lab: Fleet) -> None:
     with FleetOperator(lab.bridge.operator()) as operator:
         async with AsyncClient(FleetAddress(operator, "hand2")) as robot:
             await robot.move(FAR)
-            status = await robot.status()
-            assert status["robots"]["f0"]["tip_mm"] == pytest.approx((30.0, 85.0, 0.0), abs=2.0)
+            with lab.daemons["hand2"].client() as local:
+                arrives(local, "f0", (30.0, 85.0, 0.0))
             assert await robot.stream(["x_mm", "y_mm"], [(30.0, 85.0)] * 20) == []
             with pytest.raises(RemoteError):
                 await robot.move({"x_mm": 3000.0, "y_mm": 85.0})
@@ -191,6 +192,26 @@ def test_a_long_round_trip_does_not_bound_the_rate_of_set_points(lab: Fleet) -> 
         assert report.steps > 2.0 * seconds / (2.0 * DELAY_S)
         assert report.refused == 0
         arrives(local, "f0", (30.0 + 5.0 * seconds, 85.0, 0.0))
+
+
+def test_a_long_round_trip_does_not_bound_the_rate_of_rows(lab: Fleet) -> None:
+    """Every row is followed, and rows take less than a round trip each."""
+    rows = [(3000.0 if n % 10 == 9 else 30.0 + 0.05 * n, 85.0) for n in range(100)]
+    with far_away(lab) as (robot, local):
+        robot.acquire(5.0)
+        robot.move(FAR)
+        begin_s = time.monotonic()
+        refused = robot.stream(["x_mm", "y_mm"], rows)
+        took_s = time.monotonic() - begin_s
+        assert [message.partition(":")[2].partition(":")[0] for message in refused] == [
+            str(n) for n in range(10, 101, 10)
+        ]
+        assert took_s < 0.8 * len(rows) * 2.0 * DELAY_S
+        arrives(local, "f0", (30.0 + 0.05 * 98, 85.0, 0.0))
+        timed = [(0.005 * n, 34.9 - 0.001 * n, 85.0) for n in range(2000)]
+        move = robot.load(["t_s", "x_mm", "y_mm"], timed)
+        robot.start(move)
+        robot.hold()
 
 
 def test_set_points_under_way_end_with_a_stop_and_report_refusals(lab: Fleet) -> None:

@@ -138,6 +138,34 @@ def test_the_page_has_what_the_daemons_report(tmp_path: Path) -> None:
         assert "cannot listen" in done.stderr
 
 
+def test_the_page_has_the_clock_offset_of_the_last_run(tmp_path: Path) -> None:
+    """All processes read the one CLOCK_MONOTONIC of this machine: the true offset is zero."""
+    port = free_port()
+    url = f"http://127.0.0.1:{port}/metrics"
+    rows = tmp_path / "rows.csv"
+    lines = [f"{0.01 * n:.2f},{30.0 + 10.0 * (n / 100) ** 2 * (3 - n / 50):.4f},80" for n in range(101)]
+    rows.write_text("\n".join(("t_s,hand1/x_mm,hand1/y_mm", *lines)) + "\n")
+    with (
+        daemon() as one,
+        one.client() as local,
+        bridge({"hand1": one.socket}, arguments=["--metrics", f"127.0.0.1:{port}"]) as served,
+    ):
+        armed(local)
+        local.release()
+        assert "contid_fleet_clock" not in httpx.get(url).text, "absent before the first run"
+        done = contid("fleet", "run", str(rows), "--file", str(served.operator_file()))
+        assert done.returncode == 0, done.stderr
+        page = httpx.get(url).text
+        follows_the_grammar(page)
+        found = parsed(page)
+        ((labels, offset_s),) = found["contid_fleet_clock_offset_seconds"].items()
+        boot = Path("/proc/sys/kernel/random/boot_id").read_text().strip()
+        assert dict(labels) == {"node": "hand1", "operator": "anna", "conductor": boot}
+        bound_s = found["contid_fleet_clock_bound_seconds"][labels]
+        assert abs(offset_s) <= bound_s < 1.0
+        assert 0.0 <= found["contid_fleet_clock_age_seconds"][labels] < 30.0
+
+
 @pytest.mark.parametrize(
     "text", ["0.0.0.0:9464", "192.168.1.10:9464", "9464", "127.0.0.1", "a:1", "127.0.0.1:0"]
 )

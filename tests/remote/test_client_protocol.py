@@ -65,6 +65,17 @@ def test_credit_is_that_of_the_newest_line() -> None:
     assert protocol.credits[4] == 4
 
 
+def test_the_sum_of_granted_rows_never_falls() -> None:
+    """By network a notice may be overtaken by the response to a later row."""
+    protocol = ClientProtocol()
+    begun = protocol.request("move", {"columns": ["x_mm"]})
+    protocol.receive(response(begun, move=4, timed=False, credits=8, granted=8))
+    rows = protocol.request("rows", {"move": 4, "rows": [[1.0]]})
+    assert protocol.receive(response(rows, credits=7, granted=12, refused=[])), "as a notice does"
+    protocol.receive(encode({"event": "credit", "move": 4, "credits": 4, "granted": 10}))
+    assert protocol.granted == {4: 12}
+
+
 def test_a_stopped_move_raises_its_reason() -> None:
     protocol = ClientProtocol()
     assert not protocol.arrived(2)

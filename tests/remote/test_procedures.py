@@ -12,17 +12,24 @@ from contid.client import AsyncClient, Client
 from contid.remote.client.client_protocol import Request
 from contid.remote.client.procedures import Procedures
 from contid.remote.client.sync_client import completed
-from contid.remote.protocol.wire import Fields, decode, encode
+from contid.remote.protocol.wire import Fields, RemoteError, decode, encode
 
 
 class MemoryConnection(Procedures):
-    """Grants ``credits`` rows at the begin of a stream, and as many at every notice."""
+    """A link with latency: responses to rows come with the next wait, and then rows are granted again.
+
+    Args:
+        timed: rows have times.
+        credits: granted at the begin of a stream, and for every row that has been responded to.
+    """
 
     def __init__(self, timed: bool, credits: int) -> None:
         super().__init__()
         self.timed, self.credits = timed, credits
         self.batches: list[int] = []
-        self.notices = 0
+        self.under_way: list[Request] = []
+        self.waits = self.answered = self.most_under_way = 0
+        self.refuse: int | None = None
 
     async def _open(self, path: Path) -> None: ...
 
@@ -31,34 +38,71 @@ class MemoryConnection(Procedures):
     async def _sleep(self, seconds: float) -> None: ...
 
     async def _wait_notice(self, seconds: float) -> None:
-        self.notices += 1
-        self._protocol.receive(encode({"event": "credit", "move": 1, "credits": self.credits}))
+        if seconds < 0.1:  # a look: nothing has come yet
+            return
+        self.waits += 1
+        while self.under_way:
+            request = self.under_way.pop(0)
+            self.answered += len(request.fields["rows"])
+            if self.answered == self.refuse:
+                error = {"code": "stopped", "message": "another client held"}
+                self._protocol.receive(encode({"id": request.number, "ok": False, "error": error}))
+                continue
+            result = {
+                **self._credit(),
+                "refused": [f"rows:{self.answered}"] if self.answered % 50 == 0 else [],
+            }
+            self._protocol.receive(encode({"id": request.number, "ok": True, "result": result}))
+
+    async def _post(self, request: Request) -> None:
+        self.under_way.append(request)
+        self.batches.append(len(request.fields["rows"]))
+        self.most_under_way = max(self.most_under_way, len(self.under_way))
+        assert sum(self.batches) <= self._granted(), "never more than was granted"
 
     async def _exchange(self, request: Request) -> Fields:
-        result = self._result(str(decode(request.line)["verb"]), request)
+        verb = str(decode(request.line)["verb"])
+        result: Fields = {}
+        if verb == "move":
+            result = {"move": 1, "timed": self.timed, **self._credit()}
+        if verb == "end":
+            assert not self.under_way, "the end comes after every response"
+            self._protocol.receive(encode({"event": "move", "move": 1, "reached": True, "message": ""}))
         self._protocol.receive(encode({"id": request.number, "ok": True, "result": result}))
         return self._protocol.result(request) or {}
 
-    def _result(self, verb: str, request: Request) -> Fields:
-        match verb:
-            case "move":
-                return {"move": 1, "timed": self.timed, "credits": self.credits}
-            case "rows":
-                self.batches.append(len(request.fields["rows"]))
-                assert self.batches[-1] <= self._protocol.credits[1], "never more than was granted"
-                left = self.credits if self.timed else self._protocol.credits[1] - self.batches[-1]
-                return {"credits": left, "refused": []}
-            case "end":
-                self._protocol.receive(encode({"event": "move", "move": 1, "reached": True, "message": ""}))
-        return {}
+    def _granted(self) -> int:
+        return 50_000 if self.timed else self.answered + self.credits
+
+    def _credit(self) -> Fields:
+        return {"credits": self.credits, "granted": self._granted()}
 
 
-@pytest.mark.parametrize(("timed", "credits", "notices"), [(False, 8, 12), (False, 1, 99), (True, 1024, 0)])
-def test_rows_are_sent_under_credit(timed: bool, credits: int, notices: int) -> None:
+@pytest.mark.parametrize(
+    ("timed", "credits", "count", "under_way", "waits"),
+    [(False, 8, 100, 8, 13), (False, 1, 100, 1, 100), (True, 1024, 100, 1, 1), (True, 1024, 10_000, 16, 3)],
+)
+def test_as_many_rows_are_under_way_as_are_granted(
+    timed: bool, credits: int, count: int, under_way: int, waits: int
+) -> None:
+    """With a response awaited for every request there were 100 waits, and 40 for 10 000 rows."""
     connection = MemoryConnection(timed, credits)
-    assert completed(connection.stream(["x_mm"], [(float(number),) for number in range(100)])) == []
-    assert connection.batches == ([100] if timed else [1] * 100)
-    assert connection.notices == notices
+    refused = completed(connection.stream(["x_mm"], [(float(number),) for number in range(count)]))
+    assert sum(connection.batches) == count
+    assert max(connection.batches) == (min(count, 256) if timed else 1)
+    assert connection.most_under_way == under_way
+    assert connection.waits == waits
+    if not timed:
+        assert refused == ["rows:50", "rows:100"]
+
+
+def test_a_refusal_of_a_row_under_way_ends_the_stream() -> None:
+    connection = MemoryConnection(False, 8)
+    connection.refuse = 20
+    with pytest.raises(RemoteError, match="another client held"):
+        completed(connection.stream(["x_mm"], [(0.0,)] * 100))
+    assert sum(connection.batches) < 30
+    assert not connection._protocol._open, "the responses that still come are dropped"
 
 
 def test_asynchronous_rows_are_refused_by_a_blocking_client() -> None:

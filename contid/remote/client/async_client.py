@@ -66,6 +66,11 @@ class AsyncClient(Procedures):
         finally:
             self._waiting.pop(request.number, None)
 
+    async def _post(self, request: Request) -> None:
+        if self._lost is not None or self._wire is None:
+            raise self._lost or ConnectionLostError("not connected; use `async with`")
+        await self._wire.send(request)
+
     async def _wait_notice(self, seconds: float) -> None:
         if self._lost is not None:
             raise self._lost

@@ -59,6 +59,7 @@ class ClientProtocol:
     Attributes:
         frames: telemetry and events, in their order.
         credits: rows that may be sent now, by number of the move.
+        granted: rows that may be sent in all, those that were sent included, by number of the move.
         started: tick and times of the start of trajectories that waited, by number of the move.
         close_reason: the daemon's reason to end the connection, "" before.
         requested_s: time of the last request; requests keep the lease.
@@ -68,6 +69,7 @@ class ClientProtocol:
     def __init__(self, timeout_s: float = RESPONSE_TIMEOUT_S) -> None:
         self.frames: deque[Fields] = deque(maxlen=MAX_WAITING)
         self.credits: dict[int, int] = {}
+        self.granted: dict[int, int] = {}
         self.started: dict[int, Fields] = {}
         self.close_reason = ""
         self.requested_s = 0.0
@@ -89,7 +91,7 @@ class ClientProtocol:
         return request
 
     def receive(self, chunk: bytes) -> bool:
-        """Take in bytes; True when they completed a notice.
+        """Take in bytes; True when they completed a notice, or the response to rows.
 
         Raises:
             RemoteError: the daemon has another protocol, or none.
@@ -102,7 +104,7 @@ class ClientProtocol:
                 self._notice(fields)
                 noticed = True
             else:
-                self._response(fields)
+                noticed |= self._response(fields) == "rows"
         return noticed
 
     def result(self, request: Request) -> Fields | None:
@@ -157,16 +159,18 @@ class ClientProtocol:
         """The error of a connection that ended; the daemon's own reason comes first."""
         return ConnectionLostError(f"{self.close_reason or message}; robots that this client moved hold")
 
-    def _response(self, fields: Fields) -> None:
+    def _response(self, fields: Fields) -> str:
+        """Take in a response; returns the verb of its request, "" of one that was forgotten."""
         # Without a number it refers to an unreadable line: the newest request.
         number = fields.get("id") or max(self._open, default=0)
         request = self._open.pop(number, None)
-        if request is None:  # forgotten
-            return
+        if request is None:
+            return ""
         self._responses[request.number] = fields
         result = fields.get("result", {})
         if "credits" in result:
-            self.credits[int(result.get("move") or request.fields["move"])] = int(result["credits"])
+            self._grant(int(result.get("move") or request.fields["move"]), result)
+        return request.verb
 
     def _notice(self, fields: Fields) -> None:
         match fields["event"]:
@@ -179,9 +183,15 @@ class ClientProtocol:
             case "move":
                 self._ended[int(fields["move"])] = fields
                 self.credits.pop(int(fields["move"]), None)
+                self.granted.pop(int(fields["move"]), None)
             case "credit":
-                self.credits[int(fields["move"])] = int(fields["credits"])
+                self._grant(int(fields["move"]), fields)
             case "started":
                 self.started[int(fields["move"])] = fields
             case "bye":
                 self.close_reason = str(fields["message"])
+
+    def _grant(self, move: int, fields: Fields) -> None:
+        self.credits[move] = int(fields["credits"])
+        # By network a notice may come after a newer response; the sum never falls.
+        self.granted[move] = max(self.granted.get(move, 0), int(fields.get("granted", 0)))

@@ -1,4 +1,4 @@
-"""Requests and orders of a client, as coroutines over five abstract I/O operations."""
+"""Requests and orders of a client, as coroutines over six abstract I/O operations."""
 
 from __future__ import annotations
 
@@ -62,8 +62,12 @@ class Orders(ABC):
         """Send a request and wait for its result."""
 
     @abstractmethod
+    async def _post(self, request: Request) -> None:
+        """Send a request; its result is looked up later."""
+
+    @abstractmethod
     async def _wait_notice(self, seconds: float) -> None:
-        """Wait for a notice, at most so long."""
+        """Wait for a notice or the response to rows, at most so long."""
 
     @abstractmethod
     async def _sleep(self, seconds: float) -> None:

@@ -7,18 +7,17 @@
 from __future__ import annotations
 
 import time
-from collections.abc import AsyncGenerator, AsyncIterable, AsyncIterator, Iterable, Mapping, Sequence
+from collections.abc import AsyncGenerator, AsyncIterable, Iterable, Mapping, Sequence
 from contextlib import suppress
 from typing import Final
 
 from contid.remote.client.orders import Orders, Robots, names_of
+from contid.remote.client.row_stream import BATCH_ROWS, RowStream
 from contid.remote.client.servo import Controller, ServoReport, servo
-from contid.remote.protocol.wire import Code, ConnectionLostError, Fields, RemoteError
+from contid.remote.protocol.wire import ConnectionLostError, Fields, RemoteError
 
 #: Period of pings while a client only waits; the lease lapses after two seconds.
 PING_PERIOD_S: Final = 0.5
-#: Rows of a timed trajectory in one request.
-BATCH_ROWS: Final = 256
 
 
 class Procedures(Orders):
@@ -48,8 +47,8 @@ class Procedures(Orders):
     ) -> list[str]:
         """Follow rows; with a column ``t_s`` they are collected, checked and then played in time.
 
-        Sends only as many rows as the daemon grants. Without ``t_s`` every row is the target at once, and
-        ``rows`` may be a slow generator.
+        Sends as many rows as the daemon grants, without waiting for responses. Without ``t_s`` every row is
+        the target at once, and ``rows`` may be a slow generator.
 
         Returns:
             Messages about refused rows; their robots held until the next good row.
@@ -104,18 +103,11 @@ class Procedures(Orders):
     ) -> tuple[int, list[str]]:
         """Begin a stream and send its rows; returns its number, and messages about refused rows."""
         begun = await self.request("move", columns=list(columns))
-        move = int(begun["move"])
-        batch_rows = min(int(begun["credits"]), BATCH_ROWS) if begun["timed"] else 1
-        batch: list[list[float]] = []
-        refused: list[str] = []
-        async for row in _each(rows):
-            batch.append(list(row))
-            if len(batch) >= batch_rows:
-                refused += await self._send_rows(move, batch, bool(begun["timed"]))
-                batch = []
-        if batch:
-            refused += await self._send_rows(move, batch, bool(begun["timed"]))
-        return move, refused
+        move, timed = int(begun["move"]), bool(begun["timed"])
+        batch_rows = min(int(begun["credits"]), BATCH_ROWS) if timed else 1
+        stream = RowStream(self, move, timed, batch_rows)
+        await stream.send(rows)
+        return move, stream.refused
 
     async def servo(self, rate_hz: float, controller: Controller) -> ServoReport:
         """Follow the set-points of a controller, called at a fixed rate with the newest telemetry.
@@ -135,19 +127,6 @@ class Procedures(Orders):
                 itself the robots hold.
         """
         return await servo(self, rate_hz, controller)
-
-    async def _send_rows(self, move: int, rows: list[list[float]], timed: bool) -> list[str]:
-        while self._protocol.credits.get(move, 0) < len(rows):
-            await self._listen()
-            if self._protocol.arrived(move):
-                break  # the daemon refuses further rows with the reason
-        try:
-            refused: list[str] = (await self.request("rows", move=move, rows=rows))["refused"]
-        except RemoteError as error:
-            if timed or error.code != Code.SUPERSEDED:  # of live rows the newest counts
-                raise
-            return []
-        return refused
 
     async def wait(self, move: int) -> None:
         """Wait until a move has ended; keeps the lease meanwhile.
@@ -225,15 +204,3 @@ class Procedures(Orders):
         await self._wait_notice(PING_PERIOD_S)
         if time.monotonic() - self._protocol.requested_s > PING_PERIOD_S:
             await self.ping()
-
-
-async def _each(
-    rows: Iterable[Sequence[float]] | AsyncIterable[Sequence[float]],
-) -> AsyncIterator[Sequence[float]]:
-    """Rows of either kind of iterable."""
-    if isinstance(rows, AsyncIterable):
-        async for row in rows:
-            yield row
-    else:
-        for row in rows:
-            yield row

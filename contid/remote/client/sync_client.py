@@ -36,18 +36,21 @@ class BlockingProcedures(Procedures):
 
     async def _exchange(self, request: Request) -> Fields:
         deadline_s = time.monotonic() + request.timeout_s
-        assert self._wire is not None
-        try:
-            self._wire.send(request)
-        except OSError as error:
-            self._read_close_reason()
-            raise self._protocol.lost(f"the connection ended ({error.strerror or error})") from None
+        await self._post(request)
         while (result := self._protocol.result(request)) is None:
             left_s = deadline_s - time.monotonic()
             if left_s <= 0.0:
                 raise self._protocol.lost(f"no response within {request.timeout_s:g} s")
             self._read(left_s)
         return result
+
+    async def _post(self, request: Request) -> None:
+        assert self._wire is not None
+        try:
+            self._wire.send(request)
+        except OSError as error:
+            self._read_close_reason()
+            raise self._protocol.lost(f"the connection ended ({error.strerror or error})") from None
 
     async def _wait_notice(self, seconds: float) -> None:
         deadline_s = time.monotonic() + seconds
