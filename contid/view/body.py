@@ -116,6 +116,20 @@ def between(begin: Array, end: Array) -> Cylinders:
     return Cylinders(0.5 * (begin + end), quaternions, lengths)
 
 
+def quaternion_of(rotation: Array) -> list[float]:
+    """Quaternion (x, y, z, w) of a rotation matrix (S. W. Shepperd, J. Guidance and Control 1(3), 1978)."""
+    trace = float(np.trace(rotation))
+    four = np.array([1.0 + 2.0 * rotation[k, k] - trace for k in range(3)] + [1.0 + trace])
+    # Products of two components, over the greatest of them.
+    skew = rotation - rotation.T
+    products = rotation + rotation.T
+    np.fill_diagonal(products, four[:3])
+    last = np.array([skew[2, 1], skew[0, 2], skew[1, 0]])
+    table = np.block([[products, last[:, None]], [last[None], four[3:, None]]])
+    row = table[int(np.argmax(four))]
+    return list(row / np.linalg.norm(row))
+
+
 def _backbone(drawing: RobotDrawing) -> Array:
     first, *more = drawing.strips[: drawing.sections]
     return np.concatenate([first, *(strip[1:] for strip in more)])

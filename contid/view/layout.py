@@ -14,6 +14,7 @@ import numpy as np
 import rerun as rr
 import rerun.blueprint as rrb
 
+from contid.kinematics.model import Compliant
 from contid.view import paths
 from contid.view.rerun_bars import LEFT, RIGHT, ROW, WIDTH, BarRows, bar_rows
 from contid.view.robot_scene import Array, RobotScene
@@ -157,10 +158,12 @@ def _space(scene: Scene) -> rrb.Spatial3DView:
             "trail",
         ]
         parts += ["reach"] if robot.outline is not None else []
+        parts += ["compliance"] if isinstance(robot.config.model, Compliant) else []
         entities += [paths.body(robot.config.name, part) for part in parts]
         behind = rrb.VisibleTimeRanges([_last(TRAIL_S)])
         trails[paths.body(robot.config.name, "trail")] = [rr.Points3D.from_fields().visualizer(), behind]
     entities += [paths.body(rope.guard.name, "rope") for rope in scene.ropes]
+    entities += [paths.obstacle(name) for name in scene.obstacles]
     position, look_target, up = camera(scene)
     return rrb.Spatial3DView(
         name=f"{', '.join(robot.config.name for robot in scene.robots)}: grid of {scene.cell_mm:g} mm",

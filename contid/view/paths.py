@@ -16,8 +16,13 @@ TICK: Final = "tick"
 
 
 def body(robot: str, part: str) -> str:
-    """In space: body, backbone, measured, tracked, tracked_tip, frames, base, target, trail, reach, rope."""
+    """In space: body, backbone, measured, tracked, frames, base, target, trail, reach, rope, compliance."""
     return f"robots/{robot}/{part}"
+
+
+def obstacle(name: str) -> str:
+    """An obstacle of the robot file in space."""
+    return f"obstacles/{name}"
 
 
 def plot(robot: str, what: str) -> str:

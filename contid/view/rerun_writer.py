@@ -15,6 +15,7 @@ import rerun as rr
 from contid.control.engine.events import RunEvent
 from contid.control.engine.tick_layout import RobotRecord
 from contid.control.tick.config import RobotConfig
+from contid.kinematics.model import Compliant
 from contid.targets import load_or_zero
 from contid.units import MM_PER_M
 from contid.view import paths
@@ -42,6 +43,8 @@ from contid.view.rerun_bodies import RerunBody
 from contid.view.rerun_stream import RerunStream
 from contid.view.robot_scene import ARROW, Array, RobotDrawing, RobotScene
 from contid.view.scene import Scene
+from contid.view.shapes.compliance import RerunCompliance
+from contid.view.shapes.obstacles import draw_obstacles
 
 US_PER_S: Final = 1e6
 #: A line with its colour and its radius on the screen.
@@ -60,6 +63,12 @@ class RerunWriter:
             RerunBody(stream, robot.config.name, body, of_robot(index))
             for index, (robot, body) in enumerate(zip(scene.robots, scene.bodies, strict=True))
         ]
+        self._compliances = [
+            RerunCompliance(stream, robot, robot.config.model)
+            if isinstance(robot.config.model, Compliant)
+            else None
+            for robot in scene.robots
+        ]
         self._bars = [RerunBars(stream, rows, several) for rows in bar_rows(scene.robots)]
         self._banner = Banner([robot.config.name for robot in scene.robots])
         self._tick = 0
@@ -77,6 +86,7 @@ class RerunWriter:
         """Write what never changes: base frames, outlines, names and colours of the curves."""
         floor = rr.LineStrips3D(self._scene.floor(), colors=[FLOOR], radii=rr.Radius.ui_points(0.5))
         self._stream.static(paths.FLOOR, floor)
+        draw_obstacles(self._stream, self._scene.obstacles, self._scene.workspace())
         for index, robot in enumerate(self._scene.robots):
             name = robot.config.name
             origins, vectors = _arrows([robot.base], 2 * ARROW * robot.length_mm)
@@ -163,6 +173,9 @@ class RerunWriter:
         loads = [load_or_zero(record.load_n) for record in records]
         commanded = [robot.drawing(tuple(q), load) for q, load in zip(commands.tolist(), loads, strict=True)]
         measured = [robot.drawing(tuple(q), load) for q, load in zip(samples.tolist(), loads, strict=True)]
+        if (compliance := self._compliances[index]) is not None:
+            tips = [_NO_POINT[0] if drawing is None else drawing.tip for drawing in commanded]
+            compliance.write(ticks, [tuple(q) for q in commands.tolist()], loads, tips)
         self._body(robot, "backbone", ticks, commanded, of_robot(index), 2.5)
         self._body(robot, "measured", ticks, measured, (MEASURED, MEASURED), 1.0)
         drawings = [a or b for a, b in zip(commanded, measured, strict=True)]

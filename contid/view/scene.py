@@ -3,14 +3,15 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
-from dataclasses import dataclass
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field
 from typing import Final
 
 import numpy as np
 
 from contid.control.engine.wiring import build_robot_configs, chain_guards
 from contid.kinematics.rope.chain import ChainGuard, Tip
+from contid.robot_file.clearance import ObstacleDescription
 from contid.robot_file.load import LoadedFile
 from contid.units import MM_PER_M
 from contid.view.body import SolidBody
@@ -57,12 +58,14 @@ class Scene:
         bodies: of the same robots.
         ropes: of the closed chains.
         cell_mm: distance between the lines of the floor.
+        obstacles: of the file's ``clearance``, by name.
     """
 
     robots: Sequence[RobotScene]
     bodies: Sequence[SolidBody]
     ropes: Sequence[RopeDrawing]
     cell_mm: float
+    obstacles: Mapping[str, ObstacleDescription] = field(default_factory=dict)
 
     @property
     def planar(self) -> bool:
@@ -93,4 +96,5 @@ def build_scene(loaded: LoadedFile, rate_hz: float) -> Scene:
     ]
     size_mm = float(np.max(np.ptp(np.vstack([robot.workspace for robot in robots]), axis=0)))
     cell_mm = next((cell for cell in CELLS_MM if cell * MAX_CELLS >= size_mm), math.ceil(size_mm / MAX_CELLS))
-    return Scene(robots, bodies, ropes, cell_mm)
+    clearance = loaded.file.clearance
+    return Scene(robots, bodies, ropes, cell_mm, {} if clearance is None else clearance.obstacles)

@@ -34,6 +34,7 @@ from contid.view.scene import MAX_CELLS, build_scene
 from contid.view.view_target import Kind, ViewerJob, ViewTarget
 from contid.view.viewer_process import Viewer
 from tests.support.command import contid
+from tests.support.rerun_entities import entities
 from tests.support.waiting import until
 
 PATHS = {
@@ -60,17 +61,6 @@ def drawn(robot: str, folder: Path) -> Path:
     request = RunRequest(robot, trajectory=str(trajectory), mock=True, virtual=True, observers=observers)
     assert run(request).exit_code == 0
     return recording
-
-
-def entities(path: Path) -> dict[str, int]:
-    """Rows of every entity of the recording, without its layout."""
-    done = subprocess.run(
-        [rerun_program(), "rrd", "print", str(path)], capture_output=True, text=True, check=True, timeout=60
-    )
-    rows: dict[str, int] = {}
-    for count, entity in re.findall(r"with (\d+) rows? .*? - /(\S+) - ", done.stdout):
-        rows[entity] = rows.get(entity, 0) + int(count)
-    return rows
 
 
 def shown(part: Any) -> Iterator[str]:

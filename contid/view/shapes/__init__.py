@@ -1,0 +1,1 @@
+"""Shapes in space of a Rerun recording."""

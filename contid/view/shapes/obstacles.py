@@ -1,0 +1,90 @@
+"""Draws the obstacles of a robot file's ``clearance`` into a Rerun recording; they never move."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import Any, Final
+
+import numpy as np
+import rerun as rr
+
+from contid.robot_file.clearance import (
+    BoxDescription,
+    CapsuleDescription,
+    ObstacleDescription,
+    PlaneDescription,
+    SphereDescription,
+)
+from contid.view import paths
+from contid.view.body import between, quaternion_of
+from contid.view.colours import OBSTACLE
+from contid.view.rerun_stream import RerunStream
+from contid.view.robot_scene import Array
+
+#: Cells of the grid that stands for a plane, along each side.
+CELLS: Final = 10
+_SOLID: Final = rr.components.FillMode.Solid
+
+
+def draw_obstacles(
+    stream: RerunStream, obstacles: Mapping[str, ObstacleDescription], workspace: Array
+) -> None:
+    """Write every obstacle once.
+
+    Args:
+        stream: of the recording.
+        obstacles: by name.
+        workspace: points that the robots are likely to reach, (n, 3) [mm]; planes are drawn beside it.
+    """
+    for name, obstacle in obstacles.items():
+        stream.static(paths.obstacle(name), _drawing(obstacle, workspace))
+
+
+def _drawing(obstacle: ObstacleDescription, workspace: Array) -> Any:
+    if obstacle.sphere is not None:
+        return _sphere(obstacle.sphere)
+    if obstacle.capsule is not None:
+        return _capsule(obstacle.capsule)
+    if obstacle.box is not None:
+        return _box(obstacle.box)
+    assert obstacle.plane is not None
+    lines = plane_grid(obstacle.plane, workspace)
+    return rr.LineStrips3D(lines, colors=[OBSTACLE], radii=rr.Radius.ui_points(0.75))
+
+
+def _sphere(sphere: SphereDescription) -> rr.Ellipsoids3D:
+    return rr.Ellipsoids3D(
+        centers=[sphere.center_mm], radii=[sphere.radius_mm], colors=[OBSTACLE], fill_mode=_SOLID
+    )
+
+
+def _capsule(capsule: CapsuleDescription) -> rr.Capsules3D:
+    axis = between(np.array([[capsule.start_mm]]), np.array([[capsule.end_mm]]))
+    return rr.Capsules3D(
+        lengths=axis.lengths[0], radii=[capsule.radius_mm], translations=[capsule.start_mm],
+        quaternions=axis.quaternions[0], colors=[OBSTACLE], fill_mode=_SOLID,
+    )  # fmt: skip
+
+
+def _box(box: BoxDescription) -> rr.Boxes3D:
+    rotation = np.array(box.rotation).reshape(3, 3)
+    return rr.Boxes3D(
+        centers=[box.center_mm], sizes=[box.size_mm], colors=[OBSTACLE], fill_mode=_SOLID,
+        quaternions=[quaternion_of(rotation)],
+    )  # fmt: skip
+
+
+def plane_grid(plane: PlaneDescription, workspace: Array) -> list[Array]:
+    """Lines of a grid on a plane, below or beside the workspace, each (2, 3) [mm]."""
+    normal = np.array(plane.normal) / np.linalg.norm(plane.normal)
+    middle = 0.5 * (workspace.min(axis=0) + workspace.max(axis=0))
+    middle = middle - normal * float((middle - np.array(plane.point_mm)) @ normal)
+    reach = 0.5 * float(np.ptp(workspace, axis=0).max())
+    across = np.cross(normal, np.eye(3)[int(np.argmin(np.abs(normal)))])
+    across /= np.linalg.norm(across)
+    up = np.cross(normal, across)
+    lines = []
+    for share in np.linspace(-reach, reach, CELLS + 1):
+        lines.append(np.array([middle + share * across - reach * up, middle + share * across + reach * up]))
+        lines.append(np.array([middle + share * up - reach * across, middle + share * up + reach * across]))
+    return lines
