@@ -5,15 +5,18 @@ from __future__ import annotations
 import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
+from typing import Final
 
 import numpy as np
 
 from contid.api.units import Units
+from contid.control.engine.measured_tip import tip_in_world
 from contid.control.engine.tick_layout import CONVERGED, HAS_TARGET, RecordLayout, RobotRecord
 from contid.control.tick.config import RobotConfig
 from contid.control.tick.supervisor import Mode
 from contid.kinematics.array import Array
-from contid.targets import ZERO3
+
+_NO_TIP: Final = (math.nan, math.nan, math.nan)
 
 
 @dataclass(frozen=True, eq=False)
@@ -80,17 +83,15 @@ class StateReader:
     def _robot(self, config: RobotConfig, record: RobotRecord, refused: str) -> SimRobot:
         units = self._units
         measured = config.transmission.to_actuation(tuple(axis.value for axis in record.axes))
-        tip = (math.nan, math.nan, math.nan)
+        tip = None
         if all(map(math.isfinite, measured)):
-            load = record.load_n if math.isfinite(record.load_n[0]) else ZERO3
-            pose = config.model.forward(measured, config.frame.vector_in_base(load))
-            tip = config.frame.point_in_world(pose.tip_m)
+            tip = tip_in_world(config, measured, record.load_n)
         return SimRobot(
             mode=Mode(record.mode).name,
             fault=int(record.fault),
             command=self._edge(config, [axis.command for axis in record.axes]),
             measured=self._edge(config, measured),
-            tip=units.from_si(np.array(tip[: config.model.dimension])),
+            tip=units.from_si(np.array((tip or _NO_TIP)[: config.model.dimension])),
             residual=float(units.from_si(np.array(record.residual_m))),
             converged=bool(record.flags & HAS_TARGET and record.flags & CONVERGED),
             refused=refused,

@@ -1,6 +1,7 @@
-"""Compaction of a session: compressed chunks, an index, statistics.
+"""Compaction of a session: compressed chunks, an index, statistics, and the channel of measured tips.
 
-Message records are copied as bytes; only their heads are decoded. The new file replaces the old one in one
+Message records are copied as bytes; only their heads are decoded, and what the channel `measured` is computed
+from (`contid.session.measured_channel`). The new file replaces the old one in one
 step, so that a readable session exists at every instant.
 """
 
@@ -17,6 +18,7 @@ from typing import Any, BinaryIO, Final
 from contid.session.format import mcap_records as mcap
 from contid.session.format.channels import TICK_CHANNELS
 from contid.session.format.mcap_records import MESSAGE_INSIDE, RECORD, RecordStream
+from contid.session.measured_channel import MeasuredChannel
 from contid.session.output import PRIVATE, exists_error, replacing
 
 CHUNK_BYTES: Final = 1 << 20
@@ -62,15 +64,18 @@ def compact(
         raise exists_error(target)
     target = target or source
     with replacing(target, PRIVATE) as new, source.open("rb") as old:
-        _Compactor(new, max_ticks).copy(RecordStream(old), note or {})
+        _Compactor(new, max_ticks, MeasuredChannel.of(source)).copy(RecordStream(old), note or {})
     return target
 
 
 class _Compactor:
     """One copy."""
 
-    def __init__(self, out: BinaryIO, max_ticks: int | None) -> None:
+    def __init__(self, out: BinaryIO, max_ticks: int | None, measured: MeasuredChannel | None) -> None:
         self._out = out
+        self._measured = measured
+        self._declared = False
+        self._topics: dict[int, str] = {}
         self._max_ticks, self._ticks = max_ticks, 0
         self._summary = _Summary()
         self._parts: list[bytes] = []
@@ -90,6 +95,10 @@ class _Compactor:
             if opcode == mcap.MESSAGE:
                 if self._ticks == self._max_ticks:
                     break
+                if self._measured is not None and not self._declared:
+                    self._declared = True
+                    for each in self._measured.declaration():
+                        self._write_record(*each)
                 self._add_message(body)
                 continue
             if opcode in (mcap.SCHEMA, mcap.CHANNEL):
@@ -109,8 +118,12 @@ class _Compactor:
         if channel == self._first:
             self._tick = [body]
         elif channel == self._last:
-            for each in (*self._tick, body):
+            self._tick.append(body)
+            for each in self._tick:
                 self._write_message(each)
+            if self._measured is not None:
+                named = {self._topics[int.from_bytes(each[:2], "little")]: each for each in self._tick}
+                self._write_message(self._measured.message(named))
             self._tick = []
             self._ticks += 1
         elif self._tick:
@@ -138,6 +151,7 @@ class _Compactor:
         elif opcode == mcap.CHANNEL:
             channel = mcap.decode(opcode, body)
             summary.channels.append(channel)
+            self._topics[channel.id] = channel.topic
             self._first = channel.id if channel.topic == TICK_CHANNELS[0] else self._first
             self._last = channel.id if channel.topic == TICK_CHANNELS[-1] else self._last
         elif opcode == mcap.METADATA:

@@ -13,6 +13,7 @@ import numpy as np
 import rerun as rr
 
 from contid.control.engine.events import RunEvent
+from contid.control.engine.measured_tip import measured_tip_error_m
 from contid.control.engine.tick_layout import RobotRecord
 from contid.control.tick.config import RobotConfig
 from contid.kinematics.model import Compliant
@@ -155,7 +156,8 @@ class RerunWriter:
         errors = [[record.tip_error_m * MM_PER_M] for record in records]
         self._scalars(paths.plot(config.name, "tip_error"), ticks, errors)
         errors = [
-            [_measured_tip_error_m(config, *each) * MM_PER_M] for each in zip(records, samples, strict=True)
+            [measured_tip_error_m(config, each) * MM_PER_M if math.isfinite(each.tip_error_m) else math.nan]
+            for each in records
         ]
         self._scalars(paths.plot(config.name, "tip_error_measured"), ticks, errors)
 
@@ -316,12 +318,3 @@ def _samples(config: RobotConfig, records: Sequence[RobotRecord]) -> Array:
     """The measured actuation [m or Pa], a row per record."""
     values = (tuple(axis.value for axis in record.axes) for record in records)
     return np.array([config.transmission.to_actuation(each) for each in values])
-
-
-def _measured_tip_error_m(config: RobotConfig, record: RobotRecord, sample: Array) -> float:
-    """Distance of the target from the tip that the model computes from a sample; NaN without a target."""
-    if not (np.isfinite(sample).all() and math.isfinite(record.tip_error_m)):
-        return math.nan
-    load = config.frame.vector_in_base(load_or_zero(record.load_n))
-    pose = config.model.forward(tuple(sample.tolist()), load)
-    return math.dist(config.frame.point_in_world(pose.tip_m), record.tip_m)

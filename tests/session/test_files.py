@@ -13,14 +13,14 @@ from dataclasses import asdict
 from pathlib import Path
 
 import pytest
+from mcap.reader import make_reader
 
 from contid.control.engine.cycle import OnEnd
 from contid.control.process.setup import RunSetup
 from contid.errors import ContidError
 from contid.session.compact import compact
 from contid.session.export.csv_files import export_channels, export_joined
-from contid.session.export.measured import MEASURED
-from contid.session.format.channels import CHANNELS, EVENT, TICK_CHANNELS
+from contid.session.format.channels import CHANNELS, EVENT, MEASURED, TICK_CHANNELS
 from contid.session.format.metadata import describe
 from contid.session.info import summarize
 from contid.session.read import Session, SessionError
@@ -59,7 +59,8 @@ def test_the_stock_reader_reads_it(which: str, request: pytest.FixtureRequest) -
         reader = SeekingReader(file, validate_crcs=True) if which == "recorded" else NonSeekingReader(file)
         messages = list(reader.iter_messages())
         counts = Counter(channel.topic for _, channel, _ in messages)
-        assert counts == {**dict.fromkeys(TICK_CHANNELS, ticks), "event": len(_events(path))}
+        channels = (*TICK_CHANNELS, MEASURED) if which == "recorded" else TICK_CHANNELS
+        assert counts == {**dict.fromkeys(channels, ticks), "event": len(_events(path))}
         times = [message.log_time for _, _, message in messages]
         assert times == sorted(times)
         for schema, channel, message in messages:
@@ -78,7 +79,7 @@ def test_the_stock_reader_reads_it(which: str, request: pytest.FixtureRequest) -
             assert summary is not None
             assert summary.statistics is not None
             assert summary.statistics.message_count == len(messages)
-            assert {channel.topic for channel in summary.channels.values()} == set(CHANNELS)
+            assert {channel.topic for channel in summary.channels.values()} == {*CHANNELS, MEASURED}
             assert [each.name for each in SeekingReader(file).iter_attachments()] == ["trajectory.npz"]
 
 
@@ -176,6 +177,9 @@ def test_files_rewritten_by_other_programs_are_read_and_replayed(recorded: Path,
     assert (result.divergence, result.stopped) == (None, "")
     whole = Session(compact(session.path, tmp_path / "again.mcap"))
     assert summarize(whole).ticks == result.ticks
+    with whole.path.open("rb") as file:
+        counts = Counter(channel.topic for _, channel, _ in make_reader(file).iter_messages())
+    assert counts[MEASURED] == result.ticks, "the channel that it had is kept, and not computed again"
 
 
 def test_parts_removed_by_a_filter_are_named(recorded: Path, tmp_path: Path) -> None:

@@ -1,4 +1,6 @@
-"""How far the measured tip was from the target: forward kinematics of the samples, beside the IK residual.
+"""The measured tip: forward kinematics of the samples, and how far it was from the target.
+
+Session, exports, telemetry, viewer and closing report take it from here.
 
 The residual compares the model with itself and is near rounding on every path within reach; what a robot did
 is in its samples. A few records per second are enough for the closing report, and keep the arithmetic out of
@@ -15,7 +17,7 @@ from typing import Any, Final
 from contid.control.engine.tick_layout import TICK, RecordLayout, RobotRecord, TickRecord
 from contid.control.tick.config import RobotConfig
 from contid.control.tick.supervisor import Mode
-from contid.targets import load_or_zero
+from contid.targets import Actuation, Vec3, load_or_zero
 from contid.units import m_to_mm
 
 #: Records per second that are evaluated.
@@ -71,12 +73,29 @@ class MeasuredTips:
                 }
 
 
-def measured_tip_error_m(config: RobotConfig, robot: RobotRecord) -> float:
-    """Distance of the target from the tip that the model computes from the samples, NaN without either."""
+def measured_actuation(config: RobotConfig, robot: RobotRecord) -> Actuation | None:
+    """Actuation [m or Pa] by the samples, None until every axis has been read."""
     values = tuple([axis.value for axis in robot.axes])
-    if not (all(map(math.isfinite, values)) and all(map(math.isfinite, robot.tip_m))):
+    return config.transmission.to_actuation(values) if all(map(math.isfinite, values)) else None
+
+
+def tip_in_world(config: RobotConfig, actuation: Actuation, load_n: Vec3) -> Vec3 | None:
+    """Tip of the model [m] with the known load [N], both in the world frame; a load with NaN is none.
+
+    None outside the domain of the model.
+    """
+    try:
+        pose = config.model.forward(actuation, config.frame.vector_in_base(load_or_zero(load_n)))
+    except (ValueError, ArithmeticError):
+        return None
+    tip = config.frame.point_in_world(pose.tip_m)
+    return tip if all(map(math.isfinite, tip)) else None
+
+
+def measured_tip_error_m(config: RobotConfig, robot: RobotRecord) -> float:
+    """Distance of the target from the measured tip, NaN without either."""
+    actuation = measured_actuation(config, robot)
+    if actuation is None or not all(map(math.isfinite, robot.tip_m)):
         return math.nan
-    load = load_or_zero(robot.load_n)
-    actuation = config.transmission.to_actuation(values)
-    pose = config.model.forward(actuation, config.frame.vector_in_base(load))
-    return math.dist(config.frame.point_in_world(pose.tip_m), robot.tip_m)
+    tip = tip_in_world(config, actuation, robot.load_n)
+    return math.nan if tip is None else math.dist(tip, robot.tip_m)

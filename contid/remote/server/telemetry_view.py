@@ -1,7 +1,8 @@
 """Robots and buses as clients see them: status, telemetry and description, from the newest record.
 
 Edge units with the unit in the key; positions in the world frame. ``tip_mm`` is the model's tip at the
-measured actuation (at the commanded one while an axis has no valid sample).
+measured actuation with the known load (at the commanded one while an axis has no valid sample),
+``command_tip_mm`` that at the commanded one.
 """
 
 from __future__ import annotations
@@ -12,6 +13,7 @@ from collections.abc import Callable, Iterable, Sequence
 from typing import Any, Final
 
 from contid.control.engine.events import FaultLatched, RunEvent, TicksSkipped, TicksWaited
+from contid.control.engine.measured_tip import measured_actuation, tip_in_world
 from contid.control.engine.tick_layout import ENABLED, HAS_TARGET, RecordLayout, RobotRecord, TickRecord
 from contid.control.engine.wiring import build_robot_configs, driven_robots, record_layout
 from contid.control.tick.config import RobotConfig
@@ -27,8 +29,8 @@ from contid.units import m_to_mm
 
 #: The fields of telemetry, and those sent by default.
 FIELDS: Final = (
-    "state", "fault", "tip_mm", "target_mm", "error_mm", "command", "measured", "limits", "age_ms", "effort",
-    "temperature_c", "voltage_v", "measured_tip_mm", "measured_direction",
+    "state", "fault", "tip_mm", "command_tip_mm", "target_mm", "error_mm", "command", "measured", "limits",
+    "age_ms", "effort", "temperature_c", "voltage_v", "measured_tip_mm", "measured_direction",
     "estimated_load_n", "estimated_sigma_n",
 )  # fmt: skip
 DEFAULT_FIELDS: Final = ("state", "fault", "tip_mm", "command", "measured")
@@ -210,6 +212,8 @@ class TelemetryView:
                 return record.fault
             case "tip_mm":
                 return self.tip_mm(config, record)
+            case "command_tip_mm":
+                return _tip_mm(config, record, _commanded(record))
             case "target_mm":
                 return [m_to_mm(value) for value in record.tip_m] if record.flags & HAS_TARGET else None
             case "error_mm":
@@ -219,7 +223,7 @@ class TelemetryView:
                     _number(axis.command * scale) for axis, scale in zip(record.axes, scales, strict=True)
                 ]
             case "measured":
-                measured = _measured(config, record)
+                measured = measured_actuation(config, record)
                 if measured is None:
                     return None
                 return [value * scale for value, scale in zip(measured, scales, strict=True)]
@@ -239,7 +243,7 @@ class TelemetryView:
 
     def _robot(self, name: str, newest: TickRecord) -> Fields:
         config, record = self.configs[name], self._of(name, newest)
-        measured = _measured(config, record)
+        measured = measured_actuation(config, record)
         axes = {}
         for number, (axis, sample) in enumerate(zip(config.axis_names, record.axes, strict=True)):
             scale, unit = config.quantities[number].per_si, config.quantities[number].unit
@@ -267,20 +271,19 @@ class TelemetryView:
         }
 
     def tip_mm(self, config: RobotConfig, record: RobotRecord) -> list[float] | None:
-        """The model's tip in the world frame [mm]."""
-        actuation = _measured(config, record) or _all_finite(axis.command for axis in record.axes)
-        if actuation is None:
-            return None
-        try:
-            return _mm(config.frame.point_in_world(config.model.forward(actuation).tip_m))
-        except (ValueError, ArithmeticError):  # measured outside the domain of the model
-            return None
+        """The model's tip in the world frame [mm], with the known load."""
+        return _tip_mm(config, record, measured_actuation(config, record) or _commanded(record))
 
 
-def _measured(config: RobotConfig, record: RobotRecord) -> tuple[float, ...] | None:
-    """Measured actuation [m or Pa], None until every axis has been read."""
-    values = _all_finite(axis.value for axis in record.axes)
-    return None if values is None else config.transmission.to_actuation(values)
+def _commanded(record: RobotRecord) -> tuple[float, ...] | None:
+    return _all_finite(axis.command for axis in record.axes)
+
+
+def _tip_mm(
+    config: RobotConfig, record: RobotRecord, actuation: tuple[float, ...] | None
+) -> list[float] | None:
+    tip = None if actuation is None else tip_in_world(config, actuation, record.load_n)
+    return None if tip is None else _mm(tip)
 
 
 def _all_finite(values: Iterable[float]) -> tuple[float, ...] | None:

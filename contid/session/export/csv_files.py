@@ -16,9 +16,8 @@ from typing import Any, TextIO
 
 from contid.control.engine.events import to_json
 from contid.session.export.columns import TIMES
-from contid.session.export.measured import MEASURED
 from contid.session.export.table import TickTable, zero_time_ns
-from contid.session.format.channels import EVENT, TICK_CHANNELS
+from contid.session.format.channels import EVENT, MEASURED, TICK_CHANNELS
 from contid.session.format.entries import Entry
 from contid.session.output import replacing
 from contid.session.read import Session, SessionError

@@ -9,8 +9,9 @@ import numpy as np
 
 from contid.errors import ContidError
 from contid.kinematics.array import Array
-from contid.session.export.measured import MEASURED, measured_robots
+from contid.session.export.measured import measured_robots
 from contid.session.export.table import TickTable
+from contid.session.format.channels import MEASURED
 from contid.session.read import Session
 
 #: Features; names are LeRobot's.

@@ -13,16 +13,17 @@ from typing import Final
 
 import numpy as np
 
+from contid.control.engine.measured_tip import tip_in_world
 from contid.control.engine.tick_layout import RecordLayout
 from contid.control.engine.wiring import build_robot_configs
 from contid.control.tick.config import RobotConfig
 from contid.kinematics.array import Array
 from contid.session.read import Session, SessionError
+from contid.targets import Actuation, Vec3
 from contid.units import MM_PER_M
 
-#: Name of the group of columns, beside those of the channels.
-MEASURED: Final = "measured"
 _TIP: Final = ("x_mm", "y_mm", "z_mm")
+_NO_TIP: Final = (math.nan, math.nan, math.nan)
 
 
 @dataclass(frozen=True)
@@ -46,18 +47,21 @@ class MeasuredRobot:
         axes = (f"{axis}_{quantity.unit}" for axis, quantity in pairs)
         return tuple(f"{self.config.name}.{name}" for name in (*axes, *_TIP))
 
-    def row(self, record: Sequence[float]) -> tuple[float, ...]:
-        """Axes and tip in the world, in the units of `names`; NaN while a device has no value."""
+    def measured(self, record: Sequence[float]) -> tuple[Actuation, Vec3 | None]:
+        """Axes [m or Pa], NaN while a device has no value, and the tip in the world [m], None then."""
         config = self.config
-        actuation = config.transmission.to_actuation(tuple(record[place] for place in self.values))
-        axes = tuple([each.from_si(value) for each, value in zip(config.quantities, actuation, strict=True)])
+        actuation = config.transmission.to_actuation(tuple([record[place] for place in self.values]))
         if not all(map(math.isfinite, actuation)):
-            return (*axes, *(math.nan for _ in _TIP))
+            return actuation, None
         x, y, z = (record[place] for place in self.load)
-        load = (x, y, z) if math.isfinite(x + y + z) else (0.0, 0.0, 0.0)
-        pose = config.model.forward(actuation, config.frame.vector_in_base(load))
-        tip = config.frame.point_in_world(pose.tip_m)
-        return (*axes, *(MM_PER_M * value for value in tip))
+        return actuation, tip_in_world(config, actuation, (x, y, z))
+
+    def row(self, record: Sequence[float]) -> tuple[float, ...]:
+        """Axes and tip in the world, in the units of `names`; NaN for what is absent."""
+        actuation, tip_m = self.measured(record)
+        quantities = self.config.quantities
+        axes = tuple([each.from_si(value) for each, value in zip(quantities, actuation, strict=True)])
+        return (*axes, *(MM_PER_M * value for value in tip_m or _NO_TIP))
 
 
 def measured_robots(session: Session) -> list[MeasuredRobot]:

@@ -16,8 +16,8 @@ from contid.control.engine.tick_layout import SKIPPED, TICK
 from contid.errors import MissingExtraError
 from contid.kinematics.array import Array
 from contid.session.export.columns import TIMES, Column, channel_columns
-from contid.session.export.measured import MEASURED, measured_block, measured_robots
-from contid.session.format.channels import TICK_CHANNELS
+from contid.session.export.measured import measured_block, measured_robots
+from contid.session.format.channels import MEASURED, TICK_CHANNELS
 from contid.session.format.entries import Entry
 
 if TYPE_CHECKING:

@@ -8,7 +8,7 @@ objects are always present. The values are declared in `contid.control.engine.ti
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any, Final
 
@@ -17,6 +17,8 @@ from contid.control.engine.tick_layout import AXIS, HEAD, ROBOT, RecordLayout, V
 
 TICK_CHANNELS: Final = ("tick", "target", "solution", "command", "sample")
 EVENT: Final = "event"
+#: Not recorded, but computed from the others when a session is compacted: measured axes and tips.
+MEASURED: Final = "measured"
 #: Revision of the messages; readers accept every one. 1 adds the measured tip; 2 omits absent values
 #: (before: ``null``) and lists infinite ones (before: ``1e999``); 3 renames keys of events
 #: (`RENAMED_EVENT_KEYS`).
@@ -122,6 +124,22 @@ def schema(layout: RecordLayout, device_units: Mapping[str, str], channel: str) 
     _add(
         root, INFINITE, {"type": "array", "items": {"type": "string"}, "description": meaning}, required=False
     )
+    return root
+
+
+def measured_schema(keys: Mapping[str, Sequence[str]]) -> dict[str, Any]:
+    """JSON Schema of the channel `MEASURED`: keys of the axes by robot, and its tip."""
+    root: dict[str, Any] = {"title": f"contid.{MEASURED}", **_object()}
+    _add(root, "tick", {"type": "integer", "description": "number of the tick"}, required=True)
+    robots = _add(root, "robots", _object(), required=True)
+    for name, axes in keys.items():
+        robot = _add(robots, name, _object(), required=True)
+        for key in axes:
+            about = {"type": "number", "description": "measured actuation, by the transmission"}
+            _add(robot, key, about, required=False)
+        meaning = "tip of the model at the measured actuation, with the known load, in the world frame"
+        tip = {"type": "array", "description": meaning, "items": {"type": "number"}}
+        _add(robot, "tip_m", {**tip, "minItems": 3, "maxItems": 3}, required=False)
     return root
 
 
