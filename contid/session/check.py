@@ -7,7 +7,7 @@ Only records, events and the limits of the robot file are used, neither the limi
 | time | ticks and deadlines grow; every missing tick is counted as skipped or lost |
 | position | a command is inside the limits of its axis; from outside it never goes further out |
 | velocity, acceleration | differences of consecutive commands, from standstill at the first |
-| jerk | third differences within one planned motion (not RUN, which follows a trajectory) |
+| jerk | third differences within one planned motion, without RUN and the end of the shortest stop |
 | arming | the first command is at the measured position |
 | estop | no command in the tick after an emergency stop, and OFF (a fault stays) |
 | fault | every fault has its event; FAULT is left after `clear_fault` or `recover` only |
@@ -32,6 +32,8 @@ from contid.session.read import Session
 _ROUNDING: Final = 1e-9
 #: The profiles of planned motions come from another library: rounding of its times.
 _JERK_ROUNDING: Final = 1e-3
+#: Modes in which a robot may stop in the shortest way (`contid.trajectory.straight_stop`).
+_STOPS: Final = frozenset({Mode.HOLD, Mode.STOPPING, Mode.FAULT})
 #: First command and measurement may differ by the resolution of a device: this share of the travel.
 ARMING_SHARE: Final = 0.005
 
@@ -182,7 +184,20 @@ class _RobotCheck:
                 most_jerk = most_jerks[k]
                 if abs(third) > most_jerk * (1.0 + _JERK_ROUNDING) + 8.0 * self._room[k]:
                     yield "jerk", f"{self._config.axes[k]} {third / most_jerk:.6g} times its limit"
+        arrived = self._stands(steps) and not self._stands(self._steps or steps)
+        if now.mode in _STOPS and arrived and self._shed_evenly():
+            self._planned.clear()
         self._steps = steps
+
+    def _stands(self, steps: Sequence[float]) -> bool:
+        return all(abs(step) <= 2.0 * room for step, room in zip(steps, self._room, strict=True))
+
+    def _shed_evenly(self) -> bool:
+        """True when every axis shed as much speed in this tick as in the one before."""
+        if len(self._planned) < 4:
+            return True
+        thirds = [d - 3.0 * c + 3.0 * b - a for a, b, c, d in zip(*self._planned, strict=True)]
+        return all(abs(third) <= 8.0 * room for third, room in zip(thirds, self._room, strict=True))
 
     def _arming(self, before: RobotRecord, command: tuple[float, ...]) -> Iterator[tuple[str, str]]:
         values = tuple([axis.value for axis in before.axes])

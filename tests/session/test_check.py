@@ -12,7 +12,7 @@ import pytest
 from contid.cli.commands.session.summary import MAX_VIOLATIONS
 from contid.control.engine import messages as msg
 from contid.control.engine.cycle import OnEnd
-from contid.control.engine.events import FaultLatched, OrderGiven
+from contid.control.engine.events import FaultLatched, ModeChanged, OrderGiven
 from contid.control.engine.tick_layout import SKIPPED, TICK
 from contid.control.process.setup import RunSetup
 from contid.control.tick.supervisor import Mode
@@ -22,6 +22,7 @@ from contid.session.format.entries import Entry
 from contid.session.read import Session
 from contid.session.recording_observer import RecordingObserver
 from contid.targets import Target
+from tests.campaign.script import close_hand
 from tests.session.runs import RUNS, record_virtual
 from tests.support.command import contid
 from tests.support.fingers import circle, fingers, load, run_virtual
@@ -65,6 +66,25 @@ def test_runs_with_trackers_loads_and_faults_break_no_rule(name: str, tmp_path: 
 
 def test_orders_stops_and_new_starts_break_no_rule(run: Path) -> None:
     assert list(check_session(Session(run))) == []
+
+
+def test_the_shortest_stop_breaks_no_rule(tmp_path: Path) -> None:
+    """A row leads one finger into the other: it stops in the shortest way, which is not limited in jerk."""
+
+    def tips(left_x_m: float) -> msg.Rows:
+        left, right = Target(tip_m=(left_x_m, 0.07, 0.0)), Target(tip_m=(0.045, 0.07, 0.0))
+        return msg.Rows({"left": left, "right": right})
+
+    orders: dict[int, list[msg.Message]] = {
+        40: [msg.Begin(), msg.Resume()],
+        300: [tips(0.02)],
+        500: [tips(0.06)],
+    }
+    path = record_virtual(tmp_path / "run.mcap", with_mock(close_hand()), None, orders, ticks=1000)
+    session = Session(path)
+    assert list(check_session(session)) == []
+    held = [each.tick for each in session.events() if isinstance(each, ModeChanged) and each.mode == "HOLD"]
+    assert held[-1] > 500
 
 
 class Changed(Session):
