@@ -153,6 +153,15 @@ class StopPolicy(enum.StrEnum):
     VENT = "vent"
 
 
+class ContactPolicy(enum.StrEnum):
+    """Reaction to a contact; the event is written with each of them."""
+
+    IGNORE = "ignore"  # the event only
+    HOLD = "hold"  # stop jerk-limited and hold, as after `contid hold`
+    STOP = "stop"  # latch fault 304 and stop by stop.on_fault
+    RETRACT = "retract"  # stop, go back slowly to the command of half a second before, and hold there
+
+
 class Stops(Strict):
     """One policy per reason to stop.
 

@@ -14,7 +14,7 @@ from contid.session.format.entries import DAMAGED, GROWING
 from contid.session.read import Session
 
 #: Events that a summary lists; the others are counted only.
-_LISTED = ("refused", "bus", "tier", "overrun", "skipped", "recorder", "failed", "end", "stopping")
+_LISTED = ("refused", "contact", "bus", "tier", "overrun", "skipped", "recorder", "failed", "end", "stopping")
 _MAX_LISTED = 20
 
 

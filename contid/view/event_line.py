@@ -10,7 +10,8 @@ from contid.control.engine import events as ev
 _LEVELS: Final = {kind.KIND: "ERROR" for kind in (ev.FaultLatched, ev.RunFailed)} | {
     kind.KIND: "WARN"
     for kind in (
-        ev.OrderRefused, ev.BusChanged, ev.BusStalled, ev.DeviceFaultChanged, ev.TicksSkipped, ev.ViewerPaused
+        ev.OrderRefused, ev.ContactBegan, ev.BusChanged, ev.BusStalled, ev.DeviceFaultChanged,
+        ev.TicksSkipped, ev.ViewerPaused,
     )
 }  # fmt: skip
 _LOG_LEVELS: Final = {"warning": "WARN", "error": "ERROR", "critical": "CRITICAL"}

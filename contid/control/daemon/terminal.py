@@ -10,6 +10,7 @@ from typing import Final
 
 from contid.control.engine.events import (
     BusChanged,
+    ContactBegan,
     FaultLatched,
     LogWritten,
     OrderRefused,
@@ -59,7 +60,7 @@ def event_text(event: RunEvent, log_level: int = logging.INFO) -> str:
             # The daemon has printed its own records already.
             shown = event.process == "control" and LEVELS[event.level] >= log_level
             return log_text(event.level, event.message) if shown else ""
-        case FaultLatched():
+        case FaultLatched() | ContactBegan():
             return f"{event.robot}: {event.message}"
         case OrderRefused():
             return f"refused: {event.message}"

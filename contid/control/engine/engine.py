@@ -13,6 +13,7 @@ from contid.clearance.guard import ClearanceGuard
 from contid.control.engine import messages as msg
 from contid.control.engine.chain_orders import ChainOrders
 from contid.control.engine.clearance_orders import ClearanceOrders
+from contid.control.engine.contact_orders import ContactOrders
 from contid.control.engine.cycle import OnEnd, Sink, Timing
 from contid.control.engine.events import EffortLimited, GotoEnded, MarkReached, OrderRefused
 from contid.control.engine.exchange import Exchange
@@ -78,6 +79,7 @@ class Engine:
         )
         self._clearance = ClearanceOrders(clearance, self._robots, self._exchange, sink)
         self._loads = LoadWatch(self._robots, self._exchange)
+        self._contacts = ContactOrders(self._robots, self._loads, self._chains, sink)
         self._recorder = RecordPacker(self._robots.configs, sink, now)
         self._buses = tuple(ports)
         self._stalls = StallWatch(rate_hz)
@@ -177,6 +179,8 @@ class Engine:
         """Apply a message to robots, selector and chains."""
         robots, selector, chains = self._robots, self._selector, self._chains
         now_s = step / self._rate_hz
+        if not isinstance(message, msg.Rows | msg.Measured | msg.EndOfRows | msg.Mark):
+            self._contacts.cancel()
         match message:
             case msg.Rows(targets):
                 selector.rows(targets, now_s)
@@ -243,6 +247,7 @@ class Engine:
         targets = self._clearance.before_tick(selector.targets(step, now_s))
         targets = self._chains.before_tick(targets, now_s, selector.measured)
         self._loads.tick(now_s, selector.measured)
+        self._contacts.tick(timing.tick, now_s, selector.measured)
         targets = self._loads.loaded(targets, now_s)
         commands: dict[str, dict[str, float]] = {name: {} for name in self._buses}
         bus_of = exchange.bus_of

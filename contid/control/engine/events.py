@@ -65,6 +65,22 @@ class FaultLatched(RunEvent):
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
+class ContactBegan(RunEvent):
+    """A force acts on a robot that neither its model nor its known load explains."""
+
+    KIND: ClassVar[str] = "contact"
+    tick: _Tick
+    robot: _Robot
+    axis: Annotated[str, "axis whose current showed it, empty for the tip"] = ""
+    time_s: Annotated[float, "capture of the measurement that showed it, in the time of the robots"]
+    direction: Annotated[list[float], "of the force, unit vector in the world frame; empty for an axis"]
+    force_n: Annotated[float, "size of the force on the tip, or on the axis, when it was found [N]"]
+    confidence: Annotated[float, "1 minus the number of such events by noise alone expected in an hour"]
+    policy: Annotated[str, "reaction: ignore, hold, stop or retract"]
+    message: _Message
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
 class OrderRefused(RunEvent):
     """An order, or a part of one, was not carried out."""
 

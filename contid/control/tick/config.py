@@ -13,7 +13,7 @@ from contid.control.tick.taut import Taut
 from contid.kinematics.extra_axes import build_whole_model
 from contid.kinematics.frames import BaseFrame
 from contid.kinematics.model import Model
-from contid.robot_file.base import Quantity, StopPolicy, Stops, TipFeedback
+from contid.robot_file.base import ContactPolicy, Quantity, StopPolicy, Stops, TipFeedback
 from contid.robot_file.cosserat import Cosserat
 from contid.robot_file.robot import RobotDescription
 from contid.targets import Actuation
@@ -95,6 +95,7 @@ class RobotConfig:
         capstan: lead of the friction of tendons in the bends, None without.
         taut: bounds of the tensions of a tendon robot, None without.
         sensing: description of an arm that senses the force on its tip, None without.
+        contact: what it does after a contact, None when none is looked for.
         straight: approaches are straight lines of the axes, which keep limits that several axes share.
         shared: limits that the model's own axes share, None without.
     """
@@ -124,6 +125,7 @@ class RobotConfig:
     capstan: Capstan | None = None
     taut: Taut | None = None
     sensing: Cosserat | None = None
+    contact: ContactPolicy | None = None
     straight: bool = False
     shared: SharedLimits | None = None
 
@@ -175,6 +177,7 @@ def robot_config(
         capstan=getattr(model, "capstan", None),
         taut=getattr(model, "taut", None),
         sensing=robot if isinstance(robot, Cosserat) and robot.sense is not None else None,
+        contact=robot.sense.contact if isinstance(robot, Cosserat) and robot.sense is not None else None,
         straight=getattr(model, "taut", None) is not None or getattr(model, "straight_approach", False),
         shared=getattr(model, "shared", None),
     )

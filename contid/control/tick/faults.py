@@ -2,7 +2,7 @@
 
 A fault stops one robot by its ``stop.on_fault`` policy and stays until ``clear-fault``; the other robots go
 on, but for those of the same closed chain. Numbers never change their meaning: 1xx the devices, 2xx the
-arithmetic, 3xx other robots.
+arithmetic, 3xx other robots and obstacles.
 """
 
 from __future__ import annotations
@@ -35,6 +35,7 @@ class Fault(enum.IntEnum):
     CHAIN_FORBIDS = 301
     CHAIN_BROKEN = 302
     TOO_NEAR = 303
+    CONTACT = 304
 
 
 @dataclass(frozen=True, slots=True)
@@ -147,6 +148,12 @@ PAGES: Final[dict[Fault, FaultPage]] = {
         "clear-fault, then `contid move` away; a checked trajectory ends here where tip feedback moves it, "
         "or when it began elsewhere",
     ),
+    Fault.CONTACT: FaultPage(
+        "something pushed on the robot that its model and its load do not explain, and sense.contact is stop",
+        _BY_POLICY,
+        "see what it touched; clear-fault, then `contid move` away from it, or resume; if nothing was there, "
+        "calibrate again (docs/sensing.md)",
+    ),
 }
 
 
@@ -170,7 +177,7 @@ def markdown() -> str:
         "",
         "A fault stops one robot (and the other arm of its chain) and stays until `contid clear-fault`;",
         "a run with one ends with exit code 3.",
-        "Numbers never change their meaning: 1xx devices, 2xx arithmetic, 3xx other robots.",
+        "Numbers never change their meaning: 1xx devices, 2xx arithmetic, 3xx other robots and obstacles.",
         "",
         "| number | name | cause | what the robot did | what to do |",
         "|---|---|---|---|---|",

@@ -25,6 +25,8 @@ from contid.trajectory.straight_stop import StraightStop
 OUTSIDE_SHARE: Final = 0.02
 #: Share of velocity, acceleration and jerk of the motion inside.
 RECOVER_SHARE: Final = 0.1
+#: The same of the motion back from a contact.
+RETREAT_SHARE: Final = 0.2
 #: Shares of the time of a stop at which it is compared with the limits of the model.
 _LOOKED_AT: Final = (0.25, 0.5, 0.75, 1.0)
 
@@ -122,6 +124,20 @@ def inwards(config: RobotConfig, state: RobotState, start_s: float) -> RobotStat
     still = (0.0,) * len(goal)
     motion = Approach(state.command, still, goal, velocity, acceleration, jerk, straight=config.straight)
     return replace(state, motion=motion, motion_s=start_s, goto=Target(actuation=goal), follow=False)
+
+
+def retreat(config: RobotConfig, state: RobotState, goal: Actuation, now_s: float) -> RobotState:
+    """From HOLD at standstill, go slowly to an earlier command, then hold."""
+    velocity, acceleration, jerk = (
+        tuple([rate * RETREAT_SHARE for rate in rates])
+        for rates in (config.velocity, config.acceleration, config.jerk)
+    )
+    still = (0.0,) * len(goal)
+    motion = Approach(state.command, still, goal, velocity, acceleration, jerk, straight=config.straight)
+    after = moved(config, state, Event.FOLLOW, now_s)
+    return replace(
+        after, motion=motion, motion_s=now_s - config.period_s, goto=Target(actuation=goal), follow=False
+    )
 
 
 def outside(config: RobotConfig, actuation: Actuation) -> str:

@@ -6,7 +6,7 @@ from typing import Annotated
 
 from pydantic import Field
 
-from contid.robot_file.base import NonNegative, Positive, Strict
+from contid.robot_file.base import ContactPolicy, NonNegative, Positive, Strict
 
 _Numbers = tuple[float, ...]
 
@@ -60,6 +60,8 @@ class Sense(Strict):
 
     Attributes:
         load: the force on its tip.
+        contact: reaction to a force on the tip that was not expected; none is looked for when left out.
     """
 
     load: LoadSensing
+    contact: ContactPolicy | None = None

@@ -23,8 +23,9 @@ ELEMENTS: Final = 6
 _NEVER_MM: Final = 1e9
 #: Of the differences by scales.
 SCALE_STEP: Final = 1e-3
-#: Half the loop of the play that decides the side of the hysteresis, as a part of the range of an axis.
-HALF_LOOP: Final = 0.01
+#: Bounds of half the loop of the play that decides the side of the hysteresis, as parts of the range of an
+#: axis: between them it is the one that the calibration found.
+HALF_LOOP: Final = (0.002, 0.02)
 
 Numbers: TypeAlias = tuple[float, ...]
 
@@ -47,7 +48,8 @@ class IdentifiedArm:
             self._engines.append(build_engine(replace(setup, elements=ELEMENTS, error=_NEVER_MM)))
         lower, upper = np.array(robot.lower) / BAR, np.array(robot.upper) / BAR
         self._middle: list[float] = (0.5 * (lower + upper)).tolist()
-        self.half_loop: list[float] = (HALF_LOOP * (upper - lower)).tolist()
+        least, most = (part * (upper - lower) for part in HALF_LOOP)
+        self.half_loop: list[float] = np.clip(np.abs(found.loop_bar), least, most).tolist()
         width = len(found.covariance_factor)
         self._factor = np.zeros((width, width))
         for i, row_of_factor in enumerate(found.covariance_factor):

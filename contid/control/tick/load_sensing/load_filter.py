@@ -143,16 +143,29 @@ class LoadFilter:
             moved: tip of the model there minus that under `force` [mm]; None where it has none.
             compliance: tip by force there [mm/N].
         """
-        if moved is not None:
-            missed = self._missed - moved
-            if self._cost(self._tried, missed) < self._cost(self.force, self._missed):
-                self.force, self._missed = self._tried, missed
-                self._newest = self._newest - moved
-                self._damping *= 0.2
-                self._linearise(compliance)
-                return True
+        if moved is not None and self._taken(self._tried, moved, compliance):
+            self._damping *= 0.2
+            return True
         self._damping = max(4.0 * self._damping, _DAMPED)
         return False
+
+    def judge_unloaded(self, moved: Array, compliance: Array) -> bool:
+        """Begin from no force when the cost is less there; True when it is.
+
+        Args:
+            moved: tip of the model without load minus that under `force` [mm].
+            compliance: tip by force without load [mm/N].
+        """
+        return self._taken(np.zeros(3), moved, compliance)
+
+    def _taken(self, force: Array, moved: Array, compliance: Array) -> bool:
+        missed = self._missed - moved
+        if self._cost(force, missed) >= self._cost(self.force, self._missed):
+            return False
+        self.force, self._missed = force, missed
+        self._newest = self._newest - moved
+        self._linearise(compliance)
+        return True
 
     def _cost(self, force: Array, missed: Array) -> float:
         return float(missed @ self._weight @ missed + force @ self._prior @ force)

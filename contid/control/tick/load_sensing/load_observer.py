@@ -25,7 +25,7 @@ from contid.kinematics.cosserat.engine import NearAnswer
 from contid.kinematics.frames import BaseFrame
 from contid.robot_file.cosserat import Cosserat
 from contid.robot_file.pneumatic.sense import LoadSensing
-from contid.targets import Vec3
+from contid.targets import ZERO3, Vec3
 from contid.units import MM_PER_M, STANDARD_GRAVITY
 
 #: Steps of the force per measurement.
@@ -85,6 +85,16 @@ class LoadObserver:
         return self._estimation.found
 
     @property
+    def arm(self) -> IdentifiedArm:
+        """The arm with the error of its model."""
+        return self._estimation.arm
+
+    @property
+    def trace(self) -> PressureTrace:
+        """The pressures of the newest ticks."""
+        return self._estimation.trace
+
+    @property
     def jumps(self) -> deque[tuple[float, Jump]]:
         """The newest sudden changes since the caller emptied it, with the time of capture [s]."""
         return self._estimation.jumps
@@ -114,12 +124,12 @@ class _Estimation:
     """The work between two measurements; it makes one call of the kernel between two yields."""
 
     def __init__(self, robot: Cosserat, sensing: LoadSensing, period_s: float) -> None:
-        self._arm = IdentifiedArm(robot)
+        self.arm = IdentifiedArm(robot)
         self._frame = BaseFrame.of(robot.base)
         self._filter = LoadFilter(
             sensing.noise_mm, sensing.window_s, sensing.expected_g * 1e-3 * STANDARD_GRAVITY
         )
-        self.trace = PressureTrace(self._arm.half_loop, period_s)
+        self.trace = PressureTrace(self.arm.half_loop, period_s)
         self.newest: Measurement | None = None
         self._used_s = -math.inf
         self._moment: Numbers = (0.0, 0.0, 0.0)
@@ -150,8 +160,8 @@ class _Estimation:
 
     def _take(self, measurement: Measurement, pose: PressurePose) -> _Work:
         """Bring a measurement into the estimate."""
-        corrected = self._arm.corrected(pose.pressures, pose.sides)
-        here = self._arm.near(corrected, _vector(self._filter.force), self._moment)
+        corrected = self.arm.corrected(pose.pressures, pose.sides)
+        here = self.arm.near(corrected, _vector(self._filter.force), self._moment)
         if here is None:
             yield
             here = self._again(corrected)
@@ -162,12 +172,15 @@ class _Estimation:
         by_pressure = np.array(here[3]).reshape(3, -1)
         late = by_pressure @ np.array(pose.late)
         assert self._model is not None
-        model = self._model + np.outer(late, late) + self._arm.sides_mm2(pose.side_open, by_pressure)
+        model = self._model + np.outer(late, late) + self.arm.sides_mm2(pose.side_open, by_pressure)
         tip, self._moment = np.array(here[0]), here[1]
         seen = MM_PER_M * np.array(self._frame.point_in_base(measurement.tip_in_world))
         jump = self._filter.add(measurement.time_s, seen - tip, _matrix(here[2]), model)
         if jump is not None:
             self.jumps.append((measurement.time_s, jump))
+            yield
+            # Steps never lead back from an equilibrium of another branch: look at the unloaded arm.
+            tip = self._unloaded(corrected, tip)
         for _ in range(TRIALS):
             tried = self._filter.proposed()
             if tried is None:
@@ -175,7 +188,7 @@ class _Estimation:
             yield
             # A force on the tip has a moment about the base that follows from the tip.
             predicted = np.array(self._moment) + np.cross(tip, tried - self._filter.force)
-            there = self._arm.near(corrected, _vector(tried), predicted.tolist())
+            there = self.arm.near(corrected, _vector(tried), predicted.tolist())
             if there is None:
                 self._filter.judge(None, _NONE)
             elif self._filter.judge(np.array(there[0]) - tip, _matrix(there[2])):
@@ -190,18 +203,26 @@ class _Estimation:
             yield
             more = (part - last) * self._filter.force
             predicted = np.array(moment) + np.cross(reached, more)
-            there = self._arm.near(corrected, _vector(part * self._filter.force), predicted.tolist())
+            there = self.arm.near(corrected, _vector(part * self._filter.force), predicted.tolist())
             margin = there is not None
             if there is not None:
                 reached, moment = np.array(there[0]), there[1]
         self.found = LoadFound(measurement.time_s, force, spread, self._filter.settled, margin)
         yield
 
+    def _unloaded(self, corrected: Numbers, tip: Array) -> Array:
+        """The tip of the estimate, which is now the unloaded arm where that explains the jump better."""
+        moment = self.arm.base_moment(corrected)
+        there = None if moment is None else self.arm.near(corrected, ZERO3, moment)
+        if there is not None and self._filter.judge_unloaded(np.array(there[0]) - tip, _matrix(there[2])):
+            tip, self._moment = np.array(there[0]), there[1]
+        return tip
+
     def _again(self, corrected: Numbers) -> NearAnswer | None:
         """The equilibrium under the force of the estimate, led from the unloaded arm."""
         force = _vector(self._filter.force)
-        moment = self._arm.base_moment(corrected, force)
-        return None if moment is None else self._arm.near(corrected, force, moment)
+        moment = self.arm.base_moment(corrected, force)
+        return None if moment is None else self.arm.near(corrected, force, moment)
 
     def _changed(self, pose: PressurePose) -> bool:
         pressures, force = self._model_at
@@ -210,7 +231,7 @@ class _Estimation:
 
     def _renew(self, pose: PressurePose) -> _Work:
         """The covariance of the model at a pose; it stays as it was where the arm is unstable."""
-        arm, force = self._arm, self._filter.force
+        arm, force = self.arm, self._filter.force
         corrected, load = arm.corrected(pose.pressures, pose.sides), _vector(force)
         here = arm.near(corrected, load, self._moment)
         yield
