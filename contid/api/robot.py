@@ -5,7 +5,6 @@ Units are those of robot files (mm, bar, N), or SI with ``si=True``.
 
 from __future__ import annotations
 
-from collections.abc import Iterator
 from functools import cached_property
 from pathlib import Path
 from typing import TYPE_CHECKING, Literal, Self
@@ -15,17 +14,14 @@ from numpy.typing import ArrayLike
 
 from contid.api.arguments import (
     ArgumentError,
-    Shape,
-    as_directions,
-    as_rotations,
     as_rows,
-    as_rows_like,
     as_values,
 )
 from contid.api.limits import AxisRanges, LimitBits
 from contid.api.placed import PlacedRows
 from contid.api.plot import draw_backbones, draw_points, new_axes
 from contid.api.records import Records, records
+from contid.api.row_arguments import RowArguments
 from contid.api.units import Units
 from contid.api.workspace import Workspace, planar_workspace, spatial_workspace
 from contid.kinematics.array import Array
@@ -36,15 +32,13 @@ from contid.robot_file.findings import allowed_names
 from contid.robot_file.load import LoadedFile
 from contid.robot_file.robot import RobotDescription
 from contid.robot_file.shipped import load_named
-from contid.targets import ZERO3, Actuation, Vec3
+from contid.targets import Vec3
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
 
 #: Start of the search of a row: given, the rest pose (None), or the answer of the row before.
 Seed = ArrayLike | Literal["previous"] | None
-#: Columns of a wrench.
-WRENCH = ("fx_n", "fy_n", "fz_n", "mx", "my", "mz")
 
 
 class Robot:
@@ -164,8 +158,8 @@ class Robot:
         Raises:
             ArgumentError: wrong shape, not finite, or a load on a model without.
         """
-        rows, shape = self._actuations(actuation)
-        poses = forward_many(self._model, rows, self._loads(load, shape)).rows
+        rows, shape = self._rows.actuations(actuation)
+        poses = forward_many(self._model, rows, self._rows.loads(load, shape)).rows
         placed, units = self._placed, self.units
         return records(
             shape,
@@ -193,12 +187,12 @@ class Robot:
         Raises:
             ArgumentError: wrong shape, not finite, or a model that does not bend under wrenches.
         """
-        rows, shape = self._actuations(actuation)
+        rows, shape = self._rows.actuations(actuation)
         model = self._model
         if not isinstance(model, UnderWrenches):
             kind = self.description.model
             raise ArgumentError(f"fk_under: model {kind} of {self.name} does not bend under wrenches")
-        wrenches = [self._wrenches(what, given, shape) for what, given in (("tip", tip), ("mid", mid))]
+        wrenches = [self._rows.wrenches(what, given, shape) for what, given in (("tip", tip), ("mid", mid))]
         poses = [
             model.forward_under(tuple(row), tuple(at), tuple(on))
             for row, at, on in zip(rows.tolist(), *wrenches, strict=True)
@@ -247,18 +241,20 @@ class Robot:
         Raises:
             ArgumentError: wrong shape, not finite, or a kind of target that the model does not take.
         """
-        points, shape = as_rows("tips", tips, self._point_columns)
+        points, shape = as_rows("tips", tips, self._rows.point_columns)
         tasks = Targets(
             self._placed.points_in_base(self.units.to_si(points)),
-            None if direction is None else self._directions(direction, shape),
-            None if mid is None else self._mids(mid, shape),
-            self._loads(load, shape),
-            None if rotation is None else self._rotations(rotation, direction is None and mid is None, shape),
+            None if direction is None else self._rows.directions(direction, shape),
+            None if mid is None else self._rows.mids(mid, shape),
+            self._rows.loads(load, shape),
+            None
+            if rotation is None
+            else self._rows.rotations(rotation, direction is None and mid is None, shape),
         )
         follow = isinstance(seed, str)
         if follow and seed != "previous":
             raise ArgumentError(f"seed={seed!r}; allowed: an array, None, 'previous'")
-        seeds = self._seeds(None if follow else seed, shape)
+        seeds = self._rows.seeds(None if follow else seed, shape)
         answers = inverse_many(self._model, tasks, seeds, chained=follow)
         found, quantity = answers.rows, self.description.quantity
         return records(
@@ -275,8 +271,8 @@ class Robot:
 
         In mm per mm or mm per bar (SI: m/m, m/Pa). Analytic; a rod stays in equilibrium.
         """
-        rows, shape = self._actuations(actuation)
-        found = [self._model.jacobian(*pair) for pair in self._pairs(rows, load, shape)]
+        rows, shape = self._rows.actuations(actuation)
+        found = [self._model.jacobian(*pair) for pair in self._rows.pairs(rows, load, shape)]
         base = np.reshape(found, (len(rows), 3, rows.shape[1]))
         scale = self.units.scale() / self.units.scale(self.description.quantity)
         world = self._placed.columns_in_world(base)[:, : self.dimension] * scale
@@ -290,12 +286,12 @@ class Robot:
         Raises:
             ArgumentError: wrong shape, not finite, or a model that does not bend under a load.
         """
-        rows, shape = self._actuations(actuation)
+        rows, shape = self._rows.actuations(actuation)
         model = self._model
         if not isinstance(model, Compliant):
             kind = self.description.model
             raise ArgumentError(f"compliance: model {kind} of {self.name} does not bend under a load")
-        found = [model.compliance(*pair) for pair in self._pairs(rows, load, shape)]
+        found = [model.compliance(*pair) for pair in self._rows.pairs(rows, load, shape)]
         world = self._placed.tensors_in_world(np.reshape(found, (len(rows), 3, 3)))
         return (world * self.units.scale()).reshape(*shape, 3, 3)
 
@@ -303,8 +299,8 @@ class Robot:
         """Points of the backbone at equal arc length from base to tip, shape ``(..., points, 3)``."""
         if points < 2:
             raise ArgumentError(f"points={points}: a backbone needs at least 2")
-        rows, shape = self._actuations(actuation)
-        pairs = self._pairs(rows, load, shape)
+        rows, shape = self._rows.actuations(actuation)
+        pairs = self._rows.pairs(rows, load, shape)
         found = [self._model.shape(actuation, points, force) for actuation, force in pairs]
         lines = self._placed.points_in_world(np.reshape(found, (len(rows), points, 3)))
         return self.units.from_si(lines).reshape(*shape, points, self.dimension)
@@ -353,7 +349,7 @@ class Robot:
             actuation = self.limits.rest
         axes = new_axes(self.dimension, self.units.length) if axes is None else axes
         if points is not None:
-            rows, shape = as_rows("points", points, self._point_columns)
+            rows, shape = as_rows("points", points, self._rows.point_columns)
             colours = None if values is None else as_values("values", values, shape)
             draw_points(axes, rows, colours, label)
         if actuation is not None:
@@ -376,65 +372,6 @@ class Robot:
     def _bits(self) -> LimitBits:
         return LimitBits(self.description.model, self.description.axis_names)
 
-    @property
-    def _point_columns(self) -> tuple[str, ...]:
-        return tuple(f"{axis}_{self.units.length}" for axis in "xyz"[: self.dimension])
-
-    def _accept(self, kind: str) -> None:
-        accepts = self.description.accepts
-        if kind not in accepts:
-            allowed = ", ".join(sorted(accepts))
-            message = f"model {self.description.model} of {self.name} takes no {kind}; allowed: {allowed}"
-            raise ArgumentError(f"{kind}: {message}")
-
-    def _actuations(self, actuation: ArrayLike) -> tuple[Array, Shape]:
-        rows, shape = as_rows("actuation", actuation, self.axes)
-        return self.units.to_si(rows, self.description.quantity), shape
-
-    def _loads(self, load: ArrayLike | None, shape: Shape) -> Array | None:
-        if load is None:
-            return None
-        self._accept("load")
-        return self._placed.vectors_in_base(as_rows_like("load", load, ("fx_n", "fy_n", "fz_n"), shape))
-
-    def _wrenches(self, what: str, given: ArrayLike | None, shape: Shape) -> list[list[float]]:
-        """Wrenches in the base frame [N, N·m], one for each row."""
-        rows = as_rows_like(what, np.zeros(6) if given is None else given, WRENCH, shape)
-        force = self._placed.vectors_in_base(rows[:, :3])
-        moment = self._placed.vectors_in_base(rows[:, 3:] / self.units.scale())
-        pairs: list[list[float]] = np.hstack([force, moment]).tolist()
-        return pairs
-
-    def _pairs(self, rows: Array, load: ArrayLike | None, shape: Shape) -> Iterator[tuple[Actuation, Vec3]]:
-        """Actuation and load of every row, as a model takes them."""
-        loads = self._loads(load, shape)
-        forces: list[Vec3] = (
-            [ZERO3] * len(rows) if loads is None else [(x, y, z) for x, y, z in loads.tolist()]
-        )
-        return zip(map(tuple, rows.tolist()), forces, strict=True)
-
-    def _directions(self, direction: ArrayLike, shape: Shape) -> Array:
-        self._accept("direction")
-        columns = ("ax", "ay", "az")[: self.dimension]
-        return self._placed.vectors_in_base(as_directions("direction", direction, columns, shape))
-
-    def _rotations(self, rotation: ArrayLike, alone: bool, shape: Shape) -> Array:
-        """Frames of the tip in the base frame, shape ``(rows, 3, 3)``."""
-        self._accept("rotation")
-        if not alone:
-            raise ArgumentError("rotation: goes with a tip only; leave out direction and mid")
-        turns = self._placed.columns_in_base(as_rotations("rotation", rotation, shape))
-        if len(turns) and np.linalg.det(turns).min() < 0.0:
-            raise ArgumentError("rotation: not the hand of this robot's frame (see `mirror` in its file)")
-        return turns
-
-    def _mids(self, mid: ArrayLike, shape: Shape) -> Array:
-        self._accept("mid")
-        rows = as_rows_like("mid", mid, [f"mid.{name}" for name in self._point_columns], shape)
-        return self._placed.points_in_base(self.units.to_si(rows))
-
-    def _seeds(self, seed: ArrayLike | None, shape: Shape) -> Array:
-        robot = self.description
-        if seed is None:
-            return np.array(robot.rest[: len(robot.axis_names)])
-        return self.units.to_si(as_rows_like("seed", seed, self.axes, shape), robot.quantity)
+    @cached_property
+    def _rows(self) -> RowArguments:
+        return RowArguments(self.name, self.description, self.units, self._placed, self.axes)
