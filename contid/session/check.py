@@ -116,6 +116,7 @@ class _RobotCheck:
         self._before: RobotRecord | None = None
         self._steps: Sequence[float] | None = None
         self._planned: deque[tuple[float, ...]] = deque(maxlen=4)
+        self._beside = False
         self._sent = True
         self._cleared = False
 
@@ -174,16 +175,23 @@ class _RobotCheck:
             if abs(change) > most_change * (1.0 + _ROUNDING) + 2.0 * room:
                 yield "acceleration", f"{axis} {change / most_change:.6g} times its limit"
         limited = any(axis.limits > 0.0 for axis in now.axes)
-        if now.mode == Mode.RUN or now.mode != before.mode or disturbed or limited:
+        if now.mode == Mode.RUN or now.mode != before.mode:
             self._planned.clear()
-        if not limited:  # a limited command is beside the plan, and the next ones lead back to it
-            self._planned.append(command)
+            self._beside = limited
+        elif disturbed or limited:
+            self._planned.clear()
+            self._beside |= limited
+        self._planned.append(command)
         if len(self._planned) == 4:
-            for k, (a, b, c, d) in enumerate(zip(*self._planned, strict=True)):
-                third = d - 3.0 * c + 3.0 * b - a
-                most_jerk = most_jerks[k]
-                if abs(third) > most_jerk * (1.0 + _JERK_ROUNDING) + 8.0 * self._room[k]:
-                    yield "jerk", f"{self._config.axes[k]} {third / most_jerk:.6g} times its limit"
+            jolts = [
+                f"{self._config.axes[k]} {third / most_jerks[k]:.6g} times its limit"
+                for k, third in enumerate(self._thirds())
+                if abs(third) > most_jerks[k] * (1.0 + _JERK_ROUNDING) + 8.0 * self._room[k]
+            ]
+            # After a limited command the axes go back to their plan, within their acceleration alone.
+            if not self._beside:
+                yield from (("jerk", jolt) for jolt in jolts)
+            self._beside = self._beside and bool(jolts)
         arrived = self._stands(steps) and not self._stands(self._steps or steps)
         if now.mode in _STOPS and arrived and self._shed_evenly():
             self._planned.clear()
@@ -196,8 +204,11 @@ class _RobotCheck:
         """True when every axis shed as much speed in this tick as in the one before."""
         if len(self._planned) < 4:
             return True
-        thirds = [d - 3.0 * c + 3.0 * b - a for a, b, c, d in zip(*self._planned, strict=True)]
-        return all(abs(third) <= 8.0 * room for third, room in zip(thirds, self._room, strict=True))
+        return all(abs(third) <= 8.0 * room for third, room in zip(self._thirds(), self._room, strict=True))
+
+    def _thirds(self) -> list[float]:
+        """Third difference of the last four commands of every axis."""
+        return [d - 3.0 * c + 3.0 * b - a for a, b, c, d in zip(*self._planned, strict=True)]
 
     def _arming(self, before: RobotRecord, command: tuple[float, ...]) -> Iterator[tuple[str, str]]:
         values = tuple([axis.value for axis in before.axes])

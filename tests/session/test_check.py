@@ -163,6 +163,32 @@ def test_every_rule_finds_what_breaks_it(
     assert rules(Changed(run, change)) == expected
 
 
+def lagging(limited: bool) -> Callable[[Session, Entry], Entry]:
+    """A command that stays behind its plan for a tick, and is back on it two ticks later."""
+
+    def change(session: Session, entry: Entry) -> Entry:
+        if entry.values is None or not 80 <= entry.values[TICK] <= 81:
+            return entry
+        values = list(entry.values)
+        values[session.layout.axis_place(0, 0, "command")] += 8e-6
+        values[session.layout.axis_place(0, 0, "limits")] = (
+            4.0 if limited and entry.values[TICK] == 80 else 0.0
+        )
+        return replace(entry, values=values)
+
+    return change
+
+
+def test_the_way_back_to_the_plan_after_a_limit_is_not_limited_in_jerk(run: Path) -> None:
+    assert rules(Changed(run, lagging(limited=False))) == {"jerk"}
+    assert rules(Changed(run, lagging(limited=True))) == set()
+
+    def jolt_later(session: Session, entry: Entry) -> Entry:
+        return add(100, "command", 8e-6)(session, lagging(limited=True)(session, entry))
+
+    assert rules(Changed(run, jolt_later)) == {"jerk"}
+
+
 def test_a_fault_without_its_event_and_without_its_order(tmp_path: Path) -> None:
     path = RUNS["faulty_fingers"](tmp_path / "run.mcap")
     assert rules(Changed(path, without(FaultLatched))) == {"fault"}
