@@ -39,11 +39,11 @@ BUGS: dict[str, str] = {
     ),
     "lines without a limit": "import contid.remote.server.line_receiver as r; r.MAX_LINE = 1 << 30",
     "a hold that moves": (
-        "import contid.remote.server.request_handler as v\n"
+        "import contid.remote.server.stop_orders as v\n"
         "async def hold(self, caller, request):\n"
         "    target = {'f0.x_mm': 40.0, 'f0.y_mm': 80.0}\n"
-        "    return await self.moves.point(caller.number, target, caller.notify)\n"
-        "v.RequestHandler._hold = hold"
+        "    return await self._moves.point(caller.number, target, caller.notify)\n"
+        "v.StopOrders._hold = hold"
     ),
 }
 

@@ -196,7 +196,7 @@ def test_a_long_round_trip_does_not_bound_the_rate_of_set_points(lab: Fleet) -> 
 
 def test_a_long_round_trip_does_not_bound_the_rate_of_rows(lab: Fleet) -> None:
     """Every row is followed, and rows take less than a round trip each."""
-    rows = [(3000.0 if n % 10 == 9 else 30.0 + 0.05 * n, 85.0) for n in range(100)]
+    rows = [(3000.0 if n % 10 == 9 else 30.0 + 0.05 * n, 85.0) for n in range(200)]
     with far_away(lab) as (robot, local):
         robot.acquire(5.0)
         robot.move(FAR)
@@ -204,11 +204,11 @@ def test_a_long_round_trip_does_not_bound_the_rate_of_rows(lab: Fleet) -> None:
         refused = robot.stream(["x_mm", "y_mm"], rows)
         took_s = time.monotonic() - begin_s
         assert [message.partition(":")[2].partition(":")[0] for message in refused] == [
-            str(n) for n in range(10, 101, 10)
+            str(n) for n in range(10, 201, 10)
         ]
         assert took_s < 0.8 * len(rows) * 2.0 * DELAY_S
-        arrives(local, "f0", (30.0 + 0.05 * 98, 85.0, 0.0))
-        timed = [(0.005 * n, 34.9 - 0.001 * n, 85.0) for n in range(2000)]
+        arrives(local, "f0", (30.0 + 0.05 * 198, 85.0, 0.0))
+        timed = [(0.005 * n, 39.9 - 0.001 * n, 85.0) for n in range(2000)]
         move = robot.load(["t_s", "x_mm", "y_mm"], timed)
         robot.start(move)
         robot.hold()
