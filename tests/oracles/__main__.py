@@ -13,6 +13,7 @@ from contid.kinematics.arc.section_model import SectionModel
 from contid.kinematics.model import build_model
 from contid.robot_file.shipped import load_named
 from tests.oracles.arcs import random_posture, tip_and_tangent
+from tests.oracles.bounded import LOADS_G, count
 from tests.oracles.elastic_rods import compare_all
 from tests.oracles.rods import FIXED_BAR, NEAR_REST, moves
 
@@ -77,6 +78,8 @@ def main() -> int:
         for directed in (False, True):
             held &= settled_rods(share, directed, 0.0, cases)
             held &= settled_rods(share, directed, 0.05, cases)
+    for grams in LOADS_G:  # scipy takes about a second a case
+        held &= count(grams, max(4, cases // 50), starts=10)
     return 0 if held else 1
 
 

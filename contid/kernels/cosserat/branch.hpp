@@ -50,10 +50,15 @@ struct Station {
   double share;
 };
 
+struct Unheeded {
+  void operator()(double, Vec) const {}
+};
+
 // Follows stable equilibria from one station to another. `moment` and `out` are those of the last one reached; returns
-// the part of the way done, 1 for all of it, to 0.1 %.
-template <int K>
-double follow(const Rod<K>& rod, const Station& from, const Station& to, int elements, Vec& moment, Judged& out) {
+// the part of the way done, 1 for all of it, to 0.1 %. `passed` gets the part and the moment of each.
+template <int K, class Passed = Unheeded>
+double follow(const Rod<K>& rod, const Station& from, const Station& to, int elements, Vec& moment, Judged& out,
+              const Passed& passed = {}) {
   const double scale = std::fmax(load_scale<K>(rod, from.tip_force), load_scale<K>(rod, to.tip_force));
   double done = 0.0, behind = 0.0, step = kFirstStep, p[3 * K];
   Vec before = moment;
@@ -72,6 +77,7 @@ double follow(const Rod<K>& rod, const Station& from, const Station& to, int ele
       before = moment, behind = done;
       moment = corrected, done = goal;
       out = trial;
+      passed(done, moment);
       step *= 2.0;
     } else {
       step = 0.5 * (goal - done);

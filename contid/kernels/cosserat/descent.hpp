@@ -1,36 +1,61 @@
 // Descent of the task error along the branch: twin of contid/kinematics/cosserat/descent.py, its specification.
 #pragma once
 
+#include "ramp.hpp"
 #include "solve.hpp"
 
 namespace contid {
 
 constexpr double kShrink = 0.25, kNoGain = 1e-12, kNoTrust = 1e-7;
+constexpr int kRecent = 3;
 
-// From a stable equilibrium (pressures, moment) through stable equilibria, each near the one before, or each reached
-// from rest by `equilibrium`, which is slower.
+// When a descent ends: after its work, where `kRecent` steps gain too little, or where another outcome is out of sight.
+struct StopRule {
+  int work;
+  double gain = 0.0;               // of the last steps, as a part of the error
+  double best = 0.0, ahead = 0.0;  // ahead times that gain must reach `best`
+  double trust = kNoTrust;
+};
+
+// A pose on the branch, and the way to it.
+template <int K> struct BranchPose {
+  double pressures[3 * K];
+  Vec moment;
+  Judged at;
+  Ramp<K> ramp;
+};
+
+// From one pose on the branch to others, each near the one before.
 template <int K>
-Outcome<K> descend(const Rod<K>& rod, const Task& task, Vec tip_force, const Limits<K>& limits, const double* start,
-                   Vec moment, const Judged& at, int elements, double tolerance, int iterations, bool from_rest) {
+Outcome<K> descend(const Rod<K>& rod, const Task& task, Vec tip_force, const Limits<K>& limits,
+                   const BranchPose<K>& start, int elements, double tolerance, const StopRule& stop) {
   constexpr int n = 3 * K;
   const int rows = task.rows();
   Outcome<K> out{};
   double* p = out.pressures;
-  std::copy(start, start + n, p);
-  out.at = at;
+  std::copy(start.pressures, start.pressures + n, p);
+  out.at = start.at;
+  Vec moment = start.moment;
+  Ramp<K> ramp = start.ramp;
   const auto squared = [&](const Ends& ends, double* r) {
     residual(task, ends, r);
     double sum = 0.0;
     for (int a = 0; a < rows; ++a) sum += r[a] * r[a];
     return sum;
   };
-  double r[9], g[n], low[n], high[n], d[n], next[n], next_r[9], trust = kTrustStart;
-  double cost = squared(at.ends, r);
+  double r[9], g[n], low[n], high[n], d[n], next[n], next_r[9], trust = kTrustStart, recent[kRecent] = {};
+  double cost = squared(start.at.ends, r);
   Sweep<K> here;
   Reduced<K> by;
   bool fresh = false;
-  while (cost > tolerance * tolerance && out.iterations < iterations) {
+  for (int step = 0; cost > tolerance * tolerance && out.iterations < stop.work; ++step) {
     ++out.iterations;
+    const double error = std::sqrt(cost);
+    if (step >= kRecent) {
+      const double gained = recent[step % kRecent] - error;
+      if (gained < stop.gain * error || (stop.ahead > 0.0 && error - stop.best > stop.ahead * gained)) break;
+    }
+    recent[step % kRecent] = error;
     if (!fresh) {
       sweep<K, true>(rod, p, moment, tip_force, 1.0, elements, here);
       if (!by.eliminate(task, here, 0.0)) break;
@@ -57,9 +82,10 @@ Outcome<K> descend(const Rod<K>& rod, const Task& task, Vec tip_force, const Lim
     for (int j = 0; j < n; ++j) next[j] = std::min(std::max(p[j] + d[j], limits.lower[j]), limits.upper[j]);
     Vec next_moment = moment - by.moment_step(d, 0.0, {0, 0, 0});
     Judged trial;
-    const bool stands = from_rest ? equilibrium<K>(rod, next, tip_force, elements, next_moment, trial) == 1.0
-                                  : settle<K>(rod, next, next_moment, tip_force, 1.0, elements, kStatics, trial);
+    bool stands = settle<K>(rod, next, next_moment, tip_force, 1.0, elements, kStatics, trial);
     const double next_cost = stands ? squared(trial.ends, next_r) : cost;
+    if (stands && next_cost < cost)
+      stands = keeps_to_branch<K>(rod, next, next_moment, moment, tip_force, elements, ramp, out.iterations);
     if (stands && next_cost < cost) {
       if (cost - next_cost > 0.75 * gain) trust = std::fmax(trust, 2.0 * size);
       if (cost - next_cost < 0.25 * gain) trust = 0.5 * size;
@@ -73,8 +99,8 @@ Outcome<K> descend(const Rod<K>& rod, const Task& task, Vec tip_force, const Lim
     } else {
       trust = kShrink * size;
       out.blocked = out.blocked || !stands;
-      if (trust < kNoTrust) {
-        out.optimal = !out.blocked;
+      if (trust < stop.trust) {
+        out.optimal = !out.blocked && trust < kNoTrust;
         break;
       }
     }

@@ -1,119 +1,17 @@
 // Where solves start: twin of contid/kinematics/cosserat/{closed_form,search}.py.
 #pragma once
 
-#include "../halton.hpp"
-#include "closed_form.hpp"
-#include "descent.hpp"
+#include "branch_search.hpp"
 #include "discretisation.hpp"
 #include "home.hpp"
 #include "track.hpp"
 
 namespace contid {
 
-constexpr int kIterations = 60, kRestarts = 20, kRestartIterations = 25, kLoadSteps = 3, kRampIterations = 10;
-constexpr double kRampTolerance = 1e-2, kTracking = 0.05;
+constexpr int kIterations = 60, kRestartIterations = 25, kLoadSteps = 3, kRampIterations = 10;
+constexpr double kRampTolerance = 1e-2;
 constexpr double kRetreat = 2e-3;
-constexpr int kWork = 1200, kStandWork = 4, kRefusalElements = 12;
-
-template <int K> struct Found {
-  Outcome<K> outcome;
-  bool stable;
-  int elements, iterations;
-  double snap;  // part of the path to an equilibrium on the target at which the arm snaps through; 1 for none
-};
-
-// Search for a loaded arm where a descent from the last command did not end on the target and on the branch: from
-// several starts, only through equilibria of the branch that the present state reaches on a straight path.
-template <int K> struct BranchSearch {
-  static constexpr int n = 3 * K;
-  const Rod<K>& rod;
-  const Task& task;
-  Vec force;
-  const Limits<K>& limits;
-  int elements;
-  double tolerance;
-  int work = 0;  // about the number of iterations a descent could have made; bounds the time
-  bool standing = false, any = false;
-  double seed[n] = {};
-  Vec seed_moment = {0, 0, 0};
-  double snap = 1.0;
-  Found<K> best{};
-
-  // True when the arm gets from the present state to an equilibrium; else `done` is the part of the path.
-  bool reaches(const Outcome<K>& o, double& done) {
-    done = 1.0;
-    if (!standing) return true;
-    Vec moment = seed_moment;
-    Judged at;
-    work += kStandWork;
-    done = follow<K>(rod, {seed, force, 1.0}, {o.pressures, force, 1.0}, elements, moment, at);
-    return done == 1.0 && norm(moment - o.moment) <= kSamePose * load_scale<K>(rod, force);
-  }
-
-  // Descends from one start; true when the search is over.
-  bool attempt(const double* start, int iterations) {
-    Vec moment;
-    Judged at;
-    work += kStandWork;
-    if (equilibrium<K>(rod, start, force, elements, moment, at) < 1.0) return false;
-    const bool present = !any && start == seed;
-    if (present) standing = true, seed_moment = moment;
-    const Vec start_moment = moment;
-    Outcome<K> o = descend<K>(rod, task, force, limits, start, moment, at, elements, tolerance, iterations, false);
-    work += o.iterations;
-    if (any && !(o.residual < best.outcome.residual)) return false;
-    Judged end;
-    work += kStandWork;
-    if (equilibrium<K>(rod, o.pressures, force, elements, moment, end) < 1.0 ||
-        norm(moment - o.moment) > kSamePose * load_scale<K>(rod, force)) {
-      // The descent has passed a fold of the branch.
-      o = descend<K>(rod, task, force, limits, start, start_moment, at, elements, tolerance, iterations, true);
-      work += kStandWork * o.iterations;
-      if (any && !(o.residual < best.outcome.residual)) return false;
-    }
-    double done = 1.0;
-    if (o.met && !present && !reaches(o, done)) {
-      snap = std::fmin(snap, done);
-      return false;
-    }
-    any = true;
-    best.outcome = o;
-    return o.met;
-  }
-
-  // False when the arm does not stand at the seed.
-  bool run(const double* from) {
-    std::copy(from, from + n, seed);
-    clamp<K>(limits, seed);
-    const int most = kWork / elements;
-    bool over = attempt(seed, kRestartIterations);
-    if (!standing) return false;  // left alone
-    double start[n];
-    if (!over && unloaded<K>(rod, task, limits, start)) over = attempt(start, kRestartIterations);
-    for (int index = 0; !over && index <= kRestarts && work < most; ++index) {
-      for (int i = 0; i < n; ++i)
-        start[i] = index == 0
-                       ? limits.centre[i]
-                       : limits.lower[i] + radical_inverse(index, kPrimes[i]) * (limits.upper[i] - limits.lower[i]);
-      over = attempt(start, kRestartIterations);
-    }
-    if (!over) polish();
-    best.stable = true;
-    best.snap = best.outcome.met ? 1.0 : snap;
-    best.elements = elements;
-    best.iterations = work;
-    return true;
-  }
-
-  // The best outcome again with more iterations.
-  void polish() {
-    const Outcome<K> o = best.outcome;
-    if (o.optimal) return;
-    best.outcome =
-        descend<K>(rod, task, force, limits, o.pressures, o.moment, o.at, elements, tolerance, kIterations, true);
-    work += kStandWork * best.outcome.iterations;
-  }
-};
+constexpr int kFinerIterations = 6;
 
 template <int K>
 Found<K> search(const Rod<K>& rod, const Task& task, Vec tip_force, const Limits<K>& limits, const double* seed,
@@ -210,7 +108,7 @@ Found<K> search(const Rod<K>& rod, const Task& task, Vec tip_force, const Limits
     return true;
   };
   // A bounded optimum next to the last command continues a motion; another start would only jump.
-  const auto tracked = [&] { return any && best.outcome.optimal && moved(best.outcome, seed) <= kTracking; };
+  const auto tracked = [&] { return any && best.outcome.optimal && continues<K>(limits, best.outcome, seed); };
   bool descended = false;
   if (!attempt(seed, kIterations) && !tracked() && !everywhere()) {
     for (int elements = settings.elements;; elements = kRefusalElements) {
@@ -225,17 +123,24 @@ Found<K> search(const Rod<K>& rod, const Task& task, Vec tip_force, const Limits
       if (descended || any || elements >= kRefusalElements) break;
     }
   }
-  // Where more elements find an answer unstable: a pose next to it, towards the seed, that they do not.
-  double last[n];
-  const auto retreat = [&](int elements, const Outcome<K>& o, Vec& moment, Judged& at, bool& stands) {
-    stands = false;
-    for (double part = kRetreat; !stands && part < 1.0; part *= 4.0) {
-      for (int i = 0; i < n; ++i) last[i] = o.pressures[i] + part * (seed[i] - o.pressures[i]);
-      clamp<K>(limits, last);
-      stands = equilibrium<K>(rod, last, tip_force, elements, moment, at) == 1.0;
+  // The pose on the branch with the pressures of an answer; where more elements have none, one next to it, towards the
+  // seed.
+  const auto standing = [&](int elements, const Outcome<K>& o, BranchPose<K>& pose) {
+    bool stands = false;
+    for (double part = 0.0; !stands && part < 1.0; part = part > 0.0 ? 4.0 * part : kRetreat) {
+      for (int i = 0; i < n; ++i) pose.pressures[i] = o.pressures[i] + part * (seed[i] - o.pressures[i]);
+      clamp<K>(limits, pose.pressures);
+      stands = ramped<K>(rod, pose.pressures, tip_force, elements, pose.moment, pose.at, pose.ramp) == 1.0;
     }
-    return last;
+    return stands;
   };
+  const auto counts = [&](int elements, const Outcome<K>& o) {
+    Vec moment;
+    Judged at;
+    return equilibrium<K>(rod, o.pressures, tip_force, elements, moment, at) == 1.0 &&
+           norm(moment - o.moment) <= kSamePose * scale;
+  };
+  bool along = descended;  // the branch; what counts is the pose that the straight path from rest reaches
   while (weighs && best.stable && best.elements < kMaxElements) {
     const Outcome<K> o = best.outcome;
     if (discretisation_error<K>(rod, o.pressures, o.moment, o.at, tip_force, best.elements) <= settings.error) break;
@@ -245,31 +150,23 @@ Found<K> search(const Rod<K>& rod, const Task& task, Vec tip_force, const Limits
                               settings.tolerance, kIterations);
     if (!o.met || !best.outcome.met || !stable(best.outcome, best.elements) ||
         moved(best.outcome, o.pressures) > kTracking) {
-      Vec moment = o.moment;
-      Judged at;
-      best.stable = equilibrium<K>(rod, o.pressures, tip_force, best.elements, moment, at) == 1.0;
-      const double* from = best.stable ? o.pressures : retreat(best.elements, o, moment, at, best.stable);
-      if (best.stable)
-        best.outcome = descend<K>(rod, task, tip_force, limits, from, moment, at, best.elements, settings.tolerance,
-                                  kRestartIterations, true);
+      BranchPose<K> pose;
+      best.stable = standing(best.elements, o, pose);
+      if (best.stable) {
+        best.outcome = descend<K>(rod, task, tip_force, limits, pose, best.elements, settings.tolerance,
+                                  {o.met ? kRestartIterations : kFinerIterations});
+        if (!counts(best.elements, best.outcome)) best.outcome = outcome_of<K>(task, pose, settings.tolerance);
+      }
+      along = true;
     }
     spent += best.outcome.iterations;
   }
-  if (descended && best.stable) {
-    // The descent came along the branch; the pose that counts is that of the straight path from rest.
+  if (along && best.stable) {
     Outcome<K>& o = best.outcome;
-    Vec moment;
-    Judged at;
-    best.stable = equilibrium<K>(rod, o.pressures, tip_force, best.elements, moment, at) == 1.0;
-    if (best.stable && norm(moment - o.moment) > kSamePose * scale) {
-      double r[9];
-      residual(task, at.ends, r);
-      o.moment = moment, o.at = at, o.residual = 0.0;
-      for (int a = 0; a < task.rows(); ++a) o.residual += r[a] * r[a];
-      o.residual = std::sqrt(o.residual);
-      o.met = o.optimal = o.residual <= settings.tolerance;
-      o.blocked = !o.met;
-    }
+    BranchPose<K> pose;
+    best.stable = standing(best.elements, o, pose);
+    if (best.stable && (norm(pose.moment - o.moment) > kSamePose * scale || moved(o, pose.pressures) > 0.0))
+      o = outcome_of<K>(task, pose, settings.tolerance);
   }
   best.iterations = spent;
   return best;

@@ -105,8 +105,19 @@ def settle(
     return None
 
 
-def follow(rod: Rod, start: Station, end: Station, base_moment: Array, elements: int) -> Followed:
-    """Follow stable equilibria along a straight path; ``base_moment`` is that of its start [N·mm]."""
+def follow(
+    rod: Rod,
+    start: Station,
+    end: Station,
+    base_moment: Array,
+    elements: int,
+    passed: list[tuple[float, Array]] | None = None,
+) -> Followed:
+    """Follow stable equilibria along a straight path.
+
+    ``base_moment`` is that of its start [N·mm]; ``passed`` gets the part of the path and the base moment
+    of each equilibrium reached.
+    """
     scale = max(load_scale(rod, start.loads), load_scale(rod, end.loads))
     moment = before = np.array(base_moment, float)
     at = sweep(rod, start.pressures, moment, start.loads, elements, tangents=True)
@@ -125,6 +136,8 @@ def follow(rod: Rod, start: Station, end: Station, base_moment: Array, elements:
         if trial is not None:
             before, behind = moment, done
             moment, done, at = trial.base_moment, goal, trial.sweep
+            if passed is not None:
+                passed.append((done, moment))
             step *= 2.0
         else:
             step = 0.5 * (goal - done)

@@ -6,14 +6,15 @@ Slower than `solve`, which balances the moments on the way and may end in any eq
 
 from __future__ import annotations
 
+from dataclasses import dataclass
+
 import numpy as np
 
-from contid.kinematics.array import Array
 from contid.kinematics.cosserat.box_step import box_step
-from contid.kinematics.cosserat.branch import equilibrium, settle
-from contid.kinematics.cosserat.equilibrium import STATICS_TOLERANCE, Equilibrium
+from contid.kinematics.cosserat.branch import settle
+from contid.kinematics.cosserat.equilibrium import STATICS_TOLERANCE
+from contid.kinematics.cosserat.ramp import BranchPose, way_to
 from contid.kinematics.cosserat.solve import TRUST_START, Problem, RodSolution
-from contid.kinematics.cosserat.statics import Sweep
 from contid.kinematics.cosserat.task import jacobian, residual
 
 #: Part of a rejected step to which steps are limited, and the least limit [bar].
@@ -21,29 +22,50 @@ SHRINK = 0.25
 NO_TRUST = 1e-7
 #: A predicted reduction of the squared error that no longer matters, as a part of it.
 NO_GAIN = 1e-12
+#: Steps whose gain together decides whether a descent goes on.
+RECENT = 3
+#: What following a way from rest counts, in steps of a descent.
+STAND_WORK = 3
 
 
-def descend(
-    problem: Problem, pressures: Array, base_moment: Array, at: Sweep, iterations: int, from_rest: bool
-) -> RodSolution:
-    """Descend from a stable equilibrium.
+@dataclass(frozen=True, slots=True)
+class StopRule:
+    """When a descent ends.
 
-    Args:
-        problem: what to solve.
-        pressures: of the equilibrium [bar], inside the limits.
-        base_moment: of the equilibrium [N·mm].
-        at: its sweep, with derivatives.
-        iterations: steps at most.
-        from_rest: reach every equilibrium from rest by `branch.equilibrium` instead of from the one before:
-            slower, and on the branch that counts also beyond its folds.
+    Attributes:
+        work: steps at most, each way followed from rest counted as `STAND_WORK`.
+        gain: of the last `RECENT` steps together, the least, as a part of the error.
+        best: error of another outcome [mm].
+        ahead: ends where this multiple of that gain does not reach ``best``; 0 for never.
+        trust: the least limit of a step [bar].
     """
+
+    work: int
+    gain: float = 0.0
+    best: float = 0.0
+    ahead: float = 0.0
+    trust: float = NO_TRUST
+
+
+def descend(problem: Problem, start: BranchPose, stop: StopRule) -> RodSolution:
+    """From one pose on the branch to others, each near the one before; ``start`` is inside the limits."""
     limits, tolerance = problem.limits, problem.tolerance
-    p, moment, found = np.array(pressures, float), np.array(base_moment, float), at
+    here, found = start, start.sweep
     r = residual(problem.task, found)
-    cost, trust, used = float(r @ r), TRUST_START, 0
+    cost, trust, used, step_count = float(r @ r), TRUST_START, 0, 0
+    recent = [0.0] * RECENT
     optimal = blocked = False
-    while cost > tolerance**2 and used < iterations:
+    while cost > tolerance**2 and used < stop.work:
         used += 1
+        error = float(np.sqrt(cost))
+        if step_count >= RECENT:
+            gained = recent[step_count % RECENT] - error
+            hopeless = stop.ahead > 0.0 and error - stop.best > stop.ahead * gained
+            if gained < stop.gain * error or hopeless:
+                break
+        recent[step_count % RECENT] = error
+        step_count += 1
+        p = here.pressures
         assert found.tangents is not None
         both = jacobian(problem.task, found)
         try:
@@ -61,31 +83,46 @@ def descend(
             optimal = not blocked
             break
         following = np.clip(p + step, limits.lower, limits.upper)
-        trial: Equilibrium | None
-        if from_rest:
-            reached = equilibrium(problem.rod, following, problem.loads, problem.elements)
-            trial = Equilibrium(reached.base_moment, reached.sweep, True) if reached.done == 1.0 else None
-        else:
-            trial = settle(
-                problem.rod, following, moment - G @ step, problem.loads, problem.elements, STATICS_TOLERANCE
-            )
+        trial = settle(
+            problem.rod,
+            following,
+            here.base_moment - G @ step,
+            problem.loads,
+            problem.elements,
+            STATICS_TOLERANCE,
+        )
         new_r = r if trial is None else residual(problem.task, trial.sweep)
         new_cost = float(new_r @ new_r)
+        if trial is not None and new_cost < cost:
+            ramp, followed = way_to(problem, following, trial.base_moment, here)
+            used += STAND_WORK if followed else 0
+            if ramp is None:
+                trial = None
+            else:
+                pose = BranchPose(following, trial.base_moment, trial.sweep, ramp)
         if trial is not None and new_cost < cost:
             if cost - new_cost > 0.75 * gain:
                 trust = max(trust, 2.0 * size)
             if cost - new_cost < 0.25 * gain:
                 trust = 0.5 * size
-            p, moment, found, r, cost = following, trial.base_moment, trial.sweep, new_r, new_cost
+            here, found, r, cost = pose, trial.sweep, new_r, new_cost
             blocked = False
         else:
             trust = SHRINK * size
             blocked = blocked or trial is None
-            if trust < NO_TRUST:
-                optimal = not blocked
+            if trust < stop.trust:
+                optimal = not blocked and trust < NO_TRUST
                 break
     met = cost <= tolerance**2
     return RodSolution(
-        p, moment, float(np.sqrt(cost)), float(np.linalg.norm(found.moment)), met, met or optimal, used,
-        found, blocked and not met,
+        here.pressures, here.base_moment, float(np.sqrt(cost)), float(np.linalg.norm(found.moment)), met,
+        met or optimal, used, found, blocked and not met,
     )  # fmt: skip
+
+
+def outcome_of(problem: Problem, pose: BranchPose) -> RodSolution:
+    """An outcome that is a pose on the branch."""
+    left = float(np.linalg.norm(residual(problem.task, pose.sweep)))
+    statics = float(np.linalg.norm(pose.sweep.moment))
+    met = left <= problem.tolerance
+    return RodSolution(pose.pressures, pose.base_moment, left, statics, met, met, 0, pose.sweep, not met)

@@ -2,33 +2,26 @@
 
 A rod under load has several solutions for one target, some of them unstable or on another branch (`branch`),
 and bounded least squares has local minima. A solve that does not end on its target in the equilibrium that
-counts is followed by descents along the branch from a fixed list of starts, bounded in their work.
+counts is followed by a search on the branch (`branch_search`).
 """
 
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass, replace
+from dataclasses import replace
 
 import numpy as np
 
 from contid.kinematics.array import Array
-from contid.kinematics.cosserat.branch import (
-    MAX_ELEMENTS,
-    SAME_POSE,
-    Followed,
-    Station,
-    equilibrium,
-    follow,
-    load_scale,
-)
-from contid.kinematics.cosserat.descent import descend
+from contid.kinematics.cosserat.branch import MAX_ELEMENTS, equilibrium
+from contid.kinematics.cosserat.branch_search import BranchSearch, Found, reaches
+from contid.kinematics.cosserat.descent import StopRule, descend, outcome_of
 from contid.kinematics.cosserat.discretisation import discretisation_error
 from contid.kinematics.cosserat.home import home
+from contid.kinematics.cosserat.ramp import BranchPose, ramped, same_pose
 from contid.kinematics.cosserat.solve import BALANCE_TOLERANCE, Problem, RodSolution, solve
 from contid.kinematics.cosserat.stability import unstable_modes
 from contid.kinematics.cosserat.starts import predicted_moment, starts, unloaded
-from contid.kinematics.cosserat.task import residual
 
 #: Iterations from the seed, and from each further start.
 ITERATIONS = 60
@@ -37,30 +30,14 @@ RESTART_ITERATIONS = 25
 TRACKING = 0.05
 #: The load is ramped from the closed form in this many steps, the early ones solved roughly [mm].
 LOAD_STEPS = 3
-#: Iterations that a search on the branch may take, times elements; what reaching a pose from rest counts.
-WORK = 1200
-STAND_WORK = 4
+#: Iterations with more elements after a search on the branch.
+FINER_ITERATIONS = 6
 #: Elements with which a search that found no stable pose is repeated before the target is refused.
 REFUSAL_ELEMENTS = 12
 #: First part of the path back to the seed where more elements find an answer unstable.
 RETREAT = 2e-3
 RAMP_TOLERANCE = 1e-2
 RAMP_ITERATIONS = 10
-
-
-@dataclass(frozen=True, slots=True)
-class Found:
-    """The best outcome, whether it is stable, the elements it took, and all iterations spent.
-
-    ``snap`` is the part of the path to an equilibrium on the target at which the arm snaps through; 1 for
-    none.
-    """
-
-    outcome: RodSolution
-    stable: bool
-    elements: int
-    iterations: int
-    snap: float = 1.0
 
 
 def search(problem: Problem, seed: Array, error: float = np.inf) -> Found:
@@ -93,13 +70,17 @@ def search(problem: Problem, seed: Array, error: float = np.inf) -> Found:
 
     descended = False
     # A bounded optimum next to the last command continues a motion; another start would only jump.
-    if not attempt(seed, guess, ITERATIONS) and not _tracked(best, seed) and not _ramp(problem, attempt):
+    if (
+        not attempt(seed, guess, ITERATIONS)
+        and not _tracked(problem, best, seed)
+        and not _ramp(problem, attempt)
+    ):
         if not loaded:
             for start in starts(problem.limits):
                 if attempt(start, guess, RESTART_ITERATIONS):
                     break
         for elements in dict.fromkeys((problem.elements, REFUSAL_ELEMENTS)) if loaded else ():
-            found = search_branch(replace(problem, elements=elements), seed)
+            found = BranchSearch(replace(problem, elements=elements), seed).run()
             if found is not None:
                 spent += found.iterations
                 settled = settle_freedom(replace(problem, elements=found.elements), found.outcome, seed)
@@ -114,9 +95,7 @@ def search(problem: Problem, seed: Array, error: float = np.inf) -> Found:
         held = solve(problem, seed, guess, 1)
         return Found(held, False, problem.elements, spent)
     best = replace(best, iterations=spent)
-    if best.stable and loaded:
-        best = refine(problem, best, seed, error)
-    return on_the_branch(problem, best) if descended and best.stable else best
+    return refine(problem, best, seed, error, descended) if best.stable and loaded else best
 
 
 def settle_freedom(problem: Problem, outcome: RodSolution, seed: Array) -> RodSolution | None:
@@ -127,12 +106,6 @@ def settle_freedom(problem: Problem, outcome: RodSolution, seed: Array) -> RodSo
     loaded = not problem.loads.none
     counts = is_stable(problem, settled) and (not loaded or stands(problem, settled, seed))
     return settled if counts else None
-
-
-def same_pose(problem: Problem, base_moment: Array, other: Array) -> bool:
-    """True when two base moments belong to one equilibrium."""
-    scale = load_scale(problem.rod, problem.loads)
-    return float(np.linalg.norm(base_moment - other)) <= SAME_POSE * scale
 
 
 def stands(problem: Problem, outcome: RodSolution, seed: Array) -> bool:
@@ -151,65 +124,6 @@ def stands(problem: Problem, outcome: RodSolution, seed: Array) -> bool:
     return present.done < 1.0 or reaches(problem, here, present.base_moment, outcome)[0]
 
 
-def reaches(problem: Problem, here: Array, base_moment: Array, outcome: RodSolution) -> tuple[bool, float]:
-    """Whether the arm gets from one equilibrium to another on a straight path, and what part of it."""
-    start, end = Station(here, problem.loads), Station(outcome.pressures, problem.loads)
-    path = follow(problem.rod, start, end, base_moment, problem.elements)
-    return path.done == 1.0 and same_pose(problem, path.base_moment, outcome.base_moment), path.done
-
-
-def search_branch(problem: Problem, seed: Array) -> Found | None:
-    """Descents along the branch from several starts; None when the arm does not stand at the seed.
-
-    An answer on the target counts only where the present state leads to it on a straight path.
-    """
-    limits, rod, loads = problem.limits, problem.rod, problem.loads
-    here = np.clip(seed, limits.lower, limits.upper)
-    closed = unloaded(rod, problem.task, limits)
-    work, snap = 0, 1.0
-    present: Followed | None = None
-    best: RodSolution | None = None
-    for k, start in enumerate((here, *(() if closed is None else (closed,)), *starts(limits))):
-        if k > 1 and work >= WORK // problem.elements:
-            break
-        work += STAND_WORK
-        at = equilibrium(rod, start, loads, problem.elements)
-        if k == 0:
-            # An arm that does not stand at the seed is left alone.
-            if at.done < 1.0:
-                return None
-            present = at
-        if at.done < 1.0:
-            continue
-        o = descend(problem, start, at.base_moment, at.sweep, RESTART_ITERATIONS, from_rest=False)
-        work += o.iterations
-        if best is not None and not o.residual < best.residual:
-            continue
-        work += STAND_WORK
-        end = equilibrium(rod, o.pressures, loads, problem.elements)
-        if end.done < 1.0 or not same_pose(problem, end.base_moment, o.base_moment):
-            # The descent has passed a fold of the branch.
-            o = descend(problem, start, at.base_moment, at.sweep, RESTART_ITERATIONS, from_rest=True)
-            work += STAND_WORK * o.iterations
-            if best is not None and not o.residual < best.residual:
-                continue
-        if o.met and k > 0 and present is not None:
-            work += STAND_WORK
-            free, done = reaches(problem, here, present.base_moment, o)
-            if not free:
-                snap = min(snap, done)
-                continue
-        best = o
-        if o.met:
-            break
-    if best is None:
-        return None
-    if not (best.met or best.optimal):
-        best = descend(problem, best.pressures, best.base_moment, best.sweep, ITERATIONS, from_rest=True)
-        work += STAND_WORK * best.iterations
-    return Found(best, True, problem.elements, work, 1.0 if best.met else snap)
-
-
 def is_stable(problem: Problem, outcome: RodSolution) -> bool:
     """True for an equilibrium that is a minimum of energy."""
     if outcome.statics > BALANCE_TOLERANCE:
@@ -222,8 +136,9 @@ def is_stable(problem: Problem, outcome: RodSolution) -> bool:
     )
 
 
-def _tracked(found: Found | None, seed: Array) -> bool:
-    if found is None:
+def _tracked(problem: Problem, found: Found | None, seed: Array) -> bool:
+    """True where an answer is next to the last command of an arm in motion; one at its lower limits rests."""
+    if found is None or bool((seed <= problem.limits.lower).all()):
         return False
     moved = float(np.abs(found.outcome.pressures - seed).max())
     return found.stable and found.outcome.optimal and moved <= TRACKING
@@ -246,8 +161,11 @@ def _ramp(problem: Problem, attempt: Callable[[Array, Array, int], bool]) -> boo
     return attempt(start, predicted_moment(rod, task, loads), RESTART_ITERATIONS)
 
 
-def refine(problem: Problem, found: Found, seed: Array, error: float) -> Found:
-    """Double the elements until the estimated error of tip and mid-point is at most ``error``."""
+def refine(problem: Problem, found: Found, seed: Array, error: float, along: bool) -> Found:
+    """Double the elements until the estimated error of tip and mid-point is at most ``error``.
+
+    After a descent ``along`` the branch what counts is the pose that the straight path from rest reaches.
+    """
     while found.stable and found.elements < MAX_ELEMENTS:
         here, o = replace(problem, elements=found.elements), found.outcome
         estimate = discretisation_error(
@@ -263,36 +181,38 @@ def refine(problem: Problem, found: Found, seed: Array, error: float) -> Found:
             pose = _standing(finer, o.pressures, seed)
             stable = pose is not None
             if pose is not None:
-                p, at = pose
-                outcome = descend(finer, p, at.base_moment, at.sweep, RESTART_ITERATIONS, from_rest=True)
+                outcome = descend(finer, pose, StopRule(RESTART_ITERATIONS if o.met else FINER_ITERATIONS))
+                if not _counts(finer, outcome):
+                    outcome = outcome_of(finer, pose)
+            along = True
         found = Found(outcome, stable, finer.elements, found.iterations + outcome.iterations, found.snap)
-    return found
+    return on_the_branch(problem, found, seed) if along and found.stable else found
 
 
-def _standing(problem: Problem, pressures: Array, seed: Array) -> tuple[Array, Followed] | None:
-    """A stable pose on the branch at given pressures, or next to them towards the seed."""
+def _counts(problem: Problem, outcome: RodSolution) -> bool:
+    at = equilibrium(problem.rod, outcome.pressures, problem.loads, problem.elements)
+    return at.done == 1.0 and same_pose(problem, at.base_moment, outcome.base_moment)
+
+
+def _standing(problem: Problem, pressures: Array, seed: Array) -> BranchPose | None:
+    """The pose on the branch with given pressures; where there is none, one next to it, towards the seed."""
     limits, part = problem.limits, 0.0
     while part < 1.0:
         p = np.clip(pressures + part * (seed - pressures), limits.lower, limits.upper)
-        at = equilibrium(problem.rod, p, problem.loads, problem.elements)
-        if at.done == 1.0:
-            return p, at
+        pose = ramped(problem, p)
+        if pose is not None:
+            return pose
         part = 4.0 * part if part > 0.0 else RETREAT
     return None
 
 
-def on_the_branch(problem: Problem, found: Found) -> Found:
+def on_the_branch(problem: Problem, found: Found, seed: Array) -> Found:
     """The pose that counts for the pressures found along the branch."""
     here, o = replace(problem, elements=found.elements), found.outcome
-    at = equilibrium(here.rod, o.pressures, here.loads, here.elements)
-    if at.done < 1.0:
+    pose = _standing(here, o.pressures, seed)
+    if pose is None:
         return replace(found, stable=False)
-    if same_pose(here, at.base_moment, o.base_moment):
+    same = same_pose(here, pose.base_moment, o.base_moment)
+    if same and np.array_equal(pose.pressures, o.pressures):
         return found
-    left = float(np.linalg.norm(residual(here.task, at.sweep)))
-    statics = float(np.linalg.norm(at.sweep.moment))
-    met = left <= here.tolerance
-    settled = RodSolution(
-        o.pressures, at.base_moment, left, statics, met, met, o.iterations, at.sweep, not met
-    )
-    return replace(found, outcome=settled)
+    return replace(found, outcome=outcome_of(here, pose))

@@ -14,7 +14,8 @@ import numpy as np
 
 from contid.kinematics.array import Array
 from contid.kinematics.cosserat.branch import equilibrium
-from contid.kinematics.cosserat.search import TRACKING, Found, reaches, search
+from contid.kinematics.cosserat.branch_search import Found, reaches
+from contid.kinematics.cosserat.search import TRACKING, search
 from contid.kinematics.cosserat.solve import Problem, RodSolution
 
 #: Further searches at most, and the change of pressure below which an answer stays [bar].

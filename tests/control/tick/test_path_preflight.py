@@ -138,13 +138,15 @@ def test_what_is_accepted_on_the_axis_of_the_arm_is_followed(
 
 
 def test_a_slower_path_is_checked_from_where_the_arm_stands() -> None:
-    """5 g on the tip: the arm follows this tip where it stands, and is led to another branch from rest."""
+    """Mid-point and tip leave one answer: the arm stands there, and snaps through on the way from rest."""
     loaded = load_named("stiffflop2")
     (config,) = build_robot_configs(loaded, RATE)
-    stands = tuple(bar * 1e5 for bar in (1.403, 1.422, 0.045, 1.492, 0.907, 0.111))
-    x, y, z = (1e3 * value for value in config.model.forward(stands, (0.0, 0.0, 0.05)).tip_m)
-    header = "t_s,x_mm,y_mm,z_mm,load.fx_n,load.fy_n,load.fz_n"
-    still = trajectory_of(loaded, header, *((at_s, x, y, z, 0.0, 0.0, 0.05) for at_s in (0.0, 0.2)))
+    stands = tuple(bar * 1e5 for bar in (1.393, 0.533, 0.094, 1.196, 0.602, 1.465))
+    pose = config.model.forward(stands, (0.03, 0.0, -0.02))
+    assert pose.mid_m is not None
+    row = (*(1e3 * value for value in (*pose.tip_m, *pose.mid_m)), 0.03, 0.0, -0.02)
+    header = "t_s,x_mm,y_mm,z_mm,mid.x_mm,mid.y_mm,mid.z_mm,load.fx_n,load.fy_n,load.fz_n"
+    still = trajectory_of(loaded, header, (0.0, *row), (0.2, *row))
     there = Preflight([config], seeds={config.name: stands})
     there.trajectory(still, "t.csv")
     assert there.follows(still.stretched(2.0))

@@ -1,0 +1,175 @@
+"""Targets of loaded pneumatic arms against SLSQP and trf of scipy from many starts, on poses of the branch.
+
+``python -m tests.oracles.bounded --cases 100``. Targets are drawn in a box around the arm or from `forward`,
+some for an arm with own weight on a tilted base. An answer must be where `forward` finds its pressures; how
+much farther from the target it is than the best that scipy finds is counted.
+"""
+
+from __future__ import annotations
+
+import argparse
+import sys
+from dataclasses import dataclass
+
+import numpy as np
+from scipy.optimize import least_squares, minimize
+
+from contid.kinematics.array import Array
+from contid.kinematics.cosserat.model import CosseratModel
+from contid.robot_file.cosserat import Cosserat
+from contid.robot_file.shipped import load_named
+from contid.targets import Solution, Target, Vec3
+from contid.units import BAR, MM_PER_M
+
+GRAM_N = 9.81e-3
+LOADS_G = (0.0, 5.0, 10.0)
+#: Silicone [kg/m^3] and a tilted direction of gravity for a third of the cases.
+DENSITY, TILTED = 1070.0, (0.5, -0.3, 0.81)
+#: What a pose that snaps counts in the sum that scipy minimises [mm].
+SNAPPED_MM = 1e3
+#: Distance between a residual and `forward` of its answer that contradicts the answer [mm].
+CONTRADICTED_MM = 0.05
+#: An answer that is farther than scipy's by less is as good [mm].
+AS_GOOD_MM = 0.01
+
+
+@dataclass(frozen=True)
+class Case:
+    """A target [mm] under a load [N], and where the search begins [bar]."""
+
+    model: CosseratModel
+    goal: Array
+    load_n: Vec3
+    seed: Array
+    reachable: bool
+
+
+@dataclass(frozen=True)
+class Compared:
+    """An answer, the error of its pressures by `forward`, and the least error scipy finds [mm]."""
+
+    case: Case
+    solution: Solution
+    error_mm: float
+    best_mm: float
+
+    @property
+    def left_mm(self) -> float:
+        """The error that the answer reports."""
+        return MM_PER_M * self.solution.residual_m
+
+    @property
+    def contradicted(self) -> bool:
+        """True when `forward` of the answer is elsewhere."""
+        return not abs(self.error_mm - self.left_mm) <= CONTRADICTED_MM
+
+    @property
+    def worse_mm(self) -> float:
+        """How much farther the answer is than the best that scipy finds."""
+        return self.left_mm - self.best_mm
+
+
+def models() -> list[CosseratModel]:
+    """Two sections as shipped, and on a tilted base with the weight of silicone."""
+    (robot,) = load_named("stiffflop2").file.robots.values()
+    assert isinstance(robot, Cosserat)
+    sections = [s.model_copy(update={"density_kg_m3": DENSITY}) for s in robot.geometry.sections]
+    geometry = robot.geometry.model_copy(update={"sections": sections, "gravity": TILTED})
+    return [CosseratModel(robot), CosseratModel(robot.model_copy(update={"geometry": geometry}))]
+
+
+def cases(count: int, grams: float, seed: int = 16) -> list[Case]:
+    """Random cases under one load; every third is tilted, every fourth reachable."""
+    plain, tilted = models()
+    rng = np.random.default_rng([seed, int(grams)])
+    drawn = []
+    for k in range(count):
+        model = tilted if k % 3 == 2 else plain
+        low, high = model.setup.limits.lower, model.setup.limits.upper
+        down = np.array(TILTED) / np.linalg.norm(TILTED) if k % 3 == 2 else np.array([0.0, 0.0, 1.0])
+        load = tuple((grams * GRAM_N * down).tolist())
+        start = low + (0.5 if k % 2 else rng.uniform(size=len(low))) * (high - low)
+        reach = model.setup.rod.reach
+        goal = reach * rng.uniform([-1.1, -1.1, -0.3], [1.1, 1.1, 1.35])
+        reachable = k % 4 == 3
+        while reachable:
+            pose = model.forward(tuple((low + rng.uniform(size=len(low)) * (high - low)) * BAR), load)
+            goal = MM_PER_M * np.array(pose.tip_m)
+            reachable = not pose.stable
+        drawn.append(Case(model, goal, load, start, k % 4 == 3))
+    return drawn
+
+
+def error_of(case: Case, bar: Array) -> Array:
+    """Tip minus target [mm], shape (3,); large where the arm does not stand."""
+    limits = case.model.setup.limits
+    pressures = np.clip(bar, limits.lower, limits.upper) * BAR
+    pose = case.model.forward(tuple(pressures.tolist()), case.load_n)
+    return MM_PER_M * np.array(pose.tip_m) - case.goal if pose.stable else np.full(3, SNAPPED_MM)
+
+
+def best_of_scipy(case: Case, starts: int, seed: int = 0) -> float:
+    """The least error [mm] by trf and then SLSQP from the best of random points and corners of the box."""
+    low, high = case.model.setup.limits.lower, case.model.setup.limits.upper
+    rng = np.random.default_rng(seed)
+    share = rng.uniform(size=(8 * starts, len(low)))
+    share[::2] = share[::2] < 0.5
+    # Off the corners, where the planes of symmetry are.
+    points = low + np.clip(share, 1e-3, 1.0 - 1e-3) * (high - low)
+    best = float(np.inf)
+    for point in sorted(points, key=lambda p: float(np.linalg.norm(error_of(case, p))))[:starts]:
+        rough = least_squares(
+            lambda p: error_of(case, p), point, bounds=(low, high), diff_step=1e-6, max_nfev=60
+        )
+        fine = minimize(
+            lambda p: float(np.sum(error_of(case, p) ** 2)),
+            rough.x,
+            bounds=list(zip(low, high, strict=True)),
+            method="SLSQP",
+            options={"maxiter": 60, "ftol": 1e-10},
+        )
+        best = min(best, float(np.linalg.norm(rough.fun)), float(np.sqrt(fine.fun)))
+        if best < AS_GOOD_MM:
+            break
+    return best
+
+
+def compare(case: Case, starts: int) -> Compared:
+    """The answer of the solver beside scipy's."""
+    target = Target(tuple((case.goal / MM_PER_M).tolist()), load_n=case.load_n)
+    solution = case.model.inverse(target, tuple((case.seed * BAR).tolist()))
+    error = float(np.linalg.norm(error_of(case, np.array(solution.actuation) / BAR)))
+    return Compared(case, solution, error, best_of_scipy(case, starts))
+
+
+def count(grams: float, number: int, starts: int) -> bool:
+    """Print one line; False where an answer is contradicted, or not converged without a limit."""
+    found = [compare(case, starts) for case in cases(number, grams)]
+    away = [each for each in found if not each.solution.converged]
+    wrong = sum(each.contradicted for each in found)
+    empty = sum(not each.solution.limited_by for each in away)
+    worse = np.array([each.worse_mm for each in away] or [0.0])
+    missed = sum(each.case.reachable for each in away)
+    print(
+        f"bounded stiffflop2 {grams:g} g: {number - len(away)} of {number} converged, "
+        f"{missed} reachable missed, {wrong} contradicted by forward, {empty} without a limit; "
+        f"of {len(away)} out of reach {np.sum(worse > AS_GOOD_MM)} farther than the best of {starts} starts "
+        f"of scipy ({np.sum(worse > 1.0)} by more than 1 mm, worst {max(0.0, float(worse.max())):.3g} mm), "
+        f"{np.sum(worse < -AS_GOOD_MM)} nearer",
+        flush=True,
+    )
+    return wrong == 0 and empty == 0
+
+
+def main() -> int:
+    """Count for three loads; exit 1 when an answer is contradicted, or not converged without a limit."""
+    parser = argparse.ArgumentParser(prog="python -m tests.oracles.bounded")
+    parser.add_argument("--cases", type=int, default=40, help="for each load")
+    parser.add_argument("--starts", type=int, default=10, help="of scipy")
+    given = parser.parse_args()
+    held = [count(grams, given.cases, given.starts) for grams in LOADS_G]
+    return 0 if all(held) else 1
+
+
+if __name__ == "__main__":
+    sys.exit(main())
