@@ -7,37 +7,26 @@ step, so that a readable session exists at every instant.
 
 from __future__ import annotations
 
+import logging
 import struct
 import zlib
 from collections import defaultdict
 from collections.abc import Mapping
-from dataclasses import dataclass, field
 from pathlib import Path
-from typing import Any, BinaryIO, Final
+from typing import BinaryIO, Final
 
 from contid.session.format import mcap_records as mcap
 from contid.session.format.channels import TICK_CHANNELS
 from contid.session.format.mcap_records import MESSAGE_INSIDE, RECORD, RecordStream
-from contid.session.measured_channel import MeasuredChannel
+from contid.session.format.summary import SummarySection
+from contid.session.measured_channel import MeasuredChannel, ModelFailedError
 from contid.session.output import PRIVATE, exists_error, replacing
+
+log = logging.getLogger(__name__)
 
 CHUNK_BYTES: Final = 1 << 20
 LEVEL: Final = 3
 _PAIR: Final = struct.Struct("<QQ")
-
-
-@dataclass(slots=True)
-class _Summary:
-    """Collected while copying, for the end of the file."""
-
-    schemas: list[Any] = field(default_factory=list)
-    channels: list[Any] = field(default_factory=list)
-    chunks: list[Any] = field(default_factory=list)
-    attachments: list[Any] = field(default_factory=list)
-    metadata: list[Any] = field(default_factory=list)
-    counts: dict[int, int] = field(default_factory=lambda: defaultdict(int))
-    start_ns: int = 0
-    end_ns: int = 0
 
 
 def compact(
@@ -63,9 +52,26 @@ def compact(
     if target is not None and target.exists():
         raise exists_error(target)
     target = target or source
-    with replacing(target, PRIVATE) as new, source.open("rb") as old:
-        _Compactor(new, max_ticks, MeasuredChannel.of(source)).copy(RecordStream(old), note or {})
+    try:
+        measured = MeasuredChannel.of(source)
+        if measured is not None:
+            _copy(source, target, note or {}, max_ticks, measured)
+            return target
+    except ModelFailedError as error:  # the recording is worth more than what is computed from it
+        log.warning("%s: without the channel measured: %s", source, error)
+    _copy(source, target, note or {}, max_ticks, None)
     return target
+
+
+def _copy(
+    source: Path,
+    target: Path,
+    note: Mapping[str, Mapping[str, str]],
+    max_ticks: int | None,
+    measured: MeasuredChannel | None,
+) -> None:
+    with replacing(target, PRIVATE) as new, source.open("rb") as old:
+        _Compactor(new, max_ticks, measured).copy(RecordStream(old), note)
 
 
 class _Compactor:
@@ -77,7 +83,7 @@ class _Compactor:
         self._declared = False
         self._topics: dict[int, str] = {}
         self._max_ticks, self._ticks = max_ticks, 0
-        self._summary = _Summary()
+        self._summary = SummarySection()
         self._parts: list[bytes] = []
         self._size = self._time_ns = 0
         self._index: dict[int, list[tuple[int, int]]] = defaultdict(list)
@@ -111,7 +117,7 @@ class _Compactor:
             body = mcap.encode(records.Metadata(name=name, metadata=dict(texts)))
             self._write_record(mcap.METADATA, body[RECORD.size :])
         self._chunk()
-        self._finish()
+        self._summary.write(self._out)
 
     def _add_message(self, body: bytes) -> None:
         channel = int.from_bytes(body[:2], "little")
@@ -212,42 +218,3 @@ class _Compactor:
             )
         )
         self._parts, self._size, self._index = [], 0, defaultdict(list)
-
-    def _finish(self) -> None:
-        """Write data end, summary and footer."""
-        from mcap import records
-        from mcap.opcode import Opcode
-
-        summary = self._summary
-        self._out.write(mcap.encode(records.DataEnd(0)))
-        statistics = records.Statistics(
-            attachment_count=len(summary.attachments),
-            channel_count=len(summary.channels),
-            channel_message_counts=dict(summary.counts),
-            chunk_count=len(summary.chunks),
-            message_count=sum(summary.counts.values()),
-            metadata_count=len(summary.metadata),
-            message_start_time=summary.start_ns,
-            message_end_time=summary.end_ns,
-            schema_count=len(summary.schemas),
-        )
-        groups = (
-            (Opcode.SCHEMA, summary.schemas),
-            (Opcode.CHANNEL, summary.channels),
-            (Opcode.STATISTICS, [statistics]),
-            (Opcode.CHUNK_INDEX, summary.chunks),
-            (Opcode.ATTACHMENT_INDEX, summary.attachments),
-            (Opcode.METADATA_INDEX, summary.metadata),
-        )
-        start = self._out.tell()
-        body, offsets = b"", []
-        for opcode, some in groups:
-            if some:
-                part = mcap.encode(*some)
-                offsets.append(records.SummaryOffset(opcode, start + len(body), len(part)))
-                body += part
-        offsets_at = start + len(body)
-        body += mcap.encode(*offsets)
-        head = struct.pack("<BQQQ", mcap.FOOTER, 8 + 8 + 4, start, offsets_at)
-        crc = zlib.crc32(head, zlib.crc32(body))
-        self._out.write(body + mcap.encode(records.Footer(start, offsets_at, crc)) + mcap.MAGIC)

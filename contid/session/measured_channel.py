@@ -40,6 +40,10 @@ _LOAD: Final = b'"load_n"'
 _DIGITS: Final = ".9g"
 
 
+class ModelFailedError(Exception):
+    """A model, which may be that of another package, raised an error."""
+
+
 class MeasuredChannel:
     """Messages of one session. Use `of`.
 
@@ -66,7 +70,11 @@ class MeasuredChannel:
 
     @classmethod
     def of(cls, path: Path) -> Self | None:
-        """The channel of a session; None if it has one, or this version of contid refuses its robot file."""
+        """The channel of a session; None if it has one, or this version of contid refuses its robot file.
+
+        Raises:
+            ModelFailedError: its models cannot be built.
+        """
         # Here: the models are loaded when a recording has ended, not when it begins.
         from contid.session.export.measured import measured_robots
         from contid.session.read import Session
@@ -76,6 +84,8 @@ class MeasuredChannel:
             robots = [] if MEASURED in _first_topics(path) else measured_robots(session)
         except ContidError:
             return None
+        except Exception as error:  # any error of a model
+            raise ModelFailedError(repr(error)) from error
         return cls(session, robots) if robots else None
 
     def declaration(self) -> list[tuple[int, bytes]]:
@@ -91,7 +101,11 @@ class MeasuredChannel:
         ]
 
     def message(self, tick: Mapping[str, bytes]) -> bytes:
-        """The body of the message of a tick, from the bodies of its other messages by channel."""
+        """The body of the message of a tick, from the bodies of its other messages by channel.
+
+        Raises:
+            ModelFailedError: a model raised an error.
+        """
         record = list(self._empty)
         for channel in _SOURCES:
             if channel in tick and (channel != _SOURCES[0] or _LOAD in tick[channel]):
@@ -99,7 +113,10 @@ class MeasuredChannel:
         robots: dict[str, Any] = {}
         for robot in self._robots:
             name = robot.config.name
-            actuation, tip = robot.measured(record)
+            try:
+                actuation, tip = robot.measured(record)
+            except Exception as error:  # any error of a model
+                raise ModelFailedError(f"{name}: {error!r}") from error
             found: dict[str, Any] = {
                 key: _rounded(value)
                 for key, value in zip(self._keys[name], actuation, strict=True)

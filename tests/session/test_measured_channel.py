@@ -99,6 +99,26 @@ def test_a_robot_file_that_is_refused_leaves_it_out(growing: Path, tmp_path: Pat
     assert all(MEASURED not in tick for tick in whole)
 
 
+def test_a_model_that_raises_an_error_costs_the_channel_and_not_the_recording(
+    growing: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, caplog: pytest.LogCaptureFixture
+) -> None:
+    """Models come from other packages, too."""
+    count = 0
+
+    def forward(*_: object) -> None:
+        nonlocal count
+        count += 1
+        if count > 200:
+            raise RuntimeError("not in this version")
+
+    monkeypatch.setattr("contid.session.export.measured.tip_in_world", forward)
+    whole = ticks(compact(growing, tmp_path / "copy.mcap"))
+    assert len(whole) == len(list(Session(growing).ticks()))
+    assert all(MEASURED not in tick for tick in whole)
+    assert "not in this version" in caplog.text
+    assert [path.name for path in tmp_path.iterdir()] == ["copy.mcap"]
+
+
 def test_tips_under_a_known_load_are_those_with_the_load(tmp_path: Path) -> None:
     """Recording and telemetry; the oracle is the tick, which has the error of the commanded tip."""
     path = loaded_arm(tmp_path / "s.mcap")
