@@ -7,7 +7,8 @@ import random
 
 import pytest
 
-from tests.campaign.disturbances import KINDS, PLANTS, obstacle, one
+from tests.campaign.disturbances import KINDS, obstacle, one
+from tests.campaign.disturbed_daemon import PLANTS
 
 ALL = [(plant, kind) for plant in PLANTS for kind in KINDS]
 SHORT = [("lab", "kill control process"), ("chain", "suspend"), ("chain", "epoch"), ("lab", "quota")]
