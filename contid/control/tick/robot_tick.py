@@ -26,6 +26,7 @@ from contid.control.tick.transitions import (
     inwards,
     moved,
     outside,
+    planned,
     speed,
     stay,
     stopped,
@@ -220,7 +221,7 @@ def _approach(
         state.command, speed(config, state), goal, config.velocity, config.acceleration, config.jerk,
         straight=config.straight,
     )  # fmt: skip
-    return replace(state, motion=motion, motion_s=start_s)
+    return planned(state, motion, start_s)
 
 
 def _follow(config: RobotConfig, state: RobotState, now_s: float, target: Target) -> TickResult:

@@ -11,7 +11,7 @@ from typing import Final
 
 from contid.control.tick.config import RobotConfig
 from contid.control.tick.faults import Fault
-from contid.control.tick.state import Effect, OrderRefusedError, RobotState
+from contid.control.tick.state import AxisMotion, Effect, OrderRefusedError, RobotState
 from contid.control.tick.supervisor import REST_OF, Event, Mode, allowed, move
 from contid.control.tick.way import within
 from contid.hal import Sample
@@ -123,7 +123,7 @@ def inwards(config: RobotConfig, state: RobotState, start_s: float) -> RobotStat
     )
     still = (0.0,) * len(goal)
     motion = Approach(state.command, still, goal, velocity, acceleration, jerk, straight=config.straight)
-    return replace(state, motion=motion, motion_s=start_s, goto=Target(actuation=goal), follow=False)
+    return replace(planned(state, motion, start_s), goto=Target(actuation=goal), follow=False)
 
 
 def retreat(config: RobotConfig, state: RobotState, goal: Actuation, now_s: float) -> RobotState:
@@ -174,7 +174,7 @@ def stop(config: RobotConfig, state: RobotState, policy: StopPolicy, now_s: floa
             config.jerk,
             straight=config.straight,
         )
-        return replace(after, policy=policy, motion=motion, motion_s=now_s - config.period_s)
+        return replace(planned(after, motion, now_s - config.period_s), policy=policy)
     return braking(config, replace(after, policy=policy), now_s)
 
 
@@ -222,6 +222,14 @@ def too_near(config: RobotConfig, state: RobotState, message: str, now_s: float)
     return braking_at_once(config, after, now_s)
 
 
+def planned(state: RobotState, motion: AxisMotion | None, start_s: float) -> RobotState:
+    """The state with a motion from its last command, given at ``start_s``.
+
+    The reference is that command: one that was limited lags behind what it followed before.
+    """
+    return replace(state, motion=motion, motion_s=start_s, reference=state.command)
+
+
 def straight_stop(config: RobotConfig, command: Actuation, increments: Actuation) -> StraightStop:
     """The shortest stop from a command and the increment that led to it."""
     changes = [each.change for each in config.limits]
@@ -232,7 +240,7 @@ def straight_stop(config: RobotConfig, command: Actuation, increments: Actuation
 def braking_at_once(config: RobotConfig, state: RobotState, now_s: float) -> RobotState:
     """The state with the shortest stop from its present motion, in the mode it is in."""
     motion = straight_stop(config, state.command, state.increments) if any(state.increments) else None
-    return replace(state, motion=motion, motion_s=now_s - config.period_s, reference=state.command)
+    return planned(state, motion, now_s - config.period_s)
 
 
 def ask_clear(config: RobotConfig, state: RobotState, now_s: float) -> RobotState:
@@ -282,7 +290,7 @@ def braking(config: RobotConfig, state: RobotState, now_s: float) -> RobotState:
     motion = stopping(state.command, speed(config, state), rest, config.acceleration, config.jerk)
     if _leaves(config, state.command, motion):
         return braking_at_once(config, state, now_s)
-    return replace(state, motion=motion, motion_s=now_s - config.period_s)
+    return planned(state, motion, now_s - config.period_s)
 
 
 def _leaves(config: RobotConfig, command: Actuation, motion: JerkLimitedStop) -> bool:

@@ -175,3 +175,25 @@ def test_estop_is_never_refused(config: RobotConfig, mode: Mode) -> None:
     state = transitions.estop(config, replace(running(config), mode=mode), 1.0)
     latched = Mode.FAULT if mode is Mode.FAULT else Mode.OFF
     assert (state.mode, state.pending, state.enabled) == (latched, Effect.RELAX, False)
+
+
+@pytest.mark.parametrize("order", ["hold", "stop"])
+def test_a_stop_from_a_limited_command_follows_its_plan_from_the_first_tick(
+    config: RobotConfig, order: str
+) -> None:
+    # The command lags behind what it followed: the step from there to the plan is no pace of the plan.
+    period_s, travelled = config.period_s, tuple(0.8 * each.change for each in config.limits)
+    here = running(config)
+    ahead = tuple(value + 40.0 * each.change for value, each in zip(here.command, config.limits, strict=True))
+    state = replace(here, increments=travelled, reference=ahead)
+    if order == "hold":
+        state = transitions.hold(config, state, 1.0)
+    else:
+        state = transitions.stop(config, state, StopPolicy.REST, 1.0)
+    plan = state.motion
+    assert plan is not None
+    for number in range(5):
+        out = tick(config, state, 1.0 + number * period_s, sampled(config), None)
+        assert out.state.command == plan.at((number + 1) * period_s)[0]
+        assert not any(out.limits)
+        state = out.state
