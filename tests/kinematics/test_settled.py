@@ -46,6 +46,17 @@ def test_an_answer_solved_again_does_not_move(name, directed):
         assert again[1] <= 1e-9
 
 
+def test_a_first_answer_meets_its_target_to_the_bar_of_a_run():
+    """Homing ended on its merit with 4.6e-6 mm left, and no tick would have asked again."""
+    feasible = feasible_of("trirack2")
+    solver = build_solver(feasible)
+    tip = (0.14475242796261145, 0.07581107539312025, 0.7887432254777751)
+    tangent = (0.19387994773945283, 0.3675395043664483, 0.9095742292933616)
+    lengths, _, met, *_ = solver.solve(tip, tangent, None, tuple(feasible.home.tolist()))
+    assert met
+    assert np.linalg.norm(tip_and_tangent(feasible, np.array(lengths))[0] - tip) < 1e-9
+
+
 def test_the_target_that_moved_by_8_mm_of_rack():
     feasible = feasible_of("trirack2")
     solver = build_solver(feasible)

@@ -50,6 +50,8 @@ class Descent {
     if (!(left <= tuning.tolerance)) return false;
     std::memcpy(lengths, settled, feasible.size() * sizeof(double));
     error = left;
+    // Where homing ended on its steps or its merit, the target can be met better than the tolerance asks for.
+    if (error > tuning.still_error) error = approach(lengths, goal, tuning.still_error, iterations);
     return true;
   }
 

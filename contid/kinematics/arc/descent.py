@@ -79,7 +79,13 @@ class Descent:
         """The settled lengths, the error left [m] and steps taken."""
         if self.tuning.home_steps == 0:
             return lengths, error, 0
-        return self._homing.run(lengths, goal, avoid)
+        t = self.tuning
+        settled, left, steps = self._homing.run(lengths, goal, avoid)
+        # Where homing ended on its steps or its merit, the target can be met better than its tolerance.
+        if t.still_error_m < left <= t.tolerance_m:
+            settled, left, more = self._approach(settled, goal, t.still_error_m)
+            steps += more
+        return settled, left, steps
 
     def _task(self, lengths: Array, goal: Goal) -> tuple[Array, Array]:
         return task(self.sections, self.tuning.ell_m, lengths, goal)
