@@ -7,7 +7,16 @@ from typing import ClassVar, Literal
 
 from pydantic import model_validator
 
-from contid.robot_file.base import Interval, LengthInterval, NonNegative, Positive, Quantity, Size, Strict
+from contid.robot_file.base import (
+    ContactPolicy,
+    Interval,
+    LengthInterval,
+    NonNegative,
+    Positive,
+    Quantity,
+    Size,
+    Strict,
+)
 from contid.robot_file.robot import RobotDescription
 from contid.targets import Actuation
 from contid.units import MM_PER_M
@@ -91,6 +100,20 @@ class CurvatureCorrection(Strict):
         return self
 
 
+class CurrentSense(Strict):
+    """Contacts of a finger, from the currents that its servos report.
+
+    Attributes:
+        contact: reaction to a contact.
+        usual_ma: greatest current of an axis that moves without a contact, with its friction.
+        contact_ma: a current of this much more is a contact within 40 ms; one of less than half of it, never.
+    """
+
+    contact: ContactPolicy
+    usual_ma: Positive
+    contact_ma: Positive
+
+
 class RackFinger(RobotDescription):
     """A planar finger between two racks; it grows along +y and bends to +x when the right rack is longer.
 
@@ -102,6 +125,7 @@ class RackFinger(RobotDescription):
         geometry: dimensions.
         limits: of racks and curvature.
         correction: measured curvature against commanded; none by default.
+        sense: contacts, from the currents of its servos; off when left out.
     """
 
     quantity: ClassVar[Quantity] = Quantity.LENGTH
@@ -111,6 +135,7 @@ class RackFinger(RobotDescription):
     geometry: RackFingerGeometry
     limits: RackFingerLimits
     correction: CurvatureCorrection | None = None
+    sense: CurrentSense | None = None
 
     @property
     def axis_names(self) -> tuple[str, ...]:

@@ -2,28 +2,35 @@
 
 from __future__ import annotations
 
+import math
 from collections import deque
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from typing import Final
 
 from contid.control.engine.chain_orders import ChainOrders
 from contid.control.engine.cycle import Sink
-from contid.control.engine.events import ContactBegan
+from contid.control.engine.events import ContactBegan, OrderRefused
+from contid.control.engine.exchange import Exchange
 from contid.control.engine.load_watch import LoadWatch
 from contid.control.engine.robots import Order, Robots
 from contid.control.tick import transitions
+from contid.control.tick.config import RobotConfig
+from contid.control.tick.contact.current_contact import CurrentContact
 from contid.control.tick.contact.tip_contact import TipContact, TipContactFound
 from contid.control.tick.faults import Fault
 from contid.control.tick.state import RobotState
 from contid.control.tick.supervisor import Mode
 from contid.control.tick.tip_feedback import Measurement
+from contid.hal import Sample
 from contid.robot_file.base import ContactPolicy
-from contid.targets import Actuation
+from contid.targets import Actuation, Target
 
 #: A robot goes back to its command of so long before the measurement that showed a contact.
 RETREAT_S: Final = 0.5
 #: Oldest measurement that shows one.
 _OLDEST_S: Final = 0.6
+#: Of an axis, for the direction in which it moves the tip [m].
+_STEP: Final = 1e-5
 #: A robot in another mode does not react: it stops already, or does not move.
 _REACTING: Final = (Mode.RUN, Mode.APPROACH, Mode.HOLD)
 
@@ -33,13 +40,17 @@ class ContactOrders:
 
     Args:
         robots: all of them.
+        exchange: with their devices.
         loads: their estimated loads.
         chains: the closed chains among them.
         sink: of the events.
     """
 
-    def __init__(self, robots: Robots, loads: LoadWatch, chains: ChainOrders, sink: Sink) -> None:
+    def __init__(
+        self, robots: Robots, exchange: Exchange, loads: LoadWatch, chains: ChainOrders, sink: Sink
+    ) -> None:
         self._robots = robots
+        self._exchange = exchange
         self._loads = loads
         self._chains = chains
         self._sink = sink
@@ -50,6 +61,13 @@ class ContactOrders:
             and config.sensing is not None
             and (observer := loads.observers.get(index)) is not None
         }
+        self._currents = {
+            index: CurrentContact(len(config.axes), config.usual_a, config.contact_a, config.period_s)
+            for index, config in enumerate(robots.configs)
+            if config.contact_a
+        }
+        #: Robots whose devices report no current; each is refused once.
+        self._silent: set[int] = set()
         #: Newest commands of the robots that go back, with their times.
         self._ways: dict[int, deque[tuple[float, Actuation]]] = {
             index: deque(maxlen=round((RETREAT_S + _OLDEST_S) / config.period_s))
@@ -58,13 +76,23 @@ class ContactOrders:
         }
         #: Where robots that still brake go back to.
         self._retreats: dict[int, Actuation] = {}
+        #: Targets of those on their way back, None while they brake.
+        self._going_back: dict[int, Target | None] = {}
 
     def cancel(self) -> None:
         """An order came: no robot goes back that has not begun to."""
         self._retreats.clear()
 
+    def retreating(self, index: int) -> bool:
+        """True from a contact until the robot is back; the end of its goto is reported then."""
+        return index in self._going_back
+
     def tick(self, number: int, now_s: float, measured: Mapping[str, Measurement]) -> None:
         """Before the ticks of the robots, after those of the load estimates."""
+        for index, target in list(self._going_back.items()):
+            ended = target is None or self._robots.states[index].goto is not target
+            if ended and index not in self._retreats:
+                del self._going_back[index]
         for index, goal in list(self._retreats.items()):
             self._go_back(index, goal, now_s)
         for index, way in self._ways.items():
@@ -79,7 +107,42 @@ class ContactOrders:
             found = tip.tick(observer.trace, measured.get(config.name), observer.found)
             if found is not None:
                 self._report(index, number, found)
-                self._react(index, found.time_s, self._robots.states[index], now_s)
+                self._react(index, found.time_s, "contact of its tip", now_s)
+        for index, currents in self._currents.items():
+            self._tick_currents(index, currents, number, now_s)
+
+    def _tick_currents(self, index: int, currents: CurrentContact, number: int, now_s: float) -> None:
+        config, state = self._robots.configs[index], self._robots.states[index]
+        samples = self._exchange.samples_of(config)
+        if not state.enabled or not samples or not state.command:
+            return
+        if index not in self._silent and all(each.valid and each.effort is None for each in samples):
+            self._silent.add(index)
+            message = f"{config.name}: its devices report no current, so sense.contact finds nothing"
+            self._sink.event(OrderRefused(robot=config.name, message=message))
+        found = currents.tick(samples)
+        if found is None:
+            return
+        direction = _against(config, state, samples, found.axes)
+        assert config.contact is not None
+        axis = ", ".join(config.axis_names[each] for each in found.axes)
+        excess_ma = 1e3 * found.excess_a
+        what = f"contact of {axis}: {excess_ma:.0f} mA above the usual current"
+        self._sink.event(
+            ContactBegan(
+                tick=number,
+                robot=config.name,
+                axis=axis,
+                time_s=now_s,
+                direction=direction,
+                force_n=0.0,
+                excess_ma=excess_ma,
+                confidence=found.confidence,
+                policy=config.contact.value,
+                message=f"{what}; policy {config.contact.value}",
+            )
+        )
+        self._react(index, now_s, what, now_s)
 
     def _report(self, index: int, number: int, found: TipContactFound) -> None:
         config = self._robots.configs[index]
@@ -98,12 +161,12 @@ class ContactOrders:
             )
         )
 
-    def _react(self, index: int, found_s: float, state: RobotState, now_s: float) -> None:
-        config = self._robots.configs[index]
+    def _react(self, index: int, found_s: float, what: str, now_s: float) -> None:
+        config, state = self._robots.configs[index], self._robots.states[index]
         if config.contact is ContactPolicy.IGNORE or state.mode not in _REACTING:
             return
         if config.contact is ContactPolicy.STOP:
-            self._robots.fail(index, Fault.CONTACT, "contact with its tip", now_s)
+            self._robots.fail(index, Fault.CONTACT, what, now_s)
             return
         moves = any(state.increments)
         self._robots.order((config.name,), transitions.hold, now_s)
@@ -111,6 +174,7 @@ class ContactOrders:
         # A chain goes back as a whole or not at all.
         if config.contact is ContactPolicy.RETRACT and moves and not self._chains.concerns(config.name):
             self._retreats[index] = self._before(index, found_s)
+            self._going_back[index] = None
 
     def _before(self, index: int, found_s: float) -> Actuation:
         """The command half a second before a time, or the oldest there is."""
@@ -126,6 +190,27 @@ class ContactOrders:
         del self._retreats[index]
         if held and state.command != goal:
             self._robots.change(index, _retreat_to(goal), now_s)
+            self._going_back[index] = self._robots.states[index].goto
+
+
+def _against(
+    config: RobotConfig, state: RobotState, samples: Sequence[Sample], axes: Sequence[int]
+) -> list[float]:
+    """Direction of the force on the tip that keeps axes from their commands; [] where they move no tip."""
+    values = [sample.value for sample in samples]
+    own = [axis for axis in axes if axis < len(config.axes) - config.extra_axes]
+    if not own or None in values:
+        return []
+    measured = config.transmission.to_actuation(tuple([value or 0.0 for value in values]))
+    moved = list(state.command)
+    for axis in own:
+        moved[axis] += math.copysign(_STEP, state.command[axis] - measured[axis])
+    here, there = (config.model.forward(tuple(each)).tip_m for each in (state.command, moved))
+    x, y, z = (a - b for a, b in zip(here, there, strict=True))
+    size = math.hypot(x, y, z)
+    if not size > 0.0:
+        return []
+    return [round(part / size, 4) for part in config.frame.vector_in_world((x, y, z))]
 
 
 def _retreat_to(goal: Actuation) -> Order:

@@ -79,7 +79,7 @@ class Engine:
         )
         self._clearance = ClearanceOrders(clearance, self._robots, self._exchange, sink)
         self._loads = LoadWatch(self._robots, self._exchange)
-        self._contacts = ContactOrders(self._robots, self._loads, self._chains, sink)
+        self._contacts = ContactOrders(self._robots, self._exchange, self._loads, self._chains, sink)
         self._recorder = RecordPacker(self._robots.configs, sink, now)
         self._buses = tuple(ports)
         self._stalls = StallWatch(rate_hz)
@@ -297,7 +297,8 @@ class Engine:
         robots = self._robots
         config, state, tally = robots.configs[index], robots.states[index], robots.tallies[index]
         going, recovered = state.goto, state.recovering
-        if self._going[index] is not None and self._going[index] is not going:
+        retreating = self._contacts.retreating(index)
+        if self._going[index] is not None and self._going[index] is not going and not retreating:
             self._sink.event(GotoEnded(robot=config.name, arrived=False, tick=number))
         state = outcome.state
         if state.mode is Mode.FAULT and robots.reported[index] is not Mode.FAULT:
@@ -305,9 +306,10 @@ class Engine:
         if state.pending is not Effect.NONE:
             state = self._exchange.ask(index, state)
         if going is not None and state.goto is None and not recovered:
-            arrived = state.mode is Mode.HOLD and not too_near
+            arrived = state.mode is Mode.HOLD and not too_near and not retreating
             self._sink.event(GotoEnded(robot=config.name, arrived=arrived, tick=number))
-        self._going[index] = None if state.recovering else state.goto
+        if not retreating or (going is not None and state.goto is None):
+            self._going[index] = None if state.recovering else state.goto
         robots.states[index] = state
         if outcome.solution is not None:
             source = self._selector.source

@@ -71,10 +71,11 @@ class ContactBegan(RunEvent):
     KIND: ClassVar[str] = "contact"
     tick: _Tick
     robot: _Robot
-    axis: Annotated[str, "axis whose current showed it, empty for the tip"] = ""
+    axis: Annotated[str, "axes whose currents showed it, empty for the tip"] = ""
     time_s: Annotated[float, "capture of the measurement that showed it, in the time of the robots"]
-    direction: Annotated[list[float], "of the force, unit vector in the world frame; empty for an axis"]
-    force_n: Annotated[float, "size of the force on the tip, or on the axis, when it was found [N]"]
+    direction: Annotated[list[float], "of the force, unit vector in the world frame; empty where it has none"]
+    force_n: Annotated[float, "size of the force on the tip when it was found [N]; 0 for an axis"]
+    excess_ma: Annotated[float, "current above the usual one [mA]; 0 for the tip"] = 0.0
     confidence: Annotated[float, "1 minus the number of such events by noise alone expected in an hour"]
     policy: Annotated[str, "reaction: ignore, hold, stop or retract"]
     message: _Message

@@ -15,6 +15,7 @@ from contid.kinematics.frames import BaseFrame
 from contid.kinematics.model import Model
 from contid.robot_file.base import ContactPolicy, Quantity, StopPolicy, Stops, TipFeedback
 from contid.robot_file.cosserat import Cosserat
+from contid.robot_file.rack_finger import CurrentSense, RackFinger
 from contid.robot_file.robot import RobotDescription
 from contid.targets import Actuation
 
@@ -96,6 +97,8 @@ class RobotConfig:
         taut: bounds of the tensions of a tendon robot, None without.
         sensing: description of an arm that senses the force on its tip, None without.
         contact: what it does after a contact, None when none is looked for.
+        usual_a, contact_a: current of an axis without a contact, and what is one above it [A]; 0 when
+            currents show none.
         straight: approaches are straight lines of the axes, which keep limits that several axes share.
         shared: limits that the model's own axes share, None without.
     """
@@ -126,6 +129,8 @@ class RobotConfig:
     taut: Taut | None = None
     sensing: Cosserat | None = None
     contact: ContactPolicy | None = None
+    usual_a: float = 0.0
+    contact_a: float = 0.0
     straight: bool = False
     shared: SharedLimits | None = None
 
@@ -150,6 +155,8 @@ def robot_config(
     tolerance = tuple(tolerance_of_bus[robot.axes[axis].bus] for axis in names)
     period_s = 1.0 / rate_hz
     velocity, acceleration, jerk = robot.rate_limits
+    sense = robot.sense if isinstance(robot, Cosserat | RackFinger) else None
+    currents = sense if isinstance(sense, CurrentSense) else None
     return RobotConfig(
         name=name,
         kind=robot.model,
@@ -177,7 +184,9 @@ def robot_config(
         capstan=getattr(model, "capstan", None),
         taut=getattr(model, "taut", None),
         sensing=robot if isinstance(robot, Cosserat) and robot.sense is not None else None,
-        contact=robot.sense.contact if isinstance(robot, Cosserat) and robot.sense is not None else None,
+        contact=None if sense is None else sense.contact,
+        usual_a=0.0 if currents is None else currents.usual_ma / 1e3,
+        contact_a=0.0 if currents is None else currents.contact_ma / 1e3,
         straight=getattr(model, "taut", None) is not None or getattr(model, "straight_approach", False),
         shared=getattr(model, "shared", None),
     )

@@ -31,10 +31,10 @@ from contid.kinematics.array import Array
 #: Newest residuals that may already be those of a contact, and older ones that make the pattern.
 NEWEST: Final = 6
 REFERENCE: Final = 30
-#: Squared distance that is a contact: noise alone exceeds it once in 1e7 tests.
-GATE: Final = 36.0
-#: Independent tests of an hour at 50 Hz; several shapes are tested at every measurement.
-TESTS_PER_HOUR: Final = 3.0 * 180e3
+#: Squared distance that is a contact: noise alone exceeds it once in 2e6 tests.
+GATE: Final = 32.0
+#: Measurements of an hour at 50 Hz. The covariances are wide enough for the several shapes of each.
+TESTS_PER_HOUR: Final = 180e3
 #: Standard deviation of the lag before anything is learned, and at least [s]; largest lag that is learned.
 _LAG_S: Final = 5e-3
 _LEAST_LAG_S: Final = 5e-4
