@@ -15,6 +15,7 @@ from typing import Final
 
 from contid.control.tick.config import RobotConfig
 from contid.control.tick.faults import Fault, of_device
+from contid.control.tick.limits import ACCELERATION
 from contid.control.tick.next_command import next_command
 from contid.control.tick.play import NO_LEAD, led, next_lead
 from contid.control.tick.state import Effect, RobotState
@@ -255,6 +256,10 @@ def _move(config: RobotConfig, state: RobotState, now_s: float) -> TickResult:
             state = braking_at_once(config, state, now_s)
             reference = state.motion.at(config.period_s)[0] if state.motion is not None else reference
     after, flags = _limited(config, state, reference)
+    if not flags and after.command != reference:
+        # On its way back to the motion it comes no faster than it can brake.
+        pairs = zip(after.command, reference, strict=True)
+        flags = tuple([0 if value == planned_value else ACCELERATION for value, planned_value in pairs])
     device = config.transmission.to_device(led(after.command, after.lead.added))
     # The limiter may lag behind (a motion that ends outside a limit): wait for standstill.
     if over and not any(after.increments):

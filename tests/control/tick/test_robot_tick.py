@@ -18,6 +18,7 @@ from contid.control.tick.supervisor import Mode
 from contid.hal import Sample
 from contid.robot_file.base import StopPolicy
 from contid.targets import Solution, Target
+from contid.trajectory.approach import Approach
 from tests.support.fingers import load
 
 
@@ -197,3 +198,27 @@ def test_a_stop_from_a_limited_command_follows_its_plan_from_the_first_tick(
         assert out.state.command == plan.at((number + 1) * period_s)[0]
         assert not any(out.limits)
         state = out.state
+
+
+def test_a_command_beside_its_motion_is_marked_until_it_is_back(config: RobotConfig) -> None:
+    still = (0.0, 0.0)
+    start = running(config).command
+    goal = tuple(value - 0.02 for value in start)
+    plan = Approach(start, still, goal, config.velocity, config.acceleration, config.jerk)
+    period_s, number = config.period_s, 40
+    reference, speed = plan.at(number * period_s)
+    ahead = tuple(value - 3.0 * each.change for value, each in zip(reference, config.limits, strict=True))
+    step = tuple(each * period_s for each in speed)
+    state = replace(
+        running(config), mode=Mode.APPROACH, goto=Target(actuation=goal), motion=plan, motion_s=0.0,
+        command=ahead, increments=step, reference=reference,
+    )  # fmt: skip
+    marked = []
+    for tick_number in range(number + 1, number + 15):
+        out = tick(config, state, tick_number * period_s, sampled(config), None)
+        beside = out.state.command != plan.at(tick_number * period_s)[0]
+        assert any(out.limits) == beside
+        marked.append(beside)
+        state = out.state
+    assert marked[0]
+    assert not marked[-1]
