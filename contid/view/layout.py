@@ -159,6 +159,7 @@ def _space(scene: Scene) -> rrb.Spatial3DView:
         ]
         parts += ["reach"] if robot.outline is not None else []
         parts += ["compliance"] if isinstance(robot.config.model, Compliant) else []
+        parts += ["load"] if robot.config.sensing is not None else []
         entities += [paths.body(robot.config.name, part) for part in parts]
         behind = rrb.VisibleTimeRanges([_last(TRAIL_S)])
         trails[paths.body(robot.config.name, "trail")] = [rr.Points3D.from_fields().visualizer(), behind]

@@ -16,7 +16,7 @@ TICK: Final = "tick"
 
 
 def body(robot: str, part: str) -> str:
-    """In space: body, backbone, measured, tracked, frames, base, target, trail, reach, rope, compliance."""
+    """In space: body, backbone, measured, frames, base, target, trail, reach, rope, compliance, load."""
     return f"robots/{robot}/{part}"
 
 

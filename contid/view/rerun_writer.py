@@ -45,6 +45,7 @@ from contid.view.rerun_stream import RerunStream
 from contid.view.robot_scene import ARROW, Array, RobotDrawing, RobotScene
 from contid.view.scene import Scene
 from contid.view.shapes.compliance import RerunCompliance
+from contid.view.shapes.load_arrow import RerunLoadArrow
 from contid.view.shapes.obstacles import draw_obstacles
 
 US_PER_S: Final = 1e6
@@ -68,6 +69,10 @@ class RerunWriter:
             RerunCompliance(stream, robot, robot.config.model)
             if isinstance(robot.config.model, Compliant)
             else None
+            for robot in scene.robots
+        ]
+        self._loads = [
+            None if robot.config.sensing is None else RerunLoadArrow(stream, robot, robot.config.sensing)
             for robot in scene.robots
         ]
         self._bars = [RerunBars(stream, rows, several) for rows in bar_rows(scene.robots)]
@@ -192,6 +197,8 @@ class RerunWriter:
         self._points(paths.body(config.name, "target"), ticks, targets, TARGET, 7.0)
         tips = [_NO_POINT if drawing is None else drawing.tip[None] for drawing in measured]
         self._points(paths.body(config.name, "trail"), ticks, tips, TRAIL, 1.0)
+        if (arrow := self._loads[index]) is not None:
+            arrow.write(ticks, records, tips)
         self._tracked(robot, ticks, records, measured)
         return drawings
 

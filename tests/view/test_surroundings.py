@@ -13,6 +13,7 @@ from contid.robot_file.load import load_robot_file
 from contid.view.body import quaternion_of
 from contid.view.scene import build_scene
 from contid.view.shapes.compliance import scale_force_n
+from contid.view.shapes.load_arrow import mm_per_newton
 from contid.view.shapes.obstacles import CELLS, plane_grid
 from tests.support.command import contid
 from tests.support.rerun_entities import entities
@@ -69,3 +70,26 @@ def test_obstacles_and_the_ellipsoid_are_in_the_recording_of_a_run(tmp_path: Pat
     assert there["robots/arm/compliance"] >= 5
     loaded = load_robot_file(robot)
     assert set(build_scene(loaded, loaded.file.rate_hz).obstacles) == {"table", "ball", "post", "crate"}
+
+
+def test_the_estimated_load_is_an_arrow_in_the_recording_of_a_run(tmp_path: Path, configs: Path) -> None:
+    zeros = ", ".join(["0"] * 6)
+    factor = "".join(f"          - [{', '.join(['0'] * row + ['0.001'])}]\n" for row in range(22))
+    sense = (
+        "    sim: {payload_g: 5}\n    sense:\n      load:\n        calibration:\n"
+        + "".join(f"          {key}: [{zeros}]\n" for key in ("offset_bar", "gain", "loop_bar"))
+        + "          modulus: [0, 0]\n          moment: [0, 0]\n"
+        + "          axis_sigma_bar: 0.001\n          tip_sigma_mm: 0.1\n          covariance_factor:\n"
+        + factor.replace("          - ", "            - ")
+    )
+    text = (configs / "stiffflop2.yaml").read_text()
+    robot, drawing = tmp_path / "arm.yaml", tmp_path / "run.rrd"
+    robot.write_text(text.replace("    stop: {on_end", sense + "    stop: {on_end", 1))
+    rows = "t_s,x_mm,y_mm,z_mm\n0,20,10,100\n1,20,10,100\n"
+    done = contid("run", str(robot), "--virtual", "--view", str(drawing), stdin=rows)
+    assert done.returncode == 0, done.stderr
+    assert entities(drawing)["robots/arm/load"] >= 5
+
+
+def test_the_arrow_of_the_expected_load_is_half_the_arm() -> None:
+    assert mm_per_newton(20.0, 90.0) * 0.020 * 9.80665 == pytest.approx(45.0)
