@@ -8,14 +8,14 @@
 namespace contid {
 
 constexpr int kRestarts = 20, kCorners = 64, kWork = 280, kTryWork = 40, kRefusalElements = 12;
-constexpr int kLookElements = 2;
+constexpr int kLookElements = 2, kLookShare = 4;
 // Corner starts lie up to this part of the range inside the box.
 constexpr double kInset = 0.06, kTracking = 0.05;
 constexpr double kFine = 1.0;  // [mm]
 constexpr double kTryGain = 1e-2, kTryAhead = 8.0, kTryTrust = 1e-2;
 
-// Work that a search may take: the cost of a step grows with elements, sections and unknowns.
-template <int K> constexpr int allowed_work(int elements) { return 108 * kWork / (elements * K * (6 * K + 6)); }
+// Work that a search elsewhere may take: the cost of a step grows with elements and sections.
+template <int K> constexpr int allowed_work(int elements) { return 6 * kWork / (elements * K); }
 
 template <int K> struct Found {
   Outcome<K> outcome;
@@ -142,7 +142,7 @@ template <int K> struct BranchSearch {
   bool elsewhere(int most) {
     double away[kStarts];
     int order[kStarts], count = 0;
-    const int looks = std::min(kStarts, (most - work) / 2);
+    const int looks = std::min(kStarts, (most - work) / kLookShare);
     for (int index = 0; index < looks; ++index) {
       BranchPose<K> coarse;
       point(index, coarse.pressures);

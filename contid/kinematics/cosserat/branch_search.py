@@ -27,8 +27,8 @@ WORK, TRY_WORK = 280, 40
 TRY_GAIN, TRY_AHEAD, TRY_TRUST = 1e-2, 8.0, 1e-2
 #: Corners that are looked at, and how far the points next to them lie in the box, as a part of its range.
 CORNERS, INSET = 64, 0.06
-#: Elements of the first look at a start.
-LOOK_ELEMENTS = 2
+#: Elements of the first look at a start, and the part of the work that looks may take, one over this.
+LOOK_ELEMENTS, LOOK_SHARE = 2, 4
 #: How much worse an outcome may be with twice the elements [mm].
 FINE = 1.0
 
@@ -124,7 +124,7 @@ class BranchSearch:
         problem = self.problem
         coarse = replace(problem, elements=LOOK_ELEMENTS)
         seen: list[tuple[float, Array]] = []
-        for pressures in corner_starts(problem)[: (most - self.work) // 2]:
+        for pressures in corner_starts(problem)[: (most - self.work) // LOOK_SHARE]:
             self.work += 1
             pose = ramped(coarse, pressures)
             if pose is not None:
@@ -145,9 +145,8 @@ def reaches(problem: Problem, here: Array, base_moment: Array, outcome: RodSolut
 
 
 def allowed_work(problem: Problem) -> int:
-    """Work that a search elsewhere may take: a step costs more with more elements, sections, unknowns."""
-    sections = len(problem.rod.sections)
-    return 108 * WORK // (problem.elements * sections * (6 * sections + 6))
+    """Work that a search elsewhere may take: the cost of a step grows with elements and sections."""
+    return 6 * WORK // (problem.elements * len(problem.rod.sections))
 
 
 def corner_starts(problem: Problem) -> list[Array]:
