@@ -24,9 +24,9 @@ def forward(model: Model, actuations: Array, load_n: Array | None) -> Poses:
 
 
 def inverse(model: Model, targets: Targets, seeds: Array, chained: bool) -> Solutions:
-    """`Model.inverse` of every row; limits are numbered as they appear."""
+    """`Model.inverse` of every row; limits are numbered as the model lists them, others as they appear."""
     rows = np.zeros(len(targets), solution_dtype(len(model.axis_names)))
-    bits: dict[str, int] = {}
+    bits: dict[str, int] = {name: k for k, name in enumerate(getattr(model, "limit_names", ()))}
     seed: tuple[float, ...] = ()
     for k in range(len(targets)):
         if k == 0 or not chained:

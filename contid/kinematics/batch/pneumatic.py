@@ -16,8 +16,6 @@ from contid.units import BAR, MM_PER_M
 # Bits the kernel leaves in `limited_by`.
 _OPTIMAL, _STABLE, _BLOCKED, _SNAPS = (np.uint64(1 << k) for k in range(4))
 _NONE: Final = np.uint64(0)
-# Reasons other than pressure limits.
-_REASONS: Final = ("stability", "iterations", "reach")
 
 
 @runtime_checkable
@@ -70,7 +68,7 @@ def inverse(
         threads,
     )
     refused = np.flatnonzero(rows["limited_by"] & _STABLE == _NONE).tolist()
-    names = (*(f"{axis}.{end}" for axis in model.axis_names for end in ("min", "max")), *_REASONS)
+    names = model.limit_names
     _in_si(rows, np.array(model.lower), np.array(model.upper))
     for k in refused:
         found = model.inverse(loop.target_of(targets, k), tuple(seeds[k].tolist()))

@@ -80,6 +80,11 @@ class CosseratModel:
         self.axis_names = robot.axis_names
         self.lower = robot.lower
         self.upper = robot.upper
+        #: Names in `Solution.limited_by`, in its order.
+        self.limit_names = (
+            *(f"{axis}.{end}" for axis in self.axis_names for end in ("min", "max")),
+            *("stability", "iterations", "reach"),
+        )
         self.setup = build_setup(robot)
         self.engine = build_engine(self.setup)
         self._spec = NumpyEngine(self.setup)
