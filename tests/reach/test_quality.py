@@ -5,11 +5,13 @@ from __future__ import annotations
 import json
 import math
 from collections.abc import Iterator
+from io import BytesIO
 from pathlib import Path
 
 import numpy as np
 import pytest
 from click.testing import CliRunner
+from matplotlib.figure import Figure
 from PIL import Image
 
 from contid.cli.main import cli
@@ -26,6 +28,14 @@ from contid.targets import Actuation, Target
 from contid.units import BAR
 
 PLACES = 5
+
+
+@pytest.fixture(scope="module", autouse=True)
+def fonts() -> None:
+    """Matplotlib never closes its font files; open them before descriptors are counted."""
+    figure = Figure()
+    figure.text(0.0, 0.0, "x³")
+    figure.savefig(BytesIO())
 
 
 def robot_of(name: str) -> RobotDescription:
