@@ -11,6 +11,7 @@ in equilibrium and a Pythagorean-hodograph curve are bounded by the same arithme
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Any, Final, TypeAlias
@@ -40,12 +41,15 @@ class Body:
         spacing_m: upper bound of the arc length between neighbours [m].
         radius_m: of the ball [m].
         start_m: arc length of the first point from the base of the robot [m].
+        off_m: greatest distance of the curve from the polyline that the points were taken from [m]; 0 for
+            points of the curve itself.
     """
 
     points: Array
     spacing_m: float
     radius_m: float
     start_m: float = 0.0
+    off_m: float = 0.0
 
     @property
     def pieces(self) -> int:
@@ -53,15 +57,25 @@ class Body:
         return len(self.points) - 1
 
     def part(self, from_m: float, to_m: float) -> Body:
-        """The part between two arc lengths from the base [m], extended to whole pieces; at least one."""
-        first = int(np.floor((from_m - self.start_m) / self.spacing_m))
-        last = int(np.ceil((to_m - self.start_m) / self.spacing_m))
-        first = min(max(first, 0), self.pieces - 1)
-        last = min(max(last, first + 1), self.pieces)
-        if first == 0 and last == self.pieces:
+        """The part between two arc lengths from the base [m].
+
+        Its ends move evenly with the arc lengths. Its points are on the polyline of this body, from which
+        the curve is at most the allowance of a piece away.
+        """
+        begin, end = ((each - self.start_m) / self.spacing_m for each in (from_m, to_m))
+        begin = min(max(begin, 0.0), float(self.pieces))
+        end = min(max(end, begin), float(self.pieces))
+        if begin == 0.0 and end == self.pieces:
             return self
-        begin = self.start_m + first * self.spacing_m
-        return Body(self.points[first : last + 1], self.spacing_m, self.radius_m, begin)
+        pieces = max(math.ceil(end - begin), 1)
+        at = begin + (end - begin) / pieces * np.arange(pieces + 1)
+        before = np.minimum(at.astype(int), self.pieces - 1)
+        share = (at - before)[:, None]
+        points = (1.0 - share) * self.points[before] + share * self.points[before + 1]
+        steps = np.arange(self.pieces)
+        off_m = self.off_m + float(np.max(self.allowance(steps, steps + 1)))
+        spacing_m = (end - begin) / pieces * self.spacing_m
+        return Body(points, spacing_m, self.radius_m, self.start_m + begin * self.spacing_m, off_m)
 
     def allowance(self, first: Indices, last: Indices) -> Array:
         """Greatest distance of the curve between samples ``first`` and ``last`` from their chord [m]."""

@@ -54,12 +54,15 @@ def between_bodies(a: Body, b: Body, enough_m: float = math.inf) -> Distance:
     kernel = load("clearance")
     if kernel is None:
         return numpy_between_bodies(a, b, enough_m)
-    radii = a.radius_m + b.radius_m
+    radii, off_m = a.radius_m + b.radius_m, a.off_m + b.off_m
     lower, upper, at, other_at = kernel.between(
-        a.points, a.spacing_m, b.points, b.spacing_m, enough_m + radii
+        a.points, a.spacing_m, b.points, b.spacing_m, enough_m + radii + off_m
     )
     return Distance(
-        lower - radii, upper - radii, a.start_m + at * a.spacing_m, b.start_m + other_at * b.spacing_m
+        lower - radii - off_m,
+        upper - radii + off_m,
+        a.start_m + at * a.spacing_m,
+        b.start_m + other_at * b.spacing_m,
     )
 
 
@@ -72,7 +75,7 @@ def numpy_between_bodies(a: Body, b: Body, enough_m: float = math.inf) -> Distan
     while True:
         p, q = a.points[a0], b.points[b0]
         centre = segment_distance(p, a.points[a1] - p, q, b.points[b1] - q) - radii
-        slack = a.allowance(a0, a1) + b.allowance(b0, b1)
+        slack = a.allowance(a0, a1) + b.allowance(b0, b1) + a.off_m + b.off_m
         lower = centre - slack
         # The curve passes within the allowance of every point of its chord.
         best = min(best, float(np.min(centre + slack)))
@@ -103,14 +106,17 @@ def to_obstacle(body: Body, obstacle: Obstacle, enough_m: float = math.inf) -> D
     kernel = load("clearance")
     if kernel is None:
         return numpy_to_obstacle(body, obstacle, enough_m)
+    radius_m, off_m = body.radius_m, body.off_m
     lower, upper, at, _ = kernel.to_obstacle(
-        body.points, body.spacing_m, obstacle.packed, enough_m + body.radius_m
+        body.points, body.spacing_m, obstacle.packed, enough_m + radius_m + off_m
     )
-    return Distance(lower - body.radius_m, upper - body.radius_m, body.start_m + at * body.spacing_m)
+    at_m = body.start_m + at * body.spacing_m
+    return Distance(lower - radius_m - off_m, upper - radius_m + off_m, at_m)
 
 
 def numpy_to_obstacle(body: Body, obstacle: Obstacle, enough_m: float = math.inf) -> Distance:
     """Twin of `to_obstacle`."""
+    enough_m += body.off_m
     values = obstacle.signed_distance(body.points) - body.radius_m
     first, last = np.array([0]), np.array([body.pieces])
     best = float(np.min(values))
@@ -132,7 +138,7 @@ def numpy_to_obstacle(body: Body, obstacle: Obstacle, enough_m: float = math.inf
         least = float(lower.min())
     nearest = int(lower.argmin())
     at_m = body.start_m + 0.5 * float(first[nearest] + last[nearest]) * body.spacing_m
-    return Distance(least, best, at_m)
+    return Distance(least - body.off_m, best + body.off_m, at_m)
 
 
 def _halved(

@@ -240,6 +240,9 @@ def complete(seen: Seen) -> Iterator[str]:
                 return
 
 
+_FOLLOWING = (Mode.APPROACH, Mode.RUN, Mode.HOLD)
+
+
 def controllable(seen: Seen) -> Iterator[str]:
     """With the faults over, clear and resume bring every robot back; then the run ends by itself."""
     if seen.case.dies_at is not None:
@@ -257,11 +260,12 @@ def controllable(seen: Seen) -> Iterator[str]:
         state = record.robots[robot]
         if before.robots[robot].mode == Mode.STOPPING:
             continue  # a stop that was ordered is not resumed; it ends in OFF
-        if _forbidden(seen, record, robot) and any(
+        came_back = before.robots[robot].mode in _FOLLOWING or any(
             r.robots[robot].mode == Mode.ARMING for r in seen.records if resumed <= r.tick < finish
-        ):
+        )
+        if _forbidden(seen, record, robot) and came_back:
             continue  # it did come back; a way that rope or clearance forbid is forbidden again, until moved
-        if state.mode not in (Mode.APPROACH, Mode.RUN, Mode.HOLD, Mode.STOPPING):
+        if state.mode not in (*_FOLLOWING, Mode.STOPPING):
             yield f"{config.name}: {Mode(state.mode).name} (fault {state.fault}) after clear and resume"
 
 
