@@ -105,8 +105,10 @@ def await_node(operator: FleetOperator, node: str) -> None:
     settled_s = time.monotonic() + SETTLE_S
     while operator.unlinked() and time.monotonic() < settled_s:
         time.sleep(POLL_S)
-    # Answered by every linked session; tokens that were reported so far may be those of the fastest.
-    count = len({*operator.net.tokens(operator.keys.alive(node, "*"), SETTLE_S)})
+    # Tokens that were reported so far may be those of the fastest link; a router that has just come up
+    # may answer without those that it has already reported.
+    asked = operator.net.tokens(operator.keys.alive(node, "*"), SETTLE_S)
+    count = len(operator.tokens(node) | {*asked})
     if not count:
         there = ", ".join(sorted(operator.nodes())) or "none"
         raise FleetError(f"no node {node!r} in this fleet; there are: {there}")

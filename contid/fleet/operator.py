@@ -85,6 +85,11 @@ class FleetOperator:
                 counts[found[0]] = counts.get(found[0], 0) + 1
         return counts
 
+    def tokens(self, node: str) -> set[str]:
+        """Keys of the tokens of a node that were reported, one per bridge."""
+        found = ((key, self.keys.alive_node(key)) for key, alive in tuple(self._tokens.items()) if alive)
+        return {key for key, place in found if place is not None and place[0] == node}
+
     def ask(self, node: str, verb: str, fields: Mapping[str, Any], timeout_s: float) -> Fields | None:
         """The whole response of one node, None without one in time."""
         answers: queue.SimpleQueue[Fields | None] = queue.SimpleQueue()

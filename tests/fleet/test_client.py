@@ -14,7 +14,7 @@ import pytest
 
 from contid.client import AsyncClient, Client, ConnectionLostError, RemoteError
 from contid.errors import ContidError
-from contid.fleet.fleet_address import FleetAddress, OperatorAddress
+from contid.fleet.fleet_address import FleetAddress, OperatorAddress, await_node
 from contid.fleet.net import FleetError
 from contid.fleet.operator import FleetOperator
 from contid.remote.client.servo import ServoState
@@ -235,3 +235,17 @@ def test_set_points_under_way_end_with_a_stop_and_report_refusals(lab: Fleet) ->
             robot.servo(100, stopped)
         assert error.value.code in ("stopped", "refused", "no-lease", "lease-held")
         assert states(local) == {"HOLD"}
+
+
+def test_a_node_that_was_reported_is_there_when_a_query_does_not_find_it(
+    lab: Fleet, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """A router that has just come up may answer a query without the tokens that it has reported."""
+    with FleetOperator(lab.bridge.operator()) as operator:
+        until(lambda: "hand1" in operator.nodes(), "hand1 is reported")
+        monkeypatch.setattr(operator.net, "tokens", lambda key, timeout_s: [])
+        await_node(operator, "hand1")
+        key = next(iter(operator.tokens("hand1")))
+        monkeypatch.setattr(operator.net, "tokens", lambda asked, timeout_s: [f"{key}x"])
+        with pytest.raises(FleetError, match="2 nodes have the name 'hand1'"):
+            await_node(operator, "hand1")
