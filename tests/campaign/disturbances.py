@@ -37,7 +37,8 @@ import psutil
 
 from contid.control.process.ring import folder as ring_folder
 from contid.errors import ContidError
-from tests.campaign.disturbed_daemon import PLANTS, Case, NotStartedError
+from tests.campaign.disturbed_daemon import PLANTS, Case
+from tests.campaign.wired.daemon import NotStartedError
 from tests.campaign.wired.wires import Wires
 from tests.support import cpu_quota
 

@@ -21,6 +21,7 @@ from contid.remote.protocol.socket_path import is_listening
 from contid.robot_file.shipped import configs_folder
 from contid.session.check import check_session
 from contid.session.read import Session
+from tests.campaign.wired.daemon import NotStartedError
 from tests.campaign.wired.lab_file import LONG_TIMEOUTS, TOLERANCE_TICKS, robot_file
 from tests.campaign.wired.wires import Wires
 from tests.support.waiting import until
@@ -46,10 +47,6 @@ def chain_file(folder: Path) -> Path:
 
 
 PLANTS: Final[dict[str, Callable[[Path], Path]]] = {"lab": robot_file, "chain": chain_file}
-
-
-class NotStartedError(Exception):
-    """A daemon did not come to hold its robots."""
 
 
 class Case:

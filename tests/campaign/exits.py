@@ -212,11 +212,7 @@ class Exits:
             family += family[0].children(recursive=True)
             begin_s = time.monotonic()
             self.process.send_signal(signal.SIGTERM)
-            alive = family
-            while alive and time.monotonic() < begin_s + 10.0:
-                self.process.poll()
-                alive = [each for each in alive if _alive(each)]
-                time.sleep(0.002)
+            alive = left_alive(self.process, family, begin_s + 10.0)
             seconds = time.monotonic() - begin_s
             left = Leaving(name, seconds, self.process.wait(5.0), self._stderr())
             left.left += [f"process {each.pid}" for each in alive]
@@ -267,6 +263,18 @@ class Exits:
 
     def _stderr(self) -> str:
         return (self.folder / "stderr").read_text(errors="replace")
+
+
+def left_alive(
+    process: subprocess.Popen[bytes], family: list[psutil.Process], until_s: float
+) -> list[psutil.Process]:
+    """Those of a family of processes that have not ended at a time of the monotonic clock; waits for it."""
+    alive = family
+    while alive and time.monotonic() < until_s:
+        process.poll()
+        alive = [each for each in alive if _alive(each)]
+        time.sleep(0.002)
+    return alive
 
 
 def _alive(process: psutil.Process) -> bool:

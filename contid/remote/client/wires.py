@@ -58,7 +58,7 @@ def address_of(given: object) -> Address | None:
         ContidError: it begins like an address and is none.
     """
     if given is None or not isinstance(given, str | Path):
-        return given  # type: ignore[return-value]
+        return given  # type: ignore[return-value]  # an address, or None
     text = str(given)
     for begin, module in SCHEMES.items():
         if text.startswith(begin):

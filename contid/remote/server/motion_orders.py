@@ -5,20 +5,15 @@ from __future__ import annotations
 import asyncio
 import logging
 import time
-from collections.abc import Callable, Mapping
-from typing import Any
 
-from contid.control.daemon.interfaces import RunControl
 from contid.control.engine.events import OrderRefused
 from contid.control.engine.messages import ClearFault, Grip, Hold, Recover, Resume
 from contid.control.tick.supervisor import Mode
 from contid.remote.protocol.wire import Code, Fields, RemoteError, RequestFields
-from contid.remote.server.lease import MAX_TIMEOUT_S, MIN_TIMEOUT_S, TIMEOUT_S, Lease, client_label
-from contid.remote.server.moves import Moves
-from contid.remote.server.order_results import OrderResults
-from contid.remote.server.pending_orders import CONFIRM_TIMEOUT_S, PendingOrders
+from contid.remote.server.lease import MAX_TIMEOUT_S, MIN_TIMEOUT_S, TIMEOUT_S, client_label
+from contid.remote.server.pending_orders import CONFIRM_TIMEOUT_S
 from contid.remote.server.query_handler import Caller, Verb
-from contid.remote.server.telemetry_view import TelemetryView
+from contid.remote.server.served_run import ServedRun
 
 log = logging.getLogger(__name__)
 
@@ -26,23 +21,8 @@ log = logging.getLogger(__name__)
 class MotionOrders:
     """The verbs of the lease, of arming and of moves."""
 
-    def __init__(
-        self,
-        control: RunControl,
-        view: TelemetryView,
-        pending: PendingOrders,
-        moves: Moves,
-        lease: Lease,
-        notify: Callable[[int, Mapping[str, Any]], None],
-    ) -> None:
-        """Move the robots of a run; ``notify`` sends a notice to a client by number."""
-        self._control = control
-        self._view = view
-        self._pending = pending
-        self._moves = moves
-        self._lease = lease
-        self._notify = notify
-        self._results = OrderResults(control, view, pending)
+    def __init__(self, run: ServedRun) -> None:
+        self._run = run
         self._refusals: dict[str, str] = {}
 
     @property
@@ -62,60 +42,60 @@ class MotionOrders:
         timeout_s = request.number("timeout_s", TIMEOUT_S, MIN_TIMEOUT_S, MAX_TIMEOUT_S)
         takeover, unless_stopped = request.flag("takeover"), request.flag("unless_stopped")
         request.end()
-        before = self._lease.acquire(
+        before = self._run.lease.acquire(
             caller.number, caller.name, time.monotonic(), timeout_s, takeover, caller.by, unless_stopped
         )
         if before is not None:
             message = f"{client_label(caller.name, caller.by)} took over"
             if before.client == 0:
-                self._control.detach_input()
+                self._run.control.detach_input()
             else:
-                self._control.send(Hold())
-                self._notify(before.client, {"event": "lease-lost", "message": message})
-            self._moves.abort_streams(message)
+                self._run.control.send(Hold())
+                self._run.notify(before.client, {"event": "lease-lost", "message": message})
+            self._run.moves.abort_streams(message)
             log.warning("%s from %r; holding", message, before.name)
         return {"timeout_s": timeout_s, "from": None if before is None else before.name}
 
     async def _release(self, caller: Caller, request: RequestFields) -> Fields:
         request.end()
-        if self._moves.streaming(caller.number):
-            self._control.send(Hold())
-            self._moves.abort_streams("the lease was released")
-        return {"released": self._lease.release(caller.number)}
+        if self._run.moves.streaming(caller.number):
+            self._run.control.send(Hold())
+            self._run.moves.abort_streams("the lease was released")
+        return {"released": self._run.lease.release(caller.number)}
 
     async def _resume(self, caller: Caller, request: RequestFields) -> Fields:
-        robots, after_stop = self._view.named(request), request.flag("after_stop")
+        robots, after_stop = self._run.view.named(request), request.flag("after_stop")
         request.end()
-        self._lease.allow(caller.number, time.monotonic(), after_stop)
-        faults = self._view.faults(self._control.newest(), robots)
+        self._run.lease.allow(caller.number, time.monotonic(), after_stop)
+        faults = self._run.view.faults(self._run.control.newest(), robots)
         # A robot that is named must not be in FAULT; without names, one robot that can resume is enough.
-        if faults and (robots is not None or len(faults) == len(self._view.configs)):
+        if faults and (robots is not None or len(faults) == len(self._run.view.configs)):
             found = "; ".join(
                 f"{name}: fault {f['number']} {f['name']}, {f['what']}" for name, f in faults.items()
             )
             raise RemoteError(Code.FAULT, f"{found}; clear-fault first", faults)
-        return await self._results.confirmed(self._pending.send([Resume(robots)]), robots)
+        return await self._run.confirmed(self._run.pending.send([Resume(robots)]), robots)
 
     async def _recover(self, caller: Caller, request: RequestFields) -> Fields:
-        robots, after_stop = self._view.named(request), request.flag("after_stop")
+        robots, after_stop = self._run.view.named(request), request.flag("after_stop")
         request.end()
-        self._lease.allow(caller.number, time.monotonic(), after_stop)
-        return await self._results.confirmed(self._pending.send([Recover(robots)]), robots)
+        self._run.lease.allow(caller.number, time.monotonic(), after_stop)
+        return await self._run.confirmed(self._run.pending.send([Recover(robots)]), robots)
 
     async def _clear_fault(self, caller: Caller, request: RequestFields) -> Fields:
-        robots = self._view.named(request)
+        robots = self._run.view.named(request)
         request.end()
-        self._lease.check_free(caller.number, time.monotonic())
-        faulty = tuple(self._view.faults(self._control.newest(), robots))
+        self._run.lease.check_free(caller.number, time.monotonic())
+        faulty = tuple(self._run.view.faults(self._run.control.newest(), robots))
         for name in faulty:
             self._refusals.pop(name, None)
         if faulty:
-            await self._pending.confirmed(self._pending.send([ClearFault(faulty)]))
+            await self._run.pending.confirmed(self._run.pending.send([ClearFault(faulty)]))
         left = set(faulty)
         deadline_s = time.monotonic() + CONFIRM_TIMEOUT_S
         while left and time.monotonic() < deadline_s:
-            record = self._control.newest()
-            left = {name for name in left if self._view.mode(name, record) is Mode.FAULT}
+            record = self._run.control.newest()
+            left = {name for name in left if self._run.view.mode(name, record) is Mode.FAULT}
             if left and left <= self._refusals.keys():
                 break
             await asyncio.sleep(0.02)
@@ -124,9 +104,9 @@ class MotionOrders:
                 self._refusals.get(name, f"{name}: not cleared, its devices have not answered")
                 for name in left
             )
-            faults = self._view.faults(self._control.newest(), tuple(sorted(left)))
+            faults = self._run.view.faults(self._run.control.newest(), tuple(sorted(left)))
             raise RemoteError(Code.FAULT, message, faults)
-        return {"cleared": sorted(faulty), "robots": self._results.states(robots)}
+        return {"cleared": sorted(faulty), "robots": self._run.states(robots)}
 
     async def _move(self, caller: Caller, request: RequestFields) -> Fields:
         target, columns = request.mapping("target"), request.names("columns")
@@ -134,37 +114,37 @@ class MotionOrders:
         if (target is None) == (columns is None):
             message = "move takes a target (a point) or columns (a stream of rows), one of them"
             raise RemoteError(Code.BAD_REQUEST, message)
-        held = self._lease.held_by(caller.number)
-        self._lease.require(caller.number, caller.name, time.monotonic(), caller.by)
+        held = self._run.lease.held_by(caller.number)
+        self._run.lease.require(caller.number, caller.name, time.monotonic(), caller.by)
         try:
             if target is not None:
-                return await self._moves.point(caller.number, target, caller.notify)
-            return await self._moves.begin(caller.number, columns or (), caller.notify)
+                return await self._run.moves.point(caller.number, target, caller.notify)
+            return await self._run.moves.begin(caller.number, columns or (), caller.notify)
         except RemoteError:
             if not held:
-                self._lease.release(caller.number)
+                self._run.lease.release(caller.number)
             raise
 
     async def _grip(self, caller: Caller, request: RequestFields) -> Fields:
-        robots, share = self._view.named(request), request.number("share", -1.0, 0.0, 1.0)
+        robots, share = self._run.view.named(request), request.number("share", -1.0, 0.0, 1.0)
         request.end()
-        self._lease.check_free(caller.number, time.monotonic())
+        self._run.lease.check_free(caller.number, time.monotonic())
         return {
-            **await self._results.confirmed(self._pending.send([Grip(share, robots)]), robots),
+            **await self._run.confirmed(self._run.pending.send([Grip(share, robots)]), robots),
             "share": share,
         }
 
     async def _rows(self, caller: Caller, request: RequestFields) -> Fields:
         number, rows = int(request.number("move", 0, 0, 1e15)), request.rows("rows")
         request.end()
-        return self._moves.rows(caller.number, number, rows)
+        return self._run.moves.rows(caller.number, number, rows)
 
     async def _end(self, caller: Caller, request: RequestFields) -> Fields:
         number, hold = int(request.number("move", 0, 0, 1e15)), request.flag("hold_at_start")
         request.end()
-        return await self._moves.end(caller.number, number, hold)
+        return await self._run.moves.end(caller.number, number, hold)
 
     async def _start(self, caller: Caller, request: RequestFields) -> Fields:
         number, at_s = int(request.number("move", 0, 0, 1e15)), request.number("at_s", -1.0, -1.0, 1e12)
         request.end()
-        return await self._moves.start(caller.number, number, None if at_s < 0.0 else at_s)
+        return await self._run.moves.start(caller.number, number, None if at_s < 0.0 else at_s)

@@ -31,6 +31,7 @@ from contid.remote.server.moves import Moves
 from contid.remote.server.pending_orders import PendingOrders
 from contid.remote.server.query_handler import Caller, QueryHandler, Verb
 from contid.remote.server.recordings import RunRecordings
+from contid.remote.server.served_run import ServedRun
 from contid.remote.server.stop_orders import StopOrders
 from contid.remote.server.telemetry_view import TelemetryView
 from contid.remote.server.trackers import Trackers
@@ -73,9 +74,9 @@ class RequestHandler:
         self.moves = Moves(control, self.view, self.pending)
         self.trackers = Trackers(control, self.view)
         self.lease = Lease(time.monotonic(), control.input_active)
-        run = control, self.view, self.pending, self.moves, self.lease, notify
-        self.stops = StopOrders(*run)
-        self._motions = MotionOrders(*run)
+        run = ServedRun(control, self.view, self.pending, self.moves, self.lease, notify)
+        self.stops = StopOrders(run)
+        self._motions = MotionOrders(run)
         self._lateness = LatenessHistogram(control)
         self.queries = QueryHandler(control, self.view, self.lease, self.trackers, clients, self._lateness)
         self.queries.recordings = recordings

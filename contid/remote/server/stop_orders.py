@@ -3,41 +3,21 @@
 from __future__ import annotations
 
 import asyncio
-from collections.abc import Callable, Mapping
-from typing import Any
 
-from contid.control.daemon.interfaces import RunControl
 from contid.control.engine.messages import Estop, Hold, Message, Stop
 from contid.remote.protocol.estop_line import ESTOP
 from contid.remote.protocol.wire import Fields, RemoteError, RequestFields, decode
-from contid.remote.server.lease import Lease, client_label
-from contid.remote.server.moves import Moves
-from contid.remote.server.order_results import OrderResults
-from contid.remote.server.pending_orders import OrderResult, PendingOrders
+from contid.remote.server.lease import client_label
+from contid.remote.server.pending_orders import OrderResult
 from contid.remote.server.query_handler import Caller, Verb
-from contid.remote.server.telemetry_view import TelemetryView
+from contid.remote.server.served_run import ServedRun
 
 
 class StopOrders:
     """The verbs ``hold``, ``stop`` and ``estop``, and stops without a response."""
 
-    def __init__(
-        self,
-        control: RunControl,
-        view: TelemetryView,
-        pending: PendingOrders,
-        moves: Moves,
-        lease: Lease,
-        notify: Callable[[int, Mapping[str, Any]], None],
-    ) -> None:
-        """Stop the robots of a run; ``notify`` sends a notice to a client by number."""
-        self._control = control
-        self._view = view
-        self._pending = pending
-        self._moves = moves
-        self._lease = lease
-        self._notify = notify
-        self._results = OrderResults(control, view, pending)
+    def __init__(self, run: ServedRun) -> None:
+        self._run = run
         self._ended = False
 
     @property
@@ -46,13 +26,13 @@ class StopOrders:
         return {"hold": self._hold, "stop": self._stop, "estop": self._estop}
 
     async def _hold(self, caller: Caller, request: RequestFields) -> Fields:
-        robots = self._view.named(request)
+        robots = self._run.view.named(request)
         request.end()
         return await self._halt(caller, "hold", robots, Hold(robots))
 
     async def _estop(self, caller: Caller, request: RequestFields) -> Fields:
         try:
-            robots = self._view.named(request)
+            robots = self._run.view.named(request)
             request.end()
         except RemoteError as error:
             raise await self.obey_malformed_estop(caller, error) from None
@@ -67,7 +47,7 @@ class StopOrders:
         try:
             fields = decode(line)
             request = RequestFields(fields)
-            robots = self._view.named(request) if fields.get("verb") == ESTOP else None
+            robots = self._run.view.named(request) if fields.get("verb") == ESTOP else None
             request.end()
         except RemoteError:
             robots = None
@@ -79,26 +59,28 @@ class StopOrders:
         return RemoteError(error.code, f"{error}; all robots were stopped")
 
     async def _stop(self, caller: Caller, request: RequestFields) -> Fields:
-        robots, ends = self._view.named(request), request.flag("end")
+        robots, ends = self._run.view.named(request), request.flag("end")
         request.end()
         if ends and not self._ended:
             self._ended = True
-            self._control.interrupt()
+            self._run.control.interrupt()
         return await self._halt(caller, "stop", robots, Stop(robots))
 
     async def _halt(
         self, caller: Caller, verb: str, robots: tuple[str, ...] | None, order: Message
     ) -> Fields:
-        result = await self._results.confirmed(self._send_stop(caller, verb, order), robots)
-        silent = self._view.silent(robots, self._control.newest())
+        result = await self._run.confirmed(self._send_stop(caller, verb, order), robots)
+        silent = self._run.view.silent(robots, self._run.control.newest())
         return {**result, "silent": silent} if silent else result
 
     def _send_stop(self, caller: Caller, verb: str, order: Message) -> asyncio.Future[OrderResult]:
         """Send an order to stop at once; then the lease and the streams."""
-        future = self._pending.send([order])
+        future = self._run.pending.send([order])
         message = f"{client_label(caller.name, caller.by)} ({verb})"
-        holder = self._lease.stop(caller.number, message)
+        holder = self._run.lease.stop(caller.number, message)
         if holder is not None:
-            self._notify(holder.client, {"event": "lease-lost", "message": f"{message} stopped the robots"})
-        self._moves.abort_streams(message)
+            self._run.notify(
+                holder.client, {"event": "lease-lost", "message": f"{message} stopped the robots"}
+            )
+        self._run.moves.abort_streams(message)
         return future

@@ -21,7 +21,7 @@ from contid.client import Client, ConnectionLostError, RemoteError
 from contid.control.engine.events import OrderGiven, StopBegan
 from contid.remote.protocol.socket_path import is_listening
 from contid.session.read import Session
-from tests.campaign.exits import limit_s
+from tests.campaign.exits import left_alive, limit_s
 from tests.campaign.wired.checks import Injected, Tally, judge
 from tests.campaign.wired.lab_file import RATE_HZ, robot_file
 from tests.campaign.wired.wires import Wires
@@ -205,11 +205,7 @@ class WiredDaemon:
             time.sleep(0.05)
             begin_s = time.monotonic()
             self._process.send_signal(signal.SIGINT)
-        alive = family
-        while alive and time.monotonic() < begin_s + 15.0:
-            self._process.poll()
-            alive = [each for each in alive if _alive(each)]
-            time.sleep(0.002)
+        alive = left_alive(self._process, family, begin_s + 15.0)
         took_s = time.monotonic() - begin_s
         moved_s = 0.0 if twice else self._motion_s()
         what = "second Ctrl-C" if twice else "SIGTERM, without the motion of its stop"
@@ -237,10 +233,3 @@ class WiredDaemon:
     def _motion_s(self) -> float:
         events = Session(self._folder / "s.mcap").events()
         return max((e.seconds for e in events if isinstance(e, StopBegan)), default=0.0)
-
-
-def _alive(process: psutil.Process) -> bool:
-    try:
-        return bool(process.is_running() and process.status() != psutil.STATUS_ZOMBIE)
-    except psutil.NoSuchProcess:
-        return False

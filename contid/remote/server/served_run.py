@@ -1,0 +1,57 @@
+"""What every order of a client needs: the run, its robots, its moves and its lease, and how orders end."""
+
+from __future__ import annotations
+
+import asyncio
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass
+from typing import Any
+
+from contid.control.daemon.interfaces import RunControl
+from contid.remote.protocol.wire import Code, Fields, RemoteError
+from contid.remote.server.lease import Lease
+from contid.remote.server.moves import Moves
+from contid.remote.server.pending_orders import OrderResult, PendingOrders
+from contid.remote.server.telemetry_view import TelemetryView
+
+
+@dataclass(frozen=True, slots=True)
+class ServedRun:
+    """A run that clients give orders to.
+
+    Attributes:
+        control: of the run.
+        view: its robots.
+        pending: orders that are not confirmed.
+        moves: in progress.
+        lease: of its motion.
+        notify: sends a notice to a client by number.
+    """
+
+    control: RunControl
+    view: TelemetryView
+    pending: PendingOrders
+    moves: Moves
+    lease: Lease
+    notify: Callable[[int, Mapping[str, Any]], None]
+
+    async def confirmed(self, future: asyncio.Future[OrderResult], robots: tuple[str, ...] | None) -> Fields:
+        """The result of an order: the tick that obeyed it, the states after it, and who refused it.
+
+        Raises:
+            RemoteError: every robot refused.
+        """
+        outcome = await self.pending.confirmed(future)
+        result: Fields = {"tick": outcome.tick, "robots": self.states(robots)}
+        if not outcome.refused:
+            return result
+        if outcome.refused.keys() >= result["robots"].keys() or "" in outcome.refused:
+            faults = self.view.faults(self.control.newest(), robots)
+            raise RemoteError(Code.REFUSED, "; ".join(outcome.refused.values()), faults)
+        return {**result, "refused": dict(outcome.refused)}
+
+    def states(self, robots: tuple[str, ...] | None) -> Fields:
+        """State by robot now."""
+        record = self.control.newest()
+        names = robots if robots is not None else tuple(self.view.configs)
+        return {name: self.view.mode(name, record).name for name in names}
