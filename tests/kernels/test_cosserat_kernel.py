@@ -9,7 +9,7 @@ import threading
 
 import numpy as np
 import pytest
-from hypothesis import given, settings
+from hypothesis import example, given, settings
 from hypothesis import strategies as st
 
 from contid.kernels import has_avx2, load
@@ -61,6 +61,7 @@ def test_forward(
 
 
 @settings(max_examples=20, deadline=None)
+@example(1, False, "a", [1.0, 1.0, 0.9375] + 9 * [0.0], 6e-8)
 @given(st.integers(1, 2), st.booleans(), st.sampled_from("abc"), PRESSURES, st.floats(0.0, 5.0))
 def test_inverse(sections: int, weighs: bool, mode: str, pressures: list[float], grams: float) -> None:
     """Reachable targets, started from near the pressures that reach them."""
@@ -81,6 +82,23 @@ def test_inverse(sections: int, weighs: bool, mode: str, pressures: list[float],
     assert a[4] == b[4]
     if given_mid is not None or not two:
         assert np.abs(np.array(a[0]) - b[0]).max() < 1e-6
+
+
+@settings(max_examples=20, deadline=None)
+@given(st.integers(1, 2), PRESSURES, st.floats(-15.0, -4.0))
+def test_next_to_no_load(sections: int, pressures: list[float], decade: float) -> None:
+    """Where rounding is more than parts of the load, the answer is that of no load."""
+    p = [0.1 + 0.8 * x for x in pressures[: 3 * sections]]
+    for engine in both(setup(sections, tolerance=1e-6)):
+        tip, _, mid, *_ = engine.forward(p, (0.0, 0.0, 0.0))
+        force = (0.0, 0.0, 10.0**decade * GRAM)
+        reached = engine.forward(p, force)
+        assert reached[3]
+        assert np.abs(np.array(reached[0]) - tip).max() < 100.0 * 10.0**decade + 1e-9
+        seed = [0.9 * x + 0.05 for x in p]
+        answer = engine.inverse(tip, mid if sections == 2 else None, None, force, seed)  # type: ignore[arg-type]
+        assert answer[2]
+        assert answer[4]
 
 
 def test_out_of_reach_ends_at_the_same_bounds() -> None:

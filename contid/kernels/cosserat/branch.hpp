@@ -13,9 +13,10 @@ constexpr int kCorrections = 8, kMaxElements = 48;
 constexpr double kContraction = 0.3;
 constexpr double kFirstStep = 0.25, kLeastStep = 1e-3, kNoStep = 1e-6, kOnTheWay = 1e-5, kRough = 1e-2, kNear = 0.02,
                  kSameFactor = 5e-3, kSamePose = 1e-4;
+constexpr double kLeastScale = 1e-4;  // of loads [N*mm]: parts of less than this are rounding
 
-// Moment of all loads at full length: what corrections of the base moment are compared with [N*mm].
-template <int K> double load_scale(const Rod<K>& rod, Vec tip_force) {
+// Moment of all loads at full length [N*mm].
+template <int K> double load_moment(const Rod<K>& rod, Vec tip_force) {
   double force = norm(tip_force);
   double moment = norm(rod.tip_moment);
   for (const Section& s : rod.sections) {
@@ -23,6 +24,11 @@ template <int K> double load_scale(const Rod<K>& rod, Vec tip_force) {
     moment += norm(s.end_moment);
   }
   return force * rod.reach + moment;
+}
+
+// What base moments are compared with [N*mm].
+template <int K> double load_scale(const Rod<K>& rod, Vec tip_force) {
+  return std::fmax(kLeastScale, load_moment<K>(rod, tip_force));
 }
 
 inline double statics_tolerance(double scale) { return std::fmax(kStatics, kRounding * scale); }
@@ -88,7 +94,7 @@ double follow(const Rod<K>& rod, const Station& from, const Station& to, int ele
 }
 
 // True when anything acts on the rod; without load every equilibrium is stable and the strains are constant.
-template <int K> bool loaded(const Rod<K>& rod, Vec tip_force) { return load_scale<K>(rod, tip_force) > 0.0; }
+template <int K> bool loaded(const Rod<K>& rod, Vec tip_force) { return load_moment<K>(rod, tip_force) > 0.0; }
 
 // The equilibrium that the arm reaches when pressures and loads grow together from zero; returns the part done.
 template <int K>

@@ -37,6 +37,8 @@ SAME_POSE = 1e-4
 #: Two critical factors that agree.
 SAME_FACTOR = 5e-3
 MAX_ELEMENTS = 48
+#: The least `load_scale` [N·mm]: parts of less than this are rounding.
+LEAST_SCALE = 1e-4
 
 
 @dataclass(frozen=True, slots=True)
@@ -63,7 +65,7 @@ class Followed:
 
 
 def load_scale(rod: Rod, loads: Loads) -> float:
-    """Moment of all loads at full length: what base moments are compared with [N·mm]."""
+    """What base moments are compared with [N·mm]: that of all loads at full length, or `LEAST_SCALE`."""
     total = float(np.linalg.norm(loads.tip_force)) * rod.reach + float(np.linalg.norm(loads.tip_moment))
     for i, section in enumerate(rod.sections):
         own = section.length * loads.weight.get(i, np.zeros(3))
@@ -71,7 +73,7 @@ def load_scale(rod: Rod, loads: Loads) -> float:
         total += float(np.linalg.norm(own)) * rod.reach
         total += float(np.linalg.norm(loads.joint_force.get(i, np.zeros(3)))) * rod.reach
         total += float(np.linalg.norm(loads.joint_moment.get(i, np.zeros(3))))
-    return total
+    return max(LEAST_SCALE, total)
 
 
 def statics_tolerance(scale: float) -> float:
