@@ -12,6 +12,7 @@ import numpy as np
 from contid.control.engine.wiring import chain_guards, clearance_guard, driven_robots
 from contid.control.tick.preflight import Preflight, Unreachable
 from contid.errors import ContidError
+from contid.panel.obstacles import obstacle_shape
 from contid.remote.protocol.wire import Fields
 from contid.robot_file.cosserat import Cosserat
 from contid.robot_file.load import LoadedFile, load_robot_file
@@ -76,14 +77,15 @@ class PanelGeometry:
         return found
 
     def describe(self) -> Fields:
-        """What does not change: per robot columns, sizes, reach; the floor."""
+        """What does not change: per robot columns, sizes, reach; floor and obstacles."""
         descriptions = driven_robots(self.loaded)
-        several = len(descriptions) > 1
+        several, workspace = len(descriptions) > 1, self.scene.workspace()
         return {
             "planar": self.scene.planar,
             "cell_mm": self.scene.cell_mm,
             "floor": [_line(line) for line in self.scene.floor()],
-            "bounds": [_line(np.array([f(self.scene.workspace(), axis=0) for f in (np.min, np.max)]))][0],
+            "bounds": _line(np.array([workspace.min(axis=0), workspace.max(axis=0)])),
+            "obstacles": [obstacle_shape(each, workspace) for each in self.scene.obstacles.values()],
             "robots": {
                 robot.config.name: self._robot(robot, descriptions[robot.config.name], several)
                 for robot in self.scene.robots

@@ -11,7 +11,7 @@ import numpy as np
 
 from contid.control.engine.wiring import build_robot_configs, chain_guards
 from contid.kinematics.rope.chain import ChainGuard, Tip
-from contid.robot_file.clearance import ObstacleDescription
+from contid.robot_file.clearance import ObstacleDescription, PlaneDescription
 from contid.robot_file.load import LoadedFile
 from contid.units import MM_PER_M
 from contid.view.body import SolidBody
@@ -22,6 +22,8 @@ POINTS: Final = 33
 #: Allowed distances between the lines of the floor [mm], and how many cells the robots may span.
 CELLS_MM: Final = (5.0, 10.0, 20.0, 50.0, 100.0, 200.0, 500.0)
 MAX_CELLS: Final = 20
+#: Cells of the grid that stands for a plane, along each side.
+PLANE_CELLS: Final = 10
 
 
 @dataclass(frozen=True)
@@ -98,3 +100,19 @@ def build_scene(loaded: LoadedFile, rate_hz: float) -> Scene:
     cell_mm = next((cell for cell in CELLS_MM if cell * MAX_CELLS >= size_mm), math.ceil(size_mm / MAX_CELLS))
     clearance = loaded.file.clearance
     return Scene(robots, bodies, ropes, cell_mm, {} if clearance is None else clearance.obstacles)
+
+
+def plane_grid(plane: PlaneDescription, workspace: Array) -> list[Array]:
+    """Lines of a grid on a plane, below or beside the workspace, each (2, 3) [mm]."""
+    normal = np.array(plane.normal) / np.linalg.norm(plane.normal)
+    middle = 0.5 * (workspace.min(axis=0) + workspace.max(axis=0))
+    middle = middle - normal * float((middle - np.array(plane.point_mm)) @ normal)
+    reach = 0.5 * float(np.ptp(workspace, axis=0).max())
+    across = np.cross(normal, np.eye(3)[int(np.argmin(np.abs(normal)))])
+    across /= np.linalg.norm(across)
+    up = np.cross(normal, across)
+    lines = []
+    for share in np.linspace(-reach, reach, PLANE_CELLS + 1):
+        lines.append(np.array([middle + share * across - reach * up, middle + share * across + reach * up]))
+        lines.append(np.array([middle + share * up - reach * across, middle + share * up + reach * across]))
+    return lines

@@ -11,10 +11,9 @@ from scipy.spatial.transform import Rotation
 from contid.robot_file.clearance import PlaneDescription
 from contid.robot_file.load import load_robot_file
 from contid.view.body import quaternion_of
-from contid.view.scene import build_scene
+from contid.view.scene import PLANE_CELLS, build_scene, plane_grid
 from contid.view.shapes.compliance import scale_force_n
 from contid.view.shapes.load_arrow import mm_per_newton
-from contid.view.shapes.obstacles import CELLS, plane_grid
 from tests.support.command import contid
 from tests.support.rerun_entities import entities
 
@@ -43,7 +42,7 @@ def test_the_grid_of_a_plane_is_on_it_and_beside_the_workspace(normal: tuple[flo
     workspace = np.random.default_rng(1).uniform(-100.0, 100.0, (50, 3))
     plane = PlaneDescription(point_mm=(10.0, 20.0, -300.0), normal=normal)
     lines = plane_grid(plane, workspace)
-    assert len(lines) == 2 * (CELLS + 1)
+    assert len(lines) == 2 * (PLANE_CELLS + 1)
     away = (np.vstack(lines) - plane.point_mm) @ normal / np.linalg.norm(normal)
     assert np.abs(away).max() < 1e-9
     middle = 0.5 * (workspace.min(axis=0) + workspace.max(axis=0))

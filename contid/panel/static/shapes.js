@@ -75,8 +75,18 @@ export class Mesh {
     for (const [x, y, z] of [[0, 2, 4], [2, 1, 4], [1, 3, 4], [3, 0, 4], [2, 0, 5], [1, 2, 5], [3, 1, 5], [0, 3, 5]]) this.indices.push(first + x, first + y, first + z);
   }
 
-  /** A ball of radius 1 around the origin. */
-  ball(sides = 20) {
+  /** A box: its center and its three half edges. */
+  box(center, edges) {
+    for (const [i, j, k] of [[0, 1, 2], [1, 2, 0], [2, 0, 1]]) for (const way of [1, -1]) {
+      const first = this.vertices.length / 6;
+      const n = unit(edges[i].map((v) => v * way));
+      for (const [a, b] of [[-1, -1], [1, -1], [1, 1], [-1, 1]]) this.vertices.push(...add(add(add(center, edges[i], way), edges[j], a), edges[k], b), ...n);
+      this.indices.push(first, first + 1, first + 2, first, first + 2, first + 3);
+    }
+  }
+
+  /** A ball. */
+  ball(center = [0, 0, 0], radius = 1, sides = 20) {
     const poles = [];
     for (let k = 0; k <= sides / 2; k++) poles.push([0, 0, -Math.cos((2 * Math.PI * k) / sides)]);
     const first = this.vertices.length / 6;
@@ -84,7 +94,7 @@ export class Mesh {
       const r = Math.sqrt(Math.max(1 - z * z, 0));
       for (let i = 0; i < sides; i++) {
         const n = [r * Math.cos((2 * Math.PI * i) / sides), r * Math.sin((2 * Math.PI * i) / sides), z];
-        this.vertices.push(...n, ...n);
+        this.vertices.push(...add(center, n, radius), ...n);
       }
     }
     for (let k = 0; k + 1 < poles.length; k++) for (let i = 0; i < sides; i++) {

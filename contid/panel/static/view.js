@@ -12,6 +12,7 @@ export const SLOW_MS = 250; // between images without a graphics card
 const BODY = [[0.23, 0.51, 0.96, 1], [0.96, 0.62, 0.04, 1], [0.06, 0.72, 0.51, 1], [0.93, 0.28, 0.6, 1]];
 const DARK = [0.2, 0.23, 0.28, 1];
 const ROPE = [0.62, 0.45, 0.28, 1];
+const OBSTACLE = [0.59, 0.44, 0.38, 1];
 
 export class View {
   constructor(link, jog) {
@@ -54,6 +55,14 @@ export class View {
     const floor = new Mesh();
     for (const line of drawing.floor) floor.tube(line, this.size * 0.0011, 4);
     this.fixed.floor = this.renderer.mesh(...floor.arrays);
+    this.obstacles = drawing.obstacles.map((shape) => {
+      const solid = new Mesh(), plane = new Mesh();
+      for (const [center, radius] of shape.balls ?? []) solid.ball(center, radius);
+      for (const [start, end, radius] of shape.tubes ?? []) solid.tube([start, end], radius, 20);
+      for (const [center, edges] of shape.boxes ?? []) solid.box(center, edges);
+      for (const line of shape.lines ?? []) plane.tube(line, this.size * 0.0011, 4);
+      return [this.renderer.mesh(...solid.arrays), this.renderer.mesh(...plane.arrays)];
+    });
     Object.entries(drawing.robots).forEach(([name, robot], i) => {
       const reach = new Mesh();
       if (robot.reach_is_outline) reach.tube([...robot.reach, robot.reach[0]], this.size * 0.0014, 5);
@@ -178,6 +187,10 @@ export class View {
       renderer.draw(robot.meshes.second ?? null, dark ? [0.78, 0.81, 0.86, 1] : DARK);
       renderer.draw(robot.meshes.trail ?? null, [r, g, b, 0.85], { lit: 0 });
       renderer.draw(robot.reachMesh, [r, g, b, robot.reach_is_outline ? 0.7 : 0.4], { lit: 0 });
+    }
+    for (const [solid, plane] of this.obstacles) {
+      renderer.draw(solid, OBSTACLE);
+      renderer.draw(plane, [...OBSTACLE.slice(0, 3), 0.6], { lit: 0 });
     }
     renderer.draw(this.ropes ?? null, ROPE);
     renderer.draw(this.plan, [0.55, 0.36, 0.96, 0.9], { lit: 0 });

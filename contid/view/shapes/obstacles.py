@@ -12,7 +12,6 @@ from contid.robot_file.clearance import (
     BoxDescription,
     CapsuleDescription,
     ObstacleDescription,
-    PlaneDescription,
     SphereDescription,
 )
 from contid.view import paths
@@ -20,9 +19,8 @@ from contid.view.body import between, quaternion_of
 from contid.view.colours import OBSTACLE
 from contid.view.rerun_stream import RerunStream
 from contid.view.robot_scene import Array
+from contid.view.scene import plane_grid
 
-#: Cells of the grid that stands for a plane, along each side.
-CELLS: Final = 10
 _SOLID: Final = rr.components.FillMode.Solid
 
 
@@ -72,19 +70,3 @@ def _box(box: BoxDescription) -> rr.Boxes3D:
         centers=[box.center_mm], sizes=[box.size_mm], colors=[OBSTACLE], fill_mode=_SOLID,
         quaternions=[quaternion_of(rotation)],
     )  # fmt: skip
-
-
-def plane_grid(plane: PlaneDescription, workspace: Array) -> list[Array]:
-    """Lines of a grid on a plane, below or beside the workspace, each (2, 3) [mm]."""
-    normal = np.array(plane.normal) / np.linalg.norm(plane.normal)
-    middle = 0.5 * (workspace.min(axis=0) + workspace.max(axis=0))
-    middle = middle - normal * float((middle - np.array(plane.point_mm)) @ normal)
-    reach = 0.5 * float(np.ptp(workspace, axis=0).max())
-    across = np.cross(normal, np.eye(3)[int(np.argmin(np.abs(normal)))])
-    across /= np.linalg.norm(across)
-    up = np.cross(normal, across)
-    lines = []
-    for share in np.linspace(-reach, reach, CELLS + 1):
-        lines.append(np.array([middle + share * across - reach * up, middle + share * across + reach * up]))
-        lines.append(np.array([middle + share * up - reach * across, middle + share * up + reach * across]))
-    return lines
