@@ -114,6 +114,7 @@ class _RobotCheck:
     def forget(self) -> None:
         """Records are missing: nothing is compared with earlier ones."""
         self._before: RobotRecord | None = None
+        self._earlier: RobotRecord | None = None
         self._steps: Sequence[float] | None = None
         self._planned: deque[tuple[float, ...]] = deque(maxlen=4)
         self._beside = False
@@ -134,7 +135,7 @@ class _RobotCheck:
         if not sent:
             self._steps = None
             self._planned.clear()
-        self._before, self._sent = now, sent
+        self._earlier, self._before, self._sent = before, now, sent
 
     def _meant(self, event: OrderGiven) -> bool:
         robots = event.order.get("robots")
@@ -211,13 +212,19 @@ class _RobotCheck:
         return [d - 3.0 * c + 3.0 * b - a for a, b, c, d in zip(*self._planned, strict=True)]
 
     def _arming(self, before: RobotRecord, command: tuple[float, ...]) -> Iterator[tuple[str, str]]:
-        values = tuple([axis.value for axis in before.axes])
-        if any(map(math.isnan, values)):
+        # Arming began at the last measurement or at the one before it, from which noise may differ.
+        measured = [self._measured(each) for each in (before, self._earlier or before)]
+        if measured[0] is None:
             yield "arming", "the first command has no measurement before it"
             return
-        present = self._config.transmission.to_actuation(values)
-        for axis, new, old, travel, step in zip(
-            self._config.axes, command, present, self._travel, self._most[0], strict=True
+        for axis, new, travel, step, *olds in zip(
+            self._config.axes, command, self._travel, self._most[0], *filter(None, measured), strict=True
         ):
+            old = min(olds, key=lambda each: abs(new - each))
             if abs(new - old) > ARMING_SHARE * travel + step:
                 yield "arming", f"{axis} begins at {new:.6g}, measured {old:.6g}"
+
+    def _measured(self, record: RobotRecord) -> tuple[float, ...] | None:
+        """Actuation at the measurements of a record; None where one is missing."""
+        values = tuple([axis.value for axis in record.axes])
+        return None if any(map(math.isnan, values)) else self._config.transmission.to_actuation(values)

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import math
 from collections.abc import Callable, Iterator
 from dataclasses import replace
 from pathlib import Path
@@ -161,6 +162,23 @@ def test_every_rule_finds_what_breaks_it(
     run: Path, change: Callable[[Session, Entry], Entry | None], expected: set[str]
 ) -> None:
     assert rules(Changed(run, change)) == expected
+
+
+@pytest.mark.parametrize(("ago", "value", "expected"), [
+    (1, 0.3, set()), (2, 0.3, set()), (1, math.nan, {"arming"})
+])  # fmt: skip
+def test_arming_begins_at_one_of_the_last_two_measurements(
+    run: Path, ago: int, value: float, expected: set[str]
+) -> None:
+    """Noise moves the measurements between the one that arming begins at and the first command."""
+    session = Session(run)
+    records = (session.layout.decode(tuple(e.values)) for e in session.entries() if e.values is not None)
+    first = next(r.tick for r in records if not math.isnan(r.robots[0].axes[0].device))
+
+    def change(session: Session, values: list[float]) -> None:
+        values[session.layout.axis_place(0, 0, "value")] += value
+
+    assert rules(Changed(run, once(first - ago, change))) == expected
 
 
 def lagging(limited: bool) -> Callable[[Session, Entry], Entry]:
