@@ -84,7 +84,6 @@ void judge(const Rod<K>& rod, const double* pressures, Vec base_moment, Vec tip_
   for (int i = 0; i < 3; ++i) state.by.dmu[i][i] = 1.0;
   Vec N = base_force<K>(rod, tip_force, share);
   Mat before = identity(), mid_by_moment{};
-  const bool light = massless<K>(rod, share);
   bool first = true, regular = true;
   out.modes = 0;
   for (int i = 0; i < K; ++i) {
@@ -93,7 +92,7 @@ void judge(const Rod<K>& rod, const double* pressures, Vec base_moment, Vec tip_
     const Vec f = share * section.weight;
     const double h = section.length / elements;
     for (int k = 0; k < elements; ++k) {
-      step<C, 3, -1>(inflated, state, N, f, light, h);
+      step<C, -1>(inflated, state, N, f, h);
       N = N - h * f;
       const Mat turn = first_columns(state.by.turn);
       if (!first) out.modes += negative(turn * before);

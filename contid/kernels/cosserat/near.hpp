@@ -11,17 +11,16 @@ namespace contid {
 template <int K>
 bool tip_compliance(const Rod<K>& rod, const double* pressures, Vec base_moment, Vec tip_force, int elements,
                     Mat& out) {
-  constexpr int C = 6;
+  constexpr int C = padded(6);
   State<C> state{identity(), {0, 0, 0}, base_moment, {}};
   for (int i = 0; i < 3; ++i) state.by.dmu[i][i] = 1.0;
   Vec N = base_force<K>(rod, tip_force, 1.0);
-  const bool light = massless<K>(rod, 1.0);
   for (int i = 0; i < K; ++i) {
     const Section& section = rod.sections[i];
     const Inflated inflated = inflate(section, pressures + 3 * i);
     const double h = section.length / elements;
     for (int k = 0; k < elements; ++k) {
-      step<C, 3, -1, 3>(inflated, state, N, section.weight, light, h);
+      step<C, -1, 3>(inflated, state, N, section.weight, h);
       N = N - h * section.weight;
     }
     if (section.link > 0.0) {

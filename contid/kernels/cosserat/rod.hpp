@@ -5,6 +5,7 @@
 #pragma once
 
 #include <algorithm>
+#include <type_traits>
 
 #include "columns.hpp"
 
@@ -17,8 +18,8 @@ template <int C> struct State {
 };
 
 // One element of reference length h; element.step. N is the force at its start; A = 0: no columns.
-template <int A, int Base, int Own, int Force = -1, int C>
-inline void step(const Inflated& s, State<C>& state, Vec N, Vec f, bool massless, double h) {
+template <int A, int Own, int Force = -1, int C>
+inline void step(const Inflated& s, State<C>& state, Vec N, Vec f, double h) {
   const bool weighs = dot(f, f) > 0.0;
   constexpr bool Tangents = A > 0;
   Vec u[4], v[4], rate_mu[4];
@@ -26,6 +27,7 @@ inline void step(const Inflated& s, State<C>& state, Vec N, Vec f, bool massless
   Vec p = state.p, half_p = state.p, mu = state.mu;
   Columns<C> rate[Tangents ? 4 : 1], at;
   if constexpr (Tangents) at = state.by;
+  const std::conditional_t<(Own >= 0 && Tangents), OwnColumns<A, Own>, NoColumns> own(s);
   for (int i = 0; i < 4; ++i) {
     const double c = i == 0 ? 0.0 : i == 3 ? 1.0 : 0.5;
     if (i > 0) {
@@ -50,8 +52,7 @@ inline void step(const Inflated& s, State<C>& state, Vec N, Vec f, bool massless
     u[i] = {s.curvature_x + s.bend * m.x, s.curvature_y + s.bend * m.y, s.twist * m.z};
     v[i] = {s.shear * n.x, s.shear * n.y, 1.0 + s.strain + s.axial * n.z};
     if (weighs) rate_mu[i] = cross(f, p);
-    if constexpr (Tangents)
-      column_rates<A, Base, Own, Force>(s, R, p, at, u[i], v[i], force, M, f, weighs, massless, rate[i]);
+    if constexpr (Tangents) column_rates<A, Own, Force>(s, own, R, p, at, u[i], v[i], force, M, f, weighs, rate[i]);
   }
   const double k = h / 12.0;
   Mat turn;
@@ -70,7 +71,8 @@ inline void step(const Inflated& s, State<C>& state, Vec N, Vec f, bool massless
     const auto sum = [&](double (&to)[3][C], const double (&a)[3][C], const double (&b)[3][C], const double (&c)[3][C],
                          const double (&d)[3][C]) {
       for (int i = 0; i < 3; ++i)
-        for (int j = 0; j < A; ++j) to[i][j] += w * (a[i][j] + 2.0 * b[i][j] + 2.0 * c[i][j] + d[i][j]);
+        for (int j = 0; j < A; j += kLanes)
+          lanes(to[i][j]) += w * (lanes(a[i][j]) + 2.0 * lanes(b[i][j]) + 2.0 * lanes(c[i][j]) + lanes(d[i][j]));
     };
     sum(state.by.turn, rate[0].turn, rate[1].turn, rate[2].turn, rate[3].turn);
     sum(state.by.shift, rate[0].shift, rate[1].shift, rate[2].shift, rate[3].shift);
@@ -153,7 +155,7 @@ template <int K> bool massless(const Rod<K>& rod, double share) {
 
 // Section I and those above it; N is the force at its base.
 template <int K, bool Tangents, int I, int Base>
-inline void sections(const Rod<K>& rod, const double* pressures, double share, int elements, bool massless, Vec N,
+inline void sections(const Rod<K>& rod, const double* pressures, double share, int elements, Vec N,
                      Sweep<K, Base>& out) {
   constexpr int C = Sweep<K, Base>::C, Own = Base + 3 * I, A = Tangents ? padded(Own + 3) : 0;
   State<C>& state = out.tip;
@@ -162,7 +164,7 @@ inline void sections(const Rod<K>& rod, const double* pressures, double share, i
   const Vec f = share * section.weight;
   const double h = section.length / elements;
   for (int k = 0; k < elements; ++k) {
-    step<A, Base, Own>(inflated, state, N, f, massless, h);
+    step<A, Own>(inflated, state, N, f, h);
     N = N - h * f;
   }
   if constexpr (I == 0) {
@@ -180,7 +182,7 @@ inline void sections(const Rod<K>& rod, const double* pressures, double share, i
     link<A>(state, section.link, lf);
     N = N - section.link * lf;
   }
-  if constexpr (I + 1 < K) sections<K, Tangents, I + 1, Base>(rod, pressures, share, elements, massless, N, out);
+  if constexpr (I + 1 < K) sections<K, Tangents, I + 1, Base>(rod, pressures, share, elements, N, out);
 }
 
 // share scales the own weight, for continuation.
@@ -196,8 +198,7 @@ inline void sweep(const Rod<K>& rod, const double* pressures, Vec base_moment, V
     clear(state.by);
     for (int i = 0; i < Base; ++i) state.by.dmu[i][i] = 1.0;
   }
-  sections<K, Tangents, 0, Base>(rod, pressures, share, elements, massless<K>(rod, share),
-                                 base_force<K>(rod, tip_force, share), out);
+  sections<K, Tangents, 0, Base>(rod, pressures, share, elements, base_force<K>(rod, tip_force, share), out);
   out.moment = state.mu - cross(state.p, tip_force) - share * rod.tip_moment;
   if constexpr (Tangents) {
     for (int a = 0; a < 3; ++a)

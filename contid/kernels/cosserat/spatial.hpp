@@ -56,16 +56,6 @@ inline bool inverse(const Mat& a, Mat& out) {
 
 inline Mat hat(Vec a) { return {{{0, -a.z, a.y}, {a.z, 0, -a.x}, {-a.y, a.x, 0}}}; }
 
-// m hat(a): every row crossed with a.
-inline Mat times_hat(const Mat& m, Vec a) {
-  Mat out;
-  for (int i = 0; i < 3; ++i) {
-    const Vec row = cross({m.m[i][0], m.m[i][1], m.m[i][2]}, a);
-    out.m[i][0] = row.x, out.m[i][1] = row.y, out.m[i][2] = row.z;
-  }
-  return out;
-}
-
 // (1 - cos t)/t^2 and (t - sin t)/t^3 in powers of t^2; the remainder is below 1e-18 for t < 1.
 constexpr Series kVersine(2), kShift(3);
 

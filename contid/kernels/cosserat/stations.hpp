@@ -29,10 +29,10 @@ void frames_at(const Rod<K>& rod, const double* pressures, Vec base_moment, Vec 
       const double end = begin + (k + 1) * h;
       while (next < count && stations[next] < end) {
         State<1> at = state;
-        step<0, 0, -1>(inflated, at, N, section.weight, false, stations[next] - (begin + k * h));
+        step<0, -1>(inflated, at, N, section.weight, stations[next] - (begin + k * h));
         write(at);
       }
-      step<0, 0, -1>(inflated, state, N, section.weight, false, h);
+      step<0, -1>(inflated, state, N, section.weight, h);
       N = N - h * section.weight;
     }
     begin += section.length;
