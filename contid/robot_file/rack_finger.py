@@ -17,6 +17,7 @@ from contid.robot_file.base import (
     Size,
     Strict,
 )
+from contid.robot_file.clearance import PlaneDescription
 from contid.robot_file.robot import RobotDescription
 from contid.targets import Actuation
 from contid.units import MM_PER_M
@@ -107,11 +108,45 @@ class CurrentSense(Strict):
         contact: reaction to a contact.
         usual_ma: greatest current of an axis that moves without a contact, with its friction.
         contact_ma: a current of this much more is a contact within 40 ms; one of less than half of it, never.
+        nm_per_a: torque of an axis per its current, for moves until a force; 0.35 for an XL330-M288.
     """
 
     contact: ContactPolicy
     usual_ma: Positive
     contact_ma: Positive
+    nm_per_a: Positive | None = None
+
+
+class SimulatedObject(PlaneDescription):
+    """A flat elastic object without friction; it meets the tip only.
+
+    Attributes:
+        point_mm: on its surface, in the world.
+        normal: direction out of it, of any length.
+        stiffness_n_per_mm: of the object.
+        until_s: when it is taken away, after the bus was first opened; never when left out.
+    """
+
+    stiffness_n_per_mm: Positive
+    until_s: Positive | None = None
+
+
+class SimulatedFinger(Strict):
+    """What ``--mock`` and ``driver: sim`` simulate beside the servos; real ones ignore it.
+
+    Attributes:
+        object: that the tip meets.
+        friction_ma: dry friction of every gear, as the current that overcomes it.
+        nm_per_a: torque of a servo per its current.
+        stiffness_ma_per_deg: current of a servo per rotation from its goal.
+        noise_ma: standard deviation of a measured current.
+    """
+
+    object: SimulatedObject | None = None
+    friction_ma: NonNegative = 60.0
+    nm_per_a: Positive = 0.354
+    stiffness_ma_per_deg: Positive = 90.0
+    noise_ma: NonNegative = 3.0
 
 
 class RackFinger(RobotDescription):
@@ -126,6 +161,7 @@ class RackFinger(RobotDescription):
         limits: of racks and curvature.
         correction: measured curvature against commanded; none by default.
         sense: contacts, from the currents of its servos; off when left out.
+        sim: object and friction of the simulated finger, for ``--mock`` and ``driver: sim``.
     """
 
     quantity: ClassVar[Quantity] = Quantity.LENGTH
@@ -136,6 +172,7 @@ class RackFinger(RobotDescription):
     limits: RackFingerLimits
     correction: CurvatureCorrection | None = None
     sense: CurrentSense | None = None
+    sim: SimulatedFinger | None = None
 
     @property
     def axis_names(self) -> tuple[str, ...]:

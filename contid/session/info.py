@@ -14,7 +14,10 @@ from contid.session.format.entries import DAMAGED, GROWING
 from contid.session.read import Session
 
 #: Events that a summary lists; the others are counted only.
-_LISTED = ("refused", "contact", "bus", "tier", "overrun", "skipped", "recorder", "failed", "end", "stopping")
+_LISTED = (
+    "refused", "contact", "squeeze", "bus", "tier", "overrun", "skipped", "recorder", "failed", "end",
+    "stopping",
+)  # fmt: skip
 _MAX_LISTED = 20
 
 

@@ -28,6 +28,11 @@ if TYPE_CHECKING:
     type=NumberRange(0.0, 1.0),
     help="Push with this share of the robot file's current; also without a point.",
 )
+@click.option(
+    "--until-force-n",
+    type=NumberRange(0.0, 1000.0, min_open=True),
+    help="Close slowly towards the point until each tip exerts this force along its way, and hold it.",
+)
 @click.option("--takeover", is_flag=True, help="Take the lease from its holder; the robots hold.")
 @click.option("--no-wait", is_flag=True, help="Return before the point is reached.")
 @socket_option
@@ -38,6 +43,7 @@ def command(
     pose: str | None,
     poses: Path | None,
     grip: float | None,
+    until_force_n: float | None,
     takeover: bool,
     no_wait: bool,
     socket: str | None,
@@ -48,6 +54,9 @@ def command(
     Columns are those of a trajectory: `contid move x_mm=40 y_mm=75`, `contid move left x_mm=40 y_mm=75`,
     `contid move left.x_mm=40 left.y_mm=75 right.x_mm=60 right.y_mm=75`. Ctrl-C holds.
 
+    With --until-force-n fingers hold an object; the point is behind its surface, and any later order releases
+    it: `contid move left x_mm=55 y_mm=75 --until-force-n 3`.
+
     With --grip axes in current_based_position mode push with less current: `contid move left --grip 0.3`.
     """
     from contid.remote.client.move_arguments import columns_and_rows, point
@@ -56,6 +65,8 @@ def command(
     only_grip = grip is not None and trajectory is None and pose is None and len(robots) == len(message)
     if not only_grip and sum((bool(message), trajectory is not None, pose is not None)) != 1:
         raise click.UsageError("give a point (COLUMN=VALUE...), --pose or --trajectory, one of them")
+    if until_force_n is not None and (trajectory is not None or only_grip):
+        raise click.UsageError("--until-force-n needs a point (COLUMN=VALUE...) or --pose")
     if poses is not None and pose is None:
         raise click.UsageError("--poses names the file of --pose")
 
@@ -66,10 +77,9 @@ def command(
             limited = client.grip(grip, robots or None)
             if only_grip:
                 return limited
-        if pose is not None:
-            return {"move": client.move(_target_of(client, pose, poses), wait=not no_wait)}
         if trajectory is None:
-            return {"move": client.move(target, wait=not no_wait)}
+            goal = target if pose is None else _target_of(client, pose, poses)
+            return {"move": client.move(goal, until_force_n=until_force_n, wait=not no_wait)}
         return {"refused": client.stream(columns, rows)}
 
     if trajectory is None:

@@ -16,6 +16,7 @@ from contid.control.engine.events import (
     OrderRefused,
     RunEvent,
     RunStarted,
+    SqueezeChanged,
     TicksSkipped,
 )
 from contid.control.engine.tick_layout import RecordLayout, TickRecord
@@ -60,7 +61,7 @@ def event_text(event: RunEvent, log_level: int = logging.INFO) -> str:
             # The daemon has printed its own records already.
             shown = event.process == "control" and LEVELS[event.level] >= log_level
             return log_text(event.level, event.message) if shown else ""
-        case FaultLatched() | ContactBegan():
+        case FaultLatched() | ContactBegan() | SqueezeChanged():
             return f"{event.robot}: {event.message}"
         case OrderRefused():
             return f"refused: {event.message}"

@@ -82,7 +82,9 @@ class ClearanceOrders:
     ) -> RobotState:
         """The state that stops in the shortest way, and why."""
         config = self._robots.configs[index]
-        if before.mode in (Mode.RUN, Mode.APPROACH, Mode.HOLD) and (before.goto is not None or before.follow):
+        if before.mode in (Mode.RUN, Mode.APPROACH, Mode.HOLD) and (
+            before.goto is not None or before.follow or before.squeeze is not None
+        ):
             if before.recovering or (timed and before.goto is None):
                 return transitions.too_near(config, before, message, now_s)
             target = targets.get(config.name)

@@ -9,13 +9,14 @@ from typing import Final
 
 from contid.control.engine.chain_orders import ChainOrders
 from contid.control.engine.cycle import Sink
-from contid.control.engine.events import ContactBegan, OrderRefused
+from contid.control.engine.events import ContactBegan, OrderRefused, SqueezeChanged
 from contid.control.engine.exchange import Exchange
 from contid.control.engine.load_watch import LoadWatch
 from contid.control.engine.robots import Order, Robots
 from contid.control.tick import transitions
 from contid.control.tick.config import RobotConfig
 from contid.control.tick.contact.current_contact import CurrentContact
+from contid.control.tick.contact.squeeze import SqueezeEnd, SqueezeReport
 from contid.control.tick.contact.tip_contact import TipContact, TipContactFound
 from contid.control.tick.faults import Fault
 from contid.control.tick.state import RobotState
@@ -31,6 +32,14 @@ RETREAT_S: Final = 0.5
 _OLDEST_S: Final = 0.6
 #: Of an axis, for the direction in which it moves the tip [m].
 _STEP: Final = 1e-5
+#: Messages of the event of a squeeze.
+_SQUEEZED: Final = {
+    SqueezeEnd.REACHED: "holds with {:.2f} N",
+    SqueezeEnd.LOST: "lost the object ({:.2f} N left); it holds where it is",
+    SqueezeEnd.NOTHING: "at the target without the force ({:.2f} N); it holds there",
+    SqueezeEnd.PRESSED: "no free way of 2 mm to measure friction on: move back from the object; it holds",
+    SqueezeEnd.WEAK: "friction may hide {:.2f} N on this way, more than the force to hold; it stays there",
+}
 #: A robot in another mode does not react: it stops already, or does not move.
 _REACTING: Final = (Mode.RUN, Mode.APPROACH, Mode.HOLD)
 
@@ -125,6 +134,8 @@ class ContactOrders:
             return
         direction = _against(config, state, samples, found.axes)
         assert config.contact is not None
+        # A tip that closes on an object is meant to meet it.
+        policy = config.contact if state.squeeze is None else ContactPolicy.IGNORE
         axis = ", ".join(config.axis_names[each] for each in found.axes)
         excess_ma = 1e3 * found.excess_a
         what = f"contact of {axis}: {excess_ma:.0f} mA above the usual current"
@@ -138,11 +149,24 @@ class ContactOrders:
                 force_n=0.0,
                 excess_ma=excess_ma,
                 confidence=found.confidence,
-                policy=config.contact.value,
-                message=f"{what}; policy {config.contact.value}",
+                policy=policy.value,
+                message=f"{what}; policy {policy.value}",
             )
         )
-        self._react(index, now_s, what, now_s)
+        if policy is not ContactPolicy.IGNORE:
+            self._react(index, now_s, what, now_s)
+
+    def squeezed(self, config: RobotConfig, number: int, report: SqueezeReport) -> None:
+        """Write the event of a tip that closes until a force, or holds it."""
+        self._sink.event(
+            SqueezeChanged(
+                tick=number,
+                robot=config.name,
+                what=report.end.value,
+                force_n=round(report.force_n, 4),
+                message=_SQUEEZED[report.end].format(report.force_n),
+            )
+        )
 
     def _report(self, index: int, number: int, found: TipContactFound) -> None:
         config = self._robots.configs[index]

@@ -196,11 +196,11 @@ class Engine:
                 selector.begin_rows(now_s)
             case msg.Mark(number):
                 self._sink.event(MarkReached(number=number, tick=tick_number))
-            case msg.Goto(robot, target) if chains.concerns(robot):
+            case msg.Goto(robot, target, None) if chains.concerns(robot):
                 chains.goto(robot, target)
-            case msg.Goto(robot, target):
+            case msg.Goto(robot, target, force_n):
                 target = self._loads.loaded_goto(robot, target)
-                robots.order((robot,), lambda p, s, t: transitions.goto(p, s, target, t), now_s)
+                robots.order((robot,), lambda p, s, t: transitions.goto(p, s, target, t, force_n), now_s)
             case msg.Hold(who):
                 selector.pause(who, step)
                 robots.order(who, transitions.hold, now_s)
@@ -305,8 +305,10 @@ class Engine:
             state = self._stalls.explained(state, config.watchdog_s)
         if state.pending is not Effect.NONE:
             state = self._exchange.ask(index, state)
+        if outcome.squeezed is not None:
+            self._contacts.squeezed(config, number, outcome.squeezed)
         if going is not None and state.goto is None and not recovered:
-            arrived = state.mode is Mode.HOLD and not too_near and not retreating
+            arrived = state.mode is Mode.HOLD and not too_near and not retreating and outcome.arrived
             self._sink.event(GotoEnded(robot=config.name, arrived=arrived, tick=number))
         if not retreating or (going is not None and state.goto is None):
             self._going[index] = None if state.recovering else state.goto

@@ -82,6 +82,18 @@ class ContactBegan(RunEvent):
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
+class SqueezeChanged(RunEvent):
+    """A tip that closes until a force reached it, lost the object, or ended without."""
+
+    KIND: ClassVar[str] = "squeeze"
+    tick: _Tick
+    robot: _Robot
+    what: Annotated[str, "reached, lost, nothing (no force up to the target), pressed (no free way), weak"]
+    force_n: Annotated[float, "of the tip along its way, from the currents [N]"]
+    message: _Message
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
 class OrderRefused(RunEvent):
     """An order, or a part of one, was not carried out."""
 

@@ -70,10 +70,17 @@ class Recover:
 
 @dataclass(frozen=True, slots=True)
 class Goto:
-    """Go to one target (world frame), then hold."""
+    """Go to one target (world frame), then hold.
+
+    Attributes:
+        robot: its name.
+        target: where it goes.
+        until_force_n: the tip closes slowly and holds this force along its way; None for none.
+    """
 
     robot: str
     target: Target
+    until_force_n: float | None = None
 
 
 @dataclass(frozen=True, slots=True)

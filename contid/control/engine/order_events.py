@@ -38,8 +38,9 @@ def _order(message: object) -> dict[str, Any] | None:
     match message:
         case msg.Rows(targets):
             return {"order": "rows", "targets": {robot: _target(each) for robot, each in targets.items()}}
-        case msg.Goto(robot, target):
-            return {"order": "goto", "robot": robot, "target": _target(target)}
+        case msg.Goto(robot, target, force_n):
+            goto: dict[str, Any] = {"order": "goto", "robot": robot, "target": _target(target)}
+            return goto if force_n is None else {**goto, "until_force_n": force_n}
         case msg.Measured(robot, tip_in_world, direction, age_s):
             fields = {"order": "measured", "robot": robot, "tip_m": tip_in_world, "age_s": age_s}
             return fields if direction is None else {**fields, "direction": direction}
@@ -100,7 +101,8 @@ def order_of(event: OrderGiven) -> msg.Message:
         case "goto":
             target = target_of(order["target"])
             if target is not None:
-                return msg.Goto(order["robot"], target)
+                force_n = order.get("until_force_n")
+                return msg.Goto(order["robot"], target, None if force_n is None else float(force_n))
         case "stop":
             return msg.Stop(None if robots is None else tuple(robots), stop, order["reason"])
         case "finish":

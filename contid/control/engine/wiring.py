@@ -19,6 +19,7 @@ from contid.kinematics.tendon.spools import spooled_tendons
 from contid.robot_file.chain import Chain
 from contid.robot_file.cosserat import Cosserat
 from contid.robot_file.load import BusWiring, LoadedFile
+from contid.robot_file.rack_finger import RackFinger
 from contid.robot_file.robot import RobotDescription
 from contid.robot_file.tendon import TendonRobot
 from contid.robot_file.watchdog import watchdog_s
@@ -95,13 +96,13 @@ def build_buses(loaded: LoadedFile, clock: Clock) -> dict[str, Bus]:
         for bus in wired_buses(loaded)
     }
     for name, robot in driven_robots(loaded).items():
-        if isinstance(robot, Cosserat) and robot.sim is not None:
+        if isinstance(robot, Cosserat | RackFinger) and robot.sim is not None:
             _carry(loaded, buses, name, robot)
     return buses
 
 
-def _carry(loaded: LoadedFile, buses: Mapping[str, Bus], name: str, robot: Cosserat) -> None:
-    """Give a simulated bus the body of an arm; real devices have their own.
+def _carry(loaded: LoadedFile, buses: Mapping[str, Bus], name: str, robot: Cosserat | RackFinger) -> None:
+    """Give a simulated bus the body of a robot; real devices have their own.
 
     Raises:
         ContidError: its axes are on more than one bus.

@@ -99,6 +99,7 @@ class RobotConfig:
         contact: what it does after a contact, None when none is looked for.
         usual_a, contact_a: current of an axis without a contact, and what is one above it [A]; 0 when
             currents show none.
+        nm_per_a: torque of an axis per its current [N m/A], 0 when it is not stated.
         straight: approaches are straight lines of the axes, which keep limits that several axes share.
         shared: limits that the model's own axes share, None without.
     """
@@ -131,6 +132,7 @@ class RobotConfig:
     contact: ContactPolicy | None = None
     usual_a: float = 0.0
     contact_a: float = 0.0
+    nm_per_a: float = 0.0
     straight: bool = False
     shared: SharedLimits | None = None
 
@@ -187,6 +189,7 @@ def robot_config(
         contact=None if sense is None else sense.contact,
         usual_a=0.0 if currents is None else currents.usual_ma / 1e3,
         contact_a=0.0 if currents is None else currents.contact_ma / 1e3,
+        nm_per_a=0.0 if currents is None or currents.nm_per_a is None else currents.nm_per_a,
         straight=getattr(model, "taut", None) is not None or getattr(model, "straight_approach", False),
         shared=getattr(model, "shared", None),
     )

@@ -14,6 +14,7 @@ from dataclasses import dataclass, replace
 from typing import Final
 
 from contid.control.tick.config import RobotConfig
+from contid.control.tick.contact.squeeze import Squeeze, SqueezeEnd, SqueezeReport, next_squeeze
 from contid.control.tick.faults import Fault, of_device
 from contid.control.tick.limits import ACCELERATION
 from contid.control.tick.next_command import next_command
@@ -22,6 +23,7 @@ from contid.control.tick.state import Effect, RobotState
 from contid.control.tick.supervisor import Event, Mode
 from contid.control.tick.tip_feedback import Measurement, corrected, kept, observed
 from contid.control.tick.transitions import (
+    braking,
     braking_at_once,
     fail,
     inwards,
@@ -55,6 +57,7 @@ class TickResult:
         solution: of the model, None when it was not solved.
         tip_error_m: distance of the commanded model's tip from the (corrected) target; NaN without a target.
         limits: bits of `contid.control.tick.limits` per axis, empty when nothing was limited.
+        squeezed: the report of a tip that closes or holds, None for none.
     """
 
     state: RobotState
@@ -62,6 +65,12 @@ class TickResult:
     solution: Solution | None = None
     tip_error_m: float = math.nan
     limits: tuple[int, ...] = ()
+    squeezed: SqueezeReport | None = None
+
+    @property
+    def arrived(self) -> bool:
+        """False when a move until a force ended without it."""
+        return self.squeezed is None or self.squeezed.end is SqueezeEnd.REACHED
 
 
 def tick(
@@ -111,11 +120,15 @@ def tick(
             state = inwards(config, moved(config, state, Event.RECOVER, now_s), now_s - config.period_s)
         elif mode is Mode.HOLD:
             next_target = state.goto if state.goto is not None else target if state.follow else None
-            if next_target is not None:
+            if next_target is not None and state.squeeze is not None:
+                state = _close(config, state, next_target, now_s)
+            elif next_target is not None:
                 following = moved(config, state, Event.FOLLOW, now_s)
                 state = _approach(config, following, next_target, now_s, now_s - config.period_s)
         if state.mode not in _DRIVEN or not state.enabled:
             return TickResult(state)
+        if state.squeeze is not None and state.squeeze.start:
+            return _squeezed(config, state, state.squeeze, now_s, samples)
         return _move(config, state, now_s)
     except Exception as error:  # an error in one robot must not stop the others
         failed = fail(config, state, Fault.INTERNAL, f"{type(error).__name__}: {error}", now_s)
@@ -225,6 +238,39 @@ def _approach(
     return planned(state, motion, start_s)
 
 
+def _close(config: RobotConfig, state: RobotState, target: Target, now_s: float) -> RobotState:
+    """Begin to close on an object, once the robot stands."""
+    assert state.squeeze is not None
+    if any(state.increments):
+        return state
+    in_base = corrected(state.correction, config.frame.target_in_base(target))
+    goal = config.model.inverse(in_base, state.command).actuation
+    if not all(map(math.isfinite, goal)):
+        return fail(config, state, Fault.NOT_A_NUMBER, f"the model answered {goal}", now_s)
+    way = tuple([b - a for a, b in zip(state.command, goal, strict=True)])
+    squeeze = replace(state.squeeze, start=state.command, way=way)
+    return replace(moved(config, state, Event.FOLLOW, now_s), motion=None, squeeze=squeeze)
+
+
+def _squeezed(
+    config: RobotConfig, state: RobotState, squeeze: Squeeze, now_s: float, samples: Sequence[Sample]
+) -> TickResult:
+    """Close on an object, or hold it; where that ends stop jerk-limited."""
+    squeeze, report = next_squeeze(config, squeeze, samples)
+    if report is not None and report.end is not SqueezeEnd.REACHED:
+        if state.mode is Mode.HOLD:
+            ended = braking(config, state, now_s)
+        else:
+            ended = replace(stay(config, state, now_s), goto=None)
+        return replace(_move(config, ended, now_s), squeezed=report)
+    after, flags = _limited(config, state, squeeze.reference)
+    after = replace(after, squeeze=squeeze)
+    if report is not None:
+        after = replace(moved(config, after, Event.HOLD, now_s), goto=None)
+    device = config.transmission.to_device(led(after.command, after.lead.added))
+    return TickResult(after, device, None, math.nan, flags, report)
+
+
 def _follow(config: RobotConfig, state: RobotState, now_s: float, target: Target) -> TickResult:
     """RUN: solve the model for the target, then limit."""
     in_base = corrected(state.correction, config.frame.target_in_base(target))
@@ -294,6 +340,6 @@ def _limited(
     after = RobotState(
         state.mode, state.since_s, state.fault, state.message, state.enabled, state.arm_requested,
         state.follow, state.goto, command, increments, reference, state.motion, state.motion_s, state.policy,
-        state.misses, state.pending, state.correction, state.recovering, lead, straight,
+        state.misses, state.pending, state.correction, state.recovering, lead, straight, state.squeeze,
     )  # fmt: skip
     return after, flags if any(flags) else ()

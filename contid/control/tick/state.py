@@ -6,6 +6,7 @@ import enum
 from dataclasses import dataclass
 from typing import Final, Protocol
 
+from contid.control.tick.contact.squeeze import Squeeze
 from contid.control.tick.faults import Fault
 from contid.control.tick.play import NO_LEAD, Lead
 from contid.control.tick.supervisor import Mode
@@ -71,6 +72,7 @@ class RobotState:
         recovering: to move inside the limits slowly once armed, or on the way.
         lead: what is added to commands to lead play and friction of the drives; none at rest.
         straight: the axes go on a straight line to the answer (`contid.control.tick.way`).
+        squeeze: the tip closes until a force, or holds it.
     """
 
     mode: Mode = Mode.OFF
@@ -93,3 +95,4 @@ class RobotState:
     recovering: bool = False
     lead: Lead = NO_LEAD
     straight: bool = False
+    squeeze: Squeeze | None = None

@@ -10,6 +10,7 @@ from dataclasses import replace
 from typing import Final
 
 from contid.control.tick.config import RobotConfig
+from contid.control.tick.contact.squeeze import Squeeze, why_not
 from contid.control.tick.faults import Fault
 from contid.control.tick.state import AxisMotion, Effect, OrderRefusedError, RobotState
 from contid.control.tick.supervisor import REST_OF, Event, Mode, allowed, move
@@ -27,6 +28,8 @@ OUTSIDE_SHARE: Final = 0.02
 RECOVER_SHARE: Final = 0.1
 #: The same of the motion back from a contact.
 RETREAT_SHARE: Final = 0.2
+#: Modes in which a tip closes on an object, and holds it.
+_SQUEEZING: Final = (Mode.APPROACH, Mode.HOLD)
 #: Shares of the time of a stop at which it is compared with the limits of the model.
 _LOOKED_AT: Final = (0.25, 0.5, 0.75, 1.0)
 
@@ -44,7 +47,8 @@ def moved(config: RobotConfig, state: RobotState, event: Event, now_s: float) ->
             f"{config.name}: cannot {event.value} while {state.mode.name}{why}; "
             f"possible now: {', '.join(allowed(state.mode))}"
         )
-    return replace(state, mode=mode, since_s=now_s)
+    squeeze = state.squeeze if mode in _SQUEEZING else None
+    return replace(state, mode=mode, since_s=now_s, squeeze=squeeze)
 
 
 def connect(config: RobotConfig, state: RobotState, now_s: float) -> RobotState:
@@ -60,14 +64,20 @@ def resume(config: RobotConfig, state: RobotState, now_s: float) -> RobotState:
         raise OrderRefusedError(f"{config.name}: on its way inside its limits; resume when it holds")
     if state.mode is Mode.OFF:
         state = connect(config, state, now_s)
+    state = released(config, state, now_s)
     return replace(state, arm_requested=True, follow=True, goto=None)
 
 
 def hold(config: RobotConfig, state: RobotState, now_s: float) -> RobotState:
     """Stop jerk-limited and stay; a robot that is being armed stays where it is."""
     if state.mode in (Mode.HOLD, Mode.CONNECTING, Mode.READY, Mode.ARMING):
-        return replace(state, follow=False, goto=None, recovering=False)
+        return replace(released(config, state, now_s), follow=False, goto=None, recovering=False)
     return replace(stay(config, state, now_s), follow=False, goto=None)
+
+
+def released(config: RobotConfig, state: RobotState, now_s: float) -> RobotState:
+    """The state without a squeeze: it stops jerk-limited where it is."""
+    return state if state.squeeze is None else braking(config, state, now_s)
 
 
 def stay(config: RobotConfig, state: RobotState, now_s: float) -> RobotState:
@@ -75,14 +85,24 @@ def stay(config: RobotConfig, state: RobotState, now_s: float) -> RobotState:
     return braking(config, replace(moved(config, state, Event.HOLD, now_s), recovering=False), now_s)
 
 
-def goto(config: RobotConfig, state: RobotState, target: Target, now_s: float) -> RobotState:
-    """Go to one target, then hold; needs an armed robot, which may be on its way elsewhere."""
+def goto(
+    config: RobotConfig, state: RobotState, target: Target, now_s: float, until_force_n: float | None = None
+) -> RobotState:
+    """Go to one target, then hold; needs an armed robot, which may be on its way elsewhere.
+
+    With a force the tip closes slowly until it exerts that force along its way, and holds it.
+    """
     if state.mode is not Mode.APPROACH and move(state.mode, Event.FOLLOW) is None:
         return moved(config, state, Event.FOLLOW, now_s)
     if far := outside(config, state.command):
         raise OrderRefusedError(f"{config.name}: {far}; recover first")
-    state = state if state.mode is Mode.HOLD else stay(config, state, now_s)
-    return replace(state, follow=False, goto=target)
+    if until_force_n is not None:
+        in_base = config.frame.target_in_base(target)
+        if why := why_not(config, state.command, in_base):
+            raise OrderRefusedError(f"{config.name}: {why}")
+    state = released(config, state, now_s) if state.mode is Mode.HOLD else stay(config, state, now_s)
+    squeeze = None if until_force_n is None else Squeeze(until_force_n)
+    return replace(state, follow=False, goto=target, squeeze=squeeze)
 
 
 def recover(config: RobotConfig, state: RobotState, now_s: float) -> RobotState:
@@ -227,7 +247,7 @@ def planned(state: RobotState, motion: AxisMotion | None, start_s: float) -> Rob
 
     The reference is that command: one that was limited lags behind what it followed before.
     """
-    return replace(state, motion=motion, motion_s=start_s, reference=state.command)
+    return replace(state, motion=motion, motion_s=start_s, reference=state.command, squeeze=None)
 
 
 def straight_stop(config: RobotConfig, command: Actuation, increments: Actuation) -> StraightStop:
@@ -285,7 +305,7 @@ def braking(config: RobotConfig, state: RobotState, now_s: float) -> RobotState:
     Where the jerk-limited stop, which is longer, goes beyond them, it is the shortest one.
     """
     if not any(state.increments):
-        return replace(state, motion=None, reference=state.command)
+        return replace(state, motion=None, reference=state.command, squeeze=None)
     rest = (0.0,) * len(state.command)
     motion = stopping(state.command, speed(config, state), rest, config.acceleration, config.jerk)
     if _leaves(config, state.command, motion):

@@ -23,17 +23,21 @@ PING_PERIOD_S: Final = 0.5
 class Procedures(Orders):
     """A connection to a daemon; arguments and attributes are those of `Orders`."""
 
-    async def move(self, target: Mapping[str, float], *, wait: bool = True) -> int:
+    async def move(
+        self, target: Mapping[str, float], *, until_force_n: float | None = None, wait: bool = True
+    ) -> int:
         """Go to a point, jerk-limited, and hold there; returns the number of the move.
 
         Args:
             target: columns as in a trajectory: ``{"x_mm": 40, "y_mm": 75}``, ``{"left.x_mm": ...}``.
+            until_force_n: of fingers: close slowly until the tip exerts this force along its way; hold it.
             wait: return on arrival; otherwise call `wait` with the returned number, or `release`.
 
         Raises:
             RemoteError: refused, or stopped on the way.
         """
-        number = int((await self.request("move", target=dict(target)))["move"])
+        response = await self.request("move", target=dict(target), until_force_n=until_force_n)
+        number = int(response["move"])
         if wait:
             await self.wait(number)
         return number

@@ -5,6 +5,7 @@ from __future__ import annotations
 import asyncio
 import logging
 import time
+from typing import Final
 
 from contid.control.engine.events import OrderRefused
 from contid.control.engine.messages import ClearFault, Grip, Hold, Recover, Resume
@@ -16,6 +17,9 @@ from contid.remote.server.query_handler import Caller, Verb
 from contid.remote.server.served_run import ServedRun
 
 log = logging.getLogger(__name__)
+
+#: Greatest force of a move until a force [N].
+MAX_FORCE_N: Final = 1000.0
 
 
 class MotionOrders:
@@ -110,7 +114,10 @@ class MotionOrders:
 
     async def _move(self, caller: Caller, request: RequestFields) -> Fields:
         target, columns = request.mapping("target"), request.names("columns")
+        force_n = request.number("until_force_n", 0.0, 0.0, MAX_FORCE_N)
         request.end()
+        if force_n and target is None:
+            raise RemoteError(Code.BAD_REQUEST, "until_force_n belongs to a target, not to columns")
         if (target is None) == (columns is None):
             message = "move takes a target (a point) or columns (a stream of rows), one of them"
             raise RemoteError(Code.BAD_REQUEST, message)
@@ -118,7 +125,7 @@ class MotionOrders:
         self._run.lease.require(caller.number, caller.name, time.monotonic(), caller.by)
         try:
             if target is not None:
-                return await self._run.moves.point(caller.number, target, caller.notify)
+                return await self._run.moves.point(caller.number, target, caller.notify, force_n or None)
             return await self._run.moves.begin(caller.number, columns or (), caller.notify)
         except RemoteError:
             if not held:

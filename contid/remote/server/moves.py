@@ -13,7 +13,14 @@ from collections.abc import Mapping, Sequence
 from typing import Any, Final
 
 from contid.control.daemon.interfaces import RunControl
-from contid.control.engine.events import GotoEnded, OrderGiven, OrderRefused, RunEvent, SourceEnded
+from contid.control.engine.events import (
+    GotoEnded,
+    OrderGiven,
+    OrderRefused,
+    RunEvent,
+    SourceEnded,
+    SqueezeChanged,
+)
 from contid.control.engine.messages import NOT_AT_START, Begin, Goto, Hold, Message, Play, Resume, Rows, Start
 from contid.control.engine.tick_layout import TickRecord
 from contid.control.tick.supervisor import MOVING, Mode
@@ -47,11 +54,15 @@ class Moves:
         self._numbers = 0
         self._gotos: dict[str, deque[Move]] = {name: deque() for name in view.configs}
         self._stream: RowMove | None = None
+        #: Why the newest move of a robot until a force ended.
+        self._squeezed: dict[str, str] = {}
 
     # -- points ------------------------------------------------------------------------------------------
 
-    async def point(self, client: int, target: Mapping[str, Any], notify: Notify) -> Fields:
-        """Start a goto; returns when the control process has accepted it."""
+    async def point(
+        self, client: int, target: Mapping[str, Any], notify: Notify, until_force_n: float | None = None
+    ) -> Fields:
+        """Start a goto, or a closing until a force; returns when the control process has accepted it."""
         try:
             header = _header(target)
             for name, value in target.items():
@@ -69,13 +80,20 @@ class Moves:
             raise RemoteError(Code.UNREACHABLE, "; ".join(unreachable.values()))
         if self._stream is not None and self._stream.client == client:
             self.abort(self._stream, "another move began")
-        return await self._goto(Move(self._number(), client, notify), targets)
+        return await self._goto(Move(self._number(), client, notify), targets, until_force_n=until_force_n)
 
-    async def _goto(self, move: Move, targets: Mapping[str, Target], *before: Message) -> Fields:
+    async def _goto(
+        self,
+        move: Move,
+        targets: Mapping[str, Target],
+        *before: Message,
+        until_force_n: float | None = None,
+    ) -> Fields:
         for name in targets:
             move.waiting.add(name)
             self._gotos[name].append(move)
-        future = self._pending.send([*before, *(Goto(name, target) for name, target in targets.items())])
+        gotos = [Goto(name, target, until_force_n) for name, target in targets.items()]
+        future = self._pending.send([*before, *gotos])
         outcome = await self._pending.confirmed(future)
         if outcome.refused:
             for name in outcome.refused:
@@ -266,7 +284,9 @@ class Moves:
 
     def notice(self, event: RunEvent) -> None:
         """Take in an event of the ring."""
-        if isinstance(event, GotoEnded) and self._gotos.get(event.robot):
+        if isinstance(event, SqueezeChanged):
+            self._squeezed[event.robot] = event.message
+        elif isinstance(event, GotoEnded) and self._gotos.get(event.robot):
             robot = event.robot
             move = self._gotos[robot].popleft()
             move.waiting.discard(robot)
@@ -275,6 +295,10 @@ class Moves:
             if not move.waiting:
                 faults = self._view.faults(self._control.newest(), tuple(move.failed))
                 message = f"{', '.join(sorted(move.failed))} did not arrive" if move.failed else ""
+                why = [
+                    f"{name}: {self._squeezed.pop(name)}" for name in sorted(move.failed & {*self._squeezed})
+                ]
+                message = "; ".join([message, *why])
                 move.end(not move.failed, message, faults)
         elif isinstance(event, SourceEnded) and self._stream is not None and self._stream.playing:
             played, self._stream = self._stream, None

@@ -15,9 +15,11 @@ from typing import TYPE_CHECKING
 from contid.errors import ContidError, DeviceError, DeviceLostError, DeviceNotFoundError
 from contid.hal import AxisOnBus, Clock, DeviceKind, Rest, Sample, TipMeasured
 from contid.robot_file.cosserat import Cosserat
+from contid.robot_file.rack_finger import RackFinger
 from contid_drivers.sim.arm.tracker import TrackedArm
 from contid_drivers.sim.devices import SimDevice
 from contid_drivers.sim.faults import Switches
+from contid_drivers.sim.finger.body import FingerBody
 from contid_drivers.sim.journal import Journal
 from contid_drivers.sim.options import FaultKind, ScheduledFault, SimAxisOptions, SimBusOptions
 
@@ -42,6 +44,7 @@ class SimBus:
         self._enabled: set[str] = set()
         self._samples: dict[str, Sample] = {}
         self.arms: list[TrackedArm] = []
+        self.fingers: list[FingerBody] = []
         now = clock.now()
         self.devices = {axis.name: _device(name, options, axis, now) for axis in axes}
         for fault in options.faults:
@@ -70,6 +73,8 @@ class SimBus:
         self._open, self._lost = True, ""
         for arm in self.arms:
             arm.opened(now)
+        for finger in self.fingers:
+            finger.opened(now)
         self._samples = {axis: Sample(None, now, False, 0.0) for axis in self.axes}
         self._note("open", now)
 
@@ -149,6 +154,9 @@ class SimBus:
 
     def carry(self, robot: str, description: BaseModel) -> None:
         """See `contid.hal.SimulatesBodies`."""
+        if isinstance(description, RackFinger):
+            self.fingers.append(FingerBody(robot, description))
+            return
         assert isinstance(description, Cosserat)
         self.arms.append(TrackedArm(robot, description))
 
@@ -237,6 +245,11 @@ class SimBus:
         self._advance_to(to_s)
         for arm in self.arms:
             arm.follow([self.devices[axis].motion.value for axis in arm.axes])
+        for finger in self.fingers:
+            shafts = [self.devices[axis] for axis in finger.axes]
+            settled = finger.settle([shaft.motion.value for shaft in shafts], to_s)
+            for shaft, (angle, current_a) in zip(shafts, settled, strict=True):
+                shaft.bear(angle, current_a, finger.noise_a)
 
     def _advance_to(self, to_s: float) -> None:
         """Advance every device to ``to_s``; watchdogs trip at their own instants."""

@@ -173,6 +173,10 @@ class SimDevice:
         self._temperature_c = AMBIENT_C
         self._saturated_s = 0.0
         lag = max(self.character.velocity * self.character.tau_s, 10.0 * self.character.quantum)
+        #: Where a body holds the shaft, None without one; the current for that, and its noise.
+        self._shaft: float | None = None
+        self._borne_a = self._current_noise_a = 0.0
+        self._current_noise = random.Random(f"{seed}:current")
         self._amperes_per_lag = self.FULL_SPEED_SHARE * self.character.current_limit_a / lag
 
     def advance(self, to_s: float) -> bool:
@@ -200,8 +204,14 @@ class SimDevice:
             return 0.0
         motion, limit = self.motion, self.character.current_limit_a
         pull = self._amperes_per_lag * (motion.reference[0] - motion.value)
+        if self._shaft is not None:
+            return min(limit, max(-limit, self._borne_a + (pull if motion.blocked else 0.0)))
         current = pull + self.FRICTION_SHARE * limit * math.tanh(motion.velocity / 0.05)
         return min(limit, max(-limit, current))
+
+    def bear(self, shaft: float, current_a: float, noise_a: float) -> None:
+        """A body holds the shaft at an angle, which takes a current [A]; measured with noise [A]."""
+        self._shaft, self._borne_a, self._current_noise_a = shaft, current_a, noise_a
 
     def switch_on(self, time_s: float) -> None:
         """Goal := present, then follow goals; arms the watchdog."""
@@ -248,7 +258,8 @@ class SimDevice:
         """The device's answer now."""
         character, motion = self.character, self.motion
         noise = self._noise.gauss(0.0, character.noise) if character.noise > 0.0 else 0.0
-        value = round((motion.value + noise) / character.quantum) * character.quantum
+        shaft = motion.value if self._shaft is None else self._shaft
+        value = round((shaft + noise) / character.quantum) * character.quantum
         velocity = motion.velocity
         if character.velocity_quantum > 0.0:
             velocity = round(velocity / character.velocity_quantum) * character.velocity_quantum
@@ -256,6 +267,8 @@ class SimDevice:
             duty = motion.reference[0] / character.highest
             return Sample(max(0.0, value), now_s, True, 0.0, velocity, duty, None, None, self.fault)
         current = self.current_a
+        if self._shaft is not None and current != 0.0:
+            current += self._current_noise.gauss(0.0, self._current_noise_a)
         return Sample(
             value=value,
             time_s=now_s,

@@ -2,13 +2,13 @@
 
 from __future__ import annotations
 
-import math
 import random
 from typing import Final
 
 from contid.robot_file.cosserat import Cosserat
 from contid.units import BAR, MM_PER_M
 from contid_drivers.sim.arm.statics import ArmSolver, Numbers, arm_solver
+from contid_drivers.sim.plane import plane_in_base
 
 STANDARD_GRAVITY: Final = 9.80665
 #: Steps to a new equilibrium that one step does not find.
@@ -39,7 +39,7 @@ class SimulatedBody:
         self._acting: list[float] = []
         self._normal, self._wall_mm = (0.0, 0.0, 0.0), 0.0
         if robot.sim.wall is not None:
-            self._normal, self._wall_mm = self._wall_in_base()
+            self._normal, self._wall_mm = plane_in_base(robot.sim.wall, base)
         self._unknowns: Numbers = (0.0, 0.0, 0.0, 0.0)
         self._reached: tuple[tuple[float, ...], tuple[float, float, float]] | None = None
         self._tip_mm: Numbers = ()
@@ -110,17 +110,6 @@ class SimulatedBody:
             if met and (unknowns[3] >= 0.0 if held else gap >= 0.0):
                 return found
         return found
-
-    def _wall_in_base(self) -> tuple[tuple[float, float, float], float]:
-        """Normal in the base frame and offset along it [mm]."""
-        wall = self._sim.wall
-        assert wall is not None
-        length = math.hypot(*wall.normal)
-        turn, origin = self._rotation, [MM_PER_M * v for v in self._origin]
-        unit = [v / length for v in wall.normal]
-        x, y, z = (sum(turn[3 * i + j] * unit[i] for i in range(3)) for j in range(3))
-        offset = sum(n * (p - o) for n, p, o in zip(unit, wall.point_mm, origin, strict=True))
-        return (x, y, z), offset
 
     def _in_world(self, tip_mm: Numbers) -> tuple[float, float, float]:
         x, y, z = (

@@ -1,0 +1,1 @@
+"""A simulated finger that meets an object: its servos feel it."""
