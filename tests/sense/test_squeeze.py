@@ -11,6 +11,7 @@ import pytest
 from contid.control.engine import messages as msg
 from contid.control.engine.events import ContactBegan, GotoEnded, OrderRefused, SqueezeChanged
 from contid.control.engine.wiring import build_robot_configs
+from contid.control.tick.contact.squeeze import Squeeze, _moved
 from contid.control.tick.supervisor import Mode
 from contid.robot_file.load import parse_robot_file
 from contid.session.read import Session
@@ -62,6 +63,22 @@ def test_every_step_is_within_the_limits_and_the_approach_within_the_jerk() -> N
     tips = np.array([config.model.forward(tuple(each)).tip_m for each in commands[free]])
     speeds = np.linalg.norm(np.diff(tips, axis=0), axis=1) * RATE_HZ
     assert speeds == pytest.approx(5e-3, rel=1e-2)
+
+
+def test_no_sequence_of_forces_exceeds_the_jerk() -> None:
+    (config, _) = build_robot_configs(hand(3.0), RATE_HZ)
+    random = np.random.default_rng(4)
+    squeeze = Squeeze(GOAL_N, (0.06, 0.06), (0.01, -0.005), share=0.5)
+    shares, goal = [], 0.0
+    for _ in range(20_000):
+        if random.random() < 0.3:
+            goal = float(random.normal(0.0, 0.5))
+        squeeze = _moved(config, squeeze, goal)
+        shares.append(squeeze.share)
+    jerk = np.abs(np.diff(shares, n=3)) * RATE_HZ**3 * max(map(abs, squeeze.way))
+    assert min(shares) > 0.0
+    assert max(shares) < 1.0
+    assert jerk.max() <= config.jerk[0] * (1.0 + 1e-6)
 
 
 def test_an_object_that_is_taken_away_is_an_event_and_the_finger_stays() -> None:

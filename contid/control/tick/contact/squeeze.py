@@ -279,7 +279,7 @@ def _moved(config: RobotConfig, squeeze: Squeeze, goal: float) -> Squeeze:
     change = math.copysign(min(acceleration, math.sqrt(2.0 * jerk * abs(gap))), gap)
     change = min(max(change, squeeze.change - jerk * period_s), squeeze.change + jerk * period_s)
     if abs(gap) <= abs(change) * period_s and abs(squeeze.change) <= jerk * period_s:
-        rate, change = goal, 0.0
+        rate, change = goal, gap / period_s
     else:
         rate = squeeze.rate + change * period_s
     share = min(max(squeeze.share + rate * period_s, 0.0), 1.0)
