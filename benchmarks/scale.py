@@ -25,7 +25,7 @@ from typing import Any, Final
 
 import yaml
 
-from contid.control.engine.events import RunEvent
+from contid.control.engine.events.base import RunEvent
 from contid.control.engine.virtual import VirtualProcess
 from contid.control.engine.wiring import build_robot_configs, driven_robots
 from contid.hal import Sample

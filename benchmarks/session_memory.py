@@ -22,7 +22,7 @@ import psutil
 
 from benchmarks.session_replay import circle
 from contid.control.engine.cycle import OnEnd
-from contid.control.engine.events import RunEvent
+from contid.control.engine.events.base import RunEvent
 from contid.control.engine.virtual import run_virtual
 from contid.control.engine.wiring import driven_robots, record_layout
 from contid.control.process import ring

@@ -16,7 +16,8 @@ from contid.api.sim_state import SimState, StateReader
 from contid.api.units import Units
 from contid.control.engine import messages as msg
 from contid.control.engine.cycle import OnEnd, Sink
-from contid.control.engine.events import OrderGiven, RunEvent
+from contid.control.engine.events.base import RunEvent
+from contid.control.engine.events.orders import OrderGiven
 from contid.control.engine.virtual import Tee, VirtualProcess
 from contid.control.engine.wiring import build_preflight, driven_robots, record_layout
 from contid.control.process.setup import RunSetup

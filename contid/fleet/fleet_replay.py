@@ -6,7 +6,8 @@ from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from pathlib import Path
 
-from contid.control.engine.events import NoteWritten, OrderGiven
+from contid.control.engine.events.orders import OrderGiven
+from contid.control.engine.events.run import NoteWritten
 from contid.errors import ContidError
 from contid.session.clock_notes import clock_notes
 from contid.session.compare import Divergence

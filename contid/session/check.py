@@ -21,7 +21,10 @@ from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from typing import Final
 
-from contid.control.engine.events import FaultLatched, OrderGiven, RecorderOverrun, RunEvent
+from contid.control.engine.events.base import RunEvent
+from contid.control.engine.events.gaps import RecorderOverrun
+from contid.control.engine.events.orders import OrderGiven
+from contid.control.engine.events.robots import FaultLatched
 from contid.control.engine.tick_layout import RobotRecord, TickRecord
 from contid.control.engine.wiring import build_robot_configs
 from contid.control.tick.config import RobotConfig

@@ -9,7 +9,8 @@ from bisect import bisect_right
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 
-from contid.control.engine.events import NoteWritten, RunEvent
+from contid.control.engine.events.base import RunEvent
+from contid.control.engine.events.run import NoteWritten
 from contid.errors import ContidError
 
 

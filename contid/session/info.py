@@ -6,7 +6,11 @@ from collections import Counter
 from dataclasses import dataclass, field
 from typing import Any
 
-from contid.control.engine.events import FaultLatched, LogWritten, RecorderOverrun, RunEvent, to_json
+from contid.control.engine.events.base import RunEvent
+from contid.control.engine.events.gaps import RecorderOverrun
+from contid.control.engine.events.json_form import to_json
+from contid.control.engine.events.robots import FaultLatched
+from contid.control.engine.events.run import LogWritten
 from contid.control.engine.tick_layout import DEADLINE, LATENESS, SKIPPED, TICK
 from contid.control.tick.supervisor import Mode
 from contid.session.compare import named

@@ -4,7 +4,8 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 
-from contid.control.engine import events as ev
+from contid.control.engine.events.base import RunEvent
+from contid.control.engine.events.robots import FaultLatched, ModeChanged
 from contid.control.tick.faults import PAGES, Fault
 
 
@@ -13,7 +14,7 @@ class Banner:
 
     def __init__(self, robots: Sequence[str]) -> None:
         self._modes = dict.fromkeys(robots, "OFF")
-        self._faults: dict[str, ev.FaultLatched] = {}
+        self._faults: dict[str, FaultLatched] = {}
 
     def text(self) -> str:
         """Markdown: a heading per fault, else one line."""
@@ -21,19 +22,19 @@ class Banner:
         healthy = [f"{robot} **{mode}**" for robot, mode in self._modes.items() if robot not in self._faults]
         return "\n\n".join([*faults, " · ".join(healthy)]).strip()
 
-    def changed(self, event: ev.RunEvent) -> bool:
+    def changed(self, event: RunEvent) -> bool:
         """Take an event; True if the text is another one now."""
         before = self.text()
-        if isinstance(event, ev.FaultLatched):
+        if isinstance(event, FaultLatched):
             self._faults[event.robot] = event
-        elif isinstance(event, ev.ModeChanged):
+        elif isinstance(event, ModeChanged):
             self._modes[event.robot] = event.mode
             if event.mode != "FAULT":
                 self._faults.pop(event.robot, None)
         return self.text() != before
 
     @staticmethod
-    def _fault(robot: str, event: ev.FaultLatched) -> str:
+    def _fault(robot: str, event: FaultLatched) -> str:
         what = event.detail or event.message
         page = PAGES.get(Fault(event.fault))
         remedy = "" if page is None else f"\n\nRemedy: {page.remedy}"

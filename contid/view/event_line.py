@@ -4,33 +4,46 @@ from __future__ import annotations
 
 from typing import Final
 
-from contid.control.engine import events as ev
+from contid.control.engine.events.base import RunEvent
+from contid.control.engine.events.buses import BusAnswered, BusChanged, BusStalled, DeviceFaultChanged
+from contid.control.engine.events.gaps import ViewerPaused
+from contid.control.engine.events.json_form import to_json
+from contid.control.engine.events.orders import MarkReached, OrderGiven, OrderRefused
+from contid.control.engine.events.pace import PaceReported, TicksSkipped, TicksWaited
+from contid.control.engine.events.robots import (
+    ContactBegan,
+    FaultLatched,
+    LimitNamed,
+    ModeChanged,
+    RobotReported,
+)
+from contid.control.engine.events.run import LogWritten, NoteWritten, RunFailed
 
 #: Levels of Rerun by kind; the others are INFO.
-_LEVELS: Final = {kind.KIND: "ERROR" for kind in (ev.FaultLatched, ev.RunFailed)} | {
+_LEVELS: Final = {kind.KIND: "ERROR" for kind in (FaultLatched, RunFailed)} | {
     kind.KIND: "WARN"
     for kind in (
-        ev.OrderRefused, ev.ContactBegan, ev.BusChanged, ev.BusStalled, ev.DeviceFaultChanged,
-        ev.TicksSkipped, ev.ViewerPaused,
+        OrderRefused, ContactBegan, BusChanged, BusStalled, DeviceFaultChanged,
+        TicksSkipped, ViewerPaused,
     )
 }  # fmt: skip
 _LOG_LEVELS: Final = {"warning": "WARN", "error": "ERROR", "critical": "CRITICAL"}
 #: Events for programs, too many for a log.
 _PROGRAMS: Final = (
-    ev.BusAnswered, ev.LimitNamed, ev.MarkReached, ev.OrderGiven, ev.PaceReported, ev.RobotReported,
-    ev.TicksWaited, ev.NoteWritten,
+    BusAnswered, LimitNamed, MarkReached, OrderGiven, PaceReported, RobotReported,
+    TicksWaited, NoteWritten,
 )  # fmt: skip
 _SILENT: Final = frozenset(kind.KIND for kind in _PROGRAMS)
 
 
-def event_line(event: ev.RunEvent) -> tuple[str, str] | None:
+def event_line(event: RunEvent) -> tuple[str, str] | None:
     """Level and text (robot, what happened, further fields) of an event; None for those for programs."""
-    fields = {name: value for name, value in ev.to_json(event).items() if value != "" and name != "tick"}
+    fields = {name: value for name, value in to_json(event).items() if value != "" and name != "tick"}
     kind = fields.pop("event")
     if kind in _SILENT:
         return None
-    level = _LOG_LEVELS.get(event.level) if isinstance(event, ev.LogWritten) else _LEVELS.get(kind)
-    if isinstance(event, ev.ModeChanged):
+    level = _LOG_LEVELS.get(event.level) if isinstance(event, LogWritten) else _LEVELS.get(kind)
+    if isinstance(event, ModeChanged):
         return "INFO", f"{event.robot}: {event.mode}"
     robot, text = fields.pop("robot", None), fields.pop("message", None)
     if text is None:

@@ -16,7 +16,7 @@ from foxglove import messages as fox
 from foxglove.channels import FrameTransformsChannel, JointStatesChannel, LogChannel, SceneUpdateChannel
 from scipy.spatial.transform import Rotation
 
-from contid.control.engine.events import RunEvent
+from contid.control.engine.events.base import RunEvent
 from contid.control.engine.tick_layout import RecordLayout, RobotRecord, TickRecord
 from contid.robot_file.load import LoadedFile
 from contid.targets import Actuation, load_or_zero

@@ -14,7 +14,7 @@ import signal
 import sys
 from typing import Final
 
-from contid.control.engine.events import ViewerPaused
+from contid.control.engine.events.gaps import ViewerPaused
 from contid.control.process.ring import RingReader
 from contid.errors import ContidError
 from contid.view.frames import BATCH, FRAMES_HZ, Decimator

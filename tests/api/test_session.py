@@ -10,7 +10,7 @@ from pathlib import Path
 import pytest
 
 from contid import Robot, Session, Sim
-from contid.control.engine.events import ModeChanged
+from contid.control.engine.events.robots import ModeChanged
 from contid.errors import ContidError, MissingExtraError
 from tests.support.command import contid
 

@@ -10,7 +10,7 @@ import numpy as np
 
 from contid.clearance.guard import Shapes
 from contid.control.engine import messages as msg
-from contid.control.engine.events import FaultLatched, ModeChanged
+from contid.control.engine.events.robots import FaultLatched, ModeChanged
 from contid.control.engine.tick_layout import ENABLED, TickRecord
 from contid.control.engine.wiring import chain_guards, clearance_guard
 from contid.control.tick.config import STALE_S, RobotConfig

@@ -6,7 +6,8 @@ from dataclasses import dataclass, field
 
 from contid.control.engine import messages as msg
 from contid.control.engine.cycle import OnEnd
-from contid.control.engine.events import RunEvent, StopBegan
+from contid.control.engine.events.base import RunEvent
+from contid.control.engine.events.run import StopBegan
 from contid.control.engine.tick_layout import TickRecord
 from contid.control.engine.virtual import VirtualProcess
 from contid.control.engine.wiring import record_layout

@@ -12,7 +12,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 from mcap.reader import make_reader
 
-from contid.control.engine.events import NoteWritten
+from contid.control.engine.events.run import NoteWritten
 from contid.errors import ContidError
 from contid.fleet.clocks import measure_offset
 from contid.fleet.operator import FleetOperator

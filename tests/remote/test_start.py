@@ -10,7 +10,8 @@ import pytest
 from mcap.reader import make_reader
 
 from contid.client import Client, Code, RemoteError
-from contid.control.engine.events import OrderRefused, RunEvent
+from contid.control.engine.events.base import RunEvent
+from contid.control.engine.events.orders import OrderRefused
 from contid.control.engine.messages import Estop, Hold, Mark, Measured, Start
 from contid.control.process.planned_start import PlannedStart
 from tests.support.command import contid

@@ -7,7 +7,7 @@ import math
 
 import numpy as np
 
-from contid.control.engine.events import SqueezeChanged
+from contid.control.engine.events.robots import SqueezeChanged
 from contid.robot_file.load import parse_robot_file, with_mock
 from tests.sense.squeeze_runs import FACE_MM, closing, hand_text, run
 

@@ -9,7 +9,7 @@ from typing import Final
 import numpy as np
 
 from contid.control.engine import messages as msg
-from contid.control.engine.events import RunEvent
+from contid.control.engine.events.base import RunEvent
 from contid.control.engine.virtual import VirtualProcess
 from contid.control.tick.state import RobotState
 from contid.robot_file.load import LoadedFile, parse_robot_file, with_mock

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from contid import Session, kernels
-from contid.control.engine.events import ContactBegan
+from contid.control.engine.events.robots import ContactBegan
 from contid.control.tick.contact.innovation_test import GATE, NEWEST, REFERENCE, InnovationTest, TipResidual
 from contid.errors import BadInputError
 from contid.robot_file.load import load_robot_file, parse_robot_file

@@ -12,7 +12,8 @@ from pathlib import Path
 import pytest
 
 from contid.control.engine.cycle import OnEnd
-from contid.control.engine.events import OrderGiven, RecorderFailed
+from contid.control.engine.events.gaps import RecorderFailed
+from contid.control.engine.events.orders import OrderGiven
 from contid.control.engine.wiring import record_layout
 from contid.control.process import ring
 from contid.control.process.setup import RunSetup

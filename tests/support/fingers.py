@@ -6,7 +6,8 @@ import io
 import math
 from typing import Any
 
-from contid.control.engine.events import RunEvent, to_json
+from contid.control.engine.events.base import RunEvent
+from contid.control.engine.events.json_form import to_json
 from contid.control.engine.virtual import run_virtual
 from contid.control.engine.wiring import driven_robots
 from contid.robot_file.load import LoadedFile, parse_robot_file

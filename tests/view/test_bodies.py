@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 
-from contid.control.engine import events as ev
+from contid.control.engine.events.robots import FaultLatched, ModeChanged
 from contid.robot_file.sections import SectionRobot
 from contid.robot_file.shipped import load_named
 from contid.view.banner import Banner
@@ -107,13 +107,13 @@ def test_a_cylinder_lies_between_its_points_also_upside_down() -> None:
 
 def test_the_banner_has_modes_and_a_fault_with_its_remedy_until_it_is_cleared() -> None:
     banner = Banner(["left", "right"])
-    assert banner.changed(ev.ModeChanged(robot="left", mode="RUN", tick=1))
+    assert banner.changed(ModeChanged(robot="left", mode="RUN", tick=1))
     assert banner.text() == "left **RUN** · right **OFF**"
-    fault = ev.FaultLatched(
+    fault = FaultLatched(
         robot="left", fault=102, name="axis-silent", message="m", detail="left.left is silent", tick=2
     )
     assert banner.changed(fault)
     assert banner.text().startswith("# FAULT 102 · left: left.left is silent\n\nRemedy: check that device")
-    assert not banner.changed(ev.ModeChanged(robot="left", mode="FAULT", tick=2))
-    assert banner.changed(ev.ModeChanged(robot="left", mode="HOLD", tick=9))
+    assert not banner.changed(ModeChanged(robot="left", mode="FAULT", tick=2))
+    assert banner.changed(ModeChanged(robot="left", mode="HOLD", tick=9))
     assert banner.text() == "left **HOLD** · right **OFF**"

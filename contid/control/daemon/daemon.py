@@ -29,14 +29,9 @@ from contid.control.daemon.run_request import RunOptions, preflight_of, rate_of
 from contid.control.daemon.shutdown import Escalation, ShutdownSequence
 from contid.control.engine.command_log import CommandLog
 from contid.control.engine.cycle import OnEnd
-from contid.control.engine.events import (
-    NoteWritten,
-    PaceReported,
-    RunEvent,
-    RunFailed,
-    SourceEnded,
-    StopBegan,
-)
+from contid.control.engine.events.base import RunEvent
+from contid.control.engine.events.pace import PaceReported
+from contid.control.engine.events.run import NoteWritten, RunFailed, SourceEnded, StopBegan
 from contid.control.engine.measured_tip import MeasuredTips
 from contid.control.engine.messages import Begin, EndOfRows, Estop, Finish, Hold, Message, Play
 from contid.control.engine.report import RunReport, outrun

@@ -10,7 +10,8 @@ from collections.abc import Callable, Sequence
 from typing import Protocol
 
 from contid.control.engine.cycle import Sink
-from contid.control.engine.events import NoteWritten, RunEvent
+from contid.control.engine.events.base import RunEvent
+from contid.control.engine.events.run import NoteWritten
 from contid.control.engine.messages import Message
 from contid.control.engine.tick_layout import TickRecord
 from contid.control.process.setup import RunSetup

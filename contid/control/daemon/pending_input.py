@@ -15,7 +15,8 @@ from typing import Final
 
 from contid.control.daemon.cancellable_reader import CancellableReader, InputCancelledError
 from contid.control.daemon.inputs import Stream
-from contid.control.engine.events import MarkReached, OrderRefused, RunEvent
+from contid.control.engine.events.base import RunEvent
+from contid.control.engine.events.orders import MarkReached, OrderRefused
 from contid.control.engine.messages import Estop, Goto, Hold, Mark, Message, Play, Resume, Rows, Stop
 from contid.trajectory.timed import Trajectory
 

@@ -4,16 +4,11 @@ from __future__ import annotations
 
 import signal
 
-from contid.control.engine.events import (
-    BusReported,
-    PaceReported,
-    RobotReported,
-    RunEvent,
-    RunFailed,
-    RunStarted,
-    TicksSkipped,
-    TicksWaited,
-)
+from contid.control.engine.events.base import RunEvent
+from contid.control.engine.events.buses import BusReported
+from contid.control.engine.events.pace import PaceReported, TicksSkipped, TicksWaited
+from contid.control.engine.events.robots import RobotReported
+from contid.control.engine.events.run import RunFailed, RunStarted
 from contid.control.engine.report import RunReport, complete_from_records
 from contid.control.process.ring import RingReader
 

@@ -8,17 +8,12 @@ import sys
 from collections.abc import Callable
 from typing import Final
 
-from contid.control.engine.events import (
-    BusChanged,
-    ContactBegan,
-    FaultLatched,
-    LogWritten,
-    OrderRefused,
-    RunEvent,
-    RunStarted,
-    SqueezeChanged,
-    TicksSkipped,
-)
+from contid.control.engine.events.base import RunEvent
+from contid.control.engine.events.buses import BusChanged
+from contid.control.engine.events.orders import OrderRefused
+from contid.control.engine.events.pace import TicksSkipped
+from contid.control.engine.events.robots import ContactBegan, FaultLatched, SqueezeChanged
+from contid.control.engine.events.run import LogWritten, RunStarted
 from contid.control.engine.tick_layout import RecordLayout, TickRecord
 from contid.control.process.log_queue import LEVELS, level_name
 from contid.control.tick.supervisor import Mode

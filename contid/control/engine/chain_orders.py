@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 
 from contid.control.engine.cycle import Sink
-from contid.control.engine.events import OrderRefused
+from contid.control.engine.events.orders import OrderRefused
 from contid.control.engine.exchange import Exchange
 from contid.control.engine.messages import RobotNames
 from contid.control.engine.robots import Robots

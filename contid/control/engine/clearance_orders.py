@@ -11,7 +11,7 @@ from dataclasses import replace
 
 from contid.clearance.guard import ClearanceGuard
 from contid.control.engine.cycle import Sink
-from contid.control.engine.events import OrderRefused
+from contid.control.engine.events.orders import OrderRefused
 from contid.control.engine.exchange import Exchange
 from contid.control.engine.robots import Robots
 from contid.control.engine.sources import Timed

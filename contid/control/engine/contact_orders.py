@@ -9,7 +9,8 @@ from typing import Final
 
 from contid.control.engine.chain_orders import ChainOrders
 from contid.control.engine.cycle import Sink
-from contid.control.engine.events import ContactBegan, OrderRefused, SqueezeChanged
+from contid.control.engine.events.orders import OrderRefused
+from contid.control.engine.events.robots import ContactBegan, SqueezeChanged
 from contid.control.engine.exchange import Exchange
 from contid.control.engine.load_watch import LoadWatch
 from contid.control.engine.robots import Order, Robots

@@ -6,7 +6,7 @@ import enum
 from dataclasses import dataclass
 from typing import Protocol
 
-from contid.control.engine.events import RunEvent
+from contid.control.engine.events.base import RunEvent
 
 
 class OnEnd(enum.StrEnum):

@@ -15,7 +15,8 @@ from contid.control.engine.chain_orders import ChainOrders
 from contid.control.engine.clearance_orders import ClearanceOrders
 from contid.control.engine.contact_orders import ContactOrders
 from contid.control.engine.cycle import OnEnd, Sink, Timing
-from contid.control.engine.events import EffortLimited, GotoEnded, MarkReached, OrderRefused
+from contid.control.engine.events.orders import GotoEnded, MarkReached, OrderRefused
+from contid.control.engine.events.robots import EffortLimited
 from contid.control.engine.exchange import Exchange
 from contid.control.engine.load_watch import LoadWatch
 from contid.control.engine.order_events import order_event

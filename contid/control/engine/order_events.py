@@ -11,7 +11,8 @@ from collections.abc import Mapping
 from typing import Any, Final
 
 from contid.control.engine import messages as msg
-from contid.control.engine.events import BusAnswered, OrderGiven
+from contid.control.engine.events.buses import BusAnswered
+from contid.control.engine.events.orders import OrderGiven
 from contid.control.engine.ports import BusReply
 from contid.control.tick.state import Effect
 from contid.errors import ContidError

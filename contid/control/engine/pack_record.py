@@ -10,7 +10,7 @@ from operator import or_
 from typing import Final
 
 from contid.control.engine.cycle import Sink, Timing
-from contid.control.engine.events import LimitNamed
+from contid.control.engine.events.robots import LimitNamed
 from contid.control.engine.tick_layout import (
     AXIS,
     CONVERGED,

@@ -14,7 +14,7 @@ from collections.abc import Mapping, Sequence
 from typing import Final
 
 from contid.control.engine.cycle import Sink
-from contid.control.engine.events import StalenessChanged
+from contid.control.engine.events.buses import StalenessChanged
 from contid.hal import Sample
 
 

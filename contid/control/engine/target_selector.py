@@ -8,7 +8,7 @@ from typing import Final
 
 from contid.control.engine.chain_orders import ChainOrders
 from contid.control.engine.cycle import OnEnd, Sink
-from contid.control.engine.events import SourceEnded, StopBegan
+from contid.control.engine.events.run import SourceEnded, StopBegan
 from contid.control.engine.messages import RobotNames
 from contid.control.engine.robots import Robots, stopping
 from contid.control.engine.sources import Live, Source, Timed

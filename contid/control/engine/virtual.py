@@ -8,7 +8,8 @@ from contid.control.engine.bus_trackers import BusTrackers
 from contid.control.engine.clock import VirtualClock
 from contid.control.engine.cycle import OnEnd, Sink, Timing
 from contid.control.engine.engine import Engine
-from contid.control.engine.events import RunEvent, TicksSkipped
+from contid.control.engine.events.base import RunEvent
+from contid.control.engine.events.pace import TicksSkipped
 from contid.control.engine.messages import EndOfRows, Message, Rows
 from contid.control.engine.ports import BusPort
 from contid.control.engine.report import RunReport, robot_reports

@@ -19,14 +19,9 @@ from typing import Final
 from contid.control.engine.bus_trackers import BusTrackers
 from contid.control.engine.clock import RealClock
 from contid.control.engine.engine import Engine
-from contid.control.engine.events import (
-    BusReported,
-    LogWritten,
-    NoteWritten,
-    RobotReported,
-    RunFailed,
-    RunStarted,
-)
+from contid.control.engine.events.buses import BusReported
+from contid.control.engine.events.robots import RobotReported
+from contid.control.engine.events.run import LogWritten, NoteWritten, RunFailed, RunStarted
 from contid.control.engine.messages import Finish, Start
 from contid.control.engine.ports import BusPort
 from contid.control.engine.report import robot_reports

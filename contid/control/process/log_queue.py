@@ -13,7 +13,7 @@ from contextlib import contextmanager
 from typing import Final
 
 from contid.control.engine.cycle import Sink
-from contid.control.engine.events import LogWritten
+from contid.control.engine.events.run import LogWritten
 
 #: Records kept until the next `LogQueue.take`; older ones are dropped.
 CAPACITY: Final = 1024

@@ -12,7 +12,7 @@ from __future__ import annotations
 from typing import Final
 
 from contid.control.engine.cycle import Sink, Timing
-from contid.control.engine.events import PaceReported, TicksSkipped, TicksWaited
+from contid.control.engine.events.pace import PaceReported, TicksSkipped, TicksWaited
 from contid.control.tick.statistics import Lateness
 
 #: A tick that starts later than this share of the period counts as late.

@@ -6,7 +6,7 @@ from typing import Final
 
 from contid.control.engine import messages as msg
 from contid.control.engine.cycle import Sink
-from contid.control.engine.events import OrderRefused
+from contid.control.engine.events.orders import OrderRefused
 
 #: Orders after which a planned start is none any more.
 CANCELLING: Final = (msg.Hold, msg.Stop, msg.Estop, msg.Goto, msg.Rows, msg.Play, msg.Begin, msg.Finish)

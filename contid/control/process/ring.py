@@ -30,7 +30,9 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, Final
 
-from contid.control.engine.events import EventTooLong, RunEvent, from_json, to_json
+from contid.control.engine.events.base import RunEvent
+from contid.control.engine.events.gaps import EventTooLong
+from contid.control.engine.events.json_form import from_json, to_json
 from contid.control.engine.tick_layout import LATENESS, RecordLayout, TickRecord
 from contid.errors import ContidError
 

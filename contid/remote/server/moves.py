@@ -13,14 +13,10 @@ from collections.abc import Mapping, Sequence
 from typing import Any, Final
 
 from contid.control.daemon.interfaces import RunControl
-from contid.control.engine.events import (
-    GotoEnded,
-    OrderGiven,
-    OrderRefused,
-    RunEvent,
-    SourceEnded,
-    SqueezeChanged,
-)
+from contid.control.engine.events.base import RunEvent
+from contid.control.engine.events.orders import GotoEnded, OrderGiven, OrderRefused
+from contid.control.engine.events.robots import SqueezeChanged
+from contid.control.engine.events.run import SourceEnded
 from contid.control.engine.messages import NOT_AT_START, Begin, Goto, Hold, Message, Play, Resume, Rows, Start
 from contid.control.engine.tick_layout import TickRecord
 from contid.control.tick.supervisor import MOVING, Mode

@@ -12,7 +12,8 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
 from typing import Final
 
-from contid.control.engine.events import MarkReached, OrderRefused, RunEvent
+from contid.control.engine.events.base import RunEvent
+from contid.control.engine.events.orders import MarkReached, OrderRefused
 from contid.control.engine.messages import Mark, Message
 from contid.remote.protocol.wire import Code, RemoteError
 

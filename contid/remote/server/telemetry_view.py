@@ -12,7 +12,9 @@ import time
 from collections.abc import Callable, Iterable, Sequence
 from typing import Any, Final
 
-from contid.control.engine.events import FaultLatched, RunEvent, TicksSkipped, TicksWaited
+from contid.control.engine.events.base import RunEvent
+from contid.control.engine.events.pace import TicksSkipped, TicksWaited
+from contid.control.engine.events.robots import FaultLatched
 from contid.control.engine.measured_tip import measured_actuation, tip_in_world
 from contid.control.engine.tick_layout import ENABLED, HAS_TARGET, RecordLayout, RobotRecord, TickRecord
 from contid.control.engine.wiring import build_robot_configs, driven_robots, record_layout

@@ -14,7 +14,7 @@ from contextlib import ExitStack, contextmanager
 from pathlib import Path
 from typing import Any, TextIO
 
-from contid.control.engine.events import to_json
+from contid.control.engine.events.json_form import to_json
 from contid.session.export.columns import TIMES
 from contid.session.export.table import TickTable, zero_time_ns
 from contid.session.format.channels import EVENT, MEASURED, TICK_CHANNELS

@@ -8,7 +8,7 @@ from pathlib import Path
 from typing import Any, Final
 
 import contid
-from contid.control.engine.events import to_json
+from contid.control.engine.events.json_form import to_json
 from contid.session.export.table import TickTable, zero_time_ns
 from contid.session.format.entries import Entry
 from contid.session.output import replacing

@@ -12,7 +12,7 @@ from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any, Final
 
-from contid.control.engine.events import KEYS, KINDS
+from contid.control.engine.events.json_form import KEYS, KINDS
 from contid.control.engine.tick_layout import AXIS, HEAD, ROBOT, RecordLayout, Value
 
 TICK_CHANNELS: Final = ("tick", "target", "solution", "command", "sample")

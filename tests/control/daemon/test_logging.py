@@ -16,7 +16,8 @@ import psutil
 import pytest
 
 from contid.client import Client
-from contid.control.engine.events import LogWritten, to_json
+from contid.control.engine.events.json_form import to_json
+from contid.control.engine.events.run import LogWritten
 from contid.control.engine.wiring import wired_buses
 from contid.errors import ContidError
 from contid.robot_file.load import load_robot_file

@@ -7,7 +7,8 @@ import threading
 
 import pytest
 
-from contid.control.engine.events import LogWritten, RunEvent
+from contid.control.engine.events.base import RunEvent
+from contid.control.engine.events.run import LogWritten
 from contid.control.process.log_queue import CAPACITY, LogQueue, handle_logs
 
 log = logging.getLogger("contid_drivers.any")

@@ -15,13 +15,10 @@ from pathlib import Path
 
 import pytest
 
-from contid.control.engine.events import (
-    BusAnswered,
-    EventTooLong,
-    ModeChanged,
-    OrderGiven,
-    OrderRefused,
-)
+from contid.control.engine.events.buses import BusAnswered
+from contid.control.engine.events.gaps import EventTooLong
+from contid.control.engine.events.orders import OrderGiven, OrderRefused
+from contid.control.engine.events.robots import ModeChanged
 from contid.control.engine.tick_layout import AXIS, HEAD, ROBOT, RecordLayout, RobotLayout
 from contid.control.process import ring
 

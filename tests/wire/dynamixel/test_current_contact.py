@@ -14,7 +14,7 @@ import numpy as np
 import pytest
 
 from contid import Session
-from contid.control.engine.events import ContactBegan
+from contid.control.engine.events.robots import ContactBegan
 from contid.control.engine.wiring import wired_buses
 from contid.robot_file.load import load_robot_file
 from contid_drivers.dynamixel.emulator.bench import Bench

@@ -1,0 +1,50 @@
+"""What a reader of the ring did not get: lost records, events that are too long or unknown."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import Annotated, Any, ClassVar
+
+from contid.control.engine.events.base import RunEvent, Text
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class RecorderFailed(RunEvent):
+    """The control process ended without closing the ring."""
+
+    KIND: ClassVar[str] = "recorder"
+    message: Text
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class RecorderOverrun(RunEvent):
+    """The ring was overwritten before the recorder had read it."""
+
+    KIND: ClassVar[str] = "overrun"
+    missed_ticks: Annotated[int, "ticks that are not in the file"]
+    missed_events: Annotated[int, "events that are not in the file"]
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class ViewerPaused(RunEvent):
+    """The ring was overwritten before the viewer had read it; written by the viewer."""
+
+    KIND: ClassVar[str] = "viewer"
+    message: Text
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class EventTooLong(RunEvent):
+    """Replaces an event that does not fit into the ring."""
+
+    KIND: ClassVar[str] = "too_long"
+    kind: Annotated[str, "of the event"]
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class UnknownEvent(RunEvent):
+    """An event of another version, or a damaged one."""
+
+    kind: str
+    values: Mapping[str, Any]

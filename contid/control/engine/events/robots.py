@@ -1,0 +1,89 @@
+"""What happens to one robot: its mode, faults, contacts and limits, and its closing report."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Annotated, Any, ClassVar
+
+from contid.control.engine.events.base import RobotName, RunEvent, Text, TickNumber
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class ModeChanged(RunEvent):
+    """A robot entered a mode."""
+
+    KIND: ClassVar[str] = "state"
+    robot: RobotName
+    mode: Annotated[str, "new mode of the robot"]
+    tick: TickNumber
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class FaultLatched(RunEvent):
+    """A robot entered FAULT."""
+
+    KIND: ClassVar[str] = "fault"
+    robot: RobotName
+    fault: Annotated[int, "number of the fault"]
+    name: Annotated[str, "name of the fault"]
+    message: Text
+    detail: Annotated[str, "what happened, without the remedy"] = ""
+    tick: TickNumber
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class ContactBegan(RunEvent):
+    """A force acts on a robot that neither its model nor its known load explains."""
+
+    KIND: ClassVar[str] = "contact"
+    tick: TickNumber
+    robot: RobotName
+    axis: Annotated[str, "axes whose currents showed it, empty for the tip"] = ""
+    time_s: Annotated[float, "capture of the measurement that showed it, in the time of the robots"]
+    direction: Annotated[list[float], "of the force, unit vector in the world frame; empty where it has none"]
+    force_n: Annotated[float, "size of the force on the tip when it was found [N]; 0 for an axis"]
+    excess_ma: Annotated[float, "current above the usual one [mA]; 0 for the tip"] = 0.0
+    confidence: Annotated[float, "1 minus the number of such events by noise alone expected in an hour"]
+    policy: Annotated[str, "reaction: ignore, hold, stop or retract"]
+    message: Text
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class SqueezeChanged(RunEvent):
+    """A tip that closes until a force reached it, lost the object, or ended without."""
+
+    KIND: ClassVar[str] = "squeeze"
+    tick: TickNumber
+    robot: RobotName
+    what: Annotated[str, "reached, lost, nothing (no force up to the target), pressed (no free way), weak"]
+    force_n: Annotated[float, "of the tip along its way, from the currents [N]"]
+    message: Text
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class EffortLimited(RunEvent):
+    """The effort of a robot was limited to a share of that of the robot file."""
+
+    KIND: ClassVar[str] = "grip"
+    tick: TickNumber
+    robot: RobotName
+    share: Annotated[float, "share, 0 to 1"]
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class LimitNamed(RunEvent):
+    """A bit of ``limited_by`` was assigned to a limit."""
+
+    KIND: ClassVar[str] = "limit_name"
+    robot: RobotName
+    bit: Annotated[int, "bit of limited_by"]
+    name: Annotated[str, "name of the limit"]
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class RobotReported(RunEvent):
+    """The closing report of a robot (`contid.control.engine.report.robot_reports`)."""
+
+    KIND: ClassVar[str] = "robot"
+    robot: RobotName
+    report: Annotated[dict[str, Any], "mode, fault, tip errors and limits"]

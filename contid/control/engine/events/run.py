@@ -1,0 +1,70 @@
+"""How a run begins and ends, and what is written beside it: log records and notes of clients."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Annotated, ClassVar
+
+from contid.control.engine.events.base import RunEvent, Text, TickNumber
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class RunStarted(RunEvent):
+    """The buses are open; the message is the reason when real-time priority was refused."""
+
+    KIND: ClassVar[str] = "started"
+    realtime: Annotated[bool, "the control process has real-time priority"]
+    message: Text
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class RunFailed(RunEvent):
+    """The control process cannot continue."""
+
+    KIND: ClassVar[str] = "failed"
+    message: Text
+    exit_code: Annotated[int, "of the process"]
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class SourceEnded(RunEvent):
+    """The trajectory or the stream ended."""
+
+    KIND: ClassVar[str] = "end"
+    tick: TickNumber
+    on_end: Annotated[str, "what the robots do then"]
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class StopBegan(RunEvent):
+    """All robots stop; the run ends afterwards."""
+
+    KIND: ClassVar[str] = "stopping"
+    reason: Annotated[str, "why the stop began"]
+    seconds: Annotated[float, "how long the stop takes"]
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class LogWritten(RunEvent):
+    """A log record of the daemon or of the control process."""
+
+    KIND: ClassVar[str] = "log"
+    process: Annotated[str, "daemon or control"]
+    level: Annotated[str, "debug, info, warning, error or critical"]
+    logger: Annotated[str, "name of the module"]
+    message: Text
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class NoteWritten(RunEvent):
+    """A client related the clock of this run to its own, for recordings that are laid over each other."""
+
+    KIND: ClassVar[str] = "note"
+    experiment: Annotated[str, "name of the experiment"]
+    node: Annotated[str, "name of this daemon in its fleet"]
+    conductor: Annotated[str, "boot of the client's machine, from which its clock counts"]
+    at_s: Annotated[float, "when the offset was measured, on the clock of deadline_s"]
+    offset_s: Annotated[float, "clock of deadline_s less that of the client"]
+    bound_s: Annotated[float, "largest error of the offset"]
+    wall_s: Annotated[float, "time of day less the clock of the client"]
+    message: Text = ""
