@@ -26,6 +26,7 @@ from contid.control.engine.events.base import RunEvent
 from contid.control.engine.virtual import run_virtual
 from contid.control.engine.wiring import driven_robots, record_layout
 from contid.control.process import ring
+from contid.control.process.ring_writer import RingWriter
 from contid.control.process.setup import RunSetup
 from contid.robot_file.load import load_robot_file, with_mock
 from contid.robot_file.shipped import find_robot_file
@@ -63,7 +64,7 @@ def main() -> int:
     run_virtual(loaded, 200.0, rows, sinks=[kept])
     rate_hz, total = 200.0 * chosen.speed, round(chosen.minutes * 60 * 200)
     shared = ring.create(record_layout(loaded, rate_hz))
-    writer = ring.RingWriter(shared)
+    writer = RingWriter(shared)
     with tempfile.TemporaryDirectory() as folder:
         path = Path(folder) / "long.mcap"
         recording = RecordingObserver(path, {"mock": "True"})

@@ -18,7 +18,8 @@ import time
 from contextlib import suppress
 from pathlib import Path
 
-from contid.control.process.ring import RingError, RingReader
+from contid.control.process.ring import RingError
+from contid.control.process.ring_reader import RingReader
 
 HELP_BAR_S = 0.2
 COMMAND_BAR_S = 1.0

@@ -43,7 +43,7 @@ from contid.control.engine.cycle import OnEnd, Sink
 from contid.control.engine.messages import Finish, Message
 from contid.control.engine.wiring import driven_robots
 from contid.control.process.realtime import disable_gc, request_real_time, sleep_until
-from contid.control.process.ring import RingReader
+from contid.control.process.ring_reader import RingReader
 from contid.control.process.setup import RunSetup
 from contid.robot_file.load import LoadedFile, load_robot_file, with_mock
 from contid.robot_file.shipped import find_robot_file

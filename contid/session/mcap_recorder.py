@@ -26,7 +26,7 @@ from typing import Final
 
 from contid.control.engine.events.gaps import RecorderFailed, RecorderOverrun
 from contid.control.engine.tick_layout import DEADLINE
-from contid.control.process.ring import RingReader
+from contid.control.process.ring_reader import RingReader
 from contid.errors import ContidError
 from contid.session.compact import compact
 from contid.session.format.header import END, NPZ, Attached, RecorderJob

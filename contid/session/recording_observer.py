@@ -15,8 +15,8 @@ from contid.child_module import module_command
 from contid.control.daemon.spawn import ENVIRONMENT
 from contid.control.engine.cycle import Sink
 from contid.control.engine.messages import Message, Play
-from contid.control.process.ring import ATTACHED_FILES, folder
 from contid.control.process.setup import RunSetup
+from contid.control.process.shared_files import ATTACHED_FILES, folder
 from contid.errors import ContidError
 from contid.session.compact import compact
 from contid.session.format.header import END, NPZ, Attached, RecorderJob

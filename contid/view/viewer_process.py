@@ -15,7 +15,7 @@ import sys
 from typing import Final
 
 from contid.control.engine.events.gaps import ViewerPaused
-from contid.control.process.ring import RingReader
+from contid.control.process.ring_reader import RingReader
 from contid.errors import ContidError
 from contid.view.frames import BATCH, FRAMES_HZ, Decimator
 from contid.view.view_target import Kind, ViewerJob

@@ -35,7 +35,7 @@ from typing import Final
 
 import psutil
 
-from contid.control.process.ring import folder as ring_folder
+from contid.control.process.shared_files import folder as ring_folder
 from contid.errors import ContidError
 from tests.campaign.disturbed_daemon import PLANTS, Case
 from tests.campaign.wired.daemon import NotStartedError

@@ -25,7 +25,7 @@ from pathlib import Path
 import psutil
 
 from contid.client import Client
-from contid.control.process.ring import folder as ring_folder
+from contid.control.process.shared_files import folder as ring_folder
 from contid.remote.protocol.socket_path import is_listening
 from contid.robot_file.shipped import configs_folder
 from tests.support.fingers import fingers

@@ -8,7 +8,7 @@ import resource
 import psutil
 import pytest
 
-from contid.control.process.ring import folder
+from contid.control.process.shared_files import folder
 from tests.support.daemons import armed, daemon
 
 pytestmark = pytest.mark.realtime

@@ -18,7 +18,8 @@ from pathlib import Path
 
 import psutil
 
-from contid.control.process.ring import RingError, RingReader
+from contid.control.process.ring import RingError
+from contid.control.process.ring_reader import RingReader
 from contid.session.compact import compact
 from contid.session.info import summarize
 from contid.session.read import Session

@@ -16,6 +16,7 @@ from contid.control.engine.events.gaps import RecorderFailed
 from contid.control.engine.events.orders import OrderGiven
 from contid.control.engine.wiring import record_layout
 from contid.control.process import ring
+from contid.control.process.ring_writer import RingWriter
 from contid.control.process.setup import RunSetup
 from contid.errors import ContidError
 from contid.session.format.header import RecorderJob
@@ -45,7 +46,7 @@ def _job(path: Path, shared: Path, pid: int) -> RecorderJob:
     return RecorderJob(path, shared, pid, describe(setup, {"mock": "False"}, virtual=False))
 
 
-def _values(writer: ring.RingWriter, tick: int) -> list[float]:
+def _values(writer: RingWriter, tick: int) -> list[float]:
     size = writer.layout.packer().size // 8
     return [tick, 0, tick / 200.0, *([0] * (size - 3))]
 
@@ -122,7 +123,7 @@ def test_a_missing_folder_is_named(tmp_path: Path, shared: Path) -> None:
 
 
 def test_ticks_lost_in_an_overrun_are_counted(tmp_path: Path, shared: Path) -> None:
-    writer = ring.RingWriter(shared)
+    writer = RingWriter(shared)
     recorder = McapRecorder(_job(tmp_path / "s.mcap", shared, os.getpid()))
     for tick in range(1000):
         writer.write(_values(writer, tick))
@@ -140,7 +141,7 @@ def test_ticks_lost_in_an_overrun_are_counted(tmp_path: Path, shared: Path) -> N
 
 @pytest.mark.realtime
 def test_it_ends_with_the_writer_of_the_ring(tmp_path: Path, shared: Path) -> None:
-    writer = ring.RingWriter(shared)
+    writer = RingWriter(shared)
     control = subprocess.Popen([sys.executable, "-c", "import time; time.sleep(60)"])
     recorder = McapRecorder(_job(tmp_path / "s.mcap", shared, control.pid))
     for tick in range(10):
@@ -172,7 +173,7 @@ def test_a_full_disk_is_reported(tmp_path: Path, shared: Path) -> None:
     full = os.open("/dev/full", os.O_WRONLY)
     os.dup2(full, recorder._writer._file)
     os.close(full)
-    writer = ring.RingWriter(shared)
+    writer = RingWriter(shared)
     writer.write(_values(writer, 0))
     with pytest.raises(ContidError, match="recording stopped: No space left on device"):
         recorder.run()

@@ -13,7 +13,9 @@ from contid.control.engine.cycle import OnEnd
 from contid.control.engine.events.orders import OrderGiven
 from contid.control.engine.wiring import record_layout
 from contid.control.process import ring
+from contid.control.process.ring_writer import RingWriter
 from contid.control.process.setup import RunSetup
+from contid.control.process.shared_files import folder
 from contid.errors import ContidError
 from contid.robot_file.load import parse_robot_file
 from contid.session.differences import differences
@@ -181,7 +183,7 @@ def test_the_recorder_attaches_the_trajectory_of_an_order(tmp_path: Path) -> Non
     """Through the observer and the recorder's process, before the order is in the ring."""
     loaded = load(2)
     shared = ring.create(record_layout(loaded, 200.0))
-    writer = ring.RingWriter(shared)
+    writer = RingWriter(shared)
     recording = RecordingObserver(tmp_path / "s.mcap", {"mock": "False"})
     recording.attach(RunSetup(loaded, 200.0, shared, None, OnEnd.HOLD, attended=True), os.getpid())
     second = circle(loaded, period_s=0.8)
@@ -197,4 +199,4 @@ def test_the_recorder_attaches_the_trajectory_of_an_order(tmp_path: Path) -> Non
     again = session.trajectory(loaded, 1)
     assert again is not None
     assert again.rows.tobytes() == second.rows.tobytes()
-    assert not list(ring.folder().glob("contid-*.npz"))
+    assert not list(folder().glob("contid-*.npz"))

@@ -24,7 +24,9 @@ import rerun.blueprint as rrb
 from contid.control.daemon.run import run
 from contid.control.daemon.run_request import RunRequest
 from contid.control.engine.wiring import record_layout
-from contid.control.process.ring import RingReader, RingWriter, create
+from contid.control.process.ring import create
+from contid.control.process.ring_reader import RingReader
+from contid.control.process.ring_writer import RingWriter
 from contid.robot_file.load import load_robot_file
 from contid.view.csp_proxy import CspProxy, policy
 from contid.view.layout import FIELD_OF_VIEW, build_layout, camera

@@ -12,7 +12,9 @@ from contid.control.daemon.spawn import Spawned, spawn
 from contid.control.engine.tick_layout import RecordLayout
 from contid.control.process import ring
 from contid.control.process.pipe import frame, to_shared_memory
+from contid.control.process.ring_reader import RingReader
 from contid.control.process.setup import RunSetup
+from contid.control.process.shared_files import folder, sweep
 
 #: Bounds the daemon's memory when the control process does not read its pipe.
 MAX_BACKLOG: Final = 64 << 20
@@ -24,7 +26,7 @@ class ControlChild:
     def __init__(self, spawned: Spawned | None = None) -> None:
         spawned = spawned or spawn()
         self._process, self._pipe = spawned.process, spawned.pipe
-        self.reader: ring.RingReader | None = None
+        self.reader: RingReader | None = None
         self._path: Path | None = None
         self._backlog = bytearray()
         self._bulk_paths: list[Path] = []
@@ -41,9 +43,9 @@ class ControlChild:
 
     def create_ring(self, layout: RecordLayout) -> Path:
         """Create the shared memory of this run and attach to it."""
-        ring.sweep()
+        sweep()
         self._path = ring.create(layout)
-        self.reader = ring.RingReader(self._path)
+        self.reader = RingReader(self._path)
         return self._path
 
     def start(self, setup: RunSetup) -> None:
@@ -63,7 +65,7 @@ class ControlChild:
 
     def send_bulk(self, message: object) -> None:
         """Send a long message with its arrays in shared memory, or through the pipe when that is full."""
-        bulk = to_shared_memory(message, ring.folder())
+        bulk = to_shared_memory(message, folder())
         if bulk is None:
             self.send(message)
             return

@@ -10,7 +10,7 @@ from contid.control.engine.events.pace import PaceReported, TicksSkipped, TicksW
 from contid.control.engine.events.robots import RobotReported
 from contid.control.engine.events.run import RunFailed, RunStarted
 from contid.control.engine.report import RunReport, complete_from_records
-from contid.control.process.ring import RingReader
+from contid.control.process.ring_reader import RingReader
 
 
 class ReportBuilder:

@@ -31,7 +31,7 @@ from contid.control.process.pace import Pace
 from contid.control.process.pipe import Inbox
 from contid.control.process.planned_start import PlannedStart
 from contid.control.process.realtime import disable_gc, request_real_time, sleep_until, warm_up
-from contid.control.process.ring import RingWriter
+from contid.control.process.ring_writer import RingWriter
 from contid.control.process.setup import RunSetup
 from contid.errors import ContidError
 from contid.hal import CountsAnswers

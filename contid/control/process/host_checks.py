@@ -18,7 +18,7 @@ from contid.control.process.host_files import (
     shipped_text,
 )
 from contid.control.process.realtime import PRIORITY
-from contid.control.process.ring import folder
+from contid.control.process.shared_files import folder
 from contid.hal import Finding
 
 FIX: Final = "sudo $(command -v contid) doctor ROBOT.yaml --fix"

@@ -17,7 +17,7 @@ from itertools import accumulate, pairwise
 from pathlib import Path
 from typing import Final
 
-from contid.control.process.ring import BULK_FILES
+from contid.control.process.shared_files import BULK_FILES
 
 LENGTH: Final = struct.Struct("=I")
 CHUNK: Final = 1 << 18

@@ -1,4 +1,4 @@
-"""A lock-free ring in shared memory: one writer that never blocks, any number of readers that count misses.
+"""The file of a lock-free ring in shared memory: one writer that never blocks, any number of readers.
 
 One file in ``/dev/shm`` (mode 0600) holds two rings of fixed slots: ticks
 (`contid.control.engine.tick_layout`) and events (JSON). The writer stamps a slot with 0, fills it, stamps it
@@ -16,24 +16,17 @@ from __future__ import annotations
 
 import errno
 import fcntl
-import json
 import mmap
 import os
 import secrets
 import struct
-import tempfile
-import time
 import zlib
-from collections.abc import Callable, Mapping
-from contextlib import ExitStack, suppress
-from dataclasses import dataclass
+from contextlib import ExitStack
 from pathlib import Path
-from typing import Any, Final
+from typing import Final
 
-from contid.control.engine.events.base import RunEvent
-from contid.control.engine.events.gaps import EventTooLong
-from contid.control.engine.events.json_form import from_json, to_json
-from contid.control.engine.tick_layout import LATENESS, RecordLayout, TickRecord
+from contid.control.engine.tick_layout import RecordLayout
+from contid.control.process.shared_files import folder
 from contid.errors import ContidError
 
 MAGIC: Final = b"contidR5"
@@ -48,12 +41,6 @@ EVENT_SLOTS: Final = 1024
 EVENT_PARTS: Final = 128
 #: Least time of ticks that a ring holds [s].
 SECONDS: Final = 8.0
-#: A younger ring may belong to a run that has not opened it yet.
-STALE_S: Final = 60.0
-#: Files of arrays sent to the control process (`contid.control.process.pipe.BulkMessage`).
-BULK_FILES: Final = "contid-*.bulk"
-#: Trajectories for the recorder (`contid.session.recording_observer`).
-ATTACHED_FILES: Final = "contid-*.npz"
 U64: Final = struct.Struct("=Q")
 F64: Final = struct.Struct("=d")
 STAMP: Final = struct.Struct("=QI")  # sequence number, CRC-32 of contents and number
@@ -64,22 +51,6 @@ TRIES: Final = 4
 
 class RingError(ContidError):
     """A ring cannot be created or attached."""
-
-
-def folder() -> Path:
-    """The folder of rings: shared memory, or the temporary folder on a machine without it."""
-    shared = Path("/dev/shm")
-    return shared if shared.is_dir() else Path(tempfile.gettempdir())
-
-
-def sweep() -> None:
-    """Remove the rings and array files of killed runs, which no process has open."""
-    patterns = ("contid-*.ring", BULK_FILES, ATTACHED_FILES)
-    for path in (path for pattern in patterns for path in folder().glob(pattern)):
-        with suppress(OSError), path.open("rb") as file:
-            if time.time() - os.fstat(file.fileno()).st_mtime > STALE_S:
-                fcntl.flock(file, fcntl.LOCK_EX | fcntl.LOCK_NB)
-                path.unlink()
 
 
 def create(layout: RecordLayout, seconds: float = SECONDS) -> Path:
@@ -118,8 +89,13 @@ def _events_at(text_bytes: int, slots: int, size: int) -> int:
     return _slots_at(text_bytes) + slots * size
 
 
-class _Mapped:
-    """The mapped file and its layout."""
+def checksum(number: int, contents: bytes) -> int:
+    """CRC-32 of the contents of a slot and its sequence number."""
+    return zlib.crc32(contents, number & 0xFFFFFFFF)
+
+
+class MappedRing:
+    """The mapped file and its layout; base of writer and readers."""
 
     def __init__(self, path: Path) -> None:
         self.path = path
@@ -148,200 +124,3 @@ class _Mapped:
         self._numbers.release()
         self._map.close()
         self._file.close()
-
-
-class RingWriter(_Mapped):
-    """The writer."""
-
-    def __init__(self, path: Path) -> None:
-        super().__init__(path)
-        self._ticks = 0
-        self._events = 0
-
-    def write(self, values: list[float]) -> None:
-        """Publish one tick: all values of the layout in order."""
-        number = self._ticks
-        at = self._ticks_at + number % self.slots * self.size
-        self._ticks = number + 1
-        self._fill(at, self._ticks, self._packer.pack(*values))
-        self._numbers[TICKS] = self._ticks
-
-    def event(self, event: RunEvent) -> None:
-        """Publish one event; beyond `EVENT_PARTS` slots its longest text is cut or ``too_long`` sent."""
-        body = json.dumps(to_json(event)).encode()
-        room = EVENT_BYTES - STAMP.size - PART.size
-        if len(body) > room * EVENT_PARTS:
-            body = _shortened(to_json(event), room * EVENT_PARTS)
-        parts = [body[start : start + room] for start in range(0, len(body), room)]
-        for index, part in enumerate(parts):
-            self._part(part, index, len(parts) - 1 - index)
-
-    def _part(self, body: bytes, before: int, after: int) -> None:
-        number = self._events
-        at = self._events_at + number % self.event_slots * EVENT_BYTES
-        self._events = number + 1
-        self._fill(at, self._events, PART.pack(len(body), before, after) + body)
-        self._numbers[EVENTS] = self._events
-
-    def _fill(self, at: int, number: int, contents: bytes) -> None:
-        """Fill a slot; its stamp comes last."""
-        STAMP.pack_into(self._map, at, 0, _crc(number, contents))
-        self._map[at + STAMP.size : at + STAMP.size + len(contents)] = contents
-        U64.pack_into(self._map, at, number)
-
-    def finish(self) -> None:
-        """Mark the ring as complete."""
-        self._numbers[CLOSED] = 1
-
-
-def _crc(number: int, contents: bytes) -> int:
-    return zlib.crc32(contents, number & 0xFFFFFFFF)
-
-
-def _shortened(event: Mapping[str, Any], limit: int) -> bytes:
-    """The JSON of an event within ``limit`` bytes: its longest text cut, or the event ``too_long``."""
-    texts = {key: value for key, value in event.items() if isinstance(value, str) and key != "event"}
-    longest = max(texts, key=lambda key: len(texts[key]), default=None)
-    if longest is not None:
-        # A character takes at most twelve bytes, as two escapes.
-        others = len(json.dumps({**event, longest: "..."}))
-        kept = texts[longest][: max(limit - others, 0) // 12] + "..."
-        body = json.dumps({**event, longest: kept}).encode()
-        if len(body) <= limit:
-            return body
-    return json.dumps(to_json(EventTooLong(kind=event["event"]))).encode()
-
-
-@dataclass(slots=True)
-class _Cursor:
-    """Number of the next slot to read, and count of slots overwritten before."""
-
-    next: int = 0
-    missed: int = 0
-
-
-class RingReader(_Mapped):
-    """A reader with its own position."""
-
-    def __init__(self, path: Path) -> None:
-        super().__init__(path)
-        self._tick = _Cursor()
-        self._event = _Cursor()
-        self._parts: list[bytes] = []
-
-    @property
-    def missed_ticks(self) -> int:
-        """Records overwritten before they were read."""
-        return self._tick.missed
-
-    @property
-    def missed_events(self) -> int:
-        """Event slots overwritten before they were read."""
-        return self._event.missed
-
-    @property
-    def finished(self) -> bool:
-        """True when the writer has finished; its records can still be read."""
-        return bool(self._numbers[CLOSED])
-
-    @property
-    def written(self) -> int:
-        """Records written so far."""
-        return self._numbers[TICKS]
-
-    def skip(self) -> int:
-        """Go on with the next record and the next event; returns the number of records left out."""
-        self._event = _Cursor(self._numbers[EVENTS])
-        self._tick = _Cursor(self.written)
-        return self._tick.next
-
-    def rewind(self) -> None:
-        """Go back to the oldest record in the ring."""
-        self._tick = _Cursor(max(self.written - self.slots + 1, 0))
-
-    def ticks(self, at_most: int = 1 << 30) -> list[TickRecord]:
-        """Unread records, oldest first."""
-        return [self.layout.decode(values) for values in self.raw_ticks(at_most)]
-
-    def raw_ticks(self, at_most: int = 1 << 30) -> list[tuple[float, ...]]:
-        """The undecoded values of unread records, oldest first."""
-        out: list[tuple[float, ...]] = []
-        while len(out) < at_most and (raw := self._next(self._tick, TICKS, self.slots, self._tick_slot)):
-            out.append(self._packer.unpack(raw))
-        return out
-
-    def newest(self) -> TickRecord | None:
-        """The newest record, without moving the position."""
-        for _ in range(3):
-            number = self.written
-            if number == 0:
-                return None
-            if raw := self._contents(number, self._tick_slot):
-                return self.layout.decode(self._packer.unpack(raw))
-        return None
-
-    def lateness(self, ticks: int) -> list[float]:
-        """How late the newest ticks started [s], without moving the position."""
-        written = self.written
-        newest = range(max(written - min(ticks, self.slots - 1), 0), written)
-        at = STAMP.size + LATENESS * F64.size
-        return [F64.unpack_from(self._tick_slot(number), at)[0] for number in newest]
-
-    def events(self) -> list[RunEvent]:
-        """Unread events, oldest first; an event with overwritten parts is dropped."""
-        out: list[RunEvent] = []
-        missed = self._event.missed
-        while raw := self._next(self._event, EVENTS, self.event_slots, self._event_slot):
-            _, before, after = PART.unpack_from(raw)
-            if before == 0 or self._event.missed != missed:
-                self._parts.clear()
-                missed = self._event.missed
-            if before != len(self._parts):
-                continue  # rest of an event whose first part was overwritten
-            self._parts.append(raw[PART.size :])
-            if after == 0:
-                out.append(from_json(json.loads(b"".join(self._parts))))
-        return out
-
-    def _tick_slot(self, number: int) -> bytes:
-        at = self._ticks_at + number % self.slots * self.size
-        return self._map[at : at + self.size]
-
-    def _event_slot(self, number: int) -> bytes:
-        at = self._events_at + number % self.event_slots * EVENT_BYTES
-        length = PART.unpack_from(self._map, at + STAMP.size)[0]
-        return self._map[at : at + min(STAMP.size + PART.size + length, EVENT_BYTES)]
-
-    def _contents(self, stamp: int, slot: Callable[[int], bytes]) -> bytes | None:
-        """The contents of the slot with a stamp; None when it was overwritten, or is not all visible yet."""
-        for _ in range(TRIES):
-            raw = slot(stamp - 1)
-            found, crc = STAMP.unpack_from(raw)
-            contents = raw[STAMP.size :]
-            if found != stamp:
-                return None
-            if crc == _crc(stamp, contents):
-                return contents
-        return None
-
-    def _next(
-        self, cursor: _Cursor, head_place: int, slots: int, slot: Callable[[int], bytes]
-    ) -> bytes | None:
-        """Copy the next slot; skip and count those that were overwritten or never became whole."""
-        while True:
-            head = self._numbers[head_place]
-            if cursor.next >= head:
-                return None
-            oldest = head - slots + 1  # the slot after the newest may be being written
-            if cursor.next < oldest:
-                cursor.missed += oldest - cursor.next
-                cursor.next = oldest
-            number = cursor.next
-            if contents := self._contents(number + 1, slot):
-                cursor.next = number + 1
-                return contents
-            if number + 1 == head:
-                return None  # its contents may become visible
-            if int(U64.unpack_from(slot(number))[0]) == number + 1:
-                cursor.missed += 1
-                cursor.next = number + 1

@@ -21,6 +21,9 @@ from contid.control.engine.events.orders import OrderGiven, OrderRefused
 from contid.control.engine.events.robots import ModeChanged
 from contid.control.engine.tick_layout import AXIS, HEAD, ROBOT, RecordLayout, RobotLayout
 from contid.control.process import ring
+from contid.control.process.ring_reader import RingReader
+from contid.control.process.ring_writer import RingWriter
+from contid.control.process.shared_files import folder
 
 LAYOUT = RecordLayout(
     "hand",
@@ -47,7 +50,7 @@ def path() -> Iterator[Path]:
 
 
 def test_a_record_comes_back_exactly(path: Path) -> None:
-    writer, reader = ring.RingWriter(path), ring.RingReader(path)
+    writer, reader = RingWriter(path), RingReader(path)
     assert len(values(0)) == VALUES
     writer.write(values(3))
     (record,) = reader.ticks()
@@ -75,8 +78,11 @@ WRITER = """
 import sys
 from pathlib import Path
 from contid.control.process import ring
+from contid.control.process.ring_reader import RingReader
+from contid.control.process.ring_writer import RingWriter
+from contid.control.process.shared_files import folder
 from tests.control.process.test_ring import values
-writer, contents = ring.RingWriter(Path(sys.argv[1])), values(3)
+writer, contents = RingWriter(Path(sys.argv[1])), values(3)
 for _ in range(1_000_000):
     writer.write(contents)
 writer.finish()
@@ -84,7 +90,7 @@ writer.finish()
 
 
 def test_the_number_of_records_never_falls_while_another_process_writes(path: Path) -> None:
-    reader = ring.RingReader(path)
+    reader = RingReader(path)
     with subprocess.Popen([sys.executable, "-c", WRITER, str(path)]) as process:
         last = 0
         while not reader.finished and process.poll() is None:
@@ -98,7 +104,7 @@ def test_the_number_of_records_never_falls_while_another_process_writes(path: Pa
 
 
 def test_readers_count_what_they_missed(path: Path) -> None:
-    writer, late, quick = ring.RingWriter(path), ring.RingReader(path), ring.RingReader(path)
+    writer, late, quick = RingWriter(path), RingReader(path), RingReader(path)
     seen = 0
     for tick in range(1000):
         writer.write(values(tick))
@@ -115,7 +121,7 @@ def test_readers_count_what_they_missed(path: Path) -> None:
 @pytest.mark.parametrize("at", [ring.STAMP.size, ring.STAMP.size + 8 * 40, -1])
 def test_a_slot_whose_stores_arrive_late_is_read_when_it_is_whole(path: Path, at: int) -> None:
     """As on a processor that shows a reader the stamp before the contents: the test tears the slot."""
-    writer, reader = ring.RingWriter(path), ring.RingReader(path)
+    writer, reader = RingWriter(path), RingReader(path)
     for tick in range(40):  # the second lap: what is torn has the bytes of another record
         writer.write(values(tick))
     assert len(reader.ticks()) == reader.written == 40
@@ -134,7 +140,7 @@ def test_a_slot_whose_stores_arrive_late_is_read_when_it_is_whole(path: Path, at
 
 
 def test_a_slot_that_stays_torn_is_counted_and_passed(path: Path) -> None:
-    writer, reader = ring.RingWriter(path), ring.RingReader(path)
+    writer, reader = RingWriter(path), RingReader(path)
     for tick in range(3):
         writer.write(values(tick))
         writer.event(ModeChanged(robot="one", mode="RUN", tick=tick))
@@ -148,7 +154,7 @@ def test_a_slot_that_stays_torn_is_counted_and_passed(path: Path) -> None:
 
 
 def test_events_are_json(path: Path) -> None:
-    writer, reader = ring.RingWriter(path), ring.RingReader(path)
+    writer, reader = RingWriter(path), RingReader(path)
     event = ModeChanged(robot="one", mode="RUN", tick=3)
     writer.event(event)
     assert reader.events() == [event]
@@ -160,7 +166,7 @@ def test_events_are_json(path: Path) -> None:
 
 
 def test_events_longer_than_a_slot_arrive_complete_or_marked_as_cut(path: Path) -> None:
-    writer, reader = ring.RingWriter(path), ring.RingReader(path)
+    writer, reader = RingWriter(path), RingReader(path)
     done = [[f"robot_{number}", "READY"] for number in range(500)]
     event = BusAnswered(tick=1, bus="bus0", lost="", done=done, refused=[])
     writer.event(event)
@@ -180,7 +186,7 @@ def test_events_longer_than_a_slot_arrive_complete_or_marked_as_cut(path: Path) 
 
 
 def test_a_slow_reader_never_joins_parts_of_different_events(path: Path) -> None:
-    writer, reader = ring.RingWriter(path), ring.RingReader(path)
+    writer, reader = RingWriter(path), RingReader(path)
     dice, written, read = random.Random(4), 0, []
     for _ in range(40):
         for _ in range(dice.randrange(1200)):
@@ -208,7 +214,7 @@ def test_the_memory_is_allocated_at_creation(path: Path) -> None:
 
 
 def test_lack_of_space_is_an_error_at_creation() -> None:
-    before = set(ring.folder().glob(f"contid-{os.getpid()}-*"))
+    before = set(folder().glob(f"contid-{os.getpid()}-*"))
     soft, hard = resource.getrlimit(resource.RLIMIT_FSIZE)
     resource.setrlimit(resource.RLIMIT_FSIZE, (1 << 20, hard))
     try:
@@ -216,26 +222,26 @@ def test_lack_of_space_is_an_error_at_creation() -> None:
             ring.create(LAYOUT, seconds=0.1)
     finally:
         resource.setrlimit(resource.RLIMIT_FSIZE, (soft, hard))
-    assert set(ring.folder().glob(f"contid-{os.getpid()}-*")) == before
+    assert set(folder().glob(f"contid-{os.getpid()}-*")) == before
 
 
 def test_a_reader_outlives_the_file() -> None:
     path = ring.create(LAYOUT, seconds=0.1)
-    writer, reader = ring.RingWriter(path), ring.RingReader(path)
+    writer, reader = RingWriter(path), RingReader(path)
     path.unlink()
     writer.write(values(1))
     assert reader.ticks()[0].tick == 1
     writer.close()
     reader.close()
     with pytest.raises(ring.RingError, match="no ring to attach to"):
-        ring.RingReader(path)
+        RingReader(path)
 
 
 def test_other_files_are_refused(tmp_path: Path) -> None:
     other = tmp_path / "other"
     other.write_bytes(b"x" * 100)
     with pytest.raises(ring.RingError, match="not a ring"):
-        ring.RingReader(other)
+        RingReader(other)
 
 
 @pytest.mark.parametrize("head", [b"", b"\0" * 4096, ring.MAGIC + b"\0" * 4096])
@@ -244,5 +250,5 @@ def test_an_incomplete_ring_is_refused_and_its_descriptor_closed(tmp_path: Path,
     path.write_bytes(head)
     before = len(list(Path("/proc/self/fd").iterdir()))
     with pytest.raises((ring.RingError, ValueError)):
-        ring.RingReader(path)
+        RingReader(path)
     assert len(list(Path("/proc/self/fd").iterdir())) == before

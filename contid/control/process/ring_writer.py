@@ -1,0 +1,82 @@
+"""The writer of a ring: a tick takes one slot, an event as many as its JSON needs."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Mapping
+from pathlib import Path
+from typing import Any
+
+from contid.control.engine.events.base import RunEvent
+from contid.control.engine.events.gaps import EventTooLong
+from contid.control.engine.events.json_form import to_json
+from contid.control.process.ring import (
+    CLOSED,
+    EVENT_BYTES,
+    EVENT_PARTS,
+    EVENTS,
+    PART,
+    STAMP,
+    TICKS,
+    U64,
+    MappedRing,
+    checksum,
+)
+
+
+class RingWriter(MappedRing):
+    """The writer."""
+
+    def __init__(self, path: Path) -> None:
+        super().__init__(path)
+        self._ticks = 0
+        self._events = 0
+
+    def write(self, values: list[float]) -> None:
+        """Publish one tick: all values of the layout in order."""
+        number = self._ticks
+        at = self._ticks_at + number % self.slots * self.size
+        self._ticks = number + 1
+        self._fill(at, self._ticks, self._packer.pack(*values))
+        self._numbers[TICKS] = self._ticks
+
+    def event(self, event: RunEvent) -> None:
+        """Publish one event; beyond `EVENT_PARTS` slots its longest text is cut or ``too_long`` sent."""
+        body = json.dumps(to_json(event)).encode()
+        room = EVENT_BYTES - STAMP.size - PART.size
+        if len(body) > room * EVENT_PARTS:
+            body = _shortened(to_json(event), room * EVENT_PARTS)
+        parts = [body[start : start + room] for start in range(0, len(body), room)]
+        for index, part in enumerate(parts):
+            self._part(part, index, len(parts) - 1 - index)
+
+    def _part(self, body: bytes, before: int, after: int) -> None:
+        number = self._events
+        at = self._events_at + number % self.event_slots * EVENT_BYTES
+        self._events = number + 1
+        self._fill(at, self._events, PART.pack(len(body), before, after) + body)
+        self._numbers[EVENTS] = self._events
+
+    def _fill(self, at: int, number: int, contents: bytes) -> None:
+        """Fill a slot; its stamp comes last."""
+        STAMP.pack_into(self._map, at, 0, checksum(number, contents))
+        self._map[at + STAMP.size : at + STAMP.size + len(contents)] = contents
+        U64.pack_into(self._map, at, number)
+
+    def finish(self) -> None:
+        """Mark the ring as complete."""
+        self._numbers[CLOSED] = 1
+
+
+def _shortened(event: Mapping[str, Any], limit: int) -> bytes:
+    """The JSON of an event within ``limit`` bytes: its longest text cut, or the event ``too_long``."""
+    texts = {key: value for key, value in event.items() if isinstance(value, str) and key != "event"}
+    longest = max(texts, key=lambda key: len(texts[key]), default=None)
+    if longest is not None:
+        # A character takes at most twelve bytes, as two escapes.
+        others = len(json.dumps({**event, longest: "..."}))
+        kept = texts[longest][: max(limit - others, 0) // 12] + "..."
+        body = json.dumps({**event, longest: kept}).encode()
+        if len(body) <= limit:
+            return body
+    return json.dumps(to_json(EventTooLong(kind=event["event"]))).encode()
