@@ -9,37 +9,38 @@ from __future__ import annotations
 
 import asyncio
 import logging
-import signal
-from collections.abc import Callable, Coroutine
+from collections.abc import Callable
 from contextlib import suppress
 from pathlib import Path
-from typing import Any, Final
+from typing import Final
 
 from contid.control.daemon import terminal
 from contid.control.daemon.cancellable_reader import InputCancelledError
+from contid.control.daemon.command_tasks import CommandTasks
 from contid.control.daemon.control_child import ControlChild
 from contid.control.daemon.inputs import Stream
 from contid.control.daemon.interfaces import RunObserver
 from contid.control.daemon.notify import Notifier
+from contid.control.daemon.order_channel import OrderChannel
 from contid.control.daemon.pending_input import PendingInput
 from contid.control.daemon.report_builder import ReportBuilder
 from contid.control.daemon.responsive import responsive
+from contid.control.daemon.ring_feed import RingFeed
 from contid.control.daemon.row_stream import LiveRowReader, StreamFollower
 from contid.control.daemon.run_request import RunOptions, preflight_of, rate_of
+from contid.control.daemon.run_signals import RunSignals
 from contid.control.daemon.shutdown import Escalation, ShutdownSequence
-from contid.control.engine.command_log import CommandLog
 from contid.control.engine.cycle import OnEnd
 from contid.control.engine.events.base import RunEvent
 from contid.control.engine.events.pace import PaceReported
 from contid.control.engine.events.run import NoteWritten, RunFailed, SourceEnded, StopBegan
 from contid.control.engine.measured_tip import MeasuredTips
-from contid.control.engine.messages import Begin, EndOfRows, Estop, Finish, Hold, Message, Play
+from contid.control.engine.messages import Begin, EndOfRows, Estop, Finish, Hold, Message
 from contid.control.engine.report import RunReport, outrun
 from contid.control.engine.tick_layout import RecordLayout, TickRecord
 from contid.control.engine.wiring import build_robot_configs, record_layout
 from contid.control.process.log_queue import LogQueue, handle_logs
 from contid.control.process.setup import RunSetup
-from contid.errors import ContidError
 from contid.robot_file.load import LoadedFile
 from contid.trajectory.timed import Trajectory
 
@@ -49,10 +50,6 @@ POLL_S: Final = 0.02
 REPORT_WAITING_S: Final = 3.0
 
 log = logging.getLogger(__name__)
-
-
-def _ignore() -> None:
-    """Handler of a signal after the robots have come to rest."""
 
 
 class Daemon:
@@ -69,7 +66,6 @@ class Daemon:
         self.rate_hz = rate_of(options, loaded)
         self.unreachable = options.unreachable
         self.input_active = source is not None
-        self._pending = source if isinstance(source, PendingInput) else None
         self._source = None if isinstance(source, PendingInput) else source
         self._options = options
         self._child = child
@@ -82,59 +78,34 @@ class Daemon:
         self._logs = LogQueue("daemon")
         # The recording holds records from INFO also when the terminal shows warnings only.
         self._recorded_level = min(options.log_level, logging.INFO)
-        self._listeners: list[Callable[[RunEvent], None]] = []
+        self._feed = RingFeed(child, self._report, options)
+        self._feed.listen(self._on_event)
+        pending = source if isinstance(source, PendingInput) else None
+        self._orders = OrderChannel(
+            child, pending, options.observers, self._report, self._feed.deliver, self._logs
+        )
+        self._tasks = CommandTasks(self._source_failed)
         self._attached: list[RunObserver] = []
-        self._tasks: list[asyncio.Task[None]] = []
-        self._command_log: CommandLog | None = None
-        self._fetching = False
-        self._signals = {signal.SIGINT: self.interrupt, signal.SIGTERM: self.interrupt}
-        if signal.getsignal(signal.SIGHUP) is not signal.SIG_IGN:  # nohup
-            self._signals[signal.SIGHUP] = self.hung_up
+        self._signals = RunSignals(self.interrupt, self.hung_up)
 
     # -- orders ------------------------------------------------------------------------------------------
 
     @property
     def waiting(self) -> str:
         """See `RunControl.waiting`."""
-        return self._pending.message if self._pending is not None else ""
+        return self._orders.pending.message if self._orders.pending is not None else ""
 
     def send(self, message: Message) -> None:
         """See `RunControl.send`."""
-        if self._pending is not None:
-            for event in self._pending.answer(message):
-                asyncio.get_running_loop().call_soon(self._on_event, event)
-            return
-        self._notify_observers(message)
-        self._forward_logs()
-        self._child.send(message)
+        self._orders.send(message)
 
     def send_bulk(self, message: Message) -> None:
         """See `RunControl.send_bulk`."""
-        if self._pending is not None:
-            self.send(message)
-            return
-        self._notify_observers(message)
-        self._child.send_bulk(message)
+        self._orders.send_bulk(message)
 
     def note(self, event: NoteWritten) -> None:
         """See `RunControl.note`."""
-        if self._pending is None:
-            self._child.send(event)
-
-    def _forward_logs(self) -> None:
-        """Send log records to the control process, which writes them to the ring."""
-        for line in self._logs.take():
-            self._child.send(line)
-
-    def _notify_observers(self, message: Message) -> None:
-        """Give the observers the trajectory of an order before the control process gets it."""
-        if isinstance(message, Play):
-            for observer in self._options.observers:
-                try:
-                    observer.before_order(message)
-                except ContidError as error:  # a full disk or memory stops no move
-                    self._report.problem(str(error))
-                    log.warning(str(error))
+        self._orders.note(event)
 
     def newest(self) -> TickRecord | None:
         """See `RunControl.newest`."""
@@ -146,19 +117,19 @@ class Daemon:
 
     def refresh(self) -> None:
         """See `RunControl.refresh`; without effect when called by a listener."""
-        if not self._fetching:
-            self._fetch()
+        if not self._feed.fetching:
+            self._feed.fetch()
 
     def listen(self, listener: Callable[[RunEvent], None]) -> None:
         """See `RunControl.listen`."""
-        self._listeners.append(listener)
+        self._feed.listen(listener)
 
     def detach_input(self) -> None:
         """See `RunControl.detach_input`."""
         self.input_active = False
         self.send(Hold())
-        if self._pending is not None:
-            self._pending.cancel()
+        if self._orders.pending is not None:
+            self._orders.pending.cancel()
             return
         self.send(Begin())
 
@@ -166,8 +137,8 @@ class Daemon:
         """See `RunControl.interrupt`."""
         self._shutdown.requests += 1
         self._report.interrupted()
-        if self._pending is not None:
-            self._pending.cancel()
+        if self._orders.pending is not None:
+            self._orders.pending.cancel()
         elif self._shutdown.requests == 1:
             log.info("Stopping. Press Ctrl-C again to cut torque now.")
             self.send(Finish())
@@ -200,30 +171,25 @@ class Daemon:
         layout = record_layout(self.loaded, self.rate_hz)
         ring = self._child.create_ring(layout)
         line = terminal.ProgressLine(layout, self._options.log_level)
-        loop = asyncio.get_running_loop()
         try:
-            for number, handler in self._signals.items():
-                loop.add_signal_handler(number, handler)
+            self._signals.handle()
             for commands in self._options.commands:
-                self._start_task(commands.serve(self))
+                self._tasks.start(commands.serve(self))
             not_stopped = await self._read_pending()
             if not self._shutdown.requests:
                 with responsive():
                     self._begin(ring, layout, armed=self._options.armed and not_stopped)
                     await self._supervise(line)
         finally:
-            # A further signal must not interrupt the clean-up: raised in a task it would print a traceback.
-            for number in self._signals:
-                loop.add_signal_handler(number, _ignore)
-            await self._end_tasks()
+            self._signals.ignore()
+            await self._tasks.end()
             self._conclude(line)
             self._child.close()
-            for number in self._signals:
-                loop.remove_signal_handler(number)
+            self._signals.remove()
             for observer in self._attached:
                 with suppress(Exception):
                     self._report.report.problems += observer.detach()
-            self._end_command_log("")
+            self._feed.end_log()
         return self._report.report
 
     async def _read_pending(self) -> bool:
@@ -232,7 +198,7 @@ class Daemon:
         Raises:
             ContidError: it is wrong or empty; no device was opened.
         """
-        pending = self._pending
+        pending = self._orders.pending
         if pending is None:
             return True
         reminder = asyncio.get_running_loop().call_later(REPORT_WAITING_S, log.info, pending.message)
@@ -247,7 +213,7 @@ class Daemon:
     def _begin(self, ring: Path, layout: RecordLayout, armed: bool) -> None:
         """Attach the observers and start the control process."""
         options, source = self._options, self._source
-        self._command_log = None if options.log is None else CommandLog(options.log, layout)
+        self._feed.begin_log(layout)
         setup = RunSetup(
             self.loaded,
             self.rate_hz,
@@ -264,9 +230,9 @@ class Daemon:
             self._attached.append(observer)
         self._child.start(setup)
         log.debug("control process %d writes %s", self._child.pid, ring)
-        self._pending = None
+        self._orders.pending = None
         if isinstance(source, Stream):
-            self._start_task(self._follow(source))
+            self._tasks.start(self._follow(source))
 
     async def _follow(self, stream: Stream) -> None:
         preflight = preflight_of(self._options, self.loaded)
@@ -284,9 +250,9 @@ class Daemon:
         end_s = self._source.end_s if isinstance(self._source, Trajectory) else None
         while self._child.status is None:
             await asyncio.sleep(POLL_S)
-            self._forward_logs()
+            self._orders.forward_logs()
             self._child.flush()
-            self._fetch()
+            self._feed.fetch()
             if self._child.reader is not None:
                 self._notifier.ticked(self._child.reader.written, loop.time())
             match self._shutdown.due(loop.time()):
@@ -300,39 +266,7 @@ class Daemon:
             self._tips.add(self.newest())
             line.show(self.newest, end_s)
 
-    def _fetch(self) -> None:
-        reader = self._child.reader
-        assert reader is not None
-        self._fetching = True
-        try:
-            for event in reader.events():
-                self._on_event(event)
-        finally:
-            self._fetching = False
-        if self._command_log is not None:
-            try:
-                for record in reader.ticks():
-                    self._command_log.add(record)
-            except OSError as error:
-                self._end_command_log(
-                    f"{self._options.log}: the command log ends here, the run continues: {error.strerror}"
-                )
-
-    def _end_command_log(self, message: str) -> None:
-        """Close the command log and report ``message``: the run continues when the disk is full."""
-        command_log, self._command_log = self._command_log, None
-        if command_log is not None:
-            with suppress(OSError):
-                command_log.close()
-        if message:
-            self._report.problem(message)
-            log.warning(message)
-
     def _on_event(self, event: RunEvent) -> None:
-        """Pass an event on."""
-        self._report.add(event)
-        if message := terminal.event_text(event, self._options.log_level):
-            terminal.print_message(message)
         match event:
             case SourceEnded():
                 self.input_active = False
@@ -341,39 +275,22 @@ class Daemon:
                 self._shutdown.stop_takes(event.seconds, asyncio.get_running_loop().time())
             case RunFailed() | PaceReported():
                 self._notifier.stopping()
-        for listener in self._listeners:
-            listener(event)
 
-    def _start_task(self, source: Coroutine[Any, Any, None]) -> None:
-        """Run a source of commands beside the run."""
-        task = asyncio.create_task(source)
-        task.add_done_callback(self._source_ended)
-        self._tasks.append(task)
-
-    def _source_ended(self, task: asyncio.Task[None]) -> None:
-        """End the run when a source of commands has failed: clients could no longer stop it."""
-        error = None if task.cancelled() else task.exception()
-        if error is None:
-            return
-        message = f"a source of commands ended early: {type(error).__name__}: {error}"
+    def _source_failed(self, message: str) -> None:
+        """End the run: a source of commands has failed."""
         self._report.problem(message)
         log.error(message)
         if not self._shutdown.requests and self._child.status is None:
             self.interrupt()
             self._report.broken(message)
 
-    async def _end_tasks(self) -> None:
-        for task in self._tasks:
-            task.cancel()
-        await asyncio.gather(*self._tasks, return_exceptions=True)
-
     def _conclude(self, line: terminal.ProgressLine) -> None:
         """Fetch the last events and complete the report."""
-        self._fetch()
+        self._feed.fetch()
         line.clear()
         reader = self._child.reader
         assert reader is not None
-        missed = reader.missed_ticks if self._command_log is not None else 0
+        missed = self._feed.missed_ticks
         self._report.conclude(reader, self._child.status)
         self._tips.complete(self._report.report.robots)
         if isinstance(self._source, Stream):

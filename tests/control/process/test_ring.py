@@ -77,10 +77,7 @@ def test_a_record_comes_back_exactly(path: Path) -> None:
 WRITER = """
 import sys
 from pathlib import Path
-from contid.control.process import ring
-from contid.control.process.ring_reader import RingReader
 from contid.control.process.ring_writer import RingWriter
-from contid.control.process.shared_files import folder
 from tests.control.process.test_ring import values
 writer, contents = RingWriter(Path(sys.argv[1])), values(3)
 for _ in range(1_000_000):
