@@ -6,32 +6,22 @@ Units are those of robot files (mm, bar, N), or SI with ``si=True``.
 from __future__ import annotations
 
 from functools import cached_property
-from pathlib import Path
-from typing import TYPE_CHECKING, Literal, Self
+from typing import TYPE_CHECKING, Literal
 
 import numpy as np
 from numpy.typing import ArrayLike
 
-from contid.api.arguments import (
-    ArgumentError,
-    as_rows,
-    as_values,
-)
-from contid.api.limits import AxisRanges, LimitBits
+from contid.api.arguments import ArgumentError, as_rows, as_values
+from contid.api.described import DescribedRobots
 from contid.api.placed import PlacedRows
 from contid.api.plot import draw_backbones, draw_points, new_axes
 from contid.api.records import Records, records
 from contid.api.row_arguments import RowArguments
-from contid.api.units import Units
 from contid.api.workspace import Workspace, planar_workspace, spatial_workspace
 from contid.kinematics.array import Array
 from contid.kinematics.batch import Targets, forward_many, inverse_many
 from contid.kinematics.frames import BaseFrame
 from contid.kinematics.model import Compliant, Model, UnderWrenches, build_model
-from contid.robot_file.findings import allowed_names
-from contid.robot_file.load import LoadedFile
-from contid.robot_file.robot import RobotDescription
-from contid.robot_file.shipped import load_named
 from contid.targets import Vec3
 
 if TYPE_CHECKING:
@@ -41,7 +31,7 @@ if TYPE_CHECKING:
 Seed = ArrayLike | Literal["previous"] | None
 
 
-class Robot:
+class Robot(DescribedRobots):
     """The robots of a robot file; with several, index it by name: ``Robot("hand")["left"]``.
 
     Arrays have one row per target or actuation: ``(N, columns)``, one row ``(columns,)``, or any shape in
@@ -59,87 +49,17 @@ class Robot:
         ContidError: no such file or name; the file has mistakes.
     """
 
-    def __init__(self, file: str | Path, *, si: bool = False) -> None:
-        self.loaded: LoadedFile = load_named(str(file))
-        self.units = Units(si)
-        self._robots = {n: robot for n, robot in self.loaded.file.robots.items() if not robot.passive}
-        self.names: tuple[str, ...] = tuple(self._robots)
-        self._chosen: str | None = self.names[0] if len(self.names) == 1 else None
-
-    def __getitem__(self, name: str) -> Self:
-        """The robot of that name.
-
-        Raises:
-            ArgumentError: no robot of the file with actuators has that name.
-        """
-        if name not in self._robots:
-            raise ArgumentError(
-                f"{self.loaded.path.name}: no robot {name!r}; {allowed_names(self.names, name)}"
-            )
-        one = object.__new__(type(self))
-        one.loaded, one.units, one._robots = self.loaded, self.units, self._robots
-        one.names, one._chosen = (name,), name
-        return one
-
-    def __repr__(self) -> str:
-        choice = f"[{self._chosen!r}]" if len(self._robots) > 1 and self._chosen else ""
-        return f"Robot({str(self.loaded.path)!r}){choice}"
-
-    # -- what the file describes -------------------------------------------------------------------------
-
-    @property
-    def name(self) -> str:
-        """Name of the robot in its file.
-
-        Raises:
-            ArgumentError: there are several; choose one.
-        """
-        if self._chosen is None:
-            first = self.names[0] if self.names else "NAME"
-            raise ArgumentError(
-                f"{self.loaded.path.name} has {len(self.names)} robots: {', '.join(self.names)}; "
-                f"choose one: robot[{first!r}]"
-            )
-        return self._chosen
-
-    @property
-    def description(self) -> RobotDescription:
-        """The validated keys of the robot file."""
-        return self._robots[self.name]
-
-    @property
-    def dimension(self) -> int:
-        """2 for planar robots, whose positions have two columns, else 3."""
-        return self.description.dimension
-
-    @property
-    def axes(self) -> tuple[str, ...]:
-        """Columns of an actuation: ``left_mm``, ``s1.p1_bar``; without those of a wrist or gripper."""
-        unit = self.units.name(self.description.quantity)
-        return tuple(f"{axis}_{unit}" for axis in self.description.axis_names)
+    @cached_property
+    def _model(self) -> Model:
+        return build_model(self.description)
 
     @cached_property
-    def limits(self) -> AxisRanges:
-        """Ranges and rates of the axes."""
-        robot, quantity = self.description, self.description.quantity
+    def _placed(self) -> PlacedRows:
+        return PlacedRows(BaseFrame.of(self.description.base), self.dimension)
 
-        def shown(*values: float) -> Array:
-            return self.units.from_si(np.array(values, dtype=float), quantity)
-
-        own = len(robot.axis_names)
-        rates = shown(robot.velocity_limit, robot.acceleration_limit, robot.jerk_limit)
-        return AxisRanges(
-            self.axes, shown(*robot.lower), shown(*robot.upper), shown(*robot.rest[:own]), *rates.tolist()
-        )
-
-    @property
-    def limit_names(self) -> tuple[str, ...]:
-        """Bit k of ``limited_by`` stands for ``limit_names[k]``."""
-        return self._bits.names
-
-    def limits_in(self, limited_by: int) -> tuple[str, ...]:
-        """Names of the limits in a value of ``limited_by``: ``("s1.p1.max",)``."""
-        return self._bits.of(int(limited_by))
+    @cached_property
+    def _rows(self) -> RowArguments:
+        return RowArguments(self.name, self.description, self.units, self._placed, self.axes)
 
     # -- kinematics --------------------------------------------------------------------------------------
 
@@ -357,21 +277,3 @@ class Robot:
             draw_backbones(axes, lines.reshape(-1, *lines.shape[-2:]))
         axes.set_aspect("equal")
         return axes
-
-    # -- arguments ---------------------------------------------------------------------------------------
-
-    @cached_property
-    def _model(self) -> Model:
-        return build_model(self.description)
-
-    @cached_property
-    def _placed(self) -> PlacedRows:
-        return PlacedRows(BaseFrame.of(self.description.base), self.dimension)
-
-    @cached_property
-    def _bits(self) -> LimitBits:
-        return LimitBits(self.description.model, self.description.axis_names)
-
-    @cached_property
-    def _rows(self) -> RowArguments:
-        return RowArguments(self.name, self.description, self.units, self._placed, self.axes)

@@ -1,0 +1,106 @@
+"""What a robot file describes, as the library shows it: names, units, axes and limits."""
+
+from __future__ import annotations
+
+from functools import cached_property
+from pathlib import Path
+from typing import Self
+
+import numpy as np
+
+from contid.api.arguments import ArgumentError
+from contid.api.limits import AxisRanges, LimitBits
+from contid.api.units import Units
+from contid.kinematics.array import Array
+from contid.robot_file.findings import allowed_names
+from contid.robot_file.load import LoadedFile
+from contid.robot_file.robot import RobotDescription
+from contid.robot_file.shipped import load_named
+
+
+class DescribedRobots:
+    """The robots of a file, of which one may be chosen; base of `contid.api.robot.Robot`."""
+
+    def __init__(self, file: str | Path, *, si: bool = False) -> None:
+        self.loaded: LoadedFile = load_named(str(file))
+        self.units = Units(si)
+        self._robots = {n: robot for n, robot in self.loaded.file.robots.items() if not robot.passive}
+        self.names: tuple[str, ...] = tuple(self._robots)
+        self._chosen: str | None = self.names[0] if len(self.names) == 1 else None
+
+    def __getitem__(self, name: str) -> Self:
+        """The robot of that name.
+
+        Raises:
+            ArgumentError: no robot of the file with actuators has that name.
+        """
+        if name not in self._robots:
+            raise ArgumentError(
+                f"{self.loaded.path.name}: no robot {name!r}; {allowed_names(self.names, name)}"
+            )
+        one = object.__new__(type(self))
+        one.loaded, one.units, one._robots = self.loaded, self.units, self._robots
+        one.names, one._chosen = (name,), name
+        return one
+
+    def __repr__(self) -> str:
+        choice = f"[{self._chosen!r}]" if len(self._robots) > 1 and self._chosen else ""
+        return f"Robot({str(self.loaded.path)!r}){choice}"
+
+    @property
+    def name(self) -> str:
+        """Name of the robot in its file.
+
+        Raises:
+            ArgumentError: there are several; choose one.
+        """
+        if self._chosen is None:
+            first = self.names[0] if self.names else "NAME"
+            raise ArgumentError(
+                f"{self.loaded.path.name} has {len(self.names)} robots: {', '.join(self.names)}; "
+                f"choose one: robot[{first!r}]"
+            )
+        return self._chosen
+
+    @property
+    def description(self) -> RobotDescription:
+        """The validated keys of the robot file."""
+        return self._robots[self.name]
+
+    @property
+    def dimension(self) -> int:
+        """2 for planar robots, whose positions have two columns, else 3."""
+        return self.description.dimension
+
+    @property
+    def axes(self) -> tuple[str, ...]:
+        """Columns of an actuation: ``left_mm``, ``s1.p1_bar``; without those of a wrist or gripper."""
+        unit = self.units.name(self.description.quantity)
+        return tuple(f"{axis}_{unit}" for axis in self.description.axis_names)
+
+    @cached_property
+    def limits(self) -> AxisRanges:
+        """Ranges and rates of the axes."""
+        robot, quantity = self.description, self.description.quantity
+
+        def shown(*values: float) -> Array:
+            return self.units.from_si(np.array(values, dtype=float), quantity)
+
+        own = len(robot.axis_names)
+        rates = shown(robot.velocity_limit, robot.acceleration_limit, robot.jerk_limit)
+        return AxisRanges(
+            self.axes, shown(*robot.lower), shown(*robot.upper), shown(*robot.rest[:own]), *rates.tolist()
+        )
+
+    @property
+    def limit_names(self) -> tuple[str, ...]:
+        """Bit k of ``limited_by`` stands for ``limit_names[k]``."""
+        return self._bits.names
+
+    def limits_in(self, limited_by: int) -> tuple[str, ...]:
+        """Names of the limits in a value of ``limited_by``: ``("s1.p1.max",)``."""
+        return self._bits.of(int(limited_by))
+
+    @cached_property
+    def _bits(self) -> LimitBits:
+        return LimitBits(self.description.model, self.description.axis_names)
