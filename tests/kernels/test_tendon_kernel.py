@@ -9,7 +9,8 @@ import pytest
 
 from contid.kernels import PURE_PYTHON, load
 from contid.kinematics.arc.sections import differentiate, forward
-from contid.kinematics.tendon.model import TendonModel, build_bend_solver
+from contid.kinematics.tendon.bend_solver import build_bend_solver
+from contid.kinematics.tendon.model import TendonModel
 from tests.kinematics.tendon_robots import placed, random_bends, shipped, vec
 
 pytestmark = pytest.mark.skipif(

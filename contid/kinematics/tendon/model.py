@@ -6,154 +6,26 @@ import math
 from collections.abc import Sequence
 from copy import copy
 from dataclasses import replace
-from typing import Final, Protocol
+from typing import Final
 
 import numpy as np
 
-from contid.kernels import load
 from contid.kinematics.arc.avoid import FORCE, ZONE
 from contid.kinematics.arc.sections import backbone
-from contid.kinematics.arc.solve import SectionSolver
-from contid.kinematics.arc.task import Tuning
 from contid.kinematics.array import Array
+from contid.kinematics.tendon.bend_solver import build_bend_solver, ell_of
 from contid.kinematics.tendon.capstan import CapstanLead
-from contid.kinematics.tendon.feasible import TendonFeasible, limits_of
-from contid.kinematics.tendon.geometry import TendonGeometry, TendonSection
+from contid.kinematics.tendon.described import geometry_of, statics_of
+from contid.kinematics.tendon.feasible import limits_of
 from contid.kinematics.tendon.residual import TipCorrection
 from contid.kinematics.tendon.sections import BendSections
 from contid.kinematics.tendon.taut import TautPulls
-from contid.kinematics.tendon.tension import TendonStatics
 from contid.robot_file.tendon import TendonRobot
 from contid.targets import ZERO3, Actuation, Pose, Solution, Target, Vec3
-from contid.units import LIMIT_TOLERANCE_M, MM_PER_M, m_to_mm
-
-
-class BendSolver(Protocol):
-    """Interface of the native solver and of its NumPy twin; bends times lengths [m]."""
-
-    def forward(self, bends: tuple[float, ...]) -> tuple[Vec3, tuple[float, ...], Vec3]:
-        """Tip [m], rotation row by row, end of the first section [m]."""
-        ...
-
-    def differentiate(self, bends: tuple[float, ...], tip: Array, spin: Array, mid: Array) -> None:
-        """Jacobians of tip, orientation and mid-point, into arrays ``(3, 2 n)`` the caller made."""
-        ...
-
-    def solve(
-        self,
-        tip: Vec3,
-        direction: Vec3 | None,
-        mid: Vec3 | None,
-        seed: tuple[float, ...],
-        rotation: tuple[float, ...] | None = None,
-    ) -> tuple[tuple[float, ...], float, bool, tuple[int, ...], int, int]:
-        """Bends, residual [m], converged, numbers of the binding limits, iterations, starts."""
-        ...
-
-    def avoid(
-        self,
-        obstacles: Sequence[Sequence[float]],
-        radius: float,
-        margin: float,
-        from_: float,
-        zone: float,
-        force: float,
-    ) -> None:
-        """Keep redundant bends away from obstacles; see `contid.kinematics.arc.avoid.Avoid`."""
-        ...
-
-
-class _Twin:
-    """The NumPy solver of arcs with the native kernel's results."""
-
-    def __init__(self, feasible: TendonFeasible, tuning: Tuning) -> None:
-        self._solver = SectionSolver(feasible, tuning)
-        self.forward = self._solver.forward
-        self.differentiate = self._solver.differentiate
-        self.avoid = self._solver.avoid
-
-    def solve(
-        self,
-        tip: Vec3,
-        direction: Vec3 | None,
-        mid: Vec3 | None,
-        seed: tuple[float, ...],
-        rotation: tuple[float, ...] | None = None,
-    ) -> tuple[tuple[float, ...], float, bool, tuple[int, ...], int, int]:
-        """See `BendSolver`."""
-        bends, residual_m, converged, bits, iterations, starts = self._solver.solve(
-            tip, direction, mid, seed, rotation
-        )
-        binding = tuple(k for k in range(bits.bit_length()) if bits >> k & 1)
-        return bends, residual_m, converged, binding, iterations, starts
-
-
-def geometry_of(robot: TendonRobot) -> TendonGeometry:
-    """Geometry of a robot description."""
-    sections = tuple(
-        TendonSection(
-            section.length_mm / MM_PER_M,
-            section.radius_m,
-            tuple(math.radians(angle) for angle in section.angles_deg),
-            section.rigid_mm / MM_PER_M,
-        )
-        for section in robot.geometry.sections
-    )
-    through = robot.geometry.routing == "through"
-    return TendonGeometry(sections, through, robot.geometry.base_offset_mm / MM_PER_M, robot.tip_offset_m)
-
-
-def statics_of(robot: TendonRobot, geometry: TendonGeometry) -> TendonStatics | None:
-    """Balance of tensions of a robot description; None where it has none."""
-    tension = robot.tension
-    if tension is None:
-        return None
-    bending = robot.per_section(tension.bending_n_mm2)
-    stiffness = robot.per_section(tension.tendon_n_per_mm)
-    return TendonStatics(
-        geometry,
-        tuple(
-            ei / (MM_PER_M * MM_PER_M) / section.length_m
-            for ei, section in zip(bending, geometry.sections, strict=True)
-        ),
-        tuple(
-            k * MM_PER_M
-            for k, section in zip(stiffness, geometry.sections, strict=True)
-            for _ in section.angle_rad
-        ),
-        tension.floor_n,
-        tension.max_n,
-    )
-
-
-def build_bend_solver(feasible: TendonFeasible) -> BendSolver:
-    """The native solver where it is built and not switched off, its NumPy twin otherwise."""
-    sections = feasible.sections
-    # Where a limit of tension binds next to the edge of the reach, homing ends up to 3e-6 m from its minimum.
-    tuning = Tuning(ell_m=_ell_m(feasible), still_m=1e-5, still_error_m=1e-8)
-    kernel = load("tendon3" if sections.count == 3 else "tendon")  # a build of its own for three
-    if kernel is None:
-        return _Twin(feasible, tuning)
-    solver: BendSolver = kernel.SectionSolver(
-        sections.backbone_m,
-        sections.rigid_m,
-        sections.offset_m,
-        feasible.bend_max_rad,
-        feasible.normals.ravel().tolist(),
-        feasible.offsets.tolist(),
-        tuning,
-    )
-    return solver
-
-
-def _ell_m(feasible: TendonFeasible) -> float:
-    return 0.2 * (sum(feasible.sections.backbone_m) + sum(feasible.sections.rigid_m))
-
+from contid.units import LIMIT_TOLERANCE_M, m_to_mm
 
 #: The limit of a target that no bend of the robot meets: sections keep their length.
 _LENGTH: Final = "length"
-
-
 #: Rounds of the fixed point of a corrected tip, its accuracy, and the error of a target that is met [m].
 _ROUNDS: Final = 40
 _SETTLED_M: Final = 1e-10
@@ -199,7 +71,7 @@ class TendonModel:
     ) -> None:
         """Lead redundant bends around obstacles: see `SectionModel.avoid`."""
         rows = [(*row[:3], row[3] - self._base_m, *row[4:]) for row in obstacles]
-        ell_m, begin_m = _ell_m(self.feasible), max(from_m - self._base_m, 0.0)
+        ell_m, begin_m = ell_of(self.feasible), max(from_m - self._base_m, 0.0)
         self.solver.avoid(rows, radius_m, margin_m, begin_m, ZONE * ell_m, FORCE * ell_m)
 
     def forward(self, actuation: Actuation, load_n: Vec3 = ZERO3) -> Pose:

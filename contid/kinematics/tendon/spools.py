@@ -7,7 +7,7 @@ from collections.abc import Callable
 import numpy as np
 
 from contid.hal import SpooledTendon
-from contid.kinematics.tendon.model import geometry_of, statics_of
+from contid.kinematics.tendon.described import geometry_of, statics_of
 from contid.robot_file.tendon import TendonRobot
 from contid.targets import Actuation
 
