@@ -205,7 +205,7 @@ def main() -> None:
     from contid.kinematics.model import build_model
     from contid.kinematics.tendon.model import TendonModel
     from contid.robot_file.shipped import load_named
-    from contid.robot_file.tendon import TendonRobot
+    from contid.robot_file.tendon.robot import TendonRobot
     from contid.targets import Target
 
     count = int(sys.argv[1]) if len(sys.argv) > 1 else 200

@@ -11,7 +11,7 @@ from contid.robot_file.chain import Chain
 from contid.robot_file.clearance import Clearance
 from contid.robot_file.cosserat import Cosserat
 from contid.robot_file.rack_finger import RackFinger
-from contid.robot_file.tendon import TendonRobot
+from contid.robot_file.tendon.robot import TendonRobot
 from contid.robot_file.tri_rack import TriRack
 from contid.robot_file.tri_tube import TriTube
 

@@ -8,7 +8,8 @@ from typing import TypedDict
 from contid.hal import load_driver
 from contid.robot_file.chain import Chain
 from contid.robot_file.exchange_time import exchange_time, highest_rate_hz, rate_finding
-from contid.robot_file.load import BusWiring, LoadedFile
+from contid.robot_file.load import LoadedFile
+from contid.robot_file.loader import BusWiring
 from contid.robot_file.robot import RobotDescription
 
 

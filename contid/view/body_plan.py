@@ -15,7 +15,7 @@ from contid.robot_file.cosserat import Cosserat
 from contid.robot_file.rack_finger import RackFinger
 from contid.robot_file.robot import RobotDescription
 from contid.robot_file.sections import SectionRobot
-from contid.robot_file.tendon import TendonRobot
+from contid.robot_file.tendon.robot import TendonRobot
 from contid.robot_file.tri_tube import TriTube
 from contid.units import MM_PER_M
 

@@ -21,7 +21,7 @@ from contid.kinematics.tendon.model import TendonModel
 from contid.robot_file.cosserat import Cosserat
 from contid.robot_file.rack_finger import RackFinger
 from contid.robot_file.robot import RobotDescription
-from contid.robot_file.tendon import TendonRobot
+from contid.robot_file.tendon.robot import TendonRobot
 from contid.targets import ZERO3, Actuation, Vec3
 from contid.units import MM_PER_M
 from contid.view.tendon_lines import tendon_lines

@@ -19,7 +19,7 @@ from contid.cli.support.tendon_session import session_recording
 from contid.errors import ContidError
 from contid.robot_file.load import load_robot_file
 from contid.robot_file.shipped import load_named
-from contid.robot_file.tendon import TendonRobot
+from contid.robot_file.tendon.robot import TendonRobot
 from tests.calibrate.tendon_recordings import EXCERPT
 
 CONFIG = Path(__file__).parents[2] / "configs" / "ftdcr_v4.yaml"

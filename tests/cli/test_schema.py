@@ -13,7 +13,8 @@ from jsonschema import Draft202012Validator
 
 from contid.cli.commands.schema import command
 from contid.hal import BUILT_IN
-from contid.robot_file.load import parse_robot_file, robot_classes
+from contid.robot_file.load import parse_robot_file
+from contid.robot_file.loader import robot_classes
 from contid.robot_file.positions import read_document
 from contid.robot_file.schema import robot_file_schema
 

@@ -9,7 +9,7 @@ from scipy.spatial.transform import Rotation
 
 from contid.kinematics.tendon.model import TendonModel
 from contid.robot_file.shipped import load_named
-from contid.robot_file.tendon import TendonRobot
+from contid.robot_file.tendon.robot import TendonRobot
 
 
 def shipped(name: str = "tendon3") -> TendonModel:

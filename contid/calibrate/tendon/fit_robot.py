@@ -10,7 +10,7 @@ from contid.calibrate.tendon.geometry import FoundGeometry, find_geometry, nomin
 from contid.calibrate.tendon.recording import TendonRecording
 from contid.calibrate.tendon.stages import Stage, run_stages, split_rows
 from contid.errors import ContidError
-from contid.robot_file.tendon import TendonRobot
+from contid.robot_file.tendon.robot import TendonRobot
 from contid.units import MM_PER_M
 
 #: Fewer rows than this leave most parameters at what is expected of them.

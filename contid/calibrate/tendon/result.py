@@ -16,7 +16,7 @@ from contid.calibrate.tendon.geometry import FoundGeometry
 from contid.calibrate.tendon.stages import FRICTION_STAGE, Stage
 from contid.kinematics.array import Array
 from contid.robot_file.edit import Change
-from contid.robot_file.tendon import TendonRobot
+from contid.robot_file.tendon.robot import TendonRobot
 from contid.units import MM_PER_M
 
 #: Group of the fit -> name in reports, factor, and whether the logarithm was fitted.

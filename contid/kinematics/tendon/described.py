@@ -6,7 +6,7 @@ import math
 
 from contid.kinematics.tendon.geometry import TendonGeometry, TendonSection
 from contid.kinematics.tendon.tension import TendonStatics
-from contid.robot_file.tendon import TendonRobot
+from contid.robot_file.tendon.robot import TendonRobot
 from contid.units import MM_PER_M
 
 

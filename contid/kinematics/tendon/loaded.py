@@ -20,7 +20,7 @@ from contid.kinematics.tendon.rod import TendonRod
 from contid.kinematics.tendon.rod_elements import TendonEquilibrium
 from contid.kinematics.tendon.taut import TautPulls
 from contid.kinematics.tendon.tension import TendonStatics
-from contid.robot_file.tendon import TendonRobot
+from contid.robot_file.tendon.robot import TendonRobot
 from contid.targets import ZERO3, Actuation, Pose, Solution, Target, Vec3
 from contid.units import MM_PER_M, m_to_mm
 

@@ -20,7 +20,7 @@ from contid.kinematics.tendon.feasible import limits_of
 from contid.kinematics.tendon.residual import TipCorrection
 from contid.kinematics.tendon.sections import BendSections
 from contid.kinematics.tendon.taut import TautPulls
-from contid.robot_file.tendon import TendonRobot
+from contid.robot_file.tendon.robot import TendonRobot
 from contid.targets import ZERO3, Actuation, Pose, Solution, Target, Vec3
 from contid.units import LIMIT_TOLERANCE_M, m_to_mm
 

@@ -17,7 +17,7 @@ import numpy as np
 
 from contid.kinematics.array import Array
 from contid.kinematics.tendon.tension import TendonStatics
-from contid.robot_file.tendon import TendonResidual
+from contid.robot_file.tendon.statics import TendonResidual
 from contid.units import MM_PER_M
 
 #: Exponent of the fading: 1 / (2 * 0.25^2), as in the fit.

@@ -8,7 +8,7 @@ import numpy as np
 
 from contid.hal import SpooledTendon
 from contid.kinematics.tendon.described import geometry_of, statics_of
-from contid.robot_file.tendon import TendonRobot
+from contid.robot_file.tendon.robot import TendonRobot
 from contid.targets import Actuation
 
 

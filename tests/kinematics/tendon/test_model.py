@@ -15,7 +15,7 @@ from scipy.optimize import minimize
 from contid.errors import BadInputError
 from contid.kinematics.tendon.model import TendonModel
 from contid.robot_file.load import parse_robot_file
-from contid.robot_file.tendon import TendonRobot
+from contid.robot_file.tendon.robot import TendonRobot
 from contid.targets import Target
 from tests.kinematics.tendon_robots import placed, random_bends, shipped, vec
 

@@ -16,7 +16,7 @@ from contid.kinematics.tendon.model import TendonModel
 from contid.kinematics.tendon.residual import TipCorrection
 from contid.robot_file.edit import Change, edited
 from contid.robot_file.load import parse_robot_file
-from contid.robot_file.tendon import TendonRobot
+from contid.robot_file.tendon.robot import TendonRobot
 from contid.targets import Target
 from tests.kinematics.tendon_robots import random_bends, shipped
 
@@ -129,7 +129,7 @@ def written(residual: Residual, slack_m: np.ndarray) -> Any:
     from types import SimpleNamespace
 
     from contid.calibrate.tendon.result import residual_of
-    from contid.robot_file.tendon import TendonResidual
+    from contid.robot_file.tendon.statics import TendonResidual
 
     parameters = SimpleNamespace(split=lambda vector: {"offset_m": slack_m})
     fit = SimpleNamespace(model=SimpleNamespace(parameters=parameters), vector=None)

@@ -37,7 +37,7 @@ def command(request: Calibration, held_out: TextIO | None, keep_out: float) -> N
     """
     from contid.calibrate.tendon.fit_robot import calibrate
     from contid.calibrate.tendon.result import changes, friction_changes, friction_predicts
-    from contid.robot_file.tendon import TendonRobot
+    from contid.robot_file.tendon.robot import TendonRobot
 
     name, robot = request.find(TendonRobot, "tendon robot")
     training = _read(request.data, request.source, name)

@@ -1,0 +1,175 @@
+"""A tendon robot in its file; what spans its sections and its statics is checked here."""
+
+from __future__ import annotations
+
+from typing import ClassVar, Literal
+
+from pydantic import model_validator
+
+from contid.robot_file.base import Quantity
+from contid.robot_file.robot import RobotDescription
+from contid.robot_file.tendon.sections import TendonRobotGeometry, TendonRobotLimits
+from contid.robot_file.tendon.statics import TendonFriction, TendonResidual, TendonRodStatics, Tension
+from contid.targets import Actuation, Vec3
+from contid.units import MM_PER_M
+
+
+class TendonRobot(RobotDescription):
+    """A tendon robot of one to eight sections; it grows along +z.
+
+    Axes: ``s1.t1``, ``s1.t2`` and so on: section, tendon; their values are pulls from the straight robot.
+    Targets: a tip; from three sections on also its direction, its whole frame, or a mid-point beside it.
+
+    Attributes:
+        model: ``tendon``.
+        geometry: dimensions.
+        limits: of pulls and bends.
+        tension: of the tendons; bounds them and adds the stretch of tendons to the pulls.
+        friction: of the tendons; off when left out.
+        rod: statics of the backbone under loads; off when left out.
+        residual: correction of the tip from a calibration; off when left out.
+    """
+
+    quantity: ClassVar[Quantity] = Quantity.LENGTH
+    dimension: ClassVar[int] = 3
+
+    model: Literal["tendon"]
+    geometry: TendonRobotGeometry
+    limits: TendonRobotLimits
+    tension: Tension | None = None
+    friction: TendonFriction | None = None
+    rod: TendonRodStatics | None = None
+    residual: TendonResidual | None = None
+
+    @model_validator(mode="after")
+    def _consistent(self) -> TendonRobot:
+        count = self.sections
+        rows = [("limits.pull_mm", self.limits.pull_mm), ("limits.bend_max_deg", self.limits.bend_max_deg)]
+        if self.tension is not None:
+            rows.append(("tension.bending_n_mm2", self.tension.bending_n_mm2))
+            rows.append(("tension.tendon_n_per_mm", self.tension.tendon_n_per_mm))
+        if self.rod is not None:
+            if self.tension is None:
+                raise ValueError("rod needs tension, which has the stiffness of the backbone and the tendons")
+            for key in ("weight_n_per_m", "torsion_n_mm2", "stretch_n"):
+                if (values := getattr(self.rod, key)) is not None:
+                    rows.append((f"rod.{key}", values))
+        if self.friction is not None:
+            rows.append(("friction.capstan", self.friction.capstan))
+            self._check_capstan(self.friction)
+        for what, values in rows:
+            if len(values) not in (1, count):
+                raise ValueError(f"{what} has {len(values)} entries; allowed: 1 or {count}, one per section")
+        if self.residual is not None:
+            self._check_residual(self.residual)
+        play = () if self.friction is None else self.friction.play_mm
+        if play and len(play) not in (1, count, len(self.axis_names)):
+            raise ValueError(
+                f"friction.play_mm has {len(play)} numbers; allowed: 1, {count} or {len(self.axis_names)}"
+            )
+        for low, high in self.limits.pull_mm:
+            if not low < 0.0 < high:
+                raise ValueError(
+                    f"limits.pull_mm [{low:g}, {high:g}] has no room on both sides of 0, the straight robot"
+                )
+        return self
+
+    def _check_capstan(self, friction: TendonFriction) -> None:
+        if any(friction.capstan) and self.tension is None:
+            raise ValueError("friction.capstan needs tension, which has the stiffness of the tendons")
+        if any(friction.capstan) and self.rod is not None:
+            raise ValueError("friction.capstan leads the model of arcs; leave out rod or capstan")
+
+    def _check_residual(self, residual: TendonResidual) -> None:
+        if self.tension is None:
+            raise ValueError("residual needs tension, from which bends and stretches follow")
+        bends = 2 * self.sections
+        features = bends + len(self.axis_names)
+        terms = features + bends * (bends + 1) // 2 + 1
+        for key, count in (
+            ("low_rad_mm", features), ("high_rad_mm", features),
+            ("gain_x_mm", terms), ("gain_y_mm", terms), ("gain_z_mm", terms),
+        ):  # fmt: skip
+            if len(getattr(residual, key)) != count:
+                raise ValueError(
+                    f"residual.{key} has {len(getattr(residual, key))} numbers; allowed: {count}"
+                )
+        for low, high in zip(residual.low_rad_mm, residual.high_rad_mm, strict=True):
+            if low > high:
+                raise ValueError(f"residual: the range {low:g} to {high:g} is empty")
+
+    @property
+    def sections(self) -> int:
+        """Number of sections."""
+        return len(self.geometry.sections)
+
+    @property
+    def axis_names(self) -> tuple[str, ...]:
+        """Section by section from the base, tendon by tendon."""
+        return tuple(
+            f"s{s + 1}.t{t + 1}"
+            for s, section in enumerate(self.geometry.sections)
+            for t in range(len(section.angles_deg))
+        )
+
+    @property
+    def accepts(self) -> frozenset[str]:
+        """A tip; from three sections on also a direction, its whole frame or a mid-point."""
+        more = {"direction", "mid"} if self.sections > 2 else set()
+        if self.rod is not None:
+            more = more | {"load"}
+        elif self.sections > 2:
+            more = more | {"rotation"}
+        return frozenset({"tip", "actuation"} | more)
+
+    @property
+    def kinematics(self) -> str:
+        """``tendon``, or with loads ``tendon.rod``."""
+        return self.model if self.rod is None else "tendon.rod"
+
+    @property
+    def lower(self) -> Actuation:
+        """Least pull of every tendon [m]."""
+        return self._per_tendon(tuple(low / MM_PER_M for low, _ in self.limits.pull_mm))
+
+    @property
+    def upper(self) -> Actuation:
+        """Largest pull of every tendon [m]."""
+        return self._per_tendon(tuple(high / MM_PER_M for _, high in self.limits.pull_mm))
+
+    @property
+    def rest(self) -> Actuation:
+        """As written, else the straight robot."""
+        return super().rest if self.rest_mm is not None else (0.0,) * len(self.axis_names)
+
+    @property
+    def play(self) -> Actuation | None:
+        """``friction.play_mm`` per tendon [m]; None where it is off."""
+        if self.friction is None or not any(self.friction.play_mm):
+            return None
+        play = tuple(r / MM_PER_M for r in self.friction.play_mm)
+        return play if len(play) == len(self.axis_names) else self._per_tendon(play)
+
+    @property
+    def capstan(self) -> tuple[float, ...] | None:
+        """``friction.capstan`` per section; None where it is off."""
+        if self.friction is None or not any(self.friction.capstan):
+            return None
+        return self.per_section(self.friction.capstan)
+
+    @property
+    def tip_offset_m(self) -> Vec3:
+        """``geometry.tip_offset_mm`` [m]."""
+        x, y, z = self.geometry.tip_offset_mm
+        return x / MM_PER_M, y / MM_PER_M, z / MM_PER_M
+
+    def per_section(self, values: tuple[float, ...]) -> tuple[float, ...]:
+        """One number per section."""
+        return values * self.sections if len(values) == 1 else values
+
+    def _per_tendon(self, values: tuple[float, ...]) -> tuple[float, ...]:
+        return tuple(
+            value
+            for value, section in zip(self.per_section(values), self.geometry.sections, strict=True)
+            for _ in section.angles_deg
+        )

@@ -1,0 +1,102 @@
+"""Forces of a tendon robot in its file: tensions, the backbone as a rod, friction, and what a fit left."""
+
+from __future__ import annotations
+
+import math
+from typing import Annotated
+
+from pydantic import Field, model_validator
+
+from contid.robot_file.base import NonNegative, Positive, Strict
+from contid.robot_file.tendon.sections import MAX_TENDON_SECTIONS, MAX_TENDONS
+
+_PerSection = Annotated[tuple[NonNegative, ...], Field(min_length=1, max_length=MAX_TENDON_SECTIONS)]
+_PerSectionPositive = Annotated[tuple[Positive, ...], Field(min_length=1, max_length=MAX_TENDON_SECTIONS)]
+
+
+class Tension(Strict):
+    """Tension of the tendons; without it pulls are geometric and tensions are not bounded.
+
+    Attributes:
+        floor_n: least tension: pretension of the straight robot, below which a tendon counts as slack.
+        max_n: largest tension.
+        bending_n_mm2: bending stiffness E I of the backbone: one number for all, or one per section.
+        tendon_n_per_mm: stiffness of a tendon from spool to disc: one number for all, or one per section.
+    """
+
+    floor_n: Positive
+    max_n: Positive
+    bending_n_mm2: Annotated[tuple[Positive, ...], Field(min_length=1, max_length=MAX_TENDON_SECTIONS)]
+    tendon_n_per_mm: Annotated[tuple[Positive, ...], Field(min_length=1, max_length=MAX_TENDON_SECTIONS)]
+
+    @model_validator(mode="after")
+    def _check_range(self) -> Tension:
+        if self.max_n < 2.0 * self.floor_n:
+            raise ValueError(f"max_n {self.max_n:g} is less than twice floor_n, {2.0 * self.floor_n:g}")
+        return self
+
+
+class TendonRodStatics(Strict):
+    """Statics of the backbone as a rod under tendons, weight and a force on the tip; needs ``tension``.
+
+    Left out, sections are arcs, which is exact without loads, and 30 times faster.
+
+    Attributes:
+        weight_n_per_m: weight of the robot along its backbone: one number for all, or one per section.
+        gravity: its direction in the base frame.
+        torsion_n_mm2: torsional stiffness G J: one number for all, or one per section; left out, E I / 1.3,
+            a round rod of nitinol or steel.
+        stretch_n: stiffness E A of an extensible backbone, such as a spring: one number for all, or one per
+            section; left out, it is inextensible.
+        elements: of a section; the error falls with the square of their number.
+    """
+
+    weight_n_per_m: _PerSection = (0.0,)
+    gravity: tuple[float, float, float] = (0.0, 0.0, -1.0)
+    torsion_n_mm2: _PerSectionPositive | None = None
+    stretch_n: _PerSectionPositive | None = None
+    elements: Annotated[int, Field(ge=2, le=32)] = 6
+
+    @model_validator(mode="after")
+    def _check_gravity(self) -> TendonRodStatics:
+        if not 1e-6 < math.hypot(*self.gravity) < math.inf:
+            raise ValueError("gravity is a direction, such as [0, 0, -1]")
+        return self
+
+
+class TendonFriction(Strict):
+    """Friction of the tendons; left out, there is none.
+
+    Attributes:
+        play_mm: half width of the play between a spool and its disc, by which pulls lead in the direction of
+            motion: one number for all tendons, one per section, or one per tendon.
+        capstan: coefficient of friction of tendons in the bends, by which pulls lead the loss of tension: one
+            number for all sections, or one per section; needs ``tension``.
+    """
+
+    play_mm: Annotated[
+        tuple[NonNegative, ...], Field(min_length=1, max_length=MAX_TENDON_SECTIONS * MAX_TENDONS)
+    ] = (0.0,)
+    capstan: Annotated[
+        tuple[Annotated[float, Field(ge=0, le=1)], ...], Field(min_length=1, max_length=MAX_TENDON_SECTIONS)
+    ] = (0.0,)
+
+
+class TendonResidual(Strict):
+    """What the model leaves of measured tips, written by ``contid calibrate tendon``; needs ``tension``.
+
+    Features are the bends of the sections, x and y of each, then the stretches of the tendons; terms are the
+    features, the products of bends u0 u0, u0 u1, .. and 1. Outside the range of the data it fades to nothing.
+
+    Attributes:
+        low_rad_mm, high_rad_mm: range of the features in the data.
+        gain_x_mm, gain_y_mm, gain_z_mm: of the terms, for the three coordinates of the tip in the base frame.
+        bound_mm: no correction is longer.
+    """
+
+    low_rad_mm: tuple[float, ...]
+    high_rad_mm: tuple[float, ...]
+    gain_x_mm: tuple[float, ...]
+    gain_y_mm: tuple[float, ...]
+    gain_z_mm: tuple[float, ...]
+    bound_mm: NonNegative
