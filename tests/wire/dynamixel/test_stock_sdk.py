@@ -10,7 +10,7 @@ import dynamixel_sdk as sdk
 import pytest
 
 from contid_drivers.dynamixel.emulator import DynamixelEmulator, Servo
-from contid_drivers.dynamixel.emulator.servo import BOOT_S
+from contid_drivers.dynamixel.emulator.machine import BOOT_S
 
 pytestmark = pytest.mark.realtime
 

@@ -7,15 +7,12 @@ part. The rate is the one set by the host; servos with another rate receive noth
 
 from __future__ import annotations
 
-import contextlib
 import heapq
 import math
 import os
 import select
-import termios
 import threading
 import time
-import tty
 from collections.abc import Sequence
 from pathlib import Path
 from types import TracebackType
@@ -24,11 +21,8 @@ from typing import Final, Self
 from contid.errors import DeviceNotFoundError
 from contid_drivers.control_file import ControlFile
 from contid_drivers.dynamixel import registers as reg
-from contid_drivers.dynamixel.emulator.faults import (
-    FaultSwitches,
-    FaultSyntaxError,
-    InjectedFault,
-)
+from contid_drivers.dynamixel.emulator.faults import FaultSwitches, FaultSyntaxError, InjectedFault
+from contid_drivers.dynamixel.emulator.pseudo_port import PseudoPort
 from contid_drivers.dynamixel.emulator.replies import addresses, answers
 from contid_drivers.dynamixel.emulator.servo import Servo
 from contid_drivers.dynamixel.emulator.tendons import TendonPlant
@@ -39,7 +33,6 @@ SPIN_S: Final = 120e-6
 #: Interval at which idle servos and their watchdogs are advanced.
 IDLE_S: Final = 0.01
 BITS_PER_BYTE: Final = 10
-_RATES: Final = {getattr(termios, f"B{rate}"): rate for rate in reg.BAUD_CODES.values()}
 
 
 class DynamixelEmulator:
@@ -64,13 +57,12 @@ class DynamixelEmulator:
         self.tendons: tuple[TendonPlant, ...] = ()
         self.faults = FaultSwitches()
 
-        self._link = Path(port).expanduser() if port is not None else None
+        self._port = PseudoPort(port)
         self._control = ControlFile(control) if control is not None else None
         self._paced = paced
         self._lock = threading.Lock()
         self._stop = threading.Event()
         self._thread: threading.Thread | None = None
-        self._master = self._slave = -1
         self._received = bytearray()
         self._due: list[tuple[float, int, bytes]] = []
         self._sent = 0
@@ -86,7 +78,7 @@ class DynamixelEmulator:
         now = time.monotonic()
         for servo in self.servos:
             servo.now = servo.booted_at = servo.fed_at = now
-        self._plug(self._link)
+        self._plug()
         self._wake_r, self._wake_w = os.pipe()
         self._stop.clear()
         self._thread = threading.Thread(target=self._serve, name="dynamixel-emulator", daemon=True)
@@ -100,7 +92,7 @@ class DynamixelEmulator:
         self._wake()
         self._thread.join()
         self._thread = None
-        self._unplug()
+        self._port.unplug()
         os.close(self._wake_r)
         os.close(self._wake_w)
 
@@ -114,7 +106,7 @@ class DynamixelEmulator:
     @property
     def port(self) -> str:
         """Path a host opens."""
-        return str(self._link) if self._link is not None else os.ttyname(self._slave)
+        return self._port.name
 
     def servo(self, device: int) -> Servo:
         """The (first) servo with an id, advanced to now."""
@@ -137,10 +129,10 @@ class DynamixelEmulator:
         if self.faults.set(fault):
             return
         if fault.kind == "unplug":
-            self._unplug()
+            self._port.unplug()
         elif fault.kind == "replug":
-            self._unplug()
-            self._plug(Path(fault.port).expanduser() if fault.port is not None else self._link)
+            self._port.unplug()
+            self._plug(fault.port)
         elif fault.kind in ("snap", "tube"):
             self._set_tendons(fault)
         now = time.monotonic()
@@ -159,7 +151,7 @@ class DynamixelEmulator:
             elif fault.kind == "push":
                 servo.push(math.radians(fault.degrees) / reg.RAD_PER_TICK, fault.ms / 1e3)
             elif fault.kind == "freeze":
-                servo.frozen = servo.read_position() if fault.on else None
+                servo.frozen = servo.present() if fault.on else None
 
     def _set_tendons(self, fault: InjectedFault) -> None:
         for plant in self.tendons:
@@ -168,57 +160,26 @@ class DynamixelEmulator:
             elif fault.device in plant.devices:
                 plant.snap(plant.devices.index(fault.device), fault.on)
 
-    # -- port ----------------------------------------------------------------------------------------------
+    # -- serving -------------------------------------------------------------------------------------------
 
-    def _plug(self, link: Path | None) -> None:
-        master, slave = os.openpty()
-        tty.setraw(slave)
-        os.set_blocking(master, False)
-        if link is not None:
-            if link.is_symlink():
-                link.unlink()
-            elif link.exists():
-                os.close(master)
-                os.close(slave)
-                raise DeviceNotFoundError(str(link), "is a real file or device", "choose another name")
-            try:
-                link.parent.mkdir(parents=True, exist_ok=True)
-                link.symlink_to(os.ttyname(slave))
-            except OSError as error:
-                os.close(master)
-                os.close(slave)
-                why = f"cannot be created: {error.strerror or error}"
-                remedy = "run it where you may write, or name another port"
-                raise DeviceNotFoundError(str(link), why, remedy) from error
-        self._link, self._master, self._slave = link, master, slave
+    def _plug(self, link: str | None = None) -> None:
+        self._port.plug(link)
         self._received.clear()
         self._due.clear()
-
-    def _unplug(self) -> None:
-        if self._master < 0:
-            return
-        os.close(self._master)
-        os.close(self._slave)
-        self._master = self._slave = -1
-        if self._link is not None:
-            self._link.unlink(missing_ok=True)
 
     def _wake(self) -> None:
         if self._wake_w >= 0:
             os.write(self._wake_w, b"!")
 
     def _byte_s(self) -> tuple[int, float]:
-        speed = termios.tcgetattr(self._master)[5]
-        rate = _RATES.get(speed, 0)
+        rate = self._port.rate()
         return rate, BITS_PER_BYTE / rate if rate and self._paced else 0.0
-
-    # -- serving -------------------------------------------------------------------------------------------
 
     def _serve(self) -> None:
         looked = 0.0
         while not self._stop.is_set():
             with self._lock:
-                watched = [self._wake_r] if self._master < 0 else [self._master, self._wake_r]
+                watched = [self._port.descriptor, self._wake_r] if self._port.plugged else [self._wake_r]
                 until = self._due[0][0] if self._due else None
             now = time.monotonic()
             wait = IDLE_S if until is None else max(0.0, until - now - SPIN_S)
@@ -228,9 +189,9 @@ class DynamixelEmulator:
             with self._lock:
                 if self._wake_r in ready:
                     os.read(self._wake_r, 64)
-                if self._master >= 0 and self._master in ready:
+                if self._port.plugged and self._port.descriptor in ready:
                     self._receive()
-                if self.faults.second_host_hz and self._master >= 0 and now >= self._second_host_at:
+                if self.faults.second_host_hz and self._port.plugged and now >= self._second_host_at:
                     self._second_host()
                 self._deliver()
                 if not self._due and time.monotonic() - looked >= IDLE_S:
@@ -250,9 +211,8 @@ class DynamixelEmulator:
                 self._control.report_error(line, error)
 
     def _receive(self) -> None:
-        try:
-            chunk = os.read(self._master, 65536)
-        except OSError:
+        chunk = self._port.read()
+        if not chunk:
             return
         now = time.monotonic()
         rate, byte_s = self._byte_s()
@@ -315,7 +275,7 @@ class DynamixelEmulator:
 
     def _deliver(self) -> None:
         """Write the answers that are due."""
-        while self._due and self._master >= 0:
+        while self._due and self._port.plugged:
             at, _, wire = self._due[0]
             left = at - time.monotonic()
             if left > SPIN_S:
@@ -323,6 +283,4 @@ class DynamixelEmulator:
             while self._paced and time.monotonic() < at:
                 pass
             heapq.heappop(self._due)
-            # Full buffer without a reader: a serial line would lose the bytes as well.
-            with contextlib.suppress(BlockingIOError):
-                os.write(self._master, wire)
+            self._port.write(wire)

@@ -1,0 +1,216 @@
+"""The machine of an emulated servo: shaft, supply, watchdog and faults in time, behind its register table.
+
+It has no clock: `advance` moves it to a given time, virtual in tests, real on the wire.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+from typing import Final
+
+from contid_drivers.dynamixel import registers as reg
+from contid_drivers.dynamixel.emulator.motion import ShaftMotion
+from contid_drivers.dynamixel.emulator.table import ControlTable
+
+BOOT_S: Final = 0.1
+#: Current of a model without current registers at full load [mA].
+LOAD_FULL_MA: Final = 1400
+#: Longest step of the motion; the watchdog is checked in every step.
+STEP_S: Final = 0.002
+#: Modes in which the emulated motor moves; in the others it stands still.
+_POSITION_MODES: Final = (3, 4, 5)
+
+
+@dataclass(slots=True)
+class Registered:
+    """A REG WRITE awaiting its ACTION."""
+
+    address: int
+    data: bytes
+
+
+class ServoMachine(ControlTable):
+    """What a servo does by itself; base of `contid_drivers.dynamixel.emulator.servo.Servo`."""
+
+    def __init__(
+        self,
+        device: int,
+        *,
+        baud: int = 1000000,
+        firmware: int = 52,
+        model: int = 1200,
+        position_ticks: float = 2048.0,
+        stops_ticks: tuple[float, float] = (-math.inf, math.inf),
+    ) -> None:
+        super().__init__(model, firmware)
+        self.motion = ShaftMotion(position_ticks, stops_ticks)
+        #: The stops of a jammed shaft while it was free.
+        self._free_stops: tuple[float, float] | None = None
+        self.now = 0.0
+        self.booted_at = 0.0
+        self.fed_at = 0.0
+        self.stopped_at = 0.0
+        self.tripped_goal: float | None = None
+        self.registered: Registered | None = None
+        #: Whole turns the servo forgot when it lost power.
+        self.forgotten_ticks = 0
+        self.supply_decivolt = round(self.model.supply_v * 10)
+        #: Position [ticks] that a broken encoder reports, None for the true one.
+        self.frozen: int | None = None
+        #: A hand turns the shaft: its speed [ticks/s], and until when.
+        self.hand_ticks_s, self.hand_until = 0.0, 0.0
+        #: Hardware error that returns after every reboot until it is set to 0.
+        self.cause = 0
+        code = next(code for code, rate in reg.BAUD_CODES.items() if rate == baud)
+        for register, value in ((reg.ID, device), (reg.BAUD, code), (reg.FIRMWARE, firmware)):
+            self.put(register, value)
+        self.put(reg.MODEL_NUMBER, model)
+        self._power_up()
+
+    @property
+    def position_ticks(self) -> float:
+        """True position of the shaft, over all turns."""
+        return self.motion.position
+
+    @property
+    def seen_ticks(self) -> float:
+        """Position of the shaft, over all turns, as its encoder has it: a frozen one stays behind."""
+        return self.motion.position if self.frozen is None else self.frozen - self.count_offset()
+
+    @property
+    def answers(self) -> bool:
+        """False while it boots."""
+        return self.now >= self.booted_at
+
+    def read(self, address: int, size: int) -> bytes:
+        """Bytes of the control table now."""
+        self._report()
+        return super().read(address, size)
+
+    def reboot(self) -> None:
+        """REBOOT, or a brown-out: RAM and turn count are lost, torque is off, no answers during the start."""
+        self.booted_at = self.now + BOOT_S
+        self._power_up()
+        if self.cause:
+            self.fail(self.cause)
+
+    def _power_up(self) -> None:
+        for register in self.table:
+            if not register.eeprom:
+                self.put(register, register.default)
+        self.motion.release()
+        self.registered = self.tripped_goal = None
+        self.reset_control()
+        self.forget_turns()
+        self.put(reg.GOAL_POSITION, 0)
+        if self.get(reg.STARTUP) & 1:
+            self.put(reg.GOAL_POSITION, self.present())
+            self.put(reg.TORQUE_ENABLE, 1)
+
+    def reset_control(self) -> None:
+        """Gains, profile and goals as after a change of mode."""
+        for gain in reg.GAINS:
+            self.put(gain, self.by_name[gain.name].default)
+        for register in (reg.PROFILE_VELOCITY, reg.PROFILE_ACCELERATION, reg.GOAL_VELOCITY):
+            self.put(register, 0)
+        if self.model.ma_per_unit:
+            self.put(reg.GOAL_CURRENT, self.get(reg.CURRENT_LIMIT))
+
+    def forget_turns(self) -> None:
+        """Count from the turn of the shaft again."""
+        self.forgotten_ticks = math.floor(self.motion.position / reg.TICKS_PER_REV) * reg.TICKS_PER_REV
+
+    def count_offset(self) -> int:
+        """Reported position minus real position [ticks]."""
+        return self.get(reg.HOMING_OFFSET) - self.forgotten_ticks
+
+    def advance(self, now: float) -> None:
+        """Move on to ``now`` [s]."""
+        while self.now < now:
+            step = min(STEP_S, now - self.now)
+            self.now += step
+            self._watch()
+            if self.torque and self.memory[reg.OPERATING_MODE.address] in _POSITION_MODES:
+                self._limits()
+                self.motion.step(step)
+                if self.motion.overloaded:
+                    self.fail(0x20)
+            elif self.motion.velocity:
+                self.motion.release()
+            by_hand = self.now <= self.hand_until
+            if by_hand and not self.torque:
+                self.motion.turn(self.hand_ticks_s * step)
+            if now - self.now > 1.0 and not self.motion.velocity and not by_hand:
+                # Not advanced for a long time and nothing moves: skip ahead.
+                self.now = now - 1.0
+
+    def _watch(self) -> None:
+        armed = self.memory[reg.BUS_WATCHDOG.address]
+        if not self.torque or not 1 <= armed <= 127:
+            return
+        if self.now - self.fed_at > armed * reg.WATCHDOG_MS_PER_UNIT / 1e3:
+            self.trip()
+
+    def trip(self) -> None:
+        """Bus Watchdog trip: stop, and ignore goals until 0 is written."""
+        self.put(reg.BUS_WATCHDOG, reg.WATCHDOG_TRIPPED)
+        self.stopped_at = self.now
+        if self.torque:
+            self.motion.velocity = 0.0
+            self.tripped_goal = self.motion.position + self.get(reg.HOMING_OFFSET)
+            self.motion.goal = self.tripped_goal
+
+    def fail(self, bits: int) -> None:
+        """Hardware error; those in the shutdown mask drop the torque."""
+        self.put(reg.HARDWARE_ERROR, self.get(reg.HARDWARE_ERROR) | bits)
+        if bits & self.get(reg.SHUTDOWN):
+            self.put(reg.TORQUE_ENABLE, 0)
+            self.motion.release()
+
+    def _limits(self) -> None:
+        ticks_per_unit = reg.RAD_S_PER_UNIT / reg.RAD_PER_TICK
+        profile = self.get(reg.PROFILE_VELOCITY) or self.get(reg.VELOCITY_LIMIT)
+        acceleration = self.get(reg.PROFILE_ACCELERATION) * reg.DEG_S2_PER_UNIT / 360.0 * reg.TICKS_PER_REV
+        unit = self.model.ma_per_unit
+        current = self.get(reg.CURRENT_LIMIT) if unit else LOAD_FULL_MA
+        if self.memory[reg.OPERATING_MODE.address] == 5:
+            current = min(current, abs(self.get(reg.GOAL_CURRENT)))
+        self.motion.limit(profile * ticks_per_unit, acceleration, current * (unit or 1.0))
+
+    def jam(self, on: bool) -> None:
+        """Block the shaft where it is, or release it."""
+        motion = self.motion
+        if on and self._free_stops is None:
+            self._free_stops, motion.stops = motion.stops, (motion.position, motion.position)
+        elif not on and self._free_stops is not None:
+            motion.stops, self._free_stops = self._free_stops, None
+
+    def push(self, ticks: float, seconds: float) -> None:
+        """Turn the shaft from outside, without torque at constant speed."""
+        self.hand_ticks_s, self.hand_until = ticks / max(seconds, STEP_S), self.now + max(seconds, STEP_S)
+
+    def present(self) -> int:
+        """Present Position now [ticks]."""
+        if self.frozen is not None:
+            return self.frozen
+        return round(self.motion.position) + self.count_offset()
+
+    def _report(self) -> None:
+        """Bring the read-only registers up to date."""
+        motion = self.motion
+        memory = self.memory
+        current_ma = motion.current
+        velocity = int(motion.velocity * reg.RAD_PER_TICK / reg.RAD_S_PER_UNIT)
+        if self.frozen is not None and self.torque:
+            # The position loop of the servo sees the same error for ever.
+            current_ma = motion.pushing(self.get(reg.GOAL_POSITION) - self.frozen)
+            velocity = 0
+        # A model without current registers reports its load, 0.1 %, at the same address.
+        current = int(current_ma / (self.model.ma_per_unit or LOAD_FULL_MA / 1e3))
+        memory[126:128] = (current & 0xFFFF).to_bytes(2, "little")
+        memory[128:132] = (velocity & 0xFFFFFFFF).to_bytes(4, "little")
+        memory[132:136] = (self.present() & 0xFFFFFFFF).to_bytes(4, "little")
+        memory[144] = self.supply_decivolt
+        memory[122] = 1 if velocity else 0
+        memory[120:122] = (int(self.now * 1e3) % 32768).to_bytes(2, "little")
