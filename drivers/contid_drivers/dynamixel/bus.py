@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import copy
 import dataclasses
 import logging
 import math
@@ -12,19 +11,15 @@ from typing import Final
 
 from contid.errors import DeviceError, DeviceLostError
 from contid.hal import AxisOnBus, Clock, Rest, Sample
-from contid_drivers.dynamixel import arming, turns
+from contid_drivers.dynamixel import arming, torque
 from contid_drivers.dynamixel import registers as reg
 from contid_drivers.dynamixel.axis import Axis
 from contid_drivers.dynamixel.client import NoAnswerError, ServoClient
-from contid_drivers.dynamixel.exchange.answers import AnswerCounts
-from contid_drivers.dynamixel.exchange.block import PLAIN, CyclicLayout, ServoReading, common_layout
+from contid_drivers.dynamixel.exchange.block import CyclicLayout, ServoReading
 from contid_drivers.dynamixel.exchange.cyclic import Cyclic
-from contid_drivers.dynamixel.exchange.slack import Slack
 from contid_drivers.dynamixel.grip import CurrentShare
-from contid_drivers.dynamixel.mapping import map_block
+from contid_drivers.dynamixel.link import BusLink, Opened
 from contid_drivers.dynamixel.options import DynamixelBusOptions
-from contid_drivers.dynamixel.port import ServoPort
-from contid_drivers.serial_ports import UsbIdentity, find_port, identity_of
 
 log = logging.getLogger(__name__)
 
@@ -51,100 +46,28 @@ class DynamixelBus:
         self._clock = clock
         self._states = {axis.name: Axis.of(axis, options) for axis in axes}
         self._by_id = {axis.device: axis for axis in self._states.values()}
-        self._layout = layout
         self._grip = CurrentShare(self._states.values())
-        self._identity: UsbIdentity | None = None
-        self._port: ServoPort | None = None
-        self._client: ServoClient | None = None
-        self._cyclic: Cyclic | None = None
-        self._lost: DeviceLostError | None = None
-        self._counts = AnswerCounts()
-        self._indirect = False
+        self._link = BusLink(name, options, tuple(self._states.values()), layout)
         self._readings: dict[int, ServoReading] = {}  # usable ones of the newest exchange
         self._count = 0  # exchanges
         self._clean = 0  # complete exchanges since the last miss
         self._late_logged = False
         self._stalls = 0  # in a row
 
-    # -- port ----------------------------------------------------------------------------------------------
-
     def open(self) -> None:
         """See `contid.hal.Bus.open`."""
-        if self._cyclic is not None and self._lost is None:
-            return
-        self.close()
-        options = self.options
-        path = find_port(self.name, options.port, self._identity)
-        port = ServoPort(self.name, path, options.baud, options.usb_latency_ms / 1e3)
-        port.open()
-        try:
-            client = ServoClient(self.name, port, {axis.device: name for name, axis in self._states.items()})
-            states = tuple(self._states.values())
-            client.armed = self._armed
-            arming.handshake(client, states, options)
-            starts = [map_block(client, axis) for axis in states]
-            layout = self._layout or common_layout(starts)
-            for axis in states:
-                axis.enabled, axis.misses, axis.reset, axis.pending_rest = False, 0, False, None
-                try:
-                    turns.settle(client, axis)
-                except NoAnswerError:
-                    raise
-                except DeviceError as error:
-                    axis.latch(f"{error.message}; {error.remedy}")
-                    axis.pending_rest = None
-            port.return_delay_s = max(axis.return_delay_s for axis in states)
-            slack = Slack.of(options.slack_ms)
-            self._cyclic = Cyclic(port, [axis.device for axis in states], layout, False, slack, self._counts)
-        except BaseException:
-            port.close()
-            raise
-        self._port, self._client, self._lost = port, client, None
-        self._indirect = layout.indirect
-        self._identity = identity_of(path) or self._identity
-        if layout is PLAIN:
-            log.warning("%s: no common indirect addresses; reading %d bytes per servo", self.name, PLAIN.full)
-        self._cyclic.fast = self._probe_fast()
-
-    def _armed(self) -> list[int]:
-        return [axis.device for axis in self._states.values() if axis.armed]
-
-    def _probe_fast(self) -> bool:
-        if self.options.fast_read == "off":
-            return False
-        old = [axis for axis in self._states.values() if axis.firmware < reg.FAST_READ_FIRMWARE]
-        if old:
-            which = ", ".join(f"id {axis.device} has {axis.firmware}" for axis in old)
-            log.warning(
-                "%s: Fast Sync Read needs firmware %d, %s; using Sync Read, which is slower",
-                self.name, reg.FAST_READ_FIRMWARE, which,
-            )  # fmt: skip
-            return False
-        cyclic = self._cyclic
-        assert cyclic is not None
-        # A servo without fast reads answers none; that is no fault of the wire.
-        cyclic.counts = copy.copy(self._counts)
-        try:
-            for _ in range(3):
-                if len(cyclic.run({}, full=True, fast=True)) == len(self._by_id):
-                    return True
-        finally:
-            cyclic.counts = self._counts
-        log.warning("%s: Fast Sync Read is not answered; using Sync Read, which is slower", self.name)
-        return False
+        self._link.open()
 
     def close(self) -> None:
         """See `contid.hal.Bus.close`."""
-        if self._port is not None:
-            self._port.close()
-        self._port = self._client = self._cyclic = self._lost = None
+        self._link.close()
 
     # -- the tick ------------------------------------------------------------------------------------------
 
     def exchange(self, commands: Mapping[str, float]) -> Mapping[str, Sample]:
         """See `contid.hal.Bus.exchange`."""
-        cyclic = self._opened()
-        assert self._client is not None
+        opened = self._link.opened()
+        client, cyclic = opened.client, opened.cyclic
         goals = self._goals(commands)
         self._count += 1
         full = self._count % self.options.telemetry_every == 0 or self._count == 1
@@ -156,19 +79,19 @@ class DynamixelBus:
                 self._retry(cyclic, found.keys(), full)
             else:
                 self._count_complete(cyclic)
-            self._client.fed_s = time.monotonic()
+            client.fed_s = time.monotonic()
             now = self._clock.now()
             samples = {}
             for (name, axis), before in zip(self._states.items(), faults, strict=True):
                 reading = self._readings.get(axis.device)
                 samples[name] = axis.missed(now) if reading is None else axis.sample(now)
                 if axis.fault != before:
-                    samples[name] = self._find_cause(axis, reading, now, samples[name])
+                    samples[name] = self._find_cause(client, axis, reading, now, samples[name])
                 if axis.pending_rest is not None and reading is not None:
-                    self._rest(axis, reading)
-            self._note_missing(cyclic)
+                    self._rest(client, axis, reading)
+            self._note_missing(opened)
         except DeviceLostError as error:
-            raise self._mark_lost(error) from None
+            raise self._link.mark_lost(error) from None
         return samples
 
     def _answered(self, device: int, reading: ServoReading) -> None:
@@ -177,20 +100,20 @@ class DynamixelBus:
         Without mapped bytes only an armed watchdog excludes a reset.
         """
         axis = self._by_id[device]
-        if axis.armed or reading.voltage_low is not None or not self._indirect:
+        if axis.armed or reading.voltage_low is not None or not self._link.indirect:
             axis.take(reading, self._clock.now())
             self._readings[device] = reading
 
-    def _note_missing(self, cyclic: Cyclic) -> None:
+    def _note_missing(self, opened: Opened) -> None:
         """Read servos that missed several exchanges last, discard late answers, log the first late one."""
-        assert self._client is not None
+        cyclic = opened.cyclic
         self._stalls = self._stalls + 1 if cyclic.stalled else 0
         if self._stalls >= STALLS_LOGGED:
             self._log_late(cyclic, "and every exchange waits for them")
         missing = [axis for axis in self._states.values() if axis.misses]
         if not missing and not cyclic.disturbed:
             return
-        self._client.expect_late(axis.device for axis in missing)
+        opened.client.expect_late(axis.device for axis in missing)
         cyclic.put_last([axis.device for axis in missing if axis.misses > 1])
         if cyclic.counts.late:
             self._log_late(cyclic, "and are discarded")
@@ -250,13 +173,15 @@ class DynamixelBus:
             return
         self._clean += 1
         if self._clean == FAST_AGAIN:
-            cyclic.fast = self._probe_fast()
+            cyclic.fast = self._link.probe_fast()
 
-    def _find_cause(self, axis: Axis, reading: ServoReading | None, now: float, sample: Sample) -> Sample:
+    def _find_cause(
+        self, client: ServoClient, axis: Axis, reading: ServoReading | None, now: float, sample: Sample
+    ) -> Sample:
         """Read the cause of a new fault if the block did not hold it, and log it once."""
-        if reading is not None and reading.alert and not axis.hardware_error and self._client is not None:
+        if reading is not None and reading.alert and not axis.hardware_error:
             try:
-                axis.hardware_error = self._client.read(axis.device, reg.HARDWARE_ERROR)
+                axis.hardware_error = client.read(axis.device, reg.HARDWARE_ERROR)
                 axis.fault = ""
                 axis.take(reading, now)
                 sample = axis.sample(now)
@@ -265,30 +190,16 @@ class DynamixelBus:
         log.error("%s: %s", axis.name, axis.fault)
         return sample
 
-    def _rest(self, axis: Axis, reading: ServoReading) -> None:
+    def _rest(self, client: ServoClient, axis: Axis, reading: ServoReading) -> None:
         """Bring a faulty servo to rest, now that it answers."""
-        assert self._client is not None
         try:
-            arming.rest(self._client, axis, None if axis.reset else reading.position)
+            arming.rest(client, axis, None if axis.reset else reading.position)
         except NoAnswerError:
             log.debug("%s: silent again before it was brought to rest", axis.name)
 
-    def _opened(self) -> Cyclic:
-        if self._lost is not None:
-            raise DeviceLostError(self.name, self._lost.message, self._lost.remedy)
-        if self._cyclic is None:
-            raise DeviceLostError(self.name, "the bus is not open")
-        return self._cyclic
-
-    def _mark_lost(self, error: DeviceLostError) -> DeviceLostError:
-        self._lost = error
-        for axis in self._states.values():
-            axis.enabled = False
-        return error
-
     def answer_counts(self) -> Mapping[str, int]:
         """See `contid.hal.CountsAnswers`."""
-        return dataclasses.asdict(self._counts)
+        return dataclasses.asdict(self._link.counts)
 
     # -- effort --------------------------------------------------------------------------------------------
 
@@ -305,92 +216,15 @@ class DynamixelBus:
 
     def enable(self, axes: Sequence[str]) -> None:
         """See `contid.hal.Bus.enable`."""
-        self._opened()
-        client = self._client
-        assert client is not None
-        chosen = [axis for axis in self._named(axes) if not axis.enabled]
-        for axis in chosen:
-            if axis.fault:
-                raise DeviceError(self.name, f"{axis.name}: {axis.fault}", "clear the fault first")
-        started: list[Axis] = []
-        try:
-            for axis in chosen:
-                arming.configure(client, axis, self.options)
-            assert self._port is not None
-            self._port.return_delay_s = max(axis.return_delay_s for axis in self._states.values())
-            for axis in chosen:
-                if not client.read(axis.device, reg.TORQUE_ENABLE):
-                    started.append(axis)
-                arming.arm(client, axis)
-            if chosen:
-                self._start_watchdogs(client, chosen)
-        except DeviceLostError as error:
-            raise self._mark_lost(error) from None
-        except DeviceError:
-            self._back_out(chosen, started)
-            raise
-
-    def _start_watchdogs(self, client: ServoClient, chosen: Sequence[Axis]) -> None:
-        """Watchdogs on, read back in one exchange, which also feeds all of them."""
-        arming.start_watchdogs(client, chosen, self.options.watchdog_ms // reg.WATCHDOG_MS_PER_UNIT)
-        readings = self._opened().run({}, full=True)
-        for axis in chosen:
-            reading = readings.get(axis.device)
-            found = None if reading is None else reading.watchdog
-            if found is None:
-                found = client.read(axis.device, reg.BUS_WATCHDOG)
-            if found != axis.armed:
-                raise DeviceError(client.name(axis.device), f"its Bus Watchdog does not come on: {found}")
-
-    def _back_out(self, chosen: Sequence[Axis], started: Sequence[Axis]) -> None:
-        """Undo a failed `enable`: torque it switched on goes off, axes held before stay held."""
-        assert self._client is not None
-        if started:
-            arming.torque_off(self._client, started)
-        for axis in chosen:
-            axis.enabled = False
-            if axis.armed and axis not in started:
-                arming.hold_position(self._client, axis)
+        torque.enable(self._link, self._named(axes))
 
     def disable(self, axes: Sequence[str], rest: Rest) -> None:
         """See `contid.hal.Bus.disable`; servos cannot vent, so ``vent`` relaxes them."""
-        named = self._named(axes)
-        client = self._client
-        if client is None or self._lost is not None:
-            return
-        try:
-            if rest is not Rest.HOLD:
-                silent = arming.torque_off(client, named)
-                for axis in named:
-                    axis.pending_rest = Rest.RELAX if axis.name in silent else None
-                if silent:
-                    log.error("%s: torque off not confirmed by %s", self.name, ", ".join(silent))
-                return
-            for axis in named:
-                axis.enabled, axis.pending_rest = False, Rest.HOLD
-                try:
-                    arming.hold_position(client, axis)
-                    axis.pending_rest = None
-                except DeviceLostError:
-                    raise
-                except DeviceError as error:
-                    # Its watchdog stays armed and will hold it where it is.
-                    log.error("%s", error)
-        except DeviceLostError as error:
-            self._mark_lost(error)
-        except DeviceError as error:
-            log.error("%s", error)
+        torque.disable(self._link, self._named(axes), rest)
 
     def clear_fault(self, axes: Sequence[str]) -> None:
         """See `contid.hal.Bus.clear_fault`."""
-        self._opened()
-        assert self._client is not None
-        try:
-            for axis in self._named(axes):
-                if axis.fault or not axis.enabled:
-                    arming.recover(self._client, axis)
-        except DeviceLostError as error:
-            raise self._mark_lost(error) from None
+        torque.clear_fault(self._link, self._named(axes))
 
     def _named(self, axes: Sequence[str]) -> list[Axis]:
         unknown = [name for name in axes if name not in self._states]

@@ -19,6 +19,7 @@ from contid_drivers.dynamixel import arming, turns
 from contid_drivers.dynamixel import registers as reg
 from contid_drivers.dynamixel.axis import Axis
 from contid_drivers.dynamixel.client import ServoClient
+from contid_drivers.dynamixel.handshake import handshake
 from contid_drivers.dynamixel.options import DynamixelBusOptions, HardStop, SingleTurn, Tensioning
 from contid_drivers.dynamixel.port import ServoPort
 from contid_drivers.dynamixel.tensioning import tension
@@ -46,7 +47,7 @@ def home(
     port.open()
     try:
         client = ServoClient(name, port, {axis.device: axis.name for axis in states})
-        arming.handshake(client, states, options)
+        handshake(client, states, options)
         for axis in states:
             if client.read(axis.device, reg.TORQUE_ENABLE) and client.read(axis.device, reg.MOVING):
                 raise DeviceError(client.name(axis.device), "it is moving", "stop its robot first")

@@ -99,7 +99,7 @@ def test_a_warning_of_a_driver_is_on_stderr_in_status_and_in_the_recording(hand:
         shown = subprocess.run(command, env=ENVIRONMENT, capture_output=True, text=True, check=True).stdout
         stderr = stop(process)
     (warning,) = [each for each in warnings if WARNING in each["message"]]
-    assert (warning["level"], warning["logger"]) == ("warning", "contid_drivers.dynamixel.bus")
+    assert (warning["level"], warning["logger"]) == ("warning", "contid_drivers.dynamixel.link")
     assert f"contid: warning: {warning['message']}\n" in stderr
     assert stderr.count(WARNING) == 1
     assert "warning: " in shown

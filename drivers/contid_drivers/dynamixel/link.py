@@ -1,0 +1,161 @@
+"""The open port of a bus of servos: handshake, cyclic exchange, and whether it is lost."""
+
+from __future__ import annotations
+
+import copy
+import logging
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+from contid.errors import DeviceError, DeviceLostError
+from contid_drivers.dynamixel import registers as reg
+from contid_drivers.dynamixel import turns
+from contid_drivers.dynamixel.axis import Axis
+from contid_drivers.dynamixel.client import NoAnswerError, ServoClient
+from contid_drivers.dynamixel.exchange.answers import AnswerCounts
+from contid_drivers.dynamixel.exchange.block import PLAIN, CyclicLayout, common_layout
+from contid_drivers.dynamixel.exchange.cyclic import Cyclic
+from contid_drivers.dynamixel.exchange.slack import Slack
+from contid_drivers.dynamixel.handshake import handshake
+from contid_drivers.dynamixel.mapping import map_block
+from contid_drivers.dynamixel.options import DynamixelBusOptions
+from contid_drivers.dynamixel.port import ServoPort
+from contid_drivers.serial_ports import UsbIdentity, find_port, identity_of
+
+log = logging.getLogger(__name__)
+
+
+@dataclass(frozen=True, slots=True)
+class Opened:
+    """An open port.
+
+    Attributes:
+        port: the port.
+        client: single instructions.
+        cyclic: one exchange with all servos.
+    """
+
+    port: ServoPort
+    client: ServoClient
+    cyclic: Cyclic
+
+    def adopt_return_delay(self, axes: Sequence[Axis]) -> None:
+        """Wait for the slowest servo."""
+        self.port.return_delay_s = max(axis.return_delay_s for axis in axes)
+
+
+class BusLink:
+    """The port of one bus, open, closed or lost.
+
+    Attributes:
+        counts: of answers since the bus was made.
+        indirect: the cyclic exchange reads mapped bytes.
+    """
+
+    def __init__(
+        self, name: str, options: DynamixelBusOptions, axes: Sequence[Axis], layout: CyclicLayout | None
+    ) -> None:
+        self.name = name
+        self.axes = axes
+        self.options = options
+        self.counts = AnswerCounts()
+        self.indirect = False
+        self._layout = layout
+        self._identity: UsbIdentity | None = None
+        self._opened: Opened | None = None
+        self._lost: DeviceLostError | None = None
+
+    def open(self) -> None:
+        """See `contid.hal.Bus.open`."""
+        if self.reachable is not None:
+            return
+        self.close()
+        options = self.options
+        path = find_port(self.name, options.port, self._identity)
+        port = ServoPort(self.name, path, options.baud, options.usb_latency_ms / 1e3)
+        port.open()
+        try:
+            client = ServoClient(self.name, port, {axis.device: axis.name for axis in self.axes})
+            client.armed = self._armed
+            handshake(client, self.axes, options)
+            starts = [map_block(client, axis) for axis in self.axes]
+            layout = self._layout or common_layout(starts)
+            for axis in self.axes:
+                axis.enabled, axis.misses, axis.reset, axis.pending_rest = False, 0, False, None
+                try:
+                    turns.settle(client, axis)
+                except NoAnswerError:
+                    raise
+                except DeviceError as error:
+                    axis.latch(f"{error.message}; {error.remedy}")
+                    axis.pending_rest = None
+            slack = Slack.of(options.slack_ms)
+            cyclic = Cyclic(port, [axis.device for axis in self.axes], layout, False, slack, self.counts)
+            opened = Opened(port, client, cyclic)
+            opened.adopt_return_delay(self.axes)
+        except BaseException:
+            port.close()
+            raise
+        self._opened, self._lost = opened, None
+        self.indirect = layout.indirect
+        self._identity = identity_of(path) or self._identity
+        if layout is PLAIN:
+            log.warning("%s: no common indirect addresses; reading %d bytes per servo", self.name, PLAIN.full)
+        cyclic.fast = self.probe_fast()
+
+    def close(self) -> None:
+        """See `contid.hal.Bus.close`."""
+        if self._opened is not None:
+            self._opened.port.close()
+        self._opened = self._lost = None
+
+    @property
+    def reachable(self) -> Opened | None:
+        """The open port; None when it is closed or lost."""
+        return self._opened if self._lost is None else None
+
+    def opened(self) -> Opened:
+        """The open port.
+
+        Raises:
+            DeviceLostError: it is closed or lost.
+        """
+        if self._lost is not None:
+            raise DeviceLostError(self.name, self._lost.message, self._lost.remedy)
+        if self._opened is None:
+            raise DeviceLostError(self.name, "the bus is not open")
+        return self._opened
+
+    def mark_lost(self, error: DeviceLostError) -> DeviceLostError:
+        """Keep the error for every call until the next `open`; no axis is enabled any more."""
+        self._lost = error
+        for axis in self.axes:
+            axis.enabled = False
+        return error
+
+    def probe_fast(self) -> bool:
+        """True if all servos answer fast reads and the options allow them."""
+        if self.options.fast_read == "off":
+            return False
+        old = [axis for axis in self.axes if axis.firmware < reg.FAST_READ_FIRMWARE]
+        if old:
+            which = ", ".join(f"id {axis.device} has {axis.firmware}" for axis in old)
+            log.warning(
+                "%s: Fast Sync Read needs firmware %d, %s; using Sync Read, which is slower",
+                self.name, reg.FAST_READ_FIRMWARE, which,
+            )  # fmt: skip
+            return False
+        cyclic = self.opened().cyclic
+        # A servo without fast reads answers none; that is no fault of the wire.
+        cyclic.counts = copy.copy(self.counts)
+        try:
+            for _ in range(3):
+                if len(cyclic.run({}, full=True, fast=True)) == len(self.axes):
+                    return True
+        finally:
+            cyclic.counts = self.counts
+        log.warning("%s: Fast Sync Read is not answered; using Sync Read, which is slower", self.name)
+        return False
+
+    def _armed(self) -> list[int]:
+        return [axis.device for axis in self.axes if axis.armed]
