@@ -1,0 +1,126 @@
+"""Orders of the daemon carried out between two ticks, on robots, targets and chains."""
+
+from __future__ import annotations
+
+from contid.control.engine import messages as msg
+from contid.control.engine.chain_orders import ChainOrders
+from contid.control.engine.contact_orders import ContactOrders
+from contid.control.engine.cycle import Sink
+from contid.control.engine.events.orders import MarkReached, OrderRefused
+from contid.control.engine.events.robots import EffortLimited
+from contid.control.engine.exchange import Exchange
+from contid.control.engine.load_watch import LoadWatch
+from contid.control.engine.order_events import order_event
+from contid.control.engine.robots import Robots, stopping
+from contid.control.engine.target_selector import TargetSelector
+from contid.control.tick import transitions
+from contid.control.tick.tip_feedback import Measurement
+
+
+class OrderHandler:
+    """Carries out `contid.control.engine.messages`."""
+
+    def __init__(
+        self,
+        robots: Robots,
+        selector: TargetSelector,
+        exchange: Exchange,
+        chains: ChainOrders,
+        contacts: ContactOrders,
+        loads: LoadWatch,
+        rate_hz: float,
+        sink: Sink,
+    ) -> None:
+        self._robots = robots
+        self._selector = selector
+        self._exchange = exchange
+        self._chains = chains
+        self._contacts = contacts
+        self._loads = loads
+        self._rate_hz = rate_hz
+        self._sink = sink
+
+    def obey(self, message: object, tick_number: int, step: int) -> None:
+        """Carry out a message before a step of the robots; a refusal becomes an event."""
+        selector = self._selector
+        if isinstance(message, msg.Go) and not selector.at_start:
+            self._sink.event(OrderRefused(message=msg.NOT_AT_START))
+            message = msg.Hold()
+        if (order := order_event(message, tick_number)) is not None:
+            self._sink.event(order)
+        if not isinstance(message, msg.Goto):
+            self._chains.begin_gotos(step / self._rate_hz)
+        # A client that gives orders may give more: the run then waits even if every robot is in FAULT.
+        selector.attended = selector.attended or not isinstance(
+            message, msg.Rows | msg.Measured | msg.EndOfRows
+        )
+        if selector.finishing and isinstance(
+            message, msg.Rows | msg.Resume | msg.Recover | msg.Goto | msg.Play
+        ):
+            # Nothing may delay the end of a run.
+            if not isinstance(message, msg.Rows):
+                robot = message.robot if isinstance(message, msg.Goto) else ""
+                refusal = "the run is ending; motions are refused"
+                self._sink.event(OrderRefused(robot=robot, message=refusal))
+            return
+        self._carry_out(message, tick_number, step)
+
+    def _carry_out(self, message: object, tick_number: int, step: int) -> None:
+        """Apply a message to robots, selector and chains."""
+        robots, selector, chains = self._robots, self._selector, self._chains
+        now_s = step / self._rate_hz
+        if not isinstance(message, msg.Rows | msg.Measured | msg.EndOfRows | msg.Mark):
+            self._contacts.cancel()
+        match message:
+            case msg.Rows(targets):
+                selector.rows(targets, now_s)
+            case msg.Measured(robot, tip_in_world, direction, age_s):
+                selector.measured[robot] = Measurement(tip_in_world, now_s - age_s, direction)
+            case msg.EndOfRows():
+                selector.end_of_rows()
+            case msg.Play(trajectory, waits):
+                selector.play(trajectory, now_s, waits)
+            case msg.Go():
+                selector.go()
+            case msg.Begin():
+                selector.begin_rows(now_s)
+            case msg.Mark(number):
+                self._sink.event(MarkReached(number=number, tick=tick_number))
+            case msg.Goto(robot, target, None) if chains.concerns(robot):
+                chains.goto(robot, target)
+            case msg.Goto(robot, target, force_n):
+                target = self._loads.loaded_goto(robot, target)
+                robots.order((robot,), lambda p, s, t: transitions.goto(p, s, target, t, force_n), now_s)
+            case msg.Hold(who):
+                selector.pause(who, step)
+                robots.order(who, transitions.hold, now_s)
+                chains.stopped(who, now_s)
+            case msg.Resume(who):
+                selector.resume(who)
+                robots.order(who, transitions.resume, now_s)
+            case msg.Stop(who, policy, reason):
+                selector.pause(who, step)
+                robots.order(who, stopping(policy, reason), now_s)
+                chains.stopped(who, now_s)
+            case msg.Estop(who):
+                selector.pause(who, step)
+                robots.order(who, transitions.estop, now_s)
+                chains.stopped(who, now_s)
+            case msg.Grip(share, who):
+                self._limit_effort(who, share, tick_number)
+            case msg.ClearFault(who):
+                robots.order(who, transitions.ask_clear, now_s)
+            case msg.Recover(who):
+                robots.order(who, transitions.recover, now_s)
+            case msg.Finish(policy, reason):
+                selector.finish(policy, reason, now_s)
+
+    def _limit_effort(self, who: msg.RobotNames, share: float, tick_number: int) -> None:
+        """Limit the effort of robots; one named without an axis for it is a refusal."""
+        limited = self._exchange.limit_effort(who, share)
+        for name, done in limited.items():
+            if done:
+                self._sink.event(EffortLimited(tick=tick_number, robot=name, share=share))
+            elif who is not None or not any(limited.values()):
+                message = f"{name}: none of its axes is in a mode that limits its effort"
+                self._sink.event(OrderRefused(robot=name, message=message))

@@ -1,0 +1,93 @@
+"""What follows from the tick of a robot: new state, requests to devices, end of a goto, statistics."""
+
+from __future__ import annotations
+
+import math
+
+from contid.control.engine.contact_orders import ContactOrders
+from contid.control.engine.cycle import Sink, Timing
+from contid.control.engine.events.orders import GotoEnded
+from contid.control.engine.exchange import Exchange
+from contid.control.engine.robots import Robots
+from contid.control.engine.sources import Timed
+from contid.control.engine.stall_watch import StallWatch
+from contid.control.engine.target_selector import TargetSelector
+from contid.control.tick.config import RobotConfig
+from contid.control.tick.path_preflight import NEAR_M
+from contid.control.tick.robot_tick import TickResult
+from contid.control.tick.state import Effect, RobotState
+from contid.control.tick.supervisor import Mode
+from contid.targets import Target
+
+
+class Outcomes:
+    """Takes over the results of ticks."""
+
+    def __init__(
+        self,
+        robots: Robots,
+        selector: TargetSelector,
+        exchange: Exchange,
+        contacts: ContactOrders,
+        rate_hz: float,
+        sink: Sink,
+    ) -> None:
+        self._robots = robots
+        self._selector = selector
+        self._exchange = exchange
+        self._contacts = contacts
+        self._stalls = StallWatch(rate_hz)
+        self._sink = sink
+        #: Goto of each robot in the tick before; a replaced one has ended.
+        self._going: list[Target | None] = [None for _ in robots.configs]
+
+    def begin(self, timing: Timing) -> None:
+        """A tick begins."""
+        self._stalls.begin(timing)
+
+    def take(
+        self, index: int, number: int, outcome: TickResult, target: Target | None, too_near: bool
+    ) -> None:
+        """Take over the tick of a robot; queues its request to the devices and reports the end of a goto."""
+        robots = self._robots
+        config, state, tally = robots.configs[index], robots.states[index], robots.tallies[index]
+        going, recovered = state.goto, state.recovering
+        retreating = self._contacts.retreating(index)
+        if self._going[index] is not None and self._going[index] is not going and not retreating:
+            self._sink.event(GotoEnded(robot=config.name, arrived=False, tick=number))
+        state = outcome.state
+        if state.mode is Mode.FAULT and robots.reported[index] is not Mode.FAULT:
+            state = self._stalls.explained(state, config.watchdog_s)
+        if state.pending is not Effect.NONE:
+            state = self._exchange.ask(index, state)
+        if outcome.squeezed is not None:
+            self._contacts.squeezed(config, number, outcome.squeezed)
+        if going is not None and state.goto is None and not recovered:
+            arrived = state.mode is Mode.HOLD and not too_near and not retreating and outcome.arrived
+            self._sink.event(GotoEnded(robot=config.name, arrived=arrived, tick=number))
+        if not retreating or (going is not None and state.goto is None):
+            self._going[index] = None if state.recovering else state.goto
+        robots.states[index] = state
+        if outcome.solution is not None:
+            source = self._selector.source
+            timed = source is not None and source.time_s is not None
+            tally.add(outcome.tip_error_m, outcome.solution.converged, outcome.solution.residual_m)
+            if outcome.solution.converged or outcome.solution.residual_m <= NEAR_M:
+                off_m = outcome.tip_error_m - outcome.solution.residual_m
+                tally.on_path(off_m, state.command != state.reference, timed, state.since_s)
+            else:  # the nearest point, which may jump
+                tally.off_path(_behind_m(config, state, target))
+                # A correction by measured tips may lead out of the reach that was checked.
+                if isinstance(source, Timed) and source.within_reach and not config.departs:
+                    tally.missed(outcome.solution.residual_m)
+        for bits in outcome.limits:
+            if bits:
+                tally.limited[bits] += 1
+
+
+def _behind_m(config: RobotConfig, state: RobotState, target: Target | None) -> float:
+    """Distance of the commanded tip from that of the model's answer [m]."""
+    if target is None or state.command == state.reference:
+        return 0.0
+    forward, load_n = config.model.forward, config.frame.vector_in_base(target.load_n)
+    return math.dist(forward(state.command, load_n).tip_m, forward(state.reference, load_n).tip_m)
