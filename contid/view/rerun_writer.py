@@ -1,13 +1,10 @@
-"""Writes frames and events into a Rerun recording.
-
-A batch is written column by column (`send_columns`), which costs a tenth of row by row.
-"""
+"""Writes frames and events into a Rerun recording."""
 
 from __future__ import annotations
 
 import math
 from collections.abc import Sequence
-from typing import Any, Final
+from typing import Final
 
 import numpy as np
 import rerun as rr
@@ -41,6 +38,7 @@ from contid.view.frames import Frame
 from contid.view.measured_shape import measured_shape
 from contid.view.rerun_bars import RerunBars, bar_rows
 from contid.view.rerun_bodies import RerunBody
+from contid.view.rerun_rows import RerunRows, Strip
 from contid.view.rerun_stream import RerunStream
 from contid.view.robot_scene import ARROW, Array, RobotDrawing, RobotScene
 from contid.view.scene import Scene
@@ -49,8 +47,6 @@ from contid.view.shapes.load_arrow import RerunLoadArrow
 from contid.view.shapes.obstacles import draw_obstacles
 
 US_PER_S: Final = 1e6
-#: A line with its colour and its radius on the screen.
-Strip = tuple[Array, Colour, float]
 _NO_POINT: Final = np.full((1, 3), np.nan)
 
 
@@ -78,13 +74,10 @@ class RerunWriter:
         self._bars = [RerunBars(stream, rows, several) for rows in bar_rows(scene.robots)]
         self._banner = Banner([robot.config.name for robot in scene.robots])
         self._tick = 0
-        # Entities whose last row shows something. The layout shows these entities of every robot; initially
-        # True makes them exist even if their first row is empty.
-        self._visible = {paths.body(rope.guard.name, "rope"): True for rope in scene.ropes}
+        shown = [paths.body(rope.guard.name, "rope") for rope in scene.ropes]
         for robot in scene.robots:
-            self._visible |= {
-                paths.body(robot.config.name, part): True for part in ("tracked", "tracked_tip")
-            }
+            shown += [paths.body(robot.config.name, part) for part in ("tracked", "tracked_tip")]
+        self._rows = RerunRows(stream, shown)
         self._log_static()
         self._show_banner(0)
 
@@ -124,7 +117,7 @@ class RerunWriter:
         self._tick = frames[-1].record.tick
         ticks = [frame.record.tick for frame in frames]
         timing = [[frame.lateness_s * US_PER_S, frame.work_s * US_PER_S] for frame in frames]
-        self._scalars(paths.TIMING, ticks, timing)
+        self._rows.scalars(paths.TIMING, ticks, timing)
         drawn = [frame for frame in frames if frame.drawn]
         drawn_ticks = [frame.record.tick for frame in drawn]
         drawings = []
@@ -135,7 +128,7 @@ class RerunWriter:
                 drawings.append(self._space(index, robot, drawn_ticks, records))
         for rope in self._scene.ropes if drawn else ():
             lines = [rope.line(each) for each in zip(*drawings, strict=True)]
-            self._lines(paths.body(rope.guard.name, "rope"), drawn_ticks, lines, ROPE)
+            self._rows.lines(paths.body(rope.guard.name, "rope"), drawn_ticks, lines, ROPE)
 
     def event(self, event: RunEvent) -> None:
         """Add an event of the ring, unless it is for programs only."""
@@ -157,14 +150,14 @@ class RerunWriter:
         for what, rows in (("command", commands), ("measured", samples)):
             for group, axes in robot.groups.items():
                 values = rows[:, axes] * [each.per_si for each in config.quantities[axes]]
-                self._scalars(paths.plot(config.name, group + what), ticks, values)
+                self._rows.scalars(paths.plot(config.name, group + what), ticks, values)
         errors = [[record.tip_error_m * MM_PER_M] for record in records]
-        self._scalars(paths.plot(config.name, "tip_error"), ticks, errors)
+        self._rows.scalars(paths.plot(config.name, "tip_error"), ticks, errors)
         errors = [
             [measured_tip_error_m(config, each) * MM_PER_M if math.isfinite(each.tip_error_m) else math.nan]
             for each in records
         ]
-        self._scalars(paths.plot(config.name, "tip_error_measured"), ticks, errors)
+        self._rows.scalars(paths.plot(config.name, "tip_error_measured"), ticks, errors)
 
     def _space(
         self, index: int, robot: RobotScene, ticks: Sequence[int], records: Sequence[RobotRecord]
@@ -194,9 +187,9 @@ class RerunWriter:
         self._bodies[index].write(ticks, bodies, present)
         self._frames(robot, ticks, drawings)
         targets = [np.array([record.tip_m]) * MM_PER_M for record in records]
-        self._points(paths.body(config.name, "target"), ticks, targets, TARGET, 7.0)
+        self._rows.points(paths.body(config.name, "target"), ticks, targets, TARGET, 7.0)
         tips = [_NO_POINT if drawing is None else drawing.tip[None] for drawing in measured]
-        self._points(paths.body(config.name, "trail"), ticks, tips, TRAIL, 1.0)
+        self._rows.points(paths.body(config.name, "trail"), ticks, tips, TRAIL, 1.0)
         if (arrow := self._loads[index]) is not None:
             arrow.write(ticks, records, tips)
         self._tracked(robot, ticks, records, measured)
@@ -214,9 +207,9 @@ class RerunWriter:
         lengths = [None if drawing is None else robot.backbone_mm(drawing) for drawing in measured]
         shapes = [measured_shape(config, record, mm) for record, mm in zip(records, lengths, strict=True)]
         tips = [_NO_POINT if shape is None else shape.tip for shape in shapes]
-        self._points(paths.body(config.name, "tracked_tip"), ticks, tips, TRACKED, 4.0)
+        self._rows.points(paths.body(config.name, "tracked_tip"), ticks, tips, TRACKED, 4.0)
         lines = [None if shape is None else shape.line for shape in shapes]
-        self._lines(paths.body(config.name, "tracked"), ticks, lines, TRACKED)
+        self._rows.lines(paths.body(config.name, "tracked"), ticks, lines, TRACKED)
 
     def _body(
         self,
@@ -241,24 +234,7 @@ class RerunWriter:
                     for k, line in enumerate(lines)
                 ]
             )
-        self._strips(paths.body(robot.config.name, part), ticks, strips)
-
-    def _lines(self, entity: str, ticks: Sequence[int], lines: Sequence[Array | None], ink: Colour) -> None:
-        """One curve per frame, or none."""
-        self._strips(entity, ticks, [[] if line is None else [(line, ink, 1.5)] for line in lines])
-
-    def _strips(self, entity: str, ticks: Sequence[int], strips: Sequence[Sequence[Strip]]) -> None:
-        """The strips of every frame."""
-        keep = self._changes(entity, [bool(each) for each in strips])
-        if not keep:
-            return
-        shown = [strip for k in keep for strip in strips[k]]
-        columns = rr.LineStrips3D.columns(
-            strips=[line.tolist() for line, _, _ in shown],
-            colors=[ink for _, ink, _ in shown],
-            radii=rr.Radius.ui_points([radius for _, _, radius in shown]) if shown else [],
-        ).partition([len(strips[k]) for k in keep])
-        self._stream.send(entity, [ticks[k] for k in keep], columns)
+        self._rows.strips(paths.body(robot.config.name, part), ticks, strips)
 
     def _frames(
         self, robot: RobotScene, ticks: Sequence[int], drawings: Sequence[RobotDrawing | None]
@@ -274,40 +250,6 @@ class RerunWriter:
             origins=origins, vectors=vectors, colors=[*AXES] * len(frames)
         ).partition([3 * count] * len(shown))
         self._stream.send(paths.body(robot.config.name, "frames"), [tick for tick, _ in shown], columns)
-
-    def _points(
-        self, entity: str, ticks: Sequence[int], points: Sequence[Array], ink: Colour, size: float
-    ) -> None:
-        """One point per frame, or none."""
-        finite = [bool(np.isfinite(point).all()) for point in points]
-        keep = self._changes(entity, finite)
-        if not keep:
-            return
-        shown = [points[k] for k in keep if finite[k]]
-        columns = rr.Points3D.columns(
-            positions=np.vstack(shown) if shown else np.zeros((0, 3)),
-            colors=[ink] * len(shown),
-            radii=rr.Radius.ui_points([size] * len(shown)) if shown else [],
-        ).partition([int(finite[k]) for k in keep])
-        self._stream.send(entity, [ticks[k] for k in keep], columns)
-
-    def _scalars(self, entity: str, ticks: Sequence[int], values: Any) -> None:
-        """Rows of equally many curves; rows with an unknown value are left out."""
-        rows = np.asarray(values, dtype=np.float64)
-        finite = np.isfinite(rows).all(axis=1)
-        if finite.any():
-            self._stream.send(
-                entity, np.array(ticks)[finite].tolist(), rr.Scalars.columns(scalars=rows[finite])
-            )
-
-    def _changes(self, entity: str, visible: Sequence[bool]) -> list[int]:
-        """Indices of the frames to write: those that show something, and the first that does not."""
-        keep = []
-        for k, is_visible in enumerate(visible):
-            if is_visible or self._visible.get(entity, False):
-                keep.append(k)
-            self._visible[entity] = is_visible
-        return keep
 
 
 def _arrows(frames: Sequence[Array], length_mm: float) -> tuple[Array, Array]:
