@@ -8,7 +8,6 @@ from __future__ import annotations
 
 import asyncio
 import time
-from collections import deque
 from collections.abc import Mapping, Sequence
 from typing import Any, Final
 
@@ -17,23 +16,21 @@ from contid.control.engine.events.base import RunEvent
 from contid.control.engine.events.orders import GotoEnded, OrderGiven, OrderRefused
 from contid.control.engine.events.robots import SqueezeChanged
 from contid.control.engine.events.run import SourceEnded
-from contid.control.engine.messages import NOT_AT_START, Begin, Goto, Hold, Message, Play, Resume, Rows, Start
-from contid.control.engine.tick_layout import TickRecord
-from contid.control.tick.supervisor import MOVING, Mode
+from contid.control.engine.messages import NOT_AT_START, Begin, Hold, Play, Resume, Rows, Start
+from contid.control.tick.supervisor import Mode
 from contid.errors import BadInputError
 from contid.remote.protocol.wire import Code, Fields, RemoteError, is_number
+from contid.remote.server.gotos import Gotos
 from contid.remote.server.move import MAX_ROWS, Credit, Move, Notify, RowMove
 from contid.remote.server.pending_orders import BULK_TIMEOUT_S, PendingOrders
 from contid.remote.server.preconditions import Preconditions, bad_target
+from contid.remote.server.standstill import commands, standstill
 from contid.remote.server.telemetry_view import TelemetryView
 from contid.targets import Target
 from contid.trajectory.rows import RowReader
 
 #: Columns of a move. A laboratory of sixteen fingers has 200; thousands would hold up the other clients.
 MAX_COLUMNS: Final = 500
-#: Time for robots to stand still before a trajectory is played, and the period of that check.
-STANDSTILL_TIMEOUT_S: Final = 20.0
-POLL_S: Final = 0.02
 #: How far ahead a start may lie.
 MIN_LEAD_S: Final = 0.2
 MAX_LEAD_S: Final = 60.0
@@ -48,10 +45,8 @@ class Moves:
         self._pending = pending
         self._preconditions = Preconditions(control, view)
         self._numbers = 0
-        self._gotos: dict[str, deque[Move]] = {name: deque() for name in view.configs}
+        self._gotos = Gotos(control, view, pending)
         self._stream: RowMove | None = None
-        #: Why the newest move of a robot until a force ended.
-        self._squeezed: dict[str, str] = {}
 
     # -- points ------------------------------------------------------------------------------------------
 
@@ -76,31 +71,8 @@ class Moves:
             raise RemoteError(Code.UNREACHABLE, "; ".join(unreachable.values()))
         if self._stream is not None and self._stream.client == client:
             self.abort(self._stream, "another move began")
-        return await self._goto(Move(self._number(), client, notify), targets, until_force_n=until_force_n)
-
-    async def _goto(
-        self,
-        move: Move,
-        targets: Mapping[str, Target],
-        *before: Message,
-        until_force_n: float | None = None,
-    ) -> Fields:
-        for name in targets:
-            move.waiting.add(name)
-            self._gotos[name].append(move)
-        gotos = [Goto(name, target, until_force_n) for name, target in targets.items()]
-        future = self._pending.send([*before, *gotos])
-        outcome = await self._pending.confirmed(future)
-        if outcome.refused:
-            for name in outcome.refused:
-                move.waiting.discard(name)
-                if move in self._gotos.get(name, ()):
-                    self._gotos[name].remove(move)
-            faults = self._view.faults(self._control.newest(), tuple(targets))
-            # Both arms of a chain have the same message.
-            message = "; ".join(dict.fromkeys(outcome.refused.values()))
-            raise RemoteError(Code.FAULT if faults else Code.REFUSED, message, faults)
-        return {"move": move.number, "tick": outcome.tick}
+        move = Move(self._number(), client, notify)
+        return await self._gotos.begin(move, targets, until_force_n=until_force_n)
 
     # -- streams -----------------------------------------------------------------------------------------
 
@@ -164,7 +136,7 @@ class Moves:
             return await self._play(move)
         self._stream = None
         if move.last:
-            return await self._goto(move, move.last, Begin())
+            return await self._gotos.begin(move, move.last, [Begin()])
         self._control.send(Begin())
         move.end(True, "the stream had no rows")
         return {"move": move.number}
@@ -177,8 +149,8 @@ class Moves:
         trajectory = await asyncio.to_thread(check, move.reader, move.timed_rows, record)
         robots = tuple(trajectory.targets_of_row(0))
         await self._pending.confirmed(self._pending.send([Hold()]))
-        stands = await self._standstill()
-        if self._commands(stands) != self._commands(record):
+        stands = await standstill(self._control, self._view)
+        if commands(self._view, stands) != commands(self._view, record):
             # They moved while it was checked: which answers a robot reaches depends on where it stands.
             trajectory = await asyncio.to_thread(check, move.reader, move.timed_rows, stands)
         self._not_stopped(move)
@@ -222,29 +194,6 @@ class Moves:
             raise RemoteError(Code.REFUSED, "; ".join(outcome.refused.values()))
         return {"move": number, "tick": outcome.tick, "at_s": at_s}
 
-    async def _standstill(self) -> TickRecord:
-        """Wait until nothing moves: the transfer of a long trajectory may cost more than a tick.
-
-        A robot that brakes in HOLD moves: of two records the commands must be equal.
-        """
-        before: TickRecord | None = None
-        for _ in range(int(STANDSTILL_TIMEOUT_S / POLL_S)):
-            record = self._control.newest()
-            if record is not None and not any(Mode(robot.mode) in MOVING for robot in record.robots):
-                if before is None or record.tick > before.tick:
-                    if before is not None and self._commands(record) == self._commands(before):
-                        return record
-                    before = record
-            else:
-                before = None
-            await asyncio.sleep(POLL_S)
-        message = f"the robots did not stand still within {STANDSTILL_TIMEOUT_S:g} s"
-        raise RemoteError(Code.REFUSED, message)
-
-    def _commands(self, record: TickRecord | None) -> list[tuple[float, ...] | None]:
-        """The last command of every robot in a record."""
-        return [self._view.command(name, record) for name in self._view.configs]
-
     @property
     def open(self) -> bool:
         """True while a client may send rows."""
@@ -281,21 +230,9 @@ class Moves:
     def notice(self, event: RunEvent) -> None:
         """Take in an event of the ring."""
         if isinstance(event, SqueezeChanged):
-            self._squeezed[event.robot] = event.message
-        elif isinstance(event, GotoEnded) and self._gotos.get(event.robot):
-            robot = event.robot
-            move = self._gotos[robot].popleft()
-            move.waiting.discard(robot)
-            if not event.arrived:
-                move.failed.add(robot)
-            if not move.waiting:
-                faults = self._view.faults(self._control.newest(), tuple(move.failed))
-                message = f"{', '.join(sorted(move.failed))} did not arrive" if move.failed else ""
-                why = [
-                    f"{name}: {self._squeezed.pop(name)}" for name in sorted(move.failed & {*self._squeezed})
-                ]
-                message = "; ".join([message, *why])
-                move.end(not move.failed, message, faults)
+            self._gotos.squeezed(event)
+        elif isinstance(event, GotoEnded):
+            self._gotos.ended(event)
         elif isinstance(event, SourceEnded) and self._stream is not None and self._stream.playing:
             played, self._stream = self._stream, None
             self._control.send(Begin())
