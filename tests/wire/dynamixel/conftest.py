@@ -15,6 +15,7 @@ from contid.control.engine.clock import RealClock
 from contid.hal import AxisOnBus, Sample
 from contid_drivers.dynamixel.bus import DynamixelBus
 from contid_drivers.dynamixel.emulator import DynamixelEmulator, Servo
+from contid_drivers.dynamixel.link import Opened
 from contid_drivers.dynamixel.options import DynamixelAxisOptions, DynamixelBusOptions
 
 # Generous, because tests share the machine; nothing here is about time.
@@ -29,6 +30,11 @@ class Rig:
     bus: DynamixelBus
     options: DynamixelBusOptions
     axes: tuple[AxisOnBus, ...]
+
+    @property
+    def opened(self) -> Opened:
+        """The open port of the bus."""
+        return self.bus._link.opened()
 
     def tick(self, times: int = 1, **commands: float) -> Mapping[str, Sample]:
         """Exchange; commands by axis without the robot's name."""

@@ -130,7 +130,7 @@ def test_samples_of_a_late_adapter_belong_to_their_exchange_or_are_invalid(
     r.bus.open()
     r.emulator.set("late", ms=ms)
     stale = 0
-    for k in enough(lambda: ms <= 6 or r.bus._cyclic.counts.late > 0, 60):
+    for k in enough(lambda: ms <= 6 or r.bus.answer_counts()["late"] > 0, 60):
         with r.emulator._lock:
             for servo in r.emulator.servos:
                 servo.motion.position = 1000.0 * servo.device + 7 * k
@@ -163,12 +163,12 @@ def test_random_stalls_never_yield_a_sample_of_another_exchange(rig: Make) -> No
 def test_a_stall_longer_than_the_time_out_costs_no_sample(rig: Make) -> None:
     r = rig(3, usb_latency_ms=20, slack_ms=200, retry_ms=0)
     r.bus.open()
-    stalls = r.bus._cyclic.counts.stalls
+    stalls = r.bus.answer_counts()["stalls"]
     for _ in range(10):
-        r.until(lambda: r.bus._cyclic.received and not r.bus._cyclic.disturbed)
+        r.until(lambda: r.opened.cyclic.received and not r.opened.cyclic.disturbed)
         r.emulator.set("hiccup", ms=50)
         assert all(sample.valid for sample in r.tick().values())
-    assert r.bus._cyclic.counts.stalls >= stalls + 10
+    assert r.bus.answer_counts()["stalls"] >= stalls + 10
 
 
 def test_an_adapter_that_is_always_late_is_named_although_no_sample_is_lost(
@@ -233,7 +233,7 @@ def test_a_silent_servo_is_asked_last(rig: Make) -> None:
     r = rig(3, fast_read="off")
     r.bus.open()
     r.emulator.set("silent", 1)
-    r.until(lambda: r.bus._cyclic.ids == (2, 3, 1), LONG_S)
+    r.until(lambda: r.opened.cyclic.ids == (2, 3, 1), LONG_S)
     r.emulator.set("silent", 1, on=False)
     r.until(lambda: all(sample.valid for sample in r.tick().values()), LONG_S)
-    assert set(r.bus._cyclic.ids) == {1, 2, 3}
+    assert set(r.opened.cyclic.ids) == {1, 2, 3}

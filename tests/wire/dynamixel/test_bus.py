@@ -70,7 +70,7 @@ def test_single_writes_and_reads_carry_header_bytes_intact(rig: Make) -> None:
     r = rig(1, servo={"firmware": 52})
     r.bus.open()
     r.bus.enable(["r.a1"])
-    client = r.bus._client
+    client = r.opened.client
     for goal in (-131073, -1, 0x0FDFFF):
         client.write(1, reg.GOAL_POSITION, goal)
         assert client.read(1, reg.GOAL_POSITION) == r.emulator.servo(1).get(reg.GOAL_POSITION) == goal

@@ -96,7 +96,7 @@ def test_a_late_answer_is_a_miss_and_never_taken_for_the_next_one(rig: Make) -> 
 def test_a_stale_answer_is_not_taken_for_the_answer_to_another_request(rig: Make) -> None:
     r = rig(1)
     r.bus.open()
-    client = r.bus._client
+    client = r.opened.client
     # The acknowledgement of this write arrives after its time-out, during the next request.
     r.emulator.set("delay", 1, ms=45)
     client.port.latency_s = 0.0
@@ -137,7 +137,7 @@ def test_torque_switched_off_from_outside_is_a_fault_and_returns_without_a_jump(
     running: Any,
 ) -> None:
     running.tick(3, a1=1100 * TICK, a2=2100 * TICK)
-    running.bus._client.write(2, reg.TORQUE_ENABLE, 0)
+    running.opened.client.write(2, reg.TORQUE_ENABLE, 0)
     samples = running.tick(a1=1100 * TICK, a2=2500 * TICK)
     assert "switched off from outside" in samples["r.a2"].fault
     assert samples["r.a1"].fault == ""

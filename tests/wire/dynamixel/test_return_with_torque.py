@@ -25,7 +25,7 @@ def moving(rig: Make, request: pytest.FixtureRequest) -> Any:
     from contid_drivers.dynamixel.exchange.block import INDIRECT, PLAIN
 
     r = rig(2, watchdog_ms=500, retry_ms=0, fast_read="off")
-    r.bus._layout = {"indirect": INDIRECT, "plain": PLAIN}[request.param]
+    r.bus._link._layout = {"indirect": INDIRECT, "plain": PLAIN}[request.param]
     r.bus.open()
     r.bus.enable(["r.a1", "r.a2"])
     r.tick(a1=TURNS * TICK, a2=TURNS * TICK)
@@ -67,7 +67,7 @@ def test_a_servo_turned_after_its_reset_keeps_the_turn_it_had_when_it_answered_f
     r.emulator.set("brownout", 1)
     r.until(lambda: r.tick()["r.a1"].fault != "")
     r.tick(3)
-    r.bus._client.write(1, reg.TORQUE_ENABLE, 0)
+    r.opened.client.write(1, reg.TORQUE_ENABLE, 0)
     with r.emulator._lock:
         r.emulator.servos[0].motion.position += 4096 - 30
     r.bus.clear_fault(["r.a1"])

@@ -41,7 +41,7 @@ def driven_far(r: Any, home: bool) -> None:
     r.bus.enable(["r.a1"])
     r.tick(a1=FAR * TICK)
     r.until(lambda: abs(r.emulator.servo(1).position_ticks - FAR) < 2)
-    r.bus._client.write(1, reg.TORQUE_ENABLE, 0)
+    r.opened.client.write(1, reg.TORQUE_ENABLE, 0)
     r.bus.close()
     r.bus._states["r.a1"] = Axis.of(r.axes[0], r.options)  # as in another process
     r.bus._by_id[1] = r.bus._states["r.a1"]
