@@ -31,6 +31,11 @@ class Rig:
     options: DynamixelBusOptions
     axes: tuple[AxisOnBus, ...]
 
+    def as_another_process(self) -> None:
+        """Replace the bus by one that has not met these servos."""
+        self.bus.close()
+        self.bus = DynamixelBus("servos", self.options, self.axes, RealClock())
+
     @property
     def opened(self) -> Opened:
         """The open port of the bus."""
@@ -85,7 +90,8 @@ def rig(tmp_path: Path) -> Iterator[Callable[..., Rig]]:
             )
             given = DynamixelBusOptions(**{"port": emulator.port, **PATIENT, **options})
             bus = DynamixelBus("servos", given, wired, RealClock())
-            stack.callback(bus.close)
-            return Rig(emulator, bus, given, wired)
+            rig = Rig(emulator, bus, given, wired)
+            stack.callback(lambda: rig.bus.close())
+            return rig
 
         yield make

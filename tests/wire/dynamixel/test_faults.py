@@ -14,7 +14,7 @@ from contid.errors import DeviceError, DeviceLostError, DeviceNotFoundError
 from contid.hal import Rest
 from contid_drivers import serial_ports
 from contid_drivers.dynamixel import registers as reg
-from contid_drivers.dynamixel.emulator import InjectedFault, servo
+from contid_drivers.dynamixel.emulator import InjectedFault, machine
 from contid_drivers.dynamixel.emulator.faults import FaultSyntaxError
 from contid_drivers.dynamixel.packets import Instruction
 
@@ -302,7 +302,7 @@ def test_the_reboot_of_a_servo_trips_no_watchdog_of_the_others(
     rig: Make, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     """It takes longer than they wait for an instruction."""
-    monkeypatch.setattr(servo, "BOOT_S", 1.2)
+    monkeypatch.setattr(machine, "BOOT_S", 1.2)
     r = rig(3, watchdog_ms=500, usb_latency_ms=10)
     r.bus.open()
     r.bus.enable(r.bus.axes)

@@ -12,7 +12,6 @@ import pytest
 from contid.errors import DeviceError
 from contid_drivers.dynamixel import DRIVER
 from contid_drivers.dynamixel import registers as reg
-from contid_drivers.dynamixel.axis import Axis
 from contid_drivers.dynamixel.commission import sdk_bus
 
 pytestmark = pytest.mark.realtime
@@ -42,9 +41,7 @@ def driven_far(r: Any, home: bool) -> None:
     r.tick(a1=FAR * TICK)
     r.until(lambda: abs(r.emulator.servo(1).position_ticks - FAR) < 2)
     r.opened.client.write(1, reg.TORQUE_ENABLE, 0)
-    r.bus.close()
-    r.bus._states["r.a1"] = Axis.of(r.axes[0], r.options)  # as in another process
-    r.bus._by_id[1] = r.bus._states["r.a1"]
+    r.as_another_process()
 
 
 HOMINGS = pytest.mark.parametrize("homing", [None, STOP, POSE], ids=["none", "hard_stop", "single_turn"])
