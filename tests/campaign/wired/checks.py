@@ -19,7 +19,7 @@ from contid.control.engine.wiring import build_robot_configs
 from contid.control.tick.supervisor import Mode
 from contid.session.check import check_session
 from contid.session.read import Session
-from tests.campaign import invariants
+from tests.campaign import invariants, motion_invariants
 from tests.campaign.wired.lab_file import RATE_HZ
 from tests.campaign.wired.switches import Switch
 from tests.campaign.wired.wires import Wires
@@ -128,8 +128,8 @@ def _judge(tally: Tally, wires: Wires, recorded: Path, thrown: Sequence[Injected
     tally.check("goals at the servos", seen_there)
     machine = SimpleNamespace(configs=configs, loaded=wires.loaded)
     seen: Any = SimpleNamespace(case=SimpleNamespace(machine=machine), records=records, events=events)
-    tally.check("position limits", list(invariants.position(seen)))
-    tally.check("velocity and acceleration limits", list(invariants.rates(seen)))
+    tally.check("position limits", list(motion_invariants.position(seen)))
+    tally.check("velocity and acceleration limits", list(motion_invariants.rates(seen)))
     tally.check("session complete", [*([] if session.clean else [session.cut]), *invariants.complete(seen)])
     tally.check("no jump on arming", list(_no_jump(configs, records)))
     tally.check("session check", list(map(str, check_session(session))))
