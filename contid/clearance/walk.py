@@ -45,10 +45,7 @@ class Walk:
         self._guard = guard
         #: The pair of the newest refusal.
         self.refused: Pair = ("", "")
-        found = self.place(start)
-        close = [each for each in found if each.distance.lower_m < guard.margin_m]
-        #: Why the beginning is too near, "" when it is not.
-        self.start_message: str = self._message(close[0]) if close else ""
+        self.place(start)
 
     @property
     def configuration(self) -> Configuration:

@@ -10,9 +10,10 @@ from contid.calibrate.tendon.capstan import capstan_coefficient
 from contid.calibrate.tendon.fit import fit_model
 from contid.calibrate.tendon.models import ElasticBends, Nominal
 from contid.calibrate.tendon.recording import TendonRecording
-from contid.kinematics.tendon.geometry import TendonGeometry, even_section, forward
+from contid.kinematics.tendon.geometry import TendonGeometry, forward
 from contid_drivers.dynamixel.emulator.servo import Servo
 from contid_drivers.dynamixel.emulator.tendon_friction import FrictionPlant
+from tests.support.tendon_sections import even_section
 
 MU, PLAY_M = 0.15, 0.1e-3
 TIGHT_M = 0.3e-3

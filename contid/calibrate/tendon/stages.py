@@ -11,8 +11,6 @@ from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 from typing import Final
 
-import numpy as np
-
 from contid.calibrate.tendon.accuracy import Accuracy, accuracy
 from contid.calibrate.tendon.fit import TendonFit, fit_model
 from contid.calibrate.tendon.models import ElasticBends, LinearBends, Nominal, RecordingModel
@@ -93,10 +91,3 @@ def split_rows(recording: TendonRecording, share: float) -> tuple[TendonRecordin
     if first == len(recording):
         return recording, None
     return recording.rows(0, first), recording.rows(first, len(recording))
-
-
-def errors_by_pattern(recording: TendonRecording, tip_m: Array) -> dict[str, float]:
-    """Mean error of each pattern [m]."""
-    error = np.sqrt(((tip_m - recording.tip_m) ** 2).sum(axis=1))
-    labels = np.array(recording.pattern)
-    return {label: float(error[labels == label].mean()) for label in dict.fromkeys(recording.pattern)}

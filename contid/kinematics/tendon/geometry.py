@@ -13,7 +13,6 @@ the Clarke coordinates of Grassmann et al. (2024).
 
 from __future__ import annotations
 
-import math
 from collections.abc import Sequence
 from dataclasses import dataclass, field
 from itertools import pairwise
@@ -142,11 +141,3 @@ def forward(geometry: TendonGeometry, bends: Array | Sequence[float]) -> DiscFra
         rotations.append(rotation)
     tip = position + rotation @ np.array(geometry.tip_offset_m)
     return DiscFrames(np.stack(discs, axis=-2), np.stack(rotations, axis=-3), tip)
-
-
-def even_section(
-    length_m: float, radius_m: float, tendons: int = 3, first_rad: float = 0.0, rigid_m: float = 0.0
-) -> TendonSection:
-    """A section whose tendons stand evenly around the backbone, from the azimuth ``first_rad`` on."""
-    angles = tuple(first_rad + 2.0 * math.pi * i / tendons for i in range(tendons))
-    return TendonSection(length_m, (radius_m,) * tendons, angles, rigid_m)

@@ -160,4 +160,4 @@ class TendonRod:
         if left < 0.0:
             raise ArithmeticError("no equilibrium of the rod found")
         ends = points[self.elements :: self.elements]
-        return TendonEquilibrium(points, tip, rotation, ends, tensions, strain, jacobian, compliance, left)
+        return TendonEquilibrium(points, tip, rotation, ends, tensions, strain, jacobian, compliance)

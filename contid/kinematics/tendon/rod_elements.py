@@ -53,7 +53,6 @@ class TendonEquilibrium:
         strain: of every element: bend u, v, twist [rad], stretch; ``(elements, 4)``.
         jacobian: derivative of the tip by the pulls ``(3, tendons)``.
         compliance: derivative of the tip by a force on it [m/N], ``(3, 3)``.
-        left_nm: moment that is left over [N m].
     """
 
     points_m: Array
@@ -64,4 +63,3 @@ class TendonEquilibrium:
     strain: Array
     jacobian: Array
     compliance: Array
-    left_nm: float

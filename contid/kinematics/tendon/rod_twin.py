@@ -46,7 +46,7 @@ def solve(
     for _ in range(_STEPS):
         size = float(np.linalg.norm(state.left[free]))
         if size <= _EXACT * scale:
-            return _equilibrium(rod, x, state, free, size)
+            return _equilibrium(rod, x, state, free)
         step = np.zeros(4 * count)
         step[free] = np.linalg.solve(state.stiffness[np.ix_(free, free)], -state.left[free])
         moved = step.reshape(count, 4)
@@ -60,7 +60,7 @@ def solve(
         x, state = x + share * moved, after
     size = float(np.linalg.norm(state.left[free]))
     if size <= 1e4 * _EXACT * scale:
-        return _equilibrium(rod, x, state, free, size)
+        return _equilibrium(rod, x, state, free)
     raise ArithmeticError(f"no equilibrium of the rod found: {size:.3g} N m are left over")
 
 
@@ -140,9 +140,7 @@ def _balance(rod: RodElements, x: Array, pulls: Array, force: Array, slides: Arr
     return _Balance(left.ravel(), stiffness, spool, by_pull, chain, tip)
 
 
-def _equilibrium(
-    rod: RodElements, x: Array, state: _Balance, free: NDArray[np.bool_], left: float
-) -> TendonEquilibrium:
+def _equilibrium(rod: RodElements, x: Array, state: _Balance, free: NDArray[np.bool_]) -> TendonEquilibrium:
     chain = state.chain
     size = 4 * len(rod.lengths)
     axes, shifts = chain.axes.reshape(size, 3), chain.shifts.reshape(size, 3)
@@ -155,5 +153,5 @@ def _equilibrium(
     ends = chain.points[rod.per_section :: rod.per_section]
     return TendonEquilibrium(
         chain.points, state.tip, chain.rotations[-1], ends, state.tensions, x,
-        tip_by_x.T @ by_pull, tip_by_x.T @ by_force, left,
+        tip_by_x.T @ by_pull, tip_by_x.T @ by_force,
     )  # fmt: skip

@@ -9,8 +9,6 @@ from typing import Final
 from cobs import cobs
 
 CRC_START: Final = 0xFFFF
-#: Longest payload the board accepts, without CRC.
-MAX_PAYLOAD: Final = 640
 #: More bytes than this without a zero are noise.
 _MAX_FRAME: Final = 1024
 

@@ -3,7 +3,7 @@
 All have Protocol 2.0, 4096 ticks per turn and the same registers up to address 146, except the current
 registers (38, 102, 126), which some lack: their register 126 is a load in 0.1 %, which is no current. The
 indirect data begin at 208 or 224 (`indirect_data`). The gains after a power-up or a change of operating mode
-differ as well. Sources: the e-manual page of each model (`manual_url`),
+differ as well. Sources: the e-manual page of each model (https://emanual.robotis.com/docs/en/dxl/x/MODEL/)
 and the register lists in ROBOTIS-GIT/dynamixel_hardware_interface, param/dxl_model.
 """
 
@@ -56,11 +56,6 @@ class ServoModel:
     supply_min_v: float
     supply_max_v: float
     gains: Gains
-
-    @property
-    def manual_url(self) -> str:
-        """Page of the vendor's manual with the control table."""
-        return f"https://emanual.robotis.com/docs/en/dxl/x/{self.name}/"
 
     @property
     def current_limit_ma(self) -> float:

@@ -9,7 +9,8 @@ import pytest
 from scipy.integrate import solve_ivp
 from scipy.spatial.transform import Rotation
 
-from contid.kinematics.tendon.geometry import TendonGeometry, TendonSection, even_section, forward
+from contid.kinematics.tendon.geometry import TendonGeometry, TendonSection, forward
+from tests.support.tendon_sections import even_section
 
 UNEVEN = TendonGeometry(
     (

@@ -6,8 +6,9 @@ import numpy as np
 import pytest
 from scipy.optimize import linprog, minimize
 
-from contid.kinematics.tendon.geometry import TendonGeometry, TendonSection, even_section
+from contid.kinematics.tendon.geometry import TendonGeometry, TendonSection
 from contid.kinematics.tendon.tension import TendonStatics, balanced
+from tests.support.tendon_sections import even_section
 
 FLOOR_N, LIMIT_N = 1.0, 25.0
 

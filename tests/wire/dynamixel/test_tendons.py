@@ -11,11 +11,12 @@ import pytest
 
 from contid.control.tick.faults import Fault, of_device
 from contid.errors import DeviceError
-from contid.kinematics.tendon.geometry import TendonGeometry, even_section
+from contid.kinematics.tendon.geometry import TendonGeometry
 from contid.kinematics.tendon.tension import TendonStatics
 from contid_drivers.dynamixel import DRIVER
 from contid_drivers.dynamixel import registers as reg
 from contid_drivers.dynamixel.emulator import Servo, TendonPlant
+from tests.support.tendon_sections import even_section
 
 Make = Callable[..., Any]
 MA_PER_N = 28.0
