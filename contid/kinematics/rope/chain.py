@@ -23,13 +23,11 @@ from contid.kinematics.ph.spline import PhSpline
 from contid.kinematics.rope.catenary import Catenary, as_quintic, hang
 from contid.robot_file.chain import Chain
 from contid.targets import Vec3
-from contid.units import MM_PER_M, m_to_mm
+from contid.units import MM_PER_M, STANDARD_GRAVITY, m_to_mm
 
 #: Tip position [m] and direction of an arm, both in the world.
 Tip: TypeAlias = tuple[Vec3, Vec3]
 
-#: Standard gravity [m/s^2].
-GRAVITY: Final = 9.80665
 #: The sag found among these samples of a quintic has an error below 0.1 %.
 _SAMPLES: Final = np.linspace(0.0, 1.0, 129)
 
@@ -78,7 +76,7 @@ class ChainGuard:
         lowest = hanging.lowest if self._rope.ends == "pinned" else self._lowest(self._ends(tips, hanging))
         pull = None
         if self._rope.mass_g is not None and self._rope.ends == "pinned" and not hanging.taut:
-            pull = hanging.pull_n(self._rope.mass_g * 1e-3 * GRAVITY)
+            pull = hanging.pull_n(self._rope.mass_g * 1e-3 * STANDARD_GRAVITY)
         margin_m = lowest[2] - self._floor_m
         if margin_m < 0.0:
             below = f"{m_to_mm(-margin_m):.6g} mm below its floor ({m_to_mm(self._floor_m):g} mm)"

@@ -1,7 +1,8 @@
 """Pulls that lead the capstan friction of tendons, so that the bends are those the model asked for.
 
-A tendon that slides over a bend theta loses tension (`contid.kinematics.tendon.friction`). With the tension t
-at its spool, the share of it that is left on the average of section k is
+A tendon that slides over a bend theta keeps exp(-+ mu theta) of its tension (- while it is pulled in, + while
+it is paid out: the capstan). With the tension t at its spool, the share of it that is left on the average of
+section k is
 
     f_k = exp(-sum over m < k of mu_m sigma_m theta_m) (1 - exp(-x)) / x,      x = mu_k sigma_k theta_k,
 
