@@ -16,7 +16,8 @@ from contid.remote.protocol.wire import PROTOCOL, Code, Fields, RemoteError, Req
 from contid.remote.server.lateness_histogram import LatenessHistogram
 from contid.remote.server.lease import Lease
 from contid.remote.server.recordings import RunRecordings
-from contid.remote.server.telemetry_view import DEFAULT_FIELDS, FIELDS, TelemetryView
+from contid.remote.server.robot_fields import DEFAULT_FIELDS, FIELDS
+from contid.remote.server.telemetry_view import TelemetryView
 from contid.remote.server.trackers import Trackers
 
 #: Newest ticks that the lateness in ``status`` covers.

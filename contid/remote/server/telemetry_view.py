@@ -1,42 +1,35 @@
 """Robots and buses as clients see them: status, telemetry and description, from the newest record.
 
-Edge units with the unit in the key; positions in the world frame. ``tip_mm`` is the model's tip at the
-measured actuation with the known load (at the commanded one while an axis has no valid sample),
-``command_tip_mm`` that at the commanded one.
+Edge units with the unit in the key; positions in the world frame.
 """
 
 from __future__ import annotations
 
-import math
 import time
-from collections.abc import Callable, Iterable, Sequence
-from typing import Any, Final
+from collections.abc import Callable, Sequence
+from typing import Any
 
 from contid.control.engine.events.base import RunEvent
 from contid.control.engine.events.pace import TicksSkipped, TicksWaited
 from contid.control.engine.events.robots import FaultLatched
-from contid.control.engine.measured_tip import measured_actuation, tip_in_world
-from contid.control.engine.tick_layout import ENABLED, HAS_TARGET, RecordLayout, RobotRecord, TickRecord
+from contid.control.engine.measured_tip import measured_actuation
+from contid.control.engine.tick_layout import ENABLED, RecordLayout, RobotRecord, TickRecord
 from contid.control.engine.wiring import build_robot_configs, driven_robots, record_layout
 from contid.control.tick.config import RobotConfig
 from contid.control.tick.faults import PAGES, Fault
-from contid.control.tick.limits import FLAG_NAMES
 from contid.control.tick.supervisor import Mode
 from contid.remote.protocol.wire import Code, Fields, RemoteError, RequestFields
 from contid.remote.server.health import bus_health
+from contid.remote.server.robot_fields import (
+    PER_AXIS,
+    all_finite,
+    field_of,
+    finite,
+    limit_names,
+    milliseconds,
+)
 from contid.robot_file.load import LoadedFile
-from contid.targets import Vec3
 from contid.trajectory.columns import vocabulary
-from contid.units import m_to_mm
-
-#: The fields of telemetry, and those sent by default.
-FIELDS: Final = (
-    "state", "fault", "tip_mm", "command_tip_mm", "target_mm", "error_mm", "command", "measured", "limits",
-    "age_ms", "effort", "temperature_c", "voltage_v", "measured_tip_mm", "measured_direction",
-    "estimated_load_n", "estimated_sigma_n",
-)  # fmt: skip
-DEFAULT_FIELDS: Final = ("state", "fault", "tip_mm", "command", "measured")
-_PER_AXIS: Final = ("effort", "temperature_c", "voltage_v")
 
 
 def fault_fields(fault: Fault, detail: str) -> Fields | None:
@@ -138,7 +131,7 @@ class TelemetryView:
         """The last commanded actuation [m or Pa], None before the first."""
         if record is None:
             return None
-        return _all_finite(axis.command for axis in self._of(robot, record).axes)
+        return all_finite(axis.command for axis in self._of(robot, record).axes)
 
     # -- responses ---------------------------------------------------------------------------------------
 
@@ -183,17 +176,17 @@ class TelemetryView:
         health = bus_health(self.layout, record, self._axes_of, now_s)
         return {
             "tick": record.tick,
-            "tick_age_ms": _ms(now_s - record.deadline_s),
+            "tick_age_ms": milliseconds(now_s - record.deadline_s),
             "skipped": record.skipped,
             "waited": self._waited,
             "longest_gap_ms": self._longest_gap_ms,
-            "work_ms": _ms(record.work_s),
-            "source_s": _number(record.source_s),
+            "work_ms": milliseconds(record.work_s),
+            "source_s": finite(record.source_s),
             "buses": {
                 name: {
                     "driver": self._loaded.buses[name].driver,
                     "tier": bus.tier.value,
-                    "age_ms": _ms(bus.age_s),
+                    "age_ms": milliseconds(bus.age_s),
                     "silent": list(bus.silent),
                 }
                 for name, bus in health.items()
@@ -203,45 +196,7 @@ class TelemetryView:
 
     def field(self, record: TickRecord, robot: str, field: str) -> Any:
         """One of `FIELDS` of a robot at one tick."""
-        return self._field(self.configs[robot], self._of(robot, record), field)
-
-    def _field(self, config: RobotConfig, record: RobotRecord, field: str) -> Any:
-        scales = [each.per_si for each in config.quantities]
-        match field:
-            case "state":
-                return Mode(record.mode).name
-            case "fault":
-                return record.fault
-            case "tip_mm":
-                return self.tip_mm(config, record)
-            case "command_tip_mm":
-                return _tip_mm(config, record, _commanded(record))
-            case "target_mm":
-                return [m_to_mm(value) for value in record.tip_m] if record.flags & HAS_TARGET else None
-            case "error_mm":
-                return _number(m_to_mm(record.tip_error_m))
-            case "command":
-                return [
-                    _number(axis.command * scale) for axis, scale in zip(record.axes, scales, strict=True)
-                ]
-            case "measured":
-                measured = measured_actuation(config, record)
-                if measured is None:
-                    return None
-                return [value * scale for value, scale in zip(measured, scales, strict=True)]
-            case "limits":
-                return [_limits(int(axis.limits)) for axis in record.axes]
-            case "measured_tip_mm":
-                return _mm(record.measured_tip_m)
-            case "measured_direction":
-                return _all_finite(record.measured_direction)
-            case "estimated_load_n" | "estimated_sigma_n":
-                load = _all_finite(getattr(record, field))
-                return None if load is None else list(load)
-            case "age_ms":
-                return [_ms(axis.age_s) for axis in record.axes]
-        assert field in _PER_AXIS
-        return [_number(getattr(axis, field)) for axis in record.axes]
+        return field_of(self.configs[robot], self._of(robot, record), field)
 
     def _robot(self, name: str, newest: TickRecord) -> Fields:
         config, record = self.configs[name], self._of(name, newest)
@@ -251,59 +206,23 @@ class TelemetryView:
             scale, unit = config.quantities[number].per_si, config.quantities[number].unit
             axes[axis] = {
                 f"measured_{unit}": None if measured is None else measured[number] * scale,
-                f"command_{unit}": _number(sample.command * scale),
+                f"command_{unit}": finite(sample.command * scale),
                 f"min_{unit}": config.model.lower[number] * scale,
                 f"max_{unit}": config.model.upper[number] * scale,
                 "valid": sample.valid == 1.0,
-                "limits": _limits(int(sample.limits)),
-                **{key: _number(getattr(sample, key)) for key in _PER_AXIS},
+                "limits": limit_names(int(sample.limits)),
+                **{key: finite(getattr(sample, key)) for key in PER_AXIS},
             }
         return {
             "state": Mode(record.mode).name,
             "enabled": bool(record.flags & ENABLED),
             "fault": self._fault(name, record),
-            **{key: self._field(config, record, key) for key in ("tip_mm", "target_mm", "error_mm")},
+            **{key: field_of(config, record, key) for key in ("tip_mm", "target_mm", "error_mm")},
             **{
                 key: load
                 for key in ("estimated_load_n", "estimated_sigma_n")
-                if (load := self._field(config, record, key)) is not None
+                if (load := field_of(config, record, key)) is not None
             },
             "unit": config.quantity.unit,
             "axes": axes,
         }
-
-    def tip_mm(self, config: RobotConfig, record: RobotRecord) -> list[float] | None:
-        """The model's tip in the world frame [mm], with the known load."""
-        return _tip_mm(config, record, measured_actuation(config, record) or _commanded(record))
-
-
-def _commanded(record: RobotRecord) -> tuple[float, ...] | None:
-    return _all_finite(axis.command for axis in record.axes)
-
-
-def _tip_mm(
-    config: RobotConfig, record: RobotRecord, actuation: tuple[float, ...] | None
-) -> list[float] | None:
-    tip = None if actuation is None else tip_in_world(config, actuation, record.load_n)
-    return None if tip is None else _mm(tip)
-
-
-def _all_finite(values: Iterable[float]) -> tuple[float, ...] | None:
-    found = tuple(values)
-    return found if all(map(math.isfinite, found)) else None
-
-
-def _mm(position_m: Vec3) -> list[float] | None:
-    return [m_to_mm(value) for value in position_m] if _all_finite(position_m) else None
-
-
-def _limits(bits: int) -> list[str]:
-    return [name for bit, name in FLAG_NAMES.items() if bits & bit]
-
-
-def _ms(seconds: float) -> float | None:
-    return round(seconds * 1e3, 3) if math.isfinite(seconds) else None
-
-
-def _number(value: float) -> float | None:
-    return value if math.isfinite(value) else None

@@ -1,0 +1,108 @@
+"""Values of one robot at one tick, in edge units, as clients get them; None where there is none.
+
+``tip_mm`` is the model's tip at the measured actuation with the known load (at the commanded one while an
+axis has no valid sample), ``command_tip_mm`` that at the commanded one; both in the world frame.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterable
+from typing import Any, Final
+
+from contid.control.engine.measured_tip import measured_actuation, tip_in_world
+from contid.control.engine.tick_layout import HAS_TARGET, RobotRecord
+from contid.control.tick.config import RobotConfig
+from contid.control.tick.limits import FLAG_NAMES
+from contid.control.tick.supervisor import Mode
+from contid.targets import Vec3
+from contid.units import m_to_mm
+
+#: The fields of telemetry, and those sent by default.
+FIELDS: Final = (
+    "state", "fault", "tip_mm", "command_tip_mm", "target_mm", "error_mm", "command", "measured", "limits",
+    "age_ms", "effort", "temperature_c", "voltage_v", "measured_tip_mm", "measured_direction",
+    "estimated_load_n", "estimated_sigma_n",
+)  # fmt: skip
+DEFAULT_FIELDS: Final = ("state", "fault", "tip_mm", "command", "measured")
+PER_AXIS: Final = ("effort", "temperature_c", "voltage_v")
+
+
+def field_of(config: RobotConfig, record: RobotRecord, field: str) -> Any:
+    """One of `FIELDS` of a robot."""
+    scales = [each.per_si for each in config.quantities]
+    match field:
+        case "state":
+            return Mode(record.mode).name
+        case "fault":
+            return record.fault
+        case "tip_mm":
+            return tip_mm(config, record)
+        case "command_tip_mm":
+            return _tip_mm(config, record, commanded(record))
+        case "target_mm":
+            return [m_to_mm(value) for value in record.tip_m] if record.flags & HAS_TARGET else None
+        case "error_mm":
+            return finite(m_to_mm(record.tip_error_m))
+        case "command":
+            return [finite(axis.command * scale) for axis, scale in zip(record.axes, scales, strict=True)]
+        case "measured":
+            measured = measured_actuation(config, record)
+            if measured is None:
+                return None
+            return [value * scale for value, scale in zip(measured, scales, strict=True)]
+        case "limits":
+            return [limit_names(int(axis.limits)) for axis in record.axes]
+        case "measured_tip_mm":
+            return _mm(record.measured_tip_m)
+        case "measured_direction":
+            return all_finite(record.measured_direction)
+        case "estimated_load_n" | "estimated_sigma_n":
+            load = all_finite(getattr(record, field))
+            return None if load is None else list(load)
+        case "age_ms":
+            return [milliseconds(axis.age_s) for axis in record.axes]
+    assert field in PER_AXIS
+    return [finite(getattr(axis, field)) for axis in record.axes]
+
+
+def tip_mm(config: RobotConfig, record: RobotRecord) -> list[float] | None:
+    """The model's tip in the world frame [mm], with the known load."""
+    return _tip_mm(config, record, measured_actuation(config, record) or commanded(record))
+
+
+def commanded(record: RobotRecord) -> tuple[float, ...] | None:
+    """The commanded actuation [m or Pa]; None before the first."""
+    return all_finite(axis.command for axis in record.axes)
+
+
+def _tip_mm(
+    config: RobotConfig, record: RobotRecord, actuation: tuple[float, ...] | None
+) -> list[float] | None:
+    tip = None if actuation is None else tip_in_world(config, actuation, record.load_n)
+    return None if tip is None else _mm(tip)
+
+
+def all_finite(values: Iterable[float]) -> tuple[float, ...] | None:
+    """The values; None when one is not finite."""
+    found = tuple(values)
+    return found if all(map(math.isfinite, found)) else None
+
+
+def _mm(position_m: Vec3) -> list[float] | None:
+    return [m_to_mm(value) for value in position_m] if all_finite(position_m) else None
+
+
+def limit_names(bits: int) -> list[str]:
+    """Names of the limits in the bits of an axis."""
+    return [name for bit, name in FLAG_NAMES.items() if bits & bit]
+
+
+def milliseconds(seconds: float) -> float | None:
+    """Milliseconds with three decimals; None when not finite."""
+    return round(seconds * 1e3, 3) if math.isfinite(seconds) else None
+
+
+def finite(value: float) -> float | None:
+    """The value; None when it is not finite, which JSON lacks."""
+    return value if math.isfinite(value) else None
