@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
+from pathlib import Path
 from typing import Final
 
 import numpy as np
@@ -12,7 +13,8 @@ from contid.control.engine import messages as msg
 from contid.control.engine.events.base import RunEvent
 from contid.control.engine.virtual import VirtualProcess
 from contid.control.tick.state import RobotState
-from contid.robot_file.load import LoadedFile, parse_robot_file, with_mock
+from contid.robot_file.load import LoadedFile, load_robot_file, parse_robot_file, with_mock
+from contid.robot_file.rack_finger import CurrentSense, RackFinger
 from contid.robot_file.shipped import load_named
 from contid.targets import Target
 from contid_drivers.sim.bus import SimBus
@@ -44,6 +46,14 @@ def hand(stiffness_n_per_mm: float | None = 1.0, *, sense: str = SENSE, until_s:
     return with_mock(
         parse_robot_file(hand_text(stiffness_n_per_mm, sense=sense, until_s=until_s), "hand.yaml")
     )
+
+
+def sense_of(path: Path) -> CurrentSense:
+    """The ``sense`` of the left finger of a file."""
+    finger = load_robot_file(path).file.robots["left"]
+    assert isinstance(finger, RackFinger)
+    assert finger.sense is not None
+    return finger.sense
 
 
 @dataclass

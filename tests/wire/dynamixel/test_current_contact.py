@@ -18,35 +18,15 @@ from contid.control.engine.events.robots import ContactBegan
 from contid.control.engine.wiring import wired_buses
 from contid.robot_file.load import load_robot_file
 from contid_drivers.dynamixel.emulator.bench import Bench
-from contid_drivers.dynamixel.emulator.motion import FRICTION_MA
 from tests.support.command import contid_in
 from tests.support.waiting import until
+from tests.wire.dynamixel.current_hand import hand
 
 pytestmark = pytest.mark.realtime
 
 #: Travel of the servos up to what they push against; 4096 ticks are 37.7 mm of rack.
 FREE_TICKS = 500.0
 FREE_MM = FREE_TICKS / 4096.0 * 37.7
-
-
-def hand(folder: Path, configs: Path, policy: str) -> str:
-    """The emulated hand, its left finger with limited currents and a policy."""
-    text = (configs / "hand.emulated.yaml").read_text().replace("./hand.tty", str(folder / "hand.tty"))
-    # A busy machine may keep the loop or the emulator waiting.
-    text = text.replace("rate_hz: 200", "rate_hz: 100", 1).replace(
-        "tolerance_ticks: 10", "tolerance_ticks: 100"
-    )
-    text = text.replace(
-        "    baud: 1000000\n", "    baud: 1000000\n    usb_latency_ms: 15\n    watchdog_ms: 2000\n"
-    )
-    for device in (1, 2):
-        text = text.replace(
-            f"id: {device},", f"id: {device}, mode: current_based_position, goal_current_ma: 400,"
-        )
-    sense = f"    sense: {{contact: {policy}, usual_ma: {FRICTION_MA + 20:.0f}, contact_ma: 100}}\n"
-    text = text.replace("    rest_mm: [60, 60]\n", "    rest_mm: [60, 60]\n" + sense, 1)
-    (folder / "hand.yaml").write_text(text)
-    return text
 
 
 @pytest.mark.parametrize("policy", ["hold", "stop", "retract"])

@@ -12,6 +12,10 @@ CALIBRATIONS: Final[dict[str, tuple[str, str]]] = {
         "contid.cli.commands.calibrate.camera",
         "the camera of `contid track`, from pictures of a chessboard",
     ),
+    "currents": (
+        "contid.cli.commands.calibrate.currents",
+        "the usual current of a finger, from recordings without a contact",
+    ),
     "curvature": (
         "contid.cli.commands.calibrate.curvature",
         "a rack finger's curvature correction from photographed markers",
