@@ -128,9 +128,21 @@ def test_a_force_that_friction_hides_and_a_begin_in_contact_are_reported() -> No
     weak = run(hand(3.0), closing(0.3))
     assert ends(weak) == ["weak"]
     assert not arrived(weak)
-    again = run(hand(3.0), closing(GOAL_N, {1600: [msg.Goto("left", BEHIND, 5.0)]}))
-    assert ends(again) == ["reached", "pressed"]
-    assert max(again.push_n) < 5.0
+    inside = Target(tip_m=(0.042, 0.075, 0.0))
+    again = run(
+        hand(3.0), closing(5.0, {AT_CLOSE: [msg.Goto("left", inside)], 700: [msg.Goto("left", BEHIND, 5.0)]})
+    )
+    assert ends(again) == ["pressed"]
+    assert again.push_n[690] > 1.0
+    assert max(again.push_n) < 10.0
+
+
+def test_another_force_while_it_holds_is_refused_and_the_first_one_stays() -> None:
+    found = run(hand(3.0), closing(GOAL_N, {1600: [msg.Goto("left", BEHIND, 5.0)]}))
+    assert ends(found) == ["reached"]
+    refused = [event.message for event in found.events if isinstance(event, OrderRefused)]
+    assert refused == ["left: it holds an object; move back from it first"]
+    assert found.push_n[-1] == pytest.approx(GOAL_N, rel=0.15)
 
 
 @pytest.mark.parametrize(

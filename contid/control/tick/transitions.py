@@ -97,6 +97,8 @@ def goto(
     if far := outside(config, state.command):
         raise OrderRefusedError(f"{config.name}: {far}; recover first")
     if until_force_n is not None:
+        if state.squeeze is not None and state.squeeze.reached:
+            raise OrderRefusedError(f"{config.name}: it holds an object; move back from it first")
         in_base = config.frame.target_in_base(target)
         if why := why_not(config, state.command, in_base):
             raise OrderRefusedError(f"{config.name}: {why}")

@@ -42,6 +42,7 @@ class Gotos:
         for name in targets:
             move.waiting.add(name)
             self._moves[name].append(move)
+            self._squeezed.pop(name, None)
         gotos = [Goto(name, target, until_force_n) for name, target in targets.items()]
         future = self._pending.send([*before, *gotos])
         outcome = await self._pending.confirmed(future)

@@ -46,6 +46,8 @@ _TOUCH: Final = 0.3
 _NEAR: Final = 0.1
 #: Share of it that is left as it is.
 _ALLOWED: Final = 0.02
+#: Share of the force by which the free way must not grow harder.
+_GROWTH: Final = 0.25
 #: How long the force is near before it is reached, or gone before it is lost [s].
 _SURE_S: Final = 0.1
 #: Nearer than this to its target the tip is there [m].
@@ -191,7 +193,7 @@ def _measure_free(
         config, squeeze, [math.copysign(i, turn) for i, turn in zip(mean, turns, strict=True)]
     )
     growth_nm = 2.0 * _work_nm(config, squeeze, [a - b for a, b in zip(mean, early, strict=True)])
-    if growth_nm > unsure_nm:  # something is in the way
+    if growth_nm > min(unsure_nm, _GROWTH * squeeze.goal_n * travel_m):  # something is in the way
         return after, SqueezeReport(SqueezeEnd.PRESSED, growth_nm / travel_m)
     if squeeze.goal_n * travel_m < unsure_nm:
         return after, SqueezeReport(SqueezeEnd.WEAK, unsure_nm / travel_m)
