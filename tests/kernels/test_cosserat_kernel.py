@@ -126,6 +126,27 @@ def test_redundancy_is_resolved_alike(degrees: float) -> None:
         assert np.abs(np.array(a[0]) - b[0]).max() < 1e-3
 
 
+@pytest.mark.parametrize("weighs", [False, True])
+@pytest.mark.parametrize("degrees", [None, 20.0])
+@pytest.mark.parametrize("grams", [0.0, 5.0])
+def test_redundant_answers_along_a_path_are_alike(weighs: bool, degrees: float | None, grams: float) -> None:
+    """The kernel follows a path by fewer sweeps, to the same nearest pressures; asked again, they stay."""
+    numpy, kernel = both(setup(2, weighs, tolerance=1e-6))
+    force = (0.0, 0.0, grams * GRAM)
+    seed: tuple[float, ...] = (0.7,) * 6
+    for k in range(4):
+        tip = np.array([20.0 - 0.3 * k, -15.0 + 0.4 * k, 118.0 - 0.1 * k])
+        direction = None if degrees is None else tuple(lean(tip, degrees).tolist())
+        a, b = (engine.inverse(tuple(tip), None, direction, force, seed) for engine in (numpy, kernel))
+        assert a[2]
+        assert b[2]
+        seed = b[0]
+        if k:  # the first one comes from afar
+            assert np.abs(np.array(a[0]) - b[0]).max() < 1e-6
+            again = kernel.inverse(tuple(tip), None, direction, force, seed)
+            assert np.abs(np.array(again[0]) - b[0]).max() < 2e-7
+
+
 def test_critical_factors() -> None:
     numpy, kernel = both(setup(2))
     for bar in (0.0, 0.5):

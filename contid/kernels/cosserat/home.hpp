@@ -52,8 +52,22 @@ template <int K> struct Homing {
 
   bool exact(const Point& at) const { return task_error(at) <= kExactTask && norm(at.e) <= kExactBalance; }
 
+  // Where a sweep ends; with `judged`, with its unstable modes.
+  void look(Point& there, Judged* judged) const {
+    if (judged) {
+      judge<K>(rod, there.p, there.moment, force, 1.0, elements, *judged);
+      there.ends = judged->ends;
+    } else {
+      Sweep<K> scratch;
+      sweep<K, false>(rod, there.p, there.moment, force, 1.0, elements, scratch);
+      there.ends = scratch.ends();
+    }
+    there.e = there.ends.moment;
+    residual(task, there.ends, there.r);
+  }
+
   // A step from `here`, then chords back onto the target; false where they do not get there.
-  bool onto(const Reduced<K>& by, const Point& here, const double* d, Point& there) const {
+  bool onto(const Reduced<K>& by, const Point& here, const double* d, Point& there, Judged* judged = nullptr) const {
     double low[n], high[n], g[n], ahead[9], step[n], H[n][n];
     for (int j = 0; j < n; ++j) {
       step[j] = d[j];
@@ -67,17 +81,13 @@ template <int K> struct Homing {
       held[j] = here.p[j] + d[j] <= limits.lower[j] || here.p[j] + d[j] >= limits.upper[j];
       free += !held[j];
     }
-    Sweep<K> scratch;
     double before = std::numeric_limits<double>::infinity();
     for (int chord = 0; chord <= kHomeChords; ++chord) {
       const Vec turn = by.moment_step(step, 1.0, by.inverse_A * there.e);
       for (int j = 0; j < n; ++j)
         there.p[j] = std::min(std::max(there.p[j] + step[j], limits.lower[j]), limits.upper[j]);
       there.moment = there.moment - turn;
-      sweep<K, false>(rod, there.p, there.moment, force, 1.0, elements, scratch);
-      there.ends = scratch.ends();
-      there.e = there.ends.moment;
-      residual(task, there.ends, there.r);
+      look(there, judged);
       if (exact(there)) return true;
       const double error = task_error(there) + norm(there.e);
       if (!(error < 0.5 * before)) return false;
@@ -135,12 +145,36 @@ template <int K> struct Homing {
     }
   }
 
+  // The step of a quadratic model with H = J^T J + weight metric; y are the multipliers.
+  void model_step(const Reduced<K>& by, const double (&H)[n][n], const Point& here, double trust, double* y,
+                  double* d) const {
+    double g[n], low[n], high[n], ahead[9];
+    by.ahead(here.r, 1.0, by.inverse_A * here.e, ahead);
+    for (int j = 0; j < n; ++j) {
+      low[j] = std::max(limits.lower[j] - here.p[j], -trust);
+      high[j] = std::min(limits.upper[j] - here.p[j], trust);
+    }
+    // The weight leaves a part of the error that the multipliers found so far remove.
+    for (int pass = 0; pass < 2; ++pass) {
+      for (int j = 0; j < n; ++j) {
+        g[j] = kCentreWeight * (here.p[j] - limits.centre[j]);
+        for (int a = 0; a < by.rows; ++a) g[j] += by.J[a][j] * (ahead[a] + kCentreWeight * y[a]);
+      }
+      box_step<n>(H, g, low, high, d);
+      for (int a = 0; a < by.rows; ++a) {
+        double closed = ahead[a];
+        for (int j = 0; j < n; ++j) closed += by.J[a][j] * d[j];
+        y[a] += closed / kCentreWeight;
+      }
+    }
+  }
+
   // Settles an outcome that meets its target; one that is settled already stays as it is. Returns the steps taken.
   int run(Outcome<K>& o) const {
     Point here;
     std::copy(o.pressures, o.pressures + n, here.p);
     here.moment = o.moment;
-    double W[n][n], H[n][n], d[n], g[n], low[n], high[n], y[9] = {}, ahead[9];
+    double W[n][n], H[n][n], d[n], y[9] = {};
     double trust = kTrustStart, last = std::numeric_limits<double>::infinity();
     bool arrived = true, bend = false, curved = false, fresh = false, left = false;
     Sweep<K> at;
@@ -154,30 +188,14 @@ template <int K> struct Homing {
         here.ends = at.ends();
         here.e = here.ends.moment;
         residual(task, here.ends, here.r);
-        if (left) keep(o, here, by, at);
+        if (left) keep(o, here);
         if (bend) curvature(by, here, y, W);
         curved = fresh = bend;
         arrived = false;
       }
-      by.ahead(here.r, 1.0, by.inverse_A * here.e, ahead);
-      for (int j = 0; j < n; ++j) {
-        low[j] = std::max(limits.lower[j] - here.p[j], -trust);
-        high[j] = std::min(limits.upper[j] - here.p[j], trust);
+      for (int j = 0; j < n; ++j)
         for (int i = 0; i < n; ++i) H[j][i] = by.H[j][i] + kCentreWeight * (curved ? W[j][i] : i == j ? 1.0 : 0.0);
-      }
-      // The weight leaves a part of the error that the multipliers found so far remove.
-      for (int pass = 0; pass < 2; ++pass) {
-        for (int j = 0; j < n; ++j) {
-          g[j] = kCentreWeight * (here.p[j] - limits.centre[j]);
-          for (int a = 0; a < by.rows; ++a) g[j] += by.J[a][j] * (ahead[a] + kCentreWeight * y[a]);
-        }
-        box_step<n>(H, g, low, high, d);
-        for (int a = 0; a < by.rows; ++a) {
-          double closed = ahead[a];
-          for (int j = 0; j < n; ++j) closed += by.J[a][j] * d[j];
-          y[a] += closed / kCentreWeight;
-        }
-      }
+      model_step(by, H, here, trust, y, d);
       double size = 0.0, gain = 0.0;
       for (int j = 0; j < n; ++j) {
         size = std::fmax(size, std::fabs(d[j]));
@@ -212,13 +230,12 @@ template <int K> struct Homing {
     return steps;
   }
 
-  void keep(Outcome<K>& o, const Point& here, const Reduced<K>& by, const Sweep<K>& at) const {
+  // Counting the unstable modes gives its derivatives by the balance.
+  void keep(Outcome<K>& o, const Point& here) const {
     std::copy(here.p, here.p + n, o.pressures);
     o.moment = here.moment;
     o.at.ends = here.ends;
     o.at.modes = -1;
-    o.at.tip_by_balance = first_columns(at.tip.by.shift) * by.inverse_A;
-    o.at.mid_by_balance = first_columns(at.mid_shift) * by.inverse_A;
     o.residual = task_error(here);
     o.statics = norm(here.e);
   }

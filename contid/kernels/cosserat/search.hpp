@@ -3,8 +3,8 @@
 
 #include "branch_search.hpp"
 #include "discretisation.hpp"
-#include "home.hpp"
 #include "track.hpp"
+#include "track_home.hpp"
 
 namespace contid {
 
@@ -63,17 +63,25 @@ Found<K> search(const Rod<K>& rod, const Task& task, Vec tip_force, const Limits
     found.outcome = o;
     return true;
   };
+  // The nearest to the centre next to the last command.
+  const auto tracked_home = [&](Outcome<K>& o) {
+    const Homing<K> homing{rod, task, tip_force, limits, settings.elements};
+    const bool met = track_home<K>(homing, seed, guess, settings.tolerance, kTracking, o);
+    return met && stable(o, settings.elements) && stands(o);
+  };
   const auto attempt = [&](const double* start, int iterations) {
     Found<K> found{};
     found.snap = 1.0;
+    found.elements = settings.elements;
+    const bool redundant = task.independent() < n;
+    bool homed = start == seed && redundant && tracked_home(found.outcome);
     // Without load the strains are constant, and one element is exact.
-    if (!(start == seed && light &&
-          track<K>(rod, task, tip_force, limits, start, weighs ? settings.elements : 1, settings.tolerance,
-                   found.outcome)))
+    if (!homed && !(start == seed && light &&
+                    track<K>(rod, task, tip_force, limits, start, weighs ? settings.elements : 1, settings.tolerance,
+                             found.outcome)))
       found.outcome =
           solve<K>(rod, task, tip_force, 1.0, limits, start, guess, settings.elements, settings.tolerance, iterations);
-    found.elements = settings.elements;
-    const bool homed = home(found);
+    homed = homed || home(found);
     found.stable = homed || stable(found.outcome, settings.elements);
     spent += found.outcome.iterations;
     const bool usable = found.outcome.met || (found.outcome.optimal && start == seed);
