@@ -153,7 +153,8 @@ def next_squeeze(
     if squeeze.free_s < SETTLE_S + FREE_S:
         return _measure_free(config, squeeze, travel_m)
     least_n, most_n = _fitting_n(config, squeeze)
-    force_n = min(max(squeeze.force_n, least_n), most_n) if least_n <= most_n else 0.5 * (least_n + most_n)
+    # Where no force fits all axes, as when only one of them is held, that of the hardest pushing one counts.
+    force_n = max(min(squeeze.force_n, most_n), least_n)
     squeeze = _touching(replace(squeeze, force_n=force_n), travel_m)
     if squeeze.stiffness == 0.0:
         if (1.0 - squeeze.share) * travel_m < _THERE_M:
