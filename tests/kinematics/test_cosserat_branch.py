@@ -14,7 +14,7 @@ from contid.kinematics.cosserat.loads import Loads
 from contid.kinematics.cosserat.model import CosseratModel
 from contid.kinematics.model import build_model
 from contid.robot_file.load import load_robot_file
-from contid.targets import Target
+from contid.targets import Target, Vec3
 from contid.units import BAR
 from tests.kinematics.cosserat_cases import GRAM, hanging, two
 from tests.oracles.rod_shooting import ramped_tip
@@ -91,6 +91,26 @@ def test_an_answer_is_where_shooting_finds_the_arm(arm: CosseratModel) -> None:
     assert math.dist(pose.tip_m, target) == pytest.approx(found.residual_m, abs=5e-5)
     assert found.converged or found.limited_by
     oracle = ramped_tip(two(), np.array(found.actuation) / BAR, np.array(load))
+    assert oracle is not None
+    assert np.linalg.norm(oracle / 1e3 - pose.tip_m) < 2e-4
+
+
+@pytest.mark.parametrize(("tip_mm", "load_n", "seed_bar", "steps"), [
+    ((57.12779408, -96.97599988, 11.45069214), (0.04904695, -0.03161956, -0.04836663),
+     (1.45324605, 1.08474158, 1.08921229, 0.67360584, 0.11688788, 1.13933515), 24),
+    ((-43.07795218, -56.61913222, 31.6999024), (0.01965308, -0.04145026, 0.02908514),
+     (1.19119777, 0.03021398, 1.25891197, 0.87175301, 0.44338612, 0.96349625), 100),
+])  # fmt: skip
+def test_more_elements_keep_an_answer_on_the_branch(
+    arm: CosseratModel, tip_mm: Vec3, load_n: Vec3, seed_bar: tuple[float, ...], steps: int
+) -> None:
+    """Six elements met these tips where the branch of six ends before: `forward` was up to 126 mm away."""
+    target = (tip_mm[0] / 1e3, tip_mm[1] / 1e3, tip_mm[2] / 1e3)
+    found = arm.inverse(Target(tip_m=target, load_n=load_n), tuple(BAR * p for p in seed_bar))
+    pose = arm.forward(found.actuation, load_n)
+    assert pose.stable
+    assert math.dist(pose.tip_m, target) == pytest.approx(found.residual_m, abs=5e-5)
+    oracle = ramped_tip(two(), np.array(found.actuation) / BAR, np.array(load_n), steps)
     assert oracle is not None
     assert np.linalg.norm(oracle / 1e3 - pose.tip_m) < 2e-4
 

@@ -65,11 +65,11 @@ def shoot(rod: Rod, pressures: Array, force: Array, base_moment: Array) -> tuple
     return state[:3], state[7:10]
 
 
-def ramped_tip(rod: Rod, pressures: Array, force: Array) -> Array | None:
+def ramped_tip(rod: Rod, pressures: Array, force: Array, steps: int = RAMP_STEPS) -> Array | None:
     """Tip [mm] that is reached when pressures and force grow together; None where a step does not follow."""
     moment, before = np.zeros(3), np.zeros(3)
     tip = np.array([0.0, 0.0, rod.reach])
-    done, behind, step = 0.0, 0.0, 1.0 / RAMP_STEPS
+    done, behind, step = 0.0, 0.0, 1.0 / steps
     while done < 1.0:
         part = min(1.0, done + step)
 

@@ -156,8 +156,9 @@ Found<K> search(const Rod<K>& rod, const Task& task, Vec tip_force, const Limits
     if (o.met)
       best.outcome = solve<K>(rod, task, tip_force, 1.0, limits, o.pressures, o.moment, best.elements,
                               settings.tolerance, kIterations);
+    // More elements can end the branch before the pressures that fewer of them reach.
     if (!o.met || !best.outcome.met || !stable(best.outcome, best.elements) ||
-        moved(best.outcome, o.pressures) > kTracking) {
+        moved(best.outcome, o.pressures) > kTracking || !counts(best.elements, best.outcome)) {
       BranchPose<K> pose;
       best.stable = standing(best.elements, o, pose);
       if (best.stable) {

@@ -177,7 +177,8 @@ def refine(problem: Problem, found: Found, seed: Array, error: float, along: boo
         outcome = solve(finer, o.pressures, o.base_moment, ITERATIONS) if o.met else o
         near = float(np.abs(outcome.pressures - o.pressures).max()) <= TRACKING
         stable = True
-        if not (o.met and outcome.met and is_stable(finer, outcome) and near):
+        # More elements can end the branch before the pressures that fewer of them reach.
+        if not (o.met and outcome.met and is_stable(finer, outcome) and near and _counts(finer, outcome)):
             pose = _standing(finer, o.pressures, seed)
             stable = pose is not None
             if pose is not None:
