@@ -1,4 +1,4 @@
-"""Short form of `tests.oracles.runs`: random paths, from wherever the devices stand when they are armed."""
+"""Short forms of `tests.oracles.runs` (from wherever the devices stand when armed) and `warm_rods`."""
 
 from __future__ import annotations
 
@@ -6,6 +6,7 @@ import pytest
 
 from contid import kernels
 from tests.oracles.runs import ROBOTS, random_run
+from tests.oracles.warm_rods import count
 
 CASES = 3
 
@@ -16,3 +17,8 @@ def test_no_run_ends_without_a_fault_and_with_a_wrong_tip(name: str) -> None:
     found = [random_run(name, seed) for seed in range(CASES)]
     assert [each for each in found if each.kind == "wrong"] == []
     assert any(each.kind == "followed" for each in found)
+
+
+@pytest.mark.skipif(kernels.load("cosserat") is None, reason="minutes without compiled kernels")
+def test_warm_answers_of_a_loaded_arm_are_where_forward_is() -> None:
+    assert count(4000, seed=3)
