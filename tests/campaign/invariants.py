@@ -18,7 +18,7 @@ from contid.control.tick.faults import Fault
 from contid.control.tick.supervisor import Mode
 from contid_drivers.sim.options import FaultKind
 from tests.campaign.motion_invariants import apart, no_jump, position, rates, robots_of, taut
-from tests.campaign.script import RESUMED_S
+from tests.campaign.script import HEALED_S, RESUMED_S
 from tests.campaign.watch import Seen
 
 _WATCHED = (Mode.READY, Mode.ARMING, Mode.APPROACH, Mode.RUN, Mode.HOLD, Mode.STOPPING)
@@ -137,6 +137,7 @@ def controllable(seen: Seen) -> Iterator[str]:
         tick for tick, given in seen.case.orders.items() if any(isinstance(m, msg.Finish) for m in given)
     )
     resumed = round((RESUMED_S - 0.1) * seen.case.machine.rate_hz) + 2
+    healed = round(HEALED_S * seen.case.machine.rate_hz)
     before = next(r for r in reversed(seen.records) if r.tick < resumed)
     record = next(r for r in reversed(seen.records) if r.tick < finish)
     for robot, config in robots_of(seen):
@@ -144,10 +145,12 @@ def controllable(seen: Seen) -> Iterator[str]:
         if before.robots[robot].mode == Mode.STOPPING:
             continue  # a stop that was ordered is not resumed; it ends in OFF
         came_back = before.robots[robot].mode in _FOLLOWING or any(
-            r.robots[robot].mode == Mode.ARMING for r in seen.records if resumed <= r.tick < finish
+            r.robots[robot].mode == Mode.ARMING for r in seen.records if healed <= r.tick < finish
         )
         if _forbidden(seen, record, robot) and came_back:
-            continue  # it did come back; a way that rope or clearance forbid is forbidden again, until moved
+            # It did come back; what rope or clearance forbid is forbidden again until it is moved, and what a
+            # stalled motor left outside is outside until it is recovered.
+            continue
         if state.mode not in (*_FOLLOWING, Mode.STOPPING):
             yield f"{config.name}: {Mode(state.mode).name} (fault {state.fault}) after clear and resume"
 
@@ -156,7 +159,9 @@ def _forbidden(seen: Seen, record: TickRecord, robot: int) -> bool:
     """In FAULT for its way, or for the way of another arm of its rope."""
     fault = record.robots[robot].fault
     if fault != Fault.CHAIN_BROKEN:
-        return fault in (Fault.CHAIN_FORBIDS, Fault.TOO_NEAR)
+        stalled = any(each.kind is FaultKind.STALL for each in seen.case.faults)
+        forbidden = (Fault.CHAIN_FORBIDS, Fault.TOO_NEAR, *([Fault.OUTSIDE_LIMITS] if stalled else []))
+        return fault in forbidden
     name = seen.case.machine.configs[robot].name
     chain = next(guard.arms for guard in chain_guards(seen.case.machine.loaded) if name in guard.arms)
     others = [state for at, state in enumerate(record.robots) if seen.case.machine.configs[at].name in chain]
