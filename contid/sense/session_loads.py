@@ -12,6 +12,7 @@ from contid.kinematics.model import build_model
 from contid.robot_file.cosserat import Cosserat
 from contid.robot_file.load import LoadedFile
 from contid.sense.calibration import CalibrationError, LoadCalibration, calibrate_without_load, rod_family
+from contid.sense.chosen_robot import chosen_robot
 from contid.sense.estimator import NORMAL_95, LoadEstimator
 from contid.sense.rests import rests
 from contid.session.read import Session
@@ -48,14 +49,7 @@ def rod_of(loaded: LoadedFile, name: str | None) -> tuple[str, Cosserat]:
     Raises:
         CalibrationError: there is none, or no such one, or a choice is needed.
     """
-    rods = {n: robot for n, robot in loaded.file.robots.items() if isinstance(robot, Cosserat)}
-    if name is None and len(rods) == 1:
-        return next(iter(rods.items()))
-    if name in rods:
-        return name, rods[name]
-    problem = "choose one with --robot" if name is None else f"no such robot {name!r}"
-    allowed = ", ".join(rods) or "none; a load is estimated for model cosserat only"
-    raise CalibrationError(f"{loaded.path}: {problem}; allowed: {allowed}")
+    return chosen_robot(loaded, name, Cosserat, "robot", "a load is estimated for model cosserat only")
 
 
 def session_calibration(

@@ -14,6 +14,7 @@ from contid.control.tick.supervisor import Mode
 from contid.robot_file.load import LoadedFile
 from contid.robot_file.rack_finger import RackFinger
 from contid.sense.calibration import CalibrationError
+from contid.sense.chosen_robot import chosen_robot
 from contid.session.read import Session
 
 #: Least time in which every axis moves [s].
@@ -53,14 +54,8 @@ def finger_of(loaded: LoadedFile, name: str | None) -> tuple[str, RackFinger]:
     Raises:
         CalibrationError: there is none, or no such one, or a choice is needed.
     """
-    fingers = {n: robot for n, robot in loaded.file.robots.items() if isinstance(robot, RackFinger)}
-    if name is None and len(fingers) == 1:
-        return next(iter(fingers.items()))
-    if name in fingers:
-        return name, fingers[name]
-    problem = "choose one with --robot" if name is None else f"no such finger {name!r}"
-    allowed = ", ".join(fingers) or "none; contacts by currents are found for model rack_finger only"
-    raise CalibrationError(f"{loaded.path}: {problem}; allowed: {allowed}")
+    without = "contacts by currents are found for model rack_finger only"
+    return chosen_robot(loaded, name, RackFinger, "finger", without)
 
 
 def usual_currents(sessions: Iterable[Session], name: str, robot: RackFinger) -> list[AxisCurrents]:
