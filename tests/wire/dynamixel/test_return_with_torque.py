@@ -58,7 +58,7 @@ def test_a_brown_out_in_motion_does_not_lead_to_the_goal_of_an_old_turn(moving: 
     servo.put(reg.STARTUP, 0)
     r.bus.enable(["r.a1"])
     r.tick(a1=(TURNS + 5000) * TICK)
-    r.until(lambda: abs(r.emulator.servo(1).position_ticks - TURNS - 5000) < 2)
+    r.until(lambda: abs(r.emulator.servo(1).position_ticks - TURNS - 5000) < 0.01)  # at rest
 
 
 def test_a_servo_turned_after_its_reset_keeps_the_turn_it_had_when_it_answered_first(moving: Any) -> None:

@@ -39,7 +39,7 @@ def driven_far(r: Any, home: bool) -> None:
     r.bus.open()
     r.bus.enable(["r.a1"])
     r.tick(a1=FAR * TICK)
-    r.until(lambda: abs(r.emulator.servo(1).position_ticks - FAR) < 2)
+    r.until(lambda: abs(r.emulator.servo(1).position_ticks - FAR) < 0.01)  # at rest
     r.opened.client.write(1, reg.TORQUE_ENABLE, 0)
     r.as_another_process()
 
