@@ -106,7 +106,7 @@ def daemon(folder: Path, viewer_s: float) -> int:
     from contid.control.daemon.run import run
     from contid.control.daemon.run_request import RunRequest
     from contid.control.engine.cycle import OnEnd
-    from contid.control.tick.preflight import Unreachable
+    from contid.control.tick.preflight.rows import Unreachable
     from contid.remote.protocol.socket_path import Endpoint
     from contid.remote.server.server import SocketServer
     from contid.session.recording_observer import RecordingObserver

@@ -21,7 +21,7 @@ from contid.control.engine.events.orders import OrderGiven
 from contid.control.engine.virtual import Tee, VirtualProcess
 from contid.control.engine.wiring import build_preflight, driven_robots, record_layout
 from contid.control.process.setup import RunSetup
-from contid.control.tick.preflight import Unreachable
+from contid.control.tick.preflight.rows import Unreachable
 from contid.control.tick.supervisor import Mode
 from contid.errors import ContidError
 from contid.robot_file.load import with_mock

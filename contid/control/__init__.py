@@ -19,5 +19,6 @@ The path of a target::
     ---------------------------------------------------------------- shared memory
     process.ring             records and events, read by daemon, recorder, viewer and socket
 
-`tick.supervisor` is the table of states and transitions, `tick.faults` the table of faults.
+`tick.supervisor` is the table of states, `tick.transitions` what orders and faults do in them, `tick.faults`
+the table of faults.
 """

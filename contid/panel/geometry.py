@@ -10,7 +10,7 @@ from typing import Any, Final
 import numpy as np
 
 from contid.control.engine.wiring import chain_guards, clearance_guard, driven_robots
-from contid.control.tick.preflight import Preflight, Unreachable
+from contid.control.tick.preflight.rows import Preflight, Unreachable
 from contid.errors import ContidError
 from contid.panel.obstacles import obstacle_shape
 from contid.remote.protocol.wire import Fields

@@ -18,7 +18,7 @@ from contid.control.daemon.run_request import RunOptions
 from contid.control.engine.report import RunReport
 from contid.control.engine.tick_layout import TICK
 from contid.control.engine.wiring import build_preflight, driven_robots
-from contid.control.tick.preflight import Unreachable
+from contid.control.tick.preflight.rows import Unreachable
 from contid.errors import ContidError
 from contid.robot_file.load import LoadedFile
 from contid.session.differences import refuse_another_robot

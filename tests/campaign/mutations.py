@@ -15,6 +15,7 @@ from contid.control.engine.cycle import Timing
 from contid.control.engine.engine import Engine
 from contid.control.tick import next_command, on_path, transitions
 from contid.control.tick import robot_tick as loop
+from contid.control.tick.arming import next_arming
 from contid.control.tick.config import RobotConfig
 from contid.control.tick.limits import AxisLimits
 from contid.control.tick.state import Effect, RobotState
@@ -96,18 +97,17 @@ def _no_watchdog(patch: pytest.MonkeyPatch) -> None:
 
 def _old_goal(patch: pytest.MonkeyPatch) -> None:
     """Arming goes on from the last command instead of from where the robot is."""
-    arming = loop._arming
     before: dict[str, Actuation] = {}
 
     def rearmed(config: RobotConfig, state: RobotState, *rest: Any) -> RobotState:
         if state.command:
             before[config.name] = state.command
-        after = arming(config, state, *rest)
+        after = next_arming(config, state, *rest)
         if state.mode is Mode.ARMING and after.mode is not Mode.ARMING and config.name in before:
             return replace(after, command=before[config.name], reference=before[config.name], motion=None)
         return after
 
-    patch.setattr(loop, "_arming", rearmed)
+    patch.setattr(loop, "next_arming", rearmed)
 
 
 def _powered_stop(patch: pytest.MonkeyPatch) -> None:

@@ -12,7 +12,7 @@ from contid.clearance.lead import in_base
 from contid.clearance.obstacles import Box, Capsule, Plane
 from contid.control.engine import wiring
 from contid.control.engine.wiring import build_preflight, driven_robots
-from contid.control.tick.preflight import Unreachable
+from contid.control.tick.preflight.rows import Unreachable
 from contid.errors import BadInputError
 from contid.kinematics.frames import BaseFrame
 from contid.robot_file.base import BasePose

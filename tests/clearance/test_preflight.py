@@ -11,7 +11,7 @@ from contid.clearance.body import sampled_body
 from contid.clearance.guard import Shapes
 from contid.clearance.walk import RESOLUTION_M, Walk
 from contid.control.engine.wiring import build_preflight, clearance_guard, driven_robots
-from contid.control.tick.preflight import Unreachable
+from contid.control.tick.preflight.rows import Unreachable
 from contid.errors import BadInputError, ContidError
 from contid.kinematics.model import build_model
 from contid.robot_file.load import parse_robot_file

@@ -21,7 +21,7 @@ from contid.control.engine.virtual import run_virtual
 from contid.control.engine.wiring import build_robot_configs, chain_guards, driven_robots
 from contid.control.process.setup import RunSetup
 from contid.control.tick.config import RobotConfig
-from contid.control.tick.preflight import Preflight
+from contid.control.tick.preflight.rows import Preflight
 from contid.robot_file.load import LoadedFile, load_robot_file, with_mock
 from contid.session.recording_observer import RecordingObserver
 from contid.targets import Actuation

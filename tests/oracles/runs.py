@@ -19,7 +19,7 @@ import numpy as np
 from contid.control.engine.virtual import run_virtual
 from contid.control.engine.wiring import build_robot_configs, driven_robots, record_layout
 from contid.control.tick.config import RobotConfig
-from contid.control.tick.preflight import Preflight, TooFastError
+from contid.control.tick.preflight.rows import Preflight, TooFastError
 from contid.control.tick.supervisor import Mode
 from contid.errors import BadInputError
 from contid.kinematics.arc.feasible import Feasible

@@ -134,7 +134,7 @@ def command(
     from contid.control.daemon.run import run
     from contid.control.daemon.run_request import RunRequest
     from contid.control.engine.cycle import OnEnd
-    from contid.control.tick.preflight import Unreachable
+    from contid.control.tick.preflight.rows import Unreachable
 
     observers: list[RunObserver] = []
     recording = None

@@ -13,7 +13,7 @@ from contid.control.daemon.inputs import Stream, read_file, read_stdin
 from contid.control.daemon.stretch import with_remedy
 from contid.control.daemon.terminal import check_progress
 from contid.control.engine.wiring import build_preflight, driven_robots
-from contid.control.tick.preflight import TooFastError, Unreachable
+from contid.control.tick.preflight.rows import TooFastError, Unreachable
 from contid.errors import ContidError
 from contid.robot_file.load import LoadedFile
 from contid.robot_file.shipped import load_named

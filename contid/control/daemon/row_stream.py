@@ -16,7 +16,7 @@ from typing import Final
 
 from contid.control.daemon.inputs import Stream
 from contid.control.engine.messages import Message, Rows
-from contid.control.tick.preflight import Preflight
+from contid.control.tick.preflight.rows import Preflight
 from contid.errors import BadInputError
 from contid.lines import MAX_LINE
 from contid.trajectory.rows import is_comment

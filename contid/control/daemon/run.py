@@ -31,7 +31,7 @@ from contid.control.engine.virtual import Tee, run_virtual
 from contid.control.engine.wiring import build_robot_configs, record_layout
 from contid.control.process.log_queue import LogQueue, handle_logs
 from contid.control.process.setup import RunSetup
-from contid.control.tick.preflight import Preflight
+from contid.control.tick.preflight.rows import Preflight
 from contid.errors import ContidError
 from contid.targets import Target
 from contid.trajectory.timed import Trajectory

@@ -16,7 +16,7 @@ from contid.control.daemon.stretch import stretch, with_remedy
 from contid.control.daemon.terminal import check_progress, print_message
 from contid.control.engine.cycle import OnEnd
 from contid.control.engine.wiring import build_preflight, driven_robots
-from contid.control.tick.preflight import Preflight, TooFastError, Unreachable
+from contid.control.tick.preflight.rows import Preflight, TooFastError, Unreachable
 from contid.errors import ContidError
 from contid.robot_file.document import MAX_RATE_HZ
 from contid.robot_file.exchange_time import rate_too_high

@@ -12,7 +12,7 @@ from collections.abc import Callable
 from dataclasses import replace
 from typing import Final
 
-from contid.control.tick.preflight import Preflight, TooFastError
+from contid.control.tick.preflight.rows import Preflight, TooFastError
 from contid.trajectory.timed import Trajectory
 
 #: Greatest ratio of the factor found to the least possible one.

@@ -17,6 +17,7 @@ from contid.control.engine.robots import Robots
 from contid.control.engine.sources import Timed
 from contid.control.engine.target_selector import TargetSelector
 from contid.control.tick import transitions
+from contid.control.tick.axis_motions import braking_at_once
 from contid.control.tick.clearance_watch import ClearanceWatch
 from contid.control.tick.robot_tick import TickResult, tick
 from contid.control.tick.state import RobotState
@@ -94,12 +95,12 @@ class ClearanceOrders:
             held = before
             if before.mode is not Mode.HOLD:
                 held = transitions.stay(config, before, now_s)
-            return transitions.braking_at_once(config, _without_goto(held), now_s)
+            return braking_at_once(config, _without_goto(held), now_s)
         if before.mode is Mode.STOPPING and before.policy is StopPolicy.REST:
             self._refuse(config.name, f"{message}; it stops where it is instead of at its rest pose")
             after = transitions.stop(config, before, StopPolicy.HOLD, now_s)
-            return transitions.braking_at_once(config, after, now_s)
-        return transitions.braking_at_once(config, before, now_s)
+            return braking_at_once(config, after, now_s)
+        return braking_at_once(config, before, now_s)
 
     def _refuse(self, name: str, message: str) -> None:
         self._sink.event(OrderRefused(robot=name, message=f"{name}: {message}"))

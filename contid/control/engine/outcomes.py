@@ -13,7 +13,7 @@ from contid.control.engine.sources import Timed
 from contid.control.engine.stall_watch import StallWatch
 from contid.control.engine.target_selector import TargetSelector
 from contid.control.tick.config import RobotConfig
-from contid.control.tick.path_preflight import NEAR_M
+from contid.control.tick.preflight.path import NEAR_M
 from contid.control.tick.robot_tick import TickResult
 from contid.control.tick.state import Effect, RobotState
 from contid.control.tick.supervisor import Mode

@@ -10,7 +10,7 @@ from contid.clearance.guard import ClearanceGuard
 from contid.clearance.lead import lead_around
 from contid.control.engine.tick_layout import RecordLayout, RobotLayout
 from contid.control.tick.config import RobotConfig, robot_config
-from contid.control.tick.preflight import Preflight, Unreachable
+from contid.control.tick.preflight.rows import Preflight, Unreachable
 from contid.control.tick.transmission import RobotTransmission
 from contid.errors import ContidError
 from contid.hal import AxisOnBus, Bus, Clock, Driver, SimulatesBodies, SpooledTendon, load_driver

@@ -26,7 +26,7 @@ from typing import Final, TypeAlias
 from contid.control.tick import transitions
 from contid.control.tick.config import RobotConfig
 from contid.control.tick.faults import Fault
-from contid.control.tick.preflight import SAMPLE_INTERVAL_S
+from contid.control.tick.preflight.rows import SAMPLE_INTERVAL_S
 from contid.control.tick.robot_tick import tick
 from contid.control.tick.state import AxisMotion, OrderRefusedError, RobotState
 from contid.control.tick.supervisor import MOVING, Event, Mode

@@ -16,10 +16,10 @@ from typing import TypeAlias
 
 from contid.clearance.guard import ClearanceGuard
 from contid.clearance.walk import RESOLUTION_M, Walk
+from contid.control.tick.axis_motions import straight_stop
 from contid.control.tick.config import RobotConfig
 from contid.control.tick.robot_tick import TickResult
 from contid.control.tick.state import RobotState
-from contid.control.tick.transitions import straight_stop
 from contid.hal import Sample
 from contid.targets import ZERO3, Actuation, Target, Vec3
 from contid.trajectory.straight_stop import StraightStop

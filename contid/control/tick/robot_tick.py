@@ -13,35 +13,21 @@ from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from typing import Final
 
+from contid.control.tick.arming import approach, next_arming
+from contid.control.tick.axis_motions import braking, braking_at_once, inwards
 from contid.control.tick.config import RobotConfig
 from contid.control.tick.contact.squeeze import Squeeze, SqueezeEnd, SqueezeReport, next_squeeze
 from contid.control.tick.faults import Fault, of_device
 from contid.control.tick.limits import ACCELERATION
 from contid.control.tick.next_command import next_command
-from contid.control.tick.play import NO_LEAD, led, next_lead
-from contid.control.tick.state import Effect, RobotState
+from contid.control.tick.play import led, next_lead
+from contid.control.tick.state import RobotState
 from contid.control.tick.supervisor import Event, Mode
 from contid.control.tick.tip_feedback import Measurement, corrected, kept, observed
-from contid.control.tick.transitions import (
-    braking,
-    braking_at_once,
-    fail,
-    inwards,
-    moved,
-    outside,
-    planned,
-    speed,
-    stay,
-    stopped,
-)
+from contid.control.tick.transitions import fail, moved, stay, stopped
 from contid.hal import Sample
 from contid.targets import Actuation, Solution, Target
 from contid.trajectory.approach import Approach
-
-#: Longest wait for a first valid sample of every axis.
-FIRST_SAMPLE_TIMEOUT_S: Final = 2.0
-#: Answers of the model that differ by less are the same, as a share of the travel of an axis.
-SAME_SHARE: Final = 1e-4
 
 _WATCHED: Final = frozenset(Mode) - {Mode.OFF, Mode.CONNECTING, Mode.FAULT}
 _DRIVEN: Final = frozenset({Mode.APPROACH, Mode.RUN, Mode.HOLD, Mode.STOPPING, Mode.FAULT})
@@ -113,7 +99,7 @@ def tick(
         if config.feedback is not None:
             state = replace(state, correction=kept(config.feedback, state.correction, now_s, measurement))
         if mode in (Mode.CONNECTING, Mode.READY, Mode.ARMING):
-            return TickResult(_arming(config, state, now_s, samples, target))
+            return TickResult(next_arming(config, state, now_s, samples, target))
         if mode in (Mode.RUN, Mode.APPROACH) and state.goto is None and (target is None or not state.follow):
             state = stay(config, state, now_s)
         elif mode is Mode.HOLD and state.recovering:
@@ -124,7 +110,7 @@ def tick(
                 state = _close(config, state, next_target, now_s)
             elif next_target is not None:
                 following = moved(config, state, Event.FOLLOW, now_s)
-                state = _approach(config, following, next_target, now_s, now_s - config.period_s)
+                state = approach(config, following, next_target, now_s, now_s - config.period_s)
         if state.mode not in _DRIVEN or not state.enabled:
             return TickResult(state)
         if state.squeeze is not None and state.squeeze.start:
@@ -154,88 +140,6 @@ def watched(config: RobotConfig, state: RobotState, samples: Sequence[Sample], n
             message = f"{axis} did not answer {count} times in a row"
             return fail(config, state, Fault.AXIS_SILENT, message, now_s)
     return state
-
-
-def _arming(
-    config: RobotConfig, state: RobotState, now_s: float, samples: Sequence[Sample], target: Target | None
-) -> RobotState:
-    """From CONNECTING towards the first command; each step needs a valid sample of every axis."""
-    sampled = bool(samples) and all(sample.valid and sample.value is not None for sample in samples)
-    late = now_s - state.since_s > FIRST_SAMPLE_TIMEOUT_S
-    if state.mode is Mode.CONNECTING:
-        if sampled:
-            state = moved(config, state, Event.SAMPLED, now_s)
-        elif late:
-            silent = [axis for axis, sample in zip(config.axes, samples, strict=False) if not sample.valid]
-            message = (
-                f"no valid sample of {', '.join(silent or config.axes)} within {FIRST_SAMPLE_TIMEOUT_S:g} s"
-            )
-            return fail(config, state, Fault.NO_SAMPLE, message, now_s)
-    if state.mode is Mode.READY and state.arm_requested:
-        # Old commands are dropped: an interrupted arming must not return to them.
-        cleared = replace(state, command=(), increments=(), reference=(), motion=None, lead=NO_LEAD)
-        return replace(moved(config, cleared, Event.ARM, now_s), pending=Effect.ENABLE, enabled=False)
-    if state.mode is Mode.ARMING and state.enabled and sampled:
-        present = config.transmission.to_actuation(tuple(sample.value or 0.0 for sample in samples))
-        still = (0.0,) * len(present)
-        state = replace(state, command=present, reference=present, increments=still, motion=None)
-        if state.recovering:
-            return inwards(config, moved(config, state, Event.ARMED, now_s), now_s)
-        if far := outside(config, present):
-            return fail(config, state, Fault.OUTSIDE_LIMITS, far, now_s)
-        if target is None or not state.follow:
-            return moved(config, state, Event.HOLD, now_s)
-        return _first_approach(config, moved(config, state, Event.ARMED, now_s), target, now_s)
-    return state
-
-
-def _first_approach(config: RobotConfig, state: RobotState, target: Target, now_s: float) -> RobotState:
-    """Begin the motion from where the axes stand to a first target.
-
-    It is solved from rest, like that of the preflight: where a target has several solutions, the one that was
-    checked is approached, wherever the axes stand. A loaded rod has to be led to it through its equilibria;
-    from where the present ones lead elsewhere it goes to rest first.
-    """
-    present = state.command
-    own = len(present) - config.extra_axes
-    rest = (*config.rest[:own], *present[own:])
-    if any(target.load_n) and _led_elsewhere(config, state, target, rest):
-        to_rest = Target(actuation=config.rest[:own])
-        return _approach(config, replace(state, goto=to_rest), to_rest, now_s, now_s)
-    return _approach(config, state, target, now_s, now_s, rest)
-
-
-def _led_elsewhere(config: RobotConfig, state: RobotState, target: Target, rest: Actuation) -> bool:
-    """True when the answers to a target from the last command and from rest differ."""
-    in_base = corrected(state.correction, config.frame.target_in_base(target))
-    here, checked = (config.model.inverse(in_base, seed).actuation for seed in (state.command, rest))
-    return any(
-        abs(a - b) > SAME_SHARE * (each.upper - each.lower)
-        for a, b, each in zip(here, checked, config.limits, strict=True)
-    )
-
-
-def _approach(
-    config: RobotConfig,
-    state: RobotState,
-    target: Target,
-    now_s: float,
-    start_s: float,
-    seed: Actuation = (),
-) -> RobotState:
-    """Begin the jerk-limited motion from the last command, given at ``start_s``, to a target.
-
-    The target is solved from ``seed``, or from the last command.
-    """
-    in_base = corrected(state.correction, config.frame.target_in_base(target))
-    goal = config.model.inverse(in_base, seed or state.command).actuation
-    if not all(map(math.isfinite, goal)):
-        return fail(config, state, Fault.NOT_A_NUMBER, f"the model answered {goal}", now_s)
-    motion = Approach(
-        state.command, speed(config, state), goal, config.velocity, config.acceleration, config.jerk,
-        straight=config.straight,
-    )  # fmt: skip
-    return planned(state, motion, start_s)
 
 
 def _close(config: RobotConfig, state: RobotState, target: Target, now_s: float) -> RobotState:

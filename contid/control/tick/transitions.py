@@ -9,29 +9,28 @@ from collections.abc import Sequence
 from dataclasses import replace
 from typing import Final
 
+from contid.control.tick.axis_motions import (
+    braking,
+    braking_at_once,
+    outside,
+    planned,
+    slow_motion,
+    speed,
+)
 from contid.control.tick.config import RobotConfig
 from contid.control.tick.contact.squeeze import Squeeze, why_not
 from contid.control.tick.faults import Fault
-from contid.control.tick.state import AxisMotion, Effect, OrderRefusedError, RobotState
+from contid.control.tick.state import Effect, OrderRefusedError, RobotState
 from contid.control.tick.supervisor import REST_OF, Event, Mode, allowed, move
-from contid.control.tick.way import within
 from contid.hal import Sample
 from contid.robot_file.base import StopPolicy
 from contid.targets import Actuation, Target
 from contid.trajectory.approach import Approach
-from contid.trajectory.standstill import JerkLimitedStop, stopping
-from contid.trajectory.straight_stop import StraightStop
 
-#: Share of an axis's travel beyond a limit that counts as outside; less is noise of a sensor or a zero.
-OUTSIDE_SHARE: Final = 0.02
-#: Share of velocity, acceleration and jerk of the motion inside.
-RECOVER_SHARE: Final = 0.1
-#: The same of the motion back from a contact.
+#: Share of velocity, acceleration and jerk of the motion back from a contact.
 RETREAT_SHARE: Final = 0.2
 #: Modes in which a tip closes on an object, and holds it.
 _SQUEEZING: Final = (Mode.APPROACH, Mode.HOLD)
-#: Shares of the time of a stop at which it is compared with the limits of the model.
-_LOOKED_AT: Final = (0.25, 0.5, 0.75, 1.0)
 
 
 def moved(config: RobotConfig, state: RobotState, event: Event, now_s: float) -> RobotState:
@@ -133,48 +132,13 @@ def recover(config: RobotConfig, state: RobotState, now_s: float) -> RobotState:
     )  # fmt: skip
 
 
-def inwards(config: RobotConfig, state: RobotState, start_s: float) -> RobotState:
-    """The motion of every axis to its nearest limit, from the last command given at ``start_s``."""
-    goal = tuple(
-        min(max(value, each.lower), each.upper)
-        for value, each in zip(state.command, config.limits, strict=True)
-    )
-    velocity, acceleration, jerk = (
-        tuple([rate * RECOVER_SHARE for rate in rates])
-        for rates in (config.velocity, config.acceleration, config.jerk)
-    )
-    still = (0.0,) * len(goal)
-    motion = Approach(state.command, still, goal, velocity, acceleration, jerk, straight=config.straight)
-    return replace(planned(state, motion, start_s), goto=Target(actuation=goal), follow=False)
-
-
 def retreat(config: RobotConfig, state: RobotState, goal: Actuation, now_s: float) -> RobotState:
     """From HOLD at standstill, go slowly to an earlier command, then hold."""
-    velocity, acceleration, jerk = (
-        tuple([rate * RETREAT_SHARE for rate in rates])
-        for rates in (config.velocity, config.acceleration, config.jerk)
-    )
-    still = (0.0,) * len(goal)
-    motion = Approach(state.command, still, goal, velocity, acceleration, jerk, straight=config.straight)
+    motion = slow_motion(config, state, goal, RETREAT_SHARE)
     after = moved(config, state, Event.FOLLOW, now_s)
     return replace(
         after, motion=motion, motion_s=now_s - config.period_s, goto=Target(actuation=goal), follow=False
     )
-
-
-def outside(config: RobotConfig, actuation: Actuation) -> str:
-    """The axes that are outside their limits by more than `OUTSIDE_SHARE` of their travel; "" for none."""
-    found = []
-    for axis, value, each, quantity in zip(
-        config.axes, actuation, config.limits, config.quantities, strict=True
-    ):
-        per_si, unit = quantity.per_si, quantity.unit
-        inside = min(max(value, each.lower), each.upper)
-        if abs(value - inside) > OUTSIDE_SHARE * (each.upper - each.lower):
-            found.append(
-                f"{axis} is at {value * per_si:.4g} {unit}, its limit is {inside * per_si:.4g} {unit}"
-            )
-    return "; ".join(found)
 
 
 def stop(config: RobotConfig, state: RobotState, policy: StopPolicy, now_s: float) -> RobotState:
@@ -244,27 +208,6 @@ def too_near(config: RobotConfig, state: RobotState, message: str, now_s: float)
     return braking_at_once(config, after, now_s)
 
 
-def planned(state: RobotState, motion: AxisMotion | None, start_s: float) -> RobotState:
-    """The state with a motion from its last command, given at ``start_s``.
-
-    The reference is that command: one that was limited lags behind what it followed before.
-    """
-    return replace(state, motion=motion, motion_s=start_s, reference=state.command, squeeze=None)
-
-
-def straight_stop(config: RobotConfig, command: Actuation, increments: Actuation) -> StraightStop:
-    """The shortest stop from a command and the increment that led to it."""
-    changes = [each.change for each in config.limits]
-    ends = [(each.lower, each.upper) for each in config.limits]
-    return StraightStop(command, increments, changes, ends, config.period_s)
-
-
-def braking_at_once(config: RobotConfig, state: RobotState, now_s: float) -> RobotState:
-    """The state with the shortest stop from its present motion, in the mode it is in."""
-    motion = straight_stop(config, state.command, state.increments) if any(state.increments) else None
-    return planned(state, motion, now_s - config.period_s)
-
-
 def ask_clear(config: RobotConfig, state: RobotState, now_s: float) -> RobotState:
     """Request the devices to clear their faults; their answer leaves FAULT (`clear`)."""
     if state.mode is not Mode.FAULT:
@@ -293,36 +236,6 @@ def _wrong(config: RobotConfig, samples: Sequence[Sample]) -> list[str]:
         if sample.fault or not sample.valid
     ]
     return out if len(samples) == len(config.axes) else [*out, "its bus is not open"]
-
-
-def speed(config: RobotConfig, state: RobotState) -> Actuation:
-    """Velocity of the last command [1/s]."""
-    return tuple(step / config.period_s for step in state.increments)
-
-
-def braking(config: RobotConfig, state: RobotState, now_s: float) -> RobotState:
-    """The state with a jerk-limited stop from its present motion; none is needed at standstill.
-
-    Live targets are followed so that the axes can stop inside the limits of the model, such as a bend radius.
-    Where the jerk-limited stop, which is longer, goes beyond them, it is the shortest one.
-    """
-    if not any(state.increments):
-        return replace(state, motion=None, reference=state.command, squeeze=None)
-    rest = (0.0,) * len(state.command)
-    motion = stopping(state.command, speed(config, state), rest, config.acceleration, config.jerk)
-    if _leaves(config, state.command, motion):
-        return braking_at_once(config, state, now_s)
-    return planned(state, motion, now_s - config.period_s)
-
-
-def _leaves(config: RobotConfig, command: Actuation, motion: JerkLimitedStop) -> bool:
-    """True when a stop goes from inside the limits of the model beyond them."""
-    if config.taut is not None:  # its limiter keeps the tensions
-        return False
-    own = len(command) - config.extra_axes
-    ways = [motion.at(share * motion.duration_s)[0] for share in _LOOKED_AT]
-    inside = [within(config, at[:own], at[own:]) for at in (command, *ways)]
-    return inside[0] and not all(inside)
 
 
 def _effect(policy: StopPolicy) -> Effect:

@@ -8,7 +8,7 @@ from typing import Final
 from contid.control.daemon.interfaces import RunControl
 from contid.control.engine.tick_layout import TickRecord
 from contid.control.engine.wiring import chain_guards, clearance_guard
-from contid.control.tick.preflight import Preflight, Unreachable
+from contid.control.tick.preflight.rows import Preflight, Unreachable
 from contid.control.tick.supervisor import Mode
 from contid.errors import BadInputError
 from contid.remote.protocol.wire import Code, RemoteError

@@ -11,7 +11,7 @@ from contid.control.engine.virtual import run_virtual
 from contid.control.engine.wiring import build_robot_configs, driven_robots
 from contid.control.tick.faults import Fault
 from contid.control.tick.on_path import tip_tolerance_m
-from contid.control.tick.preflight import Preflight, Unreachable
+from contid.control.tick.preflight.rows import Preflight, Unreachable
 from contid.control.tick.statistics import RobotTally
 from contid.kinematics.rack.finger import RackFingerModel
 from contid.robot_file.base import Quantity

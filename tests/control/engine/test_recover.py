@@ -24,9 +24,9 @@ from contid.control.engine.messages import (
     Rows,
     Stop,
 )
+from contid.control.tick.axis_motions import RECOVER_SHARE
 from contid.control.tick.faults import Fault
 from contid.control.tick.supervisor import Mode
-from contid.control.tick.transitions import RECOVER_SHARE
 from contid.robot_file.base import StopPolicy
 from contid.robot_file.load import LoadedFile, parse_robot_file
 from contid.targets import Target

@@ -14,8 +14,8 @@ from contid import kernels
 from contid.control.engine.virtual import run_virtual
 from contid.control.engine.wiring import build_robot_configs, driven_robots
 from contid.control.tick.on_path import tip_tolerance_m
-from contid.control.tick.path_preflight import run_ticks
-from contid.control.tick.preflight import Preflight
+from contid.control.tick.preflight.path import run_ticks
+from contid.control.tick.preflight.rows import Preflight
 from contid.control.tick.supervisor import Mode
 from contid.errors import BadInputError
 from contid.robot_file.base import Quantity

@@ -8,8 +8,8 @@ from typing import Final
 
 from contid.clearance.guard import ClearanceGuard, Configuration
 from contid.clearance.walk import Walk
+from contid.control.tick.axis_motions import straight_stop
 from contid.control.tick.config import RobotConfig
-from contid.control.tick.transitions import straight_stop
 from contid.targets import ZERO3, Actuation, Vec3
 from contid.trajectory.approach import Approach
 

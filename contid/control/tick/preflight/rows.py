@@ -9,9 +9,9 @@ from dataclasses import replace
 from typing import Final
 
 from contid.clearance.guard import ClearanceGuard
-from contid.control.tick.clearance_preflight import ClearancePreflight
 from contid.control.tick.config import RobotConfig
-from contid.control.tick.path_preflight import PathFinding, PathPreflight, rounded_up
+from contid.control.tick.preflight.clearance import ClearancePreflight
+from contid.control.tick.preflight.path import PathFinding, PathPreflight, rounded_up
 from contid.errors import BadInputError, Located
 from contid.kinematics.rope.chain import ChainGuard, Tip
 from contid.targets import ZERO3, Actuation, Solution, Target

@@ -15,10 +15,10 @@ from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, replace
 from typing import Final
 
-from contid.control.tick.clearance_preflight import ClearancePreflight
 from contid.control.tick.config import RobotConfig
 from contid.control.tick.next_command import next_command
 from contid.control.tick.on_path import tip_tolerance_m
+from contid.control.tick.preflight.clearance import ClearancePreflight
 from contid.control.tick.soft_start import ease_ticks, fitted, played
 from contid.targets import Actuation, Solution, Target
 from contid.trajectory.timed import Trajectory

@@ -1,0 +1,107 @@
+"""Motions of the axes that no target gives: stops, and slow ones such as the way back inside the limits."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from typing import Final
+
+from contid.control.tick.config import RobotConfig
+from contid.control.tick.state import AxisMotion, RobotState
+from contid.control.tick.way import within
+from contid.targets import Actuation, Target
+from contid.trajectory.approach import Approach
+from contid.trajectory.standstill import JerkLimitedStop, stopping
+from contid.trajectory.straight_stop import StraightStop
+
+#: Share of an axis's travel beyond a limit that counts as outside; less is noise of a sensor or a zero.
+OUTSIDE_SHARE: Final = 0.02
+#: Share of velocity, acceleration and jerk of the motion inside.
+RECOVER_SHARE: Final = 0.1
+#: Shares of the time of a stop at which it is compared with the limits of the model.
+_LOOKED_AT: Final = (0.25, 0.5, 0.75, 1.0)
+
+
+def planned(state: RobotState, motion: AxisMotion | None, start_s: float) -> RobotState:
+    """The state with a motion from its last command, given at ``start_s``.
+
+    The reference is that command: one that was limited lags behind what it followed before.
+    """
+    return replace(state, motion=motion, motion_s=start_s, reference=state.command, squeeze=None)
+
+
+def speed(config: RobotConfig, state: RobotState) -> Actuation:
+    """Velocity of the last command [1/s]."""
+    return tuple(step / config.period_s for step in state.increments)
+
+
+def slow_motion(config: RobotConfig, state: RobotState, goal: Actuation, share: float) -> Approach:
+    """From the last command at standstill to a goal, with a share of velocity, acceleration and jerk."""
+    velocity, acceleration, jerk = (
+        tuple([rate * share for rate in rates])
+        for rates in (config.velocity, config.acceleration, config.jerk)
+    )
+    still = (0.0,) * len(goal)
+    return Approach(state.command, still, goal, velocity, acceleration, jerk, straight=config.straight)
+
+
+def outside(config: RobotConfig, actuation: Actuation) -> str:
+    """The axes that are outside their limits by more than `OUTSIDE_SHARE` of their travel; "" for none."""
+    found = []
+    for axis, value, each, quantity in zip(
+        config.axes, actuation, config.limits, config.quantities, strict=True
+    ):
+        per_si, unit = quantity.per_si, quantity.unit
+        inside = min(max(value, each.lower), each.upper)
+        if abs(value - inside) > OUTSIDE_SHARE * (each.upper - each.lower):
+            found.append(
+                f"{axis} is at {value * per_si:.4g} {unit}, its limit is {inside * per_si:.4g} {unit}"
+            )
+    return "; ".join(found)
+
+
+def inwards(config: RobotConfig, state: RobotState, start_s: float) -> RobotState:
+    """The motion of every axis to its nearest limit, from the last command given at ``start_s``."""
+    goal = tuple(
+        min(max(value, each.lower), each.upper)
+        for value, each in zip(state.command, config.limits, strict=True)
+    )
+    motion = slow_motion(config, state, goal, RECOVER_SHARE)
+    return replace(planned(state, motion, start_s), goto=Target(actuation=goal), follow=False)
+
+
+def braking(config: RobotConfig, state: RobotState, now_s: float) -> RobotState:
+    """The state with a jerk-limited stop from its present motion; none is needed at standstill.
+
+    Live targets are followed so that the axes can stop inside the limits of the model, such as a bend radius.
+    Where the jerk-limited stop, which is longer, goes beyond them, it is the shortest one.
+    """
+    if not any(state.increments):
+        return replace(state, motion=None, reference=state.command, squeeze=None)
+    rest = (0.0,) * len(state.command)
+    motion = stopping(state.command, speed(config, state), rest, config.acceleration, config.jerk)
+    if _leaves(config, state.command, motion):
+        return braking_at_once(config, state, now_s)
+    return planned(state, motion, now_s - config.period_s)
+
+
+def _leaves(config: RobotConfig, command: Actuation, motion: JerkLimitedStop) -> bool:
+    """True when a stop goes from inside the limits of the model beyond them."""
+    if config.taut is not None:  # its limiter keeps the tensions
+        return False
+    own = len(command) - config.extra_axes
+    ways = [motion.at(share * motion.duration_s)[0] for share in _LOOKED_AT]
+    inside = [within(config, at[:own], at[own:]) for at in (command, *ways)]
+    return inside[0] and not all(inside)
+
+
+def straight_stop(config: RobotConfig, command: Actuation, increments: Actuation) -> StraightStop:
+    """The shortest stop from a command and the increment that led to it."""
+    changes = [each.change for each in config.limits]
+    ends = [(each.lower, each.upper) for each in config.limits]
+    return StraightStop(command, increments, changes, ends, config.period_s)
+
+
+def braking_at_once(config: RobotConfig, state: RobotState, now_s: float) -> RobotState:
+    """The state with the shortest stop from its present motion, in the mode it is in."""
+    motion = straight_stop(config, state.command, state.increments) if any(state.increments) else None
+    return planned(state, motion, now_s - config.period_s)
