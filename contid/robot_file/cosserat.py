@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import enum
 import math
-from typing import Annotated, ClassVar, Literal, Self
+from typing import Annotated, ClassVar, Final, Literal, Self
 
 from pydantic import Field, model_validator
 
@@ -146,6 +146,8 @@ class CosseratSolver(Strict):
     direction_length_mm: Positive = 42.0
 
 
+#: No identified gain, modulus or moment is farther from the file's, as a part of it.
+_MOST_ERROR: Final = 0.9
 #: An error of a parameter [%].
 _Percent = Annotated[float, Field(gt=-50, lt=100)]
 
@@ -266,6 +268,12 @@ class Cosserat(RobotDescription):
         top = self.limits.pressure_bar[1]
         return tuple(self.limits.max_bar.get(name, top) * BAR for name in self.axis_names)
 
+    @property
+    def correction(self) -> ModelErrors | None:
+        """Identified error that the kinematics of this arm has; None: it bends as ``geometry`` states."""
+        found = None if self.sense is None else self.sense.load.calibration
+        return found if found is not None and found.corrects == "robot" else None
+
     @model_validator(mode="after")
     def _limits_fit(self) -> Cosserat:
         low = self.limits.pressure_bar[0]
@@ -299,3 +307,9 @@ class Cosserat(RobotDescription):
                 raise ValueError(f"sense.load.calibration.{key}: {count} entries are needed, got {got}")
         if any(len(row) > width for row in found.covariance_factor):
             raise ValueError(f"sense.load.calibration.covariance_factor: rows have at most {width} numbers")
+        for key in ("gain", "modulus", "moment"):
+            if not all(abs(part) < _MOST_ERROR for part in getattr(found, key)):
+                raise ValueError(
+                    f"sense.load.calibration.{key}: parts of the whole, "
+                    f"between -{_MOST_ERROR:g} and {_MOST_ERROR:g}"
+                )

@@ -23,7 +23,8 @@ import numpy as np
 
 from contid.errors import ContidError
 from contid.kinematics.array import Array
-from contid.kinematics.cosserat.scaled import scaled_rod
+from contid.kinematics.cosserat.identified import scaled_arm
+from contid.kinematics.cosserat.model import CosseratModel
 from contid.kinematics.model import Compliant, Model
 from contid.robot_file.cosserat import Cosserat
 from contid.targets import ZERO3, Actuation, Vec3
@@ -67,7 +68,7 @@ def rod_family(robot: Cosserat) -> Family:
     count = len(robot.geometry.sections)
 
     def build(parameters: Array) -> CompliantModel:
-        return scaled_rod(robot, parameters[:count].tolist(), parameters[count:].tolist())
+        return CosseratModel(scaled_arm(robot, parameters[:count].tolist(), parameters[count:].tolist()))
 
     names = [f"s{i + 1}.{what}" for what in ("modulus", "moment") for i in range(count)]
     return Family(build, (0.1,) * (2 * count), tuple(names))

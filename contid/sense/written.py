@@ -31,6 +31,7 @@ def calibration_keys(robot: Cosserat, found: LoadCalibration) -> dict[str, Any]:
         "axis_sigma_bar": _short([found.axis_sigma / BAR])[0],
         "tip_sigma_mm": _short([found.tip_sigma_m * MM_PER_M])[0],
         "covariance_factor": [_short(row[: i + 1]) for i, row in enumerate(factor)],
+        "corrects": "robot",
     }
 
 

@@ -11,7 +11,7 @@ from contid.kinematics.batch import loop
 from contid.kinematics.batch.kernel import Bytes, in_bytes, solutions
 from contid.kinematics.batch.rows import POSE, Poses, Solutions, Table, Targets
 from contid.kinematics.cosserat.model import CosseratModel
-from contid.units import BAR, MM_PER_M
+from contid.units import MM_PER_M
 
 # Bits the kernel leaves in `limited_by`.
 _OPTIMAL, _STABLE, _BLOCKED, _SNAPS = (np.uint64(1 << k) for k in range(4))
@@ -40,7 +40,7 @@ def forward(model: CosseratModel, actuations: Array, load_n: Array | None, threa
     if not isinstance(kernel, _RodKernel):
         return None
     rows = np.zeros(len(actuations), POSE)
-    kernel.forward_many(actuations / BAR, load_n, in_bytes(rows), threads)
+    kernel.forward_many(model.regulators.chamber_rows(actuations), load_n, in_bytes(rows), threads)
     rows["tip_m"] /= MM_PER_M
     rows["mid_m"] /= MM_PER_M
     return Poses(rows)
@@ -63,12 +63,13 @@ def inverse(
         None if targets.mid_m is None else targets.mid_m * MM_PER_M,
         targets.direction,
         targets.load_n,
-        seeds / BAR,
+        model.regulators.chamber_rows(seeds),
         in_bytes(rows),
         threads,
     )
     refused = np.flatnonzero(rows["limited_by"] & _STABLE == _NONE).tolist()
     names = model.limit_names
+    rows["actuation"] = model.regulators.command_rows(rows["actuation"])
     _in_si(rows, np.array(model.lower), np.array(model.upper))
     for k in refused:
         found = model.inverse(loop.target_of(targets, k), tuple(seeds[k].tolist()))
@@ -78,10 +79,10 @@ def inverse(
 
 
 def _in_si(rows: Table, lower: Array, upper: Array) -> None:
-    """Pressures in Pa, residuals in m, and the names of limits that `CosseratModel.inverse` gives."""
+    """Pressures in the limits, residuals in m, and the names of limits that `CosseratModel.inverse` gives."""
     axes, away = len(lower), ~rows["converged"]
     why = rows["limited_by"][away]
-    p = rows["actuation"] * BAR
+    p = rows["actuation"]
     low = np.where(lower > p, lower, p)
     held = np.where(upper < low, upper, low)
     rows["actuation"] = np.where(away[:, None], held, p)

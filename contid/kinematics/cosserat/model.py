@@ -11,6 +11,7 @@ import numpy as np
 from contid.kinematics.array import Array
 from contid.kinematics.cosserat.compliance import tip_compliance
 from contid.kinematics.cosserat.engine import NumpyEngine, RodSetup, build_engine
+from contid.kinematics.cosserat.identified import Regulators, identified_sections
 from contid.kinematics.cosserat.loads import Loads
 from contid.kinematics.cosserat.section import Rod, Section
 from contid.kinematics.cosserat.shape import stations
@@ -42,8 +43,8 @@ def build_section(section: SectionGeometry) -> Section:
 
 
 def build_setup(robot: Cosserat) -> RodSetup:
-    """Everything an engine needs, from a robot description."""
-    sections = robot.geometry.sections
+    """Everything an engine needs, from a robot description; pressures are those in the chambers."""
+    sections = identified_sections(robot)
     rod = Rod(tuple(build_section(section) for section in sections))
     down = np.array(robot.geometry.gravity_unit)
     weight, link_weight = {}, {}
@@ -53,10 +54,12 @@ def build_setup(robot: Cosserat) -> RodSetup:
             weight[i] = described.density_kg_m3 * section.area * 1e-9 * STANDARD_GRAVITY * down
         if described.link_mass_g > 0.0:
             link_weight[i] = described.link_mass_g * 1e-3 * STANDARD_GRAVITY / section.link * down
-    lower, upper = np.array(robot.lower) / BAR, np.array(robot.upper) / BAR
+    regulators = Regulators(robot)
+    lower, upper = (np.array(regulators.chambers(ends)) for ends in (robot.lower, robot.upper))
     centre = 0.5 * (lower + upper)
     if robot.solver.centre_bar is not None:
-        centre = np.clip(np.full(rod.pressures, robot.solver.centre_bar), lower, upper)
+        preferred = np.array(regulators.at_bar([robot.solver.centre_bar] * rod.pressures))
+        centre = np.clip(preferred, lower, upper)
     return RodSetup(
         rod=rod,
         weight=Loads(weight=weight, link_weight=link_weight),
@@ -85,6 +88,7 @@ class CosseratModel:
             *(f"{axis}.{end}" for axis in self.axis_names for end in ("min", "max")),
             *("stability", "iterations", "reach"),
         )
+        self.regulators = Regulators(robot)
         self.setup = build_setup(robot)
         self.engine = build_engine(self.setup)
         self._spec = NumpyEngine(self.setup)
@@ -93,7 +97,7 @@ class CosseratModel:
 
     def forward(self, actuation: Actuation, load_n: Vec3 = ZERO3) -> Pose:
         """Pose on the branch that grows from the unloaded shape; ``stable`` is False once it has buckled."""
-        tip, rotation, mid, stable, _, _ = self.engine.forward([p / BAR for p in actuation], load_n)
+        tip, rotation, mid, stable, _, _ = self.engine.forward(self.regulators.chambers(actuation), load_n)
         return Pose(
             tip_m=_metres(tip),
             rotation=rotation,
@@ -120,7 +124,7 @@ class CosseratModel:
         )
         frames = np.empty((2, 12))
         stations = np.array([setup.rod.sections[0].length, setup.rod.reach])
-        done, _, _ = self.engine.statics([p / BAR for p in actuation], loads, stations, frames)
+        done, _, _ = self.engine.statics(self.regulators.chambers(actuation), loads, stations, frames)
         end, rotation = frames[1, :3].tolist(), tuple(frames[1, 3:].tolist())
         return Pose(
             tip_m=_metres(end),
@@ -146,7 +150,7 @@ class CosseratModel:
             None if mid is None else (mid[0] * MM_PER_M, mid[1] * MM_PER_M, mid[2] * MM_PER_M),
             target.direction,
             target.load_n,
-            [p / BAR for p in seed],
+            self.regulators.chambers(seed),
         )
         if not stable:
             return self._refused(target, seed, iterations)
@@ -155,11 +159,11 @@ class CosseratModel:
             note = ROLL_NOTE
         if met:
             return Solution(
-                tuple([p * BAR for p in pressures]), mm_to_m(residual), True, iterations=iterations, note=note
+                self.regulators.commands(pressures), mm_to_m(residual), True, iterations=iterations, note=note
             )
         actuation = tuple(
-            min(max(p * BAR, low), high)
-            for p, low, high in zip(pressures, self.lower, self.upper, strict=True)
+            min(max(p, low), high)
+            for p, low, high in zip(self.regulators.commands(pressures), self.lower, self.upper, strict=True)
         )
         limited = self._binding(actuation)
         remain = f"{residual:.4g} mm remain"
@@ -182,19 +186,19 @@ class CosseratModel:
 
     def jacobian(self, actuation: Actuation, load_n: Vec3 = ZERO3) -> Array:
         """Tip by pressures in equilibrium, shape (3, 3k) [m/Pa]."""
-        p = np.array(actuation) / BAR
+        p = np.array(self.regulators.chambers(actuation))
         *_, base_moment, elements = self.engine.forward(p.tolist(), load_n)
         loads = self._spec.loads(load_n)
         found = sweep(self.setup.rod, p, np.array(base_moment), loads, elements, tangents=True)
         assert found.tangents is not None
         by_moment, by_pressure = found.tangents.moment[:, :3], found.tangents.moment[:, 3:]
         held = found.tangents.tip[:, :3] @ np.linalg.solve(by_moment, by_pressure)
-        result: Array = (found.tangents.tip[:, 3:] - held) / (MM_PER_M * BAR)
+        result: Array = (found.tangents.tip[:, 3:] - held) / (MM_PER_M * BAR) * self.regulators.slopes
         return result
 
     def compliance(self, actuation: Actuation, load_n: Vec3 = ZERO3) -> Array:
         """Tip by a force on it at constant pressures, in equilibrium, shape (3, 3) [m/N]; symmetric."""
-        p = np.array(actuation) / BAR
+        p = np.array(self.regulators.chambers(actuation))
         *_, base_moment, elements = self.engine.forward(p.tolist(), load_n)
         loads = self._spec.loads(load_n)
         return tip_compliance(self.setup.rod, p, np.array(base_moment), loads, elements) / MM_PER_M
@@ -202,7 +206,8 @@ class CosseratModel:
     def shape(self, actuation: Actuation, points: int, load_n: Vec3 = ZERO3) -> Array:
         """Backbone from base to tip at equal arc length of the deformed arm, shape (points, 3) [m]."""
         frames = np.empty((len(self._stations), 12))
-        self.engine.statics([p / BAR for p in actuation], self._spec.loads(load_n), self._stations, frames)
+        chambers, loads = self.regulators.chambers(actuation), self._spec.loads(load_n)
+        self.engine.statics(chambers, loads, self._stations, frames)
         line = frames[:, :3]
         lengths = np.concatenate([[0.0], np.cumsum(np.linalg.norm(np.diff(line, axis=0), axis=1))])
         evenly = np.linspace(0.0, lengths[-1], points)
@@ -214,7 +219,7 @@ class CosseratModel:
         The arm's own weight acts in full. None when the arm is stable up to ``max_factor`` times ``load_n``;
         0.0 when its own weight buckles it.
         """
-        factor = self.engine.critical([p / BAR for p in actuation], load_n, max_factor)
+        factor = self.engine.critical(self.regulators.chambers(actuation), load_n, max_factor)
         return None if factor is None else factor * math.hypot(*load_n)
 
     def _binding(self, actuation: Actuation) -> tuple[str, ...]:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import Annotated
+from typing import Annotated, Literal
 
 from pydantic import Field
 
@@ -27,6 +27,8 @@ class ModelErrors(Strict):
         tip_sigma_mm: standard deviation of what remains at the tip beside it.
         covariance_factor: rows of a lower triangle L; L times its transpose is the covariance of all numbers
             above in this order, in bar.
+        corrects: ``robot``: the robot's kinematics has moduli, moments, offsets and gains with these errors,
+            for targets, limits, telemetry and estimate alike; ``estimate``: only the load estimate has.
     """
 
     offset_bar: _Numbers
@@ -37,6 +39,7 @@ class ModelErrors(Strict):
     axis_sigma_bar: NonNegative
     tip_sigma_mm: NonNegative
     covariance_factor: tuple[_Numbers, ...]
+    corrects: Literal["estimate", "robot"] = "estimate"
 
 
 class LoadSensing(Strict):

@@ -13,7 +13,8 @@ import numpy as np
 
 from contid.kinematics.array import Array
 from contid.kinematics.cosserat.engine import NearAnswer, RodSolver, build_engine
-from contid.kinematics.cosserat.scaled import scaled_rod
+from contid.kinematics.cosserat.identified import scaled_arm
+from contid.kinematics.cosserat.model import build_setup
 from contid.robot_file.cosserat import Cosserat
 from contid.targets import ZERO3, Vec3
 from contid.units import BAR
@@ -44,7 +45,7 @@ class IdentifiedArm:
         self._engines: list[RodSolver] = []
         scales = np.array([*found.modulus, *found.moment])
         for row in (scales, *(scales + SCALE_STEP * np.eye(2 * sections))):
-            setup = scaled_rod(robot, row[:sections].tolist(), row[sections:].tolist()).setup
+            setup = build_setup(scaled_arm(robot, row[:sections].tolist(), row[sections:].tolist()))
             self._engines.append(build_engine(replace(setup, elements=ELEMENTS, error=_NEVER_MM)))
         lower, upper = np.array(robot.lower) / BAR, np.array(robot.upper) / BAR
         self._middle: list[float] = (0.5 * (lower + upper)).tolist()
